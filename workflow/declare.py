@@ -1,0 +1,59 @@
+"""How models and schemes declare what a study may set: unit, bounds, shape, meaning.
+
+A model's ``Parameters`` and a scheme's ``Options`` are frozen dataclasses whose fields come from
+:func:`quantity`. The study floor reads the declarations to check values, to convert units, to
+write the JSON Schema and to say what would have been right; physics itself only sees numbers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import MISSING, Field, dataclass, field
+from typing import Any, Literal
+
+Values = float | tuple[float, ...]
+"""A scalar for every node (or spring), or one value per node (or spring), root to tip."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What one declared value means and which values are admissible.
+
+    Attributes
+    ----------
+    unit
+        SI unit in pint's spelling (``"W/m**2/K"``), ``"1"`` for a pure number.
+    description
+        One line for messages, the JSON Schema and the documentation.
+    above, at_least, at_most
+        Bounds: ``value > above``, ``value >= at_least``, ``value <= at_most``.
+    per
+        ``"node"`` or ``"spring"`` where a list of ``nodes`` values is welcome beside a scalar.
+    """
+
+    unit: str
+    description: str
+    above: float | None = None
+    at_least: float | None = None
+    at_most: float | None = None
+    per: Literal["node", "spring"] | None = None
+
+
+def quantity(
+    unit: str,
+    description: str,
+    *,
+    default: Any = MISSING,
+    above: float | None = None,
+    at_least: float | None = None,
+    at_most: float | None = None,
+    per: Literal["node", "spring"] | None = None,
+) -> Any:
+    """Declare a dataclass field as a :class:`Quantity`; without ``default`` it is required."""
+    declared = Quantity(unit, description, above, at_least, at_most, per)
+    return field(default=default, metadata={"quantity": declared})
+
+
+def quantity_of(declared: Field[Any]) -> Quantity | None:
+    """Return the :class:`Quantity` of a dataclass field, ``None`` for nested dataclasses and choices."""
+    found: Quantity | None = declared.metadata.get("quantity")
+    return found

@@ -1,0 +1,44 @@
+"""Models: each public module here is one, with ``Parameters`` and ``assemble(parameters)``.
+
+The directory is the registry. A module of a name without a leading underscore is the model of
+that name in ``scene:`` of a study; adding one is adding the file.
+"""
+
+from __future__ import annotations
+
+import pkgutil
+from importlib import import_module
+from typing import Any, Protocol, cast
+
+from workflow.models._structure import Array, Rayleigh, Structure
+
+
+class Model(Protocol):
+    """What a module of this directory offers."""
+
+    Parameters: type[Any]
+
+    def assemble(self, parameters: Any) -> Structure:
+        """Return the structure of a set of parameters."""
+        ...
+
+
+def names() -> tuple[str, ...]:
+    """Return the names of all models, sorted."""
+    return tuple(sorted(m.name for m in pkgutil.iter_modules(__path__) if not m.name.startswith("_")))
+
+
+def load(name: str) -> Model:
+    """Return the model of a name from :func:`names`.
+
+    Raises
+    ------
+    KeyError
+        No model has this name.
+    """
+    if name not in names():
+        raise KeyError(name)
+    return cast(Model, import_module(f"{__name__}.{name}"))
+
+
+__all__ = ["Array", "Model", "Rayleigh", "Structure", "load", "names"]

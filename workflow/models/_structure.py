@@ -1,0 +1,93 @@
+"""The thermo-elastic structure that every model assembles and every scheme steps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow.declare import quantity
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Rayleigh:
+    """Rayleigh damping C1 = a_M M + a_K K1 (DESIGN section 2)."""
+
+    mass: float = quantity("1/s", "mass-proportional damping a_M", default=0.0, at_least=0)
+    stiffness: float = quantity("s", "stiffness-proportional damping a_K", default=0.0, at_least=0)
+
+
+@dataclass(frozen=True, eq=False)
+class Structure:
+    """Matrices of equations (1a) and (1b), full or reduced; the tip is the last coordinate.
+
+    Stiffness and conductance are kept as springs and conductors with the maps that deform them,
+    so that rank is decided on singular values (not on their squares) and positive
+    semi-definiteness cannot be lost to rounding:
+
+        spring forces  N = k (elongation x - expansion θ)
+        K1  =  elongationᵀ diag(k) elongation
+        K12 = -elongationᵀ diag(k) expansion
+        K2  =  differenceᵀ diag(κ) difference
+
+    Attributes
+    ----------
+    mass
+        M, shape (mechanical, mechanical), kg.
+    springs
+        k, shape (spring,), N/m.
+    elongation
+        Elongation of each spring per displacement, shape (spring, mechanical).
+    expansion
+        Free thermal elongation of each spring, shape (spring, thermal), m/K.
+    damping
+        Rayleigh coefficients of C1 = a_M M + a_K K1.
+    heat_capacity
+        C2, shape (thermal, thermal), J/K.
+    conductors
+        κ and b, shape (conductor,), W/K.
+    difference
+        Temperature difference across each conductor, shape (conductor, thermal).
+    """
+
+    mass: Array
+    springs: Array
+    elongation: Array
+    expansion: Array
+    heat_capacity: Array
+    conductors: Array
+    difference: Array
+    damping: Rayleigh = field(default_factory=Rayleigh)
+
+    @property
+    def stiffness_matrix(self) -> Array:
+        """K1, N/m."""
+        return self.elongation.T @ (self.springs[:, None] * self.elongation)
+
+    @property
+    def coupling_matrix(self) -> Array:
+        """K12, N/K: the spring forces of a temperature rise, equation (1a)."""
+        return -self.elongation.T @ (self.springs[:, None] * self.expansion)
+
+    @property
+    def damping_matrix(self) -> Array:
+        """C1, N s/m."""
+        return self.damping.mass * self.mass + self.damping.stiffness * self.stiffness_matrix
+
+    @property
+    def conductance_matrix(self) -> Array:
+        """K2, W/K."""
+        return self.difference.T @ (self.conductors[:, None] * self.difference)
+
+    @property
+    def mechanical_size(self) -> int:
+        """Number of mechanical coordinates, the tip included."""
+        return self.mass.shape[0]
+
+    @property
+    def thermal_size(self) -> int:
+        """Number of thermal coordinates, the tip included."""
+        return self.heat_capacity.shape[0]

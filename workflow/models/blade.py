@@ -1,0 +1,53 @@
+"""Uniform blade from geometry and material, lumped in n cells with half a cell at the tip."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from workflow.declare import Values, quantity
+from workflow.models._lumps import assemble_chain
+from workflow.models._structure import Rayleigh, Structure
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Geometry and material of a uniform blade (DESIGN section 3)."""
+
+    nodes: int = quantity("1", "number of cells, the tip's half cell included", at_least=1, at_most=2000)
+    length: float = quantity("m", "length from root to tip", above=0)
+    width: float = quantity("m", "width of the section", above=0)
+    thickness: float = quantity("m", "thickness of the section", above=0)
+    density: float = quantity("kg/m**3", "density", above=0)
+    specific_heat: float = quantity("J/kg/K", "specific heat", above=0)
+    conductivity: float = quantity("W/m/K", "thermal conductivity", at_least=0)
+    tip_stiffness: float = quantity("N/m", "static stiffness of the tip, normal to the casing", at_least=0)
+    convection: float = quantity("W/m**2/K", "film coefficient over the perimeter", default=0.0, at_least=0)
+    expansion: float = quantity("1/K", "thermal expansion coefficient", default=0.0)
+    damping: Rayleigh = field(default_factory=Rayleigh)
+    heating: Values = quantity("W", "constant heat load", default=0.0, per="node")
+
+
+def assemble(parameters: Parameters) -> Structure:
+    """Lump the blade in n cells of length ℓ = length/n, so that the answer converges as n grows.
+
+    The tip node has half a cell of mass, heat capacity and convection; k_i = n · tip_stiffness, an
+    effective normal stiffness, and κ_i = conductivity · section / ℓ.
+    """
+    n = parameters.nodes
+    cell = parameters.length / n
+    section = parameters.width * parameters.thickness
+    perimeter = 2 * (parameters.width + parameters.thickness)
+    share = np.ones(n)
+    share[-1] = 0.5
+    mass = parameters.density * section * cell * share
+    return assemble_chain(
+        mass=mass,
+        stiffness=np.full(n, n * parameters.tip_stiffness),
+        damping=parameters.damping,
+        free_expansion=np.full(n, parameters.expansion * cell),
+        heat_capacity=parameters.specific_heat * mass,
+        conductance=np.full(n, parameters.conductivity * section / cell),
+        convection=parameters.convection * perimeter * cell * share,
+    )

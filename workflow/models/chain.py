@@ -1,0 +1,39 @@
+"""Chain of lumped masses and heat capacities: the lumps of DESIGN section 2 as they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from workflow.declare import Values, quantity
+from workflow.models._lumps import assemble_chain, per_item
+from workflow.models._structure import Rayleigh, Structure
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Lumps of the chain, root to tip; each a scalar or one value per node or spring."""
+
+    nodes: int = quantity("1", "number of nodes, the tip included", at_least=1, at_most=2000)
+    mass: Values = quantity("kg", "lumped masses m_i", above=0, per="node")
+    stiffness: Values = quantity("N/m", "spring stiffnesses k_i", at_least=0, per="spring")
+    heat_capacity: Values = quantity("J/K", "lumped heat capacities c_i", above=0, per="node")
+    damping: Rayleigh = field(default_factory=Rayleigh)
+    spacing: Values = quantity("m", "rest lengths of the springs", default=0.0, at_least=0, per="spring")
+    expansion: Values = quantity("1/K", "thermal expansion coefficient", default=0.0, per="spring")
+    conductance: Values = quantity("W/K", "conduction through a spring", default=0.0, at_least=0, per="spring")
+    convection: Values = quantity("W/K", "loss to the surroundings", default=0.0, at_least=0, per="node")
+    heating: Values = quantity("W", "constant heat load", default=0.0, per="node")
+
+
+def assemble(parameters: Parameters) -> Structure:
+    """Return the structure of equations (1a) and (1b)."""
+    n = parameters.nodes
+    return assemble_chain(
+        mass=per_item(parameters.mass, n),
+        stiffness=per_item(parameters.stiffness, n),
+        damping=parameters.damping,
+        free_expansion=per_item(parameters.expansion, n) * per_item(parameters.spacing, n),
+        heat_capacity=per_item(parameters.heat_capacity, n),
+        conductance=per_item(parameters.conductance, n),
+        convection=per_item(parameters.convection, n),
+    )

@@ -1,0 +1,68 @@
+"""Schemes: each public module here is one; the directory is the registry.
+
+A module of a name without a leading underscore is the scheme ``method: NAME`` of a study; adding
+one is adding the file. It offers
+
+``Options``
+    frozen dataclass of its options, declared with :func:`workflow.declare.quantity`.
+``READS``
+    which of the axes ``e``, ``h``, ``alpha`` change its results (everything else of the scene
+    does, and so do its own options). Cases that differ in other axes are computed once.
+``init(structure, h, options)``
+    work that depends on the operator alone, done once per batch.
+``compute(operator, cases, sampling)``
+    the whole batch; a case's numbers do not depend on its neighbours, bit for bit.
+``cost``, ``amplification``, ``thermal_amplification``
+    what ``plan`` says before anything runs.
+"""
+
+from __future__ import annotations
+
+import pkgutil
+from importlib import import_module
+from typing import cast
+
+from workflow.schemes._interface import (
+    HISTORIES,
+    Cases,
+    Results,
+    Sampling,
+    Schedule,
+    Scheme,
+    Status,
+    complete_periods,
+    schedule,
+)
+
+
+def names() -> tuple[str, ...]:
+    """Return the names of all schemes, sorted."""
+    return tuple(sorted(m.name for m in pkgutil.iter_modules(__path__) if not m.name.startswith("_")))
+
+
+def load(name: str) -> Scheme:
+    """Return the scheme of a name from :func:`names`.
+
+    Raises
+    ------
+    KeyError
+        No scheme has this name.
+    """
+    if name not in names():
+        raise KeyError(name)
+    return cast(Scheme, import_module(f"{__name__}.{name}"))
+
+
+__all__ = [
+    "HISTORIES",
+    "Cases",
+    "Results",
+    "Sampling",
+    "Schedule",
+    "Scheme",
+    "Status",
+    "complete_periods",
+    "load",
+    "names",
+    "schedule",
+]

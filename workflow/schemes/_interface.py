@@ -1,0 +1,200 @@
+"""What goes into a scheme and what comes out of it: arrays and frozen dataclasses only."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+from fractions import Fraction
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow.models import Array, Structure
+
+HISTORIES = ("displacement", "velocity", "temperature", "impulse")
+"""Tip histories that every scheme samples, each of shape ``(case, t)``."""
+
+
+class Status(IntEnum):
+    """How a case ended (DESIGN section 4)."""
+
+    OK = 0
+    DIVERGED = 1
+    ILL_POSED = 2
+    FAILED = 3
+    NOT_RUN = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Cases:
+    """What differs from case to case of a batch, in the coordinates of its structure.
+
+    Attributes
+    ----------
+    e, alpha, gap
+        Restitution coefficient [1], heat coupling [W/N], clearance d [m]; shape ``(case,)``.
+    mean, amplitude, frequency, phase
+        Tip load F0 + F1 sin(2π f t + φ): N, N, Hz, rad; shape ``(case,)``.
+    steady
+        Constant load of each mechanical coordinate, N, shape ``(case, mechanical)``.
+    heating
+        Constant heat load of each thermal coordinate, W, shape ``(case, thermal)``.
+    displacement, velocity
+        Initial state, m and m/s, shape ``(case, mechanical)``; the tip is last.
+    temperature
+        Initial temperature rises, K, shape ``(case, thermal)``; the tip is last.
+    """
+
+    e: Array
+    alpha: Array
+    gap: Array
+    mean: Array
+    amplitude: Array
+    frequency: Array
+    phase: Array
+    steady: Array
+    heating: Array
+    displacement: Array
+    velocity: Array
+    temperature: Array
+
+    @property
+    def count(self) -> int:
+        """Number of cases."""
+        return self.e.size
+
+    def take(self, which: NDArray[Any] | slice) -> Cases:
+        """Return the cases selected along the first axis."""
+        return Cases(**{name: getattr(self, name)[which] for name in self.__dataclass_fields__})
+
+    @property
+    def heated(self) -> NDArray[np.bool_]:
+        """Cases whose thermal states can act: α, heating or an initial temperature is not zero."""
+        warm = np.any(self.heating != 0, axis=1) | np.any(self.temperature != 0, axis=1)
+        return (self.alpha != 0) | warm
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """Common sampling of all histories: t_k = k · interval from 0 to the duration inclusive.
+
+    Attributes
+    ----------
+    duration, interval
+        Seconds; the duration is ``count - 1`` intervals.
+    count
+        Number of samples, the initial state included.
+    """
+
+    duration: float
+    interval: float
+    count: int
+
+    @property
+    def times(self) -> Array:
+        """Sample times, s, shape ``(t,)``."""
+        return np.arange(self.count) * self.interval
+
+    def steps(self, h: float) -> int:
+        """Return the number of steps of size ``h``: ceil(duration/h - 1e-9), DESIGN section 4."""
+        return max(1, math.ceil(self.duration / h - 1e-9))
+
+
+@dataclass(frozen=True, eq=False)
+class Schedule:
+    """When samples fall due while stepping with a fixed h.
+
+    Sample k lies in the step that ends at index ``due[k]``, at the share ``weight[k]`` of it;
+    weight 1 is the step's end itself. Sample 0 is the initial state and has ``due`` 0.
+    """
+
+    steps: int
+    due: NDArray[np.int64]
+    weight: Array
+
+
+def schedule(sampling: Sampling, h: float) -> Schedule:
+    """Place the samples between step ends by exact decimal arithmetic on ``interval`` and ``h``.
+
+    Both are read as the decimal numbers their shortest representation shows, so that 1e-3 is a
+    hundred steps of 1e-5 exactly and no sample slips to the neighbouring step.
+    """
+    ratio = Fraction(repr(float(sampling.interval))) / Fraction(repr(float(h)))
+    p, q = ratio.numerator, ratio.denominator
+    steps = sampling.steps(h)
+    due = np.empty(sampling.count, dtype=np.int64)
+    weight = np.empty(sampling.count)
+    for k in range(sampling.count):
+        whole, rest = divmod(k * p, q)
+        due[k], weight[k] = (whole, 1.0) if rest == 0 else (whole + 1, rest / q)
+        if due[k] > steps:  # the duration is a multiple of the interval only to 1e-9
+            due[k], weight[k] = steps, 1.0
+    return Schedule(steps, due, weight)
+
+
+@dataclass(frozen=True, eq=False)
+class Results:
+    """What a scheme returns for a batch.
+
+    Attributes
+    ----------
+    histories
+        One array per name in :data:`HISTORIES`, shape ``(case, t)``: m, m/s, K, N s.
+    metrics
+        Shape ``(case,)``: ``impacts``, ``contact_time`` [s], ``max_penetration`` [m],
+        ``max_temperature`` [K], ``thermal_closing`` [m], ``steps``.
+    period_impulse, period_temperature, period_contact
+        Per complete load period, shape ``(case, period)``, NaN beyond a case's last one:
+        impulse [N s], largest tip temperature [K], share of the period in contact [1].
+    status
+        :class:`Status` of every case, int8, shape ``(case,)``. A case that is not ok has NaN
+        from the moment it failed, never another case's or an earlier value.
+    messages
+        What a case that is not ok did, by position; deterministic, no addresses, no paths.
+    """
+
+    histories: dict[str, Array]
+    metrics: dict[str, Array]
+    period_impulse: Array
+    period_temperature: Array
+    period_contact: Array
+    status: NDArray[np.int8]
+    messages: dict[int, str]
+
+
+def complete_periods(cases: Cases, sampling: Sampling) -> NDArray[np.int64]:
+    """Return how many whole load periods each case has, shape ``(case,)``."""
+    return np.floor(sampling.duration * cases.frequency * (1 + 1e-12) + 1e-9).astype(np.int64)
+
+
+class Scheme(Protocol):
+    """What a module of ``workflow/schemes/`` offers; see :mod:`workflow.schemes`."""
+
+    Options: type[Any]
+    READS: frozenset[str]
+
+    def init(self, structure: Structure, h: float, options: Any) -> Any:
+        """Do once what depends on structure, step and options alone."""
+        ...
+
+    def compute(self, operator: Any, cases: Cases, sampling: Sampling) -> Results:
+        """Run a whole batch; never raises for what a case does."""
+        ...
+
+    def cost(self, structure: Structure, h: float, options: Any, sampling: Sampling) -> float:
+        """Return the estimated seconds of one heated case, a fixed model: no measurement."""
+        ...
+
+    def amplification(self, frequency: Array, damping: Array, h: float, options: Any) -> Any:
+        """Return the eigenvalues of the free step of modes x'' + c x' + ω² x = 0.
+
+        ``frequency`` is ω [rad/s], ``damping`` is c [1/s], both ``(mode,)``; returns complex,
+        ``(mode, 2)``. A scheme without steps returns the exact propagator's for ``h``.
+        """
+        ...
+
+    def thermal_amplification(self, rate: Array, h: float, options: Any) -> Array:
+        """Return the factor of the free step of thermal modes τ' = -μ τ, shape ``(mode,)``."""
+        ...
