@@ -10,6 +10,9 @@ import pkgutil
 from importlib import import_module
 from typing import Any, Protocol, cast
 
+from workflow.models._cases import Cases
+from workflow.models._modes import Modes, mechanical_modes, modal_coupling, thermal_modes
+from workflow.models._runaway import critical_alpha, growth_rate, static_tip_growth, tip_flexibility
 from workflow.models._structure import Array, Rayleigh, Structure
 
 
@@ -41,4 +44,20 @@ def load(name: str) -> Model:
     return cast(Model, import_module(f"{__name__}.{name}"))
 
 
-__all__ = ["Array", "Model", "Rayleigh", "Structure", "load", "names"]
+__all__ = [
+    "Array",
+    "Cases",
+    "Model",
+    "Modes",
+    "Rayleigh",
+    "Structure",
+    "critical_alpha",
+    "growth_rate",
+    "load",
+    "mechanical_modes",
+    "modal_coupling",
+    "names",
+    "static_tip_growth",
+    "thermal_modes",
+    "tip_flexibility",
+]

@@ -22,9 +22,9 @@ import pkgutil
 from importlib import import_module
 from typing import cast
 
+from workflow.models import Cases
 from workflow.schemes._interface import (
     HISTORIES,
-    Cases,
     Results,
     Sampling,
     Schedule,

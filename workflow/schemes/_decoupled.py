@@ -1,0 +1,212 @@
+"""Modal coordinates in which one free step of the structure needs no matrix product.
+
+The coupling of equations (1a) and (1b) is one-way, so each thermal mode τ' = -μ τ drags a
+mechanical response with it. In the first-order form X = [x, v, θ] that response is an eigenvector:
+
+    x = Σ φ_j η_j + Σ x_l τ_l,   v = Σ φ_j ζ_j - Σ μ_l x_l τ_l,
+    (μ² M - μ C1 + K1) x_l = -K12 χ_l,
+
+which leaves the pairs (η_j, ζ_j) and the τ_l uncoupled in any scheme that is a rational function
+of the free system, the θ-method among them. Only the tip is watched, so modes are scaled by their
+share in the tip and those without one drop out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from workflow.models import (
+    Array,
+    Cases,
+    Structure,
+    mechanical_modes,
+    modal_coupling,
+    thermal_modes,
+)
+
+_NEAR_RESONANCE = 1e-3
+"""A pair of modes stays coupled explicitly where its denominator μ² - μ c + ω² is below this share
+of the largest of its terms: the transformation then loses at most three of sixteen digits."""
+
+
+@dataclass(frozen=True, eq=False)
+class Decoupled:
+    """A structure in decoupled modal coordinates.
+
+    Attributes
+    ----------
+    frequency, damping
+        ω_j [rad/s] and c_j = a_M + a_K ω_j² [1/s], ``(mode,)``.
+    tip
+        φ_jn, 1/√kg, ``(mode,)``.
+    rate, heat_tip
+        μ_l [1/s] and χ_ln [1/√(J/K)], ``(thermal mode,)``.
+    coupling
+        G = φᵀ K12 χ, ``(mode, thermal mode)``.
+    response
+        φ_j-component of the dragged x_l, ``(mode, thermal mode)``; 0 for pairs near resonance.
+    pairs
+        Indices (mode, thermal mode) of the pairs near resonance, ``(pair, 2)``; normally none.
+    to_modes, to_thermal
+        φᵀ M and χᵀ C2, which take states to modal coordinates.
+    shapes, heat_shapes
+        φ and χ.
+    """
+
+    frequency: Array
+    damping: Array
+    tip: Array
+    rate: Array
+    heat_tip: Array
+    coupling: Array
+    response: Array
+    pairs: Array
+    to_modes: Array
+    to_thermal: Array
+    shapes: Array
+    heat_shapes: Array
+
+    @property
+    def tip_response(self) -> Array:
+        """Tip displacement that each thermal mode drags along, ``(thermal mode,)``."""
+        return self.tip @ self.response
+
+    @property
+    def static_growth(self) -> Array:
+        """Quasi-static tip displacement -e_nᵀ K1⁻¹ K12 χ_l of each thermal mode."""
+        elastic = self.frequency > 0
+        weights = self.tip[elastic] / self.frequency[elastic] ** 2
+        return np.asarray(-weights @ self.coupling[elastic])
+
+    def without_heat(self) -> Decoupled:
+        """Return the same structure without thermal states, for cases where none can act."""
+        none = np.zeros((self.frequency.size, 0))
+        return Decoupled(
+            self.frequency,
+            self.damping,
+            self.tip,
+            np.zeros(0),
+            np.zeros(0),
+            none,
+            none,
+            np.zeros((0, 2), dtype=np.int64),
+            self.to_modes,
+            np.zeros((0, self.to_thermal.shape[1])),
+            self.shapes,
+            np.zeros((self.to_thermal.shape[1], 0)),
+        )
+
+
+def decouple(structure: Structure) -> Decoupled:
+    """Return the structure in decoupled modal coordinates."""
+    mechanical, thermal = mechanical_modes(structure), thermal_modes(structure)
+    coupling = modal_coupling(structure, mechanical, thermal)
+    frequency, rate = mechanical.values, thermal.values
+    damping = structure.damping.mass + structure.damping.stiffness * frequency**2
+    terms = np.stack(np.broadcast_arrays(rate**2, -rate * damping[:, None], frequency[:, None] ** 2))
+    denominator = terms.sum(axis=0)
+    near = np.abs(denominator) <= _NEAR_RESONANCE * np.abs(terms).max(axis=0)
+    response = np.zeros_like(coupling)
+    response[~near] = -coupling[~near] / denominator[~near]
+    return Decoupled(
+        frequency=frequency,
+        damping=damping,
+        tip=mechanical.tip,
+        rate=rate,
+        heat_tip=thermal.tip,
+        coupling=coupling,
+        response=response,
+        pairs=np.argwhere(near & (coupling != 0)),
+        to_modes=mechanical.shapes.T @ structure.mass,
+        to_thermal=thermal.shapes.T @ structure.heat_capacity,
+        shapes=mechanical.shapes,
+        heat_shapes=thermal.shapes,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Where the cases of a batch start, split in a known answer to constant loads and the rest.
+
+    The known part of the tip is affine in time: displacement offset + drift · t, velocity drift,
+    temperature warmth + warming · t.
+
+    Attributes
+    ----------
+    position, velocity, heat
+        Remaining modal states η_j, ζ_j, τ_l at t = 0, ``(case, mode)``.
+    drift, warmth, warming
+        Of the known part, ``(case,)``: m/s, K, K/s. Its offset follows from the tip's position.
+    closing, closing_rate
+        Quasi-static tip growth of the known temperatures, m and m/s, ``(case,)``.
+    tip_force
+        Constant force at the tip that moves rigid modes as the constant loads do, N, ``(case,)``.
+    """
+
+    position: Array
+    velocity: Array
+    heat: Array
+    drift: Array
+    warmth: Array
+    warming: Array
+    closing: Array
+    closing_rate: Array
+    tip_force: Array
+
+
+def project(matrix: Array, states: Array) -> Array:
+    """Return ``matrix @ state`` for every case, the same bits whatever cases stand beside it.
+
+    A matrix product over the case axis would not do: its sums change order with the batch size.
+    """
+    result = np.zeros((states.shape[0], matrix.shape[0]))
+    for column in range(matrix.shape[1]):
+        result += matrix[:, column] * states[:, column, None]
+    return result
+
+
+def start(modal: Decoupled, cases: Cases) -> Motion:
+    """Split the initial states and constant loads of a batch into known answer and modal rest.
+
+    Elastic and conducting modes rest at a static answer; an adiabatic mode warms steadily and
+    drags its mechanical response along; the constant load on rigid modes acts as a tip force.
+    """
+    elastic, conducting = modal.frequency > 0, modal.rate > 0
+    load = project(modal.shapes.T, cases.steady)
+    heating = project(modal.heat_shapes.T, cases.heating)
+
+    rigid_share = np.where(elastic, 0.0, modal.tip)
+    participation = float(rigid_share @ rigid_share)
+    tip_force = np.zeros(cases.count)
+    if participation > 0:
+        tip_force = project(rigid_share[None, :], load)[:, 0] / participation
+    load = load - tip_force[:, None] * modal.tip
+
+    settled = np.where(conducting, heating / np.where(conducting, modal.rate, 1.0), 0.0)
+    warming = np.where(conducting, 0.0, heating)
+    steady_velocity = project(modal.response, warming)
+    stiffness = np.where(elastic, modal.frequency, 1.0) ** 2
+    rest = load - project(modal.coupling, settled) - modal.damping * steady_velocity
+    rest = np.where(elastic, rest / stiffness, 0.0)
+
+    heat = project(modal.to_thermal, cases.temperature) - settled
+    position = project(modal.to_modes, cases.displacement) - rest - project(modal.response, heat)
+    velocity = project(modal.to_modes, cases.velocity) - steady_velocity
+    velocity += project(modal.response * modal.rate, heat)
+
+    def at_tip(row: Array, states: Array) -> Array:
+        return project(row[None, :], states)[:, 0]
+
+    return Motion(
+        position=position,
+        velocity=velocity,
+        heat=heat,
+        drift=at_tip(modal.tip, steady_velocity),
+        warmth=at_tip(modal.heat_tip, settled),
+        warming=at_tip(modal.heat_tip, warming),
+        closing=at_tip(modal.static_growth, settled),
+        closing_rate=at_tip(modal.static_growth, warming),
+        tip_force=tip_force,
+    )
