@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workflow.models import Array, Cases, Structure
+from workflow.models import Array, Cases, Structure, project
 from workflow.models._modes import singular_modes
 
 
@@ -39,34 +39,68 @@ class Reduction:
         """Return the cases of the full structure in reduced coordinates."""
         return replace(
             cases,
-            steady=cases.steady @ self.displacement_basis,
-            heating=cases.heating @ self.temperature_basis,
-            displacement=cases.displacement @ self.displacement_projection.T,
-            velocity=cases.velocity @ self.displacement_projection.T,
-            temperature=cases.temperature @ self.temperature_projection.T,
+            steady=project(self.displacement_basis.T, cases.steady),
+            heating=project(self.temperature_basis.T, cases.heating),
+            displacement=project(self.displacement_projection, cases.displacement),
+            velocity=project(self.displacement_projection, cases.velocity),
+            temperature=project(self.temperature_projection, cases.temperature),
         )
 
 
-def _tip_kept_basis(inertia: Array, deformation: Array, kept: int) -> tuple[Array, Array]:
-    """Return the basis [fixed-interface modes, constraint mode] and its projection.
+_DEPENDENT = 1e-8
+"""A mode whose part that vanishes at the tip is below this share of it adds no direction: half of
+the digits, so that what is kept is known to the other half before it is made orthogonal again."""
 
-    ``deformation`` is S of a stiffness SᵀS. The constraint mode is the static answer of the
-    interior to a unit tip; parts that are not linked to the tip get zero (minimum norm).
+
+def _constraint_mode(deformation: Array) -> Array:
+    """Return the static answer of the interior to a unit tip, ``deformation`` being S of SᵀS.
+
+    Parts that are not linked to the tip get zero (minimum norm).
     """
-    size = inertia.shape[0]
-    interior = slice(0, size - 1)
-    modes = singular_modes(inertia[interior, interior], deformation[:, interior]).shapes[:, :kept]
-    static, *_ = np.linalg.lstsq(deformation[:, interior], -deformation[:, -1], rcond=None)
-    basis = np.zeros((size, kept + 1))
-    basis[interior, :kept] = modes
-    basis[interior, kept] = static
-    basis[-1, kept] = 1.0
-    projection = np.zeros((kept + 1, size))
-    onto_modes = modes.T @ inertia[interior, interior]
-    projection[:kept, interior] = onto_modes
-    projection[:kept, -1] = -onto_modes @ static
-    projection[kept, -1] = 1.0
-    return basis, projection
+    static, *_ = np.linalg.lstsq(deformation[:, :-1], -deformation[:, -1], rcond=None)
+    return np.append(static, 1.0)
+
+
+def _fixed_interface_modes(inertia: Array, deformation: Array, kept: int) -> Array:
+    """Return the lowest modes of the interior with the tip held, shape ``(coordinate, kept)``."""
+    modes = singular_modes(inertia[:-1, :-1], deformation[:, :-1]).shapes[:, :kept]
+    return np.vstack([modes, np.zeros(kept)])
+
+
+def _relative_modes(inertia: Array, deformation: Array, constraint: Array, kept: int) -> Array:
+    """Return the slowest modes of the whole structure relative to its constraint mode.
+
+    Their span with the constraint mode holds the modes themselves, tip included. For heat this
+    is ten times as accurate as fixed-interface modes: every second one of those feels the tip's
+    heat but does not move the tip. A mode that is the constraint mode is passed over.
+    """
+    shapes = singular_modes(inertia, deformation).shapes
+    found = np.zeros((inertia.shape[0], kept))
+    count = 0
+    for mode in shapes.T:
+        if count == kept:
+            break
+        size = np.sqrt(mode @ inertia @ mode)
+        new = mode - mode[-1] * constraint
+        new[-1] = 0.0
+        for _ in range(2):  # once more, so that rounding of the first pass goes too
+            new = new - found[:, :count] @ (found[:, :count].T @ (inertia @ new))
+        length = np.sqrt(new @ inertia @ new)
+        if length > _DEPENDENT * size:
+            found[:, count] = new / length
+            count += 1
+    if count < kept:
+        raise ValueError(f"only {count} of {kept} modes are independent of the tip")
+    return found
+
+
+def _projection(inertia: Array, modes: Array, constraint: Array) -> Array:
+    """Return what takes states to [modes, tip]: the tip as it is, the interior onto the modes."""
+    onto_modes = modes.T @ inertia
+    onto_modes[:, -1] = -onto_modes[:, :-1] @ constraint[:-1]
+    tip = np.zeros(constraint.size)
+    tip[-1] = 1.0
+    return np.vstack([onto_modes, tip])
 
 
 def reduce_structure(structure: Structure, mechanical_modes: int, thermal_modes: int) -> Reduction:
@@ -88,12 +122,13 @@ def reduce_structure(structure: Structure, mechanical_modes: int, thermal_modes:
     for kept, size in ((mechanical_modes, structure.mechanical_size), (thermal_modes, structure.thermal_size)):
         if not 0 <= kept <= size - 1:
             raise ValueError(f"{kept} interior modes of a structure that has {size - 1}")
-    mechanical, to_mechanical = _tip_kept_basis(
-        structure.mass, np.sqrt(structure.springs)[:, None] * structure.elongation, mechanical_modes
-    )
-    thermal, to_thermal = _tip_kept_basis(
-        structure.heat_capacity, np.sqrt(structure.conductors)[:, None] * structure.difference, thermal_modes
-    )
+    strain = np.sqrt(structure.springs)[:, None] * structure.elongation
+    flux = np.sqrt(structure.conductors)[:, None] * structure.difference
+    shape, warmth = _constraint_mode(strain), _constraint_mode(flux)
+    modes = _fixed_interface_modes(structure.mass, strain, mechanical_modes)
+    heat_modes = _relative_modes(structure.heat_capacity, flux, warmth, thermal_modes)
+    mechanical = np.column_stack([modes, shape])
+    thermal = np.column_stack([heat_modes, warmth])
     reduced = replace(
         structure,
         mass=mechanical.T @ structure.mass @ mechanical,
@@ -102,4 +137,10 @@ def reduce_structure(structure: Structure, mechanical_modes: int, thermal_modes:
         heat_capacity=thermal.T @ structure.heat_capacity @ thermal,
         difference=structure.difference @ thermal,
     )
-    return Reduction(reduced, mechanical, thermal, to_mechanical, to_thermal)
+    return Reduction(
+        structure=reduced,
+        displacement_basis=mechanical,
+        temperature_basis=thermal,
+        displacement_projection=_projection(structure.mass, modes, shape),
+        temperature_projection=_projection(structure.heat_capacity, heat_modes, warmth),
+    )

@@ -10,7 +10,8 @@ import pkgutil
 from importlib import import_module
 from typing import Any, Protocol, cast
 
-from workflow.models._cases import Cases
+from workflow.models._cases import Cases, project
+from workflow.models._equilibrium import NoEquilibriumError, static_equilibrium
 from workflow.models._modes import Modes, mechanical_modes, modal_coupling, thermal_modes
 from workflow.models._runaway import critical_alpha, growth_rate, static_tip_growth, tip_flexibility
 from workflow.models._structure import Array, Rayleigh, Structure
@@ -49,6 +50,7 @@ __all__ = [
     "Cases",
     "Model",
     "Modes",
+    "NoEquilibriumError",
     "Rayleigh",
     "Structure",
     "critical_alpha",
@@ -57,6 +59,8 @@ __all__ = [
     "mechanical_modes",
     "modal_coupling",
     "names",
+    "project",
+    "static_equilibrium",
     "static_tip_growth",
     "thermal_modes",
     "tip_flexibility",

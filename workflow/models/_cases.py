@@ -57,4 +57,15 @@ class Cases:
     def heated(self) -> NDArray[np.bool_]:
         """Cases whose thermal states can act: α, heating or an initial temperature is not zero."""
         warm = np.any(self.heating != 0, axis=1) | np.any(self.temperature != 0, axis=1)
-        return (self.alpha != 0) | warm
+        return np.asarray((self.alpha != 0) | warm)
+
+
+def project(matrix: Array, states: Array) -> Array:
+    """Return ``matrix @ state`` for every case, the same bits whatever cases stand beside it.
+
+    A matrix product over the case axis would not do: its sums change order with the batch size.
+    """
+    result = np.zeros((states.shape[0], matrix.shape[0]))
+    for column in range(matrix.shape[1]):
+        result += matrix[:, column] * states[:, column, None]
+    return result

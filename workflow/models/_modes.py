@@ -29,7 +29,7 @@ class Modes:
     @property
     def tip(self) -> Array:
         """Participation of the tip (the last coordinate) in each mode, shape ``(mode,)``."""
-        return self.shapes[-1]
+        return np.asarray(self.shapes[-1])
 
 
 def singular_modes(inertia: Array, deformation: Array) -> Modes:
@@ -62,9 +62,7 @@ def mechanical_modes(structure: Structure) -> Modes:
 
 def thermal_modes(structure: Structure) -> Modes:
     """Return the thermal modes: K2 χ = μ C2 χ, χᵀ C2 χ = 1; a mode decays as exp(-μ t)."""
-    roots = singular_modes(
-        structure.heat_capacity, np.sqrt(structure.conductors)[:, None] * structure.difference
-    )
+    roots = singular_modes(structure.heat_capacity, np.sqrt(structure.conductors)[:, None] * structure.difference)
     return Modes(roots.values**2, roots.shapes)
 
 

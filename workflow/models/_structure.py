@@ -85,9 +85,9 @@ class Structure:
     @property
     def mechanical_size(self) -> int:
         """Number of mechanical coordinates, the tip included."""
-        return self.mass.shape[0]
+        return int(self.mass.shape[0])
 
     @property
     def thermal_size(self) -> int:
         """Number of thermal coordinates, the tip included."""
-        return self.heat_capacity.shape[0]
+        return int(self.heat_capacity.shape[0])

@@ -16,6 +16,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workflow.models import (
     Array,
@@ -23,6 +24,7 @@ from workflow.models import (
     Structure,
     mechanical_modes,
     modal_coupling,
+    project,
     thermal_modes,
 )
 
@@ -62,7 +64,7 @@ class Decoupled:
     heat_tip: Array
     coupling: Array
     response: Array
-    pairs: Array
+    pairs: NDArray[np.int64]
     to_modes: Array
     to_thermal: Array
     shapes: Array
@@ -154,17 +156,6 @@ class Motion:
     closing: Array
     closing_rate: Array
     tip_force: Array
-
-
-def project(matrix: Array, states: Array) -> Array:
-    """Return ``matrix @ state`` for every case, the same bits whatever cases stand beside it.
-
-    A matrix product over the case axis would not do: its sums change order with the batch size.
-    """
-    result = np.zeros((states.shape[0], matrix.shape[0]))
-    for column in range(matrix.shape[1]):
-        result += matrix[:, column] * states[:, column, None]
-    return result
 
 
 def start(modal: Decoupled, cases: Cases) -> Motion:

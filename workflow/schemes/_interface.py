@@ -46,7 +46,7 @@ class Sampling:
     @property
     def times(self) -> Array:
         """Sample times, s, shape ``(t,)``."""
-        return np.arange(self.count) * self.interval
+        return np.arange(self.count, dtype=np.float64) * self.interval
 
     def steps(self, h: float) -> int:
         """Return the number of steps of size ``h``: ceil(duration/h - 1e-9), DESIGN section 4."""

@@ -7,6 +7,7 @@ A scheme's kernel advances its own states and hands the tip's new values of each
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numba
@@ -160,10 +161,7 @@ def _write_marks(
             record.impulse[lane, k] = _between(tip.impulse[lane], tip.impulse[lane] + p[lane], share)
         marks.next_sample[0] += 1
     for lane in range(x.size):
-        while (
-            tip.period[lane] < marks.period_due.shape[1]
-            and marks.period_due[lane, tip.period[lane]] == step
-        ):
+        while tip.period[lane] < marks.period_due.shape[1] and marks.period_due[lane, tip.period[lane]] == step:
             k = tip.period[lane]
             share = marks.period_weight[lane, k]
             impulse = _between(tip.impulse[lane], tip.impulse[lane] + p[lane], share)
@@ -266,6 +264,10 @@ def watch(cases: Cases, sampling: Sampling, schedule: Schedule, h: float) -> Wat
     return Watch(cases, schedule, sampling, h, record, due_steps.astype(np.int64), weight)
 
 
+def _lanes_of(part: slice, values: Array) -> Array:
+    return np.array(values[part], dtype=np.float64)
+
+
 def blocks(watched: Watch, mean: Array, lanes: int = LANES) -> list[Block]:
     """Cut the batch into blocks of ``lanes`` cases, each with fresh lane arrays.
 
@@ -276,22 +278,34 @@ def blocks(watched: Watch, mean: Array, lanes: int = LANES) -> list[Block]:
     for first in range(0, cases.count, lanes):
         part = slice(first, min(first + lanes, cases.count))
         count = part.stop - part.start
-        zeros = [np.zeros(count) for _ in range(14)]
+        lanes_of = partial(_lanes_of, part)
+        zeros = partial(np.zeros, count)
         load = Load(
-            np.ascontiguousarray(mean[part]),
-            np.ascontiguousarray(cases.amplitude[part]),
-            np.ascontiguousarray(cases.frequency[part]),
-            np.ascontiguousarray(cases.phase[part]),
-            *zeros[:5],
+            mean=lanes_of(mean),
+            amplitude=lanes_of(cases.amplitude),
+            frequency=lanes_of(cases.frequency),
+            phase=lanes_of(cases.phase),
+            sine=zeros(),
+            cosine=zeros(),
+            turn_sine=zeros(),
+            turn_cosine=zeros(),
+            force=zeros(),
         )
         tip = Tip(
-            cases.displacement[part, -1].copy(),
-            cases.velocity[part, -1].copy(),
-            cases.temperature[part, -1].copy(),
-            zeros[5],
-            np.ascontiguousarray(cases.gap[part]),
-            *zeros[6:],
-            np.zeros(count, dtype=np.int64),
+            displacement=lanes_of(cases.displacement[:, -1]),
+            velocity=lanes_of(cases.velocity[:, -1]),
+            temperature=lanes_of(cases.temperature[:, -1]),
+            impulse=zeros(),
+            gap=lanes_of(cases.gap),
+            touching=zeros(),
+            impacts=zeros(),
+            contact_time=zeros(),
+            penetration=zeros(),
+            hottest=zeros(),
+            period_impulse=zeros(),
+            period_contact=zeros(),
+            period_hottest=zeros(),
+            period=np.zeros(count, dtype=np.int64),
         )
         marks = Marks(
             watched.schedule.due,
@@ -360,8 +374,7 @@ def merge(parts: list[tuple[NDArray[np.int64], Results]]) -> Results:
     def joined(arrays: list[Array]) -> Array:
         width = max((a.shape[1] for a in arrays if a.ndim == 2), default=0)
         wide = [
-            np.pad(a, ((0, 0), (0, width - a.shape[1])), constant_values=np.nan) if a.ndim == 2 else a
-            for a in arrays
+            np.pad(a, ((0, 0), (0, width - a.shape[1])), constant_values=np.nan) if a.ndim == 2 else a for a in arrays
         ]
         return np.concatenate(wide)[order]
 

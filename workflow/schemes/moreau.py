@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from workflow.declare import quantity
-from workflow.models import Array, Cases, Structure
-from workflow.schemes._decoupled import Decoupled, Motion, decouple, project, start
+from workflow.models import Array, Cases, Structure, project
+from workflow.schemes._decoupled import Decoupled, decouple, start
 from workflow.schemes._interface import Results, Sampling, Status, schedule
 from workflow.schemes._stepping import (
     Block,
@@ -145,9 +145,7 @@ def largest_admissible_step(modal: Decoupled, h: float, theta: float, alpha: flo
         return 0.0
     first_bad = int(np.argmin(positive))
     return float(
-        brentq(
-            lambda s: float(delassus(modal, s, theta, np.array(alpha))), steps[first_bad - 1], steps[first_bad]
-        )
+        brentq(lambda s: float(delassus(modal, s, theta, np.array(alpha))), steps[first_bad - 1], steps[first_bad])
     )
 
 
@@ -321,9 +319,8 @@ def _judge(
         elif growth > 1 + _ROUNDING:
             limit = _largest_stable_step(modal, theta)
             status[case] = Status.DIVERGED
-            messages[int(case)] = (
-                f"the free step grows {growth:.6g}-fold at theta = {theta:g} and h = {h:.6g} s; "
-                + (f"it is stable up to h = {limit:.6g} s" if limit > 0 else "it is stable at no h")
+            messages[int(case)] = f"the free step grows {growth:.6g}-fold at theta = {theta:g} and h = {h:.6g} s; " + (
+                f"it is stable up to h = {limit:.6g} s" if limit > 0 else "it is stable at no h"
             )
         else:
             status[case] = Status.DIVERGED

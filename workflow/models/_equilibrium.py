@@ -1,0 +1,68 @@
+"""Equilibrium of a structure at standstill under its constant loads: ``initial: static``."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workflow.models._structure import Array, Structure
+
+_UNBALANCED = 1e-9
+"""Residual of an equilibrium, as a share of the load, above which there is none: far above the
+rounding of a least-squares solution, far below a load on a free body."""
+
+
+class NoEquilibriumError(ValueError):
+    """The constant loads move the structure for ever."""
+
+
+def _solve(matrix: Array, load: Array) -> Array | None:
+    """Return the minimum-norm solution of a symmetric singular or regular system, or ``None``."""
+    scale = float(np.abs(matrix).max(initial=0.0))
+    if scale == 0.0:
+        return np.zeros_like(load) if not np.any(load) else None
+    solution: Array = np.linalg.lstsq(matrix / scale, load / scale, rcond=None)[0]
+    unbalanced = np.abs(matrix @ solution - load).max(initial=0.0)
+    return solution if unbalanced <= _UNBALANCED * np.abs(load).max(initial=0.0) else None
+
+
+def static_equilibrium(structure: Structure, load: Array, heating: Array, gap: float) -> tuple[Array, Array]:
+    """Return displacement and temperature at rest under constant loads, casing included.
+
+    K2 θ = q and K1 x + K12 θ = f - λ e_n with 0 <= gap - x_n ⊥ λ >= 0. The blade stands still, so
+    contact makes no heat: α does not act.
+
+    Parameters
+    ----------
+    structure
+        The full structure.
+    load, heating
+        Constant loads [N] and heat loads [W], ``(node,)``.
+    gap
+        Clearance d, m.
+
+    Returns
+    -------
+    displacement, temperature
+        m and K, ``(node,)``.
+
+    Raises
+    ------
+    NoEquilibriumError
+        The loads move a free body, or heat that cannot leave keeps warming the structure.
+    """
+    temperature = _solve(structure.conductance_matrix, heating)
+    if temperature is None:
+        raise NoEquilibriumError("the heat load cannot leave the structure, its temperature has no equilibrium")
+    stiffness = structure.stiffness_matrix
+    force = load - structure.coupling_matrix @ temperature
+    free = _solve(stiffness, force)
+    if free is not None and free[-1] <= gap:
+        return free, temperature
+    pressed = np.zeros_like(force)
+    pressed[-1] = gap
+    interior = _solve(stiffness[:-1, :-1], force[:-1] - stiffness[:-1, -1] * gap)
+    if interior is not None:
+        pressed[:-1] = interior
+        if force[-1] - stiffness[-1] @ pressed >= 0:
+            return pressed, temperature
+    raise NoEquilibriumError("the constant loads move the structure for ever, it has no equilibrium")
