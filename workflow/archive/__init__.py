@@ -1,0 +1,34 @@
+"""Durable shards while a study runs, one labelled NetCDF-4 file of them in the end, and its reading.
+
+A run calls :func:`start_parts`, then :func:`write_shard` from any thread or process for the ranges of
+units that :func:`find_shards` misses, then :func:`gather`. Readers call :func:`open_archive`.
+xarray, netCDF4 and h5py are imported when they are needed, not with this package.
+"""
+
+from workflow.archive._files import ArchiveError
+from workflow.archive._gather import gather
+from workflow.archive._layout import Coordinate, Layout, Variable, blank
+from workflow.archive._open import archive_key, content_hash, open_archive, provenance
+from workflow.archive._parts import parts_of, read_layout, remove_parts, start_parts
+from workflow.archive._shard import Shard, Shards, find_shards, write_shard
+
+__all__ = [
+    "ArchiveError",
+    "Coordinate",
+    "Layout",
+    "Shard",
+    "Shards",
+    "Variable",
+    "archive_key",
+    "blank",
+    "content_hash",
+    "find_shards",
+    "gather",
+    "open_archive",
+    "parts_of",
+    "provenance",
+    "read_layout",
+    "remove_parts",
+    "start_parts",
+    "write_shard",
+]

@@ -1,0 +1,165 @@
+"""From shards to the archive: compressed chunks are copied as they are, then everything is read back."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workflow.archive._content import hash_content
+from workflow.archive._create import PROVENANCE, create
+from workflow.archive._files import ArchiveError, free_space, sync, writing
+from workflow.archive._layout import NOT_RUN, STATUS, Layout, Variable
+from workflow.archive._parts import remove_parts
+from workflow.archive._shard import Shard, Shards, encode_chunk, find_shards, read_messages
+
+
+def gather(layout: Layout, parts: str | Path, target: str | Path) -> None:
+    """Make the archive of complete shards, read it back, put it under its name, remove the shards.
+
+    At no time is there an incomplete file under the archive's name: it is made inside ``parts``,
+    flushed, and renamed over ``target``.
+
+    Raises
+    ------
+    ArchiveError
+        Units are missing or damaged, the disk is full or not writable, or what was written does not
+        read back. ``target`` is as it was before and the shards are kept.
+    """
+    parts, target = Path(parts), Path(target)
+    shards = find_shards(parts, layout)
+    if not shards.complete:
+        faults = "".join(f"; {name} is {fault}" for name, fault in shards.rejected)
+        ranges = ", ".join(f"{first} to {stop - 1}" for first, stop in shards.missing[:5])
+        raise ArchiveError(
+            f"{parts}: {np.sum(shards.owner < 0)} of {layout.units} units are missing ({ranges}"
+            f"{', …' if len(shards.missing) > 5 else ''}){faults}; compute them, then gather again"
+        )
+    aside = parts / f"{target.name}.tmp"
+    try:
+        with writing("the archive", parts):
+            _make_room(shards, parts)
+            assemble(layout, shards, aside)
+            digest = hash_content(aside)
+            _seal(aside, digest)
+            _read_back(layout, aside, digest)
+            sync(aside)
+        with writing("the archive", target.parent):
+            os.replace(aside, target)
+            sync(target.parent)
+    except BaseException:
+        aside.unlink(missing_ok=True)
+        raise
+    remove_parts(parts)
+
+
+def assemble(layout: Layout, shards: Shards, path: Path) -> None:
+    """Write what the shards hold to a new file; units that are missing have status ``not_run``.
+
+    Raises
+    ------
+    OSError, RuntimeError
+        A file cannot be read or written.
+    """
+    import h5py
+
+    from workflow.archive._lock import LOCK
+
+    create(layout, path, _messages(layout, shards))
+    with LOCK, h5py.File(path, "r+") as archive:
+        for number, shard in enumerate(shards.files):
+            units = np.flatnonzero(shards.owner == number).tolist()
+            with h5py.File(shard.path, "r") as source:
+                for variable in layout.variables:
+                    _copy(source[variable.name], archive[variable.name], layout, variable, shard, units)
+        for variable in layout.variables:
+            if variable.dtype == "i1":  # floats are missing by themselves
+                _leave_blank(archive[variable.name], layout, variable, shards)
+
+
+def _copy(source: Any, archive: Any, layout: Layout, variable: Variable, shard: Shard, units: list[int]) -> None:
+    if archive.chunks is None:  # a scalar: one cell without t
+        for unit in units:
+            archive[()] = source[unit - shard.first, 0]
+        return
+    read, write = source.id.read_direct_chunk, archive.id.write_direct_chunk
+    tails = list(_tails(layout, variable))
+    for unit in units:
+        offset = layout.offset_of(unit)
+        for tail in tails:
+            mask, chunk = read((unit - shard.first, 0, *tail))
+            write((*offset, *tail), chunk, mask)
+
+
+def _leave_blank(archive: Any, layout: Layout, variable: Variable, shards: Shards) -> None:
+    missing = np.flatnonzero(shards.owner < 0).tolist()
+    if archive.chunks is None:
+        if missing:
+            archive[()] = variable.fill
+        return
+    chunk = encode_chunk(np.full(archive.chunks, variable.fill, dtype=variable.dtype))
+    for unit in missing:
+        for tail in _tails(layout, variable):
+            archive.id.write_direct_chunk((*layout.offset_of(unit), *tail), chunk)
+
+
+def _tails(layout: Layout, variable: Variable) -> Iterator[tuple[int, ...]]:
+    """Yield where a unit's chunks of a variable begin along ``t`` or ``period``."""
+    length = layout.chunk_of(variable)[2:]
+    if not length:
+        yield ()
+    for name in layout.tail(variable):
+        yield from ((start,) for start in range(0, layout.sizes[name], length[0]))
+
+
+def _messages(layout: Layout, shards: Shards) -> dict[int, str]:
+    """Return the messages of all shards that count, by cell."""
+    found: dict[int, str] = {}
+    for number, shard in enumerate(shards.files):
+        for place, text in read_messages(shard).items():
+            unit, k = divmod(place, layout.chunk)
+            cells = layout.cells_of(shard.first + unit)
+            if shards.owner[shard.first + unit] == number and k < len(cells):
+                found[cells[k]] = text
+    return found
+
+
+def _make_room(shards: Shards, directory: Path) -> None:
+    """Refuse before HDF5 runs into a full disk, which it cannot recover from."""
+    needed = sum(shard.path.stat().st_size for shard in shards.files)
+    if needed > free_space(directory):
+        raise OSError(f"no space left on device, it needs about {needed / 2**20:.0f} MiB")
+
+
+def _seal(path: Path, digest: str) -> None:
+    import netCDF4
+
+    from workflow.archive._lock import LOCK
+
+    with LOCK, netCDF4.Dataset(path, "a") as file:
+        file[PROVENANCE].setncattr("content_hash", digest)
+
+
+def _read_back(layout: Layout, path: Path, digest: str) -> None:
+    """Compare what is on the disk with what should be there; the hash has decoded every chunk before."""
+    import h5py
+
+    from workflow.archive._lock import LOCK
+
+    with LOCK, h5py.File(path, "r") as archive:
+        faults = []
+        for variable in layout.variables:
+            expected = layout.units * len(list(_tails(layout, variable)))
+            stored = archive[variable.name]
+            if stored.chunks is not None and stored.id.get_num_chunks() != expected:
+                faults.append(f"{variable.name} has {stored.id.get_num_chunks()} of {expected} chunks")
+        status = archive[STATUS][...]
+        if status.size != layout.cells or np.any((status < 0) | (status >= NOT_RUN)):
+            faults.append(f"{np.sum(status < NOT_RUN)} of {layout.cells} cases have run")
+        if archive[PROVENANCE].attrs["content_hash"] != digest.encode():
+            faults.append("the content hash is not in place")
+    if faults:
+        raise ArchiveError(f"{path}: does not read back as written: {'; '.join(faults)}; gather again")

@@ -1,0 +1,248 @@
+"""What an archive holds and how it is cut into units of work: all this floor knows of a study."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Kind = Literal["history", "metric", "period", "flag"]
+Attributes = Mapping[str, str | Sequence[int] | Sequence[float]]
+
+FORMAT = 1
+"""Version of shards and archives; raised when an older reader would misread them."""
+
+CHUNK_BYTES = 4 * 2**20
+"""No chunk is larger than this before compression."""
+
+STATUS = "status"
+OK, NOT_RUN = 0, 4
+"""Of :class:`workflow.schemes.Status`: what every flag of an archive starts from and must end in."""
+
+MESSAGE = "message"
+RESERVED = ("key", "content_hash")
+"""Names of the provenance group that the archive fills in itself."""
+
+
+@dataclass(frozen=True, eq=False)
+class Coordinate:
+    """A labelled coordinate; one named as its single dimension labels that dimension.
+
+    Attributes
+    ----------
+    dims
+        None for a scalar, the shared dimension for a coordinate of a zip.
+    values
+        float64, int64 or text (``str`` in an object array), in the study's order.
+    attrs
+        CF attributes: ``units``, ``long_name``, …
+    """
+
+    name: str
+    dims: tuple[str, ...]
+    values: NDArray[Any]
+    attrs: Attributes
+
+    def __post_init__(self) -> None:
+        values = np.asarray(self.values)
+        wanted: Any = object
+        if values.dtype.kind in "iu":
+            wanted = np.int64
+        elif values.dtype.kind == "f":
+            wanted = np.float64
+        elif not all(isinstance(value, str) for value in values.ravel().tolist()):
+            raise ValueError(f"coordinate {self.name}: values must be numbers or texts, not {values.dtype}")
+        if values.ndim != len(self.dims):
+            raise ValueError(f"coordinate {self.name}: {values.ndim}-d values along {self.dims}")
+        object.__setattr__(self, "values", values.astype(wanted))
+
+    @property
+    def text(self) -> bool:
+        """Whether the values are strings."""
+        return self.values.dtype == object
+
+
+@dataclass(frozen=True, eq=False)
+class Variable:
+    """A result of every case: a metric or flag (…), a history (…, t) or one per load period (…, period).
+
+    Attributes
+    ----------
+    dtype
+        ``"f8"``, ``"f4"`` (missing values are NaN) or ``"i1"`` (flags, no missing value).
+    attrs
+        CF attributes; sequences of numbers (``flag_values``) are stored in the variable's dtype.
+    """
+
+    name: str
+    kind: Kind
+    dtype: str
+    attrs: Attributes
+
+    def __post_init__(self) -> None:
+        if self.dtype not in ("f8", "f4", "i1"):
+            raise ValueError(f"variable {self.name}: dtype {self.dtype!r} is none of f8, f4, i1")
+
+    @property
+    def fill(self) -> float | int:
+        """What stands where nothing has run: NaN, :data:`NOT_RUN` for the status, 0 for other flags."""
+        if self.dtype != "i1":
+            return math.nan
+        return NOT_RUN if self.name == STATUS else 0
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Dimensions, coordinates and variables of one archive, and its units of work.
+
+    Cells are numbered in C order over ``dims``. A row is everything along the innermost dimension
+    for fixed others. Unit ``row * chunks_per_row + c`` is chunk ``c`` of a row: ``chunk`` cells, the
+    last unit of a row may have fewer. Without dimensions there is one cell, one row and one unit.
+
+    Attributes
+    ----------
+    dims
+        Names and sizes of the case dimensions, outermost first.
+    samples, periods
+        Sizes of ``t`` and ``period``; 0 where there is no such dimension.
+    chunk
+        Cells of a unit, from 1 to the size of the innermost dimension.
+    attrs
+        Global CF attributes; ``Conventions`` is added.
+    provenance
+        Texts of the group ``provenance``; ``key`` and ``content_hash`` are added.
+    key
+        Identity of study and solver version.
+
+    Raises
+    ------
+    ValueError
+        The parts do not fit each other.
+    """
+
+    dims: tuple[tuple[str, int], ...]
+    samples: int
+    periods: int
+    chunk: int
+    coordinates: tuple[Coordinate, ...]
+    variables: tuple[Variable, ...]
+    attrs: Mapping[str, str]
+    provenance: Mapping[str, str]
+    key: str
+
+    def __post_init__(self) -> None:
+        sizes = self.sizes
+        if len(sizes) != len(self.dims) + (self.samples > 0) + (self.periods > 0) or min(sizes.values(), default=1) < 1:
+            raise ValueError(f"dimensions must have distinct names and positive sizes: {self.dims}")
+        if not 1 <= self.chunk <= self.inner:
+            raise ValueError(f"chunk {self.chunk} is not between 1 and {self.inner}, the innermost dimension")
+        names = [c.name for c in self.coordinates] + [v.name for v in self.variables] + [MESSAGE]
+        if twice := sorted({name for name in names if names.count(name) > 1}):
+            raise ValueError(f"names used twice, or {MESSAGE}: {', '.join(twice)}")
+        if not any(v.name == STATUS and v.kind == "flag" and v.dtype == "i1" for v in self.variables):
+            raise ValueError(f"there must be a flag {STATUS!r} of dtype i1")
+        for coordinate in self.coordinates:
+            if coordinate.values.shape != tuple(sizes.get(name, -1) for name in coordinate.dims):
+                raise ValueError(f"coordinate {coordinate.name} does not fit {coordinate.dims} of {sizes}")
+        for variable in self.variables:
+            if not set(self.tail(variable)) <= set(sizes):
+                raise ValueError(f"{variable.name}: a {variable.kind} where there is no such dimension")
+        if clash := [name for name in RESERVED if name in self.provenance]:
+            raise ValueError(f"provenance fills in {', '.join(clash)} itself")
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Every dimension and its size, the case dimensions first."""
+        extra = {"t": self.samples, "period": self.periods}
+        return dict(self.dims) | {name: size for name, size in extra.items() if size}
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Sizes of the case dimensions."""
+        return tuple(size for _, size in self.dims)
+
+    @property
+    def inner(self) -> int:
+        """Cells of a row."""
+        return self.shape[-1] if self.dims else 1
+
+    @property
+    def cells(self) -> int:
+        """Number of cells."""
+        return math.prod(self.shape)
+
+    @property
+    def chunks_per_row(self) -> int:
+        """Units of a row."""
+        return -(-self.inner // self.chunk)
+
+    @property
+    def units(self) -> int:
+        """Number of units."""
+        return self.cells // self.inner * self.chunks_per_row
+
+    def cells_of(self, unit: int) -> range:
+        """Return the cells of a unit, without the padding of a row's last one."""
+        row, c = divmod(unit, self.chunks_per_row)
+        start = c * self.chunk
+        return range(row * self.inner + start, row * self.inner + min(start + self.chunk, self.inner))
+
+    def unit_of(self, cell: int) -> tuple[int, int]:
+        """Return the unit that holds a cell, and the cell's place in it."""
+        row, place = divmod(cell, self.inner)
+        return row * self.chunks_per_row + place // self.chunk, place % self.chunk
+
+    def offset_of(self, unit: int) -> tuple[int, ...]:
+        """Return the index of a unit's first cell along the case dimensions."""
+        return tuple(int(i) for i in np.unravel_index(self.cells_of(unit).start, self.shape))
+
+    def tail(self, variable: Variable) -> tuple[str, ...]:
+        """Return the dimension a variable has beyond the cases: ``t``, ``period`` or none."""
+        return {"history": ("t",), "period": ("period",)}.get(variable.kind, ())
+
+    def dims_of(self, variable: Variable) -> tuple[str, ...]:
+        """Return a variable's dimensions in the archive."""
+        return tuple(name for name, _ in self.dims) + self.tail(variable)
+
+    def shape_of(self, variable: Variable, units: int) -> tuple[int, ...]:
+        """Return the shape of a variable's array of so many units: ``(units, chunk[, t or period])``."""
+        return (units, self.chunk, *(self.sizes[name] for name in self.tail(variable)))
+
+    def chunk_of(self, variable: Variable) -> tuple[int, ...]:
+        """Return the chunk of a variable in a shard, ``(1, chunk[, length])``, at most 4 MiB.
+
+        A long history is cut along ``t`` into nearly equal lengths.
+        """
+        _, *sizes = self.shape_of(variable, 1)
+        if len(sizes) == 1:
+            return (1, self.chunk)
+        longest = max(1, CHUNK_BYTES // (self.chunk * np.dtype(variable.dtype).itemsize))
+        pieces = -(-sizes[1] // longest)
+        return (1, self.chunk, -(-sizes[1] // pieces))
+
+    def archive_chunk_of(self, variable: Variable) -> tuple[int, ...]:
+        """Return the same chunk as it lies in the archive: one long on every outer dimension."""
+        _, chunk, *tail = self.chunk_of(variable)
+        return (1,) * (len(self.dims) - 1) + ((chunk,) if self.dims else ()) + tuple(tail)
+
+    @cached_property
+    def structure(self) -> str:
+        """Hash of what decides a shard's bytes: a shard of another structure cannot be gathered."""
+        variables = [(v.name, v.kind, v.dtype, self.chunk_of(v)) for v in self.variables]
+        parts = json.dumps([FORMAT, self.key, self.dims, self.samples, self.periods, self.chunk, variables])
+        return hashlib.sha256(parts.encode()).hexdigest()
+
+
+def blank(layout: Layout, units: int) -> dict[str, NDArray[Any]]:
+    """Return arrays for so many units in which nothing has run yet: NaN, status ``not_run``, flags 0.
+
+    The padding of partial units may stay as it is.
+    """
+    return {v.name: np.full(layout.shape_of(v, units), v.fill, dtype=v.dtype) for v in layout.variables}

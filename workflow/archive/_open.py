@@ -1,0 +1,207 @@
+"""Reading archives, finished or not."""
+
+from __future__ import annotations
+
+import atexit
+import os
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from workflow.archive._content import hash_content
+from workflow.archive._create import FORMAT_NAME, PROVENANCE
+from workflow.archive._files import ArchiveError, reason, writing
+from workflow.archive._gather import assemble
+from workflow.archive._layout import FORMAT
+from workflow.archive._parts import parts_of, read_layout
+from workflow.archive._shard import find_shards
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+
+
+def open_archive(path: str | Path, chunks: Any = None) -> xr.Dataset:
+    """Open an archive lazily: values are read when they are used.
+
+    While the study still runs, or was interrupted, this is a view of the shards there are at this
+    moment: status ``not_run`` and NaN elsewhere.
+
+    Parameters
+    ----------
+    path
+        The archive, as given to ``workflow run``.
+    chunks
+        As in :func:`xarray.open_dataset`, for dask arrays; ``{}`` takes the chunks of the file.
+
+    Raises
+    ------
+    ArchiveError
+        There is no such file, or it is not an archive of this workflow.
+    """
+    path = Path(path)
+    if _unfinished(path):
+        try:
+            return _open_view(path, chunks)
+        except ArchiveError:
+            if not path.exists():  # the run may have ended just now
+                raise
+    return _open_dataset(path, chunks, path)
+
+
+def provenance(path: str | Path) -> dict[str, str]:
+    """Return the texts of an archive's provenance group: ``key``, ``content_hash`` and the study's own.
+
+    An unfinished archive has no ``content_hash`` yet.
+
+    Raises
+    ------
+    ArchiveError
+        There is no such file, or it is not an archive of this workflow.
+    """
+    path = Path(path)
+    if _unfinished(path):
+        layout = read_layout(parts_of(path))
+        return {"key": layout.key, **layout.provenance}
+    import h5py
+
+    from workflow.archive._lock import LOCK
+
+    _look(path)
+    try:
+        with LOCK, h5py.File(path, "r") as file:
+            _recognise(path, file.attrs, _text(file.attrs.get(FORMAT_NAME)))
+            group = file[PROVENANCE]
+            found = {name: _text(value) for name, value in group.attrs.items() if not name.startswith("_")}
+            texts = {name: _text(item[()].tobytes()) for name, item in group.items() if item.dtype == "S1"}
+            return found | texts
+    except (OSError, RuntimeError, LookupError) as error:
+        raise _damaged(path, error) from error
+
+
+def content_hash(path: str | Path) -> str:
+    """Compute the hash of a finished archive's decoded arrays anew, see :func:`hash_content`.
+
+    The one it was stored with is ``provenance(path)["content_hash"]``.
+
+    Raises
+    ------
+    ArchiveError
+        There is no such file, it is unfinished or damaged, or not an archive of this workflow.
+    """
+    path = Path(path)
+    if _unfinished(path):
+        raise ArchiveError(f"{path}: unfinished, only its shards are there; run the study to its end first")
+    provenance(path)
+    try:
+        return hash_content(path)
+    except (OSError, RuntimeError) as error:
+        raise _damaged(path, error) from error
+
+
+def archive_key(path: str | Path) -> str | None:
+    """Return the key of the study that an archive or its shards belong to, ``None`` if there is neither.
+
+    Raises
+    ------
+    ArchiveError
+        A file is there, but it is not an archive of this workflow: not to be overwritten.
+    """
+    path = Path(path)
+    if not path.exists() and not _unfinished(path):
+        return None
+    return provenance(path)["key"]
+
+
+def _unfinished(path: Path) -> bool:
+    return not path.exists() and parts_of(path).is_dir()
+
+
+def _open_view(path: Path, chunks: Any) -> xr.Dataset:
+    """Gather what is there into a temporary file, which goes when it is closed, or with the process."""
+    parts = parts_of(path)
+    layout = read_layout(parts)
+    descriptor, name = tempfile.mkstemp(prefix=f"{path.stem}-", suffix=".nc")
+    os.close(descriptor)
+    view = Path(name)
+    try:
+        with writing("a view of the shards", view.parent):
+            assemble(layout, find_shards(parts, layout), view)
+        opened = _open_dataset(view, chunks, path)
+    except BaseException:
+        view.unlink(missing_ok=True)
+        raise
+
+    def discard() -> None:
+        opened.close()
+        view.unlink(missing_ok=True)
+
+    dataset = opened.copy()
+    dataset.set_close(discard)
+    atexit.register(view.unlink, missing_ok=True)
+    return dataset
+
+
+def _open_dataset(path: Path, chunks: Any, named: Path) -> xr.Dataset:
+    _look(path)
+    import xarray as xr
+
+    from workflow.archive._lock import LOCK
+
+    try:
+        with LOCK:
+            dataset = xr.open_dataset(path, engine="netcdf4", chunks=chunks, decode_timedelta=False, lock=LOCK)
+    except (OSError, RuntimeError, ValueError) as error:
+        raise _damaged(named, error) from error
+    try:
+        _recognise(named, dataset.attrs, dataset.attrs.get(FORMAT_NAME))
+    except ArchiveError:
+        dataset.close()
+        raise
+    return dataset
+
+
+def _look(path: Path) -> None:
+    """Say what is wrong with a path before a library says it less clearly."""
+    try:
+        with open(path, "rb") as file:
+            signature = file.read(len(HDF5_SIGNATURE))
+    except FileNotFoundError as error:
+        raise ArchiveError(
+            f"{path}: no such archive, nor {parts_of(path).name} of one in the making; "
+            "`workflow run` makes it from a study"
+        ) from error
+    except IsADirectoryError as error:
+        hint = f"the archive is {path.with_suffix('').name}" if path.suffix == ".parts" else "name a file"
+        raise ArchiveError(f"{path}: a directory, not an archive; {hint}") from error
+    except OSError as error:
+        raise ArchiveError(f"{path}: cannot be read: {reason(error)}") from error
+    if signature != HDF5_SIGNATURE:
+        raise ArchiveError(f"{path}: not a NetCDF-4 file; an archive that `workflow run` wrote is expected")
+
+
+def _text(value: Any) -> str:
+    """Return an attribute as text: netCDF-C stores ASCII as characters, anything else as a string."""
+    value = np.ravel(value)[0] if isinstance(value, np.ndarray) else value
+    return value.decode() if isinstance(value, bytes) else str(value)
+
+
+def _recognise(path: Path, attributes: Any, version: Any) -> None:
+    if FORMAT_NAME not in attributes:
+        raise ArchiveError(
+            f"{path}: a NetCDF file, but not an archive of this workflow (it has no {FORMAT_NAME}); "
+            "an archive that `workflow run` wrote is expected"
+        )
+    if version != str(FORMAT):
+        raise ArchiveError(
+            f"{path}: archive format {version}, this version reads {FORMAT}; use the version that wrote it"
+        )
+
+
+def _damaged(path: Path, error: BaseException) -> ArchiveError:
+    return ArchiveError(
+        f"{path}: damaged, or not a NetCDF-4 file ({reason(error)}); restore a copy or run the study again"
+    )

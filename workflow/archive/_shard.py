@@ -1,0 +1,279 @@
+"""Shards: the results of a range of units in a file of its own, whose presence says that they are done.
+
+A shard is an HDF5 file with the archive's own chunks and filters. It is built in memory and written
+in one go; its name carries the checksum of its bytes, so that one rename commits both.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import threading
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow.archive._files import commit, reason, writing
+from workflow.archive._layout import MESSAGE, NOT_RUN, STATUS, Layout, Variable
+
+SUFFIX = ".shard.h5"
+LEVEL = 1
+"""zlib level of shards and archive, always with shuffle."""
+
+
+@dataclass(frozen=True)
+class Shard:
+    """A sound shard of this layout: units ``first`` to ``stop - 1``."""
+
+    path: Path
+    task: int
+    first: int
+    stop: int
+
+
+@dataclass(frozen=True, eq=False)
+class Shards:
+    """What :func:`find_shards` found.
+
+    Attributes
+    ----------
+    files
+        Sound shards; where two hold the same unit, the later one of this tuple counts.
+    owner
+        Which of ``files`` counts for each unit, -1 where none does, shape ``(unit,)``.
+    rejected
+        Name and fault of each file that does not count.
+    """
+
+    files: tuple[Shard, ...]
+    owner: NDArray[np.intp]
+    rejected: tuple[tuple[str, str], ...]
+
+    @property
+    def complete(self) -> bool:
+        """Whether no unit is missing."""
+        return bool(np.all(self.owner >= 0))
+
+    @property
+    def missing(self) -> tuple[tuple[int, int], ...]:
+        """Ranges ``(first, stop)`` of units that no sound shard holds."""
+        return _ranges(self.owner < 0)
+
+    @property
+    def present(self) -> tuple[tuple[int, int], ...]:
+        """Ranges ``(first, stop)`` of units that are done."""
+        return _ranges(self.owner >= 0)
+
+
+def write_shard(
+    parts: str | Path,
+    task: int,
+    first_unit: int,
+    arrays: Mapping[str, NDArray[Any]],
+    messages: Mapping[int, str],
+    layout: Layout,
+) -> Path:
+    """Store a contiguous range of units durably and return the shard's path.
+
+    Threads and processes may write at the same time. When this returns the shard survives a crash;
+    when it does not, there is none.
+
+    Parameters
+    ----------
+    parts
+        The directory that :func:`start_parts` made.
+    task
+        Orders shards that hold the same unit: the highest number counts.
+    first_unit
+        The first unit of the range.
+    arrays
+        One per variable, shape ``(units, chunk[, t or period])``; what pads a row's last unit is
+        free. :func:`blank` makes them.
+    messages
+        What a case that is not ok did, by its position ``unit * chunk + place`` in the first two
+        axes of ``arrays``.
+    layout
+        The archive's layout.
+
+    Raises
+    ------
+    ArchiveError
+        The disk is full, or the directory missing or not writable.
+    ValueError
+        The arrays do not fit the layout, or a case has not run.
+    """
+    parts = Path(parts)
+    stop = first_unit + _check(first_unit, arrays, messages, layout)
+    encoded = {v.name: _encode(arrays[v.name], v, layout) for v in layout.variables}
+    about = {"structure": layout.structure, "task": task, "first": first_unit, "stop": stop}
+    data = _image(about, encoded, messages, layout)
+    checksum = hashlib.sha256(data).hexdigest()
+    path = parts / f"{first_unit:08d}-{stop:08d}-{task:06d}-{checksum}{SUFFIX}"
+    with writing("a shard", parts):
+        commit(path, data)
+    return path
+
+
+def find_shards(parts: str | Path, layout: Layout) -> Shards:
+    """Return which units are done, and which files are torn or of another study.
+
+    Every byte is read against its checksum. What does not count is left where it is: its units are
+    missing, and shards computed anew take their place.
+
+    Raises
+    ------
+    ArchiveError
+        The directory cannot be read; one that is not there merely holds nothing.
+    """
+    parts = Path(parts)
+    found: list[Shard] = []
+    rejected: list[tuple[str, str]] = []
+    for path in sorted(parts.glob(f"*{SUFFIX}")):
+        shard = _inspect(path, layout)
+        if isinstance(shard, Shard):
+            found.append(shard)
+        else:
+            rejected.append((path.name, shard))
+    found.sort(key=lambda shard: (shard.task, shard.path.name))
+    owner = np.full(layout.units, -1, dtype=np.intp)
+    for number, shard in enumerate(found):
+        owner[shard.first : shard.stop] = number
+    return Shards(tuple(found), owner, tuple(rejected))
+
+
+def read_messages(shard: Shard) -> dict[int, str]:
+    """Return the messages of a shard as :func:`write_shard` was given them."""
+    import h5py
+
+    from workflow.archive._lock import LOCK
+
+    with LOCK, h5py.File(shard.path, "r") as file:
+        if MESSAGE not in file:
+            return {}
+        return {int(place): text for place, text in json.loads(file[MESSAGE][()].tobytes()).items()}
+
+
+def encode_chunk(values: NDArray[Any]) -> bytes:
+    """Return one chunk as HDF5's filters shuffle and deflate would store it.
+
+    Done here rather than in HDF5 because zlib and NumPy let other threads run meanwhile.
+    """
+    size = values.dtype.itemsize
+    if size > 1:
+        values = np.ascontiguousarray(values.view(np.uint8).reshape(-1, size).T)
+    return zlib.compress(values.data, LEVEL)
+
+
+def _check(first: int, arrays: Mapping[str, NDArray[Any]], messages: Mapping[int, str], layout: Layout) -> int:
+    if wrong := set(arrays) ^ {v.name for v in layout.variables}:
+        raise ValueError(f"arrays of a shard and variables of its layout differ: {', '.join(sorted(wrong))}")
+    status = arrays[STATUS]
+    units = len(status)
+    for variable in layout.variables:
+        shape, wanted = arrays[variable.name].shape, layout.shape_of(variable, units)
+        if shape != wanted:
+            raise ValueError(f"{variable.name} has shape {shape} in a shard that wants {wanted}")
+    if not 0 <= first < first + units <= layout.units:
+        raise ValueError(f"units {first} to {first + units - 1} are not among the layout's {layout.units}")
+    for unit in range(units):
+        here = len(layout.cells_of(first + unit))
+        if np.any((status[unit, :here] < 0) | (status[unit, :here] >= NOT_RUN)):
+            raise ValueError(f"unit {first + unit} holds a case that has not run")
+    if any(not 0 <= place < units * layout.chunk for place in messages):
+        raise ValueError("a message for a case outside the shard")
+    return units
+
+
+def _encode(values: NDArray[Any], variable: Variable, layout: Layout) -> list[list[bytes]]:
+    """Return the chunks of each unit of a variable in order."""
+    with np.errstate(over="ignore"):  # a diverged float64 is an infinite float32
+        values = np.ascontiguousarray(values, dtype=np.dtype(variable.dtype).newbyteorder("<"))
+    if variable.dtype != "i1" and (missing := np.isnan(values)).any():
+        values = np.where(missing, np.array(np.nan, values.dtype), values)  # one NaN, whatever made it
+    *_, length = chunk = layout.chunk_of(variable)
+    if len(chunk) == 2:
+        return [[encode_chunk(unit)] for unit in values]
+    pieces = []
+    for unit in values:
+        starts = range(0, unit.shape[1], length)
+        padded = np.full((layout.chunk, len(starts) * length), variable.fill, dtype=values.dtype)
+        padded[:, : unit.shape[1]] = unit
+        pieces.append([encode_chunk(np.ascontiguousarray(padded[:, at : at + length])) for at in starts])
+    return pieces
+
+
+def _image(
+    about: Mapping[str, Any],
+    encoded: Mapping[str, list[list[bytes]]],
+    messages: Mapping[int, str],
+    layout: Layout,
+) -> bytes:
+    """Return the bytes of the shard as an HDF5 file, built in memory."""
+    import h5py
+
+    from workflow.archive._lock import LOCK
+
+    units = about["stop"] - about["first"]
+    name = f"shard-{threading.get_ident()}"
+    with LOCK, h5py.File(name, "w", driver="core", backing_store=False, libver="latest") as file:
+        file.attrs["shard"] = json.dumps(about)
+        for variable in layout.variables:
+            identity = _create(file, variable, layout, units)
+            length = layout.chunk_of(variable)[2:]
+            for unit, pieces in enumerate(encoded[variable.name]):
+                for k, piece in enumerate(pieces):
+                    identity.write_direct_chunk((unit, 0, *(k * n for n in length)), piece)
+        if messages:
+            text = json.dumps({str(place): messages[place] for place in sorted(messages)})
+            file[MESSAGE] = np.frombuffer(text.encode(), np.uint8)
+        file.flush()
+        image: bytes = file.id.get_file_image()
+    return image
+
+
+def _create(file: Any, variable: Variable, layout: Layout, units: int) -> Any:
+    """Create a variable's dataset (a third of the time of h5py's ``create_dataset``)."""
+    import h5py
+
+    plan = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    plan.set_chunk(layout.chunk_of(variable))
+    plan.set_shuffle()
+    plan.set_deflate(LEVEL)
+    plan.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
+    kind = h5py.h5t.py_create(np.dtype(variable.dtype).newbyteorder("<"))
+    space = h5py.h5s.create_simple(layout.shape_of(variable, units))
+    return h5py.h5d.create(file.id, variable.name.encode(), kind, space, plan)
+
+
+def _inspect(path: Path, layout: Layout) -> Shard | str:
+    """Return a sound shard, or what is wrong with the file."""
+    import h5py
+
+    from workflow.archive._lock import LOCK
+
+    try:
+        with open(path, "rb") as file:
+            checksum = hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        return f"cannot be read: {reason(error)}"
+    if not path.name.endswith(f"-{checksum}{SUFFIX}"):
+        return "damaged: its bytes do not have the checksum of its name"
+    try:
+        with LOCK, h5py.File(path, "r") as file:
+            about = json.loads(file.attrs["shard"])
+        if about["structure"] != layout.structure:
+            return "of another study, solver version or chunk length"
+        shard = Shard(path, about["task"], about["first"], about["stop"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return "not a shard"
+    return shard
+
+
+def _ranges(chosen: NDArray[np.bool_]) -> tuple[tuple[int, int], ...]:
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], chosen, [False])).astype(np.int8)))
+    return tuple((int(first), int(stop)) for first, stop in edges.reshape(-1, 2))
