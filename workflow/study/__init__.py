@@ -1,0 +1,30 @@
+"""Studies: read from YAML, checked against the declarations of models and schemes, resolved to SI."""
+
+from __future__ import annotations
+
+from workflow.study.axes import Axis, Dimension
+from workflow.study.mistakes import Mistake, StudyError
+from workflow.study.quantities import udunits
+from workflow.study.reader import parse_study, read_study
+from workflow.study.schema import json_schema
+from workflow.study.settings import Cell, Initial, Load, Output, Scene, SchemeChoice
+from workflow.study.study import Reference, Study
+
+__all__ = [
+    "Axis",
+    "Cell",
+    "Dimension",
+    "Initial",
+    "Load",
+    "Mistake",
+    "Output",
+    "Reference",
+    "Scene",
+    "SchemeChoice",
+    "Study",
+    "StudyError",
+    "json_schema",
+    "parse_study",
+    "read_study",
+    "udunits",
+]

@@ -1,0 +1,80 @@
+"""What an axis may vary, by its dotted path: settings of a case, scene values, scheme options."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+from workflow import models, schemes
+from workflow.declare import quantity_of
+from workflow.study.leaves import Choice, Reading
+from workflow.study.quantities import udunits
+from workflow.study.settings import Casing, Cell, Initial, Load, Scene
+
+DEFAULT_SCHEME = "moreau"
+MODES = ("mechanical_modes", "thermal_modes")
+
+
+@dataclass(frozen=True)
+class Address:
+    """A value that an axis may vary: how it is read, and what it means."""
+
+    value: Reading | Choice
+    description: str
+
+    @property
+    def unit(self) -> str:
+        """CF unit; empty for words."""
+        return udunits(self.value.declared.unit) if isinstance(self.value, Reading) else ""
+
+
+def settings(labels: tuple[str, ...]) -> dict[str, Address]:
+    """Return the settings of a case that stand under ``axes`` by their bare names."""
+    found = {
+        name: Address(dataclasses.replace(value, full=True) if name in MODES else value, description)
+        for name, value, description in _values(Cell)
+    }
+    return {"scheme": Address(Choice(labels), "time integration scheme")} | found
+
+
+def setting_defaults() -> dict[str, Any]:
+    """Return what the settings are where a study does not say."""
+    defaults = {entry.name: entry.default for entry in dataclasses.fields(Cell) if quantity_of(entry)}
+    return {"scheme": DEFAULT_SCHEME} | defaults
+
+
+def scene_values(names: tuple[str, ...]) -> dict[str, Address]:
+    """Return the scene values of some models by dotted path, without the duration."""
+    groups: dict[str, type] = {name: models.load(name).Parameters for name in names}
+    groups |= {"casing": Casing, "load": Load, "initial": Initial}
+    return {
+        f"scene.{group}.{name}": Address(value, description)
+        for group, declared in groups.items()
+        for name, value, description in _values(declared)
+    }
+
+
+def scheme_options(methods: Mapping[str, tuple[str, ...]]) -> dict[str, Address]:
+    """Return the options of schemes by dotted path; ``methods`` holds the possible ones per label."""
+    return {
+        f"schemes.{label}.{name}": Address(value, f"{description} of {label}")
+        for label, candidates in methods.items()
+        for method in candidates
+        for name, value, description in _values(schemes.load(method).Options)
+    }
+
+
+def _values(declared: type) -> Iterator[tuple[str, Reading | Choice, str]]:
+    """Yield path, reading and description of the values of a declared dataclass, nested ones too."""
+    hints = get_type_hints(declared)
+    for entry in dataclasses.fields(declared):
+        hint, quantity = hints[entry.name], quantity_of(entry)
+        if quantity is not None:
+            yield entry.name, Reading(dataclasses.replace(quantity, per=None), whole=hint is int), quantity.description
+        elif get_origin(hint) is Literal:
+            yield entry.name, Choice(get_args(hint)), entry.name
+        elif isinstance(hint, type) and dataclasses.is_dataclass(hint) and declared not in (Cell, Scene):
+            for name, value, description in _values(hint):
+                yield f"{entry.name}.{name}", value, description

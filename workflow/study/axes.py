@@ -1,0 +1,277 @@
+"""From the axes as written to the dimensions of a study: counts, values, ``full``, names."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from workflow.study.addresses import MODES, Address, setting_defaults
+from workflow.study.leaves import Listed, Reading, Single, Spread
+from workflow.study.mistakes import Place, said
+from workflow.study.settings import FULL
+from workflow.study.source import Source
+
+Value = float | int | str
+MOST_CASES = 10**8
+VARIABLES = frozenset(
+    [
+        *("t", "period", "displacement", "velocity", "temperature", "impulse", "contact_force"),
+        *("contact_impulse", "impacts", "contact_time", "max_penetration", "max_temperature"),
+        *("thermal_closing", "energy_residual", "heat_residual", "critical_alpha", "growth_rate"),
+        *("steps", "wall_time", "period_impulse", "period_force", "period_temperature", "period_contact"),
+        *("displacement_error", "temperature_error", "impulse_error", "predictability"),
+        *("status", "runaway", "message"),
+    ]
+)
+"""Names of the archive that no axis takes (DESIGN section 4)."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One quantity that a study varies, or one of the settings that it holds.
+
+    Attributes
+    ----------
+    path
+        What it sets: ``e``, ``scheme``, ``scene.casing.gap``, ``schemes.LABEL.option``.
+    name
+        Name of its coordinate.
+    values
+        Values in SI, in the study's order; ``full`` is resolved.
+    unit
+        CF unit (``N m-1``); empty for words.
+    description
+        Long name.
+    """
+
+    path: str
+    name: str
+    values: tuple[Value, ...]
+    unit: str
+    description: str
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """A dimension of the archive: one axis, or axes that vary together."""
+
+    name: str
+    axes: tuple[Axis, ...]
+
+    @property
+    def size(self) -> int:
+        """Number of values along the dimension."""
+        return len(self.axes[0].values)
+
+
+def spread_values(spread: Spread) -> tuple[float, ...]:
+    """Return the values of a spread axis, rounded to 12 significant digits."""
+    shares = [index / (spread.count - 1) for index in range(spread.count)]
+    first, last = spread.first, spread.last
+    if spread.law == "lin":
+        values = [first * (1 - share) + last * share for share in shares]
+    else:
+        low, high = math.log10(first), math.log10(last)
+        values = [10 ** (low * (1 - share) + high * share) for share in shares]
+        values[0], values[-1] = first, last
+    return tuple(float(f"{value:.12g}") for value in values)
+
+
+def expanded(content: Single | Listed | Spread, whole: bool) -> tuple[Value, ...]:
+    """Return the values of an axis.
+
+    Raises
+    ------
+    ValueError
+        A spread over whole numbers has others between its ends.
+    """
+    if isinstance(content, Single):
+        return (content.value,)
+    if isinstance(content, Listed):
+        return content.values
+    values = spread_values(content)
+    if not whole:
+        return values
+    if any(value != int(value) for value in values):
+        raise ValueError("has values that are not whole numbers")
+    return tuple(int(value) for value in values)
+
+
+@dataclass
+class _Group:
+    """A dimension in the making; a zip has a name of its own."""
+
+    place: Place
+    columns: dict[str, tuple[Value, ...]]
+    name: str | None = None
+
+    def column(self, path: str) -> Place:
+        """Return where an axis stands in the study, for messages."""
+        return (*self.place, path) if self.name is not None else self.place
+
+
+class Arrangement:
+    """Arranges the axes of a study in dimensions and scalars; mistakes go to the source.
+
+    Parameters
+    ----------
+    source
+        The study as written.
+    addresses
+        What may vary.
+    nodes
+        Path of the model's number of nodes, ``None`` where the model is unknown.
+    counts
+        The numbers of nodes that the cases have, ``None`` where they are unknown.
+    """
+
+    def __init__(
+        self,
+        source: Source,
+        addresses: Mapping[str, Address],
+        nodes: str | None,
+        counts: Sequence[int] | None,
+    ) -> None:
+        self.source, self.addresses, self.nodes, self.counts = source, addresses, nodes, counts
+        self.groups: list[_Group] = []
+        self.singles: dict[str, Value] = {}
+
+    def arrange(
+        self, axes: Mapping[str, Any], zips: Mapping[str, Mapping[str, Any]]
+    ) -> tuple[tuple[Dimension, ...], tuple[Axis, ...]]:
+        """Return dimensions and scalars of the axes that could be read."""
+        if not self._few_enough(axes, zips):
+            return (), ()
+        self._take_axes(axes)
+        self._take_zips(axes, zips)
+        self._take_modes()
+        for group in self.groups:
+            self._judge_distinct(group)
+        return self._named()
+
+    def _few_enough(self, axes: Mapping[str, Any], zips: Mapping[str, Mapping[str, Any]]) -> bool:
+        """Judge the number of cases before any axis is expanded."""
+        sizes = [content.count for content in axes.values() if not isinstance(content, Single)]
+        sizes += [max(content.count for content in zipped.values()) for zipped in zips.values() if zipped]
+        cases = math.prod(sizes)
+        if cases > MOST_CASES:
+            count = f"{cases:.3g}" if cases < 1e300 else "more than 1e300"
+            place: Place = ("axes",) if axes else ("zip",)
+            self.source.report(place, f"come to {count} cases", f"keep them to {MOST_CASES:.0e}")
+        return cases <= MOST_CASES
+
+    def _expand(self, place: Place, path: str, content: Any) -> tuple[Value, ...] | None:
+        value = self.addresses[path].value
+        try:
+            return expanded(content, isinstance(value, Reading) and value.whole)
+        except ValueError as error:
+            self.source.report(place, str(error), "write a list")
+            return None
+
+    def _take_axes(self, axes: Mapping[str, Any]) -> None:
+        for path, content in axes.items():
+            values = self._expand(("axes", path), path, content)
+            if isinstance(content, Single):
+                self.singles[path] = content.value
+            elif values is not None:
+                self.groups.append(_Group(("axes", path), {path: values}))
+
+    def _take_zips(self, axes: Mapping[str, Any], zips: Mapping[str, Mapping[str, Any]]) -> None:
+        seen = set(axes)
+        for name, zipped in zips.items():
+            place = ("zip", name)
+            columns = {path: self._expand((*place, path), path, content) for path, content in zipped.items()}
+            read = {path: values for path, values in columns.items() if values is not None}
+            for path in seen & set(read):
+                self.source.report((*place, path), "is an axis already", "keep one of the two")
+            seen |= set(read)
+            sizes = {path: len(values) for path, values in read.items()}
+            if len(set(sizes.values())) > 1:
+                told = ", ".join(f"{path} has {size}" for path, size in sizes.items())
+                self.source.report(place, f"has axes of different length: {told}", "give each as many values")
+            elif read:
+                self.groups.append(_Group(place, read, name))
+
+    def _take_modes(self) -> None:
+        """Put counts in place of ``full``, which follows the number of nodes where that varies."""
+        varied = next((group for group in self.groups if self.nodes in group.columns), None)
+        for path in MODES:
+            group = next((group for group in self.groups if path in group.columns), None)
+            if group is None and varied is not None and self.singles.get(path, FULL) == FULL:
+                self.singles.pop(path, None)
+                varied.columns[path] = tuple(int(n) - 1 for n in varied.columns[str(self.nodes)])
+            elif group is not None and group is varied:
+                pairs = zip(group.columns[path], group.columns[str(self.nodes)], strict=True)
+                resolved = [self.mode_count(group.column(path), modes, [int(n)]) for modes, n in pairs]
+                group.columns[path] = tuple(resolved)
+            elif group is not None:
+                place = group.column(path)
+                values = [self.mode_count(place, modes, self.counts) for modes in group.columns[path]]
+                group.columns[path] = tuple(values)
+            else:
+                self.singles[path] = self.mode_count(("axes", path), self.singles.get(path, FULL), self.counts)
+
+    def mode_count(self, place: Place, modes: Value, counts: Sequence[int] | None) -> Value:
+        """Return a count of modes for cases with some numbers of nodes, of which ``full`` needs one."""
+        if not counts:
+            return modes
+        most = min(counts) - 1
+        if modes == FULL:
+            if len(set(counts)) == 1:
+                return most
+            remedy = "write counts, or zip it with the nodes"
+            self.source.report(place, "has `full` where the number of nodes varies", remedy)
+        elif int(modes) > most:
+            problem = f"{said(modes)} is more than the {most} interior modes of {min(counts)} nodes"
+            self.source.report(place, problem, f"write at most {most}, or `full`")
+        return modes
+
+    def _judge_distinct(self, group: _Group) -> None:
+        rows = list(zip(*group.columns.values(), strict=True))
+        if len(set(rows)) < len(rows):
+            twice = next(row for row, count in Counter(rows).items() if count > 1)
+            told = ", ".join(f"{value:g}" if isinstance(value, float) else str(value) for value in twice)
+            self.source.report(group.place, f"has `{told}` twice", "keep values distinct")
+
+    def _named(self) -> tuple[tuple[Dimension, ...], tuple[Axis, ...]]:
+        """Return dimensions and scalars under the names of their coordinates."""
+        defaults = setting_defaults()
+        held = {path: self.singles.get(path, default) for path, default in defaults.items()}
+        varied = {path for group in self.groups for path in group.columns}
+        singles = {path: value for path, value in (held | self.singles).items() if path not in varied}
+        zips = [group.name for group in self.groups if group.name is not None]
+        for group in self.groups:
+            if group.name is not None and (group.name in VARIABLES or group.name in defaults):
+                problem = "is the name of a variable of the archive or of an axis"
+                self.source.report(group.place, problem, "name the dimension otherwise")
+        names = coordinate_names([*varied, *singles], {*VARIABLES, *zips})
+
+        def axis(path: str, values: tuple[Value, ...]) -> Axis:
+            address = self.addresses[path]
+            return Axis(path, names[path], values, address.unit, address.description)
+
+        dimensions = []
+        for group in self.groups:
+            made = tuple(axis(path, values) for path, values in group.columns.items())
+            dimensions.append(Dimension(group.name or made[0].name, made))
+        return tuple(dimensions), tuple(axis(path, (value,)) for path, value in singles.items())
+
+
+def coordinate_names(paths: Sequence[str], taken: set[str]) -> dict[str, str]:
+    """Return a coordinate name for every path: its last word, or as many as make it unlike all others."""
+    depth = dict.fromkeys(paths, 1)
+    while True:
+        names = {path: "_".join(path.split(".")[-depth[path] :]) for path in paths}
+        counts = Counter(names.values())
+        unclear = [
+            path
+            for path in paths
+            if (counts[names[path]] > 1 or names[path] in taken) and depth[path] < path.count(".") + 1
+        ]
+        if not unclear:
+            return names
+        for path in unclear:
+            depth[path] += 1

@@ -1,0 +1,176 @@
+"""Pydantic forms built from declarations, with mistakes in the words of a study."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from functools import cache
+from typing import Annotated, Any, ClassVar, Literal, get_args, get_origin, get_type_hints
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    TypeAdapter,
+    ValidationError,
+    create_model,
+    model_validator,
+)
+from pydantic.fields import FieldInfo
+from pydantic_core import CoreSchema, InitErrorDetails, core_schema
+
+from workflow.declare import quantity_of
+from workflow.study.leaves import Choice, Leaf, Reading
+from workflow.study.mistakes import Place, details, one_of, said, wrong
+
+
+class Form(BaseModel):
+    """A mapping with known keys, which explains its mistakes in the words of a study."""
+
+    model_config = ConfigDict(extra="forbid", protected_namespaces=())
+    moved: ClassVar[Mapping[str, str]] = {}
+    """Keys that are known, but not here, with what to write instead."""
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _explain(cls, value: Any, handler: Any) -> Any:
+        try:
+            return handler(value)
+        except ValidationError as error:
+            lines = [cls._explained(line) for line in error.errors(include_url=False)]
+            raise ValidationError.from_exception_data(cls.__name__, lines) from None
+
+    @classmethod
+    def _explained(cls, line: Any) -> InitErrorDetails:
+        place, value, last = line["loc"], line["input"], str(line["loc"][-1] if line["loc"] else "")
+        match line["type"]:
+            case "study":
+                told = wrong(**line["ctx"])
+            case "missing":
+                meaning = cls.model_fields[last].description
+                told = wrong("is missing", f"write it: {meaning}")
+            case "extra_forbidden" if last in cls.moved:
+                told = wrong("does not belong here", cls.moved[last])
+            case "extra_forbidden":
+                told = wrong(f"{said(last)} is not known here", one_of(last, cls.model_fields))
+            case _:
+                told = wrong(f"{said(value)} is not a mapping", "write `key: value` entries, or leave it out")
+        return details(told, place, value)
+
+
+@cache
+def form(declared: type, name: str = "") -> Any:
+    """Return the annotation that reads a mapping into an instance of a declared dataclass."""
+    hints = get_type_hints(declared)
+    entries = {entry.name: _entry(entry, hints[entry.name]) for entry in dataclasses.fields(declared)}
+    model = create_model(name or declared.__name__, __base__=Form, **entries)
+    return Annotated[model, AfterValidator(lambda read: declared(**dict(read)))]
+
+
+def _entry(entry: dataclasses.Field[Any], hint: Any) -> tuple[Any, FieldInfo]:
+    """Return the pydantic field of a field of a dataclass."""
+    reading, description = _annotation(entry, hint)
+    annotation = Annotated[Any, reading] if isinstance(reading, Leaf) else reading
+    if entry.default_factory is not dataclasses.MISSING:
+        return annotation, Field(default_factory=entry.default_factory, description=description)
+    if entry.default is not dataclasses.MISSING:
+        return annotation, Field(default=entry.default, description=description)
+    return annotation, Field(description=description)
+
+
+def _annotation(entry: dataclasses.Field[Any], hint: Any) -> tuple[Any, str]:
+    """Return how a field is read, and what it means."""
+    declared = quantity_of(entry)
+    if declared is not None:
+        reading = Reading(declared, whole=hint is int)
+        return reading, reading.described()
+    if isinstance(hint, type) and dataclasses.is_dataclass(hint):
+        return form(hint), summary(hint)
+    if get_origin(hint) is tuple:
+        return Choice(get_args(get_args(hint)[0]), several=True), entry.name
+    if get_origin(hint) is Literal:
+        return Choice(get_args(hint)), entry.name
+    raise TypeError(f"{entry.name}: declare a quantity, a dataclass or a Literal, not {hint}")
+
+
+def summary(described: object) -> str:
+    """Return the first paragraph of a docstring in one line."""
+    return " ".join((described.__doc__ or "").split("\n\n")[0].split())
+
+
+@dataclasses.dataclass(frozen=True)
+class ByShape:
+    """Chooses the branch of a union by shape: by the word under ``key``, or a bare ``word``.
+
+    Tags stand in angle brackets, which no key of a study has, so that they can be told from keys
+    in the place of an error.
+    """
+
+    branches: tuple[tuple[str, Any], ...]
+    key: str | None = None
+    word: str | None = None
+
+    def _judge(self, value: Any) -> Any:
+        """Refuse what is none of the branches, in one message."""
+        names = [name for name, _ in self.branches]
+        if not isinstance(value, dict):
+            if self.word is not None and value == self.word:
+                return value
+            other = "" if self.word is None else f" or `{self.word}`"
+            raise wrong(f"{said(value)} is not a mapping{other}", f"write a mapping{other}")
+        if self.key is not None and self.key not in value:
+            raise wrong(f"`{self.key}` is missing", one_of("", names))
+        if self.key is not None and value[self.key] not in names:
+            chosen = value[self.key]
+            told = wrong(f"{said(chosen)} is no {self.key}", one_of(str(chosen), names))
+            raise ValidationError.from_exception_data("branch", [details(told, (self.key,), chosen)])
+        return value
+
+    def _tag(self, value: Any) -> str:
+        if not isinstance(value, dict):
+            return f"<{self.word}>"
+        return f"<{self.branches[0][0] if self.key is None else value[self.key]}>"
+
+    def __get_pydantic_core_schema__(self, _source: Any, handler: Any) -> CoreSchema:
+        choices = {f"<{name}>": handler.generate_schema(branch) for name, branch in self.branches}
+        if self.word is not None:
+            choices[f"<{self.word}>"] = core_schema.literal_schema([self.word])
+        union = core_schema.tagged_union_schema(choices, discriminator=self._tag)
+        return core_schema.no_info_before_validator_function(self._judge, union)
+
+
+def sound(section: type[Form], value: Any, faults: set[Place], context: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the entries of a section that have no mistake, read; of sections below, their sound entries.
+
+    Parameters
+    ----------
+    section, value
+        Form of the section, and what the study has there.
+    faults
+        Places of all mistakes in it.
+    context
+        As for the validation that found them.
+    """
+    entries: dict[str, Any] = {}
+    for key, entry in section.model_fields.items():
+        annotation = entry.annotation
+        below = {fault[1:] for fault in faults if fault[:1] == (key,)}
+        if not isinstance(value, dict) or key not in value:
+            if not entry.is_required():
+                entries[key] = entry.get_default(call_default_factory=True)
+        elif not entry.metadata and isinstance(annotation, type) and issubclass(annotation, Form):
+            entries[key] = sound(annotation, value[key], below, context)
+        elif get_origin(annotation) is dict and isinstance(value[key], dict):
+            item = get_args(annotation)[1]
+            entries[key] = {}
+            for name, content in value[key].items():
+                here = {fault[1:] for fault in below if fault[:1] == (name,)}
+                if isinstance(item, type) and issubclass(item, Form):
+                    entries[key][name] = sound(item, content, here, context)
+                elif not here:
+                    entries[key][name] = TypeAdapter(item).validate_python(content, context=context)
+        elif not below:
+            reader: TypeAdapter[Any] = TypeAdapter(Annotated[annotation, *entry.metadata])
+            entries[key] = reader.validate_python(value[key], context=context)
+    return entries

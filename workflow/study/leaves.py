@@ -1,0 +1,281 @@
+"""Pydantic annotations for single entries: quantities, choices, names, spread axes.
+
+Each reads its value with :func:`~workflow.study.mistakes.wrong` for what it refuses, and writes its
+own JSON Schema. The branch of a union is chosen by the value's shape, so that one mistake gives
+one message.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from pydantic import ValidationError
+from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, core_schema
+
+from workflow.declare import Quantity
+from workflow.study.mistakes import details, one_of, said, wrong
+from workflow.study.quantities import NUMBER, admissible, expected, read_quantity, udunits
+
+Schema = dict[str, Any]
+MOST_VALUES = 10**6
+"""Values of one spread axis."""
+
+
+def read_each(values: list[Any], read: Callable[[Any], Any], *place: str) -> tuple[Any, ...]:
+    """Read every item of a list; all mistakes are raised together, each with its position."""
+    items: list[Any] = []
+    errors: list[InitErrorDetails] = []
+    for index, value in enumerate(values):
+        try:
+            items.append(read(value))
+        except PydanticCustomError as error:
+            errors.append(details(error, (*place, index), value))
+    if errors:
+        raise ValidationError.from_exception_data("list", errors)
+    return tuple(items)
+
+
+def at(place: str, error: PydanticCustomError, value: Any) -> ValidationError:
+    """Return an error that belongs to an entry below the one that is being read."""
+    return ValidationError.from_exception_data("entry", [details(error, (place,), value)])
+
+
+class Leaf:
+    """Base of the annotations: validates with ``read`` and describes itself with ``schema``."""
+
+    def read(self, value: Any, context: Mapping[str, Any]) -> Any:
+        """Return the value in SI; raises ``PydanticCustomError`` or ``ValidationError``."""
+        raise NotImplementedError
+
+    def schema(self) -> Schema:
+        """Return the JSON Schema of what may be written."""
+        raise NotImplementedError
+
+    def __get_pydantic_core_schema__(self, _source: Any, _handler: Any) -> CoreSchema:
+        def validate(value: Any, info: core_schema.ValidationInfo[Any]) -> Any:
+            return self.read(value, info.context or {})
+
+        return core_schema.with_info_plain_validator_function(validate)
+
+    def __get_pydantic_json_schema__(self, _schema: Any, _handler: Any) -> Schema:
+        return self.schema()
+
+
+@dataclass(frozen=True)
+class Name(Leaf):
+    """An identifier: the name of a study, the label of a scheme, the dimension of a zip."""
+
+    what: str
+
+    def read(self, value: Any, context: Mapping[str, Any]) -> str:
+        """Return the name."""
+        if not isinstance(value, str) or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,63}", value):
+            raise wrong(f"{said(value)} is no name", f"name {self.what} in at most 64 letters, digits and _")
+        return value
+
+    def schema(self) -> Schema:
+        """Return the pattern."""
+        return {"type": "string", "pattern": "^[A-Za-z][A-Za-z0-9_]{0,63}$"}
+
+
+@dataclass(frozen=True)
+class Line(Leaf):
+    """Free text of limited length."""
+
+    longest: int
+
+    def read(self, value: Any, context: Mapping[str, Any]) -> str:
+        """Return the text, with its spaces and line ends made single spaces."""
+        if not isinstance(value, str):
+            raise wrong(f"{said(value)} is not a text", "write a line of text, in quotes if need be")
+        if len(value) > self.longest:
+            raise wrong(f"has {len(value)} characters", f"write at most {self.longest}")
+        return " ".join(value.split())
+
+    def schema(self) -> Schema:
+        """Return type and length."""
+        return {"type": "string", "maxLength": self.longest}
+
+
+@dataclass(frozen=True)
+class Choice(Leaf):
+    """One word of several, or a list of some of them."""
+
+    words: tuple[str, ...]
+    several: bool = False
+
+    def read(self, value: Any, context: Mapping[str, Any]) -> Any:
+        """Return the word, or the words as a tuple."""
+        if not self.several:
+            return self._word(value)
+        if not isinstance(value, list):
+            raise wrong(f"{said(value)} is not a list", "write a list, [] for none")
+        words = read_each(value, self._word)
+        if len(set(words)) < len(words):
+            raise wrong("names one twice", "name each once")
+        return words
+
+    def _word(self, value: Any) -> str:
+        if not isinstance(value, str) or value not in self.words:
+            raise wrong(f"{said(value)} is none of the choices", one_of(str(value), self.words))
+        return value
+
+    def schema(self) -> Schema:
+        """Return the enumeration."""
+        word: Schema = {"type": "string", "enum": list(self.words)}
+        return {"type": "array", "items": word, "uniqueItems": True} if self.several else word
+
+
+@dataclass(frozen=True)
+class Reading(Leaf):
+    """A quantity: a number in SI or ``number unit``; where declared, a list per node or spring.
+
+    ``full`` admits that word beside a count. The context's ``nodes`` holds the counts of nodes
+    that the study's cases have, for the lengths of lists.
+    """
+
+    declared: Quantity
+    whole: bool = False
+    full: bool = False
+
+    def read(self, value: Any, context: Mapping[str, Any]) -> Any:
+        """Return the value in SI, a tuple where a list was given."""
+        if not isinstance(value, list) or self.declared.per is None:
+            return self.scalar(value)
+        nodes: tuple[int, ...] = context.get("nodes") or ()
+        for count in nodes:
+            if len(value) != count:
+                also = "" if len(set(nodes)) == 1 else ", whatever their number is in a case"
+                problem = f"has {len(value)} values where the model has {count} {self.declared.per}s{also}"
+                raise wrong(problem, f"write a scalar or {count} values" if not also else "write a scalar")
+        return read_each(value, self.scalar)
+
+    def scalar(self, value: Any) -> Any:
+        """Return a single value in SI."""
+        if self.full and isinstance(value, str):
+            if value == "full":
+                return value
+            raise wrong(f"{said(value)} is not a number of modes", "write a whole number or `full`")
+        return read_quantity(value, self.declared, self.whole)
+
+    def schema(self) -> Schema:
+        """Return number or string, with bounds."""
+        bounds = {
+            "exclusiveMinimum": self.declared.above,
+            "minimum": self.declared.at_least,
+            "maximum": self.declared.at_most,
+        }
+        number: Schema = {"type": "integer" if self.whole else "number"}
+        number |= {word: bound for word, bound in bounds.items() if bound is not None}
+        forms: list[Schema] = [number]
+        if self.full:
+            forms.append({"const": "full"})
+        elif not self.whole:
+            forms.append({"type": "string", "pattern": rf"^\s*{NUMBER}\s*[^\s0-9].*$|^\s*{NUMBER}\s*$"})
+        if self.declared.per is not None:
+            forms.append({"type": "array", "items": {"anyOf": forms[:2]}, "minItems": 1})
+        return {"anyOf": forms} if len(forms) > 1 else number
+
+    def described(self) -> str:
+        """Return meaning, unit and bounds in a line."""
+        where = f", or one value per {self.declared.per}" if self.declared.per else ""
+        bounds = admissible(self.declared)
+        return f"{self.declared.description} [{udunits(self.declared.unit)}]{where}{bounds and f'; {bounds}'}"
+
+    def remedy(self) -> str:
+        """Return what to write."""
+        return "write a whole number" if self.whole else expected(self.declared)
+
+
+@dataclass(frozen=True)
+class Single:
+    """An axis of one value that is no dimension."""
+
+    value: float | int | str
+
+
+@dataclass(frozen=True)
+class Listed:
+    """An axis of listed values."""
+
+    values: tuple[float | int | str, ...]
+
+    @property
+    def count(self) -> int:
+        """Number of values."""
+        return len(self.values)
+
+
+@dataclass(frozen=True)
+class Spread:
+    """An axis of values at equal distances or ratios, not yet expanded."""
+
+    law: Literal["lin", "log"]
+    first: float
+    last: float
+    count: int
+
+
+@dataclass(frozen=True)
+class Axial(Leaf):
+    """The values of an axis: a scalar, a list, ``{lin: [...]}`` or ``{log: [first, last, count]}``."""
+
+    value: Reading | Choice
+    zipped: bool = False
+
+    def read(self, value: Any, context: Mapping[str, Any]) -> Single | Listed | Spread:
+        """Return the values as they are written, in SI and not expanded."""
+        if isinstance(value, dict):
+            return self._spread(value)
+        if isinstance(value, list):
+            if not value:
+                raise wrong("is empty", "write at least one value, or leave the axis out")
+            return Listed(read_each(value, self._one))
+        if self.zipped:
+            raise wrong(f"{said(value)} is not a list", "write a list as long as the others of this zip")
+        return Single(self._one(value))
+
+    def _one(self, value: Any) -> Any:
+        if isinstance(value, list | dict):
+            raise wrong(f"{said(value)} is not a single value", "an axis has single values")
+        return self.value.scalar(value) if isinstance(self.value, Reading) else self.value.read(value, {})
+
+    def _spread(self, value: dict[str, Any]) -> Spread:
+        form = "write a list, {lin: [first, last, count]} or {log: [first, last, count]}"
+        law = next(iter(value), None)
+        if len(value) != 1 or law not in ("lin", "log"):
+            raise wrong("is neither a list nor `lin` or `log`", form)
+        if not isinstance(self.value, Reading):
+            raise wrong("has words for values, which cannot be spread", "write a list")
+        entries = value[law]
+        if not isinstance(entries, list) or len(entries) != 3:
+            raise at(law, wrong(f"{said(entries)} is not first, last and count", form), entries)
+        reading = Reading(self.value.declared, self.value.whole)
+        count = Quantity("1", "number of values", at_least=2, at_most=MOST_VALUES)
+        reads = iter([reading.scalar, reading.scalar, lambda entry: read_quantity(entry, count, whole=True)])
+        first, last, number = read_each(entries, lambda entry: next(reads)(entry), law)
+        if first == last:
+            raise at(law, wrong("begins and ends with the same value", "write a list of one"), entries)
+        if law == "log" and not min(first, last) > 0:
+            raise at(law, wrong("a logarithmic axis needs positive ends", "write above 0, or use lin"), entries)
+        return Spread(law, first, last, number)
+
+    def schema(self) -> Schema:
+        """Return the forms that an axis may have."""
+        one = self.value.schema()
+        listed: Schema = {"type": "array", "items": one, "minItems": 1}
+        forms = [listed] if self.zipped else [one, listed]
+        if isinstance(self.value, Reading):
+            numbers = Reading(self.value.declared, self.value.whole).schema()
+            forms += [spread_schema(law, numbers) for law in ("lin", "log")]
+        return {"anyOf": forms}
+
+
+def spread_schema(law: str, number: Schema) -> Schema:
+    """Return the JSON Schema of ``{lin: [first, last, count]}``."""
+    count = {"type": "integer", "minimum": 2, "maximum": MOST_VALUES}
+    entries = {"type": "array", "prefixItems": [number, number, count], "minItems": 3, "maxItems": 3}
+    return {"type": "object", "properties": {law: entries}, "required": [law], "additionalProperties": False}

@@ -1,0 +1,91 @@
+"""What is wrong in a study, where, and what would be right."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic_core import InitErrorDetails, PydanticCustomError
+
+Place = tuple[str | int, ...]
+"""Keys and positions that lead from the top of a study to an entry."""
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """One mistake of a study.
+
+    Attributes
+    ----------
+    file
+        The file as it was named by the user.
+    line
+        Line of the entry, counted from 1; ``None`` where the file has no lines to speak of.
+    key
+        Dotted path of the entry, empty for the file as a whole.
+    problem, remedy
+        What is wrong, and what would be right.
+    """
+
+    file: str
+    line: int | None
+    key: str
+    problem: str
+    remedy: str
+
+    def __str__(self) -> str:
+        place = self.file if self.line is None else f"{self.file}:{self.line}"
+        key = f"{self.key}: " if self.key else ""
+        return f"{place}: {key}{self.problem}; {self.remedy}"
+
+
+class StudyError(Exception):
+    """A study is refused; ``mistakes`` holds every one of its mistakes, in the order of the file."""
+
+    def __init__(self, mistakes: Iterable[Mistake]) -> None:
+        self.mistakes = tuple(sorted(mistakes, key=lambda mistake: (mistake.line or 0, mistake.key)))
+        super().__init__(self.mistakes)
+
+    def __str__(self) -> str:
+        return "\n".join(map(str, self.mistakes))
+
+
+def wrong(problem: str, remedy: str) -> PydanticCustomError:
+    """Return the error a validator raises: pydantic carries problem and remedy to the report."""
+    return PydanticCustomError("study", "{problem}; {remedy}", {"problem": problem, "remedy": remedy})
+
+
+def details(error: PydanticCustomError, place: Place, value: Any) -> InitErrorDetails:
+    """Return one line of a ``ValidationError``: an error of :func:`wrong` with its place."""
+    return InitErrorDetails(type=error, loc=place, input=value)
+
+
+def nearest(word: str, known: Iterable[str]) -> str | None:
+    """Return the known word that looks most like ``word``, ``None`` where none does."""
+    found = difflib.get_close_matches(word, list(known), n=1, cutoff=0.6)
+    return found[0] if found else None
+
+
+def one_of(word: str, known: Iterable[str]) -> str:
+    """Return a remedy that names the nearest known word and the others there are."""
+    words = list(known)
+    guess = nearest(word, words)
+    listed = ", ".join(f"`{known_word}`" for known_word in words[:20]) or "nothing: there is none"
+    return f"did you mean `{guess}`?" if guess else f"what can stand here: {listed}"
+
+
+def said(value: Any) -> str:
+    """Return a short quotation of a value as a study writes it."""
+    match value:
+        case None:
+            return "nothing"
+        case bool():
+            return f"`{str(value).lower()}`"
+        case dict():
+            return "a mapping"
+        case list() | tuple():
+            return "a list"
+    text = " ".join(str(value).split()) if isinstance(value, str) else repr(value)
+    return f"`{text if len(text) <= 40 else text[:37] + '...'}`"

@@ -1,0 +1,196 @@
+"""Numbers with units: ``20 um`` is exactly 2e-5 m, and nothing in a string is ever evaluated.
+
+A string is a number, matched here, and a unit: names with integer exponents, joined by ``*``, ``/``
+or spaces. pint is asked for one bare name at a time, what it says is combined in decimal
+arithmetic. Two units are the same quantity when their root units agree, in which the radian
+counts: ``rad/s`` is no frequency.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from decimal import Context, Decimal
+from functools import cache, lru_cache
+from typing import Any
+
+from workflow.declare import Quantity
+from workflow.study.mistakes import said, wrong
+
+NUMBER = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+"""A number at the start of a string, as a regular expression."""
+
+_LONGEST_UNIT = 40
+_NUMBER = re.compile(NUMBER)
+_UNIT_FACTOR = re.compile(r"([A-Za-zµμΩ_]+)(?:(?:\*\*|\^)?([-+]?[0-9]{1,2})(?![0-9]))?|1(?![0-9])")
+_UNIT_JOINT = re.compile(r"\s*(?:\*(?!\*)|·|(/))\s*|\s+")
+_EXACT = Context(prec=60, traps=[])
+
+_SPOKEN = {
+    "1": ("a pure number", "a number", "0.5"),
+    "m": ("a length", "metres", "20 um"),
+    "s": ("a time", "seconds", "1 ms"),
+    "kg": ("a mass", "kilograms", "2.5 g"),
+    "K": ("a temperature difference", "kelvin", "20 K"),
+    "Hz": ("a frequency", "hertz", "5 Hz"),
+    "rad": ("an angle", "radians", "90 deg"),
+    "N": ("a force", "newtons", "24 N"),
+    "W": ("a heat load", "watts", "2 W"),
+    "m/s": ("a velocity", "metres per second", "0.1 m/s"),
+    "N/m": ("a stiffness", "newtons per metre", "1e6 N/m"),
+}
+
+Unit = tuple[Decimal, dict[str, float]]
+"""Factor to pint's root units, and the exponents of those."""
+
+
+class UnitError(ValueError):
+    """A unit that cannot be read; the message says why."""
+
+
+def factors(unit: str) -> list[tuple[str, int]]:
+    """Split a unit into names and integer exponents: ``W/m**2/K`` is W, m⁻², K⁻¹.
+
+    Raises
+    ------
+    UnitError
+        The text is not made of names, exponents, ``*``, ``/`` and spaces, or is too long.
+    """
+    found: list[tuple[str, int]] = []
+    position, sign = 0, 1
+    while len(unit) <= _LONGEST_UNIT and (factor := _UNIT_FACTOR.match(unit, position)):
+        if factor[1]:
+            found.append((factor[1], sign * int(factor[2] or 1)))
+        if factor.end() == len(unit):
+            return found
+        joint = _UNIT_JOINT.match(unit, factor.end())
+        if joint is None:
+            break
+        position, sign = joint.end(), -1 if joint[1] else 1
+    raise UnitError(f"{said(unit)} is not a unit")
+
+
+@lru_cache(maxsize=1024)
+def parse_unit(unit: str) -> Unit:
+    """Return what a unit is worth in root units.
+
+    Raises
+    ------
+    UnitError
+        The text cannot be read, names an unknown unit or one with an offset (``degC``).
+    """
+    worth, roots = Decimal(1), dict[str, float]()
+    for name, exponent in factors(unit):
+        factor, units = _named(name)
+        worth = _EXACT.multiply(worth, _EXACT.power(factor, exponent))
+        for root, power in units.items():
+            roots[root] = roots.get(root, 0) + power * exponent
+    return worth, {root: power for root, power in roots.items() if power}
+
+
+@cache
+def _registry() -> Any:
+    import pint
+
+    return pint.UnitRegistry(non_int_type=Decimal)
+
+
+@lru_cache(maxsize=1024)
+def _named(name: str) -> Unit:
+    """Return what a bare name is worth; ``rpm`` counts cycles here, as engineers do, not radians."""
+    import pint
+    from pint.util import to_units_container
+
+    if name == "rpm":
+        return _EXACT.divide(Decimal(1), Decimal(60)), {"second": -1}
+    try:
+        factor, root = _registry().get_root_units(name)
+        offset = _registry().Quantity(Decimal(0), name).to_root_units().magnitude
+    except (pint.PintError, AttributeError, TypeError, ValueError, ArithmeticError):
+        raise UnitError(f"{said(name)} is not a unit") from None
+    if offset:
+        raise UnitError(f"{said(name)} has an offset")
+    return Decimal(factor), {str(unit): float(power) for unit, power in to_units_container(root).items()}
+
+
+def udunits(unit: str) -> str:
+    """Return a declared unit as CF writes it: ``W/m**2/K`` is ``W m-2 K-1``, a pure number ``1``."""
+    return " ".join(name if power == 1 else f"{name}{power}" for name, power in factors(unit)) or "1"
+
+
+def expected(declared: Quantity) -> str:
+    """Return the remedy for a value of the wrong kind: the unit by name, with an example."""
+    _, units, example = _SPOKEN.get(declared.unit, ("", declared.unit, f"1 {declared.unit}"))
+    return f"write {units}, e.g. `{example}`"
+
+
+def admissible(declared: Quantity) -> str:
+    """Return the bounds in words: ``above 0 and at most 1``; empty where there are none."""
+    bounds = (("above", declared.above), ("at least", declared.at_least), ("at most", declared.at_most))
+    return " and ".join(f"{word} {bound:g}" for word, bound in bounds if bound is not None)
+
+
+def read_quantity(value: Any, declared: Quantity, whole: bool = False) -> float | int:
+    """Return a value of a study in SI.
+
+    Parameters
+    ----------
+    value
+        A number in SI, or a string ``number unit``.
+    declared
+        Unit and bounds.
+    whole
+        Whether only whole numbers will do; the result is then an ``int``.
+
+    Raises
+    ------
+    PydanticCustomError
+        With problem and remedy: no number, not finite, the wrong unit, out of bounds.
+    """
+    kind = _SPOKEN.get(declared.unit, (f"in {declared.unit}",))[0]
+    if value is None:
+        raise wrong("has no value", expected(declared))
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        raise wrong(f"{said(value)} is not {kind}", "write a whole number" if whole else expected(declared))
+    number = _converted(value, declared, kind) if isinstance(value, str) else value
+    if not _finite(number):
+        raise wrong(f"{said(value)} is not finite", expected(declared))
+    if whole and number != int(number):
+        raise wrong(f"{said(value)} is not a whole number", "write a whole number")
+    below = (declared.above is not None and not number > declared.above) or (
+        declared.at_least is not None and not number >= declared.at_least
+    )
+    if below or (declared.at_most is not None and not number <= declared.at_most):
+        unit = "" if declared.unit == "1" else f" {declared.unit}"
+        raise wrong(f"{said(value)} is out of range", f"it must be {admissible(declared)}{unit}")
+    return int(number) if whole else float(number)
+
+
+def _finite(number: float) -> bool:
+    try:
+        return math.isfinite(number)
+    except OverflowError:  # an integer beyond the largest float
+        return False
+
+
+def _converted(text: str, declared: Quantity, kind: str) -> float:
+    """Return a string ``number unit`` in SI, correctly rounded once."""
+    stripped = text.strip()
+    number = _NUMBER.match(stripped)
+    if number is None:
+        raise wrong(f"{said(text)} is not {kind}", expected(declared))
+    unit = stripped[number.end() :].strip()
+    if not unit and declared.unit != "1":
+        raise wrong(f"{said(text)} is a string without a unit", expected(declared))
+    if "°" in unit:
+        raise wrong(f"the unit {said(unit)} has an offset", expected(declared))
+    try:
+        worth, roots = parse_unit(unit) if unit else (Decimal(1), {})
+    except UnitError as problem:
+        raise wrong(str(problem), expected(declared)) from None
+    target, target_roots = parse_unit(declared.unit)
+    if roots != target_roots:
+        raise wrong(f"{said(text)} is not {kind}", expected(declared))
+    if not math.isfinite(float(number[0])):
+        raise wrong(f"{said(text)} is not finite", expected(declared))
+    return float(_EXACT.divide(_EXACT.multiply(Decimal(number[0]), worth), target))

@@ -1,0 +1,307 @@
+"""From the text of a study to a :class:`Study`, or to all of its mistakes at once."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from decimal import Decimal
+from fractions import Fraction
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+from pydantic_core import PydanticCustomError
+
+from workflow import models, schemes
+from workflow.study.addresses import MODES, Address, scene_values, scheme_options, settings
+from workflow.study.axes import Arrangement, Axis, Dimension, expanded
+from workflow.study.document import study_form
+from workflow.study.forms import Form, sound
+from workflow.study.leaves import Axial, Spread
+from workflow.study.mistakes import Place, StudyError, one_of, said
+from workflow.study.settings import FULL, Initial, Output, Scene, SchemeChoice
+from workflow.study.source import Source, compose, read_text
+from workflow.study.study import Reference, Study
+
+MOST_SAMPLES = 2_000_000
+
+
+def read_study(path: str | Path) -> Study:
+    """Read a study from its file.
+
+    Raises
+    ------
+    StudyError
+        The file cannot be read or the study has mistakes; all of them are in ``mistakes``.
+    """
+    return parse_study(read_text(path), str(path))
+
+
+def parse_study(text: str, file: str) -> Study:
+    """Read a study from its text; ``file`` is its name in messages.
+
+    Raises
+    ------
+    StudyError
+        The study has mistakes; all of them are in ``mistakes``.
+    """
+    source = compose(text, file)
+    reader = _Reader(source)
+    study = reader.study()
+    if source.mistakes:
+        raise StudyError(source.mistakes)
+    return study
+
+
+def _mapping(value: Any, *keys: str) -> dict[str, Any]:
+    """Return the mapping at some keys of a tree, an empty one where there is none."""
+    for key in keys:
+        value = value.get(key) if isinstance(value, dict) else None
+    return value if isinstance(value, dict) else {}
+
+
+@lru_cache(maxsize=32)
+def _forms(
+    names: tuple[str, ...], methods: tuple[tuple[str, tuple[str, ...]], ...], labels: tuple[str, ...]
+) -> tuple[dict[str, Address], type[Form]]:
+    """Return what may vary and the form of a study, for some models and schemes."""
+    addresses = settings(labels) | scene_values(names) | scheme_options(dict(methods))
+    return addresses, study_form(addresses, labels)
+
+
+class _Reader:
+    """Reads one study, section by section; a mistake in one hides none in another."""
+
+    def __init__(self, source: Source) -> None:
+        self.source = source
+        self.tree = source.tree
+        self.model = self._model()
+        self.labels = self._labels()
+        names = (self.model,) if self.model else models.names()
+        self.addresses, self.form = _forms(names, tuple(self.labels.items()), tuple(self.labels))
+        self.nodes = f"scene.{self.model}.nodes" if self.model else None
+        self.counts: tuple[int, ...] | None = None
+
+    def study(self) -> Study:
+        """Return the study; where there were mistakes, their list is what counts."""
+        supplied = self._supply()
+        self.counts = self._node_counts()
+        entries = self._read(supplied)
+        axes = self._in_order(entries["axes"], "axes")
+        zips = {name: self._in_order(zipped, "zip", name) for name, zipped in entries["zip"].items()}
+        self._judge_zips()
+        arrangement = Arrangement(self.source, self.addresses, self.nodes, self.counts)
+        dimensions, scalars = arrangement.arrange(axes, zips)
+        scene = entries["scene"]
+        reference = entries.get("reference")
+        if reference is not None:
+            reference = Reference(self._reference(reference, arrangement, dimensions))
+        defined = entries["schemes"].items()
+        choices = {label: SchemeChoice(label, method, options) for label, (method, options) in defined}
+        self._judge_start(scene, dimensions, scalars)
+        output = self._output(entries.get("output"), scene.get("duration"))
+        if self.source.mistakes:
+            raise StudyError(self.source.mistakes)
+        return Study(
+            name=entries["study"],
+            title=entries["title"] or entries["study"],
+            text=self.source.text,
+            file=self.source.file,
+            scene=Scene(
+                str(self.model),
+                scene[str(self.model)],
+                scene["casing"].gap,
+                scene["load"],
+                scene["initial"],
+                scene["duration"],
+            ),
+            schemes=self._used(choices, dimensions, scalars, reference),
+            dimensions=dimensions,
+            scalars=scalars,
+            reference=reference,
+            output=output,
+        )
+
+    def _model(self) -> str | None:
+        """Return the scene's one model, ``None`` where there is not exactly one."""
+        scene = _mapping(self.tree, "scene")
+        found = [key for key in scene if key in models.names()]
+        if len(found) > 1:
+            problem = f"is a second model beside `{found[0]}`"
+            self.source.report(("scene", found[1]), problem, "keep one model per study")
+        elif not found and scene:
+            known = set(scene) & {"casing", "load", "initial", "duration"}
+            if len(known) == len(scene):  # an unknown key is told by itself
+                self.source.report(("scene",), "has no model", one_of("", models.names()))
+        return found[0] if len(found) == 1 else None
+
+    def _labels(self) -> dict[str, tuple[str, ...]]:
+        """Return every label that a scheme can have with the methods it may stand for."""
+        methods = schemes.names()
+        defined: dict[str, tuple[str, ...]] = {}
+        for label, entry in _mapping(self.tree, "schemes").items():
+            method = entry.get("method") if isinstance(entry, dict) else None
+            known = isinstance(method, str) and method in methods
+            defined[label] = (str(method),) if known else methods
+            if label in methods and known and method != label:
+                problem = f"names another method than `{method}`"
+                self.source.report(("schemes", label), problem, "choose a label that is no method")
+        return defined | {method: (method,) for method in methods if method not in defined}
+
+    def _varied(self) -> list[tuple[Place, str, Any]]:
+        """Return place, path and content of all axes as written."""
+        written = [(("axes", path), path, content) for path, content in _mapping(self.tree, "axes").items()]
+        for name in _mapping(self.tree, "zip"):
+            columns = _mapping(self.tree, "zip", name).items()
+            written += [(("zip", name, path), path, content) for path, content in columns]
+        return [entry for entry in written if entry[1] in self.addresses]
+
+    def _supply(self) -> set[Place]:
+        """Give the scene the first value of an axis where it has none of its own; return where."""
+        supplied: set[Place] = set()
+        self.tree = copy.deepcopy(self.tree)
+        for place, path, content in self._varied():
+            *above, last = path.split(".")
+            owner = self.tree
+            for word in above:
+                owner = owner.setdefault(word, {}) if isinstance(owner, dict) else None
+            if path == "scene.initial" or not above or above[0] != "scene" or not isinstance(owner, dict):
+                self._judge_static(place, path)
+                continue
+            first = next(iter(content.values()), None) if isinstance(content, dict) else content
+            while isinstance(first, list) and first:
+                first = first[0]
+            if last not in owner:
+                owner[last] = first
+                supplied.add(tuple(path.split(".")))
+        return supplied
+
+    def _judge_static(self, place: Place, path: str) -> None:
+        if path.startswith("scene.initial.") and _mapping(self.tree, "scene").get("initial") == "static":
+            problem = "varies a start that is `static`"
+            self.source.report(place, problem, "leave it out, or write `initial` as a mapping")
+
+    def _node_counts(self) -> tuple[int, ...] | None:
+        """Return the numbers of nodes that the cases have, ``None`` where they cannot be read."""
+        if self.nodes is None:
+            return None
+        reading = self.addresses[self.nodes].value
+        content = _mapping(self.tree, "scene", str(self.model)).get("nodes")
+        for _, path, varied in self._varied():
+            content = varied if path == self.nodes else content
+        try:
+            read = Axial(reading).read(content, {})
+            if isinstance(read, Spread) and read.count > 10_000:
+                return None
+            return tuple(int(count) for count in expanded(read, whole=True))
+        except (ValidationError, PydanticCustomError, ValueError):
+            return None
+
+    def _read(self, supplied: set[Place]) -> dict[str, Any]:
+        """Return what could be read of every section, and report what could not."""
+        context = {"nodes": self.counts}
+        faults: set[Place] = set()
+        try:
+            self.form.model_validate(self.tree, context=context)
+        except ValidationError as error:
+            for line in error.errors(include_url=False):
+                place = tuple(step for step in line["loc"] if str(step)[:1] not in "<[")
+                faults.add(place)
+                if place not in supplied:
+                    self.source.report(place, line["ctx"]["problem"], line["ctx"]["remedy"])
+        if not isinstance(self.tree, dict):
+            raise StudyError(self.source.mistakes)
+        empty: dict[str, Any] = {"scene": {}, "axes": {}, "zip": {}, "schemes": {}}
+        return empty | sound(self.form, self.tree, faults, context)
+
+    def _in_order(self, read: Any, *keys: str) -> dict[str, Any]:
+        """Return the axes of a section in the order in which they are written."""
+        content = dict(read)
+        return {path: content[path] for path in _mapping(self.tree, *keys) if content.get(path) is not None}
+
+    def _judge_zips(self) -> None:
+        for name, content in _mapping(self.tree, "zip").items():
+            if content == {}:
+                self.source.report(("zip", name), "is empty", "write the axes that vary together")
+
+    def _reference(
+        self, values: dict[str, Any], arrangement: Arrangement, dimensions: tuple[Dimension, ...]
+    ) -> dict[str, Any]:
+        varied = any(axis.path == self.nodes for dimension in dimensions for axis in dimension.axes)
+        for path in MODES:
+            if path in values and not (varied and values[path] == FULL):
+                values[path] = arrangement.mode_count(("reference", path), values[path], self.counts)
+        return values
+
+    def _used(
+        self,
+        defined: dict[str, SchemeChoice],
+        dimensions: tuple[Dimension, ...],
+        scalars: tuple[Axis, ...],
+        reference: Reference | None,
+    ) -> dict[str, SchemeChoice]:
+        """Return the defined schemes and the bare methods that the study uses."""
+        axes = [*scalars, *(axis for dimension in dimensions for axis in dimension.axes)]
+        used = [str(label) for axis in axes if axis.path == "scheme" for label in axis.values]
+        used += [axis.path.split(".")[1] for axis in axes if axis.path.startswith("schemes.")]
+        if reference is not None and "scheme" in reference.values:
+            used.append(str(reference.values["scheme"]))
+        bare = {
+            label: SchemeChoice(label, label, schemes.load(label).Options()) for label in used if label not in defined
+        }
+        return defined | bare
+
+    def _judge_start(
+        self, scene: Mapping[str, Any], dimensions: tuple[Dimension, ...], scalars: tuple[Axis, ...]
+    ) -> None:
+        """Refuse a tip that starts inside the casing in any case."""
+        initial, casing = scene.get("initial"), scene.get("casing")
+        if not isinstance(initial, Initial) or casing is None:
+            return
+        tip = initial.displacement[-1] if isinstance(initial.displacement, tuple) else initial.displacement
+        paths = ("scene.initial.displacement", "scene.casing.gap")
+        values: dict[str, tuple[Any, ...]] = {paths[0]: (tip,), paths[1]: (casing.gap,)}
+        together = False
+        groups = [dimension.axes for dimension in dimensions] + [(scalar,) for scalar in scalars]
+        for group in groups:
+            found = {axis.path: axis.values for axis in group if axis.path in paths}
+            together = together or len(found) == 2
+            values |= found
+        tips, gaps = values[paths[0]], values[paths[1]]
+        pairs = list(zip(tips, gaps, strict=True)) if together else [(max(tips), min(gaps))]
+        inside = [(x, gap) for x, gap in pairs if x > gap]
+        if inside:
+            x, gap = inside[0]
+            problem = f"the tip starts inside the casing, at {x:g} m with a gap of {gap:g} m"
+            remedy = "start at or below the gap, or write `initial: static`"
+            self.source.report(self._written(paths), problem, remedy)
+
+    def _written(self, paths: tuple[str, ...]) -> Place:
+        """Return where the first of some scene values is written, as an axis or in the scene."""
+        for path in paths:
+            for place, varied, _ in self._varied():
+                if varied == path:
+                    return place
+            if tuple(path.split(".")) in self.source.lines:
+                return tuple(path.split("."))
+        return tuple(paths[-1].split("."))
+
+    def _output(self, entries: Mapping[str, Any] | None, duration: float | None) -> Output:
+        """Return the output with the default interval, a thousandth of the duration."""
+        given = dict(entries or {})
+        if duration is None or entries is None:
+            return Output(interval=1.0)
+        if given.get("interval") is None:
+            given["interval"] = float(Decimal(repr(duration)) / 1000)
+        ratio = Fraction(repr(duration)) / Fraction(repr(given["interval"]))
+        place = ("output", "interval")
+        count = max(1, round(ratio))
+        if ratio + 1 > MOST_SAMPLES:
+            problem = f"gives {float(ratio):.3g} samples of every history"
+            self.source.report(place, problem, f"write at least {duration / MOST_SAMPLES * 1.001:.3g} s")
+        elif abs(ratio - count) > Fraction(1, 10**9):
+            interval = float(f"{duration / count:.12g}")
+            problem = f"{said(given['interval'])} s does not divide the duration of {duration:g} s"
+            self.source.report(place, problem, f"write {interval:g}, for {count} intervals")
+        return Output(**given)

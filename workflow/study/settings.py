@@ -1,0 +1,108 @@
+"""What a study settles: the scene, the schemes and the settings of one case, in SI."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from workflow.declare import Values, quantity
+
+FULL = "full"
+"""All interior modes: one fewer than the model has nodes."""
+
+History = Literal["displacement", "velocity", "temperature", "impulse", "contact_force"]
+Precision = Literal["float64", "float32"]
+
+
+@dataclass(frozen=True)
+class Load:
+    """Load f(t) = F0 + F1 sin(2π f t + φ) on the tip [N], and a constant one on every node."""
+
+    mean: float = quantity("N", "constant part F0 of the load on the tip", default=0.0)
+    amplitude: float = quantity("N", "amplitude F1 of the load on the tip", default=0.0)
+    frequency: float = quantity("Hz", "frequency of the load on the tip", default=0.0, at_least=0)
+    phase: float = quantity("rad", "phase of the load on the tip", default=0.0)
+    steady: Values = quantity("N", "constant load per node", default=0.0, per="node")
+
+
+@dataclass(frozen=True)
+class Initial:
+    """State at t = 0, a scalar for every node or one value per node."""
+
+    displacement: Values = quantity("m", "initial displacement", default=0.0, per="node")
+    velocity: Values = quantity("m/s", "initial velocity", default=0.0, per="node")
+    temperature: Values = quantity("K", "initial temperature rise above the root", default=0.0, per="node")
+
+
+@dataclass(frozen=True)
+class Casing:
+    """What the tip rubs on."""
+
+    gap: float = quantity("m", "tip clearance at rest, cold; any sign")
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Model, casing, load, initial state and duration of a case.
+
+    Attributes
+    ----------
+    model
+        Name of the model, a module of ``workflow/models/``.
+    parameters
+        Instance of that module's ``Parameters``; lists are tuples.
+    gap
+        Tip clearance at rest, cold, m.
+    load, initial
+        Load and initial state; ``"static"`` is equilibrium under the constant loads.
+    duration
+        s.
+    """
+
+    model: str
+    parameters: Any
+    gap: float
+    load: Load
+    initial: Initial | Literal["static"]
+    duration: float = quantity("s", "duration of every case", above=0)
+
+
+@dataclass(frozen=True)
+class SchemeChoice:
+    """A method of time integration with its options, under the label the study gives it."""
+
+    label: str
+    method: str
+    options: Any
+
+
+@dataclass(frozen=True)
+class Cell:
+    """The settings of one case, everything resolved; e, alpha, h in SI, modes as counts."""
+
+    scene: Scene
+    scheme: SchemeChoice
+    e: float = quantity("1", "restitution coefficient", default=0.0, at_least=0, at_most=1)
+    alpha: float = quantity("W/N", "heat flux at the tip per unit contact force", default=0.0, at_least=0)
+    h: float = quantity("s", "time step", default=1e-4, above=0)
+    mechanical_modes: int = quantity("1", "interior mechanical modes kept", default=FULL, at_least=0)
+    thermal_modes: int = quantity("1", "interior thermal modes kept", default=FULL, at_least=0)
+
+
+@dataclass(frozen=True)
+class Output:
+    """What the archive keeps of every case.
+
+    Attributes
+    ----------
+    interval
+        Common sampling of all histories, s; a thousandth of the duration where a study has none.
+    histories
+        Names of the tip histories that are kept.
+    precision
+        Type of the histories.
+    """
+
+    interval: float = quantity("s", "sampling of all histories; default: duration/1000", above=0)
+    histories: tuple[History, ...] = ("displacement", "temperature", "contact_force")
+    precision: Precision = "float64"

@@ -1,0 +1,138 @@
+"""A study as resolved: what its cases share, what they vary, and the settings of each."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from workflow.study.axes import Axis, Dimension, Value
+from workflow.study.settings import FULL, Cell, Output, Scene, SchemeChoice
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What errors are measured against: the settings that replace those of a case.
+
+    ``full`` stays a word where the number of nodes varies; :meth:`Study.cell` resolves it.
+    """
+
+    values: Mapping[str, Value]
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study that has been read, checked and resolved to SI.
+
+    Attributes
+    ----------
+    name, title, text, file
+        Identifier, title (the identifier where a study has none), source as written, and its file.
+    scene
+        The scene as written, before axes replace any of it.
+    schemes
+        Schemes by label: those defined, and the bare methods that are used.
+    dimensions
+        Axes, then zips, in the study's order.
+    scalars
+        Settings and scene values that are no dimension, with one value each.
+    reference
+        What errors are measured against, or ``None``.
+    output
+        What the archive keeps.
+    """
+
+    name: str
+    title: str
+    text: str
+    file: str
+    scene: Scene
+    schemes: Mapping[str, SchemeChoice]
+    dimensions: tuple[Dimension, ...]
+    scalars: tuple[Axis, ...]
+    reference: Reference | None
+    output: Output
+
+    @property
+    def samples(self) -> int:
+        """Number of common samples, the initial state included."""
+        return round(self.scene.duration / self.output.interval) + 1
+
+    def cell(self, values: Mapping[str, Value]) -> Cell:
+        """Return the settings of a case.
+
+        Parameters
+        ----------
+        values
+            By path, one value for every axis and scalar, in SI.
+
+        Raises
+        ------
+        KeyError
+            A setting has no value, or no scheme has the label.
+        """
+        scene, scheme = self.scene, self.schemes[str(values["scheme"])]
+        for path, value in values.items():
+            head, *rest = path.split(".")
+            if head == "scene":
+                scene = _replaced(scene, _attributes(rest, scene.model), value)
+            elif head == "schemes" and rest[0] == scheme.label:
+                scheme = dataclasses.replace(scheme, options=_replaced(scheme.options, rest[1:], value))
+        full = scene.parameters.nodes - 1
+        mechanical, thermal = values["mechanical_modes"], values["thermal_modes"]
+        return Cell(
+            scene,
+            scheme,
+            e=float(values["e"]),
+            alpha=float(values["alpha"]),
+            h=float(values["h"]),
+            mechanical_modes=full if mechanical == FULL else int(mechanical),
+            thermal_modes=full if thermal == FULL else int(thermal),
+        )
+
+    def resolved(self) -> dict[str, Any]:
+        """Return everything resolved as plain JSON values: SI, defaults filled in, no file names."""
+        scene = self.scene
+        initial = scene.initial if isinstance(scene.initial, str) else dataclasses.asdict(scene.initial)
+        return _plain(
+            {
+                "study": self.name,
+                "title": self.title,
+                "scene": {
+                    scene.model: dataclasses.asdict(scene.parameters),
+                    "casing": {"gap": scene.gap},
+                    "load": dataclasses.asdict(scene.load),
+                    "initial": initial,
+                    "duration": scene.duration,
+                },
+                "schemes": {
+                    label: {"method": choice.method, **dataclasses.asdict(choice.options)}
+                    for label, choice in self.schemes.items()
+                },
+                "dimensions": [dataclasses.asdict(dimension) for dimension in self.dimensions],
+                "scalars": [dataclasses.asdict(scalar) for scalar in self.scalars],
+                "reference": None if self.reference is None else dict(self.reference.values),
+                "output": dataclasses.asdict(self.output),
+            }
+        )
+
+
+def _attributes(words: list[str], model: str) -> list[str]:
+    """Return how the value of a dotted path below ``scene`` is reached in a :class:`Scene`."""
+    if words[0] == "casing":
+        return words[1:]
+    return ["parameters", *words[1:]] if words[0] == model else words
+
+
+def _replaced(owner: Any, attributes: list[str], value: Value) -> Any:
+    """Return a frozen dataclass with a value replaced, however deep it lies."""
+    name, *deeper = attributes
+    return dataclasses.replace(owner, **{name: _replaced(getattr(owner, name), deeper, value) if deeper else value})
+
+
+def _plain(value: Any) -> Any:
+    """Return nested values with lists in the place of tuples, as JSON has them."""
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
