@@ -20,7 +20,7 @@ def _solve(matrix: Array, load: Array) -> Array | None:
     scale = float(np.abs(matrix).max(initial=0.0))
     if scale == 0.0:
         return np.zeros_like(load) if not np.any(load) else None
-    solution: Array = np.linalg.lstsq(matrix / scale, load / scale, rcond=None)[0]
+    solution = np.asarray(np.linalg.lstsq(matrix / scale, load / scale, rcond=None)[0], dtype=np.float64)
     unbalanced = np.abs(matrix @ solution - load).max(initial=0.0)
     return solution if unbalanced <= _UNBALANCED * np.abs(load).max(initial=0.0) else None
 

@@ -34,6 +34,9 @@ from workflow.schemes._interface import (
     schedule,
 )
 
+SOLVER_VERSION = 1
+"""Raised whenever a change of the physics floor changes results: archives do not mix versions."""
+
 
 def names() -> tuple[str, ...]:
     """Return the names of all schemes, sorted."""
@@ -55,6 +58,7 @@ def load(name: str) -> Scheme:
 
 __all__ = [
     "HISTORIES",
+    "SOLVER_VERSION",
     "Cases",
     "Results",
     "Sampling",

@@ -247,21 +247,20 @@ def watch(cases: Cases, sampling: Sampling, schedule: Schedule, h: float) -> Wat
     periods = complete_periods(cases, sampling)
     longest = int(periods.max(initial=0))
     ends = np.arange(1, longest + 1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        position = ends / cases.frequency[:, None] / h
-    position = np.where(ends <= periods[:, None], position, np.inf)
+    counted = ends <= periods[:, None]
+    position = np.zeros(counted.shape)
+    np.divide(ends / h, cases.frequency[:, None], out=position, where=counted)
     nearest = np.round(position)
     on_step = np.abs(position - nearest) <= 1e-9 * np.maximum(nearest, 1.0)  # as for the step count
-    due = np.where(on_step, nearest, np.ceil(position))
-    weight = np.where(on_step, 1.0, position - (due - 1))
-    counted = np.isfinite(due)
-    due_steps = np.where(counted, np.minimum(np.where(counted, due, 0), schedule.steps), NEVER)
+    weight = np.where(on_step, 1.0, position - np.floor(position))
+    due = np.where(on_step, nearest, np.ceil(position)).astype(np.int64)
+    due = np.where(counted, np.minimum(due, schedule.steps), NEVER)
     shape = (cases.count, sampling.count)
     record = Record(
         *(np.zeros(shape) for _ in range(4)),
         *(np.full((cases.count, longest), np.nan) for _ in range(3)),
     )
-    return Watch(cases, schedule, sampling, h, record, due_steps.astype(np.int64), weight)
+    return Watch(cases, schedule, sampling, h, record, due, weight)
 
 
 def _lanes_of(part: slice, values: Array) -> Array:

@@ -1,0 +1,62 @@
+"""The θ-method of DESIGN section 2 with plain matrices: what the modal kernel must reproduce."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from workflow.models import Cases, Structure
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """States at the step ends 0 … steps, and the impulse of each step."""
+
+    displacement: np.ndarray
+    velocity: np.ndarray
+    temperature: np.ndarray
+    impulse: np.ndarray
+
+    def energy(self, structure: Structure) -> np.ndarray:
+        """E = ½ vᵀMv + ½ xᵀK1x at every step end."""
+        kinetic = np.einsum("ti,ij,tj->t", self.velocity, structure.mass, self.velocity)
+        elastic = np.einsum("ti,ij,tj->t", self.displacement, structure.stiffness_matrix, self.displacement)
+        return (kinetic + elastic) / 2
+
+
+def march(structure: Structure, batch: Cases, h: float, theta: float, steps: int) -> Trajectory:
+    """Step the first case of a batch."""
+    M, C1, K1 = structure.mass, structure.damping_matrix, structure.stiffness_matrix
+    K12, C2, K2 = structure.coupling_matrix, structure.heat_capacity, structure.conductance_matrix
+    e, alpha, gap = batch.e[0], batch.alpha[0], batch.gap[0]
+    tip = np.zeros(structure.mechanical_size)
+    tip[-1] = 1.0
+    heat_tip = np.zeros(structure.thermal_size)
+    heat_tip[-1] = 1.0
+
+    def force(t: float) -> np.ndarray:
+        swing = batch.amplitude[0] * np.sin(2 * np.pi * batch.frequency[0] * t + batch.phase[0])
+        return (batch.mean[0] + swing) * tip + batch.steady[0]
+
+    W_hat = M + h * theta * C1 + h**2 * theta**2 * K1
+    T_hat = C2 + h * theta * K2
+    warm = np.linalg.solve(T_hat, heat_tip)
+    kick = np.linalg.solve(W_hat, tip + alpha * h * theta * K12 @ warm)
+    x, v, T = batch.displacement[0], batch.velocity[0], batch.temperature[0]
+    found = [(x, v, T)]
+    impulses = np.zeros(steps)
+    for k in range(steps):
+        T_new = np.linalg.solve(T_hat, C2 @ T - h * (1 - theta) * K2 @ T + h * batch.heating[0])
+        load = theta * force((k + 1) * h) + (1 - theta) * force(k * h)
+        right = M @ v - h * (1 - theta) * C1 @ v - h * K1 @ (x + h * theta * (1 - theta) * v)
+        right += h * load - h * K12 @ (theta * T_new + (1 - theta) * T)
+        v_new = np.linalg.solve(W_hat, right)
+        if x[-1] + h / 2 * v[-1] >= gap:
+            p = max(0.0, (v_new[-1] + e * v[-1]) / kick[-1])
+            impulses[k] = p
+            v_new = v_new - p * kick
+            T_new = T_new + alpha * p * warm
+        x, v, T = x + h * (theta * v_new + (1 - theta) * v), v_new, T_new
+        found.append((x, v, T))
+    return Trajectory(*(np.array(states) for states in zip(*found, strict=True)), impulses)

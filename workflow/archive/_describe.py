@@ -1,0 +1,179 @@
+"""What the archive of a study holds: its dimensions, coordinates and variables with CF attributes."""
+
+from __future__ import annotations
+
+import datetime
+import hashlib
+import importlib.metadata
+import json
+import platform
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import workflow
+from workflow.archive._layout import Coordinate, Layout, Variable
+from workflow.grid import Grid, Units, longest_period_count
+from workflow.schemes import SOLVER_VERSION, Status
+from workflow.study import Axis, Study
+
+_HISTORIES = {
+    "displacement": ("m", "displacement of the blade tip towards the casing"),
+    "velocity": ("m s-1", "velocity of the blade tip towards the casing"),
+    "temperature": ("K", "temperature rise of the blade tip above the root"),
+    "impulse": ("N s", "impulse of the casing on the blade tip since the start"),
+    "contact_force": ("N", "contact force on the blade tip, mean over the preceding interval"),
+}
+
+_METRICS = {
+    "contact_impulse": ("N s", "impulse of the casing on the blade tip over the duration"),
+    "impacts": ("1", "number of impacts"),
+    "contact_time": ("s", "time in contact"),
+    "max_penetration": ("m", "largest penetration of the casing by the blade tip"),
+    "max_temperature": ("K", "largest temperature rise of the blade tip"),
+    "thermal_closing": ("m", "quasi-static tip growth by the temperatures at the end"),
+    "critical_alpha": ("m s-1", "heat coupling above which a tip in permanent contact runs away"),
+    "growth_rate": ("s-1", "largest real eigenvalue of the structure with the tip in permanent contact"),
+    "steps": ("1", "number of steps"),
+    "wall_time": ("s", "computing time of the case, its share of its batch"),
+}
+
+_PERIODS = {
+    "period_impulse": ("N s", "impulse of the casing in a load period"),
+    "period_force": ("N", "largest contact force in a load period, mean over an output interval"),
+    "period_temperature": ("K", "largest temperature rise of the blade tip in a load period"),
+    "period_contact": ("1", "share of a load period in contact"),
+}
+
+_COMMENTS = {
+    "impacts": "event_driven: velocity jumps; time-stepping schemes: steps with an impulse after one without",
+    "max_penetration": "0 where the tip never passed the casing",
+    "critical_alpha": "infinite where the root is free or heat at the tip does not push it out",
+}
+
+
+def study_key(study: Study) -> str:
+    """Return the identity of a study's results: everything resolved, and the solver's version."""
+    identity = json.dumps({"study": study.resolved(), "solver": SOLVER_VERSION}, sort_keys=True)
+    return hashlib.sha256(identity.encode()).hexdigest()
+
+
+def code_revision() -> str:
+    """Return a hash of this package's own sources: the revision of the code that runs."""
+    root = Path(workflow.__file__).parent
+    digest = hashlib.sha256()
+    for source in sorted(root.rglob("*.py")):
+        digest.update(f"{source.relative_to(root)}\0".encode() + source.read_bytes())
+    return digest.hexdigest()
+
+
+def describe(study: Study, grid: Grid, units: Units) -> Layout:
+    """Return the layout of a study's archive."""
+    histories = study.output.histories
+    periods = longest_period_count(grid)
+    return Layout(
+        dims=grid.dims,
+        samples=grid.sampling.count if histories else 0,
+        periods=periods,
+        chunk=units.chunk,
+        coordinates=_coordinates(study, grid, periods),
+        variables=_variables(study, periods),
+        attrs={
+            "title": study.title,
+            "summary": (
+                f"Study {study.name}: tip response of a thermo-elastic {study.scene.model} that rubs on its casing, "
+                f"over {', '.join(name for name, _ in grid.dims) or 'a single case'}"
+            ),
+            "license": "https://creativecommons.org/licenses/by/4.0/",
+            "source": f"rotor-stator-workflow {workflow.__version__}, nonsmooth thermo-elastic contact solver",
+            "references": (
+                "Thorin, Guérin, Legrand: Rotor–stator interaction: reduction of a nonsmooth thermo-elastic "
+                "unidimensional model; Acary, Brogliato: Numerical Methods for Nonsmooth Dynamical Systems (2008)"
+            ),
+            "history": f"{_now()}: workflow run {study.name}",
+            "study": study.name,
+        },
+        provenance={
+            "study": study.text,
+            "resolved": json.dumps(study.resolved(), sort_keys=True),
+            "solver_version": str(SOLVER_VERSION),
+            "versions": json.dumps(_versions(), sort_keys=True),
+            "code_revision": code_revision(),
+            "platform": platform.platform(),
+        },
+        key=study_key(study),
+    )
+
+
+def _now() -> str:
+    return datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
+def _versions() -> dict[str, str]:
+    packages = ("numpy", "scipy", "numba", "xarray", "netCDF4", "h5py", "dask", "pydantic", "pint", "ruamel.yaml")
+    found = {"python": sys.version.split()[0], "rotor-stator-workflow": workflow.__version__}
+    for name in packages:
+        found[name] = importlib.metadata.version(name)
+    return found
+
+
+def _coordinate(axis: Axis, dims: tuple[str, ...]) -> Coordinate:
+    kind = object if any(isinstance(value, str) for value in axis.values) else None
+    values = np.asarray(axis.values, dtype=kind)
+    attrs = {"long_name": axis.description} | ({} if kind is object else {"units": axis.unit})
+    return Coordinate(axis.name, dims, values if dims else values.reshape(()), attrs)
+
+
+def _coordinates(study: Study, grid: Grid, periods: int) -> tuple[Coordinate, ...]:
+    found = [
+        _coordinate(axis, (dimension.name,)) for dimension in (*grid.outer, *grid.inner) for axis in dimension.axes
+    ]
+    found += [_coordinate(axis, ()) for axis in study.scalars]
+    if study.output.histories:
+        time = {"units": "s", "long_name": "time since the start"}
+        found.append(Coordinate("t", ("t",), grid.sampling.times, time))
+    if periods:
+        number = {"units": "1", "long_name": "number of the load period"}
+        found.append(Coordinate("period", ("period",), np.arange(1, periods + 1), number))
+    return tuple(found)
+
+
+def _attributes(name: str, unit: str, long_name: str) -> dict[str, str]:
+    comment = {"comment": _COMMENTS[name]} if name in _COMMENTS else {}
+    return {"units": unit, "long_name": long_name, **comment}
+
+
+def _variables(study: Study, periods: int) -> tuple[Variable, ...]:
+    precision = {"float64": "f8", "float32": "f4"}[study.output.precision]
+    found = [
+        Variable(name, "history", precision, _attributes(name, *_HISTORIES[name])) for name in study.output.histories
+    ]
+    found += [Variable(name, "metric", "f8", _attributes(name, *about)) for name, about in _METRICS.items()]
+    if periods:
+        found += [Variable(name, "period", "f8", _attributes(name, *about)) for name, about in _PERIODS.items()]
+    found.append(
+        Variable(
+            "status",
+            "flag",
+            "i1",
+            {
+                "long_name": "how the case ended",
+                "flag_values": [int(status) for status in Status],
+                "flag_meanings": " ".join(status.name.lower() for status in Status),
+            },
+        )
+    )
+    found.append(
+        Variable(
+            "runaway",
+            "flag",
+            "i1",
+            {
+                "long_name": "whether a tip in permanent contact would run away thermally",
+                "flag_values": [0, 1],
+                "flag_meanings": "bounded runaway",
+            },
+        )
+    )
+    return tuple(found)

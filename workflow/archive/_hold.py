@@ -1,0 +1,63 @@
+"""One run at a time on the shards of an archive."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO
+
+from workflow.archive._files import ArchiveError, writing
+
+HOLDER = "holder"
+"""File in the directory of the shards that the running process keeps locked."""
+
+
+@contextmanager
+def holding(parts: Path) -> Iterator[None]:
+    """Hold the directory of an archive's shards, which is made if need be; the system lets go at a crash.
+
+    Raises
+    ------
+    ArchiveError
+        Another run holds it, or it cannot be made.
+    """
+    with _locked(parts) as file:
+        file.truncate(0)
+        file.write(f"process {os.getpid()}")
+        file.flush()
+        yield
+
+
+def _locked(parts: Path) -> IO[str]:
+    while True:
+        with writing("the directory of the shards", parts.parent):
+            parts.mkdir(exist_ok=True)
+        try:
+            file = open(parts / HOLDER, "a+")  # noqa: SIM115 - locked as long as it is open
+        except FileNotFoundError:
+            continue  # the other run just finished and removed the directory
+        except OSError as error:
+            raise ArchiveError(f"{parts}: cannot be written to; make it writable, or choose another archive") from error
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            file.seek(0)
+            who = file.read().strip() or "a process that has not said which"
+            file.close()
+            raise ArchiveError(
+                f"{parts}: another run has it ({who}); wait for it or stop it, then try again"
+            ) from error
+        if _same_file(file, parts / HOLDER):
+            return file
+        file.close()
+
+
+def _same_file(file: IO[str], path: Path) -> bool:
+    """Tell whether the locked file is still the one under its name, not a removed one."""
+    try:
+        return os.path.samestat(os.fstat(file.fileno()), path.stat())
+    except FileNotFoundError:
+        return False

@@ -1,0 +1,151 @@
+"""Order of the archive's dimensions: what fixes the operators outermost, then what varies in a batch."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow import schemes
+from workflow.schemes import Sampling
+from workflow.study import Cell, Dimension, Study
+
+Indices = NDArray[np.int64]
+
+_OPERATOR_AXES = frozenset({"scheme", "h", "mechanical_modes", "thermal_modes"})
+
+
+def fixes_operator(path: str, model: str) -> bool:
+    """Tell whether cases that differ along this axis differ in operators, not only in conditions."""
+    of_model = path.startswith(f"scene.{model}.") and path != f"scene.{model}.heating"
+    return path in _OPERATOR_AXES or path.startswith("schemes.") or of_model
+
+
+def reads(method: str, label: str, path: str) -> bool:
+    """Tell whether a scheme's results depend on an axis."""
+    if path in ("e", "h", "alpha"):
+        return path in schemes.load(method).READS
+    return not path.startswith("schemes.") or path.startswith(f"schemes.{label}.")
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """The cases of a study in archive order; nothing is expanded.
+
+    A case is numbered ``outer * inner_count + inner``, in C order over ``dims``. Cases of one
+    ``outer`` share their operators: structure, scheme, step and mode counts.
+    """
+
+    study: Study
+    outer: tuple[Dimension, ...]
+    inner: tuple[Dimension, ...]
+
+    @property
+    def dims(self) -> tuple[tuple[str, int], ...]:
+        """Names and sizes of the dimensions, outermost first."""
+        return tuple((d.name, d.size) for d in (*self.outer, *self.inner))
+
+    @property
+    def outer_shape(self) -> tuple[int, ...]:
+        """Sizes of the dimensions that fix operators."""
+        return tuple(d.size for d in self.outer)
+
+    @property
+    def inner_shape(self) -> tuple[int, ...]:
+        """Sizes of the dimensions that vary within a batch."""
+        return tuple(d.size for d in self.inner)
+
+    @property
+    def outer_count(self) -> int:
+        """Number of distinct settings of the outer dimensions."""
+        return math.prod(self.outer_shape)
+
+    @property
+    def inner_count(self) -> int:
+        """Number of cases for each of them."""
+        return math.prod(self.inner_shape)
+
+    @cached_property
+    def sampling(self) -> Sampling:
+        """Common sampling of all histories."""
+        duration, interval = self.study.scene.duration, self.study.output.interval
+        return Sampling(duration, interval, round(duration / interval) + 1)
+
+    @cached_property
+    def base(self) -> dict[str, Any]:
+        """Values of the scalars, and the first ones of every axis."""
+        first = {axis.path: axis.values[0] for axis in self.study.scalars}
+        for dimension in (*self.outer, *self.inner):
+            first.update({axis.path: axis.values[0] for axis in dimension.axes})
+        return first
+
+    def settings(self, outer: int) -> Cell:
+        """Return the settings of the first case of an outer index."""
+        values = dict(self.base)
+        for dimension, index in zip(self.outer, np.unravel_index(outer, self.outer_shape), strict=True):
+            values.update({axis.path: axis.values[int(index)] for axis in dimension.axes})
+        return self.study.cell(values)
+
+    def inner_values(self, inner: Indices) -> Mapping[str, NDArray[np.float64]]:
+        """Return the values of the axes that vary within a batch, each ``(case,)``, by path."""
+        found: dict[str, NDArray[np.float64]] = {}
+        for dimension, index in zip(self.inner, np.unravel_index(inner, self.inner_shape), strict=True):
+            for axis in dimension.axes:
+                found[axis.path] = np.asarray(axis.values, dtype=np.float64)[index]
+        return found
+
+    def _unread(self, dimension: Dimension, cell: Cell) -> bool:
+        return not any(reads(cell.scheme.method, cell.scheme.label, axis.path) for axis in dimension.axes)
+
+    def canonical_outer(self, outer: int) -> int:
+        """Return the first outer index with the same results: axes its scheme does not read at 0."""
+        if not self.outer:
+            return outer
+        cell = self.settings(outer)
+        index = np.unravel_index(outer, self.outer_shape)
+        first = [0 if self._unread(d, cell) else int(i) for d, i in zip(self.outer, index, strict=True)]
+        return int(np.ravel_multi_index(first, self.outer_shape))
+
+    def canonical_inner(self, cell: Cell, inner: Indices) -> Indices:
+        """Return for each inner index the first one with the same results."""
+        if not self.inner:
+            return inner
+        index = np.unravel_index(inner, self.inner_shape)
+        first = [np.zeros_like(i) if self._unread(d, cell) else i for d, i in zip(self.inner, index, strict=True)]
+        return np.asarray(np.ravel_multi_index(first, self.inner_shape), dtype=np.int64)
+
+    def distinct_inner(self, cell: Cell) -> int:
+        """Return how many inner indices have results of their own."""
+        return math.prod(d.size for d in self.inner if not self._unread(d, cell))
+
+    @cached_property
+    def places(self) -> dict[int, tuple[int, ...]]:
+        """Outer indices that are computed, each with all the outer indices its results belong to."""
+        found: dict[int, list[int]] = {}
+        for outer in range(self.outer_count):
+            found.setdefault(self.canonical_outer(outer), []).append(outer)
+        return {outer: tuple(same) for outer, same in found.items()}
+
+
+def arrange(study: Study) -> Grid:
+    """Order a study's dimensions: operators outermost, then conditions with the longest innermost.
+
+    The longest one innermost makes the chunks of metrics, which hold one run of the innermost
+    dimension each, as few as can be.
+    """
+    model = study.scene.model
+    outer = tuple(d for d in study.dimensions if any(fixes_operator(axis.path, model) for axis in d.axes))
+    inner = [d for d in study.dimensions if d not in outer]
+    outer = tuple(sorted(outer, key=lambda d: min(_outermost_first(axis.path) for axis in d.axes)))
+    return Grid(study, outer, tuple(sorted(inner, key=lambda d: d.size)))
+
+
+def _outermost_first(path: str) -> int:
+    """Rank scheme before structure before its modes before the step."""
+    order = {"scheme": 0, "mechanical_modes": 2, "thermal_modes": 2, "h": 3}
+    return order.get(path, 1)
