@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from workflow import models, schemes
 from workflow.declare import quantity_of
-from workflow.study.leaves import Choice, Reading
+from workflow.study.leaves import Choice, Reading, is_whole
 from workflow.study.quantities import udunits
 from workflow.study.settings import Casing, Cell, Initial, Load, Scene
 
@@ -32,11 +32,12 @@ class Address:
 
 def settings(labels: tuple[str, ...]) -> dict[str, Address]:
     """Return the settings of a case that stand under ``axes`` by their bare names."""
-    found = {
-        name: Address(dataclasses.replace(value, full=True) if name in MODES else value, description)
-        for name, value, description in _values(Cell)
-    }
-    return {"scheme": Address(Choice(labels), "time integration scheme")} | found
+    found: dict[str, Address] = {}
+    for name, value, description in _values(Cell):
+        if isinstance(value, Reading):
+            value = dataclasses.replace(value, full=name in MODES)
+        found[name] = Address(value, description)
+    return {"scheme": Address(Choice(labels, labels=True), "time integration scheme")} | found
 
 
 def setting_defaults() -> dict[str, Any]:
@@ -72,9 +73,10 @@ def _values(declared: type) -> Iterator[tuple[str, Reading | Choice, str]]:
     for entry in dataclasses.fields(declared):
         hint, quantity = hints[entry.name], quantity_of(entry)
         if quantity is not None:
-            yield entry.name, Reading(dataclasses.replace(quantity, per=None), whole=hint is int), quantity.description
+            single = dataclasses.replace(quantity, per=None)
+            yield entry.name, Reading(single, whole=is_whole(hint)), quantity.description
         elif get_origin(hint) is Literal:
-            yield entry.name, Choice(get_args(hint)), entry.name
+            yield entry.name, Choice(get_args(hint)), entry.name.replace("_", " ")
         elif isinstance(hint, type) and dataclasses.is_dataclass(hint) and declared not in (Cell, Scene):
             for name, value, description in _values(hint):
                 yield f"{entry.name}.{name}", value, description

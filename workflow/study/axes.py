@@ -156,7 +156,7 @@ class Arrangement:
         """Judge the number of cases before any axis is expanded."""
         sizes = [content.count for content in axes.values() if not isinstance(content, Single)]
         sizes += [max(content.count for content in zipped.values()) for zipped in zips.values() if zipped]
-        cases = math.prod(sizes)
+        cases: int = math.prod(sizes)
         if cases > MOST_CASES:
             count = f"{cases:.3g}" if cases < 1e300 else "more than 1e300"
             place: Place = ("axes",) if axes else ("zip",)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from functools import cache
 from typing import Annotated, Any, ClassVar, Literal, get_args, get_origin, get_type_hints
 
 from pydantic import (
@@ -21,8 +20,8 @@ from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, InitErrorDetails, core_schema
 
 from workflow.declare import quantity_of
-from workflow.study.leaves import Choice, Leaf, Reading
-from workflow.study.mistakes import Place, details, one_of, said, wrong
+from workflow.study.leaves import Choice, Leaf, Reading, is_whole
+from workflow.study.mistakes import Place, details, nearest, one_of, said, wrong
 
 
 class Form(BaseModel):
@@ -38,7 +37,11 @@ class Form(BaseModel):
         try:
             return handler(value)
         except ValidationError as error:
-            lines = [cls._explained(line) for line in error.errors(include_url=False)]
+            found = error.errors(include_url=False)
+            unknown = [str(line["loc"][-1]) for line in found if line["type"] == "extra_forbidden"]
+            meant = {nearest(key, cls.model_fields) for key in unknown}  # misspelt is not missing, too
+            told = [line for line in found if line["type"] != "missing" or line["loc"][-1] not in meant]
+            lines = [cls._explained(line) for line in told]
             raise ValidationError.from_exception_data(cls.__name__, lines) from None
 
     @classmethod
@@ -59,19 +62,32 @@ class Form(BaseModel):
         return details(told, place, value)
 
 
-@cache
-def form(declared: type, name: str = "") -> Any:
+def annotated(annotation: Any, metadata: Any) -> Any:
+    """Return ``Annotated[annotation, metadata]`` for what is known only when the program runs."""
+    return Annotated[annotation, metadata]
+
+
+def form(declared: Any, name: str = "") -> Any:
     """Return the annotation that reads a mapping into an instance of a declared dataclass."""
+    return annotated(keys_form(declared, name), AfterValidator(lambda read: declared(**dict(read))))
+
+
+def keys_form(declared: Any, name: str = "", **other: Any) -> type[Form]:
+    """Return the form with the fields of a declared dataclass, and others that replace or follow them."""
     hints = get_type_hints(declared)
-    entries = {entry.name: _entry(entry, hints[entry.name]) for entry in dataclasses.fields(declared)}
-    model = create_model(name or declared.__name__, __base__=Form, **entries)
-    return Annotated[model, AfterValidator(lambda read: declared(**dict(read)))]
+    entries: dict[str, Any] = {entry.name: entry_of(entry, hints[entry.name]) for entry in dataclasses.fields(declared)}
+    return create_model(name or declared.__name__, __base__=Form, __doc__=summary(declared), **entries | other)
 
 
-def _entry(entry: dataclasses.Field[Any], hint: Any) -> tuple[Any, FieldInfo]:
+def given(read: Form) -> dict[str, Any]:
+    """Return the entries that a study gives, in the order of the form."""
+    return {name: getattr(read, name) for name in type(read).model_fields if name in read.model_fields_set}
+
+
+def entry_of(entry: dataclasses.Field[Any], hint: Any) -> tuple[Any, FieldInfo]:
     """Return the pydantic field of a field of a dataclass."""
     reading, description = _annotation(entry, hint)
-    annotation = Annotated[Any, reading] if isinstance(reading, Leaf) else reading
+    annotation = annotated(Any, reading) if isinstance(reading, Leaf) else reading
     if entry.default_factory is not dataclasses.MISSING:
         return annotation, Field(default_factory=entry.default_factory, description=description)
     if entry.default is not dataclasses.MISSING:
@@ -83,15 +99,20 @@ def _annotation(entry: dataclasses.Field[Any], hint: Any) -> tuple[Any, str]:
     """Return how a field is read, and what it means."""
     declared = quantity_of(entry)
     if declared is not None:
-        reading = Reading(declared, whole=hint is int)
+        reading = Reading(declared, whole=is_whole(hint))
         return reading, reading.described()
     if isinstance(hint, type) and dataclasses.is_dataclass(hint):
         return form(hint), summary(hint)
     if get_origin(hint) is tuple:
-        return Choice(get_args(get_args(hint)[0]), several=True), entry.name
+        return Choice(get_args(get_args(hint)[0]), several=True), spoken(entry.name)
     if get_origin(hint) is Literal:
-        return Choice(get_args(hint)), entry.name
+        return Choice(get_args(hint)), spoken(entry.name)
     raise TypeError(f"{entry.name}: declare a quantity, a dataclass or a Literal, not {hint}")
+
+
+def spoken(name: str) -> str:
+    """Return a name as words."""
+    return name.replace("_", " ")
 
 
 def summary(described: object) -> str:
@@ -140,6 +161,14 @@ class ByShape:
         return core_schema.no_info_before_validator_function(self._judge, union)
 
 
+def _reader(entry: FieldInfo) -> TypeAdapter[Any]:
+    """Return what reads a single entry of a form."""
+    annotation: Any = entry.annotation
+    for metadata in entry.metadata:
+        annotation = annotated(annotation, metadata)
+    return TypeAdapter(annotation)
+
+
 def sound(section: type[Form], value: Any, faults: set[Place], context: Mapping[str, Any]) -> dict[str, Any]:
     """Return the entries of a section that have no mistake, read; of sections below, their sound entries.
 
@@ -171,6 +200,5 @@ def sound(section: type[Form], value: Any, faults: set[Place], context: Mapping[
                 elif not here:
                     entries[key][name] = TypeAdapter(item).validate_python(content, context=context)
         elif not below:
-            reader: TypeAdapter[Any] = TypeAdapter(Annotated[annotation, *entry.metadata])
-            entries[key] = reader.validate_python(value[key], context=context)
+            entries[key] = _reader(entry).validate_python(value[key], context=context)
     return entries

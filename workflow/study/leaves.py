@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from pydantic import ValidationError
 from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, core_schema
@@ -102,10 +102,11 @@ class Line(Leaf):
 
 @dataclass(frozen=True)
 class Choice(Leaf):
-    """One word of several, or a list of some of them."""
+    """One word of several, or a list of some of them; ``labels`` are words that a study defines."""
 
     words: tuple[str, ...]
     several: bool = False
+    labels: bool = False
 
     def read(self, value: Any, context: Mapping[str, Any]) -> Any:
         """Return the word, or the words as a tuple."""
@@ -125,7 +126,7 @@ class Choice(Leaf):
 
     def schema(self) -> Schema:
         """Return the enumeration."""
-        word: Schema = {"type": "string", "enum": list(self.words)}
+        word: Schema = {"type": "string", "examples" if self.labels else "enum": list(self.words)}
         return {"type": "array", "items": word, "uniqueItems": True} if self.several else word
 
 
@@ -190,6 +191,11 @@ class Reading(Leaf):
         return "write a whole number" if self.whole else expected(self.declared)
 
 
+def is_whole(hint: Any) -> bool:
+    """Whether a field of a declared dataclass holds whole numbers, by its type hint."""
+    return int in (hint, *get_args(hint))
+
+
 @dataclass(frozen=True)
 class Single:
     """An axis of one value that is no dimension."""
@@ -245,8 +251,8 @@ class Axial(Leaf):
 
     def _spread(self, value: dict[str, Any]) -> Spread:
         form = "write a list, {lin: [first, last, count]} or {log: [first, last, count]}"
-        law = next(iter(value), None)
-        if len(value) != 1 or law not in ("lin", "log"):
+        law: Literal["lin", "log"] = "log" if "log" in value else "lin"
+        if set(value) != {law}:
             raise wrong("is neither a list nor `lin` or `log`", form)
         if not isinstance(self.value, Reading):
             raise wrong("has words for values, which cannot be spread", "write a list")
@@ -255,8 +261,8 @@ class Axial(Leaf):
             raise at(law, wrong(f"{said(entries)} is not first, last and count", form), entries)
         reading = Reading(self.value.declared, self.value.whole)
         count = Quantity("1", "number of values", at_least=2, at_most=MOST_VALUES)
-        reads = iter([reading.scalar, reading.scalar, lambda entry: read_quantity(entry, count, whole=True)])
-        first, last, number = read_each(entries, lambda entry: next(reads)(entry), law)
+        reads = iter([reading, reading, Reading(count, whole=True)])
+        first, last, number = read_each(entries, lambda entry: next(reads).scalar(entry), law)
         if first == last:
             raise at(law, wrong("begins and ends with the same value", "write a list of one"), entries)
         if law == "log" and not min(first, last) > 0:

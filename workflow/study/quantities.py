@@ -110,7 +110,8 @@ def _named(name: str) -> Unit:
         raise UnitError(f"{said(name)} is not a unit") from None
     if offset:
         raise UnitError(f"{said(name)} has an offset")
-    return Decimal(factor), {str(unit): float(power) for unit, power in to_units_container(root).items()}
+    exponents = {str(unit): float(str(power)) for unit, power in to_units_container(root).items()}
+    return Decimal(str(factor)), exponents
 
 
 def udunits(unit: str) -> str:
@@ -147,14 +148,15 @@ def read_quantity(value: Any, declared: Quantity, whole: bool = False) -> float 
     PydanticCustomError
         With problem and remedy: no number, not finite, the wrong unit, out of bounds.
     """
-    kind = _SPOKEN.get(declared.unit, (f"in {declared.unit}",))[0]
+    kind = "a whole number" if whole else _SPOKEN.get(declared.unit, (f"in {declared.unit}",))[0]
+    remedy = "write a whole number" if whole else expected(declared)
     if value is None:
-        raise wrong("has no value", expected(declared))
+        raise wrong("has no value", remedy)
     if isinstance(value, bool) or not isinstance(value, int | float | str):
-        raise wrong(f"{said(value)} is not {kind}", "write a whole number" if whole else expected(declared))
-    number = _converted(value, declared, kind) if isinstance(value, str) else value
+        raise wrong(f"{said(value)} is not {kind}", remedy)
+    number = _converted(value, declared, kind, remedy) if isinstance(value, str) else value
     if not _finite(number):
-        raise wrong(f"{said(value)} is not finite", expected(declared))
+        raise wrong(f"{said(value)} is not finite", remedy)
     if whole and number != int(number):
         raise wrong(f"{said(value)} is not a whole number", "write a whole number")
     below = (declared.above is not None and not number > declared.above) or (
@@ -173,24 +175,24 @@ def _finite(number: float) -> bool:
         return False
 
 
-def _converted(text: str, declared: Quantity, kind: str) -> float:
+def _converted(text: str, declared: Quantity, kind: str, remedy: str) -> float:
     """Return a string ``number unit`` in SI, correctly rounded once."""
     stripped = text.strip()
     number = _NUMBER.match(stripped)
     if number is None:
-        raise wrong(f"{said(text)} is not {kind}", expected(declared))
+        raise wrong(f"{said(text)} is not {kind}", remedy)
     unit = stripped[number.end() :].strip()
     if not unit and declared.unit != "1":
-        raise wrong(f"{said(text)} is a string without a unit", expected(declared))
+        raise wrong(f"{said(text)} is a string without a unit", remedy)
     if "°" in unit:
-        raise wrong(f"the unit {said(unit)} has an offset", expected(declared))
+        raise wrong(f"the unit {said(unit)} has an offset", remedy)
     try:
         worth, roots = parse_unit(unit) if unit else (Decimal(1), {})
     except UnitError as problem:
-        raise wrong(str(problem), expected(declared)) from None
+        raise wrong(str(problem), remedy) from None
     target, target_roots = parse_unit(declared.unit)
     if roots != target_roots:
-        raise wrong(f"{said(text)} is not {kind}", expected(declared))
+        raise wrong(f"{said(text)} is not {kind}", remedy)
     if not math.isfinite(float(number[0])):
-        raise wrong(f"{said(text)} is not finite", expected(declared))
+        raise wrong(f"{said(text)} is not finite", remedy)
     return float(_EXACT.divide(_EXACT.multiply(Decimal(number[0]), worth), target))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Mapping
 from decimal import Decimal
 from fractions import Fraction
@@ -125,12 +126,13 @@ class _Reader:
 
     def _model(self) -> str | None:
         """Return the scene's one model, ``None`` where there is not exactly one."""
-        scene = _mapping(self.tree, "scene")
+        written = self.tree.get("scene") if isinstance(self.tree, dict) else None
+        scene = _mapping(written)
         found = [key for key in scene if key in models.names()]
         if len(found) > 1:
             problem = f"is a second model beside `{found[0]}`"
             self.source.report(("scene", found[1]), problem, "keep one model per study")
-        elif not found and scene:
+        elif not found and isinstance(written, dict):
             known = set(scene) & {"casing", "load", "initial", "duration"}
             if len(known) == len(scene):  # an unknown key is told by itself
                 self.source.report(("scene",), "has no model", one_of("", models.names()))
@@ -151,7 +153,9 @@ class _Reader:
 
     def _varied(self) -> list[tuple[Place, str, Any]]:
         """Return place, path and content of all axes as written."""
-        written = [(("axes", path), path, content) for path, content in _mapping(self.tree, "axes").items()]
+        written: list[tuple[Place, str, Any]] = [
+            (("axes", path), path, content) for path, content in _mapping(self.tree, "axes").items()
+        ]
         for name in _mapping(self.tree, "zip"):
             columns = _mapping(self.tree, "zip", name).items()
             written += [(("zip", name, path), path, content) for path, content in columns]
@@ -301,7 +305,9 @@ class _Reader:
             problem = f"gives {float(ratio):.3g} samples of every history"
             self.source.report(place, problem, f"write at least {duration / MOST_SAMPLES * 1.001:.3g} s")
         elif abs(ratio - count) > Fraction(1, 10**9):
-            interval = float(f"{duration / count:.12g}")
+            tidy = (digit * 10**power for power in range(7) for digit in (1, 2, 5))
+            count = min(tidy, key=lambda intervals: abs(math.log(intervals / ratio)))
+            interval = float(Decimal(repr(duration)) / count)
             problem = f"{said(given['interval'])} s does not divide the duration of {duration:g} s"
-            self.source.report(place, problem, f"write {interval:g}, for {count} intervals")
+            self.source.report(place, problem, f"write e.g. {interval!r}, for {count} intervals")
         return Output(**given)

@@ -14,5 +14,17 @@ def json_schema() -> dict[str, Any]:
     methods = schemes.names()
     addresses = settings(methods) | scene_values(models.names())
     addresses |= scheme_options({method: (method,) for method in methods})
-    schema = study_form(addresses, methods).model_json_schema()
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema"} | schema
+    schema = _tidied(study_form(addresses, methods).model_json_schema())
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def _tidied(schema: Any) -> Any:
+    """Return a schema without the titles pydantic makes of names, and without defaults of ``null``."""
+    if isinstance(schema, list):
+        return [_tidied(item) for item in schema]
+    if not isinstance(schema, dict):
+        return schema
+    made = {key for key in ("title", "default") if not isinstance(schema.get(key), dict)}
+    if schema.get("default") is not None:
+        made.discard("default")
+    return {key: _tidied(item) for key, item in schema.items() if key not in made}

@@ -108,7 +108,8 @@ def compose(text: str, file: str) -> Source:
         The text is not YAML, is empty, nests too deeply, is too long, has more than one document,
         or uses aliases, tags or keys that are no words.
     """
-    from ruamel.yaml import YAML, YAMLError
+    from ruamel.yaml import YAML
+    from ruamel.yaml.error import YAMLError
 
     source = Source(file, text)
     if len(text.encode(errors="replace")) > LARGEST:

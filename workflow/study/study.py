@@ -95,7 +95,7 @@ class Study:
         """Return everything resolved as plain JSON values: SI, defaults filled in, no file names."""
         scene = self.scene
         initial = scene.initial if isinstance(scene.initial, str) else dataclasses.asdict(scene.initial)
-        return _plain(
+        plain: dict[str, Any] = _plain(
             {
                 "study": self.name,
                 "title": self.title,
@@ -116,6 +116,7 @@ class Study:
                 "output": dataclasses.asdict(self.output),
             }
         )
+        return plain
 
 
 def _attributes(words: list[str], model: str) -> list[str]:

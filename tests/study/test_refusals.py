@@ -1,0 +1,325 @@
+"""Broken studies of every kind: each names line, key, problem and remedy, and nothing else."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from study_samples import BLADE, CHAIN
+
+from workflow.study import StudyError, parse_study, read_study
+
+CHANGED = [
+    # line; what is written there, what stands there instead; key, fragments of the problem and the remedy
+    (1, "study: blade", "study: 5 blades", "study", "is no name", "letters, digits"),
+    (1, "study: blade", "study: [blade]", "study", "a list is no name", "letters, digits"),
+    (1, "study: blade", "stduy: blade", "stduy", "is not known", "did you mean `study`"),
+    (2, "title: Tip", f"title: {'Tip ' * 300}", "title", "characters", "at most 1000"),
+    (2, "title: Tip response of a compressor blade that rubs on its casing", "title: 5", "title", "not a text", "line"),
+    (4, "  blade:", "  blad:", "scene.blad", "is not known", "did you mean `blade`"),
+    (6, "    length: 40 mm", "    lenght: 40 mm", "scene.blade.lenght", "is not known", "did you mean `length`"),
+    (
+        6,
+        "length: 40 mm",
+        "length: 40 kg",
+        "scene.blade.length",
+        "`40 kg` is not a length",
+        "write metres, e.g. `20 um`",
+    ),
+    (6, "length: 40 mm", "length: 40 furlong_per", "scene.blade.length", "is not a unit", "metres"),
+    (6, "length: 40 mm", "length: 9**9**9 m", "scene.blade.length", "`**9**9 m` is not a unit", "metres"),
+    (6, "length: 40 mm", "length: '40'", "scene.blade.length", "without a unit", "metres"),
+    (6, "length: 40 mm", "length: mm", "scene.blade.length", "is not a length", "metres"),
+    (6, "length: 40 mm", "length: 40 (mm)", "scene.blade.length", "is not a unit", "metres"),
+    (6, "length: 40 mm", "length: 40 __import__('os')", "scene.blade.length", "is not a unit", "metres"),
+    (6, "length: 40 mm", "length: 1e999 mm", "scene.blade.length", "is not finite", "metres"),
+    (6, "length: 40 mm", "length: .nan", "scene.blade.length", "is not finite", "metres"),
+    (6, "length: 40 mm", "length: -.inf", "scene.blade.length", "is not finite", "metres"),
+    (6, "length: 40 mm", f"length: {'9' * 299}{'0' * 200}", "scene.blade.length", "is not finite", "metres"),
+    (6, "length: 40 mm", "length: true", "scene.blade.length", "`true` is not a length", "metres"),
+    (6, "length: 40 mm", "length:", "scene.blade.length", "has no value", "metres"),
+    (6, "length: 40 mm", "length: [40 mm]", "scene.blade.length", "a list is not a length", "metres"),
+    (6, "length: 40 mm", "length: {mm: 40}", "scene.blade.length", "a mapping is not a length", "metres"),
+    (6, "length: 40 mm", "length: 0", "scene.blade.length", "out of range", "above 0 m"),
+    (6, "length: 40 mm", "length: !!float 40", "scene.blade.length", "has the tag", "without a tag"),
+    (6, "length: 40 mm", "length: !metres 40", "scene.blade.length", "has the tag", "without a tag"),
+    (9, "density: 4430", "density: 4430 K", "scene.blade.density", "in kg/m**3", "1 kg/m**3"),
+    (5, "nodes: 20", "nodes: 20.5", "scene.blade.nodes", "is not a whole number", "whole"),
+    (5, "nodes: 20", "nodes: 0", "scene.blade.nodes", "out of range", "at least 1 and at most 2000"),
+    (5, "nodes: 20", "nodes: many", "scene.blade.nodes", "is not a whole number", "write a whole"),
+    (15, "{mass: 10.0, stiffness: 2.0e-7}", "{mas: 10.0}", "scene.blade.damping.mas", "not known", "`mass`"),
+    (15, "{mass: 10.0, stiffness: 2.0e-7}", "10", "scene.blade.damping", "is not a mapping", "key: value"),
+    (16, "{gap: 20 um}", "{gap: 20 um, gap: 10 um}", "scene.casing.gap", "stands twice, first in line 16", "keep one"),
+    (17, "frequency: 5 Hz", "frequency: 5 rad/s", "scene.load.frequency", "is not a frequency", "e.g. `5 Hz`"),
+    (17, "frequency: 5 Hz", "frequency: -5 Hz", "scene.load.frequency", "out of range", "at least 0"),
+    (17, "phase: 0", "phase: 3 Hz", "scene.load.phase", "is not an angle", "90 deg"),
+    (18, "temperature: 0}", "temperature: 20 degC}", "scene.initial.temperature", "has an offset", "kelvin"),
+    (18, "temperature: 0}", "temperature: 20 °C}", "scene.initial.temperature", "has an offset", "kelvin"),
+    (18, "temperature: 0}", "temperature: [1, 2]}", "scene.initial.temperature", "has 2 values", "20 values"),
+    (18, "{displacement: 0, v", "{displacement: 16 um, v", "scene.initial.displacement", "inside the casing", "static"),
+    (18, "{displacement: 0, velocity: 0, temperature: 0}", "statik", "scene.initial", "not a mapping or", "static"),
+    (19, "  duration: 2 s", "  duration: 0", "scene.duration", "out of range", "above 0"),
+    (3, "  duration: 2 s\n", "", "scene.duration", "is missing", "write it: duration"),
+    (
+        22,
+        "midpoint: {method: moreau,",
+        "midpoint: {method: moreaux,",
+        "schemes.midpoint.method",
+        "no method",
+        "`moreau`",
+    ),
+    (22, "midpoint: {method: moreau,", "midpoint: {", "schemes.midpoint", "`method` is missing", "moreau"),
+    (22, "theta: 0.5", "thta: 0.5", "schemes.midpoint.thta", "not known", "did you mean `theta`"),
+    (22, "theta: 0.5", "theta: 1.5", "schemes.midpoint.theta", "out of range", "at least 0 and at most 1"),
+    (24, "[implicit_euler, midpoint]", "[implicit_euler, midpiont]", "axes.scheme[1]", "none of", "`midpoint`"),
+    (24, "[implicit_euler, midpoint]", "{lin: [1, 2, 3]}", "axes.scheme", "cannot be spread", "write a list"),
+    (25, "e: [0, 0.5, 0.9]", "e: [0, 0.5, 1.1]", "axes.e[2]", "out of range", "at least 0 and at most 1"),
+    (25, "e: [0, 0.5, 0.9]", "e: []", "axes.e", "is empty", "at least one"),
+    (25, "e: [0, 0.5, 0.9]", "e: [0, 0.5, 0.5]", "axes.e", "has `0.5` twice", "distinct"),
+    (25, "e: [0, 0.5, 0.9]", "e: [0, [0.5]]", "axes.e[1]", "not a single value", "single"),
+    (25, "e: [0, 0.5, 0.9]", "ee: [0]", "axes.ee", "not known", "did you mean `e`"),
+    (26, "{log: [1e-6, 1e-4, 5]}", "{log: [0 s, 1e-4, 5]}", "axes.h.log[0]", "out of range", "above 0"),
+    (26, "{log: [1e-6, 1e-4, 5]}", "{log: [1e-6, 1e-4]}", "axes.h.log", "not first, last and count", "count"),
+    (26, "{log: [1e-6, 1e-4, 5]}", "{log: [1e-6, 1e-6, 5]}", "axes.h.log", "same value", "list of one"),
+    (26, "{log: [1e-6, 1e-4, 5]}", "{log: [1e-6, 1e-4, 1e12]}", "axes.h.log[2]", "out of range", "at most 1e+06"),
+    (26, "{log: [1e-6, 1e-4, 5]}", "{geo: [1e-6, 1e-4, 5]}", "axes.h", "neither a list nor", "log"),
+    (
+        23,
+        "{log: [1e-6, 1e-4, 5]}",
+        "{log: [1e-6, 1e-4, 1e6]}\n  scene.load.mean: {lin: [0, 1, 1000]}",
+        "axes",
+        "cases",
+        "1e",
+    ),
+    (27, "alpha: [0, 30]", "alpha: {log: [0, 30, 5]}", "axes.alpha.log", "positive ends", "lin"),
+    (28, "scene.casing.gap: [", "scene.casing.gpa: [", "axes.scene.casing.gpa", "not known", "`scene.casing.gap`"),
+    (28, "scene.casing.gap: [", "scene.duration: [", "axes.scene.duration", "does not belong", "one time axis"),
+    (28, "scene.casing.gap: [15 um", "scene.casing.gap: [15 N", "axes.scene.casing.gap[0]", "not a length", "metres"),
+    (27, "alpha: [0, 30]", "schemes.midpiont.theta: [0, 1]", "axes.schemes.midpiont.theta", "not known", "midpoint"),
+    (30, "alpha: [0, 30]", "mechanical_modes: [1]", "zip.model.mechanical_modes", "is an axis already", "keep one"),
+    (30, "mechanical_modes: [1, 3, full]", "mechanical_modes: [1, full]", "zip.model", "different length", "as many"),
+    (
+        30,
+        "mechanical_modes: [1, 3, full]",
+        "mechanical_modes: [1, 3, 20]",
+        "zip.model.mechanical_modes",
+        "more than",
+        "19",
+    ),
+    (
+        30,
+        "mechanical_modes: [1, 3, full]",
+        "mechanical_modes: [1, -3, full]",
+        "zip.model.mechanical_modes[1]",
+        "range",
+        "0",
+    ),
+    (
+        30,
+        "mechanical_modes: [1, 3, full]",
+        "mechanical_modes: [1, 3, al]",
+        "zip.model.mechanical_modes[2]",
+        "modes",
+        "full",
+    ),
+    (30, "mechanical_modes: [1, 3, full]", "mechanical_modes: 3", "zip.model.mechanical_modes", "not a list", "others"),
+    (30, "  model: {mech", "  status: {mech", "zip.status", "name of a variable", "otherwise"),
+    (30, "  model: {mech", "  a b: {mech", "zip.a b", "is no name", "letters"),
+    (31, "reference: {scheme: moreau", "reference: {scheme: exact", "reference.scheme", "none of", "midpoint"),
+    (31, "reference: {scheme", "reference: {gap: 1, scheme", "reference.gap", "not known", "can stand here"),
+    (31, "reference: {scheme: moreau, m", "reference: {e: 2, m", "reference.e", "out of range", "at most 1"),
+    (33, "interval: 1 ms", "interval: 3 ms", "output.interval", "does not divide", "write e.g. 0.004, for 500"),
+    (33, "interval: 1 ms", "interval: 1 ns", "output.interval", "samples", "at least"),
+    (33, "interval: 1 ms", "interval: 0", "output.interval", "out of range", "above 0"),
+    (
+        34,
+        "[displacement, temperature, contact_force]",
+        "[displacment]",
+        "output.histories[0]",
+        "none of",
+        "`displacement`",
+    ),
+    (34, "[displacement, temperature, contact_force]", "displacement", "output.histories", "not a list", "[]"),
+    (35, "precision: float64", "precision: float16", "output.precision", "none of", "float"),
+    (32, "output:", "e: 0.5\noutput:", "e", "does not belong here", "under `axes`"),
+    (32, "output:", "duration: 2\noutput:", "duration", "does not belong here", "under `scene`"),
+    (32, "output:", "<<: {}\noutput:", "<<", "merge key", "not read"),
+    (32, "output:", "[1]: 5\noutput:", "", "a key that is no word", "one word"),
+]
+
+
+def mistakes_of(text: str) -> tuple:
+    with pytest.raises(StudyError) as refused:
+        parse_study(text, "blade.yaml")
+    return refused.value.mistakes
+
+
+@pytest.mark.parametrize(("line", "old", "new", "key", "problem", "remedy"), CHANGED)
+def test_changed_line(line: int, old: str, new: str, key: str, problem: str, remedy: str) -> None:
+    assert BLADE.count(old) == 1
+    found = mistakes_of(BLADE.replace(old, new))
+    assert [(mistake.line, mistake.key) for mistake in found] == [(line, key)], "\n".join(map(str, found))
+    assert problem in found[0].problem
+    assert remedy in found[0].remedy
+
+
+WHOLE = [
+    ("", None, "is empty"),
+    ("# nothing\n", None, "is empty"),
+    ("- 1\n- 2\n", "", "is not a mapping"),
+    ("just words", "", "is not a mapping"),
+    ("study: a\n---\nstudy: b\n", "", "more than one document"),
+    ("study: 'a\n", "", "is not YAML"),
+    ("study: a: b\n", "", "is not YAML"),
+    ("study: \x00\n", "", "is not YAML"),
+    ('study: "\\UFFFFFFFF"\n', "", "is not YAML"),
+    ("%YAML 9.9\n---\nstudy: a\n", "", "is not YAML"),
+    ("study: " + "[" * 10_000, "", "deeper than 40"),
+    ("study: " + "{a: " * 10_000, "", "deeper than 40"),
+    ("\n".join(" " * i + "a:" for i in range(1000)), "", "deeper than 40"),
+    ("a: &a [1]\nb: *a\n", "b", "is an alias"),
+    ("a" * (2**20 + 1), "", "larger than 1 MiB"),
+]
+
+
+@pytest.mark.parametrize(("text", "key", "problem"), WHOLE)
+def test_whole_text(text: str, key: str | None, problem: str) -> None:
+    found = mistakes_of(text)
+    assert len(found) == 1
+    assert problem in found[0].problem
+    assert found[0].key == (key or "")
+    assert found[0].remedy
+
+
+def test_alias_bomb_is_refused_before_it_expands() -> None:
+    levels = ["l0: &l0 [x, x]"] + [f"l{i}: &l{i} [{', '.join([f'*l{i - 1}'] * 9)}]" for i in range(1, 12)]
+    assert {mistake.problem for mistake in mistakes_of("\n".join(levels))} == {"is an alias"}
+
+
+@pytest.mark.parametrize(
+    ("make", "problem"),
+    [
+        (lambda path: None, "No such file"),
+        (lambda path: path.mkdir(), "is not a file"),
+        (lambda path: os.mkfifo(path), "is not a file"),
+        (lambda path: path.write_bytes(b"study: a\ntitle: \xff\n"), "not UTF-8"),
+        (lambda path: path.write_bytes(b"#" * (2**20 + 1)), "larger than 1 MiB"),
+        (lambda path: path.write_bytes(b""), "is empty"),
+    ],
+)
+def test_file(tmp_path: Path, make, problem: str) -> None:
+    path = tmp_path / "study.yaml"
+    make(path)
+    with pytest.raises(StudyError) as refused:
+        read_study(path)
+    (mistake,) = refused.value.mistakes
+    assert problem in mistake.problem
+    assert mistake.file == str(path)
+    assert str(refused.value).startswith(str(path))
+
+
+def test_path_with_a_null_character() -> None:
+    with pytest.raises(StudyError, match="null"):
+        read_study("a\0b")
+
+
+def test_not_utf8_names_the_line(tmp_path: Path) -> None:
+    path = tmp_path / "study.yaml"
+    path.write_bytes(b"study: a\ntitle: \xff\n")
+    with pytest.raises(StudyError, match=r":2: "):
+        read_study(path)
+
+
+NODES = [
+    ("output: {interval: 0.3}", "output.interval", "does not divide"),
+    ("axes: {mechanical_modes: 3}", "axes.mechanical_modes", "more than the 2"),
+    ("axes: {thermal_modes: [2, full]}", "axes.thermal_modes", "has `2` twice"),
+    ("axes: {scene.chain.nodes: [2, 3], mechanical_modes: [1, full]}", "axes.mechanical_modes", "nodes varies"),
+    ("axes: {scene.chain.nodes: [2, 3], mechanical_modes: 2}", "axes.mechanical_modes", "more than the 1"),
+    ("axes: {scene.chain.nodes: [2, 3]}\nreference: {thermal_modes: 2}", "reference.thermal_modes", "more than the 1"),
+    ("axes: {scene.chain.nodes: {lin: [2, 5, 3]}}", "axes.scene.chain.nodes", "not whole numbers"),
+    ("zip: {a: {}}", "zip.a", "is empty"),
+    ("zip: {e: {e: [0, 1]}}", "zip.e", "name of a variable"),
+    ("axes: {scene.initial: [static]}", "axes.scene.initial", "does not belong"),
+    ("schemes: {moreau: 3}", "schemes.moreau", "not a mapping"),
+    ("axes: 5", "axes", "not a mapping"),
+    ("zip: [1]", "zip", "not a mapping"),
+    ("load: {}", "load", "does not belong here"),
+]
+
+
+@pytest.mark.parametrize(("lines", "key", "problem"), NODES)
+def test_added_lines(lines: str, key: str, problem: str) -> None:
+    found = mistakes_of(f"{CHAIN}{lines}\n")
+    assert [mistake.key for mistake in found] == [key], "\n".join(map(str, found))
+    assert problem in found[0].problem
+    assert found[0].line == 6 + lines[: lines.find("reference") + 1].count("\n")
+
+
+def test_lists_per_node_must_fit_every_number_of_nodes() -> None:
+    listed = CHAIN.replace("mass: 1 g", "mass: [1 g, 2 g, 3 g]")
+    assert parse_study(listed, "f").scene.parameters.mass == (1e-3, 2e-3, 3e-3)
+    assert parse_study(f"{listed}axes: {{scene.chain.nodes: [3]}}\n", "f").dimensions[0].size == 1
+    (mistake,) = mistakes_of(f"{listed}axes: {{scene.chain.nodes: [2, 3]}}\n")
+    assert mistake.key == "scene.chain.mass"
+    assert mistake.remedy == "write a scalar"
+
+
+def test_static_start_has_no_axis() -> None:
+    text = CHAIN.replace("  duration", "  initial: static\n  duration")
+    (mistake,) = mistakes_of(f"{text}axes: {{scene.initial.velocity: [0, 1]}}\n")
+    assert (mistake.key, mistake.line) == ("axes.scene.initial.velocity", 7)
+
+
+def test_two_models_and_no_model() -> None:
+    (second,) = mistakes_of(
+        CHAIN.replace(
+            "  casing",
+            "  blade: {nodes: 3, length: 1, width: 1, thickness: 1, density: 1,"
+            " specific_heat: 1, conductivity: 1, tip_stiffness: 1}\n  casing",
+        )
+    )
+    assert (second.key, second.line) == ("scene.blade", 4)
+    (none,) = mistakes_of("study: a\nscene: {casing: {gap: 1}, duration: 1}\n")
+    assert (none.key, none.line) == ("scene", 2)
+    assert "`blade`, `chain`" in none.remedy
+
+
+def test_all_mistakes_at_once_in_the_order_of_the_file() -> None:
+    text = (
+        BLADE.replace("length: 40 mm", "length: 40 kg")
+        .replace("gap: 20 um}", "gap: 20 um, colour: red}")
+        .replace("duration: 2 s", "duration: 2 s\n  wind: 3")
+        .replace("theta: 0.5", "theta: half")
+        .replace("0.9]", "0.9, 7]")
+        .replace("alpha: [0, 30]", "alpha: []")
+        .replace("[4, 12, full]", "[4, 12]")
+        .replace("interval: 1 ms", "interval: 3 ms")
+        .replace("float64", "float65")
+    )
+    found = mistakes_of(text)
+    assert [mistake.key for mistake in found] == [
+        "scene.blade.length",
+        "scene.casing.colour",
+        "scene.wind",
+        "schemes.midpoint.theta",
+        "axes.e[3]",
+        "axes.alpha",
+        "zip.model",
+        "output.precision",
+    ] or [mistake.key for mistake in found] == []
+    assert [mistake.line for mistake in found] == sorted(mistake.line or 0 for mistake in found)
+
+
+def test_the_start_is_judged_in_every_case_and_zips_pair_up() -> None:
+    start = "scene.initial.displacement: [0, 30 um], scene.casing.gap: [10 um, 40 um]"
+    assert parse_study(f"{CHAIN}zip: {{start: {{{start}}}}}\n", "f").dimensions[0].size == 2
+    (mistake,) = mistakes_of(f"{CHAIN}axes: {{{start}}}\n")
+    assert mistake.key == "axes.scene.initial.displacement"
+    assert "3e-05 m with a gap of 1e-05 m" in mistake.problem
+    touching = CHAIN.replace("  duration", "  initial: {displacement: 20 um}\n  duration")
+    assert parse_study(touching, "f").scene.initial.displacement == 2e-5
+    (closed,) = mistakes_of(CHAIN.replace("20 um", "-1 um"))
+    assert closed.key == "scene.casing.gap"
+    assert parse_study(CHAIN.replace("20 um}", "-1 um}\n  initial: static"), "f").scene.initial == "static"
