@@ -307,8 +307,9 @@ def test_all_mistakes_at_once_in_the_order_of_the_file() -> None:
         "axes.e[3]",
         "axes.alpha",
         "zip.model",
+        "output.interval",
         "output.precision",
-    ] or [mistake.key for mistake in found] == []
+    ]
     assert [mistake.line for mistake in found] == sorted(mistake.line or 0 for mistake in found)
 
 

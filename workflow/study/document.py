@@ -99,12 +99,12 @@ def reference_form(labels: tuple[str, ...]) -> Any:
 
 
 @cache
-def output_form() -> Any:
-    """Return the annotation that reads ``output`` as the entries that it gives."""
+def output_form() -> type[Form]:
+    """Return the form of ``output``, whose interval may be left out."""
     fields = {entry.name: entry for entry in dataclasses.fields(Output)}
     annotation, described = entry_of(fields["interval"], float)
     interval = annotation, Field(None, description=described.description)
-    return annotated(keys_form(Output, "output", interval=interval), AfterValidator(given))
+    return keys_form(Output, "output", interval=interval)
 
 
 def study_form(addresses: Mapping[str, Address], labels: tuple[str, ...]) -> type[Form]:
@@ -123,6 +123,6 @@ def study_form(addresses: Mapping[str, Address], labels: tuple[str, ...]) -> typ
             Field(default_factory=dict, description="axes that vary together, by dimension"),
         ),
         "reference": (reference_form(labels), Field(None, description="what errors are measured against")),
-        "output": (output_form(), Field(default_factory=dict, description=summary(Output))),
+        "output": (output_form(), Field(default_factory=output_form(), description=summary(Output))),
     }
     return create_model("study", __base__=_Study, __doc__=summary(_Study), **entries)

@@ -101,7 +101,7 @@ class _Reader:
         defined = entries["schemes"].items()
         choices = {label: SchemeChoice(label, method, options) for label, (method, options) in defined}
         self._judge_start(scene, dimensions, scalars)
-        output = self._output(entries.get("output"), scene.get("duration"))
+        output = self._output(entries["output"], scene.get("duration"))
         if self.source.mistakes:
             raise StudyError(self.source.mistakes)
         return Study(
@@ -291,10 +291,10 @@ class _Reader:
                 return tuple(path.split("."))
         return tuple(paths[-1].split("."))
 
-    def _output(self, entries: Mapping[str, Any] | None, duration: float | None) -> Output:
+    def _output(self, entries: Any, duration: float | None) -> Output:
         """Return the output with the default interval, a thousandth of the duration."""
-        given = dict(entries or {})
-        if duration is None or entries is None:
+        given = dict(entries)
+        if duration is None or "interval" not in given:
             return Output(interval=1.0)
         if given.get("interval") is None:
             given["interval"] = float(Decimal(repr(duration)) / 1000)

@@ -1,0 +1,315 @@
+"""Axes: values, order, names, zips, ``full``, and the settings of a case."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+import pickle
+import re
+import subprocess
+import sys
+import time
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from study_samples import BLADE, CHAIN
+
+from workflow.study import Initial, Load, Study, StudyError, json_schema, parse_study
+from workflow.study.axes import VARIABLES, coordinate_names, spread_values
+from workflow.study.leaves import Spread
+from workflow.study.source import compose
+
+
+def chain(lines: str) -> Study:
+    return parse_study(f"{CHAIN}{lines}\n", "chain.yaml")
+
+
+def first_values(study: Study) -> dict:
+    axes = [*study.scalars, *(axis for dimension in study.dimensions for axis in dimension.axes)]
+    return {axis.path: axis.values[0] for axis in axes}
+
+
+def test_the_example() -> None:
+    study = parse_study(BLADE, "blade.yaml")
+    assert [dimension.name for dimension in study.dimensions] == ["scheme", "e", "h", "alpha", "gap", "model"]
+    assert [dimension.size for dimension in study.dimensions] == [2, 3, 5, 2, 2, 3]
+    assert study.scalars == ()
+    gap, model = study.dimensions[4:]
+    assert (gap.axes[0].path, gap.axes[0].unit, gap.axes[0].values) == ("scene.casing.gap", "m", (1.5e-5, 2e-5))
+    assert [axis.values for axis in model.axes] == [(1, 3, 19), (4, 12, 19)]
+    assert study.dimensions[2].axes[0].values[2] == 1e-5
+    assert study.dimensions[3].axes[0].unit == "W N-1"
+    assert study.scene.load == Load(amplitude=24.0, frequency=5.0)
+    assert study.reference is not None
+    assert study.reference.values == {"scheme": "moreau", "mechanical_modes": 19, "thermal_modes": 19}
+    assert set(study.schemes) == {"implicit_euler", "midpoint", "moreau"}
+    assert (study.output.interval, study.samples) == (1e-3, 2001)
+
+
+def test_what_is_left_out_has_its_default() -> None:
+    study = chain("")
+    assert study.title == "chain"
+    assert first_values(study) == {
+        **{"scheme": "moreau", "e": 0.0, "alpha": 0.0, "h": 1e-4},
+        **{"mechanical_modes": 2, "thermal_modes": 2},
+    }
+    assert (study.scene.load, study.scene.initial) == (Load(), Initial())
+    assert study.dimensions == ()
+    assert study.output.interval == 1e-3
+    assert study.output.histories == ("displacement", "temperature", "contact_force")
+    assert study.schemes["moreau"].options.theta == 1.0
+
+
+def test_a_bare_value_is_a_scalar_and_a_list_of_one_a_dimension() -> None:
+    study = chain("axes: {e: 0.5, h: [1 ms], scene.load.frequency: 300 rpm}")
+    assert [dimension.name for dimension in study.dimensions] == ["h"]
+    scalars = {scalar.name: scalar.values for scalar in study.scalars}
+    assert scalars["e"] == (0.5,)
+    assert scalars["frequency"] == (5.0,)
+    assert study.cell(first_values(study)).scene.load.frequency == 5.0
+
+
+@given(st.lists(st.floats(0, 1), min_size=1, max_size=8, unique=True))
+def test_listed_values_keep_order_and_bits(values: list[float]) -> None:
+    (dimension,) = chain(f"axes: {{e: {json.dumps(values)}}}").dimensions
+    assert dimension.axes[0].values == tuple(values)
+
+
+@given(st.floats(1e-9, 1e9), st.floats(1.001, 1e6), st.integers(2, 50))
+def test_spread_values(first: float, ratio: float, count: int) -> None:
+    last = first * ratio
+    for law in ("lin", "log"):
+        values = spread_values(Spread(law, first, last, count))
+        assert len(values) == count
+        assert all(float(f"{value:.12g}") == value for value in values)
+        assert values[0] == pytest.approx(first, rel=1e-11)
+        assert values[-1] == pytest.approx(last, rel=1e-11)
+        steps = [b - a if law == "lin" else math.log(b / a) for a, b in itertools.pairwise(values)]
+        assert max(steps) == pytest.approx(min(steps), rel=1e-5)
+
+
+def test_spread_over_decades_and_counts() -> None:
+    assert spread_values(Spread("log", 1e-6, 1e-2, 5)) == (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
+    assert spread_values(Spread("lin", 0.0, 1.0, 11)) == tuple(index / 10 for index in range(11))
+    (nodes,) = chain("axes: {scene.chain.nodes: {log: [10, 80, 4]}}").dimensions
+    assert nodes.axes[0].values == (10, 20, 40, 80)
+
+
+def test_full_follows_the_nodes() -> None:
+    (dimension,) = chain("axes: {scene.chain.nodes: [2, 5], mechanical_modes: full}").dimensions
+    assert dimension.name == "nodes"
+    assert {axis.name: axis.values for axis in dimension.axes} == {
+        **{"nodes": (2, 5), "mechanical_modes": (1, 4), "thermal_modes": (1, 4)},
+    }
+    zipped = chain("zip: {size: {scene.chain.nodes: [2, 5], mechanical_modes: [full, 3]}, other: {e: [0, 1]}}")
+    columns = {axis.path: axis.values for axis in zipped.dimensions[0].axes}
+    assert columns["mechanical_modes"] == (1, 3)
+    assert columns["thermal_modes"] == (1, 4)
+
+
+def test_a_full_reference_is_resolved_in_every_case() -> None:
+    study = chain("axes: {scene.chain.nodes: [2, 5], mechanical_modes: 0}\nreference: {mechanical_modes: full}")
+    assert study.reference is not None
+    values = first_values(study) | {"scene.chain.nodes": 5, "thermal_modes": 4}
+    assert study.cell(values).mechanical_modes == 0
+    assert study.cell(values | dict(study.reference.values)).mechanical_modes == 4
+
+
+def test_no_modes_are_allowed() -> None:
+    assert chain("axes: {mechanical_modes: [0, 2]}").dimensions[0].axes[0].values == (0, 2)
+
+
+def test_names_avoid_the_archive_and_each_other() -> None:
+    study = chain(
+        "schemes: {a: {method: moreau}, b: {method: moreau}}\n"
+        "axes: {scene.initial.displacement: [0, 1 um], schemes.a.theta: [0.5, 1], schemes.b.theta: [0.6, 1],\n"
+        "       scene.chain.damping.mass: [0, 1], scene.chain.mass: [1, 2], scene.load.mean: [0, 1]}"
+    )
+    names = {axis.path: axis.name for dimension in study.dimensions for axis in dimension.axes}
+    assert names == {
+        "scene.initial.displacement": "initial_displacement",
+        "schemes.a.theta": "a_theta",
+        "schemes.b.theta": "b_theta",
+        "scene.chain.damping.mass": "damping_mass",
+        "scene.chain.mass": "chain_mass",
+        "scene.load.mean": "mean",
+    }
+
+
+WORDS = st.sampled_from(["a", "b", "gap", "impulse", "t", "e"])
+
+
+@given(st.lists(st.lists(WORDS, min_size=1, max_size=4).map(".".join), unique=True, max_size=6))
+def test_names_are_distinct_wherever_paths_can_tell(paths: list[str]) -> None:
+    names = coordinate_names(paths, set(VARIABLES))
+    for path, name in names.items():
+        whole = path.replace(".", "_")
+        assert whole.endswith(name)
+        assert name not in VARIABLES or name == whole
+    assert len(set(names.values())) == len(paths)
+
+
+def test_the_settings_of_a_case() -> None:
+    study = chain(
+        "schemes: {mid: {method: moreau, theta: 0.5}}\n"
+        "axes: {scheme: [mid, moreau], schemes.mid.theta: [0.6, 0.7], scene.chain.damping.stiffness: [1, 2],\n"
+        "       scene.casing.gap: [1, 2]}"
+    )
+    values = first_values(study) | {
+        "schemes.mid.theta": 0.7,
+        "scene.chain.damping.stiffness": 2.0,
+        "scene.casing.gap": 2.0,
+    }
+    cell = study.cell(values)
+    assert (cell.scheme.label, cell.scheme.options.theta) == ("mid", 0.7)
+    assert cell.scene.parameters.damping.stiffness == 2.0
+    assert cell.scene.gap == 2.0
+    assert cell.scene.parameters.mass == study.scene.parameters.mass
+    other = study.cell(values | {"scheme": "moreau"})
+    assert other.scheme.options.theta == 1.0
+    assert study.scene.gap == 2e-5
+    began = time.perf_counter()
+    for _ in range(1000):
+        study.cell(values)
+    assert time.perf_counter() - began < 0.5
+
+
+def test_an_axis_supplies_what_the_scene_leaves_out() -> None:
+    text = CHAIN.replace("{gap: 20 um}", "{}")
+    assert parse_study(f"{text}axes: {{scene.casing.gap: [1 mm, 2 mm]}}\n", "f").scene.gap == 1e-3
+    with pytest.raises(StudyError) as refused:
+        parse_study(f"{text}axes: {{scene.casing.gap: [1 kg]}}\n", "f")
+    assert [mistake.key for mistake in refused.value.mistakes] == ["axes.scene.casing.gap[0]"]
+    with pytest.raises(StudyError, match=r"f:4: scene\.casing\.gap: is missing; write it: tip clearance"):
+        parse_study(text, "f")
+
+
+def test_resolved_is_plain_and_free_of_places() -> None:
+    study = parse_study(BLADE, "somewhere/blade.yaml")
+    resolved = study.resolved()
+    assert json.loads(json.dumps(resolved, allow_nan=False)) == resolved
+    assert "somewhere" not in json.dumps(resolved)
+    assert resolved == parse_study(BLADE.replace("20 um", "2.0e-5") + "# more\n", "other.yaml").resolved()
+    assert resolved != parse_study(BLADE.replace("amplitude: 24", "amplitude: 25"), "f").resolved()
+    assert pickle.loads(pickle.dumps(study)) == study
+
+
+def test_yaml_1_2() -> None:
+    text = "a: 1e-6\nb: 2.0e7\nc: yes\nd: 010\ne: 0x1F\nf: [~, true, .5, '1', 1_000]\ng: 12:30\n"
+    source = compose(text, "f")
+    assert source.tree == {
+        **{"a": 1e-6, "b": 2e7, "c": "yes", "d": 10, "e": 31},
+        **{"f": [None, True, 0.5, "1", "1_000"], "g": "12:30"},
+    }
+    assert source.lines[("f", 3)] == 6
+
+
+TREES = st.recursive(
+    st.integers() | st.text(alphabet="abc", min_size=1),
+    lambda below: st.lists(below, max_size=4) | st.dictionaries(st.text(alphabet="xyz", min_size=1), below, max_size=4),
+    max_leaves=12,
+)
+
+
+@given(st.dictionaries(st.text(alphabet="xyz", min_size=1), TREES, min_size=1))
+def test_json_is_read_as_it_is_and_every_place_has_its_line(tree: dict) -> None:
+    text = json.dumps(tree, indent=1)
+    source = compose(text, "f")
+    assert source.tree == tree
+    for place, line in source.lines.items():
+        written = text.splitlines()[line - 1]
+        value = tree
+        for step in place:
+            value = value[step]
+        start = json.dumps(value)[:1]
+        assert written.lstrip().startswith(f'"{place[-1]}"' if isinstance(place[-1], str) else start)
+
+
+@given(st.text(max_size=60))
+def test_any_text_is_refused_in_words(text: str) -> None:
+    with pytest.raises(StudyError) as refused:
+        parse_study(text, "f")
+    assert all(mistake.problem and mistake.remedy for mistake in refused.value.mistakes)
+
+
+@given(st.sampled_from(BLADE.splitlines()), st.text(max_size=8), st.integers(0, 30))
+def test_any_edit_is_accepted_or_refused(line: str, noise: str, position: int) -> None:
+    edited = line[:position] + noise + line[position:]
+    told = refusal(BLADE.replace(line, edited, 1))
+    assert told is None or told.startswith("f:")
+
+
+def refusal(text: str) -> str | None:
+    """Return what is wrong in a study, ``None`` where nothing is."""
+    try:
+        parse_study(text, "f")
+    except StudyError as refused:
+        return str(refused)
+    return None
+
+
+ODD = st.sampled_from(
+    [None, True, 0, -1, 2.5, "", "full", "static", "2 m", [], [[1]], {}, {"a": 1}, {"lin": [0, 1, 3]}]
+)
+
+
+@given(st.data())
+def test_any_odd_value_anywhere_is_accepted_or_refused(data: st.DataObject) -> None:
+    source = compose(BLADE, "f")
+    for place in data.draw(st.lists(st.sampled_from(sorted(source.lines, key=str)), min_size=1, max_size=3)):
+        owner = source.tree
+        for step in place[:-1]:
+            try:
+                owner = owner[step]
+            except (KeyError, IndexError, TypeError):
+                break
+        if isinstance(owner, dict):
+            owner[place[-1]] = data.draw(ODD)
+    told = refusal(json.dumps(source.tree))
+    assert told is None or told.startswith("f:")
+
+
+def test_importing_needs_no_solver() -> None:
+    code = "import sys, workflow.study; print([m for m in ('numba', 'dask', 'xarray', 'pint') if m in sys.modules])"
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert told.stdout.strip() == "[]"
+
+
+def test_schema_follows_the_declarations() -> None:
+    schema = json_schema()
+    assert json.loads(json.dumps(schema)) == schema
+    assert schema["required"] == ["study", "scene"]
+    assert schema["additionalProperties"] is False
+    parameters = schema["$defs"]["blade_parameters"]
+    assert parameters["additionalProperties"] is False
+    assert "convection" not in parameters["required"]
+    assert parameters["properties"]["length"]["description"] == "length from root to tip [m]; above 0"
+    number, text = parameters["properties"]["length"]["anyOf"]
+    assert number == {"type": "number", "exclusiveMinimum": 0}
+    assert re.search(text["pattern"], "40 mm")
+    assert not re.search(text["pattern"], "mm")
+    axes = schema["$defs"]["axes"]["properties"]
+    assert {"e", "h", "alpha", "scheme", "scene.casing.gap", "scene.blade.length", "scene.chain.mass"} <= set(axes)
+    assert {"lin", "log"} == {key for form in axes["e"]["anyOf"] for key in form.get("properties", {})}
+
+
+def test_schema_accepts_the_examples_and_refuses_what_the_reader_refuses() -> None:
+    jsonschema = pytest.importorskip("jsonschema")
+    schema = json_schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    validator = jsonschema.Draft202012Validator(schema)
+    for text in (BLADE, CHAIN):
+        validator.validate(compose(text, "f").tree)
+    for old, new in (
+        ("length: 40 mm", "lenght: 40 mm"),
+        ("length: 40 mm", "length: 0"),
+        ("length: 40 mm", "length: mm"),
+        ("e: [0, 0.5, 0.9]", "e: [2]"),
+        ("e: [0, 0.5, 0.9]", "e: []"),
+        ("alpha: [0, 30]", "alhpa: [0, 30]"),
+        ("theta: 0.5", "theta: 2"),
+        ("precision: float64", "precision: float16"),
+    ):
+        assert not validator.is_valid(compose(BLADE.replace(old, new), "f").tree), new
