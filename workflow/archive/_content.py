@@ -40,6 +40,7 @@ def hash_content(path: Path) -> str:
         file = netCDF4.Dataset(path)
         file.set_auto_mask(False)
         file.set_auto_scale(False)
+        file.set_auto_chartostring(False)
         names = sorted(set(file.variables) - LEFT_OUT)
     try:
         for name in names:

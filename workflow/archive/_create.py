@@ -9,12 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from workflow.archive._layout import FORMAT, MESSAGE, Attributes, Layout
+from workflow.archive._layout import CHUNK_BYTES, FORMAT, MESSAGE, Attributes, Layout
 from workflow.archive._shard import LEVEL
 
 CONVENTIONS = "CF-1.11"
 FORMAT_NAME = "archive_format"
 """Global attribute that tells an archive of ours, and which version of it, from any other NetCDF file."""
+
+LENGTH = "message_length"
 
 PROVENANCE = "provenance"
 ATTRIBUTE_BYTES = 64_000
@@ -74,23 +76,41 @@ def _create_variables(file: Any, layout: Layout) -> None:
 
 
 def _create_messages(file: Any, layout: Layout, messages: Mapping[int, str]) -> None:
+    """Write texts as characters along a last dimension, which xarray reads as strings, lazily.
+
+    Variable-length strings would be read whole when the archive is opened. Chunks without a message
+    are never allocated.
+    """
+    encoded = {cell: text.encode() for cell, text in messages.items()}
+    length = max((len(text) for text in encoded.values()), default=1)
+    file.createDimension(LENGTH, length)
     dims = tuple(name for name, _ in layout.dims)
-    chunks = (1,) * (len(dims) - 1) + (layout.chunk,) if dims else None
-    made = file.createVariable(MESSAGE, str, dims, chunksizes=chunks)
-    made.setncatts({"long_name": "what a case that is not ok did"} | _labels(layout, dims))
-    by_unit: dict[int, dict[int, str]] = defaultdict(dict)
-    for cell, text in messages.items():
-        unit, place = layout.unit_of(cell)
-        by_unit[unit][place] = text
-    for unit, texts in sorted(by_unit.items()):
-        block = np.full(len(layout.cells_of(unit)), "", dtype=object)
-        for place, text in texts.items():
-            block[place] = text
+    chunks = (1,) * (len(dims) - 1) + (layout.chunk,) * (len(dims) > 0)
+    made = file.createVariable(
+        MESSAGE,
+        "S1",
+        (*dims, LENGTH),
+        compression="zlib",
+        complevel=LEVEL,
+        chunksizes=(*chunks, min(length, CHUNK_BYTES // layout.chunk)),
+    )
+    made.setncatts({"long_name": "what a case that is not ok did", "_Encoding": "utf-8"})
+    made.setncatts(_labels(layout, dims))
+    made.set_auto_chartostring(False)
+    by_unit: dict[int, list[int]] = defaultdict(list)
+    for cell in encoded:
+        by_unit[layout.unit_of(cell)[0]].append(cell)
+    for unit, told in sorted(by_unit.items()):
+        cells = layout.cells_of(unit)
+        block = np.zeros(len(cells), dtype=f"S{length}")
+        for cell in told:
+            block[cell - cells.start] = encoded[cell]
+        characters = block.view("S1").reshape(len(cells), length)
         if dims:
             *outer, start = layout.offset_of(unit)
-            made[(*outer, slice(start, start + len(block)))] = block
+            made[(*outer, slice(start, start + len(cells)), slice(None))] = characters
         else:
-            made[...] = block[0]
+            made[:] = characters[0]
 
 
 def _create_provenance(file: Any, layout: Layout) -> None:

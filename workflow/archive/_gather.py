@@ -14,7 +14,7 @@ from workflow.archive._create import PROVENANCE, create
 from workflow.archive._files import ArchiveError, free_space, sync, writing
 from workflow.archive._layout import NOT_RUN, STATUS, Layout, Variable
 from workflow.archive._parts import remove_parts
-from workflow.archive._shard import Shard, Shards, encode_chunk, find_shards, read_messages
+from workflow.archive._shard import Shard, Shards, encode_chunk, find_shards
 
 
 def gather(layout: Layout, parts: str | Path, target: str | Path) -> None:
@@ -70,22 +70,26 @@ def assemble(layout: Layout, shards: Shards, path: Path) -> None:
 
     create(layout, path, _messages(layout, shards))
     with LOCK, h5py.File(path, "r+") as archive:
+        stored = {variable.name: archive[variable.name] for variable in layout.variables}
         for number, shard in enumerate(shards.files):
             units = np.flatnonzero(shards.owner == number).tolist()
             with h5py.File(shard.path, "r") as source:
                 for variable in layout.variables:
-                    _copy(source[variable.name], archive[variable.name], layout, variable, shard, units)
+                    _copy(source, stored[variable.name], layout, variable, shard, units)
         for variable in layout.variables:
             if variable.dtype == "i1":  # floats are missing by themselves
-                _leave_blank(archive[variable.name], layout, variable, shards)
+                _leave_blank(stored[variable.name], layout, variable, shards)
 
 
 def _copy(source: Any, archive: Any, layout: Layout, variable: Variable, shard: Shard, units: list[int]) -> None:
+    import h5py
+
     if archive.chunks is None:  # a scalar: one cell without t
         for unit in units:
-            archive[()] = source[unit - shard.first, 0]
+            archive[()] = source[variable.name][unit - shard.first, 0]
         return
-    read, write = source.id.read_direct_chunk, archive.id.write_direct_chunk
+    read = h5py.h5d.open(source.id, variable.name.encode()).read_direct_chunk
+    write = archive.id.write_direct_chunk
     tails = list(_tails(layout, variable))
     for unit in units:
         offset = layout.offset_of(unit)
@@ -119,7 +123,7 @@ def _messages(layout: Layout, shards: Shards) -> dict[int, str]:
     """Return the messages of all shards that count, by cell."""
     found: dict[int, str] = {}
     for number, shard in enumerate(shards.files):
-        for place, text in read_messages(shard).items():
+        for place, text in shard.messages.items():
             unit, k = divmod(place, layout.chunk)
             cells = layout.cells_of(shard.first + unit)
             if shards.owner[shard.first + unit] == number and k < len(cells):

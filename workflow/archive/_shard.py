@@ -28,12 +28,13 @@ LEVEL = 1
 
 @dataclass(frozen=True)
 class Shard:
-    """A sound shard of this layout: units ``first`` to ``stop - 1``."""
+    """A sound shard of this layout: units ``first`` to ``stop - 1``, messages by place in the shard."""
 
     path: Path
     task: int
     first: int
     stop: int
+    messages: Mapping[int, str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +111,13 @@ def write_shard(
     parts = Path(parts)
     stop = first_unit + _check(first_unit, arrays, messages, layout)
     encoded = {v.name: _encode(arrays[v.name], v, layout) for v in layout.variables}
-    about = {"structure": layout.structure, "task": task, "first": first_unit, "stop": stop}
+    about = {
+        "structure": layout.structure,
+        "task": task,
+        "first": first_unit,
+        "stop": stop,
+        "messages": len(messages),
+    }
     data = _image(about, encoded, messages, layout)
     checksum = hashlib.sha256(data).hexdigest()
     path = parts / f"{first_unit:08d}-{stop:08d}-{task:06d}-{checksum}{SUFFIX}"
@@ -144,18 +151,6 @@ def find_shards(parts: str | Path, layout: Layout) -> Shards:
     for number, shard in enumerate(found):
         owner[shard.first : shard.stop] = number
     return Shards(tuple(found), owner, tuple(rejected))
-
-
-def read_messages(shard: Shard) -> dict[int, str]:
-    """Return the messages of a shard as :func:`write_shard` was given them."""
-    import h5py
-
-    from workflow.archive._lock import LOCK
-
-    with LOCK, h5py.File(shard.path, "r") as file:
-        if MESSAGE not in file:
-            return {}
-        return {int(place): text for place, text in json.loads(file[MESSAGE][()].tobytes()).items()}
 
 
 def encode_chunk(values: NDArray[Any]) -> bytes:
@@ -266,12 +261,13 @@ def _inspect(path: Path, layout: Layout) -> Shard | str:
     try:
         with LOCK, h5py.File(path, "r") as file:
             about = json.loads(file.attrs["shard"])
+            texts = json.loads(file[MESSAGE][()].tobytes()) if about["messages"] else {}
         if about["structure"] != layout.structure:
             return "of another study, solver version or chunk length"
-        shard = Shard(path, about["task"], about["first"], about["stop"])
+        messages = {int(place): text for place, text in texts.items()}
+        return Shard(path, about["task"], about["first"], about["stop"], messages)
     except (OSError, ValueError, KeyError, TypeError):
         return "not a shard"
-    return shard
 
 
 def _ranges(chosen: NDArray[np.bool_]) -> tuple[tuple[int, int], ...]:
