@@ -1,0 +1,105 @@
+"""What an archive says: contact phases, how a case ended, and which axes matter."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from workflow.schemes import Status
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+TAILS = ("t", "period")
+"""Dimensions of an archive that number no cases."""
+
+
+def case_dims(dataset: xr.Dataset) -> tuple[str, ...]:
+    """Return the dimensions along which the cases of an archive differ."""
+    return tuple(str(name) for name in dataset["status"].dims)
+
+
+def labels_of(dataset: xr.Dataset, dim: str) -> list[str]:
+    """Return a label for each value of a dimension, zipped coordinates side by side."""
+    names = [str(name) for name in dataset.coords if dataset[name].dims == (dim,)]
+    if not names:
+        return [str(k) for k in range(dataset.sizes[dim])]
+    columns = [[_label(name, value) for value in dataset[name].values] for name in names]
+    return [", ".join(parts) for parts in zip(*columns, strict=True)]
+
+
+def _label(name: str, value: object) -> str:
+    text = f"{value:.4g}" if isinstance(value, float | np.floating) else str(value)
+    return f"{name.replace('_', ' ')} {text}"
+
+
+def contact_phases(case: xr.Dataset) -> list[tuple[float, float]]:
+    """Return begin and end of each contact phase of a case, s, on the grid of its samples.
+
+    Parameters
+    ----------
+    case
+        One case of an archive with the history ``contact_force``.
+    """
+    touching = np.concatenate([[False], np.asarray(case["contact_force"].values) > 0, [False]])
+    edges = np.flatnonzero(np.diff(touching.astype(np.int8)))
+    t = np.asarray(case["t"].values, dtype=float)
+    interval = t[1] - t[0]
+    return [(float(t[a] - interval), float(t[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def status_counts(dataset: xr.Dataset) -> dict[str, int]:
+    """Return the number of cases by name of their status."""
+    values, number = np.unique(np.asarray(dataset["status"].values), return_counts=True)
+    return {Status(int(value)).name.lower(): int(n) for value, n in zip(values, number, strict=True)}
+
+
+def failures(dataset: xr.Dataset, most: int) -> list[tuple[str, str, str]]:
+    """Return labels, status and message of the first cases that ran and are not ok."""
+    dims = case_dims(dataset)
+    status = np.asarray(dataset["status"].values)
+    found = []
+    for index in np.argwhere((status != Status.OK) & (status != Status.NOT_RUN))[:most]:
+        place = dict(zip(dims, map(int, index), strict=True))
+        labels = ", ".join(labels_of(dataset, dim)[k] for dim, k in place.items()) or "the only case"
+        state = Status(int(status[tuple(index)])).name.lower()
+        found.append((labels, state, str(dataset["message"].isel(place).item())))
+    return found
+
+
+def effect(dataset: xr.Dataset, variable: str, dim: str) -> float:
+    """Return how far a metric of ok cases changes along a dimension, all others fixed.
+
+    The largest of (max - min) over the other dimensions, as a share of the metric's largest
+    magnitude; NaN where no two ok cases can be compared.
+    """
+    values = np.asarray(dataset[variable].where(dataset["status"] == Status.OK).values, dtype=float)
+    axis = dataset[variable].dims.index(dim)
+    values = np.moveaxis(np.where(np.isfinite(values), values, np.nan), axis, 0)
+    comparable = np.isfinite(values).sum(axis=0) > 1
+    if not comparable.any():
+        return float("nan")
+    compared = values[:, comparable]
+    scale = float(np.nanmax(np.abs(values)))
+    spread = float(np.max(np.nanmax(compared, axis=0) - np.nanmin(compared, axis=0)))
+    return spread / scale if scale > 0 else 0.0
+
+
+def finest(dataset: xr.Dataset) -> dict[str, int]:
+    """Return the position of the case to show first: smallest step, most modes, first of the rest."""
+    place = dict.fromkeys(case_dims(dataset), 0)
+    for name, largest in (("h", False), ("thermal_modes", True), ("mechanical_modes", True), ("alpha", True)):
+        if name in dataset.coords and dataset[name].ndim == 1:
+            values = np.asarray(dataset[name].values)
+            place[str(dataset[name].dims[0])] = int(np.argmax(values) if largest else np.argmin(values))
+    return place
+
+
+def shown_dim(dataset: xr.Dataset, most: int = 6) -> str | None:
+    """Return the dimension whose values one picture compares: α if it varies, else the largest that fits."""
+    dims = case_dims(dataset)
+    if "alpha" in dims and 1 < dataset.sizes["alpha"] <= most:
+        return "alpha"
+    fitting = [dim for dim in dims if 1 < dataset.sizes[dim] <= most]
+    return max(fitting, key=lambda dim: dataset.sizes[dim]) if fitting else None

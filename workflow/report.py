@@ -1,0 +1,137 @@
+"""One self-contained HTML page of an archive, with the figure it is built around beside it."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from workflow.analysis import case_dims, effect, failures, labels_of, status_counts
+from workflow.archive import open_archive, provenance
+from workflow.plots import metric_by_axis, overview, save
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+_STYLE = """
+body { font: 15px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; color: #222; }
+h1 { font-size: 1.5rem; } h2 { font-size: 1.15rem; margin-top: 2.2rem; }
+table { border-collapse: collapse; } th, td { padding: .25rem .8rem; text-align: left; border-bottom: 1px solid #ddd; }
+td.number { text-align: right; font-variant-numeric: tabular-nums; }
+img { max-width: 100%; } pre { background: #f6f6f6; padding: .8rem; overflow-x: auto; font-size: 12px; }
+.muted { color: #666; }
+"""
+
+_METRICS = ("contact_impulse", "impacts", "max_temperature", "max_penetration")
+_FAILURES_SHOWN = 20
+
+
+@dataclass(frozen=True)
+class Written:
+    """Where a report and its figure are."""
+
+    page: Path
+    figure: Path | None
+
+
+def write_report(archive: Path, page: Path | None = None) -> Written:
+    """Write the report of an archive: ``ARCHIVE.html``, and its main figure as ``ARCHIVE.png``.
+
+    Raises
+    ------
+    ArchiveError
+        There is no such archive.
+    OSError
+        The page cannot be written.
+    """
+    page = page or archive.with_suffix(".html")
+    with open_archive(archive) as dataset:
+        figure_path = None
+        body = [f"<h1>{html.escape(str(dataset.attrs['title']))}</h1>"]
+        body.append(f'<p class="muted">{html.escape(str(dataset.attrs["summary"]))}</p>')
+        body += _cases(dataset)
+        if any(name in dataset for name in ("displacement", "temperature", "contact_force")) and _any_ok(dataset):
+            figure = overview(dataset)
+            figure_path = save(figure, page.with_suffix(".png"))
+            body += ["<h2>Tip response</h2>", _image(figure, "tip response")]
+        if any(dataset.sizes[dim] > 1 for dim in case_dims(dataset)) and _any_ok(dataset):
+            body += ["<h2>What the axes do</h2>", _effects(dataset)]
+            body += [_image(metric_by_axis(dataset, name), name) for name in ("contact_impulse", "max_temperature")]
+        body += _provenance(archive)
+    page.write_text(
+        "<!doctype html><html lang='en'><head><meta charset='utf-8'>"
+        f"<title>{html.escape(archive.name)}</title><style>{_STYLE}</style></head><body>"
+        + "\n".join(body)
+        + "</body></html>\n",
+        encoding="utf-8",
+    )
+    return Written(page, figure_path)
+
+
+def _any_ok(dataset: xr.Dataset) -> bool:
+    return bool((dataset["status"] == 0).any())
+
+
+def _image(figure: Any, about: str) -> str:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, dpi=130, format="png")
+    data = base64.b64encode(buffer.getvalue()).decode()
+    return f'<p><img alt="{html.escape(about)}" src="data:image/png;base64,{data}"></p>'
+
+
+def _table(head: list[str], rows: list[list[str]]) -> str:
+    def cell(text: str) -> str:
+        number = text.replace(".", "").replace("e", "").replace("-", "").replace("+", "").rstrip(" %").isdigit()
+        return f"<td{' class=number' if number else ''}>{html.escape(text)}</td>"
+
+    top = "".join(f"<th>{html.escape(text)}</th>" for text in head)
+    body = "".join(f"<tr>{''.join(cell(text) for text in row)}</tr>" for row in rows)
+    return f"<table><tr>{top}</tr>{body}</table>"
+
+
+def _cases(dataset: xr.Dataset) -> list[str]:
+    counts = status_counts(dataset)
+    found = ["<h2>Cases</h2>", _table(["status", "cases"], [[name, str(n)] for name, n in counts.items()])]
+    runaway = int(dataset["runaway"].sum())
+    if runaway:
+        critical = np.unique(np.round(np.asarray(dataset["critical_alpha"].values, dtype=float), 12))
+        text = ", ".join(f"{value:.4g}" for value in critical[np.isfinite(critical)][:5])
+        found.append(
+            f"<p>{runaway} cases lie above the critical heat coupling ({text} m/s): in permanent contact "
+            "their tip would run away thermally. That is physics; they are ok.</p>"
+        )
+    told = failures(dataset, _FAILURES_SHOWN)
+    if told:
+        found.append(_table(["case", "status", "what it did"], [list(row) for row in told]))
+    dims = [[dim, str(dataset.sizes[dim]), "; ".join(labels_of(dataset, dim)[:8])] for dim in case_dims(dataset)]
+    if dims:
+        found.append(_table(["dimension", "size", "values"], dims))
+    return found
+
+
+def _effects(dataset: xr.Dataset) -> str:
+    dims = [dim for dim in case_dims(dataset) if dataset.sizes[dim] > 1]
+    names = [name for name in _METRICS if name in dataset]
+    rows = []
+    for dim in dims:
+        shares = [effect(dataset, name, dim) for name in names]
+        rows.append([dim, *(f"{100 * share:.2g} %" if np.isfinite(share) else "–" for share in shares)])
+    about = "<p>Largest change along each axis, all others fixed, as a share of the largest value of all cases.</p>"
+    return about + _table(["axis", *(name.replace("_", " ") for name in names)], rows)
+
+
+def _provenance(archive: Path) -> list[str]:
+    told = provenance(archive)
+    rows = [
+        [name, told[name]] for name in ("content_hash", "solver_version", "code_revision", "platform") if name in told
+    ]
+    return [
+        "<h2>Where this comes from</h2>",
+        _table(["", ""], rows),
+        f"<pre>{html.escape(told.get('study', ''))}</pre>",
+    ]
