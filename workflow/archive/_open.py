@@ -15,7 +15,7 @@ from workflow.archive._create import FORMAT_NAME, PROVENANCE
 from workflow.archive._files import ArchiveError, reason, writing
 from workflow.archive._gather import assemble
 from workflow.archive._layout import FORMAT
-from workflow.archive._parts import parts_of, read_layout
+from workflow.archive._parts import LAYOUT, parts_of, read_layout
 from workflow.archive._shard import find_shards
 
 if TYPE_CHECKING:
@@ -117,7 +117,7 @@ def archive_key(path: str | Path) -> str | None:
 
 
 def _unfinished(path: Path) -> bool:
-    return not path.exists() and parts_of(path).is_dir()
+    return not path.exists() and (parts_of(path) / LAYOUT).exists()
 
 
 def _open_view(path: Path, chunks: Any) -> xr.Dataset:
