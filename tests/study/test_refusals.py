@@ -244,6 +244,7 @@ NODES = [
     ("axes: {scene.initial: [static]}", "axes.scene.initial", "does not belong"),
     ("schemes: {moreau: 3}", "schemes.moreau", "not a mapping"),
     ("axes: 5", "axes", "not a mapping"),
+    ("axes:", "axes", "has nothing in it"),
     ("zip: [1]", "zip", "not a mapping"),
     ("load: {}", "load", "does not belong here"),
 ]
@@ -281,6 +282,8 @@ def test_two_models_and_no_model() -> None:
         )
     )
     assert (second.key, second.line) == ("scene.blade", 4)
+    (unknown,) = mistakes_of(CHAIN.replace("chain: {", "truss: {") + "axes: {scene.truss.mass: [1, 2]}\n")
+    assert (unknown.key, unknown.line) == ("scene.truss", 3)
     (none,) = mistakes_of("study: a\nscene: {casing: {gap: 1}, duration: 1}\n")
     assert (none.key, none.line) == ("scene", 2)
     assert "`blade`, `chain`" in none.remedy

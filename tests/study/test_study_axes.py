@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import itertools
 import json
 import math
@@ -266,7 +267,7 @@ def test_any_odd_value_anywhere_is_accepted_or_refused(data: st.DataObject) -> N
             except (KeyError, IndexError, TypeError):
                 break
         if isinstance(owner, dict):
-            owner[place[-1]] = data.draw(ODD)
+            owner[place[-1]] = copy.deepcopy(data.draw(ODD))
     told = refusal(json.dumps(source.tree))
     assert told is None or told.startswith("f:")
 

@@ -57,6 +57,8 @@ class Form(BaseModel):
                 told = wrong("does not belong here", cls.moved[last])
             case "extra_forbidden":
                 told = wrong(f"{said(last)} is not known here", one_of(last, cls.model_fields))
+            case _ if value is None:
+                told = wrong("has nothing in it", "write `key: value` entries, or leave it out")
             case _:
                 told = wrong(f"{said(value)} is not a mapping", "write `key: value` entries, or leave it out")
         return details(told, place, value)

@@ -62,6 +62,13 @@ def _mapping(value: Any, *keys: str) -> dict[str, Any]:
     return value if isinstance(value, dict) else {}
 
 
+def _first(content: Any) -> Any:
+    """Return the first value of an axis as written."""
+    while isinstance(content, dict | list) and content:
+        content = next(iter(content.values())) if isinstance(content, dict) else content[0]
+    return content
+
+
 @lru_cache(maxsize=32)
 def _forms(
     names: tuple[str, ...], methods: tuple[tuple[str, tuple[str, ...]], ...], labels: tuple[str, ...]
@@ -170,21 +177,15 @@ class _Reader:
             owner = self.tree
             for word in above:
                 owner = owner.setdefault(word, {}) if isinstance(owner, dict) else None
-            if path == "scene.initial" or not above or above[0] != "scene" or not isinstance(owner, dict):
-                self._judge_static(place, path)
+            if not above or above[0] != "scene":
                 continue
-            first = next(iter(content.values()), None) if isinstance(content, dict) else content
-            while isinstance(first, list) and first:
-                first = first[0]
-            if last not in owner:
-                owner[last] = first
+            if owner == "static":
+                remedy = "leave it out, or write `initial` as a mapping"
+                self.source.report(place, "varies a start that is `static`", remedy)
+            elif isinstance(owner, dict) and last not in owner:
+                owner[last] = _first(content)
                 supplied.add(tuple(path.split(".")))
         return supplied
-
-    def _judge_static(self, place: Place, path: str) -> None:
-        if path.startswith("scene.initial.") and _mapping(self.tree, "scene").get("initial") == "static":
-            problem = "varies a start that is `static`"
-            self.source.report(place, problem, "leave it out, or write `initial` as a mapping")
 
     def _node_counts(self) -> tuple[int, ...] | None:
         """Return the numbers of nodes that the cases have, ``None`` where they cannot be read."""
@@ -212,12 +213,18 @@ class _Reader:
             for line in error.errors(include_url=False):
                 place = tuple(step for step in line["loc"] if str(step)[:1] not in "<[")
                 faults.add(place)
-                if place not in supplied:
+                if place not in supplied and not self._follows(place):
                     self.source.report(place, line["ctx"]["problem"], line["ctx"]["remedy"])
         if not isinstance(self.tree, dict):
             raise StudyError(self.source.mistakes)
         empty: dict[str, Any] = {"scene": {}, "axes": {}, "zip": {}, "schemes": {}}
         return empty | sound(self.form, self.tree, faults, context)
+
+    def _follows(self, place: Place) -> bool:
+        """Whether a mistake follows from another: an axis over a model that is told to be unknown."""
+        path = str(place[-1]) if place[:1] in (("axes",), ("zip",)) else ""
+        group = path.split(".")[1] if path.startswith("scene.") else ""
+        return self.model is None and group in _mapping(self.tree, "scene") and path not in self.addresses
 
     def _in_order(self, read: Any, *keys: str) -> dict[str, Any]:
         """Return the axes of a section in the order in which they are written."""

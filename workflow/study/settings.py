@@ -36,7 +36,7 @@ class Initial:
 
 @dataclass(frozen=True)
 class Casing:
-    """What the tip rubs on."""
+    """The casing that the tip rubs on, e.g. ``casing: {gap: 20 um}``."""
 
     gap: float = quantity("m", "tip clearance at rest, cold; any sign")
 
