@@ -133,7 +133,8 @@ def _run_missing(
     progress: Progress | None,
 ) -> None:
     """Run every task of which a unit is missing, a bounded number of them in a graph at a time."""
-    import dask
+    from dask.base import compute
+    from dask.delayed import delayed
 
     stored, failed = before, 0
 
@@ -146,10 +147,10 @@ def _run_missing(
     if progress is not None:
         progress(before, 0, layout.cells)
     missing = (task for task in tasks(grid, units) if _is_missing(task, grid, units, done))
-    one = dask.delayed(_store, pure=False, traverse=False)
+    one = delayed(_store, pure=False, traverse=False)
     while some := list(islice(missing, _GRAPH)):
         graph = [one(grid, units, layout, parts, task, count) for task in some]
-        dask.compute(*graph, scheduler="threads", num_workers=threads)
+        compute(*graph, scheduler="threads", num_workers=threads)
 
 
 def _is_missing(task: Task, grid: Grid, units: Units, done: Shards) -> bool:

@@ -1,0 +1,110 @@
+"""Assembly of the lumps, modes, equilibrium and runaway against what can be written by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scenes import blade, chain, heavy_chain
+
+from workflow import models
+from workflow.models import NoEquilibriumError, Rayleigh, critical_alpha, growth_rate, static_equilibrium
+
+
+def test_chain_of_two_by_hand() -> None:
+    """Equation (1): K1 and K12 from N_i = k_i (x_i - x_{i-1} - a ℓ_i (θ_{i-1} + θ_i)/2)."""
+    structure = chain(
+        nodes=2,
+        mass=(1.0, 2.0),
+        stiffness=(3.0, 5.0),
+        spacing=(0.1, 0.2),
+        expansion=(0.01, 0.02),
+        heat_capacity=(7.0, 8.0),
+        conductance=(0.3, 0.5),
+        convection=(0.01, 0.02),
+        damping=Rayleigh(0.4, 0.05),
+    )
+    k1 = np.array([[8.0, -5.0], [-5.0, 5.0]])
+    f1, f2 = 3.0 * 0.01 * 0.1 / 2, 5.0 * 0.02 * 0.2 / 2  # k a ℓ / 2
+    assert np.allclose(structure.stiffness_matrix, k1, rtol=1e-15)
+    assert np.allclose(structure.coupling_matrix, [[-f1 + f2, f2], [-f2, -f2]], rtol=1e-14)
+    assert np.allclose(structure.conductance_matrix, [[0.81, -0.5], [-0.5, 0.52]], rtol=1e-14)
+    assert np.allclose(structure.damping_matrix, 0.4 * np.diag([1.0, 2.0]) + 0.05 * k1, rtol=1e-14)
+    assert np.array_equal(np.diag(structure.heat_capacity), [7.0, 8.0])
+
+
+def test_blade_is_lumped_with_half_a_cell_at_its_tip() -> None:
+    structure = blade(8)
+    cell = 4430 * 0.03 * 1e-3 * 0.04 / 8
+    assert np.allclose(np.diag(structure.mass), [cell] * 7 + [cell / 2], rtol=1e-14)
+    assert np.allclose(np.diag(structure.heat_capacity), 560 * np.diag(structure.mass), rtol=1e-14)
+    loss = 400 * 2 * (0.03 + 1e-3) * 0.04 / 8
+    assert np.allclose(structure.conductors[8:], [loss] * 7 + [loss / 2], rtol=1e-14)
+    assert models.tip_flexibility(structure) == pytest.approx(1e-6, rel=1e-12)
+    assert critical_alpha(blade()) == pytest.approx(2.756, abs=5e-4)
+
+
+def test_modes_diagonalise_and_keep_low_frequencies_of_graded_chains() -> None:
+    """Springs of ratio 1e8 and a tip 1e6 times lighter: ω1 against the soft root spring's own."""
+    structure = chain(nodes=3, mass=(1.0, 1.0, 1e-6), stiffness=(1.0, 1e8, 1e8))
+    modes = models.mechanical_modes(structure)
+    gram = modes.shapes.T @ structure.mass @ modes.shapes
+    assert np.abs(gram - np.eye(3)).max() < 1e-12
+    assert modes.values[0] == pytest.approx(np.sqrt(1.0 / 2.000001), rel=1e-7)
+    assert models.mechanical_modes(chain(nodes=3, mass=1.0, stiffness=(0.0, 4.0, 9.0))).values[0] == 0.0
+
+
+@pytest.mark.parametrize("nodes", [1, 5, 20])
+def test_critical_alpha_of_a_uniform_clamped_chain(nodes: int) -> None:
+    """α_c = 2κ/(k a ℓ n), reference README, and no growth there."""
+    structure = chain(
+        nodes=nodes, mass=1e-3, stiffness=2e7, spacing=2.5e-3, expansion=8.6e-6, heat_capacity=1.3, conductance=0.6
+    )
+    exact = 2 * 0.6 / (2e7 * 8.6e-6 * 2.5e-3 * nodes)
+    assert critical_alpha(structure) == pytest.approx(exact, rel=1e-12)
+    scale = 0.6 / 1.3
+    assert abs(growth_rate(structure, exact)) < 1e-9 * scale
+    assert growth_rate(structure, 1.1 * exact) > 0 > growth_rate(structure, 0.9 * exact)
+
+
+def test_runaway_decided_by_rank() -> None:
+    heated = {"nodes": 4, "mass": 1.0, "spacing": 0.1, "expansion": 1e-3, "conductance": 1.0}
+    free_root = chain(stiffness=(0.0, 5.0, 5.0, 5.0), **heated)
+    assert critical_alpha(free_root) == np.inf
+    insulated = chain(stiffness=5.0, **{**heated, "conductance": (0.0, 1.0, 1.0, 1.0)})
+    assert critical_alpha(insulated) == 0.0
+    assert critical_alpha(chain(stiffness=5.0, **{**heated, "expansion": 0.0})) == np.inf
+    assert critical_alpha(chain(stiffness=5.0, **{**heated, "expansion": -1e-3})) == np.inf
+    broken_off = chain(stiffness=(5.0, 0.0, 5.0, 5.0), **heated)
+    assert critical_alpha(broken_off) == np.inf
+
+
+def test_growth_rates_of_design() -> None:
+    """DESIGN: the blade at α = 30 grows by 3.3 1/s; issue figures: the light heavy chain by 1.608."""
+    assert growth_rate(blade(), 30.0) == pytest.approx(3.3, abs=0.05)
+    light = heavy_chain(heat_capacity=1.315e-3)
+    assert growth_rate(light, 1.1 * critical_alpha(light)) == pytest.approx(1.608, abs=5e-4)
+
+
+def test_equilibrium_free_pressed_and_none() -> None:
+    structure = chain(nodes=3, mass=1.0, stiffness=6.0, spacing=1.0, expansion=0.1, conductance=2.0)
+    load = np.array([0.0, 0.0, 1.0])
+    x, theta = static_equilibrium(structure, load, np.zeros(3), gap=10.0)
+    assert np.allclose(x, [1 / 6, 2 / 6, 3 / 6], rtol=1e-12)
+    assert np.all(theta == 0)
+    x, _ = static_equilibrium(structure, load, np.zeros(3), gap=0.3)
+    assert np.allclose(x, [0.1, 0.2, 0.3], rtol=1e-12)
+    _, theta = static_equilibrium(structure, load, np.array([0.0, 0.0, 4.0]), gap=10.0)
+    assert np.allclose(theta, [2.0, 4.0, 6.0], rtol=1e-12)
+    ball = chain(nodes=1, mass=1.0, stiffness=0.0)
+    x, _ = static_equilibrium(ball, np.array([2.0]), np.zeros(1), gap=0.5)
+    assert x[0] == 0.5
+    with pytest.raises(NoEquilibriumError, match="for ever"):
+        static_equilibrium(ball, np.array([-2.0]), np.zeros(1), gap=0.5)
+    with pytest.raises(NoEquilibriumError, match="cannot leave"):
+        static_equilibrium(ball, np.array([2.0]), np.ones(1), gap=0.5)
+
+
+def test_models_are_the_files_of_their_directory() -> None:
+    assert models.names() == ("blade", "chain")
+    with pytest.raises(KeyError):
+        models.load("_structure")
