@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -121,21 +122,17 @@ def put_shard(
     return archive.write_shard(parts, task, first, arrays, messages, layout)
 
 
-def put_all(
-    path: Path, layout: archive.Layout, results: Mapping[str, Any], bounds: Iterable[int] = ()
-) -> Path:
+def put_all(path: Path, layout: archive.Layout, results: Mapping[str, Any], bounds: Iterable[int] = ()) -> Path:
     """Start and fill the shards of an archive, cut at ``bounds``; return their directory."""
     parts = archive.parts_of(path)
     archive.start_parts(parts, layout)
     edges = [0, *bounds, layout.units]
-    for task, (first, stop) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
+    for task, (first, stop) in enumerate(itertools.pairwise(edges)):
         put_shard(parts, layout, results, first, stop, task)
     return parts
 
 
-def make_archive(
-    path: Path, layout: archive.Layout, results: Mapping[str, Any], bounds: Iterable[int] = ()
-) -> Path:
+def make_archive(path: Path, layout: archive.Layout, results: Mapping[str, Any], bounds: Iterable[int] = ()) -> Path:
     parts = put_all(path, layout, results, bounds)
     archive.gather(layout, parts, path)
     return path
@@ -143,7 +140,7 @@ def make_archive(
 
 def check_dataset(dataset: Any, layout: archive.Layout, results: Mapping[str, Any]) -> None:
     """Compare an opened archive with what was put in, bit by bit."""
-    assert {name for name in dataset.data_vars} == {*results, "message"}
+    assert set(dataset.data_vars) == {*results, "message"}
     for variable in layout.variables:
         stored = dataset[variable.name]
         assert stored.dims == layout.dims_of(variable)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import errno
 import os
 from pathlib import Path
@@ -89,9 +90,7 @@ def test_a_damaged_shard_is_noticed(parts: Path, damage: str) -> None:
     assert archive.find_shards(parts, LAYOUT).complete
 
 
-@pytest.mark.parametrize(
-    "other", [sample_layout(key="another"), sample_layout(chunk=5), sample_layout(precision="f4")]
-)
+@pytest.mark.parametrize("other", [sample_layout(key="another"), sample_layout(chunk=5), sample_layout(precision="f4")])
 def test_a_foreign_shard_is_noticed(parts: Path, tmp_path: Path, other: archive.Layout) -> None:
     foreign = put_all(tmp_path / "b.nc", other, sample_results(other))
     [stranger] = foreign.glob("*.h5")
@@ -223,11 +222,6 @@ def test_padding_may_stay_not_run(parts: Path) -> None:
 
 
 def test_layouts_that_contradict_themselves_are_refused() -> None:
-    def build(**change: object) -> None:
-        fields = {name: getattr(LAYOUT, name) for name in LAYOUT.__dataclass_fields__}
-        archive.Layout(**(fields | change))  # type: ignore[arg-type]
-
-    build()
     status, *others = LAYOUT.variables
     wrong = {
         "chunk": {"chunk": 26},
@@ -240,7 +234,7 @@ def test_layouts_that_contradict_themselves_are_refused() -> None:
     }
     for message, change in wrong.items():
         with pytest.raises(ValueError, match=message):
-            build(**change)
+            dataclasses.replace(LAYOUT, **change)
     with pytest.raises(ValueError, match="along"):
         archive.Coordinate("e", (), np.zeros(3), {})
     with pytest.raises(ValueError, match="numbers or texts"):

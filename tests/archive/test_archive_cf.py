@@ -1,0 +1,101 @@
+"""CF-1.11 as the IOOS compliance checker judges it, offline: no finding in its report."""
+
+from __future__ import annotations
+
+import json
+import socket
+import warnings
+from pathlib import Path
+from typing import Any
+
+import netCDF4
+import numpy as np
+import pytest
+import xarray as xr
+from archive_samples import make_archive, sample_layout, sample_results
+
+FINDINGS = ("high_priorities", "medium_priorities", "low_priorities")
+
+
+@pytest.fixture(autouse=True)
+def _offline(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError("the checker went on line")
+
+    monkeypatch.setattr(socket.socket, "connect", refuse)
+
+
+def report(path: Path) -> dict[str, Any]:
+    """Run the checker; its packaged table of standard names is used, as none is named in the file.
+
+    Its exit status is 2 for any dimension of strings, so the report alone counts.
+    """
+    told = path.with_suffix(".json")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        from compliance_checker.runner import CheckSuite, ComplianceChecker
+
+        CheckSuite.load_all_available_checkers()
+        ComplianceChecker.run_checker(
+            str(path), ["cf:1.11"], 0, "strict", output_filename=str(told), output_format="json"
+        )
+    found: dict[str, Any] = json.loads(told.read_text())["cf:1.11"]
+    return found
+
+
+def findings(found: dict[str, Any]) -> list[Any]:
+    faults = [
+        (entry["name"], entry["msgs"])
+        for level in FINDINGS
+        for entry in found[level]
+        if entry["msgs"] or entry["value"][0] != entry["value"][1]
+    ]
+    if found["scored_points"] != found["possible_points"]:
+        faults.append(("points", found["scored_points"]))
+    return faults
+
+
+@pytest.mark.parametrize(
+    "layout",
+    [
+        sample_layout((("scheme", 2), ("model", 3), ("e", 3), ("alpha", 25))),
+        sample_layout((("e", 3), ("alpha", 25)), precision="f4"),
+        sample_layout((), periods=0),
+    ],
+    ids=["strings and a zip", "numbers", "one cell"],
+)
+def test_the_checker_finds_nothing(tmp_path: Path, layout: Any) -> None:
+    found = report(make_archive(tmp_path / "a.nc", layout, sample_results(layout)))
+    assert found["possible_points"] > 100
+    assert findings(found) == []
+
+
+def test_the_checker_would_find_something(tmp_path: Path) -> None:
+    layout = sample_layout((("e", 3),))
+    path = make_archive(tmp_path / "a.nc", layout, sample_results(layout))
+    with netCDF4.Dataset(path, "a") as file:
+        file["impacts"].setncattr("units", "apples")
+        file["status"].setncattr("flag_meanings", "ok")
+    assert len(findings(report(path))) >= 2
+
+
+def test_what_the_checker_does_not_ask(tmp_path: Path) -> None:
+    layout = sample_layout()
+    path = make_archive(tmp_path / "a.nc", layout, sample_results(layout))
+    with netCDF4.Dataset(path) as file:
+        assert file.getncattr("Conventions") == "CF-1.11"
+        assert {"title", "summary", "license", "history"} <= set(file.ncattrs())
+        for coordinate in layout.coordinates:
+            assert "_FillValue" not in file[coordinate.name].ncattrs()
+            assert "long_name" in file[coordinate.name].ncattrs()
+        for variable in layout.variables:
+            stored = file[variable.name]
+            filters = stored.filters()
+            assert (filters["zlib"], filters["complevel"], filters["shuffle"]) == (True, 1, True)
+            assert ("_FillValue" in stored.ncattrs()) == (variable.dtype != "i1")
+            assert stored.getncattr("coordinates").split() == ["scheme", "h", "lumping"]
+        assert np.isnan(file["impacts"].getncattr("_FillValue"))
+        assert file["status"].getncattr("flag_values").dtype == np.int8
+    with xr.open_dataset(path) as dataset:
+        assert dataset["wall_time"].dtype == float  # seconds, not a timedelta
+        assert dataset["t"].dtype == float

@@ -1,0 +1,327 @@
+"""From shards to an archive: the same bits in any number of pieces, and never half an archive."""
+
+from __future__ import annotations
+
+import dataclasses
+import errno
+import math
+import os
+import resource
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+import xarray as xr
+from archive_samples import (
+    DIMS,
+    check_dataset,
+    make_archive,
+    put_all,
+    put_shard,
+    sample_layout,
+    sample_results,
+)
+
+from workflow import archive
+from workflow.archive import _content, _gather, _layout
+
+LAYOUTS = {
+    "three dimensions, partial edge": sample_layout(),
+    "two dimensions": sample_layout(DIMS[1:]),
+    "one dimension": sample_layout(DIMS[2:]),
+    "innermost of text": sample_layout((("e", 4), ("scheme", 3)), chunk=2),
+    "one cell": sample_layout(()),
+    "one cell without histories": sample_layout((), samples=0, periods=0),
+    "one long": sample_layout((("scheme", 1), ("e", 1))),
+    "chunks of one": sample_layout(DIMS, chunk=1),
+    "whole rows": sample_layout(DIMS, chunk=25),
+    "four dimensions": sample_layout((("scheme", 2), ("model", 3), ("e", 2), ("alpha", 5)), chunk=3),
+    "zip innermost": sample_layout((("e", 2), ("model", 3)), chunk=2),
+    "float32": sample_layout(precision="f4"),
+    "no histories": sample_layout(samples=0),
+    "no periods": sample_layout(periods=0),
+    "metrics alone": sample_layout(samples=0, periods=0),
+}
+
+
+@pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS.keys())
+def test_what_goes_in_comes_out(tmp_path: Path, layout: archive.Layout) -> None:
+    results = sample_results(layout)
+    path = make_archive(tmp_path / "a.nc", layout, results, range(1, layout.units, 2))
+    assert list(tmp_path.iterdir()) == [path]
+    with archive.open_archive(path) as dataset:
+        check_dataset(dataset, layout, results)
+    with xr.open_dataset(path) as dataset:
+        check_dataset(dataset, layout, results)
+
+
+@pytest.mark.parametrize("name", ["three dimensions, partial edge", "float32", "one cell", "zip innermost"])
+def test_histories_cut_along_t(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    layout = dataclasses.replace(LAYOUTS[name])
+    monkeypatch.setattr(_layout, "CHUNK_BYTES", layout.chunk * 3 * 8)
+    displacement = next(v for v in layout.variables if v.name == "displacement")
+    assert layout.chunk_of(displacement)[2] in (3, 4)
+    results = sample_results(layout)
+    path = make_archive(tmp_path / "a.nc", layout, results, range(1, layout.units, 4))
+    with archive.open_archive(path) as dataset:
+        check_dataset(dataset, layout, results)
+
+
+def test_copied_chunks_are_what_xarray_would_have_written(tmp_path: Path) -> None:
+    layout = LAYOUTS["three dimensions, partial edge"]
+    ours = make_archive(tmp_path / "a.nc", layout, sample_results(layout), [2, 7])
+    theirs = tmp_path / "b.nc"
+    chunks = {v.name: layout.archive_chunk_of(v) for v in layout.variables}
+    with archive.open_archive(ours) as dataset:
+        plain = dataset.drop_encoding().drop_vars("message")
+        filters = {"zlib": True, "complevel": 1, "shuffle": True}
+        plain.to_netcdf(theirs, encoding={name: filters | {"chunksizes": c} for name, c in chunks.items()})
+    with h5py.File(ours) as a, h5py.File(theirs) as b:
+        for name in chunks:
+            assert a[name].chunks == b[name].chunks == chunks[name]
+            assert a[name].dtype == b[name].dtype
+            assert [a[name].compression, a[name].compression_opts, a[name].shuffle] == ["gzip", 1, True]
+            assert [b[name].compression, b[name].compression_opts, b[name].shuffle] == ["gzip", 1, True]
+            assert a[name].id.get_num_chunks() == b[name].id.get_num_chunks() > 0
+            assert a[name][...].tobytes() == b[name][...].tobytes()
+            ratio = a[name].id.get_storage_size() / b[name].id.get_storage_size()
+            assert 0.8 < ratio < 1.25
+
+
+def test_results_in_pieces_have_one_content(tmp_path: Path) -> None:
+    layout = LAYOUTS["three dimensions, partial edge"]
+    results = sample_results(layout)
+    cuts = ([], [9], [1, 2, 3, 10], range(1, 18))
+    hashes = {
+        archive.content_hash(make_archive(tmp_path / f"{i}.nc", layout, results, cut)) for i, cut in enumerate(cuts)
+    }
+    assert len(hashes) == 1
+
+
+def test_content_does_not_depend_on_chunks_or_wall_time(tmp_path: Path) -> None:
+    results = sample_results(LAYOUTS["whole rows"])
+    first = make_archive(tmp_path / "a.nc", LAYOUTS["whole rows"], results)
+    later = results | {"wall_time": results["wall_time"] + 1}
+    second = make_archive(tmp_path / "b.nc", LAYOUTS["three dimensions, partial edge"], later, [5])
+    assert archive.content_hash(first) == archive.content_hash(second)
+
+
+@pytest.mark.parametrize("name", ["impacts", "displacement", "period_impulse", "status"])
+def test_content_changes_with_one_bit(tmp_path: Path, name: str) -> None:
+    layout = LAYOUTS["three dimensions, partial edge"]
+    results = sample_results(layout)
+    changed = {n: values.copy() for n, values in results.items()}
+    last = changed[name].reshape(-1)
+    if name == "status":
+        last[0] = 1 - last[0]
+    else:
+        last[-1] = np.nextafter(last[-1], math.inf)
+    a = make_archive(tmp_path / "a.nc", layout, results)
+    b = make_archive(tmp_path / "b.nc", layout, changed)
+    assert archive.content_hash(a) != archive.content_hash(b)
+
+
+def test_content_knows_coordinates_and_their_names(tmp_path: Path) -> None:
+    layout = LAYOUTS["metrics alone"]
+    hashes = set()
+    for name, value in {"h": 1e-4, "theta": 1e-4, "h ": 2e-4}.items():
+        scalar = archive.Coordinate(name.strip(), (), np.array(value), {"units": "s", "long_name": "x"})
+        others = tuple(c for c in layout.coordinates if c.name != "h")
+        varied = dataclasses.replace(layout, coordinates=(*others, scalar))
+        path = make_archive(tmp_path / f"{len(hashes)}.nc", varied, sample_results(varied))
+        hashes.add(archive.content_hash(path))
+    assert len(hashes) == 3
+
+
+def test_the_hash_is_what_its_description_says(tmp_path: Path) -> None:
+    import hashlib
+    import json
+
+    layout = sample_layout((("e", 2),), samples=0, periods=0)
+    results = sample_results(layout)
+    path = make_archive(tmp_path / "a.nc", layout, results)
+
+    digest = hashlib.sha256()
+
+    def add(name: str, dims: list[str], kind: str, shape: list[int], data: bytes) -> None:
+        digest.update(json.dumps([name, dims, kind, shape]).encode() + b"\n" + data)
+
+    add("e", ["e"], "<f8", [2], np.array([0.9, 0.0]).tobytes())
+    add("h", [], "<f8", [], np.float64(1e-4).tobytes())
+    add("impacts", ["e"], "<f8", [2], results["impacts"].tobytes())
+    add("lumping", [], "text", [], (7).to_bytes(8, "little") + "chaîne".encode())
+    add("message", ["e", "message_length"], "|S1", [2, 1], b"\0\0")
+    add("status", ["e"], "|i1", [2], b"\0\0")
+    assert archive.content_hash(path) == digest.hexdigest()
+
+
+def test_one_nan_is_as_good_as_another(tmp_path: Path) -> None:
+    layout = LAYOUTS["metrics alone"]
+    results = sample_results(layout)
+    other = {name: values.copy() for name, values in results.items()}
+    for name in ("impacts", "wall_time"):
+        other[name][np.isnan(other[name])] = np.uint64(0xFFF8_0000_0000_0001).view(np.float64)
+    assert other["impacts"].tobytes() != results["impacts"].tobytes()
+    a = make_archive(tmp_path / "a.nc", layout, results)
+    b = make_archive(tmp_path / "b.nc", layout, other)
+    assert archive.content_hash(a) == archive.content_hash(b)
+
+
+def test_a_value_too_large_for_float32_is_infinite(tmp_path: Path) -> None:
+    layout = LAYOUTS["float32"]
+    results = sample_results(layout)
+    results["displacement"] = results["displacement"].astype(float)
+    results["displacement"][0, 0, 0, 0] = 1e300
+    parts = archive.parts_of(tmp_path / "a.nc")
+    archive.start_parts(parts, layout)
+    arrays = archive.blank(layout, 1)
+    arrays["status"][:] = 0
+    arrays["displacement"] = np.full((1, 10, 7), 1e300)
+    archive.write_shard(parts, 0, 0, arrays, {}, layout)
+    with archive.open_archive(tmp_path / "a.nc") as dataset:
+        assert np.isposinf(dataset["displacement"][0, 0, :10]).all()
+
+
+@pytest.mark.parametrize("limit", [1, 5, 21, 40, 150, 10**6])
+@pytest.mark.parametrize("chunks", [(1, 1, 10, 7), (1, 1, 25, 2)])
+def test_blocks_follow_each_other_in_c_order(limit: int, chunks: tuple[int, ...]) -> None:
+    values = np.arange(2 * 3 * 25 * 7).reshape(2, 3, 25, 7)
+    blocks = [values[block].ravel() for block in _content.blocks(values.shape, chunks, limit)]
+    assert np.concatenate(blocks).tolist() == values.ravel().tolist()
+    assert max(block.size for block in blocks) <= max(limit, chunks[2] * 7)
+
+
+def test_an_incomplete_study_is_not_gathered(tmp_path: Path) -> None:
+    layout = LAYOUTS["three dimensions, partial edge"]
+    results = sample_results(layout)
+    target = tmp_path / "a.nc"
+    parts = archive.parts_of(target)
+    archive.start_parts(parts, layout)
+    put_shard(parts, layout, results, 0, 17)
+    with pytest.raises(archive.ArchiveError, match="1 of 18 units are missing"):
+        archive.gather(layout, parts, target)
+    assert not target.exists()
+    put_shard(parts, layout, results, 17, 18)
+    archive.gather(layout, parts, target)
+    assert target.exists()
+    assert not parts.exists()
+
+
+@pytest.fixture
+def replaced(tmp_path: Path) -> tuple[archive.Layout, Path, bytes]:
+    """An archive about to be replaced: layout, path, and its bytes so far."""
+    layout = LAYOUTS["three dimensions, partial edge"]
+    path = make_archive(tmp_path / "a.nc", layout, sample_results(layout))
+    put_all(path, layout, sample_results(layout, seed=1), [5])
+    return layout, path, path.read_bytes()
+
+
+def test_replacing_an_archive(replaced: tuple[archive.Layout, Path, bytes]) -> None:
+    layout, path, before = replaced
+    with archive.open_archive(path) as old:
+        archive.gather(layout, archive.parts_of(path), path)
+        check_dataset(old, layout, sample_results(layout))
+    with archive.open_archive(path) as new:
+        check_dataset(new, layout, sample_results(layout, seed=1))
+    assert path.read_bytes() != before
+
+
+@pytest.mark.parametrize("where", ["create", "assemble", "hash_content", "_seal", "_read_back", "sync"])
+def test_a_failure_anywhere_leaves_target_and_shards(
+    replaced: tuple[archive.Layout, Path, bytes], monkeypatch: pytest.MonkeyPatch, where: str
+) -> None:
+    layout, path, before = replaced
+
+    def fail(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(_gather, where, fail)
+    with pytest.raises(archive.ArchiveError, match=r"archive could not be written: no space left"):
+        archive.gather(layout, archive.parts_of(path), path)
+    assert path.read_bytes() == before
+    assert archive.find_shards(archive.parts_of(path), layout).complete
+    assert not list(path.parent.rglob("*.tmp"))
+    monkeypatch.undo()
+    archive.gather(layout, archive.parts_of(path), path)
+    assert path.read_bytes() != before
+
+
+def test_too_little_room_is_said_beforehand(
+    replaced: tuple[archive.Layout, Path, bytes], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    layout, path, before = replaced
+    monkeypatch.setattr(_gather, "free_space", lambda directory: 1000)
+    with pytest.raises(archive.ArchiveError, match="no space left on device, it needs about"):
+        archive.gather(layout, archive.parts_of(path), path)
+    assert path.read_bytes() == before
+
+
+def test_a_chunk_that_was_not_copied_is_noticed(
+    replaced: tuple[archive.Layout, Path, bytes], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    layout, path, before = replaced
+    copy = _gather._copy
+
+    def forget(source, archived, layout, variable, shard, units) -> None:  # type: ignore[no-untyped-def]
+        copy(source, archived, layout, variable, shard, units[1:] if variable.name == "impacts" else units)
+
+    monkeypatch.setattr(_gather, "_copy", forget)
+    with pytest.raises(archive.ArchiveError, match="impacts has 16 of 18 chunks"):
+        archive.gather(layout, archive.parts_of(path), path)
+    assert path.read_bytes() == before
+
+
+def test_a_case_that_has_not_run_is_noticed(
+    replaced: tuple[archive.Layout, Path, bytes], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    layout, path, before = replaced
+
+    def spoil(path: Path, digest: str) -> None:
+        with h5py.File(path, "r+") as file:
+            file["status"][1, 2, 24] = 4
+            file["provenance"].attrs["content_hash"] = np.bytes_(digest)
+
+    monkeypatch.setattr(_gather, "_seal", spoil)
+    with pytest.raises(archive.ArchiveError, match="149 of 150 cases have run"):
+        archive.gather(layout, archive.parts_of(path), path)
+    assert path.read_bytes() == before
+
+
+def test_a_write_that_fails_inside_hdf5(tmp_path: Path) -> None:
+    """A limit on the size of files makes netCDF-C and HDF5 fail as on a full disk."""
+    layout = LAYOUTS["three dimensions, partial edge"]
+    put_all(tmp_path / "a.nc", layout, sample_results(layout), range(1, 18))
+    code = """
+        import resource, sys
+        from pathlib import Path
+        from workflow import archive
+        target = Path(sys.argv[1])
+        parts = archive.parts_of(target)
+        layout = archive.read_layout(parts)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), resource.RLIM_INFINITY))
+        try:
+            archive.gather(layout, parts, target)
+        except archive.ArchiveError as error:
+            sys.exit(str(error))
+    """
+    assert resource.getrlimit(resource.RLIMIT_FSIZE)[1] == resource.RLIM_INFINITY
+    for limit in (0, 4096, 30_000):
+        call = [sys.executable, "-c", textwrap.dedent(code), str(tmp_path / "a.nc"), str(limit)]
+        done = subprocess.run(call, capture_output=True, text=True, timeout=60)
+        assert done.returncode == 1, done.stderr
+        assert "the archive could not be written" in done.stderr
+        assert "Traceback" not in done.stderr
+        assert [entry.name for entry in tmp_path.iterdir()] == ["a.nc.parts"]
+        assert archive.find_shards(tmp_path / "a.nc.parts", layout).complete
+    archive.gather(layout, tmp_path / "a.nc.parts", tmp_path / "a.nc")
+
+
+def test_removing_shards_twice_is_no_fault(tmp_path: Path) -> None:
+    parts = put_all(tmp_path / "a.nc", LAYOUTS["one cell"], sample_results(LAYOUTS["one cell"]))
+    archive.remove_parts(parts)
+    assert not parts.exists()
+    archive.remove_parts(parts)

@@ -1,0 +1,269 @@
+"""Opening: lazily, by any tool, before the end of a run, and with one clear message if it cannot be."""
+
+from __future__ import annotations
+
+import gc
+import os
+import pickle
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+import pytest
+import xarray as xr
+from archive_samples import check_dataset, make_archive, put_shard, sample_layout, sample_results
+
+from workflow import archive
+
+LAYOUT = sample_layout()
+RESULTS = sample_results(LAYOUT)
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return make_archive(tmp_path_factory.mktemp("open") / "a.nc", LAYOUT, RESULTS, [7])
+
+
+@pytest.fixture
+def begun(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An archive of which the units 2, 3 and 17 are there; views go to a directory of their own."""
+    target = tmp_path / "b.nc"
+    parts = archive.parts_of(target)
+    archive.start_parts(parts, LAYOUT)
+    put_shard(parts, LAYOUT, RESULTS, 2, 4)
+    put_shard(parts, LAYOUT, RESULTS, 17, 18)
+    (tmp_path / "views").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "views"))
+    return target
+
+
+def test_importing_the_floor_loads_no_library_of_files() -> None:
+    code = "import sys, workflow.archive; print(*{'xarray', 'netCDF4', 'h5py'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert (done.stdout.strip(), done.stderr) == ("", "")
+
+
+def test_values_are_read_when_they_are_used(path: Path) -> None:
+    with archive.open_archive(path) as dataset:
+        lazy = {name for name, variable in dataset.data_vars.items() if not variable.variable._in_memory}
+        assert lazy == set(dataset.data_vars)
+        assert float(dataset["impacts"].sel(e=0.9, scheme="event_driven")[3]) == RESULTS["impacts"][1, 0, 3]
+
+
+def test_dask_only_when_asked(path: Path) -> None:
+    with archive.open_archive(path) as dataset:
+        assert dataset["displacement"].chunks is None
+    with archive.open_archive(path, chunks={}) as dataset:
+        assert dataset["displacement"].chunks == ((1, 1), (1, 1, 1), (10, 10, 5), (7,))
+        check_dataset(dataset, LAYOUT, RESULTS)
+
+
+def test_an_opened_archive_can_be_sent_to_a_worker(path: Path) -> None:
+    with archive.open_archive(path) as dataset, pickle.loads(pickle.dumps(dataset)) as sent:
+        check_dataset(sent, LAYOUT, RESULTS)
+
+
+def test_other_tools_read_it(path: Path) -> None:
+    with xr.open_dataset(path) as dataset:
+        check_dataset(dataset, LAYOUT, RESULTS)
+    with netCDF4.Dataset(path) as file:
+        assert file.data_model == "NETCDF4"
+        assert file["scheme"][:].tolist() == ["moreau", "event_driven"]
+        assert file["message"][0, 0, 6] == "case 6 diverged: ρ = 1.2"
+
+
+def test_h5netcdf_reads_it(path: Path) -> None:
+    pytest.importorskip("h5netcdf")
+    with xr.open_dataset(path, engine="h5netcdf") as dataset:
+        check_dataset(dataset, LAYOUT, RESULTS)
+
+
+def test_values_of_an_axis_keep_the_order_of_the_study(tmp_path: Path) -> None:
+    values = [0.5, 0.0, 0.9]
+    axis = archive.Coordinate("e", ("e",), np.array(values), {"units": "1", "long_name": "restitution"})
+    status = archive.Variable("status", "flag", "i1", {"long_name": "how the case ended"})
+    layout = archive.Layout((("e", 3),), 0, 0, 2, (axis,), (status,), {}, {}, "key")
+    path = make_archive(tmp_path / "a.nc", layout, {"status": np.zeros(3, "i1")})
+    with archive.open_archive(path) as dataset:
+        assert dataset["e"].values.tolist() == values
+        assert dataset.sel(e=0.0)["e"] == 0.0
+
+
+def test_provenance_is_kept_whole(path: Path) -> None:
+    expected = dict(LAYOUT.provenance) | {"key": LAYOUT.key, "content_hash": archive.content_hash(path)}
+    assert archive.provenance(path) == expected
+    assert len(expected["hashes"]) > 64 * 1024
+    assert archive.archive_key(path) == LAYOUT.key
+    with archive.open_archive(path) as dataset:  # two handles on one file
+        assert archive.provenance(str(path)) == expected
+        check_dataset(dataset, LAYOUT, RESULTS)
+
+
+def test_the_hash_is_of_what_is_there_now(path: Path, tmp_path: Path) -> None:
+    edited = tmp_path / "edited.nc"
+    edited.write_bytes(path.read_bytes())
+    with netCDF4.Dataset(edited, "a") as file:
+        file["impacts"][1, 1, 1] += 1
+    assert archive.provenance(edited)["content_hash"] == archive.content_hash(path)
+    assert archive.content_hash(edited) != archive.content_hash(path)
+
+
+def test_an_unfinished_archive_is_seen_as_far_as_it_is(begun: Path) -> None:
+    done = np.isin(np.arange(LAYOUT.cells), [c for u in (2, 3, 17) for c in LAYOUT.cells_of(u)])
+    done = done.reshape(LAYOUT.shape)
+    with archive.open_archive(begun) as view:
+        for name, values in RESULTS.items():
+            missing = 4 if name == "status" else np.nan
+            where = done.reshape(done.shape + (1,) * (values.ndim - 3))
+            np.testing.assert_array_equal(view[name].values, np.where(where, values, missing))
+        assert set(view["message"].values[~done]) == {""}
+        assert view["message"].values[0, 0, 20] == "case 20 diverged: ρ = 1.2"
+        assert view.attrs["title"] == "Rotor–stator rub"
+        for coordinate in LAYOUT.coordinates:
+            assert view[coordinate.name].values.tolist() == coordinate.values.tolist()
+    put_shard(archive.parts_of(begun), LAYOUT, RESULTS, 0, 18)
+    with archive.open_archive(begun) as view:
+        check_dataset(view, LAYOUT, RESULTS)
+
+
+@pytest.mark.parametrize("dims", [(), (("e", 3),)])
+def test_nothing_has_run_yet(tmp_path: Path, dims: tuple[tuple[str, int], ...]) -> None:
+    layout = sample_layout(dims)
+    archive.start_parts(archive.parts_of(tmp_path / "a.nc"), layout)
+    with archive.open_archive(tmp_path / "a.nc") as view:
+        assert set(view["status"].values.ravel()) == {4}
+        assert bool(view["displacement"].isnull().all())
+
+
+def test_a_view_sees_no_damaged_shard(begun: Path) -> None:
+    victim = min(archive.parts_of(begun).glob("*.h5"))
+    victim.write_bytes(victim.read_bytes()[:-10])
+    with archive.open_archive(begun) as view:
+        assert int((view["status"] != 4).sum()) == len(LAYOUT.cells_of(17))
+
+
+def test_a_view_leaves_nothing_when_closed(begun: Path) -> None:
+    views = begun.parent / "views"
+    view = archive.open_archive(begun)
+    assert len(list(views.iterdir())) == 1
+    part = view["impacts"][0]
+    np.testing.assert_array_equal(part[0, 20:25], RESULTS["impacts"][0, 0, 20:25])
+    view.close()
+    assert list(views.iterdir()) == []
+    assert sorted(entry.name for entry in begun.parent.iterdir()) == ["b.nc.parts", "views"]
+
+
+def test_a_view_that_is_never_closed_goes_with_the_process(begun: Path) -> None:
+    code = (
+        "import sys, tempfile; tempfile.tempdir = sys.argv[2]\n"
+        "from workflow import archive; kept = archive.open_archive(sys.argv[1])"
+    )
+    views = begun.parent / "views"
+    call = [sys.executable, "-c", code, str(begun), str(views)]
+    done = subprocess.run(call, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert list(views.iterdir()) == []
+
+
+def test_an_unfinished_archive_has_a_key_but_no_hash(begun: Path) -> None:
+    assert archive.archive_key(begun) == LAYOUT.key
+    assert archive.provenance(begun) == {"key": LAYOUT.key, **LAYOUT.provenance}
+    with pytest.raises(archive.ArchiveError, match="unfinished"):
+        archive.content_hash(begun)
+
+
+def test_nothing_there_has_no_key(tmp_path: Path) -> None:
+    assert archive.archive_key(tmp_path / "a.nc") is None
+    archive.parts_of(tmp_path / "a.nc").mkdir()  # a run that died before it began
+    assert archive.archive_key(tmp_path / "a.nc") is None
+
+
+def build_wrong(path: Path, good: Path, fault: str) -> None:
+    if fault == "directory":
+        path.mkdir()
+    elif fault == "empty":
+        path.touch()
+    elif fault == "text":
+        path.write_text("study: blade\n")
+    elif fault == "NetCDF-3":
+        netCDF4.Dataset(path, "w", format="NETCDF3_CLASSIC").close()
+    elif fault == "other NetCDF":
+        netCDF4.Dataset(path, "w").close()
+    elif fault == "later format":
+        path.write_bytes(good.read_bytes())
+        with netCDF4.Dataset(path, "a") as file:
+            file.setncattr("archive_format", "2")
+    elif fault == "truncated":
+        path.write_bytes(good.read_bytes()[:-1000])
+    elif fault == "signature alone":
+        path.write_bytes(good.read_bytes()[:8])
+
+
+FAULTS = {
+    "missing": "no such archive",
+    "directory": "a directory",
+    "empty": "not a NetCDF-4 file",
+    "text": "not a NetCDF-4 file",
+    "NetCDF-3": "not a NetCDF-4 file",
+    "other NetCDF": "not an archive of this workflow",
+    "later format": "archive format 2",
+    "truncated": "damaged",
+    "signature alone": "damaged",
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_what_cannot_be_opened_is_said(path: Path, tmp_path: Path, fault: str) -> None:
+    wrong = tmp_path / "wrong.nc"
+    build_wrong(wrong, path, fault)
+    for read in (archive.open_archive, archive.provenance, archive.content_hash, archive.archive_key):
+        if fault == "missing" and read is archive.archive_key:
+            continue
+        with pytest.raises(archive.ArchiveError, match=FAULTS[fault]) as caught:
+            read(wrong)
+        assert str(caught.value).startswith(str(wrong))
+        assert "\n" not in str(caught.value)
+    gc.collect()  # nothing half-open is left to warn
+
+
+def test_a_damaged_chunk_is_said(path: Path, tmp_path: Path) -> None:
+    import h5py
+
+    wrong = tmp_path / "wrong.nc"
+    with h5py.File(path) as file:
+        chunk = file["displacement"].id.get_chunk_info(3)
+    data = bytearray(path.read_bytes())
+    data[chunk.byte_offset + chunk.size // 2] ^= 0xFF
+    wrong.write_bytes(data)
+    with pytest.raises(archive.ArchiveError, match="damaged"):
+        archive.content_hash(wrong)
+
+
+def test_the_directory_of_the_shards_is_not_the_archive(begun: Path) -> None:
+    with pytest.raises(archive.ArchiveError, match=r"the archive is b\.nc"):
+        archive.open_archive(archive.parts_of(begun))
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may read anything")
+def test_a_file_that_may_not_be_read(path: Path, tmp_path: Path) -> None:
+    wrong = tmp_path / "wrong.nc"
+    wrong.write_bytes(path.read_bytes())
+    wrong.chmod(0)
+    with pytest.raises(archive.ArchiveError, match="permission denied"):
+        archive.open_archive(wrong)
+
+
+def test_a_run_that_ends_while_a_view_is_made(begun: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from workflow.archive import _open
+
+    def finish(parts: Path) -> archive.Layout:
+        put_shard(parts, LAYOUT, RESULTS, 0, 18)
+        archive.gather(LAYOUT, parts, begun)
+        return archive.read_layout(parts)
+
+    monkeypatch.setattr(_open, "read_layout", finish)
+    with archive.open_archive(begun) as dataset:
+        check_dataset(dataset, LAYOUT, RESULTS)

@@ -1,0 +1,76 @@
+"""Threads and processes write at once while another reads; netCDF-C and HDF5 would not bear it alone."""
+
+from __future__ import annotations
+
+import multiprocessing
+import threading
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+from archive_samples import check_dataset, make_archive, put_shard, sample_layout, sample_results
+
+from workflow import archive
+
+LAYOUT = sample_layout((("e", 200), ("alpha", 20)), samples=50, chunk=20)
+RESULTS = sample_results(LAYOUT)
+
+
+def test_two_hundred_shards_from_four_threads_while_another_opens(tmp_path: Path) -> None:
+    target = tmp_path / "a.nc"
+    other = make_archive(tmp_path / "other.nc", LAYOUT, RESULTS)
+    parts = archive.parts_of(target)
+    archive.start_parts(parts, LAYOUT)
+    finished = threading.Event()
+    seen = []
+
+    def look() -> int:
+        while not finished.is_set():
+            with archive.open_archive(target) as view, archive.open_archive(other) as whole:
+                seen.append(int((view["status"] != 4).sum()))
+                np.testing.assert_array_equal(whole["displacement"][7], RESULTS["displacement"][7])
+                assert archive.archive_key(other) == LAYOUT.key
+        return len(seen)
+
+    with ThreadPoolExecutor(6) as pool:
+        readers = [pool.submit(look) for _ in range(2)]
+        writers = [pool.submit(put_shard, parts, LAYOUT, RESULTS, unit, unit + 1, unit) for unit in range(200)]
+        try:
+            paths = {writer.result() for writer in writers}
+        finally:
+            finished.set()
+        assert all(reader.result() > 0 for reader in readers)
+    assert len(paths) == 200
+    assert all(0 <= count <= LAYOUT.cells and count % 20 == 0 for count in seen)
+    archive.gather(LAYOUT, parts, target)
+    with archive.open_archive(target) as dataset:
+        check_dataset(dataset, LAYOUT, RESULTS)
+    assert archive.content_hash(target) == archive.content_hash(other)
+
+
+def test_gathering_while_others_read(tmp_path: Path) -> None:
+    layout = sample_layout()
+    results = sample_results(layout)
+    other = make_archive(tmp_path / "other.nc", layout, results)
+
+    def read(_: int) -> None:
+        with archive.open_archive(other, chunks={}) as dataset:
+            check_dataset(dataset, layout, results)
+
+    def make(number: int) -> None:
+        make_archive(tmp_path / f"{number}.nc", layout, results, [number + 1])
+
+    with ThreadPoolExecutor(4) as pool:
+        for future in [pool.submit(task, i) for i in range(8) for task in (make, read)]:
+            future.result()
+    assert len({archive.content_hash(path) for path in tmp_path.glob("*.nc")}) == 1
+
+
+def test_shards_from_processes(tmp_path: Path) -> None:
+    parts = archive.parts_of(tmp_path / "a.nc")
+    archive.start_parts(parts, LAYOUT)
+    with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as pool:
+        halves = [pool.submit(put_shard, parts, LAYOUT, RESULTS, *ends) for ends in ((0, 90), (90, 200))]
+        for half in halves:
+            half.result()
+    assert archive.find_shards(parts, LAYOUT).complete
