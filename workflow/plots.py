@@ -81,7 +81,7 @@ def tip_response(curves: list[Curve], title: str = "", phases_of: int | None = N
     axes[0].set_ylim(low, high + 0.08 * (high - low))
     axes[-1].set_xlabel("time [s]")
     handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=min(4, len(labels)), frameon=False, fontsize=9)
+    figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(labels)), frameon=False, fontsize=9)
     if title:
         figure.suptitle(title, fontsize=11)
     return figure

@@ -130,6 +130,9 @@ def _coordinates(study: Study, grid: Grid, periods: int) -> tuple[Coordinate, ..
         _coordinate(axis, (dimension.name,)) for dimension in (*grid.outer, *grid.inner) for axis in dimension.axes
     ]
     found += [_coordinate(axis, ()) for axis in study.scalars]
+    if not any(coordinate.name == "gap" for coordinate in found):
+        about = {"units": "m", "long_name": "tip clearance at rest, cold"}
+        found.append(Coordinate("gap", (), np.asarray(study.scene.gap), about))
     if study.output.histories:
         time = {"units": "s", "long_name": "time since the start"}
         found.append(Coordinate("t", ("t",), grid.sampling.times, time))

@@ -149,3 +149,12 @@ def _outermost_first(path: str) -> int:
     """Rank scheme before structure before its modes before the step."""
     order = {"scheme": 0, "mechanical_modes": 2, "thermal_modes": 2, "h": 3}
     return order.get(path, 1)
+
+
+def values_along(grid: Grid, path: str, otherwise: float) -> tuple[float, ...]:
+    """Return the values a study gives a number: those of its axis, else the one it has for all cases."""
+    for dimension in (*grid.outer, *grid.inner):
+        for axis in dimension.axes:
+            if axis.path == path:
+                return tuple(float(value) for value in axis.values)
+    return (otherwise,)

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from workflow import schemes
-from workflow.grid._arrangement import Grid
+from workflow.grid._arrangement import Grid, values_along
 from workflow.grid._solve import reduced_structure, structure_of
 from workflow.grid._tasks import Units, bytes_per_case, seconds_per_case, tasks
-from workflow.models import critical_alpha, mechanical_modes, thermal_modes, tip_flexibility
+from workflow.models import Array, critical_alpha, mechanical_modes, thermal_modes, tip_flexibility
+from workflow.schemes import Scheme
 from workflow.study import Cell
 
 _GROWS = 1e-12
@@ -103,7 +104,7 @@ def plan(grid: Grid, units: Units) -> Plan:
     unique = batches = steps = number = 0
     seconds = 0.0
     structures: dict[object, Figures] = {}
-    warnings: dict[str, None] = {}
+    cautions: list[_Caution] = []
     for outer in grid.places:
         cell = grid.settings(outer)
         distinct = grid.distinct_inner(cell)
@@ -116,7 +117,7 @@ def plan(grid: Grid, units: Units) -> Plan:
         if key not in structures and len(structures) < _STRUCTURES_SHOWN:
             label = f"{cell.scene.model}, {cell.scene.parameters.nodes} nodes"
             structures[key] = figures(label, cell)
-        warnings.update(dict.fromkeys(_beware(grid, cell)))
+        cautions += _beware(grid, cell)
     for task in tasks(grid, units):
         number += 1
         batches += len(task.segments)
@@ -127,46 +128,70 @@ def plan(grid: Grid, units: Units) -> Plan:
         - 8 * 5 * grid.sampling.count
         + stored * len(grid.study.output.histories) * grid.sampling.count
     )
-    return Plan(cases, unique, batches, number, steps, seconds, size, tuple(structures.values()), tuple(warnings))
+    return Plan(cases, unique, batches, number, steps, seconds, size, tuple(structures.values()), _told(cautions))
 
 
-def _beware(grid: Grid, cell: Cell) -> list[str]:
+@dataclass(frozen=True)
+class _Caution:
+    """One thing to beware of: ``what`` it is, for which scheme and step, and how much of it."""
+
+    scheme: str
+    what: str
+    h: float
+    amount: str
+    size: float
+
+
+def _beware(grid: Grid, cell: Cell) -> list[_Caution]:
     """Return what there is to say of one scheme at one step on one structure."""
-    found: list[str] = []
     scheme = schemes.load(cell.scheme.method)
     if "h" not in scheme.READS:
-        return found
+        return []
     structure = reduced_structure(cell)
-    modes, rates = mechanical_modes(structure), thermal_modes(structure).values
-    omega = modes.values
+    omega, rates = mechanical_modes(structure).values, thermal_modes(structure).values
     damping = structure.damping.mass + structure.damping.stiffness * omega**2
-    free = scheme.amplification(omega, damping, cell.h, cell.scheme.options)
-    heat = scheme.thermal_amplification(rates, cell.h, cell.scheme.options)
-    growth = float(max(np.abs(free).max(initial=0.0), np.abs(heat).max(initial=0.0)))
-    where = f"{cell.scheme.label} at h = {cell.h:g} s"
+    free = np.abs(scheme.amplification(omega, damping, cell.h, cell.scheme.options))
+    heat = np.abs(scheme.thermal_amplification(rates, cell.h, cell.scheme.options))
+    growth = float(max(free.max(initial=0.0), heat.max(initial=0.0)))
+
+    def caution(what: str, amount: str, size: float) -> _Caution:
+        return _Caution(cell.scheme.label, what, cell.h, amount, size)
+
     if growth > 1 + _GROWS:
-        found.append(f"{where} diverges: its free step grows {growth:.6g}-fold")
-        return found
+        return [caution("diverges, its free step grows", f"{growth:.6g}-fold", growth)]
+    found = []
     if omega[0] > 0:
-        factor = complex(free[0, 0])
-        turn = abs(np.angle(factor))
         physical = float(damping[0] / (2 * omega[0]))
-        total = float(-np.log(abs(factor)) / turn) if abs(factor) > 0 and turn > 0 else float("inf")
-        if total - physical > physical + _GROWS:
-            found.append(
-                f"{where} damps the first mode ({omega[0] / (2 * np.pi):.4g} Hz) numerically by "
-                f"{total - physical:.2g} of critical, more than the structure's own {physical:.2g}"
+        numerical = _first_mode_damping(scheme, omega[:1], damping[:1], cell) - physical
+        if numerical > physical + _GROWS:
+            what = (
+                f"damps the first mode ({omega[0] / (2 * np.pi):.4g} Hz) more than its own {physical:.2g} of critical"
             )
-    fastest_load = max(
-        [cell.scene.load.frequency]
-        + [
-            float(value)
-            for dimension in (*grid.outer, *grid.inner)
-            for axis in dimension.axes
-            if axis.path == "scene.load.frequency"
-            for value in axis.values
-        ]
-    )
-    if fastest_load * cell.h * _COARSE > 1:
-        found.append(f"{where} takes only {1 / (fastest_load * cell.h):.3g} steps per load period")
+            found.append(caution(f"{what}, numerically by", f"{numerical:.2g}", numerical))
+    frequency = max(values_along(grid, "scene.load.frequency", cell.scene.load.frequency))
+    if frequency * cell.h * _COARSE > 1:
+        per_period = 1 / (frequency * cell.h)
+        found.append(caution("takes few steps per load period,", f"{per_period:.3g}", frequency * cell.h))
     return found
+
+
+def _first_mode_damping(scheme: Scheme, omega: Array, damping: Array, cell: Cell) -> float:
+    """Return the damping ratio -ln|z|/|arg z| that the free step gives the first mode."""
+    z = complex(scheme.amplification(omega, damping, cell.h, cell.scheme.options)[0, 0])
+    turn = abs(np.angle(z))
+    return float(-np.log(abs(z)) / turn) if abs(z) > 0 and turn > 0 else float("inf")
+
+
+def _told(cautions: list[_Caution]) -> tuple[str, ...]:
+    """Return one sentence per scheme and kind, with the largest amount at each step."""
+    worst: dict[tuple[str, str], dict[float, _Caution]] = {}
+    for caution in cautions:
+        kind = caution.what.split(" (")[0]  # the same first mode differs by a hair between reductions
+        at = worst.setdefault((caution.scheme, kind), {})
+        if caution.h not in at or caution.size > at[caution.h].size:
+            at[caution.h] = caution
+    return tuple(
+        f"{scheme} {max(at.values(), key=lambda c: c.size).what} "
+        + ", ".join(f"{caution.amount} at h = {h:g} s" for h, caution in sorted(at.items()))
+        for (scheme, _), at in worst.items()
+    )

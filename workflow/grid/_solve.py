@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow import models, schemes
-from workflow.grid._arrangement import Grid, Indices
+from workflow.grid._arrangement import Grid, Indices, values_along
 from workflow.grid._conditions import conditions
 from workflow.models import Array, Cases, Structure, critical_alpha, growth_rate
 from workflow.reduction import Reduction, reduce_structure
@@ -195,12 +195,7 @@ def _largest_per_period(force: Array, frequency: Array, interval: float, periods
 
 def longest_period_count(grid: Grid) -> int:
     """Return the size of the dimension ``period``: the most complete load periods any case has."""
-    path = "scene.load.frequency"
-    values = [grid.study.scene.load.frequency]
-    for dimension in (*grid.outer, *grid.inner):
-        for axis in dimension.axes:
-            if axis.path == path:
-                values = [float(value) for value in axis.values]
+    values = values_along(grid, "scene.load.frequency", grid.study.scene.load.frequency)
     return int(np.floor(grid.sampling.duration * max(values) * (1 + 1e-12) + 1e-9))
 
 
