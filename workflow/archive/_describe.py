@@ -54,8 +54,9 @@ _COMMENTS = {
 
 
 def study_key(study: Study) -> str:
-    """Return the identity of a study's results: everything resolved, and the solver's version."""
-    identity = json.dumps({"study": study.resolved(), "solver": SOLVER_VERSION}, sort_keys=True)
+    """Return the identity of a study's results: everything resolved but its title, and the solver's version."""
+    resolved = {name: value for name, value in study.resolved().items() if name != "title"}
+    identity = json.dumps({"study": resolved, "solver": SOLVER_VERSION}, sort_keys=True)
     return hashlib.sha256(identity.encode()).hexdigest()
 
 

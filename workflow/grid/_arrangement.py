@@ -87,14 +87,14 @@ class Grid:
     def settings(self, outer: int) -> Cell:
         """Return the settings of the first case of an outer index."""
         values = dict(self.base)
-        for dimension, index in zip(self.outer, np.unravel_index(outer, self.outer_shape), strict=True):
+        for dimension, index in zip(self.outer, _unravelled(outer, self.outer_shape), strict=True):
             values.update({axis.path: axis.values[int(index)] for axis in dimension.axes})
         return self.study.cell(values)
 
     def inner_values(self, inner: Indices) -> Mapping[str, NDArray[np.float64]]:
         """Return the values of the axes that vary within a batch, each ``(case,)``, by path."""
         found: dict[str, NDArray[np.float64]] = {}
-        for dimension, index in zip(self.inner, np.unravel_index(inner, self.inner_shape), strict=True):
+        for dimension, index in zip(self.inner, _unravelled(inner, self.inner_shape), strict=True):
             for axis in dimension.axes:
                 found[axis.path] = np.asarray(axis.values, dtype=np.float64)[index]
         return found
@@ -130,6 +130,11 @@ class Grid:
         for outer in range(self.outer_count):
             found.setdefault(self.canonical_outer(outer), []).append(outer)
         return {outer: tuple(same) for outer, same in found.items()}
+
+
+def _unravelled(index: Any, shape: tuple[int, ...]) -> tuple[Any, ...]:
+    """Return :func:`numpy.unravel_index`, which does not take an array for a shape without dimensions."""
+    return np.unravel_index(index, shape) if shape else ()
 
 
 def arrange(study: Study) -> Grid:

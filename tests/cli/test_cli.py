@@ -1,0 +1,118 @@
+"""The commands as a user types them: what they print, write and exit with."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from studies import ILL, SMALL, written
+
+from workflow import schemes
+
+
+def workflow(*words: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "workflow", *map(str, words)]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=120)
+
+
+def test_run_show_report(tmp_path: Path) -> None:
+    study = written(SMALL, tmp_path)
+    ran = workflow("run", study, cwd=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    assert "small.nc: 60 cases" in ran.stdout
+    assert "60 ok" in ran.stdout
+    again = workflow("run", study, cwd=tmp_path)
+    assert again.returncode == 0
+    assert "nothing to do" in again.stdout
+    shown = workflow("show", "small.nc", cwd=tmp_path)
+    assert shown.returncode == 0
+    assert "alpha (5): alpha 0; alpha 5" in shown.stdout
+    assert "status: 60 ok" in shown.stdout
+    told = workflow("report", "small.nc", cwd=tmp_path)
+    assert told.returncode == 0, told.stderr
+    assert {"figure small.png", "page   small.html"} == set(told.stdout.splitlines())
+    assert (tmp_path / "small.png").stat().st_size > 10_000
+    page = (tmp_path / "small.html").read_text(encoding="utf-8")
+    assert page.count("data:image/png;base64,") == 3
+    assert "http" not in page.replace("https://creativecommons.org", "").replace("http-equiv", "")
+    repeated = workflow("run", "small.nc", "-o", "again.nc", cwd=tmp_path)
+    assert repeated.returncode == 0, repeated.stderr
+    assert "again.nc: 60 cases" in repeated.stdout
+
+
+def test_failed_cases_exit_with_one(tmp_path: Path) -> None:
+    ran = workflow("run", written(ILL, tmp_path), "-o", "out.nc", "--threads", "1", cwd=tmp_path)
+    assert ran.returncode == 1
+    assert "4 ok, 4 ill_posed" in ran.stdout
+    assert "largest admissible h" in ran.stdout
+    shown = workflow("show", "out.nc", cwd=tmp_path)
+    assert shown.returncode == 0
+    assert "ill_posed: " in shown.stdout
+    assert "alpha 1e+09" in shown.stdout
+
+
+def test_plan_runs_nothing(tmp_path: Path) -> None:
+    study = written(SMALL, tmp_path)
+    told = workflow("plan", study, cwd=tmp_path)
+    assert told.returncode == 0
+    assert "60, of which 60 are computed" in told.stdout
+    assert "critical alpha" in told.stdout
+    assert "beware: moreau damps the first mode" in told.stdout
+    assert list(tmp_path.iterdir()) == [study]
+
+
+def test_schema_is_json(tmp_path: Path) -> None:
+    told = workflow("schema", cwd=tmp_path)
+    assert told.returncode == 0
+    assert json.loads(told.stdout)["properties"]["scene"]
+    assert workflow("schema", "-o", "study.schema.json", cwd=tmp_path).returncode == 0
+    assert json.loads((tmp_path / "study.schema.json").read_text()) == json.loads(told.stdout)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("run", "none.yaml"), "none.yaml"),
+        (("plan", "none.yaml"), "none.yaml"),
+        (("show", "none.nc"), "no such archive"),
+        (("report", "none.nc"), "no such archive"),
+        (("show", "."), "a directory"),
+        (("run", "wrong.yaml"), "wrong.yaml:"),
+        (("show", "wrong.yaml"), "not a NetCDF-4 file"),
+        (("run", "right.yaml", "-o", "no/such/place.nc"), "no/such"),
+        (("run", "right.yaml", "--threads", "0"), "threads"),
+        (("run",), "STUDY"),
+        (("fly",), "fly"),
+    ],
+)
+def test_wrong_calls_exit_with_two_and_one_clear_message(words: tuple[str, ...], message: str, tmp_path: Path) -> None:
+    written(SMALL, tmp_path, "right.yaml")
+    written("study: a\nscene: {}\n", tmp_path, "wrong.yaml")
+    before = sorted(tmp_path.rglob("*"))
+    told = workflow(*words, cwd=tmp_path)
+    assert told.returncode == 2, told.stdout
+    assert message in told.stderr
+    assert "Traceback" not in told.stderr
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root writes anywhere")
+def test_a_directory_that_cannot_be_written(tmp_path: Path) -> None:
+    study = written(SMALL, tmp_path)
+    closed = tmp_path / "closed"
+    closed.mkdir(mode=0o500)
+    told = workflow("run", study, "-o", "closed/a.nc", cwd=tmp_path)
+    assert told.returncode == 2
+    assert "closed" in told.stderr
+    assert "Traceback" not in told.stderr
+
+
+def test_every_scheme_offers_what_plan_and_run_ask() -> None:
+    for name in schemes.names():
+        scheme = schemes.load(name)
+        for part in ("Options", "READS", "init", "compute", "cost", "amplification", "thermal_amplification"):
+            assert hasattr(scheme, part), f"{name} lacks {part}"

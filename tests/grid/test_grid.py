@@ -1,0 +1,180 @@
+"""Order of dimensions, cases that are one case, tasks that cover every unit once."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from studies import ILL, SCENE, SINGLE, SMALL, parsed
+
+from workflow import schemes
+from workflow.grid import arrange, plan, solve, tasks, units_of
+from workflow.grid import _tasks as cutting
+from workflow.schemes import Status
+
+STILL = '''
+"""A scheme that reads neither e nor its step."""
+from workflow.schemes import moreau
+from workflow.schemes.moreau import Options, amplification, compute, cost, thermal_amplification
+READS = frozenset({"alpha"})
+def init(structure, h, options):
+    return moreau.init(structure, 1e-4, options)
+'''
+
+
+@pytest.fixture
+def still(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Add a scheme: one file, and nothing to register."""
+    (tmp_path / "still.py").write_text(STILL)
+    monkeypatch.setattr(schemes, "__path__", [*schemes.__path__, str(tmp_path)])
+    yield
+    sys.modules.pop("workflow.schemes.still", None)
+
+
+def test_operators_lie_outermost_and_the_longest_condition_innermost() -> None:
+    grid = arrange(parsed(SMALL))
+    assert grid.dims == (("model", 2), ("h", 2), ("e", 3), ("alpha", 5))
+    assert (grid.outer_count, grid.inner_count) == (4, 15)
+    cell = grid.settings(3)
+    assert (cell.h, cell.mechanical_modes, cell.thermal_modes) == (2e-4, 3, 3)
+    values = grid.inner_values(np.array([0, 7]))
+    assert values["e"].tolist() == [0.0, 0.5]
+    assert values["alpha"].tolist() == [0.0, 10.0]
+
+
+def test_a_zip_of_step_and_condition_is_outer() -> None:
+    text = "study: a\n" + SCENE + "axes: {alpha: [0, 1]}\nzip: {pair: {h: [1e-4, 1e-3], e: [0, 0.5]}}\n"
+    grid = arrange(parsed(text))
+    assert grid.dims == (("pair", 2), ("alpha", 2))
+    assert grid.settings(1).e == 0.5
+
+
+def test_axes_that_a_scheme_does_not_read_are_computed_once(still: None) -> None:
+    text = "study: a\n" + SCENE + "axes: {scheme: [moreau, still], h: [1e-4, 1e-3], e: [0, 0.5, 1], alpha: [0, 5]}\n"
+    grid = arrange(parsed(text))
+    assert grid.dims == (("scheme", 2), ("h", 2), ("alpha", 2), ("e", 3))
+    assert grid.places == {0: (0,), 1: (1,), 2: (2, 3)}
+    assert grid.distinct_inner(grid.settings(0)) == 6
+    assert grid.distinct_inner(grid.settings(2)) == 2
+    solved = solve(grid, 2, np.arange(6))
+    impulse = solved.values["contact_impulse"].reshape(2, 3)
+    assert np.array_equal(impulse[:, 0], impulse[:, 1])
+    assert np.array_equal(impulse[:, 0], impulse[:, 2])
+    assert impulse[0, 0] != impulse[1, 0]
+    made = plan(grid, units_of(grid))
+    assert (made.cases, made.unique) == (24, 14)
+
+
+@pytest.mark.parametrize("text", [SMALL, ILL, SINGLE], ids=["small", "ill", "single"])
+@pytest.mark.parametrize("longest", [1e-9, 5.0])
+def test_tasks_cover_every_unit_once(text: str, longest: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cutting, "SHORTEST", min(longest, 0.1))
+    monkeypatch.setattr(cutting, "LONGEST", longest)
+    grid = arrange(parsed(text))
+    units = units_of(grid)
+    seen = np.zeros((grid.outer_count, units.count), dtype=int)
+    cases = 0
+    for task in tasks(grid, units):
+        for segment in task.segments:
+            seen[segment.outer, segment.first : segment.first + segment.units] += 1
+            cases += units.cases(segment.first, segment.units)[0].size
+    assert np.all(seen == 1)
+    assert cases == grid.outer_count * grid.inner_count
+    inner, places = units.cases(0, units.count)
+    assert np.array_equal(np.sort(inner), np.arange(grid.inner_count))
+    assert np.unique(places).size == places.size
+
+
+def test_what_raises_fails_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A scheme that raises for one case: it is told, its neighbours have their numbers."""
+    grid = arrange(parsed(SMALL))
+    moreau = schemes.load("moreau")
+    compute = moreau.compute
+
+    def brittle(operator: object, cases: schemes.Cases, over: schemes.Sampling) -> schemes.Results:
+        if np.any(cases.alpha == 10):
+            raise FloatingPointError("no luck with alpha = 10")
+        return compute(operator, cases, over)
+
+    clean = solve(grid, 1, np.arange(15))
+    monkeypatch.setattr(moreau, "compute", brittle)
+    found = solve(grid, 1, np.arange(15))
+    bad = np.arange(15) % 5 == 2
+    assert np.array_equal(found.values["status"] == Status.FAILED, bad)
+    assert set(found.messages) == set(np.flatnonzero(bad))
+    assert found.messages[2] == "FloatingPointError: no luck with alpha = 10"
+    assert np.all(np.isnan(found.values["displacement"][bad]))
+    for name in clean.values:
+        if name != "wall_time":
+            assert np.array_equal(found.values[name][~bad], clean.values[name][~bad], equal_nan=True)
+
+
+def test_start_in_equilibrium_stays_there() -> None:
+    text = ("study: a\n" + SCENE + "axes: {scene.load.mean: [-20, 30, 90]}\n").replace("  duration", "  initial: static\n  duration")
+    text = text.replace("amplitude: 100", "amplitude: 0")
+    grid = arrange(parsed(text))
+    solved = solve(grid, 0, np.arange(3))
+    x = solved.values["displacement"]
+    assert x[0, 0] == pytest.approx(-20 / 1e6, rel=1e-12)
+    assert x[1, 0] == pytest.approx(30 / 1e6, rel=1e-12)
+    assert x[2, 0] == 50e-6
+    assert np.abs(x - x[:, :1]).max() < 1e-6 * 50e-6
+    force = solved.values["contact_force"][:, 1:]
+    assert np.allclose(force[2], 90 - 50, rtol=1e-6)
+    assert np.all(force[:2] == 0)
+
+
+def test_no_equilibrium_is_a_failed_case() -> None:
+    text = "study: a\nscene:\n  chain: {nodes: 1, mass: 1, stiffness: 0, heat_capacity: 1}\n"
+    text += "  casing: {gap: 1}\n  load: {mean: -1}\n  initial: static\n  duration: 1\n"
+    grid = arrange(parsed(text))
+    solved = solve(grid, 0, np.arange(1))
+    assert solved.values["status"][0] == Status.FAILED
+    assert "no equilibrium" in solved.messages[0]
+
+
+def test_plan_says_what_it_comes_to() -> None:
+    """Issue figures: implicit Euler at 1.09 kHz and 1e-4 s damps by 0.32 against 0.0014."""
+    text = """
+study: heavy
+scene:
+  chain: {nodes: 20, mass: 2.5e-3, stiffness: 2.0e7, damping: {mass: 10, stiffness: 2.0e-7}, spacing: 2.5e-3,
+          expansion: 8.6e-6, heat_capacity: 1.315, conductance: 0.605, convection: 0.02}
+  casing: {gap: 5.0e-5}
+  load: {amplitude: 100, frequency: 20}
+  duration: 0.3
+schemes:
+  early: {method: moreau, theta: 0.45}
+axes: {scheme: [moreau, early], h: [1e-4, 1e-3], e: [0, 0.5]}
+output: {interval: 1 ms}
+"""
+    grid = arrange(parsed(text))
+    made = plan(grid, units_of(grid))
+    assert (made.cases, made.unique, made.batches) == (8, 8, 4)
+    assert made.steps == 2 * 2 * (3000 + 300)
+    figures = made.structures[0]
+    assert figures.first_frequency == pytest.approx(1090.5, abs=0.1)
+    assert figures.tip_stiffness == pytest.approx(1e6, rel=1e-9)
+    assert figures.critical_alpha == pytest.approx(1.071, abs=5e-4)
+    assert 0 < figures.fastest < figures.slowest
+    told = "\n".join(made.warnings)
+    assert "moreau damps the first mode (1090 Hz) more than its own 0.0014 of critical" in told
+    assert "0.32 at h = 0.0001 s" in told
+    assert "early diverges, its free step grows" in told
+    assert made.bytes > 8 * 301 * 3 * 8
+
+
+def test_load_periods_of_different_cases() -> None:
+    """The dimension is as long as the longest; shorter cases have NaN beyond their own."""
+    text = "study: a\n" + SCENE + "axes: {scene.load.frequency: [50, 100, 0]}\noutput: {interval: 1 ms}\n"
+    grid = arrange(parsed(text))
+    solved = solve(grid, 0, np.arange(3))
+    for name in ("period_impulse", "period_force", "period_temperature", "period_contact"):
+        counted = np.sum(~np.isnan(solved.values[name]), axis=1)
+        assert counted.tolist() == [3, 6, 0], name
+    force = solved.values["contact_force"]
+    assert np.array_equal(solved.values["period_force"][0, :3], force[0, 1:].reshape(3, 20).max(axis=1))
+    assert np.nansum(solved.values["period_impulse"][0]) == pytest.approx(solved.values["contact_impulse"][0])

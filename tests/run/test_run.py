@@ -1,0 +1,148 @@
+"""A study to its archive: whole, resumed, refused, on any number of threads."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from studies import ILL, SINGLE, SMALL, parsed
+
+from workflow.archive import ArchiveError, content_hash, open_archive, parts_of
+from workflow.grid import _tasks as cutting
+from workflow.run import run_study
+from workflow.schemes import Status
+
+
+@pytest.fixture
+def many_tasks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cut even the smallest study in a task per unit."""
+    monkeypatch.setattr(cutting, "SHORTEST", 1e-9)
+
+
+def test_a_study_becomes_one_labelled_archive(tmp_path: Path) -> None:
+    archive = tmp_path / "small.nc"
+    outcome = run_study(parsed(SMALL), archive)
+    assert outcome.ok
+    assert outcome.counts == {"ok": 60}
+    assert not parts_of(archive).exists()
+    assert list(tmp_path.iterdir()) == [archive]
+    with xr.open_dataset(archive) as data:
+        assert dict(data["displacement"].sizes) == {"model": 2, "h": 2, "e": 3, "alpha": 5, "t": 61}
+        assert data["t"].values[-1] == 0.06
+        assert data["alpha"].attrs["units"] == "W N-1"
+        assert data["mechanical_modes"].values.tolist() == [1, 3]
+        assert data["scheme"].item() == "moreau"
+        case = data.sel(h=1e-4, e=0.5, alpha=20).isel(model=1)
+        assert case["contact_impulse"].item() > 0
+        force, dt = case["contact_force"].values, 1e-3
+        assert force[0] == 0
+        assert force.sum() * dt == pytest.approx(case["contact_impulse"].item(), rel=1e-9)
+        assert not np.isnan(data["displacement"].values).any()
+        assert data["temperature" if "temperature" in data else "max_temperature"].sel(alpha=0).max() == 0
+
+
+def test_bits_do_not_depend_on_threads_or_tasks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    hashes = []
+    for number, (threads, shortest) in enumerate([(1, 0.1), (2, 1e-9), (4, 1e-9)]):
+        monkeypatch.setattr(cutting, "SHORTEST", shortest)
+        archive = tmp_path / f"{number}.nc"
+        run_study(parsed(SMALL), archive, threads=threads)
+        hashes.append(content_hash(archive))
+    assert len(set(hashes)) == 1
+
+
+def test_an_interrupted_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, many_tasks: None) -> None:
+    import workflow.run as running
+
+    whole, archive = tmp_path / "whole.nc", tmp_path / "small.nc"
+    run_study(parsed(SMALL), whole)
+    write, written = running.write_shard, []
+
+    def failing(*args: object) -> object:
+        if len(written) == 3:
+            raise ArchiveError("no room")
+        written.append(args[2])
+        return write(*args)
+
+    monkeypatch.setattr(running, "write_shard", failing)
+    with pytest.raises(ArchiveError, match="no room"):
+        run_study(parsed(SMALL), archive, threads=1)
+    assert not archive.exists()
+    with open_archive(archive) as view:
+        status = view["status"].values
+        assert np.sum(status == Status.OK) == 15
+        assert np.sum(status == Status.NOT_RUN) == 45
+        assert np.isnan(view["contact_impulse"].values[status == Status.NOT_RUN]).all()
+    again: list[object] = []
+    monkeypatch.setattr(running, "write_shard", lambda *args: (again.append(args[2]), write(*args))[1])
+    outcome = run_study(parsed(SMALL), archive)
+    assert outcome.resumed == 15
+    assert not set(again) & set(written)
+    assert content_hash(archive) == content_hash(whole)
+
+
+def test_nothing_to_do_and_another_study(tmp_path: Path) -> None:
+    archive = tmp_path / "a.nc"
+    run_study(parsed(SINGLE), archive)
+    before = archive.read_bytes()
+    assert run_study(parsed(SINGLE), archive).resumed == 1
+    with pytest.raises(ArchiveError, match="another study"):
+        run_study(parsed(SINGLE.replace("50 um", "40 um")), archive)
+    assert archive.read_bytes() == before
+
+
+def test_a_title_is_not_part_of_a_study_s_identity(tmp_path: Path) -> None:
+    archive = tmp_path / "a.nc"
+    run_study(parsed(SINGLE), archive)
+    assert run_study(parsed("title: Another title\n" + SINGLE), archive).resumed == 1
+
+
+def test_failed_cases_are_told_and_the_rest_is_stored(tmp_path: Path) -> None:
+    outcome = run_study(parsed(ILL), tmp_path / "ill.nc")
+    assert outcome.counts == {"ok": 4, "ill_posed": 4}
+    assert not outcome.ok
+    labels, message = outcome.failures[0]
+    assert "alpha = 1000000000.0" in labels
+    assert "largest admissible h" in message
+    with open_archive(tmp_path / "ill.nc") as data:
+        assert np.isfinite(data["contact_impulse"].sel(alpha=[0, 5]).values).all()
+        assert np.isnan(data["contact_impulse"].sel(alpha=[1e9, 2e9]).values).all()
+        assert (data["runaway"].sel(alpha=[1e9, 2e9]) == 1).all()
+
+
+def test_a_second_run_is_told_of_the_first(tmp_path: Path) -> None:
+    from workflow.archive import holding
+
+    archive = tmp_path / "a.nc"
+    with holding(parts_of(archive)), pytest.raises(ArchiveError, match="another run has it"):
+        run_study(parsed(SINGLE), archive)
+    assert run_study(parsed(SINGLE), archive).ok
+
+
+def test_progress_counts_every_case(tmp_path: Path, many_tasks: None) -> None:
+    told: list[tuple[int, int, int]] = []
+    run_study(parsed(ILL), tmp_path / "ill.nc", progress=lambda *counts: told.append(counts))
+    assert told[0] == (0, 0, 8)
+    assert told[-1] == (8, 4, 8)
+    assert [stored for stored, _, _ in told] == sorted(stored for stored, _, _ in told)
+
+
+def test_shared_results_stand_in_each_of_their_places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An axis the scheme does not read, outermost and innermost: computed once, stored everywhere."""
+    from workflow import schemes
+    from workflow.grid import _arrangement
+
+    moreau = schemes.load("moreau")
+    monkeypatch.setattr(moreau, "READS", frozenset({"alpha"}))
+    calls: list[int] = []
+    compute = moreau.compute
+    monkeypatch.setattr(moreau, "compute", lambda o, c, s: (calls.append(c.count), compute(o, c, s))[1])
+    assert not _arrangement.reads("moreau", "moreau", "h")
+    run_study(parsed(SMALL), tmp_path / "small.nc", threads=1)
+    assert sum(count for count in calls if count > 1) == 2 * 5
+    with open_archive(tmp_path / "small.nc") as data:
+        impulse = data["contact_impulse"]
+        assert (impulse == impulse.isel(h=0, e=0)).all()
+        assert (data["status"] == 0).all()

@@ -1,0 +1,54 @@
+"""Small studies that tests of the workflow floor run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from workflow.study import Study, parse_study
+
+SCENE = """
+scene:
+  chain: {nodes: 4, mass: 2.5e-3, stiffness: 4.0e6, damping: {mass: 10, stiffness: 2.0e-7}, spacing: 2.5e-3,
+          expansion: 8.6e-6, heat_capacity: 1.3, conductance: 0.6, convection: 0.02}
+  casing: {gap: 50 um}
+  load: {amplitude: 100, frequency: 50 Hz}
+  duration: 60 ms
+"""
+
+SMALL = (
+    "study: small\ntitle: A chain of four nodes that rubs\n"
+    + SCENE
+    + """
+axes:
+  h: [1e-4, 2e-4]
+  e: [0, 0.5, 0.9]
+  alpha: [0, 5, 10, 20, 50]
+zip:
+  model: {mechanical_modes: [1, full], thermal_modes: [2, full]}
+output: {interval: 1 ms, histories: [displacement, contact_force]}
+"""
+)
+
+ILL = (
+    "study: ill\ntitle: Some cases are ill-posed\n"
+    + SCENE
+    + """
+axes:
+  h: 1e-3
+  alpha: [0, 1e9, 5, 2e9]
+  e: [0, 0.5]
+output: {interval: 1 ms}
+"""
+)
+
+SINGLE = "study: single\n" + SCENE + "output: {interval: 1 ms}\n"
+
+
+def parsed(text: str) -> Study:
+    return parse_study(text, "study.yaml")
+
+
+def written(text: str, directory: Path, name: str = "study.yaml") -> Path:
+    path = directory / name
+    path.write_text(text, encoding="utf-8")
+    return path
