@@ -56,7 +56,15 @@ def test_physics_knows_arrays_only(path: Path) -> None:
         if isinstance(node, ast.Import | ast.ImportFrom):
             names = [a.name for a in node.names] if isinstance(node, ast.Import) else [node.module or ""]
             for name in names:
-                assert name.split(".")[0] not in ("xarray", "dask", "distributed", "netCDF4", "h5py", "pydantic", "pint")
+                assert name.split(".")[0] not in (
+                    "xarray",
+                    "dask",
+                    "distributed",
+                    "netCDF4",
+                    "h5py",
+                    "pydantic",
+                    "pint",
+                )
 
 
 @pytest.mark.parametrize("path", sources(), ids=lambda p: str(p.relative_to(ROOT)))

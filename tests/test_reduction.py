@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scenes import blade, blade_rub, cases, chain, relative, sampling, step
 
+from scenes import blade, blade_rub, cases, chain, relative, sampling, step
 from workflow import models
 from workflow.models import critical_alpha, growth_rate
 from workflow.reduction import reduce_structure

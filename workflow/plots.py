@@ -100,8 +100,8 @@ def abstract_figure(archive: xr.Dataset) -> Figure:
     return tip_response(
         [
             Curve(cold.isel(model=0), "α = 0, full", GREY, "-", 1.0),
-            Curve(hot.isel(model=0), f"α = {float(hot['alpha']):g} m/s, full", COLOURS[0]),
-            Curve(hot.isel(model=-1), f"α = {float(hot['alpha']):g} m/s, {modes}", COLOURS[1], "--"),
+            Curve(hot.isel(model=0), f"α = {float(hot['alpha']):g} m/s, full", COLOURS[5], "-", 2.6),
+            Curve(hot.isel(model=-1), f"α = {float(hot['alpha']):g} m/s, {modes}", COLOURS[1], "--", 1.1),
         ],
         phases_of=1,
     )

@@ -9,8 +9,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from studies import ILL, SMALL, written
 
+from studies import ILL, SMALL, written
 from workflow import schemes
 
 

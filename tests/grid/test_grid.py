@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from studies import ILL, SCENE, SINGLE, SMALL, parsed
 
+from studies import ILL, SCENE, SINGLE, SMALL, parsed
 from workflow import schemes
-from workflow.grid import arrange, plan, solve, tasks, units_of
 from workflow.grid import _tasks as cutting
+from workflow.grid import arrange, plan, solve, tasks, units_of
 from workflow.schemes import Status
 
 STILL = '''
@@ -113,7 +113,9 @@ def test_what_raises_fails_alone(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_start_in_equilibrium_stays_there() -> None:
-    text = ("study: a\n" + SCENE + "axes: {scene.load.mean: [-20, 30, 90]}\n").replace("  duration", "  initial: static\n  duration")
+    text = ("study: a\n" + SCENE + "axes: {scene.load.mean: [-20, 30, 90]}\n").replace(
+        "  duration", "  initial: static\n  duration"
+    )
     text = text.replace("amplitude: 100", "amplitude: 0")
     grid = arrange(parsed(text))
     solved = solve(grid, 0, np.arange(3))

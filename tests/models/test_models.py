@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scenes import blade, chain, heavy_chain
 
+from scenes import blade, chain, heavy_chain
 from workflow import models
 from workflow.models import NoEquilibriumError, Rayleigh, critical_alpha, growth_rate, static_equilibrium
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from studies import ILL, SINGLE, SMALL, parsed
 
+from studies import ILL, SINGLE, SMALL, parsed
 from workflow.archive import ArchiveError, content_hash, open_archive, parts_of
 from workflow.grid import _tasks as cutting
 from workflow.run import run_study

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from plain_moreau import march
+
 from scenes import (
     alone,
     blade,
@@ -23,7 +24,6 @@ from scenes import (
     step,
     taken,
 )
-
 from workflow import schemes
 from workflow.models import Rayleigh
 from workflow.schemes import Status

@@ -5,8 +5,10 @@ units that :func:`find_shards` misses, then :func:`gather`. Readers call :func:`
 xarray, netCDF4 and h5py are imported when they are needed, not with this package.
 """
 
+from workflow.archive._describe import describe, study_key
 from workflow.archive._files import ArchiveError
 from workflow.archive._gather import gather
+from workflow.archive._hold import holding
 from workflow.archive._layout import Coordinate, Layout, Variable, blank
 from workflow.archive._open import archive_key, content_hash, open_archive, provenance
 from workflow.archive._parts import parts_of, read_layout, remove_parts, start_parts
@@ -22,13 +24,16 @@ __all__ = [
     "archive_key",
     "blank",
     "content_hash",
+    "describe",
     "find_shards",
     "gather",
+    "holding",
     "open_archive",
     "parts_of",
     "provenance",
     "read_layout",
     "remove_parts",
     "start_parts",
+    "study_key",
     "write_shard",
 ]
