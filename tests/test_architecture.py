@@ -84,5 +84,13 @@ def test_reserved_names_are_those_the_archive_has() -> None:
     from workflow.archive import _describe as declared
     from workflow.study.axes import VARIABLES
 
-    names = {*declared._HISTORIES, *declared._METRICS, *declared._PERIODS, "status", "runaway", "message"}
+    names = {
+        *declared._HISTORIES,
+        *declared._METRICS,
+        *declared._ERRORS,
+        *declared._PERIODS,
+        "status",
+        "runaway",
+        "message",
+    }
     assert names <= set(VARIABLES)

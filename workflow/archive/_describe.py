@@ -39,6 +39,13 @@ _METRICS = {
     "wall_time": ("s", "computing time of the case, its share of its batch"),
 }
 
+_ERRORS = {
+    "displacement_error": ("1", "relative L2 distance of the displacement from the reference"),
+    "temperature_error": ("1", "relative L2 distance of the temperature from the reference"),
+    "impulse_error": ("1", "relative L2 distance of the impulse from the reference"),
+    "predictability": ("1", "relative L2 change of the reference's displacement when its gap opens by 1e-12"),
+}
+
 _PERIODS = {
     "period_impulse": ("N s", "impulse of the casing in a load period"),
     "period_force": ("N", "largest contact force in a load period, mean over an output interval"),
@@ -154,6 +161,8 @@ def _variables(study: Study, periods: int) -> tuple[Variable, ...]:
         Variable(name, "history", precision, _attributes(name, *_HISTORIES[name])) for name in study.output.histories
     ]
     found += [Variable(name, "metric", "f8", _attributes(name, *about)) for name, about in _METRICS.items()]
+    if study.reference is not None:
+        found += [Variable(name, "metric", "f8", _attributes(name, *about)) for name, about in _ERRORS.items()]
     if periods:
         found += [Variable(name, "period", "f8", _attributes(name, *about)) for name, about in _PERIODS.items()]
     found.append(

@@ -1,8 +1,9 @@
 """From a study to batches of cases that share their operators, and to the tasks dask runs."""
 
 from workflow.grid._arrangement import Grid, arrange, fixes_operator, reads
+from workflow.grid._operators import reduced_structure, structure_of
 from workflow.grid._plan import Figures, Plan, plan
-from workflow.grid._solve import Solved, longest_period_count, reduced_structure, solve, structure_of
+from workflow.grid._solve import Solved, longest_period_count, solve
 from workflow.grid._tasks import Segment, Task, Units, bytes_per_case, seconds_per_case, tasks, units_of
 
 __all__ = [

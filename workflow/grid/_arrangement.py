@@ -84,12 +84,12 @@ class Grid:
             first.update({axis.path: axis.values[0] for axis in dimension.axes})
         return first
 
-    def settings(self, outer: int) -> Cell:
-        """Return the settings of the first case of an outer index."""
+    def settings(self, outer: int, replaced: Mapping[str, Any] | None = None) -> Cell:
+        """Return the settings of the first case of an outer index, some of them replaced."""
         values = dict(self.base)
         for dimension, index in zip(self.outer, _unravelled(outer, self.outer_shape), strict=True):
             values.update({axis.path: axis.values[int(index)] for axis in dimension.axes})
-        return self.study.cell(values)
+        return self.study.cell({**values, **(replaced or {})})
 
     def inner_values(self, inner: Indices) -> Mapping[str, NDArray[np.float64]]:
         """Return the values of the axes that vary within a batch, each ``(case,)``, by path."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from workflow import schemes
 from workflow.grid._arrangement import Grid, values_along
-from workflow.grid._solve import reduced_structure, structure_of
+from workflow.grid._operators import reduced_structure, structure_of
 from workflow.grid._tasks import Units, bytes_per_case, seconds_per_case, tasks
 from workflow.models import Array, critical_alpha, mechanical_modes, thermal_modes, tip_flexibility
 from workflow.schemes import Scheme

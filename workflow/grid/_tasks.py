@@ -9,7 +9,8 @@ import numpy as np
 
 from workflow import schemes
 from workflow.grid._arrangement import Grid, Indices
-from workflow.grid._solve import longest_period_count, reduced_structure
+from workflow.grid._operators import reduced_structure
+from workflow.grid._solve import longest_period_count
 
 SHORTEST, LONGEST = 0.1, 5.0
 """Seconds of work of a task: below, dask's cost of about 0.5 ms a task would show; above, the end
