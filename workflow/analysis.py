@@ -20,18 +20,26 @@ def case_dims(dataset: xr.Dataset) -> tuple[str, ...]:
     return tuple(str(name) for name in dataset["status"].dims)
 
 
-def labels_of(dataset: xr.Dataset, dim: str) -> list[str]:
-    """Return a label for each value of a dimension, zipped coordinates side by side."""
+def labels_of(dataset: xr.Dataset, dim: str, named: bool = True) -> list[str]:
+    """Return a label for each value of a dimension, zipped coordinates side by side.
+
+    ``named`` puts the coordinate's name before its value, ``alpha 30 m/s``.
+    """
     names = [str(name) for name in dataset.coords if dataset[name].dims == (dim,)]
     if not names:
         return [str(k) for k in range(dataset.sizes[dim])]
-    columns = [[_label(name, value) for value in dataset[name].values] for name in names]
+    columns = [_labels(dataset[name], named or len(names) > 1) for name in names]
     return [", ".join(parts) for parts in zip(*columns, strict=True)]
 
 
-def _label(name: str, value: object) -> str:
-    text = f"{value:.4g}" if isinstance(value, float | np.floating) else str(value)
-    return f"{name.replace('_', ' ')} {text}"
+def _labels(coordinate: xr.DataArray, named: bool) -> list[str]:
+    unit = str(coordinate.attrs.get("units", "1"))
+    before = f"{coordinate.name} ".replace("_", " ") if named else ""
+    after = "" if unit == "1" else f" {unit}"
+    return [
+        before + (f"{value:.4g}" if isinstance(value, float | np.floating) else str(value)) + after
+        for value in coordinate.values
+    ]
 
 
 def contact_phases(case: xr.Dataset) -> list[tuple[float, float]]:

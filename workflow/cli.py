@@ -190,7 +190,7 @@ def show(archive: ArchiveFile) -> None:
         with open_archive(archive) as dataset:
             console.print(f"{archive}: {dataset.attrs['title']}", markup=False)
             for dim in case_dims(dataset):
-                values = labels_of(dataset, dim)
+                values = labels_of(dataset, dim, named=False)
                 more = f"; … {len(values)} in all" if len(values) > 8 else ""
                 console.print(f"  {dim} ({len(values)}): {'; '.join(values[:8])}{more}", markup=False)
             for name in dataset.coords:

@@ -139,19 +139,27 @@ def metric_by_axis(archive: xr.Dataset, metric: str) -> Figure:
         panel.fill_between(at, low, high, color=GREY, alpha=0.2, lw=0, label="all cases")
         line = values.isel({name: place[name] for name in others}).values
         panel.plot(at, line, "o-", color=COLOURS[0], ms=4, lw=1.2, label="through the case shown")
-        names = labels_of(archive, dim)
+        names = labels_of(archive, dim, named=False)
         panel.set_xticks(at[:: max(1, len(at) // 6)])
-        short = [", ".join(part.rsplit(" ", 1)[-1] for part in name.split(", ")) for name in names]
+        short = [", ".join(part.split()[-1] for part in name.split(", ")) for name in names]
+        if dim in archive.coords and archive[dim].dtype.kind == "f":
+            short = [f"{value:.4g}" for value in archive[dim].values]
         panel.set_xticklabels(
             short[:: max(1, len(at) // 6)], fontsize=8, rotation=20 if len(max(short, key=len)) > 6 else 0
         )
-        panel.set_xlabel(dim.replace("_", " "))
+        panel.set_xlabel(_axis_label(archive, dim))
         panel.spines[["top", "right"]].set_visible(False)
         panel.grid(alpha=0.25, lw=0.5)
     panels[0].set_ylabel(f"{metric.replace('_', ' ')} [{archive[metric].attrs.get('units', '1')}]")
     if dims:
         panels[0].legend(frameon=False, fontsize=8)
     return figure
+
+
+def _axis_label(archive: xr.Dataset, dim: str) -> str:
+    """Return a dimension's name with its unit."""
+    unit = archive[dim].attrs.get("units", "1") if dim in archive.coords else "1"
+    return dim.replace("_", " ") + ("" if unit == "1" else f" [{unit}]")
 
 
 def save(figure: Figure, path: Path) -> Path:

@@ -108,7 +108,10 @@ def _cases(dataset: xr.Dataset) -> list[str]:
     told = failures(dataset, _FAILURES_SHOWN)
     if told:
         found.append(_table(["case", "status", "what it did"], [list(row) for row in told]))
-    dims = [[dim, str(dataset.sizes[dim]), "; ".join(labels_of(dataset, dim)[:8])] for dim in case_dims(dataset)]
+    dims = [
+        [dim, str(dataset.sizes[dim]), "; ".join(labels_of(dataset, dim, named=False)[:8])]
+        for dim in case_dims(dataset)
+    ]
     if dims:
         found.append(_table(["dimension", "size", "values"], dims))
     return found
@@ -120,9 +123,15 @@ def _effects(dataset: xr.Dataset) -> str:
     rows = []
     for dim in dims:
         shares = [effect(dataset, name, dim) for name in names]
-        rows.append([dim, *(f"{100 * share:.2g} %" if np.isfinite(share) else "–" for share in shares)])
+        rows.append([dim, *(_percent(share) for share in shares)])
     about = "<p>Largest change along each axis, all others fixed, as a share of the largest value of all cases.</p>"
     return about + _table(["axis", *(name.replace("_", " ") for name in names)], rows)
+
+
+def _percent(share: float) -> str:
+    if not np.isfinite(share):
+        return "–"
+    return f"{100 * share:.0f} %" if share > 0.095 else f"{100 * share:.2g} %"
 
 
 def _provenance(archive: Path) -> list[str]:

@@ -30,7 +30,7 @@ def test_run_show_report(tmp_path: Path) -> None:
     assert "nothing to do" in again.stdout
     shown = workflow("show", "small.nc", cwd=tmp_path)
     assert shown.returncode == 0
-    assert "alpha (5): alpha 0; alpha 5" in shown.stdout
+    assert "alpha (5): 0 W N-1; 5 W N-1" in shown.stdout
     assert "status: 60 ok" in shown.stdout
     told = workflow("report", "small.nc", cwd=tmp_path)
     assert told.returncode == 0, told.stderr
@@ -52,7 +52,7 @@ def test_failed_cases_exit_with_one(tmp_path: Path) -> None:
     shown = workflow("show", "out.nc", cwd=tmp_path)
     assert shown.returncode == 0
     assert "ill_posed: " in shown.stdout
-    assert "alpha 1e+09" in shown.stdout
+    assert "alpha 1e+09 W N-1" in shown.stdout
 
 
 def test_plan_runs_nothing(tmp_path: Path) -> None:

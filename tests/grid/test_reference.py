@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from studies import SCENE, parsed
 
+from studies import SCENE, parsed
 from workflow import schemes
 from workflow.grid import arrange, solve
 
