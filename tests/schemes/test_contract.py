@@ -1,0 +1,109 @@
+"""One acceptance test that every scheme in the directory passes unasked."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenes import cases, chain, heavy_chain, relative, same_bits, sampling, step, taken
+from scipy.linalg import expm
+
+from workflow import schemes
+from workflow.models import Rayleigh
+from workflow.schemes import Cases, Status
+
+METHODS = schemes.names()
+STEPPING = tuple(name for name in METHODS if "h" in schemes.load(name).READS)
+OVER = sampling(0.1, 1e-3)
+H = 2e-5
+"""A step at which every scheme is stable on the heavy chain, explicit ones too (limit 2.2e-5 s)."""
+
+
+def rubs(count: int) -> Cases:
+    """The heavy chain with one frequency, so that all cases have the same number of load periods."""
+    rng = np.random.default_rng(7)
+    return cases(
+        heavy_chain(),
+        count,
+        e=rng.uniform(0, 0.9, count),
+        alpha=np.where(np.arange(count) % 3 == 0, 0.0, rng.uniform(0, 50, count)),
+        gap=rng.uniform(4e-5, 6e-5, count),
+        amplitude=rng.uniform(90, 110, count),
+        frequency=20.0,
+        phase=rng.uniform(-0.5, 0.5, count),
+    )
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_alone_is_as_in_a_batch(method: str) -> None:
+    batch = rubs(40)
+    whole = step(heavy_chain(), batch, H, OVER, method)
+    assert np.all(whole.status == Status.OK)
+    assert whole.metrics["impacts"].min() > 0
+    for part in (slice(0, 1), slice(33, 34), slice(5, 12)):
+        assert same_bits(step(heavy_chain(), batch.take(part), H, OVER, method), taken(whole, part))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_poisoned_neighbour_changes_nothing(method: str) -> None:
+    batch = rubs(6)
+    clean = step(heavy_chain(), batch, H, OVER, method)
+    for name, poison in (("velocity", np.nan), ("temperature", np.inf), ("amplitude", np.nan)):
+        sick = batch.take(np.arange(6))
+        getattr(sick, name)[3] = poison
+        found = step(heavy_chain(), sick, H, OVER, method)
+        assert found.status[3] != Status.OK
+        assert found.messages[3]
+        assert np.isnan(found.histories["displacement"][3, -1])
+        for part in (slice(0, 3), slice(4, 6)):
+            assert same_bits(taken(found, part), taken(clean, part))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_an_axis_it_does_not_read_changes_nothing(method: str) -> None:
+    batch = rubs(6)
+    reads = schemes.load(method).READS
+    whole = step(heavy_chain(), batch, H, OVER, method)
+    if "h" not in reads:
+        assert same_bits(step(heavy_chain(), batch, 10 * H, OVER, method), whole)
+    for name in {"e", "alpha"} - reads:
+        other = replace(batch, **{name: getattr(batch, name) / 2 + 0.1})
+        assert same_bits(step(heavy_chain(), other, H, OVER, method), whole)
+    for name in {"e", "alpha"} & reads:
+        other = replace(batch, **{name: getattr(batch, name) / 2 + 0.1})
+        assert not same_bits(step(heavy_chain(), other, H, OVER, method), whole)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_smooth_motion_against_the_matrix_exponential(method: str) -> None:
+    """Without contact: exact, or converging with order one at least."""
+    structure = chain(nodes=3, mass=1.0, stiffness=40.0, damping=Rayleigh(0.1, 1e-3))
+    start, n = np.array([0.1, 0.3, 0.2]), 3
+    A = np.zeros((2 * n, 2 * n))
+    A[:n, n:] = np.eye(n)
+    A[n:, :n] = -np.linalg.solve(structure.mass, structure.stiffness_matrix)
+    A[n:, n:] = -np.linalg.solve(structure.mass, structure.damping_matrix)
+    exact = (expm(A) @ np.concatenate([start, np.zeros(n)]))[n - 1]
+    batch = cases(structure, gap=10.0, displacement=start)
+    sizes = np.array([1e-3, 5e-4, 2.5e-4])
+    ends = [step(structure, batch, h, sampling(1.0, 0.1), method).histories["displacement"][0, -1] for h in sizes]
+    errors = np.abs(np.array(ends) - exact)
+    if method not in STEPPING:
+        assert errors.max() < 1e-12
+        return
+    assert errors[-1] < 2e-3
+    assert np.polyfit(np.log(sizes), np.log(errors), 1)[0] > 0.9
+
+
+@pytest.mark.parametrize("method", STEPPING)
+def test_contact_converges_to_the_exact_solution(method: str) -> None:
+    """A hundred times smaller a step: at least ten times smaller an error in every history."""
+    structure = heavy_chain()
+    batch = cases(structure, alpha=50.0, gap=5e-5, amplitude=100.0, frequency=20.0)
+    exact = step(structure, batch, H, OVER, "event_driven").histories
+    coarse = step(structure, batch, H, OVER, method).histories
+    fine = step(structure, batch, H / 100, OVER, method).histories
+    for name in ("displacement", "temperature", "impulse"):
+        assert relative(fine[name], exact[name]) < 0.1 * relative(coarse[name], exact[name]), name
+        assert relative(fine[name], exact[name]) < 2e-3, name
