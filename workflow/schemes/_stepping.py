@@ -96,32 +96,30 @@ class Block(NamedTuple):
 
 
 @numba.njit(nogil=True, cache=True)
-def start_load(block: Block) -> None:
+def start_load(h: float, load: Array, lanes: int) -> None:
     """Set the load to t = 0 and its rotation to one step."""
-    load = block.load
-    for lane in range(block.lanes):
-        turn = 2.0 * np.pi * load[FREQUENCY, lane] * block.h
+    for lane in range(lanes):
+        turn = 2.0 * np.pi * load[FREQUENCY, lane] * h
         load[TURN_SINE, lane] = np.sin(turn)
         load[TURN_COSINE, lane] = np.cos(turn)
-    advance_load(0, block)
+    advance_load(0, h, load, lanes)
 
 
 @numba.njit(nogil=True, cache=True)
-def advance_load(step: int, block: Block) -> None:
+def advance_load(step: int, h: float, load: Array, lanes: int) -> None:
     """Move the load to the end of a step, t = step h."""
-    load = block.load
     assert load.shape[1] == LANES
     if step % RESYNC == 0:
-        for lane in range(block.lanes):
-            angle = 2.0 * np.pi * (load[FREQUENCY, lane] * (step * block.h)) + load[PHASE, lane]
+        for lane in range(lanes):
+            angle = 2.0 * np.pi * (load[FREQUENCY, lane] * (step * h)) + load[PHASE, lane]
             load[SINE, lane] = np.sin(angle)
             load[COSINE, lane] = np.cos(angle)
     else:
-        for lane in range(block.lanes):
+        for lane in range(lanes):
             s, c = load[SINE, lane], load[COSINE, lane]
             load[SINE, lane] = s * load[TURN_COSINE, lane] + c * load[TURN_SINE, lane]
             load[COSINE, lane] = c * load[TURN_COSINE, lane] - s * load[TURN_SINE, lane]
-    for lane in range(block.lanes):
+    for lane in range(lanes):
         load[FORCE_BEFORE, lane] = load[FORCE, lane]
         load[FORCE, lane] = load[MEAN, lane] + load[AMPLITUDE, lane] * load[SINE, lane]
 
@@ -133,11 +131,15 @@ def _between(before: float, after: float, share: float) -> float:
 
 
 @numba.njit(nogil=True, cache=True)
-def _write_marks(step: int, block: Block) -> None:
-    """Write the samples and close the load periods that end within this step."""
-    tip, marks, record = block.tip, block.marks, block.record
+def take_marks(step: int, block: Block) -> float:
+    """Write the samples and close the load periods that end within this step.
+
+    Returns the part of the step that counts, s: all but the last one count whole, the last up to
+    the duration, where the last sample lies; there the tip's new values are cut back to it.
+    """
+    tip, marks, record, steps = block.tip, block.marks, block.record, block.steps
     cases, periods = marks.period_due.shape
-    mark = NEVER
+    mark = steps
     while marks.next_sample[0] < marks.sample_due.size and marks.sample_due[marks.next_sample[0]] == step:
         k = marks.next_sample[0]
         share = marks.sample_weight[k]
@@ -168,39 +170,25 @@ def _write_marks(step: int, block: Block) -> None:
         if marks.next_period[lane] < periods:
             mark = min(mark, marks.period_due[lane, marks.next_period[lane]])
     marks.next_mark[0] = mark
-
-
-@numba.njit(nogil=True, cache=True)
-def _cut_short(share: float, block: Block) -> None:
-    """Take the tip at a share of a step instead of at its end."""
-    tip = block.tip
-    for lane in range(block.lanes):
-        tip[NEW_DISPLACEMENT, lane] = _between(tip[DISPLACEMENT, lane], tip[NEW_DISPLACEMENT, lane], share)
-        tip[NEW_VELOCITY, lane] = _between(tip[VELOCITY, lane], tip[NEW_VELOCITY, lane], share)
-        tip[NEW_TEMPERATURE, lane] = _between(tip[TEMPERATURE, lane], tip[NEW_TEMPERATURE, lane], share)
-        tip[STEP_IMPULSE, lane] *= share
-
-
-@numba.njit(nogil=True, cache=True)
-def observe(step: int, block: Block) -> None:
-    """Take in the rows ``NEW_…`` and ``STEP_IMPULSE`` of the tip at the end of a step (1, 2, …).
-
-    The last step counts only up to the duration, where the last sample lies.
-    """
-    tip = block.tip
-    assert tip.shape[1] == LANES
-    if step == block.marks.next_mark[0]:
-        _write_marks(step, block)
-    share = block.marks.sample_weight[-1] if step == block.steps else 1.0
+    share = marks.sample_weight[-1] if step == steps else 1.0
     if share != 1.0:
-        _cut_short(share, block)
-    span = share * block.h
-    for lane in range(block.lanes):
-        x, v, temperature = tip[NEW_DISPLACEMENT, lane], tip[NEW_VELOCITY, lane], tip[NEW_TEMPERATURE, lane]
-        p = tip[STEP_IMPULSE, lane]
+        for lane in range(block.lanes):
+            tip[NEW_DISPLACEMENT, lane] = _between(tip[DISPLACEMENT, lane], tip[NEW_DISPLACEMENT, lane], share)
+            tip[NEW_VELOCITY, lane] = _between(tip[VELOCITY, lane], tip[NEW_VELOCITY, lane], share)
+            tip[NEW_TEMPERATURE, lane] = _between(tip[TEMPERATURE, lane], tip[NEW_TEMPERATURE, lane], share)
+            tip[STEP_IMPULSE, lane] *= share
+    return share * block.h
+
+
+@numba.njit(nogil=True, cache=True)
+def observe(span: float, tip: Array, lanes: int) -> None:
+    """Take in the rows ``NEW_…`` and ``STEP_IMPULSE`` of the tip at the end of a step of ``span`` s."""
+    assert tip.shape[1] == LANES
+    for lane in range(lanes):
+        x, temperature, p = tip[NEW_DISPLACEMENT, lane], tip[NEW_TEMPERATURE, lane], tip[STEP_IMPULSE, lane]
         touches = 1.0 if p > 0.0 else 0.0
-        depth, hottest = x - tip[GAP, lane], tip[HOTTEST, lane]
-        deepest, period_hottest = tip[PENETRATION, lane], tip[PERIOD_HOTTEST, lane]
+        depth, deepest = x - tip[GAP, lane], tip[PENETRATION, lane]
+        hottest, period_hottest = tip[HOTTEST, lane], tip[PERIOD_HOTTEST, lane]
         tip[IMPACTS, lane] += touches * (1.0 - tip[TOUCHING, lane])
         tip[TOUCHING, lane] = touches
         tip[CONTACT_TIME, lane] += touches * span
@@ -209,7 +197,7 @@ def observe(step: int, block: Block) -> None:
         tip[PERIOD_HOTTEST, lane] = temperature if temperature > period_hottest else period_hottest
         tip[IMPULSE, lane] += p
         tip[DISPLACEMENT, lane] = x
-        tip[VELOCITY, lane] = v
+        tip[VELOCITY, lane] = tip[NEW_VELOCITY, lane]
         tip[TEMPERATURE, lane] = temperature
 
 

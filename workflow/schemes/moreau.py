@@ -44,6 +44,7 @@ from workflow.schemes._stepping import (
     merge,
     observe,
     start_load,
+    take_marks,
     watch,
 )
 
@@ -193,16 +194,27 @@ def cost(structure: Structure, h: float, options: Options, sampling: Sampling) -
 
 
 @numba.njit(nogil=True, cache=True)
-def _swing(modes: Array, motion: Array, own: Array, block: Block) -> None:
+def _begin(t: float, own: Array, tip: Array, lanes: int) -> None:
+    """Set the tip's new velocity and temperature to the known part at the step's end."""
+    assert own.shape[1] == LANES
+    assert tip.shape[1] == LANES
+    for lane in range(lanes):
+        tip[NEW_VELOCITY, lane] = own[DRIFT, lane]
+        tip[NEW_TEMPERATURE, lane] = own[WARMTH, lane] + own[WARMING, lane] * t
+
+
+@numba.njit(nogil=True, cache=True)
+def _swing(modes: Array, h: float, motion: Array, own: Array, tip: Array, lanes: int) -> None:
     """Step the mechanical modes and add their tip velocity to the new one.
 
     ``motion`` is ``(group, row, lane)``: rows ζ of the group's modes, then rows ξ.
     """
-    tip, h = block.tip, block.h
     assert motion.shape[1] == 2 * MODES
     assert motion.shape[2] == LANES
+    assert own.shape[1] == LANES
+    assert tip.shape[1] == LANES
     for g in range(motion.shape[0]):
-        for lane in range(block.lanes):
+        for lane in range(lanes):
             pushed = own[PUSHED, lane]
             velocity = 0.0
             for j in range(MODES):
@@ -216,13 +228,14 @@ def _swing(modes: Array, motion: Array, own: Array, block: Block) -> None:
 
 
 @numba.njit(nogil=True, cache=True)
-def _swing_heated(modes: Array, motion: Array, own: Array, block: Block) -> None:
+def _swing_heated(modes: Array, h: float, motion: Array, own: Array, tip: Array, lanes: int) -> None:
     """Step the mechanical modes as :func:`_swing` does where heat acts on them."""
-    tip, h = block.tip, block.h
     assert motion.shape[1] == 2 * MODES
     assert motion.shape[2] == LANES
+    assert own.shape[1] == LANES
+    assert tip.shape[1] == LANES
     for g in range(motion.shape[0]):
-        for lane in range(block.lanes):
+        for lane in range(lanes):
             pushed, heat = own[PUSHED, lane], own[HEAT, lane]
             velocity = 0.0
             for j in range(MODES):
@@ -236,13 +249,14 @@ def _swing_heated(modes: Array, motion: Array, own: Array, block: Block) -> None
 
 
 @numba.njit(nogil=True, cache=True)
-def _conduct(heat_modes: Array, tau: Array, own: Array, block: Block) -> None:
+def _conduct(heat_modes: Array, tau: Array, own: Array, tip: Array, lanes: int) -> None:
     """Step the thermal modes; ``tau`` is ``(group, mode of the group, lane)``."""
-    tip = block.tip
     assert tau.shape[1] == HEAT_MODES
     assert tau.shape[2] == LANES
+    assert own.shape[1] == LANES
+    assert tip.shape[1] == LANES
     for g in range(tau.shape[0]):
-        for lane in range(block.lanes):
+        for lane in range(lanes):
             heat = own[HEAT, lane]
             velocity = temperature = 0.0
             for k in range(HEAT_MODES):
@@ -255,36 +269,38 @@ def _conduct(heat_modes: Array, tau: Array, own: Array, block: Block) -> None:
 
 
 @numba.njit(nogil=True, cache=True)
-def _take_heat(heat_modes: Array, tau: Array, own: Array, block: Block, warmed: Array) -> None:
+def _take_heat(heat_modes: Array, tau: Array, own: Array, warmed: Array, lanes: int) -> None:
     """Give τ with the heat of the last step, which :func:`_conduct` leaves to the next one."""
     for g in range(tau.shape[0]):
         for k in range(HEAT_MODES):
-            for lane in range(block.lanes):
+            for lane in range(lanes):
                 warmed[g, k, lane] = tau[g, k, lane] + heat_modes[g, WARM, k] * own[HEAT, lane]
 
 
 @numba.njit(nogil=True, cache=True)
-def _pull_pairs(operator: Coefficients, tau: Array, motion: Array, block: Block) -> None:
+def _pull_pairs(operator: Coefficients, tau: Array, motion: Array, tip: Array, lanes: int) -> None:
     """Add what thermal modes do to mechanical modes near resonance with them."""
-    tip = block.tip
     for pair in range(operator.pair_mode.size):
         g, j = divmod(operator.pair_mode[pair], MODES)
         heat_g, k = divmod(operator.pair_heat[pair], HEAT_MODES)
-        for lane in range(block.lanes):
+        for lane in range(lanes):
             pull = operator.pair_pull[pair] * tau[heat_g, k, lane]
             motion[g, j, lane] += pull
             tip[NEW_VELOCITY, lane] += pull
 
 
 @numba.njit(nogil=True, cache=True)
-def _touch(operator: Coefficients, own: Array, block: Block) -> None:
+def _touch(
+    theta: float, inverse_mass: float, warming: float, h: float, own: Array, load: Array, tip: Array, lanes: int
+) -> None:
     """Close the step: load and contact impulse at the tip, from its free velocity to its new state."""
-    h, theta, tip, load = block.h, operator.theta, block.tip, block.load
-    assert tip.shape[1] == own.shape[1] == load.shape[1] == LANES
-    for lane in range(block.lanes):
+    assert own.shape[1] == LANES
+    assert load.shape[1] == LANES
+    assert tip.shape[1] == LANES
+    for lane in range(lanes):
         x, v = tip[DISPLACEMENT, lane], tip[VELOCITY, lane]
         pushed = h * ((1.0 - theta) * load[FORCE_BEFORE, lane] + theta * load[FORCE, lane])
-        free = tip[NEW_VELOCITY, lane] + operator.inverse_mass * pushed
+        free = tip[NEW_VELOCITY, lane] + inverse_mass * pushed
         closing = (free + own[RESTITUTION, lane] * v) * own[COMPLIANCE, lane]
         p = closing if x + 0.5 * h * v >= tip[GAP, lane] else 0.0
         p = 0.0 if p <= 0.0 else p  # a NaN passes
@@ -293,7 +309,7 @@ def _touch(operator: Coefficients, own: Array, block: Block) -> None:
         own[HEAT, lane] = own[ALPHA, lane] * p
         tip[STEP_IMPULSE, lane] = p
         tip[NEW_VELOCITY, lane] = after
-        tip[NEW_TEMPERATURE, lane] += operator.warming * own[HEAT, lane]
+        tip[NEW_TEMPERATURE, lane] += warming * own[HEAT, lane]
         tip[NEW_DISPLACEMENT, lane] = x + h * (theta * after + (1.0 - theta) * v)
 
 
@@ -303,26 +319,25 @@ def _march(operator: Coefficients, own: Array, motion: Array, tau: Array, tau_be
 
     ``tau_before`` is left with τ at the beginning of the last step, ``tau`` with τ at its end.
     """
-    tip = block.tip
-    assert tip.shape[1] == own.shape[1] == LANES
-    heated = tau.shape[0] > 0
-    start_load(block)
+    modes, heat_modes = operator.modes, operator.heat_modes
+    load, tip, lanes, h, next_mark = block.load, block.tip, block.lanes, block.h, block.marks.next_mark
+    heated, paired = tau.shape[0] > 0, operator.pair_mode.size > 0
+    start_load(h, load, lanes)
     for step in range(1, block.steps + 1):
-        for lane in range(block.lanes):
-            tip[NEW_VELOCITY, lane] = own[DRIFT, lane]
-            tip[NEW_TEMPERATURE, lane] = own[WARMTH, lane] + own[WARMING, lane] * (step * block.h)
+        _begin(step * h, own, tip, lanes)
         if heated:
-            if step == block.steps or operator.pair_mode.size > 0:
-                _take_heat(operator.heat_modes, tau, own, block, tau_before)
-            _conduct(operator.heat_modes, tau, own, block)
-            _swing_heated(operator.modes, motion, own, block)
-            _pull_pairs(operator, tau_before, motion, block)
+            if paired or step == block.steps:
+                _take_heat(heat_modes, tau, own, tau_before, lanes)
+            _conduct(heat_modes, tau, own, tip, lanes)
+            _swing_heated(modes, h, motion, own, tip, lanes)
+            if paired:
+                _pull_pairs(operator, tau_before, motion, tip, lanes)
         else:
-            _swing(operator.modes, motion, own, block)
-        advance_load(step, block)
-        _touch(operator, own, block)
-        observe(step, block)
-    _take_heat(operator.heat_modes, tau, own, block, tau)
+            _swing(modes, h, motion, own, tip, lanes)
+        advance_load(step, h, load, lanes)
+        _touch(operator.theta, operator.inverse_mass, operator.warming, h, own, load, tip, lanes)
+        observe(take_marks(step, block) if step == next_mark[0] else h, tip, lanes)
+    _take_heat(heat_modes, tau, own, tau, lanes)
 
 
 def _largest_stable_step(modal: Decoupled, theta: float) -> float:
