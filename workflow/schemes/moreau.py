@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from workflow.declare import quantity
-from workflow.models import Array, Cases, Structure, project
+from workflow.models import Array, Cases, Structure
 from workflow.schemes._decoupled import Decoupled, decouple, start
 from workflow.schemes._interface import Results, Sampling, Status, schedule
 from workflow.schemes._stepping import (
@@ -378,14 +378,15 @@ def _run(operator: Operator, modal: Decoupled, cases: Cases, sampling: Sampling)
     own, motion = lane_rows(OWN_ROWS), lane_rows(*pairs.shape[:2])
     tau, tau_before = lane_rows(*heat.shape[:2]), lane_rows(*heat.shape[:2])
     closing = begun.closing + begun.closing_rate * sampling.duration
-    growth = _grouped(HEAT_MODES, modal.static_growth)[:, 0].reshape(1, -1)
+    growth = _grouped(HEAT_MODES, modal.static_growth)[:, 0, :, None]
     for part, block in blocks(watched):
         fill_lanes(own, of_lane[:, part])
         fill_lanes(motion, pairs[..., part])
         fill_lanes(tau, heat[..., part])
         _march(coefficients, own, motion, tau, tau_before, block)
         reached = tau_before + plan.weight[-1] * (tau - tau_before)
-        closing[part] += project(growth, reached.reshape(-1, LANES).T)[: part.stop - part.start, 0]
+        sums = np.sum(growth * reached, axis=(0, 1))  # in the same order whatever lanes are in use
+        closing[part] += sums[: part.stop - part.start]
     finite = np.isfinite(watched.tip[[DISPLACEMENT, TEMPERATURE]]).all(axis=0)
     status, messages = _judge(operator, modal, cases, ill_posed, finite)
     return collect(watched, closing, status, messages)
