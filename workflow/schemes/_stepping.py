@@ -105,7 +105,7 @@ def start_load(h: float, load: Array, lanes: int) -> None:
     advance_load(0, h, load, lanes)
 
 
-@numba.njit(nogil=True, cache=True)
+@numba.njit(nogil=True, cache=True, forceinline=True)
 def advance_load(step: int, h: float, load: Array, lanes: int) -> None:
     """Move the load to the end of a step, t = step h."""
     assert load.shape[1] == LANES
@@ -180,7 +180,7 @@ def take_marks(step: int, block: Block) -> float:
     return share * block.h
 
 
-@numba.njit(nogil=True, cache=True)
+@numba.njit(nogil=True, cache=True, forceinline=True)
 def observe(span: float, tip: Array, lanes: int) -> None:
     """Take in the rows ``NEW_…`` and ``STEP_IMPULSE`` of the tip at the end of a step of ``span`` s."""
     assert tip.shape[1] == LANES

@@ -193,7 +193,7 @@ def cost(structure: Structure, h: float, options: Options, sampling: Sampling) -
     return sampling.steps(h) * per_step + 5e-6
 
 
-@numba.njit(nogil=True, cache=True)
+@numba.njit(nogil=True, cache=True, forceinline=True)
 def _begin(t: float, own: Array, tip: Array, lanes: int) -> None:
     """Set the tip's new velocity and temperature to the known part at the step's end."""
     assert own.shape[1] == LANES
@@ -203,7 +203,7 @@ def _begin(t: float, own: Array, tip: Array, lanes: int) -> None:
         tip[NEW_TEMPERATURE, lane] = own[WARMTH, lane] + own[WARMING, lane] * t
 
 
-@numba.njit(nogil=True, cache=True)
+@numba.njit(nogil=True, cache=True, forceinline=True)
 def _swing(modes: Array, h: float, motion: Array, own: Array, tip: Array, lanes: int) -> None:
     """Step the mechanical modes and add their tip velocity to the new one.
 
@@ -227,7 +227,7 @@ def _swing(modes: Array, h: float, motion: Array, own: Array, tip: Array, lanes:
             tip[NEW_VELOCITY, lane] += velocity
 
 
-@numba.njit(nogil=True, cache=True)
+@numba.njit(nogil=True, cache=True, forceinline=True)
 def _swing_heated(modes: Array, h: float, motion: Array, own: Array, tip: Array, lanes: int) -> None:
     """Step the mechanical modes as :func:`_swing` does where heat acts on them."""
     assert motion.shape[1] == 2 * MODES
@@ -248,7 +248,7 @@ def _swing_heated(modes: Array, h: float, motion: Array, own: Array, tip: Array,
             tip[NEW_VELOCITY, lane] += velocity
 
 
-@numba.njit(nogil=True, cache=True)
+@numba.njit(nogil=True, cache=True, forceinline=True)
 def _conduct(heat_modes: Array, tau: Array, own: Array, tip: Array, lanes: int) -> None:
     """Step the thermal modes; ``tau`` is ``(group, mode of the group, lane)``."""
     assert tau.shape[1] == HEAT_MODES
@@ -289,7 +289,7 @@ def _pull_pairs(operator: Coefficients, tau: Array, motion: Array, tip: Array, l
             tip[NEW_VELOCITY, lane] += pull
 
 
-@numba.njit(nogil=True, cache=True)
+@numba.njit(nogil=True, cache=True, forceinline=True)
 def _touch(
     theta: float, inverse_mass: float, warming: float, h: float, own: Array, load: Array, tip: Array, lanes: int
 ) -> None:
