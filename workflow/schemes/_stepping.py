@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.models import Array, Cases
-from workflow.schemes._interface import Results, Sampling, Schedule, complete_periods
+from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, complete_periods
 
 LANES = 32
 """Lanes of a block: enough to share the cost of loading coefficients, while the states of 20 + 20
@@ -63,23 +63,20 @@ class Marks(NamedTuple):
     sample_weight: Array
     period_due: NDArray[np.int64]
     period_weight: Array
-    next_period: NDArray[np.int64]
-    """``(lane,)``."""
-    next_sample: NDArray[np.int64]
+    """``(case, period)``."""
     next_mark: NDArray[np.int64]
-    """The next sample to take, and the step in which something falls due next, ``(1,)``."""
+    """The step in which something falls due next, and the next sample, ``(2,)``."""
+    next_period: NDArray[np.int64]
+    """``(case,)``."""
 
 
 class Record(NamedTuple):
-    """Where samples ``(case, t)`` and closed periods ``(case, period)`` are written."""
+    """Where samples and closed load periods are written."""
 
-    displacement: Array
-    velocity: Array
-    temperature: Array
-    impulse: Array
-    period_impulse: Array
-    period_temperature: Array
-    period_contact: Array
+    histories: Array
+    """Displacement, velocity, temperature and impulse, ``(4, case, t)``."""
+    periods: Array
+    """Impulse, largest temperature and contact time, ``(3, case, period)``."""
 
 
 class Block(NamedTuple):
@@ -137,47 +134,49 @@ def take_marks(step: int, block: Block) -> float:
     Returns the part of the step that counts, s: all but the last one count whole, the last up to
     the duration, where the last sample lies; there the tip's new values are cut back to it.
     """
-    tip, marks, record, steps = block.tip, block.marks, block.record, block.steps
-    cases, periods = marks.period_due.shape
+    tip, lanes, h, steps = block.tip, block.lanes, block.h, block.steps
+    histories, periods = block.record.histories, block.record.periods
+    due, weight = block.marks.sample_due, block.marks.sample_weight
+    period_due, period_weight = block.marks.period_due, block.marks.period_weight
+    next_mark, next_period = block.marks.next_mark, block.marks.next_period
     mark = steps
-    while marks.next_sample[0] < marks.sample_due.size and marks.sample_due[marks.next_sample[0]] == step:
-        k = marks.next_sample[0]
-        share = marks.sample_weight[k]
-        for lane in range(cases):
+    while next_mark[1] < due.size and due[next_mark[1]] == step:
+        k = next_mark[1]
+        for lane in range(histories.shape[1]):
             impulse = tip[IMPULSE, lane]
-            record.displacement[lane, k] = _between(tip[DISPLACEMENT, lane], tip[NEW_DISPLACEMENT, lane], share)
-            record.velocity[lane, k] = _between(tip[VELOCITY, lane], tip[NEW_VELOCITY, lane], share)
-            record.temperature[lane, k] = _between(tip[TEMPERATURE, lane], tip[NEW_TEMPERATURE, lane], share)
-            record.impulse[lane, k] = _between(impulse, impulse + tip[STEP_IMPULSE, lane], share)
-        marks.next_sample[0] += 1
-    if marks.next_sample[0] < marks.sample_due.size:
-        mark = marks.sample_due[marks.next_sample[0]]
-    for lane in range(cases):
-        while marks.next_period[lane] < periods and marks.period_due[lane, marks.next_period[lane]] == step:
-            k = marks.next_period[lane]
-            share = marks.period_weight[lane, k]
+            histories[0, lane, k] = _between(tip[DISPLACEMENT, lane], tip[NEW_DISPLACEMENT, lane], weight[k])
+            histories[1, lane, k] = _between(tip[VELOCITY, lane], tip[NEW_VELOCITY, lane], weight[k])
+            histories[2, lane, k] = _between(tip[TEMPERATURE, lane], tip[NEW_TEMPERATURE, lane], weight[k])
+            histories[3, lane, k] = _between(impulse, impulse + tip[STEP_IMPULSE, lane], weight[k])
+        next_mark[1] += 1
+    if next_mark[1] < due.size:
+        mark = due[next_mark[1]]
+    for lane in range(period_due.shape[0]):
+        while next_period[lane] < period_due.shape[1] and period_due[lane, next_period[lane]] == step:
+            k = next_period[lane]
+            share = period_weight[lane, k]
             p = tip[STEP_IMPULSE, lane]
             impulse = _between(tip[IMPULSE, lane], tip[IMPULSE, lane] + p, share)
             reached = _between(tip[TEMPERATURE, lane], tip[NEW_TEMPERATURE, lane], share)
-            contact = tip[CONTACT_TIME, lane] + (share * block.h if p > 0.0 else 0.0)
-            record.period_impulse[lane, k] = impulse - tip[PERIOD_IMPULSE, lane]
-            record.period_temperature[lane, k] = max(tip[PERIOD_HOTTEST, lane], reached)
-            record.period_contact[lane, k] = contact - tip[PERIOD_CONTACT, lane]
+            contact = tip[CONTACT_TIME, lane] + (share * h if p > 0.0 else 0.0)
+            periods[0, lane, k] = impulse - tip[PERIOD_IMPULSE, lane]
+            periods[1, lane, k] = max(tip[PERIOD_HOTTEST, lane], reached)
+            periods[2, lane, k] = contact - tip[PERIOD_CONTACT, lane]
             tip[PERIOD_IMPULSE, lane] = impulse
             tip[PERIOD_CONTACT, lane] = contact
             tip[PERIOD_HOTTEST, lane] = reached
-            marks.next_period[lane] = k + 1
-        if marks.next_period[lane] < periods:
-            mark = min(mark, marks.period_due[lane, marks.next_period[lane]])
-    marks.next_mark[0] = mark
-    share = marks.sample_weight[-1] if step == steps else 1.0
+            next_period[lane] = k + 1
+        if next_period[lane] < period_due.shape[1]:
+            mark = min(mark, period_due[lane, next_period[lane]])
+    next_mark[0] = mark
+    share = weight[-1] if step == steps else 1.0
     if share != 1.0:
-        for lane in range(block.lanes):
+        for lane in range(lanes):
             tip[NEW_DISPLACEMENT, lane] = _between(tip[DISPLACEMENT, lane], tip[NEW_DISPLACEMENT, lane], share)
             tip[NEW_VELOCITY, lane] = _between(tip[VELOCITY, lane], tip[NEW_VELOCITY, lane], share)
             tip[NEW_TEMPERATURE, lane] = _between(tip[TEMPERATURE, lane], tip[NEW_TEMPERATURE, lane], share)
             tip[STEP_IMPULSE, lane] *= share
-    return share * block.h
+    return share * h
 
 
 @numba.njit(nogil=True, cache=True, forceinline=True)
@@ -275,13 +274,11 @@ def watch(cases: Cases, mean: Array, sampling: Sampling, schedule: Schedule, h: 
     ):
         tip[row] = values
 
-    shape = (cases.count, schedule.due.size)
     record = Record(
-        *(np.zeros(shape) for _ in range(4)),
-        *(np.full((cases.count, longest), np.nan) for _ in range(3)),
+        np.zeros((4, cases.count, schedule.due.size)),
+        np.full((3, cases.count, longest), np.nan),
     )
-    for history, row in zip(record[:3], (DISPLACEMENT, VELOCITY, TEMPERATURE), strict=True):
-        history[:, 0] = tip[row]
+    record.histories[:3, :, 0] = tip[[DISPLACEMENT, VELOCITY, TEMPERATURE]]
     return Watch(cases, schedule, h, load, tip, record, due, weight)
 
 
@@ -302,11 +299,10 @@ def blocks(watched: Watch) -> Iterator[tuple[slice, Block]]:
             sample_weight=schedule.weight,
             period_due=watched.period_due[part],
             period_weight=watched.period_weight[part],
+            next_mark=np.ones(2, dtype=np.int64),  # the first step looks for the first mark
             next_period=np.zeros(count, dtype=np.int64),
-            next_sample=np.ones(1, dtype=np.int64),
-            next_mark=np.ones(1, dtype=np.int64),  # the first step looks for the first mark
         )
-        record = Record(*(values[part] for values in watched.record))
+        record = Record(watched.record.histories[:, part], watched.record.periods[:, part])
         yield part, Block(load, tip, marks, record, -(-count // PACK) * PACK, schedule.steps, watched.h)
         watched.tip[:, part] = tip[:, :count]
 
@@ -326,20 +322,16 @@ def collect(watched: Watch, thermal_closing: Array, status: NDArray[np.int8], me
         values[lost] = np.nan
     for values in record:
         values[~np.isfinite(values)] = np.nan
-    open_ended = np.isnan(record.period_impulse)
-    record.period_temperature[open_ended] = np.nan
-    record.period_contact[open_ended] = np.nan
+    impulse, temperature, contact = record.periods
+    open_ended = np.isnan(impulse)
+    temperature[open_ended] = np.nan
+    contact[open_ended] = np.nan
     return Results(
-        histories={
-            "displacement": record.displacement,
-            "velocity": record.velocity,
-            "temperature": record.temperature,
-            "impulse": record.impulse,
-        },
+        histories=dict(zip(HISTORIES, record.histories, strict=True)),
         metrics={**metrics, "steps": np.full(watched.cases.count, float(watched.schedule.steps))},
-        period_impulse=record.period_impulse,
-        period_temperature=record.period_temperature,
-        period_contact=record.period_contact * watched.cases.frequency[:, None],
+        period_impulse=impulse,
+        period_temperature=temperature,
+        period_contact=contact * watched.cases.frequency[:, None],
         status=status,
         messages=messages,
     )

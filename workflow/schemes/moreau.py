@@ -387,7 +387,7 @@ def _run(operator: Operator, modal: Decoupled, cases: Cases, sampling: Sampling)
         reached = tau_before + plan.weight[-1] * (tau - tau_before)
         sums = np.sum(growth * reached, axis=(0, 1))  # in the same order whatever lanes are in use
         closing[part] += sums[: part.stop - part.start]
-    finite = np.isfinite(watched.tip[[DISPLACEMENT, TEMPERATURE]]).all(axis=0)
+    finite = np.asarray(np.isfinite(watched.tip[[DISPLACEMENT, TEMPERATURE]]).all(axis=0))
     status, messages = _judge(operator, modal, cases, ill_posed, finite)
     return collect(watched, closing, status, messages)
 
