@@ -1,15 +1,20 @@
 """What every fixed-step scheme shares: watching the tip, taking samples, closing load periods.
 
-A scheme's kernel advances its own states, puts the tip's new values of each step in the rows
-``NEW_…`` of a block and calls :func:`observe`. A block holds up to ``LANES`` cases, one per lane.
+A scheme's kernel advances its own states in blocks of up to ``LANES`` cases, one per lane::
+
+    start_load(h, load, lanes)
+    for step in range(1, block.steps + 1):
+        advance_load(step, h, load, lanes)
+        ...  # put the tip at the step's end in its rows NEW_… and STEP_IMPULSE
+        observe(take_marks(step, block) if step == next_mark[0] else h, tip, lanes)
 
 Everything that is kept per lane lies in a few arrays ``(row, lane)``, not in one array per name,
-and their kernels begin with :func:`lanes_are_fixed`. Both are for speed, together a factor of
-eight: where the distance between two rows is known at compile time, the compiler can prove that
-rows do not overlap and steps eight lanes at once; else it compares all addresses with each other
-before each short loop, or gives up. Lanes are padded to whole packs with idle ones (all zero, a
-ball at rest in its gap), so that the vectorised loop serves every lane and a case's numbers do
-not depend on where in a batch it stands.
+and functions that loop over lanes assert that a row has ``LANES``. Both are for speed, together a
+factor of eight: where the distance between two rows is known at compile time, the compiler can
+prove that rows do not overlap and steps eight lanes at once; else it compares all addresses with
+each other before each short loop, or gives up. Lanes are padded to whole packs with idle ones
+(all zero: a tip at rest that touches its casing without force), so that the vectorised loop
+serves every lane and a case's numbers do not depend on where in a batch it stands.
 """
 
 from __future__ import annotations
