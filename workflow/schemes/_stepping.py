@@ -322,11 +322,12 @@ def collect(watched: Watch, thermal_closing: Array, status: NDArray[np.int8], me
         "max_temperature": tip[HOTTEST],
         "thermal_closing": thermal_closing,
     }
-    lost = ~np.isfinite(tip[[DISPLACEMENT, VELOCITY, TEMPERATURE]]).all(axis=0)
+    lost = ~np.isfinite(tip[[DISPLACEMENT, VELOCITY, TEMPERATURE, IMPULSE]]).all(axis=0)
     for values in metrics.values():
         values[lost] = np.nan
-    for values in record:
-        values[~np.isfinite(values)] = np.nan
+    histories = record.histories[:, lost]  # all that can hold them: a state does not become finite again
+    record.histories[:, lost] = np.where(np.isfinite(histories), histories, np.nan)
+    record.periods[~np.isfinite(record.periods)] = np.nan
     impulse, temperature, contact = record.periods
     open_ended = np.isnan(impulse)
     temperature[open_ended] = np.nan

@@ -201,14 +201,14 @@ def thermal_amplification(rate: Array, h: float, options: Options) -> Array:
 def cost(structure: Structure, h: float, options: Options, sampling: Sampling) -> float:
     """Return estimated seconds per heated case: a fixed model of steps, groups of modes and samples.
 
-    Its numbers lie between what a batch of eight and a batch of a thousand cases measured on one
-    core of a server processor of 2024 (Zen 5, vectors of eight, about 3 GHz; parts of a step timed
-    apart, see the benchmarks): 2 ns a step for the tip and 0.6 ns for each group of modes, 10 ns a
-    sample, 10 us to set a case up. A processor with vectors of four takes about twice as long,
-    fewer than eight cases cost together what eight do.
+    Its numbers lie between what a batch of eight and what a batch of a thousand cases took on one
+    core of a server processor of 2024 (Zen 5, vectors of eight, about 3 GHz), heated, full with 20
+    nodes and reduced to 3 + 12 modes: 2.8 ns a step for the tip and 0.65 ns for each group of
+    modes, 15 ns a sample, 1.5 us to set a case up. A processor with vectors of four takes about
+    twice as long; fewer than eight cases cost together what eight do.
     """
     groups = -(-structure.mechanical_size // MODES) - (-structure.thermal_size // HEAT_MODES)
-    return sampling.steps(h) * (2e-9 + 0.6e-9 * groups) + sampling.count * 1e-8 + 1e-5
+    return sampling.steps(h) * (2.8e-9 + 0.65e-9 * groups) + sampling.count * 1.5e-8 + 1.5e-6
 
 
 @numba.njit(nogil=True, cache=True, forceinline=True)
