@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
 
 import numpy as np
@@ -70,6 +71,17 @@ def test_reduced_blade_in_a_batch_is_the_case_alone() -> None:
     over = sampling(0.02, 1e-3)
     found = step(reduction.structure, batch, 1e-4, over, theta=0.5)
     assert same_bits(step(reduction.structure, alone(batch, 9), 1e-4, over, theta=0.5), taken(found, slice(9, 10)))
+
+
+def test_threads_share_nothing() -> None:
+    """Four batches at once on two threads, the kernel without the lock: the bits of one thread."""
+    structure = heavy_chain()
+    batch = batch_of(structure, 20)
+    over = sampling(0.1, 1e-3)
+    expected = step(structure, batch, 1e-4, over)
+    with ThreadPoolExecutor(2) as pool:
+        for found in pool.map(lambda _: step(structure, batch, 1e-4, over), range(4)):
+            assert same_bits(found, expected)
 
 
 def test_lane_rows_begin_on_a_cache_line() -> None:
