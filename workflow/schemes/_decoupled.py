@@ -158,6 +158,15 @@ class Motion:
     tip_force: Array
 
 
+def _project(matrix: Array, states: Array) -> Array:
+    """Return ``matrix @ state`` for every case, leaving out coordinates that are 0 in all cases.
+
+    The bits stay the same: such a coordinate adds zeros. Most batches start at rest and cold.
+    """
+    acting = np.flatnonzero(states.any(axis=0))
+    return project(matrix[:, acting], states[:, acting])
+
+
 def start(modal: Decoupled, cases: Cases) -> Motion:
     """Split the initial states and constant loads of a batch into known answer and modal rest.
 
@@ -165,30 +174,30 @@ def start(modal: Decoupled, cases: Cases) -> Motion:
     drags its mechanical response along; the constant load on rigid modes acts as a tip force.
     """
     elastic, conducting = modal.frequency > 0, modal.rate > 0
-    load = project(modal.shapes.T, cases.steady)
-    heating = project(modal.heat_shapes.T, cases.heating)
+    load = _project(modal.shapes.T, cases.steady)
+    heating = _project(modal.heat_shapes.T, cases.heating)
 
     rigid_share = np.where(elastic, 0.0, modal.tip)
     participation = float(rigid_share @ rigid_share)
     tip_force = np.zeros(cases.count)
     if participation > 0:
-        tip_force = project(rigid_share[None, :], load)[:, 0] / participation
+        tip_force = _project(rigid_share[None, :], load)[:, 0] / participation
     load = load - tip_force[:, None] * modal.tip
 
     settled = np.where(conducting, heating / np.where(conducting, modal.rate, 1.0), 0.0)
     warming = np.where(conducting, 0.0, heating)
-    steady_velocity = project(modal.response, warming)
+    steady_velocity = _project(modal.response, warming)
     stiffness = np.where(elastic, modal.frequency, 1.0) ** 2
-    rest = load - project(modal.coupling, settled) - modal.damping * steady_velocity
+    rest = load - _project(modal.coupling, settled) - modal.damping * steady_velocity
     rest = np.where(elastic, rest / stiffness, 0.0)
 
-    heat = project(modal.to_thermal, cases.temperature) - settled
-    position = project(modal.to_modes, cases.displacement) - rest - project(modal.response, heat)
-    velocity = project(modal.to_modes, cases.velocity) - steady_velocity
-    velocity += project(modal.response * modal.rate, heat)
+    heat = _project(modal.to_thermal, cases.temperature) - settled
+    position = _project(modal.to_modes, cases.displacement) - rest - _project(modal.response, heat)
+    velocity = _project(modal.to_modes, cases.velocity) - steady_velocity
+    velocity += _project(modal.response * modal.rate, heat)
 
     def at_tip(row: Array, states: Array) -> Array:
-        return project(row[None, :], states)[:, 0]
+        return _project(row[None, :], states)[:, 0]
 
     return Motion(
         position=position,

@@ -75,14 +75,15 @@ def schedule(sampling: Sampling, h: float) -> Schedule:
     ratio = Fraction(repr(float(sampling.interval))) / Fraction(repr(float(h)))
     p, q = ratio.numerator, ratio.denominator
     steps = sampling.steps(h)
-    due = np.empty(sampling.count, dtype=np.int64)
-    weight = np.empty(sampling.count)
-    for k in range(sampling.count):
-        whole, rest = divmod(k * p, q)
-        due[k], weight[k] = (whole, 1.0) if rest == 0 else (whole + 1, rest / q)
-        if due[k] > steps:  # the duration is a multiple of the interval only to 1e-9
-            due[k], weight[k] = steps, 1.0
-    return Schedule(steps, due, weight)
+    k: Any = np.arange(sampling.count)
+    if max(sampling.count * p, q) > 2**52:  # beyond what int64 and float64 hold exactly
+        k = k.astype(object)
+    whole, rest = k * p // q, k * p % q
+    due = np.where(rest == 0, whole, whole + 1)
+    weight = np.where(rest == 0, 1.0, rest / q)
+    beyond = due > steps  # the duration is a multiple of the interval only to 1e-9
+    due, weight = np.where(beyond, steps, due), np.where(beyond, 1.0, weight)
+    return Schedule(steps, due.astype(np.int64), weight.astype(np.float64))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,13 +1,26 @@
 """What every fixed-step scheme shares: watching the tip, taking samples, closing load periods.
 
-A scheme's kernel advances its own states and hands the tip's new values of each step to
-:func:`observe`. Arrays run over the lanes (cases) of one block, contiguous in memory.
+A scheme's kernel advances its own states in blocks of up to ``LANES`` cases, one per lane::
+
+    start_load(h, load, lanes)
+    for step in range(1, block.steps + 1):
+        advance_load(step, h, load, lanes)
+        ...  # put the tip at the step's end in its rows NEW_… and STEP_IMPULSE
+        observe(take_marks(step, block) if step == next_mark[0] else h, tip, lanes)
+
+Everything that is kept per lane lies in a few arrays ``(row, lane)``, not in one array per name,
+and functions that loop over lanes assert that a row has ``LANES``. Both are for speed, together a
+factor of eight: where the distance between two rows is known at compile time, the compiler can
+prove that rows do not overlap and steps eight lanes at once; else it compares all addresses with
+each other before each short loop, or gives up. Lanes are padded to whole packs with idle ones
+(all zero: a tip at rest that touches its casing without force), so that the vectorised loop
+serves every lane and a case's numbers do not depend on where in a batch it stands.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
 from typing import NamedTuple
 
 import numba
@@ -15,48 +28,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.models import Array, Cases
-from workflow.schemes._interface import Results, Sampling, Schedule, complete_periods
+from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, complete_periods
 
 LANES = 32
-"""Cases stepped together: enough to fill vector registers while the states of 40 modes stay in
-the first-level cache (2 states x 8 bytes x 40 modes x 32 lanes = 20 kB)."""
+"""Lanes of a block: enough to share the cost of loading coefficients, while the states of 20 + 20
+modes (3 x 8 bytes x 20 x 32 = 15 kB) stay in the first-level cache."""
+
+PACK = 8
+"""Lanes are used in packs of this many: a register of the widest processors."""
 
 RESYNC = 64
 """Steps between exact evaluations of sin and cos of a load; in between a rotation continues it,
 whose rounding stays below 64 eps = 1.4e-14 of the amplitude."""
 
+MEAN, AMPLITUDE, FREQUENCY, PHASE, SINE, COSINE, TURN_SINE, TURN_COSINE, FORCE_BEFORE, FORCE = range(10)
+"""Rows of a block's load F0 + F1 sin(2π f t + φ): what it is, its running sine and cosine, their
+turn in one step, and the force at the beginning and the end of the step, N."""
 
-class Load(NamedTuple):
-    """Tip load F0 + F1 sin(2π f t + φ) of each lane and its running sine and cosine."""
+LOAD_ROWS = FORCE + 1
 
-    mean: Array
-    amplitude: Array
-    frequency: Array
-    phase: Array
-    sine: Array
-    cosine: Array
-    turn_sine: Array
-    turn_cosine: Array
-    force: Array
+DISPLACEMENT, VELOCITY, TEMPERATURE, IMPULSE, GAP = range(5)
+"""Rows of a block's tip: its state at the last step end and the clearance."""
 
+TOUCHING, IMPACTS, CONTACT_TIME, PENETRATION, HOTTEST, PERIOD_IMPULSE, PERIOD_CONTACT, PERIOD_HOTTEST = range(5, 13)
+"""What has been counted so far, and where sums stood when the load period began."""
 
-class Tip(NamedTuple):
-    """State of the tip at the last step end and what has been counted so far, ``(lane,)``."""
+NEW_DISPLACEMENT, NEW_VELOCITY, NEW_TEMPERATURE, STEP_IMPULSE = range(13, 17)
+"""What a scheme hands to :func:`observe`: the tip at the end of the step, the impulse in it."""
 
-    displacement: Array
-    velocity: Array
-    temperature: Array
-    impulse: Array
-    gap: Array
-    touching: Array
-    impacts: Array
-    contact_time: Array
-    penetration: Array
-    hottest: Array
-    period_impulse: Array
-    period_contact: Array
-    period_hottest: Array
-    period: NDArray[np.int64]
+TIP_ROWS = STEP_IMPULSE + 1
+
+NEVER = np.iinfo(np.int64).max
 
 
 class Marks(NamedTuple):
@@ -66,78 +68,62 @@ class Marks(NamedTuple):
     sample_weight: Array
     period_due: NDArray[np.int64]
     period_weight: Array
-    next_sample: NDArray[np.int64]
+    """``(case, period)``."""
     next_mark: NDArray[np.int64]
+    """The step in which something falls due next, and the next sample, ``(2,)``."""
+    next_period: NDArray[np.int64]
+    """``(case,)``."""
 
 
 class Record(NamedTuple):
-    """Where samples ``(lane, t)`` and closed periods ``(lane, period)`` are written."""
+    """Where samples and closed load periods are written."""
 
-    displacement: Array
-    velocity: Array
-    temperature: Array
-    impulse: Array
-    period_impulse: Array
-    period_temperature: Array
-    period_contact: Array
+    histories: Array
+    """Displacement, velocity, temperature and impulse, ``(4, case, t)``."""
+    periods: Array
+    """Impulse, largest temperature and contact time, ``(3, case, period)``."""
 
 
-NEVER = np.iinfo(np.int64).max
+class Block(NamedTuple):
+    """Up to ``LANES`` consecutive cases that a kernel steps at once; its view of them."""
+
+    load: Array
+    tip: Array
+    marks: Marks
+    record: Record
+    lanes: int
+    """Lanes in use, whole packs; the cases come first, idle lanes last."""
+    steps: int
+    h: float
 
 
 @numba.njit(nogil=True, cache=True)
-def start_load(load: Load, h: float) -> None:
+def start_load(h: float, load: Array, lanes: int) -> None:
     """Set the load to t = 0 and its rotation to one step."""
-    for lane in range(load.mean.size):
-        turn = 2.0 * np.pi * load.frequency[lane] * h
-        load.turn_sine[lane] = np.sin(turn)
-        load.turn_cosine[lane] = np.cos(turn)
-        load.sine[lane] = np.sin(load.phase[lane])
-        load.cosine[lane] = np.cos(load.phase[lane])
-        load.force[lane] = load.mean[lane] + load.amplitude[lane] * load.sine[lane]
+    for lane in range(lanes):
+        turn = 2.0 * np.pi * load[FREQUENCY, lane] * h
+        load[TURN_SINE, lane] = np.sin(turn)
+        load[TURN_COSINE, lane] = np.cos(turn)
+    advance_load(0, h, load, lanes)
 
 
-@numba.njit(nogil=True, cache=True)
-def advance_load(load: Load, step: int, h: float) -> None:
-    """Move the load to the end of a step: f(step h)."""
+@numba.njit(nogil=True, cache=True, forceinline=True)
+def advance_load(step: int, h: float, load: Array, lanes: int) -> None:
+    """Move the load to the end of a step, t = step h."""
+    assert load.shape[1] == LANES
     if step % RESYNC == 0:
-        for lane in range(load.mean.size):
-            angle = 2.0 * np.pi * (load.frequency[lane] * (step * h)) + load.phase[lane]
-            load.sine[lane] = np.sin(angle)
-            load.cosine[lane] = np.cos(angle)
+        for lane in range(lanes):
+            angle = 2.0 * np.pi * (load[FREQUENCY, lane] * (step * h)) + load[PHASE, lane]
+            load[SINE, lane] = np.sin(angle)
+            load[COSINE, lane] = np.cos(angle)
     else:
-        for lane in range(load.mean.size):
-            s, c = load.sine[lane], load.cosine[lane]
-            load.sine[lane] = s * load.turn_cosine[lane] + c * load.turn_sine[lane]
-            load.cosine[lane] = c * load.turn_cosine[lane] - s * load.turn_sine[lane]
-    for lane in range(load.mean.size):
-        load.force[lane] = load.mean[lane] + load.amplitude[lane] * load.sine[lane]
-
-
-@numba.njit(nogil=True, cache=True)
-def start_marks(tip: Tip, marks: Marks, record: Record) -> None:
-    """Take sample 0 and find the first step in which something falls due."""
-    for lane in range(tip.gap.size):
-        record.displacement[lane, 0] = tip.displacement[lane]
-        record.velocity[lane, 0] = tip.velocity[lane]
-        record.temperature[lane, 0] = tip.temperature[lane]
-        record.impulse[lane, 0] = 0.0
-        tip.penetration[lane] = max(0.0, tip.displacement[lane] - tip.gap[lane])
-        tip.hottest[lane] = tip.temperature[lane]
-        tip.period_hottest[lane] = tip.temperature[lane]
-    marks.next_sample[0] = 1
-    _find_next_mark(tip, marks)
-
-
-@numba.njit(nogil=True, cache=True)
-def _find_next_mark(tip: Tip, marks: Marks) -> None:
-    mark = NEVER
-    if marks.next_sample[0] < marks.sample_due.size:
-        mark = marks.sample_due[marks.next_sample[0]]
-    for lane in range(tip.gap.size):
-        if tip.period[lane] < marks.period_due.shape[1]:
-            mark = min(mark, marks.period_due[lane, tip.period[lane]])
-    marks.next_mark[0] = mark
+        for lane in range(lanes):
+            s, c = load[SINE, lane], load[COSINE, lane]
+            load[SINE, lane] = s * load[TURN_COSINE, lane] + c * load[TURN_SINE, lane]
+            load[COSINE, lane] = c * load[TURN_COSINE, lane] - s * load[TURN_SINE, lane]
+    for lane in range(lanes):
+        load[FORCE_BEFORE, lane] = load[FORCE, lane]
+        load[FORCE, lane] = load[MEAN, lane] + load[AMPLITUDE, lane] * load[SINE, lane]
 
 
 @numba.njit(nogil=True, cache=True)
@@ -147,103 +133,119 @@ def _between(before: float, after: float, share: float) -> float:
 
 
 @numba.njit(nogil=True, cache=True)
-def _write_marks(
-    step: int, h: float, x: Array, v: Array, temperature: Array, p: Array, tip: Tip, marks: Marks, record: Record
-) -> None:
-    """Write the samples and close the load periods that end within this step."""
-    while marks.next_sample[0] < marks.sample_due.size and marks.sample_due[marks.next_sample[0]] == step:
-        k = marks.next_sample[0]
-        share = marks.sample_weight[k]
-        for lane in range(x.size):
-            record.displacement[lane, k] = _between(tip.displacement[lane], x[lane], share)
-            record.velocity[lane, k] = _between(tip.velocity[lane], v[lane], share)
-            record.temperature[lane, k] = _between(tip.temperature[lane], temperature[lane], share)
-            record.impulse[lane, k] = _between(tip.impulse[lane], tip.impulse[lane] + p[lane], share)
-        marks.next_sample[0] += 1
-    for lane in range(x.size):
-        while tip.period[lane] < marks.period_due.shape[1] and marks.period_due[lane, tip.period[lane]] == step:
-            k = tip.period[lane]
-            share = marks.period_weight[lane, k]
-            impulse = _between(tip.impulse[lane], tip.impulse[lane] + p[lane], share)
-            reached = _between(tip.temperature[lane], temperature[lane], share)
-            contact = tip.contact_time[lane] + (share * h if p[lane] > 0.0 else 0.0)
-            record.period_impulse[lane, k] = impulse - tip.period_impulse[lane]
-            record.period_temperature[lane, k] = max(tip.period_hottest[lane], reached)
-            record.period_contact[lane, k] = contact - tip.period_contact[lane]
-            tip.period_impulse[lane] = impulse
-            tip.period_contact[lane] = contact
-            tip.period_hottest[lane] = reached
-            tip.period[lane] = k + 1
-    _find_next_mark(tip, marks)
+def take_marks(step: int, block: Block) -> float:
+    """Write the samples and close the load periods that end within this step.
 
-
-@numba.njit(nogil=True, cache=True)
-def observe(
-    step: int,
-    last: bool,
-    h: float,
-    x: Array,
-    v: Array,
-    temperature: Array,
-    p: Array,
-    tip: Tip,
-    marks: Marks,
-    record: Record,
-) -> None:
-    """Take in the tip at the end of a step (1, 2, …): displacement, velocity, temperature, impulse.
-
-    The ``last`` step counts only up to the duration, where the last sample lies.
+    Returns the part of the step that counts, s: all but the last one count whole, the last up to
+    the duration, where the last sample lies; there the tip's new values are cut back to it.
     """
-    if step == marks.next_mark[0]:
-        _write_marks(step, h, x, v, temperature, p, tip, marks, record)
-    share = marks.sample_weight[-1] if last else 1.0
-    span = share * h
+    tip, lanes, h, steps = block.tip, block.lanes, block.h, block.steps
+    histories, periods = block.record.histories, block.record.periods
+    due, weight = block.marks.sample_due, block.marks.sample_weight
+    period_due, period_weight = block.marks.period_due, block.marks.period_weight
+    next_mark, next_period = block.marks.next_mark, block.marks.next_period
+    mark = steps
+    while next_mark[1] < due.size and due[next_mark[1]] == step:
+        k = next_mark[1]
+        for lane in range(histories.shape[1]):
+            impulse = tip[IMPULSE, lane]
+            histories[0, lane, k] = _between(tip[DISPLACEMENT, lane], tip[NEW_DISPLACEMENT, lane], weight[k])
+            histories[1, lane, k] = _between(tip[VELOCITY, lane], tip[NEW_VELOCITY, lane], weight[k])
+            histories[2, lane, k] = _between(tip[TEMPERATURE, lane], tip[NEW_TEMPERATURE, lane], weight[k])
+            histories[3, lane, k] = _between(impulse, impulse + tip[STEP_IMPULSE, lane], weight[k])
+        next_mark[1] += 1
+    if next_mark[1] < due.size:
+        mark = due[next_mark[1]]
+    for lane in range(period_due.shape[0]):
+        while next_period[lane] < period_due.shape[1] and period_due[lane, next_period[lane]] == step:
+            k = next_period[lane]
+            share = period_weight[lane, k]
+            p = tip[STEP_IMPULSE, lane]
+            impulse = _between(tip[IMPULSE, lane], tip[IMPULSE, lane] + p, share)
+            reached = _between(tip[TEMPERATURE, lane], tip[NEW_TEMPERATURE, lane], share)
+            contact = tip[CONTACT_TIME, lane] + (share * h if p > 0.0 else 0.0)
+            periods[0, lane, k] = impulse - tip[PERIOD_IMPULSE, lane]
+            periods[1, lane, k] = max(tip[PERIOD_HOTTEST, lane], reached)
+            periods[2, lane, k] = contact - tip[PERIOD_CONTACT, lane]
+            tip[PERIOD_IMPULSE, lane] = impulse
+            tip[PERIOD_CONTACT, lane] = contact
+            tip[PERIOD_HOTTEST, lane] = reached
+            next_period[lane] = k + 1
+        if next_period[lane] < period_due.shape[1]:
+            mark = min(mark, period_due[lane, next_period[lane]])
+    next_mark[0] = mark
+    share = weight[-1] if step == steps else 1.0
     if share != 1.0:
-        for lane in range(x.size):
-            x[lane] = _between(tip.displacement[lane], x[lane], share)
-            v[lane] = _between(tip.velocity[lane], v[lane], share)
-            temperature[lane] = _between(tip.temperature[lane], temperature[lane], share)
-            p[lane] = share * p[lane]
-    for lane in range(x.size):
-        touches = 1.0 if p[lane] > 0.0 else 0.0
-        tip.impacts[lane] += touches * (1.0 - tip.touching[lane])
-        tip.touching[lane] = touches
-        tip.contact_time[lane] += touches * span
-        tip.penetration[lane] = max(tip.penetration[lane], x[lane] - tip.gap[lane])
-        tip.hottest[lane] = max(tip.hottest[lane], temperature[lane])
-        tip.period_hottest[lane] = max(tip.period_hottest[lane], temperature[lane])
-        tip.impulse[lane] += p[lane]
-        tip.displacement[lane] = x[lane]
-        tip.velocity[lane] = v[lane]
-        tip.temperature[lane] = temperature[lane]
+        for lane in range(lanes):
+            tip[NEW_DISPLACEMENT, lane] = _between(tip[DISPLACEMENT, lane], tip[NEW_DISPLACEMENT, lane], share)
+            tip[NEW_VELOCITY, lane] = _between(tip[VELOCITY, lane], tip[NEW_VELOCITY, lane], share)
+            tip[NEW_TEMPERATURE, lane] = _between(tip[TEMPERATURE, lane], tip[NEW_TEMPERATURE, lane], share)
+            tip[STEP_IMPULSE, lane] *= share
+    return share * h
 
 
-@dataclass(frozen=True, eq=False)
-class Block:
-    """A run of consecutive cases that a kernel steps at once."""
+@numba.njit(nogil=True, cache=True, forceinline=True)
+def observe(span: float, tip: Array, lanes: int) -> None:
+    """Take in the rows ``NEW_…`` and ``STEP_IMPULSE`` of the tip at the end of a step of ``span`` s."""
+    assert tip.shape[1] == LANES
+    for lane in range(lanes):
+        x, temperature, p = tip[NEW_DISPLACEMENT, lane], tip[NEW_TEMPERATURE, lane], tip[STEP_IMPULSE, lane]
+        touches = 1.0 if p > 0.0 else 0.0
+        depth, deepest = x - tip[GAP, lane], tip[PENETRATION, lane]
+        hottest, period_hottest = tip[HOTTEST, lane], tip[PERIOD_HOTTEST, lane]
+        tip[IMPACTS, lane] += touches * (1.0 - tip[TOUCHING, lane])
+        tip[TOUCHING, lane] = touches
+        tip[CONTACT_TIME, lane] += touches * span
+        tip[PENETRATION, lane] = depth if depth > deepest else deepest
+        tip[HOTTEST, lane] = temperature if temperature > hottest else hottest
+        tip[PERIOD_HOTTEST, lane] = temperature if temperature > period_hottest else period_hottest
+        tip[IMPULSE, lane] += p
+        tip[DISPLACEMENT, lane] = x
+        tip[VELOCITY, lane] = tip[NEW_VELOCITY, lane]
+        tip[TEMPERATURE, lane] = temperature
 
-    cases: slice
-    load: Load
-    tip: Tip
-    marks: Marks
-    record: Record
+
+def lane_rows(*shape: int) -> Array:
+    """Return zeros of shape ``(*shape, LANES)`` that begin at a multiple of 64 bytes.
+
+    Rows that straddle cache lines halve the speed of memory; NumPy aligns to 16 bytes only.
+    """
+    size = LANES * int(np.prod(shape))
+    raw = np.zeros(size + 8)
+    first = -raw.ctypes.data % 64 // 8
+    return raw[first : first + size].reshape(*shape, LANES)
+
+
+def fill_lanes(rows: Array, values: Array) -> None:
+    """Put values ``(…, case)`` in the first lanes of ``rows`` and zeros in the rest."""
+    count = values.shape[-1]
+    rows[..., :count] = values
+    rows[..., count:] = 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class Watch:
-    """Everything that is watched in a batch, ready to be cut in blocks."""
+    """Everything that is watched in a batch, ready to be cut in blocks.
+
+    ``load`` and ``tip`` hold the rows of all cases, ``(row, case)``: how they start, and once
+    their block is done how they ended.
+    """
 
     cases: Cases
     schedule: Schedule
-    sampling: Sampling
     h: float
+    load: Array
+    tip: Array
     record: Record
     period_due: NDArray[np.int64]
     period_weight: Array
 
 
-def watch(cases: Cases, sampling: Sampling, schedule: Schedule, h: float) -> Watch:
-    """Lay out the samples and load periods of a batch that is stepped with ``h``."""
+def watch(cases: Cases, mean: Array, sampling: Sampling, schedule: Schedule, h: float) -> Watch:
+    """Lay out the samples and load periods of a batch that is stepped with ``h``.
+
+    ``mean`` is the constant part of the tip force, N, ``(case,)``.
+    """
     periods = complete_periods(cases, sampling)
     longest = int(periods.max(initial=0))
     ends = np.arange(1, longest + 1)
@@ -255,108 +257,87 @@ def watch(cases: Cases, sampling: Sampling, schedule: Schedule, h: float) -> Wat
     weight = np.where(on_step, 1.0, position - np.floor(position))
     due = np.where(on_step, nearest, np.ceil(position)).astype(np.int64)
     due = np.where(counted, np.minimum(due, schedule.steps), NEVER)
-    shape = (cases.count, sampling.count)
+
+    load = np.zeros((LOAD_ROWS, cases.count))
+    for row, values in (
+        (MEAN, mean),
+        (AMPLITUDE, cases.amplitude),
+        (FREQUENCY, cases.frequency),
+        (PHASE, cases.phase),
+    ):
+        load[row] = values
+
+    tip = np.zeros((TIP_ROWS, cases.count))
+    for row, values in (
+        (DISPLACEMENT, cases.displacement[:, -1]),
+        (VELOCITY, cases.velocity[:, -1]),
+        (TEMPERATURE, cases.temperature[:, -1]),
+        (GAP, cases.gap),
+        (PENETRATION, np.fmax(0.0, cases.displacement[:, -1] - cases.gap)),
+        (HOTTEST, cases.temperature[:, -1]),
+        (PERIOD_HOTTEST, cases.temperature[:, -1]),
+    ):
+        tip[row] = values
+
     record = Record(
-        *(np.zeros(shape) for _ in range(4)),
-        *(np.full((cases.count, longest), np.nan) for _ in range(3)),
+        np.zeros((4, cases.count, schedule.due.size)),
+        np.full((3, cases.count, longest), np.nan),
     )
-    return Watch(cases, schedule, sampling, h, record, due, weight)
+    record.histories[:3, :, 0] = tip[[DISPLACEMENT, VELOCITY, TEMPERATURE]]
+    return Watch(cases, schedule, h, load, tip, record, due, weight)
 
 
-def _lanes_of(part: slice, values: Array) -> Array:
-    return np.array(values[part], dtype=np.float64)
+def blocks(watched: Watch) -> Iterator[tuple[slice, Block]]:
+    """Cut the batch into blocks, and take the counts of each when the next one is asked for.
 
-
-def blocks(watched: Watch, mean: Array, lanes: int = LANES) -> list[Block]:
-    """Cut the batch into blocks of ``lanes`` cases, each with fresh lane arrays.
-
-    ``mean`` is the constant part of the tip force, N, ``(case,)``.
+    All blocks share one set of lane arrays, which stays in the processor's cache.
     """
-    cases = watched.cases
-    found = []
-    for first in range(0, cases.count, lanes):
-        part = slice(first, min(first + lanes, cases.count))
+    load, tip = lane_rows(LOAD_ROWS), lane_rows(TIP_ROWS)
+    schedule = watched.schedule
+    for first in range(0, watched.cases.count, LANES):
+        part = slice(first, min(first + LANES, watched.cases.count))
         count = part.stop - part.start
-        lanes_of = partial(_lanes_of, part)
-        zeros = partial(np.zeros, count)
-        load = Load(
-            mean=lanes_of(mean),
-            amplitude=lanes_of(cases.amplitude),
-            frequency=lanes_of(cases.frequency),
-            phase=lanes_of(cases.phase),
-            sine=zeros(),
-            cosine=zeros(),
-            turn_sine=zeros(),
-            turn_cosine=zeros(),
-            force=zeros(),
-        )
-        tip = Tip(
-            displacement=lanes_of(cases.displacement[:, -1]),
-            velocity=lanes_of(cases.velocity[:, -1]),
-            temperature=lanes_of(cases.temperature[:, -1]),
-            impulse=zeros(),
-            gap=lanes_of(cases.gap),
-            touching=zeros(),
-            impacts=zeros(),
-            contact_time=zeros(),
-            penetration=zeros(),
-            hottest=zeros(),
-            period_impulse=zeros(),
-            period_contact=zeros(),
-            period_hottest=zeros(),
-            period=np.zeros(count, dtype=np.int64),
-        )
+        fill_lanes(load, watched.load[:, part])
+        fill_lanes(tip, watched.tip[:, part])
         marks = Marks(
-            watched.schedule.due,
-            watched.schedule.weight,
-            watched.period_due[part],
-            watched.period_weight[part],
-            np.zeros(1, dtype=np.int64),
-            np.zeros(1, dtype=np.int64),
+            sample_due=schedule.due,
+            sample_weight=schedule.weight,
+            period_due=watched.period_due[part],
+            period_weight=watched.period_weight[part],
+            next_mark=np.ones(2, dtype=np.int64),  # the first step looks for the first mark
+            next_period=np.zeros(count, dtype=np.int64),
         )
-        record = Record(*(values[part] for values in watched.record))
-        found.append(Block(part, load, tip, marks, record))
-    return found
+        record = Record(watched.record.histories[:, part], watched.record.periods[:, part])
+        yield part, Block(load, tip, marks, record, -(-count // PACK) * PACK, schedule.steps, watched.h)
+        watched.tip[:, part] = tip[:, :count]
 
 
-def collect(
-    watched: Watch, done: list[Block], thermal_closing: Array, status: NDArray[np.int8], messages: dict[int, str]
-) -> Results:
+def collect(watched: Watch, thermal_closing: Array, status: NDArray[np.int8], messages: dict[int, str]) -> Results:
     """Put the blocks' counts together; a case that left the finite numbers has NaN from there on."""
-
-    def counted(name: str) -> Array:
-        return np.concatenate([getattr(block.tip, name) for block in done])
-
-    record = watched.record
-    steps = np.full(watched.cases.count, float(watched.schedule.steps))
+    tip, record = watched.tip, watched.record
     metrics = {
-        "impacts": counted("impacts"),
-        "contact_time": counted("contact_time"),
-        "max_penetration": counted("penetration"),
-        "max_temperature": counted("hottest"),
+        "impacts": tip[IMPACTS],
+        "contact_time": tip[CONTACT_TIME],
+        "max_penetration": tip[PENETRATION],
+        "max_temperature": tip[HOTTEST],
         "thermal_closing": thermal_closing,
     }
-    lost = ~np.isfinite(counted("displacement") + counted("velocity") + counted("temperature"))
+    lost = ~np.isfinite(tip[[DISPLACEMENT, VELOCITY, TEMPERATURE, IMPULSE]]).all(axis=0)
     for values in metrics.values():
         values[lost] = np.nan
-    for values in record:
-        values[~np.isfinite(values)] = np.nan
-    open_ended = np.isnan(record.period_impulse)
-    record.period_temperature[open_ended] = np.nan
-    record.period_contact[open_ended] = np.nan
-    with np.errstate(invalid="ignore"):
-        share = record.period_contact * watched.cases.frequency[:, None]
+    histories = record.histories[:, lost]  # all that can hold them: a state does not become finite again
+    record.histories[:, lost] = np.where(np.isfinite(histories), histories, np.nan)
+    record.periods[~np.isfinite(record.periods)] = np.nan
+    impulse, temperature, contact = record.periods
+    open_ended = np.isnan(impulse)
+    temperature[open_ended] = np.nan
+    contact[open_ended] = np.nan
     return Results(
-        histories={
-            "displacement": record.displacement,
-            "velocity": record.velocity,
-            "temperature": record.temperature,
-            "impulse": record.impulse,
-        },
-        metrics={**metrics, "steps": steps},
-        period_impulse=record.period_impulse,
-        period_temperature=record.period_temperature,
-        period_contact=share,
+        histories=dict(zip(HISTORIES, record.histories, strict=True)),
+        metrics={**metrics, "steps": np.full(watched.cases.count, float(watched.schedule.steps))},
+        period_impulse=impulse,
+        period_temperature=temperature,
+        period_contact=contact * watched.cases.frequency[:, None],
         status=status,
         messages=messages,
     )

@@ -1,0 +1,104 @@
+"""Lanes, packs and groups of modes: layout that must never show in a result."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from plain_moreau import march
+from scenes import alone, blade, cases, chain, heavy_chain, same_bits, sampling, step, taken
+
+from workflow.models import Rayleigh
+from workflow.reduction import reduce_structure
+from workflow.schemes import Sampling, schedule
+from workflow.schemes._stepping import LANES, PACK, lane_rows
+
+
+def batch_of(structure: object, count: int) -> object:
+    rng = np.random.default_rng(3)
+    return cases(
+        structure,
+        count,
+        e=rng.uniform(0, 1, count),
+        alpha=rng.uniform(0, 60, count),
+        gap=rng.uniform(2e-5, 6e-5, count),
+        amplitude=rng.uniform(80, 120, count),
+        frequency=20.0,
+        temperature=rng.uniform(0, 5, (count, structure.thermal_size)),
+    )
+
+
+@pytest.mark.parametrize("count", [1, 2, PACK - 1, PACK, PACK + 1, LANES - 1, LANES + 1, 2 * LANES + PACK])
+def test_any_number_of_cases(count: int) -> None:
+    """Whole and broken packs and blocks, with thermal states and without: the bits of the case alone."""
+    structure = heavy_chain()
+    batch = batch_of(structure, 2 * LANES + PACK)
+    over = sampling(0.02, 1e-3)
+    found = step(structure, batch.take(slice(0, count)), 1e-4, over)
+    for case in {0, count // 2, count - 1}:
+        assert same_bits(step(structure, alone(batch, case), 1e-4, over), taken(found, slice(case, case + 1)))
+
+
+@pytest.mark.parametrize("nodes", range(1, 12))
+def test_any_number_of_modes(nodes: int) -> None:
+    """Groups of modes that are full and that are padded: the trajectory of plain matrices."""
+    structure = chain(
+        nodes=nodes,
+        mass=1.0,
+        stiffness=4.0,
+        damping=Rayleigh(0.1, 0.01),
+        spacing=1.0,
+        expansion=0.05,
+        conductance=0.7,
+        convection=0.1,
+    )
+    batch = cases(structure, e=0.5, alpha=0.3, gap=0.2, amplitude=2.0, frequency=0.1, heating=0.01)
+    plain = march(structure, batch, 0.05, 0.7, 200)
+    found = step(structure, batch, 0.05, sampling(10.0, 0.05), theta=0.7)
+    assert plain.impulse.sum() > 0
+    assert np.abs(found.histories["displacement"][0] - plain.displacement[:, -1]).max() < 1e-10
+    assert np.abs(found.histories["temperature"][0] - plain.temperature[:, -1]).max() < 1e-10
+
+
+def test_reduced_blade_in_a_batch_is_the_case_alone() -> None:
+    structure = blade()
+    reduction = reduce_structure(structure, 3, 12)
+    batch = reduction.project(batch_of(structure, 11))
+    over = sampling(0.02, 1e-3)
+    found = step(reduction.structure, batch, 1e-4, over, theta=0.5)
+    assert same_bits(step(reduction.structure, alone(batch, 9), 1e-4, over, theta=0.5), taken(found, slice(9, 10)))
+
+
+def test_threads_share_nothing() -> None:
+    """Four batches at once on two threads, the kernel without the lock: the bits of one thread."""
+    structure = heavy_chain()
+    batch = batch_of(structure, 20)
+    over = sampling(0.1, 1e-3)
+    expected = step(structure, batch, 1e-4, over)
+    with ThreadPoolExecutor(2) as pool:
+        for found in pool.map(lambda _: step(structure, batch, 1e-4, over), range(4)):
+            assert same_bits(found, expected)
+
+
+def test_lane_rows_begin_on_a_cache_line() -> None:
+    for shape in ((3,), (2, 8), (0, 5)):
+        rows = lane_rows(*shape)
+        assert rows.shape == (*shape, LANES)
+        assert rows.ctypes.data % 64 == 0 or rows.size == 0
+        assert not rows.any()
+
+
+@settings(max_examples=100, deadline=None, derandomize=True)
+@given(st.floats(1e-6, 1.0), st.floats(1e-6, 1.0), st.integers(2, 60))
+def test_samples_are_placed_exactly(interval: float, h: float, count: int) -> None:
+    """Decimal arithmetic, whether the products fit in int64 or not."""
+    found = schedule(Sampling((count - 1) * interval, interval, count), h)
+    ratio = Fraction(repr(interval)) / Fraction(repr(h))
+    for k in range(count):
+        whole, rest = divmod(k * ratio, 1)
+        due, weight = (whole, 1.0) if rest == 0 else (whole + 1, float(rest))
+        assert (found.due[k], found.weight[k]) == ((due, weight) if due <= found.steps else (found.steps, 1.0))
