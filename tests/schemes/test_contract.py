@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenes import cases, chain, heavy_chain, relative, same_bits, sampling, step, taken
 from scipy.linalg import expm
 
+from scenes import cases, chain, heavy_chain, relative, same_bits, sampling, step, taken
 from workflow import schemes
 from workflow.models import Rayleigh
 from workflow.schemes import Cases, Status

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from plain_moreau import march
-from scenes import alone, blade, cases, chain, heavy_chain, same_bits, sampling, step, taken
 
+from scenes import alone, blade, cases, chain, heavy_chain, same_bits, sampling, step, taken
 from workflow.models import Rayleigh
 from workflow.reduction import reduce_structure
 from workflow.schemes import Sampling, schedule

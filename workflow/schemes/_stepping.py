@@ -233,6 +233,7 @@ class Watch:
 
     cases: Cases
     schedule: Schedule
+    interval: float
     h: float
     load: Array
     tip: Array
@@ -284,7 +285,7 @@ def watch(cases: Cases, mean: Array, sampling: Sampling, schedule: Schedule, h: 
         np.full((3, cases.count, longest), np.nan),
     )
     record.histories[:3, :, 0] = tip[[DISPLACEMENT, VELOCITY, TEMPERATURE]]
-    return Watch(cases, schedule, h, load, tip, record, due, weight)
+    return Watch(cases, schedule, sampling.interval, h, load, tip, record, due, weight)
 
 
 def blocks(watched: Watch) -> Iterator[tuple[slice, Block]]:
@@ -312,6 +313,16 @@ def blocks(watched: Watch) -> Iterator[tuple[slice, Block]]:
         watched.tip[:, part] = tip[:, :count]
 
 
+def _blank_what_was_lost(watched: Watch, case: int) -> None:
+    """Put NaN in all samples and load periods of a case from its first non-finite sample on."""
+    histories, periods = watched.record.histories[:, case], watched.record.periods[:, case]
+    bad = ~np.isfinite(histories).all(axis=0)
+    first = int(np.argmax(bad)) if bad.any() else histories.shape[1] - 1
+    histories[:, first:] = np.nan
+    ends = np.arange(1, periods.shape[1] + 1)
+    periods[:, ends > watched.cases.frequency[case] * watched.interval * (first - 1)] = np.nan
+
+
 def collect(watched: Watch, thermal_closing: Array, status: NDArray[np.int8], messages: dict[int, str]) -> Results:
     """Put the blocks' counts together; a case that left the finite numbers has NaN from there on."""
     tip, record = watched.tip, watched.record
@@ -325,13 +336,9 @@ def collect(watched: Watch, thermal_closing: Array, status: NDArray[np.int8], me
     lost = ~np.isfinite(tip[[DISPLACEMENT, VELOCITY, TEMPERATURE, IMPULSE]]).all(axis=0)
     for values in metrics.values():
         values[lost] = np.nan
-    histories = record.histories[:, lost]  # all that can hold them: a state does not become finite again
-    record.histories[:, lost] = np.where(np.isfinite(histories), histories, np.nan)
-    record.periods[~np.isfinite(record.periods)] = np.nan
+    for case in np.flatnonzero(lost):
+        _blank_what_was_lost(watched, int(case))
     impulse, temperature, contact = record.periods
-    open_ended = np.isnan(impulse)
-    temperature[open_ended] = np.nan
-    contact[open_ended] = np.nan
     return Results(
         histories=dict(zip(HISTORIES, record.histories, strict=True)),
         metrics={**metrics, "steps": np.full(watched.cases.count, float(watched.schedule.steps))},

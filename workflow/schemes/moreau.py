@@ -7,23 +7,12 @@ implicit Euler scheme of Thorin, Guérin and Legrand. In modal coordinates the p
     ζ ← ζ + w s,   ζ' = a ζ + b ξ,   ξ' = ξ + h ζ,
 
 with s the load's impulse less the contact's.
-
-The kernel runs over time, in a step over groups of modes, in a group over lanes, and innermost
-over the few modes of a group, whose number is a constant: the compiler writes that loop out and
-steps eight lanes of all modes of the group at once, the sums over modes staying in registers.
-For that to work, and for calls within a step to cost nothing,
-
-- the number of lanes in a row of memory is asserted, see :mod:`workflow.schemes._stepping`;
-- functions called in every step take arrays, not tuples of arrays (whose reference counts would
-  be raised and lowered at each call, 250 ns), and are inlined.
-
-A group's sum over its modes and the sum over groups are taken in the same order for every lane.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numba
 import numpy as np
@@ -34,6 +23,28 @@ from workflow.declare import quantity
 from workflow.models import Array, Cases, Structure
 from workflow.schemes._decoupled import Decoupled, decouple, start
 from workflow.schemes._interface import Results, Sampling, Status, schedule
+from workflow.schemes._modal_lanes import (
+    ALPHA,
+    COMPLIANCE,
+    DELASSUS,
+    DRIFT,
+    HEAT,
+    HEAT_MODES,
+    MODES,
+    OWN_ROWS,
+    PUSHED,
+    RESTITUTION,
+    WARMING,
+    WARMTH,
+    Coefficients,
+    begin,
+    conduct,
+    grouped,
+    pull_pairs,
+    swing,
+    swing_heated,
+    take_heat,
+)
 from workflow.schemes._stepping import (
     DISPLACEMENT,
     FORCE,
@@ -72,53 +83,6 @@ class Options:
     theta: float = quantity("1", "weight of the step's end, 1: implicit Euler", default=1.0, at_least=0, at_most=1)
 
 
-MODES, HEAT_MODES = 4, 5
-"""Mechanical and thermal modes of a group, stepped in one loop over the lanes: as many as the
-registers of a processor hold. Modes are padded with zeros to whole groups."""
-
-KEEP, PULL, PUSH, HEAT_PUSH, HEAT_SHIFT = range(5)
-"""Coefficients of a mechanical mode: ζ' per ζ and per ξ (a and b above), ζ per unit impulse and
-per unit heat at the tip, ξ per unit heat."""
-
-DECAY, WARM, DRAG, GLOW = range(4)
-"""Coefficients of a thermal mode: τ' per τ, τ per unit heat at the tip, and what the mode adds to
-the tip's velocity and temperature."""
-
-RESTITUTION, ALPHA, DELASSUS, COMPLIANCE, DRIFT, WARMTH, WARMING, PUSHED, HEAT = range(9)
-"""Rows of the lanes' own values: e, α, W, 1/W, the known part of the motion
-(:class:`~workflow.schemes._decoupled.Motion`), and what the tip took in the last step: the impulse
-of load and contact, and the heat."""
-
-OWN_ROWS = HEAT + 1
-
-
-class Coefficients(NamedTuple):
-    """One free step and one unit impulse in modal coordinates; the kernel's view of an operator."""
-
-    modes: Array
-    """``(group, coefficient, mode of the group)``."""
-    heat_modes: Array
-    """``(group, coefficient, thermal mode of the group)``."""
-    pair_mode: NDArray[np.int64]
-    pair_heat: NDArray[np.int64]
-    pair_pull: Array
-    """ζ' of a mode per τ of a thermal mode near resonance with it, ``(pair,)``."""
-    inverse_mass: float
-    """Tip velocity per unit impulse, e_nᵀ Ŵ⁻¹ e_n."""
-    warming: float
-    """Tip temperature per unit heat."""
-    theta: float
-
-
-def _grouped(size: int, *rows: Array) -> Array:
-    """Return ``(mode, …)`` arrays as ``(group, row, mode of the group, …)``, zero where no mode is."""
-    count = rows[0].shape[0]
-    padded = np.zeros((len(rows), -(-count // size) * size, *rows[0].shape[1:]))
-    for k, row in enumerate(rows):
-        padded[k, :count] = row
-    return np.ascontiguousarray(padded.reshape(len(rows), -1, size, *rows[0].shape[1:]).swapaxes(0, 1))
-
-
 @dataclass(frozen=True, eq=False)
 class Operator:
     """What a batch shares: structure, step and options, and what follows from them."""
@@ -138,7 +102,7 @@ class Operator:
         decay = (1 - h * (1 - theta) * mu) / (1 + h * theta * mu)
         j, k = modal.pairs.T
         return Coefficients(
-            modes=_grouped(
+            modes=grouped(
                 MODES,
                 (1 - h * (1 - theta) * c - h**2 * theta * (2 - theta) * omega2) / inertia,
                 -h * omega2 / inertia,
@@ -146,7 +110,7 @@ class Operator:
                 tip * (thermal_kick + modal.response @ (mu * warm)),
                 -tip * (modal.response @ modal.heat_tip),
             ),
-            heat_modes=_grouped(HEAT_MODES, decay, warm, -mu * modal.tip_response, modal.heat_tip),
+            heat_modes=grouped(HEAT_MODES, decay, warm, -mu * modal.tip_response, modal.heat_tip),
             pair_mode=j,
             pair_heat=k,
             pair_pull=-h * tip[j] * modal.coupling[j, k] * (theta * decay[k] + 1 - theta) / inertia[j],
@@ -212,106 +176,14 @@ def cost(structure: Structure, h: float, options: Options, sampling: Sampling) -
 
 
 @numba.njit(nogil=True, cache=True, forceinline=True)
-def _begin(t: float, own: Array, tip: Array, lanes: int) -> None:
-    """Set the tip's new velocity and temperature to the known part at the step's end."""
-    assert own.shape[1] == LANES
-    assert tip.shape[1] == LANES
-    for lane in range(lanes):
-        tip[NEW_VELOCITY, lane] = own[DRIFT, lane]
-        tip[NEW_TEMPERATURE, lane] = own[WARMTH, lane] + own[WARMING, lane] * t
-
-
-@numba.njit(nogil=True, cache=True, forceinline=True)
-def _swing(modes: Array, h: float, motion: Array, own: Array, tip: Array, lanes: int) -> None:
-    """Step the mechanical modes and add their tip velocity to the new one.
-
-    ``motion`` is ``(group, row, lane)``: rows ζ of the group's modes, then rows ξ.
-    """
-    assert motion.shape[1] == 2 * MODES
-    assert motion.shape[2] == LANES
-    assert own.shape[1] == LANES
-    assert tip.shape[1] == LANES
-    for g in range(motion.shape[0]):
-        for lane in range(lanes):
-            pushed = own[PUSHED, lane]
-            velocity = 0.0
-            for j in range(MODES):
-                before = motion[g, j, lane] + modes[g, PUSH, j] * pushed
-                place = motion[g, MODES + j, lane]
-                after = modes[g, KEEP, j] * before + modes[g, PULL, j] * place
-                motion[g, j, lane] = after
-                motion[g, MODES + j, lane] = place + h * before
-                velocity += after
-            tip[NEW_VELOCITY, lane] += velocity
-
-
-@numba.njit(nogil=True, cache=True, forceinline=True)
-def _swing_heated(modes: Array, h: float, motion: Array, own: Array, tip: Array, lanes: int) -> None:
-    """Step the mechanical modes as :func:`_swing` does where heat acts on them."""
-    assert motion.shape[1] == 2 * MODES
-    assert motion.shape[2] == LANES
-    assert own.shape[1] == LANES
-    assert tip.shape[1] == LANES
-    for g in range(motion.shape[0]):
-        for lane in range(lanes):
-            pushed, heat = own[PUSHED, lane], own[HEAT, lane]
-            velocity = 0.0
-            for j in range(MODES):
-                before = motion[g, j, lane] + modes[g, PUSH, j] * pushed + modes[g, HEAT_PUSH, j] * heat
-                place = motion[g, MODES + j, lane] + modes[g, HEAT_SHIFT, j] * heat
-                after = modes[g, KEEP, j] * before + modes[g, PULL, j] * place
-                motion[g, j, lane] = after
-                motion[g, MODES + j, lane] = place + h * before
-                velocity += after
-            tip[NEW_VELOCITY, lane] += velocity
-
-
-@numba.njit(nogil=True, cache=True, forceinline=True)
-def _conduct(heat_modes: Array, tau: Array, own: Array, tip: Array, lanes: int) -> None:
-    """Step the thermal modes; ``tau`` is ``(group, mode of the group, lane)``."""
-    assert tau.shape[1] == HEAT_MODES
-    assert tau.shape[2] == LANES
-    assert own.shape[1] == LANES
-    assert tip.shape[1] == LANES
-    for g in range(tau.shape[0]):
-        for lane in range(lanes):
-            heat = own[HEAT, lane]
-            velocity = temperature = 0.0
-            for k in range(HEAT_MODES):
-                after = heat_modes[g, DECAY, k] * (tau[g, k, lane] + heat_modes[g, WARM, k] * heat)
-                tau[g, k, lane] = after
-                velocity += heat_modes[g, DRAG, k] * after
-                temperature += heat_modes[g, GLOW, k] * after
-            tip[NEW_VELOCITY, lane] += velocity
-            tip[NEW_TEMPERATURE, lane] += temperature
-
-
-@numba.njit(nogil=True, cache=True)
-def _take_heat(heat_modes: Array, tau: Array, own: Array, warmed: Array, lanes: int) -> None:
-    """Give τ with the heat of the last step, which :func:`_conduct` leaves to the next one."""
-    for g in range(tau.shape[0]):
-        for k in range(HEAT_MODES):
-            for lane in range(lanes):
-                warmed[g, k, lane] = tau[g, k, lane] + heat_modes[g, WARM, k] * own[HEAT, lane]
-
-
-@numba.njit(nogil=True, cache=True)
-def _pull_pairs(operator: Coefficients, tau: Array, motion: Array, tip: Array, lanes: int) -> None:
-    """Add what thermal modes do to mechanical modes near resonance with them."""
-    for pair in range(operator.pair_mode.size):
-        g, j = divmod(operator.pair_mode[pair], MODES)
-        heat_g, k = divmod(operator.pair_heat[pair], HEAT_MODES)
-        for lane in range(lanes):
-            pull = operator.pair_pull[pair] * tau[heat_g, k, lane]
-            motion[g, j, lane] += pull
-            tip[NEW_VELOCITY, lane] += pull
-
-
-@numba.njit(nogil=True, cache=True, forceinline=True)
 def _touch(
     theta: float, inverse_mass: float, warming: float, h: float, own: Array, load: Array, tip: Array, lanes: int
 ) -> None:
-    """Close the step: load and contact impulse at the tip, from its free velocity to its new state."""
+    """Close the step: load and contact impulse at the tip, from its free velocity to its new state.
+
+    After an impulse the velocity is -e v_n,k to the bit, not to the rounding of v_free - W p: a tip
+    at rest on its casing keeps its place and stays active for any number of steps.
+    """
     assert own.shape[1] == LANES
     assert load.shape[1] == LANES
     assert tip.shape[1] == LANES
@@ -322,7 +194,7 @@ def _touch(
         closing = (free + own[RESTITUTION, lane] * v) * own[COMPLIANCE, lane]
         p = closing if x + 0.5 * h * v >= tip[GAP, lane] else 0.0
         p = 0.0 if p <= 0.0 else p  # a NaN passes
-        after = free - own[DELASSUS, lane] * p
+        after = -own[RESTITUTION, lane] * v if p > 0.0 else free - own[DELASSUS, lane] * p
         own[PUSHED, lane] = pushed - p
         own[HEAT, lane] = own[ALPHA, lane] * p
         tip[STEP_IMPULSE, lane] = p
@@ -345,20 +217,20 @@ def _march(operator: Coefficients, own: Array, motion: Array, tau: Array, tau_be
     heated, paired = tau.shape[0] > 0, operator.pair_mode.size > 0
     start_load(h, load, lanes)
     for step in range(1, block.steps + 1):
-        _begin(step * h, own, tip, lanes)
+        begin(step * h, own, tip, lanes)
         if heated:
             if paired or step == block.steps:
-                _take_heat(heat_modes, tau, own, tau_before, lanes)
-            _conduct(heat_modes, tau, own, tip, lanes)
-            _swing_heated(modes, h, motion, own, tip, lanes)
+                take_heat(heat_modes, tau, own, tau_before, lanes)
+            conduct(heat_modes, tau, own, tip, lanes)
+            swing_heated(modes, h, motion, own, tip, lanes)
             if paired:
-                _pull_pairs(operator, tau_before, motion, tip, lanes)
+                pull_pairs(operator, tau_before, motion, tip, lanes)
         else:
-            _swing(modes, h, motion, own, tip, lanes)
+            swing(modes, h, motion, own, tip, lanes)
         advance_load(step, h, load, lanes)
         _touch(operator.theta, operator.inverse_mass, operator.warming, h, own, load, tip, lanes)
         observe(take_marks(step, block) if step == next_mark[0] else h, tip, lanes)
-    _take_heat(heat_modes, tau, own, tau, lanes)
+    take_heat(heat_modes, tau, own, tau, lanes)
 
 
 def _largest_stable_step(modal: Decoupled, theta: float) -> float:
@@ -380,13 +252,12 @@ def _run(operator: Operator, modal: Decoupled, cases: Cases, sampling: Sampling)
     watched = watch(cases, cases.mean + begun.tip_force, sampling, plan, h)
     w = delassus(modal, h, theta, cases.alpha)
     ill_posed = w <= 0
-    w = np.where(ill_posed, np.nan, w)
     of_lane = np.zeros((OWN_ROWS, cases.count))
     for row, values in (
         (RESTITUTION, cases.e),
         (ALPHA, cases.alpha),
         (DELASSUS, w),
-        (COMPLIANCE, 1 / w),
+        (COMPLIANCE, np.where(ill_posed, np.nan, 1 / np.where(ill_posed, 1.0, w))),
         (DRIFT, begun.drift),
         (WARMTH, begun.warmth),
         (WARMING, begun.warming),
@@ -394,12 +265,12 @@ def _run(operator: Operator, modal: Decoupled, cases: Cases, sampling: Sampling)
         of_lane[row] = values
     zeta = begun.velocity * modal.tip
     xi = begun.position * modal.tip - h * theta * zeta
-    pairs = _grouped(MODES, zeta.T, xi.T).reshape(-1, 2 * MODES, cases.count)
-    heat = _grouped(HEAT_MODES, begun.heat.T)[:, 0]
+    pairs = grouped(MODES, zeta.T, xi.T).reshape(-1, 2 * MODES, cases.count)
+    heat = grouped(HEAT_MODES, begun.heat.T)[:, 0]
     own, motion = lane_rows(OWN_ROWS), lane_rows(*pairs.shape[:2])
     tau, tau_before = lane_rows(*heat.shape[:2]), lane_rows(*heat.shape[:2])
     closing = begun.closing + begun.closing_rate * sampling.duration
-    growth = _grouped(HEAT_MODES, modal.static_growth)[:, 0, :, None]
+    growth = grouped(HEAT_MODES, modal.static_growth)[:, 0, :, None]
     for part, block in blocks(watched):
         fill_lanes(own, of_lane[:, part])
         fill_lanes(motion, pairs[..., part])
@@ -448,4 +319,5 @@ def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
     """Step a whole batch; thermal states are carried only in the cases where they can act."""
     heated = cases.heated
     groups = [(np.flatnonzero(heated), operator.modal), (np.flatnonzero(~heated), operator.modal.without_heat())]
-    return merge([(w, _run(operator, modal, cases.take(w), sampling)) for w, modal in groups if w.size])
+    with np.errstate(over="ignore", invalid="ignore"):  # a case that is lost says so by its status
+        return merge([(w, _run(operator, modal, cases.take(w), sampling)) for w, modal in groups if w.size])
