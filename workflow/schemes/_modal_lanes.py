@@ -16,11 +16,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from workflow.models import Array
+from workflow.schemes._kernel import inlined, kernel
 from workflow.schemes._stepping import LANES, NEW_TEMPERATURE, NEW_VELOCITY
 
 MODES, HEAT_MODES = 4, 5
@@ -70,7 +70,7 @@ def grouped(size: int, *rows: Array) -> Array:
     return np.ascontiguousarray(padded.reshape(len(rows), -1, size, *rows[0].shape[1:]).swapaxes(0, 1))
 
 
-@numba.njit(nogil=True, cache=True, forceinline=True)
+@inlined
 def begin(t: float, own: Array, tip: Array, lanes: int) -> None:
     """Set the tip's new velocity and temperature to the known part at the step's end."""
     assert own.shape[1] == LANES
@@ -80,7 +80,7 @@ def begin(t: float, own: Array, tip: Array, lanes: int) -> None:
         tip[NEW_TEMPERATURE, lane] = own[WARMTH, lane] + own[WARMING, lane] * t
 
 
-@numba.njit(nogil=True, cache=True, forceinline=True)
+@inlined
 def swing(modes: Array, h: float, motion: Array, own: Array, tip: Array, lanes: int) -> None:
     """Step the mechanical modes and add their tip velocity to the new one.
 
@@ -104,7 +104,7 @@ def swing(modes: Array, h: float, motion: Array, own: Array, tip: Array, lanes: 
             tip[NEW_VELOCITY, lane] += velocity
 
 
-@numba.njit(nogil=True, cache=True, forceinline=True)
+@inlined
 def swing_heated(modes: Array, h: float, motion: Array, own: Array, tip: Array, lanes: int) -> None:
     """Step the mechanical modes as :func:`swing` does where heat acts on them."""
     assert motion.shape[1] == 2 * MODES
@@ -125,7 +125,7 @@ def swing_heated(modes: Array, h: float, motion: Array, own: Array, tip: Array, 
             tip[NEW_VELOCITY, lane] += velocity
 
 
-@numba.njit(nogil=True, cache=True, forceinline=True)
+@inlined
 def conduct(heat_modes: Array, tau: Array, own: Array, tip: Array, lanes: int) -> None:
     """Step the thermal modes; ``tau`` is ``(group, mode of the group, lane)``."""
     assert tau.shape[1] == HEAT_MODES
@@ -145,7 +145,7 @@ def conduct(heat_modes: Array, tau: Array, own: Array, tip: Array, lanes: int) -
             tip[NEW_TEMPERATURE, lane] += temperature
 
 
-@numba.njit(nogil=True, cache=True)
+@kernel
 def take_heat(heat_modes: Array, tau: Array, own: Array, warmed: Array, lanes: int) -> None:
     """Give τ with the heat of the last step, which :func:`conduct` leaves to the next one."""
     for g in range(tau.shape[0]):
@@ -154,7 +154,7 @@ def take_heat(heat_modes: Array, tau: Array, own: Array, warmed: Array, lanes: i
                 warmed[g, k, lane] = tau[g, k, lane] + heat_modes[g, WARM, k] * own[HEAT, lane]
 
 
-@numba.njit(nogil=True, cache=True)
+@kernel
 def pull_pairs(operator: Coefficients, tau: Array, motion: Array, tip: Array, lanes: int) -> None:
     """Add what thermal modes do to mechanical modes near resonance with them."""
     for pair in range(operator.pair_mode.size):

@@ -23,12 +23,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from workflow.models import Array, Cases
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, complete_periods
+from workflow.schemes._kernel import inlined, kernel
 
 LANES = 32
 """Lanes of a block: enough to share the cost of loading coefficients, while the states of 20 + 20
@@ -97,7 +97,7 @@ class Block(NamedTuple):
     h: float
 
 
-@numba.njit(nogil=True, cache=True)
+@kernel
 def start_load(h: float, load: Array, lanes: int) -> None:
     """Set the load to t = 0 and its rotation to one step."""
     for lane in range(lanes):
@@ -107,7 +107,7 @@ def start_load(h: float, load: Array, lanes: int) -> None:
     advance_load(0, h, load, lanes)
 
 
-@numba.njit(nogil=True, cache=True, forceinline=True)
+@inlined
 def advance_load(step: int, h: float, load: Array, lanes: int) -> None:
     """Move the load to the end of a step, t = step h."""
     assert load.shape[1] == LANES
@@ -126,13 +126,13 @@ def advance_load(step: int, h: float, load: Array, lanes: int) -> None:
         load[FORCE, lane] = load[MEAN, lane] + load[AMPLITUDE, lane] * load[SINE, lane]
 
 
-@numba.njit(nogil=True, cache=True)
+@kernel
 def _between(before: float, after: float, share: float) -> float:
     """Linear between step ends; a step end itself is taken exactly."""
     return after if share == 1.0 else before + share * (after - before)
 
 
-@numba.njit(nogil=True, cache=True)
+@kernel
 def take_marks(step: int, block: Block) -> float:
     """Write the samples and close the load periods that end within this step.
 
@@ -184,7 +184,7 @@ def take_marks(step: int, block: Block) -> float:
     return share * h
 
 
-@numba.njit(nogil=True, cache=True, forceinline=True)
+@inlined
 def observe(span: float, tip: Array, lanes: int) -> None:
     """Take in the rows ``NEW_…`` and ``STEP_IMPULSE`` of the tip at the end of a step of ``span`` s."""
     assert tip.shape[1] == LANES

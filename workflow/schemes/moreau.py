@@ -14,7 +14,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
@@ -23,6 +22,7 @@ from workflow.declare import quantity
 from workflow.models import Array, Cases, Structure
 from workflow.schemes._decoupled import Decoupled, decouple, start
 from workflow.schemes._interface import Results, Sampling, Status, schedule
+from workflow.schemes._kernel import inlined, kernel
 from workflow.schemes._modal_lanes import (
     ALPHA,
     COMPLIANCE,
@@ -175,7 +175,7 @@ def cost(structure: Structure, h: float, options: Options, sampling: Sampling) -
     return sampling.steps(h) * (2.8e-9 + 0.65e-9 * groups) + sampling.count * 1.5e-8 + 1.5e-6
 
 
-@numba.njit(nogil=True, cache=True, forceinline=True)
+@inlined
 def _touch(
     theta: float, inverse_mass: float, warming: float, h: float, own: Array, load: Array, tip: Array, lanes: int
 ) -> None:
@@ -203,7 +203,7 @@ def _touch(
         tip[NEW_DISPLACEMENT, lane] = x + h * (theta * after + (1.0 - theta) * v)
 
 
-@numba.njit(nogil=True, cache=True)
+@kernel
 def _march(operator: Coefficients, own: Array, motion: Array, tau: Array, tau_before: Array, block: Block) -> None:
     """Step a block of cases; lanes never meet.
 

@@ -1,0 +1,63 @@
+"""numba as every kernel here uses it, with a cache that notices a change in any of the sources.
+
+numba checks its cache against the file of the compiled function alone. Kernels inline each other
+across files, so a change in one file would leave old machine code running in another; the cache
+therefore lies in a directory named by the hash of all of them. Where nothing lasting is writable
+it is a temporary one.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import numba
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+@cache
+def cache_directory() -> Path:
+    """Return where compiled kernels of this very source are kept: ``NUMBA_CACHE_DIR`` or our own."""
+    digest = hashlib.sha256()
+    here = Path(__file__).parent
+    for source in sorted(here.glob("*.py")):
+        digest.update(source.name.encode() + source.read_bytes())
+    name = f"kernels-{digest.hexdigest()[:16]}"
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "rotor-stator-workflow"
+    for parent in [Path(chosen)] if chosen else [here / "__pycache__", home]:
+        directory = parent / name
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=directory):
+                return directory
+        except OSError:
+            continue
+    return Path(tempfile.mkdtemp(prefix="rotor-stator-workflow-"))
+
+
+def _compiled(function: F, **options: Any) -> F:
+    """Compile at the first call; nothing but our own functions is sent to our cache."""
+    config: Any = numba.config
+    before = config.CACHE_DIR
+    config.CACHE_DIR = str(cache_directory())
+    try:
+        return cast(F, numba.njit(nogil=True, cache=True, **options)(function))
+    finally:
+        config.CACHE_DIR = before
+
+
+def kernel(function: F) -> F:
+    """Compile a kernel: cached, without the global interpreter lock, no fastmath, no prange."""
+    return _compiled(function)
+
+
+def inlined(function: F) -> F:
+    """Compile a part of a kernel that is called in every step and must cost no call."""
+    return _compiled(function, forceinline=True)
