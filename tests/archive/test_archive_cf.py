@@ -14,6 +14,9 @@ import pytest
 import xarray as xr
 from archive_samples import make_archive, sample_layout, sample_results
 
+from studies import SINGLE, SMALL, parsed
+from workflow.run import run_study
+
 FINDINGS = ("high_priorities", "medium_priorities", "low_priorities")
 
 
@@ -68,6 +71,12 @@ def test_the_checker_finds_nothing(tmp_path: Path, layout: Any) -> None:
     found = report(make_archive(tmp_path / "a.nc", layout, sample_results(layout)))
     assert found["possible_points"] > 100
     assert findings(found) == []
+
+
+@pytest.mark.parametrize("text", [SMALL, SINGLE], ids=["small", "single"])
+def test_the_checker_finds_nothing_in_the_archive_of_a_study(tmp_path: Path, text: str) -> None:
+    run_study(parsed(text), tmp_path / "a.nc")
+    assert findings(report(tmp_path / "a.nc")) == []
 
 
 def test_the_checker_would_find_something(tmp_path: Path) -> None:
