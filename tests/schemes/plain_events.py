@@ -1,0 +1,158 @@
+"""An independent solution of DESIGN's equations: DOP853 in physical coordinates, with events.
+
+It shares nothing with the scheme but the matrices of the structure: no modes, no closed forms. It
+stops where it can no longer tell events apart (accumulating impacts) and says how far it came.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.integrate import DOP853
+from scipy.optimize import brentq
+
+from workflow.models import Cases, Structure
+
+
+@dataclass
+class Solution:
+    displacement: np.ndarray
+    temperature: np.ndarray
+    impulse: np.ndarray
+    reached: float
+    impacts: int
+
+
+class Reference:
+    def __init__(self, s: Structure, cases: Cases) -> None:
+        """Take the first case of a batch on a structure."""
+        self.M, self.C, self.K = s.mass, s.damping_matrix, s.stiffness_matrix
+        self.K12, self.C2, self.K2 = s.coupling_matrix, s.heat_capacity, s.conductance_matrix
+        self.nm, self.nt = s.mechanical_size, s.thermal_size
+        self.Minv, self.C2inv = np.linalg.inv(self.M), np.linalg.inv(self.C2)
+        self.Mii_inv = np.linalg.inv(self.M[:-1, :-1])
+        self.e, self.alpha, self.gap = (float(v[0]) for v in (cases.e, cases.alpha, cases.gap))
+        self.cases = cases
+        fastest = (
+            np.sqrt(np.abs(np.linalg.eigvals(self.Minv @ self.K)).max())
+            + np.abs(np.linalg.eigvals(self.Minv @ self.C)).max()
+        )
+        self.max_step = 0.25 / max(fastest, 2 * np.pi * float(cases.frequency[0]), 1.0)
+
+    def force(self, t: float) -> np.ndarray:
+        c = self.cases
+        f = c.steady[0].copy()
+        f[-1] += c.mean[0] + c.amplitude[0] * np.sin(2 * np.pi * c.frequency[0] * t + c.phase[0])
+        return f
+
+    def split(self, y):
+        nm = self.nm
+        return y[:nm], y[nm : 2 * nm], y[2 * nm : 2 * nm + self.nt]
+
+    def contact_force(self, t: float, y: np.ndarray) -> tuple[float, np.ndarray]:
+        x, v, theta = self.split(y)
+        internal = self.force(t) - self.C @ v - self.K @ x - self.K12 @ theta
+        a = np.zeros(self.nm)
+        a[:-1] = self.Mii_inv @ internal[:-1]
+        return float(internal[-1] - self.M[-1] @ a), a
+
+    def rate(self, held: bool):
+        def fun(t, y):
+            x, v, theta = self.split(y)
+            if held:
+                lam, a = self.contact_force(t, y)
+            else:
+                lam = 0.0
+                a = self.Minv @ (self.force(t) - self.C @ v - self.K @ x - self.K12 @ theta)
+            heat = self.cases.heating[0] - self.K2 @ theta
+            heat = heat.copy()
+            heat[-1] += self.alpha * lam
+            return np.concatenate([v, a, self.C2inv @ heat, [lam]])
+
+        return fun
+
+    def signal(self, held: bool, t, y) -> float:
+        return self.contact_force(t, y)[0] if held else self.gap - float(self.split(y)[0][-1])
+
+    def solve(self, times: np.ndarray, most_impacts: int = 50) -> Solution:
+        c, nm, nt = self.cases, self.nm, self.nt
+        y = np.concatenate([c.displacement[0], c.velocity[0], c.temperature[0], [0.0]])
+        out = np.full((times.size, 3), np.nan)
+        out[0] = y[nm - 1], y[2 * nm + nt - 1], 0.0
+        k, t, impacts, held = 1, 0.0, 0, False
+        fresh = y[nm - 1] >= self.gap  # starts at the gap
+        just = fresh and y[2 * nm - 1] >= 0
+        last_event = -np.inf
+        end = times[-1]
+        while t < end:
+            if just:
+                just = False
+                if t - last_event < 4 * self.max_step and last_event > 0 and 0 < self.e < 1:
+                    break  # accumulating
+                last_event = t
+                if held:
+                    held = False
+                else:
+                    v = y[2 * nm - 1]
+                    y[nm - 1] = self.gap
+                    w = self.Minv[:, -1]
+                    p = (1 + self.e) * max(v, 0.0) / w[-1]
+                    impacts += v > 0
+                    if impacts > most_impacts:
+                        break
+                    y[nm : 2 * nm] -= p * w
+                    y[2 * nm : 2 * nm + nt] += self.alpha * p * self.C2inv[:, -1]
+                    y[-1] += p
+                    if self.e == 0 or v <= 0:
+                        y[2 * nm - 1] = 0.0
+                        held = self.contact_force(t, y)[0] > 0
+                fresh = True
+            solver = DOP853(self.rate(held), t, y, end, rtol=1e-12, atol=1e-14, max_step=self.max_step)
+            if fresh and not held:
+                solver.h_abs = min(solver.h_abs, 1e-2 * self.max_step)
+            while solver.status == "running":
+                y_old = solver.y.copy()
+                t_old = solver.t
+                solver.step()
+                dense = solver.dense_output()
+                grid = np.linspace(t_old, solver.t, 5)[1:]
+                values = [self.signal(held, s, dense(s)) for s in grid[:-1]] + [self.signal(held, solver.t, solver.y)]
+                hit = next((i for i, s in enumerate(values) if s < 0), None)
+                if hit is not None and fresh and hit == 0 and t_old == t:
+                    return Solution(out[:, 0], out[:, 1], out[:, 2], t, impacts)  # cannot tell
+                t_new, y_new = solver.t, solver.y
+                if hit is not None:
+                    low = grid[hit - 1] if hit else t_old
+                    g = lambda s, d=dense, h=held: self.signal(h, s, d(s))  # noqa: E731
+                    if g(low) <= 0:
+                        return Solution(out[:, 0], out[:, 1], out[:, 2], t, impacts)
+                    t_new = brentq(g, low, grid[hit], xtol=1e-15, rtol=1e-15)
+                    y_new = y_old
+                    for _ in range(3):  # integrate to the event again and correct: dense output is coarse
+                        y_new = self.run(held, t_old, y_old, t_new)
+                        s = self.signal(held, t_new, y_new)
+                        eps = 1e-6 * self.max_step
+                        slope = (self.signal(held, t_new + eps, y_new + eps * self.rate(held)(t_new, y_new)) - s) / eps
+                        t_new -= s / slope
+                    y_new = self.run(held, t_old, y_old, t_new)
+                while k < times.size and times[k] < t_new:
+                    y_k = self.run(held, t_old, y_old, times[k])
+                    out[k] = y_k[nm - 1], y_k[2 * nm + nt - 1], y_k[-1]
+                    k += 1
+                t, y = t_new, y_new
+                fresh = False
+                if hit is not None:
+                    just = True
+                    break
+        if k < times.size and t >= end:
+            out[k] = y[nm - 1], y[2 * nm + nt - 1], y[-1]
+        return Solution(out[:, 0], out[:, 1], out[:, 2], t, impacts)
+
+    def run(self, held, t0, y0, t1):
+        if t1 <= t0:
+            return y0.copy()
+        s = DOP853(self.rate(held), t0, y0, t1, rtol=1e-12, atol=1e-14)
+        while s.status == "running":
+            s.step()
+        return s.y

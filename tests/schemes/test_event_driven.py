@@ -1,0 +1,322 @@
+"""Physics of the event-driven scheme: exact solutions, the scenes of DESIGN, limits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scenes import blade, chain, heavy_chain
+from scenes import cases as make_cases
+from workflow.models import Rayleigh, Structure, critical_alpha, growth_rate
+from workflow.schemes import Results, Sampling, Status, event_driven
+
+
+def run(structure: Structure, duration: float, count: int, cases: int = 1, **given: object) -> Results:
+    operator = event_driven.init(structure, 1e-4, event_driven.Options())
+    sampling = Sampling(duration, duration / (count - 1), count)
+    return event_driven.compute(operator, make_cases(structure, cases, **given), sampling)
+
+
+def single(mass: float, stiffness: float = 0.0, damping: Rayleigh | None = None) -> Structure:
+    return chain(
+        nodes=1,
+        mass=mass,
+        stiffness=stiffness,
+        damping=damping or Rayleigh(),
+        spacing=1.0,
+        expansion=0.0,
+        heat_capacity=1.0,
+        conductance=1.0,
+    )
+
+
+def impulse_times(results: Results, times: np.ndarray, size: float, case: int = 0) -> np.ndarray:
+    """Return the samples after which the impulse has jumped."""
+    return times[1:][np.diff(results.histories["impulse"][case]) > size]
+
+
+# --- bouncing ball -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("e", [0.5, 0.9])
+def test_bouncing_ball_is_exact_through_its_accumulation(e: float) -> None:
+    m, g, H = 0.3, 9.81, 1.0
+    tau = np.sqrt(2 * H / g)
+    rest = tau * (1 + e) / (1 - e)
+    structure = single(m)
+    duration, count = 1.2 * rest, 4001
+    results = run(structure, duration, count, e=e, mean=m * g, displacement=-H)
+    t = Sampling(duration, duration / (count - 1), count).times
+    k = np.arange(0, 400)
+    impact = tau * (1 + 2 * (e - e ** (k + 1)) / (1 - e))
+    impact[0] = tau
+    v0 = np.sqrt(2 * g * H)
+    flight = np.clip(np.searchsorted(impact, t, side="right") - 1, -1, None)
+    x = np.empty_like(t)
+    falling = flight < 0
+    x[falling] = -H + g * t[falling] ** 2 / 2
+    j = flight[~falling]
+    s = t[~falling] - impact[j]
+    x[~falling] = np.where(t[~falling] < rest, -(v0 * e ** (j + 1.0)) * s + g * s**2 / 2, 0.0)
+    assert np.abs(results.histories["displacement"][0] - x).max() <= 1e-10 * H
+    impulse = np.zeros_like(t)  # momentum: what gravity has put in, less what the ball has
+    v = np.where(falling, g * t, 0.0)
+    v[~falling] = np.where(t[~falling] < rest, -v0 * e ** (j + 1.0) + g * s, 0.0)
+    impulse = m * g * t - m * v
+    assert np.abs(results.histories["impulse"][0] - impulse).max() <= 1e-10 * m * g * duration
+    assert results.metrics["contact_time"][0] == pytest.approx(duration - rest, rel=1e-10)
+    resting = t > rest
+    step = duration / (count - 1)
+    np.testing.assert_allclose(np.diff(results.histories["impulse"][0][resting]), m * g * step, rtol=1e-10)
+
+
+def test_ball_that_starts_at_the_wall_with_speed_is_an_impact_at_once() -> None:
+    results = run(single(1.0), 1.0, 3, e=0.5, velocity=2.0)
+    assert results.histories["impulse"][0, 0] == 0.0  # sample 0 is the initial state
+    assert results.histories["velocity"][0, 0] == 2.0
+    np.testing.assert_allclose(results.histories["impulse"][0, 1:], 3.0, rtol=1e-14)
+    np.testing.assert_allclose(results.histories["displacement"][0], [0.0, -0.5, -1.0], atol=1e-15)
+    assert results.metrics["impacts"][0] == 1
+
+
+def test_ball_at_rest_at_the_wall_stays_in_contact() -> None:
+    results = run(single(1.0), 2.0, 5, e=0.7, mean=3.0)
+    np.testing.assert_allclose(results.histories["impulse"][0], 3.0 * np.linspace(0, 2, 5), rtol=1e-14)
+    assert results.metrics["impacts"][0] == 0
+    assert results.metrics["contact_time"][0] == pytest.approx(2.0)
+
+
+def test_tip_beyond_the_gap_is_refused() -> None:
+    results = run(single(1.0), 1.0, 3, gap=0.1, displacement=0.2)
+    assert results.status[0] == Status.FAILED
+    assert "beyond the casing" in results.messages[0]
+    assert np.isnan(results.metrics["impacts"][0])
+
+
+# --- oscillator with the wall at its equilibrium ----------------------------------------------------
+
+
+@pytest.mark.parametrize("zeta", [0.0, 0.01, 0.2])
+@pytest.mark.parametrize("e", [0.6, 1.0])
+def test_oscillator_with_wall(zeta: float, e: float) -> None:
+    omega, v0 = 3.0, 0.7
+    structure = single(1.0, omega**2, Rayleigh(2 * zeta * omega, 0.0))
+    turn = omega * np.sqrt(1 - zeta**2)
+    half = np.pi / turn
+    ratio = e * np.exp(-np.pi * zeta / np.sqrt(1 - zeta**2))
+    results = run(structure, 12.5 * half, 26, e=e, velocity=-v0)
+    # samples in the middle of the flights: k-th flight starts at k π/ω_d with speed v0 ratio^k
+    k = np.arange(12)
+    s = half / 2
+    expected = -v0 * ratio**k * np.exp(-zeta * omega * s) * np.sin(turn * s) / turn
+    x = results.histories["displacement"][0]
+    np.testing.assert_allclose(x[1::2][:12], expected, rtol=1e-10)
+    assert results.metrics["impacts"][0] == 12
+    J = results.histories["impulse"][0][1::2]
+    arrival = v0 * ratio ** np.arange(1, 12) / e
+    np.testing.assert_allclose(np.diff(J)[:11], (1 + e) * arrival, rtol=1e-10)
+
+
+def test_critical_and_overdamped_oscillators_follow_their_closed_forms() -> None:
+    t = np.linspace(0, 2.0, 41)
+    for c, w2 in ((6.0, 9.0), (10.0, 9.0), (6.0 + 1e-9, 9.0)):
+        results = run(single(1.0, w2, Rayleigh(c, 0.0)), 2.0, 41, gap=1.0, displacement=0.4, velocity=-0.3)
+        s1, s2 = np.roots([1.0, c, w2])
+        if abs(s1 - s2) < 1e-3:
+            x = np.exp(-c / 2 * t) * (0.4 + (-0.3 + c / 2 * 0.4) * t)
+        else:
+            a = (-0.3 - s2 * 0.4) / (s1 - s2)
+            x = (a * np.exp(s1 * t) + (0.4 - a) * np.exp(s2 * t)).real
+        assert np.abs(results.histories["displacement"][0] - x).max() <= 1e-9 * (c != 6.0) + 1e-14
+
+
+def test_undamped_resonance_grows_linearly() -> None:
+    omega = 2 * np.pi * 2.0
+    results = run(single(1.0, omega**2), 10.0, 201, gap=1e3, amplitude=1.0, frequency=2.0)
+    t = np.linspace(0, 10, 201)
+    exact = (np.sin(omega * t) - omega * t * np.cos(omega * t)) / (2 * omega**2)
+    assert np.abs(results.histories["displacement"][0] - exact).max() <= 1e-11 * np.abs(exact).max()
+
+
+def test_rigid_body_under_harmonic_load() -> None:
+    results = run(single(2.0), 5.0, 51, gap=1e3, mean=0.1, amplitude=1.0, frequency=1e-3, velocity=0.2)
+    w, t = 2 * np.pi * 1e-3, np.linspace(0, 5, 51)
+    harmonic = t**3 * w / 6 - t**5 * w**3 / 120 + t**7 * w**5 / 5040  # (ω t - sin ω t)/ω², by its series
+    exact = 0.2 * t + 0.1 / 2 * t**2 / 2 + harmonic / 2
+    assert np.abs(results.histories["displacement"][0] - exact).max() <= 1e-13
+
+
+# --- clamped elastic bar released against its wall --------------------------------------------------
+
+
+def test_clamped_bar_keeps_its_energy_and_presses_with_one_half() -> None:
+    n = 100
+    mass = np.full(n, 1 / n)
+    mass[-1] /= 2
+    structure = chain(
+        nodes=n, mass=tuple(mass), stiffness=float(n), spacing=1 / n, heat_capacity=1.0, expansion=0.0, conductance=0.0
+    )
+    start = -np.arange(1, n + 1) / (2 * n)
+    results = run(structure, 3.0, 301, displacement=start)
+    t = np.linspace(0, 3, 301)
+    J, x = results.histories["impulse"][0], results.histories["displacement"][0]
+    mean_force = (J[190] - J[110]) / 0.8
+    assert mean_force == pytest.approx(0.5, abs=0.005)
+    assert np.abs(x - np.where(t < 1, -(1 - t) / 2, np.where(t < 2, 0.0, -(t - 2) / 2))).max() < 0.02
+    assert J[-1] == pytest.approx(0.5, abs=0.01)
+
+
+# --- the scenes of DESIGN ---------------------------------------------------------------------------
+
+
+def test_blade_of_design() -> None:
+    r = run(blade(), 2.0, 2001, alpha=30.0, gap=2e-5, amplitude=24.0, frequency=5.0)
+    assert r.metrics["impacts"][0] == 10
+    assert r.metrics["releases"][0] == 10
+    assert r.period_impulse.shape == (1, 10)
+    assert r.period_impulse[0, 0] == pytest.approx(0.106, abs=5e-4)
+    assert r.period_impulse[0, -1] == pytest.approx(0.365, abs=5e-4)
+    assert r.period_impulse.sum() == pytest.approx(r.histories["impulse"][0, -1], rel=1e-13)
+    force = np.diff(r.histories["impulse"][0]) / 1e-3
+    assert force.reshape(10, 200).max(axis=1)[[0, -1]] == pytest.approx([4.2, 9.5], abs=0.05)
+    assert r.metrics["max_temperature"][0] == pytest.approx(408, abs=0.5)
+    assert r.metrics["max_temperature"][0] == pytest.approx(np.nanmax(r.period_temperature), rel=1e-14)
+    assert r.metrics["max_temperature"][0] >= r.histories["temperature"][0].max()
+    assert (r.period_contact[0] * 0.2).sum() == pytest.approx(r.metrics["contact_time"][0], rel=1e-12)
+    assert r.metrics["max_penetration"][0] <= 1e-19
+
+
+HEAVY = {"alpha": 50.0, "gap": 5.0e-5, "amplitude": 100.0, "frequency": 20.0}
+
+
+def test_heavy_chain_of_design() -> None:
+    r = run(heavy_chain(), 0.3, 301, 3, e=[0.0, 0.5, 0.9], **HEAVY)
+    assert r.metrics["impacts"][0] == 11
+    # with 0 < e < 1 impacts accumulate: how many are counted depends on where the rest is summed up
+    assert 400 < r.metrics["impacts"][2] < 700
+    assert (r.metrics["releases"] == 6).all()
+
+
+def test_thresholds_do_not_matter() -> None:
+    structure = heavy_chain()
+    operator = event_driven.init(structure, 1e-4, event_driven.Options())
+    cases, sampling = make_cases(structure, 3, e=[0.0, 0.5, 0.9], **HEAVY), Sampling(0.3, 1e-3, 301)
+    base = event_driven.compute(operator, cases, sampling)
+    given = operator.thresholds
+    for name in given._fields:
+        for factor in (0.1, 10.0):
+            varied = replace(operator, thresholds=given._replace(**{name: factor * getattr(given, name)}))
+            other = event_driven.compute(varied, cases, sampling)
+            for history in ("displacement", "temperature", "impulse"):
+                a, b = base.histories[history], other.histories[history]
+                error = np.linalg.norm(a - b, axis=1) / np.linalg.norm(a, axis=1)
+                assert error.max() <= 1e-10, (name, factor, history)
+
+
+# --- thermal runaway --------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def runaway() -> tuple[Structure, Results]:
+    structure = heavy_chain(heat_capacity=1.315e-3)
+    alpha_c = critical_alpha(structure)
+    results = run(structure, 8.0, 801, 3, alpha=alpha_c * np.array([0.9, 1.0, 1.1]), gap=5e-5, mean=100.0)
+    return structure, results
+
+
+def test_runaway_below_at_and_above_the_critical_coupling(runaway: tuple[Structure, Results]) -> None:
+    structure, r = runaway
+    assert (r.status == Status.OK).all()
+    force = np.diff(r.histories["impulse"]) / 0.01
+    k, n = 2.0e7, 20
+    limit = (100.0 - k * 5e-5 / n) / (1 - 0.9)
+    assert limit == pytest.approx(500.0)
+    rate_below = growth_rate(structure, 0.9 * critical_alpha(structure))
+    assert rate_below < 0
+    settled = limit - (limit - force[0, -101]) * np.exp(rate_below * 1.0)
+    assert force[0, -1] == pytest.approx(settled, rel=2e-3)
+    at = force[1, 400:]
+    assert np.diff(at) == pytest.approx(np.full(399, np.diff(at).mean()), rel=1e-3)  # linear
+    above = force[2]
+    rate = np.log((above[-1] - above[-101]) / (above[-101] - above[-201]))
+    assert rate == pytest.approx(growth_rate(structure, 1.1 * critical_alpha(structure)), rel=1e-3)
+    assert rate == pytest.approx(1.608, abs=2e-3)
+
+
+# --- interface --------------------------------------------------------------------------------------
+
+
+def equal(a: Results, b: Results, pick: int) -> bool:
+    same = all(np.array_equal(a.histories[n][0], b.histories[n][pick], equal_nan=True) for n in a.histories)
+    same &= all(np.array_equal(a.metrics[n][0], b.metrics[n][pick], equal_nan=True) for n in a.metrics)
+    width = a.period_impulse.shape[1]
+    return bool(same and np.array_equal(a.period_impulse[0], b.period_impulse[pick, :width], equal_nan=True))
+
+
+def test_alone_equals_batched_and_a_poisoned_neighbour_changes_nothing() -> None:
+    structure = heavy_chain(nodes=5)
+    rng = np.random.default_rng(3)
+    given = {
+        "e": rng.uniform(0, 1, 7),
+        "alpha": rng.uniform(0, 60, 7),
+        "gap": rng.uniform(2e-6, 6e-6, 7),
+        "amplitude": 100.0,
+        "frequency": 20.0,
+    }
+    cases = make_cases(structure, 7, **given)
+    cases.alpha[2] = cases.alpha[1]
+    cases.e[4] = np.nan
+    cases.displacement[5] = np.inf
+    operator = event_driven.init(structure, 1e-4, event_driven.Options())
+    sampling = Sampling(0.1, 1e-3, 101)
+    batch = event_driven.compute(operator, cases, sampling)
+    assert list(batch.status) == [0, 0, 0, 0, Status.FAILED, Status.FAILED, 0]
+    for i in range(7):
+        alone = event_driven.compute(operator, cases.take(slice(i, i + 1)), sampling)
+        assert equal(alone, batch, i)
+
+
+def test_budgets_end_a_case_with_what_it_was_doing() -> None:
+    structure = heavy_chain()
+    cases, sampling = make_cases(structure, 1, e=0.9, **HEAVY), Sampling(0.3, 1e-3, 301)
+    for options, words in (
+        (event_driven.Options(events=20), "after 20 contact events"),
+        (event_driven.Options(steps=20), "after 20 steps"),
+    ):
+        r = event_driven.compute(event_driven.init(structure, 1e-4, options), cases, sampling)
+        assert r.status[0] == Status.FAILED
+        assert words in r.messages[0]
+        x = r.histories["displacement"][0]
+        ended = int(np.argmax(np.isnan(x)))
+        assert 0 < ended < 301
+        assert np.isnan(x[ended:]).all()
+        assert np.isnan(r.metrics["impacts"][0])
+
+
+def test_period_metrics_with_events_at_the_boundaries() -> None:
+    # the oscillator with wall strikes every half period of its own; the load has no amplitude, its
+    # period of 2 s is that of two strikes, so that every period ends at an impact
+    structure = single(1.0, np.pi**2)
+    r = run(structure, 8.0, 81, e=1.0, velocity=-1.0, frequency=0.5)
+    assert r.period_impulse[0] == pytest.approx([4.0] * 4, rel=1e-10)
+    assert r.histories["impulse"][0, 20::20] == pytest.approx([4.0, 8.0, 12.0, 16.0], rel=1e-10)
+
+
+def test_unheated_case_equals_the_same_without_expansion() -> None:
+    structure = heavy_chain()
+    still = heavy_chain(expansion=0.0)
+    given = {**HEAVY, "alpha": 0.0, "e": 0.5}
+    a, b = run(structure, 0.1, 101, **given), run(still, 0.1, 101, **given)
+    for name in a.histories:
+        np.testing.assert_array_equal(a.histories[name], b.histories[name])
+    assert not a.histories["temperature"].any()
+
+
+def test_amplification_is_the_exact_propagator() -> None:
+    frequency, damping = np.array([2.0, 3.0, 0.0]), np.array([0.1, 8.0, 0.5])
+    g = event_driven.amplification(frequency, damping, 0.3, event_driven.Options())
+    assert g.shape == (3, 2)
+    np.testing.assert_allclose(g.prod(axis=1), np.exp(-damping * 0.3), rtol=1e-13)
+    assert event_driven.thermal_amplification(np.array([2.0]), 0.5, event_driven.Options()) == pytest.approx(np.exp(-1))

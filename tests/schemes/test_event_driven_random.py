@@ -1,0 +1,154 @@
+"""The event-driven scheme against an independent solution on random scenes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from plain_events import Reference
+
+from scenes import cases, chain, heavy_chain, relative, sampling
+from workflow.models import Cases, Rayleigh, Structure
+from workflow.reduction import reduce_structure
+from workflow.schemes import event_driven
+
+TIMES = sampling(20.0, 0.1)
+DAMPING = (Rayleigh(), Rayleigh(0.1, 0.0), Rayleigh(0.05, 0.02), Rayleigh(2.0, 1.0))
+
+
+def scene(rng: np.random.Generator) -> tuple[Structure, Cases]:
+    """Return a chain of 1 to 8 nodes with masses, springs and heat of order one, and one case."""
+
+    def within(low: float, high: float) -> float:
+        return float(rng.uniform(low, high))
+
+    n = int(rng.integers(1, 9))
+    stiffness = rng.uniform(0.5, 4, n)
+    if rng.random() < 0.2:
+        stiffness[0] = 0.0  # a free root
+    if rng.random() < 0.1:
+        stiffness[rng.integers(0, n)] = 0.0  # a part that is not linked
+    structure = chain(
+        nodes=n,
+        mass=tuple(rng.uniform(0.5, 2, n)),
+        stiffness=tuple(stiffness),
+        damping=DAMPING[rng.integers(0, len(DAMPING))],
+        spacing=1.0,
+        expansion=within(0, 0.1) * rng.integers(0, 2),
+        heat_capacity=tuple(rng.uniform(0.5, 3, n)),
+        conductance=tuple(rng.uniform(0, 2, n) * (rng.random(n) < 0.9)),
+        convection=within(0, 0.3) * rng.integers(0, 2),
+    )
+    gap = float(rng.choice([within(0.1, 1), 0.0, -within(0.05, 0.3)]))
+    start = rng.normal(0, 0.3, n)
+    start[-1] = gap - abs(rng.normal(0, 0.5)) if rng.random() < 0.85 else gap
+    case = cases(
+        structure,
+        e=float(rng.choice([0.0, within(0.2, 0.95), 1.0])),
+        alpha=float(rng.choice([0.0, within(0, 2), within(0, 0.3)])),
+        gap=gap,
+        mean=within(-0.5, 1.5),
+        amplitude=within(0, 2) * rng.integers(0, 2),
+        frequency=float(rng.choice([within(0.05, 0.5), 0.1])),
+        phase=within(0, 6),
+        steady=rng.normal(0, 0.3, n) * rng.integers(0, 2),
+        heating=rng.normal(0, 0.3, n) * rng.integers(0, 2),
+        displacement=start,
+        velocity=rng.normal(0, 0.5, n),
+        temperature=rng.normal(0, 1, n) * rng.integers(0, 2),
+    )
+    return structure, case
+
+
+def compare(seed: int) -> int:
+    """Compare one scene as far as it can be predicted and return its number of impacts."""
+    structure, case = scene(np.random.default_rng(seed))
+    operator = event_driven.init(structure, 0.0, event_driven.Options(events=1000))
+    results = event_driven.compute(operator, case, TIMES)
+    moved = np.where(case.displacement[:, -1] == case.gap, 0.0, 1e-12 * np.maximum(np.abs(case.gap), 0.1))
+    nearby = event_driven.compute(operator, replace(case, gap=case.gap + moved), TIMES)
+    reference = Reference(structure, case).solve(TIMES.times)
+    known = TIMES.times < reference.reached - 1e-9
+    apart = ~(np.abs(nearby.histories["displacement"][0] - results.histories["displacement"][0]) < 3e-11)
+    known &= np.cumsum(apart) == 0
+    for name in ("displacement", "temperature", "impulse"):
+        ours, theirs = results.histories[name][0, known], getattr(reference, name)[known]
+        scale = max(float(np.linalg.norm(theirs)), 1e-3)
+        assert np.linalg.norm(ours - theirs) <= 1e-8 * scale, (seed, name)
+    return reference.impacts
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=30, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+def test_random_scenes(seed: int) -> None:
+    compare(seed)
+
+
+@pytest.mark.slow
+def test_a_thousand_random_scenes() -> None:
+    assert sum(compare(seed) for seed in range(1000)) > 5000
+
+
+def against_reference(structure: Structure, case: Cases) -> float:
+    """Return the largest relative error of the three histories, as far as the reference came."""
+    results = event_driven.compute(event_driven.init(structure, 0.0, event_driven.Options()), case, TIMES)
+    reference = Reference(structure, case).solve(TIMES.times)
+    known = TIMES.times < reference.reached - 1e-9
+    return max(
+        relative(results.histories[name][0, known], getattr(reference, name)[known])
+        for name in ("displacement", "temperature", "impulse")
+    )
+
+
+@pytest.mark.parametrize("alpha", [1e-12, 1e-6, 0.3])
+@pytest.mark.parametrize("damping", [4.0, 4.0 * (1 + 1e-9)])
+def test_a_critically_damped_mode_under_friction_heat(alpha: float, damping: float) -> None:
+    """Its double pole has one eigenvector, and heat splits it by a little."""
+    structure = chain(
+        nodes=2, mass=1.0, stiffness=2.0, damping=Rayleigh(damping), spacing=1.0, expansion=0.1, conductance=0.5
+    )
+    load = {"mean": 1.0, "amplitude": 0.5, "frequency": 0.1}
+    assert against_reference(structure, cases(structure, alpha=alpha, gap=0.1, **load)) <= 1e-10
+
+
+def test_a_part_that_is_not_linked_to_the_tip() -> None:
+    structure = chain(
+        nodes=5, mass=1.0, stiffness=(0.0, 2.0, 0.0, 2.0, 2.0), spacing=1.0, expansion=0.1, conductance=0.5
+    )
+    start = {"displacement": [0.3, -0.2, 0.0, 0.1, -0.1], "velocity": [0.1, 0.2, 0.1, 0.0, 0.0]}
+    load = {"mean": 0.5, "amplitude": 0.5, "frequency": 0.1}
+    assert against_reference(structure, cases(structure, alpha=0.5, gap=0.1, **start, **load)) <= 1e-10
+
+
+@pytest.mark.parametrize("e", [0.0, 0.6, 1.0])
+def test_a_reduced_model(e: float) -> None:
+    full = chain(
+        nodes=6,
+        mass=(1.0, 0.7, 1.2, 0.9, 1.0, 0.6),
+        stiffness=3.0,
+        damping=Rayleigh(0.05, 0.02),
+        spacing=1.0,
+        expansion=0.1,
+        conductance=0.5,
+    )
+    structure = reduce_structure(full, 2, 3).structure
+    assert structure.mechanical_size == 3
+    load = {"mean": 0.5, "amplitude": 0.9, "frequency": 0.1}
+    assert against_reference(structure, cases(structure, e=e, alpha=0.5, gap=0.1, velocity=0.3, **load)) <= 1e-10
+
+
+@pytest.mark.parametrize("e", [0.0, 0.5, 0.9])
+def test_full_reduction_changes_nothing(e: float) -> None:
+    """At rounding level although slow thermal rates stand beside poles 1e5 times as fast."""
+    structure, times = heavy_chain(), sampling(0.3, 1e-3)
+    rub = {"e": e, "alpha": 50.0, "gap": 5e-5, "amplitude": 100.0, "frequency": 20.0}
+    reduced = reduce_structure(structure, 19, 19).structure
+    found = [
+        event_driven.compute(event_driven.init(s, 0.0, event_driven.Options()), cases(s, **rub), times)
+        for s in (structure, reduced)
+    ]
+    for name in ("displacement", "temperature", "impulse"):
+        assert relative(found[1].histories[name], found[0].histories[name]) <= 1e-12

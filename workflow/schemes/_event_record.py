@@ -1,0 +1,154 @@
+"""What the event-driven scheme writes of a case: samples, load periods, contact time, temperatures."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+from workflow.models import Array
+from workflow.schemes._event_motion import advance, observe
+from workflow.schemes._event_response import Response
+
+
+class Record(NamedTuple):
+    """Where one case writes."""
+
+    times: Array
+    """Sample times, s."""
+    period_ends: Array
+    displacement: Array
+    velocity: Array
+    temperature: Array
+    impulse: Array
+    period_impulse: Array
+    period_temperature: Array
+    period_contact: Array
+    counts: Array
+    """impacts, contact time, largest temperature, thermal closing, steps, releases, time reached."""
+
+
+class Watch(NamedTuple):
+    """What has been written and accumulated so far."""
+
+    next: Array
+    """Next sample and next period end, integers."""
+    totals: Array
+    """Impulse, contact time of closed phases, start of the present phase (or inf), largest
+    temperature, largest of this period, impulse and contact time at the last period's end."""
+
+
+IMPULSE, CONTACT, SINCE, HOTTEST, PERIOD_HOTTEST, PERIOD_IMPULSE, PERIOD_CONTACT = range(7)
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def contact_time(watch: Watch, t: float) -> float:
+    return float(watch.totals[CONTACT] + max(0.0, t - watch.totals[SINCE]))
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def heat_seen(watch: Watch, temperature: float) -> None:
+    watch.totals[HOTTEST] = max(watch.totals[HOTTEST], temperature)
+    watch.totals[PERIOD_HOTTEST] = max(watch.totals[PERIOD_HOTTEST], temperature)
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def write(
+    record: Record,
+    watch: Watch,
+    gap: float,
+    held: bool,
+    t: float,
+    seen: tuple[float, float, float, float],
+    impulse: float,
+) -> None:
+    """Write the sample or close the load period that falls due at t."""
+    sample, period = watch.next[0], watch.next[1]
+    due = record.times[sample] if sample < record.times.size else np.inf
+    end = record.period_ends[period] if period < record.period_ends.size else np.inf
+    if due <= end:
+        record.displacement[sample] = gap if held else gap - seen[0]
+        record.velocity[sample] = 0.0 if held else -seen[1]
+        record.temperature[sample] = seen[2]
+        record.impulse[sample] = impulse
+        watch.next[0] += 1
+    if end <= due:
+        contact = contact_time(watch, t)
+        totals = watch.totals
+        record.period_impulse[period] = impulse - totals[PERIOD_IMPULSE]
+        record.period_temperature[period] = totals[PERIOD_HOTTEST]
+        record.period_contact[period] = contact - totals[PERIOD_CONTACT]
+        totals[PERIOD_IMPULSE], totals[PERIOD_CONTACT], totals[PERIOD_HOTTEST] = impulse, contact, seen[2]
+        watch.next[1] += 1
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def next_due(record: Record, watch: Watch) -> float:
+    sample, period = watch.next[0], watch.next[1]
+    due = record.times[sample] if sample < record.times.size else np.inf
+    if period < record.period_ends.size:
+        due = min(due, record.period_ends[period])
+    return due
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def see(
+    record: Record,
+    watch: Watch,
+    r: Response,
+    held: bool,
+    gap: float,
+    motion: Array,
+    t: float,
+    dt: float,
+    first: tuple[float, float, float, float],
+    final: tuple[float, float, float, float],
+    area: float,
+    tolerance: float,
+    scratch: Array,
+) -> None:
+    """Write what falls due within a step, and follow the tip temperature through it.
+
+    Between points where it rises at the left and falls at the right its maximum is evaluated once,
+    at that of the cubic through both: an error of second order in a fourth-order position.
+    """
+    heated = r.firsts > 0
+    last, last_t = first, t
+    while True:
+        due = next_due(record, watch)
+        inside = due < t + dt - tolerance
+        if not inside and not heated:
+            break
+        at = max(t, due) if inside else t + dt
+        part = area
+        if inside:
+            part = advance(r, motion, t, at - t, scratch, held)
+            seen = observe(r, scratch, at)
+        else:
+            seen = final
+        if heated:
+            if last[3] > 0.0 and seen[3] < 0.0:
+                top = last_t + _hermite_top(last[2], last[3], seen[2], seen[3], at - last_t)
+                advance(r, motion, t, top - t, scratch, False)
+                heat_seen(watch, observe(r, scratch, top)[2])
+            heat_seen(watch, seen[2])
+        if not inside:
+            break
+        write(record, watch, gap, held, at, seen, watch.totals[IMPULSE] + part)
+        last, last_t = seen, at
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def _hermite_top(a: float, da: float, b: float, db: float, h: float) -> float:
+    """Return where on [0, h] the cubic with these end values and slopes (da > 0 > db) is largest."""
+    low, high = 0.0, h
+    for _ in range(60):
+        tau = 0.5 * (low + high)
+        s = tau / h
+        rate = 6.0 * s * (1.0 - s) * (b - a) / h + (1.0 - s) * (1.0 - 3.0 * s) * da + s * (3.0 * s - 2.0) * db
+        if rate > 0.0:
+            low = tau
+        else:
+            high = tau
+    return 0.5 * (low + high)

@@ -1,0 +1,193 @@
+"""Event-driven scheme: the exact solution of the model, from contact event to contact event.
+
+Between events the structure is linear and its load harmonic, so its motion is known in closed form,
+with the tip free and with the tip held at the gap. Impacts follow Newton's law, a contact ends when
+its force falls through zero. No event is missed: every step is certified (see
+:mod:`workflow.schemes._event_search`). What remains is rounding.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from workflow.declare import quantity
+from workflow.models import Array, Cases, Structure
+from workflow.schemes._event_march import BEYOND, DONE, EVENTS, NOT_FINITE, STEPS, Thresholds, Tip, march
+from workflow.schemes._event_record import Record
+from workflow.schemes._event_regimes import Basis, Regime, analyse
+from workflow.schemes._event_response import Load
+from workflow.schemes._event_spectrum import coupled_regime, held_regime
+from workflow.schemes._interface import HISTORIES, Results, Sampling, Status, complete_periods
+
+READS = frozenset({"e", "alpha"})
+
+INPUT, SPECTRUM = -1, -2
+"""How a case ended that was not run: a value of it is not finite, or its eigenvalues were not found."""
+
+THRESHOLDS = Thresholds(excursion=1e-10, speed=1e-3, force=64.0)
+
+
+@dataclass(frozen=True)
+class Options:
+    """Options of the scheme."""
+
+    events: int = quantity("1", "most contact events of one case", default=200_000, at_least=1)
+    steps: int = quantity("1", "most certified steps of one case", default=5_000_000, at_least=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Operator:
+    """What a batch shares; regimes of the held tip are added per α as they are met."""
+
+    basis: Basis
+    options: Options
+    thresholds: Thresholds = THRESHOLDS
+
+
+def init(structure: Structure, h: float, options: Options) -> Operator:
+    """Diagonalise the structure with its tip free and held; ``h`` is not read."""
+    return Operator(analyse(structure), options)
+
+
+def amplification(frequency: Array, damping: Array, h: float, options: Options) -> Any:
+    """Return exp(s h) of the two poles s of each mode, complex, ``(mode, 2)``."""
+    root = np.emath.sqrt((damping / 2) ** 2 - frequency**2 + 0j)
+    return np.exp(h * np.stack([-damping / 2 + root, -damping / 2 - root], axis=-1))
+
+
+def thermal_amplification(rate: Array, h: float, options: Options) -> Array:
+    """Return exp(-μ h) of each thermal mode."""
+    return np.asarray(np.exp(-rate * h))
+
+
+def cost(structure: Structure, h: float, options: Options, sampling: Sampling) -> float:
+    """Return estimated seconds per heated case: its events are not known beforehand, its samples are."""
+    states = structure.mechanical_size + structure.thermal_size
+    return 2e-8 * states * (sampling.count + 1000) + 1e-8 * states**3
+
+
+def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
+    """Run a whole batch, case by case; regimes of the held tip are shared by cases of one α."""
+    count = cases.count
+    periods = complete_periods(cases, sampling)
+    most = int(periods.max(initial=0))
+    histories = {name: np.full((count, sampling.count), np.nan) for name in HISTORIES}
+    period_impulse, period_temperature, period_contact = (np.full((count, most), np.nan) for _ in range(3))
+    counts = np.full((count, 7), np.nan)
+    status = np.zeros(count, dtype=np.int8)
+    messages: dict[int, str] = {}
+    held: dict[float, Regime] = {}
+    times = sampling.times
+    for i in range(count):
+        n, frequency, alpha = int(periods[i]), float(cases.frequency[i]), float(cases.alpha[i])
+        record = Record(
+            times,
+            np.arange(1, n + 1) / frequency if n else np.zeros(0),
+            histories["displacement"][i],
+            histories["velocity"][i],
+            histories["temperature"][i],
+            histories["impulse"][i],
+            period_impulse[i, :n],
+            period_temperature[i, :n],
+            period_contact[i, :n],
+            counts[i],
+        )
+        ended = INPUT
+        if all(np.isfinite(getattr(cases, name)[i]).all() for name in cases.__dataclass_fields__):
+            try:
+                if alpha not in held:
+                    regime = held_regime if alpha == 0 else coupled_regime
+                    held[alpha] = regime(operator.basis.held, alpha)
+                ended = _run(operator, held[alpha], cases, i, sampling.duration, record)
+            except np.linalg.LinAlgError:
+                ended = SPECTRUM
+        if ended != DONE:
+            status[i] = Status.FAILED
+            messages[i] = _message(ended, operator.options, counts[i])
+            counts[i, :4] = counts[i, 5:] = np.nan
+        period_contact[i, :n] *= frequency
+    with np.errstate(invalid="ignore"):
+        beyond = np.maximum(0.0, np.max(histories["displacement"] - cases.gap[:, None], axis=1))
+    return Results(
+        histories=histories,
+        metrics={
+            "impacts": counts[:, 0],
+            "contact_time": counts[:, 1],
+            "max_penetration": beyond,
+            "max_temperature": counts[:, 2],
+            "thermal_closing": counts[:, 3],
+            "steps": counts[:, 4],
+            "releases": counts[:, 5],
+        },
+        period_impulse=period_impulse,
+        period_temperature=period_temperature,
+        period_contact=period_contact,
+        status=status,
+        messages=messages,
+    )
+
+
+def _run(operator: Operator, held: Regime, cases: Cases, i: int, duration: float, record: Record) -> int:
+    """Run case ``i`` and return how it ended."""
+    basis, options = operator.basis, operator.options
+    frequency, mean, amplitude = float(cases.frequency[i]), float(cases.mean[i]), float(cases.amplitude[i])
+    if frequency == 0:
+        mean, amplitude = mean + amplitude * float(np.sin(cases.phase[i])), 0.0
+    load = Load(
+        mean,
+        amplitude,
+        2 * np.pi * frequency if amplitude else 0.0,
+        float(cases.phase[i]),
+        float(cases.gap[i]),
+        duration,
+        np.ascontiguousarray(cases.steady[i]),
+        np.ascontiguousarray(cases.heating[i]),
+    )
+    raw = np.concatenate(
+        [
+            _times(basis.to_modes, cases.displacement[i]),
+            _times(basis.to_modes, cases.velocity[i]),
+            _times(basis.to_thermal, cases.temperature[i]),
+        ]
+    )
+    warm = cases.alpha[i] != 0 or cases.heating[i].any() or cases.temperature[i].any()
+    return int(
+        march(
+            basis.free,
+            held,
+            load,
+            Tip(float(cases.e[i]), float(cases.alpha[i]), basis.mobility, basis.tip, basis.heat_tip),
+            raw,
+            float(cases.gap[i] - cases.displacement[i, -1]),
+            float(cases.velocity[i, -1]),
+            basis.heat_tip.size if warm else 0,
+            record,
+            basis.closing,
+            options.events,
+            options.steps,
+            operator.thresholds,
+        )
+    )
+
+
+def _times(matrix: Array, state: Array) -> Array:
+    """Return matrix @ state, summed in one order on every machine."""
+    with np.errstate(all="ignore"):
+        return np.asarray((matrix * state).sum(axis=1))
+
+
+def _message(ended: int, options: Options, counts: Array) -> str:
+    """Say what a case did when it stopped."""
+    at = f"at t = {counts[6]:.6g} s"
+    return {
+        INPUT: "a value of the case is not a finite number",
+        SPECTRUM: "the eigenvalues of the held tip with friction heat were not found",
+        EVENTS: f"stopped {at} after {options.events} contact events, its budget; "
+        f"the last of {counts[0]:.0f} impacts had a speed of {counts[1]:.3g} m/s",
+        STEPS: f"stopped {at} after {options.steps} steps between contact events, its budget",
+        BEYOND: "the tip starts beyond the casing: x_n(0) > d",
+        NOT_FINITE: f"the state left the finite numbers {at}",
+    }[ended]
