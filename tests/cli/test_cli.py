@@ -52,6 +52,7 @@ def test_failed_cases_exit_with_one(tmp_path: Path) -> None:
     shown = workflow("show", "out.nc", cwd=tmp_path)
     assert shown.returncode == 0
     assert "ill_posed: " in shown.stdout
+    assert " and 1 more: contact has no unique solution" in shown.stdout
     assert "alpha 1e+09 W N-1" in shown.stdout
 
 

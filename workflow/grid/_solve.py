@@ -39,7 +39,8 @@ def solve(grid: Grid, outer: int, inner: Indices) -> Solved:
     cell = grid.settings(outer)
     canonical, place = np.unique(grid.canonical_inner(cell, inner), return_inverse=True)
     try:
-        solved = _solve_distinct(grid, outer, canonical)
+        with np.errstate(all="ignore"):  # a case that leaves the numbers says so by its status
+            solved = _solve_distinct(grid, outer, canonical)
     except Exception as error:  # whatever a model or scheme raises is that case's result
         if canonical.size > 1:
             solved = _joined([solve(grid, outer, canonical[k : k + 1]) for k in range(canonical.size)])
