@@ -28,6 +28,7 @@ img { max-width: 100%; } pre { background: #f6f6f6; padding: .8rem; overflow-x: 
 """
 
 _METRICS = ("contact_impulse", "impacts", "max_temperature", "max_penetration")
+_ERRORS = ("displacement_error", "temperature_error", "impulse_error")
 _FAILURES_SHOWN = 20
 
 
@@ -70,6 +71,8 @@ def write_report(archive: Path, page: Path | None = None) -> Written:
         if any(dataset.sizes[dim] > 1 for dim in case_dims(dataset)) and _any_ok(dataset):
             body += ["<h2>What the axes do</h2>", _effects(dataset)]
             body += [_image(metric_by_axis(dataset, name), name) for name in ("contact_impulse", "max_temperature")]
+        if "impulse_error" in dataset and _any_ok(dataset):
+            body += ["<h2>Errors</h2>", _errors(dataset)]
         body += _provenance(archive)
     page.write_text(
         "<!doctype html><html lang='en'><head><meta charset='utf-8'>"
@@ -137,6 +140,31 @@ def _effects(dataset: xr.Dataset) -> str:
         rows.append([dim, *(_percent(share) for share in shares)])
     about = "<p>Largest change along each axis, all others fixed, as a share of the largest value of all cases.</p>"
     return about + _table(["axis", *(name.replace("_", " ") for name in names)], rows)
+
+
+def _errors(dataset: xr.Dataset) -> str:
+    """Tell the errors against the reference by scheme and step, median and largest of all other cases."""
+    dims = [dim for dim in ("scheme", "h") if dim in case_dims(dataset)]
+    labels = {dim: labels_of(dataset, dim, named=False) for dim in dims}
+    rows = []
+    for index in np.ndindex(*(dataset.sizes[dim] for dim in dims)):
+        chosen = dataset.isel(dict(zip(dims, index, strict=True)))
+        row = [labels[dim][k] for dim, k in zip(dims, index, strict=True)]
+        for name in _ERRORS:
+            values = np.asarray(chosen[name].values, dtype=float)
+            values = values[np.isfinite(values)]
+            row.append(f"{np.median(values):.1e} / {values.max():.1e}" if values.size else "–")
+        rows.append(row)
+    about = (
+        "<p>Relative L2 distance from the reference, median / largest over all other axes; reduced models "
+        f"carry their own error in it. Predictability of the references: {_largest(dataset, 'predictability'):.1e}.</p>"
+    )
+    return about + _table([*dims, *(name.replace("_", " ") for name in _ERRORS)], rows)
+
+
+def _largest(dataset: xr.Dataset, name: str) -> float:
+    values = np.asarray(dataset[name].values, dtype=float)
+    return float(np.nanmax(values)) if np.isfinite(values).any() else float("nan")
 
 
 def _percent(share: float) -> str:
