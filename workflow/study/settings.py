@@ -101,8 +101,12 @@ class Output:
         Names of the tip histories that are kept.
     precision
         Type of the histories.
+    balances
+        Whether energy and heat balances are kept, metrics ``energy_residual`` and ``heat_residual``.
+        They take ``moreau`` two to four times as long: leave them out for speed.
     """
 
     interval: float = quantity("s", "sampling of all histories; default: duration/1000", above=0)
     histories: tuple[History, ...] = ("displacement", "temperature", "contact_force")
     precision: Precision = "float64"
+    balances: bool = True
