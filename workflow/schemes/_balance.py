@@ -223,7 +223,9 @@ class Books:
         )
         heat_modes = grouped(HEAT_MODES, -h * mu / slow, modal.heat_tip / slow, loss_row)
         coupling = np.zeros((modes.shape[0], MODES, heat_modes.shape[0], HEAT_MODES))
-        coupling.reshape(modes.shape[0] * MODES, heat_modes.shape[0] * HEAT_MODES)[: omega2.size, : mu.size] = modal.coupling
+        coupling.reshape(modes.shape[0] * MODES, heat_modes.shape[0] * HEAT_MODES)[: omega2.size, : mu.size] = (
+            modal.coupling
+        )
         displacement, velocity = project(modal.to_modes, cases.displacement), project(modal.to_modes, cases.velocity)
         steady = project(modal.shapes.T, cases.steady) - tip_force[:, None] * modal.tip
         none = np.zeros_like(displacement)
