@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -63,17 +64,36 @@ def status_counts(dataset: xr.Dataset) -> dict[str, int]:
     return {Status(int(value)).name.lower(): int(n) for value, n in zip(values, number, strict=True)}
 
 
-def failures(dataset: xr.Dataset, most: int) -> list[tuple[str, str, str]]:
-    """Return labels, status and message of the first cases that ran and are not ok."""
+@dataclass(frozen=True)
+class Failures:
+    """Cases that are not ok and say the same: how many, and the labels of the first."""
+
+    status: str
+    message: str
+    cases: int
+    first: str
+
+
+def failures(dataset: xr.Dataset) -> list[Failures]:
+    """Return what cases that ran and are not ok have to say, the most frequent message first."""
     dims = case_dims(dataset)
     status = np.asarray(dataset["status"].values)
-    found = []
-    for index in np.argwhere((status != Status.OK) & (status != Status.NOT_RUN))[:most]:
-        place = dict(zip(dims, map(int, index), strict=True))
-        labels = ", ".join(labels_of(dataset, dim)[k] for dim, k in place.items()) or "the only case"
-        state = Status(int(status[tuple(index)])).name.lower()
-        found.append((labels, state, str(dataset["message"].isel(place).item())))
-    return found
+    messages = np.asarray(dataset["message"].values)
+    groups: dict[tuple[int, str], list[tuple[int, ...]]] = {}
+    for place in np.argwhere((status != Status.OK) & (status != Status.NOT_RUN)):
+        index = tuple(map(int, place))
+        groups.setdefault((int(status[index]), str(messages[index])), []).append(index)
+    labels = {dim: labels_of(dataset, dim) for dim in dims} if groups else {}
+    found = [
+        Failures(
+            Status(state).name.lower(),
+            message,
+            len(places),
+            ", ".join(labels[dim][k] for dim, k in zip(dims, places[0], strict=True)) or "the only case",
+        )
+        for (state, message), places in groups.items()
+    ]
+    return sorted(found, key=lambda group: -group.cases)
 
 
 def effect(dataset: xr.Dataset, variable: str, dim: str) -> float:

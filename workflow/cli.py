@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -31,6 +32,7 @@ WRONG = 2
 """Exit status: the study or the call is wrong."""
 NOT_OK = 1
 """Exit status: some case is not ok; the rest is complete and stored."""
+FAILURES_SHOWN = 20
 INTERRUPTED = 130
 """Exit status: stopped by Ctrl-C."""
 
@@ -55,10 +57,26 @@ def _told() -> Iterator[None]:
     except (ArchiveError, StudyError) as error:
         print(error, file=sys.stderr)
         raise typer.Exit(WRONG) from None
+    except RuntimeError as error:
+        if not any(word in str(error) for word in ("NetCDF", "HDF")):
+            raise
+        print(
+            f"the archive is damaged ({error}); restore a copy, or move it away and run its study again",
+            file=sys.stderr,
+        )
+        raise typer.Exit(WRONG) from None
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         print(f"{where}{(error.strerror or str(error)).lower()}; choose a place that can be written", file=sys.stderr)
         raise typer.Exit(WRONG) from None
+
+
+def _is_hdf5(path: Path) -> bool:
+    try:
+        with open(path, "rb") as file:
+            return file.read(8) == b"\x89HDF\r\n\x1a\n"
+    except OSError:
+        return False
 
 
 def _read(path: Path) -> Study:
@@ -66,7 +84,7 @@ def _read(path: Path) -> Study:
     from workflow.archive import provenance
     from workflow.study import parse_study, read_study
 
-    if path.suffix == ".nc" and path.exists():
+    if _is_hdf5(path):
         return parse_study(provenance(path)["study"], path.name)
     return read_study(path)
 
@@ -94,7 +112,8 @@ def run(
                 f"stopped; what is done is stored beside {archive}, the same command goes on from there",
                 file=sys.stderr,
             )
-            raise typer.Exit(INTERRUPTED) from None
+            sys.stderr.flush()
+            os._exit(INTERRUPTED)  # kernels that still run cannot be stopped; what is stored is safe
     _tell_outcome(console, outcome)
     raise typer.Exit(0 if outcome.ok else NOT_OK)
 
@@ -188,14 +207,15 @@ def show(archive: ArchiveFile) -> None:
         from workflow.archive import open_archive
 
         with open_archive(archive) as dataset:
-            console.print(f"{archive}: {dataset.attrs['title']}", markup=False)
+            console.print(f"{archive}: {dataset.attrs.get('title', 'without a title')}", markup=False)
             for dim in case_dims(dataset):
                 values = labels_of(dataset, dim, named=False)
                 more = f"; … {len(values)} in all" if len(values) > 8 else ""
                 console.print(f"  {dim} ({len(values)}): {'; '.join(values[:8])}{more}", markup=False)
             for name in dataset.coords:
                 if dataset[name].ndim == 0:
-                    console.print(f"  {name} = {dataset[name].item()}", markup=False)
+                    unit = str(dataset[name].attrs.get("units", "1")).removeprefix("1")
+                    console.print(f"  {name} = {dataset[name].item()} {unit}".rstrip(), markup=False)
             if "t" in dataset.sizes:
                 t = dataset["t"].values
                 console.print(f"  t: {t.size} samples to {t[-1]:g} s")
@@ -204,8 +224,12 @@ def show(archive: ArchiveFile) -> None:
             runaway = int(dataset["runaway"].sum())
             if runaway:
                 console.print(f"  {runaway} cases above their critical alpha (flag runaway)")
-            for labels, state, message in failures(dataset, 20):
-                console.print(f"  {state}: {labels}: {message}", markup=False)
+            told = failures(dataset)
+            for group in told[:FAILURES_SHOWN]:
+                many = "" if group.cases == 1 else f" and {group.cases - 1} more"
+                console.print(f"  {group.status}: {group.first}{many}: {group.message}", markup=False)
+            if len(told) > FAILURES_SHOWN:
+                console.print(f"  … and {len(told) - FAILURES_SHOWN} more messages")
 
 
 @app.command()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workflow.analysis import contact_phases, finest, labels_of, shown_dim
+from workflow.analysis import contact_phases, effect, finest, labels_of, shown_dim
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -19,8 +19,14 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 GREY = "#8a8a8a"
 SHADE = "#0072B2"
 
+MOST_PANELS = 6
+"""Axes that a picture of a metric shows, those with the largest effect."""
+
+_LENGTHS = ((1.0, "m", 1.0), (1e-3, "mm", 1e3), (0.0, "µm", 1e6))
+"""From which largest displacement on which unit serves, and its factor."""
+
 _PANELS = {
-    "displacement": ("tip displacement", "µm", 1e6),
+    "displacement": ("tip displacement", "m", 1.0),
     "velocity": ("tip velocity", "m/s", 1.0),
     "temperature": ("tip temperature rise", "K", 1.0),
     "contact_force": ("contact force", "N", 1.0),
@@ -59,6 +65,9 @@ def tip_response(curves: list[Curve], title: str = "", phases_of: int | None = N
     axes = np.atleast_1d(figure.subplots(len(names), 1, sharex=True))
     for panel, name in zip(axes, names, strict=True):
         about, unit, scale = _PANELS[name]
+        if name == "displacement":
+            largest = max(float(np.nanmax(np.abs(curve.case[name].values), initial=0.0)) for curve in curves)
+            unit, scale = next((u, factor) for least, u, factor in _LENGTHS if largest >= least)
         if phases_of is not None and "contact_force" in first:
             for begin, end in contact_phases(curves[phases_of].case):
                 panel.axvspan(begin, end, color=SHADE, alpha=0.09, lw=0)
@@ -128,8 +137,10 @@ def metric_by_axis(archive: xr.Dataset, metric: str) -> Figure:
     from matplotlib.figure import Figure
 
     place = finest(archive)
-    dims = [dim for dim in place if archive.sizes[dim] > 1]
-    figure = Figure(figsize=(min(3.0 * len(dims) + 0.6, 12.0), 2.9), layout="constrained")
+    varied = [dim for dim in place if archive.sizes[dim] > 1]
+    strongest = sorted(varied, key=lambda dim: -np.nan_to_num(effect(archive, metric, dim)))[:MOST_PANELS]
+    dims = [dim for dim in varied if dim in strongest]
+    figure = Figure(figsize=(min(3.0 * len(dims) + 0.6, 12.0), 3.1), layout="constrained")
     panels: Any = np.atleast_1d(figure.subplots(1, max(len(dims), 1), sharey=True))
     values = archive[metric].where(archive["status"] == 0)
     for panel, dim in zip(panels, dims, strict=True):
@@ -152,7 +163,8 @@ def metric_by_axis(archive: xr.Dataset, metric: str) -> Figure:
         panel.grid(alpha=0.25, lw=0.5)
     panels[0].set_ylabel(f"{metric.replace('_', ' ')} [{archive[metric].attrs.get('units', '1')}]")
     if dims:
-        panels[0].legend(frameon=False, fontsize=8)
+        handles, labels = panels[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False, fontsize=8)
     return figure
 
 

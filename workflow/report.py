@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workflow.analysis import case_dims, effect, failures, labels_of, status_counts
-from workflow.archive import open_archive, provenance
+from workflow.archive import ArchiveError, open_archive, provenance
 from workflow.plots import metric_by_axis, overview, save
 
 if TYPE_CHECKING:
@@ -45,19 +45,27 @@ def write_report(archive: Path, page: Path | None = None) -> Written:
     Raises
     ------
     ArchiveError
-        There is no such archive.
+        There is no such archive, or the report would overwrite it.
     OSError
         The page cannot be written.
     """
     page = page or archive.with_suffix(".html")
+    if not page.name:
+        raise ArchiveError(f"{page}: a directory, not a page; name a file, e.g. {archive.stem}.html")
+    picture = page.with_suffix(".png")
+    if len({archive.resolve(), page.resolve(), picture.resolve()}) < 3:
+        raise ArchiveError(
+            f"{page}: the archive {archive}, the page and the picture {picture} would be one file; "
+            f"choose another page with -o, e.g. {archive.stem}-report.html"
+        )
     with open_archive(archive) as dataset:
         figure_path = None
-        body = [f"<h1>{html.escape(str(dataset.attrs['title']))}</h1>"]
-        body.append(f'<p class="muted">{html.escape(str(dataset.attrs["summary"]))}</p>')
+        body = [f"<h1>{html.escape(str(dataset.attrs.get('title', archive.name)))}</h1>"]
+        body.append(f'<p class="muted">{html.escape(str(dataset.attrs.get("summary", "")))}</p>')
         body += _cases(dataset)
         if any(name in dataset for name in ("displacement", "temperature", "contact_force")) and _any_ok(dataset):
             figure = overview(dataset)
-            figure_path = save(figure, page.with_suffix(".png"))
+            figure_path = save(figure, picture)
             body += ["<h2>Tip response</h2>", _image(figure, "tip response")]
         if any(dataset.sizes[dim] > 1 for dim in case_dims(dataset)) and _any_ok(dataset):
             body += ["<h2>What the axes do</h2>", _effects(dataset)]
@@ -97,17 +105,20 @@ def _table(head: list[str], rows: list[list[str]]) -> str:
 def _cases(dataset: xr.Dataset) -> list[str]:
     counts = status_counts(dataset)
     found = ["<h2>Cases</h2>", _table(["status", "cases"], [[name, str(n)] for name, n in counts.items()])]
-    runaway = int(dataset["runaway"].sum())
+    runaway = int(((dataset["runaway"] == 1) & (dataset["status"] == 0)).sum())
     if runaway:
         critical = np.unique(np.round(np.asarray(dataset["critical_alpha"].values, dtype=float), 12))
         text = ", ".join(f"{value:.4g}" for value in critical[np.isfinite(critical)][:5])
         found.append(
-            f"<p>{runaway} cases lie above the critical heat coupling ({text} m/s): in permanent contact "
-            "their tip would run away thermally. That is physics; they are ok.</p>"
+            f"<p>{runaway} of the ok cases lie above the critical heat coupling ({text} m/s): in permanent "
+            "contact their tip would run away thermally. That is physics, not a failure.</p>"
         )
-    told = failures(dataset, _FAILURES_SHOWN)
+    told = failures(dataset)
     if told:
-        found.append(_table(["case", "status", "what it did"], [list(row) for row in told]))
+        rows = [[f.status, str(f.cases), f.first, f.message] for f in told[:_FAILURES_SHOWN]]
+        found.append(_table(["status", "cases", "the first of them", "what it did"], rows))
+        if len(told) > _FAILURES_SHOWN:
+            found.append(f"<p>… and {len(told) - _FAILURES_SHOWN} more messages.</p>")
     dims = [
         [dim, str(dataset.sizes[dim]), "; ".join(labels_of(dataset, dim, named=False)[:8])]
         for dim in case_dims(dataset)
@@ -131,6 +142,8 @@ def _effects(dataset: xr.Dataset) -> str:
 def _percent(share: float) -> str:
     if not np.isfinite(share):
         return "–"
+    if share < 1e-12:  # rounding
+        return "0"
     return f"{100 * share:.0f} %" if share > 0.095 else f"{100 * share:.2g} %"
 
 

@@ -25,6 +25,7 @@ from workflow.archive import (
     holding,
     open_archive,
     parts_of,
+    remove_parts,
     start_parts,
     study_key,
     write_shard,
@@ -101,18 +102,20 @@ def run_study(study: Study, archive: Path, threads: int | None = None, progress:
     from threadpoolctl import threadpool_limits
 
     begun = time.perf_counter()
-    key, there = study_key(study), archive_key(archive)
-    if there is not None and there != key:
-        raise ArchiveError(
-            f"{archive}: holds another study, or this one with other values or another solver version; "
-            "choose another archive with -o, or move this one away"
-        )
-    if there == key and archive.exists():
+    parts = parts_of(archive)
+    if archive.exists():
+        if archive_key(archive) != study_key(study):
+            raise ArchiveError(
+                f"{archive}: holds another study, or this one with other values or another solver version; "
+                "choose another archive with -o, or move this one away"
+            )
+        if parts.exists():  # of a run that was killed between its last two steps
+            with holding(parts):
+                remove_parts(parts)
         return summarise(archive, time.perf_counter() - begun, None)
     grid = arrange(study)
     units = units_of(grid)
     layout = describe(study, grid, units)
-    parts = parts_of(archive)
     with holding(parts), threadpool_limits(limits=1, user_api="blas"):
         start_parts(parts, layout)
         done = find_shards(parts, layout)
@@ -136,7 +139,7 @@ def _run_missing(
     from dask.base import compute
     from dask.delayed import delayed
 
-    stored, failed = before, 0
+    stored, failed = before, sum(len(shard.messages) for shard in done.files)
 
     def count(cases: int, bad: int) -> None:
         nonlocal stored, failed
@@ -145,7 +148,7 @@ def _run_missing(
             progress(stored, failed, layout.cells)
 
     if progress is not None:
-        progress(before, 0, layout.cells)
+        progress(stored, failed, layout.cells)
     missing = (task for task in tasks(grid, units) if _is_missing(task, grid, units, done))
     one = delayed(_store, pure=False, traverse=False)
     while some := list(islice(missing, _GRAPH)):

@@ -52,6 +52,7 @@ def test_failed_cases_exit_with_one(tmp_path: Path) -> None:
     shown = workflow("show", "out.nc", cwd=tmp_path)
     assert shown.returncode == 0
     assert "ill_posed: " in shown.stdout
+    assert " and 1 more: contact has no unique solution" in shown.stdout
     assert "alpha 1e+09 W N-1" in shown.stdout
 
 
@@ -116,3 +117,46 @@ def test_every_scheme_offers_what_plan_and_run_ask() -> None:
         scheme = schemes.load(name)
         for part in ("Options", "READS", "init", "compute", "cost", "amplification", "thermal_amplification"):
             assert hasattr(scheme, part), f"{name} lacks {part}"
+
+
+@pytest.mark.parametrize("page", ["small.nc", "small.png"])
+def test_a_report_never_overwrites_its_archive(page: str, tmp_path: Path) -> None:
+    study = written(SMALL, tmp_path)
+    archive = "small.png" if page == "small.png" else "small.nc"
+    assert workflow("run", study, "-o", archive, cwd=tmp_path).returncode == 0
+    before = (tmp_path / archive).read_bytes()
+    words = ("report", archive) if page == "small.png" else ("report", archive, "-o", page)
+    told = workflow(*words, cwd=tmp_path)
+    assert told.returncode == 2
+    assert "would be one file" in told.stderr
+    assert (tmp_path / archive).read_bytes() == before
+
+
+@pytest.mark.parametrize("name", ["status", "contact_impulse"])
+def test_a_damaged_chunk_is_told(name: str, tmp_path: Path) -> None:
+    import h5py
+
+    study = written(SMALL, tmp_path)
+    assert workflow("run", study, cwd=tmp_path).returncode == 0
+    archive = tmp_path / "small.nc"
+    with h5py.File(archive) as file:
+        place = file[name].id.get_chunk_info(0)
+    with open(archive, "r+b") as file:
+        file.seek(place.byte_offset + place.size // 2)
+        file.write(b"\x00\xff\x00\xff")
+    told = workflow("report", archive, cwd=tmp_path)
+    assert told.returncode == 2
+    assert "damaged" in told.stderr
+    assert "Traceback" not in told.stderr
+
+
+def test_a_study_changed_after_an_interrupted_run(tmp_path: Path) -> None:
+    from studies import parsed
+    from workflow.archive import describe, parts_of, start_parts
+    from workflow.grid import arrange, units_of
+
+    grid = arrange(parsed(SMALL))
+    start_parts(parts_of(tmp_path / "small.nc"), describe(parsed(SMALL), grid, units_of(grid)))
+    told = workflow("run", written(SMALL.replace("50 um", "40 um"), tmp_path), cwd=tmp_path)
+    assert told.returncode == 2
+    assert "small.nc.parts: holds unfinished results of another study" in told.stderr

@@ -146,3 +146,27 @@ def test_shared_results_stand_in_each_of_their_places(tmp_path: Path, monkeypatc
         impulse = data["contact_impulse"]
         assert (impulse == impulse.isel(h=0, e=0)).all()
         assert (data["status"] == 0).all()
+
+
+@pytest.mark.parametrize("name", ["gap", "alpha_and_e"])
+def test_a_zip_of_any_admissible_name_can_be_opened(name: str, tmp_path: Path) -> None:
+    text = SINGLE + f"zip: {{{name}: {{scene.casing.gap: [5e-5, 4e-5], e: [0, 1]}}}}\n"
+    assert run_study(parsed(text), tmp_path / "a.nc").ok
+    with open_archive(tmp_path / "a.nc") as data:
+        assert data["contact_impulse"].dims == (name,)
+
+
+def test_parts_that_outlived_their_archive_go(tmp_path: Path) -> None:
+    archive = tmp_path / "a.nc"
+    run_study(parsed(SINGLE), archive)
+    parts_of(archive).mkdir()
+    (parts_of(archive) / "layout.json").write_text("{}")
+    assert run_study(parsed(SINGLE), archive).resumed == 1
+    assert list(tmp_path.iterdir()) == [archive]
+
+
+def test_decimal_sample_times_are_found_by_label(tmp_path: Path) -> None:
+    run_study(parsed(SINGLE), tmp_path / "a.nc")
+    with open_archive(tmp_path / "a.nc") as data:
+        for k in range(61):
+            assert data["t"].sel(t=float(f"{k / 1000:.3f}")).item() == k / 1000

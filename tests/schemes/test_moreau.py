@@ -25,7 +25,8 @@ from scenes import (
     taken,
 )
 from workflow import schemes
-from workflow.models import Rayleigh
+from workflow.models import Rayleigh, static_equilibrium
+from workflow.reduction import reduce_structure
 from workflow.schemes import Status
 
 DATA = Path(__file__).parents[1] / "data"
@@ -401,3 +402,21 @@ def test_thermal_states_cost_nothing_where_they_cannot_act() -> None:
     other = step(rigid_heat, cases(rigid_heat, **scene), 1e-4, sampling(0.3, 1e-3))
     assert np.all(cold.histories["temperature"] == 0)
     assert relative(cold.histories["displacement"], other.histories["displacement"]) < 1e-12
+
+
+@pytest.mark.parametrize("theta", [0.5, 1.0])
+@pytest.mark.parametrize("e", [0.0, 0.7])
+def test_a_pressed_tip_stays_on_its_casing(theta: float, e: float) -> None:
+    """Static starts at x = d exactly: no rounding may lose the contact, whatever gap, model and heat."""
+    full = heavy_chain()
+    gaps = np.linspace(1e-5, 7e-5, 31)
+    rest = [static_equilibrium(full, np.eye(20)[-1] * 120.0, np.zeros(20), float(gap)) for gap in gaps]
+    batch = cases(
+        full, 31, e=e, alpha=np.arange(31) % 2 * 1e-9, gap=gaps, mean=120.0, displacement=np.array([x for x, _ in rest])
+    )
+    reduction = reduce_structure(full, 3, 12)
+    for structure, loaded in ((full, batch), (reduction.structure, reduction.project(batch))):
+        found = step(structure, loaded, 1e-4, sampling(0.5, 1e-3), theta=theta)
+        force = np.diff(found.histories["impulse"], axis=1) / 1e-3
+        assert np.array_equal(found.histories["displacement"], np.repeat(gaps[:, None], 501, axis=1))
+        assert np.allclose(force, (120.0 - gaps * 1e6)[:, None], rtol=1e-6)

@@ -11,6 +11,7 @@ from study_samples import BLADE, CHAIN
 from workflow.study import StudyError, parse_study, read_study
 
 CHANGED = [
+    (17, "frequency: 5 Hz", "frequency: 1e15 Hz", "scene.load.frequency", "2e+15 load periods", "up to 1e+06 Hz"),
     # line; what is written there, what stands there instead; key, fragments of the problem and the remedy
     (1, "study: blade", "study: 5 blades", "study", "is no name", "letters, digits"),
     (1, "study: blade", "study: [blade]", "study", "a list is no name", "letters, digits"),
@@ -165,6 +166,7 @@ def test_changed_line(line: int, old: str, new: str, key: str, problem: str, rem
 
 
 WHOLE = [
+    ('study: a\ntitle: "a\\uD800"\n', "title", "escape that is no character"),
     ("", None, "is empty"),
     ("# nothing\n", None, "is empty"),
     ("- 1\n- 2\n", "", "is not a mapping"),

@@ -154,7 +154,8 @@ def _coordinates(study: Study, grid: Grid, periods: int) -> tuple[Coordinate, ..
         _coordinate(axis, (dimension.name,)) for dimension in (*grid.outer, *grid.inner) for axis in dimension.axes
     ]
     found += [_coordinate(axis, ()) for axis in study.scalars]
-    if not any(coordinate.name == "gap" for coordinate in found):
+    taken = {coordinate.name for coordinate in found} | {name for name, _ in grid.dims}
+    if "gap" not in taken:
         about = {"units": "m", "long_name": "tip clearance at rest, cold"}
         found.append(Coordinate("gap", (), np.asarray(study.scene.gap), about))
     if study.output.histories:

@@ -32,6 +32,8 @@ def holding(parts: Path) -> Iterator[None]:
 
 
 def _locked(parts: Path) -> IO[str]:
+    if not parts.parent.is_dir():
+        raise ArchiveError(f"{parts.parent}: no such directory; make it, or choose another place with -o")
     while True:
         with writing("the directory of the shards", parts.parent):
             parts.mkdir(exist_ok=True)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
 from workflow import schemes
 from workflow.grid._arrangement import Grid, values_along
-from workflow.grid._operators import reduced_structure, structure_of
+from workflow.grid._operators import reduction_of, structure_of
 from workflow.grid._tasks import Units, bytes_per_case, seconds_per_case, tasks
 from workflow.models import Array, critical_alpha, mechanical_modes, thermal_modes, tip_flexibility
 from workflow.schemes import Scheme
@@ -131,6 +133,16 @@ def plan(grid: Grid, units: Units) -> Plan:
     return Plan(cases, unique, batches, number, steps, seconds, size, tuple(structures.values()), _told(cautions))
 
 
+@lru_cache(maxsize=64)
+def _free_modes(model: str, parameters: Any, mechanical: int, thermal: int) -> tuple[Array, Array, Array]:
+    """Return ω, c and μ of a structure's modes."""
+    reduction = reduction_of(model, parameters, mechanical, thermal)
+    structure = structure_of(model, parameters) if reduction is None else reduction.structure
+    omega = mechanical_modes(structure).values
+    damping = structure.damping.mass + structure.damping.stiffness * omega**2
+    return omega, damping, thermal_modes(structure).values
+
+
 @dataclass(frozen=True)
 class _Caution:
     """One thing to beware of: ``what`` it is, for which scheme and step, and how much of it."""
@@ -147,9 +159,9 @@ def _beware(grid: Grid, cell: Cell) -> list[_Caution]:
     scheme = schemes.load(cell.scheme.method)
     if "h" not in scheme.READS:
         return []
-    structure = reduced_structure(cell)
-    omega, rates = mechanical_modes(structure).values, thermal_modes(structure).values
-    damping = structure.damping.mass + structure.damping.stiffness * omega**2
+    omega, damping, rates = _free_modes(
+        cell.scene.model, cell.scene.parameters, cell.mechanical_modes, cell.thermal_modes
+    )
     free = np.abs(scheme.amplification(omega, damping, cell.h, cell.scheme.options))
     heat = np.abs(scheme.thermal_amplification(rates, cell.h, cell.scheme.options))
     growth = float(max(free.max(initial=0.0), heat.max(initial=0.0)))
@@ -182,6 +194,11 @@ def _first_mode_damping(scheme: Scheme, omega: Array, damping: Array, cell: Cell
     return float(-np.log(abs(z)) / turn) if abs(z) > 0 and turn > 0 else float("inf")
 
 
+def _listed(amounts: list[str]) -> str:
+    """Join a few amounts, or the ends of many."""
+    return ", ".join(amounts) if len(amounts) <= 6 else f"{amounts[0]} to {amounts[-1]} ({len(amounts)} steps)"
+
+
 def _told(cautions: list[_Caution]) -> tuple[str, ...]:
     """Return one sentence per scheme and kind, with the largest amount at each step."""
     worst: dict[tuple[str, str], dict[float, _Caution]] = {}
@@ -192,6 +209,6 @@ def _told(cautions: list[_Caution]) -> tuple[str, ...]:
             at[caution.h] = caution
     return tuple(
         f"{scheme} {max(at.values(), key=lambda c: c.size).what} "
-        + ", ".join(f"{caution.amount} at h = {h:g} s" for h, caution in sorted(at.items()))
+        + _listed([f"{caution.amount} at h = {h:g} s" for h, caution in sorted(at.items())])
         for (scheme, _), at in worst.items()
     )

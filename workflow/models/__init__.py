@@ -7,6 +7,7 @@ that name in ``scene:`` of a study; adding one is adding the file.
 from __future__ import annotations
 
 import pkgutil
+from functools import cache
 from importlib import import_module
 from typing import Any, Protocol, cast
 
@@ -29,7 +30,12 @@ class Model(Protocol):
 
 def names() -> tuple[str, ...]:
     """Return the names of all models, sorted."""
-    return tuple(sorted(m.name for m in pkgutil.iter_modules(__path__) if not m.name.startswith("_")))
+    return _names(tuple(__path__))
+
+
+@cache
+def _names(path: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(sorted(m.name for m in pkgutil.iter_modules(path) if not m.name.startswith("_")))
 
 
 def load(name: str) -> Model:

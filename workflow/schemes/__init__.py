@@ -19,6 +19,7 @@ one is adding the file. It offers
 from __future__ import annotations
 
 import pkgutil
+from functools import cache
 from importlib import import_module
 from typing import cast
 
@@ -40,7 +41,12 @@ SOLVER_VERSION = 1
 
 def names() -> tuple[str, ...]:
     """Return the names of all schemes, sorted."""
-    return tuple(sorted(m.name for m in pkgutil.iter_modules(__path__) if not m.name.startswith("_")))
+    return _names(tuple(__path__))
+
+
+@cache
+def _names(path: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(sorted(m.name for m in pkgutil.iter_modules(path) if not m.name.startswith("_")))
 
 
 def load(name: str) -> Scheme:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from workflow.models import Array
@@ -48,6 +47,7 @@ from workflow.schemes._event_search import (
     polish,
     short_flight,
 )
+from workflow.schemes._kernel import kernel
 
 DONE, EVENTS, STEPS, BEYOND, NOT_FINITE = 0, 1, 2, 3, 4
 """How a case ended: to the end, by a budget, tip beyond the gap at the start, numbers overflowed."""
@@ -79,7 +79,7 @@ class Tip(NamedTuple):
     """χ_n, ``(thermal mode,)``."""
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _change(matrix: Array, per_gap: Array, gap: float, source: Array, inputs: int, outputs: int, target: Array) -> None:
     """Fill target = source · matrix + gap · per_gap."""
     for i in range(outputs):
@@ -89,7 +89,7 @@ def _change(matrix: Array, per_gap: Array, gap: float, source: Array, inputs: in
             target[i] += source[j] * matrix[j, i]
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def march(
     free: Regime,
     held: Regime,
@@ -277,7 +277,7 @@ def march(
     return ended
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _step(
     r: Response,
     x: Expansion,

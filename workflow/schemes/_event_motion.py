@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
 from workflow.models import Array
@@ -43,12 +42,13 @@ from workflow.schemes._event_functions import (
     stiff_block,
 )
 from workflow.schemes._event_response import FIRSTS, PACES, SLOPES, VALUES, Response
+from workflow.schemes._kernel import kernel
 
 ORDER, TAYLOR_SPAN = 18, 0.6
 """Order of Taylor polynomials, and largest (pole · time) they are used for: 0.6^18/18! < 2e-20."""
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def explicit_force(r: Response, k: int, y: Array, cos: float, sin: float) -> float:
     """Return the force on an explicit block, state ``y``."""
     force = r.block[FORCE, k] + r.block[FORCE_COS, k] * cos + r.block[FORCE_SIN, k] * sin
@@ -57,7 +57,7 @@ def explicit_force(r: Response, k: int, y: Array, cos: float, sin: float) -> flo
     return float(force)
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def forced_block(r: Response, k: int, t: float, motion: Array, dt: float) -> tuple[float, float, float]:
     """Advance an explicit block by Taylor steps; return η, η' and ∫η dt after ``dt``."""
     b, f = r.block, r.first
@@ -99,7 +99,7 @@ def forced_block(r: Response, k: int, t: float, motion: Array, dt: float) -> tup
     return y, v, area
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def advance(r: Response, motion: Array, t: float, dt: float, out: Array, integrate: bool) -> float:
     """Move a state from t to t + dt; return the integral of the signal over it if asked for."""
     b, y, y_new = r.block, motion, out
@@ -145,7 +145,7 @@ def advance(r: Response, motion: Array, t: float, dt: float, out: Array, integra
     return area
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def observe(r: Response, motion: Array, t: float) -> tuple[float, float, float, float]:
     """Return signal, its rate, tip temperature and its rate."""
     b, f, y = r.block, r.first, motion
@@ -177,7 +177,7 @@ def observe(r: Response, motion: Array, t: float) -> tuple[float, float, float, 
     return signal, rate, heat, heat_rate
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def strike(r: Response, shape: Array, motion: Array, p: float, heat: float) -> None:
     """Apply an impulse p and a heat at the tip: velocities jump by -p M⁻¹ e_n, θ by heat C2⁻¹ e_n."""
     b, f, y = r.block, r.first, motion
@@ -189,7 +189,7 @@ def strike(r: Response, shape: Array, motion: Array, p: float, heat: float) -> N
         y[SLOPES, k] += heat * b[KICK_SLOPE, k] - p * shape[k]
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def heating_rate(r: Response, motion: Array, t: float) -> float:
     """Return the rate of the tip temperature in a regime where only first-order states show in it."""
     return row_dot(r.first, HEAT_SPEED, motion, PACES)

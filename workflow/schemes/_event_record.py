@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from workflow.models import Array
 from workflow.schemes._event_motion import advance, observe
 from workflow.schemes._event_response import Response
+from workflow.schemes._kernel import kernel
 
 
 class Record(NamedTuple):
@@ -42,18 +42,18 @@ class Watch(NamedTuple):
 IMPULSE, CONTACT, SINCE, HOTTEST, PERIOD_HOTTEST, PERIOD_IMPULSE, PERIOD_CONTACT = range(7)
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def contact_time(watch: Watch, t: float) -> float:
     return float(watch.totals[CONTACT] + max(0.0, t - watch.totals[SINCE]))
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def heat_seen(watch: Watch, temperature: float) -> None:
     watch.totals[HOTTEST] = max(watch.totals[HOTTEST], temperature)
     watch.totals[PERIOD_HOTTEST] = max(watch.totals[PERIOD_HOTTEST], temperature)
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def write(
     record: Record,
     watch: Watch,
@@ -83,7 +83,7 @@ def write(
         watch.next[1] += 1
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def next_due(record: Record, watch: Watch) -> float:
     sample, period = watch.next[0], watch.next[1]
     due = record.times[sample] if sample < record.times.size else np.inf
@@ -92,7 +92,7 @@ def next_due(record: Record, watch: Watch) -> float:
     return due
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def see(
     record: Record,
     watch: Watch,
@@ -139,7 +139,7 @@ def see(
         last, last_t = seen, at
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _hermite_top(a: float, da: float, b: float, db: float, h: float) -> float:
     """Return where on [0, h] the cubic with these end values and slopes (da > 0 > db) is largest."""
     low, high = 0.0, h

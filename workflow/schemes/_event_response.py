@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 
 from workflow.models import Array
@@ -57,6 +56,7 @@ from workflow.schemes._event_functions import (
     padded,
 )
 from workflow.schemes._event_regimes import Regime
+from workflow.schemes._kernel import kernel
 
 SLOW = 0.3
 """A block whose slowest pole turns by less than this over the duration keeps its forces explicit:
@@ -119,13 +119,13 @@ VALUES, SLOPES, FIRSTS, PACES = range(4)
 """Rows of a state, loads split off where they are: η, η' per block, ξ, ξ' per first-order state."""
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def new_motion(r: Response) -> Array:
     """Return an empty state."""
     return np.zeros((4, max(r.block.shape[1], r.first.shape[1])))
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def copy_motion(source: Array, target: Array) -> None:
     """Copy a state."""
     for row in range(4):
@@ -133,7 +133,7 @@ def copy_motion(source: Array, target: Array) -> None:
             target[row, k] = source[row, k]
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _keeps_forces(c: float, w2: float, forced: bool, load_omega: float, duration: float) -> bool:
     """Whether a block's response to the loads cannot be split off without losing digits."""
     half = 0.5 * abs(c)
@@ -146,7 +146,7 @@ def _keeps_forces(c: float, w2: float, forced: bool, load_omega: float, duration
     return bool(np.hypot(half, load_omega - np.sqrt(turn)) * duration < RESONANT)
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def respond(regime: Regime, load: Load, heat_shape: Array, firsts: int) -> Any:
     """Return the response of a regime to the loads of one case; ``firsts`` is 0 without heat.
 
@@ -268,7 +268,7 @@ def respond(regime: Regime, load: Load, heat_shape: Array, firsts: int) -> Any:
     )
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def load_motion(r: Response, coordinates: Array, t: float, motion: Array) -> None:
     """Split the loads' response off the coordinates [η, u, ξ] of time t."""
     b, f, y = r.block, r.first, motion
@@ -289,7 +289,7 @@ def load_motion(r: Response, coordinates: Array, t: float, motion: Array) -> Non
         y[VALUES, k], y[SLOPES, k] = value, slope
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def store_motion(r: Response, motion: Array, t: float, coordinates: Array) -> None:
     """Return to the coordinates [η, u, ξ]: the inverse of :func:`load_motion`."""
     b, f, y = r.block, r.first, motion

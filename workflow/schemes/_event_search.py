@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 
 from workflow.models import Array
@@ -37,6 +36,7 @@ from workflow.schemes._event_functions import (
 )
 from workflow.schemes._event_motion import ORDER, advance, explicit_force
 from workflow.schemes._event_response import FIRSTS, PACES, SLOPES, VALUES, Response
+from workflow.schemes._kernel import kernel
 
 ROUNDING = 4.0 * 2.220446049250313e-16
 """Signal values below this share of the sum of their terms' magnitudes are not told from zero."""
@@ -58,13 +58,13 @@ class Expansion(NamedTuple):
 S0, S1, S2, S3, FOURTH, REST, REST_RATE, FIFTH, SIZE = range(9)
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def new_expansion(r: Response) -> Any:
     """Return an empty expansion."""
     return Expansion(np.zeros((9, r.blocks + 1)), np.zeros((8, r.block.shape[1])))
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def expand(r: Response, motion: Array, t: float, x: Expansion) -> None:
     """Expand the signal at a state."""
     b, f, sums, d = r.block, r.first, x.sums, x.terms
@@ -136,7 +136,7 @@ def expand(r: Response, motion: Array, t: float, x: Expansion) -> None:
     sums[FIFTH, 0], sums[SIZE, 0] = fifth, size
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _expand_blocks(b: Array, y: Array, d: Array) -> None:
     """Fill the terms of all blocks that move freely; the energy √(ω² s² + s'²) of a mode never grows."""
     for k in range(d.shape[1]):
@@ -156,7 +156,7 @@ def _expand_blocks(b: Array, y: Array, d: Array) -> None:
         d[REST, k] = d[REST_RATE, k] * b[PERIOD, k]
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _summed(r: Response, h: float) -> int:
     """Return how many blocks to expand over a step h; the others are bounded as a group."""
     k = r.blocks
@@ -165,7 +165,7 @@ def _summed(r: Response, h: float) -> int:
     return k
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _growth(x: float) -> float:
     """Return a bound of e^x: at most what modes grow over a step."""
     if x <= 0.0:
@@ -173,7 +173,7 @@ def _growth(x: float) -> float:
     return 1.0 / (1.0 - x) if x < 0.25 else np.exp(x)
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _clear(r: Response, x: Expansion, zeros: int, h: float) -> bool:
     """Whether the signal certainly has no zero on (0, h], known zeros at 0 divided out."""
     factor = _growth(r.growth * h)
@@ -197,7 +197,7 @@ def _clear(r: Response, x: Expansion, zeros: int, h: float) -> bool:
     return bool(a0 >= 0.0 and b1 >= 0.0 and b2 >= 0.0 and b3 >= 0.0 and b4 >= 0.0)
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def longest_clear(r: Response, x: Expansion, zeros: int, guess: float, most: float) -> float:
     """Return a step up to ``most`` on which the signal certainly has no zero; 0 if there is none."""
     h = min(guess, most)
@@ -215,7 +215,7 @@ def longest_clear(r: Response, x: Expansion, zeros: int, guess: float, most: flo
     return 0.0
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _cubic_zero(a0: float, a1: float, a2: float, a3: float) -> float:
     """Return the zero of a0 + a1 τ + a2 τ² + a3 τ³ that Newton finds from τ = 0; -1 if none."""
     if a1 >= 0.0:
@@ -233,7 +233,7 @@ def _cubic_zero(a0: float, a1: float, a2: float, a3: float) -> float:
     return -1.0
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def falls_through(r: Response, x: Expansion, zeros: int, most: float) -> tuple[float, float]:
     """Return a guess and the end of an interval in which the signal certainly falls through zero once.
 
@@ -273,7 +273,7 @@ def falls_through(r: Response, x: Expansion, zeros: int, most: float) -> tuple[f
     return 0.0, 0.0
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _flight_guess(a1: float, a2: float, a3: float) -> float:
     """Return the positive zero of a1 + a2 τ + a3 τ² of a flight that starts at zero; -1 if none."""
     if a1 <= 0.0 or a2 >= 0.0:
@@ -284,7 +284,7 @@ def _flight_guess(a1: float, a2: float, a3: float) -> float:
     return float(-2.0 * a1 / (a2 - np.sqrt(square)))
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def polish(r: Response, motion: Array, t: float, guess: float, end: float, scratch: Array, x: Expansion) -> float:
     """Return the zero of the signal in (0, end], by expansions about ever better points."""
     tau = guess
@@ -319,7 +319,7 @@ def polish(r: Response, motion: Array, t: float, guess: float, end: float, scrat
     return tau
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def short_flight(
     r: Response, motion: Array, t: float, speed: float, guess: float, x: Expansion, derivatives: Array
 ) -> float:
@@ -351,7 +351,7 @@ def short_flight(
     return tau
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def series(r: Response, motion: Array, t: float, order: int, x: Expansion, derivatives: Array) -> None:
     """Fill the derivatives of the signal up to ``order`` from a state; ``x`` is its expansion and is used up."""
     psi, w = r.load_omega * t + r.load_phase, r.load_omega

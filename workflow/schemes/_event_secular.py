@@ -17,12 +17,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from workflow.models import Array
 from workflow.schemes._event_regimes import Held
+from workflow.schemes._kernel import kernel
 
 Complex = NDArray[np.complex128]
 
@@ -169,7 +169,7 @@ def _zeros(residue: Complex, d: Complex, guesses: Any) -> tuple[NDArray[np.intp]
     return np.concatenate([origin, kept]), np.concatenate([delta, np.zeros(kept.size)])
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _newton(residue: Complex, d: Complex, origin: NDArray[np.intp], delta: Complex) -> bool:
     """Move the shifts to zeros of δ f(d_o + δ), which has no pole at δ = 0; tell whether all converged."""
     for i in range(origin.size):

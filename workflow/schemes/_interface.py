@@ -48,7 +48,11 @@ class Sampling:
 
     @property
     def times(self) -> Array:
-        """Sample times, s, shape ``(t,)``."""
+        """Sample times, s, shape ``(t,)``: decimal multiples of the interval, so that 0.009 is found."""
+        ratio = Fraction(repr(float(self.interval)))
+        numerator, denominator = float(ratio.numerator), float(ratio.denominator)
+        if ratio.numerator * self.count < 2**53 and ratio.denominator < 2**53:
+            return np.arange(self.count, dtype=np.float64) * numerator / denominator
         return np.arange(self.count, dtype=np.float64) * self.interval
 
     def steps(self, h: float) -> int:

@@ -48,13 +48,16 @@ def _compiled(function: F, **options: Any) -> F:
     before = config.CACHE_DIR
     config.CACHE_DIR = str(cache_directory())
     try:
-        return cast(F, numba.njit(nogil=True, cache=True, **options)(function))
+        return cast(F, numba.njit(nogil=True, cache=True, error_model="numpy", **options)(function))
     finally:
         config.CACHE_DIR = before
 
 
 def kernel(function: F) -> F:
-    """Compile a kernel: cached, without the global interpreter lock, no fastmath, no prange."""
+    """Compile a kernel: cached, without the global interpreter lock, no fastmath, no prange.
+
+    Divisions by zero give infinities as in NumPy: a kernel never raises, it sets a status.
+    """
     return _compiled(function)
 
 

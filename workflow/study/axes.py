@@ -23,7 +23,7 @@ VARIABLES = frozenset(
         *("thermal_closing", "energy_residual", "heat_residual", "critical_alpha", "growth_rate"),
         *("steps", "wall_time", "period_impulse", "period_force", "period_temperature", "period_contact"),
         *("displacement_error", "temperature_error", "impulse_error", "predictability"),
-        *("status", "runaway", "message"),
+        *("status", "runaway", "message", "message_length", "provenance"),
     ]
 )
 """Names of the archive that no axis takes (DESIGN section 4)."""

@@ -26,6 +26,13 @@ from workflow.study.source import Source, compose, read_text
 from workflow.study.study import Reference, Study
 
 MOST_SAMPLES = 2_000_000
+"""Samples of a history, and load periods of a case: 16 MB of memory for each variable of each case."""
+
+MOST_STEPS = 10**12
+"""Steps of a case: at 10 ns a step about three hours of one core."""
+
+LONGEST_STEP = 1e3
+"""A step, in durations; one step of any length covers the duration, this leaves room and no overflow."""
 
 
 def read_study(path: str | Path) -> Study:
@@ -108,6 +115,7 @@ class _Reader:
         defined = entries["schemes"].items()
         choices = {label: SchemeChoice(label, method, options) for label, (method, options) in defined}
         self._judge_start(scene, dimensions, scalars)
+        self._judge_extent(scene, dimensions, scalars)
         output = self._output(entries["output"], scene.get("duration"))
         if self.source.mistakes:
             raise StudyError(self.source.mistakes)
@@ -287,6 +295,31 @@ class _Reader:
             problem = f"the tip starts inside the casing, at {x:g} m with a gap of {gap:g} m"
             remedy = "start at or below the gap, or write `initial: static`"
             self.source.report(self._written(paths), problem, remedy)
+
+    def _judge_extent(
+        self, scene: Mapping[str, Any], dimensions: tuple[Dimension, ...], scalars: tuple[Axis, ...]
+    ) -> None:
+        """Refuse more load periods or steps than any case can have, and steps far beyond the duration."""
+        duration, load = scene.get("duration"), scene.get("load")
+        if duration is None or load is None:
+            return
+        axes = [*scalars, *(axis for dimension in dimensions for axis in dimension.axes)]
+        values = {axis.path: axis.values for axis in axes}
+        fastest = max(float(value) for value in values.get("scene.load.frequency", (load.frequency,)))
+        if duration * fastest > MOST_SAMPLES:
+            problem = f"gives {duration * fastest:.3g} load periods"
+            remedy = f"write a shorter duration, or a frequency up to {MOST_SAMPLES / duration:.3g} Hz"
+            self.source.report(self._written(("scene.load.frequency",)), problem, remedy)
+        methods = {method for label in values.get("scheme", ()) for method in self.labels.get(str(label), ())}
+        if not any("h" in schemes.load(method).READS for method in methods):
+            return
+        shortest, longest = (float(choose(values["h"])) for choose in (min, max)) if "h" in values else (None, None)
+        if shortest is not None and duration / shortest > MOST_STEPS:
+            problem = f"{shortest:g} s makes {duration / shortest:.3g} steps of a duration of {duration:g} s"
+            self.source.report(self._written(("h",)), problem, f"write at least {duration / MOST_STEPS:.3g} s")
+        elif longest is not None and longest > LONGEST_STEP * duration:
+            problem = f"{longest:g} s is far longer than the duration of {duration:g} s"
+            self.source.report(self._written(("h",)), problem, f"write at most {duration:g} s")
 
     def _written(self, paths: tuple[str, ...]) -> Place:
         """Return where the first of some scene values is written, as an axis or in the scene."""

@@ -222,6 +222,9 @@ class _Composer:
 
     def _scalar(self, event: Any) -> None:
         self._judge_tag(event)
+        if any("\ud800" <= character <= "\udfff" for character in event.value):
+            self._refuse(self._next(), "has an escape that is no character", "write the character itself", event)
+            event.value = "".join(c for c in event.value if not "\ud800" <= c <= "\udfff")
         top = self.open[-1] if self.open else None
         if top is None or isinstance(top.value, list) or top.key is not None:
             self._put(_resolved(event.value) if event.style is None else event.value, event)

@@ -1,0 +1,14 @@
+"""Tiny versions of the benchmarks, so that they cannot rot."""
+
+from __future__ import annotations
+
+import bench_event_driven
+import pytest
+
+
+def test_event_driven_prints_its_lines(capsys: pytest.CaptureFixture[str]) -> None:
+    bench_event_driven.main(count=1, runs=1)
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split(":")[0] for line in lines] == ["e = 0", "e = 0.5", "e = 0.9"]
+    for line in lines:
+        assert float(line.split("error ")[1].split(",")[0]) <= 1e-10

@@ -1,0 +1,39 @@
+"""Runaway is physics: flagged, predicted, and the case stays ok."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from studies import parsed
+from workflow.grid import arrange, solve
+from workflow.schemes import Status
+
+STUDY = """
+study: runaway
+scene:
+  chain: {{nodes: 20, mass: 2.5e-3, stiffness: 2.0e7, damping: {{mass: 10, stiffness: 2.0e-7}}, spacing: 2.5e-3,
+          expansion: 8.6e-6, heat_capacity: 1.315e-3, conductance: 0.605, convection: 0.02}}
+  casing: {{gap: 5.0e-5}}
+  load: {{mean: 100}}
+  duration: 8
+axes: {{scheme: event_driven, alpha: [{alphas}]}}
+output: {{interval: 0.1}}
+"""
+
+
+def test_below_at_and_above_the_critical_coupling() -> None:
+    critical = solve(arrange(parsed(STUDY.format(alphas="0, 1"))), 0, np.arange(2)).values["critical_alpha"][0]
+    assert critical == pytest.approx(1.071, abs=5e-4)
+    alphas = ", ".join(repr(float(share * critical)) for share in (0.9, 1.0, 1.1))
+    solved = solve(arrange(parsed(STUDY.format(alphas=alphas))), 0, np.arange(3)).values
+    assert np.all(solved["status"] == Status.OK)
+    assert solved["runaway"].tolist() == [0, 1, 1]
+    force, t = solved["contact_force"], np.arange(81) * 0.1
+    assert force[0, -1] == pytest.approx(500, rel=1e-3)
+    late = t > 3
+    slope = np.polyfit(t[late], force[1, late], 1)
+    assert np.abs(np.polyval(slope, t[late]) - force[1, late]).max() < 1e-3 * force[1, -1]  # linear
+    assert solved["growth_rate"][2] == pytest.approx(1.608, abs=5e-4)
+    growth = np.log(force[2, -1] / force[2, -2]) / 0.1
+    assert growth == pytest.approx(solved["growth_rate"][2], rel=1e-3)
