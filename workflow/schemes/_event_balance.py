@@ -268,9 +268,10 @@ def _poles(A: Array, frequency: Array) -> _Poles:
         left = np.linalg.inv(right)
     except np.linalg.LinAlgError:
         return poor
-    if not np.linalg.norm(left) * np.linalg.norm(right) < POOR:
+    if not float(np.abs(left).max(initial=0.0)) < POOR:  # columns of the eigenvectors have length 1
         return poor
-    return _Poles(values.astype(complex), right / scale[:, None] + 0j, left * scale + 0j, fastest)
+    into, out = (np.asarray(vectors, dtype=np.complex128) for vectors in (right / scale[:, None], left * scale))
+    return _Poles(np.asarray(values, dtype=np.complex128), into, out, fastest)
 
 
 @dataclass(frozen=True, eq=False)
