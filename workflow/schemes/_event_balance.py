@@ -23,7 +23,7 @@ Modes that the held tip does not feel are let go where a contact with friction h
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,12 +32,13 @@ from numpy.typing import NDArray
 from workflow.models import Array, Structure
 from workflow.schemes._event_regimes import Basis, Held, held_system
 from workflow.schemes._event_response import Load
+from workflow.schemes._event_secular import secular_spectrum
 from workflow.schemes._event_spectrum import linked
 from workflow.schemes._kernel import kernel
 
 Complex = NDArray[np.complex128]
 
-POOR = 1e4
+POOR = 1e3
 """Condition of the eigenvectors above which they are not used: the integrals lose its square."""
 
 NEAR = 1e-4
@@ -89,7 +90,7 @@ class Form(NamedTuple):
     """L of each column, ``(column,)``."""
 
 
-ON, BEGUN, FIRST, LARGEST, FINAL, SPENT, LOST, TURNED = range(8)
+BEGUN, FIRST, LARGEST, FINAL, SPENT, LOST, TURNED = range(7)
 """Totals: where the present phase began; energy at t = 0, the largest, at the end; energy spent;
 heat lost, and turned over by losses."""
 
@@ -251,25 +252,30 @@ class _Poles:
     fastest: float
 
 
-def _poles(A: Array, frequency: Array) -> _Poles:
-    """Diagonalise A in coordinates of one size: [ω y, y', σ τ]."""
-    modes, size = frequency.size, A.shape[0]
-    scale = np.ones(size)
+def _poles(A: Array, held: Held, alpha: float) -> _Poles:
+    """Diagonalise A: each pole to its own accuracy where it can be, else by the general solver."""
+    frequency, modes, size = held.frequency, held.frequency.size, A.shape[0]
+    scale = np.ones(size)  # to coordinates of one size, [ω z, z', σ τ]
     scale[:modes] = np.where(frequency > 0, frequency, 1.0)
-    drive = np.abs(A[modes : 2 * modes, 2 * modes :])
-    pace = np.maximum(np.where(frequency > 0, frequency, 1.0)[:, None], 1e-300)
-    largest = float((drive / pace).max(initial=0.0))
+    largest = float((np.abs(held.coupling) / scale[:modes, None]).max(initial=0.0))
     scale[2 * modes :] = largest if largest > 0 else 1.0
-    values, right = np.linalg.eig(scale[:, None] * A / scale)
+    found = secular_spectrum(held, alpha, A)
+    if found is not None:
+        pairs = found.values.imag > 0
+        values = np.concatenate([found.values, found.values[pairs].conj()])
+        right = np.asarray(np.concatenate([found.right, found.right[:, pairs].conj()], axis=1) * scale[:, None])
+        left = np.asarray(np.concatenate([found.left, found.left[pairs].conj()]) / scale)
+    else:
+        values, right = np.linalg.eig(scale[:, None] * A / scale)
+        try:
+            left = np.linalg.inv(right)
+        except np.linalg.LinAlgError:
+            left = np.full((size, size), np.inf + 0j)
     fastest = float(np.abs(values).max(initial=0.0))
-    nothing = np.zeros((size, 0), dtype=np.complex128)
-    poor = _Poles(np.zeros(0, dtype=np.complex128), nothing, nothing.T.copy(), fastest)
-    try:
-        left = np.linalg.inv(right)
-    except np.linalg.LinAlgError:
-        return poor
-    if not float(np.abs(left).max(initial=0.0)) < POOR:  # columns of the eigenvectors have length 1
-        return poor
+    lengths = np.sqrt(np.sum(right.real**2 + right.imag**2, axis=0))
+    if values.size != size or not float((np.abs(left) * lengths[:, None]).max(initial=0.0)) < POOR:
+        none = np.zeros(0, dtype=np.complex128)
+        return _Poles(none, np.zeros((size, 0), dtype=np.complex128), np.zeros((0, size), dtype=np.complex128), fastest)
     into, out = (np.asarray(vectors, dtype=np.complex128) for vectors in (right / scale[:, None], left * scale))
     return _Poles(np.asarray(values, dtype=np.complex128), into, out, fastest)
 
@@ -354,6 +360,15 @@ class Books:
         A[modes : 2 * modes, 2 * modes :] = -coupling
         A[2 * modes :, 2 * modes :] = -np.diag(free.rate[:heats])
         frequency = np.sqrt(free.stiffness)
+        modal: dict[str, Any] = {
+            "frequency": frequency,
+            "damping": free.damping,
+            "coupling": coupling,
+            "rate": free.rate[:heats],
+            "heat_tip": self._basis.heat_tip[:heats],
+            "reaction": np.zeros(modes),
+            "thermal_reaction": np.zeros(heats),
+        }
         return _Regime(
             A=A,
             frequency=frequency,
@@ -368,7 +383,7 @@ class Books:
             entry=np.eye(size),
             entry_gap=np.zeros(size),
             loss=np.concatenate([np.zeros(2 * modes), self._loss[:heats]]),
-            poles=_poles(A, frequency),
+            poles=_poles(A, replace(self._basis.held, **modal), 0.0),
         )
 
     def _held(self, alpha: float, heats: int) -> _Regime:
@@ -381,6 +396,12 @@ class Books:
         entry[modes : 2 * modes, free : 2 * free] = held.to_held
         entry[2 * modes :, 2 * free :] = np.eye(heats)
         A = A[:size, :size].copy()
+        thermal: dict[str, Any] = {
+            "coupling": held.coupling[:, :heats],
+            "rate": held.rate[:heats],
+            "heat_tip": held.heat_tip[:heats],
+            "thermal_reaction": held.thermal_reaction[:heats],
+        }
         return _Regime(
             A=A,
             frequency=held.frequency,
@@ -395,7 +416,7 @@ class Books:
             entry=entry,
             entry_gap=np.concatenate([held.to_held_gap, np.zeros(modes + heats)]),
             loss=np.concatenate([np.zeros(2 * modes), self._loss[:heats]]),
-            poles=_poles(A, held.frequency),
+            poles=_poles(A, replace(held, **thermal), alpha),
         )
 
 
