@@ -136,6 +136,7 @@ def reduce_structure(structure: Structure, mechanical_modes: int, thermal_modes:
         expansion=structure.expansion @ thermal,
         heat_capacity=thermal.T @ structure.heat_capacity @ thermal,
         difference=structure.difference @ thermal,
+        content=structure.content @ thermal,
     )
     return Reduction(
         structure=reduced,

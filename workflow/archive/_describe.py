@@ -39,6 +39,11 @@ _METRICS = {
     "wall_time": ("s", "computing time of the case, its share of its batch"),
 }
 
+_BALANCES = {
+    "energy_residual": ("1", "residual of the mechanical energy balance, relative to the largest energy"),
+    "heat_residual": ("1", "residual of the heat balance, relative to the heat turned over"),
+}
+
 _ERRORS = {
     "displacement_error": ("1", "relative L2 distance of the displacement from the reference"),
     "temperature_error": ("1", "relative L2 distance of the temperature from the reference"),
@@ -56,6 +61,17 @@ _PERIODS = {
 _COMMENTS = {
     "impacts": "event_driven: velocity jumps; time-stepping schemes: steps with an impulse after one without",
     "max_penetration": "0 where the tip never passed the casing",
+    "energy_residual": (
+        "(change of E - work of the loads + dissipation by damping + work against thermal forces + sum over impulses "
+        "p of p (v_n before + v_n after)/2) / max E, E = vMv/2 + xK1x/2; time-stepping schemes: midpoint values of "
+        "whole steps, v_n at the step's ends, so that what the scheme itself gives (+) or takes (-) remains; 0 where "
+        "max E is 0"
+    ),
+    "heat_residual": (
+        "(change of the heat content - alpha times impulse - heating + conduction to the root and convection) / heat "
+        "turned over (the sum of the absolute values of alpha times impulse, heating, losses and initial content); "
+        "time-stepping schemes: midpoint values of whole steps; 0 where no heat is turned over"
+    ),
     "critical_alpha": "infinite where the root is free or heat at the tip does not push it out",
 }
 
@@ -162,6 +178,8 @@ def _variables(study: Study, periods: int) -> tuple[Variable, ...]:
         Variable(name, "history", precision, _attributes(name, *_HISTORIES[name])) for name in study.output.histories
     ]
     found += [Variable(name, "metric", "f8", _attributes(name, *about)) for name, about in _METRICS.items()]
+    if study.output.balances:
+        found += [Variable(name, "metric", "f8", _attributes(name, *about)) for name, about in _BALANCES.items()]
     if study.reference is not None:
         found += [Variable(name, "metric", "f8", _attributes(name, *about)) for name, about in _ERRORS.items()]
     if periods:

@@ -74,7 +74,8 @@ class Grid:
     def sampling(self) -> Sampling:
         """Common sampling of all histories."""
         duration, interval = self.study.scene.duration, self.study.output.interval
-        return Sampling(duration, interval, round(duration / interval) + 1)
+        count = round(duration / interval) + 1
+        return Sampling(duration, interval, count, balances=self.study.output.balances)
 
     @cached_property
     def base(self) -> dict[str, Any]:

@@ -77,7 +77,7 @@ def compile_scheme(method: str) -> None:
     scheme = schemes.load(method)
     one, node = np.zeros(1), np.zeros((1, 1))
     cases = Cases(one, one, one + 1, one, one, one, one, node, node, node, node, node)
-    scheme.compute(scheme.init(structure, 0.5, scheme.Options()), cases, Sampling(1.0, 0.5, 3))
+    scheme.compute(scheme.init(structure, 0.5, scheme.Options()), cases, Sampling(1.0, 0.5, 3, balances=True))
 
 
 def runaway_of(cell: Cell, alpha: float) -> tuple[float, float]:

@@ -154,8 +154,9 @@ def _compute(grid: Grid, cell: Cell, shape: tuple[int, ...], block: int) -> _Tru
     structure = structure_of(cell.scene.model, cell.scene.parameters)
     cases = conditions(cell, structure, varying, own.size)
     compile_scheme(cell.scheme.method)
-    truth = run_batch(cell, cases, grid.sampling)
-    opened = run_batch(cell, replace(cases, gap=cases.gap + PERTURBATION * np.abs(cases.gap)), grid.sampling)
+    sampling = replace(grid.sampling, balances=False)
+    truth = run_batch(cell, cases, sampling)
+    opened = run_batch(cell, replace(cases, gap=cases.gap + PERTURBATION * np.abs(cases.gap)), sampling)
     histories = {name: truth.histories[name] for name in COMPARED.values()}
     lost = truth.status != Status.OK
     for values in histories.values():

@@ -145,6 +145,7 @@ def _failed(grid: Grid, text: str) -> Solved:
     """Return one case that raised: NaN everywhere, flags told."""
     nan, periods = np.full(1, np.nan), longest_period_count(grid)
     names = ("impacts", "contact_time", "max_penetration", "max_temperature", "thermal_closing", "steps")
+    balances = ("energy_residual", "heat_residual") if grid.sampling.balances else ()
     derived = ("contact_impulse", "critical_alpha", "growth_rate", "wall_time")
     histories = (*schemes.HISTORIES, "contact_force")
     per_period = ("period_impulse", "period_force", "period_temperature", "period_contact")
@@ -152,7 +153,7 @@ def _failed(grid: Grid, text: str) -> Solved:
     return Solved(
         {
             **{name: np.full((1, grid.sampling.count), np.nan) for name in histories},
-            **dict.fromkeys((*names, *derived, *errors), nan),
+            **dict.fromkeys((*names, *derived, *balances, *errors), nan),
             **{name: np.full((1, periods), np.nan) for name in per_period},
             "status": np.full(1, Status.FAILED, dtype=np.int8),
             "runaway": np.zeros(1, dtype=np.int8),

@@ -39,6 +39,7 @@ def assemble_chain(
     n = mass.size
     joins = np.eye(n) - np.eye(n, k=-1)
     mean_temperature = (np.eye(n) + np.eye(n, k=-1)) / 2
+    difference = np.concatenate([joins, np.eye(n)])
     return Structure(
         mass=np.diag(mass),
         springs=stiffness,
@@ -47,5 +48,7 @@ def assemble_chain(
         damping=damping,
         heat_capacity=np.diag(heat_capacity),
         conductors=np.concatenate([conductance, convection]),
-        difference=np.concatenate([joins, np.eye(n)]),
+        difference=difference,
+        content=heat_capacity.copy(),
+        grounded=difference.sum(axis=1),
     )

@@ -51,6 +51,12 @@ class Structure:
         κ and b, shape (conductor,), W/K.
     difference
         Temperature difference across each conductor, shape (conductor, thermal).
+    content
+        Heat content Σ c_i θ_i over the nodes per thermal coordinate, shape (thermal,), J/K.
+    grounded
+        Temperature difference across each conductor at a uniform temperature rise of 1 K: 1 where
+        it leads to the root or the surroundings, 0 within the structure, shape (conductor,).
+        Content and losses sum over the nodes in any basis.
     """
 
     mass: Array
@@ -60,6 +66,8 @@ class Structure:
     heat_capacity: Array
     conductors: Array
     difference: Array
+    content: Array
+    grounded: Array
     damping: Rayleigh = field(default_factory=Rayleigh)
 
     @property
@@ -81,6 +89,11 @@ class Structure:
     def conductance_matrix(self) -> Array:
         """K2, W/K."""
         return self.difference.T @ (self.conductors[:, None] * self.difference)
+
+    @property
+    def loss_row(self) -> Array:
+        """Heat flow κ_1 θ_1 + Σ b_i θ_i out of the structure per thermal coordinate, W/K."""
+        return np.asarray((self.conductors * self.grounded) @ self.difference)
 
     @property
     def mechanical_size(self) -> int:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workflow.models import Array
+from workflow.schemes._event_balance import FINAL, FIRST, SPENT, Ledger, begin_phase, energy_of, let_go, settle
 from workflow.schemes._event_motion import ORDER, TAYLOR_SPAN, advance, heating_rate, observe, strike
 from workflow.schemes._event_record import (
     CONTACT,
@@ -104,6 +105,7 @@ def march(
     max_events: int,
     max_steps: int,
     thresholds: Thresholds,
+    ledger: Ledger,
 ) -> int:
     """Run one case and return how it ended; never raises.
 
@@ -138,6 +140,10 @@ def march(
     touching = abs(start_gap) <= 4.0 * ROUNDING * (scale + x_free.sums[SIZE, 0])
     if start_gap < 0.0 and not touching:
         return BEYOND
+    audited = ledger.totals.size > 0
+    if audited:
+        begin_phase(ledger, raw, 0.0)
+        ledger.totals[FIRST] = energy_of(ledger, raw)
     holding = False
     zeros = 0
     event = False
@@ -162,6 +168,8 @@ def march(
             if events > max_events:
                 ended = EVENTS
                 break
+            if audited:
+                settle(ledger, holding, load, t)
             if holding:  # release
                 releases += 1
                 store_motion(r_held, in_hold, t, held_coordinates)
@@ -194,6 +202,8 @@ def march(
                     p += more
                 if speed > 0.0:
                     impacts += 1
+                    if audited:
+                        ledger.totals[SPENT] += p * (speed - 0.5 * p * tip.mobility)
                     watch.totals[IMPULSE] += p
                     seen = (0.0, known_speed, seen[2] + tip.alpha * p * warming, 0.0)
                     if firsts > 0:
@@ -213,6 +223,13 @@ def march(
                         zeros = 0 if force > nothing else 1
                         watch.totals[SINCE] = rest
                         seen = observe(r_held, in_hold, t)
+            if audited:
+                if not holding:
+                    store_motion(r_free, in_flight, t, coordinates)
+                begin_phase(ledger, coordinates, t)
+                if holding and ledger.hidden:
+                    _change(held.leave, held.leave_gap, gap, held_coordinates, held_size, free_size, ledger.final)
+                    let_go(ledger, coordinates, ledger.final)
             guess = 0.1 / r_free.fastest if r_free.fastest > 0.0 else T
         if t >= T:
             break
@@ -253,6 +270,13 @@ def march(
         t = T if h >= T - t else t + h
         zeros, known_speed, expanded = 0, -1.0, False
         guess = 2.0 * h
+        if audited:
+            if holding:
+                store_motion(r_held, in_hold, t, held_coordinates)
+                _change(held.leave, held.leave_gap, gap, held_coordinates, held_size, free_size, coordinates)
+            else:
+                store_motion(r_free, in_flight, t, coordinates)
+            energy_of(ledger, coordinates)
     # what falls due at the end, after any event there
     if ended == DONE:
         while next_due(record, watch) <= T * (1.0 + 1e-9):
@@ -262,6 +286,10 @@ def march(
             _change(held.leave, held.leave_gap, gap, held_coordinates, held_size, free_size, coordinates)
         else:
             store_motion(r_free, in_flight, t, coordinates)
+        if audited:
+            settle(ledger, holding, load, t)
+            ledger.totals[FINAL] = energy_of(ledger, coordinates)
+            ledger.final[:] = coordinates
         grown = 0.0
         for j in range(firsts):
             grown += closing[j] * coordinates[2 * modes + j]

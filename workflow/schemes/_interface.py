@@ -37,11 +37,14 @@ class Sampling:
         Seconds; the duration is ``count - 1`` intervals.
     count
         Number of samples, the initial state included.
+    balances
+        Whether the metrics ``energy_residual`` and ``heat_residual`` are computed.
     """
 
     duration: float
     interval: float
     count: int
+    balances: bool = False
 
     @property
     def times(self) -> Array:
@@ -100,7 +103,8 @@ class Results:
         One array per name in :data:`HISTORIES`, shape ``(case, t)``: m, m/s, K, N s.
     metrics
         Shape ``(case,)``: ``impacts``, ``contact_time`` [s], ``max_penetration`` [m],
-        ``max_temperature`` [K], ``thermal_closing`` [m], ``steps``.
+        ``max_temperature`` [K], ``thermal_closing`` [m], ``steps``; with balances
+        ``energy_residual`` [1] and ``heat_residual`` [1].
     period_impulse, period_temperature, period_contact
         Per complete load period, shape ``(case, period)``, NaN beyond a case's last one:
         impulse [N s], largest tip temperature [K], share of the period in contact [1].

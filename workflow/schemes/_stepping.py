@@ -323,7 +323,13 @@ def _blank_what_was_lost(watched: Watch, case: int) -> None:
     periods[:, ends > watched.cases.frequency[case] * watched.interval * (first - 1)] = np.nan
 
 
-def collect(watched: Watch, thermal_closing: Array, status: NDArray[np.int8], messages: dict[int, str]) -> Results:
+def collect(
+    watched: Watch,
+    thermal_closing: Array,
+    status: NDArray[np.int8],
+    messages: dict[int, str],
+    balances: dict[str, Array],
+) -> Results:
     """Put the blocks' counts together; a case that left the finite numbers has NaN from there on."""
     tip, record = watched.tip, watched.record
     metrics = {
@@ -332,6 +338,7 @@ def collect(watched: Watch, thermal_closing: Array, status: NDArray[np.int8], me
         "max_penetration": tip[PENETRATION],
         "max_temperature": tip[HOTTEST],
         "thermal_closing": thermal_closing,
+        **balances,
     }
     lost = ~np.isfinite(tip[[DISPLACEMENT, VELOCITY, TEMPERATURE, IMPULSE]]).all(axis=0)
     for values in metrics.values():

@@ -15,6 +15,7 @@ import numpy as np
 
 from workflow.declare import quantity
 from workflow.models import Array, Cases, Structure
+from workflow.schemes._event_balance import Books, no_ledger
 from workflow.schemes._event_march import BEYOND, DONE, EVENTS, NOT_FINITE, STEPS, Thresholds, Tip, march
 from workflow.schemes._event_record import Record
 from workflow.schemes._event_regimes import Basis, Regime, analyse
@@ -42,6 +43,7 @@ class Options:
 class Operator:
     """What a batch shares; regimes of the held tip are added per α as they are met."""
 
+    structure: Structure
     basis: Basis
     options: Options
     thresholds: Thresholds = THRESHOLDS
@@ -49,7 +51,7 @@ class Operator:
 
 def init(structure: Structure, h: float, options: Options) -> Operator:
     """Diagonalise the structure with its tip free and held; ``h`` is not read."""
-    return Operator(analyse(structure), options)
+    return Operator(structure, analyse(structure), options)
 
 
 def amplification(frequency: Array, damping: Array, h: float, options: Options) -> Any:
@@ -64,9 +66,12 @@ def thermal_amplification(rate: Array, h: float, options: Options) -> Array:
 
 
 def cost(structure: Structure, h: float, options: Options, sampling: Sampling) -> float:
-    """Return estimated seconds per heated case: its events are not known beforehand, its samples are."""
+    """Return estimated seconds per heated case: its events are not known beforehand, its samples are.
+
+    Balances about double it, where there are many impacts they take up to three times as long again.
+    """
     states = structure.mechanical_size + structure.thermal_size
-    return 2e-8 * states * (sampling.count + 1000) + 1e-8 * states**3
+    return (2e-8 * states * (sampling.count + 1000) + 1e-8 * states**3) * (2 if sampling.balances else 1)
 
 
 def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
@@ -81,6 +86,8 @@ def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
     messages: dict[int, str] = {}
     held: dict[float, Regime] = {}
     times = sampling.times
+    books = Books(operator.structure, operator.basis) if sampling.balances else None
+    residuals = np.full((count, 2), np.nan)
     for i in range(count):
         n, frequency, alpha = int(periods[i]), float(cases.frequency[i]), float(cases.alpha[i])
         record = Record(
@@ -101,7 +108,7 @@ def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
                 if alpha not in held:
                     regime = held_regime if alpha == 0 else coupled_regime
                     held[alpha] = regime(operator.basis.held, alpha)
-                ended = _run(operator, held[alpha], cases, i, sampling.duration, record)
+                ended = _run(operator, held[alpha], cases, i, sampling.duration, record, books, residuals[i])
             except np.linalg.LinAlgError:
                 ended = SPECTRUM
         if ended != DONE:
@@ -111,6 +118,7 @@ def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
         period_contact[i, :n] *= frequency
     with np.errstate(invalid="ignore"):
         beyond = np.maximum(0.0, np.max(histories["displacement"] - cases.gap[:, None], axis=1))
+    balances = {} if books is None else dict(zip(("energy_residual", "heat_residual"), residuals.T.copy(), strict=True))
     return Results(
         histories=histories,
         metrics={
@@ -121,6 +129,7 @@ def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
             "thermal_closing": counts[:, 3],
             "steps": counts[:, 4],
             "releases": counts[:, 5],
+            **balances,
         },
         period_impulse=period_impulse,
         period_temperature=period_temperature,
@@ -130,7 +139,16 @@ def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
     )
 
 
-def _run(operator: Operator, held: Regime, cases: Cases, i: int, duration: float, record: Record) -> int:
+def _run(
+    operator: Operator,
+    held: Regime,
+    cases: Cases,
+    i: int,
+    duration: float,
+    record: Record,
+    books: Books | None,
+    residuals: Array,
+) -> int:
     """Run case ``i`` and return how it ended."""
     basis, options = operator.basis, operator.options
     frequency, mean, amplitude = float(cases.frequency[i]), float(cases.mean[i]), float(cases.amplitude[i])
@@ -154,23 +172,31 @@ def _run(operator: Operator, held: Regime, cases: Cases, i: int, duration: float
         ]
     )
     warm = cases.alpha[i] != 0 or cases.heating[i].any() or cases.temperature[i].any()
-    return int(
+    heats = basis.heat_tip.size if warm else 0
+    raw = raw[: 2 * basis.tip.size + heats]
+    alpha = float(cases.alpha[i])
+    ledger = no_ledger() if books is None else books.ledger(alpha, load, heats)
+    ended = int(
         march(
             basis.free,
             held,
             load,
-            Tip(float(cases.e[i]), float(cases.alpha[i]), basis.mobility, basis.tip, basis.heat_tip),
+            Tip(float(cases.e[i]), alpha, basis.mobility, basis.tip, basis.heat_tip),
             raw,
             float(cases.gap[i] - cases.displacement[i, -1]),
             float(cases.velocity[i, -1]),
-            basis.heat_tip.size if warm else 0,
+            heats,
             record,
             basis.closing,
             options.events,
             options.steps,
             operator.thresholds,
+            ledger,
         )
     )
+    if books is not None and ended == DONE:
+        residuals[:] = books.residuals(ledger, raw, load, alpha, float(record.impulse[-1]))
+    return ended
 
 
 def _times(matrix: Array, state: Array) -> Array:

@@ -20,7 +20,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, InitErrorDetails, core_schema
 
 from workflow.declare import quantity_of
-from workflow.study.leaves import Choice, Leaf, Reading, is_whole
+from workflow.study.leaves import Choice, Flag, Leaf, Reading, is_whole
 from workflow.study.mistakes import Place, details, nearest, one_of, said, wrong
 
 
@@ -109,7 +109,9 @@ def _annotation(entry: dataclasses.Field[Any], hint: Any) -> tuple[Any, str]:
         return Choice(get_args(get_args(hint)[0]), several=True), spoken(entry.name)
     if get_origin(hint) is Literal:
         return Choice(get_args(hint)), spoken(entry.name)
-    raise TypeError(f"{entry.name}: declare a quantity, a dataclass or a Literal, not {hint}")
+    if hint is bool:
+        return Flag(), str(entry.metadata.get("meaning", spoken(entry.name)))
+    raise TypeError(f"{entry.name}: declare a quantity, a dataclass, a bool or a Literal, not {hint}")
 
 
 def spoken(name: str) -> str:

@@ -131,6 +131,21 @@ class Choice(Leaf):
 
 
 @dataclass(frozen=True)
+class Flag(Leaf):
+    """A yes or no."""
+
+    def read(self, value: Any, context: Mapping[str, Any]) -> bool:
+        """Return the truth."""
+        if not isinstance(value, bool):
+            raise wrong(f"{said(value)} is neither true nor false", "write true or false")
+        return value
+
+    def schema(self) -> Schema:
+        """Return the type."""
+        return {"type": "boolean"}
+
+
+@dataclass(frozen=True)
 class Reading(Leaf):
     """A quantity: a number in SI or ``number unit``; where declared, a list per node or spring.
 

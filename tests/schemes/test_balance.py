@@ -1,0 +1,269 @@
+"""Energy and heat balances: the definition on plain matrices, and what each scheme may leave."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from plain_moreau import Trajectory, march
+
+from scenes import alone, blade, cases, chain, heavy_chain, same_bits, sampling, step, taken
+from workflow import schemes
+from workflow.models import Cases, Rayleigh, Structure
+from workflow.reduction import reduce_structure
+from workflow.schemes import Results, Sampling, Status, _event_balance
+
+BALANCES = ("energy_residual", "heat_residual")
+
+
+def audited(over: Sampling) -> Sampling:
+    return replace(over, balances=True)
+
+
+def of_moreau(structure: Structure, batch: Cases, h: float, duration: float, theta: float) -> Results:
+    return step(structure, batch, h, audited(sampling(duration, duration)), theta=theta)
+
+
+def balance(structure: Structure, batch: Cases, h: float, path: Trajectory) -> tuple[float, float]:
+    """Energy and heat residual of the first case as they are defined, on the nodes of a full structure."""
+    v, T, p = path.velocity, path.temperature, path.impulse
+    t = h * np.arange(p.size + 1)
+    f = np.tile(batch.steady[0], (t.size, 1))
+    f[:, -1] += batch.mean[0] + batch.amplitude[0] * np.sin(2 * np.pi * batch.frequency[0] * t + batch.phase[0])
+    middle = {name: (y[1:] + y[:-1]) / 2 for name, y in (("f", f), ("v", v), ("T", T))}
+    energy = path.energy(structure)
+    work = h * np.sum(middle["f"] * middle["v"])
+    damping = h * np.einsum("ti,ij,tj->", middle["v"], structure.damping_matrix, middle["v"])
+    thermal = h * np.einsum("ti,ij,tj->", middle["v"], structure.coupling_matrix, middle["T"])
+    loss = np.sum(p * middle["v"][:, -1])
+    residual = (energy[-1] - energy[0] - work + damping + thermal + loss) / energy.max()
+    content = T @ structure.heat_capacity.sum(axis=0)
+    lost = h * middle["T"] @ structure.conductance_matrix.sum(axis=0)
+    friction, heating = batch.alpha[0] * p.sum(), h * p.size * batch.heating[0].sum()
+    change = content[-1] - content[0] - friction - heating + lost.sum()
+    return residual, change
+
+
+@st.composite
+def scenes(draw: st.DrawFn) -> tuple[Structure, Cases]:
+    """A small chain, heated or not, that touches its casing more often than not."""
+    rng = np.random.default_rng(draw(st.integers(0, 10**6)))
+    n = draw(st.integers(1, 6))
+    heated = draw(st.booleans())
+    structure = chain(
+        nodes=n,
+        mass=rng.uniform(0.5, 2.0, n),
+        stiffness=rng.uniform(0.0 if draw(st.booleans()) else 2.0, 6.0, n),
+        damping=Rayleigh(*rng.uniform(0, 0.1, 2)),
+        spacing=1.0,
+        expansion=0.05,
+        heat_capacity=rng.uniform(0.5, 2.0, n),
+        conductance=rng.uniform(0.1, 1.0, n),
+        convection=rng.uniform(0.0, 0.2, n),
+    )
+    batch = cases(
+        structure,
+        e=rng.uniform(0, 1),
+        alpha=0.3 * heated * rng.uniform(),
+        gap=rng.uniform(0.05, 0.3),
+        mean=rng.uniform(-0.5, 0.5),
+        amplitude=rng.uniform(0.5, 2.0),
+        frequency=rng.uniform(0.05, 0.5),
+        phase=rng.uniform(-3, 3),
+        steady=rng.uniform(-0.1, 0.1, n) * draw(st.booleans()),
+        heating=rng.uniform(-0.1, 0.1, n) * heated,
+        displacement=np.append(rng.uniform(-0.1, 0.1, n - 1), 0.0),
+        velocity=rng.uniform(-0.5, 0.5, n),
+        temperature=rng.uniform(-0.5, 1.0, n) * heated * draw(st.booleans()),
+    )
+    return structure, batch
+
+
+@settings(max_examples=25, deadline=None, derandomize=True)
+@given(scenes(), st.sampled_from([0.5, 0.7, 1.0]))
+def test_moreau_against_the_definition(scene: tuple[Structure, Cases], theta: float) -> None:
+    structure, batch = scene
+    h, steps = 0.02, 300
+    path = march(structure, batch, h, theta, steps)
+    energy, change = balance(structure, batch, h, path)
+    found = of_moreau(structure, batch, h, h * steps, theta).metrics
+    assert abs(found["energy_residual"][0] - energy) < 1e-9
+    loss = path.temperature @ structure.conductance_matrix.sum(axis=0)
+    turned = batch.alpha[0] * path.impulse.sum() + h * steps * abs(batch.heating[0].sum())
+    turned += h * np.abs(loss[1:] + loss[:-1]).sum() / 2
+    heat = found["heat_residual"][0]
+    if turned == 0:
+        assert heat == 0
+        return
+    # what the θ-weighted step leaves against midpoint integrals
+    assert abs(change + (theta - 0.5) * h * (loss[-1] - loss[0])) < 1e-12 * max(1.0, turned)
+    assert abs(heat) <= abs(change) / turned + 1e-12
+    assert heat * change >= -1e-12
+    if theta == 0.5:
+        assert abs(found["energy_residual"][0]) < 1e-10
+        assert abs(heat) < 1e-12
+    if batch.temperature.any():
+        return  # the scale then holds the initial content, mode by mode
+    assert abs(heat - change / turned) < 1e-12
+
+
+@pytest.mark.parametrize("theta", [0.5, 0.7, 1.0])
+def test_a_free_mode_loses_what_is_known(theta: float) -> None:
+    structure, h, steps = chain(nodes=1, mass=2.0, stiffness=18.0), 0.05, 40
+    batch = cases(structure, gap=10.0, displacement=0.3)
+    ratio = (1 + (1 - theta) ** 2 * (3 * h) ** 2) / (1 + theta**2 * (3 * h) ** 2)
+    found = of_moreau(structure, batch, h, h * steps, theta).metrics
+    assert found["energy_residual"][0] == pytest.approx(ratio**steps - 1, abs=1e-13)
+    assert found["heat_residual"][0] == 0
+
+
+def test_nothing_moves_nothing_is_missing() -> None:
+    structure = chain(nodes=3, mass=1.0, stiffness=2.0)
+    found = of_moreau(structure, cases(structure, gap=1.0), 0.1, 1.0, 1.0).metrics
+    assert [found[name][0] for name in BALANCES] == [0.0, 0.0]
+
+
+def test_the_rubbing_blade_at_one_half() -> None:
+    """Ten thousand steps: rounding does not add up."""
+    structure = blade()
+    batch = cases(structure, 3, e=[0.0, 0.5, 0.9], alpha=30.0, gap=2e-5, amplitude=24.0, frequency=5.0)
+    found = step(structure, batch, 2e-5, audited(sampling(0.2, 0.1)), theta=0.5).metrics
+    assert found["impacts"].min() > 0
+    assert np.abs(found["energy_residual"]).max() < 1e-10
+    assert np.abs(found["heat_residual"]).max() < 1e-12
+
+
+def test_a_reduced_model_shows_what_it_loses() -> None:
+    structure = heavy_chain()
+    batch = cases(structure, alpha=50.0, gap=5e-5, amplitude=100.0, frequency=20.0)
+    heats = []
+    for modes in (1, 4, 12, 19):
+        reduction = reduce_structure(structure, 3, modes)
+        over = audited(sampling(0.1, 0.1))
+        found = step(reduction.structure, reduction.project(batch), 1e-4, over, theta=0.5).metrics
+        assert abs(found["energy_residual"][0]) < 1e-10
+        heats.append(abs(found["heat_residual"][0]))
+    assert heats[0] > 1e-3
+    assert heats[-1] < 1e-12
+
+
+def many() -> tuple[Structure, Cases]:
+    structure = heavy_chain()
+    rng = np.random.default_rng(5)
+    return structure, cases(
+        structure,
+        41,
+        e=rng.uniform(0, 1, 41),
+        alpha=np.where(np.arange(41) % 3 == 0, 0.0, rng.uniform(0, 60, 41)),
+        gap=rng.uniform(2e-5, 6e-5, 41),
+        amplitude=rng.uniform(80, 120, 41),
+        frequency=20.0,
+    )
+
+
+@pytest.mark.parametrize("method", schemes.names())
+def test_alone_is_as_in_a_batch(method: str) -> None:
+    structure, batch = many()
+    over = audited(sampling(0.02, 1e-3))
+    whole = step(structure, batch, 1e-4, over, method)
+    assert np.count_nonzero(whole.metrics["energy_residual"]) > 20
+    for case in (0, 7, 33, 40):
+        assert same_bits(step(structure, alone(batch, case), 1e-4, over, method), taken(whole, slice(case, case + 1)))
+
+
+@pytest.mark.parametrize("method", schemes.names())
+def test_looking_changes_nothing(method: str) -> None:
+    structure, batch = many()
+    over = sampling(0.02, 1e-3)
+    plain, seen = step(structure, batch, 3e-5, over, method), step(structure, batch, 3e-5, audited(over), method)
+    assert not set(BALANCES) & set(plain.metrics)
+    for name in BALANCES:
+        assert np.isfinite(seen.metrics.pop(name)).all()
+    assert same_bits(plain, seen)
+
+
+def test_a_lost_case_has_no_balance() -> None:
+    structure, batch = many()
+    sick = batch.take(np.arange(4))
+    sick.velocity[1] = np.nan
+    found = step(structure, sick, 1e-4, audited(sampling(0.02, 1e-3)))
+    assert found.status[1] == Status.DIVERGED
+    for name in BALANCES:
+        assert np.isnan(found.metrics[name][1])
+        assert np.isfinite(found.metrics[name][[0, 2, 3]]).all()
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(scenes(), st.sampled_from([0.0, 0.5, 1.0]), st.booleans())
+def test_event_driven_leaves_rounding(scene: tuple[Structure, Cases], e: float, undamped: bool) -> None:
+    structure, batch = scene
+    structure = replace(structure, damping=Rayleigh()) if undamped else structure
+    batch = replace(batch, e=np.full(1, e))
+    found = step(structure, batch, 0.1, audited(sampling(10.0, 1.0)), "event_driven")
+    assert found.status[0] == Status.OK
+    assert abs(found.metrics["energy_residual"][0]) < 1e-10
+    assert abs(found.metrics["heat_residual"][0]) < 1e-10
+
+
+def special() -> dict[str, tuple[Structure, Cases, float]]:
+    """Scenes whose poles coincide, resonate, or lie orders of magnitude apart."""
+    rub = {"alpha": 50.0, "e": 0.5, "gap": 5e-5, "amplitude": 100.0, "frequency": 20.0}
+    ball, oscillator = chain(nodes=1, mass=1.0, stiffness=0.0), chain(nodes=1, mass=1.0, stiffness=9.0)
+    critical = chain(nodes=1, mass=1.0, stiffness=9.0, damping=Rayleigh(6.0, 0.0))
+    loose = heavy_chain(stiffness=(0.0, *[2.0e7] * 19))
+    adiabatic, hot = heavy_chain(conductance=0.0, convection=0.0), heavy_chain(heat_capacity=1.315e-3)
+    wave = {"gap": 0.1, "amplitude": 1.0, "frequency": 3 / (2 * np.pi), "e": 0.5}
+    supercritical = {"alpha": 1.1 * 1.071, "gap": 5e-5, "mean": 100.0}
+    return {
+        "bouncing ball": (ball, cases(ball, e=0.9, mean=9.81, gap=1.0), 9.0),
+        "resonance": (oscillator, cases(oscillator, **wave), 20.0),
+        "critical": (critical, cases(critical, **{**wave, "amplitude": 10.0}), 20.0),
+        "blade": (blade(), cases(blade(), alpha=30.0, gap=2e-5, amplitude=24.0, frequency=5.0), 2.0),
+        "heavy chain": (heavy_chain(), cases(heavy_chain(), **rub, heating=0.1, temperature=1.0, steady=1.0), 0.3),
+        "free root": (loose, cases(loose, **rub), 0.1),
+        "adiabatic": (adiabatic, cases(adiabatic, **rub), 0.05),
+        "runaway": (hot, cases(hot, **supercritical), 8.0),
+    }
+
+
+@pytest.mark.parametrize("name", special())
+def test_event_driven_on_special_scenes(name: str) -> None:
+    structure, batch, duration = special()[name]
+    found = step(structure, batch, 0.1, audited(sampling(duration, duration)), "event_driven")
+    assert found.metrics["impacts"][0] > 0
+    assert abs(found.metrics["energy_residual"][0]) < 1e-11
+    assert abs(found.metrics["heat_residual"][0]) < 1e-11
+
+
+def test_poles_and_panels_integrate_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two ways to integrate, and one that leaves out a part of the power is found out."""
+    structure = chain(
+        nodes=4,
+        mass=1.0,
+        stiffness=5.0,
+        damping=Rayleigh(0.1, 0.01),
+        spacing=1.0,
+        expansion=0.05,
+        conductance=0.7,
+        convection=0.1,
+    )
+    batch = cases(structure, e=0.5, alpha=0.3, gap=0.2, amplitude=2.0, frequency=0.1, heating=0.01, steady=0.02)
+
+    def residuals() -> list[float]:
+        found = step(structure, batch, 0.1, audited(sampling(20.0, 1.0)), "event_driven").metrics
+        return [abs(found[name][0]) for name in BALANCES]
+
+    assert max(residuals()) < 1e-12
+    monkeypatch.setattr(_event_balance, "POOR", 0.0)
+    assert max(residuals()) < 1e-12
+    whole = _event_balance._form
+
+    def careless(regime: _event_balance._Regime, load: _event_balance.Load) -> _event_balance.Form:
+        form = whole(replace(regime, damping=0.99 * regime.damping, loss=0.99 * regime.loss), load)
+        return form
+
+    monkeypatch.setattr(_event_balance, "_form", careless)
+    assert min(residuals()) > 1e-5

@@ -1,0 +1,293 @@
+"""What a time-stepping scheme does to energy and heat, counted beside its own steps.
+
+The production states of :mod:`workflow.schemes.moreau` are scaled by the tip and decoupled: they
+cannot give an energy. Where balances are asked for, a second set of states follows in plain modal
+coordinates, x = Σ φ_j η_j, v = Σ φ_j ζ_j, θ = Σ χ_l τ_l, driven by the impulses p that the
+production step found. With G = φᵀ K12 χ, g = G τ, and F the tip load:
+
+    (1 + hθμ) τ' = (1 - h(1-θ)μ) τ + h q_l + χ_ln α p
+    (1 + hθc + h²θ²ω²) ζ' = (1 - h(1-θ)c - h²θ(1-θ)ω²) ζ - hω²η + h f̄_j
+                            + φ_jn (h F_θ - p) - h (θ g' + (1-θ) g)
+    η' = η + h (θ ζ' + (1-θ) ζ)
+
+With midpoint values ζm = (ζ + ζ')/2 and so on, the sum over the steps of
+
+    - F̄ v_n,m h - Σ f̄_j ζm_j h + Σ c_j ζm_j² h + Σ ζm_j g_m,j h + p (v_n + v_n')/2
+
+and ΔE, over the largest E at a step end, is the energy residual: rounding for θ = 1/2, else what the
+scheme gives or takes by itself, in each step
+
+    (θ - 1/2) h [v_mᵀ (Δf - C1 Δv - K1 Δx - K12 Δθ) + x_mᵀ K1 Δv].
+
+The heat residual compares the change of the content H = Σ c_i θ_i with αJ + ∫Σq - ∫L(θ) dt, the
+loss L = κ_1 θ_1 + Σ b_i θ_i by its midpoint values, over the heat turned over
+|αJ| + |∫Σq| + ∫|L| dt + Σ_l |content of thermal mode l at t = 0|. A full model leaves
+-(θ - 1/2) h [L(end) - L(0)], zero but for rounding at θ = 1/2. A reduced model adds what its basis
+loses: no combination of its equations gives the sum over the nodes unless a uniform temperature
+lies in the basis. Σq is taken as far as the basis holds a uniform temperature.
+
+The balances run over whole steps: from t = 0 to the end of the last step, which lies at the duration
+or, where the duration is no multiple of h, up to one step beyond it.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from workflow.models import Array, Cases, Structure, project
+from workflow.schemes._decoupled import Decoupled
+from workflow.schemes._kernel import inlined, kernel
+from workflow.schemes._modal_lanes import HEAT, HEAT_MODES, MODES, PUSHED, grouped
+from workflow.schemes._stepping import FORCE, FORCE_BEFORE, LANES, STEP_IMPULSE, fill_lanes, lane_rows
+
+SLOW, PULL, PUSH, STEP, OMEGA2, DAMP, TIP = range(7)
+"""Coefficients of a mechanical mode: ζ' - ζ per ζ, per η, per tip impulse and per modal force; ω², c,
+φ_n. Steps are counted as increments, whose coefficients round relative to h."""
+
+COOL, WARM, LOSS = range(3)
+"""Coefficients of a thermal mode: τ' - τ per τ and per unit heat at the tip; its heat loss, W."""
+
+SPEED, NEW_SPEED, ENERGY, FIRST_ENERGY, LARGEST_ENERGY, SPENT, LEAK, LOST, TURNED, TAKEN = range(10)
+"""Rows of a block's sums: tip velocity at the step's beginning and end, energy at its end, at t = 0
+and the largest; energy spent (the sum above) and, of heat, the loss at midpoint [W], lost, turned
+over by loss, and taken in by friction."""
+
+SUM_ROWS = TAKEN + 1
+
+
+class Audit(NamedTuple):
+    """Coefficients and states of a block; without rows where no balances are asked for.
+
+    Attributes
+    ----------
+    modes, heat_modes
+        ``(group, coefficient, mode of the group)``.
+    coupling
+        G, ``(group, thermal group, mode, thermal mode)``.
+    motion
+        ``(group, row, lane)``: ζ of the group's modes, then η, g at the step's beginning, g, f̄.
+    heat
+        ``(thermal group, row, lane)``: τ of the group's modes, then what heating adds in a step.
+    sums
+        ``(row, lane)``, no rows where no balances are asked for.
+    theta
+        Weight of the step's end.
+    """
+
+    modes: Array
+    heat_modes: Array
+    coupling: Array
+    motion: Array
+    heat: Array
+    sums: Array
+    theta: float
+
+
+@inlined
+def couple(coupling: Array, heat: Array, motion: Array, lanes: int) -> None:
+    """Move the thermal forces g on by a step, g = G τ."""
+    assert heat.shape[1] == 2 * HEAT_MODES
+    assert heat.shape[2] == LANES
+    assert motion.shape[1] == 5 * MODES
+    assert motion.shape[2] == LANES
+    for g in range(motion.shape[0]):
+        for j in range(MODES):
+            for lane in range(lanes):
+                motion[g, 2 * MODES + j, lane] = motion[g, 3 * MODES + j, lane]
+                motion[g, 3 * MODES + j, lane] = 0.0
+        for k in range(heat.shape[0]):
+            for lane in range(lanes):
+                for j in range(MODES):
+                    force = motion[g, 3 * MODES + j, lane]
+                    for m in range(HEAT_MODES):
+                        force += coupling[g, k, j, m] * heat[k, m, lane]
+                    motion[g, 3 * MODES + j, lane] = force
+
+
+@kernel
+def open_audit(audit: Audit, lanes: int) -> None:
+    """Set thermal forces, tip velocity and energy to t = 0."""
+    modes, motion, sums = audit.modes, audit.motion, audit.sums
+    if audit.heat.shape[0] > 0:
+        couple(audit.coupling, audit.heat, motion, lanes)
+    for g in range(motion.shape[0]):
+        for j in range(MODES):
+            for lane in range(lanes):
+                speed, place = motion[g, j, lane], motion[g, MODES + j, lane]
+                sums[SPEED, lane] += modes[g, TIP, j] * speed
+                sums[ENERGY, lane] += 0.5 * (speed * speed + modes[g, OMEGA2, j] * place * place)
+    for lane in range(lanes):
+        sums[FIRST_ENERGY, lane] = sums[LARGEST_ENERGY, lane] = sums[ENERGY, lane]
+
+
+@inlined
+def leak(h: float, heat_modes: Array, heat: Array, own: Array, sums: Array, lanes: int) -> None:
+    """Step the thermal modes and count the heat they take in and lose."""
+    assert heat.shape[1] == 2 * HEAT_MODES
+    assert heat.shape[2] == LANES
+    assert own.shape[1] == LANES
+    assert sums.shape[1] == LANES
+    for lane in range(lanes):
+        sums[LEAK, lane] = 0.0
+    for g in range(heat.shape[0]):
+        for lane in range(lanes):
+            taken = own[HEAT, lane]
+            lost = 0.0
+            for k in range(HEAT_MODES):
+                before = heat[g, k, lane]
+                change = heat_modes[g, COOL, k] * before + heat_modes[g, WARM, k] * taken
+                after = before + (change + heat[g, HEAT_MODES + k, lane])
+                heat[g, k, lane] = after
+                lost += heat_modes[g, LOSS, k] * (0.5 * (before + after))
+            sums[LEAK, lane] += lost
+    for lane in range(lanes):
+        lost = sums[LEAK, lane]
+        sums[LOST, lane] += h * lost
+        sums[TURNED, lane] += h * abs(lost)
+        sums[TAKEN, lane] += own[HEAT, lane]
+
+
+@inlined
+def account(
+    theta: float, h: float, modes: Array, motion: Array, own: Array, load: Array, tip: Array, sums: Array, lanes: int
+) -> None:
+    """Step the mechanical modes and count the energy they have and spend."""
+    assert motion.shape[1] == 5 * MODES
+    assert motion.shape[2] == LANES
+    assert own.shape[1] == LANES
+    assert load.shape[1] == LANES
+    assert tip.shape[1] == LANES
+    assert sums.shape[1] == LANES
+    for lane in range(lanes):
+        sums[NEW_SPEED, lane] = 0.0
+        sums[ENERGY, lane] = 0.0
+    for g in range(motion.shape[0]):
+        for lane in range(lanes):
+            pushed = own[PUSHED, lane]
+            velocity = energy = spent = 0.0
+            for j in range(MODES):
+                speed, place = motion[g, j, lane], motion[g, MODES + j, lane]
+                pull_before, pull = motion[g, 2 * MODES + j, lane], motion[g, 3 * MODES + j, lane]
+                steady = motion[g, 4 * MODES + j, lane]
+                force = steady - (theta * pull + (1.0 - theta) * pull_before)
+                change = modes[g, SLOW, j] * speed + modes[g, PULL, j] * place
+                change += modes[g, PUSH, j] * pushed + modes[g, STEP, j] * force
+                after = speed + change
+                place += h * (theta * after + (1.0 - theta) * speed)
+                middle = 0.5 * (speed + after)
+                motion[g, j, lane] = after
+                motion[g, MODES + j, lane] = place
+                velocity += modes[g, TIP, j] * after
+                energy += after * after + modes[g, OMEGA2, j] * (place * place)
+                spent += middle * (modes[g, DAMP, j] * middle + 0.5 * (pull_before + pull) - steady)
+            sums[NEW_SPEED, lane] += velocity
+            sums[ENERGY, lane] += 0.5 * energy
+            sums[SPENT, lane] += h * spent
+    for lane in range(lanes):
+        middle = 0.5 * (sums[SPEED, lane] + sums[NEW_SPEED, lane])
+        worked = h * (0.5 * (load[FORCE_BEFORE, lane] + load[FORCE, lane]))
+        sums[SPENT, lane] += (tip[STEP_IMPULSE, lane] - worked) * middle
+        sums[SPEED, lane] = sums[NEW_SPEED, lane]
+        energy, largest = sums[ENERGY, lane], sums[LARGEST_ENERGY, lane]
+        sums[LARGEST_ENERGY, lane] = largest if energy <= largest else energy  # a NaN stays
+
+
+class Books:
+    """The balances of a batch: :meth:`open` them for a block, :meth:`close` them after it.
+
+    Attributes
+    ----------
+    audit
+        What the kernel takes; all blocks share its arrays.
+    energy_residual, heat_residual
+        Of the blocks that are closed, ``(case,)``.
+    """
+
+    def __init__(self, structure: Structure, modal: Decoupled, cases: Cases, tip_force: Array, h: float, theta: float):
+        omega2, c, mu = modal.frequency**2, modal.damping, modal.rate
+        inertia = 1 + h * theta * c + h**2 * theta**2 * omega2
+        slow = 1 + h * theta * mu
+        warmth_row = structure.content @ modal.heat_shapes if mu.size else np.zeros(0)
+        loss_row = structure.loss_row @ modal.heat_shapes if mu.size else np.zeros(0)
+        modes = grouped(
+            MODES,
+            -(h * c + h**2 * theta * omega2) / inertia,
+            -h * omega2 / inertia,
+            modal.tip / inertia,
+            h / inertia,
+            omega2,
+            c,
+            modal.tip,
+        )
+        heat_modes = grouped(HEAT_MODES, -h * mu / slow, modal.heat_tip / slow, loss_row)
+        coupling = np.zeros((modes.shape[0], MODES, heat_modes.shape[0], HEAT_MODES))
+        coupling.reshape(modes.shape[0] * MODES, heat_modes.shape[0] * HEAT_MODES)[: omega2.size, : mu.size] = (
+            modal.coupling
+        )
+        displacement, velocity = project(modal.to_modes, cases.displacement), project(modal.to_modes, cases.velocity)
+        steady = project(modal.shapes.T, cases.steady) - tip_force[:, None] * modal.tip
+        none = np.zeros_like(displacement)
+        rows = grouped(MODES, velocity.T, displacement.T, none.T, none.T, steady.T)
+        self._motion = rows.reshape(modes.shape[0], 5 * MODES, cases.count)
+        tau, heating = project(modal.to_thermal, cases.temperature), project(modal.heat_shapes.T, cases.heating)
+        rows = grouped(HEAT_MODES, tau.T, (heating * (h / slow)).T)
+        self._heat = rows.reshape(heat_modes.shape[0], 2 * HEAT_MODES, cases.count)
+        self._content = grouped(HEAT_MODES, warmth_row)[:, 0, :, None]
+        self._contained = project(warmth_row[None, :], tau)[:, 0]
+        self._initial = project(np.abs(warmth_row)[None, :], np.abs(tau))[:, 0]
+        self._heating = project(warmth_row[None, :], heating)[:, 0]
+        self.audit = Audit(
+            modes=modes,
+            heat_modes=heat_modes,
+            coupling=np.ascontiguousarray(coupling.swapaxes(1, 2)),
+            motion=lane_rows(*self._motion.shape[:2]),
+            heat=lane_rows(*self._heat.shape[:2]),
+            sums=lane_rows(SUM_ROWS),
+            theta=theta,
+        )
+        self.energy_residual, self.heat_residual = np.zeros(cases.count), np.zeros(cases.count)
+
+    @property
+    def residuals(self) -> dict[str, Array]:
+        """The metrics that the balances give."""
+        return {"energy_residual": self.energy_residual, "heat_residual": self.heat_residual}
+
+    def open(self, part: slice) -> None:
+        """Put the initial states of some cases in the lanes."""
+        fill_lanes(self.audit.motion, self._motion[..., part])
+        fill_lanes(self.audit.heat, self._heat[..., part])
+        self.audit.sums[:] = 0.0
+
+    def close(self, part: slice, elapsed: float) -> None:
+        """Take the balances of the lanes after ``elapsed`` seconds."""
+        count = part.stop - part.start
+        sums = self.audit.sums[:, :count]
+        change = sums[ENERGY] - sums[FIRST_ENERGY] + sums[SPENT]
+        self.energy_residual[part] = share(change, sums[LARGEST_ENERGY])
+        # in the same order whatever lanes are in use
+        content = np.sum(self._content * self.audit.heat[:, :HEAT_MODES], axis=(0, 1))[:count]
+        heating = elapsed * self._heating[part]
+        change = content - self._contained[part] - sums[TAKEN] - heating + sums[LOST]
+        turned = sums[TAKEN] + np.abs(heating) + sums[TURNED] + self._initial[part]
+        self.heat_residual[part] = share(change, turned)
+
+
+def no_audit() -> Audit:
+    """Return what the kernel takes where no balances are asked for."""
+    return Audit(
+        modes=np.zeros((0, 7, MODES)),
+        heat_modes=np.zeros((0, 3, HEAT_MODES)),
+        coupling=np.zeros((0, 0, MODES, HEAT_MODES)),
+        motion=lane_rows(0, 5 * MODES),
+        heat=lane_rows(0, 2 * HEAT_MODES),
+        sums=lane_rows(0),
+        theta=0.0,
+    )
+
+
+def share(part: Array, whole: Array) -> Array:
+    """Return part/whole, 0 where the whole is 0."""
+    nothing = whole == 0
+    return np.where(nothing, 0.0, part / np.where(nothing, 1.0, whole))
