@@ -180,3 +180,17 @@ def test_load_periods_of_different_cases() -> None:
     force = solved.values["contact_force"]
     assert np.array_equal(solved.values["period_force"][0, :3], force[0, 1:].reshape(3, 20).max(axis=1))
     assert np.nansum(solved.values["period_impulse"][0]) == pytest.approx(solved.values["contact_impulse"][0])
+
+
+def test_a_reduced_static_start_is_at_rest_too() -> None:
+    """Heated and loaded, with any number of modes: nothing swings, nothing drifts."""
+    text = "study: a\n" + SCENE.replace("amplitude: 100", "mean: 20, amplitude: 0").replace(
+        "convection: 0.02}", "convection: 0.02, heating: 0.5}"
+    ).replace("  duration", "  initial: static\n  duration")
+    text += "axes: {scheme: [moreau, event_driven]}\n"
+    text += "zip: {model: {mechanical_modes: [0, 1, full], thermal_modes: [0, 2, full]}}\n"
+    grid = arrange(parsed(text))
+    for outer in range(grid.outer_count):
+        x = solve(grid, outer, np.arange(1)).values["displacement"][0]
+        assert x[0] > 2e-5
+        assert np.abs(x - x[0]).max() < 1e-10 * x[0]

@@ -70,3 +70,23 @@ def test_a_reference_that_fails_leaves_no_error_number() -> None:
     hot = grid.inner_values(inner)["alpha"] > 0
     assert np.isnan(found["displacement_error"][hot]).all()
     assert np.isfinite(found["displacement_error"][~hot]).all()
+
+
+def test_a_reference_that_raises_harms_no_case() -> None:
+    """One load of three moves the free body for ever: that case fails, the others have their errors."""
+    text = """
+study: a
+scene:
+  chain: {nodes: 3, mass: 1, stiffness: [0, 2, 2], heat_capacity: 1}
+  casing: {gap: 0.1}
+  initial: static
+  duration: 1
+axes: {scene.load.mean: [1, -1, 2], h: 1e-3}
+reference: {scheme: event_driven}
+"""
+    grid = arrange(parsed(text))
+    found = solve(grid, 0, np.arange(3))
+    assert found.values["status"].tolist() == [0, 3, 0]
+    assert list(found.messages) == [1]
+    assert np.isnan(found.values["impulse_error"][1])
+    assert np.all(found.values["impulse_error"][[0, 2]] < 1e-9)

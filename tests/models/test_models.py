@@ -108,3 +108,14 @@ def test_models_are_the_files_of_their_directory() -> None:
     assert models.names() == ("blade", "chain")
     with pytest.raises(KeyError):
         models.load("_structure")
+
+
+@pytest.mark.parametrize("nodes", range(2, 13))
+@pytest.mark.parametrize("heating", [0.0, 1.0])
+def test_a_free_body_that_only_touches_is_at_rest(nodes: int, heating: float) -> None:
+    """A reaction of exactly zero must not be decided by the sign of its rounding."""
+    springs = np.random.default_rng(nodes).uniform(0.5, 3, nodes - 1)
+    structure = chain(nodes=nodes, mass=1.0, stiffness=(0.0, *springs), spacing=1.0, expansion=0.01, conductance=0.1)
+    for gap in (-0.1, 0.0):
+        x, _ = static_equilibrium(structure, np.zeros(nodes), np.full(nodes, heating), gap)
+        assert x[-1] <= gap + 1e-12

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from workflow.declare import Values
 from workflow.models import Array, Cases, Structure, static_equilibrium
-from workflow.study import Cell
+from workflow.study import Cell, Initial
 
 
 def conditions(cell: Cell, structure: Structure, varying: Mapping[str, Array], count: int) -> Cases:
-    """Return the cases of a batch on the full structure.
+    """Return the cases of a batch on the full structure; ``initial: static`` is left to :func:`at_rest`.
 
     Parameters
     ----------
@@ -24,11 +25,6 @@ def conditions(cell: Cell, structure: Structure, varying: Mapping[str, Array], c
         Values of the axes along which the cases differ, by path, each ``(case,)``.
     count
         Number of cases.
-
-    Raises
-    ------
-    NoEquilibriumError
-        ``initial: static`` of a structure that its constant loads move for ever.
     """
     scene = cell.scene
     nodes = structure.mechanical_size
@@ -46,13 +42,10 @@ def conditions(cell: Cell, structure: Structure, varying: Mapping[str, Array], c
     mean = of_case("scene.load.mean", load.mean)
     steady = of_node("scene.load.steady", load.steady)
     heating = of_node(f"scene.{scene.model}.heating", scene.parameters.heating)
-    if scene.initial == "static":
-        displacement, temperature = _at_rest(structure, mean, steady, heating, gap)
-        velocity = np.zeros((count, nodes))
-    else:
-        displacement = of_node("scene.initial.displacement", scene.initial.displacement)
-        velocity = of_node("scene.initial.velocity", scene.initial.velocity)
-        temperature = of_node("scene.initial.temperature", scene.initial.temperature)
+    initial = Initial() if scene.initial == "static" else scene.initial  # see at_rest
+    displacement = of_node("scene.initial.displacement", initial.displacement)
+    velocity = of_node("scene.initial.velocity", initial.velocity)
+    temperature = of_node("scene.initial.temperature", initial.temperature)
     return Cases(
         e=of_case("e", cell.e),
         alpha=of_case("alpha", cell.alpha),
@@ -69,14 +62,22 @@ def conditions(cell: Cell, structure: Structure, varying: Mapping[str, Array], c
     )
 
 
-def _at_rest(structure: Structure, mean: Array, steady: Array, heating: Array, gap: Array) -> tuple[Array, Array]:
-    """Return the static states of all cases, each distinct set of constant loads solved once."""
-    load = steady.copy()
-    load[:, -1] += mean
-    rows = np.column_stack([load, heating, gap])
+def at_rest(structure: Structure, cases: Cases) -> Cases:
+    """Return the cases started in equilibrium under their constant loads, each distinct one solved once.
+
+    ``structure`` is the one they are run on, reduced or full, so that none of its modes swings.
+
+    Raises
+    ------
+    NoEquilibriumError
+        The constant loads of a case move the structure for ever.
+    """
+    load = cases.steady.copy()
+    load[:, -1] += cases.mean
+    rows = np.column_stack([load, cases.heating, cases.gap])
     distinct, where = np.unique(rows, axis=0, return_inverse=True)
-    nodes = load.shape[1]
-    states = [static_equilibrium(structure, row[:nodes], row[nodes:-1], float(row[-1])) for row in distinct]
-    displacement = np.stack([x for x, _ in states])
-    temperature = np.stack([theta for _, theta in states])
-    return displacement[where.ravel()], temperature[where.ravel()]
+    size = load.shape[1]
+    states = [static_equilibrium(structure, row[:size], row[size:-1], float(row[-1])) for row in distinct]
+    displacement = np.stack([x for x, _ in states])[where.ravel()]
+    temperature = np.stack([theta for _, theta in states])[where.ravel()]
+    return replace(cases, displacement=displacement, temperature=temperature)

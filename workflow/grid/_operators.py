@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from workflow import models, schemes
+from workflow.grid._conditions import at_rest
 from workflow.models import Cases, Structure, critical_alpha, growth_rate
 from workflow.reduction import Reduction, reduce_structure
 from workflow.schemes import Results, Sampling
@@ -93,4 +94,6 @@ def run_batch(cell: Cell, cases: Cases, sampling: Sampling) -> Results:
     reduction = reduction_of(scene.model, scene.parameters, *modes)
     operator = _operator(scene.model, scene.parameters, modes, method, cell.scheme.options, cell.h)
     projected = cases if reduction is None else reduction.project(cases)
+    if scene.initial == "static":
+        projected = at_rest(reduced_structure(cell), projected)
     return schemes.load(method).compute(operator, projected, sampling)

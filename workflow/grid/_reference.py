@@ -137,17 +137,32 @@ def _block(grid: Grid, cell: Cell, shape: tuple[int, ...], block: int) -> _Truth
         while len(kept.blocks) * BLOCK * grid.sampling.count * 8 * len(COMPARED) > KEPT_BYTES and len(kept.blocks) > 2:
             kept.blocks.popitem(last=False)
     if mine:
+        count = int(np.prod(shape, dtype=np.int64))
+        own = np.arange(block * BLOCK, min((block + 1) * BLOCK, count), dtype=np.int64)
         try:
-            future.set_result(_compute(grid, cell, shape, block))
-        except BaseException as error:
+            future.set_result(_computed_or_lost(grid, cell, shape, own))
+        except BaseException as error:  # an interrupt: whoever waits must not wait for ever
             future.set_exception(error)
+            raise
     return future.result()
 
 
-def _compute(grid: Grid, cell: Cell, shape: tuple[int, ...], block: int) -> _Truth:
+def _computed_or_lost(grid: Grid, cell: Cell, shape: tuple[int, ...], own: Indices) -> _Truth:
+    """Return references; one that raises is NaN, which harms neither its neighbours nor its cases."""
+    try:
+        return _compute(grid, cell, shape, own)
+    except Exception:  # whatever a model or scheme raises
+        if own.size > 1:
+            alone = [_computed_or_lost(grid, cell, shape, own[k : k + 1]) for k in range(own.size)]
+            names = COMPARED.values()
+            histories = {name: np.concatenate([truth.histories[name] for truth in alone]) for name in names}
+            return _Truth(histories, np.concatenate([truth.predictability for truth in alone]))
+        lost = np.full((1, grid.sampling.count), np.nan)
+        return _Truth(dict.fromkeys(COMPARED.values(), lost), np.full(1, np.nan))
+
+
+def _compute(grid: Grid, cell: Cell, shape: tuple[int, ...], own: Indices) -> _Truth:
     """Run a block of references, and once more with the gap opened by a trifle."""
-    count = int(np.prod(shape, dtype=np.int64))
-    own = np.arange(block * BLOCK, min((block + 1) * BLOCK, count), dtype=np.int64)
     inner = np.ravel_multi_index(np.unravel_index(own, shape), grid.inner_shape) if shape else own
     replaced = grid.study.reference.values if grid.study.reference is not None else {}
     varying = {path: values for path, values in grid.inner_values(inner).items() if path not in replaced}

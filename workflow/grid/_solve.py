@@ -15,7 +15,7 @@ from workflow.grid._conditions import conditions
 from workflow.grid._operators import compile_scheme, run_batch, runaway_of, structure_of
 from workflow.grid._reference import against_reference, reference_names
 from workflow.models import Array, Cases
-from workflow.schemes import Results, Status
+from workflow.schemes import Results, Sampling, Status, complete_periods
 from workflow.study import Cell
 
 SHORT, REPEATS = 2e-3, 3
@@ -108,24 +108,24 @@ def _contact(results: Results, cases: Cases, grid: Grid) -> dict[str, Array]:
         "contact_force": force,
         "contact_impulse": impulse[:, -1].copy(),
         "period_impulse": widened(results.period_impulse),
-        "period_force": _largest_per_period(force[:, 1:], cases.frequency, interval, periods),
+        "period_force": _largest_per_period(force[:, 1:], cases.frequency, grid.sampling, periods),
         "period_temperature": widened(results.period_temperature),
         "period_contact": widened(results.period_contact),
     }
 
 
-def _largest_per_period(force: Array, frequency: Array, interval: float, periods: int) -> Array:
+def _largest_per_period(force: Array, frequency: Array, sampling: Sampling, periods: int) -> Array:
     """Return the largest force of the output intervals whose middle lies in each load period.
 
     A period shorter than an interval takes the interval that holds its own middle.
     """
     largest = np.full((force.shape[0], periods), np.nan)
-    count = force.shape[1]
+    count, interval = force.shape[1], sampling.interval
     middle = (np.arange(count) + 0.5) * interval
     for value in np.unique(frequency[frequency > 0]):
         rows = np.flatnonzero(frequency == value)
         edges = np.searchsorted(middle * value, np.arange(periods + 1))
-        complete = int(np.floor(count * interval * value * (1 + 1e-12) + 1e-9))  # as workflow.schemes counts
+        complete = int(complete_periods(np.array([value]), sampling)[0])
         for k in range(min(periods, complete)):
             first, stop = int(edges[k]), int(edges[k + 1])
             if first == stop:
@@ -138,7 +138,7 @@ def _largest_per_period(force: Array, frequency: Array, interval: float, periods
 def longest_period_count(grid: Grid) -> int:
     """Return the size of the dimension ``period``: the most complete load periods any case has."""
     values = values_along(grid, "scene.load.frequency", grid.study.scene.load.frequency)
-    return int(np.floor(grid.sampling.duration * max(values) * (1 + 1e-12) + 1e-9))
+    return int(complete_periods(np.array(values), grid.sampling).max())
 
 
 def _failed(grid: Grid, text: str) -> Solved:

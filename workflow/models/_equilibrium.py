@@ -63,6 +63,7 @@ def static_equilibrium(structure: Structure, load: Array, heating: Array, gap: f
     interior = _solve(stiffness[:-1, :-1], force[:-1] - stiffness[:-1, -1] * gap)
     if interior is not None:
         pressed[:-1] = interior
-        if force[-1] - stiffness[-1] @ pressed >= 0:
+        reaction = force[-1] - stiffness[-1] @ pressed
+        if reaction >= -_UNBALANCED * (abs(force[-1]) + np.abs(stiffness[-1]) @ np.abs(pressed)):
             return pressed, temperature
     raise NoEquilibriumError("the constant loads move the structure for ever, it has no equilibrium")

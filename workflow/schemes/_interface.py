@@ -124,9 +124,9 @@ class Results:
     messages: dict[int, str]
 
 
-def complete_periods(cases: Cases, sampling: Sampling) -> NDArray[np.int64]:
-    """Return how many whole load periods each case has, shape ``(case,)``."""
-    return np.floor(sampling.duration * cases.frequency * (1 + 1e-12) + 1e-9).astype(np.int64)
+def complete_periods(frequency: Array, sampling: Sampling) -> NDArray[np.int64]:
+    """Return how many whole periods of each frequency fit in the duration, up to rounding (1e-9 of one)."""
+    return np.floor(sampling.duration * frequency * (1 + 1e-12) + 1e-9).astype(np.int64)
 
 
 class Scheme(Protocol):

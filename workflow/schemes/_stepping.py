@@ -247,7 +247,7 @@ def watch(cases: Cases, mean: Array, sampling: Sampling, schedule: Schedule, h: 
 
     ``mean`` is the constant part of the tip force, N, ``(case,)``.
     """
-    periods = complete_periods(cases, sampling)
+    periods = complete_periods(cases.frequency, sampling)
     longest = int(periods.max(initial=0))
     ends = np.arange(1, longest + 1)
     counted = ends <= periods[:, None]

@@ -77,7 +77,7 @@ def cost(structure: Structure, h: float, options: Options, sampling: Sampling) -
 def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
     """Run a whole batch, case by case; regimes of the held tip are shared by cases of one α."""
     count = cases.count
-    periods = complete_periods(cases, sampling)
+    periods = complete_periods(cases.frequency, sampling)
     most = int(periods.max(initial=0))
     histories = {name: np.full((count, sampling.count), np.nan) for name in HISTORIES}
     period_impulse, period_temperature, period_contact = (np.full((count, most), np.nan) for _ in range(3))
