@@ -165,6 +165,19 @@ def test_parts_that_outlived_their_archive_go(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [archive]
 
 
+@pytest.mark.parametrize("kept", [True, False])
+def test_balances_are_kept_where_they_are_wanted(kept: bool, tmp_path: Path) -> None:
+    text = SINGLE.replace("interval: 1 ms", f"interval: 1 ms, balances: {str(kept).lower()}")
+    text = text.replace("output:", "axes: {scheme: [moreau, event_driven]}\noutput:")
+    run_study(parsed(text), tmp_path / "a.nc")
+    with xr.open_dataset(tmp_path / "a.nc") as archive:
+        assert ("energy_residual" in archive) == ("heat_residual" in archive) == kept
+        if kept:
+            assert archive["energy_residual"].sel(scheme="moreau") < -1e-3
+            assert abs(archive["energy_residual"].sel(scheme="event_driven")) < 1e-12
+            assert "midpoint" in archive["heat_residual"].attrs["comment"]
+
+
 def test_decimal_sample_times_are_found_by_label(tmp_path: Path) -> None:
     run_study(parsed(SINGLE), tmp_path / "a.nc")
     with open_archive(tmp_path / "a.nc") as data:

@@ -14,7 +14,7 @@ from scenes import alone, blade, cases, chain, heavy_chain, same_bits, sampling,
 from workflow import schemes
 from workflow.models import Cases, Rayleigh, Structure
 from workflow.reduction import reduce_structure
-from workflow.schemes import Results, Sampling, Status, _event_balance
+from workflow.schemes import Results, Sampling, Status, _event_books
 
 BALANCES = ("energy_residual", "heat_residual")
 
@@ -257,13 +257,13 @@ def test_poles_and_panels_integrate_the_same(monkeypatch: pytest.MonkeyPatch) ->
         return [abs(found[name][0]) for name in BALANCES]
 
     assert max(residuals()) < 1e-12
-    monkeypatch.setattr(_event_balance, "POOR", 0.0)
+    monkeypatch.setattr(_event_books, "POOR", 0.0)
     assert max(residuals()) < 1e-12
-    whole = _event_balance._form
+    whole = _event_books._form
 
-    def careless(regime: _event_balance._Regime, load: _event_balance.Load) -> _event_balance.Form:
+    def careless(regime: _event_books._Regime, load: _event_books.Load) -> _event_books.Form:
         form = whole(replace(regime, damping=0.99 * regime.damping, loss=0.99 * regime.loss), load)
         return form
 
-    monkeypatch.setattr(_event_balance, "_form", careless)
+    monkeypatch.setattr(_event_books, "_form", careless)
     assert min(residuals()) > 1e-5

@@ -143,6 +143,7 @@ CHANGED = [
     ),
     (34, "[displacement, temperature, contact_force]", "displacement", "output.histories", "not a list", "[]"),
     (35, "precision: float64", "precision: float16", "output.precision", "none of", "float"),
+    (35, "precision: float64", "balances: maybe", "output.balances", "neither true nor false", "true or false"),
     (32, "output:", "e: 0.5\noutput:", "e", "does not belong here", "under `axes`"),
     (32, "output:", "duration: 2\noutput:", "duration", "does not belong here", "under `scene`"),
     (32, "output:", "<<: {}\noutput:", "<<", "merge key", "not read"),

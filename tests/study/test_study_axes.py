@@ -60,6 +60,7 @@ def test_what_is_left_out_has_its_default() -> None:
     assert study.dimensions == ()
     assert study.output.interval == 1e-3
     assert study.output.histories == ("displacement", "temperature", "contact_force")
+    assert study.output.balances
     assert study.schemes["moreau"].options.theta == 1.0
 
 

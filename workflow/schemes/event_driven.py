@@ -15,7 +15,8 @@ import numpy as np
 
 from workflow.declare import quantity
 from workflow.models import Array, Cases, Structure
-from workflow.schemes._event_balance import Books, no_ledger
+from workflow.schemes._event_balance import no_ledger
+from workflow.schemes._event_books import Books
 from workflow.schemes._event_march import BEYOND, DONE, EVENTS, NOT_FINITE, STEPS, Thresholds, Tip, march
 from workflow.schemes._event_record import Record
 from workflow.schemes._event_regimes import Basis, Regime, analyse
