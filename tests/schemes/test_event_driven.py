@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenes import blade, chain, heavy_chain
+from scenes import blade, chain, heavy_chain, sampling, step
 from scenes import cases as make_cases
 from workflow.models import Rayleigh, Structure, critical_alpha, growth_rate
 from workflow.schemes import Results, Sampling, Status, event_driven
@@ -320,3 +320,16 @@ def test_amplification_is_the_exact_propagator() -> None:
     assert g.shape == (3, 2)
     np.testing.assert_allclose(g.prod(axis=1), np.exp(-damping * 0.3), rtol=1e-13)
     assert event_driven.thermal_amplification(np.array([2.0]), 0.5, event_driven.Options()) == pytest.approx(np.exp(-1))
+
+
+def test_a_stiff_and_slow_mode_ends_a_case_at_once() -> None:
+    """Without a budget its Taylor steps would hang the kernel, which cannot be interrupted."""
+    for damping, status in ((1e4, Status.OK), (1e7, Status.FAILED)):
+        structure = chain(nodes=1, mass=1.0, stiffness=1.0, damping=Rayleigh(damping, 0.0))
+        batch = make_cases(structure, gap=0.1, mean=1.0, amplitude=1.0, frequency=0.3)
+        found = step(structure, batch, 1.0, sampling(10.0, 0.1), "event_driven")
+        assert found.status[0] == status
+    assert "damped too fast" in found.messages[0]
+    stiff = heavy_chain(damping=Rayleigh(0.0, 1.0))
+    batch = make_cases(stiff, gap=5e-6, amplitude=3000.0, frequency=20.0)
+    assert step(stiff, batch, 1.0, sampling(2e-3, 1e-3), "event_driven").status[0] == Status.FAILED

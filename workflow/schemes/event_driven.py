@@ -18,16 +18,18 @@ from workflow.models import Array, Cases, Structure
 from workflow.schemes._event_balance import no_ledger
 from workflow.schemes._event_books import Books
 from workflow.schemes._event_march import BEYOND, DONE, EVENTS, NOT_FINITE, STEPS, Thresholds, Tip, march
+from workflow.schemes._event_motion import TAYLOR_SPAN
 from workflow.schemes._event_record import Record
 from workflow.schemes._event_regimes import Basis, Regime, analyse
-from workflow.schemes._event_response import Load
+from workflow.schemes._event_response import SLOW, Load
 from workflow.schemes._event_spectrum import coupled_regime, held_regime
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Status, complete_periods
 
 READS = frozenset({"e", "alpha"})
 
-INPUT, SPECTRUM = -1, -2
-"""How a case ended that was not run: a value of it is not finite, or its eigenvalues were not found."""
+INPUT, SPECTRUM, STIFF = -1, -2, -3
+"""How a case ended that was not run: a value of it is not finite, its eigenvalues were not found, or
+a mode too slow to split its load off is damped so fast that its Taylor steps exceed the budget."""
 
 THRESHOLDS = Thresholds(excursion=1e-10, speed=1e-3, force=64.0)
 
@@ -109,7 +111,10 @@ def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
                 if alpha not in held:
                     regime = held_regime if alpha == 0 else coupled_regime
                     held[alpha] = regime(operator.basis.held, alpha)
-                ended = _run(operator, held[alpha], cases, i, sampling.duration, record, books, residuals[i])
+                if _taylor_steps((operator.basis.free, held[alpha]), sampling.duration) > operator.options.steps:
+                    ended = STIFF
+                else:
+                    ended = _run(operator, held[alpha], cases, i, sampling.duration, record, books, residuals[i])
             except np.linalg.LinAlgError:
                 ended = SPECTRUM
         if ended != DONE:
@@ -200,6 +205,21 @@ def _run(
     return ended
 
 
+def _taylor_steps(regimes: tuple[Regime, ...], duration: float) -> float:
+    """Return the Taylor steps that the stiffest explicit block takes over the duration, 0 for none.
+
+    Explicit are overdamped blocks whose slow pole has moved by less than ``SLOW`` at the end.
+    """
+    most = 0.0
+    for regime in regimes:
+        half, omega = 0.5 * np.abs(regime.damping), np.sqrt(np.abs(regime.stiffness))
+        root = np.sqrt(np.maximum(half**2 - regime.stiffness, 0.0))
+        slow = np.where(root > 0, regime.stiffness / np.maximum(half + root, 1e-300), omega)
+        explicit = slow * duration < SLOW
+        most = max(most, float(np.max(np.abs(regime.damping)[explicit], initial=0.0)) * duration / TAYLOR_SPAN)
+    return most
+
+
 def _times(matrix: Array, state: Array) -> Array:
     """Return matrix @ state, summed in one order on every machine."""
     with np.errstate(all="ignore"):
@@ -213,8 +233,11 @@ def _message(ended: int, options: Options, counts: Array) -> str:
         INPUT: "a value of the case is not a finite number",
         SPECTRUM: "the eigenvalues of the held tip with friction heat were not found",
         EVENTS: f"stopped {at} after {options.events} contact events, its budget; "
-        f"the last of {counts[0]:.0f} impacts had a speed of {counts[1]:.3g} m/s",
+        f"the last of {counts[0]:.0f} impacts had a speed of {counts[1]:.3g} m/s "
+        "(with e = 1 impacts of a pressed tip accumulate without end)",
         STEPS: f"stopped {at} after {options.steps} steps between contact events, its budget",
+        STIFF: "a mode is damped too fast and moves too slowly for its load to be followed within the budget of "
+        f"{options.steps} steps; lower the damping, or use moreau",
         BEYOND: "the tip starts beyond the casing: x_n(0) > d",
         NOT_FINITE: f"the state left the finite numbers {at}",
     }[ended]
