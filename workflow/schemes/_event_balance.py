@@ -11,7 +11,7 @@ and the heat loss L(τ) are integrated over the phase from the state in which it
   columns of U, so that ∫D dt = Σ Q_mk Z_m Z_k ∫exp((s_m + s_k) t) dt and ∫L dt likewise;
 - where eigenvectors are poor or an answer to the loads resonates (rigid and critical modes,
   resonance, heat without outlet), by Gauss-Legendre panels on the Taylor series of X, which needs
-  neither, but takes longer.
+  neither, but takes longer; NaN where it would take more than :data:`MOST_PANELS`.
 
 The integrals know the march only by the instants and states at which phases begin; energies at the
 ends of phases are the march's own. Impulses lose p (v⁻ + v⁺)/2; the held tip does no work. The
@@ -185,11 +185,17 @@ def _by_poles(form: Form, x: Array, psi: float, span: float) -> tuple[float, flo
     return spent, lost
 
 
+MOST_PANELS = 20_000
+"""Of one phase, about a second; a phase that would take more leaves the residuals NaN."""
+
+
 @kernel
 def _by_panels(form: Form, x: Array, omega: float, psi: float, span: float) -> tuple[float, float]:
     """Return ∫D dt and ∫L dt by Gauss-Legendre panels on Taylor series; ``x`` is used up."""
     n = x.size
     panels = max(1, int(np.ceil(span * form.fastest)))
+    if panels > MOST_PANELS:
+        return np.nan, np.nan
     h = span / panels
     series = np.zeros((ORDER + 1, n))
     at = np.zeros(n)
