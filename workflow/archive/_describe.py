@@ -59,6 +59,7 @@ _PERIODS = {
 }
 
 _COMMENTS = {
+    "wall_time": "kernels compiled before; with its balances where output.balances is on, without its reference",
     "impacts": "event_driven: velocity jumps; time-stepping schemes: steps with an impulse after one without",
     "max_penetration": "0 where the tip never passed the casing",
     "energy_residual": (
