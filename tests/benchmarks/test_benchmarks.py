@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bench_event_driven
+import bench_moreau
 import pytest
 
 
@@ -12,3 +13,11 @@ def test_event_driven_prints_its_lines(capsys: pytest.CaptureFixture[str]) -> No
     assert [line.split(":")[0] for line in lines] == ["e = 0", "e = 0.5", "e = 0.9"]
     for line in lines:
         assert float(line.split("error ")[1].split(",")[0]) <= 1e-10
+
+
+def test_moreau_prints_its_lines(capsys: pytest.CaptureFixture[str]) -> None:
+    bench_moreau.main(counts=(1, 9), steps=100, runs=1)
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split(" cases")[0] for line in lines] == ["1", "9"]
+    for line in lines:
+        assert float(line.split("full ")[1].split(",")[0]) > 0

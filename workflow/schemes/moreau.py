@@ -170,8 +170,8 @@ def cost(structure: Structure, h: float, options: Options, sampling: Sampling) -
     core of a server processor of 2024 (Zen 5, vectors of eight, about 3 GHz), heated, full with 20
     nodes and reduced to 3 + 12 modes: 2.8 ns a step for the tip and 0.65 ns for each group of
     modes, 15 ns a sample, 1.5 us to set a case up. A processor with vectors of four takes about
-    twice as long; fewer than eight cases cost together what eight do. Balances cost up to three and
-    a half times the step itself: 3 ns, 1.6 and 0.8 ns for each group of mechanical and thermal modes
+    twice as long; fewer than eight cases cost together what eight do. Balances cost three to five
+    times the step itself: 3 ns, 1.6 and 0.8 ns for each group of mechanical and thermal modes
     and 0.6 ns for each pair of groups.
     """
     modes, heat_modes = -(-structure.mechanical_size // MODES), -(-structure.thermal_size // HEAT_MODES)
