@@ -58,12 +58,6 @@ def contact_phases(case: xr.Dataset) -> list[tuple[float, float]]:
     return [(float(t[a] - interval), float(t[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def status_counts(dataset: xr.Dataset) -> dict[str, int]:
-    """Return the number of cases by name of their status."""
-    values, number = np.unique(np.asarray(dataset["status"].values), return_counts=True)
-    return {Status(int(value)).name.lower(): int(n) for value, n in zip(values, number, strict=True)}
-
-
 @dataclass(frozen=True)
 class Failures:
     """Cases that are not ok and say the same: how many, and the labels of the first."""

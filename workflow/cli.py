@@ -203,8 +203,9 @@ def show(archive: ArchiveFile) -> None:
     """Say what an archive holds: dimensions, statuses, what failed and why."""
     console = _console()
     with _told():
-        from workflow.analysis import case_dims, failures, labels_of, status_counts
+        from workflow.analysis import case_dims, failures, labels_of
         from workflow.archive import open_archive
+        from workflow.run import status_counts
 
         with open_archive(archive) as dataset:
             console.print(f"{archive}: {dataset.attrs.get('title', 'without a title')}", markup=False)

@@ -71,7 +71,7 @@ def _relative_modes(inertia: Array, deformation: Array, constraint: Array, kept:
     """Return the slowest modes of the whole structure relative to its constraint mode.
 
     Their span with the constraint mode holds the modes themselves, tip included. For heat this
-    is ten times as accurate as fixed-interface modes: every second one of those feels the tip's
+    is more accurate than fixed-interface modes: every second one of those feels the tip's
     heat but does not move the tip. A mode that is the constraint mode is passed over.
     """
     shapes = singular_modes(inertia, deformation).shapes

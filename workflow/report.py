@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workflow.analysis import case_dims, effect, failures, labels_of, status_counts
+from workflow.analysis import case_dims, effect, failures, labels_of
 from workflow.archive import ArchiveError, open_archive, provenance
 from workflow.plots import metric_by_axis, overview, save
+from workflow.run import status_counts
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,9 @@ from workflow.archive import (
 from workflow.grid import Grid, Segment, Task, Units, arrange, solve, tasks, units_of
 from workflow.schemes import Status
 from workflow.study import Study
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Progress = Callable[[int, int, int], None]
 """Told ``(cases stored, cases that are not ok, all cases)`` as a run goes on."""
@@ -218,13 +221,17 @@ def _joined(
     return first, arrays, messages
 
 
+def status_counts(dataset: xr.Dataset) -> dict[str, int]:
+    """Return the number of cases by name of their status."""
+    values, number = np.unique(np.asarray(dataset["status"].values), return_counts=True)
+    return {Status(int(value)).name.lower(): int(n) for value, n in zip(values, number, strict=True)}
+
+
 def summarise(archive: Path, seconds: float, resumed: int | None) -> Outcome:
     """Read from an archive how its cases ended."""
     with open_archive(archive) as dataset:
         status = np.asarray(dataset["status"].values)
-        names = {int(s): s.name.lower() for s in Status}
-        values, number = np.unique(status, return_counts=True)
-        counts = {names[int(value)]: int(n) for value, n in zip(values, number, strict=True)}
+        counts = status_counts(dataset)
         failures = []
         for index in np.argwhere(status != Status.OK)[:SHOWN]:
             case = dataset.isel(dict(zip(dataset["status"].dims, map(int, index), strict=True)))

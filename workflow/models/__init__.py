@@ -13,7 +13,7 @@ from typing import Any, Protocol, cast
 
 from workflow.models._cases import Cases, project
 from workflow.models._equilibrium import NoEquilibriumError, static_equilibrium
-from workflow.models._modes import Modes, mechanical_modes, modal_coupling, thermal_modes
+from workflow.models._modes import Modes, mechanical_modes, modal_coupling, poles, thermal_modes
 from workflow.models._runaway import critical_alpha, growth_rate, static_tip_growth, tip_flexibility
 from workflow.models._structure import Array, Rayleigh, Structure
 
@@ -65,6 +65,7 @@ __all__ = [
     "mechanical_modes",
     "modal_coupling",
     "names",
+    "poles",
     "project",
     "static_equilibrium",
     "static_tip_growth",

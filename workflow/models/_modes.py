@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
+from numpy.typing import NDArray
 
 from workflow.models._structure import Array, Structure
 
@@ -50,6 +51,12 @@ def singular_modes(inertia: Array, deformation: Array) -> Modes:
     values[values <= rounding * values.max(initial=0.0)] = 0.0
     shapes = scipy.linalg.solve_triangular(root, vt.T, lower=True, trans="T")
     return Modes(values[::-1].copy(), np.ascontiguousarray(shapes[:, ::-1]))
+
+
+def poles(frequency: Array, damping: Array) -> NDArray[np.complex128]:
+    """Return both roots λ of λ² + c λ + ω² = 0, complex, 1/s, shape ``(mode, 2)``."""
+    root = np.emath.sqrt((damping / 2) ** 2 - frequency**2 + 0j)
+    return np.stack([-damping / 2 + root, -damping / 2 - root], axis=-1)
 
 
 def mechanical_modes(structure: Structure) -> Modes:

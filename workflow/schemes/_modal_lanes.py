@@ -7,7 +7,7 @@ For that to work, and for calls within a step to cost nothing,
 
 - the number of lanes in a row of memory is asserted, see :mod:`workflow.schemes._stepping`;
 - functions called in every step take arrays, not tuples of arrays (whose reference counts would
-  be raised and lowered at each call, 250 ns), and are inlined.
+  be raised and lowered at each call), and are inlined.
 
 A group's sum over its modes and the sum over groups are taken in the same order for every lane.
 """

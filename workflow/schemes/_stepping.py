@@ -9,8 +9,8 @@ A scheme's kernel advances its own states in blocks of up to ``LANES`` cases, on
         observe(take_marks(step, block) if step == next_mark[0] else h, tip, lanes)
 
 Everything that is kept per lane lies in a few arrays ``(row, lane)``, not in one array per name,
-and functions that loop over lanes assert that a row has ``LANES``. Both are for speed, together a
-factor of eight: where the distance between two rows is known at compile time, the compiler can
+and functions that loop over lanes assert that a row has ``LANES``. Both are for speed:
+where the distance between two rows is known at compile time, the compiler can
 prove that rows do not overlap and steps eight lanes at once; else it compares all addresses with
 each other before each short loop, or gives up. Lanes are padded to whole packs with idle ones
 (all zero: a tip at rest that touches its casing without force), so that the vectorised loop

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from workflow.declare import quantity
-from workflow.models import Array, Cases, Structure
+from workflow.models import Array, Cases, Structure, poles
 from workflow.schemes._event_balance import no_ledger
 from workflow.schemes._event_books import Books
 from workflow.schemes._event_march import BEYOND, DONE, EVENTS, NOT_FINITE, STEPS, Thresholds, Tip, march
@@ -59,8 +59,7 @@ def init(structure: Structure, h: float, options: Options) -> Operator:
 
 def amplification(frequency: Array, damping: Array, h: float, options: Options) -> Any:
     """Return exp(s h) of the two poles s of each mode, complex, ``(mode, 2)``."""
-    root = np.emath.sqrt((damping / 2) ** 2 - frequency**2 + 0j)
-    return np.exp(h * np.stack([-damping / 2 + root, -damping / 2 - root], axis=-1))
+    return np.exp(h * poles(frequency, damping))
 
 
 def thermal_amplification(rate: Array, h: float, options: Options) -> Array:

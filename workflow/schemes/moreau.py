@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from workflow.declare import quantity
-from workflow.models import Array, Cases, Structure
+from workflow.models import Array, Cases, Structure, poles
 from workflow.schemes._balance import Audit, Books, account, couple, leak, no_audit, open_audit
 from workflow.schemes._decoupled import Decoupled, decouple, start
 from workflow.schemes._interface import Results, Sampling, Status, schedule
@@ -153,8 +153,7 @@ def largest_admissible_step(modal: Decoupled, h: float, theta: float, alpha: flo
 
 def amplification(frequency: Array, damping: Array, h: float, options: Options) -> Any:
     """Return the eigenvalues (1 + (1-θ)hλ)/(1 - θhλ) of the free step of each mode."""
-    root = np.emath.sqrt((damping / 2) ** 2 - frequency**2 + 0j)
-    lam = np.stack([-damping / 2 + root, -damping / 2 - root], axis=-1)
+    lam = poles(frequency, damping)
     return (1 + (1 - options.theta) * h * lam) / (1 - options.theta * h * lam)
 
 
@@ -253,8 +252,7 @@ def _largest_stable_step(modal: Decoupled, theta: float) -> float:
     """Return the step up to which no free mode grows: 2 Re λ + (1-2θ) h |λ|² <= 0 for every λ."""
     if theta >= 0.5:
         return float("inf")
-    root = np.emath.sqrt((modal.damping / 2) ** 2 - modal.frequency**2 + 0j)
-    lam = np.concatenate([-modal.damping / 2 + root, -modal.damping / 2 - root, -modal.rate + 0j])
+    lam = np.concatenate([poles(modal.frequency, modal.damping).ravel(), -modal.rate + 0j])
     lam = lam[np.abs(lam) > 0]
     return float(np.min(-2 * lam.real / ((1 - 2 * theta) * np.abs(lam) ** 2), initial=np.inf))
 
