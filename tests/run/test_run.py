@@ -54,7 +54,7 @@ def test_bits_do_not_depend_on_threads_or_tasks(tmp_path: Path, monkeypatch: pyt
 
 
 def test_an_interrupted_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, many_tasks: None) -> None:
-    import workflow.run as running
+    import workflow.run._task as running
 
     whole, archive = tmp_path / "whole.nc", tmp_path / "small.nc"
     run_study(parsed(SMALL), whole)

@@ -1,0 +1,73 @@
+"""How a run ended, read from its archive."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from workflow.archive import open_archive
+from workflow.schemes import Status
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a run ended.
+
+    Attributes
+    ----------
+    archive
+        Where the archive is.
+    counts
+        Number of cases by name of their status.
+    failures
+        Labels and message of the first cases that are not ok, at most :data:`SHOWN`.
+    seconds
+        Wall time of this run.
+    resumed
+        Cases that an earlier, interrupted run had stored; all of them where there was nothing to do.
+    """
+
+    archive: Path
+    counts: dict[str, int]
+    failures: tuple[tuple[str, str], ...]
+    seconds: float
+    resumed: int
+
+    @property
+    def ok(self) -> bool:
+        """Whether every case is ok."""
+        return set(self.counts) <= {Status.OK.name.lower()}
+
+
+SHOWN = 10
+"""Failed cases that a summary names."""
+
+
+def status_counts(dataset: xr.Dataset) -> dict[str, int]:
+    """Return the number of cases by name of their status."""
+    values, number = np.unique(np.asarray(dataset["status"].values), return_counts=True)
+    return {Status(int(value)).name.lower(): int(n) for value, n in zip(values, number, strict=True)}
+
+
+def summarise(archive: Path, seconds: float, resumed: int | None) -> Outcome:
+    """Read from an archive how its cases ended."""
+    with open_archive(archive) as dataset:
+        status = np.asarray(dataset["status"].values)
+        counts = status_counts(dataset)
+        failures = []
+        for index in np.argwhere(status != Status.OK)[:SHOWN]:
+            case = dataset.isel(dict(zip(dataset["status"].dims, map(int, index), strict=True)))
+            labels = ", ".join(
+                f"{name} = {case[name].item()}"
+                for dim in dataset["status"].dims
+                for name in dataset.coords
+                if dataset[name].dims == (dim,)
+            )
+            failures.append((labels or "the case", str(case["message"].item())))
+    return Outcome(archive, counts, tuple(failures), seconds, status.size if resumed is None else resumed)

@@ -1,0 +1,100 @@
+"""Running a study: what is missing is computed as shards, and one archive comes of them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from workflow.archive import (
+    ArchiveError,
+    Shards,
+    archive_key,
+    describe,
+    find_shards,
+    gather,
+    holding,
+    parts_of,
+    remove_parts,
+    start_parts,
+    study_key,
+)
+from workflow.grid import Task, arrange, tasks, units_of
+from workflow.run._outcome import Outcome, summarise
+from workflow.run._task import Job, Stored
+from workflow.run._threads import available_threads, run_on_threads
+from workflow.study import Study
+
+Progress = Callable[[int, int, int], None]
+"""Told ``(cases stored, cases that are not ok, all cases)`` as a run goes on."""
+
+
+def run_study(study: Study, archive: Path, threads: int | None = None, progress: Progress | None = None) -> Outcome:
+    """Run what is missing of a study and leave its archive.
+
+    Parameters
+    ----------
+    study
+        From :func:`workflow.study.read_study`.
+    archive
+        Where the archive goes; an interrupted run of the same study goes on where it stopped.
+    threads
+        Threads of dask; as many as there are processors where not given.
+    progress
+        Called whenever a task is stored.
+
+    Raises
+    ------
+    ArchiveError
+        Another study's archive is there, another run has it, or it cannot be written.
+    """
+    begun = time.perf_counter()
+    parts = parts_of(archive)
+    if archive.exists():
+        if archive_key(archive) != study_key(study):
+            raise ArchiveError(
+                f"{archive}: holds another study, or this one with other values or another solver version; "
+                "choose another archive with -o, or move this one away"
+            )
+        if parts.exists():  # of a run that was killed between its last two steps
+            with holding(parts):
+                remove_parts(parts)
+        return summarise(archive, time.perf_counter() - begun, None)
+    grid = arrange(study)
+    units = units_of(grid)
+    layout = describe(study, grid, units)
+    with holding(parts):
+        start_parts(parts, layout)
+        done = find_shards(parts, layout)
+        before = int(sum(len(layout.cells_of(unit)) for first, stop in done.present for unit in range(first, stop)))
+        job = Job(grid, units, layout, parts)
+        missing = (task for task in tasks(grid, units) if _is_missing(task, job, done))
+        run_on_threads(job, missing, threads or available_threads(), _counting(job, before, done, progress))
+        gather(layout, parts, archive)
+    return summarise(archive, time.perf_counter() - begun, before)
+
+
+def _counting(job: Job, before: int, done: Shards, progress: Progress | None) -> Callable[[Stored], None]:
+    """Return what keeps count of the cases stored and tells the progress."""
+    counted, failed = before, sum(len(shard.messages) for shard in done.files)
+
+    def count(stored: Stored) -> None:
+        nonlocal counted, failed
+        counted, failed = counted + stored.cases, failed + stored.failed
+        if progress is not None:
+            progress(counted, failed, job.layout.cells)
+
+    count(Stored(0, 0))
+    return count
+
+
+def _is_missing(task: Task, job: Job, done: Shards) -> bool:
+    """Tell whether a unit of a task, in any place its results belong to, has no sound shard."""
+    for segment in task.segments:
+        for outer in job.grid.places[segment.outer]:
+            first = outer * job.units.count + segment.first
+            if np.any(done.owner[first : first + segment.units] < 0):
+                return True
+    return False

@@ -1,0 +1,33 @@
+"""Tasks on dask threads of this process."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from itertools import islice
+
+from workflow.grid import Task
+from workflow.run._task import Job, Stored, store_task
+
+_GRAPH = 512
+"""Tasks given to dask at a time, so that the graph of a large study is never there at once."""
+
+
+def available_threads() -> int:
+    """Return the processors this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
+def run_on_threads(job: Job, missing: Iterator[Task], threads: int, stored: Callable[[Stored], None]) -> None:
+    """Run tasks, a bounded number of them in a graph at a time; ``stored`` hears of each when its shards are safe."""
+    from dask.base import compute
+    from dask.delayed import delayed
+    from threadpoolctl import threadpool_limits
+
+    def one(task: Task) -> None:
+        stored(store_task(job, task))
+
+    run = delayed(one, pure=False, traverse=False)
+    with threadpool_limits(limits=1, user_api="blas"):
+        while some := list(islice(missing, _GRAPH)):
+            compute(*[run(task) for task in some], scheduler="threads", num_workers=threads)
