@@ -11,7 +11,10 @@ from workflow.models import Cases, Structure
 def march(
     structure: Structure, batch: Cases, h: float, steps: int, *, lagged: bool = False, implicit: bool = False
 ) -> Trajectory:
-    """Step the first case of a batch; ``impulse`` holds p_0 … p_steps, velocities are central."""
+    """Step the first case of a batch; ``impulse`` holds p_0 … p_steps, velocities are central.
+
+    A temperature is told with half the heat of its p_k.
+    """
     M, C1, K1 = structure.mass, structure.damping_matrix, structure.stiffness_matrix
     K12, C2, K2 = structure.coupling_matrix, structure.heat_capacity, structure.conductance_matrix
     alpha, gap = batch.alpha[0], batch.gap[0]
@@ -33,9 +36,13 @@ def march(
         give = np.linalg.solve(ahead, tip)
         force_n = max(0.0, (x_free[-1] - gap) / give[-1])
         x_after = x_free - force_n * give
-        found.append((x, (x_after - x_before) / (2 * h) if k else v, T))
+        enters = np.linalg.solve(C2 + h * K2 if implicit else C2, heat_tip)
+        heat = alpha * h * force_n * enters
+        found.append((x, (x_after - x_before) / (2 * h) if k else v, T + heat / 2 if k else T))
         impulses.append(h * force_n)
-        flow = C2 @ T + h * batch.heating[0] + alpha * h * force_n * heat_tip
-        T = np.linalg.solve(C2 + h * K2, flow) if implicit else np.linalg.solve(C2, flow - h * K2 @ T)
+        if implicit:
+            T = np.linalg.solve(C2 + h * K2, C2 @ T + h * batch.heating[0]) + heat
+        else:
+            T = T + h * np.linalg.solve(C2, batch.heating[0] - K2 @ T) + heat
         x_before, x = x, x_after
     return Trajectory(*(np.array(states) for states in zip(*found, strict=True)), np.array(impulses))

@@ -9,7 +9,10 @@ from workflow.models import Cases, Structure
 
 
 def explicit(structure: Structure, batch: Cases, h: float, steps: int, stiffness: float, damping: float) -> Trajectory:
-    """Step the first case of a batch by central differences; ``impulse`` holds p_0 … p_steps."""
+    """Step the first case of a batch by central differences; ``impulse`` holds p_0 … p_steps.
+
+    A temperature is told with half the heat of its p_k.
+    """
     M, C1, K1 = structure.mass, structure.damping_matrix, structure.stiffness_matrix
     K12, C2, K2 = structure.coupling_matrix, structure.heat_capacity, structure.conductance_matrix
     alpha, gap = batch.alpha[0], batch.gap[0]
@@ -30,9 +33,10 @@ def explicit(structure: Structure, batch: Cases, h: float, steps: int, stiffness
             x_pressed = np.linalg.solve(left + wall, pressed)
             force_n = stiffness * (x[-1] - gap) + damping * (x_pressed[-1] - x_before[-1]) / (2 * h)
             force_n, x_after = (force_n, x_pressed) if force_n > 0 else (0.0, x_after)
-        found.append((x, (x_after - x_before) / (2 * h) if k else v, T))
+        heat = alpha * h * force_n * np.linalg.solve(C2, heat_tip)
+        found.append((x, (x_after - x_before) / (2 * h) if k else v, T + heat / 2 if k else T))
         impulses.append(h * force_n)
-        T = np.linalg.solve(C2, C2 @ T - h * K2 @ T + h * batch.heating[0] + alpha * h * force_n * heat_tip)
+        T = T + heat + h * np.linalg.solve(C2, batch.heating[0] - K2 @ T)
         x_before, x = x, x_after
     return Trajectory(*(np.array(states) for states in zip(*found, strict=True)), np.array(impulses))
 
@@ -57,23 +61,18 @@ def implicit(
         right += h * load - h * K12 @ (theta * T_new + (1 - theta) * T)
         v_free = np.linalg.solve(W_hat, right)
 
-        def ahead(force: float) -> tuple[np.ndarray, np.ndarray, float]:
-            p = h * (theta * force + (1 - theta) * held)
-            v_new = v_free - p * kick
-            return x + h * (theta * v_new + (1 - theta) * v), v_new, p
-
-        def excess(force: float) -> float:
-            """Force minus the law's, linear in the force while in contact."""
-            x_new, v_new, _ = ahead(force)
-            return float(force - stiffness * (x_new[-1] - gap) - damping * v_new[-1])
-
-        x_new, v_new, p = ahead(0.0)
-        force = 0.0
-        if x_new[-1] > gap and excess(0.0) < 0:
-            force = -excess(0.0) / (excess(1.0) - excess(0.0))
-            if ahead(force)[0][-1] < gap:
-                force = (x_new[-1] - gap) / (x_new[-1] - ahead(1.0)[0][-1])
-            x_new, v_new, p = ahead(force)
+        # λ' leads to (x', v') = (x_apart, v_apart) - λ' (x_per, v_per)
+        begun, per = h * (1 - theta) * held, h * theta * kick
+        v_apart = v_free - begun * kick
+        x_apart, x_per = x + h * (theta * v_apart + (1 - theta) * v), h * theta * per
+        depth, force = x_apart[-1] - gap, 0.0
+        if depth > 0 and stiffness * depth + damping * v_apart[-1] > 0:
+            law = np.array([[1.0, -stiffness, -damping], [x_per[-1], 1.0, 0.0], [per[-1], 0.0, 1.0]])
+            force, left, _ = np.linalg.solve(law, [0.0, depth, v_apart[-1]])
+            if left < 0:  # neither branch: the tip stays on the casing
+                force = depth / x_per[-1]
+        p = begun + h * theta * force
+        x_new, v_new = x_apart - force * x_per, v_apart - force * per
         x, v, T, held = x_new, v_new, T_new + alpha * p * warm, force
         found.append((x, v, T))
         impulses.append(p)

@@ -16,8 +16,8 @@ from workflow.schemes import Cases, Status
 METHODS = schemes.names()
 STEPPING = tuple(name for name in METHODS if "h" in schemes.load(name).READS)
 OVER = sampling(0.1, 1e-3)
-H = 2e-5
-"""A step at which every scheme is stable on the heavy chain, explicit ones too (limit 2.2e-5 s)."""
+H = 1e-5
+"""A step at which every scheme is stable on the heavy chain, explicit ones too (limit 1.12e-5 s)."""
 
 
 def rubs(count: int) -> Cases:

@@ -14,7 +14,7 @@ import numpy as np
 
 import workflow
 from workflow.archive._layout import Coordinate, Layout, Variable
-from workflow.grid import Grid, Units, longest_period_count
+from workflow.grid import Grid, Units, longest_period_count, scheme_metrics
 from workflow.schemes import SOLVER_VERSION, Status
 from workflow.study import Axis, Study
 
@@ -179,6 +179,9 @@ def _variables(study: Study, periods: int) -> tuple[Variable, ...]:
         Variable(name, "history", precision, _attributes(name, *_HISTORIES[name])) for name in study.output.histories
     ]
     found += [Variable(name, "metric", "f8", _attributes(name, *about)) for name, about in _METRICS.items()]
+    found += [
+        Variable(name, "metric", "f8", _attributes(name, *about)) for name, about in scheme_metrics(study).items()
+    ]
     if study.output.balances:
         found += [Variable(name, "metric", "f8", _attributes(name, *about)) for name, about in _BALANCES.items()]
     if study.reference is not None:

@@ -23,7 +23,7 @@ from scipy.optimize import brentq
 from workflow.models import Array, Cases, Structure
 from workflow.schemes import moreau
 from workflow.schemes._balance import Audit, Books, account, couple, leak, no_audit, open_audit
-from workflow.schemes._central import APPROACH, APPROACHED, LATEST, SEPARATED, restitution
+from workflow.schemes._central_march import APPROACH, APPROACHED, LATEST, SEPARATED, restitution
 from workflow.schemes._decoupled import Decoupled, start
 from workflow.schemes._interface import Results, Sampling, Status, schedule
 from workflow.schemes._kernel import inlined, kernel

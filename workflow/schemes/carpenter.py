@@ -18,8 +18,9 @@ from typing import Any, Literal
 import numpy as np
 
 from workflow.models import Array, Cases, Structure
-from workflow.schemes._central import METRICS, Differences, Law, Operator, central_cost, operator, tip_mobility
-from workflow.schemes._central import compute as march
+from workflow.schemes._central import Differences, Law, Operator, central_cost, operator, tip_mobility
+from workflow.schemes._central_march import METRICS
+from workflow.schemes._central_march import compute as march
 from workflow.schemes._decoupled import decouple
 from workflow.schemes._interface import Results, Sampling
 
@@ -35,11 +36,11 @@ class Options:
     damping
         Which velocity damps: ``central`` (x_k+1 - x_k-1)/2h or ``lagged`` (x_k - x_k-1)/h.
     heat
-        Which temperatures conduct: ``explicit`` θ_k or ``implicit`` θ_k+1.
+        Which temperatures conduct: ``implicit`` θ_k+1 or ``explicit`` θ_k, with a limit of its own.
     """
 
     damping: Literal["central", "lagged"] = "central"
-    heat: Literal["explicit", "implicit"] = "explicit"
+    heat: Literal["explicit", "implicit"] = "implicit"
 
     @property
     def differences(self) -> Differences:

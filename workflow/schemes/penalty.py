@@ -19,9 +19,10 @@ import numpy as np
 from workflow.declare import quantity
 from workflow.models import Array, Cases, Structure
 from workflow.schemes import _penalty_implicit as theta_method
-from workflow.schemes._central import METRICS, Differences, Law, central_cost, operator, tip_mobility
+from workflow.schemes._central import Differences, Law, central_cost, operator, tip_mobility
 from workflow.schemes._central import Operator as CentralOperator
-from workflow.schemes._central import compute as march
+from workflow.schemes._central_march import METRICS
+from workflow.schemes._central_march import compute as march
 from workflow.schemes._decoupled import Decoupled, decouple
 from workflow.schemes._interface import Results, Sampling
 
