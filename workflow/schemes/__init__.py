@@ -14,8 +14,15 @@ one is adding the file. It offers
     the whole batch; a case's numbers do not depend on its neighbours, bit for bit.
 ``cost``, ``amplification``, ``thermal_amplification``
     what ``plan`` says before anything runs.
+
+It may offer
+
 ``METRICS``
-    may be left out: metrics that it gives beside those of :class:`Results`, name to unit and meaning.
+    metrics that it gives beside those of :class:`Results`, name to unit and meaning.
+``contact_limit(structure, options)``
+    the step, s, above which its motion grows while the tip is in contact.
+``rigid(structure, h)``
+    options with which it approaches a rigid casing as h → 0, where not all do.
 """
 
 from __future__ import annotations

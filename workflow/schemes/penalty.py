@@ -81,6 +81,18 @@ def rigid(structure: Structure, h: float) -> Options:
     return Options(stiffness=1 / (4 * h**2 * mobility), damping=1 / (h * mobility))
 
 
+def contact_limit(structure: Structure, options: Options) -> float:
+    """Return the step up to which no motion grows with the tip in contact, s: 2/ω_max of K1 with κ at the tip.
+
+    Central damping does not move it. The implicit scheme has none of its own.
+    """
+    if options.integration == "implicit":
+        return float("inf")
+    modal = decouple(structure)
+    stiffened = np.diag(modal.frequency**2) + contact_stiffness(modal, options) * np.outer(modal.tip, modal.tip)
+    return float(2 / np.sqrt(np.linalg.eigvalsh(stiffened)[-1]))
+
+
 def init(structure: Structure, h: float, options: Options) -> CentralOperator | theta_method.Operator:
     """Diagonalise the structure once for a batch."""
     modal = decouple(structure)
@@ -119,4 +131,15 @@ def cost(structure: Structure, h: float, options: Options, sampling: Sampling) -
     return central_cost(structure, h, sampling)
 
 
-__all__ = ["METRICS", "READS", "Options", "amplification", "compute", "cost", "init", "rigid", "thermal_amplification"]
+__all__ = [
+    "METRICS",
+    "READS",
+    "Options",
+    "amplification",
+    "compute",
+    "contact_limit",
+    "cost",
+    "init",
+    "rigid",
+    "thermal_amplification",
+]
