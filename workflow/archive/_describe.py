@@ -65,8 +65,9 @@ _COMMENTS = {
     "energy_residual": (
         "(change of E - work of the loads + dissipation by damping + work against thermal forces + sum over impulses "
         "p of p (v_n before + v_n after)/2) / max E, E = vMv/2 + xK1x/2; time-stepping schemes: midpoint values of "
-        "whole steps, v_n at the step's ends, so that what the scheme itself gives (+) or takes (-) remains; 0 where "
-        "max E is 0; NaN where event_driven cannot integrate it at a reasonable cost"
+        "whole steps (central differences: values at the step ends), v_n at the step's ends, so that what the scheme "
+        "itself gives (+) or takes (-) remains; penalty: E holds the energy of its contact spring, whose force is no "
+        "loss; 0 where max E is 0; NaN where event_driven cannot integrate it at a reasonable cost"
     ),
     "heat_residual": (
         "(change of the heat content - alpha times impulse - heating + conduction to the root and convection) / heat "

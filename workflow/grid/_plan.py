@@ -175,9 +175,7 @@ def _beware(grid: Grid, cell: Cell) -> list[_Caution]:
     if hasattr(scheme, "contact_limit"):
         limit = scheme.contact_limit(reduced_structure(cell), cell.scheme.options)
         if cell.h > limit:
-            found.append(
-                caution("grows while the tip is in contact, stable there only up to", f"{limit:.6g} s", -limit)
-            )
+            found.append(caution("grows in contact, which is stable only up to", f"{limit:.6g} s", -limit))
     if omega[0] > 0:
         physical = float(damping[0] / (2 * omega[0]))
         numerical = _first_mode_damping(scheme, omega[:1], damping[:1], cell) - physical

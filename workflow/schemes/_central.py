@@ -42,6 +42,7 @@ class Law(NamedTuple):
     """Impulse p = max(0, depth (x_n - d) + before w_k-½ + free w_free) where x_n - d > threshold.
 
     ``holds``: an impulse puts the tip on the casing exactly, where rounding would leave it beside.
+    ``stiffness``: of a contact spring, N/m, whose energy is not lost; 0 where there is none.
     """
 
     depth: float
@@ -49,6 +50,7 @@ class Law(NamedTuple):
     free: float
     threshold: float
     holds: bool
+    stiffness: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,9 @@ v_k = (w_k-½ + w_k+½)/2, and power is taken where the forces act, at the step 
 p_0 whole, and ΔE with E = ½ vᵀMv + ½ xᵀK1x at the step ends, over the largest E, is the energy residual.
 Central differences conserve Σ ½ w_k+½² + ½ ω² η_k η_k+1 instead of E (free, undamped): the residual
 swings by a share of (ωh)² and does not drift. The loss of an impulse is p (v_n⁻ + v_n⁺)/2 exactly. Lagged
-damping spends v_kᵀ C1 w_k-½. Heat is counted as for the θ-method, with θ = 0 where it is explicit, 1 where implicit.
+damping spends v_kᵀ C1 w_k-½. A contact spring κ belongs to E, with ½ κ (x_n - d)² where x_n > d, and its
+force is no loss: what contact gives because its step is too long is seen. Heat is counted as for
+the θ-method, with θ = 0 where it is explicit and 1 where implicit.
 """
 
 from __future__ import annotations
@@ -29,7 +31,7 @@ from workflow.schemes._balance import (
 from workflow.schemes._decoupled import Decoupled
 from workflow.schemes._kernel import inlined
 from workflow.schemes._modal_lanes import MODES, PUSHED, grouped
-from workflow.schemes._stepping import LANES
+from workflow.schemes._stepping import GAP, LANES, NEW_DISPLACEMENT, NEW_VELOCITY
 
 FACTOR, STEP, OMEGA2, DAMP_BEFORE, DAMP_AFTER, TIP = range(6)
 """Coefficients of a mechanical mode: w_k+½ per w_k-½ and per modal impulse; ω²; what w_k-½ and w_k+½ add
@@ -40,7 +42,17 @@ POWER = SPEED
 
 
 @inlined
-def account(step: int, h: float, modes: Array, motion: Array, own: Array, sums: Array, lanes: int) -> None:
+def account(
+    step: int,
+    h: float,
+    stiffness: float,
+    modes: Array,
+    motion: Array,
+    own: Array,
+    tip: Array,
+    sums: Array,
+    lanes: int,
+) -> None:
     """Step the mechanical modes from t_k-½ to t_k+½ and count the energy they have and spend at t_k."""
     assert motion.shape[1] == 5 * MODES
     assert motion.shape[2] == LANES
@@ -67,7 +79,11 @@ def account(step: int, h: float, modes: Array, motion: Array, own: Array, sums: 
             sums[NEW_SPEED, lane] += spent
             sums[ENERGY, lane] += 0.5 * energy
     for lane in range(lanes):
-        spent, energy, largest = sums[NEW_SPEED, lane], sums[ENERGY, lane], sums[LARGEST_ENERGY, lane]
+        depth = max(0.0, tip[NEW_DISPLACEMENT, lane] - tip[GAP, lane])
+        spent = sums[NEW_SPEED, lane] - h * stiffness * depth * tip[NEW_VELOCITY, lane]
+        energy = sums[ENERGY, lane] + 0.5 * stiffness * depth * depth
+        largest = sums[LARGEST_ENERGY, lane]
+        sums[ENERGY, lane] = energy
         if step > 0:
             sums[SPENT, lane] += 0.5 * (sums[POWER, lane] + spent)
             sums[LARGEST_ENERGY, lane] = largest if energy <= largest else energy  # a NaN stays

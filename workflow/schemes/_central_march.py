@@ -43,6 +43,7 @@ from workflow.schemes._stepping import (
     NEW_VELOCITY,
     STEP_IMPULSE,
     TEMPERATURE,
+    VELOCITY,
     Block,
     advance_load,
     blocks,
@@ -134,7 +135,7 @@ def _march(
     _touch(operator, law, h, own, load, tip, lanes)
     if audited:
         couple(audit.coupling, audit.heat, audit.motion, lanes)
-        account(0, h, audit.modes, audit.motion, own, audit.sums, lanes)
+        account(0, h, law.stiffness, audit.modes, audit.motion, own, tip, audit.sums, lanes)
         for lane in range(lanes):
             audit.sums[POWER, lane] += own[LATEST, lane] * tip[NEW_VELOCITY, lane]
     for lane in range(lanes):
@@ -156,7 +157,7 @@ def _march(
         advance_load(step, h, load, lanes)
         _touch(operator, law, h, own, load, tip, lanes)
         if audited:
-            account(step, h, audit.modes, audit.motion, own, audit.sums, lanes)
+            account(step, h, law.stiffness, audit.modes, audit.motion, own, tip, audit.sums, lanes)
         observe(take_marks(step, block) if step == next_mark[0] else h, tip, lanes)
 
 
@@ -236,7 +237,8 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
         rebound[:, part] = own[[APPROACHED, SEPARATED], :count]
         reached = tau_before + plan.weight[-1] * (tau - tau_before)
         closing[part] += np.sum(growth * reached, axis=(0, 1))[:count]  # in one order whatever lanes are in use
-    finite = np.asarray(np.isfinite(watched.tip[[DISPLACEMENT, TEMPERATURE]]).all(axis=0))
+    # squared: a contact that grows can stop short of infinity where its energy is beyond it
+    finite = np.asarray(np.isfinite(watched.tip[[DISPLACEMENT, VELOCITY, TEMPERATURE]] ** 2).all(axis=0))
     status, messages = _judge(operator, finite)
     balances = {} if books is None else books.residuals
     return collect(watched, closing, status, messages, {"effective_restitution": restitution(*rebound), **balances})
@@ -262,7 +264,7 @@ def _judge(operator: Operator, finite: NDArray[np.bool_]) -> tuple[NDArray[np.in
         )
         return np.full(finite.size, Status.DIVERGED, dtype=np.int8), dict.fromkeys(range(finite.size), text)
     status = np.where(finite, Status.OK, Status.DIVERGED).astype(np.int8)
-    text = f"the state left the finite numbers at h = {h:.6g} s"
+    text = f"the energy left the finite numbers at h = {h:.6g} s"
     return status, {int(case): text for case in np.flatnonzero(~finite)}
 
 

@@ -22,7 +22,18 @@ from scipy.optimize import brentq
 
 from workflow.models import Array, Cases, Structure
 from workflow.schemes import moreau
-from workflow.schemes._balance import Audit, Books, account, couple, leak, no_audit, open_audit
+from workflow.schemes._balance import (
+    ENERGY,
+    LARGEST_ENERGY,
+    SPENT,
+    Audit,
+    Books,
+    account,
+    couple,
+    leak,
+    no_audit,
+    open_audit,
+)
 from workflow.schemes._central_march import APPROACH, APPROACHED, LATEST, SEPARATED, restitution
 from workflow.schemes._decoupled import Decoupled, start
 from workflow.schemes._interface import Results, Sampling, Status, schedule
@@ -142,6 +153,19 @@ def _touch(
         own[SEPARATED, lane] -= ended * (approach * after)
 
 
+@inlined
+def _store(stiffness: float, h: float, tip: Array, sums: Array, lanes: int) -> None:
+    """Count the contact spring's energy ½ κ (x_n - d)², and take its work out of what is lost."""
+    for lane in range(lanes):
+        depth_before = max(0.0, tip[DISPLACEMENT, lane] - tip[GAP, lane])
+        depth = max(0.0, tip[NEW_DISPLACEMENT, lane] - tip[GAP, lane])
+        moved = 0.5 * h * (tip[VELOCITY, lane] + tip[NEW_VELOCITY, lane])
+        sums[SPENT, lane] -= 0.5 * stiffness * (depth_before + depth) * moved
+        energy, largest = sums[ENERGY, lane] + 0.5 * stiffness * depth * depth, sums[LARGEST_ENERGY, lane]
+        sums[ENERGY, lane] = energy
+        sums[LARGEST_ENERGY, lane] = largest if energy <= largest else energy  # a NaN stays
+
+
 @kernel
 def _march(
     operator: Coefficients,
@@ -180,6 +204,7 @@ def _march(
                 leak(h, audit.heat_modes, audit.heat, own, sums, lanes)
                 couple(audit.coupling, audit.heat, audit.motion, lanes)
             account(theta, h, audit.modes, audit.motion, own, load, tip, sums, lanes)
+            _store(stiffness, h, tip, sums, lanes)
         observe(take_marks(step, block) if step == next_mark[0] else h, tip, lanes)
     take_heat(heat_modes, tau, own, tau, lanes)
 

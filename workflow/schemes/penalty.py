@@ -101,7 +101,7 @@ def init(structure: Structure, h: float, options: Options) -> CentralOperator | 
         return theta_method.Operator(structure, float(h), float(options.theta), modal, stiffness, damping)
     mobility = tip_mobility(modal, h, _CENTRAL)
     share = h / (1 + 0.5 * h * damping * mobility)
-    law = Law(stiffness * share, 0.5 * damping * share, 0.5 * damping * share, threshold=0.0, holds=False)
+    law = Law(stiffness * share, 0.5 * damping * share, 0.5 * damping * share, 0.0, holds=False, stiffness=stiffness)
     return operator(structure, float(h), _CENTRAL, modal, law)
 
 
