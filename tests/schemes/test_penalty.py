@@ -10,7 +10,7 @@ import plain_penalty
 import pytest
 from test_carpenter import agree, audited, everything_acts, running_sum
 
-from scenes import cases, chain, heavy_chain, relative, sampling, step
+from scenes import cases, chain, heavy_chain, relative, same_bits, sampling, step, taken
 from workflow.models import Rayleigh, tip_flexibility
 from workflow.reduction import reduce_structure
 from workflow.schemes import Status, _penalty_implicit, penalty
@@ -50,6 +50,32 @@ def test_where_neither_branch_is_consistent_the_tip_stays_on_the_casing() -> Non
     assert found["displacement"][0, 1] == pytest.approx(0.0999, rel=1e-12)
     path = plain_penalty.implicit(structure, batch, 0.1, 1, 1.0, 1e6, 1.0)
     assert path.displacement[1, 0] == pytest.approx(0.0999, rel=1e-12)
+
+
+def test_implicit_alone_is_as_in_a_batch_and_harms_no_neighbour() -> None:
+    """What the contract asks of every scheme's default, asked of the other kernel, with balances."""
+    structure, over, options = heavy_chain(), audited(sampling(0.05, 1e-3)), {"integration": "implicit", "damping": 5.0}
+    rng = np.random.default_rng(3)
+    batch = cases(
+        structure,
+        40,
+        alpha=np.where(np.arange(40) % 3 == 0, 0.0, rng.uniform(0, 50, 40)),
+        gap=rng.uniform(4e-5, 6e-5, 40),
+        amplitude=rng.uniform(90, 110, 40),
+        frequency=20.0,
+    )
+    whole = step(structure, batch, 1e-5, over, "penalty", **options)
+    assert np.all(whole.status == Status.OK)
+    assert np.abs(whole.metrics["energy_residual"]).min() > 0
+    for part in (slice(0, 1), slice(33, 34), slice(5, 12)):
+        assert same_bits(step(structure, batch.take(part), 1e-5, over, "penalty", **options), taken(whole, part))
+    sick = batch.take(np.arange(40))
+    sick.velocity[3] = np.nan
+    found = step(structure, sick, 1e-5, over, "penalty", **options)
+    assert found.status[3] == Status.DIVERGED
+    assert np.isnan(found.histories["displacement"][3, -1])
+    for part in (slice(0, 3), slice(4, 40)):
+        assert same_bits(taken(found, part), taken(whole, part))
 
 
 def restitution(zeta: float) -> float:

@@ -118,7 +118,7 @@ def test_the_bar_at_its_wall(scene: str, table: dict[tuple[str, str], Contact]) 
     for scheme in ("carpenter", "penalty"):
         assert abs(of[scheme].made) < 2e-3, scheme
     for scheme in ("moreau 1", "penalty x10 implicit 1"):
-        assert of[scheme].made < -0.1, scheme
+        assert of[scheme].made < -0.05, scheme
         assert of[scheme].kept < 0.9, scheme
     assert of["penalty x10"].made > 0.1
     assert of["penalty x10"].spread > 0.5
