@@ -13,7 +13,7 @@ from workflow import schemes
 from workflow.grid._arrangement import Grid, Indices, values_along
 from workflow.grid._conditions import conditions
 from workflow.grid._operators import compile_scheme, run_batch, runaway_of, structure_of
-from workflow.grid._reference import against_reference, reference_names
+from workflow.grid._reference import against_reference
 from workflow.models import Array, Cases
 from workflow.schemes import Results, Sampling, Status, complete_periods
 from workflow.study import Cell, Study
@@ -33,24 +33,32 @@ class Solved:
 def solve(grid: Grid, outer: int, inner: Indices) -> Solved:
     """Run the cases ``inner`` of one outer index.
 
-    Cases that differ only in axes their scheme does not read are run once. What raises becomes
-    cases of status ``failed``; it harms no neighbour, which then run one by one.
+    Cases that differ only in axes their scheme does not read are run once; the reference may read
+    them, so each has its own errors. What raises becomes cases of status ``failed``; it harms no
+    neighbour, which then run one by one.
     """
     cell = grid.settings(outer)
     canonical, place = np.unique(grid.canonical_inner(cell, inner), return_inverse=True)
-    try:
-        with np.errstate(all="ignore"):  # a case that leaves the numbers says so by its status
-            solved = _solve_distinct(grid, outer, canonical)
-    except Exception as error:  # whatever a model or scheme raises is that case's result
-        if canonical.size > 1:
-            solved = _joined([solve(grid, outer, canonical[k : k + 1]) for k in range(canonical.size)])
-        else:
-            solved = _failed(grid, f"{type(error).__name__}: {error}")
+    solved = _solve_or_tell(grid, outer, canonical)
     where = place.ravel()
+    values = {name: found[where] for name, found in solved.values.items()}
+    with np.errstate(all="ignore"):
+        values |= against_reference(grid, outer, inner, values)
     return Solved(
-        {name: values[where] for name, values in solved.values.items()},
+        values,
         {k: solved.messages[int(source)] for k, source in enumerate(where) if int(source) in solved.messages},
     )
+
+
+def _solve_or_tell(grid: Grid, outer: int, inner: Indices) -> Solved:
+    """Run distinct cases; where something raises one by one, and what then raises tells."""
+    try:
+        with np.errstate(all="ignore"):  # a case that leaves the numbers says so by its status
+            return _solve_distinct(grid, outer, inner)
+    except Exception as error:  # whatever a model or scheme raises is that case's result
+        if inner.size == 1:
+            return _failed(grid, f"{type(error).__name__}: {error}")
+        return _joined([_solve_or_tell(grid, outer, inner[k : k + 1]) for k in range(inner.size)])
 
 
 def _joined(parts: list[Solved]) -> Solved:
@@ -77,7 +85,6 @@ def _solve_distinct(grid: Grid, outer: int, inner: Indices) -> Solved:
         "wall_time": np.full(inner.size, seconds / inner.size),
         "status": results.status,
         "runaway": ((cases.alpha > 0) & (cases.alpha >= critical)).astype(np.int8),
-        **against_reference(grid, outer, inner, results),
     }
     return Solved(values, dict(results.messages))
 
@@ -156,11 +163,10 @@ def _failed(grid: Grid, text: str) -> Solved:
     derived = ("contact_impulse", "critical_alpha", "growth_rate", "wall_time")
     histories = (*schemes.HISTORIES, "contact_force")
     per_period = ("period_impulse", "period_force", "period_temperature", "period_contact")
-    errors = reference_names(grid)
     return Solved(
         {
             **{name: np.full((1, grid.sampling.count), np.nan) for name in histories},
-            **dict.fromkeys((*names, *scheme_metrics(grid.study), *derived, *balances, *errors), nan),
+            **dict.fromkeys((*names, *scheme_metrics(grid.study), *derived, *balances), nan),
             **{name: np.full((1, periods), np.nan) for name in per_period},
             "status": np.full(1, Status.FAILED, dtype=np.int8),
             "runaway": np.zeros(1, dtype=np.int8),
