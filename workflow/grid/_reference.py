@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
+from collections.abc import Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 from weakref import WeakKeyDictionary
@@ -15,7 +16,7 @@ from workflow.grid._arrangement import Grid, Indices, reads
 from workflow.grid._conditions import conditions
 from workflow.grid._operators import compile_scheme, run_batch, structure_of
 from workflow.models import Array
-from workflow.schemes import Results, Status
+from workflow.schemes import Status
 from workflow.study import Cell
 
 COMPARED = {"displacement_error": "displacement", "temperature_error": "temperature", "impulse_error": "impulse"}
@@ -58,8 +59,8 @@ _KEPT: WeakKeyDictionary[Grid, _Kept] = WeakKeyDictionary()
 _KEPT_LOCK = threading.Lock()
 
 
-def against_reference(grid: Grid, outer: int, inner: Indices, results: Results) -> dict[str, Array]:
-    """Return the errors of a batch against the study's reference, ``(case,)`` each; none without one.
+def against_reference(grid: Grid, outer: int, inner: Indices, found: Mapping[str, Array]) -> dict[str, Array]:
+    """Return the errors of the histories of a batch against the study's reference, ``(case,)`` each; none without one.
 
     Relative L2 norms over the common samples; 0 where both are identically zero, NaN where the case
     or its reference did not end ok.
@@ -67,9 +68,7 @@ def against_reference(grid: Grid, outer: int, inner: Indices, results: Results) 
     if grid.study.reference is None:
         return {}
     truth = _truth_of(grid, outer, inner)
-    errors = {
-        name: _distance(results.histories[history], truth.histories[history]) for name, history in COMPARED.items()
-    }
+    errors = {name: _distance(found[history], truth.histories[history]) for name, history in COMPARED.items()}
     return {**errors, PREDICTABILITY: truth.predictability}
 
 
@@ -168,7 +167,7 @@ def _compute(grid: Grid, cell: Cell, shape: tuple[int, ...], own: Indices) -> _T
     varying = {path: values for path, values in grid.inner_values(inner).items() if path not in replaced}
     structure = structure_of(cell.scene.model, cell.scene.parameters)
     cases = conditions(cell, structure, varying, own.size)
-    compile_scheme(cell.scheme.method)
+    compile_scheme(cell.scheme.method, cell.scheme.options)
     sampling = replace(grid.sampling, balances=False)
     truth = run_batch(cell, cases, sampling)
     opened = run_batch(cell, replace(cases, gap=cases.gap + PERTURBATION * np.abs(cases.gap)), sampling)

@@ -13,10 +13,10 @@ from workflow import schemes
 from workflow.grid._arrangement import Grid, Indices, values_along
 from workflow.grid._conditions import conditions
 from workflow.grid._operators import compile_scheme, run_batch, runaway_of, structure_of
-from workflow.grid._reference import against_reference, reference_names
+from workflow.grid._reference import against_reference
 from workflow.models import Array, Cases
 from workflow.schemes import Results, Sampling, Status, complete_periods
-from workflow.study import Cell
+from workflow.study import Cell, Study
 
 SHORT, REPEATS = 2e-3, 3
 """A batch that took less, in seconds, is run up to so many times in all and the least time counts."""
@@ -33,24 +33,32 @@ class Solved:
 def solve(grid: Grid, outer: int, inner: Indices) -> Solved:
     """Run the cases ``inner`` of one outer index.
 
-    Cases that differ only in axes their scheme does not read are run once. What raises becomes
-    cases of status ``failed``; it harms no neighbour, which then run one by one.
+    Cases that differ only in axes their scheme does not read are run once; the reference may read
+    them, so each has its own errors. What raises becomes cases of status ``failed``; it harms no
+    neighbour, which then run one by one.
     """
     cell = grid.settings(outer)
     canonical, place = np.unique(grid.canonical_inner(cell, inner), return_inverse=True)
-    try:
-        with np.errstate(all="ignore"):  # a case that leaves the numbers says so by its status
-            solved = _solve_distinct(grid, outer, canonical)
-    except Exception as error:  # whatever a model or scheme raises is that case's result
-        if canonical.size > 1:
-            solved = _joined([solve(grid, outer, canonical[k : k + 1]) for k in range(canonical.size)])
-        else:
-            solved = _failed(grid, f"{type(error).__name__}: {error}")
+    solved = _solve_or_tell(grid, outer, canonical)
     where = place.ravel()
+    values = {name: found[where] for name, found in solved.values.items()}
+    with np.errstate(all="ignore"):
+        values |= against_reference(grid, outer, inner, values)
     return Solved(
-        {name: values[where] for name, values in solved.values.items()},
+        values,
         {k: solved.messages[int(source)] for k, source in enumerate(where) if int(source) in solved.messages},
     )
+
+
+def _solve_or_tell(grid: Grid, outer: int, inner: Indices) -> Solved:
+    """Run distinct cases; where something raises one by one, and what then raises tells."""
+    try:
+        with np.errstate(all="ignore"):  # a case that leaves the numbers says so by its status
+            return _solve_distinct(grid, outer, inner)
+    except Exception as error:  # whatever a model or scheme raises is that case's result
+        if inner.size == 1:
+            return _failed(grid, f"{type(error).__name__}: {error}")
+        return _joined([_solve_or_tell(grid, outer, inner[k : k + 1]) for k in range(inner.size)])
 
 
 def _joined(parts: list[Solved]) -> Solved:
@@ -64,11 +72,12 @@ def _solve_distinct(grid: Grid, outer: int, inner: Indices) -> Solved:
     cell = grid.settings(outer)
     structure = structure_of(cell.scene.model, cell.scene.parameters)
     cases = conditions(cell, structure, grid.inner_values(inner), inner.size)
-    compile_scheme(cell.scheme.method)
+    compile_scheme(cell.scheme.method, cell.scheme.options)
     results, seconds = _timed(grid, cell, cases)
     critical, growth = np.transpose([runaway_of(cell, float(alpha)) for alpha in cases.alpha])
     values: dict[str, NDArray[Any]] = {
         **results.histories,
+        **{name: np.full(inner.size, np.nan) for name in scheme_metrics(grid.study)},
         **results.metrics,
         **_contact(results, cases, grid),
         "critical_alpha": critical,
@@ -76,7 +85,6 @@ def _solve_distinct(grid: Grid, outer: int, inner: Indices) -> Solved:
         "wall_time": np.full(inner.size, seconds / inner.size),
         "status": results.status,
         "runaway": ((cases.alpha > 0) & (cases.alpha >= critical)).astype(np.int8),
-        **against_reference(grid, outer, inner, results),
     }
     return Solved(values, dict(results.messages))
 
@@ -141,6 +149,12 @@ def longest_period_count(grid: Grid) -> int:
     return int(complete_periods(np.array(values), grid.sampling).max())
 
 
+def scheme_metrics(study: Study) -> dict[str, tuple[str, str]]:
+    """Return the metrics that only some of a study's schemes give: name to unit and meaning."""
+    methods = sorted({scheme.method for scheme in study.schemes.values()})
+    return {name: about for method in methods for name, about in schemes.metrics(method).items()}
+
+
 def _failed(grid: Grid, text: str) -> Solved:
     """Return one case that raised: NaN everywhere, flags told."""
     nan, periods = np.full(1, np.nan), longest_period_count(grid)
@@ -149,11 +163,10 @@ def _failed(grid: Grid, text: str) -> Solved:
     derived = ("contact_impulse", "critical_alpha", "growth_rate", "wall_time")
     histories = (*schemes.HISTORIES, "contact_force")
     per_period = ("period_impulse", "period_force", "period_temperature", "period_contact")
-    errors = reference_names(grid)
     return Solved(
         {
             **{name: np.full((1, grid.sampling.count), np.nan) for name in histories},
-            **dict.fromkeys((*names, *derived, *balances, *errors), nan),
+            **dict.fromkeys((*names, *scheme_metrics(grid.study), *derived, *balances), nan),
             **{name: np.full((1, periods), np.nan) for name in per_period},
             "status": np.full(1, Status.FAILED, dtype=np.int8),
             "runaway": np.zeros(1, dtype=np.int8),
