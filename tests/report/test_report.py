@@ -5,9 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from studies import SCENE, parsed
 from workflow.archive import ArchiveError
+from workflow.cli import app
 from workflow.report import duration_of, write_report
 from workflow.run import run_study
 
@@ -68,6 +70,19 @@ def test_several_archives_share_a_page(archives: list[Path], tmp_path: Path) -> 
     assert text.index(">referred<") < text.index(">pressed<")
     assert "no h" in text  # theta = 0.3
     assert list(tmp_path.iterdir()) == [written.page]
+
+
+def test_the_command_takes_several_archives(
+    archives: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    told = CliRunner().invoke(app, ["report", *map(str, archives), "-o", "all.html"])
+    assert told.exit_code == 0, told.output
+    assert told.stdout.splitlines() == ["page   all.html"]
+    missing = CliRunner().invoke(app, ["report", str(archives[0]), "none.nc", "-o", "other.html"])
+    assert missing.exit_code == 2
+    assert "none.nc: no such archive" in missing.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["all.html"]
 
 
 def test_a_joint_report_never_overwrites_an_archive(archives: list[Path]) -> None:
