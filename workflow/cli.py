@@ -235,16 +235,17 @@ def show(archive: ArchiveFile) -> None:
 
 @app.command()
 def report(
-    archive: ArchiveFile,
+    archives: Annotated[list[Path], typer.Argument(metavar="ARCHIVE...", help="Archives that `workflow run` wrote.")],
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="PAGE", help="Default: ARCHIVE.html.")
+        Path | None,
+        typer.Option("-o", "--output", metavar="PAGE", help="Default: ARCHIVE.html; of several: report.html."),
     ] = None,
 ) -> None:
-    """Write figures and tables of an archive as one self-contained HTML page."""
+    """Write figures and tables of one archive or several as one self-contained HTML page."""
     with _told():
         from workflow.report import write_report
 
-        written = write_report(archive, output)
+        written = write_report(archives, output)
     if written.figure is not None:
         print(f"figure {written.figure}")
     print(f"page   {written.page}")

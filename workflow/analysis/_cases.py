@@ -1,4 +1,4 @@
-"""What an archive says: contact phases, how a case ended, and which axes matter."""
+"""Cases of an archive: their labels, contact phases, how they ended, and which of them to show."""
 
 from __future__ import annotations
 
@@ -11,9 +11,6 @@ from workflow.schemes import Status
 
 if TYPE_CHECKING:
     import xarray as xr
-
-TAILS = ("t", "period")
-"""Dimensions of an archive that number no cases."""
 
 
 def case_dims(dataset: xr.Dataset) -> tuple[str, ...]:
@@ -90,24 +87,6 @@ def failures(dataset: xr.Dataset) -> list[Failures]:
     return sorted(found, key=lambda group: -group.cases)
 
 
-def effect(dataset: xr.Dataset, variable: str, dim: str) -> float:
-    """Return how far a metric of ok cases changes along a dimension, all others fixed.
-
-    The largest of (max - min) over the other dimensions, as a share of the metric's largest
-    magnitude; NaN where no two ok cases can be compared.
-    """
-    values = np.asarray(dataset[variable].where(dataset["status"] == Status.OK).values, dtype=float)
-    axis = dataset[variable].dims.index(dim)
-    values = np.moveaxis(np.where(np.isfinite(values), values, np.nan), axis, 0)
-    comparable = np.isfinite(values).sum(axis=0) > 1
-    if not comparable.any():
-        return float("nan")
-    compared = values[:, comparable]
-    scale = float(np.nanmax(np.abs(values)))
-    spread = float(np.max(np.nanmax(compared, axis=0) - np.nanmin(compared, axis=0)))
-    return spread / scale if scale > 0 else 0.0
-
-
 def finest(dataset: xr.Dataset) -> dict[str, int]:
     """Return the position of the case to show first: smallest step, most modes, first of the rest."""
     place = dict.fromkeys(case_dims(dataset), 0)
@@ -118,10 +97,11 @@ def finest(dataset: xr.Dataset) -> dict[str, int]:
     return place
 
 
-def shown_dim(dataset: xr.Dataset, most: int = 6) -> str | None:
-    """Return the dimension whose values one picture compares: α if it varies, else the largest that fits."""
+def shown_dim(dataset: xr.Dataset, most: int = 9) -> str | None:
+    """Return the dimension whose values one picture compares: α if it varies, then the scheme, else the largest."""
     dims = case_dims(dataset)
-    if "alpha" in dims and 1 < dataset.sizes["alpha"] <= most:
-        return "alpha"
     fitting = [dim for dim in dims if 1 < dataset.sizes[dim] <= most]
+    for first in ("alpha", "scheme"):
+        if first in fitting:
+            return first
     return max(fitting, key=lambda dim: dataset.sizes[dim]) if fitting else None

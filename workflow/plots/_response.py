@@ -1,26 +1,23 @@
-"""Pictures of an archive with Matplotlib; imported when something is drawn."""
+"""Histories of some cases below each other, and the figure of the extended abstract."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from workflow.analysis import contact_phases, effect, finest, labels_of, shown_dim
+from workflow.analysis import contact_phases, finest, labels_of, shown_dim
+from workflow.plots._style import COLOURS, GREY, trim
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-# Okabe and Ito's palette: told apart by colour-blind readers and in print.
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-GREY = "#8a8a8a"
 SHADE = "#0072B2"
 
-MOST_PANELS = 6
-"""Axes that a picture of a metric shows, those with the largest effect."""
+MOST_SHADED = 40
+"""Contact phases that are shaded; more would be a grey wall."""
 
 _LENGTHS = ((1.0, "m", 1.0), (1e-3, "mm", 1e3), (0.0, "µm", 1e6))
 """From which largest displacement on which unit serves, and its factor."""
@@ -69,7 +66,8 @@ def tip_response(curves: list[Curve], title: str = "", phases_of: int | None = N
             largest = max(float(np.nanmax(np.abs(curve.case[name].values), initial=0.0)) for curve in curves)
             unit, scale = next((u, factor) for least, u, factor in _LENGTHS if largest >= least)
         if phases_of is not None and "contact_force" in first:
-            for begin, end in contact_phases(curves[phases_of].case):
+            phases = contact_phases(curves[phases_of].case)
+            for begin, end in phases if len(phases) <= MOST_SHADED else ():
                 panel.axvspan(begin, end, color=SHADE, alpha=0.09, lw=0)
         for curve in curves:
             t = np.asarray(curve.case["t"].values)
@@ -84,8 +82,7 @@ def tip_response(curves: list[Curve], title: str = "", phases_of: int | None = N
                 )  # fmt: skip
         panel.set_ylabel(f"{about} [{unit}]")
         panel.margins(x=0)
-        panel.grid(alpha=0.25, lw=0.5)
-        panel.spines[["top", "right"]].set_visible(False)
+        trim(panel)
     low, high = axes[0].get_ylim()
     axes[0].set_ylim(low, high + 0.08 * (high - low))
     axes[-1].set_xlabel("time [s]")
@@ -117,64 +114,19 @@ def abstract_figure(archive: xr.Dataset) -> Figure:
 
 
 def overview(archive: xr.Dataset) -> Figure:
-    """Draw the finest case of any archive, beside the others along one dimension."""
+    """Draw the finest case of any archive, beside the others along one dimension; of those that are ok."""
     place = finest(archive)
     dim = shown_dim(archive)
+    along = [{**place, dim: k} for k in range(archive.sizes[dim])] if dim else [place]
+    shown = [at for at in along if int(archive["status"].isel(at)) == 0]
+    if not shown:  # the finest is lost: whatever is ok
+        first = np.argwhere(np.asarray(archive["status"].values) == 0)[0]
+        shown = [dict(zip(map(str, archive["status"].dims), map(int, first), strict=True))]
+        place, dim = shown[0], None
     if dim is None:
-        curves = [Curve(archive.isel(place), "the case shown")]
+        curves = [Curve(archive.isel(shown[0]), "the case shown")]
     else:
         labels = labels_of(archive, dim)
-        curves = [
-            Curve(archive.isel({**place, dim: k}), labels[k], COLOURS[k % len(COLOURS)])
-            for k in range(archive.sizes[dim])
-        ]
+        curves = [Curve(archive.isel(at), labels[at[dim]], COLOURS[at[dim] % len(COLOURS)]) for at in shown]
     rest = [labels_of(archive, name)[k] for name, k in place.items() if name != dim]
     return tip_response(curves, title="; ".join(rest), phases_of=len(curves) - 1)
-
-
-def metric_by_axis(archive: xr.Dataset, metric: str) -> Figure:
-    """Draw a metric along every dimension through the finest case, the range of all cases behind it."""
-    from matplotlib.figure import Figure
-
-    place = finest(archive)
-    varied = [dim for dim in place if archive.sizes[dim] > 1]
-    strongest = sorted(varied, key=lambda dim: -np.nan_to_num(effect(archive, metric, dim)))[:MOST_PANELS]
-    dims = [dim for dim in varied if dim in strongest]
-    figure = Figure(figsize=(min(3.0 * len(dims) + 0.6, 12.0), 3.1), layout="constrained")
-    panels: Any = np.atleast_1d(figure.subplots(1, max(len(dims), 1), sharey=True))
-    values = archive[metric].where(archive["status"] == 0)
-    for panel, dim in zip(panels, dims, strict=True):
-        others = [name for name in place if name != dim]
-        at = np.arange(archive.sizes[dim])
-        low, high = values.min(others).values, values.max(others).values
-        panel.fill_between(at, low, high, color=GREY, alpha=0.2, lw=0, label="all cases")
-        line = values.isel({name: place[name] for name in others}).values
-        panel.plot(at, line, "o-", color=COLOURS[0], ms=4, lw=1.2, label="through the case shown")
-        names = labels_of(archive, dim, named=False)
-        panel.set_xticks(at[:: max(1, len(at) // 6)])
-        short = [", ".join(part.split()[-1] for part in name.split(", ")) for name in names]
-        if dim in archive.coords and archive[dim].dtype.kind == "f":
-            short = [f"{value:.4g}" for value in archive[dim].values]
-        panel.set_xticklabels(
-            short[:: max(1, len(at) // 6)], fontsize=8, rotation=20 if len(max(short, key=len)) > 6 else 0
-        )
-        panel.set_xlabel(_axis_label(archive, dim))
-        panel.spines[["top", "right"]].set_visible(False)
-        panel.grid(alpha=0.25, lw=0.5)
-    panels[0].set_ylabel(f"{metric.replace('_', ' ')} [{archive[metric].attrs.get('units', '1')}]")
-    if dims:
-        handles, labels = panels[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False, fontsize=8)
-    return figure
-
-
-def _axis_label(archive: xr.Dataset, dim: str) -> str:
-    """Return a dimension's name with its unit."""
-    unit = archive[dim].attrs.get("units", "1") if dim in archive.coords else "1"
-    return dim.replace("_", " ") + ("" if unit == "1" else f" [{unit}]")
-
-
-def save(figure: Figure, path: Path) -> Path:
-    """Write a figure as PNG and return its path."""
-    figure.savefig(path, dpi=150)
-    return path

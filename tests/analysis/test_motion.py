@@ -1,0 +1,57 @@
+"""What histories tell: impact speeds, contact loss and growth against closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from studies import parsed
+from workflow.analysis import contact_loss, contact_phases, growth, impact_speeds
+from workflow.archive import open_archive
+from workflow.run import run_study
+
+BALL = """
+study: ball
+scene:
+  chain: {nodes: 1, mass: 2, stiffness: 0, heat_capacity: 1}
+  casing: {gap: 1}
+  load: {mean: 19.62}
+  duration: 3
+axes: {scheme: event_driven, e: 0.7}
+output: {interval: 1 ms, histories: [displacement, velocity, impulse, contact_force]}
+"""
+
+
+@pytest.fixture(scope="module")
+def ball(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
+    archive = tmp_path_factory.mktemp("ball") / "ball.nc"
+    run_study(parsed(BALL), archive)
+    with open_archive(archive) as dataset:
+        return dataset.load()
+
+
+def test_impact_speeds_of_a_ball(ball: xr.Dataset) -> None:
+    """A falling ball: constant acceleration, so that the carried-on speed is exact to rounding."""
+    first = np.sqrt(2 * 9.81)
+    assert impact_speeds(ball)[:5] == pytest.approx(first * 0.7 ** np.arange(5), rel=1e-9)
+
+
+def test_contact_phases_begin_at_the_impacts(ball: xr.Dataset) -> None:
+    begin, end = contact_phases(ball)[0]
+    assert begin <= np.sqrt(2 / 9.81) <= end
+
+
+def test_contact_loss_of_an_impact() -> None:
+    """A mass of 2 kg hits at 3 m/s with e = 0.5: it loses m v² (1 - e²)/2, whatever the step."""
+    case = xr.Dataset(
+        {"velocity": ("t", [3.0, 3.0, -1.5, -1.5]), "impulse": ("t", [0.0, 0.0, 9.0, 9.0])},
+        coords={"t": [0.0, 1.0, 2.0, 3.0]},
+    )
+    assert contact_loss(case) == pytest.approx(2 * 3.0**2 * (1 - 0.25) / 2)
+
+
+def test_growth_of_an_exponential() -> None:
+    t = np.linspace(0, 2, 101)
+    case = xr.Dataset({"temperature": ("t", 5 * np.exp(3 * t) + np.exp(-20 * t))}, coords={"t": t})
+    assert growth(case, "temperature") == pytest.approx(3.0, rel=1e-9)

@@ -1,0 +1,102 @@
+"""Speed against error: observed orders, limits, and who is fastest, on lines whose answer is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from workflow.analysis import ERRORS, TARGETS, Line, effect, hidden, lines, winners
+
+H = np.logspace(-6, -3, 7)
+
+
+def line(scheme: str, error: np.ndarray, seconds: np.ndarray, ok: np.ndarray | None = None, known: float = 0.0) -> Line:
+    good = np.ones(H.size, dtype=bool) if ok is None else ok
+    told = np.where(good, error, np.nan)
+    return Line(scheme, H, dict.fromkeys(ERRORS, told), seconds, told, told, good, known)
+
+
+@pytest.mark.parametrize("order", [0.5, 1.0, 2.0])
+def test_orders_are_slopes(order: float) -> None:
+    assert line("one", 0.05 * (H / H[-1]) ** order, 1 / H).order("impulse_error") == pytest.approx(order)
+
+
+def test_orders_leave_out_what_is_no_order() -> None:
+    error = np.minimum(5e4 * H, 1.0)  # no longer of any order at the end
+    error[0] = 1e-3  # what cannot be predicted
+    bent = line("one", error, 1 / H, known=1e-2)
+    assert np.isnan(bent.order("impulse_error"))
+    assert line("one", np.maximum(50 * H, 1e-3), 1 / H, known=1e-4).order("impulse_error") == pytest.approx(
+        1.0, abs=0.02
+    )
+
+
+def test_limits_of_stability() -> None:
+    lost = line("one", H, 1 / H, ok=H < 1e-4)
+    assert lost.stable_steps() == (pytest.approx(10**-4.5), pytest.approx(1e-4))
+    assert line("one", H, 1 / H).stable_steps() is None
+
+
+def test_winners_are_the_fastest_that_are_good_enough() -> None:
+    slow = line("slow", 0.1 * H, 5e-3 / H)  # 1e-7 to 1e-4
+    fast = line("fast", 10 * H, 1e-3 / H)  # 1e-5 to 1e-2
+    exact = line("exact", np.zeros(H.size), np.full(H.size, 5e3))
+    told = {w.target: w for w in winners([slow, fast, exact])}
+    assert list(told) == list(TARGETS)
+    assert (told[1e-2].scheme, told[1e-2].h) == ("fast", pytest.approx(1e-3))
+    assert told[1e-2].runner_up == "slow"
+    assert told[1e-2].times == pytest.approx(5.0)
+    assert (told[1e-3].scheme, told[1e-3].h) == ("slow", pytest.approx(1e-3))
+    assert (told[1e-6].scheme, told[1e-6].runner_up) == ("slow", "exact")
+    assert (told[1e-9].scheme, told[1e-9].runner_up) == ("exact", "")
+    assert np.isnan(told[1e-9].h)
+    assert [w.scheme for w in winners([fast])] == ["fast", "fast", "", ""]
+
+
+def study(e_matters: float) -> xr.Dataset:
+    """Two schemes, three steps, e and alpha; errors h for ``rough`` and 0 for ``exact``."""
+    h, e, alpha = np.array([1e-4, 1e-3, 1e-2]), np.array([0.0, 0.5, 0.9]), np.array([0.0, 1.0])
+    dims, shape = ("scheme", "h", "e", "alpha"), (2, 3, 3, 2)
+    error = np.zeros(shape)
+    error[0] = h[:, None, None]
+    impulse = np.broadcast_to(1 + e_matters * e[:, None] + 0.5 * alpha, shape) * (1 + error)
+    names = ("impulse_error", "temperature_error", "displacement_error")
+    return xr.Dataset(
+        {
+            "status": (dims, np.zeros(shape, dtype=np.int8)),
+            "contact_impulse": (dims, impulse),
+            "max_temperature": (dims, np.zeros(shape)),
+            **dict.fromkeys(names, (dims, error)),
+            "wall_time": (dims, np.broadcast_to(1e-3 / h[:, None, None], shape)),
+            "max_penetration": (dims, error),
+            "predictability": (dims, np.full(shape, 1e-13)),
+        },
+        coords={"scheme": ["rough", "exact"], "h": h, "e": e, "alpha": alpha},
+    )
+
+
+def test_an_axis_below_the_error_is_named() -> None:
+    told = [one for one in hidden(study(1.5e-3)) if one.metric == "contact_impulse"]
+    assert [one.dim for one in told] == ["e"]
+    assert told[0].effect == pytest.approx(0.9 * 1.5e-3 / (1.5 + 0.9 * 1.5e-3))
+    assert told[0].within == {"rough": "h = 0.001 s and more"}
+    assert not told[0].everywhere
+    nothing = [one for one in hidden(study(0.0)) if one.metric == "contact_impulse"]
+    assert nothing[0].effect == 0.0
+    assert nothing[0].within == {"rough": "every h"}
+    assert nothing[0].everywhere
+
+
+def test_an_axis_that_matters_is_not_named() -> None:
+    assert not [one for one in hidden(study(0.5)) if one.metric == "contact_impulse"]
+    assert effect(study(0.5), "contact_impulse", "e") > 0.1
+
+
+def test_lines_of_an_archive() -> None:
+    rough, exact = lines(study(0.1), 2.0)
+    assert (rough.scheme, exact.scheme) == ("rough", "exact")
+    assert exact.exact
+    assert not rough.exact
+    assert rough.seconds == pytest.approx(1e-3 / rough.h / 2.0)
+    assert rough.errors["impulse_error"] == pytest.approx(rough.h)

@@ -1,0 +1,128 @@
+"""Pictures show what they should: lines, crosses, predictions, on archives whose content is known."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from workflow.analysis import ERRORS, Line
+from workflow.plots import convergence, growth_against_prediction, impact_speed_map, overview, save, work_precision
+
+H = np.logspace(-7, -3, 9)
+
+
+def line(scheme: str, error: np.ndarray, ok: np.ndarray | None = None) -> Line:
+    good = np.ones(H.size, dtype=bool) if ok is None else ok
+    told = np.where(good, error, np.nan)
+    return Line(scheme, H, dict.fromkeys(ERRORS, told), 1e-8 / H, 1e-3 * told, -told, good, 1e-13)
+
+
+ROBUST = line("robust", 100 * H)
+LIMITED = line("limited", 1e4 * H**2, H < 5e-6)
+WILD = line("wild", np.where(H < 2e-6, 1e-3, 1e90))
+EXACT = line("exact", np.zeros(H.size))
+FOUND = [ROBUST, LIMITED, WILD, EXACT]
+
+
+def crosses(panel: object) -> list[np.ndarray]:
+    return [np.asarray(drawn.get_xdata()) for drawn in panel.get_lines() if drawn.get_marker() == "x"]  # type: ignore[attr-defined]
+
+
+def test_work_precision(tmp_path: Path) -> None:
+    figure = work_precision(FOUND, [line("robust", 200 * H)])
+    assert [panel.get_title() for panel in figure.axes] == ["impulse", "temperature", "displacement"]
+    panel = figure.axes[0]
+    labels = {drawn.get_label(): np.asarray(drawn.get_xdata()) for drawn in panel.get_lines()}
+    assert labels["robust"].size == H.size
+    assert labels["limited"].size == np.count_nonzero(H < 5e-6)
+    assert labels["wild"].size == np.count_nonzero(H < 2e-6)
+    assert any(label.startswith("exact: exact") for label in labels)
+    lost = [x for x in crosses(panel) if x.size]
+    assert [x.size for x in lost] == [np.count_nonzero(H > 5e-6), np.count_nonzero(H > 2e-6)]
+    assert save(figure, tmp_path / "a.png").stat().st_size > 10_000
+
+
+def test_convergence(tmp_path: Path) -> None:
+    figure = convergence(FOUND)
+    titles = [panel.get_title() for panel in figure.axes]
+    assert titles[:3] == [f"{about}: relative L2 error" for about in ERRORS.values()]
+    assert titles[3:] == ["largest penetration [m]", "|energy residual| / largest energy"]
+    orders = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    assert orders == ["order 1.00", "order 2.00", "order 0.00"]
+    assert any("slope 2" in text.get_text() for text in figure.axes[0].texts)
+    assert save(figure, tmp_path / "a.png").stat().st_size > 10_000
+
+
+def test_convergence_of_schemes_that_are_all_lost(tmp_path: Path) -> None:
+    save(convergence([line("lost", H, H < 0), EXACT]), tmp_path / "a.png")
+    save(work_precision([line("lost", H, H < 0)]), tmp_path / "b.png")
+
+
+def pressed(share: np.ndarray) -> xr.Dataset:
+    t, rate = np.linspace(0, 5, 51), 0.4 * (share - 1)
+    limit = 10 / (1 - share)
+    force = limit[:, None] + (10 - limit)[:, None] * np.exp(rate[:, None] * t)
+    force[:, 0] = 0
+    return xr.Dataset(
+        {
+            "contact_force": (("alpha", "t"), force),
+            "critical_alpha": ("alpha", np.full(share.size, 2.0)),
+            "growth_rate": ("alpha", rate),
+        },
+        coords={"alpha": 2 * share, "t": t},
+    )
+
+
+def test_growth_lies_on_its_prediction(tmp_path: Path) -> None:
+    figure = growth_against_prediction(pressed(np.array([0.0, 0.9, 1.1, 4.0])))
+    drawn = [np.asarray(one.get_ydata()) for one in figure.axes[0].get_lines() if np.size(one.get_ydata())]
+    assert len(drawn) == 4 + 3
+    for case, predicted in ((drawn[1], drawn[2]), (drawn[3], drawn[4]), (drawn[5], drawn[6])):
+        assert predicted == pytest.approx(case, rel=1e-9)
+    low, high = figure.axes[0].get_ylim()
+    assert low < 10 < high < 1e7
+    save(figure, tmp_path / "a.png")
+
+
+def test_impact_speeds_by_frequency_gap_and_e(tmp_path: Path) -> None:
+    """A saw-tooth that hits the gap at ±v: the speed drawn is v, and nothing where nothing touches."""
+    t = np.linspace(0, 1, 2001)
+    frequency, gap, e = np.array([10.0, 20.0]), np.array([0.0, 5.0]), np.array([0.0, 0.5])
+    dims = ("frequency", "gap", "e", "t")
+    phase = (t * frequency[:, None]) % 1
+    x = np.broadcast_to((phase - 1)[:, None, None], (2, 2, 2, t.size))
+    v = np.broadcast_to(frequency[:, None, None, None], x.shape)
+    force = np.zeros(x.shape)
+    force[:, 0] = np.where(phase < 1 / 40, 1.0, 0.0)[:, None]
+    archive = xr.Dataset(
+        {"displacement": (dims, x), "velocity": (dims, v), "contact_force": (dims, force)},
+        coords={"frequency": frequency, "gap": gap, "e": e, "t": t},
+    )
+    figure = impact_speed_map(archive)
+    near, far = figure.axes
+    assert near.get_title() == "gap 0 µm"
+    assert [one.get_label() for one in near.get_lines()] == ["e = 0", "e = 0.5"]
+    assert np.asarray(near.get_lines()[0].get_ydata()) == pytest.approx(frequency)
+    assert np.isnan(np.asarray(far.get_lines()[0].get_ydata())).all()
+    save(figure, tmp_path / "a.png")
+
+
+def test_an_overview_leaves_out_what_is_not_ok() -> None:
+    t = np.linspace(0, 1, 11)
+    archive = xr.Dataset(
+        {
+            "status": (("scheme", "h"), np.array([[0, 1], [1, 1], [0, 0]], dtype=np.int8)),
+            "displacement": (("scheme", "h", "t"), np.ones((3, 2, 11)) * np.array([1.0, 1e30, 2.0])[:, None, None]),
+        },
+        coords={"scheme": ["a", "b", "c"], "h": [1e-4, 1e-3], "t": t, "gap": 3.0},
+    )
+    figure = overview(archive)
+    drawn = [one for one in figure.axes[0].get_lines() if len(np.asarray(one.get_xdata())) == t.size]
+    assert [one.get_label() for one in drawn] == ["scheme a", "scheme c"]
+    assert figure.axes[0].get_ylim()[1] < 10
+    lost = archive.copy(deep=True)
+    lost["status"][:, 0] = 1
+    assert len(overview(lost).axes) == 1  # the finest is lost in every scheme: whatever is ok

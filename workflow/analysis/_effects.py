@@ -1,0 +1,117 @@
+"""Which axes matter, and whether their effect can be told from the error of the schemes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from workflow.analysis._cases import finest, labels_of
+from workflow.schemes import Status
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+MEASURED = {"contact_impulse": "impulse_error", "max_temperature": "temperature_error"}
+"""Metrics whose change along an axis is weighed, and the error it is weighed against."""
+
+NUMERICAL = ("scheme", "h", "mechanical_modes", "thermal_modes")
+"""Coordinates that change the computation, not the scene."""
+
+
+def effect(dataset: xr.Dataset, variable: str, dim: str) -> float:
+    """Return how far a metric of ok cases changes along a dimension, all others fixed.
+
+    The largest of (max - min) over the other dimensions, as a share of the metric's largest
+    magnitude; NaN where no two ok cases can be compared.
+    """
+    values = np.asarray(dataset[variable].where(dataset["status"] == Status.OK).values, dtype=float)
+    axis = dataset[variable].dims.index(dim)
+    values = np.moveaxis(np.where(np.isfinite(values), values, np.nan), axis, 0)
+    comparable = np.isfinite(values).sum(axis=0) > 1
+    if not comparable.any():
+        return float("nan")
+    compared = values[:, comparable]
+    scale = float(np.nanmax(np.abs(values)))
+    spread = float(np.max(np.nanmax(compared, axis=0) - np.nanmin(compared, axis=0)))
+    return spread / scale if scale > 0 else 0.0
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """An axis of the scene whose effect on a metric some schemes cannot tell from their error.
+
+    Attributes
+    ----------
+    dim, metric
+        The axis and what it changes.
+    effect
+        Its effect in the most accurate computation, as :func:`effect` counts it.
+    within
+        For each scheme, ``every h`` or the step from which on its median error is at least as large.
+    everywhere
+        Whether that holds for every scheme at every step, the reference's own aside.
+    """
+
+    dim: str
+    metric: str
+    effect: float
+    within: dict[str, str]
+    everywhere: bool
+
+
+def hidden(dataset: xr.Dataset) -> list[Hidden]:
+    """Return the axes of the scene whose effect lies below the error of some scheme and step.
+
+    Of several models the one with the most modes counts, the median of the error is over all other
+    axes, and the effect is that of the scheme and step with the least error.
+    """
+    if "impulse_error" not in dataset:
+        return []
+    place = finest(dataset)
+    numerical = [d for d in place if any(n in dataset.coords and dataset[n].dims == (d,) for n in NUMERICAL)]
+    stepped: list[str] = [d for d in ("scheme", "h") if d in numerical]
+    chosen = dataset.isel({d: place[d] for d in numerical if d not in stepped})
+    found = []
+    for metric, error in MEASURED.items():
+        medians = _medians(chosen, error, stepped)
+        if not any(value > 0 for value in medians.values()):
+            continue
+        least = min(medians, key=medians.__getitem__)
+        best = chosen.isel(dict(zip(stepped, least, strict=True)))
+        for dim in (d for d in place if d not in numerical and dataset.sizes[d] > 1):
+            size = effect(best, metric, dim)
+            blurred = {at: value >= size for at, value in medians.items() if value > 0}
+            if any(blurred.values()):
+                within = _within(chosen, stepped, blurred)
+                found.append(Hidden(dim, metric, size, within, all(blurred.values())))
+    return found
+
+
+def _medians(dataset: xr.Dataset, error: str, dims: list[str]) -> dict[tuple[int, ...], float]:
+    """Return the median error at every place along some dimensions that has one."""
+    found = {}
+    for at in np.ndindex(*(dataset.sizes[dim] for dim in dims)):
+        values = np.asarray(dataset[error].isel(dict(zip(dims, at, strict=True))).values, dtype=float)
+        if np.isfinite(values).any():
+            found[at] = float(np.median(values[np.isfinite(values)]))
+    return found
+
+
+def _within(dataset: xr.Dataset, dims: list[str], blurred: dict[tuple[int, ...], bool]) -> dict[str, str]:
+    """Tell for each scheme from which step on it is blurred."""
+    labels = {dim: labels_of(dataset, dim, named=False) for dim in dims}
+    by_scheme: dict[str, dict[int, bool]] = {}
+    for at, blur in blurred.items():
+        here = dict(zip(dims, at, strict=True))
+        name = labels["scheme"][here["scheme"]] if "scheme" in here else "the scheme"
+        by_scheme.setdefault(name, {})[here.get("h", 0)] = blur
+    told = {}
+    for name, steps in by_scheme.items():
+        if all(steps.values()):
+            told[name] = "every h"
+        elif any(steps.values()):
+            h = np.asarray(dataset["h"].values)
+            told[name] = f"h = {min(h[k] for k, blur in steps.items() if blur):.3g} s and more"
+    return told

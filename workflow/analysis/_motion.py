@@ -1,0 +1,83 @@
+"""What the tip's histories tell beyond the metrics: work of the contact, growth, impact speeds."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+
+
+def contact_loss(case: xr.Dataset) -> float:
+    """Return the energy that the contact has taken, Σ p (v_n before + v_n after)/2, J.
+
+    Parameters
+    ----------
+    case
+        One case with the histories ``velocity`` and ``impulse``, sampled at every step: the output
+        interval is h.
+    """
+    velocity = np.asarray(case["velocity"].values, dtype=float)
+    impulses = np.diff(np.asarray(case["impulse"].values, dtype=float))
+    return float(np.sum(impulses * (velocity[1:] + velocity[:-1]) / 2))
+
+
+def energy_kept(case: xr.Dataset, energy: float) -> float:
+    """Return the share of its initial energy that an unloaded, undamped case has in the end.
+
+    The energy residual (what the scheme gives or takes) and the loss in contact together; while the
+    energy never passes its initial value, which the residual is then relative to.
+
+    Parameters
+    ----------
+    case
+        As for :func:`contact_loss`, with balances.
+    energy
+        Energy at t = 0, J.
+    """
+    return 1.0 + float(case["energy_residual"]) - contact_loss(case) / energy
+
+
+def impact_speeds(case: xr.Dataset) -> Array:
+    """Return the speeds at which the tip meets its casing, m/s, one for each contact phase.
+
+    From the last sample before a contact: its velocity, carried on to the casing with the
+    acceleration of the interval before. The error is of second order in the output interval.
+
+    Parameters
+    ----------
+    case
+        One case with the histories ``displacement``, ``velocity`` and ``contact_force``.
+    """
+    x, v = (np.asarray(case[name].values, dtype=float) for name in ("displacement", "velocity"))
+    interval = float(case["t"][1] - case["t"][0])
+    touched = np.asarray(case["contact_force"].values) > 0
+    first = np.flatnonzero(touched[2:] & ~touched[1:-1] & ~touched[:-2]) + 2
+    before = first - 1
+    acceleration = (v[before] - v[before - 1]) / interval
+    room = np.maximum(float(case["gap"]) - x[before], 0.0)
+    squared = v[before] ** 2 + 2 * acceleration * room
+    speeds = np.sqrt(np.maximum(squared, 0.0))
+    return np.asarray(speeds[speeds > 0])
+
+
+def growth(case: xr.Dataset, name: str, share: float = 0.3) -> float:
+    """Return the exponential rate of a history over its last part, 1/s, by least squares of its logarithm.
+
+    Parameters
+    ----------
+    case
+        One case with the history.
+    name
+        The history, positive over that part.
+    share
+        The part of the duration that is used.
+    """
+    t = np.asarray(case["t"].values, dtype=float)
+    last = t >= t[-1] * (1 - share)
+    return float(np.polyfit(t[last], np.log(np.asarray(case[name].values, dtype=float)[last]), 1)[0])

@@ -1,0 +1,193 @@
+"""Error against computing time and step: lines, observed orders, and who is fastest at a wanted error."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow.analysis._cases import finest
+from workflow.schemes import Status
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+ERRORS = {"impulse_error": "impulse", "temperature_error": "temperature", "displacement_error": "displacement"}
+"""Errors of an archive and what they are of; the impulse first, as displacement flatters."""
+
+TARGETS = (1e-2, 1e-3, 1e-6, 1e-9)
+"""Errors at which the fastest computation is named."""
+
+ASYMPTOTIC = 0.1
+"""Errors above are no longer of the order of a scheme: a tenth of the solution itself."""
+
+SENSELESS = 3.0
+"""Errors above have left the solution by more than its own size and sign: an unstable contact, though ok by
+the theory of the free step."""
+
+UNPREDICTABLE = 10.0
+"""Errors count as a scheme's own above so many times what a gap opened by 1e-12 changes."""
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """One scheme through its steps, all other axes fixed.
+
+    Attributes
+    ----------
+    scheme
+        Its label.
+    h
+        Steps in ascending order, s, shape ``(h,)``.
+    errors
+        By name, each ``(h,)``; NaN where the case is not ok.
+    seconds
+        Wall seconds per simulated second, ``(h,)``.
+    penetration, residual
+        Largest penetration, m, and energy residual (NaN without balances), ``(h,)``.
+    ok
+        Whether the case ended ok, ``(h,)``.
+    predictability
+        Of the reference.
+    """
+
+    scheme: str
+    h: Array
+    errors: dict[str, Array]
+    seconds: Array
+    penetration: Array
+    residual: Array
+    ok: NDArray[np.bool_]
+    predictability: float
+
+    @property
+    def exact(self) -> bool:
+        """Whether the scheme is its own reference: one cost, no error, whatever h."""
+        return bool(np.all(self.errors["impulse_error"] == 0.0))
+
+    @property
+    def lost(self) -> NDArray[np.bool_]:
+        """Whether a step is beyond the scheme's limit: not ok, or an impulse error above :data:`SENSELESS`."""
+        with np.errstate(invalid="ignore"):
+            return np.asarray(~self.ok | (self.errors["impulse_error"] > SENSELESS))
+
+    def order(self, name: str) -> float:
+        """Return the observed order of an error: the slope of log error over log h by least squares.
+
+        Over ok steps with errors below :data:`ASYMPTOTIC` and above what cannot be predicted; NaN
+        where fewer than three are left.
+        """
+        error = self.errors[name]
+        with np.errstate(invalid="ignore"):
+            used = self.ok & (error < ASYMPTOTIC) & (error > UNPREDICTABLE * self.predictability) & (error > 0)
+        if np.count_nonzero(used) < 3:
+            return float("nan")
+        return float(np.polyfit(np.log(self.h[used]), np.log(error[used]), 1)[0])
+
+    def stable_steps(self) -> tuple[float, float] | None:
+        """Return the largest step before the first that is lost, and that one, where there are both."""
+        bad = np.flatnonzero(self.lost)
+        if not bad.size or bad[0] == 0:
+            return None
+        return float(self.h[bad[0] - 1]), float(self.h[bad[0]])
+
+
+def has_lines(dataset: xr.Dataset) -> bool:
+    """Tell whether an archive has steps, a reference and schemes to compare."""
+    return "impulse_error" in dataset and dataset.sizes.get("h", 1) > 1
+
+
+def lines(dataset: xr.Dataset, duration: float, place: Mapping[str, int] | None = None) -> list[Line]:
+    """Return a line per scheme through all steps.
+
+    Parameters
+    ----------
+    dataset
+        An archive with dimension ``h`` and errors.
+    duration
+        Simulated time, s.
+    place
+        Position along every other dimension; the case that :func:`finest` shows where not given.
+    """
+    at = {**finest(dataset), **(place or {})}
+    at = {dim: k for dim, k in at.items() if dim not in ("scheme", "h")}
+    chosen = dataset.isel(at).sortby("h")
+    names = [str(name) for name in chosen["scheme"].values] if "scheme" in chosen.dims else [""]
+    found = []
+    for k, name in enumerate(names):
+        one = chosen.isel(scheme=k) if "scheme" in chosen.dims else chosen
+        ok = np.asarray(one["status"].values) == Status.OK
+
+        def values(variable: str, one: xr.Dataset = one, ok: NDArray[np.bool_] = ok) -> Array:
+            return np.where(ok, np.asarray(one[variable].values, dtype=float), np.nan)
+
+        blank = np.full(ok.shape, np.nan)
+        found.append(
+            Line(
+                name or str(dataset["scheme"].values.item() if "scheme" in dataset.coords else "scheme"),
+                np.asarray(one["h"].values, dtype=float),
+                {error: values(error) for error in ERRORS},
+                np.asarray(one["wall_time"].values, dtype=float) / duration,
+                values("max_penetration"),
+                values("energy_residual") if "energy_residual" in one else blank,
+                ok,
+                float(np.nanmax(np.asarray(one["predictability"].values, dtype=float), initial=0.0)),
+            )
+        )
+    return found
+
+
+@dataclass(frozen=True)
+class Winner:
+    """Who reaches an error in the least time.
+
+    Attributes
+    ----------
+    target
+        The error wanted.
+    scheme, h, error, seconds
+        The fastest that reaches it, and its wall seconds per simulated second; the scheme is empty where none does.
+    runner_up, times
+        The next scheme, and how many times as long it takes; empty and NaN where there is none.
+    """
+
+    target: float
+    scheme: str
+    h: float
+    error: float
+    seconds: float
+    runner_up: str
+    times: float
+
+
+def winners(found: list[Line], name: str = "impulse_error") -> list[Winner]:
+    """Return who reaches each of :data:`TARGETS` in the least time."""
+    nan, told = float("nan"), []
+    for target in TARGETS:
+        best = []
+        for line in found:
+            with np.errstate(invalid="ignore"):
+                good = np.flatnonzero(line.ok & (line.errors[name] <= target))
+            if good.size:
+                k = int(good[np.argmin(line.seconds[good])])
+                best.append(
+                    (float(line.seconds[k]), line.scheme, float(line.h[k]), float(line.errors[name][k]), line.exact)
+                )
+        best.sort()
+        if not best:
+            told.append(Winner(target, "", nan, nan, nan, "", nan))
+            continue
+        seconds, scheme, h, error, exact = best[0]
+        second = best[1] if len(best) > 1 else None
+        told.append(
+            Winner(
+                target, scheme, nan if exact else h, error, seconds,
+                second[1] if second else "", second[0] / seconds if second else nan,
+            )
+        )  # fmt: skip
+    return told

@@ -1,0 +1,199 @@
+"""Who stays stable and who is accurate: the standing of every scheme in a study."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from workflow.analysis._cases import case_dims, labels_of
+from workflow.schemes import Status
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+ACCURATE, ROUGH = 0.01, 0.1
+"""Largest relative error of the impulse of cases that are called accurate, and rough; beyond: wrong."""
+
+GAINS = 0.01
+"""Energy from nowhere, as a share of the largest energy, above which a scheme is said to gain energy."""
+
+RULE = (
+    "Verdicts: the status of the worst case where one is not ok; else “gains energy” where the energy balance leaves "
+    f"more than +{GAINS:.0%} of the largest energy; else “accurate” up to a largest impulse error of {ACCURATE:.0%}, "
+    f"“rough” up to {ROUGH:.0%}, “wrong” beyond; “stable” where there is no reference."
+)
+
+
+@dataclass(frozen=True)
+class Standing:
+    """What became of the cases of one scheme at one step.
+
+    Attributes
+    ----------
+    scheme, step
+        Labels; ``step`` is empty where the study has one step only.
+    h
+        The step, s; NaN where the archive has none.
+    counts
+        Number of cases by name of their status.
+    error
+        Largest relative error of the impulse among ok cases; NaN without a reference.
+    residual
+        Energy residual of the largest magnitude, with its sign; NaN without balances.
+    penetration
+        Largest penetration of ok cases over the gap; over 1 m where the gap is 0.
+    restitution
+        Median effective restitution of ok cases; NaN of schemes that read e.
+    verdict
+        By :data:`RULE`.
+    """
+
+    scheme: str
+    step: str
+    h: float
+    counts: dict[str, int]
+    error: float
+    residual: float
+    penetration: float
+    restitution: float
+    verdict: str
+
+    @property
+    def ok(self) -> bool:
+        """Whether every case is ok."""
+        return set(self.counts) == {"ok"}
+
+
+def standings(dataset: xr.Dataset) -> list[Standing]:
+    """Return the standing of every scheme at every step, in the archive's order."""
+    dims = [dim for dim in ("scheme", "h") if dim in case_dims(dataset)]
+    labels = {dim: labels_of(dataset, dim, named=False) for dim in dims}
+    found = []
+    for place in np.ndindex(*(dataset.sizes[dim] for dim in dims)):
+        at = dict(zip(dims, place, strict=True))
+        chosen = dataset.isel(at)
+        scheme = labels["scheme"][at["scheme"]] if "scheme" in at else str(_scalar(dataset, "scheme"))
+        step = labels["h"][at["h"]] if "h" in at else ""
+        found.append(_standing(chosen, scheme, step))
+    return found
+
+
+def _scalar(dataset: xr.Dataset, name: str) -> object:
+    return dataset[name].values.item() if name in dataset.coords and dataset[name].ndim == 0 else "the scheme"
+
+
+def _standing(chosen: xr.Dataset, scheme: str, step: str) -> Standing:
+    status = np.asarray(chosen["status"].values).ravel()
+    codes, numbers = np.unique(status, return_counts=True)
+    counts = {Status(int(code)).name.lower(): int(n) for code, n in zip(codes, numbers, strict=True)}
+    ok = np.asarray(chosen["status"] == Status.OK)
+    error = _largest(chosen, "impulse_error", ok)
+    residual = _largest(chosen, "energy_residual", ok)
+    gap = np.abs(np.asarray(chosen["gap"].broadcast_like(chosen["status"]).values, dtype=float))
+    depth = np.asarray(chosen["max_penetration"].values, dtype=float) / np.where(gap > 0, gap, 1.0)
+    depth = depth[ok & np.isfinite(depth)]
+    h = float(chosen["h"]) if "h" in chosen.coords and chosen["h"].ndim == 0 else float("nan")
+    penetration = float(depth.max()) if depth.size else float("nan")
+    restitution = _median(chosen, "effective_restitution", ok)
+    verdict = _verdict(counts, error, residual)
+    return Standing(scheme, step, h, counts, error, residual, penetration, restitution, verdict)
+
+
+def _median(chosen: xr.Dataset, name: str, ok: np.ndarray) -> float:
+    if name not in chosen:
+        return float("nan")
+    values = np.asarray(chosen[name].values, dtype=float)[ok]
+    values = values[np.isfinite(values)]
+    return float(np.median(values)) if values.size else float("nan")
+
+
+def _largest(chosen: xr.Dataset, name: str, ok: np.ndarray) -> float:
+    """Return the value of the largest magnitude among ok cases, with its sign."""
+    if name not in chosen:
+        return float("nan")
+    values = np.asarray(chosen[name].values, dtype=float)[ok]
+    values = values[~np.isnan(values)]
+    return float(values[np.argmax(np.abs(values))]) if values.size else float("nan")
+
+
+def _verdict(counts: dict[str, int], error: float, residual: float) -> str:
+    bad = {name: n for name, n in counts.items() if name != "ok"}
+    if bad:
+        name = max(bad, key=lambda key: bad[key]).replace("_", "-")
+        return name if "ok" not in counts else f"{name} in part"
+    if residual > GAINS:
+        return "gains energy"
+    if np.isnan(error):
+        return "stable"
+    return "accurate" if error <= ACCURATE else "rough" if error <= ROUGH else "wrong"
+
+
+@dataclass(frozen=True)
+class Range:
+    """Up to which step one scheme is stable and accurate in a study.
+
+    Attributes
+    ----------
+    scheme
+        Its label.
+    cases, ok
+        Number of cases, and of those that are ok.
+    stable, accurate
+        ``every h``, ``no h``, or the largest step up to which all cases are ok, and accurate as well;
+        ``accurate`` is empty without a reference.
+    finest, coarsest
+        Largest impulse error at the smallest step and at the largest that is stable; NaN without a reference.
+    residual, penetration
+        Of all ok cases, as in :class:`Standing`.
+    verdicts
+        Verdicts from the smallest step to the largest, repetitions left out.
+    """
+
+    scheme: str
+    cases: int
+    ok: int
+    stable: str
+    accurate: str
+    finest: float
+    coarsest: float
+    residual: float
+    penetration: float
+    verdicts: tuple[str, ...]
+
+
+def ranges(dataset: xr.Dataset) -> list[Range]:
+    """Return, for every scheme of a study, up to which step it is stable and accurate."""
+    by_scheme: dict[str, list[Standing]] = {}
+    for standing in standings(dataset):
+        by_scheme.setdefault(standing.scheme, []).append(standing)
+    return [_range(scheme, sorted(rows, key=lambda row: row.h)) for scheme, rows in by_scheme.items()]
+
+
+def _range(scheme: str, rows: list[Standing]) -> Range:
+    stable = _up_to(rows, [row.ok for row in rows])
+    known = [row for row in rows if not np.isnan(row.error)]
+    accurate = _up_to(rows, [row.ok and row.error <= ACCURATE for row in rows]) if known else ""
+    residuals = [row.residual for row in rows if not np.isnan(row.residual)]
+    depths = [row.penetration for row in rows if not np.isnan(row.penetration)]
+    return Range(
+        scheme,
+        sum(sum(row.counts.values()) for row in rows),
+        sum(row.counts.get("ok", 0) for row in rows),
+        stable,
+        accurate,
+        known[0].error if known else float("nan"),
+        known[-1].error if known else float("nan"),
+        max(residuals, key=abs) if residuals else float("nan"),
+        max(depths) if depths else float("nan"),
+        tuple(row.verdict for k, row in enumerate(rows) if k == 0 or row.verdict != rows[k - 1].verdict),
+    )
+
+
+def _up_to(rows: list[Standing], good: list[bool]) -> str:
+    """Tell up to which step a property holds for it and every smaller one."""
+    if all(good):
+        return "every h"
+    first_bad = good.index(False)
+    return f"{rows[first_bad - 1].h:.4g} s" if first_bad else "no h"

@@ -1,0 +1,182 @@
+"""Error against computing time and against the step, one line per scheme."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from workflow.analysis import ERRORS, SENSELESS, Line
+from workflow.plots._style import COLOURS, GREY, MARKERS, trim
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_FLOOR, _CEILING = 1e-12, SENSELESS
+"""Errors outside are not drawn: rounding below, nothing right above."""
+
+
+def work_precision(found: Sequence[Line], beside: Sequence[Line] = (), title: str = "") -> Figure:
+    """Draw relative errors against wall seconds per simulated second, log-log.
+
+    Markers are at steps h; a cross on the upper edge is a step beyond the scheme's limit (not ok, or an
+    error above 3), at what it cost; the exact scheme is the cost line.
+
+    Parameters
+    ----------
+    found
+        From :func:`workflow.analysis.lines`.
+    beside
+        The same schemes in another model (a reduced one), drawn thin and dashed.
+    title
+        Above the picture.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(12.0, 5.2), layout="constrained")
+    panels: Any = figure.subplots(1, len(ERRORS), sharex=True, sharey=True)
+    stepping = [line for line in found if not line.exact]
+    for panel, (name, about) in zip(panels, ERRORS.items(), strict=True):
+        for k, line in enumerate(stepping):
+            colour, marker = COLOURS[k % len(COLOURS)], MARKERS[k % len(MARKERS)]
+            panel.plot(
+                *_drawn(line.seconds, line.errors[name]), marker=marker, color=colour, ms=5, lw=1.4, label=line.scheme
+            )
+            _cross_out(panel, line.seconds[line.lost], k)
+            for other in beside:
+                if other.scheme == line.scheme:
+                    panel.plot(
+                        *_drawn(other.seconds, other.errors[name]), "--", color=colour, lw=0.9, marker=marker, ms=2.5
+                    )
+        for line in found:
+            if line.exact:
+                cost = float(np.median(line.seconds))
+                panel.axvline(cost, color="black", lw=1.2, ls=":", label=f"{line.scheme}: exact, at this cost")
+        panel.set(xscale="log", yscale="log", title=about, xlabel="wall seconds per simulated second")
+        trim(panel)
+    panels[0].set_ylabel("relative L2 error")
+    low, high = panels[0].get_ylim()
+    panels[0].set_ylim(max(low, _FLOOR), max(high, 1.0))
+    panels[0].set_xlim(panels[0].get_xlim()[0] / 3)  # room for the names of the steps
+    _leave_room(panels[0], stepping)
+    _name_steps(panels[0], stepping)
+    handles, labels = panels[0].get_legend_handles_labels()
+    if beside:
+        handles += panels[0].plot([], [], "--", color=GREY, lw=0.9)
+        labels += ["reduced model (dashed)"]
+    if any(line.lost.any() for line in stepping):
+        handles += panels[0].plot([], [], "x", color=GREY)
+        labels += ["beyond its stable step"]
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+    if title:
+        figure.suptitle(title, fontsize=11)
+    return figure
+
+
+def _drawn(x: Any, y: Any) -> tuple[Any, Any]:
+    """Return the points that a log axis can show."""
+    with np.errstate(invalid="ignore"):
+        good = np.isfinite(y) & (y > _FLOOR) & (y < _CEILING)
+    return x[good], y[good]
+
+
+def _cross_out(panel: Any, x: Any, row: int) -> None:
+    """Put crosses along the upper edge, a row for each scheme."""
+    if x.size:
+        y = np.full(x.size, 0.985 - 0.025 * row)
+        panel.plot(x, y, "x", color=COLOURS[row % len(COLOURS)], ms=6, transform=panel.get_xaxis_transform())
+
+
+def _leave_room(panel: Any, stepping: Sequence[Line]) -> None:
+    """Raise the upper edge so that crosses lie above what is drawn."""
+    low, high = panel.get_ylim()
+    if low <= 0:  # nothing is drawn
+        panel.set_ylim(_FLOOR, 1.0)
+    elif any(line.lost.any() for line in stepping):
+        panel.set_ylim(low, high * (high / low) ** (0.03 * len(stepping)))
+
+
+def _name_steps(panel: Any, stepping: Sequence[Line]) -> None:
+    """Write h beside the markers at whole decades of the first line."""
+    if not stepping:
+        return
+    line = stepping[0]
+    for h, x, y in zip(line.h, line.seconds, line.errors["impulse_error"], strict=True):
+        if abs(np.log10(h) - round(np.log10(h))) < 1e-6 and np.isfinite(y) and _FLOOR < y < _CEILING:
+            told = panel.annotate(f"h = {h:.0e} s", (x, y), xytext=(-5, -9), textcoords="offset points", fontsize=7.5)
+            told.set(color=COLOURS[0], ha="right", in_layout=False)
+            told.set_bbox({"facecolor": "white", "alpha": 0.75, "lw": 0, "pad": 0.8})
+
+
+def convergence(found: Sequence[Line], title: str = "") -> Figure:
+    """Draw errors, penetration and energy residual against the step, with slopes 1 and 2.
+
+    The observed order stands in the legend; crosses as in :func:`work_precision`.
+    """
+    from matplotlib.figure import Figure
+
+    stepping = [line for line in found if not line.exact]
+    balanced = any(np.isfinite(line.residual).any() for line in stepping)
+    names = [*ERRORS, "penetration", *(["residual"] if balanced else [])]
+    columns = 3 if len(names) > 4 else 2
+    figure = Figure(figsize=(4.1 * columns, 7.6), layout="constrained")
+    panels = np.ravel(figure.subplots(2, columns, sharex=True))
+    for panel, name in zip(panels, names, strict=False):
+        for k, line in enumerate(stepping):
+            colour, marker = COLOURS[k % len(COLOURS)], MARKERS[k % len(MARKERS)]
+            if name in ERRORS:
+                values, order = line.errors[name], line.order(name)
+                label = "order –" if np.isnan(order) else f"order {round(order, 2) + 0.0:.2f}"
+            else:
+                values, label = np.abs(line.penetration if name == "penetration" else line.residual), None
+            with np.errstate(invalid="ignore"):
+                sane = np.where(line.errors["impulse_error"] < _CEILING, values, np.nan)
+            x, y = _drawn(line.h, sane) if name != "penetration" else (line.h[sane > 0], sane[sane > 0])
+            panel.plot(x, y, marker=marker, color=colour, ms=4.5, lw=1.3, label=label)
+            _cross_out(panel, line.h[line.lost], k)
+        panel.set(xscale="log", yscale="log")
+        _leave_room(panel, stepping)
+        if name in ERRORS:
+            _slopes(panel, stepping, name)
+            panel.set_title(f"{ERRORS[name]}: relative L2 error", fontsize=10)
+            panel.legend(frameon=False, fontsize=7.5, loc="lower right")
+        else:
+            panel.set_title(
+                "largest penetration [m]" if name == "penetration" else "|energy residual| / largest energy",
+                fontsize=10,
+            )
+        trim(panel)
+    for panel in panels[len(names) :]:
+        panel.remove()
+    for panel in panels[-columns:]:
+        panel.set_xlabel("step h [s]")
+    handles = [
+        panels[0].plot([], [], marker=MARKERS[k % len(MARKERS)], color=COLOURS[k % len(COLOURS)])[0]
+        for k in range(len(stepping))
+    ]
+    labels = [line.scheme for line in stepping]
+    if any(line.lost.any() for line in stepping):
+        handles += panels[0].plot([], [], "x", color=GREY)
+        labels += ["beyond its stable step"]
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+    if title:
+        figure.suptitle(title, fontsize=11)
+    return figure
+
+
+def _slopes(panel: Any, stepping: Sequence[Line], name: str) -> None:
+    """Draw slopes 1 and 2 through the middle of what is drawn."""
+    points = [_drawn(line.h, line.errors[name]) for line in stepping]
+    if not any(x.size for x, _ in points):
+        return
+    h = np.concatenate([x for x, _ in points])
+    error = np.concatenate([y for _, y in points])
+    low, high = panel.get_ylim()
+    middle, ends = np.sqrt(h.min() * h.max()), np.array([h.min(), h.max()])
+    for slope, style in ((1, "--"), (2, ":")):
+        y = float(np.exp(np.median(np.log(error)))) * (ends / middle) ** slope
+        panel.plot(ends, y, style, color=GREY, lw=1.0, zorder=0)
+        told = panel.annotate(f"slope {slope}", (ends[1], y[1]), fontsize=7.5, color=GREY, ha="right", va="bottom")
+        told.set_in_layout(False)
+    panel.set_ylim(low, high)

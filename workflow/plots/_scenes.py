@@ -1,0 +1,88 @@
+"""Pictures of what single scenes are about: thermal runaway, impact speeds near resonance."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from workflow.analysis import impact_speeds
+from workflow.plots._style import COLOURS, MARKERS, trim
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+
+_OFF_THE_PANEL = 10.0
+"""Growth by so many factors of e leaves the panel: it would flatten all else."""
+
+
+def growth_against_prediction(archive: xr.Dataset) -> Figure:
+    """Draw the contact force over time for each α, and dashed what theory predicts.
+
+    That is F/(1 - α/α_c) + C exp(rate t), with the force F of α = 0 and C from the last sample: the
+    slowest part of the contact-closed system, decaying below α_c and growing above.
+
+    Parameters
+    ----------
+    archive
+        Cases in permanent contact along ``alpha`` alone, from static equilibrium, with the history
+        ``contact_force``.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8.0, 4.6), layout="constrained")
+    panel = figure.subplots()
+    t = np.asarray(archive["t"].values)[1:]
+    top = static = float(archive["contact_force"].isel(alpha=0).values[1])
+    for k in range(archive.sizes["alpha"]):
+        case = archive.isel(alpha=k)
+        force = np.asarray(case["contact_force"].values)[1:]
+        share, rate = float(case["alpha"]) / float(case["critical_alpha"]), float(case["growth_rate"])
+        label = f"α/α_c = {share:.3g}, rate {rate:+.3g} 1/s"
+        panel.plot(t, force, color=COLOURS[k % len(COLOURS)], lw=2.2, label=label)
+        if share > 0 and share != 1:
+            limit = static / (1 - share)
+            panel.plot(t, limit + (force[-1] - limit) * np.exp(rate * (t - t[-1])), "--", color="black", lw=1.0)
+        top = max(top, float(force[-1]) if rate * t[-1] < _OFF_THE_PANEL else 0.0)
+    panel.set_ylim(0.5 * static, 1e2 * top)
+    panel.set(yscale="log", xlabel="time [s]", ylabel="contact force [N]")
+    panel.plot([], [], "--", color="black", lw=1.0, label="predicted")
+    panel.margins(x=0)
+    panel.legend(frameon=False, fontsize=9, loc="upper right")
+    trim(panel)
+    return figure
+
+
+def impact_speed_map(archive: xr.Dataset, quantile: float = 0.9) -> Figure:
+    """Draw impact speeds against load frequency, a panel for each gap, a colour for each e.
+
+    Parameters
+    ----------
+    archive
+        Dimensions ``frequency``, ``gap`` and ``e``; histories ``displacement``, ``velocity`` and
+        ``contact_force``.
+    quantile
+        Of the impact speeds of a case that is drawn, in the second half of its time; cases without
+        contact then have none.
+    """
+    from matplotlib.figure import Figure
+
+    gaps = np.atleast_1d(archive["gap"].values)
+    figure = Figure(figsize=(3.6 * len(gaps) + 0.8, 4.4), layout="constrained")
+    panels: Any = np.atleast_1d(figure.subplots(1, len(gaps), sharex=True, sharey=True))
+    frequency = np.asarray(archive["frequency"].values)
+    half = archive.isel(t=slice(archive.sizes["t"] // 2, None))
+    for panel, gap in zip(panels, gaps, strict=True):
+        for k, e in enumerate(archive["e"].values):
+            chosen = half.sel(gap=gap, e=e) if "gap" in half.dims else half.sel(e=e)
+            speeds = [impact_speeds(chosen.sel(frequency=f)) for f in frequency]
+            told = np.array([np.quantile(one, quantile) if one.size else np.nan for one in speeds])
+            panel.plot(frequency, told, marker=MARKERS[k], color=COLOURS[k], ms=4, lw=1.3, label=f"e = {e:g}")
+        panel.set(title=f"gap {gap * 1e6:.3g} µm", xlabel="load frequency [Hz]")
+        trim(panel)
+    panels[0].set_ylabel("impact speed [m/s]")
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False, fontsize=9)
+    return figure

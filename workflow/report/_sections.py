@@ -1,0 +1,258 @@
+"""Sections of a report: cases, effects of axes, errors, standings, speed against error."""
+
+from __future__ import annotations
+
+import html
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from workflow.analysis import (
+    ERRORS,
+    RULE,
+    Line,
+    case_dims,
+    effect,
+    failures,
+    finest,
+    hidden,
+    labels_of,
+    lines,
+    standings,
+    winners,
+)
+from workflow.plots import convergence, growth_against_prediction, impact_speed_map, metric_by_axis, work_precision
+from workflow.report._html import image, short, table
+from workflow.run import status_counts
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+_METRICS = ("contact_impulse", "impacts", "max_temperature", "max_penetration")
+_FAILURES_SHOWN = 20
+_STANDINGS_SHOWN = 150
+
+
+def any_ok(dataset: xr.Dataset) -> bool:
+    """Tell whether any case is ok."""
+    return bool((dataset["status"] == 0).any())
+
+
+def cases(dataset: xr.Dataset) -> list[str]:
+    """Tell how the cases ended and along which dimensions they lie."""
+    counts = status_counts(dataset)
+    found = ["<h2>Cases</h2>", table(["status", "cases"], [[name, str(n)] for name, n in counts.items()])]
+    runaway = int(((dataset["runaway"] == 1) & (dataset["status"] == 0)).sum())
+    if runaway:
+        critical = np.unique(np.round(np.asarray(dataset["critical_alpha"].values, dtype=float), 12))
+        text = ", ".join(f"{value:.4g}" for value in critical[np.isfinite(critical)][:5])
+        found.append(
+            f"<p>{runaway} of the ok cases lie above the critical heat coupling ({text} m/s): in permanent "
+            "contact their tip would run away thermally. That is physics, not a failure.</p>"
+        )
+    told = failures(dataset)
+    if told:
+        rows = [[f.status, str(f.cases), f.first, f.message] for f in told[:_FAILURES_SHOWN]]
+        found.append(table(["status", "cases", "the first of them", "what it did"], rows))
+        if len(told) > _FAILURES_SHOWN:
+            found.append(f"<p>… and {len(told) - _FAILURES_SHOWN} more messages.</p>")
+    dims = [
+        [dim, str(dataset.sizes[dim]), "; ".join(labels_of(dataset, dim, named=False)[:8])]
+        for dim in case_dims(dataset)
+    ]
+    if dims:
+        found.append(table(["dimension", "size", "values"], dims))
+    return found
+
+
+def effects(dataset: xr.Dataset) -> list[str]:
+    """Tell what each axis does, and which axes of the scene do less than the schemes err."""
+    dims = [dim for dim in case_dims(dataset) if dataset.sizes[dim] > 1]
+    if not dims or not any_ok(dataset):
+        return []
+    names = [name for name in _METRICS if name in dataset]
+    rows = [[dim, *(_percent(effect(dataset, name, dim)) for name in names)] for dim in dims]
+    return [
+        "<h2>What the axes do</h2>",
+        "<p>Largest change along each axis, all others fixed, as a share of the largest value of all cases.</p>",
+        table(["axis", *(name.replace("_", " ") for name in names)], rows),
+        *_hidden(dataset),
+        *(image(metric_by_axis(dataset, name), name) for name in ("contact_impulse", "max_temperature")),
+    ]
+
+
+def _hidden(dataset: xr.Dataset) -> list[str]:
+    told = []
+    for one in hidden(dataset):
+        who = "; ".join(f"{scheme} at {steps}" for scheme, steps in one.within.items())
+        about = "every time-stepping scheme at every h" if one.everywhere else html.escape(who)
+        told.append(
+            f"<li>{one.dim} changes the {one.metric.replace('_', ' ')} by {_percent(one.effect)} in the most accurate "
+            f"computation, no more than the median error of {about}.</li>"
+        )
+    return ["<p>Axes whose effect lies below the error:</p>", "<ul>", *told, "</ul>"] if told else []
+
+
+def standing(dataset: xr.Dataset) -> list[str]:
+    """Tell who stays stable and who is accurate, by scheme and step."""
+    rows = standings(dataset)
+    body = [
+        [
+            row.scheme,
+            row.step,
+            ", ".join(f"{n} {name}" for name, n in row.counts.items()),
+            short(row.error),
+            short(row.residual, "+.1e"),
+            short(row.penetration),
+            short(row.restitution, ".2g"),
+            row.verdict,
+        ]
+        for row in rows[:_STANDINGS_SHOWN]
+    ]
+    head = [
+        "scheme",
+        "h",
+        "cases",
+        "largest impulse error",
+        "energy residual",
+        "penetration / gap",
+        "effective e",
+        "verdict",
+    ]
+    new = [k > 0 and row.scheme != rows[k - 1].scheme for k, row in enumerate(rows)]
+    more = [f"<p>… and {len(rows) - len(body)} more.</p>"] if len(rows) > len(body) else []
+    return ["<h2>Who stays stable, who is accurate</h2>", f'<p class="muted">{RULE}</p>', table(head, body, new), *more]
+
+
+def errors(dataset: xr.Dataset) -> list[str]:
+    """Tell the errors against the reference by scheme and step, median and largest of all other cases."""
+    if "impulse_error" not in dataset or not any_ok(dataset):
+        return []
+    dims = [dim for dim in ("scheme", "h") if dim in case_dims(dataset)]
+    labels = {dim: labels_of(dataset, dim, named=False) for dim in dims}
+    rows = []
+    for index in np.ndindex(*(dataset.sizes[dim] for dim in dims)):
+        chosen = dataset.isel(dict(zip(dims, index, strict=True)))
+        row = [labels[dim][k] for dim, k in zip(dims, index, strict=True)]
+        for name in ("displacement_error", "temperature_error", "impulse_error"):
+            values = np.asarray(chosen[name].values, dtype=float)
+            values = values[np.isfinite(values)]
+            row.append(f"{np.median(values):.1e} / {values.max():.1e}" if values.size else "–")
+        rows.append(row)
+    about = (
+        "<p>Relative L2 distance from the reference, median / largest over all other axes; reduced models "
+        f"carry their own error in it. Predictability of the references: {_largest(dataset, 'predictability'):.1e}.</p>"
+    )
+    head = [*dims, *(name.replace("_", " ") for name in ("displacement_error", "temperature_error", "impulse_error"))]
+    return ["<h2>Errors</h2>", about, table(head, rows)]
+
+
+@dataclass(frozen=True)
+class Precision:
+    """The section on speed against error and its main figure."""
+
+    body: list[str]
+    figure: Figure
+
+
+def precision(dataset: xr.Dataset, duration: float) -> Precision | None:
+    """Draw speed against error where an archive has both, and name the fastest."""
+    if "impulse_error" not in dataset or dataset.sizes.get("h", 1) < 3 or not any_ok(dataset):
+        return None
+    model = _model_dim(dataset)
+    place = finest(dataset)
+    found = lines(dataset, duration)
+    beside: list[Line] = []
+    if model is not None:
+        beside = lines(dataset, duration, {model: _fewest_modes(dataset, model)})
+    shown = "; ".join(labels_of(dataset, dim)[k] for dim, k in place.items() if dim not in ("scheme", "h"))
+    orders = [
+        [line.scheme, *(short(line.order(name), ".2f") for name in ERRORS), _limit(line)]
+        for line in found
+        if not line.exact
+    ]
+    figure = work_precision(found, beside)
+    body = [
+        "<h2>Speed against error</h2>",
+        f"<p>{html.escape(shown) or 'The only scene'}. Times are those of this run on its machine, with whatever else "
+        "ran there; the share of a case in its batch.</p>",
+        image(figure, "relative error against wall seconds per simulated second"),
+        image(convergence(found), "relative error, penetration and energy residual against the step"),
+        "<p>Observed orders: slope of log error over log h by least squares, errors below a tenth.</p>",
+        table(["scheme", *(f"order in {about}" for about in ERRORS.values()), "last stable step [s]"], orders),
+        "<p>Who reaches an error of the impulse in the least time:</p>",
+        _fastest(found),
+    ]
+    return Precision(body, figure)
+
+
+def _fastest(found: list[Line]) -> str:
+    rows = [
+        [
+            f"{w.target:.0e}", w.scheme or "nobody", short(w.h, ".3g"), short(w.error), short(w.seconds, ".2g"),
+            w.runner_up or "nobody else", "–" if np.isnan(w.times) else f"{w.times:.2g} times as long",
+        ]
+        for w in winners(found)
+    ]  # fmt: skip
+    return table(["error", "fastest", "h [s]", "its error", "wall s per simulated s", "next", "takes"], rows)
+
+
+def _limit(line: Line) -> str:
+    steps = line.stable_steps()
+    return "every h" if not line.lost.any() else f"{steps[0]:.3g}" if steps else "none"
+
+
+def _model_dim(dataset: xr.Dataset) -> str | None:
+    for name in ("mechanical_modes", "thermal_modes"):
+        if name in dataset.coords and dataset[name].ndim == 1 and dataset[name].size > 1:
+            return str(dataset[name].dims[0])
+    return None
+
+
+def _fewest_modes(dataset: xr.Dataset, dim: str) -> int:
+    names = [n for n in ("mechanical_modes", "thermal_modes") if n in dataset.coords and dataset[n].dims == (dim,)]
+    return int(np.argmin(sum(np.asarray(dataset[name].values, dtype=float) for name in names)))
+
+
+def scene_pictures(dataset: xr.Dataset) -> list[str]:
+    """Draw what single scenes are about: impact speeds near resonance, growth above the critical coupling."""
+    dims = set(case_dims(dataset))
+    found = []
+    if {"frequency", "e"} <= dims <= {"frequency", "e", "gap"} and {"displacement", "velocity", "contact_force"} <= set(
+        dataset
+    ):
+        about = (
+            "<p>What a tenth of the impact speeds in the second half of the time exceeds, from the samples before each "
+            "contact.</p>"
+        )
+        found += ["<h2>Impact speeds</h2>", about, image(impact_speed_map(dataset), "impact speeds by load frequency")]
+    if (
+        "alpha" in dims
+        and "contact_force" in dataset
+        and bool((dataset["runaway"] == 1).any())
+        and _always_touching(dataset)
+    ):
+        at = {dim: k for dim, k in finest(dataset).items() if dim != "alpha"}
+        picture = growth_against_prediction(dataset.isel(at))
+        found += ["<h2>Growth in permanent contact</h2>", image(picture, "contact force by heat coupling")]
+    return found
+
+
+def _always_touching(dataset: xr.Dataset) -> bool:
+    ok = dataset["status"] == 0
+    return bool((dataset["contact_force"].isel(t=slice(1, None)).where(ok, 1.0) > 0).all())
+
+
+def _largest(dataset: xr.Dataset, name: str) -> float:
+    values = np.asarray(dataset[name].values, dtype=float)
+    return float(np.nanmax(values)) if np.isfinite(values).any() else float("nan")
+
+
+def _percent(share: float) -> str:
+    if not np.isfinite(share):
+        return "–"
+    if share < 1e-12:  # rounding
+        return "0"
+    return f"{100 * share:.0f} %" if share > 0.095 else f"{100 * share:.2g} %"
