@@ -21,6 +21,12 @@ once, and yet a few for each thread of a large cluster; a task takes a tenth of 
 _ANSWER, _FIRST_WORKER = 10.0, 60.0
 """Seconds to wait for a scheduler to answer, and for its first worker."""
 
+_LOGGERS = ("distributed", "distributed.client", "distributed.gc", "tornado", "tornado.application", "asyncio")
+"""Those to which distributed gives levels of their own."""
+
+_IGNORE_INTERRUPTS = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
+"""What worker processes here do first: a terminal's Ctrl-C reaches them too, but their parent ends them."""
+
 LOST = (
     "its worker process died whenever it computed the task that holds this case; "
     "`workflow run --retry` repeats it, --threads 1 shows what happens"
@@ -39,10 +45,14 @@ def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
         Workers cannot be started, or no scheduler answers, or it has no workers.
     """
     import distributed
+    from dask import config
 
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what went wrong is told here, once
+    for name in _LOGGERS:
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)  # what went wrong is told here, once
     if scheduler is None:
+        preload = [*config.get("distributed.worker.preload", []), _IGNORE_INTERRUPTS]
         with (
+            config.set({"distributed.worker.preload": preload}),
             distributed.LocalCluster(
                 n_workers=workers,
                 threads_per_worker=1,
