@@ -100,17 +100,29 @@ class Grid:
                 found[axis.path] = np.asarray(axis.values, dtype=np.float64)[index]
         return found
 
+    def unread(self, dimension: Dimension, scheme: SchemeChoice) -> bool:
+        """Tell whether neither a scheme nor the reference of its cases depends on a dimension."""
+        if any(reads(scheme.method, scheme.label, axis.path) for axis in dimension.axes):
+            return False
+        if self.study.reference is None:
+            return True
+        replaced = self.study.reference.values
+        truth = self.study.schemes[str(replaced.get("scheme", scheme.label))]
+        return not any(
+            axis.path not in replaced and reads(truth.method, truth.label, axis.path) for axis in dimension.axes
+        )
+
     def canonical_inner(self, cell: Cell, inner: Indices) -> Indices:
         """Return for each inner index the first one with the same results."""
         if not self.inner:
             return inner
         index = np.unravel_index(inner, self.inner_shape)
-        first = [np.zeros_like(i) if _unread(d, cell.scheme) else i for d, i in zip(self.inner, index, strict=True)]
+        first = [np.zeros_like(i) if self.unread(d, cell.scheme) else i for d, i in zip(self.inner, index, strict=True)]
         return np.asarray(np.ravel_multi_index(first, self.inner_shape), dtype=np.int64)
 
     def distinct_inner(self, cell: Cell) -> int:
         """Return how many inner indices have results of their own."""
-        return math.prod(d.size for d in self.inner if not _unread(d, cell.scheme))
+        return math.prod(d.size for d in self.inner if not self.unread(d, cell.scheme))
 
     @cached_property
     def places(self) -> Places:
@@ -125,7 +137,7 @@ class Grid:
                     labels, scheme = tuple(map(str, axis.values)), i.copy()
         for k, label in enumerate(labels):
             for dimension, i in zip(self.outer, index, strict=True):
-                if _unread(dimension, self.study.schemes[label]):
+                if self.unread(dimension, self.study.schemes[label]):
                     i[scheme == k] = 0
         return Places(np.ravel_multi_index(index, self.outer_shape) if self.outer else outer)
 
@@ -166,11 +178,6 @@ class Places(Mapping[int, tuple[int, ...]]):
 
     def __len__(self) -> int:
         return int(self.computed.size)
-
-
-def _unread(dimension: Dimension, scheme: SchemeChoice) -> bool:
-    """Tell whether a scheme's results do not depend on a dimension."""
-    return not any(reads(scheme.method, scheme.label, axis.path) for axis in dimension.axes)
 
 
 def _unravelled(index: Any, shape: tuple[int, ...]) -> tuple[Any, ...]:

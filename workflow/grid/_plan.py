@@ -124,6 +124,11 @@ def _plan(grid: Grid, units: Units) -> Plan:
     structures = np.unique(grid.alike(computed, lambda path: path.startswith(f"scene.{model}.")))[:_STRUCTURES_SHOWN]
     shown = [grid.settings(int(outer)) for outer in structures]
     cautions = [caution for outer in _looked_at(computed) for caution in _beware(grid, grid.settings(outer))]
+    idle = tuple(
+        f"{dimension.name} changes nothing: no scheme of this study reads it, its cases are the same"
+        for dimension in (*grid.outer, *grid.inner)
+        if all(grid.unread(dimension, cell.scheme) for cell in cells)
+    )
     number = batches = 0
     for task in tasks(grid, units):
         number += 1
@@ -144,7 +149,7 @@ def _plan(grid: Grid, units: Units) -> Plan:
         seconds,
         size,
         tuple(figures(f"{model}, {cell.scene.parameters.nodes} nodes", cell) for cell in shown),
-        _told(cautions),
+        idle + _told(cautions),
     )
 
 
