@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bench_event_driven
 import bench_moreau
+import bench_workflow
 import pytest
 
 
@@ -21,3 +22,12 @@ def test_moreau_prints_its_lines(capsys: pytest.CaptureFixture[str]) -> None:
     assert [line.split(" cases")[0] for line in lines] == ["1", "9"]
     for line in lines:
         assert float(line.split("full ")[1].split(",")[0]) > 0
+
+
+def test_workflow_prints_its_lines(capsys: pytest.CaptureFixture[str]) -> None:
+    bench_workflow.main(sizes=(8, 20), planned=100, heavy=4, runs=1, processes=False)
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 8
+    for line in lines:
+        told = line.split(": ")[1]
+        assert told == "not installed" or float(told.split()[0]) != 0
