@@ -96,17 +96,28 @@ def run(
         Path | None, typer.Option("-o", "--output", metavar="ARCHIVE", help="Default: STUDY.nc here.")
     ] = None,
     threads: Annotated[int | None, typer.Option(min=1, help="Threads; default: one per processor.")] = None,
+    workers: Annotated[int | None, typer.Option(min=1, help="Worker processes here, instead of threads.")] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler, instead of threads, e.g. tcp://HOST:8786.")
+    ] = None,
 ) -> None:
     """Run a study; what an interrupted run has stored is kept and the rest is run."""
+    given = {"--threads": threads, "--workers": workers, "--scheduler": scheduler}
+    chosen = [name for name, value in given.items() if value is not None]
+    if len(chosen) > 1:
+        raise typer.BadParameter(f"{' and '.join(chosen)} exclude each other; give one of them")
     console = _console()
     with _told():
-        from workflow.run import run_study
+        from workflow.run import ClusterError, run_study
 
         read = _read(study)
         archive = output or Path(f"{read.name}.nc")
         try:
             with _progress(console) as progress:
-                outcome = run_study(read, archive, threads, progress)
+                outcome = run_study(read, archive, threads, progress, workers=workers, scheduler=scheduler)
+        except ClusterError as error:
+            print(error, file=sys.stderr)
+            raise typer.Exit(WRONG) from None
         except KeyboardInterrupt:
             print(
                 f"stopped; what is done is stored beside {archive}, the same command goes on from there",

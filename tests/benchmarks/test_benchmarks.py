@@ -5,6 +5,7 @@ from __future__ import annotations
 import bench_event_driven
 import bench_moreau
 import bench_rivals
+import bench_workflow
 import pytest
 
 
@@ -32,3 +33,12 @@ def test_rivals_print_their_lines(capsys: pytest.CaptureFixture[str]) -> None:
         assert all(f"{label} " in line for label in bench_rivals.RIVALS)
         assert "moreau" in line
         assert "(x 1.00)" in line
+
+
+def test_workflow_prints_its_lines(capsys: pytest.CaptureFixture[str]) -> None:
+    bench_workflow.main(sizes=(8, 20), planned=100, heavy=4, runs=1, processes=False)
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 8
+    for line in lines:
+        told = line.split(": ")[1]
+        assert told == "not installed" or float(told.split()[0]) != 0

@@ -194,3 +194,44 @@ def test_a_reduced_static_start_is_at_rest_too() -> None:
         x = solve(grid, outer, np.arange(1)).values["displacement"][0]
         assert x[0] > 2e-5
         assert np.abs(x - x[0]).max() < 1e-10 * x[0]
+
+
+def test_an_axis_that_nothing_reads_is_told() -> None:
+    text = (
+        "study: a\n" + SCENE + "schemes: {other: {method: moreau}}\naxes: {schemes.other.theta: [0.5, 1], e: [0, 1]}\n"
+    )
+    grid = arrange(parsed(text))
+    told = plan(grid, units_of(grid))
+    assert (told.cases, told.unique) == (4, 2)
+    assert [line for line in told.warnings if "changes nothing" in line] == [
+        "theta changes nothing: no scheme of this study reads it, its cases are the same"
+    ]
+    used = arrange(parsed(text.replace("axes: {", "axes: {scheme: [other, moreau], ")))
+    assert not any("changes nothing" in line for line in plan(used, units_of(used)).warnings)
+
+
+def test_places_of_very_many_operators() -> None:
+    text = (
+        "study: a\n"
+        + SCENE
+        + (
+            "schemes: {midpoint: {method: moreau, theta: 0.5}}\n"
+            "axes: {scheme: [moreau, event_driven, midpoint], h: {log: [1e-4, 1e-3, 20]}, "
+            "scene.chain.stiffness: {lin: [4.0e6, 5.0e6, 50]}}\n"
+        )
+    )
+    grid = arrange(parsed(text))
+    assert grid.outer_count == 3000
+    places = grid.places
+    assert len(places) == 2 * 1000 + 50
+    first = next(outer for outer in places if grid.settings(outer).scheme.method == "event_driven")
+    same = [grid.settings(outer) for outer in places[first][:3]]
+    assert len(places[first]) == 20
+    assert {cell.scene.parameters.stiffness for cell in same} == {4.0e6}
+    assert len({cell.h for cell in same}) == 3
+    with pytest.raises(KeyError):
+        places[places[first][1]]
+    assert sum(map(len, places.values())) == grid.outer_count
+    began = next(iter(tasks(grid, units_of(grid))))
+    assert began.segments[0].outer == 0
+    assert plan(grid, units_of(grid)).unique == len(places)

@@ -90,3 +90,13 @@ reference: {scheme: event_driven}
     assert list(found.messages) == [1]
     assert np.isnan(found.values["impulse_error"][1])
     assert np.all(found.values["impulse_error"][[0, 2]] < 1e-9)
+
+
+def test_an_axis_that_only_the_reference_reads_makes_cases_of_its_own() -> None:
+    text = "study: a\n" + SCENE + "axes: {scheme: event_driven, h: [1e-3, 1e-5]}\nreference: {scheme: moreau}\n"
+    grid = arrange(parsed(text))
+    assert grid.places == {0: (0,), 1: (1,)}
+    coarse, fine = (solve(grid, outer, np.arange(1)).values["displacement_error"][0] for outer in (0, 1))
+    assert coarse > 3 * fine > 0
+    replaced = arrange(parsed(text.replace("moreau}", "moreau, h: 1e-5}")))
+    assert replaced.places == {0: (0, 1)}

@@ -103,3 +103,9 @@ def test_bounds(number: int, low: int, high: int) -> None:
 def test_cf_units(declared: str, cf: str) -> None:
     assert udunits(declared) == cf
     assert parse_unit(cf if cf != "1" else "1") == parse_unit(declared)
+
+
+@pytest.mark.parametrize("text", ["50 um/1", "50 um 1", "50 um*1", "5 1/1/s"])
+def test_a_one_within_a_unit_is_refused(text: str) -> None:
+    with pytest.raises(PydanticCustomError, match="is not a unit"):
+        read_quantity(text, Quantity("m", "a length") if "um" in text else Quantity("Hz", "a frequency"))

@@ -5,14 +5,14 @@ units that :func:`find_shards` misses, then :func:`gather`. Readers call :func:`
 xarray, netCDF4 and h5py are imported when they are needed, not with this package.
 """
 
-from workflow.archive._describe import describe, study_key
+from workflow.archive._describe import code_revision, describe, study_key
 from workflow.archive._files import ArchiveError
 from workflow.archive._gather import gather
 from workflow.archive._hold import holding
 from workflow.archive._layout import Coordinate, Layout, Variable, blank
 from workflow.archive._open import archive_key, content_hash, open_archive, provenance
 from workflow.archive._parts import parts_of, read_layout, remove_parts, start_parts
-from workflow.archive._shard import Shard, Shards, find_shards, write_shard
+from workflow.archive._shard import Shard, Shards, find_shard, find_shards, write_shard
 
 __all__ = [
     "ArchiveError",
@@ -23,8 +23,10 @@ __all__ = [
     "Variable",
     "archive_key",
     "blank",
+    "code_revision",
     "content_hash",
     "describe",
+    "find_shard",
     "find_shards",
     "gather",
     "holding",

@@ -14,7 +14,7 @@ import numpy as np
 LEFT_OUT = frozenset({"wall_time"})
 """Variables that differ between two runs of one study."""
 
-BLOCK = 64 * 2**20
+BLOCK = 16 * 2**20
 """Bytes of a variable that are decoded at once, or one chunk along the cases where that is larger."""
 
 
@@ -46,6 +46,8 @@ def hash_content(path: Path) -> str:
         for name in names:
             with LOCK:  # never for long: other threads wait for it
                 variable = file[name]
+                if variable.chunking() != "contiguous":
+                    variable.set_var_chunk_cache(size=0)  # blocks end with chunks: no chunk is wanted twice
                 text = variable.dtype is str
                 kind = "text" if text else np.dtype(variable.dtype).newbyteorder("<").str
                 head = [name, variable.dimensions, kind, variable.shape]

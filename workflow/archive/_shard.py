@@ -120,7 +120,7 @@ def write_shard(
     }
     data = _image(about, encoded, messages, layout)
     checksum = hashlib.sha256(data).hexdigest()
-    path = parts / f"{first_unit:08d}-{stop:08d}-{task:06d}-{checksum}{SUFFIX}"
+    path = parts / f"{_stem(first_unit, stop, task)}-{checksum}{SUFFIX}"
     with writing("a shard", parts):
         commit(path, data)
     return path
@@ -153,6 +153,15 @@ def find_shards(parts: str | Path, layout: Layout) -> Shards:
     return Shards(tuple(found), owner, tuple(rejected))
 
 
+def find_shard(parts: str | Path, task: int, first: int, stop: int, layout: Layout) -> Shard | None:
+    """Return the sound shard of units ``first`` to ``stop - 1`` that this very task has stored, if there is one."""
+    for path in sorted(Path(parts).glob(f"{_stem(first, stop, task)}-*{SUFFIX}")):
+        shard = _inspect(path, layout)
+        if isinstance(shard, Shard):
+            return shard
+    return None
+
+
 def encode_chunk(values: NDArray[Any]) -> bytes:
     """Return one chunk as HDF5's filters shuffle and deflate would store it.
 
@@ -162,6 +171,10 @@ def encode_chunk(values: NDArray[Any]) -> bytes:
     if size > 1:
         values = np.ascontiguousarray(values.view(np.uint8).reshape(-1, size).T)
     return zlib.compress(values.data, LEVEL)
+
+
+def _stem(first: int, stop: int, task: int) -> str:
+    return f"{first:08d}-{stop:08d}-{task:06d}"
 
 
 def _check(first: int, arrays: Mapping[str, NDArray[Any]], messages: Mapping[int, str], layout: Layout) -> int:

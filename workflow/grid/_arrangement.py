@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from workflow import schemes
 from workflow.schemes import Sampling
-from workflow.study import Cell, Dimension, Study
+from workflow.study import Cell, Dimension, SchemeChoice, Study
 
 Indices = NDArray[np.int64]
 
@@ -100,50 +100,87 @@ class Grid:
                 found[axis.path] = np.asarray(axis.values, dtype=np.float64)[index]
         return found
 
-    def _unread(self, dimension: Dimension, cell: Cell) -> bool:
-        return not any(reads(cell.scheme.method, cell.scheme.label, axis.path) for axis in dimension.axes)
+    def unread(self, dimension: Dimension, scheme: SchemeChoice) -> bool:
+        """Tell whether a scheme's results do not depend on a dimension."""
+        return not any(reads(scheme.method, scheme.label, axis.path) for axis in dimension.axes)
 
-    def _uncompared(self, dimension: Dimension, outer: int) -> bool:
-        """Tell whether the reference of a case, where there is one, is the same all along a dimension."""
+    def _uncompared(self, dimension: Dimension, scheme: SchemeChoice) -> bool:
+        """Tell whether the reference of its cases, where there is one, is the same all along a dimension."""
         if self.study.reference is None:
             return True
         replaced = self.study.reference.values
-        scheme = self.settings(outer, replaced).scheme
+        truth = self.study.schemes[str(replaced.get("scheme", scheme.label))]
         return not any(
-            axis.path not in replaced and reads(scheme.method, scheme.label, axis.path) for axis in dimension.axes
+            axis.path not in replaced and reads(truth.method, truth.label, axis.path) for axis in dimension.axes
         )
-
-    def canonical_outer(self, outer: int) -> int:
-        """Return the first outer index with the same results and errors: axes that none reads at 0."""
-        if not self.outer:
-            return outer
-        cell = self.settings(outer)
-        index = np.unravel_index(outer, self.outer_shape)
-        first = [
-            0 if self._unread(d, cell) and self._uncompared(d, outer) else int(i)
-            for d, i in zip(self.outer, index, strict=True)
-        ]
-        return int(np.ravel_multi_index(first, self.outer_shape))
 
     def canonical_inner(self, cell: Cell, inner: Indices) -> Indices:
         """Return for each inner index the first one with the same results."""
         if not self.inner:
             return inner
         index = np.unravel_index(inner, self.inner_shape)
-        first = [np.zeros_like(i) if self._unread(d, cell) else i for d, i in zip(self.inner, index, strict=True)]
+        first = [np.zeros_like(i) if self.unread(d, cell.scheme) else i for d, i in zip(self.inner, index, strict=True)]
         return np.asarray(np.ravel_multi_index(first, self.inner_shape), dtype=np.int64)
 
     def distinct_inner(self, cell: Cell) -> int:
         """Return how many inner indices have results of their own."""
-        return math.prod(d.size for d in self.inner if not self._unread(d, cell))
+        return math.prod(d.size for d in self.inner if not self.unread(d, cell.scheme))
 
     @cached_property
-    def places(self) -> dict[int, tuple[int, ...]]:
+    def places(self) -> Places:
         """Outer indices that are computed, each with all the outer indices its results belong to."""
-        found: dict[int, list[int]] = {}
-        for outer in range(self.outer_count):
-            found.setdefault(self.canonical_outer(outer), []).append(outer)
-        return {outer: tuple(same) for outer, same in found.items()}
+        outer = np.arange(self.outer_count, dtype=np.int64)
+        index = [np.array(i) for i in _unravelled(outer, self.outer_shape)]
+        labels: tuple[str, ...] = (str(self.base["scheme"]),)
+        scheme = np.zeros_like(outer)
+        for dimension, i in zip(self.outer, index, strict=True):
+            for axis in dimension.axes:
+                if axis.path == "scheme":
+                    labels, scheme = tuple(map(str, axis.values)), i.copy()
+        for k, label in enumerate(labels):
+            choice = self.study.schemes[label]
+            for dimension, i in zip(self.outer, index, strict=True):
+                if self.unread(dimension, choice) and self._uncompared(dimension, choice):
+                    i[scheme == k] = 0
+        return Places(np.ravel_multi_index(index, self.outer_shape) if self.outer else outer)
+
+    def alike(self, outer: Indices, matters: Callable[[str], bool]) -> Indices:
+        """Return for each outer index the first one that differs only along axes that do not matter."""
+        if not self.outer:
+            return outer
+        index = np.unravel_index(outer, self.outer_shape)
+        first = [
+            i if any(matters(axis.path) for axis in d.axes) else np.zeros_like(i)
+            for d, i in zip(self.outer, index, strict=True)
+        ]
+        return np.asarray(np.ravel_multi_index(first, self.outer_shape), dtype=np.int64)
+
+
+class Places(Mapping[int, tuple[int, ...]]):
+    """Outer indices that are computed, in order, each with those its results belong to; kept as arrays.
+
+    Parameters
+    ----------
+    canonical
+        For each outer index the one that is computed, shape ``(outer,)``.
+    """
+
+    def __init__(self, canonical: Indices) -> None:
+        self._order = np.argsort(canonical, kind="stable")
+        self.computed, first = np.unique(canonical[self._order], return_index=True)
+        self._edges = np.append(first, canonical.size)
+
+    def __getitem__(self, outer: int) -> tuple[int, ...]:
+        k = int(np.searchsorted(self.computed, outer))
+        if k == self.computed.size or self.computed[k] != outer:
+            raise KeyError(outer)
+        return tuple(self._order[self._edges[k] : self._edges[k + 1]].tolist())
+
+    def __iter__(self) -> Iterator[int]:
+        return map(int, self.computed)
+
+    def __len__(self) -> int:
+        return int(self.computed.size)
 
 
 def _unravelled(index: Any, shape: tuple[int, ...]) -> tuple[Any, ...]:

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from workflow import schemes
-from workflow.grid._arrangement import Grid, values_along
+from workflow.grid._arrangement import Grid, Indices, values_along
 from workflow.grid._operators import reduced_structure, reduction_of, structure_of
-from workflow.grid._tasks import Units, bytes_per_case, seconds_per_case, tasks
+from workflow.grid._tasks import Units, bytes_per_case, computed_seconds, tasks
 from workflow.models import Array, critical_alpha, mechanical_modes, thermal_modes, tip_flexibility
 from workflow.schemes import Scheme
 from workflow.study import Cell
@@ -23,6 +23,9 @@ _COARSE = 20
 """Steps per load period below which a plan says so: implicit Euler then errs by about a sixth."""
 
 _STRUCTURES_SHOWN = 8
+
+_LOOKED_AT = 5000
+"""Settings of the operators that are judged for what to beware of, at about 0.2 ms each."""
 
 
 @dataclass(frozen=True)
@@ -103,23 +106,30 @@ def figures(label: str, cell: Cell) -> Figures:
 
 def plan(grid: Grid, units: Units) -> Plan:
     """Return what a study comes to."""
-    unique = batches = steps = number = 0
-    seconds = 0.0
-    structures: dict[object, Figures] = {}
-    cautions: list[_Caution] = []
-    for outer in grid.places:
-        cell = grid.settings(outer)
-        distinct = grid.distinct_inner(cell)
-        unique += distinct
-        seconds += distinct * seconds_per_case(grid, outer)
-        scheme = schemes.load(cell.scheme.method)
-        if "h" in scheme.READS:
-            steps += distinct * grid.sampling.steps(cell.h)
-        key = (cell.scene.model, cell.scene.parameters)
-        if key not in structures and len(structures) < _STRUCTURES_SHOWN:
-            label = f"{cell.scene.model}, {cell.scene.parameters.nodes} nodes"
-            structures[key] = figures(label, cell)
-        cautions += _beware(grid, cell)
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(limits=1, user_api="blas"):  # matrices are small
+        return _plan(grid, units)
+
+
+def _plan(grid: Grid, units: Units) -> Plan:
+    computed, model = grid.places.computed, grid.study.scene.model
+    kinds, kind = np.unique(grid.alike(computed, lambda path: path in ("scheme", "h")), return_inverse=True)
+    cells = [grid.settings(int(outer)) for outer in kinds]
+    distinct = np.array([grid.distinct_inner(cell) for cell in cells])
+    marching = np.array(
+        [grid.sampling.steps(cell.h) if "h" in schemes.load(cell.scheme.method).READS else 0 for cell in cells]
+    )
+    seconds = float(np.sum(distinct[kind] * computed_seconds(grid)))
+    structures = np.unique(grid.alike(computed, lambda path: path.startswith(f"scene.{model}.")))[:_STRUCTURES_SHOWN]
+    shown = [grid.settings(int(outer)) for outer in structures]
+    cautions = [caution for outer in _looked_at(computed) for caution in _beware(grid, grid.settings(outer))]
+    idle = tuple(
+        f"{dimension.name} changes nothing: no scheme of this study reads it, its cases are the same"
+        for dimension in (*grid.outer, *grid.inner)
+        if all(grid.unread(dimension, cell.scheme) for cell in cells)
+    )
+    number = batches = 0
     for task in tasks(grid, units):
         number += 1
         batches += len(task.segments)
@@ -130,7 +140,24 @@ def plan(grid: Grid, units: Units) -> Plan:
         - 8 * 5 * grid.sampling.count
         + stored * len(grid.study.output.histories) * grid.sampling.count
     )
-    return Plan(cases, unique, batches, number, steps, seconds, size, tuple(structures.values()), _told(cautions))
+    return Plan(
+        cases,
+        int(np.sum(distinct[kind])),
+        batches,
+        number,
+        sum(int(n) * int(d) * int(c) for n, d, c in zip(marching, distinct, np.bincount(kind), strict=True)),
+        seconds,
+        size,
+        tuple(figures(f"{model}, {cell.scene.parameters.nodes} nodes", cell) for cell in shown),
+        idle + _told(cautions),
+    )
+
+
+def _looked_at(computed: Indices) -> list[int]:
+    """Return outer indices to judge: all of them, or of very many a fixed random choice."""
+    if computed.size > _LOOKED_AT:
+        computed = np.sort(np.random.default_rng(0).choice(computed, _LOOKED_AT, replace=False))
+    return [int(outer) for outer in computed]
 
 
 @lru_cache(maxsize=64)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workflow import schemes
 from workflow.grid._arrangement import Grid, Indices
@@ -20,7 +22,10 @@ TASKS_WANTED = 64
 """Tasks a study is cut in where that makes them neither too short nor too long: the same for any
 number of threads, so that an interrupted run finds its shards again."""
 
-TASK_BYTES = 64 * 2**20
+SETTING_UP = 2e-3
+"""Seconds for what the cases of an outer index share: modes, operators, arrays of a batch."""
+
+TASK_BYTES = 32 * 2**20
 """Results a task holds in memory before they are written."""
 
 CHUNK_BYTES = 4 * 2**20
@@ -82,6 +87,23 @@ def seconds_per_case(grid: Grid, outer: int) -> float:
     return scheme.cost(reduced_structure(cell), cell.h, cell.scheme.options, grid.sampling)
 
 
+@lru_cache(maxsize=4)
+def computed_seconds(grid: Grid) -> NDArray[np.float64]:
+    """Return the seconds of a case of every outer index that is computed, in the order of ``grid.places``.
+
+    The cost model knows scheme, step and sizes: what else an axis varies in a structure does not count.
+    """
+    model = grid.study.scene.model
+    alike, where = np.unique(
+        grid.alike(grid.places.computed, lambda path: _decides_cost(path, model)), return_inverse=True
+    )
+    return np.array([seconds_per_case(grid, int(outer)) for outer in alike])[where]
+
+
+def _decides_cost(path: str, model: str) -> bool:
+    return not path.startswith(f"scene.{model}.") or path == f"scene.{model}.nodes"
+
+
 def bytes_per_case(grid: Grid) -> int:
     """Return the bytes of a case's results in memory."""
     return 8 * (5 * grid.sampling.count + 4 * longest_period_count(grid) + 20)
@@ -90,7 +112,7 @@ def bytes_per_case(grid: Grid) -> int:
 def units_of(grid: Grid) -> Units:
     """Cut the innermost dimension so that a chunk is neither large nor long to compute."""
     inner = grid.inner_shape[-1] if grid.inner else 1
-    slowest = max((seconds_per_case(grid, outer) for outer in grid.places), default=0.0)
+    slowest = float(computed_seconds(grid).max())
     by_size = CHUNK_BYTES // (8 * grid.sampling.count)
     by_time = int(LONGEST / slowest) if slowest > 0 else inner
     return Units(grid.inner_count // inner, inner, max(1, min(inner, by_size, by_time)))
@@ -98,14 +120,15 @@ def units_of(grid: Grid) -> Units:
 
 def tasks(grid: Grid, units: Units) -> Iterator[Task]:
     """Yield the tasks of a study in archive order, one at a time; only distinct results are computed."""
-    seconds = {outer: seconds_per_case(grid, outer) for outer in grid.places}
-    total = sum(seconds.values()) * grid.inner_count
+    seconds = computed_seconds(grid)
+    total = float(seconds.sum()) * grid.inner_count + SETTING_UP * seconds.size
     wanted = min(max(total / TASKS_WANTED, SHORTEST), LONGEST)
     most_cases = max(units.chunk, TASK_BYTES // bytes_per_case(grid))
     number, gathered, work, cases = 0, [], 0.0, 0
-    for outer, each in seconds.items():
+    for outer, each in zip(grid.places, map(float, seconds), strict=True):
         first = 0
         while first < units.count:
+            work += SETTING_UP
             room = min((wanted - work) / (each * units.chunk), (most_cases - cases) / units.chunk)
             taken = min(units.count - first, max(1, int(room)))
             gathered.append(Segment(outer, first, taken))

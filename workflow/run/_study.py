@@ -23,15 +23,23 @@ from workflow.archive import (
 )
 from workflow.grid import Task, arrange, tasks, units_of
 from workflow.run._outcome import Outcome, summarise
+from workflow.run._runner import runner
 from workflow.run._task import Job, Stored
-from workflow.run._threads import available_threads, run_on_threads
 from workflow.study import Study
 
 Progress = Callable[[int, int, int], None]
 """Told ``(cases stored, cases that are not ok, all cases)`` as a run goes on."""
 
 
-def run_study(study: Study, archive: Path, threads: int | None = None, progress: Progress | None = None) -> Outcome:
+def run_study(
+    study: Study,
+    archive: Path,
+    threads: int | None = None,
+    progress: Progress | None = None,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+) -> Outcome:
     """Run what is missing of a study and leave its archive.
 
     Parameters
@@ -44,11 +52,17 @@ def run_study(study: Study, archive: Path, threads: int | None = None, progress:
         Threads of dask; as many as there are processors where not given.
     progress
         Called whenever a task is stored.
+    workers
+        Worker processes of dask on this machine, instead of threads.
+    scheduler
+        Address of a dask scheduler whose workers share the archive's directory, instead of threads.
 
     Raises
     ------
     ArchiveError
         Another study's archive is there, another run has it, or it cannot be written.
+    ClusterError
+        The workers cannot be used.
     """
     begun = time.perf_counter()
     parts = parts_of(archive)
@@ -65,13 +79,13 @@ def run_study(study: Study, archive: Path, threads: int | None = None, progress:
     grid = arrange(study)
     units = units_of(grid)
     layout = describe(study, grid, units)
-    with holding(parts):
+    with runner(threads, workers, scheduler) as run_tasks, holding(parts):
         start_parts(parts, layout)
         done = find_shards(parts, layout)
         before = int(sum(len(layout.cells_of(unit)) for first, stop in done.present for unit in range(first, stop)))
         job = Job(grid, units, layout, parts)
         missing = (task for task in tasks(grid, units) if _is_missing(task, job, done))
-        run_on_threads(job, missing, threads or available_threads(), _counting(job, before, done, progress))
+        run_tasks(job, missing, _counting(job, before, done, progress))
         gather(layout, parts, archive)
     return summarise(archive, time.perf_counter() - begun, before)
 

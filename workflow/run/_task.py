@@ -10,8 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.archive import Layout, blank, write_shard
+from workflow.archive import Layout, blank, find_shard, write_shard
 from workflow.grid import Grid, Segment, Task, Units, solve
+from workflow.schemes import Status
+
+Arrays = dict[str, NDArray[Any]]
 
 
 @dataclass(frozen=True)
@@ -33,23 +36,47 @@ class Stored:
 
 
 def store_task(job: Job, task: Task) -> Stored:
-    """Compute a task and store it, in every place its results belong to."""
-    grid, units, layout = job.grid, job.units, job.layout
-    runs: list[tuple[int, dict[str, NDArray[Any]], dict[int, str]]] = []
-    for segment in task.segments:
-        arrays, messages = compute_segment(grid, units, layout, segment)
-        runs += [(outer * units.count + segment.first, arrays, messages) for outer in grid.places[segment.outer]]
-    failed = cases = 0
-    for first, arrays, messages in _contiguous(sorted(runs, key=lambda run: run[0]), layout.chunk):
-        write_shard(job.parts, task.number, first, arrays, messages, layout)
-        cells = sum(len(layout.cells_of(unit)) for unit in range(first, first + len(arrays["status"])))
-        cases, failed = cases + cells, failed + len(messages)
+    """Compute a task and store it, in every place its results belong to.
+
+    A shard that this very task has stored before is left as it is: repeating a task whose worker died
+    between storing and telling does no harm and costs nothing.
+    """
+    solved: dict[Segment, tuple[Arrays, dict[int, str]]] = {}
+    cases = failed = 0
+    for group in _groups(job, task):
+        first, stop = group[0][0], group[-1][0] + group[-1][1].units
+        shard = find_shard(job.parts, task.number, first, stop, job.layout)
+        if shard is not None:
+            messages = dict(shard.messages)
+        else:
+            for _, segment in group:
+                if segment not in solved:
+                    solved[segment] = compute_segment(job.grid, job.units, job.layout, segment)
+            arrays, messages = _joined(group, solved, job.layout.chunk)
+            write_shard(job.parts, task.number, first, arrays, messages, job.layout)
+        cases, failed = cases + _cells(job.layout, first, stop), failed + len(messages)
     return Stored(cases, failed)
 
 
-def compute_segment(
-    grid: Grid, units: Units, layout: Layout, segment: Segment
-) -> tuple[dict[str, NDArray[Any]], dict[int, str]]:
+def store_lost(job: Job, task: Task, text: str) -> Stored:
+    """Store a task that cannot be computed: all of its cases have failed and say ``text``."""
+    cases = 0
+    for group in _groups(job, task):
+        first, stop = group[0][0], group[-1][0] + group[-1][1].units
+        arrays = blank(job.layout, stop - first)
+        arrays["status"][...] = Status.FAILED
+        chunk = job.layout.chunk
+        messages = {
+            (unit - first) * chunk + place: text
+            for unit in range(first, stop)
+            for place in range(len(job.layout.cells_of(unit)))
+        }
+        write_shard(job.parts, task.number, first, arrays, messages, job.layout)
+        cases += len(messages)
+    return Stored(cases, cases)
+
+
+def compute_segment(grid: Grid, units: Units, layout: Layout, segment: Segment) -> tuple[Arrays, dict[int, str]]:
     """Return the arrays of a segment's units, and messages by place, as a shard holds them."""
     inner, places = units.cases(segment.first, segment.units)
     solved = solve(grid, segment.outer, inner)
@@ -60,24 +87,33 @@ def compute_segment(
     return arrays, {int(places[k]): text for k, text in solved.messages.items()}
 
 
-def _contiguous(
-    runs: list[tuple[int, dict[str, NDArray[Any]], dict[int, str]]], chunk: int
-) -> Iterator[tuple[int, dict[str, NDArray[Any]], dict[int, str]]]:
-    """Join runs of units that follow each other, so that a task writes as few shards as can be."""
-    group: list[tuple[int, dict[str, NDArray[Any]], dict[int, str]]] = []
-    for run in runs:
-        if group and group[-1][0] + len(group[-1][1]["status"]) != run[0]:
-            yield _joined(group, chunk)
+def _cells(layout: Layout, first: int, stop: int) -> int:
+    """Return the number of cells of units ``first`` to ``stop - 1``."""
+    return sum(len(layout.cells_of(unit)) for unit in range(first, stop))
+
+
+def _groups(job: Job, task: Task) -> Iterator[list[tuple[int, Segment]]]:
+    """Yield runs of units that follow each other, so that a task writes as few shards as can be.
+
+    Each is a list of first units and the segments whose results belong there.
+    """
+    units, places = job.units, job.grid.places
+    runs = [(outer * units.count + s.first, s) for s in task.segments for outer in places[s.outer]]
+    group: list[tuple[int, Segment]] = []
+    for first, segment in sorted(runs, key=lambda run: run[0]):
+        if group and group[-1][0] + group[-1][1].units != first:
+            yield group
             group = []
-        group.append(run)
-    if group:
-        yield _joined(group, chunk)
+        group.append((first, segment))
+    yield group
 
 
 def _joined(
-    group: list[tuple[int, dict[str, NDArray[Any]], dict[int, str]]], chunk: int
-) -> tuple[int, dict[str, NDArray[Any]], dict[int, str]]:
+    group: list[tuple[int, Segment]], solved: dict[Segment, tuple[Arrays, dict[int, str]]], chunk: int
+) -> tuple[Arrays, dict[int, str]]:
+    """Return arrays and messages of a run of units, put together from its segments."""
     first = group[0][0]
-    arrays = {name: np.concatenate([run[1][name] for run in group]) for name in group[0][1]}
-    messages = {(start - first) * chunk + place: text for start, _, told in group for place, text in told.items()}
-    return first, arrays, messages
+    runs = [(start, *solved[segment]) for start, segment in group]
+    arrays = {name: np.concatenate([run[1][name] for run in runs]) for name in runs[0][1]}
+    messages = {(start - first) * chunk + place: text for start, _, told in runs for place, text in told.items()}
+    return arrays, messages

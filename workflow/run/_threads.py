@@ -18,7 +18,7 @@ def available_threads() -> int:
     return len(os.sched_getaffinity(0))
 
 
-def run_on_threads(job: Job, missing: Iterator[Task], threads: int, stored: Callable[[Stored], None]) -> None:
+def run_on_threads(job: Job, missing: Iterator[Task], stored: Callable[[Stored], None], threads: int) -> None:
     """Run tasks, a bounded number of them in a graph at a time; ``stored`` hears of each when its shards are safe."""
     from dask.base import compute
     from dask.delayed import delayed

@@ -61,6 +61,8 @@ def factors(unit: str) -> list[tuple[str, int]]:
     while len(unit) <= _LONGEST_UNIT and (factor := _UNIT_FACTOR.match(unit, position)):
         if factor[1]:
             found.append((factor[1], sign * int(factor[2] or 1)))
+        elif position:
+            break  # a one stands first or not at all: 1/s, not um/1
         if factor.end() == len(unit):
             return found
         joint = _UNIT_JOINT.match(unit, factor.end())

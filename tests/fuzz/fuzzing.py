@@ -1,0 +1,144 @@
+"""What feeds mutants to the commands: one interpreter takes many, and another one watches it.
+
+As a program, ``fuzzing.py KIND FIRST STOP [SOUND]`` runs the mutants of some seeds and says before each
+which it is, and after each what was wrong.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import select
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import traceback
+from pathlib import Path
+
+LONGEST = 10.0
+"""Seconds that one mutant may take."""
+
+MEMORY = 4 * 2**30
+"""Bytes of address space of an interpreter: what spends more is told by a MemoryError."""
+
+START = 60.0
+"""Seconds for an interpreter to start."""
+
+
+def faults(kind: str, first: int, stop: int, *words: str) -> list[str]:
+    """Return what went wrong with the mutants of some seeds: tracebacks, hangs, crashes."""
+    found: list[str] = []
+    while first < stop:
+        first = _watched(kind, first, stop, words, found)
+    return found
+
+
+def _watched(kind: str, first: int, stop: int, words: tuple[str, ...], found: list[str]) -> int:
+    """Watch an interpreter to its end and return the seed that comes next."""
+    command = [sys.executable, __file__, kind, str(first), str(stop), *words]
+    seed, patience, buffer = first, START, b""
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, bufsize=0) as process:
+        assert process.stdout is not None
+        while select.select([process.stdout], [], [], patience)[0]:
+            data = os.read(process.stdout.fileno(), 65536)
+            if not data:
+                break
+            *lines, buffer = (buffer + data).split(b"\n")
+            for line in lines:
+                told = json.loads(line)
+                seed, patience = told["seed"], LONGEST
+                if told.get("fault"):
+                    found.append(f"{kind} {seed}: {told['fault']}")
+        else:
+            process.kill()
+            found.append(f"{kind} {seed}: hangs")
+            return seed + 1
+    if process.returncode == 0:
+        return stop
+    found.append(f"{kind} {seed}: the interpreter ends with {process.returncode}")
+    return seed + 1
+
+
+def _command(*words: str) -> str:
+    """Run a command in this process; return what is wrong with how it ends."""
+    from typer.testing import CliRunner
+
+    from workflow.cli import app
+
+    result = CliRunner().invoke(app, list(words))
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        return "".join(traceback.format_exception(result.exception)[-3:])
+    if result.exit_code not in (0, 2):
+        return f"exit status {result.exit_code}"
+    if result.exit_code == 2 and not result.stderr.strip():
+        return "exit status 2 without a word"
+    return "a traceback in what it says" if "Traceback" in result.output else ""
+
+
+def _study(seed: int, directory: Path) -> str:
+    import mutants
+
+    path = directory / "study.yaml"
+    path.write_bytes(mutants.study(seed))
+    return _command("plan", str(path))
+
+
+def _archive(seed: int, directory: Path, sound: bytes) -> str:
+    import mutants
+
+    from workflow.archive import ArchiveError, open_archive
+
+    path = directory / "archive.nc"
+    path.write_bytes(mutants.archive(seed, sound))
+    fault = _command("show", str(path))
+    try:
+        with open_archive(path) as data:
+            data["status"].isel(dict.fromkeys(data["status"].dims, 0))
+    except ArchiveError:
+        pass
+    except Exception as error:
+        return fault or "open_archive: " + "".join(traceback.format_exception(error)[-3:])
+    return fault
+
+
+def _deadly(seed: int) -> str:
+    """Go wrong in a way of its own for each seed: what the watching is tested with."""
+    match seed:
+        case 1:
+            try:
+                1 / 0  # noqa: B018
+            except ZeroDivisionError:
+                return traceback.format_exc()
+        case 2:
+            time.sleep(10 * LONGEST)
+        case 3:
+            os.kill(os.getpid(), signal.SIGSEGV)
+    return ""
+
+
+def main(kind: str, first: int, stop: int, *words: str) -> None:
+    """Run the mutants of some seeds."""
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    sys.path[:0] = [str(Path(__file__).parents[1])]
+    sound = Path(words[0]).read_bytes() if words else b""
+    with tempfile.TemporaryDirectory() as name:
+        for seed in range(first, stop):
+            print(json.dumps({"seed": seed}), flush=True)
+            try:
+                match kind:
+                    case "study":
+                        fault = _study(seed, Path(name))
+                    case "archive":
+                        fault = _archive(seed, Path(name), sound)
+                    case _:
+                        fault = _deadly(seed)
+            except MemoryError:
+                fault = "spends too much memory"
+            print(json.dumps({"seed": seed, "fault": fault}), flush=True)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), *sys.argv[4:])

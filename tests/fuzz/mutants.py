@@ -1,0 +1,165 @@
+"""Studies and archives with something wrong in them, each made from a seed."""
+
+from __future__ import annotations
+
+import random
+import re
+from collections.abc import Callable
+
+from studies import SCENE
+
+CORPUS = (
+    """\
+study: blade
+title: Tip response
+scene:
+  blade: {nodes: 6, length: 40 mm, width: 30 mm, thickness: 1 mm, density: 4430, specific_heat: 560,
+          conductivity: 7.0, convection: 400, expansion: 9.0e-6, tip_stiffness: 1.0e6,
+          damping: {mass: 10.0, stiffness: 2.0e-7}}
+  casing: {gap: 20 um}
+  load: {mean: 0, amplitude: 24, frequency: 5 Hz, phase: 0}
+  initial: {displacement: 0, velocity: 0, temperature: 0}
+  duration: 2 s
+schemes:
+  implicit_euler: {method: moreau, theta: 1.0}
+  midpoint: {method: moreau, theta: 0.5}
+axes:
+  scheme: [implicit_euler, midpoint, event_driven]
+  e: [0, 0.5, 0.9]
+  h: {log: [1e-5, 1e-4, 5]}
+  alpha: [0, 30]
+  scene.casing.gap: [15 um, 20 um]
+zip:
+  model: {mechanical_modes: [1, 3, full], thermal_modes: [2, 4, full]}
+reference: {scheme: event_driven, mechanical_modes: full, thermal_modes: full}
+output:
+  interval: 1 ms
+  histories: [displacement, temperature, contact_force]
+  precision: float64
+""",
+    "study: small\n"
+    + SCENE
+    + """\
+axes:
+  h: [1e-4, 2e-4]
+  e: {lin: [0, 1, 11]}
+  scene.chain.stiffness: [4.0e6, 5.0e6]
+  scene.load.frequency: [50 Hz, 3000 rpm]
+output: {interval: 1 ms, histories: [], balances: false}
+""",
+    "study: static\n"
+    + SCENE.replace("duration", "initial: static\n  duration")
+    + "axes: {scene.chain.nodes: [2, 3]}\n",
+)
+
+_WRITTEN = """
+0 -0 -1 1 2 3.5 1e308 -1e308 1e-320 1e400 .inf -.inf .nan nan 99999999999999999999 123456789 1e9 1e5 1e12 0x10 0o17
+1_000 true null ~ full static moreau event_driven chain blade e h alpha scheme t status message gap model nodes
+[] {} [0] [[0]] [1,2,3,4] {a:1} {lin:[0,1,1000000]} {lin:[1,9,1000000000]} {log:[1e-9,1e9,100000]} {lin:[0,1,2]}
+{log:[0,1,3]} &a *a !!python/object:os.system <<: *a | > - ? % @ ` " ' # : :: , ] } [ {
+5mm 50_um 1e3_Hz 5_degC 1_m**99 1_m/s/s/s 1_rad/s 1e400_m 7_W/m**2/K 1_um/1 1_m**-2 1_um_um 3_parsec
+\u0000 \u2028 \U0001f600 \ud800 é 中文 ½ Ⅷ ٣ \x85 \x7f
+"""
+NASTY = tuple(_WRITTEN.split())
+"""What stands in the place of something else; `_` is a space."""
+
+_TOKEN = re.compile(r"[\w.+-]+|\S")
+
+
+def _lines(text: str, chance: random.Random) -> str:
+    lines = text.splitlines(keepends=True)
+    at, other = chance.randrange(len(lines)), chance.randrange(len(lines))
+    match chance.randrange(4):
+        case 0:
+            del lines[at]
+        case 1:
+            lines.insert(other, lines[at])
+        case 2:
+            lines[at], lines[other] = lines[other], lines[at]
+        case 3:
+            lines[at] = " " * chance.randrange(9) + lines[at].lstrip()
+    return "".join(lines)
+
+
+def _token(text: str, chance: random.Random) -> str:
+    found = chance.choice(list(_TOKEN.finditer(text)))
+    return text[: found.start()] + _nasty(chance) + text[found.end() :]
+
+
+def _swap(text: str, chance: random.Random) -> str:
+    one, two = (chance.choice(list(_TOKEN.finditer(text))) for _ in range(2))
+    return text[: one.start()] + two[0] + text[one.end() :]
+
+
+def _characters(text: str, chance: random.Random) -> str:
+    at = chance.randrange(len(text))
+    new = chance.choice(
+        ["", chr(chance.randrange(1, 256)), chr(chance.randrange(256, 0x2FFF)), "\t", "\n", text[at] * 3]
+    )
+    return text[:at] + new + text[at + chance.randrange(3) :]
+
+
+def _cut(text: str, chance: random.Random) -> str:
+    at = chance.randrange(len(text))
+    return text[:at] if chance.random() < 0.5 else text[at:]
+
+
+def _much(text: str, chance: random.Random) -> str:
+    found = chance.choice(list(_TOKEN.finditer(text)))
+    size = 10 ** chance.randrange(1, 6)
+    much = chance.choice(
+        ["[" * size, "{a: " * size, "x" * size, "9" * size, "- " * size, f"[{'1, ' * size}1]", "&a [*a]" * size]
+    )
+    return text[: found.start()] + much + text[found.end() :]
+
+
+def _nasty(chance: random.Random) -> str:
+    return chance.choice(NASTY).replace("_", " ")
+
+
+MUTATIONS: tuple[Callable[[str, random.Random], str], ...] = (
+    *(_token,) * 6,
+    *(_lines,) * 2,
+    *(_swap,) * 3,
+    *(_characters,) * 3,
+    _cut,
+    _much,
+)
+
+
+def study(seed: int) -> bytes:
+    """Return the bytes of a mutated study."""
+    chance = random.Random(seed)
+    text = chance.choice(CORPUS)
+    for _ in range(chance.choice((1, 1, 2, 3, 5))):
+        text = chance.choice(MUTATIONS)(text, chance) or "\n"
+        text = text if _TOKEN.search(text) else "x: 1\n"
+    content = text.encode("utf-8", "surrogatepass")
+    if chance.random() < 0.05:
+        at = chance.randrange(len(content))
+        content = content[:at] + bytes([chance.randrange(256)]) + content[at:]
+    return content
+
+
+def archive(seed: int, sound: bytes) -> bytes:
+    """Return the bytes of a mutated archive: bytes and bits changed, blocks moved, the end cut off."""
+    chance = random.Random(seed)
+    content = bytearray(sound)
+    for _ in range(chance.choice((1, 1, 2, 5, 20))):
+        at = chance.randrange(len(content)) if chance.random() < 0.7 else chance.randrange(min(4096, len(content)))
+        match chance.randrange(6):
+            case 0:
+                content[at] ^= 1 << chance.randrange(8)
+            case 1:
+                content[at] = chance.randrange(256)
+            case 2:
+                content[at : at + 8] = chance.choice((b"\xff" * 8, b"\x00" * 8, b"\x7f" + b"\xff" * 7))
+            case 3:
+                length, source = chance.randrange(1, 256), chance.randrange(len(content))
+                content[at : at + length] = content[source : source + length]
+            case 4:
+                content[at : at + 64] = chance.randbytes(64)
+            case 5:
+                if chance.random() < 0.2:
+                    del content[at + 1 :]
+    return bytes(content)

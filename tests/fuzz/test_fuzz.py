@@ -1,0 +1,56 @@
+"""Mutated studies through ``plan``, mutated archives through ``show`` and ``open_archive``.
+
+Never a traceback, a hang or a crash of the interpreter: what is wrong is told by its seed.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import fuzzing
+import pytest
+from fuzzing import faults
+
+from studies import ILL, SMALL, parsed
+from workflow.run import run_study
+
+
+@pytest.fixture(scope="module")
+def archives(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    directory = tmp_path_factory.mktemp("sound")
+    paths = [directory / "ill.nc", directory / "small.nc"]
+    for text, path in zip((ILL, SMALL), paths, strict=True):
+        run_study(parsed(text), path)
+    return [str(path) for path in paths]
+
+
+def test_a_few_mutated_studies() -> None:
+    assert faults("study", 0, 60) == []
+
+
+def test_a_few_mutated_archives(archives: list[str]) -> None:
+    assert faults("archive", 0, 20, archives[0]) == []
+
+
+def test_a_fault_is_told_by_its_seed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What watches is watched: a traceback, a hang and a crash are told, and the next seed is run."""
+    monkeypatch.setattr(fuzzing, "LONGEST", 0.5)
+    told = faults("deadly", 0, 5)
+    assert [line.split(":")[0] for line in told] == ["deadly 1", "deadly 2", "deadly 3"]
+    assert "ZeroDivisionError" in told[0]
+    assert "hangs" in told[1]
+    assert "ends with -11" in told[2]
+
+
+@pytest.mark.slow
+def test_ten_thousand_mutated_studies() -> None:
+    with ThreadPoolExecutor(2) as pool:
+        found = pool.map(faults, ["study"] * 10, range(0, 10_000, 1000), range(1000, 11_000, 1000))
+        assert [fault for some in found for fault in some] == []
+
+
+@pytest.mark.slow
+def test_two_thousand_mutated_archives(archives: list[str]) -> None:
+    with ThreadPoolExecutor(2) as pool:
+        found = pool.map(faults, ["archive"] * 2, (0, 1000), (1000, 2000), archives)
+        assert [fault for some in found for fault in some] == []

@@ -1,0 +1,250 @@
+"""A study on worker processes: same bits, each task once, whatever dies."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from studies import SCENE, SMALL, parsed, written
+from workflow.archive import content_hash, open_archive, parts_of
+from workflow.run import ClusterError, run_study
+from workflow.run._worker import Session, join, software
+
+PRELOAD = Path(__file__).with_name("watched_worker.py")
+PATIENCE = 60.0
+Process = subprocess.Popen[str]
+
+STUDY = (
+    "study: many\n"
+    + SCENE
+    + """
+axes:
+  h: [1e-5, 2e-5]
+  alpha: [0, 5, 10, 20, 30, 40, 50, 60]
+  e: {lin: [0, 0.9, 10]}
+output: {interval: 1 ms, histories: [displacement]}
+"""
+)
+"""160 cases in 16 units of storage."""
+
+FINELY = "import workflow.grid._tasks as cutting; cutting.SHORTEST = 1e-9; from workflow.cli import main; main()"
+"""The command line with a task for each unit, which would else be long tasks that a test cannot wait for."""
+
+
+@pytest.fixture(scope="module")
+def expected(tmp_path_factory: pytest.TempPathFactory) -> str:
+    archive = tmp_path_factory.mktemp("threads") / "many.nc"
+    run_study(parsed(STUDY), archive)
+    return content_hash(archive)
+
+
+def environment(notes: Path, **told: str) -> dict[str, str]:
+    preload = {"DASK_DISTRIBUTED__WORKER__PRELOAD": json.dumps([str(PRELOAD)])}
+    return {**os.environ, **preload, "WATCHED_NOTES": str(notes), **told}
+
+
+@contextmanager
+def started(module: str, *words: str | Path, cwd: Path, env: dict[str, str] | None = None) -> Iterator[Process]:
+    """Start a command in a session of its own; nothing of it is left in the end."""
+    how = ["-c", FINELY] if module == "workflow" else ["-m", module]
+    command = [sys.executable, *how, *map(str, words)]
+    process = subprocess.Popen(
+        command, cwd=cwd, env=env, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True
+    )
+    try:
+        yield process
+    finally:
+        if alive(process.pid):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+
+
+@contextmanager
+def scheduler(cwd: Path) -> Iterator[tuple[str, Process]]:
+    """Start a scheduler by its own command and give its address, and the process."""
+    file = cwd / "scheduler.json"
+    words = ("--port", "0", "--host", "127.0.0.1", "--no-dashboard", "--scheduler-file", file)
+    with started("distributed.cli.dask_scheduler", *words, cwd=cwd) as process:
+        until(lambda: file.exists() and file.stat().st_size > 0)
+        yield json.loads(file.read_text())["address"], process
+
+
+@contextmanager
+def worker(address: str, cwd: Path, notes: Path, **told: str) -> Iterator[Process]:
+    """Start a worker by its own command, without a nanny that would raise it from the dead."""
+    words = (address, "--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", cwd)
+    with started("distributed.cli.dask_worker", *words, cwd=cwd, env=environment(notes, **told)) as process:
+        yield process
+
+
+def until(holds: Callable[[], bool]) -> None:
+    end = time.monotonic() + PATIENCE
+    while not holds():
+        assert time.monotonic() < end, "waited too long"
+        time.sleep(0.02)
+
+
+def alive(process: int) -> bool:
+    """Tell whether a process runs; one that is dead and not yet waited for does not."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+def computed(notes: Path) -> list[tuple[int, str]]:
+    """Return process and segment of everything that was begun."""
+    lines = notes.read_text().splitlines() if notes.exists() else []
+    return [(int(line.split()[0]), line.split(maxsplit=1)[1]) for line in lines]
+
+
+def test_a_worker_of_a_real_scheduler_is_killed_in_the_middle(tmp_path: Path, expected: str) -> None:
+    study, notes, archive = written(STUDY, tmp_path), tmp_path / "notes", tmp_path / "many.nc"
+    with (
+        scheduler(tmp_path) as (address, _),
+        worker(address, tmp_path, notes, WATCHED_SLEEP="0.1") as first,
+        worker(address, tmp_path, notes, WATCHED_SLEEP="0.1"),
+        started("workflow", "run", study, "--scheduler", address, cwd=tmp_path) as run,
+    ):
+        until(lambda: sum(process == first.pid for process, _ in computed(notes)) >= 3)
+        os.kill(first.pid, signal.SIGKILL)
+        out, err = run.communicate(timeout=PATIENCE)
+        assert run.returncode == 0, err
+        assert "160 ok" in out
+    assert content_hash(archive) == expected
+    assert not parts_of(archive).exists()
+    begun = computed(notes)
+    assert len({process for process, _ in begun}) == 2
+    twice = [segment for segment, count in Counter(segment for _, segment in begun).items() if count > 1]
+    last = [segment for process, segment in begun if process == first.pid][-1]
+    assert twice in ([], [last])
+
+
+def test_a_worker_with_another_solver_is_refused_by_name(tmp_path: Path) -> None:
+    study, notes = written(SMALL, tmp_path), tmp_path / "notes"
+    with (
+        scheduler(tmp_path) as (address, _),
+        worker(address, tmp_path, notes, WATCHED_SOLVER="999"),
+        started("workflow", "run", study, "--scheduler", address, cwd=tmp_path) as run,
+    ):
+        _, err = run.communicate(timeout=PATIENCE)
+        assert run.returncode == 2
+    assert "worker tcp://127.0.0.1:" in err
+    assert "solver 999 instead of" in err
+    assert "Traceback" not in err
+    assert not (tmp_path / "small.nc").exists()
+    assert not computed(notes)
+
+
+def test_a_task_that_kills_its_workers_becomes_failed_cases(tmp_path: Path) -> None:
+    study, notes, archive = written(STUDY, tmp_path), tmp_path / "notes", tmp_path / "many.nc"
+    told = environment(notes, WATCHED_DEADLY="1 0", DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0")
+    with started("workflow", "run", study, "--workers", "2", cwd=tmp_path, env=told) as run:
+        out, err = run.communicate(timeout=PATIENCE)
+    assert run.returncode == 1, err
+    assert "Traceback" not in err
+    assert "its worker process died" in out
+    run_study(parsed(STUDY), tmp_path / "whole.nc")
+    with open_archive(archive) as data, open_archive(tmp_path / "whole.nc") as whole:
+        lost = (data["status"] == 3).values
+        assert lost.sum() == 10
+        assert lost.ravel()[lost.size // 2]  # the first case of outer index 1
+        texts = set(data["message"].values[lost].tolist())
+        assert len(texts) == 1
+        assert "tcp" not in texts.pop()
+        assert np.isnan(data["contact_impulse"].values[lost]).all()
+        assert np.array_equal(data["displacement"].values[~lost], whole["displacement"].values[~lost])
+        assert (data["message"].values[~lost] == "").all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", ["killed", "interrupted"])
+def test_workers_end_with_their_parent_and_the_next_run_goes_on(how: str, tmp_path: Path, expected: str) -> None:
+    study, notes, archive = written(STUDY, tmp_path), tmp_path / "notes", tmp_path / "many.nc"
+    told = environment(notes, WATCHED_SLEEP="0.3")
+    with started("workflow", "run", study, "--workers", "2", cwd=tmp_path, env=told) as run:
+        until(lambda: len(computed(notes)) >= 5)
+        if how == "killed":
+            os.kill(run.pid, signal.SIGKILL)
+        else:
+            os.killpg(run.pid, signal.SIGINT)  # as a terminal does: the workers get it too
+        _, err = run.communicate(timeout=PATIENCE)
+        assert run.returncode == (-signal.SIGKILL if how == "killed" else 130)
+        assert "Traceback" not in err
+        workers = {process for process, _ in computed(notes)}
+        assert len(workers) == 2
+        until(lambda: not any(map(alive, workers)))
+    assert not archive.exists()
+    done = len(list(parts_of(archive).glob("*.shard.h5")))
+    assert done >= 2
+    again = tmp_path / "again"
+    with started("workflow", "run", study, "--workers", "1", cwd=tmp_path, env=environment(again)) as run:
+        out, err = run.communicate(timeout=PATIENCE)
+        assert run.returncode == 0, err
+        assert "stored before" in out
+    assert content_hash(archive) == expected
+    assert len(computed(again)) == 16 - done
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_goes_is_told(tmp_path: Path) -> None:
+    study, notes = written(STUDY, tmp_path), tmp_path / "notes"
+    with (
+        scheduler(tmp_path) as (address, process),
+        worker(address, tmp_path, notes, WATCHED_SLEEP="0.5"),
+        started("workflow", "run", study, "--scheduler", address, cwd=tmp_path) as run,
+    ):
+        until(lambda: len(computed(notes)) >= 2)
+        process.kill()
+        _, err = run.communicate(timeout=PATIENCE)
+        assert run.returncode == 2
+    assert "the connection to the dask scheduler is lost; what is stored is kept" in err
+    assert "Traceback" not in err
+
+
+def session(parts: Path) -> Session:
+    return Session(str(parts), "key", "token", software())
+
+
+def test_a_worker_that_sees_other_files_is_told_apart(tmp_path: Path) -> None:
+    me = SimpleNamespace(id="me")
+    with pytest.raises(ClusterError, match=r"does not share .*no such file"):
+        join(session(tmp_path), me)
+    asked = session(tmp_path)
+    asked.question.write_text("another run's")
+    with pytest.raises(ClusterError, match="does not share"):
+        join(asked, me)
+    asked.question.write_text(asked.token)
+    assert join(asked, me) == "me"
+    assert asked.answer("me").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--workers", "2", "--threads", "2"), "--threads and --workers exclude each other"),
+        (("--scheduler", "tcp://127.0.0.1:1", "--workers", "2"), "--workers and --scheduler exclude each other"),
+        (("--workers", "0"), "workers"),
+        (("--scheduler", "nowhere"), "nowhere: no dask scheduler answers there"),
+    ],
+)
+def test_wrong_calls(words: tuple[str, ...], message: str, tmp_path: Path) -> None:
+    study = written(SMALL, tmp_path)
+    with started("workflow", "run", study, *words, cwd=tmp_path) as run:
+        _, err = run.communicate(timeout=PATIENCE)
+        assert run.returncode == 2
+    assert message in err
+    assert "Traceback" not in err
+    assert list(tmp_path.iterdir()) == [study]

@@ -1,0 +1,34 @@
+"""Preload of dask workers in tests: notes what is computed, takes its time, dies where it is told to.
+
+``WATCHED_NOTES`` names the file of notes, one line ``process outer first`` for each segment;
+``WATCHED_SLEEP`` seconds are spent on each; a worker that is given the segment ``WATCHED_DEADLY``
+(``outer first``) kills itself; ``WATCHED_SOLVER`` is the version it claims to have.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from typing import Any
+
+import workflow.run._task as running
+import workflow.run._worker as working
+
+
+def _noted(*args: Any) -> Any:
+    segment = args[3]
+    where = f"{segment.outer} {segment.first}"
+    with open(os.environ["WATCHED_NOTES"], "a") as notes:
+        notes.write(f"{os.getpid()} {where}\n")
+    if where == os.environ.get("WATCHED_DEADLY"):
+        os.kill(os.getpid(), signal.SIGKILL)
+    time.sleep(float(os.environ.get("WATCHED_SLEEP", "0")))
+    return compute_segment(*args)
+
+
+if running.compute_segment.__module__ == "workflow.run._task":  # dask may load a preload twice
+    compute_segment = running.compute_segment
+    running.compute_segment = _noted
+if "WATCHED_SOLVER" in os.environ:
+    working.SOLVER_VERSION = os.environ["WATCHED_SOLVER"]

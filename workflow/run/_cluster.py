@@ -1,0 +1,176 @@
+"""Tasks on a dask cluster: worker processes of this machine, or a scheduler that runs elsewhere."""
+
+from __future__ import annotations
+
+import logging
+import secrets
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from itertools import chain, islice
+from typing import Any
+
+from workflow.archive import study_key
+from workflow.grid import Task
+from workflow.run._task import Job, Stored, store_lost
+from workflow.run._worker import ClusterError, Session, join, run_task, small, software, unshared
+
+_IN_FLIGHT = 512
+"""Tasks that the scheduler knows of at a time, so that the graph of a large study is never there at
+once, and yet a few for each thread of a large cluster; a task takes a tenth of a second or more."""
+
+_ANSWER, _FIRST_WORKER = 10.0, 60.0
+"""Seconds to wait for a scheduler to answer, and for its first worker."""
+
+_LOGGERS = ("distributed", "distributed.client", "distributed.gc", "tornado", "tornado.application", "asyncio")
+"""Those to which distributed gives levels of their own."""
+
+_IGNORE_INTERRUPTS = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
+"""What worker processes here do first: a terminal's Ctrl-C reaches them too, but their parent ends them."""
+
+LOST = (
+    "its worker process died whenever it computed the task that holds this case; "
+    "`workflow run --retry` repeats it, --threads 1 shows what happens"
+)
+
+
+@contextmanager
+def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
+    """Give a dask client of as many worker processes here, or of the scheduler at an address.
+
+    Worker processes of this machine end with this context, and at once if this process is killed.
+
+    Raises
+    ------
+    ClusterError
+        Workers cannot be started, or no scheduler answers, or it has no workers.
+    """
+    import distributed
+    from dask import config
+
+    for name in _LOGGERS:
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)  # what went wrong is told here, once
+    if scheduler is None:
+        preload = [*config.get("distributed.worker.preload", []), _IGNORE_INTERRUPTS]
+        with (
+            config.set({"distributed.worker.preload": preload}),
+            distributed.LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                processes=True,
+                dashboard_address=None,
+                memory_limit=0,
+                silence_logs=logging.CRITICAL,
+            ) as cluster,
+            distributed.Client(cluster) as client,
+        ):
+            yield client
+        return
+    try:
+        client = distributed.Client(scheduler, timeout=_ANSWER)
+    except (OSError, ValueError, TypeError) as error:
+        why = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
+        raise ClusterError(
+            f"{scheduler}: no dask scheduler answers there ({why}); start one with `dask scheduler` and give the "
+            "address it prints, e.g. tcp://127.0.0.1:8786"
+        ) from None
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=_FIRST_WORKER)
+        except TimeoutError:
+            raise ClusterError(
+                f"{scheduler}: the scheduler has no workers; start some with `dask worker {scheduler}` and give "
+                "the command again"
+            ) from None
+        yield client
+
+
+def run_on_cluster(job: Job, missing: Iterator[Task], stored: Callable[[Stored], None], client: Any) -> None:
+    """Run tasks, a bounded number of them at a time; ``stored`` hears of each when its shards are safe.
+
+    dask blames a worker's death on every task that the worker had been given. A task that has been
+    blamed too often is therefore tried again alone, when all others are done; one that then kills its
+    workers too becomes failed cases.
+
+    Raises
+    ------
+    ClusterError
+        A worker may not work for this run, or the scheduler is gone.
+    ArchiveError
+        A shard could not be written.
+    """
+    first = list(islice(missing, 1))
+    if not first:
+        return
+    session = _opened(job, client)
+    suspects = []
+    for task, result in _results(client, session, chain(first, missing), _IN_FLIGHT):
+        if result is None:
+            suspects.append(task)
+        else:
+            stored(result)
+    for task, result in _results(client, session, iter(suspects), 1):
+        stored(store_lost(job, task, LOST) if result is None else result)
+
+
+def _results(client: Any, session: Session, tasks: Iterator[Task], limit: int) -> Iterator[tuple[Task, Stored | None]]:
+    """Yield tasks as they end, with ``None`` where dask has given up; their futures are let go."""
+    from distributed import as_completed
+
+    waiting, under_way = as_completed(), {}
+
+    def submit(number: int) -> None:
+        for task in islice(tasks, number):
+            future = client.submit(run_task, session, small(task), key=_key(session, task, limit), pure=False)
+            under_way[future.key] = task
+            waiting.add(future)
+
+    submit(limit)
+    for future in waiting:
+        task = under_way.pop(future.key)
+        result = _result(future)
+        future.release()
+        submit(1)
+        yield task, result
+
+
+def _key(session: Session, task: Task, limit: int) -> str:
+    """Return a name that no other task has, nor this one when it is tried again alone."""
+    return f"{session.token}-{'alone' if limit == 1 else 'task'}-{task.number}"
+
+
+def _result(future: Any) -> Stored | None:
+    from distributed import CancelledError, KilledWorker
+
+    try:
+        result: Stored = future.result()
+        return result
+    except KilledWorker:
+        return None
+    except CancelledError:
+        raise ClusterError(
+            "the connection to the dask scheduler is lost; what is stored is kept, start the scheduler and its "
+            "workers, then give the same command again"
+        ) from None
+
+
+def _opened(job: Job, client: Any) -> Session:
+    """Return the session of a run, after all workers there are have shown that they may work for it."""
+    parts = job.parts.resolve()
+    session = Session(str(parts), study_key(job.grid.study), f"workflow-{secrets.token_hex(8)}", software())
+    try:
+        session.question.write_text(session.token, encoding="ascii")
+    except OSError as error:
+        raise ClusterError(f"{parts}: cannot be written to ({(error.strerror or str(error)).lower()})") from None
+    for address, answer in sorted(client.run(join, session, on_error="return").items()):
+        if isinstance(answer, ClusterError):
+            raise ClusterError(f"worker {address}: {answer}")
+        if not isinstance(answer, str):
+            raise ClusterError(
+                f"worker {address}: cannot load this version of rotor-stator-workflow ({answer}); install it there "
+                "and start the worker anew"
+            )
+        try:
+            session.answer(answer).unlink()
+        except OSError:
+            raise ClusterError(f"worker {address}: {unshared(session, 'what it writes is not seen here')}") from None
+    return session

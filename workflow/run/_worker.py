@@ -1,0 +1,146 @@
+"""What a worker of a dask cluster does: it makes a run's grid once, then runs tasks of a few numbers each."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import threading
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from pathlib import Path
+from typing import Any
+
+from workflow.archive import ArchiveError, code_revision, read_layout, study_key
+from workflow.grid import Segment, Task, arrange, units_of
+from workflow.run._task import Job, Stored, store_task
+from workflow.schemes import SOLVER_VERSION
+from workflow.study import parse_study
+
+SmallTask = tuple[int, tuple[tuple[int, int, int], ...]]
+"""Number of a task, and ``outer, first, units`` of its segments."""
+
+_JOBS_KEPT = 4
+"""Runs whose grids a worker keeps: a cluster may serve several runs in turn."""
+
+_MAKING = threading.Lock()
+
+
+class ClusterError(Exception):
+    """A cluster cannot be used for a run; the message says what is wrong and what would be right."""
+
+
+@dataclass(frozen=True)
+class Session:
+    """What a worker must know of a run and agree with.
+
+    Attributes
+    ----------
+    parts
+        Directory of the shards, which workers and the run itself share.
+    key
+        Identity of study and solver version.
+    token
+        Name of this run, and what its token file holds.
+    software
+        Name and version of what decides the bits of a result.
+    """
+
+    parts: str
+    key: str
+    token: str
+    software: tuple[tuple[str, str], ...]
+
+    @property
+    def question(self) -> Path:
+        """File by which a worker sees that it shares the directory; swept like any leftover."""
+        return Path(self.parts) / f"{self.token}.tmp"
+
+    def answer(self, worker: str) -> Path:
+        """Return the file by which a worker is seen to share the directory."""
+        return Path(self.parts) / f"{self.token}-{worker}.tmp"
+
+
+def small(task: Task) -> SmallTask:
+    """Return what a worker must know of a task."""
+    return task.number, tuple((s.outer, s.first, s.units) for s in task.segments)
+
+
+def software() -> tuple[tuple[str, str], ...]:
+    """Return name and version of what decides the bits of a result in this process."""
+    packages = ((name, importlib.metadata.version(name)) for name in ("numpy", "scipy", "numba"))
+    return (("solver", str(SOLVER_VERSION)), ("code", code_revision()[:12]), *packages)
+
+
+def join(session: Session, dask_worker: Any) -> str:
+    """Check that a worker may work for a run, leave a file that shows it, and return the worker's name.
+
+    Raises
+    ------
+    ClusterError
+        It has other software, or does not share the directory of the shards.
+    """
+    other = [(name, mine, wanted) for (name, mine), (_, wanted) in zip(software(), session.software, strict=True)]
+    told = ", ".join(f"{name} {mine} instead of {wanted}" for name, mine, wanted in other if mine != wanted)
+    if told:
+        raise ClusterError(
+            f"the worker has other software than this run: {told}; install the same version for both, "
+            "start its workers anew and give the command again"
+        )
+    try:
+        same = session.question.read_text(encoding="ascii") == session.token
+        session.answer(dask_worker.id).touch()
+    except OSError as error:
+        raise ClusterError(unshared(session, (error.strerror or str(error)).lower())) from None
+    if not same:
+        raise ClusterError(unshared(session, "it holds something else there"))
+    return str(dask_worker.id)
+
+
+def unshared(session: Session, why: str) -> str:
+    return (
+        f"the worker does not share {session.parts} with this run ({why}); put the archive (-o) on a file system "
+        "that all workers see under the same path and can write to"
+    )
+
+
+def run_task(session: Session, task: SmallTask) -> Stored:
+    """Compute a task on this worker and store it; a shard that is there already is not computed again.
+
+    Raises
+    ------
+    ArchiveError
+        A shard could not be written.
+    ClusterError
+        This worker may not work for the run; it came after the run had asked all workers.
+    """
+    number, segments = task
+    with _single_threaded_blas().limit(limits=1, user_api="blas"):
+        return store_task(_job(session), Task(number, tuple(Segment(*s) for s in segments), 0.0, 0))
+
+
+def _job(session: Session) -> Job:
+    with _MAKING:  # threads of one worker share one grid
+        return _made(session)
+
+
+@lru_cache(maxsize=_JOBS_KEPT)
+def _made(session: Session) -> Job:
+    from distributed import get_worker
+
+    worker = get_worker()
+    try:
+        session.answer(join(session, worker)).unlink()
+        layout = read_layout(session.parts)
+    except (ClusterError, ArchiveError) as error:
+        raise ClusterError(f"worker {worker.address}: {error}") from None
+    study = parse_study(layout.provenance["study"], "study")
+    if study_key(study) != session.key:
+        raise ClusterError(f"worker {worker.address}: {session.parts} does not hold the study of this run")
+    grid = arrange(study)
+    return Job(grid, units_of(grid), layout, Path(session.parts))
+
+
+@cache
+def _single_threaded_blas() -> Any:
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController()
