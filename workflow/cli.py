@@ -233,7 +233,7 @@ def show(archive: ArchiveFile) -> None:
                 console.print(f"  t: {t.size} samples to {t[-1]:g} s")
             counts = status_counts(dataset)
             console.print("  status: " + ", ".join(f"{number} {name}" for name, number in counts.items()))
-            runaway = int(dataset["runaway"].sum())
+            runaway = int(dataset["runaway"].sum()) if "runaway" in dataset else 0
             if runaway:
                 console.print(f"  {runaway} cases above their critical alpha (flag runaway)")
             told = failures(dataset)

@@ -25,11 +25,11 @@ def archives(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
 
 
 def test_a_few_mutated_studies() -> None:
-    assert faults("study", 0, 60) == []
+    assert faults("study", 0, 40) == []
 
 
 def test_a_few_mutated_archives(archives: list[str]) -> None:
-    assert faults("archive", 0, 20, archives[0]) == []
+    assert faults("archive", 0, 10, archives[0]) == []
 
 
 def test_a_fault_is_told_by_its_seed(monkeypatch: pytest.MonkeyPatch) -> None:

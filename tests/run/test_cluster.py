@@ -11,6 +11,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -132,6 +133,7 @@ def test_a_worker_of_a_real_scheduler_is_killed_in_the_middle(tmp_path: Path, ex
     assert twice in ([], [last])
 
 
+@pytest.mark.slow
 def test_a_worker_with_another_solver_is_refused_by_name(tmp_path: Path) -> None:
     study, notes = written(SMALL, tmp_path), tmp_path / "notes"
     with (
@@ -148,6 +150,7 @@ def test_a_worker_with_another_solver_is_refused_by_name(tmp_path: Path) -> None
     assert not computed(notes)
 
 
+@pytest.mark.slow
 def test_a_task_that_kills_its_workers_becomes_failed_cases(tmp_path: Path) -> None:
     study, notes, archive = written(STUDY, tmp_path), tmp_path / "notes", tmp_path / "many.nc"
     told = environment(notes, WATCHED_DEADLY="1 0", DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0")
@@ -216,6 +219,14 @@ def test_a_scheduler_that_goes_is_told(tmp_path: Path) -> None:
 
 def session(parts: Path) -> Session:
     return Session(str(parts), "key", "token", software())
+
+
+def test_a_worker_with_other_software_is_told_apart(tmp_path: Path) -> None:
+    asked = session(tmp_path)
+    asked.question.write_text(asked.token)
+    other = replace(asked, software=(("solver", "999"), *asked.software[1:]))
+    with pytest.raises(ClusterError, match=r"other software than this run: solver \d+ instead of 999;"):
+        join(other, SimpleNamespace(id="me"))
 
 
 def test_a_worker_that_sees_other_files_is_told_apart(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from workflow.run import status_name
 from workflow.schemes import Status
 
 if TYPE_CHECKING:
@@ -69,20 +70,21 @@ def failures(dataset: xr.Dataset) -> list[Failures]:
     """Return what cases that ran and are not ok have to say, the most frequent message first."""
     dims = case_dims(dataset)
     status = np.asarray(dataset["status"].values)
-    messages = np.asarray(dataset["message"].values)
+    places = np.argwhere((status != Status.OK) & (status != Status.NOT_RUN))
+    messages = np.asarray(dataset["message"].values) if len(places) else np.empty(0)
     groups: dict[tuple[int, str], list[tuple[int, ...]]] = {}
-    for place in np.argwhere((status != Status.OK) & (status != Status.NOT_RUN)):
+    for place in places:
         index = tuple(map(int, place))
         groups.setdefault((int(status[index]), str(messages[index])), []).append(index)
     labels = {dim: labels_of(dataset, dim) for dim in dims} if groups else {}
     found = [
         Failures(
-            Status(state).name.lower(),
+            status_name(state),
             message,
-            len(places),
-            ", ".join(labels[dim][k] for dim, k in zip(dims, places[0], strict=True)) or "the only case",
+            len(alike),
+            ", ".join(labels[dim][k] for dim, k in zip(dims, alike[0], strict=True)) or "the only case",
         )
-        for (state, message), places in groups.items()
+        for (state, message), alike in groups.items()
     ]
     return sorted(found, key=lambda group: -group.cases)
 

@@ -8,13 +8,11 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from workflow.archive._content import hash_content
-from workflow.archive._create import FORMAT_NAME, PROVENANCE
+from workflow.archive._create import PROVENANCE
 from workflow.archive._files import ArchiveError, reason, writing
 from workflow.archive._gather import assemble
-from workflow.archive._layout import FORMAT
+from workflow.archive._judge import as_text, judge
 from workflow.archive._parts import LAYOUT, parts_of, read_layout
 from workflow.archive._shard import find_shards
 
@@ -73,10 +71,9 @@ def provenance(path: str | Path) -> dict[str, str]:
     _look(path)
     try:
         with LOCK, h5py.File(path, "r") as file:
-            _recognise(path, file.attrs, _text(file.attrs.get(FORMAT_NAME)))
             group = file[PROVENANCE]
-            found = {name: _text(value) for name, value in group.attrs.items() if not name.startswith("_")}
-            texts = {name: _text(item[()].tobytes()) for name, item in group.items() if item.dtype == "S1"}
+            found = {name: as_text(value) for name, value in group.attrs.items() if not name.startswith("_")}
+            texts = {name: as_text(item[()].tobytes()) for name, item in group.items() if item.dtype == "S1"}
             return found | texts
     except (OSError, RuntimeError, LookupError) as error:
         raise _damaged(path, error) from error
@@ -154,13 +151,8 @@ def _open_dataset(path: Path, chunks: Any, named: Path) -> xr.Dataset:
     try:
         with LOCK:
             dataset = xr.open_dataset(path, engine="netcdf4", chunks=chunks, decode_timedelta=False, lock=LOCK)
-    except (OSError, RuntimeError, ValueError) as error:
+    except Exception as error:  # whatever xarray makes of a file that is not what it was
         raise _damaged(named, error) from error
-    try:
-        _recognise(named, dataset.attrs, dataset.attrs.get(FORMAT_NAME))
-    except ArchiveError:
-        dataset.close()
-        raise
     return dataset
 
 
@@ -181,24 +173,10 @@ def _look(path: Path) -> None:
         raise ArchiveError(f"{path}: cannot be read: {reason(error)}") from error
     if signature != HDF5_SIGNATURE:
         raise ArchiveError(f"{path}: not a NetCDF-4 file; an archive that `workflow run` wrote is expected")
-
-
-def _text(value: Any) -> str:
-    """Return an attribute as text: netCDF-C stores ASCII as characters, anything else as a string."""
-    value = np.ravel(value)[0] if isinstance(value, np.ndarray) else value
-    return value.decode() if isinstance(value, bytes) else str(value)
-
-
-def _recognise(path: Path, attributes: Any, version: Any) -> None:
-    if FORMAT_NAME not in attributes:
-        raise ArchiveError(
-            f"{path}: a NetCDF file, but not an archive of this workflow (it has no {FORMAT_NAME}); "
-            "an archive that `workflow run` wrote is expected"
-        )
-    if version != str(FORMAT):
-        raise ArchiveError(
-            f"{path}: archive format {version}, this version reads {FORMAT}; use the version that wrote it"
-        )
+    try:
+        judge(path)
+    except (OSError, RuntimeError, LookupError, ValueError, TypeError) as error:
+        raise _damaged(path, error) from error
 
 
 def _damaged(path: Path, error: BaseException) -> ArchiveError:

@@ -3,7 +3,7 @@
 They run on threads (``_threads``) or on a dask cluster (``_cluster``, ``_worker``).
 """
 
-from workflow.run._outcome import SHOWN, Outcome, status_counts, summarise
+from workflow.run._outcome import SHOWN, Outcome, status_counts, status_name, summarise
 from workflow.run._study import Progress, run_study
 from workflow.run._task import Job, Stored, compute_segment, store_task
 from workflow.run._threads import available_threads
@@ -20,6 +20,7 @@ __all__ = [
     "compute_segment",
     "run_study",
     "status_counts",
+    "status_name",
     "store_task",
     "summarise",
 ]

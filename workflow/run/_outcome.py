@@ -49,10 +49,15 @@ SHOWN = 10
 """Failed cases that a summary names."""
 
 
+def status_name(value: int) -> str:
+    """Return the name of a status, also of one that no version of this workflow has written."""
+    return Status(value).name.lower() if value in Status._value2member_map_ else f"status {value}"
+
+
 def status_counts(dataset: xr.Dataset) -> dict[str, int]:
     """Return the number of cases by name of their status."""
     values, number = np.unique(np.asarray(dataset["status"].values), return_counts=True)
-    return {Status(int(value)).name.lower(): int(n) for value, n in zip(values, number, strict=True)}
+    return {status_name(int(value)): int(n) for value, n in zip(values, number, strict=True)}
 
 
 def summarise(archive: Path, seconds: float, resumed: int | None) -> Outcome:

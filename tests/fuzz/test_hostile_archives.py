@@ -1,0 +1,123 @@
+"""Archives that nobody's run wrote: what they claim is judged before memory is spent on it."""
+
+from __future__ import annotations
+
+import resource
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import netCDF4
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from studies import SMALL, parsed
+from workflow.archive import ArchiveError, open_archive
+from workflow.cli import app
+from workflow.run import run_study
+
+MEMORY = 4 * 2**30
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("sound") / "a.nc"
+    run_study(parsed(SMALL), path)
+    return path
+
+
+def forged(path: Path, **sizes: int) -> None:
+    """Write an archive that claims sizes and holds nothing."""
+    with netCDF4.Dataset(path, "w") as file:
+        file.archive_format = "1"
+        for name, size in sizes.items():
+            file.createDimension(name, size)
+        for name in ("status", "runaway"):
+            file.createVariable(name, "i1", tuple(sizes), compression="zlib", chunksizes=[1, 1])
+        file.createDimension("message_length", 1)
+        file.createVariable("message", "S1", (*sizes, "message_length"), chunksizes=[1, 1, 1])
+        file.createGroup("provenance").study = "study: a"
+
+
+def without(name: str) -> Callable[[Any], None]:
+    def spoil(file: Any) -> None:
+        del file[name]
+
+    return spoil
+
+
+def retyped(name: str, dtype: str) -> Callable[[Any], None]:
+    def spoil(file: Any) -> None:
+        shape = file[name].shape
+        scales = [file[name].dims[k][0] for k in range(len(shape))]
+        del file[name]
+        made = file.create_dataset(name, data=np.zeros(shape, dtype))
+        for k, scale in enumerate(scales):
+            made.dims[k].attach_scale(scale)
+
+    return spoil
+
+
+def unformatted(file: Any) -> None:
+    file.attrs["archive_format"] = np.arange(5.0)
+
+
+def unknown(file: Any) -> None:
+    file["status"][...] = 77
+
+
+def long_study(file: Any) -> None:
+    del file["provenance"].attrs["study"]
+    file["provenance"].create_dataset("study", (2**36,), "S1", chunks=(2**20,), compression="gzip")
+
+
+SPOILT: dict[str, Callable[[Any], None]] = {
+    "no status": without("status"),
+    "no message": without("message"),
+    "no runaway": without("runaway"),
+    "no provenance": without("provenance"),
+    "no h": without("h"),
+    "status in floats": retyped("status", "f8"),
+    "status in texts": retyped("status", "S5"),
+    "status 77": unknown,
+    "message in floats": retyped("message", "f8"),
+    "format of numbers": unformatted,
+    "study of 64 GiB": long_study,
+}
+
+
+@pytest.mark.parametrize("what", SPOILT)
+def test_a_spoilt_archive_is_shown_or_refused(what: str, sound: Path, tmp_path: Path) -> None:
+    path = tmp_path / "a.nc"
+    shutil.copy(sound, path)
+    with h5py.File(path, "r+") as file:
+        SPOILT[what](file)
+    for words in (("show", path), ("run", path, "-o", tmp_path / "b.nc")):
+        told = CliRunner().invoke(app, [str(word) for word in words])
+        assert told.exception is None or isinstance(told.exception, SystemExit)
+        assert told.exit_code in (0, 2)
+        assert told.exit_code == 0 or str(path) in told.stderr
+
+
+def test_sizes_that_no_study_has_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.nc"
+    forged(path, one=10**6, two=10**6)
+    with pytest.raises(ArchiveError, match="has 1e\\+12 cases"):
+        open_archive(path)
+    path.unlink()
+    forged(path, one=3 * 10**9, two=1)
+    with pytest.raises(ArchiveError, match="3000000000 values along a dimension"):
+        open_archive(path)
+    told = subprocess.run(
+        [sys.executable, "-m", "workflow", "show", path],
+        capture_output=True,
+        text=True,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY)),
+    )
+    assert told.returncode == 2
+    assert "Traceback" not in told.stderr
