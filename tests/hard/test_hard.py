@@ -193,7 +193,7 @@ def test_the_free_step_grows_by_its_formula() -> None:
     assert statuses(archive) == [DIVERGED, OK, OK, OK]
 
 
-@pytest.mark.parametrize("name", ["free_step", "clamped_bar", "carpenter_limit"])
+@pytest.mark.parametrize("name", ["free_step", "carpenter_limit"])
 def test_plan_warns_of_what_will_diverge(name: str) -> None:
     grid = arrange(read_study(STUDIES / f"{name}.yaml"))
     told = plan(grid, units_of(grid)).warnings
