@@ -41,14 +41,10 @@ from workflow.schemes._event_functions import (
     row_dot,
     stiff_block,
 )
-from workflow.schemes._event_response import FIRSTS, PACES, SLOPES, VALUES, Response
-from workflow.schemes._kernel import kernel
+from workflow.schemes._event_response import FIRSTS, ORDER, PACES, SLOPES, TAYLOR_SPAN, VALUES, Response
+from workflow.schemes._kernel import part
 
-ORDER, TAYLOR_SPAN = 18, 0.6
-"""Order of Taylor polynomials, and largest (pole · time) they are used for: 0.6^18/18! < 2e-20."""
-
-
-@kernel
+@part
 def explicit_force(r: Response, k: int, y: Array, cos: float, sin: float) -> float:
     """Return the force on an explicit block, state ``y``."""
     force = r.block[FORCE, k] + r.block[FORCE_COS, k] * cos + r.block[FORCE_SIN, k] * sin
@@ -57,7 +53,7 @@ def explicit_force(r: Response, k: int, y: Array, cos: float, sin: float) -> flo
     return float(force)
 
 
-@kernel
+@part
 def forced_block(r: Response, k: int, t: float, motion: Array, dt: float) -> tuple[float, float, float]:
     """Advance an explicit block by Taylor steps; return η, η' and ∫η dt after ``dt``."""
     b, f = r.block, r.first
@@ -71,7 +67,6 @@ def forced_block(r: Response, k: int, t: float, motion: Array, dt: float) -> tup
     steps = max(1, int(np.ceil(fastest * abs(dt) / TAYLOR_SPAN)))
     h = dt / steps
     y, v, area = motion[VALUES, k], motion[SLOPES, k], 0.0
-    paces = np.zeros(r.firsts)  # derivatives of the thermal force, mode by mode
     for step in range(steps):
         psi = wave * (t + step * h) + r.load_phase
         cos, sin = np.cos(psi), np.sin(psi)
@@ -80,7 +75,7 @@ def forced_block(r: Response, k: int, t: float, motion: Array, dt: float) -> tup
         for j in range(r.firsts):
             e, phi1, _ = first_propagator(-f[RATE, j] * step * h)
             force += r.coupling[0, k, j] * (motion[FIRSTS, j] + motion[PACES, j] * step * h * phi1)
-            paces[j] = r.coupling[0, k, j] * motion[PACES, j] * e
+            f[PHI2, j] = r.coupling[0, k, j] * motion[PACES, j] * e  # derivatives of the thermal force
         low, high = y, v
         area += h * (y + 0.5 * h * v)
         y += h * v
@@ -94,12 +89,12 @@ def forced_block(r: Response, k: int, t: float, motion: Array, dt: float) -> tup
             f_cos, f_sin = wave * f_sin, -wave * f_cos
             force = f_cos * cos + f_sin * sin
             for j in range(r.firsts):
-                force += paces[j]
-                paces[j] *= -f[RATE, j]
+                force += f[PHI2, j]
+                f[PHI2, j] *= -f[RATE, j]
     return y, v, area
 
 
-@kernel
+@part
 def advance(r: Response, motion: Array, t: float, dt: float, out: Array, integrate: bool) -> float:
     """Move a state from t to t + dt; return the integral of the signal over it if asked for."""
     b, y, y_new = r.block, motion, out
@@ -145,7 +140,7 @@ def advance(r: Response, motion: Array, t: float, dt: float, out: Array, integra
     return area
 
 
-@kernel
+@part
 def observe(r: Response, motion: Array, t: float) -> tuple[float, float, float, float]:
     """Return signal, its rate, tip temperature and its rate."""
     b, f, y = r.block, r.first, motion
@@ -177,7 +172,7 @@ def observe(r: Response, motion: Array, t: float) -> tuple[float, float, float, 
     return signal, rate, heat, heat_rate
 
 
-@kernel
+@part
 def strike(r: Response, shape: Array, motion: Array, p: float, heat: float) -> None:
     """Apply an impulse p and a heat at the tip: velocities jump by -p M⁻¹ e_n, θ by heat C2⁻¹ e_n."""
     b, f, y = r.block, r.first, motion
@@ -189,7 +184,7 @@ def strike(r: Response, shape: Array, motion: Array, p: float, heat: float) -> N
         y[SLOPES, k] += heat * b[KICK_SLOPE, k] - p * shape[k]
 
 
-@kernel
-def heating_rate(r: Response, motion: Array, t: float) -> float:
+@part
+def heating_rate(r: Response, motion: Array) -> float:
     """Return the rate of the tip temperature in a regime where only first-order states show in it."""
     return row_dot(r.first, HEAT_SPEED, motion, PACES)

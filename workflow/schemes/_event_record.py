@@ -9,7 +9,7 @@ import numpy as np
 from workflow.models import Array
 from workflow.schemes._event_motion import advance, observe
 from workflow.schemes._event_response import Response
-from workflow.schemes._kernel import kernel
+from workflow.schemes._kernel import part
 
 
 class Record(NamedTuple):
@@ -37,23 +37,30 @@ class Watch(NamedTuple):
     totals: Array
     """Impulse, contact time of closed phases, start of the present phase (or inf), largest
     temperature, largest of this period, impulse and contact time at the last period's end."""
+    tally: Array
+    """What the march counts, see there."""
+
+
+def watch() -> Watch:
+    """Return an empty watch."""
+    return Watch(np.zeros(2, dtype=np.int64), np.zeros(7), np.zeros(5))
 
 
 IMPULSE, CONTACT, SINCE, HOTTEST, PERIOD_HOTTEST, PERIOD_IMPULSE, PERIOD_CONTACT = range(7)
 
 
-@kernel
+@part
 def contact_time(watch: Watch, t: float) -> float:
     return float(watch.totals[CONTACT] + max(0.0, t - watch.totals[SINCE]))
 
 
-@kernel
+@part
 def heat_seen(watch: Watch, temperature: float) -> None:
     watch.totals[HOTTEST] = max(watch.totals[HOTTEST], temperature)
     watch.totals[PERIOD_HOTTEST] = max(watch.totals[PERIOD_HOTTEST], temperature)
 
 
-@kernel
+@part
 def write(
     record: Record,
     watch: Watch,
@@ -83,7 +90,7 @@ def write(
         watch.next[1] += 1
 
 
-@kernel
+@part
 def next_due(record: Record, watch: Watch) -> float:
     sample, period = watch.next[0], watch.next[1]
     due = record.times[sample] if sample < record.times.size else np.inf
@@ -92,7 +99,7 @@ def next_due(record: Record, watch: Watch) -> float:
     return due
 
 
-@kernel
+@part
 def see(
     record: Record,
     watch: Watch,
@@ -139,7 +146,7 @@ def see(
         last, last_t = seen, at
 
 
-@kernel
+@part
 def _hermite_top(a: float, da: float, b: float, db: float, h: float) -> float:
     """Return where on [0, h] the cubic with these end values and slopes (da > 0 > db) is largest."""
     low, high = 0.0, h

@@ -56,7 +56,7 @@ from workflow.schemes._event_functions import (
     padded,
 )
 from workflow.schemes._event_regimes import Regime
-from workflow.schemes._kernel import kernel
+from workflow.schemes._kernel import part
 
 SLOW = 0.3
 """A block whose slowest pole turns by less than this over the duration keeps its forces explicit:
@@ -65,6 +65,10 @@ splitting off F/ω² would cancel digits like (slow pole · duration)⁻²."""
 
 RESONANT = 0.1
 """Likewise for a block whose pole stays this near (times the duration) to that of the load."""
+
+
+ORDER, TAYLOR_SPAN = 18, 0.6
+"""Order of Taylor polynomials, and largest (pole · time) they are used for: 0.6^18/18! < 2e-20."""
 
 
 class Load(NamedTuple):
@@ -115,17 +119,46 @@ class Response(NamedTuple):
     """Whether blocks show in the tip temperature or their slopes in the signal."""
 
 
+class Tables(NamedTuple):
+    """Memory for one regime of one case, all zeros to begin with."""
+
+    block: Array
+    first: Array
+    constant: Array
+    """Constant sources of all coordinates, ``(N,)``."""
+    harmonic: Array
+    """… and those of sin ψ."""
+    coordinates: Array
+    now: Array
+    after: Array
+    spare: Array
+    """States, ``(4, column)``."""
+    sums: Array
+    terms: Array
+    derivatives: Array
+    """See :class:`~workflow.schemes._event_search.Expansion`."""
+
+
+def tables(blocks: int, firsts: int) -> Tables:
+    """Return empty tables."""
+    size, columns, wide = 2 * blocks + firsts, padded(blocks), padded(firsts)
+    motion = np.zeros((3, 4, max(columns, wide)))
+    return Tables(
+        np.zeros((BLOCK_ROWS, columns)),
+        np.zeros((FIRST_ROWS, wide)),
+        *np.zeros((3, size)),
+        *motion,
+        np.zeros((9, blocks + 1)),
+        np.zeros((8, columns)),
+        np.zeros(ORDER + 1),
+    )
+
+
 VALUES, SLOPES, FIRSTS, PACES = range(4)
 """Rows of a state, loads split off where they are: η, η' per block, ξ, ξ' per first-order state."""
 
 
-@kernel
-def new_motion(r: Response) -> Array:
-    """Return an empty state."""
-    return np.zeros((4, max(r.block.shape[1], r.first.shape[1])))
-
-
-@kernel
+@part
 def copy_motion(source: Array, target: Array) -> None:
     """Copy a state."""
     for row in range(4):
@@ -133,7 +166,7 @@ def copy_motion(source: Array, target: Array) -> None:
             target[row, k] = source[row, k]
 
 
-@kernel
+@part
 def _keeps_forces(c: float, w2: float, forced: bool, load_omega: float, duration: float) -> bool:
     """Whether a block's response to the loads cannot be split off without losing digits."""
     half = 0.5 * abs(c)
@@ -146,8 +179,8 @@ def _keeps_forces(c: float, w2: float, forced: bool, load_omega: float, duration
     return bool(np.hypot(half, load_omega - np.sqrt(turn)) * duration < RESONANT)
 
 
-@kernel
-def respond(regime: Regime, load: Load, heat_shape: Array, firsts: int) -> Any:
+@part
+def respond(regime: Regime, load: Load, heat_shape: Array, firsts: int, tables: Tables) -> Any:
     """Return the response of a regime to the loads of one case; ``firsts`` is 0 without heat.
 
     ``heat_shape`` is χ_n where first-order states are the thermal modes and blocks the free ones.
@@ -155,8 +188,7 @@ def respond(regime: Regime, load: Load, heat_shape: Array, firsts: int) -> Any:
     blocks = regime.damping.size
     size = 2 * blocks + firsts
     wave = load.omega
-    constant = np.zeros(size)
-    harmonic = np.zeros(size)  # of sin ψ
+    b, f, constant, harmonic = tables.block, tables.first, tables.constant, tables.harmonic
     for k in range(size):
         source = regime.source_tip[k] * load.mean + regime.source_gap[k] * load.gap
         for i in range(load.steady.size):
@@ -166,9 +198,8 @@ def respond(regime: Regime, load: Load, heat_shape: Array, firsts: int) -> Any:
                 source += regime.source_heating[k, i] * load.heating[i]
         constant[k] = source
         harmonic[k] = regime.source_tip[k] * load.amplitude
-    b, f = np.zeros((BLOCK_ROWS, padded(blocks))), np.zeros((FIRST_ROWS, padded(firsts)))
-    b[TURN, :] = 1.0
-    b[STIFFNESS, :] = 1.0
+    for k in range(b.shape[1]):
+        b[TURN, k] = b[STIFFNESS, k] = 1.0
     specials = 0
     signal = regime.signal_tip * load.mean + regime.signal_gap * load.gap
     for i in range(load.steady.size):
@@ -268,7 +299,7 @@ def respond(regime: Regime, load: Load, heat_shape: Array, firsts: int) -> Any:
     )
 
 
-@kernel
+@part
 def load_motion(r: Response, coordinates: Array, t: float, motion: Array) -> None:
     """Split the loads' response off the coordinates [η, u, ξ] of time t."""
     b, f, y = r.block, r.first, motion
@@ -289,7 +320,7 @@ def load_motion(r: Response, coordinates: Array, t: float, motion: Array) -> Non
         y[VALUES, k], y[SLOPES, k] = value, slope
 
 
-@kernel
+@part
 def store_motion(r: Response, motion: Array, t: float, coordinates: Array) -> None:
     """Return to the coordinates [η, u, ξ]: the inverse of :func:`load_motion`."""
     b, f, y = r.block, r.first, motion

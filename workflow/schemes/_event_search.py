@@ -34,9 +34,9 @@ from workflow.schemes._event_functions import (
     VALUE,
     row_total,
 )
-from workflow.schemes._event_motion import ORDER, advance, explicit_force
-from workflow.schemes._event_response import FIRSTS, PACES, SLOPES, VALUES, Response
-from workflow.schemes._kernel import kernel
+from workflow.schemes._event_motion import advance, explicit_force
+from workflow.schemes._event_response import FIRSTS, ORDER, PACES, SLOPES, TAYLOR_SPAN, VALUES, Response
+from workflow.schemes._kernel import part
 
 ROUNDING = 4.0 * 2.220446049250313e-16
 """Signal values below this share of the sum of their terms' magnitudes are not told from zero."""
@@ -53,18 +53,14 @@ class Expansion(NamedTuple):
     in column 0 how fast the bound of |s⁗| may grow, and the sum of the magnitudes of all terms."""
     terms: Array
     """Per block: signal, three derivatives, bounds of |s⁗|, |s'| and |s|; scratch."""
+    derivatives: Array
+    """Of the signal, ``(ORDER + 1,)``; scratch."""
 
 
 S0, S1, S2, S3, FOURTH, REST, REST_RATE, FIFTH, SIZE = range(9)
 
 
-@kernel
-def new_expansion(r: Response) -> Any:
-    """Return an empty expansion."""
-    return Expansion(np.zeros((9, r.blocks + 1)), np.zeros((8, r.block.shape[1])))
-
-
-@kernel
+@part
 def expand(r: Response, motion: Array, t: float, x: Expansion) -> None:
     """Expand the signal at a state."""
     b, f, sums, d = r.block, r.first, x.sums, x.terms
@@ -136,7 +132,7 @@ def expand(r: Response, motion: Array, t: float, x: Expansion) -> None:
     sums[FIFTH, 0], sums[SIZE, 0] = fifth, size
 
 
-@kernel
+@part
 def _expand_blocks(b: Array, y: Array, d: Array) -> None:
     """Fill the terms of all blocks that move freely; the energy √(ω² s² + s'²) of a mode never grows."""
     for k in range(d.shape[1]):
@@ -156,7 +152,7 @@ def _expand_blocks(b: Array, y: Array, d: Array) -> None:
         d[REST, k] = d[REST_RATE, k] * b[PERIOD, k]
 
 
-@kernel
+@part
 def _summed(r: Response, h: float) -> int:
     """Return how many blocks to expand over a step h; the others are bounded as a group."""
     k = r.blocks
@@ -165,7 +161,7 @@ def _summed(r: Response, h: float) -> int:
     return k
 
 
-@kernel
+@part
 def _growth(x: float) -> float:
     """Return a bound of e^x: at most what modes grow over a step."""
     if x <= 0.0:
@@ -173,7 +169,7 @@ def _growth(x: float) -> float:
     return 1.0 / (1.0 - x) if x < 0.25 else np.exp(x)
 
 
-@kernel
+@part
 def _clear(r: Response, x: Expansion, zeros: int, h: float) -> bool:
     """Whether the signal certainly has no zero on (0, h], known zeros at 0 divided out."""
     factor = _growth(r.growth * h)
@@ -197,7 +193,7 @@ def _clear(r: Response, x: Expansion, zeros: int, h: float) -> bool:
     return bool(a0 >= 0.0 and b1 >= 0.0 and b2 >= 0.0 and b3 >= 0.0 and b4 >= 0.0)
 
 
-@kernel
+@part
 def longest_clear(r: Response, x: Expansion, zeros: int, guess: float, most: float) -> float:
     """Return a step up to ``most`` on which the signal certainly has no zero; 0 if there is none."""
     h = min(guess, most)
@@ -215,7 +211,7 @@ def longest_clear(r: Response, x: Expansion, zeros: int, guess: float, most: flo
     return 0.0
 
 
-@kernel
+@part
 def _cubic_zero(a0: float, a1: float, a2: float, a3: float) -> float:
     """Return the zero of a0 + a1 τ + a2 τ² + a3 τ³ that Newton finds from τ = 0; -1 if none."""
     if a1 >= 0.0:
@@ -233,7 +229,7 @@ def _cubic_zero(a0: float, a1: float, a2: float, a3: float) -> float:
     return -1.0
 
 
-@kernel
+@part
 def falls_through(r: Response, x: Expansion, zeros: int, most: float) -> tuple[float, float]:
     """Return a guess and the end of an interval in which the signal certainly falls through zero once.
 
@@ -273,7 +269,7 @@ def falls_through(r: Response, x: Expansion, zeros: int, most: float) -> tuple[f
     return 0.0, 0.0
 
 
-@kernel
+@part
 def _flight_guess(a1: float, a2: float, a3: float) -> float:
     """Return the positive zero of a1 + a2 τ + a3 τ² of a flight that starts at zero; -1 if none."""
     if a1 <= 0.0 or a2 >= 0.0:
@@ -284,7 +280,7 @@ def _flight_guess(a1: float, a2: float, a3: float) -> float:
     return float(-2.0 * a1 / (a2 - np.sqrt(square)))
 
 
-@kernel
+@part
 def polish(r: Response, motion: Array, t: float, guess: float, end: float, scratch: Array, x: Expansion) -> float:
     """Return the zero of the signal in (0, end], by expansions about ever better points."""
     tau = guess
@@ -319,10 +315,8 @@ def polish(r: Response, motion: Array, t: float, guess: float, end: float, scrat
     return tau
 
 
-@kernel
-def short_flight(
-    r: Response, motion: Array, t: float, speed: float, guess: float, x: Expansion, derivatives: Array
-) -> float:
+@part
+def short_flight(r: Response, motion: Array, t: float, speed: float, guess: float, x: Expansion) -> float:
     """Return the duration of a flight that starts at zero gap with ``speed``, by its Taylor polynomial.
 
     Solves gap(τ)/τ = 0, which keeps its digits however low the flight is.
@@ -332,7 +326,8 @@ def short_flight(
     while order < ORDER and term > 1e-18:
         order += 1
         term *= span / order
-    series(r, motion, t, order, x, derivatives)
+    derivatives = x.derivatives
+    series(r, motion, t, order, x)
     derivatives[1] = speed
     factorial = 1.0
     for n in range(1, order + 1):
@@ -351,10 +346,10 @@ def short_flight(
     return tau
 
 
-@kernel
-def series(r: Response, motion: Array, t: float, order: int, x: Expansion, derivatives: Array) -> None:
+@part
+def series(r: Response, motion: Array, t: float, order: int, x: Expansion) -> None:
     """Fill the derivatives of the signal up to ``order`` from a state; ``x`` is its expansion and is used up."""
-    psi, w = r.load_omega * t + r.load_phase, r.load_omega
+    psi, w, derivatives = r.load_omega * t + r.load_phase, r.load_omega, x.derivatives
     cos, sin = np.cos(psi), np.sin(psi)
     wave_cos, wave_sin = r.signal_wave
     for n in range(order + 1):
@@ -390,3 +385,44 @@ def series(r: Response, motion: Array, t: float, order: int, x: Expansion, deriv
             force = f_cos * cos + f_sin * sin
             for j in range(r.firsts):
                 force += r.coupling[0, k, j] * motion[PACES, j] * (-r.first[RATE, j]) ** n
+
+
+@part
+def certified_step(
+    r: Response,
+    x: Expansion,
+    motion: Array,
+    t: float,
+    T: float,
+    zeros: int,
+    known_speed: float,
+    guess: float,
+    tolerance: float,
+    scratch: Array,
+) -> tuple[float, bool]:
+    """Return a step on which the signal certainly has no zero, or one that ends at its first zero.
+
+    ``x`` is the expansion at t and may be used up.
+
+    ``known_speed`` is the rate with which it starts from zero where that is known (negative: not).
+    """
+    n = r.blocks
+    left = T - t
+    if not np.isfinite(x.sums[SIZE, 0]):
+        return np.nan, False
+    if known_speed >= 0.0:
+        x.sums[S1, n] = known_speed
+    leading = x.sums[S1, n] if zeros == 1 else x.sums[S2, n] if zeros == 2 else x.sums[S3, n]
+    if zeros > 0 and leading <= 0.0:
+        zeros = 0
+    if zeros == 0 and x.sums[S0, n] <= 0.0 and x.sums[S1, n] < 0.0:
+        return 0.0, True
+    around, end = falls_through(r, x, zeros, left)
+    if end > 0.0:
+        if zeros == 1 and r.fastest * end <= TAYLOR_SPAN:
+            h = short_flight(r, motion, t, x.sums[S1, n], around, x)
+        else:
+            h = polish(r, motion, t, around, end, scratch, x)
+        return (left, False) if h > left + tolerance else (min(h, left), True)
+    h = longest_clear(r, x, zeros, guess, left)
+    return (h, False) if h > 0.0 else (np.nan, False)

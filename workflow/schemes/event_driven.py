@@ -15,13 +15,12 @@ import numpy as np
 
 from workflow.declare import quantity
 from workflow.models import Array, Cases, Structure, poles
-from workflow.schemes._event_balance import no_ledger
+from workflow.schemes._event_balance import no_log
 from workflow.schemes._event_books import Books
-from workflow.schemes._event_march import BEYOND, DONE, EVENTS, NOT_FINITE, STEPS, Thresholds, Tip, march
-from workflow.schemes._event_motion import TAYLOR_SPAN
-from workflow.schemes._event_record import Record
+from workflow.schemes._event_march import BEYOND, DONE, EVENTS, FULL, NOT_FINITE, STEPS, Budget, Thresholds, Tip, march
+from workflow.schemes._event_record import Record, watch
 from workflow.schemes._event_regimes import Basis, Regime, analyse
-from workflow.schemes._event_response import SLOW, Load
+from workflow.schemes._event_response import SLOW, TAYLOR_SPAN, Load, tables
 from workflow.schemes._event_spectrum import coupled_regime, held_regime
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Status, complete_periods
 
@@ -30,6 +29,9 @@ READS = frozenset({"e", "alpha"})
 INPUT, SPECTRUM, STIFF = -1, -2, -3
 """How a case ended that was not run: a value of it is not finite, its eigenvalues were not found, or
 a mode too slow to split its load off is damped so fast that its Taylor steps exceed the budget."""
+
+PHASES = 1024
+"""Phases that the log of the balances takes at first; a case with more is run again with a longer one."""
 
 THRESHOLDS = Thresholds(excursion=1e-10, speed=1e-3, force=64.0)
 
@@ -179,28 +181,41 @@ def _run(
     warm = cases.alpha[i] != 0 or cases.heating[i].any() or cases.temperature[i].any()
     heats = basis.heat_tip.size if warm else 0
     raw = raw[: 2 * basis.tip.size + heats]
-    alpha = float(cases.alpha[i])
-    ledger = no_ledger() if books is None else books.ledger(alpha, load, heats)
-    ended = int(
-        march(
-            basis.free,
-            held,
-            load,
-            Tip(float(cases.e[i]), alpha, basis.mobility, basis.tip, basis.heat_tip),
-            raw,
-            float(cases.gap[i] - cases.displacement[i, -1]),
-            float(cases.velocity[i, -1]),
-            heats,
-            record,
-            basis.closing,
-            options.events,
-            options.steps,
-            operator.thresholds,
-            ledger,
-        )
+    alpha, modes = float(cases.alpha[i]), basis.tip.size
+    tip = Tip(
+        float(cases.e[i]),
+        alpha,
+        basis.mobility,
+        basis.tip,
+        basis.heat_tip,
+        float(cases.gap[i] - cases.displacement[i, -1]),
+        float(cases.velocity[i, -1]),
     )
+    phases = 0 if books is None else PHASES
+    while True:
+        log = no_log() if books is None else books.log(alpha, raw.size, phases)
+        ended = int(
+            march(
+                basis.free,
+                held,
+                load,
+                tip,
+                raw,
+                record,
+                watch(),
+                basis.closing,
+                Budget(options.events, options.steps),
+                operator.thresholds,
+                tables(modes, heats),
+                tables(held.damping.size, held.rate.size if heats else 0),
+                log,
+            )
+        )
+        if ended != FULL:
+            break
+        phases *= 8
     if books is not None and ended == DONE:
-        residuals[:] = books.residuals(ledger, raw, load, alpha, float(record.impulse[-1]))
+        residuals[:] = books.residuals(log, raw, load, alpha, float(record.impulse[-1]))
     return ended
 
 
