@@ -57,9 +57,10 @@ _LARGEST_TURN = 1e6
     S,
     PULL,
     POWER,
-) = range(29)
-"""Rows of a table of blocks; C, S, PULL and POWER are scratch. See :class:`Response`."""
-BLOCK_ROWS = 29
+    EXPLICIT_AREA,
+) = range(30)
+"""Rows of a table of blocks; from C on they are scratch. See :class:`Response`."""
+BLOCK_ROWS = 30
 
 (
     RATE,
@@ -236,20 +237,4 @@ def row_total(a: Array, row: int) -> float:
         s5 += a[row, k + 5]
         s6 += a[row, k + 6]
         s7 += a[row, k + 7]
-    return ((s0 + s1) + (s2 + s3)) + ((s4 + s5) + (s6 + s7))
-
-
-@part
-def row_dot(a: Array, row: int, b: Array, other: int) -> float:
-    """Return the product of a row of one table with a row of another, in one fixed order."""
-    s0, s1, s2, s3, s4, s5, s6, s7 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for k in range(0, a.shape[1], 8):
-        s0 += a[row, k] * b[other, k]
-        s1 += a[row, k + 1] * b[other, k + 1]
-        s2 += a[row, k + 2] * b[other, k + 2]
-        s3 += a[row, k + 3] * b[other, k + 3]
-        s4 += a[row, k + 4] * b[other, k + 4]
-        s5 += a[row, k + 5] * b[other, k + 5]
-        s6 += a[row, k + 6] * b[other, k + 6]
-        s7 += a[row, k + 7] * b[other, k + 7]
     return ((s0 + s1) + (s2 + s3)) + ((s4 + s5) + (s6 + s7))

@@ -8,7 +8,7 @@ import numpy as np
 
 from workflow.models import Array
 from workflow.schemes._event_balance import COUNT, SPENT, Log, begin_phase, energy_of, let_go
-from workflow.schemes._event_motion import advance, heating_rate, observe, strike
+from workflow.schemes._event_motion import advance, heating_rate, integral, observe, strike
 from workflow.schemes._event_record import (
     CONTACT,
     HOTTEST,
@@ -23,8 +23,7 @@ from workflow.schemes._event_record import (
     see,
     write,
 )
-from workflow.schemes._event_regimes import Regime
-from workflow.schemes._event_response import Load, Response, Tables, copy_motion, load_motion, respond, store_motion
+from workflow.schemes._event_response import Layout, Load, Response, Tables, copy_motion, load_motion, respond, store_motion
 from workflow.schemes._event_search import ROUNDING, S0, S1, S2, SIZE, Expansion, certified_step, expand
 from workflow.schemes._kernel import kernel, part
 
@@ -85,30 +84,30 @@ IMPACTS, RELEASES, STEPPED, FASTEST, SCALE = range(5)
 
 
 @part
-def _side(regime: Regime, load: Load, heat_shape: Array, firsts: int, tables: Tables) -> Any:
+def _side(regime: Layout, load: Load, heat_shape: Array, firsts: int, tables: Tables) -> Any:
     """Prepare a regime for a case."""
     r = respond(regime, load, heat_shape, firsts, tables)
-    return Side(
-        r, Expansion(tables.sums, tables.terms, tables.derivatives), tables.now, tables.after, tables.spare, tables.coordinates
-    )
+    x, m = Expansion(tables.sums, tables.terms, tables.derivatives), tables.motion
+    return Side(r, x, m[0], m[1], m[2], tables.coordinates[0])
 
 
 @part
-def _change(matrix: Array, per_gap: Array, gap: float, source: Array, target: Array) -> None:
-    """Fill target = source · matrix + gap · per_gap."""
+def _change(matrix: Array, gap: float, source: Array, target: Array) -> None:
+    """Fill target = [source, gap] · matrix; what cannot act has rows that are not read."""
+    last = matrix.shape[0] - 1
     for i in range(target.size):
-        target[i] = per_gap[i] * gap
+        target[i] = matrix[last, i] * gap
     for j in range(source.size):
         for i in range(target.size):
             target[i] += source[j] * matrix[j, i]
 
 
 @part
-def _state(flight: Side, hold: Side, holding: bool, held: Regime, gap: float, t: float) -> None:
+def _state(flight: Side, hold: Side, holding: bool, held: Layout, gap: float, t: float) -> None:
     """Fill the flight's coordinates, the raw ones, with the present state."""
     if holding:
         store_motion(hold.r, hold.now, t, hold.coordinates)
-        _change(held.leave, held.leave_gap, gap, hold.coordinates, flight.coordinates)
+        _change(held.leave, gap, hold.coordinates, flight.coordinates)
     else:
         store_motion(flight.r, flight.now, t, flight.coordinates)
 
@@ -146,11 +145,11 @@ def _impact(
 
 
 @part
-def _enter(flight: Side, hold: Side, held: Regime, gap: float, share: float, t: float) -> int:
+def _enter(flight: Side, hold: Side, held: Layout, gap: float, share: float, t: float) -> int:
     """Take the state over into contact; return the zeros of its force at t, or -1 where nothing presses."""
     n = hold.r.blocks
     store_motion(flight.r, flight.now, t, flight.coordinates)
-    _change(held.enter, held.enter_gap, gap, flight.coordinates, hold.coordinates)
+    _change(held.enter, gap, flight.coordinates, hold.coordinates)
     load_motion(hold.r, hold.coordinates, t, hold.now)
     expand(hold.r, hold.now, t, hold.x)
     force, rate = hold.x.sums[S0, n], hold.x.sums[S1, n]
@@ -161,7 +160,7 @@ def _enter(flight: Side, hold: Side, held: Regime, gap: float, share: float, t: 
 
 
 @part
-def _release(flight: Side, hold: Side, held: Regime, gap: float, tally: Array, watch: Watch, t: float) -> None:
+def _release(flight: Side, hold: Side, held: Layout, gap: float, tally: Array, watch: Watch, t: float) -> None:
     """Take the state over into flight."""
     tally[RELEASES] += 1.0
     _state(flight, hold, True, held, gap, t)
@@ -171,13 +170,13 @@ def _release(flight: Side, hold: Side, held: Regime, gap: float, tally: Array, w
 
 
 @part
-def _begin(flight: Side, hold: Side, holding: bool, held: Regime, gap: float, log: Log, t: float) -> bool:
+def _begin(flight: Side, hold: Side, holding: bool, held: Layout, gap: float, log: Log, t: float) -> bool:
     """Log the phase that begins; return whether there was room for it."""
     if log.totals[COUNT] >= log.held.size:
         return False
     if holding and log.hidden:
         begin_phase(log, flight.coordinates, t, True)
-        _change(held.leave, held.leave_gap, gap, hold.coordinates, log.final)
+        _change(held.leave, gap, hold.coordinates, log.final)
         let_go(log, flight.coordinates, log.final)
     elif holding:
         begin_phase(log, flight.coordinates, t, True)
@@ -211,7 +210,8 @@ def _move(
     )
     if not np.isfinite(h):
         return h, False, seen
-    area = advance(side.r, side.now, t, h, side.after, holding)
+    advance(side.r, side.now, t, h, side.after)
+    area = integral(side.r, side.now, side.after, t, h) if holding else 0.0
     after = observe(side.r, side.after, t + h)
     see(record, watch, side.r, holding, gap, side.now, t, h, seen, after, area, tolerance, side.spare)
     copy_motion(side.after, side.now)
@@ -234,8 +234,8 @@ def _finish(record: Record, watch: Watch, gap: float, holding: bool, T: float, s
 
 @kernel
 def march(
-    free: Regime,
-    held: Regime,
+    free: Layout,
+    held: Layout,
     load: Load,
     tip: Tip,
     raw: Array,
@@ -257,8 +257,8 @@ def march(
 
 @part
 def _march(
-    free: Regime,
-    held: Regime,
+    free: Layout,
+    held: Layout,
     load: Load,
     tip: Tip,
     raw: Array,
@@ -272,9 +272,10 @@ def _march(
     log: Log,
 ) -> int:
     """See :func:`march`."""
-    firsts = flying.constant.size - 2 * free.damping.size
+    firsts = flying.coordinates.shape[1] - 2 * free.block.shape[1]
+    held_firsts = resting.coordinates.shape[1] - 2 * held.block.shape[1]
     flight = _side(free, load, tip.heat_shape, firsts, flying)
-    hold = _side(held, load, tip.heat_shape, resting.constant.size - 2 * held.damping.size, resting)
+    hold = _side(held, load, tip.heat_shape, held_firsts, resting)
     audited = log.held.size > 0
     tally = watch.tally
     T, gap, t = load.duration, load.gap, 0.0
@@ -342,11 +343,11 @@ def _march(
             break
         if holding:
             h, event, seen = _move(
-                hold, True, record, watch, gap, t, T, zeros, -1.0, expanded, guess, seen
+                hold, holding, record, watch, gap, t, T, zeros, -1.0, expanded, guess, seen
             )
         else:
             h, event, seen = _move(
-                flight, False, record, watch, gap, t, T, zeros, known_speed, expanded, guess, seen
+                flight, holding, record, watch, gap, t, T, zeros, known_speed, expanded, guess, seen
             )
             tally[SCALE] = max(tally[SCALE], abs(gap - seen[0]))
             if event:

@@ -10,6 +10,7 @@ from workflow.schemes._event_functions import (
     DAMPING,
     DECAY,
     EXPLICIT,
+    EXPLICIT_AREA,
     FIRST,
     FORCE,
     FORCE_COS,
@@ -38,7 +39,6 @@ from workflow.schemes._event_functions import (
     block_propagators,
     first_propagator,
     first_propagators,
-    row_dot,
     stiff_block,
 )
 from workflow.schemes._event_response import FIRSTS, ORDER, PACES, SLOPES, TAYLOR_SPAN, VALUES, Response
@@ -95,9 +95,9 @@ def forced_block(r: Response, k: int, t: float, motion: Array, dt: float) -> tup
 
 
 @part
-def advance(r: Response, motion: Array, t: float, dt: float, out: Array, integrate: bool) -> float:
-    """Move a state from t to t + dt; return the integral of the signal over it if asked for."""
-    b, y, y_new = r.block, motion, out
+def advance(r: Response, motion: Array, t: float, dt: float, out: Array) -> None:
+    """Move a state from t to t + dt."""
+    b, f, y, y_new = r.block, r.first, motion, out
     block_propagators(b, dt)
     for i in range(r.specials):
         k = int(b[SPECIAL, i])
@@ -109,26 +109,29 @@ def advance(r: Response, motion: Array, t: float, dt: float, out: Array, integra
         y_new[VALUES, k] = b[C, k] * y[VALUES, k] + b[S, k] * y[SLOPES, k]
     for k in range(b.shape[1]):
         y_new[SLOPES, k] = (b[C, k] - b[DAMPING, k] * b[S, k]) * y[SLOPES, k] + b[PULL, k] * y[VALUES, k]
-    area = 0.0
     for i in range(r.specials):
         k = int(b[SPECIAL, i])
         if b[EXPLICIT, k] != 0.0:
-            value, slope, block_area = forced_block(r, k, t, motion, dt)
-            area += b[VALUE, k] * block_area + b[SLOPE, k] * (value - y[VALUES, k])
-            y_new[VALUES, k], y_new[SLOPES, k] = value, slope
+            y_new[VALUES, k], y_new[SLOPES, k], b[EXPLICIT_AREA, k] = forced_block(r, k, t, motion, dt)
     if r.firsts > 0:
-        f = r.first
         first_propagators(f, dt)
         for j in range(f.shape[1]):
             y_new[FIRSTS, j] = y[FIRSTS, j] + dt * y[PACES, j] * f[PHI1, j]
         for j in range(f.shape[1]):
             y_new[PACES, j] = y[PACES, j] * f[DECAY, j]
-        if integrate:
-            for j in range(r.firsts):
-                step = y[PACES, j] * dt
-                area += f[FIRST, j] * dt * (y[FIRSTS, j] + step * f[PHI2, j]) + f[PACE, j] * step * f[PHI1, j]
-    if not integrate:
-        return 0.0
+
+
+@part
+def integral(r: Response, y: Array, y_new: Array, t: float, dt: float) -> float:
+    """Return the integral of the signal over the motion last advanced, from y at t to y_new at t + dt."""
+    b, f, area = r.block, r.first, 0.0
+    for i in range(r.specials):
+        k = int(b[SPECIAL, i])
+        if b[EXPLICIT, k] != 0.0:
+            area += b[VALUE, k] * b[EXPLICIT_AREA, k] + b[SLOPE, k] * (y_new[VALUES, k] - y[VALUES, k])
+    for j in range(r.firsts):
+        step = y[PACES, j] * dt
+        area += f[FIRST, j] * dt * (y[FIRSTS, j] + step * f[PHI2, j]) + f[PACE, j] * step * f[PHI1, j]
     for k in range(r.blocks):
         change = y_new[VALUES, k] - y[VALUES, k]
         area += b[SEEN_SLOPE, k] * change - b[AREA, k] * (y_new[SLOPES, k] - y[SLOPES, k] + b[DAMPING, k] * change)
@@ -156,19 +159,22 @@ def observe(r: Response, motion: Array, t: float) -> tuple[float, float, float, 
         rate += (f[FIRST, j] - f[PACE, j] * mu) * y[PACES, j]
         heat += f[HEAT_FIRST, j] * y[FIRSTS, j] + f[HEAT_PACE, j] * y[PACES, j]
         heat_rate += f[HEAT_SPEED, j] * y[PACES, j]
-    signal += row_dot(b, VALUE, y, VALUES)
-    rate += row_dot(b, VALUE, y, SLOPES)
-    if r.two_way:
-        for k in range(b.shape[1]):
-            b[PULL, k] = -b[DAMPING, k] * y[SLOPES, k] - b[STIFFNESS, k] * y[VALUES, k]
-        for i in range(r.specials):
-            k = int(b[SPECIAL, i])
-            if b[EXPLICIT, k] != 0.0:
-                b[PULL, k] += explicit_force(r, k, y, cos, sin)
-        signal += row_dot(b, SLOPE, y, SLOPES)
-        rate += row_dot(b, SLOPE, b, PULL)
-        heat += row_dot(b, HEAT_VALUE, y, VALUES) + row_dot(b, HEAT_SLOPE, y, SLOPES)
-        heat_rate += row_dot(b, HEAT_VALUE, y, SLOPES) + row_dot(b, HEAT_SLOPE, b, PULL)
+    if not r.two_way:
+        for k in range(r.blocks):
+            signal += b[VALUE, k] * y[VALUES, k]
+            rate += b[VALUE, k] * y[SLOPES, k]
+        return signal, rate, heat, heat_rate
+    for k in range(b.shape[1]):
+        b[PULL, k] = -b[DAMPING, k] * y[SLOPES, k] - b[STIFFNESS, k] * y[VALUES, k]
+    for i in range(r.specials):
+        k = int(b[SPECIAL, i])
+        if b[EXPLICIT, k] != 0.0:
+            b[PULL, k] += explicit_force(r, k, y, cos, sin)
+    for k in range(r.blocks):
+        signal += b[VALUE, k] * y[VALUES, k] + b[SLOPE, k] * y[SLOPES, k]
+        rate += b[VALUE, k] * y[SLOPES, k] + b[SLOPE, k] * b[PULL, k]
+        heat += b[HEAT_VALUE, k] * y[VALUES, k] + b[HEAT_SLOPE, k] * y[SLOPES, k]
+        heat_rate += b[HEAT_VALUE, k] * y[SLOPES, k] + b[HEAT_SLOPE, k] * b[PULL, k]
     return signal, rate, heat, heat_rate
 
 
@@ -187,4 +193,7 @@ def strike(r: Response, shape: Array, motion: Array, p: float, heat: float) -> N
 @part
 def heating_rate(r: Response, motion: Array) -> float:
     """Return the rate of the tip temperature in a regime where only first-order states show in it."""
-    return row_dot(r.first, HEAT_SPEED, motion, PACES)
+    total = 0.0
+    for j in range(r.firsts):
+        total += r.first[HEAT_SPEED, j] * motion[PACES, j]
+    return total

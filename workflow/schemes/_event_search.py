@@ -17,7 +17,6 @@ import numpy as np
 from workflow.models import Array
 from workflow.schemes._event_functions import (
     DAMPING,
-    DECAY,
     EXPLICIT,
     FIRST,
     FORCE_COS,
@@ -287,7 +286,7 @@ def polish(r: Response, motion: Array, t: float, guess: float, end: float, scrat
     n = r.blocks
     low, high = 0.0, end
     for _ in range(30):
-        advance(r, motion, t, tau, scratch, False)
+        advance(r, motion, t, tau, scratch)
         expand(r, scratch, t + tau, x)
         s0, s1, s2, s3 = x.sums[S0, n], x.sums[S1, n], x.sums[S2, n] / 2.0, x.sums[S3, n] / 6.0
         if s0 > 0.0:
@@ -357,12 +356,11 @@ def series(r: Response, motion: Array, t: float, order: int, x: Expansion) -> No
         wave_cos, wave_sin = w * wave_sin, -w * wave_cos
     if r.firsts > 0:
         f = r.first
-        for j in range(f.shape[1]):
-            f[DECAY, j] = (f[FIRST, j] - f[PACE, j] * f[RATE, j]) * motion[PACES, j]
-        for n in range(1, order + 1):
-            derivatives[n] += row_total(f, DECAY)
-            for j in range(f.shape[1]):
-                f[DECAY, j] *= -f[RATE, j]
+        for j in range(r.firsts):
+            term = (f[FIRST, j] - f[PACE, j] * f[RATE, j]) * motion[PACES, j]
+            for n in range(1, order + 1):
+                derivatives[n] += term
+                term *= -f[RATE, j]
     b, d = r.block, x.terms
     low, high, next_ = 0, 1, 2
     for n in range(order + 1):

@@ -20,7 +20,7 @@ from workflow.schemes._event_books import Books
 from workflow.schemes._event_march import BEYOND, DONE, EVENTS, FULL, NOT_FINITE, STEPS, Budget, Thresholds, Tip, march
 from workflow.schemes._event_record import Record, watch
 from workflow.schemes._event_regimes import Basis, Regime, analyse
-from workflow.schemes._event_response import SLOW, TAYLOR_SPAN, Load, tables
+from workflow.schemes._event_response import SLOW, TAYLOR_SPAN, Layout, Load, layout, tables
 from workflow.schemes._event_spectrum import coupled_regime, held_regime
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Status, complete_periods
 
@@ -50,13 +50,15 @@ class Operator:
 
     structure: Structure
     basis: Basis
+    free: Layout
     options: Options
     thresholds: Thresholds = THRESHOLDS
 
 
 def init(structure: Structure, h: float, options: Options) -> Operator:
     """Diagonalise the structure with its tip free and held; ``h`` is not read."""
-    return Operator(structure, analyse(structure), options)
+    basis = analyse(structure)
+    return Operator(structure, basis, layout(basis.free), options)
 
 
 def amplification(frequency: Array, damping: Array, h: float, options: Options) -> Any:
@@ -83,12 +85,12 @@ def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
     count = cases.count
     periods = complete_periods(cases.frequency, sampling)
     most = int(periods.max(initial=0))
-    histories = {name: np.full((count, sampling.count), np.nan) for name in HISTORIES}
-    period_impulse, period_temperature, period_contact = (np.full((count, most), np.nan) for _ in range(3))
+    written = np.full((count, len(HISTORIES), sampling.count), np.nan)
+    periodic = np.full((count, 3, most), np.nan)
     counts = np.full((count, 7), np.nan)
     status = np.zeros(count, dtype=np.int8)
     messages: dict[int, str] = {}
-    held: dict[float, Regime] = {}
+    held: dict[float, tuple[Regime, Layout]] = {}
     times = sampling.times
     books = Books(operator.structure, operator.basis) if sampling.balances else None
     residuals = np.full((count, 2), np.nan)
@@ -97,13 +99,8 @@ def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
         record = Record(
             times,
             np.arange(1, n + 1) / frequency if n else np.zeros(0),
-            histories["displacement"][i],
-            histories["velocity"][i],
-            histories["temperature"][i],
-            histories["impulse"][i],
-            period_impulse[i, :n],
-            period_temperature[i, :n],
-            period_contact[i, :n],
+            written[i],
+            periodic[i],
             counts[i],
         )
         ended = INPUT
@@ -111,18 +108,20 @@ def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
             try:
                 if alpha not in held:
                     regime = held_regime if alpha == 0 else coupled_regime
-                    held[alpha] = regime(operator.basis.held, alpha)
-                if _taylor_steps((operator.basis.free, held[alpha]), sampling.duration) > operator.options.steps:
+                    found = regime(operator.basis.held, alpha)
+                    held[alpha] = found, layout(found)
+                if _taylor_steps((operator.basis.free, held[alpha][0]), sampling.duration) > operator.options.steps:
                     ended = STIFF
                 else:
-                    ended = _run(operator, held[alpha], cases, i, sampling.duration, record, books, residuals[i])
+                    ended = _run(operator, held[alpha][1], cases, i, sampling.duration, record, books, residuals[i])
             except np.linalg.LinAlgError:
                 ended = SPECTRUM
         if ended != DONE:
             status[i] = Status.FAILED
             messages[i] = _message(ended, operator.options, counts[i])
             counts[i, :4] = counts[i, 5:] = np.nan
-        period_contact[i, :n] *= frequency
+        periodic[i, 2] *= frequency
+    histories = {name: written[:, k].copy() for k, name in enumerate(HISTORIES)}
     with np.errstate(invalid="ignore"):
         beyond = np.maximum(0.0, np.max(histories["displacement"] - cases.gap[:, None], axis=1))
     balances = {} if books is None else dict(zip(("energy_residual", "heat_residual"), residuals.T.copy(), strict=True))
@@ -138,9 +137,9 @@ def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
             "releases": counts[:, 5],
             **balances,
         },
-        period_impulse=period_impulse,
-        period_temperature=period_temperature,
-        period_contact=period_contact,
+        period_impulse=periodic[:, 0].copy(),
+        period_temperature=periodic[:, 1].copy(),
+        period_contact=periodic[:, 2].copy(),
         status=status,
         messages=messages,
     )
@@ -148,7 +147,7 @@ def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
 
 def _run(
     operator: Operator,
-    held: Regime,
+    held: Layout,
     cases: Cases,
     i: int,
     duration: float,
@@ -196,7 +195,7 @@ def _run(
         log = no_log() if books is None else books.log(alpha, raw.size, phases)
         ended = int(
             march(
-                basis.free,
+                operator.free,
                 held,
                 load,
                 tip,
@@ -207,7 +206,7 @@ def _run(
                 Budget(options.events, options.steps),
                 operator.thresholds,
                 tables(modes, heats),
-                tables(held.damping.size, held.rate.size if heats else 0),
+                tables(held.block.shape[1], held.first.shape[1] if heats else 0),
                 log,
             )
         )
@@ -215,7 +214,7 @@ def _run(
             break
         phases *= 8
     if books is not None and ended == DONE:
-        residuals[:] = books.residuals(log, raw, load, alpha, float(record.impulse[-1]))
+        residuals[:] = books.residuals(log, raw, load, alpha, float(record.histories[3, -1]))
     return ended
 
 
