@@ -25,7 +25,7 @@ from workflow.schemes._event_record import (
 )
 from workflow.schemes._event_response import Layout, Load, Response, Tables, copy_motion, load_motion, respond, store_motion
 from workflow.schemes._event_search import ROUNDING, S0, S1, S2, SIZE, Expansion, certified_step, expand
-from workflow.schemes._kernel import kernel, part
+from workflow.schemes._kernel import part, uncounted
 
 DONE, EVENTS, STEPS, BEYOND, NOT_FINITE, FULL = range(6)
 """How a case ended: to the end, by a budget, tip beyond the gap at the start, numbers overflowed, or
@@ -232,7 +232,7 @@ def _finish(record: Record, watch: Watch, gap: float, holding: bool, T: float, s
     record.counts[3] = grown
 
 
-@kernel
+@uncounted
 def march(
     free: Layout,
     held: Layout,
@@ -252,26 +252,6 @@ def march(
 
     ``raw`` holds the initial [y, y', τ], with no τ where no heat can act.
     """
-    return _march(free, held, load, tip, raw, record, watch, closing, budget, thresholds, flying, resting, log)
-
-
-@part
-def _march(
-    free: Layout,
-    held: Layout,
-    load: Load,
-    tip: Tip,
-    raw: Array,
-    record: Record,
-    watch: Watch,
-    closing: Array,
-    budget: Budget,
-    thresholds: Thresholds,
-    flying: Tables,
-    resting: Tables,
-    log: Log,
-) -> int:
-    """See :func:`march`."""
     firsts = flying.coordinates.shape[1] - 2 * free.block.shape[1]
     held_firsts = resting.coordinates.shape[1] - 2 * held.block.shape[1]
     flight = _side(free, load, tip.heat_shape, firsts, flying)

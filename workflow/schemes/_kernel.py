@@ -66,6 +66,11 @@ def inlined(function: F) -> F:
     return _compiled(function, forceinline=True)
 
 
+def uncounted(function: F) -> F:
+    """Compile a kernel that allocates nothing: its arrays are not counted, see :func:`part`."""
+    return _compiled(function, _nrt=False)
+
+
 def part(function: F) -> F:
     """Compile a part of a kernel that only kernels call, and that allocates nothing.
 
