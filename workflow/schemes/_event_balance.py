@@ -152,9 +152,7 @@ def integrate(form: Form, load: Load, state: Array, begun: Array, span: Array) -
     return _by_poles(form, load.omega, x, wave, final, span)
 
 
-def _by_poles(
-    form: Form, omega: float, x: Array, wave: Array, final: Array, span: Array
-) -> tuple[Array, Array]:
+def _by_poles(form: Form, omega: float, x: Array, wave: Array, final: Array, span: Array) -> tuple[Array, Array]:
     """Integrate in the eigenvectors."""
     pairs, time = form.pairs.size, span[:, None]
     z = (x - wave @ form.answer) @ form.inward

@@ -277,7 +277,8 @@ def _diagonal(form: Form, poles: _Poles, answers: Complex, load: Load) -> Form:
     sums = values[:, None] + values
     near = np.abs(sums) * load.duration < SLOW
     slow = np.argwhere(near & (np.triu(q) != 0))
-    weight = np.where(slow[:, 0] == slow[:, 1], 1.0, 2.0) * q[slow[:, 0], slow[:, 1]]
+    twice = np.where(slow[:, 0] == slow[:, 1], 1.0, 2.0)
+    weight = np.asarray(twice * q[slow[:, 0], slow[:, 1]], dtype=np.complex128)
     quadratic = np.where(near, 0.0, q / np.where(near, 1.0, sums))
     for _ in range(2):  # from [Z, conj Z, …, exp iψ, exp -iψ] to [Re Z, Im Z, …, cos ψ, sin ψ]
         quadratic = quadratic.T.copy()

@@ -23,8 +23,18 @@ from workflow.schemes._event_record import (
     see,
     write,
 )
-from workflow.schemes._event_response import Layout, Load, Response, Tables, copy_motion, load_motion, respond, store_motion
-from workflow.schemes._event_search import ROUNDING, S0, S1, S2, SIZE, Expansion, certified_step, expand
+from workflow.schemes._event_response import (
+    Layout,
+    Load,
+    Response,
+    Tables,
+    copy_motion,
+    load_motion,
+    respond,
+    store_motion,
+)
+from workflow.schemes._event_search import ROUNDING, S0, S1, S2, SIZE, Expansion, expand
+from workflow.schemes._event_step import certified_step
 from workflow.schemes._kernel import part, uncounted
 
 DONE, EVENTS, STEPS, BEYOND, NOT_FINITE, FULL = range(6)
@@ -205,9 +215,7 @@ def _move(
     tolerance = 16.0 * 2.220446049250313e-16 * T
     if not expanded:
         expand(side.r, side.now, t, side.x)
-    h, event = certified_step(
-        side.r, side.x, side.now, t, T, zeros, known_speed, guess, tolerance, side.spare
-    )
+    h, event = certified_step(side.r, side.x, side.now, t, T, zeros, known_speed, guess, tolerance, side.spare)
     if not np.isfinite(h):
         return h, False, seen
     advance(side.r, side.now, t, h, side.after)
@@ -220,7 +228,16 @@ def _move(
 
 
 @part
-def _finish(record: Record, watch: Watch, gap: float, holding: bool, T: float, seen: tuple[float, float, float, float], closing: Array, state: Array) -> None:
+def _finish(
+    record: Record,
+    watch: Watch,
+    gap: float,
+    holding: bool,
+    T: float,
+    seen: tuple[float, float, float, float],
+    closing: Array,
+    state: Array,
+) -> None:
     """Write what falls due at the end, after any event there."""
     while next_due(record, watch) <= T * (1.0 + 1e-9):
         write(record, watch, gap, holding, T, seen, watch.totals[IMPULSE])
@@ -322,13 +339,9 @@ def march(
             ended = STEPS
             break
         if holding:
-            h, event, seen = _move(
-                hold, holding, record, watch, gap, t, T, zeros, -1.0, expanded, guess, seen
-            )
+            h, event, seen = _move(hold, holding, record, watch, gap, t, T, zeros, -1.0, expanded, guess, seen)
         else:
-            h, event, seen = _move(
-                flight, holding, record, watch, gap, t, T, zeros, known_speed, expanded, guess, seen
-            )
+            h, event, seen = _move(flight, holding, record, watch, gap, t, T, zeros, known_speed, expanded, guess, seen)
             tally[SCALE] = max(tally[SCALE], abs(gap - seen[0]))
             if event:
                 speed = -seen[1]

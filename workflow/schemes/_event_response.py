@@ -170,9 +170,7 @@ def layout(g: Regime) -> Layout:
     source = np.column_stack([g.source_steady, g.source_heating, g.source_tip, g.source_gap])
     signal = np.concatenate([g.signal_steady, heating, [g.signal_tip, g.signal_gap]])
     return Layout(
-        np.stack(
-            [g.damping, g.stiffness, g.near, g.signal_value, g.signal_slope, g.heat_value, g.heat_slope]
-        ),
+        np.stack([g.damping, g.stiffness, g.near, g.signal_value, g.signal_slope, g.heat_value, g.heat_slope]),
         np.stack([g.rate, g.signal_first, g.heat_first]),
         g.coupling,
         np.concatenate([source, signal[None]]),

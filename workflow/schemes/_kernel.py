@@ -77,9 +77,5 @@ def part(function: F) -> F:
     It has no entry from Python and no cache of its own, and its arrays are not counted: the two
     locked additions per array and call took longer than the arithmetic on rows of 20.
     """
-    return cast(
-        F,
-        numba.njit(nogil=True, error_model="numpy", _nrt=False, no_cpython_wrapper=True, no_cfunc_wrapper=True)(
-            function
-        ),
-    )
+    options: Any = {"_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    return cast(F, numba.njit(nogil=True, error_model="numpy", **options)(function))
