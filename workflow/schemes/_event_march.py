@@ -93,6 +93,16 @@ IMPACTS, RELEASES, STEPPED, FASTEST, SCALE = range(5)
 """Tally of a case: counts, the largest impact speed, the displacement scale."""
 
 
+SAME_TIME = 16.0 * 2.220446049250313e-16
+"""Times nearer than this share of the duration are the same: a dozen roundings of sums of steps."""
+
+LATE = 1e-9
+"""Samples are due at the end up to this share of the duration, as far as it may miss their multiple."""
+
+FIRST_STEP = 0.1
+"""First step tried after an event, in times of the fastest pole; longer ones follow if it is clear."""
+
+
 @part
 def _side(regime: Layout, load: Load, heat_shape: Array, firsts: int, tables: Tables) -> Any:
     """Prepare a regime for a case."""
@@ -212,7 +222,7 @@ def _move(
     seen: tuple[float, float, float, float],
 ) -> tuple[float, bool, tuple[float, float, float, float]]:
     """Take a certified step; return its length (NaN if there is none), whether an event ends it, what is seen."""
-    tolerance = 16.0 * 2.220446049250313e-16 * T
+    tolerance = SAME_TIME * T
     if not expanded:
         expand(side.r, side.now, t, side.x)
     h, event = certified_step(side.r, side.x, side.now, t, T, zeros, known_speed, guess, tolerance, side.spare)
@@ -239,7 +249,7 @@ def _finish(
     state: Array,
 ) -> None:
     """Write what falls due at the end, after any event there."""
-    while next_due(record, watch) <= T * (1.0 + 1e-9):
+    while next_due(record, watch) <= T * (1.0 + LATE):
         write(record, watch, gap, holding, T, seen, watch.totals[IMPULSE])
     grown = 0.0
     for j in range(min(closing.size, state.size)):
@@ -331,7 +341,7 @@ def march(
             if audited and not _begin(flight, hold, holding, held, gap, log, t):
                 ended = FULL
                 break
-            guess = 0.1 / flight.r.fastest if flight.r.fastest > 0.0 else T
+            guess = FIRST_STEP / flight.r.fastest if flight.r.fastest > 0.0 else T
         if t >= T:
             break
         tally[STEPPED] += 1.0

@@ -205,24 +205,30 @@ def _keeps_forces(c: float, w2: float, forced: bool, load_omega: float, duration
 
 
 @part
+def _sources(regime: Layout, load: Load, heated: bool, constant: Array, harmonic: Array) -> None:
+    """Fill the sources [β, γ, χ] of all coordinates: constant ones, and those of sin ψ."""
+    steady, heating = load.steady.size, load.heating.size
+    for k in range(constant.size):
+        source = regime.source[k, steady + heating] * load.mean + regime.source[k, steady + heating + 1] * load.gap
+        for i in range(steady):
+            source += regime.source[k, i] * load.steady[i]
+        if heated:
+            for i in range(heating):
+                source += regime.source[k, steady + i] * load.heating[i]
+        constant[k] = source
+        harmonic[k] = regime.source[k, steady + heating] * load.amplitude
+
+
+@part
 def respond(regime: Layout, load: Load, heat_shape: Array, firsts: int, tables: Tables) -> Any:
     """Return the response of a regime to the loads of one case; ``firsts`` is 0 without heat.
 
     ``heat_shape`` is χ_n where first-order states are the thermal modes and blocks the free ones.
     """
     blocks = regime.block.shape[1]
-    size = 2 * blocks + firsts
     wave, steady, heating = load.omega, load.steady.size, load.heating.size
     b, f, constant, harmonic = tables.block, tables.first, tables.coordinates[1], tables.coordinates[2]
-    for k in range(size):
-        source = regime.source[k, steady + heating] * load.mean + regime.source[k, steady + heating + 1] * load.gap
-        for i in range(steady):
-            source += regime.source[k, i] * load.steady[i]
-        if firsts > 0:
-            for i in range(heating):
-                source += regime.source[k, steady + i] * load.heating[i]
-        constant[k] = source
-        harmonic[k] = regime.source[k, steady + heating] * load.amplitude
+    _sources(regime, load, firsts > 0, constant, harmonic)
     for k in range(b.shape[1]):
         b[TURN, k] = b[STIFFNESS, k] = 1.0
     specials = 0

@@ -43,6 +43,18 @@ FAST = 2.5
 """A mode with ω h above this is bounded by its amplitude: (ω h)⁴/24 exceeds 1 from 2.2 on."""
 
 
+LONGER, SHORTER = 1.5, 0.6
+"""Factors by which a step is lengthened while it stays clear, or shortened until it is: they set how
+many certificates are tried, never the result."""
+
+STRETCHES = (1.02, 1.25)
+"""Ends of the interval tried around a zero, as shares of its guess: past the error of the guess, which
+is that of a cubic, and before the next zero."""
+
+CLOSE = 1e-9
+"""Newton's steps on the cubic end at this relative change: its zero is a guess, polished afterwards."""
+
+
 class Expansion(NamedTuple):
     """Taylor expansion of a signal; column K of its sums counts the slow terms and the K slowest blocks."""
 
@@ -197,13 +209,13 @@ def longest_clear(r: Response, x: Expansion, zeros: int, guess: float, most: flo
     h = min(guess, most)
     if _clear(r, x, zeros, h):
         while h < most:
-            longer = min(1.5 * h, most)
+            longer = min(LONGER * h, most)
             if not _clear(r, x, zeros, longer):
                 break
             h = longer
         return h
-    for _ in range(400):
-        h *= 0.6
+    for _ in range(400):  # 0.6⁴⁰⁰ = 1e-89: nothing is left of any step
+        h *= SHORTER
         if _clear(r, x, zeros, h):
             return h
     return 0.0
@@ -222,7 +234,7 @@ def _cubic_zero(a0: float, a1: float, a2: float, a3: float) -> float:
             return -1.0
         step = -value / rate
         tau += step
-        if abs(step) <= 1e-9 * tau:
+        if abs(step) <= CLOSE * tau:
             return tau
     return -1.0
 
@@ -245,7 +257,7 @@ def falls_through(r: Response, x: Expansion, zeros: int, most: float) -> tuple[f
         return 0.0, 0.0
     if guess <= 0.0 or guess > 2.0 * most:
         return 0.0, 0.0
-    for stretch in (1.02, 1.25):
+    for stretch in STRETCHES:
         h = guess * stretch
         factor = _growth(r.growth * h)
         k = _summed(r, h) if zeros == 0 else n

@@ -36,6 +36,12 @@ from workflow.schemes._event_search import (
 )
 from workflow.schemes._kernel import part
 
+LAST_PLACE = 1e-16
+"""Below half a unit in the last place of 1: a relative change this small changes nothing."""
+
+NEGLIGIBLE = 1e-18
+"""Terms of a Taylor polynomial below this share of its first are left out, a hundredth of rounding."""
+
 
 @part
 def polish(r: Response, motion: Array, t: float, guess: float, end: float, scratch: Array, x: Expansion) -> float:
@@ -58,16 +64,18 @@ def polish(r: Response, motion: Array, t: float, guess: float, end: float, scrat
                 break
             change = (s0 + step * (s1 + step * (s2 + step * s3))) / rate
             step -= change
-            if abs(change) <= 1e-15 * abs(step):
+            if abs(change) <= 10.0 * LAST_PLACE * abs(step):
                 break
         if not (low <= tau + step <= high):
             step = 0.5 * (low + high) - tau
             tau += step
-            if high - low <= 1e-16 * (t + high):
+            if high - low <= LAST_PLACE * (t + high):
                 return tau
             continue
         tau += step
-        if x.sums[FOURTH, n] * step**4 / 24.0 <= 0.25 * ROUNDING * x.sums[SIZE, 0] or abs(step) <= 1e-16 * (t + tau):
+        if x.sums[FOURTH, n] * step**4 / 24.0 <= 0.25 * ROUNDING * x.sums[SIZE, 0] or abs(step) <= LAST_PLACE * (
+            t + tau
+        ):
             return tau
     return tau
 
@@ -80,7 +88,7 @@ def short_flight(r: Response, motion: Array, t: float, speed: float, guess: floa
     """
     span = 1.1 * r.fastest * guess
     order, term = 4, span**4 / 24.0
-    while order < ORDER and term > 1e-18:
+    while order < ORDER and term > NEGLIGIBLE:
         order += 1
         term *= span / order
     derivatives = x.derivatives
@@ -98,7 +106,7 @@ def short_flight(r: Response, motion: Array, t: float, speed: float, guess: floa
             value = value * tau + derivatives[n]
         step = -value / rate
         tau += step
-        if abs(step) <= 1e-16 * tau:
+        if abs(step) <= LAST_PLACE * tau:
             break
     return tau
 
