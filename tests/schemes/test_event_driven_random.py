@@ -114,6 +114,14 @@ def test_a_critically_damped_mode_under_friction_heat(alpha: float, damping: flo
     assert against_reference(structure, cases(structure, alpha=alpha, gap=0.1, **load)) <= 1e-10
 
 
+def test_an_overdamped_chain_whose_poles_are_split() -> None:
+    structure = chain(
+        nodes=2, mass=1.0, stiffness=0.3, damping=Rayleigh(60.0), spacing=1.0, expansion=0.1, conductance=0.5
+    )
+    load = {"mean": 1.0, "amplitude": 0.5, "frequency": 0.1, "heating": 0.3}
+    assert against_reference(structure, cases(structure, gap=0.1, displacement=0.05, **load)) <= 1e-10
+
+
 def test_a_part_that_is_not_linked_to_the_tip() -> None:
     structure = chain(
         nodes=5, mass=1.0, stiffness=(0.0, 2.0, 0.0, 2.0, 2.0), spacing=1.0, expansion=0.1, conductance=0.5

@@ -1,4 +1,4 @@
-"""Energy and heat balances of the event-driven scheme, integrated beside its march.
+"""Energy and heat balances of the event-driven scheme, integrated after its march.
 
 In a phase between two events the state X = [y, y', τ] (tip free, free modes) or [z, z', τ] (tip
 held, held modes) obeys X' = A X + b + w sin ψ, ψ = Ω t + φ. The power that leaves the energy,
@@ -10,237 +10,226 @@ and the heat loss L(τ) are integrated over the phase from the state in which it
 - in the eigenvectors of A, X = Σ U_m Z_m exp(s_m t), constant and harmonic answers among the
   columns of U, so that ∫D dt = Σ Q_mk Z_m Z_k ∫exp((s_m + s_k) t) dt and ∫L dt likewise;
 - where eigenvectors are poor or an answer to the loads resonates (rigid and critical modes,
-  resonance, heat without outlet), by Gauss-Legendre panels on the Taylor series of X, which needs
-  neither, but takes longer; NaN where it would take more than :data:`MOST_PANELS`.
+  resonance, heat without outlet), with the propagator E(h) of Y = [X, 1, cos ψ, sin ψ] over
+  h = 2^k h_0, E(2h) = E(h)², and the form G(h) = ∫EᵀWE dt, D = YᵀWY, which doubles likewise:
+  G(2h) = G(h) + E(h)ᵀ G(h) E(h). It needs no eigenvectors, and takes any phase in few products.
 
 The integrals know the march only by the instants and states at which phases begin; energies at the
 ends of phases are the march's own. Impulses lose p (v⁻ + v⁺)/2; the held tip does no work. The
 largest E is taken over the ends of all certified steps.
 
 Modes that the held tip does not feel are let go where a contact with friction heat begins (see
-:func:`~workflow.schemes._event_spectrum.linked`): their energy leaves the balance there.
+:func:`~workflow.schemes._event_spectrum.linked`): their energy leaves the balance there, their heat
+does not, for every thermal state stays.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workflow.models import Array
 from workflow.schemes._event_response import Load
-from workflow.schemes._kernel import kernel
+from workflow.schemes._kernel import part
 
 Complex = NDArray[np.complex128]
 
 SLOW = 1e-3
-"""Below this |s_m + s_k| · duration the exponential is integrated by its series."""
+"""Below this |s_m + s_k| · duration the exponential is integrated by its series to the sixth power,
+(1e-3)⁶/7! = 2e-22."""
 
 ORDER, NODES = 24, 12
-"""Of the Taylor series, on panels of 1/fastest (1/24! = 2e-24), and of Gauss-Legendre on them."""
+"""Of the Taylor series over at most 1/fastest (1/24! = 2e-24), and of Gauss-Legendre on it, exact to
+the power 23."""
 
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(NODES)
 POINTS, WEIGHTS = (_POINTS + 1) / 2, _WEIGHTS / 2
 
 
 class Form(NamedTuple):
-    """A regime of one case with its power form."""
+    """A regime of one case with its power form; pairs of poles s = σ ± iν count once."""
 
     entry: Array
     """X per raw state, ``(n, raw)``."""
     entry_gap: Array
     """X for the gap, ``(n,)``."""
-    state: Array
-    """A, ``(n, n)``."""
-    source: Array
-    """b and w, ``(2, n)``."""
+    whole: Array
+    """Y' = whole · Y, ``(n + 3, n + 3)``."""
     power: Array
-    """XᵀPX is D without loads, ``(n, n)``."""
-    power_load: Array
-    """X times these is -fᵀv: its constant part and that of sin ψ, ``(2, n)``."""
+    """W, symmetric, ``(n + 3, n + 3)``."""
     loss: Array
-    """L per X, ``(n,)``."""
+    """L per Y, ``(n + 3,)``."""
     fastest: float
     """Largest pole, 1/s."""
-    inward: Complex
-    """Z per X - answers, ``(pole, n)``; no rows where panels are used."""
-    answer: Complex
-    """Answers to 1 and exp iψ (of which the imaginary part counts), ``(2, n)``."""
-    values: Complex
-    """s_m, then 0, iΩ and -iΩ, ``(column,)``."""
-    quadratic: Complex
-    """(Q_mk + Q_km)/(s_m + s_k), upper triangle with half its diagonal, ``(column, column)``."""
+    pairs: Complex
+    reals: Array
+    """Poles, ``(pair,)`` and ``(real,)``; none of either where the propagator is used."""
+    inward: Array
+    """[Re Z, Im Z] of pairs and Z of real poles per X - answers, ``(n, 2 pair + real)``."""
+    answer: Array
+    """Answers to 1, cos ψ and sin ψ, ``(3, n)``."""
+    quadratic: Array
+    """∫D dt is the form of this at the end less that at the beginning, of [Re Z, Im Z, Z, 1, cos ψ, sin ψ]."""
     slow: NDArray[np.int64]
-    """Pairs of columns left out of it, ``(pair, 2)``."""
+    """Pairs of columns left out of it, ``(pair, 2)``, in the order pairs, conjugates, reals, 0, ±iΩ."""
     slow_weight: Complex
     slow_value: Complex
     """Q_mk + Q_km (half on the diagonal) and s_m + s_k of such pairs, ``(pair,)``."""
-    loss_weight: Complex
-    """L of each column, ``(column,)``."""
+    loss_pairs: Complex
+    loss_reals: Array
+    """L per Z of pairs (twice, of which the real part counts) and of real poles."""
+    loss_load: Array
+    """L of the answers, ``(3,)``."""
 
 
-BEGUN, FIRST, LARGEST, FINAL, SPENT, LOST, TURNED = range(7)
-"""Totals: where the present phase began; energy at t = 0, the largest, at the end; energy spent;
-heat lost, and turned over by losses."""
+COUNT, LARGEST, SPENT = range(3)
+"""Totals of a log: phases begun, largest energy, energy spent in impacts and let go."""
 
 
-class Ledger(NamedTuple):
-    """What the march writes its balances in; of no size where none are asked for."""
+class Log(NamedTuple):
+    """What the march notes for the balances; of no size where none are asked for."""
 
-    free: Form
-    held: Form
     stiffness: Array
     """ω² of the free modes."""
-    start: Array
-    """Raw state at the beginning of the present phase."""
+    begun: Array
+    """When each phase begins, s, ``(phase,)``."""
+    held: NDArray[np.bool_]
+    """Whether the tip is held in it, ``(phase,)``."""
+    state: Array
+    """Raw state at its beginning, ``(phase, raw)``."""
     final: Array
-    """Raw state at the end."""
+    """Raw state at the end of the case, ``(raw,)``."""
     totals: Array
     hidden: bool
     """Whether modes are let go at entry, see above."""
 
 
-@kernel
-def energy_of(ledger: Ledger, raw: Array) -> float:
+@part
+def energy_of(log: Log, raw: Array) -> float:
     """Return E of a raw state, and remember the largest."""
-    energy, modes = 0.0, ledger.stiffness.size
+    energy, modes = 0.0, log.stiffness.size
     for j in range(modes):
-        energy += 0.5 * (raw[modes + j] ** 2 + ledger.stiffness[j] * raw[j] ** 2)
-    ledger.totals[LARGEST] = max(ledger.totals[LARGEST], energy)
+        energy += 0.5 * (raw[modes + j] ** 2 + log.stiffness[j] * raw[j] ** 2)
+    log.totals[LARGEST] = max(log.totals[LARGEST], energy)
     return energy
 
 
-@kernel
-def begin_phase(ledger: Ledger, raw: Array, t: float) -> None:
-    """Note where and when a phase begins."""
-    ledger.totals[BEGUN] = t
-    for j in range(ledger.start.size):
-        ledger.start[j] = raw[j]
-    energy_of(ledger, raw)
+@part
+def begin_phase(log: Log, raw: Array, t: float, held: bool) -> None:
+    """Note how and when a phase begins."""
+    i = int(log.totals[COUNT])
+    log.begun[i] = t
+    log.held[i] = held
+    for j in range(log.final.size):
+        log.state[i, j] = raw[j]
+    log.totals[COUNT] += 1.0
+    energy_of(log, raw)
 
 
-@kernel
-def let_go(ledger: Ledger, before: Array, after: Array) -> None:
+@part
+def let_go(log: Log, before: Array, after: Array) -> None:
     """Take the energy of modes that are let go out of the balance."""
-    ledger.totals[SPENT] += energy_of(ledger, before) - energy_of(ledger, after)
+    log.totals[SPENT] += energy_of(log, before) - energy_of(log, after)
 
 
-@kernel
-def settle(ledger: Ledger, holding: bool, load: Load, t: float) -> None:
-    """Integrate over the phase that ends at t."""
-    form = ledger.held if holding else ledger.free
-    begun = ledger.totals[BEGUN]
-    n = form.state.shape[0]
-    if t <= begun or n == 0:
-        return
-    x = np.zeros(n)
-    for i in range(n):
-        x[i] = form.entry_gap[i] * load.gap
-        for j in range(ledger.start.size):
-            x[i] += form.entry[i, j] * ledger.start[j]
-    psi = load.omega * begun + load.phase
-    if form.inward.shape[0] > 0:
-        spent, lost = _by_poles(form, x, psi, t - begun)
-    else:
-        spent, lost = _by_panels(form, x, load.omega, psi, t - begun)
-    ledger.totals[SPENT] += spent
-    ledger.totals[LOST] += lost
-    ledger.totals[TURNED] += abs(lost)
-
-
-@kernel
-def _by_poles(form: Form, x: Array, psi: float, span: float) -> tuple[float, float]:
-    """Return ∫D dt and ∫L dt in the eigenvectors."""
-    poles, n = form.inward.shape
-    count = form.values.size
-    turn = np.exp(1j * psi)
-    z = np.zeros(count, dtype=np.complex128)
-    for j in range(n):
-        rest = x[j] - form.answer[0, j].real - (form.answer[1, j] * turn).imag
-        for m in range(poles):
-            z[m] += form.inward[m, j] * rest
-    z[poles], z[poles + 1], z[poles + 2] = 1.0, turn, np.conj(turn)
-    end = z * np.exp(form.values * span)
-    spent = 0.0
-    for m in range(count):
-        begin_sum = end_sum = 0.0 + 0.0j
-        for k in range(m, count):
-            q = form.quadratic[m, k]
-            begin_sum += q * z[k]
-            end_sum += q * end[k]
-        spent += (end_sum * end[m] - begin_sum * z[m]).real
-    for pair in range(form.slow_weight.size):
-        a = form.slow_value[pair] * span
-        grown = 1.0 + a / 2.0 * (1.0 + a / 3.0 * (1.0 + a / 4.0 * (1.0 + a / 5.0 * (1.0 + a / 6.0))))
-        spent += (form.slow_weight[pair] * z[form.slow[pair, 0]] * z[form.slow[pair, 1]] * grown).real * span
-    lost = 0.0
-    for m in range(count):
-        a = form.values[m] * span
-        if abs(a) < SLOW:
-            grown = 1.0 + a / 2.0 * (1.0 + a / 3.0 * (1.0 + a / 4.0 * (1.0 + a / 5.0 * (1.0 + a / 6.0))))
-            lost += (form.loss_weight[m] * z[m] * grown).real * span
-        else:
-            lost += (form.loss_weight[m] * (end[m] - z[m]) / form.values[m]).real
-    return spent, lost
-
-
-MOST_PANELS = 20_000
-"""Of one phase, about a second; a phase that would take more leaves the residuals NaN."""
-
-
-@kernel
-def _by_panels(form: Form, x: Array, omega: float, psi: float, span: float) -> tuple[float, float]:
-    """Return ∫D dt and ∫L dt by Gauss-Legendre panels on Taylor series; ``x`` is used up."""
-    n = x.size
-    panels = max(1, int(np.ceil(span * form.fastest)))
-    if panels > MOST_PANELS:
-        return np.nan, np.nan
-    h = span / panels
-    series = np.zeros((ORDER + 1, n))
-    at = np.zeros(n)
-    spent = lost = 0.0
-    for panel in range(panels):
-        angle = psi + omega * (panel * h)
-        s, c = np.sin(angle), np.cos(angle)
-        series[0] = x
-        scale = 1.0  # (Ω h)^k / k!
-        for k in range(ORDER):
-            wave = scale * (s if k % 4 == 0 else c if k % 4 == 1 else -s if k % 4 == 2 else -c)
-            for i in range(n):
-                rate = form.source[1, i] * wave + (form.source[0, i] if k == 0 else 0.0)
-                for j in range(n):
-                    rate += form.state[i, j] * series[k, j]
-                series[k + 1, i] = rate * h / (k + 1)
-            scale *= omega * h / (k + 1)
-        for node in range(NODES):
-            share = POINTS[node]
-            for i in range(n):
-                value = series[ORDER, i]
-                for k in range(ORDER - 1, -1, -1):
-                    value = value * share + series[k, i]
-                at[i] = value
-            wave = np.sin(angle + omega * h * share)
-            power = leak = 0.0
-            for i in range(n):
-                force = form.power_load[0, i] + form.power_load[1, i] * wave
-                for j in range(n):
-                    force += form.power[i, j] * at[j]
-                power += at[i] * force
-                leak += at[i] * form.loss[i]
-            spent += h * WEIGHTS[node] * power
-            lost += h * WEIGHTS[node] * leak
-        for i in range(n):
-            value = series[ORDER, i]
-            for k in range(ORDER - 1, -1, -1):
-                value += series[k, i]
-            x[i] = value
-    return spent, lost
-
-
-def no_ledger() -> Ledger:
+def no_log() -> Log:
     """Return what the march takes where no balances are asked for."""
-    row, none = np.zeros(0), np.zeros(0, dtype=np.complex128)
-    table, square, pairs = np.zeros((0, 0)), np.zeros((0, 0), dtype=np.complex128), np.zeros((0, 2), dtype=np.int64)
-    form = Form(table, row, table, table, table, table, row, 0.0, square, square, none, square, pairs, none, none, none)
-    return Ledger(form, form, row, row, row, row, False)
+    row = np.zeros(0)
+    return Log(row, row, np.zeros(0, dtype=np.bool_), np.zeros((0, 0)), row, row, False)
+
+
+def integrate(form: Form, load: Load, state: Array, begun: Array, span: Array) -> tuple[Array, Array]:
+    """Return ∫D dt and ∫L dt over phases that begin in raw states ``(phase, raw)``, each ``(phase,)``."""
+    x = state @ form.entry.T + form.entry_gap * load.gap
+    psi = load.omega * begun + load.phase
+    wave = np.column_stack([np.ones(psi.size), np.cos(psi), np.sin(psi)])
+    if form.pairs.size + form.reals.size == 0:
+        return _by_doubling(form, np.concatenate([x, wave], axis=1), span)
+    later = psi + load.omega * span
+    final = np.column_stack([np.ones(psi.size), np.cos(later), np.sin(later)])
+    return _by_poles(form, load.omega, x, wave, final, span)
+
+
+def _by_poles(form: Form, omega: float, x: Array, wave: Array, final: Array, span: Array) -> tuple[Array, Array]:
+    """Integrate in the eigenvectors."""
+    pairs, time = form.pairs.size, span[:, None]
+    z = (x - wave @ form.answer) @ form.inward
+    a, b, real = z[:, :pairs], z[:, pairs : 2 * pairs], z[:, 2 * pairs :]
+    shrink, angle = np.exp(form.pairs.real * time), form.pairs.imag * time
+    cos, sin = shrink * np.cos(angle), shrink * np.sin(angle)
+    end_a, end_b = a * cos - b * sin, a * sin + b * cos
+    grown = np.expm1(form.reals * time)
+    begin = np.concatenate([z, wave], axis=1)
+    end = np.concatenate([end_a, end_b, real * (1.0 + grown), final], axis=1)
+    spent = np.sum((end @ form.quadratic) * end - (begin @ form.quadratic) * begin, axis=1)
+    pair = a + 1j * b
+    if form.slow_weight.size:
+        turn = (wave[:, 1] + 1j * wave[:, 2])[:, None]
+        every = np.concatenate([pair, pair.conj(), real, np.ones_like(time), turn, turn.conj()], axis=1)
+        products = every[:, form.slow[:, 0]] * every[:, form.slow[:, 1]]
+        spent += np.sum((form.slow_weight * products * _mean(form.slow_value * time)).real, axis=1) * span
+    with np.errstate(divide="ignore", invalid="ignore"):
+        exact = np.where(form.reals == 0, 1.0, grown / np.where(form.reals == 0, 1.0, form.reals * time))
+        turned = form.pairs * time
+        mean = np.where(np.abs(turned) < SLOW, _mean(turned), (cos + 1j * sin - 1) / turned)
+    waves = np.column_stack([span, span * wave[:, 1], span * wave[:, 2]])
+    if omega > 0:
+        waves[:, 1:] = np.column_stack([final[:, 2] - wave[:, 2], wave[:, 1] - final[:, 1]]) / omega
+    lost = np.sum(form.loss_pairs * pair * mean, axis=1).real + np.sum(form.loss_reals * real * exact, axis=1)
+    return spent, lost * span + waves @ form.loss_load
+
+
+def _mean(a: Any) -> Any:
+    """Return (e^a - 1)/a of small a."""
+    return 1.0 + a / 2.0 * (1.0 + a / 3.0 * (1.0 + a / 4.0 * (1.0 + a / 5.0 * (1.0 + a / 6.0))))
+
+
+def _by_doubling(form: Form, y: Array, span: Array) -> tuple[Array, Array]:
+    """Integrate with propagators over doubled times: a phase is a short piece and a sum of them."""
+    short = 1.0 / form.fastest if form.fastest > 0 else max(float(span.max(initial=0.0)), 1.0)
+    count = np.floor(span / short).astype(np.int64)
+    rest = span - count * short
+    terms = _series(form.whole, y, rest)
+    spent, lost = np.zeros(span.size), np.zeros(span.size)
+    for point, weight in zip(POINTS, WEIGHTS, strict=True):
+        at = _total(terms, point)
+        spent += weight * rest * np.sum((at @ form.power) * at, axis=1)
+        lost += weight * rest * (at @ form.loss)
+    y = _total(terms, 1.0)
+    size = form.loss.size
+    terms = _series(form.whole, np.eye(size), np.full(size, short))
+    step = _total(terms[1:], 1.0).T  # E - 1: slow states keep their digits
+    power, loss = np.zeros((size, size)), np.zeros(size)
+    for point, weight in zip(POINTS, WEIGHTS, strict=True):
+        at = _total(terms, point)
+        power += short * weight * (at @ form.power @ at.T)
+        loss += short * weight * (at @ form.loss)
+    while count.any():
+        odd = count % 2 == 1
+        spent[odd] += np.sum((y[odd] @ power) * y[odd], axis=1)
+        lost[odd] += y[odd] @ loss
+        y[odd] += y[odd] @ step.T
+        moved = power @ step
+        power = 2 * power + moved + moved.T + step.T @ moved
+        loss = 2 * loss + loss @ step
+        step = 2 * step + step @ step
+        count //= 2
+    return spent, lost
+
+
+def _series(whole: Array, y: Array, span: Array) -> list[Array]:
+    """Return the terms of the Taylor series over short times, row by row."""
+    terms = [y]
+    for k in range(ORDER):
+        terms.append((terms[-1] @ whole.T) * (span[:, None] / (k + 1)))
+    return terms
+
+
+def _total(terms: list[Array], share: float) -> Array:
+    """Return Σ terms[k] shareᵏ."""
+    total = terms[-1]
+    for term in reversed(terms[:-1]):
+        total = total * share + term
+    return total

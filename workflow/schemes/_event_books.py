@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from workflow.models import Array, Structure
-from workflow.schemes._event_balance import FINAL, FIRST, LARGEST, LOST, SLOW, SPENT, TURNED, Complex, Form, Ledger
+from workflow.schemes._event_balance import COUNT, LARGEST, SLOW, SPENT, Complex, Form, Log, integrate
 from workflow.schemes._event_regimes import Basis, Held, held_system
 from workflow.schemes._event_response import Load
 from workflow.schemes._event_secular import secular_spectrum
@@ -26,11 +26,15 @@ NEAR = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class _Poles:
-    """Eigenvectors of a regime, shared by cases; of no size where they are poor."""
+    """Eigenvectors of a regime, shared by cases; of no size where they are poor.
+
+    Pairs σ ± iν come first and once, with ν > 0, then real poles.
+    """
 
     values: Complex
     right: Complex
     left: Complex
+    pairs: int
     fastest: float
 
 
@@ -44,10 +48,7 @@ def _poles(A: Array, held: Held, alpha: float) -> _Poles:
     left: Any
     found = secular_spectrum(held, alpha, A)
     if found is not None:
-        pairs = found.values.imag > 0
-        values = np.concatenate([found.values, found.values[pairs].conj()])
-        right = np.asarray(np.concatenate([found.right, found.right[:, pairs].conj()], axis=1) * scale[:, None])
-        left = np.asarray(np.concatenate([found.left, found.left[pairs].conj()]) / scale)
+        values, right, left = found.values, found.right * scale[:, None], found.left / scale
     else:
         values, right = np.linalg.eig(scale[:, None] * A / scale)
         try:
@@ -56,11 +57,18 @@ def _poles(A: Array, held: Held, alpha: float) -> _Poles:
             left = np.full((size, size), np.inf + 0j)
     fastest = float(np.abs(values).max(initial=0.0))
     lengths = np.sqrt(np.sum(right.real**2 + right.imag**2, axis=0))
-    if values.size != size or not float((np.abs(left) * lengths[:, None]).max(initial=0.0)) < POOR:
-        none = np.zeros(0, dtype=np.complex128)
-        return _Poles(none, np.zeros((size, 0), dtype=np.complex128), np.zeros((0, size), dtype=np.complex128), fastest)
-    into, out = (np.asarray(vectors, dtype=np.complex128) for vectors in (right / scale[:, None], left * scale))
-    return _Poles(np.asarray(values, dtype=np.complex128), into, out, fastest)
+    pair, real = np.flatnonzero(values.imag > 0), np.flatnonzero(values.imag == 0)
+    order = np.concatenate([pair, real])
+    if 2 * pair.size + real.size != size or not float((np.abs(left) * lengths[:, None]).max(initial=0.0)) < POOR:
+        order, pair = order[:0], pair[:0]
+    into, out = right / scale[:, None], left * scale
+    return _Poles(
+        np.asarray(values[order], dtype=np.complex128),
+        np.asarray(into[:, order], dtype=np.complex128),
+        np.asarray(out[order], dtype=np.complex128),
+        pair.size,
+        fastest,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,35 +103,43 @@ class Books:
         self._heat_shapes = shapes
         self._known: dict[tuple[Any, ...], _Regime] = {}
 
-    def ledger(self, alpha: float, load: Load, heats: int) -> Ledger:
-        """Return an empty ledger of a case with so many thermal states."""
-        basis = self._basis
-        held = basis.held if alpha == 0 else linked(basis.held)
-        raw = 2 * basis.tip.size + heats
-        return Ledger(
-            free=_form(self._regime(None, heats), load),
-            held=_form(self._regime(alpha, heats), load),
-            stiffness=basis.free.stiffness,
-            start=np.zeros(raw),
+    def log(self, alpha: float, raw: int, phases: int) -> Log:
+        """Return an empty log of a case with so many raw states, for so many phases."""
+        return Log(
+            stiffness=self._basis.free.stiffness,
+            begun=np.zeros(phases),
+            held=np.zeros(phases, dtype=np.bool_),
+            state=np.zeros((phases, raw)),
             final=np.zeros(raw),
-            totals=np.zeros(TURNED + 1),
-            hidden=held.frequency.size < basis.held.frequency.size,
+            totals=np.zeros(SPENT + 1),
+            hidden=alpha != 0 and linked(self._basis.held).frequency.size < self._basis.held.frequency.size,
         )
 
-    def residuals(self, ledger: Ledger, raw: Array, load: Load, alpha: float, impulse: float) -> tuple[float, float]:
+    def residuals(self, log: Log, raw: Array, load: Load, alpha: float, impulse: float) -> tuple[float, float]:
         """Return the energy and the heat residual of a case that came to its end."""
-        totals = ledger.totals
-        change = totals[FINAL] - totals[FIRST] + totals[SPENT]
-        energy = change / totals[LARGEST] if totals[LARGEST] != 0 else 0.0
-        heats = ledger.final.size - 2 * self._basis.tip.size
+        count, modes = int(log.totals[COUNT]), self._basis.tip.size
+        heats = raw.size - 2 * modes
+        begun, held = log.begun[:count], log.held[:count]
+        span = np.diff(begun, append=load.duration)
+        spent = lost = turned = 0.0
+        for which, key in ((~held, None), (held, alpha)):
+            which = which & (span > 0)
+            if raw.size and which.any():
+                form = _form(self._regime(key, heats), load)
+                power, loss = integrate(form, load, log.state[:count][which], begun[which], span[which])
+                spent, lost = spent + float(power.sum()), lost + float(loss.sum())
+                turned += float(np.abs(loss).sum())
+        squares = np.concatenate([log.stiffness, np.ones(modes)])
+        change = 0.5 * float(squares @ (log.final[: 2 * modes] ** 2 - raw[: 2 * modes] ** 2))
+        largest = float(log.totals[LARGEST])
+        energy = (change + spent + float(log.totals[SPENT])) / largest if largest != 0 else 0.0
         if heats == 0:
-            return float(energy), 0.0
-        before, after = raw[-heats:], ledger.final[-heats:]
+            return energy, 0.0
+        before, after = raw[-heats:], log.final[-heats:]
         heating = load.duration * float(self._content @ (self._heat_shapes.T @ load.heating))
-        content = float(self._content @ after - self._content @ before)
-        change = content - alpha * impulse - heating + totals[LOST]
-        turned = alpha * impulse + abs(heating) + totals[TURNED] + float(np.abs(self._content) @ np.abs(before))
-        return float(energy), float(change / turned) if turned != 0 else 0.0
+        change = float(self._content @ after - self._content @ before) - alpha * impulse - heating + lost
+        turned += alpha * impulse + abs(heating) + float(np.abs(self._content) @ np.abs(before))
+        return energy, change / turned if turned != 0 else 0.0
 
     def _regime(self, alpha: float | None, heats: int) -> _Regime:
         """Return the free regime (``None``) or the held one for an α."""
@@ -205,71 +221,104 @@ class Books:
 
 def _form(regime: _Regime, load: Load) -> Form:
     """Return the form of a regime under the loads of a case."""
-    modes, size = regime.frequency.size, regime.A.shape[0]
+    modes, size, omega = regime.frequency.size, regime.A.shape[0], load.omega
     v, tau = slice(modes, 2 * modes), slice(2 * modes, size)
-    source = np.zeros((2, size))
-    source[0] = regime.steady @ load.steady + regime.heating @ load.heating + regime.tip * load.mean
-    source[0] += regime.gap * load.gap
-    source[1] = regime.tip * load.amplitude
-    power, power_load = np.zeros((size, size)), np.zeros((2, size))
+    whole, power = np.zeros((size + 3, size + 3)), np.zeros((size + 3, size + 3))
+    whole[:size, :size] = regime.A
+    whole[:size, size] = regime.steady @ load.steady + regime.heating @ load.heating + regime.tip * load.mean
+    whole[:size, size] += regime.gap * load.gap
+    whole[:size, size + 2] = regime.tip * load.amplitude
+    whole[size + 1, size + 2], whole[size + 2, size + 1] = -omega, omega
     power[v, v] = np.diag(regime.damping)
     power[v, tau] = regime.coupling
-    power_load[0, v] = -(regime.modes_load @ load.steady + regime.modes_tip * load.mean)
-    power_load[1, v] = -regime.modes_tip * load.amplitude
-    poles = regime.poles
-    found = _answers(poles, source, load)
-    count = 0 if found is None else poles.values.size + 3
-    inward = np.zeros((0, size), dtype=np.complex128)
-    answer = np.zeros((2, size), dtype=np.complex128)
-    values, loss_weight = np.zeros(count, dtype=np.complex128), np.zeros(count, dtype=np.complex128)
-    quadratic = np.zeros((count, count), dtype=np.complex128)
-    slow = np.zeros((0, 2), dtype=np.int64)
-    slow_weight = slow_value = np.zeros(0, dtype=np.complex128)
-    if found is not None:
-        inward, answer = poles.left, found
-        values = np.concatenate([poles.values, [0, 1j * load.omega, -1j * load.omega]])
-        wave = answer[1] / 2j
-        columns = np.column_stack([poles.right, answer[0], wave, wave.conj()])
-        forces = np.zeros((count, size), dtype=np.complex128)
-        forces[-3], forces[-2], forces[-1] = power_load[0], power_load[1] / 2j, -power_load[1] / 2j
-        q = columns.T @ (power @ columns) + (forces @ columns).T
-        q = np.triu(q + q.T)
-        q[np.diag_indices(count)] /= 2
-        sums = values[:, None] + values
-        near = np.abs(sums) * load.duration < SLOW
-        quadratic = np.where(near, 0, q / np.where(near, 1, sums))
-        slow = np.ascontiguousarray(np.argwhere(near & (q != 0)), dtype=np.int64)
-        slow_weight, slow_value = q[slow[:, 0], slow[:, 1]], sums[slow[:, 0], slow[:, 1]]
-        loss_weight = regime.loss @ columns
-    return Form(
+    power[v, size] = -(regime.modes_load @ load.steady + regime.modes_tip * load.mean)
+    power[v, size + 2] = -regime.modes_tip * load.amplitude
+    power = (power + power.T) / 2
+    loss = np.concatenate([regime.loss, np.zeros(3)])
+    form = Form(
         entry=regime.entry,
         entry_gap=regime.entry_gap,
-        state=regime.A,
-        source=source,
+        whole=whole,
         power=power,
-        power_load=power_load,
-        loss=regime.loss,
-        fastest=max(poles.fastest, load.omega),
-        inward=np.ascontiguousarray(inward),
-        answer=np.ascontiguousarray(answer),
-        values=values,
-        quadratic=np.ascontiguousarray(quadratic),
+        loss=loss,
+        fastest=max(regime.poles.fastest, omega),
+        pairs=np.zeros(0, dtype=np.complex128),
+        reals=np.zeros(0),
+        inward=np.zeros((size, 0)),
+        answer=np.zeros((3, size)),
+        quadratic=np.zeros((0, 0)),
+        slow=np.zeros((0, 2), dtype=np.int64),
+        slow_weight=np.zeros(0, dtype=np.complex128),
+        slow_value=np.zeros(0, dtype=np.complex128),
+        loss_pairs=np.zeros(0, dtype=np.complex128),
+        loss_reals=np.zeros(0),
+        loss_load=np.zeros(3),
+    )
+    answers = _answers(regime.poles, whole, load)
+    return form if answers is None else _diagonal(form, regime.poles, answers, load)
+
+
+def _diagonal(form: Form, poles: _Poles, answers: Complex, load: Load) -> Form:
+    """Write the form in the eigenvectors."""
+    pairs, size = poles.pairs, poles.right.shape[0]
+    pair, real = poles.right[:, :pairs], poles.right[:, pairs:]
+    wave = answers[1] / 2j
+    # columns of the motion: pairs, their conjugates, reals, and 1, exp iψ, exp -iψ
+    columns = np.zeros((size + 3, size + 3), dtype=np.complex128)
+    columns[:size] = np.concatenate(
+        [pair, pair.conj(), real, np.stack([answers[0], wave, wave.conj()], axis=1)], axis=1
+    )
+    columns[size, -3] = 1.0
+    columns[size + 1, -2:] = 0.5
+    columns[size + 2, -2:] = -0.5j, 0.5j
+    s, loaded = poles.values, 1j * load.omega
+    values = np.concatenate([s[:pairs], s[:pairs].conj(), s[pairs:], [0.0, loaded, -loaded]])
+    q = columns.T @ (form.power @ columns)
+    sums = values[:, None] + values
+    near = np.abs(sums) * load.duration < SLOW
+    slow = np.argwhere(near & (np.triu(q) != 0))
+    twice = np.where(slow[:, 0] == slow[:, 1], 1.0, 2.0)
+    weight = np.asarray(twice * q[slow[:, 0], slow[:, 1]], dtype=np.complex128)
+    quadratic = np.where(near, 0.0, q / np.where(near, 1.0, sums))
+    for _ in range(2):  # from [Z, conj Z, …, exp iψ, exp -iψ] to [Re Z, Im Z, …, cos ψ, sin ψ]
+        quadratic = quadratic.T.copy()
+        for one, other in ((slice(0, pairs), slice(pairs, 2 * pairs)), (slice(-2, -1), slice(-1, None))):
+            a, b = quadratic[one] + quadratic[other], 1j * (quadratic[one] - quadratic[other])
+            quadratic[one], quadratic[other] = a, b
+    left = poles.left
+    weights = form.loss[:size] @ poles.right
+    answer = np.stack([answers[0].real, answers[1].imag, answers[1].real])
+    return form._replace(
+        pairs=s[:pairs],
+        reals=s[pairs:].real,
+        inward=np.concatenate([left[:pairs].real, left[:pairs].imag, left[pairs:].real]).T,
+        answer=answer,
+        quadratic=quadratic.real,
         slow=slow,
-        slow_weight=slow_weight,
-        slow_value=slow_value,
-        loss_weight=loss_weight,
+        slow_weight=weight,
+        slow_value=sums[slow[:, 0], slow[:, 1]],
+        loss_pairs=2 * weights[:pairs],
+        loss_reals=weights[pairs:].real,
+        loss_load=answer @ form.loss[:size],
     )
 
 
-def _answers(poles: _Poles, source: Array, load: Load) -> Complex | None:
+def _answers(poles: _Poles, whole: Array, load: Load) -> Complex | None:
     """Return the answers to b and w exp iψ, ``(2, n)``; ``None`` where they resonate or poles are poor."""
+    size = poles.right.shape[0]
     if poles.values.size == 0:
         return None
-    found = np.zeros((2, source.shape[1]), dtype=np.complex128)
-    for row, pole in enumerate((0.0, 1j * load.omega)):
-        share, distance = poles.left @ source[row], pole - poles.values
+    found = np.zeros((2, size), dtype=np.complex128)
+    conjugate, pairs = poles.values[: poles.pairs].conj(), poles.pairs
+    for row, (column, pole) in enumerate(((size, 0.0), (size + 2, 1j * load.omega))):
+        share, distance = poles.left @ whole[:size, column], pole - poles.values
+        other = pole - conjugate
         driven = np.abs(share) > 1e-15 * np.abs(share).max(initial=0.0)
-        if np.any(driven & (np.abs(distance) * load.duration < NEAR)):
+        close = np.abs(distance) * load.duration < NEAR
+        close[:pairs] |= np.abs(other) * load.duration < NEAR
+        if np.any(driven & close):
             return None
         found[row] = poles.right @ np.where(driven, share / np.where(driven, distance, 1), 0)
+        share = np.where(driven, share, 0)[:pairs].conj()
+        found[row] += poles.right[:, :pairs].conj() @ (share / np.where(share != 0, other, 1))
     return found

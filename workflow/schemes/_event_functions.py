@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.models import Array
-from workflow.schemes._kernel import kernel
+from workflow.schemes._kernel import part
 
 _ROUND = 6755399441055744.0
 """1.5 · 2^52: adding and subtracting it rounds to the nearest integer."""
@@ -57,9 +57,10 @@ _LARGEST_TURN = 1e6
     S,
     PULL,
     POWER,
-) = range(29)
-"""Rows of a table of blocks; C, S, PULL and POWER are scratch. See :class:`Response`."""
-BLOCK_ROWS = 29
+    EXPLICIT_AREA,
+) = range(30)
+"""Rows of a table of blocks; from C on they are scratch. See :class:`Response`."""
+BLOCK_ROWS = 30
 
 (
     RATE,
@@ -81,13 +82,12 @@ BLOCK_ROWS = 29
 FIRST_ROWS = 14
 
 
-@kernel
 def padded(size: int) -> int:
     """Return the next multiple of 8: columns of all tables, so that vectorised loops have no rest."""
     return 8 * ((size + 7) // 8)
 
 
-@kernel
+@part
 def block_propagators(b: Array, dt: float) -> None:
     """Fill the rows C and S of a table of blocks, as if all of them oscillated.
 
@@ -155,7 +155,7 @@ def block_propagators(b: Array, dt: float) -> None:
         b[S, k] = s
 
 
-@kernel
+@part
 def stiff_block(c: float, w2: float, dt: float) -> tuple[float, float]:
     """Return C and S of one block that does not oscillate, ω² <= c²/4, of either sign of c."""
     half = 0.5 * c
@@ -177,7 +177,7 @@ def stiff_block(c: float, w2: float, dt: float) -> tuple[float, float]:
     return 0.5 * (e_slow + e_fast) + half * S, S
 
 
-@kernel
+@part
 def first_propagator(x: float) -> tuple[float, float, float]:
     """Return e^x, φ1 = (e^x - 1)/x and φ2 = (φ1 - 1)/x."""
     if -0.5 < x < 0.5:
@@ -194,7 +194,7 @@ def first_propagator(x: float) -> tuple[float, float, float]:
     return e, phi1, (phi1 - 1.0) / x
 
 
-@kernel
+@part
 def first_propagators(f: Array, dt: float) -> None:
     """Fill the rows DECAY, PHI1 and PHI2 of a table of first-order states: e^x, φ1, φ2 of x = -rate dt."""
     largest = 0.0
@@ -224,7 +224,7 @@ def first_propagators(f: Array, dt: float) -> None:
         f[DECAY, j] = 1.0 + x * q
 
 
-@kernel
+@part
 def row_total(a: Array, row: int) -> float:
     """Return the sum of a row of a table, in one fixed order."""
     s0, s1, s2, s3, s4, s5, s6, s7 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -237,20 +237,4 @@ def row_total(a: Array, row: int) -> float:
         s5 += a[row, k + 5]
         s6 += a[row, k + 6]
         s7 += a[row, k + 7]
-    return ((s0 + s1) + (s2 + s3)) + ((s4 + s5) + (s6 + s7))
-
-
-@kernel
-def row_dot(a: Array, row: int, b: Array, other: int) -> float:
-    """Return the product of a row of one table with a row of another, in one fixed order."""
-    s0, s1, s2, s3, s4, s5, s6, s7 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for k in range(0, a.shape[1], 8):
-        s0 += a[row, k] * b[other, k]
-        s1 += a[row, k + 1] * b[other, k + 1]
-        s2 += a[row, k + 2] * b[other, k + 2]
-        s3 += a[row, k + 3] * b[other, k + 3]
-        s4 += a[row, k + 4] * b[other, k + 4]
-        s5 += a[row, k + 5] * b[other, k + 5]
-        s6 += a[row, k + 6] * b[other, k + 6]
-        s7 += a[row, k + 7] * b[other, k + 7]
     return ((s0 + s1) + (s2 + s3)) + ((s4 + s5) + (s6 + s7))

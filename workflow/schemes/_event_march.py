@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from workflow.models import Array
-from workflow.schemes._event_balance import FINAL, FIRST, SPENT, Ledger, begin_phase, energy_of, let_go, settle
-from workflow.schemes._event_motion import ORDER, TAYLOR_SPAN, advance, heating_rate, observe, strike
+from workflow.schemes._event_balance import COUNT, SPENT, Log, begin_phase, energy_of, let_go
+from workflow.schemes._event_motion import advance, heating_rate, integral, observe, strike
 from workflow.schemes._event_record import (
     CONTACT,
     HOTTEST,
@@ -23,35 +23,23 @@ from workflow.schemes._event_record import (
     see,
     write,
 )
-from workflow.schemes._event_regimes import Regime
 from workflow.schemes._event_response import (
+    Layout,
     Load,
     Response,
+    Tables,
     copy_motion,
     load_motion,
-    new_motion,
     respond,
     store_motion,
 )
-from workflow.schemes._event_search import (
-    ROUNDING,
-    S0,
-    S1,
-    S2,
-    S3,
-    SIZE,
-    Expansion,
-    expand,
-    falls_through,
-    longest_clear,
-    new_expansion,
-    polish,
-    short_flight,
-)
-from workflow.schemes._kernel import kernel
+from workflow.schemes._event_search import ROUNDING, S0, S1, S2, SIZE, Expansion, expand
+from workflow.schemes._event_step import certified_step
+from workflow.schemes._kernel import part, uncounted
 
-DONE, EVENTS, STEPS, BEYOND, NOT_FINITE = 0, 1, 2, 3, 4
-"""How a case ended: to the end, by a budget, tip beyond the gap at the start, numbers overflowed."""
+DONE, EVENTS, STEPS, BEYOND, NOT_FINITE, FULL = range(6)
+"""How a case ended: to the end, by a budget, tip beyond the gap at the start, numbers overflowed, or
+with more phases than its log takes."""
 
 
 class Thresholds(NamedTuple):
@@ -68,7 +56,7 @@ class Thresholds(NamedTuple):
 
 
 class Tip(NamedTuple):
-    """Contact law and impact data of one case."""
+    """Contact law, impact data and start of one case."""
 
     e: float
     alpha: float
@@ -78,85 +66,246 @@ class Tip(NamedTuple):
     """φ_n, ``(mode,)``."""
     heat_shape: Array
     """χ_n, ``(thermal mode,)``."""
+    distance: float
+    speed: float
+    """From the gap and towards it at the start, m, m/s."""
 
 
-@kernel
-def _change(matrix: Array, per_gap: Array, gap: float, source: Array, inputs: int, outputs: int, target: Array) -> None:
-    """Fill target = source · matrix + gap · per_gap."""
-    for i in range(outputs):
-        target[i] = per_gap[i] * gap
-    for j in range(inputs):
-        for i in range(outputs):
+class Budget(NamedTuple):
+    """Most events and certified steps of a case."""
+
+    events: int
+    steps: int
+
+
+class Side(NamedTuple):
+    """One of the two regimes of a case, and the memory it is worked in."""
+
+    r: Response
+    x: Expansion
+    now: Array
+    after: Array
+    spare: Array
+    coordinates: Array
+
+
+IMPACTS, RELEASES, STEPPED, FASTEST, SCALE = range(5)
+"""Tally of a case: counts, the largest impact speed, the displacement scale."""
+
+
+SAME_TIME = 16.0 * 2.220446049250313e-16
+"""Times nearer than this share of the duration are the same: a dozen roundings of sums of steps."""
+
+LATE = 1e-9
+"""Samples are due at the end up to this share of the duration, as far as it may miss their multiple."""
+
+FIRST_STEP = 0.1
+"""First step tried after an event, in times of the fastest pole; longer ones follow if it is clear."""
+
+
+@part
+def _side(regime: Layout, load: Load, heat_shape: Array, firsts: int, tables: Tables) -> Any:
+    """Prepare a regime for a case."""
+    r = respond(regime, load, heat_shape, firsts, tables)
+    x, m = Expansion(tables.sums, tables.terms, tables.derivatives), tables.motion
+    return Side(r, x, m[0], m[1], m[2], tables.coordinates[0])
+
+
+@part
+def _change(matrix: Array, gap: float, source: Array, target: Array) -> None:
+    """Fill target = [source, gap] · matrix; what cannot act has rows that are not read."""
+    last = matrix.shape[0] - 1
+    for i in range(target.size):
+        target[i] = matrix[last, i] * gap
+    for j in range(source.size):
+        for i in range(target.size):
             target[i] += source[j] * matrix[j, i]
 
 
-@kernel
+@part
+def _state(flight: Side, hold: Side, holding: bool, held: Layout, gap: float, t: float) -> None:
+    """Fill the flight's coordinates, the raw ones, with the present state."""
+    if holding:
+        store_motion(hold.r, hold.now, t, hold.coordinates)
+        _change(held.leave, gap, hold.coordinates, flight.coordinates)
+    else:
+        store_motion(flight.r, flight.now, t, flight.coordinates)
+
+
+@part
+def _impact(
+    flight: Side, tip: Tip, thresholds: Thresholds, tally: Array, watch: Watch, log: Log, t: float, speed: float
+) -> tuple[bool, float]:
+    """Strike with a speed; return whether the tip stays, and since when it rests if it does."""
+    n = flight.r.blocks
+    p = (1.0 + tip.e) * speed / tip.mobility
+    tally[FASTEST] = max(tally[FASTEST], speed)
+    strike(flight.r, tip.shape, flight.now, p, tip.alpha * p)
+    expand(flight.r, flight.now, t, flight.x)
+    pressing = -flight.x.sums[S2, n]
+    stays, rest = speed <= 0.0 or tip.e == 0.0, t
+    if (
+        not stays
+        and tip.e < 1.0
+        and pressing > 0.0
+        and speed < thresholds.speed * tally[FASTEST]
+        and speed * speed < 2.0 * pressing * thresholds.excursion * tally[SCALE]
+    ):  # accumulated: p and what all later impacts would add is m v⁻ and the contact force
+        stays = True
+        rest = t + 2.0 * tip.e * speed / (pressing * (1.0 - tip.e))
+        more = speed / tip.mobility - p
+        strike(flight.r, tip.shape, flight.now, more, tip.alpha * more)
+        p += more
+    if speed > 0.0:
+        tally[IMPACTS] += 1.0
+        watch.totals[IMPULSE] += p
+        if log.held.size > 0:
+            log.totals[SPENT] += p * (speed - 0.5 * p * tip.mobility)
+    return stays, rest
+
+
+@part
+def _enter(flight: Side, hold: Side, held: Layout, gap: float, share: float, t: float) -> int:
+    """Take the state over into contact; return the zeros of its force at t, or -1 where nothing presses."""
+    n = hold.r.blocks
+    store_motion(flight.r, flight.now, t, flight.coordinates)
+    _change(held.enter, gap, flight.coordinates, hold.coordinates)
+    load_motion(hold.r, hold.coordinates, t, hold.now)
+    expand(hold.r, hold.now, t, hold.x)
+    force, rate = hold.x.sums[S0, n], hold.x.sums[S1, n]
+    nothing = share * ROUNDING * hold.x.sums[SIZE, 0]
+    if force > nothing:
+        return 0
+    return 1 if force >= -nothing and rate > 0.0 else -1
+
+
+@part
+def _release(flight: Side, hold: Side, held: Layout, gap: float, tally: Array, watch: Watch, t: float) -> None:
+    """Take the state over into flight."""
+    tally[RELEASES] += 1.0
+    _state(flight, hold, True, held, gap, t)
+    load_motion(flight.r, flight.coordinates, t, flight.now)
+    watch.totals[CONTACT] += max(0.0, t - watch.totals[SINCE])
+    watch.totals[SINCE] = np.inf
+
+
+@part
+def _begin(flight: Side, hold: Side, holding: bool, held: Layout, gap: float, log: Log, t: float) -> bool:
+    """Log the phase that begins; return whether there was room for it."""
+    if log.totals[COUNT] >= log.held.size:
+        return False
+    if holding and log.hidden:
+        begin_phase(log, flight.coordinates, t, True)
+        _change(held.leave, gap, hold.coordinates, log.final)
+        let_go(log, flight.coordinates, log.final)
+    elif holding:
+        begin_phase(log, flight.coordinates, t, True)
+    else:
+        _state(flight, hold, False, held, gap, t)
+        begin_phase(log, flight.coordinates, t, False)
+    return True
+
+
+@part
+def _move(
+    side: Side,
+    holding: bool,
+    record: Record,
+    watch: Watch,
+    gap: float,
+    t: float,
+    T: float,
+    zeros: int,
+    known_speed: float,
+    expanded: bool,
+    guess: float,
+    seen: tuple[float, float, float, float],
+) -> tuple[float, bool, tuple[float, float, float, float]]:
+    """Take a certified step; return its length (NaN if there is none), whether an event ends it, what is seen."""
+    tolerance = SAME_TIME * T
+    if not expanded:
+        expand(side.r, side.now, t, side.x)
+    h, event = certified_step(side.r, side.x, side.now, t, T, zeros, known_speed, guess, tolerance, side.spare)
+    if not np.isfinite(h):
+        return h, False, seen
+    advance(side.r, side.now, t, h, side.after)
+    area = integral(side.r, side.now, side.after, t, h) if holding else 0.0
+    after = observe(side.r, side.after, t + h)
+    see(record, watch, side.r, holding, gap, side.now, t, h, seen, after, area, tolerance, side.spare)
+    copy_motion(side.after, side.now)
+    watch.totals[IMPULSE] += area
+    return h, event, after
+
+
+@part
+def _finish(
+    record: Record,
+    watch: Watch,
+    gap: float,
+    holding: bool,
+    T: float,
+    seen: tuple[float, float, float, float],
+    closing: Array,
+    state: Array,
+) -> None:
+    """Write what falls due at the end, after any event there."""
+    while next_due(record, watch) <= T * (1.0 + LATE):
+        write(record, watch, gap, holding, T, seen, watch.totals[IMPULSE])
+    grown = 0.0
+    for j in range(min(closing.size, state.size)):
+        grown += closing[j] * state[state.size - closing.size + j]
+    record.counts[1] = contact_time(watch, T)
+    record.counts[2] = watch.totals[HOTTEST]
+    record.counts[3] = grown
+
+
+@uncounted
 def march(
-    free: Regime,
-    held: Regime,
+    free: Layout,
+    held: Layout,
     load: Load,
     tip: Tip,
     raw: Array,
-    start_gap: float,
-    start_speed: float,
-    firsts: int,
     record: Record,
+    watch: Watch,
     closing: Array,
-    max_events: int,
-    max_steps: int,
+    budget: Budget,
     thresholds: Thresholds,
-    ledger: Ledger,
+    flying: Tables,
+    resting: Tables,
+    log: Log,
 ) -> int:
     """Run one case and return how it ended; never raises.
 
-    ``raw`` holds the initial [y, y', τ]; ``firsts`` is 0 where no thermal state can act.
+    ``raw`` holds the initial [y, y', τ], with no τ where no heat can act.
     """
-    modes = free.damping.size
-    held_blocks = held.damping.size
-    held_firsts = held.rate.size if firsts > 0 else 0
-    free_size, held_size = 2 * modes + firsts, 2 * held_blocks + held_firsts
-    r_free = respond(free, load, tip.heat_shape, firsts)
-    r_held = respond(held, load, tip.heat_shape, held_firsts)
-    in_flight, after_flight, spare_flight = new_motion(r_free), new_motion(r_free), new_motion(r_free)
-    in_hold, after_hold, spare_hold = new_motion(r_held), new_motion(r_held), new_motion(r_held)
-    x_free, x_held = new_expansion(r_free), new_expansion(r_held)
-    coordinates, held_coordinates = np.zeros(free_size), np.zeros(held_size)
-    derivatives = np.zeros(ORDER + 1)
-    watch = Watch(np.zeros(2, dtype=np.int64), np.zeros(7))
-    watch.totals[SINCE] = np.inf
-    T, gap = load.duration, load.gap
-    tolerance = 16.0 * 2.220446049250313e-16 * T
-
-    t = 0.0
-    load_motion(r_free, raw[:free_size], t, in_flight)
-    seen = observe(r_free, in_flight, t)
+    firsts = flying.coordinates.shape[1] - 2 * free.block.shape[1]
+    held_firsts = resting.coordinates.shape[1] - 2 * held.block.shape[1]
+    flight = _side(free, load, tip.heat_shape, firsts, flying)
+    hold = _side(held, load, tip.heat_shape, held_firsts, resting)
+    audited = log.held.size > 0
+    tally = watch.tally
+    T, gap, t = load.duration, load.gap, 0.0
+    load_motion(flight.r, raw, t, flight.now)
+    seen = observe(flight.r, flight.now, t)
     if not (np.isfinite(seen[0]) and np.isfinite(seen[1]) and np.isfinite(seen[2])):
         return NOT_FINITE
-    first_seen = (start_gap, -start_speed, seen[2], 0.0)
+    watch.totals[SINCE] = np.inf
     watch.totals[HOTTEST] = watch.totals[PERIOD_HOTTEST] = seen[2]
-    write(record, watch, gap, False, 0.0, first_seen, 0.0)
-    expand(r_free, in_flight, t, x_free)
-    scale = abs(gap) + abs(gap - start_gap)
-    touching = abs(start_gap) <= 4.0 * ROUNDING * (scale + x_free.sums[SIZE, 0])
-    if start_gap < 0.0 and not touching:
+    write(record, watch, gap, False, 0.0, (tip.distance, -tip.speed, seen[2], 0.0), 0.0)
+    expand(flight.r, flight.now, t, flight.x)
+    tally[SCALE] = abs(gap) + abs(gap - tip.distance)
+    touching = abs(tip.distance) <= 4.0 * ROUNDING * (tally[SCALE] + flight.x.sums[SIZE, 0])
+    if tip.distance < 0.0 and not touching:
         return BEYOND
-    audited = ledger.totals.size > 0
     if audited:
-        begin_phase(ledger, raw, 0.0)
-        ledger.totals[FIRST] = energy_of(ledger, raw)
-    holding = False
-    zeros = 0
-    event = False
-    speed = 0.0
+        begin_phase(log, raw, 0.0, False)
+    holding, expanded, event, zeros, speed = False, False, False, 0, 0.0
     if touching:
-        zeros = 1 if start_speed < 0.0 else 2
-        event = start_speed >= 0.0
-        speed = start_speed
-    guess = T
-    fastest_impact = 0.0
-    known_speed = -1.0
-    impacts, releases, steps, events = 0, 0, 0, 0
-    expanded = False
+        event, speed = tip.speed >= 0.0, tip.speed
+        zeros = 2 if event else 1
+    guess, known_speed = T, -1.0
+    events = 0
     warming = 0.0
     for j in range(firsts):
         warming += tip.heat_shape[j] ** 2
@@ -165,183 +314,66 @@ def march(
         if event:
             event = False
             events += 1
-            if events > max_events:
+            if events > budget.events:
                 ended = EVENTS
                 break
-            if audited:
-                settle(ledger, holding, load, t)
-            if holding:  # release
-                releases += 1
-                store_motion(r_held, in_hold, t, held_coordinates)
-                _change(held.leave, held.leave_gap, gap, held_coordinates, held_size, free_size, coordinates)
-                load_motion(r_free, coordinates, t, in_flight)
-                watch.totals[CONTACT] += max(0.0, t - watch.totals[SINCE])
-                watch.totals[SINCE] = np.inf
-                holding = False
-                zeros, expanded = 3, False
-                seen = observe(r_free, in_flight, t)
+            if holding:
+                _release(flight, hold, held, gap, tally, watch, t)
+                holding, zeros, expanded = False, 3, False
+                seen = observe(flight.r, flight.now, t)
             else:
-                fastest_impact = max(fastest_impact, speed)
-                p = (1.0 + tip.e) * speed / tip.mobility
-                strike(r_free, tip.shape, in_flight, p, tip.alpha * p)
-                expand(r_free, in_flight, t, x_free)
+                before = watch.totals[IMPULSE]
+                stays, rest = _impact(flight, tip, thresholds, tally, watch, log, t, speed)
                 zeros, known_speed, expanded = 1, tip.e * speed, True
-                pressing = -x_free.sums[S2, modes]
-                enter, rest = speed <= 0.0 or tip.e == 0.0, t
-                if (
-                    not enter
-                    and tip.e < 1.0
-                    and pressing > 0.0
-                    and speed < thresholds.speed * fastest_impact
-                    and speed * speed < 2.0 * pressing * thresholds.excursion * scale
-                ):  # accumulated: p and what all later impacts would add is m v⁻ and the contact force
-                    enter = True
-                    rest = t + 2.0 * tip.e * speed / (pressing * (1.0 - tip.e))
-                    more = speed / tip.mobility - p
-                    strike(r_free, tip.shape, in_flight, more, tip.alpha * more)
-                    p += more
                 if speed > 0.0:
-                    impacts += 1
-                    if audited:
-                        ledger.totals[SPENT] += p * (speed - 0.5 * p * tip.mobility)
-                    watch.totals[IMPULSE] += p
-                    seen = (0.0, known_speed, seen[2] + tip.alpha * p * warming, 0.0)
+                    seen = (0.0, known_speed, seen[2], 0.0)
                     if firsts > 0:
-                        # its rate after the jump
-                        seen = (0.0, known_speed, seen[2], heating_rate(r_free, in_flight, t))
+                        p = watch.totals[IMPULSE] - before
+                        seen = (0.0, known_speed, seen[2] + tip.alpha * p * warming, heating_rate(flight.r, flight.now))
                         heat_seen(watch, seen[2])
-                if enter:
-                    zeros, known_speed, expanded = 2, -1.0, False
-                    store_motion(r_free, in_flight, t, coordinates)
-                    _change(held.enter, held.enter_gap, gap, coordinates, free_size, held_size, held_coordinates)
-                    load_motion(r_held, held_coordinates, t, in_hold)
-                    expand(r_held, in_hold, t, x_held)
-                    force, rate = x_held.sums[S0, held_blocks], x_held.sums[S1, held_blocks]
-                    nothing = thresholds.force * ROUNDING * x_held.sums[SIZE, 0]
-                    if force > nothing or (force >= -nothing and rate > 0.0):
-                        holding, expanded = True, True
-                        zeros = 0 if force > nothing else 1
+                if stays:
+                    pressed = _enter(flight, hold, held, gap, thresholds.force, t)
+                    holding = pressed >= 0
+                    zeros, known_speed, expanded = pressed if holding else 2, -1.0, holding
+                    if holding:
                         watch.totals[SINCE] = rest
-                        seen = observe(r_held, in_hold, t)
-            if audited:
-                if not holding:
-                    store_motion(r_free, in_flight, t, coordinates)
-                begin_phase(ledger, coordinates, t)
-                if holding and ledger.hidden:
-                    _change(held.leave, held.leave_gap, gap, held_coordinates, held_size, free_size, ledger.final)
-                    let_go(ledger, coordinates, ledger.final)
-            guess = 0.1 / r_free.fastest if r_free.fastest > 0.0 else T
+                        seen = observe(hold.r, hold.now, t)
+            if audited and not _begin(flight, hold, holding, held, gap, log, t):
+                ended = FULL
+                break
+            guess = FIRST_STEP / flight.r.fastest if flight.r.fastest > 0.0 else T
         if t >= T:
             break
-        steps += 1
-        if steps > max_steps:
+        tally[STEPPED] += 1.0
+        if tally[STEPPED] > budget.steps:
             ended = STEPS
             break
         if holding:
-            if not expanded:
-                expand(r_held, in_hold, t, x_held)
-            h, event = _step(r_held, x_held, in_hold, t, T, zeros, -1.0, guess, tolerance, spare_hold, derivatives)
-            if not np.isfinite(h):
-                ended = NOT_FINITE
-                break
-            area = advance(r_held, in_hold, t, h, after_hold, True)
-            after = observe(r_held, after_hold, t + h)
-            see(record, watch, r_held, True, gap, in_hold, t, h, seen, after, area, tolerance, spare_hold)
-            copy_motion(after_hold, in_hold)
-            watch.totals[IMPULSE] += area
+            h, event, seen = _move(hold, holding, record, watch, gap, t, T, zeros, -1.0, expanded, guess, seen)
         else:
-            if not expanded:
-                expand(r_free, in_flight, t, x_free)
-            h, event = _step(
-                r_free, x_free, in_flight, t, T, zeros, known_speed, guess, tolerance, spare_flight, derivatives
-            )
-            if not np.isfinite(h):
-                ended = NOT_FINITE
-                break
-            advance(r_free, in_flight, t, h, after_flight, False)
-            after = observe(r_free, after_flight, t + h)
-            see(record, watch, r_free, False, gap, in_flight, t, h, seen, after, 0.0, tolerance, spare_flight)
-            copy_motion(after_flight, in_flight)
-            scale = max(scale, abs(gap - after[0]))
+            h, event, seen = _move(flight, holding, record, watch, gap, t, T, zeros, known_speed, expanded, guess, seen)
+            tally[SCALE] = max(tally[SCALE], abs(gap - seen[0]))
             if event:
-                speed = -after[1]
+                speed = -seen[1]
                 event = speed > 0.0
-        seen = after
+        if not np.isfinite(h):
+            ended = NOT_FINITE
+            break
         t = T if h >= T - t else t + h
         zeros, known_speed, expanded = 0, -1.0, False
         guess = 2.0 * h
         if audited:
-            if holding:
-                store_motion(r_held, in_hold, t, held_coordinates)
-                _change(held.leave, held.leave_gap, gap, held_coordinates, held_size, free_size, coordinates)
-            else:
-                store_motion(r_free, in_flight, t, coordinates)
-            energy_of(ledger, coordinates)
-    # what falls due at the end, after any event there
+            _state(flight, hold, holding, held, gap, t)
+            energy_of(log, flight.coordinates)
+    record.counts[0] = tally[IMPACTS]
     if ended == DONE:
-        while next_due(record, watch) <= T * (1.0 + 1e-9):
-            write(record, watch, gap, holding, T, seen, watch.totals[IMPULSE])
-        if holding:
-            store_motion(r_held, in_hold, t, held_coordinates)
-            _change(held.leave, held.leave_gap, gap, held_coordinates, held_size, free_size, coordinates)
-        else:
-            store_motion(r_free, in_flight, t, coordinates)
-        if audited:
-            settle(ledger, holding, load, t)
-            ledger.totals[FINAL] = energy_of(ledger, coordinates)
-            ledger.final[:] = coordinates
-        grown = 0.0
-        for j in range(firsts):
-            grown += closing[j] * coordinates[2 * modes + j]
-        record.counts[0] = impacts
-        record.counts[1] = contact_time(watch, T)
-        record.counts[2] = watch.totals[HOTTEST]
-        record.counts[3] = grown
+        _state(flight, hold, holding, held, gap, t)
+        for i in range(log.final.size):
+            log.final[i] = flight.coordinates[i]
+        _finish(record, watch, gap, holding, T, seen, closing, flight.coordinates)
     else:
-        record.counts[0], record.counts[1] = impacts, fastest_impact if impacts == 0 else speed
-    record.counts[4] = steps
-    record.counts[5] = releases
+        record.counts[1] = tally[FASTEST] if tally[IMPACTS] == 0.0 else speed
+    record.counts[4] = tally[STEPPED]
+    record.counts[5] = tally[RELEASES]
     record.counts[6] = t
     return ended
-
-
-@kernel
-def _step(
-    r: Response,
-    x: Expansion,
-    motion: Array,
-    t: float,
-    T: float,
-    zeros: int,
-    known_speed: float,
-    guess: float,
-    tolerance: float,
-    scratch: Array,
-    derivatives: Array,
-) -> tuple[float, bool]:
-    """Return a step on which the signal certainly has no zero, or one that ends at its first zero.
-
-    ``x`` is the expansion at t and may be used up.
-
-    ``known_speed`` is the rate with which it starts from zero where that is known (negative: not).
-    """
-    n = r.blocks
-    left = T - t
-    if not np.isfinite(x.sums[SIZE, 0]):
-        return np.nan, False
-    if known_speed >= 0.0:
-        x.sums[S1, n] = known_speed
-    leading = x.sums[S1, n] if zeros == 1 else x.sums[S2, n] if zeros == 2 else x.sums[S3, n]
-    if zeros > 0 and leading <= 0.0:
-        zeros = 0
-    if zeros == 0 and x.sums[S0, n] <= 0.0 and x.sums[S1, n] < 0.0:
-        return 0.0, True
-    around, end = falls_through(r, x, zeros, left)
-    if end > 0.0:
-        if zeros == 1 and r.fastest * end <= TAYLOR_SPAN:
-            h = short_flight(r, motion, t, x.sums[S1, n], around, x, derivatives)
-        else:
-            h = polish(r, motion, t, around, end, scratch, x)
-        return (left, False) if h > left + tolerance else (min(h, left), True)
-    h = longest_clear(r, x, zeros, guess, left)
-    return (h, False) if h > 0.0 else (np.nan, False)

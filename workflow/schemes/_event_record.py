@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from workflow.models import Array
-from workflow.schemes._event_motion import advance, observe
+from workflow.schemes._event_motion import advance, integral, observe
 from workflow.schemes._event_response import Response
-from workflow.schemes._kernel import kernel
+from workflow.schemes._kernel import part
 
 
 class Record(NamedTuple):
@@ -18,13 +18,10 @@ class Record(NamedTuple):
     times: Array
     """Sample times, s."""
     period_ends: Array
-    displacement: Array
-    velocity: Array
-    temperature: Array
-    impulse: Array
-    period_impulse: Array
-    period_temperature: Array
-    period_contact: Array
+    histories: Array
+    """Displacement, velocity, temperature, impulse, ``(4, t)``."""
+    periods: Array
+    """Impulse, largest temperature, time in contact of load periods, ``(3, period)``."""
     counts: Array
     """impacts, contact time, largest temperature, thermal closing, steps, releases, time reached."""
 
@@ -37,23 +34,30 @@ class Watch(NamedTuple):
     totals: Array
     """Impulse, contact time of closed phases, start of the present phase (or inf), largest
     temperature, largest of this period, impulse and contact time at the last period's end."""
+    tally: Array
+    """What the march counts, see there."""
+
+
+def watch() -> Watch:
+    """Return an empty watch."""
+    return Watch(np.zeros(2, dtype=np.int64), np.zeros(7), np.zeros(5))
 
 
 IMPULSE, CONTACT, SINCE, HOTTEST, PERIOD_HOTTEST, PERIOD_IMPULSE, PERIOD_CONTACT = range(7)
 
 
-@kernel
+@part
 def contact_time(watch: Watch, t: float) -> float:
     return float(watch.totals[CONTACT] + max(0.0, t - watch.totals[SINCE]))
 
 
-@kernel
+@part
 def heat_seen(watch: Watch, temperature: float) -> None:
     watch.totals[HOTTEST] = max(watch.totals[HOTTEST], temperature)
     watch.totals[PERIOD_HOTTEST] = max(watch.totals[PERIOD_HOTTEST], temperature)
 
 
-@kernel
+@part
 def write(
     record: Record,
     watch: Watch,
@@ -68,22 +72,22 @@ def write(
     due = record.times[sample] if sample < record.times.size else np.inf
     end = record.period_ends[period] if period < record.period_ends.size else np.inf
     if due <= end:
-        record.displacement[sample] = gap if held else gap - seen[0]
-        record.velocity[sample] = 0.0 if held else -seen[1]
-        record.temperature[sample] = seen[2]
-        record.impulse[sample] = impulse
+        record.histories[0, sample] = gap if held else gap - seen[0]
+        record.histories[1, sample] = 0.0 if held else -seen[1]
+        record.histories[2, sample] = seen[2]
+        record.histories[3, sample] = impulse
         watch.next[0] += 1
     if end <= due:
         contact = contact_time(watch, t)
         totals = watch.totals
-        record.period_impulse[period] = impulse - totals[PERIOD_IMPULSE]
-        record.period_temperature[period] = totals[PERIOD_HOTTEST]
-        record.period_contact[period] = contact - totals[PERIOD_CONTACT]
+        record.periods[0, period] = impulse - totals[PERIOD_IMPULSE]
+        record.periods[1, period] = totals[PERIOD_HOTTEST]
+        record.periods[2, period] = contact - totals[PERIOD_CONTACT]
         totals[PERIOD_IMPULSE], totals[PERIOD_CONTACT], totals[PERIOD_HOTTEST] = impulse, contact, seen[2]
         watch.next[1] += 1
 
 
-@kernel
+@part
 def next_due(record: Record, watch: Watch) -> float:
     sample, period = watch.next[0], watch.next[1]
     due = record.times[sample] if sample < record.times.size else np.inf
@@ -92,7 +96,7 @@ def next_due(record: Record, watch: Watch) -> float:
     return due
 
 
-@kernel
+@part
 def see(
     record: Record,
     watch: Watch,
@@ -123,14 +127,15 @@ def see(
         at = max(t, due) if inside else t + dt
         part = area
         if inside:
-            part = advance(r, motion, t, at - t, scratch, held)
+            advance(r, motion, t, at - t, scratch)
+            part = integral(r, motion, scratch, t, at - t) if held else 0.0
             seen = observe(r, scratch, at)
         else:
             seen = final
         if heated:
             if last[3] > 0.0 and seen[3] < 0.0:
                 top = last_t + _hermite_top(last[2], last[3], seen[2], seen[3], at - last_t)
-                advance(r, motion, t, top - t, scratch, False)
+                advance(r, motion, t, top - t, scratch)
                 heat_seen(watch, observe(r, scratch, top)[2])
             heat_seen(watch, seen[2])
         if not inside:
@@ -139,7 +144,7 @@ def see(
         last, last_t = seen, at
 
 
-@kernel
+@part
 def _hermite_top(a: float, da: float, b: float, db: float, h: float) -> float:
     """Return where on [0, h] the cubic with these end values and slopes (da > 0 > db) is largest."""
     low, high = 0.0, h

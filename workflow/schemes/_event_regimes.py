@@ -107,9 +107,10 @@ class Held:
     to_free_gap: Array
 
 
-_NEAR_RESONANCE = 1e-3
+_DRAGGED_NEAR_RESONANCE = 1e-3
 """A block keeps its thermal force explicit where its denominator μ² - μ c + ω² is below this share
-of its terms: the quasi-static response would lose more than three of sixteen digits."""
+of the *sum* of its terms: the quasi-static response would lose more than three of sixteen digits. A
+block as a whole becomes explicit, where the fixed-step schemes couple single pairs."""
 
 
 def quasi_static(frequency: Array, damping: Array, rate: Array, drive: Array) -> tuple[Array, Array, Array]:
@@ -123,7 +124,7 @@ def quasi_static(frequency: Array, damping: Array, rate: Array, drive: Array) ->
     polynomial = rate**2 - rate * c + omega2
     size = rate**2 + rate * c + omega2
     forced = drive != 0
-    near = np.any(forced & (np.abs(polynomial) < _NEAR_RESONANCE * size), axis=1)
+    near = np.any(forced & (np.abs(polynomial) < _DRAGGED_NEAR_RESONANCE * size), axis=1)
     use = forced & ~near[:, None]
     a, b = np.zeros_like(drive), np.zeros_like(drive)
     np.divide(drive, omega2, out=a, where=use)

@@ -56,7 +56,7 @@ from workflow.schemes._event_functions import (
     padded,
 )
 from workflow.schemes._event_regimes import Regime
-from workflow.schemes._kernel import kernel
+from workflow.schemes._kernel import part
 
 SLOW = 0.3
 """A block whose slowest pole turns by less than this over the duration keeps its forces explicit:
@@ -65,6 +65,10 @@ splitting off F/ω² would cancel digits like (slow pole · duration)⁻²."""
 
 RESONANT = 0.1
 """Likewise for a block whose pole stays this near (times the duration) to that of the load."""
+
+
+ORDER, TAYLOR_SPAN = 18, 0.6
+"""Order of Taylor polynomials, and largest (pole · time) they are used for: 0.6^18/18! < 2e-20."""
 
 
 class Load(NamedTuple):
@@ -115,17 +119,71 @@ class Response(NamedTuple):
     """Whether blocks show in the tip temperature or their slopes in the signal."""
 
 
+class Tables(NamedTuple):
+    """Memory for one regime of one case, all zeros to begin with."""
+
+    block: Array
+    first: Array
+    coordinates: Array
+    """Coordinates; constant sources of them, and those of sin ψ, ``(3, N)``."""
+    motion: Array
+    """States: now, after the step, spare, ``(3, 4, column)``."""
+    sums: Array
+    terms: Array
+    derivatives: Array
+    """See :class:`~workflow.schemes._event_search.Expansion`."""
+
+
+def tables(blocks: int, firsts: int) -> Tables:
+    """Return empty tables."""
+    columns, wide = padded(blocks), padded(firsts)
+    return Tables(
+        np.zeros((BLOCK_ROWS, columns)),
+        np.zeros((FIRST_ROWS, wide)),
+        np.zeros((3, 2 * blocks + firsts)),
+        np.zeros((3, 4, max(columns, wide))),
+        np.zeros((9, blocks + 1)),
+        np.zeros((8, columns)),
+        np.zeros(ORDER + 1),
+    )
+
+
+class Layout(NamedTuple):
+    """A regime as the march takes it: few arrays, since each costs compilation in every kernel."""
+
+    block: Array
+    """Rows: damping, stiffness, near, signal and tip temperature per value and slope, ``(7, block)``."""
+    first: Array
+    """Rows: rate, signal and tip temperature per first-order state, ``(3, first)``."""
+    coupling: Array
+    source: Array
+    """Sources [β, γ, χ] and, last, the signal, per steady load, heating, tip load and gap,
+    ``(N + 1, mechanical + thermal + 2)``."""
+    enter: Array
+    leave: Array
+    """Coordinates from raw ones and the gap, and back, ``(raw + 1, N)`` and ``(N + 1, raw)``."""
+
+
+def layout(g: Regime) -> Layout:
+    """Lay a regime out."""
+    heating = np.zeros(g.source_heating.shape[1])
+    source = np.column_stack([g.source_steady, g.source_heating, g.source_tip, g.source_gap])
+    signal = np.concatenate([g.signal_steady, heating, [g.signal_tip, g.signal_gap]])
+    return Layout(
+        np.stack([g.damping, g.stiffness, g.near, g.signal_value, g.signal_slope, g.heat_value, g.heat_slope]),
+        np.stack([g.rate, g.signal_first, g.heat_first]),
+        g.coupling,
+        np.concatenate([source, signal[None]]),
+        np.concatenate([g.enter, g.enter_gap[None]]),
+        np.concatenate([g.leave, g.leave_gap[None]]),
+    )
+
+
 VALUES, SLOPES, FIRSTS, PACES = range(4)
 """Rows of a state, loads split off where they are: η, η' per block, ξ, ξ' per first-order state."""
 
 
-@kernel
-def new_motion(r: Response) -> Array:
-    """Return an empty state."""
-    return np.zeros((4, max(r.block.shape[1], r.first.shape[1])))
-
-
-@kernel
+@part
 def copy_motion(source: Array, target: Array) -> None:
     """Copy a state."""
     for row in range(4):
@@ -133,7 +191,7 @@ def copy_motion(source: Array, target: Array) -> None:
             target[row, k] = source[row, k]
 
 
-@kernel
+@part
 def _keeps_forces(c: float, w2: float, forced: bool, load_omega: float, duration: float) -> bool:
     """Whether a block's response to the loads cannot be split off without losing digits."""
     half = 0.5 * abs(c)
@@ -146,46 +204,50 @@ def _keeps_forces(c: float, w2: float, forced: bool, load_omega: float, duration
     return bool(np.hypot(half, load_omega - np.sqrt(turn)) * duration < RESONANT)
 
 
-@kernel
-def respond(regime: Regime, load: Load, heat_shape: Array, firsts: int) -> Any:
+@part
+def _sources(regime: Layout, load: Load, heated: bool, constant: Array, harmonic: Array) -> None:
+    """Fill the sources [β, γ, χ] of all coordinates: constant ones, and those of sin ψ."""
+    steady, heating = load.steady.size, load.heating.size
+    for k in range(constant.size):
+        source = regime.source[k, steady + heating] * load.mean + regime.source[k, steady + heating + 1] * load.gap
+        for i in range(steady):
+            source += regime.source[k, i] * load.steady[i]
+        if heated:
+            for i in range(heating):
+                source += regime.source[k, steady + i] * load.heating[i]
+        constant[k] = source
+        harmonic[k] = regime.source[k, steady + heating] * load.amplitude
+
+
+@part
+def respond(regime: Layout, load: Load, heat_shape: Array, firsts: int, tables: Tables) -> Any:
     """Return the response of a regime to the loads of one case; ``firsts`` is 0 without heat.
 
     ``heat_shape`` is χ_n where first-order states are the thermal modes and blocks the free ones.
     """
-    blocks = regime.damping.size
-    size = 2 * blocks + firsts
-    wave = load.omega
-    constant = np.zeros(size)
-    harmonic = np.zeros(size)  # of sin ψ
-    for k in range(size):
-        source = regime.source_tip[k] * load.mean + regime.source_gap[k] * load.gap
-        for i in range(load.steady.size):
-            source += regime.source_steady[k, i] * load.steady[i]
-        if firsts > 0:
-            for i in range(load.heating.size):
-                source += regime.source_heating[k, i] * load.heating[i]
-        constant[k] = source
-        harmonic[k] = regime.source_tip[k] * load.amplitude
-    b, f = np.zeros((BLOCK_ROWS, padded(blocks))), np.zeros((FIRST_ROWS, padded(firsts)))
-    b[TURN, :] = 1.0
-    b[STIFFNESS, :] = 1.0
+    blocks = regime.block.shape[1]
+    wave, steady, heating = load.omega, load.steady.size, load.heating.size
+    b, f, constant, harmonic = tables.block, tables.first, tables.coordinates[1], tables.coordinates[2]
+    _sources(regime, load, firsts > 0, constant, harmonic)
+    for k in range(b.shape[1]):
+        b[TURN, k] = b[STIFFNESS, k] = 1.0
     specials = 0
-    signal = regime.signal_tip * load.mean + regime.signal_gap * load.gap
-    for i in range(load.steady.size):
-        signal += regime.signal_steady[i] * load.steady[i]
-    signal_cos, signal_sin = 0.0, regime.signal_tip * load.amplitude
+    last = regime.source.shape[0] - 1
+    signal = regime.source[last, steady + heating] * load.mean + regime.source[last, steady + heating + 1] * load.gap
+    for i in range(steady):
+        signal += regime.source[last, i] * load.steady[i]
+    signal_cos, signal_sin = 0.0, regime.source[last, steady + heating] * load.amplitude
     heat, heat_cos, heat_sin = 0.0, 0.0, 0.0
     growth, fastest, two_way = 0.0, wave, False
     for j in range(firsts):
-        f[RATE, j], f[FIRST, j], f[HEAT_FIRST, j] = regime.rate[j], regime.signal_first[j], regime.heat_first[j]
+        f[RATE, j], f[FIRST, j], f[HEAT_FIRST, j] = regime.first[0, j], regime.first[1, j], regime.first[2, j]
         f[SOURCE, j] = constant[2 * blocks + j]
         growth, fastest = max(growth, -f[RATE, j]), max(fastest, abs(f[RATE, j]))
     for j in range(min(firsts, heat_shape.size)):
         f[KICK_FIRST, j], f[KICK_PACE, j] = heat_shape[j], -f[RATE, j] * heat_shape[j]
     for k in range(blocks):
-        c, w2 = regime.damping[k], regime.stiffness[k]
-        value, slope = regime.signal_value[k], regime.signal_slope[k]
-        heat_value, heat_slope = regime.heat_value[k], regime.heat_slope[k]
+        c, w2, value, slope = regime.block[0, k], regime.block[1, k], regime.block[3, k], regime.block[4, k]
+        heat_value, heat_slope = regime.block[5, k], regime.block[6, k]
         two_way = two_way or slope != 0.0 or heat_value != 0.0 or heat_slope != 0.0
         growth, fastest = max(growth, -c), max(fastest, max(np.sqrt(w2), abs(c)))
         b[DAMPING, k], b[STIFFNESS, k], b[HALF, k] = c, w2, 0.5 * c
@@ -205,7 +267,7 @@ def respond(regime: Regime, load: Load, heat_shape: Array, firsts: int) -> Any:
         heat -= heat_slope * beta
         heat_sin -= heat_slope * beta_sin
         forced = force_cos != 0.0 or force_sin != 0.0
-        near = firsts > 0 and regime.near[k] > 0.0
+        near = firsts > 0 and regime.block[2, k] > 0.0
         explicit = near or _keeps_forces(c, w2, forced, wave, load.duration)
         if explicit or not oscillates:
             b[SPECIAL, specials] = k
@@ -268,7 +330,7 @@ def respond(regime: Regime, load: Load, heat_shape: Array, firsts: int) -> Any:
     )
 
 
-@kernel
+@part
 def load_motion(r: Response, coordinates: Array, t: float, motion: Array) -> None:
     """Split the loads' response off the coordinates [η, u, ξ] of time t."""
     b, f, y = r.block, r.first, motion
@@ -289,7 +351,7 @@ def load_motion(r: Response, coordinates: Array, t: float, motion: Array) -> Non
         y[VALUES, k], y[SLOPES, k] = value, slope
 
 
-@kernel
+@part
 def store_motion(r: Response, motion: Array, t: float, coordinates: Array) -> None:
     """Return to the coordinates [η, u, ξ]: the inverse of :func:`load_motion`."""
     b, f, y = r.block, r.first, motion

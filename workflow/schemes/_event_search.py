@@ -10,14 +10,13 @@ bounded as a group by their amplitude instead, which lets steps be much longer t
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from workflow.models import Array
 from workflow.schemes._event_functions import (
     DAMPING,
-    DECAY,
     EXPLICIT,
     FIRST,
     FORCE_COS,
@@ -32,17 +31,28 @@ from workflow.schemes._event_functions import (
     SPECIAL,
     STIFFNESS,
     VALUE,
-    row_total,
 )
-from workflow.schemes._event_motion import ORDER, advance, explicit_force
+from workflow.schemes._event_motion import explicit_force
 from workflow.schemes._event_response import FIRSTS, PACES, SLOPES, VALUES, Response
-from workflow.schemes._kernel import kernel
+from workflow.schemes._kernel import part
 
 ROUNDING = 4.0 * 2.220446049250313e-16
 """Signal values below this share of the sum of their terms' magnitudes are not told from zero."""
 
 FAST = 2.5
 """A mode with ω h above this is bounded by its amplitude: (ω h)⁴/24 exceeds 1 from 2.2 on."""
+
+
+LONGER, SHORTER = 1.5, 0.6
+"""Factors by which a step is lengthened while it stays clear, or shortened until it is: they set how
+many certificates are tried, never the result."""
+
+STRETCHES = (1.02, 1.25)
+"""Ends of the interval tried around a zero, as shares of its guess: past the error of the guess, which
+is that of a cubic, and before the next zero."""
+
+CLOSE = 1e-9
+"""Newton's steps on the cubic end at this relative change: its zero is a guess, polished afterwards."""
 
 
 class Expansion(NamedTuple):
@@ -53,18 +63,14 @@ class Expansion(NamedTuple):
     in column 0 how fast the bound of |s⁗| may grow, and the sum of the magnitudes of all terms."""
     terms: Array
     """Per block: signal, three derivatives, bounds of |s⁗|, |s'| and |s|; scratch."""
+    derivatives: Array
+    """Of the signal, ``(ORDER + 1,)``; scratch."""
 
 
 S0, S1, S2, S3, FOURTH, REST, REST_RATE, FIFTH, SIZE = range(9)
 
 
-@kernel
-def new_expansion(r: Response) -> Any:
-    """Return an empty expansion."""
-    return Expansion(np.zeros((9, r.blocks + 1)), np.zeros((8, r.block.shape[1])))
-
-
-@kernel
+@part
 def expand(r: Response, motion: Array, t: float, x: Expansion) -> None:
     """Expand the signal at a state."""
     b, f, sums, d = r.block, r.first, x.sums, x.terms
@@ -136,7 +142,7 @@ def expand(r: Response, motion: Array, t: float, x: Expansion) -> None:
     sums[FIFTH, 0], sums[SIZE, 0] = fifth, size
 
 
-@kernel
+@part
 def _expand_blocks(b: Array, y: Array, d: Array) -> None:
     """Fill the terms of all blocks that move freely; the energy √(ω² s² + s'²) of a mode never grows."""
     for k in range(d.shape[1]):
@@ -156,7 +162,7 @@ def _expand_blocks(b: Array, y: Array, d: Array) -> None:
         d[REST, k] = d[REST_RATE, k] * b[PERIOD, k]
 
 
-@kernel
+@part
 def _summed(r: Response, h: float) -> int:
     """Return how many blocks to expand over a step h; the others are bounded as a group."""
     k = r.blocks
@@ -165,7 +171,7 @@ def _summed(r: Response, h: float) -> int:
     return k
 
 
-@kernel
+@part
 def _growth(x: float) -> float:
     """Return a bound of e^x: at most what modes grow over a step."""
     if x <= 0.0:
@@ -173,7 +179,7 @@ def _growth(x: float) -> float:
     return 1.0 / (1.0 - x) if x < 0.25 else np.exp(x)
 
 
-@kernel
+@part
 def _clear(r: Response, x: Expansion, zeros: int, h: float) -> bool:
     """Whether the signal certainly has no zero on (0, h], known zeros at 0 divided out."""
     factor = _growth(r.growth * h)
@@ -197,25 +203,25 @@ def _clear(r: Response, x: Expansion, zeros: int, h: float) -> bool:
     return bool(a0 >= 0.0 and b1 >= 0.0 and b2 >= 0.0 and b3 >= 0.0 and b4 >= 0.0)
 
 
-@kernel
+@part
 def longest_clear(r: Response, x: Expansion, zeros: int, guess: float, most: float) -> float:
     """Return a step up to ``most`` on which the signal certainly has no zero; 0 if there is none."""
     h = min(guess, most)
     if _clear(r, x, zeros, h):
         while h < most:
-            longer = min(1.5 * h, most)
+            longer = min(LONGER * h, most)
             if not _clear(r, x, zeros, longer):
                 break
             h = longer
         return h
-    for _ in range(400):
-        h *= 0.6
+    for _ in range(400):  # 0.6⁴⁰⁰ = 1e-89: nothing is left of any step
+        h *= SHORTER
         if _clear(r, x, zeros, h):
             return h
     return 0.0
 
 
-@kernel
+@part
 def _cubic_zero(a0: float, a1: float, a2: float, a3: float) -> float:
     """Return the zero of a0 + a1 τ + a2 τ² + a3 τ³ that Newton finds from τ = 0; -1 if none."""
     if a1 >= 0.0:
@@ -228,12 +234,12 @@ def _cubic_zero(a0: float, a1: float, a2: float, a3: float) -> float:
             return -1.0
         step = -value / rate
         tau += step
-        if abs(step) <= 1e-9 * tau:
+        if abs(step) <= CLOSE * tau:
             return tau
     return -1.0
 
 
-@kernel
+@part
 def falls_through(r: Response, x: Expansion, zeros: int, most: float) -> tuple[float, float]:
     """Return a guess and the end of an interval in which the signal certainly falls through zero once.
 
@@ -251,7 +257,7 @@ def falls_through(r: Response, x: Expansion, zeros: int, most: float) -> tuple[f
         return 0.0, 0.0
     if guess <= 0.0 or guess > 2.0 * most:
         return 0.0, 0.0
-    for stretch in (1.02, 1.25):
+    for stretch in STRETCHES:
         h = guess * stretch
         factor = _growth(r.growth * h)
         k = _summed(r, h) if zeros == 0 else n
@@ -273,7 +279,7 @@ def falls_through(r: Response, x: Expansion, zeros: int, most: float) -> tuple[f
     return 0.0, 0.0
 
 
-@kernel
+@part
 def _flight_guess(a1: float, a2: float, a3: float) -> float:
     """Return the positive zero of a1 + a2 τ + a3 τ² of a flight that starts at zero; -1 if none."""
     if a1 <= 0.0 or a2 >= 0.0:
@@ -282,111 +288,3 @@ def _flight_guess(a1: float, a2: float, a3: float) -> float:
     if square < 0.0:
         return -1.0
     return float(-2.0 * a1 / (a2 - np.sqrt(square)))
-
-
-@kernel
-def polish(r: Response, motion: Array, t: float, guess: float, end: float, scratch: Array, x: Expansion) -> float:
-    """Return the zero of the signal in (0, end], by expansions about ever better points."""
-    tau = guess
-    n = r.blocks
-    low, high = 0.0, end
-    for _ in range(30):
-        advance(r, motion, t, tau, scratch, False)
-        expand(r, scratch, t + tau, x)
-        s0, s1, s2, s3 = x.sums[S0, n], x.sums[S1, n], x.sums[S2, n] / 2.0, x.sums[S3, n] / 6.0
-        if s0 > 0.0:
-            low = tau
-        else:
-            high = tau
-        step = -s0 / s1 if s1 < 0.0 else 2.0 * end
-        for _ in range(6):
-            rate = s1 + step * (2.0 * s2 + step * 3.0 * s3)
-            if rate >= 0.0:
-                break
-            change = (s0 + step * (s1 + step * (s2 + step * s3))) / rate
-            step -= change
-            if abs(change) <= 1e-15 * abs(step):
-                break
-        if not (low <= tau + step <= high):
-            step = 0.5 * (low + high) - tau
-            tau += step
-            if high - low <= 1e-16 * (t + high):
-                return tau
-            continue
-        tau += step
-        if x.sums[FOURTH, n] * step**4 / 24.0 <= 0.25 * ROUNDING * x.sums[SIZE, 0] or abs(step) <= 1e-16 * (t + tau):
-            return tau
-    return tau
-
-
-@kernel
-def short_flight(
-    r: Response, motion: Array, t: float, speed: float, guess: float, x: Expansion, derivatives: Array
-) -> float:
-    """Return the duration of a flight that starts at zero gap with ``speed``, by its Taylor polynomial.
-
-    Solves gap(τ)/τ = 0, which keeps its digits however low the flight is.
-    """
-    span = 1.1 * r.fastest * guess
-    order, term = 4, span**4 / 24.0
-    while order < ORDER and term > 1e-18:
-        order += 1
-        term *= span / order
-    series(r, motion, t, order, x, derivatives)
-    derivatives[1] = speed
-    factorial = 1.0
-    for n in range(1, order + 1):
-        factorial *= n
-        derivatives[n] /= factorial
-    tau = guess
-    for _ in range(20):
-        value, rate = 0.0, 0.0
-        for n in range(order, 0, -1):
-            rate = rate * tau + value
-            value = value * tau + derivatives[n]
-        step = -value / rate
-        tau += step
-        if abs(step) <= 1e-16 * tau:
-            break
-    return tau
-
-
-@kernel
-def series(r: Response, motion: Array, t: float, order: int, x: Expansion, derivatives: Array) -> None:
-    """Fill the derivatives of the signal up to ``order`` from a state; ``x`` is its expansion and is used up."""
-    psi, w = r.load_omega * t + r.load_phase, r.load_omega
-    cos, sin = np.cos(psi), np.sin(psi)
-    wave_cos, wave_sin = r.signal_wave
-    for n in range(order + 1):
-        derivatives[n] = wave_cos * cos + wave_sin * sin
-        wave_cos, wave_sin = w * wave_sin, -w * wave_cos
-    if r.firsts > 0:
-        f = r.first
-        for j in range(f.shape[1]):
-            f[DECAY, j] = (f[FIRST, j] - f[PACE, j] * f[RATE, j]) * motion[PACES, j]
-        for n in range(1, order + 1):
-            derivatives[n] += row_total(f, DECAY)
-            for j in range(f.shape[1]):
-                f[DECAY, j] *= -f[RATE, j]
-    b, d = r.block, x.terms
-    low, high, next_ = 0, 1, 2
-    for n in range(order + 1):
-        derivatives[n] += row_total(d, low)
-        for k in range(d.shape[1]):
-            d[next_, k] = -b[DAMPING, k] * d[high, k] - b[STIFFNESS, k] * d[low, k]
-        low, high, next_ = high, next_, low
-    for i in range(r.specials):
-        k = int(b[SPECIAL, i])
-        if b[EXPLICIT, k] == 0.0:
-            continue
-        c, w2, value, slope = b[DAMPING, k], b[STIFFNESS, k], b[VALUE, k], b[SLOPE, k]
-        y, v = motion[VALUES, k], motion[SLOPES, k]
-        f_cos, f_sin = b[FORCE_COS, k], b[FORCE_SIN, k]
-        force = explicit_force(r, k, motion, cos, sin)
-        for n in range(order + 1):
-            derivatives[n] += value * y + slope * v
-            y, v = v, force - c * v - w2 * y
-            f_cos, f_sin = w * f_sin, -w * f_cos
-            force = f_cos * cos + f_sin * sin
-            for j in range(r.firsts):
-                force += r.coupling[0, k, j] * motion[PACES, j] * (-r.first[RATE, j]) ** n

@@ -33,6 +33,11 @@ _ORTHOGONAL = 1e-9
 """Left and right eigenvectors of different eigenvalues must be orthogonal to this share of their
 products, else an eigenvalue was missed or found twice, or two of them nearly coincide."""
 _NEWTON_STEPS = 12
+_CONVERGED, _STALLED = 1e-15, 1e-11
+"""Newton ends where a shift changes by less than the first, a few roundings, relatively; if steps run
+out, the second still counts as found: quadratic convergence makes its next change less than rounding."""
+_TINY = 1e-300
+"""A shift of zero has converged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,10 +194,10 @@ def _newton(residue: Complex, d: Complex, origin: NDArray[np.intp], delta: Compl
             shift -= step
             if real:
                 shift = complex(shift.real, 0.0)
-            if abs(step) <= 1e-15 * abs(shift) + 1e-300:
+            if abs(step) <= _CONVERGED * abs(shift) + _TINY:
                 converged = True
                 break
-            converged = abs(step) <= 1e-11 * abs(shift)
+            converged = abs(step) <= _STALLED * abs(shift)
         if not converged:
             return False
         delta[i] = shift

@@ -15,13 +15,12 @@ import numpy as np
 
 from workflow.declare import quantity
 from workflow.models import Array, Cases, Structure, poles
-from workflow.schemes._event_balance import no_ledger
+from workflow.schemes._event_balance import no_log
 from workflow.schemes._event_books import Books
-from workflow.schemes._event_march import BEYOND, DONE, EVENTS, NOT_FINITE, STEPS, Thresholds, Tip, march
-from workflow.schemes._event_motion import TAYLOR_SPAN
-from workflow.schemes._event_record import Record
+from workflow.schemes._event_march import BEYOND, DONE, EVENTS, FULL, NOT_FINITE, STEPS, Budget, Thresholds, Tip, march
+from workflow.schemes._event_record import Record, watch
 from workflow.schemes._event_regimes import Basis, Regime, analyse
-from workflow.schemes._event_response import SLOW, Load
+from workflow.schemes._event_response import SLOW, TAYLOR_SPAN, Layout, Load, layout, tables
 from workflow.schemes._event_spectrum import coupled_regime, held_regime
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Status, complete_periods
 
@@ -30,6 +29,9 @@ READS = frozenset({"e", "alpha"})
 INPUT, SPECTRUM, STIFF = -1, -2, -3
 """How a case ended that was not run: a value of it is not finite, its eigenvalues were not found, or
 a mode too slow to split its load off is damped so fast that its Taylor steps exceed the budget."""
+
+PHASES = 1024
+"""Phases that the log of the balances takes at first; a case with more is run again with a longer one."""
 
 THRESHOLDS = Thresholds(excursion=1e-10, speed=1e-3, force=64.0)
 
@@ -48,13 +50,15 @@ class Operator:
 
     structure: Structure
     basis: Basis
+    free: Layout
     options: Options
     thresholds: Thresholds = THRESHOLDS
 
 
 def init(structure: Structure, h: float, options: Options) -> Operator:
     """Diagonalise the structure with its tip free and held; ``h`` is not read."""
-    return Operator(structure, analyse(structure), options)
+    basis = analyse(structure)
+    return Operator(structure, basis, layout(basis.free), options)
 
 
 def amplification(frequency: Array, damping: Array, h: float, options: Options) -> Any:
@@ -81,12 +85,12 @@ def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
     count = cases.count
     periods = complete_periods(cases.frequency, sampling)
     most = int(periods.max(initial=0))
-    histories = {name: np.full((count, sampling.count), np.nan) for name in HISTORIES}
-    period_impulse, period_temperature, period_contact = (np.full((count, most), np.nan) for _ in range(3))
+    written = np.full((count, len(HISTORIES), sampling.count), np.nan)
+    periodic = np.full((count, 3, most), np.nan)
     counts = np.full((count, 7), np.nan)
     status = np.zeros(count, dtype=np.int8)
     messages: dict[int, str] = {}
-    held: dict[float, Regime] = {}
+    held: dict[float, tuple[Regime, Layout]] = {}
     times = sampling.times
     books = Books(operator.structure, operator.basis) if sampling.balances else None
     residuals = np.full((count, 2), np.nan)
@@ -95,13 +99,8 @@ def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
         record = Record(
             times,
             np.arange(1, n + 1) / frequency if n else np.zeros(0),
-            histories["displacement"][i],
-            histories["velocity"][i],
-            histories["temperature"][i],
-            histories["impulse"][i],
-            period_impulse[i, :n],
-            period_temperature[i, :n],
-            period_contact[i, :n],
+            written[i],
+            periodic[i],
             counts[i],
         )
         ended = INPUT
@@ -109,18 +108,20 @@ def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
             try:
                 if alpha not in held:
                     regime = held_regime if alpha == 0 else coupled_regime
-                    held[alpha] = regime(operator.basis.held, alpha)
-                if _taylor_steps((operator.basis.free, held[alpha]), sampling.duration) > operator.options.steps:
+                    found = regime(operator.basis.held, alpha)
+                    held[alpha] = found, layout(found)
+                if _taylor_steps((operator.basis.free, held[alpha][0]), sampling.duration) > operator.options.steps:
                     ended = STIFF
                 else:
-                    ended = _run(operator, held[alpha], cases, i, sampling.duration, record, books, residuals[i])
+                    ended = _run(operator, held[alpha][1], cases, i, sampling.duration, record, books, residuals[i])
             except np.linalg.LinAlgError:
                 ended = SPECTRUM
         if ended != DONE:
             status[i] = Status.FAILED
-            messages[i] = _message(ended, operator.options, counts[i])
+            messages[i] = _message(ended, operator.options, counts[i], float(cases.e[i]))
             counts[i, :4] = counts[i, 5:] = np.nan
-        period_contact[i, :n] *= frequency
+        periodic[i, 2] *= frequency
+    histories = {name: written[:, k].copy() for k, name in enumerate(HISTORIES)}
     with np.errstate(invalid="ignore"):
         beyond = np.maximum(0.0, np.max(histories["displacement"] - cases.gap[:, None], axis=1))
     balances = {} if books is None else dict(zip(("energy_residual", "heat_residual"), residuals.T.copy(), strict=True))
@@ -136,9 +137,9 @@ def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
             "releases": counts[:, 5],
             **balances,
         },
-        period_impulse=period_impulse,
-        period_temperature=period_temperature,
-        period_contact=period_contact,
+        period_impulse=periodic[:, 0].copy(),
+        period_temperature=periodic[:, 1].copy(),
+        period_contact=periodic[:, 2].copy(),
         status=status,
         messages=messages,
     )
@@ -146,7 +147,7 @@ def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
 
 def _run(
     operator: Operator,
-    held: Regime,
+    held: Layout,
     cases: Cases,
     i: int,
     duration: float,
@@ -179,42 +180,57 @@ def _run(
     warm = cases.alpha[i] != 0 or cases.heating[i].any() or cases.temperature[i].any()
     heats = basis.heat_tip.size if warm else 0
     raw = raw[: 2 * basis.tip.size + heats]
-    alpha = float(cases.alpha[i])
-    ledger = no_ledger() if books is None else books.ledger(alpha, load, heats)
-    ended = int(
-        march(
-            basis.free,
-            held,
-            load,
-            Tip(float(cases.e[i]), alpha, basis.mobility, basis.tip, basis.heat_tip),
-            raw,
-            float(cases.gap[i] - cases.displacement[i, -1]),
-            float(cases.velocity[i, -1]),
-            heats,
-            record,
-            basis.closing,
-            options.events,
-            options.steps,
-            operator.thresholds,
-            ledger,
-        )
+    alpha, modes = float(cases.alpha[i]), basis.tip.size
+    tip = Tip(
+        float(cases.e[i]),
+        alpha,
+        basis.mobility,
+        basis.tip,
+        basis.heat_tip,
+        float(cases.gap[i] - cases.displacement[i, -1]),
+        float(cases.velocity[i, -1]),
     )
+    phases = 0 if books is None else PHASES
+    while True:
+        log = no_log() if books is None else books.log(alpha, raw.size, phases)
+        ended = int(
+            march(
+                operator.free,
+                held,
+                load,
+                tip,
+                raw,
+                record,
+                watch(),
+                basis.closing,
+                Budget(options.events, options.steps),
+                operator.thresholds,
+                tables(modes, heats),
+                tables(held.block.shape[1], held.first.shape[1] if heats else 0),
+                log,
+            )
+        )
+        if ended != FULL:
+            break
+        phases *= 8
     if books is not None and ended == DONE:
-        residuals[:] = books.residuals(ledger, raw, load, alpha, float(record.impulse[-1]))
+        residuals[:] = books.residuals(log, raw, load, alpha, float(record.histories[3, -1]))
     return ended
 
 
 def _taylor_steps(regimes: tuple[Regime, ...], duration: float) -> float:
     """Return the Taylor steps that the stiffest explicit block takes over the duration, 0 for none.
 
-    Explicit are overdamped blocks whose slow pole has moved by less than ``SLOW`` at the end.
+    Explicit are overdamped blocks whose slow pole has moved by less than ``SLOW`` at the end. Their
+    fast pole is split off unless a thermal rate lies as near as quasi-static responses allow.
     """
     most = 0.0
     for regime in regimes:
         half, omega = 0.5 * np.abs(regime.damping), np.sqrt(np.abs(regime.stiffness))
         root = np.sqrt(np.maximum(half**2 - regime.stiffness, 0.0))
         slow = np.where(root > 0, regime.stiffness / np.maximum(half + root, 1e-300), omega)
-        explicit = slow * duration < SLOW
+        near = regime.near > 0
+        explicit = (slow * duration < SLOW) & (near | (regime.damping < 0))
         most = max(most, float(np.max(np.abs(regime.damping)[explicit], initial=0.0)) * duration / TAYLOR_SPAN)
     return most
 
@@ -225,15 +241,20 @@ def _times(matrix: Array, state: Array) -> Array:
         return np.asarray((matrix * state).sum(axis=1))
 
 
-def _message(ended: int, options: Options, counts: Array) -> str:
+def _message(ended: int, options: Options, counts: Array, e: float) -> str:
     """Say what a case did when it stopped."""
     at = f"at t = {counts[6]:.6g} s"
+    without_end = (
+        ": with e = 1 impacts of a pressed tip follow each other ever faster without ever ending in contact; "
+        "with e < 1 they do"
+        if e == 1
+        else ""
+    )
     return {
         INPUT: "a value of the case is not a finite number",
         SPECTRUM: "the eigenvalues of the held tip with friction heat were not found",
         EVENTS: f"stopped {at} after {options.events} contact events, its budget; "
-        f"the last of {counts[0]:.0f} impacts had a speed of {counts[1]:.3g} m/s "
-        "(with e = 1 impacts of a pressed tip accumulate without end)",
+        f"the last of {counts[0]:.0f} impacts had a speed of {counts[1]:.3g} m/s{without_end}",
         STEPS: f"stopped {at} after {options.steps} steps between contact events, its budget",
         STIFF: "a mode is damped too fast and moves too slowly for its load to be followed within the budget of "
         f"{options.steps} steps; lower the damping, or use moreau",
