@@ -14,7 +14,7 @@ import numpy as np
 
 import workflow
 from workflow.archive._layout import Coordinate, Layout, Variable
-from workflow.grid import Grid, Units, longest_period_count
+from workflow.grid import Grid, Units, longest_period_count, scheme_metrics
 from workflow.schemes import SOLVER_VERSION, Status
 from workflow.study import Axis, Study
 
@@ -65,8 +65,9 @@ _COMMENTS = {
     "energy_residual": (
         "(change of E - work of the loads + dissipation by damping + work against thermal forces + sum over impulses "
         "p of p (v_n before + v_n after)/2) / max E, E = vMv/2 + xK1x/2; time-stepping schemes: midpoint values of "
-        "whole steps, v_n at the step's ends, so that what the scheme itself gives (+) or takes (-) remains; 0 where "
-        "max E is 0; NaN where event_driven cannot integrate it at a reasonable cost"
+        "whole steps (central differences: values at the step ends), v_n at the step's ends, so that what the scheme "
+        "itself gives (+) or takes (-) remains; penalty: E holds the energy of its contact spring, whose force is no "
+        "loss; 0 where max E is 0; NaN where event_driven cannot integrate it at a reasonable cost"
     ),
     "heat_residual": (
         "(change of the heat content - alpha times impulse - heating + conduction to the root and convection) / heat "
@@ -179,6 +180,9 @@ def _variables(study: Study, periods: int) -> tuple[Variable, ...]:
         Variable(name, "history", precision, _attributes(name, *_HISTORIES[name])) for name in study.output.histories
     ]
     found += [Variable(name, "metric", "f8", _attributes(name, *about)) for name, about in _METRICS.items()]
+    found += [
+        Variable(name, "metric", "f8", _attributes(name, *about)) for name, about in scheme_metrics(study).items()
+    ]
     if study.output.balances:
         found += [Variable(name, "metric", "f8", _attributes(name, *about)) for name, about in _BALANCES.items()]
     if study.reference is not None:

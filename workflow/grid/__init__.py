@@ -3,7 +3,7 @@
 from workflow.grid._arrangement import Grid, arrange, fixes_operator, reads
 from workflow.grid._operators import reduced_structure, structure_of
 from workflow.grid._plan import Figures, Plan, plan
-from workflow.grid._solve import Solved, longest_period_count, solve
+from workflow.grid._solve import Solved, longest_period_count, scheme_metrics, solve
 from workflow.grid._tasks import Segment, Task, Units, bytes_per_case, seconds_per_case, tasks, units_of
 
 __all__ = [
@@ -21,6 +21,7 @@ __all__ = [
     "plan",
     "reads",
     "reduced_structure",
+    "scheme_metrics",
     "seconds_per_case",
     "solve",
     "structure_of",

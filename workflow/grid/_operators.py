@@ -71,14 +71,14 @@ def _critical_alpha(model: str, parameters: Any, modes: tuple[int, int]) -> floa
 
 
 @cache
-def compile_scheme(method: str) -> None:
+def compile_scheme(method: str, options: Any) -> None:
     """Run a scheme once on the smallest structure, so that no case's wall time holds compilation."""
     chain = models.load("chain")
     structure = chain.assemble(chain.Parameters(nodes=1, mass=1.0, stiffness=1.0, heat_capacity=1.0))
     scheme = schemes.load(method)
     one, node = np.zeros(1), np.zeros((1, 1))
     cases = Cases(one, one, one + 1, one, one, one, one, node, node, node, node, node)
-    scheme.compute(scheme.init(structure, 0.5, scheme.Options()), cases, Sampling(1.0, 0.5, 3, balances=True))
+    scheme.compute(scheme.init(structure, 0.5, options), cases, Sampling(1.0, 0.5, 3, balances=True))
 
 
 def runaway_of(cell: Cell, alpha: float) -> tuple[float, float]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from workflow import schemes
 from workflow.grid._arrangement import Grid, values_along
-from workflow.grid._operators import reduction_of, structure_of
+from workflow.grid._operators import reduced_structure, reduction_of, structure_of
 from workflow.grid._tasks import Units, bytes_per_case, seconds_per_case, tasks
 from workflow.models import Array, critical_alpha, mechanical_modes, thermal_modes, tip_flexibility
 from workflow.schemes import Scheme
@@ -172,6 +172,10 @@ def _beware(grid: Grid, cell: Cell) -> list[_Caution]:
     if growth > 1 + _GROWS:
         return [caution("diverges, its free step grows", f"{growth:.6g}-fold", growth)]
     found = []
+    if hasattr(scheme, "contact_limit"):
+        limit = scheme.contact_limit(reduced_structure(cell), cell.scheme.options)
+        if cell.h > limit:
+            found.append(caution("grows in contact, which is stable only up to", f"{limit:.6g} s", -limit))
     if omega[0] > 0:
         physical = float(damping[0] / (2 * omega[0]))
         numerical = _first_mode_damping(scheme, omega[:1], damping[:1], cell) - physical

@@ -16,7 +16,7 @@ from workflow.grid._operators import compile_scheme, run_batch, runaway_of, stru
 from workflow.grid._reference import against_reference, reference_names
 from workflow.models import Array, Cases
 from workflow.schemes import Results, Sampling, Status, complete_periods
-from workflow.study import Cell
+from workflow.study import Cell, Study
 
 SHORT, REPEATS = 2e-3, 3
 """A batch that took less, in seconds, is run up to so many times in all and the least time counts."""
@@ -64,11 +64,12 @@ def _solve_distinct(grid: Grid, outer: int, inner: Indices) -> Solved:
     cell = grid.settings(outer)
     structure = structure_of(cell.scene.model, cell.scene.parameters)
     cases = conditions(cell, structure, grid.inner_values(inner), inner.size)
-    compile_scheme(cell.scheme.method)
+    compile_scheme(cell.scheme.method, cell.scheme.options)
     results, seconds = _timed(grid, cell, cases)
     critical, growth = np.transpose([runaway_of(cell, float(alpha)) for alpha in cases.alpha])
     values: dict[str, NDArray[Any]] = {
         **results.histories,
+        **{name: np.full(inner.size, np.nan) for name in scheme_metrics(grid.study)},
         **results.metrics,
         **_contact(results, cases, grid),
         "critical_alpha": critical,
@@ -141,6 +142,12 @@ def longest_period_count(grid: Grid) -> int:
     return int(complete_periods(np.array(values), grid.sampling).max())
 
 
+def scheme_metrics(study: Study) -> dict[str, tuple[str, str]]:
+    """Return the metrics that only some of a study's schemes give: name to unit and meaning."""
+    methods = sorted({scheme.method for scheme in study.schemes.values()})
+    return {name: about for method in methods for name, about in schemes.metrics(method).items()}
+
+
 def _failed(grid: Grid, text: str) -> Solved:
     """Return one case that raised: NaN everywhere, flags told."""
     nan, periods = np.full(1, np.nan), longest_period_count(grid)
@@ -153,7 +160,7 @@ def _failed(grid: Grid, text: str) -> Solved:
     return Solved(
         {
             **{name: np.full((1, grid.sampling.count), np.nan) for name in histories},
-            **dict.fromkeys((*names, *derived, *balances, *errors), nan),
+            **dict.fromkeys((*names, *scheme_metrics(grid.study), *derived, *balances, *errors), nan),
             **{name: np.full((1, periods), np.nan) for name in per_period},
             "status": np.full(1, Status.FAILED, dtype=np.int8),
             "runaway": np.zeros(1, dtype=np.int8),

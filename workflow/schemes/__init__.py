@@ -14,6 +14,15 @@ one is adding the file. It offers
     the whole batch; a case's numbers do not depend on its neighbours, bit for bit.
 ``cost``, ``amplification``, ``thermal_amplification``
     what ``plan`` says before anything runs.
+
+It may offer
+
+``METRICS``
+    metrics that it gives beside those of :class:`Results`, name to unit and meaning.
+``contact_limit(structure, options)``
+    the step, s, above which its motion grows while the tip is in contact.
+``rigid(structure, h)``
+    options with which it approaches a rigid casing as h → 0, where not all do.
 """
 
 from __future__ import annotations
@@ -62,6 +71,11 @@ def load(name: str) -> Scheme:
     return cast(Scheme, import_module(f"{__name__}.{name}"))
 
 
+def metrics(name: str) -> dict[str, tuple[str, str]]:
+    """Return the metrics that a scheme gives beside the common ones: name to unit and meaning."""
+    return dict(getattr(load(name), "METRICS", {}))
+
+
 __all__ = [
     "HISTORIES",
     "SOLVER_VERSION",
@@ -73,6 +87,7 @@ __all__ = [
     "Status",
     "complete_periods",
     "load",
+    "metrics",
     "names",
     "schedule",
 ]

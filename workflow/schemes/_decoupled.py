@@ -101,17 +101,26 @@ class Decoupled:
         )
 
 
+def dragged(coupling: Array, *terms: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Return -coupling / (sum of the terms), and the pairs near resonance, which have 0 there.
+
+    The terms are those of the denominator, which a scheme's own steps may alter.
+    """
+    parts = np.stack(np.broadcast_arrays(*terms))
+    denominator = parts.sum(axis=0)
+    near = np.abs(denominator) <= _NEAR_RESONANCE * np.abs(parts).max(axis=0)
+    response = np.zeros_like(coupling)
+    response[~near] = -coupling[~near] / denominator[~near]
+    return response, np.argwhere(near & (coupling != 0))
+
+
 def decouple(structure: Structure) -> Decoupled:
     """Return the structure in decoupled modal coordinates."""
     mechanical, thermal = mechanical_modes(structure), thermal_modes(structure)
     coupling = modal_coupling(structure, mechanical, thermal)
     frequency, rate = mechanical.values, thermal.values
     damping = structure.damping.mass + structure.damping.stiffness * frequency**2
-    terms = np.stack(np.broadcast_arrays(rate**2, -rate * damping[:, None], frequency[:, None] ** 2))
-    denominator = terms.sum(axis=0)
-    near = np.abs(denominator) <= _NEAR_RESONANCE * np.abs(terms).max(axis=0)
-    response = np.zeros_like(coupling)
-    response[~near] = -coupling[~near] / denominator[~near]
+    response, pairs = dragged(coupling, rate**2, -rate * damping[:, None], frequency[:, None] ** 2)
     return Decoupled(
         frequency=frequency,
         damping=damping,
@@ -120,7 +129,7 @@ def decouple(structure: Structure) -> Decoupled:
         heat_tip=thermal.tip,
         coupling=coupling,
         response=response,
-        pairs=np.argwhere(near & (coupling != 0)),
+        pairs=pairs,
         to_modes=mechanical.shapes.T @ structure.mass,
         to_thermal=thermal.shapes.T @ structure.heat_capacity,
         shapes=mechanical.shapes,

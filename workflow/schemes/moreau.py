@@ -300,12 +300,12 @@ def _run(operator: Operator, modal: Decoupled, cases: Cases, sampling: Sampling)
         sums = np.sum(growth * reached, axis=(0, 1))  # in the same order whatever lanes are in use
         closing[part] += sums[: part.stop - part.start]
     finite = np.asarray(np.isfinite(watched.tip[[DISPLACEMENT, TEMPERATURE]]).all(axis=0))
-    status, messages = _judge(operator, modal, cases, ill_posed, finite)
+    status, messages = judge(operator, modal, cases, ill_posed, finite)
     balances = {} if books is None else books.residuals
     return collect(watched, closing, status, messages, balances)
 
 
-def _judge(
+def judge(
     operator: Operator, modal: Decoupled, cases: Cases, ill_posed: NDArray[np.bool_], finite: NDArray[np.bool_]
 ) -> tuple[NDArray[np.int8], dict[int, str]]:
     """Decide what became of each case: by theory where it can be, else by its last state."""

@@ -22,7 +22,7 @@ VARIABLES = frozenset(
         *("contact_impulse", "impacts", "contact_time", "max_penetration", "max_temperature"),
         *("thermal_closing", "energy_residual", "heat_residual", "critical_alpha", "growth_rate"),
         *("steps", "wall_time", "period_impulse", "period_force", "period_temperature", "period_contact"),
-        *("displacement_error", "temperature_error", "impulse_error", "predictability"),
+        *("displacement_error", "temperature_error", "impulse_error", "predictability", "effective_restitution"),
         *("status", "runaway", "message", "message_length", "provenance"),
     ]
 )

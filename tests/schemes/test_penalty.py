@@ -1,0 +1,219 @@
+"""Contact by a spring and a damper against plain matrices, closed forms, its limits and the rigid casing."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+import plain_penalty
+import pytest
+from test_carpenter import agree, audited, everything_acts, running_sum
+
+from scenes import cases, chain, heavy_chain, relative, same_bits, sampling, step, taken
+from workflow.models import Rayleigh, tip_flexibility
+from workflow.reduction import reduce_structure
+from workflow.schemes import Status, _penalty_implicit, penalty
+
+CONTACTS = [(2e7, 0.0), (1e8, 50.0), (1e6, 2000.0)]
+"""Stiffness and damping: the structure's own, stiffer with some damping, and nearly all damping."""
+
+
+@pytest.mark.parametrize(("stiffness", "damping"), CONTACTS)
+def test_explicit_kernel_is_the_scheme(stiffness: float, damping: float) -> None:
+    structure, h = heavy_chain(), 5e-6
+    batch = everything_acts(structure)
+    path = plain_penalty.explicit(structure, batch, h, 2000, stiffness, damping)
+    assert np.sum(path.impulse > 0) > 100
+    found = step(structure, batch, h, sampling(1e-2, h), "penalty", stiffness=stiffness, damping=damping)
+    agree(found, path, running_sum(path.impulse))
+
+
+@pytest.mark.parametrize(("stiffness", "damping"), CONTACTS)
+@pytest.mark.parametrize("theta", [0.5, 0.8, 1.0])
+def test_implicit_kernel_is_the_scheme(stiffness: float, damping: float, theta: float) -> None:
+    structure, h = heavy_chain(), 1e-5
+    batch = everything_acts(structure)
+    path = plain_penalty.implicit(structure, batch, h, 1000, stiffness, damping, theta)
+    assert np.sum(path.impulse > 0) > 100
+    options = {"stiffness": stiffness, "damping": damping, "integration": "implicit", "theta": theta}
+    found = step(structure, batch, h, sampling(1e-2, h), "penalty", **options)
+    agree(found, path, np.concatenate([[0.0], np.cumsum(path.impulse)]))
+
+
+def test_where_neither_branch_is_consistent_the_tip_stays_on_the_casing() -> None:
+    """A strong damper throws the tip out of the casing within the step in which it came in."""
+    structure = chain(nodes=1, mass=1.0, stiffness=0.0)
+    batch = cases(structure, gap=0.0999, velocity=1.0)
+    options = {"stiffness": 1.0, "damping": 1e6, "integration": "implicit", "theta": 1.0}
+    found = step(structure, batch, 0.1, sampling(0.1, 0.1), "penalty", **options).histories
+    assert found["displacement"][0, 1] == pytest.approx(0.0999, rel=1e-12)
+    path = plain_penalty.implicit(structure, batch, 0.1, 1, 1.0, 1e6, 1.0)
+    assert path.displacement[1, 0] == pytest.approx(0.0999, rel=1e-12)
+
+
+def test_implicit_alone_is_as_in_a_batch_and_harms_no_neighbour() -> None:
+    """What the contract asks of every scheme's default, asked of the other kernel, with balances."""
+    structure, over, options = heavy_chain(), audited(sampling(0.05, 1e-3)), {"integration": "implicit", "damping": 5.0}
+    rng = np.random.default_rng(3)
+    batch = cases(
+        structure,
+        40,
+        alpha=np.where(np.arange(40) % 3 == 0, 0.0, rng.uniform(0, 50, 40)),
+        gap=rng.uniform(4e-5, 6e-5, 40),
+        amplitude=rng.uniform(90, 110, 40),
+        frequency=20.0,
+    )
+    whole = step(structure, batch, 1e-5, over, "penalty", **options)
+    assert np.all(whole.status == Status.OK)
+    assert np.abs(whole.metrics["energy_residual"]).min() > 0
+    for part in (slice(0, 1), slice(33, 34), slice(5, 12)):
+        assert same_bits(step(structure, batch.take(part), 1e-5, over, "penalty", **options), taken(whole, part))
+    sick = batch.take(np.arange(40))
+    sick.velocity[3] = np.nan
+    found = step(structure, sick, 1e-5, over, "penalty", **options)
+    assert found.status[3] == Status.DIVERGED
+    assert np.isnan(found.histories["displacement"][3, -1])
+    for part in (slice(0, 3), slice(4, 40)):
+        assert same_bits(taken(found, part), taken(whole, part))
+
+
+def restitution(zeta: float) -> float:
+    """Schwager and Pöschel, Granular Matter 9 (2007) 465: contact ends when its force would pull."""
+    root = np.sqrt(1 - zeta**2)
+    turn = np.pi - np.arctan(2 * zeta * root / (1 - 2 * zeta**2))
+    return float(np.exp(-zeta / root * turn))
+
+
+@pytest.mark.parametrize("integration", ["explicit", "implicit"])
+@pytest.mark.parametrize("zeta", [0.0, 0.1, 0.4])
+def test_a_single_mass_rebounds_as_in_closed_form(integration: str, zeta: float) -> None:
+    """Contact stiffness 1e4 N/m on 1 kg, damping ratio ζ; its effective restitution is what is measured."""
+    structure = chain(nodes=1, mass=1.0, stiffness=0.0)
+    batch = cases(structure, gap=0.1, velocity=2.0)
+    exact = restitution(zeta)
+
+    def found(h: float) -> Any:
+        options = {"stiffness": 1e4, "damping": 2 * zeta * 100, "integration": integration, "theta": 0.5}
+        return step(structure, batch, h, audited(sampling(0.2, 0.05)), "penalty", **options)
+
+    fine = found(1e-5)
+    print(integration, zeta, fine.metrics["effective_restitution"][0], exact)
+    assert fine.histories["velocity"][0, -1] == pytest.approx(-2 * exact, rel=2e-3)
+    assert fine.metrics["effective_restitution"][0] == pytest.approx(exact, rel=2e-3)
+    assert fine.histories["impulse"][0, -1] == pytest.approx(2 * (1 + exact), rel=2e-3)
+    assert abs(fine.metrics["energy_residual"][0]) < (1e-5 if zeta == 0 else 5e-3)
+    rough = abs(found(1e-3).metrics["effective_restitution"][0] - exact)
+    assert abs(fine.metrics["effective_restitution"][0] - exact) < 0.1 * rough + 1e-6
+
+
+def test_static_penetration_is_load_over_stiffness() -> None:
+    """The default stiffness is ten times that of the tip, in a reduced structure too; static: load over κ."""
+    structure = heavy_chain(damping=Rayleigh(2e4, 0.0))
+    kappa = 10 / tip_flexibility(structure)
+    assert penalty.contact_stiffness(penalty.decouple(structure), penalty.Options()) == pytest.approx(kappa, rel=1e-9)
+    reduced = reduce_structure(structure, 3, 12).structure
+    assert penalty.contact_stiffness(penalty.decouple(reduced), penalty.Options()) == pytest.approx(kappa, rel=1e-9)
+    batch = cases(structure, gap=5e-5, mean=100.0)
+    for integration in ("explicit", "implicit"):
+        found = step(structure, batch, 1e-5, sampling(0.2, 0.1), "penalty", integration=integration)
+        sunk = (100.0 - 5e-5 * kappa / 10) / (kappa + kappa / 10)
+        assert found.histories["displacement"][0, -1] - 5e-5 == pytest.approx(sunk, rel=1e-6)
+
+
+def test_a_free_mass_has_no_default_stiffness() -> None:
+    with pytest.raises(ValueError, match="give the scheme's `stiffness`"):
+        penalty.init(chain(nodes=1, mass=1.0, stiffness=0.0), 1e-3, penalty.Options())
+
+
+def test_converges_to_the_rigid_casing_with_its_stiffness() -> None:
+    """At a step that resolves it the error is that of the spring: it falls as 1/κ (quasi-static rub, e = 0)."""
+    structure, over = heavy_chain(damping=Rayleigh(2e3, 2e-7)), sampling(0.1, 1e-3)
+    batch = cases(structure, alpha=30.0, gap=5e-5, amplitude=100.0, frequency=20.0)
+    exact = step(structure, batch, 1.0, over, "event_driven").histories
+    stiffnesses = 1e7, 1e8, 1e9
+    errors = []
+    for kappa in stiffnesses:
+        damping = 2 * np.sqrt(kappa * 2.5e-3)
+        found = step(structure, batch, 5e-7, over, "penalty", stiffness=kappa, damping=damping).histories
+        errors.append([relative(found[name], exact[name]) for name in ("displacement", "temperature", "impulse")])
+    for name, values in zip(("displacement", "temperature", "impulse"), np.transpose(errors), strict=True):
+        order = -np.polyfit(np.log(stiffnesses), np.log(values), 1)[0]
+        print(f"{name}: " + ", ".join(f"{e:.2e}" for e in values) + f", order {order:.2f} in stiffness")
+        assert 0.8 < order < 1.2
+
+
+def test_converges_to_the_rigid_casing_with_step_and_stiffness() -> None:
+    """With κ = 1/(4h²W), c = 1/(hW): errors and orders on the heavy chain, e = 0."""
+    structure, over, steps = heavy_chain(), sampling(0.3, 1e-3), (1e-5, 1e-6, 1e-7)
+    batch = cases(structure, alpha=50.0, gap=5e-5, amplitude=100.0, frequency=20.0)
+    exact = step(structure, batch, 1.0, over, "event_driven").histories
+    errors: dict[str, list[float]] = {name: [] for name in ("displacement", "temperature", "impulse")}
+    for h in steps:
+        found = step(structure, batch, h, over, "penalty", **asdict(penalty.rigid(structure, h))).histories
+        for name, values in errors.items():
+            values.append(relative(found[name], exact[name]))
+    for name, values in errors.items():
+        order = np.polyfit(np.log(steps), np.log(values), 1)[0]
+        print(f"{name}: " + ", ".join(f"{e:.2e}" for e in values) + f", order {order:.2f}")
+        assert order > 0.9
+        assert values[-1] < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("integration", "theta", "order"), [("explicit", 1.0, 1.7), ("implicit", 0.5, 1.7), ("implicit", 1.0, 0.8)]
+)
+def test_order_for_a_given_spring(integration: str, theta: float, order: float) -> None:
+    """Towards its own solution with the same spring, at a hundredth of the step: two, or one for implicit Euler."""
+    structure, over = chain(nodes=3, mass=1.0, stiffness=40.0, damping=Rayleigh(2.0, 0.05)), sampling(4.0, 0.5)
+    batch = cases(structure, gap=0.1, mean=3.0, amplitude=4.0, frequency=0.3)
+    options = {"stiffness": 300.0, "integration": integration, "theta": theta}
+    exact = step(structure, batch, 5e-6, over, "penalty", stiffness=300.0).histories["displacement"]
+    steps = np.array([2e-3, 1e-3, 5e-4, 2.5e-4])
+    found = [step(structure, batch, h, over, "penalty", **options) for h in steps]
+    errors = [relative(r.histories["displacement"], exact) for r in found]
+    assert found[0].metrics["contact_time"][0] > 0.5
+    slope = np.polyfit(np.log(steps), np.log(errors), 1)[0]
+    print(f"{integration} {theta:g}: " + ", ".join(f"{e:.2e}" for e in errors) + f", order {slope:.2f}")
+    assert slope > order
+
+
+def test_contact_has_a_limit_that_falls_with_its_stiffness() -> None:
+    """A pressed tip comes to rest below it; above, contact makes energy, though the free step is stable."""
+    structure = chain(nodes=10, mass=0.1, stiffness=10.0, damping=Rayleigh(1.0, 0.0))
+    batch = cases(structure, gap=0.0, mean=5.0)
+    options = penalty.Options(stiffness=1000.0)
+    limit = penalty.contact_limit(structure, options)
+    assert limit < penalty.contact_limit(structure, penalty.Options(stiffness=1.0))
+    over = audited(sampling(30.0, 1.0))
+    below = step(structure, batch, 0.99 * limit, over, "penalty", **asdict(options))
+    above = step(structure, batch, 1.01 * limit, over, "penalty", **asdict(options))
+    print(f"limit {limit:.4g} s; {below.metrics['energy_residual']}, {above.metrics['energy_residual']}")
+    assert below.status[0] == above.status[0] == Status.OK
+    assert below.histories["displacement"][0, -1] == pytest.approx(5.0 / 1001.0, rel=1e-3)
+    assert above.metrics["energy_residual"][0] > 0.5
+    assert above.metrics["max_penetration"][0] > 10 * below.metrics["max_penetration"][0]
+    assert penalty.contact_limit(structure, penalty.Options(integration="implicit")) == np.inf
+
+
+def test_implicit_contact_without_a_unique_solution_is_ill_posed() -> None:
+    """α so large that W < 0 and 1 + hθW (hθκ + c) <= 0: said with the largest step."""
+    structure = heavy_chain()
+    batch = cases(structure, 3, alpha=[0.0, 5.0, 1e12], gap=5e-5, amplitude=100.0, frequency=20.0)
+    over, options = sampling(0.05, 1e-3), {"integration": "implicit", "stiffness": 1e8}
+    found = step(structure, batch, 1e-5, over, "penalty", **options)
+    assert found.status.tolist() == [Status.OK, Status.OK, Status.ILL_POSED]
+    assert np.isnan(found.histories["displacement"][2, -1])
+    limit = float(found.messages[2].split("largest admissible h is ")[1].split()[0])
+    operator = penalty.init(structure, 1e-5, penalty.Options(stiffness=1e8, integration="implicit"))
+    assert isinstance(operator, _penalty_implicit.Operator)
+    around = [float(operator.yielding(operator.modal, h, np.array(1e12))) for h in (0.999 * limit, 1.001 * limit)]
+    assert around[0] > 0 > around[1]
+
+
+def test_implicit_grows_below_one_half_as_the_free_step_does() -> None:
+    structure = chain(nodes=3, mass=1.0, stiffness=40.0)
+    batch = cases(structure, gap=1.0, displacement=0.1)
+    found = step(structure, batch, 0.01, sampling(1.0, 0.1), "penalty", integration="implicit", theta=0.45)
+    assert found.status[0] == Status.DIVERGED
+    assert "the free step grows" in found.messages[0]

@@ -1,0 +1,276 @@
+"""Steps a batch by central differences: the kernel, how it starts, and how its cases ended.
+
+The equations stand in :mod:`workflow.schemes._central`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow.models import Array, Cases, project
+from workflow.schemes._balance import Audit, couple, leak, no_audit
+from workflow.schemes._central import Law, Operator
+from workflow.schemes._central_balance import POWER, CentralBooks, account
+from workflow.schemes._decoupled import Decoupled, Motion, start
+from workflow.schemes._interface import Results, Sampling, Status, schedule
+from workflow.schemes._kernel import inlined, kernel
+from workflow.schemes._modal_lanes import (
+    ALPHA,
+    DRIFT,
+    HEAT,
+    HEAT_MODES,
+    MODES,
+    OWN_ROWS,
+    PUSHED,
+    WARMING,
+    WARMTH,
+    Coefficients,
+    begin,
+    conduct,
+    grouped,
+    pull_pairs,
+    swing,
+    swing_heated,
+)
+from workflow.schemes._stepping import (
+    DISPLACEMENT,
+    FORCE,
+    GAP,
+    LANES,
+    NEW_DISPLACEMENT,
+    NEW_TEMPERATURE,
+    NEW_VELOCITY,
+    STEP_IMPULSE,
+    TEMPERATURE,
+    VELOCITY,
+    Block,
+    advance_load,
+    blocks,
+    collect,
+    fill_lanes,
+    lane_rows,
+    merge,
+    observe,
+    start_load,
+    take_marks,
+    watch,
+)
+
+ROUNDING = 16 * np.finfo(float).eps
+"""A free step grows only above 1 by more than the few operations that compute its factor can err."""
+
+AHEAD, HALF, FREE, LATEST, APPROACH, APPROACHED, SEPARATED = range(OWN_ROWS, OWN_ROWS + 7)
+"""Rows of the lanes' own values: x_n at the next step's end, the last half-step velocity, the first
+one without contact, the last p, the velocity before the present contact, and sums over the
+contacts that have ended of its square and of its product with the velocity after."""
+
+_ROWS = SEPARATED + 1
+
+METRICS = {
+    "effective_restitution": (
+        "1",
+        "speed of separation over speed of approach, least squares over all contacts that ended",
+    )
+}
+"""What these schemes give beside the common metrics: unit and meaning."""
+
+
+@inlined
+def _touch(operator: Coefficients, law: Law, h: float, own: Array, load: Array, tip: Array, lanes: int) -> None:
+    """Close the step: load and contact impulse at the tip, its state at t_k and its place at t_k+1."""
+    assert own.shape[1] == LANES
+    assert load.shape[1] == LANES
+    assert tip.shape[1] == LANES
+    inverse_mass, half_warming = operator.inverse_mass, 0.5 * operator.warming
+    for lane in range(lanes):
+        x, gap, before, latest = own[AHEAD, lane], tip[GAP, lane], own[HALF, lane], own[LATEST, lane]
+        pushed = h * load[FORCE, lane]
+        free = tip[NEW_VELOCITY, lane] + inverse_mass * pushed
+        p = law.depth * (x - gap) + law.before * before + law.free * free
+        p = p if x - gap > law.threshold else 0.0
+        p = 0.0 if p <= 0.0 else p  # a NaN passes
+        after = free - inverse_mass * p
+        tip[NEW_DISPLACEMENT, lane] = x
+        tip[NEW_VELOCITY, lane] = 0.5 * (before + after)
+        tip[STEP_IMPULSE, lane] = 0.5 * (latest + p)
+        own[AHEAD, lane] = gap if law.holds and p > 0.0 else x + h * after
+        own[HALF, lane] = after
+        own[LATEST, lane] = p
+        own[PUSHED, lane] = pushed - p
+        own[HEAT, lane] = own[ALPHA, lane] * p
+        tip[NEW_TEMPERATURE, lane] += half_warming * own[HEAT, lane]
+        touches, touched = p > 0.0, latest > 0.0
+        approach = before if touches and not touched else own[APPROACH, lane]
+        ended = 1.0 if touched and not touches else 0.0
+        own[APPROACH, lane] = approach
+        own[APPROACHED, lane] += ended * (approach * approach)
+        own[SEPARATED, lane] -= ended * (approach * after)
+
+
+@kernel
+def _march(
+    operator: Coefficients,
+    law: Law,
+    own: Array,
+    motion: Array,
+    tau: Array,
+    tau_before: Array,
+    block: Block,
+    audit: Audit,
+) -> None:
+    """Step a block of cases; lanes never meet.
+
+    A step to t_k: free velocity of the tip w_k+½ and its temperature from the thermal and
+    mechanical modes, which take in the impulse p_k-1 and its heat; load and contact; what is watched.
+
+    ``tau_before`` is left with τ at the beginning of the last step, ``tau`` with τ at its end.
+    """
+    modes, heat_modes = operator.modes, operator.heat_modes
+    load, tip, lanes, h, next_mark = block.load, block.tip, block.lanes, block.h, block.marks.next_mark
+    heated, paired, audited = tau.shape[0] > 0, operator.pair_mode.size > 0, audit.sums.shape[0] > 0
+    start_load(h, load, lanes)
+    for lane in range(lanes):
+        tip[NEW_VELOCITY, lane] = own[FREE, lane]
+    _touch(operator, law, h, own, load, tip, lanes)
+    if audited:
+        couple(audit.coupling, audit.heat, audit.motion, lanes)
+        account(0, h, law.stiffness, audit.modes, audit.motion, own, tip, audit.sums, lanes)
+        for lane in range(lanes):
+            audit.sums[POWER, lane] += own[LATEST, lane] * tip[NEW_VELOCITY, lane]
+    for lane in range(lanes):
+        own[LATEST, lane] *= 2.0
+    for step in range(1, block.steps + 1):
+        begin(step * h, own, tip, lanes)
+        if heated:
+            if step == block.steps:
+                tau_before[:] = tau
+            if audited:
+                leak(h, audit.heat_modes, audit.heat, own, audit.sums, lanes)
+                couple(audit.coupling, audit.heat, audit.motion, lanes)
+            conduct(heat_modes, tau, own, tip, lanes)
+            swing_heated(modes, h, motion, own, tip, lanes)
+            if paired:
+                pull_pairs(operator, tau, motion, tip, lanes)
+        else:
+            swing(modes, h, motion, own, tip, lanes)
+        advance_load(step, h, load, lanes)
+        _touch(operator, law, h, own, load, tip, lanes)
+        if audited:
+            account(step, h, law.stiffness, audit.modes, audit.motion, own, tip, audit.sums, lanes)
+        observe(take_marks(step, block) if step == next_mark[0] else h, tip, lanes)
+
+
+def _half_step_before(modal: Decoupled, cases: Cases, h: float) -> Array:
+    """Return the modal w_-½ = v_0 - (h/2) a_0, with the acceleration without contact, ``(case, mode)``."""
+    velocity = project(modal.to_modes, cases.velocity)
+    force = cases.mean + cases.amplitude * np.sin(cases.phase)
+    acceleration = project(modal.shapes.T, cases.steady) + force[:, None] * modal.tip
+    acceleration -= modal.damping * velocity + modal.frequency**2 * project(modal.to_modes, cases.displacement)
+    acceleration -= project(modal.coupling, project(modal.to_thermal, cases.temperature))
+    return np.asarray(velocity - 0.5 * h * acceleration)
+
+
+def _first_free(operator: Operator, begun: Motion, kick: Array) -> tuple[Array, Array]:
+    """Return the remaining modal w_½ without tip load and contact, and that of the whole tip, ``(case,)``.
+
+    ``kick`` is w_-½ - v_0, ``(case, mode)``.
+    """
+    h, modal = operator.h, operator.modal
+    inertia, factor = operator.differences.damped(h, modal.damping)
+    slope = operator.differences.slope(h, modal.rate)
+    # what start() took off as dragged velocity is that of continuous time
+    remaining = begun.velocity - project(modal.response * modal.rate, begun.heat)
+    remaining += kick + project(operator.lead * slope, begun.heat)
+    free = factor * remaining - h * modal.frequency**2 / inertia * begun.position
+    for mode, heat in modal.pairs:
+        free[:, mode] -= h * modal.coupling[mode, heat] / inertia[mode] * begun.heat[:, heat]
+    row = np.concatenate([modal.tip, -slope * modal.tip_response])
+    whole = project(row[None, :], np.concatenate([free, begun.heat], axis=1))[:, 0] + begun.drift
+    return free, whole
+
+
+def _run(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
+    """Step cases that all carry thermal states, or that all carry none."""
+    h, modal = operator.h, operator.modal
+    coefficients = operator.coefficients()
+    begun = start(modal, cases)
+    plan = schedule(sampling, h)
+    watched = watch(cases, cases.mean + begun.tip_force, sampling, plan, h)
+    half = _half_step_before(modal, cases, h)
+    free, free_tip = _first_free(operator, begun, half - project(modal.to_modes, cases.velocity))
+    of_lane = np.zeros((_ROWS, cases.count))
+    for row, values in (
+        (ALPHA, cases.alpha),
+        (DRIFT, begun.drift),
+        (WARMTH, begun.warmth),
+        (WARMING, begun.warming),
+        (AHEAD, cases.displacement[:, -1]),
+        (HALF, project(modal.tip[None, :], half)[:, 0]),
+        (FREE, free_tip),
+    ):
+        of_lane[row] = values
+    rows = grouped(MODES, (free * modal.tip).T, (begun.position * modal.tip).T)
+    pairs = rows.reshape(-1, 2 * MODES, cases.count)
+    heat = grouped(HEAT_MODES, begun.heat.T)[:, 0]
+    own, motion = lane_rows(_ROWS), lane_rows(*pairs.shape[:2])
+    tau, tau_before = lane_rows(*heat.shape[:2]), lane_rows(*heat.shape[:2])
+    closing = begun.closing + begun.closing_rate * sampling.duration
+    growth = grouped(HEAT_MODES, modal.static_growth)[:, 0, :, None]
+    books = None
+    if sampling.balances:
+        inertia, factor = operator.differences.damped(h, modal.damping)
+        implicit = float(operator.differences.implicit_heat)
+        books = CentralBooks(operator.structure, modal, cases, begun.tip_force, h, implicit, half, inertia, factor)
+    audit = no_audit() if books is None else books.audit
+    rebound = np.full((2, cases.count), np.nan)
+    for part, block in blocks(watched):
+        count = part.stop - part.start
+        if books is not None:
+            books.open(part)
+        fill_lanes(own, of_lane[:, part])
+        fill_lanes(motion, pairs[..., part])
+        fill_lanes(tau, heat[..., part])
+        _march(coefficients, operator.law, own, motion, tau, tau_before, block, audit)
+        if books is not None:
+            books.close(part, plan.steps * h)
+        rebound[:, part] = own[[APPROACHED, SEPARATED], :count]
+        reached = tau_before + plan.weight[-1] * (tau - tau_before)
+        closing[part] += np.sum(growth * reached, axis=(0, 1))[:count]  # in one order whatever lanes are in use
+    # squared: a contact that grows can stop short of infinity where its energy is beyond it
+    finite = np.asarray(np.isfinite(watched.tip[[DISPLACEMENT, VELOCITY, TEMPERATURE]] ** 2).all(axis=0))
+    status, messages = _judge(operator, finite)
+    balances = {} if books is None else books.residuals
+    return collect(watched, closing, status, messages, {"effective_restitution": restitution(*rebound), **balances})
+
+
+def restitution(approached: Array, separated: Array) -> Array:
+    """Return -Σ v⁺v⁻ / Σ (v⁻)² of each case; NaN where no contact has ended."""
+    met = approached > 0
+    return np.where(met, separated / np.where(met, approached, 1.0), np.nan)
+
+
+def _judge(operator: Operator, finite: NDArray[np.bool_]) -> tuple[NDArray[np.int8], dict[int, str]]:
+    """Decide what became of each case: by theory where it can be, else by its last state."""
+    h, modal, differences = operator.h, operator.modal, operator.differences
+    free = np.abs(differences.amplification(modal.frequency, modal.damping, h)).max(initial=0.0)
+    heat = np.abs(differences.decay(h, modal.rate)).max(initial=0.0)
+    growth = float(max(free, heat))
+    if growth > 1 + ROUNDING:
+        limit = differences.largest_stable_step(modal.frequency, modal.damping, modal.rate)
+        what = "free step" if free >= heat else "explicit heat step"
+        text = (
+            f"the {what} grows {growth:.6g}-fold at h = {h:.6g} s; central differences are stable up to {limit:.7g} s"
+        )
+        return np.full(finite.size, Status.DIVERGED, dtype=np.int8), dict.fromkeys(range(finite.size), text)
+    status = np.where(finite, Status.OK, Status.DIVERGED).astype(np.int8)
+    text = f"the energy left the finite numbers at h = {h:.6g} s"
+    return status, {int(case): text for case in np.flatnonzero(~finite)}
+
+
+def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
+    """Step a whole batch; thermal states are carried only in the cases where they can act."""
+    heated = cases.heated
+    groups = [(np.flatnonzero(heated), operator), (np.flatnonzero(~heated), operator.without_heat())]
+    with np.errstate(over="ignore", invalid="ignore"):  # a case that is lost says so by its status
+        return merge([(w, _run(part, cases.take(w), sampling)) for w, part in groups if w.size])

@@ -1,0 +1,294 @@
+"""The θ-method with a contact spring and damper whose force at the step's end is found with the step.
+
+The free step, its heat and W are those of :mod:`workflow.schemes.moreau`; the impulse of a step is
+p = h (θ λ' + (1-θ) λ), both forces by the law λ = max(0, κ (x_n - d) + c v_n) where x_n > d. With the tip at
+(x_a, v_a) for λ' = 0 there are two branches:
+
+    apart      λ' = 0,                                            consistent where x_a <= d or λ' below is not > 0
+    in contact λ' = (κ (x_a - d) + c v_a) / (1 + hθW (hθκ + c)),  consistent where then x_n' > d
+
+The force jumps by c v_n at the casing: where neither is consistent (the damper alone would push the
+tip out again) λ' is what puts the tip on the casing, between the two.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from workflow.models import Array, Cases, Structure
+from workflow.schemes import moreau
+from workflow.schemes._balance import (
+    ENERGY,
+    LARGEST_ENERGY,
+    SPENT,
+    Audit,
+    Books,
+    account,
+    couple,
+    leak,
+    no_audit,
+    open_audit,
+)
+from workflow.schemes._central_march import APPROACH, APPROACHED, LATEST, SEPARATED, restitution
+from workflow.schemes._decoupled import Decoupled, start
+from workflow.schemes._interface import Results, Sampling, Status, schedule
+from workflow.schemes._kernel import inlined, kernel
+from workflow.schemes._modal_lanes import (
+    ALPHA,
+    DELASSUS,
+    DRIFT,
+    HEAT,
+    HEAT_MODES,
+    MODES,
+    PUSHED,
+    WARMING,
+    WARMTH,
+    Coefficients,
+    begin,
+    conduct,
+    grouped,
+    pull_pairs,
+    swing,
+    swing_heated,
+    take_heat,
+)
+from workflow.schemes._stepping import (
+    DISPLACEMENT,
+    FORCE,
+    FORCE_BEFORE,
+    GAP,
+    LANES,
+    NEW_DISPLACEMENT,
+    NEW_TEMPERATURE,
+    NEW_VELOCITY,
+    STEP_IMPULSE,
+    TEMPERATURE,
+    VELOCITY,
+    Block,
+    advance_load,
+    blocks,
+    collect,
+    fill_lanes,
+    lane_rows,
+    merge,
+    observe,
+    start_load,
+    take_marks,
+    watch,
+)
+
+YIELD, REACH = SEPARATED + 1, SEPARATED + 2
+"""Further rows of the lanes' own values: 1 / (1 + hθW (hθκ + c)), NaN where that is not > 0, and the force per
+depth that puts the tip on the casing, 1/(h²θ²W), infinite where no force does."""
+
+_ROWS = REACH + 1
+
+
+@dataclass(frozen=True, eq=False)
+class Operator:
+    """What a batch shares: structure, step, θ, modes, contact stiffness [N/m] and damping [N s/m]."""
+
+    structure: Structure
+    h: float
+    theta: float
+    modal: Decoupled
+    stiffness: float
+    damping: float
+
+    def yielding(self, modal: Decoupled, h: float, alpha: Array) -> Array:
+        """Return 1 + hθW (hθκ + c), ``(case,)``: contact has one solution where it is positive."""
+        w = moreau.delassus(modal, h, self.theta, alpha)
+        return np.asarray(1 + h * self.theta * w * (h * self.theta * self.stiffness + self.damping))
+
+
+def amplification(frequency: Array, damping: Array, h: float, theta: float) -> Any:
+    """Return the eigenvalues of the free step of each mode."""
+    return moreau.amplification(frequency, damping, h, moreau.Options(theta))
+
+
+def thermal_amplification(rate: Array, h: float, theta: float) -> Array:
+    """Return the factor of the free heat step of each thermal mode."""
+    return moreau.thermal_amplification(rate, h, moreau.Options(theta))
+
+
+@inlined
+def _touch(
+    operator: Coefficients, stiffness: float, damping: float, h: float, own: Array, load: Array, tip: Array, lanes: int
+) -> None:
+    """Close the step: load and contact impulse at the tip, from its free velocity to its new state."""
+    assert own.shape[1] == LANES
+    assert load.shape[1] == LANES
+    assert tip.shape[1] == LANES
+    theta = operator.theta
+    for lane in range(lanes):
+        x, v, w, held = tip[DISPLACEMENT, lane], tip[VELOCITY, lane], own[DELASSUS, lane], own[LATEST, lane]
+        pushed = h * ((1.0 - theta) * load[FORCE_BEFORE, lane] + theta * load[FORCE, lane])
+        begun = h * (1.0 - theta) * held
+        apart = tip[NEW_VELOCITY, lane] + operator.inverse_mass * pushed - w * begun
+        depth = x + h * (theta * apart + (1.0 - theta) * v) - tip[GAP, lane]
+        force = (stiffness * depth + damping * apart) * own[YIELD, lane]
+        most = depth * own[REACH, lane]
+        force = most if force > most else force
+        force = force if depth > 0.0 else 0.0
+        force = 0.0 if force <= 0.0 else force  # a NaN passes
+        p = begun + h * theta * force
+        after = apart - w * (h * theta * force)
+        own[LATEST, lane] = force
+        own[PUSHED, lane] = pushed - p
+        own[HEAT, lane] = own[ALPHA, lane] * p
+        tip[STEP_IMPULSE, lane] = p
+        tip[NEW_VELOCITY, lane] = after
+        tip[NEW_TEMPERATURE, lane] += operator.warming * own[HEAT, lane]
+        tip[NEW_DISPLACEMENT, lane] = x + h * (theta * after + (1.0 - theta) * v)
+        touches, touched = force > 0.0, held > 0.0
+        approach = v if touches and not touched else own[APPROACH, lane]
+        ended = 1.0 if touched and not touches else 0.0
+        own[APPROACH, lane] = approach
+        own[APPROACHED, lane] += ended * (approach * approach)
+        own[SEPARATED, lane] -= ended * (approach * after)
+
+
+@inlined
+def _store(stiffness: float, h: float, tip: Array, sums: Array, lanes: int) -> None:
+    """Count the contact spring's energy ½ κ (x_n - d)², and take its work out of what is lost."""
+    for lane in range(lanes):
+        depth_before = max(0.0, tip[DISPLACEMENT, lane] - tip[GAP, lane])
+        depth = max(0.0, tip[NEW_DISPLACEMENT, lane] - tip[GAP, lane])
+        moved = 0.5 * h * (tip[VELOCITY, lane] + tip[NEW_VELOCITY, lane])
+        sums[SPENT, lane] -= 0.5 * stiffness * (depth_before + depth) * moved
+        energy, largest = sums[ENERGY, lane] + 0.5 * stiffness * depth * depth, sums[LARGEST_ENERGY, lane]
+        sums[ENERGY, lane] = energy
+        sums[LARGEST_ENERGY, lane] = largest if energy <= largest else energy  # a NaN stays
+
+
+@kernel
+def _march(
+    operator: Coefficients,
+    stiffness: float,
+    damping: float,
+    own: Array,
+    motion: Array,
+    tau: Array,
+    tau_before: Array,
+    block: Block,
+    audit: Audit,
+) -> None:
+    """Step a block of cases as :mod:`workflow.schemes.moreau` does, with another contact."""
+    modes, heat_modes = operator.modes, operator.heat_modes
+    load, tip, lanes, h, next_mark = block.load, block.tip, block.lanes, block.h, block.marks.next_mark
+    heated, paired = tau.shape[0] > 0, operator.pair_mode.size > 0
+    theta, audited, sums = audit.theta, audit.sums.shape[0] > 0, audit.sums
+    start_load(h, load, lanes)
+    if audited:
+        open_audit(audit, lanes)
+    for step in range(1, block.steps + 1):
+        begin(step * h, own, tip, lanes)
+        if heated:
+            if paired or step == block.steps:
+                take_heat(heat_modes, tau, own, tau_before, lanes)
+            conduct(heat_modes, tau, own, tip, lanes)
+            swing_heated(modes, h, motion, own, tip, lanes)
+            if paired:
+                pull_pairs(operator, tau_before, motion, tip, lanes)
+        else:
+            swing(modes, h, motion, own, tip, lanes)
+        advance_load(step, h, load, lanes)
+        _touch(operator, stiffness, damping, h, own, load, tip, lanes)
+        if audited:
+            if heated:
+                leak(h, audit.heat_modes, audit.heat, own, sums, lanes)
+                couple(audit.coupling, audit.heat, audit.motion, lanes)
+            account(theta, h, audit.modes, audit.motion, own, load, tip, sums, lanes)
+            _store(stiffness, h, tip, sums, lanes)
+        observe(take_marks(step, block) if step == next_mark[0] else h, tip, lanes)
+    take_heat(heat_modes, tau, own, tau, lanes)
+
+
+def _run(operator: Operator, modal: Decoupled, cases: Cases, sampling: Sampling) -> Results:
+    """Step cases that all carry thermal states, or that all carry none."""
+    h, theta = operator.h, operator.theta
+    coefficients = moreau.Operator(operator.structure, h, theta, modal).coefficients(modal)
+    begun = start(modal, cases)
+    plan = schedule(sampling, h)
+    watched = watch(cases, cases.mean + begun.tip_force, sampling, plan, h)
+    w, yielding = moreau.delassus(modal, h, theta, cases.alpha), operator.yielding(modal, h, cases.alpha)
+    ill_posed, reach = yielding <= 0, h**2 * theta**2 * w
+    of_lane = np.zeros((_ROWS, cases.count))
+    for row, values in (
+        (ALPHA, cases.alpha),
+        (DELASSUS, w),
+        (DRIFT, begun.drift),
+        (WARMTH, begun.warmth),
+        (WARMING, begun.warming),
+        (YIELD, np.where(ill_posed, np.nan, 1 / np.where(ill_posed, 1.0, yielding))),
+        (REACH, np.where(reach > 0, 1 / np.where(reach > 0, reach, 1.0), np.inf)),
+    ):
+        of_lane[row] = values
+    zeta = begun.velocity * modal.tip
+    xi = begun.position * modal.tip - h * theta * zeta
+    pairs = grouped(MODES, zeta.T, xi.T).reshape(-1, 2 * MODES, cases.count)
+    heat = grouped(HEAT_MODES, begun.heat.T)[:, 0]
+    own, motion = lane_rows(_ROWS), lane_rows(*pairs.shape[:2])
+    tau, tau_before = lane_rows(*heat.shape[:2]), lane_rows(*heat.shape[:2])
+    closing = begun.closing + begun.closing_rate * sampling.duration
+    growth = grouped(HEAT_MODES, modal.static_growth)[:, 0, :, None]
+    books = Books(operator.structure, modal, cases, begun.tip_force, h, theta) if sampling.balances else None
+    audit = no_audit() if books is None else books.audit
+    rebound = np.full((2, cases.count), np.nan)
+    for part, block in blocks(watched):
+        count = part.stop - part.start
+        if books is not None:
+            books.open(part)
+        fill_lanes(own, of_lane[:, part])
+        fill_lanes(motion, pairs[..., part])
+        fill_lanes(tau, heat[..., part])
+        _march(coefficients, operator.stiffness, operator.damping, own, motion, tau, tau_before, block, audit)
+        if books is not None:
+            books.close(part, plan.steps * h)
+        rebound[:, part] = own[[APPROACHED, SEPARATED], :count]
+        reached = tau_before + plan.weight[-1] * (tau - tau_before)
+        closing[part] += np.sum(growth * reached, axis=(0, 1))[:count]  # in one order whatever lanes are in use
+    finite = np.asarray(np.isfinite(watched.tip[[DISPLACEMENT, TEMPERATURE]]).all(axis=0))
+    status, messages = _judge(operator, modal, cases, ill_posed, finite)
+    balances = {} if books is None else books.residuals
+    return collect(watched, closing, status, messages, {"effective_restitution": restitution(*rebound), **balances})
+
+
+def _judge(
+    operator: Operator, modal: Decoupled, cases: Cases, ill_posed: NDArray[np.bool_], finite: NDArray[np.bool_]
+) -> tuple[NDArray[np.int8], dict[int, str]]:
+    """Decide what became of each case; only its contact tells it from one of ``moreau``."""
+    free = moreau.Operator(operator.structure, operator.h, operator.theta, modal)
+    status, messages = moreau.judge(free, modal, cases, np.zeros_like(ill_posed), finite)
+    for case in np.flatnonzero(ill_posed & ~finite):
+        limit = _largest_admissible_step(operator, modal, float(cases.alpha[case]))
+        status[case] = Status.ILL_POSED
+        messages[int(case)] = (
+            f"contact has no unique solution at h = {operator.h:.6g} s (1 + hθW (hθκ + c) <= 0 at alpha = "
+            f"{cases.alpha[case]:.6g}); the largest admissible h is {limit:.6g} s"
+        )
+    return status, messages
+
+
+def _largest_admissible_step(operator: Operator, modal: Decoupled, alpha: float) -> float:
+    """Return the largest step below h up to which contact has one solution at every smaller step."""
+
+    def yielding(h: float) -> float:
+        return float(operator.yielding(modal, h, np.array(alpha)))
+
+    steps = operator.h * np.logspace(-12, 0, 481)
+    first_bad = int(np.argmin([yielding(h) > 0 for h in steps]))
+    return float(brentq(yielding, steps[first_bad - 1], steps[first_bad])) if first_bad else 0.0
+
+
+def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
+    """Step a whole batch; thermal states are carried only in the cases where they can act."""
+    heated = cases.heated
+    groups = [(np.flatnonzero(heated), operator.modal), (np.flatnonzero(~heated), operator.modal.without_heat())]
+    with np.errstate(over="ignore", invalid="ignore"):  # a case that is lost says so by its status
+        return merge([(w, _run(operator, modal, cases.take(w), sampling)) for w, modal in groups if w.size])

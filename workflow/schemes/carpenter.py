@@ -1,0 +1,79 @@
+"""Central differences with forward-increment Lagrange multipliers: no penetration at the next step's end.
+
+Carpenter, Taylor, Katona, IJNME 32 (1991) 103–128. The multiplier λ_k of the step at t_k is the least
+that keeps x_n,k+1 <= d, its impulse p_k = hλ_k:
+
+    p_k = max(0, (x_n,k - d)/h + w_free) / W,   W = e_nᵀ (M + h/2 C1)⁻¹ e_n,
+
+with w_free the tip's velocity from t_k to t_k+1 without contact. There is no restitution
+coefficient: a single mass reaches the casing in one step, loses its velocity in the next and leaves
+with none. Stable below h = 2/ω_max and, with explicit heat, 2/μ_max: see :mod:`workflow.schemes._central`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from workflow.models import Array, Cases, Structure
+from workflow.schemes._central import Differences, Law, Operator, central_cost, operator, tip_mobility
+from workflow.schemes._central_march import METRICS
+from workflow.schemes._central_march import compute as march
+from workflow.schemes._decoupled import decouple
+from workflow.schemes._interface import Results, Sampling
+
+READS = frozenset({"h", "alpha"})
+
+
+@dataclass(frozen=True)
+class Options:
+    """Options of the scheme.
+
+    Attributes
+    ----------
+    damping
+        Which velocity damps: ``central`` (x_k+1 - x_k-1)/2h or ``lagged`` (x_k - x_k-1)/h.
+    heat
+        Which temperatures conduct: ``implicit`` θ_k+1 or ``explicit`` θ_k, with a limit of its own.
+    """
+
+    damping: Literal["central", "lagged"] = "central"
+    heat: Literal["explicit", "implicit"] = "implicit"
+
+    @property
+    def differences(self) -> Differences:
+        """How damping and heat are differenced."""
+        return Differences(lagged=self.damping == "lagged", implicit_heat=self.heat == "implicit")
+
+
+def init(structure: Structure, h: float, options: Options) -> Operator:
+    """Diagonalise the structure once for a batch."""
+    modal, differences = decouple(structure), options.differences
+    mobility = tip_mobility(modal, h, differences)
+    law = Law(depth=1 / (h * mobility), before=0.0, free=1 / mobility, threshold=-np.inf, holds=True)
+    return operator(structure, float(h), differences, modal, law)
+
+
+def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
+    """Step a whole batch; ``e`` is not read."""
+    return march(operator, cases, sampling)
+
+
+def amplification(frequency: Array, damping: Array, h: float, options: Options) -> Any:
+    """Return the eigenvalues of the free step of each mode."""
+    return options.differences.amplification(frequency, damping, h)
+
+
+def thermal_amplification(rate: Array, h: float, options: Options) -> Array:
+    """Return 1 - hμ of each thermal mode, 1/(1 + hμ) where heat is implicit."""
+    return options.differences.decay(h, rate)
+
+
+def cost(structure: Structure, h: float, options: Options, sampling: Sampling) -> float:
+    """Return estimated seconds per heated case."""
+    return central_cost(structure, h, sampling)
+
+
+__all__ = ["METRICS", "READS", "Options", "amplification", "compute", "cost", "init", "thermal_amplification"]
