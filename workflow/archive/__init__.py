@@ -9,6 +9,7 @@ from workflow.archive._describe import code_revision, describe, study_key
 from workflow.archive._files import ArchiveError
 from workflow.archive._gather import gather
 from workflow.archive._hold import holding
+from workflow.archive._known import Known, find_known, keep_known, made_by, read_known
 from workflow.archive._layout import Coordinate, Layout, Variable, blank
 from workflow.archive._open import archive_key, content_hash, open_archive, provenance
 from workflow.archive._parts import parts_of, read_layout, remove_parts, start_parts
@@ -17,6 +18,7 @@ from workflow.archive._shard import Shard, Shards, find_shard, find_shards, writ
 __all__ = [
     "ArchiveError",
     "Coordinate",
+    "Known",
     "Layout",
     "Shard",
     "Shards",
@@ -26,13 +28,17 @@ __all__ = [
     "code_revision",
     "content_hash",
     "describe",
+    "find_known",
     "find_shard",
     "find_shards",
     "gather",
     "holding",
+    "keep_known",
+    "made_by",
     "open_archive",
     "parts_of",
     "provenance",
+    "read_known",
     "read_layout",
     "remove_parts",
     "start_parts",

@@ -30,18 +30,18 @@ def case_hashes(grid: Grid) -> NDArray[np.uint8]:
     options, those of e, h and α that it reads, mode counts, and the reference in the same way: values
     in SI, to the bit. Labels, titles, the place in the grid and what else is stored do not enter.
     """
-    found = np.empty((grid.outer_count, grid.inner_count, HASH_BYTES), dtype=np.uint8)
     inner = np.arange(grid.inner_count, dtype=np.int64)
     varying = grid.inner_values(inner)
+    found: list[bytes] = []
     for outer in range(grid.outer_count):
         cell = grid.settings(outer)
         prefix = hashlib.sha256(json.dumps(_shared(grid, outer, cell), sort_keys=True).encode())
         rows = _rows(grid, cell, varying, inner.size)
-        for k in range(inner.size):
+        for row in rows:
             digest = prefix.copy()
-            digest.update(rows[k].data)
-            found[outer, k] = np.frombuffer(digest.digest()[:HASH_BYTES], np.uint8)
-    return found.reshape(-1, HASH_BYTES)
+            digest.update(row.data)
+            found.append(digest.digest()[:HASH_BYTES])
+    return np.frombuffer(b"".join(found), np.uint8).reshape(-1, HASH_BYTES)
 
 
 def _shared(grid: Grid, outer: int, cell: Cell) -> dict[str, Any]:
@@ -94,7 +94,7 @@ def _rows(grid: Grid, cell: Cell, varying: Any, count: int) -> NDArray[np.float6
     values |= {path: value if isinstance(value, float) else 0.0 for path, value in _per_node(cell).items()}
     values |= {"e": cell.e, "alpha": cell.alpha}
     values |= varying
-    columns = [values[path] for path in sorted(set(values) - {"e", "alpha"} - _outer_only(varying))]
+    columns = [values[path] for path in sorted(set(values) - {"e", "alpha"})]
     columns += [values[name] if name in read else 0.0 for name in ("e", "alpha")]
     if reference is not None:
         replaced = reference_values(grid)
@@ -105,7 +105,3 @@ def _rows(grid: Grid, cell: Cell, varying: Any, count: int) -> NDArray[np.float6
     for k, column in enumerate(columns):
         rows[:, k] = column
     return rows + 0.0  # -0.0 is 0.0
-
-
-def _outer_only(varying: Any) -> set[str]:
-    return {"h"} & set(varying)

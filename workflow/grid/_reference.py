@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
+from collections.abc import Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -15,7 +17,7 @@ from workflow.grid._arrangement import Grid, Indices, reads
 from workflow.grid._conditions import conditions
 from workflow.grid._operators import compile_scheme, run_batch, structure_of
 from workflow.models import Array
-from workflow.schemes import Results, Status
+from workflow.schemes import Status
 from workflow.study import Cell
 
 COMPARED = {"displacement_error": "displacement", "temperature_error": "temperature", "impulse_error": "impulse"}
@@ -31,11 +33,6 @@ BLOCK = 64
 
 KEPT_BYTES = 256 * 2**20
 """Reference histories that are kept for the batches to come."""
-
-
-def reference_names(grid: Grid) -> tuple[str, ...]:
-    """Return the metrics that a study with a reference has."""
-    return (*COMPARED, PREDICTABILITY) if grid.study.reference is not None else ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +55,7 @@ _KEPT: WeakKeyDictionary[Grid, _Kept] = WeakKeyDictionary()
 _KEPT_LOCK = threading.Lock()
 
 
-def against_reference(grid: Grid, outer: int, inner: Indices, results: Results) -> dict[str, Array]:
+def against_reference(grid: Grid, outer: int, inner: Indices, histories: Mapping[str, Array]) -> dict[str, Array]:
     """Return the errors of a batch against the study's reference, ``(case,)`` each; none without one.
 
     Relative L2 norms over the common samples; 0 where both are identically zero, NaN where the case
@@ -67,9 +64,7 @@ def against_reference(grid: Grid, outer: int, inner: Indices, results: Results) 
     if grid.study.reference is None:
         return {}
     truth = _truth_of(grid, outer, inner)
-    errors = {
-        name: _distance(results.histories[history], truth.histories[history]) for name, history in COMPARED.items()
-    }
+    errors = {name: _distance(histories[history], truth.histories[history]) for name, history in COMPARED.items()}
     return {**errors, PREDICTABILITY: truth.predictability}
 
 
@@ -83,7 +78,7 @@ def _distance(values: Array, truth: Array) -> Array:
 
 def _truth_of(grid: Grid, outer: int, inner: Indices) -> _Truth:
     """Return the reference of every case, put together from blocks."""
-    cell = _reference_cell(grid, outer)
+    cell = reference_cell(grid, outer)
     shape = _reference_shape(grid, cell)
     index = np.unravel_index(inner, grid.inner_shape) if grid.inner else ()
     own = [np.minimum(i, size - 1) for i, size in zip(index, shape, strict=True)]
@@ -96,9 +91,14 @@ def _truth_of(grid: Grid, outer: int, inner: Indices) -> _Truth:
     )
 
 
-def _reference_cell(grid: Grid, outer: int) -> Cell:
+def reference_values(grid: Grid) -> Mapping[str, Any]:
+    """Return the settings that a study's reference replaces, by path."""
+    return grid.study.reference.values if grid.study.reference is not None else {}
+
+
+def reference_cell(grid: Grid, outer: int) -> Cell:
     """Return the settings of a reference, those that its scheme does not read the same for all."""
-    values = dict(grid.study.reference.values) if grid.study.reference is not None else {}
+    values = dict(reference_values(grid))
     cell = grid.settings(outer, values)
     read = schemes.load(cell.scheme.method).READS
     return replace(
@@ -111,7 +111,7 @@ def _reference_cell(grid: Grid, outer: int) -> Cell:
 
 def _reference_shape(grid: Grid, cell: Cell) -> tuple[int, ...]:
     """Return the sizes of the inner dimensions, 1 for those along which the reference stays the same."""
-    replaced = grid.study.reference.values if grid.study.reference is not None else {}
+    replaced = reference_values(grid)
     return tuple(
         dimension.size
         if any(
@@ -164,7 +164,7 @@ def _computed_or_lost(grid: Grid, cell: Cell, shape: tuple[int, ...], own: Indic
 def _compute(grid: Grid, cell: Cell, shape: tuple[int, ...], own: Indices) -> _Truth:
     """Run a block of references, and once more with the gap opened by a trifle."""
     inner = np.ravel_multi_index(np.unravel_index(own, shape), grid.inner_shape) if shape else own
-    replaced = grid.study.reference.values if grid.study.reference is not None else {}
+    replaced = reference_values(grid)
     varying = {path: values for path, values in grid.inner_values(inner).items() if path not in replaced}
     structure = structure_of(cell.scene.model, cell.scene.parameters)
     cases = conditions(cell, structure, varying, own.size)

@@ -13,7 +13,7 @@ from workflow import schemes
 from workflow.grid._arrangement import Grid, Indices, values_along
 from workflow.grid._conditions import conditions
 from workflow.grid._operators import compile_scheme, run_batch, runaway_of, structure_of
-from workflow.grid._reference import against_reference, reference_names
+from workflow.grid._reference import against_reference
 from workflow.models import Array, Cases
 from workflow.schemes import Results, Sampling, Status, complete_periods
 from workflow.study import Cell, Study
@@ -38,19 +38,23 @@ def solve(grid: Grid, outer: int, inner: Indices) -> Solved:
     """
     cell = grid.settings(outer)
     canonical, place = np.unique(grid.canonical_inner(cell, inner), return_inverse=True)
-    try:
-        with np.errstate(all="ignore"):  # a case that leaves the numbers says so by its status
-            solved = _solve_distinct(grid, outer, canonical)
-    except Exception as error:  # whatever a model or scheme raises is that case's result
-        if canonical.size > 1:
-            solved = _joined([solve(grid, outer, canonical[k : k + 1]) for k in range(canonical.size)])
-        else:
-            solved = _failed(grid, f"{type(error).__name__}: {error}")
+    solved = _solved_or_failed(grid, outer, canonical)
     where = place.ravel()
+    values = {name: values[where] for name, values in solved.values.items()}
     return Solved(
-        {name: values[where] for name, values in solved.values.items()},
+        values | against_reference(grid, outer, inner, values),  # it may read what the scheme does not
         {k: solved.messages[int(source)] for k, source in enumerate(where) if int(source) in solved.messages},
     )
+
+
+def _solved_or_failed(grid: Grid, outer: int, inner: Indices) -> Solved:
+    try:
+        with np.errstate(all="ignore"):  # a case that leaves the numbers says so by its status
+            return _solve_distinct(grid, outer, inner)
+    except Exception as error:  # whatever a model or scheme raises is that case's result
+        if inner.size > 1:
+            return _joined([_solved_or_failed(grid, outer, inner[k : k + 1]) for k in range(inner.size)])
+        return _failed(grid, f"{type(error).__name__}: {error}")
 
 
 def _joined(parts: list[Solved]) -> Solved:
@@ -77,7 +81,6 @@ def _solve_distinct(grid: Grid, outer: int, inner: Indices) -> Solved:
         "wall_time": np.full(inner.size, seconds / inner.size),
         "status": results.status,
         "runaway": ((cases.alpha > 0) & (cases.alpha >= critical)).astype(np.int8),
-        **against_reference(grid, outer, inner, results),
     }
     return Solved(values, dict(results.messages))
 
@@ -156,11 +159,10 @@ def _failed(grid: Grid, text: str) -> Solved:
     derived = ("contact_impulse", "critical_alpha", "growth_rate", "wall_time")
     histories = (*schemes.HISTORIES, "contact_force")
     per_period = ("period_impulse", "period_force", "period_temperature", "period_contact")
-    errors = reference_names(grid)
     return Solved(
         {
             **{name: np.full((1, grid.sampling.count), np.nan) for name in histories},
-            **dict.fromkeys((*names, *scheme_metrics(grid.study), *derived, *balances, *errors), nan),
+            **dict.fromkeys((*names, *scheme_metrics(grid.study), *derived, *balances), nan),
             **{name: np.full((1, periods), np.nan) for name in per_period},
             "status": np.full(1, Status.FAILED, dtype=np.int8),
             "runaway": np.zeros(1, dtype=np.int8),

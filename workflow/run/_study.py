@@ -66,12 +66,8 @@ def run_study(
     """
     begun = time.perf_counter()
     parts = parts_of(archive)
-    if archive.exists():
-        if archive_key(archive) != study_key(study):
-            raise ArchiveError(
-                f"{archive}: holds another study, or this one with other values or another solver version; "
-                "choose another archive with -o, or move this one away"
-            )
+    again = retry or recompute
+    if archive.exists() and not _to_be_replaced(study, archive, retry, recompute):
         if parts.exists():  # of a run that was killed between its last two steps
             with holding(parts):
                 remove_parts(parts)
@@ -79,14 +75,22 @@ def run_study(
     grid = arrange(study)
     units = units_of(grid)
     layout = describe(study, grid, units)
+    hashes = case_hashes(grid)
     with runner(threads, workers, scheduler) as run_tasks, holding(parts):
+        known = _known(archive, layout, hashes, retry, recompute) if archive.exists() else None
+        if known is not None and parts.exists() and not _same(known, read_known(parts)):
+            remove_parts(parts)
         start_parts(parts, layout)
+        keep_known(parts, known)
         done = find_shards(parts, layout)
-        before = int(sum(len(layout.cells_of(unit)) for first, stop in done.present for unit in range(first, stop)))
-        job = Job(grid, units, layout, parts)
-        missing = (task for task in tasks(grid, units) if _is_missing(task, job, done))
+        there = done.owner >= 0
+        if known is not None:
+            there |= known.copies(layout) >= 0
+        before = sum(len(layout.cells_of(unit)) for unit in np.flatnonzero(there).tolist())
+        job = Job(grid, units, layout, parts, known)
+        missing = (task for task in tasks(grid, units) if _is_missing(task, job, there))
         run_tasks(job, missing, _counting(job, before, done, progress))
-        gather(layout, parts, archive)
+        gather(layout, parts, archive, hashes, known)
     return summarise(archive, time.perf_counter() - begun, before)
 
 
@@ -104,11 +108,11 @@ def _counting(job: Job, before: int, done: Shards, progress: Progress | None) ->
     return count
 
 
-def _is_missing(task: Task, job: Job, done: Shards) -> bool:
-    """Tell whether a unit of a task, in any place its results belong to, has no sound shard."""
+def _is_missing(task: Task, job: Job, there: NDArray[np.bool_]) -> bool:
+    """Tell whether a unit of a task, in any place its results belong to, is not stored."""
     for segment in task.segments:
         for outer in job.grid.places[segment.outer]:
             first = outer * job.units.count + segment.first
-            if np.any(done.owner[first : first + segment.units] < 0):
+            if not np.all(there[first : first + segment.units]):
                 return True
     return False
