@@ -103,27 +103,30 @@ class Grid:
     def _unread(self, dimension: Dimension, cell: Cell) -> bool:
         return not any(reads(cell.scheme.method, cell.scheme.label, axis.path) for axis in dimension.axes)
 
-    def _unread_by_reference(self, dimension: Dimension, cell: Cell) -> bool:
-        reference = self.study.reference
-        if reference is None:
+    def _uncompared(self, dimension: Dimension, outer: int) -> bool:
+        """Tell whether the reference of a case, where there is one, is the same all along a dimension."""
+        if self.study.reference is None:
             return True
-        label = str(reference.values.get("scheme", cell.scheme.label))
-        method = self.study.schemes[label].method
-        paths = [axis.path for axis in dimension.axes if axis.path not in reference.values]
-        return not any(reads(method, label, path) for path in paths)
+        replaced = self.study.reference.values
+        scheme = self.settings(outer, replaced).scheme
+        return not any(
+            axis.path not in replaced and reads(scheme.method, scheme.label, axis.path) for axis in dimension.axes
+        )
 
     def canonical_outer(self, outer: int) -> int:
-        """Return the first outer index with the same results and errors: axes that are not read at 0."""
+        """Return the first outer index with the same results and errors: axes that none reads at 0."""
         if not self.outer:
             return outer
         cell = self.settings(outer)
         index = np.unravel_index(outer, self.outer_shape)
-        unread = [self._unread(d, cell) and self._unread_by_reference(d, cell) for d in self.outer]
-        first = [0 if free else int(i) for free, i in zip(unread, index, strict=True)]
+        first = [
+            0 if self._unread(d, cell) and self._uncompared(d, outer) else int(i)
+            for d, i in zip(self.outer, index, strict=True)
+        ]
         return int(np.ravel_multi_index(first, self.outer_shape))
 
     def canonical_inner(self, cell: Cell, inner: Indices) -> Indices:
-        """Return for each inner index the first one with the same results; errors may still differ."""
+        """Return for each inner index the first one with the same results."""
         if not self.inner:
             return inner
         index = np.unravel_index(inner, self.inner_shape)

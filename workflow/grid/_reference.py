@@ -7,7 +7,6 @@ from collections import OrderedDict
 from collections.abc import Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
-from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -35,6 +34,11 @@ KEPT_BYTES = 256 * 2**20
 """Reference histories that are kept for the batches to come."""
 
 
+def reference_names(grid: Grid) -> tuple[str, ...]:
+    """Return the metrics that a study with a reference has."""
+    return (*COMPARED, PREDICTABILITY) if grid.study.reference is not None else ()
+
+
 @dataclass(frozen=True, eq=False)
 class _Truth:
     """A block of reference cases: histories ``(case, t)`` and predictability ``(case,)``."""
@@ -55,8 +59,8 @@ _KEPT: WeakKeyDictionary[Grid, _Kept] = WeakKeyDictionary()
 _KEPT_LOCK = threading.Lock()
 
 
-def against_reference(grid: Grid, outer: int, inner: Indices, histories: Mapping[str, Array]) -> dict[str, Array]:
-    """Return the errors of a batch against the study's reference, ``(case,)`` each; none without one.
+def against_reference(grid: Grid, outer: int, inner: Indices, found: Mapping[str, Array]) -> dict[str, Array]:
+    """Return the errors of the histories of a batch against the study's reference, ``(case,)`` each; none without one.
 
     Relative L2 norms over the common samples; 0 where both are identically zero, NaN where the case
     or its reference did not end ok.
@@ -64,7 +68,7 @@ def against_reference(grid: Grid, outer: int, inner: Indices, histories: Mapping
     if grid.study.reference is None:
         return {}
     truth = _truth_of(grid, outer, inner)
-    errors = {name: _distance(histories[history], truth.histories[history]) for name, history in COMPARED.items()}
+    errors = {name: _distance(found[history], truth.histories[history]) for name, history in COMPARED.items()}
     return {**errors, PREDICTABILITY: truth.predictability}
 
 
@@ -78,7 +82,7 @@ def _distance(values: Array, truth: Array) -> Array:
 
 def _truth_of(grid: Grid, outer: int, inner: Indices) -> _Truth:
     """Return the reference of every case, put together from blocks."""
-    cell = reference_cell(grid, outer)
+    cell = _reference_cell(grid, outer)
     shape = _reference_shape(grid, cell)
     index = np.unravel_index(inner, grid.inner_shape) if grid.inner else ()
     own = [np.minimum(i, size - 1) for i, size in zip(index, shape, strict=True)]
@@ -91,14 +95,9 @@ def _truth_of(grid: Grid, outer: int, inner: Indices) -> _Truth:
     )
 
 
-def reference_values(grid: Grid) -> Mapping[str, Any]:
-    """Return the settings that a study's reference replaces, by path."""
-    return grid.study.reference.values if grid.study.reference is not None else {}
-
-
-def reference_cell(grid: Grid, outer: int) -> Cell:
+def _reference_cell(grid: Grid, outer: int) -> Cell:
     """Return the settings of a reference, those that its scheme does not read the same for all."""
-    values = dict(reference_values(grid))
+    values = dict(grid.study.reference.values) if grid.study.reference is not None else {}
     cell = grid.settings(outer, values)
     read = schemes.load(cell.scheme.method).READS
     return replace(
@@ -111,7 +110,7 @@ def reference_cell(grid: Grid, outer: int) -> Cell:
 
 def _reference_shape(grid: Grid, cell: Cell) -> tuple[int, ...]:
     """Return the sizes of the inner dimensions, 1 for those along which the reference stays the same."""
-    replaced = reference_values(grid)
+    replaced = grid.study.reference.values if grid.study.reference is not None else {}
     return tuple(
         dimension.size
         if any(
@@ -164,7 +163,7 @@ def _computed_or_lost(grid: Grid, cell: Cell, shape: tuple[int, ...], own: Indic
 def _compute(grid: Grid, cell: Cell, shape: tuple[int, ...], own: Indices) -> _Truth:
     """Run a block of references, and once more with the gap opened by a trifle."""
     inner = np.ravel_multi_index(np.unravel_index(own, shape), grid.inner_shape) if shape else own
-    replaced = reference_values(grid)
+    replaced = grid.study.reference.values if grid.study.reference is not None else {}
     varying = {path: values for path, values in grid.inner_values(inner).items() if path not in replaced}
     structure = structure_of(cell.scene.model, cell.scene.parameters)
     cases = conditions(cell, structure, varying, own.size)

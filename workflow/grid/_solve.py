@@ -33,28 +33,32 @@ class Solved:
 def solve(grid: Grid, outer: int, inner: Indices) -> Solved:
     """Run the cases ``inner`` of one outer index.
 
-    Cases that differ only in axes their scheme does not read are run once. What raises becomes
-    cases of status ``failed``; it harms no neighbour, which then run one by one.
+    Cases that differ only in axes their scheme does not read are run once; the reference may read
+    them, so each has its own errors. What raises becomes cases of status ``failed``; it harms no
+    neighbour, which then run one by one.
     """
     cell = grid.settings(outer)
     canonical, place = np.unique(grid.canonical_inner(cell, inner), return_inverse=True)
-    solved = _solved_or_failed(grid, outer, canonical)
+    solved = _solve_or_tell(grid, outer, canonical)
     where = place.ravel()
-    values = {name: values[where] for name, values in solved.values.items()}
+    values = {name: found[where] for name, found in solved.values.items()}
+    with np.errstate(all="ignore"):
+        values |= against_reference(grid, outer, inner, values)
     return Solved(
-        values | against_reference(grid, outer, inner, values),  # it may read what the scheme does not
+        values,
         {k: solved.messages[int(source)] for k, source in enumerate(where) if int(source) in solved.messages},
     )
 
 
-def _solved_or_failed(grid: Grid, outer: int, inner: Indices) -> Solved:
+def _solve_or_tell(grid: Grid, outer: int, inner: Indices) -> Solved:
+    """Run distinct cases; where something raises one by one, and what then raises tells."""
     try:
         with np.errstate(all="ignore"):  # a case that leaves the numbers says so by its status
             return _solve_distinct(grid, outer, inner)
     except Exception as error:  # whatever a model or scheme raises is that case's result
-        if inner.size > 1:
-            return _joined([_solved_or_failed(grid, outer, inner[k : k + 1]) for k in range(inner.size)])
-        return _failed(grid, f"{type(error).__name__}: {error}")
+        if inner.size == 1:
+            return _failed(grid, f"{type(error).__name__}: {error}")
+        return _joined([_solve_or_tell(grid, outer, inner[k : k + 1]) for k in range(inner.size)])
 
 
 def _joined(parts: list[Solved]) -> Solved:
