@@ -26,9 +26,7 @@ ATTRIBUTE_BYTES = 64_000
 """A longer text of the provenance group is a variable, as HDF5's plain attributes end at 64 KiB."""
 
 
-def create(
-    layout: Layout, path: Path, messages: Mapping[int, str], hashes: NDArray[np.uint8] | None = None
-) -> None:
+def create(layout: Layout, path: Path, messages: Mapping[int, str], hashes: NDArray[np.uint8] | None = None) -> None:
     """Write everything but the results to a new NetCDF-4 file; chunks stay unallocated.
 
     Parameters

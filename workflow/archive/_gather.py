@@ -16,6 +16,7 @@ from workflow.archive._files import ArchiveError, free_space, sync, writing
 from workflow.archive._known import Known
 from workflow.archive._layout import NOT_RUN, STATUS, Layout, Variable
 from workflow.archive._parts import remove_parts
+from workflow.archive._seal import BLANK, FILE_CHECKSUM, seal
 from workflow.archive._shard import Shard, Shards, encode_chunk, find_shards
 
 
@@ -60,8 +61,9 @@ def gather(
             _make_room(shards, known, parts)
             assemble(layout, shards, aside, hashes, known)
             digest = hash_content(aside)
-            _seal(aside, digest)
+            _tell_hash(aside, digest)
             _read_back(layout, aside, digest)
+            seal(aside)
             sync(aside)
         with writing("the archive", target.parent):
             os.replace(aside, target)
@@ -180,13 +182,14 @@ def _make_room(shards: Shards, known: Known | None, directory: Path) -> None:
         raise OSError(f"no space left on device, it needs about {needed / 2**20:.0f} MiB")
 
 
-def _seal(path: Path, digest: str) -> None:
+def _tell_hash(path: Path, digest: str) -> None:
     import netCDF4
 
     from workflow.archive._lock import LOCK
 
     with LOCK, netCDF4.Dataset(path, "a") as file:
         file[PROVENANCE].setncattr("content_hash", digest)
+        file[PROVENANCE].setncattr(FILE_CHECKSUM, BLANK)
 
 
 def _read_back(layout: Layout, path: Path, digest: str) -> None:

@@ -140,10 +140,21 @@ def read_known(parts: Path) -> Known | None:
     return Known(parts.with_name(parts.name.removesuffix(".parts")), cells)
 
 
-def made_by(texts: dict[str, str]) -> tuple[str, str, str]:
-    """Return name and title of the study in a provenance group, and the version of the solver."""
-    resolved = json.loads(texts["resolved"])
-    return str(resolved["study"]), str(resolved["title"]), texts["solver_version"]
+def made_by(path: Path, texts: dict[str, str]) -> tuple[str, str, str]:
+    """Return name and title of the study of an archive, and the version of the solver, from its provenance.
+
+    Raises
+    ------
+    ArchiveError
+        They are not there.
+    """
+    try:
+        resolved = json.loads(texts["resolved"])
+        return str(resolved["study"]), str(resolved["title"]), texts["solver_version"]
+    except (ValueError, LookupError, TypeError) as error:
+        raise ArchiveError(
+            f"{path}: does not say which study it holds; choose another archive with -o, or move it away"
+        ) from error
 
 
 def _text(row: NDArray[Any]) -> str:
@@ -205,4 +216,3 @@ def _rows(stored: Any, places: Cells, tail: int) -> NDArray[Any]:
         block = stored[(*(int(i) for i in outer), slice(first, last + 1))]
         found[here] = block[column[here] - first]
     return found
-

@@ -27,7 +27,7 @@ OK, NOT_RUN = 0, 4
 """Of :class:`workflow.schemes.Status`: what every flag of an archive starts from and must end in."""
 
 MESSAGE = "message"
-RESERVED = ("key", "content_hash")
+RESERVED = ("key", "content_hash", "file_checksum", "case_hash")
 """Names of the provenance group that the archive fills in itself."""
 
 

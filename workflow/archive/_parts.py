@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from workflow.archive._files import ArchiveError, commit, reason, sync, writing
+from workflow.archive._hold import HOLDER
 from workflow.archive._layout import FORMAT, Attributes, Coordinate, Layout, Variable
 
 LAYOUT = "layout.json"
@@ -70,6 +71,13 @@ def read_layout(parts: str | Path) -> Layout:
         raise ArchiveError(
             f"{path}: damaged; remove the directory and give the command again, the study runs anew"
         ) from error
+
+
+def clear_parts(parts: str | Path) -> None:
+    """Remove what is in the directory of the shards but the file of the run that holds it."""
+    for file in Path(parts).iterdir():
+        if file.name != HOLDER:
+            file.unlink(missing_ok=True)
 
 
 def remove_parts(parts: str | Path) -> None:

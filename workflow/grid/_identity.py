@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from workflow import schemes
 from workflow.grid._arrangement import Grid
-from workflow.grid._reference import reference_cell, reference_values
+from workflow.grid._reference import reference_cell
 from workflow.schemes import SOLVER_VERSION
 from workflow.study import Cell
 
@@ -36,7 +36,7 @@ def case_hashes(grid: Grid) -> NDArray[np.uint8]:
     for outer in range(grid.outer_count):
         cell = grid.settings(outer)
         prefix = hashlib.sha256(json.dumps(_shared(grid, outer, cell), sort_keys=True).encode())
-        rows = _rows(grid, cell, varying, inner.size)
+        rows = _rows(grid, outer, cell, varying, inner.size)
         for row in rows:
             digest = prefix.copy()
             digest.update(row.data)
@@ -85,7 +85,7 @@ def _per_node(cell: Cell) -> dict[str, Any]:
     return found
 
 
-def _rows(grid: Grid, cell: Cell, varying: Any, count: int) -> NDArray[np.float64]:
+def _rows(grid: Grid, outer: int, cell: Cell, varying: Any, count: int) -> NDArray[np.float64]:
     """Return the conditions of every case that are numbers, ``(case, condition)``; those not read are 0."""
     scene, reference = cell.scene, grid.study.reference
     read = _read(cell)
@@ -97,10 +97,8 @@ def _rows(grid: Grid, cell: Cell, varying: Any, count: int) -> NDArray[np.float6
     columns = [values[path] for path in sorted(set(values) - {"e", "alpha"})]
     columns += [values[name] if name in read else 0.0 for name in ("e", "alpha")]
     if reference is not None:
-        replaced = reference_values(grid)
-        method = schemes.load(grid.study.schemes[str(replaced.get("scheme", cell.scheme.label))].method)
-        for name in ("e", "alpha"):
-            columns.append(replaced.get(name, values[name]) if name in method.READS else 0.0)
+        own = _read(reference_cell(grid, outer))
+        columns += [reference.values.get(name, values[name]) if name in own else 0.0 for name in ("e", "alpha")]
     rows = np.empty((count, len(columns)))
     for k, column in enumerate(columns):
         rows[:, k] = column
