@@ -9,7 +9,7 @@ from workflow.archive._describe import code_revision, describe, processor, study
 from workflow.archive._files import ArchiveError
 from workflow.archive._gather import gather
 from workflow.archive._hold import holding
-from workflow.archive._known import Known, find_known, keep_known, made_by, read_known
+from workflow.archive._known import Known, find_known, keep_known, made_by, read_known, stored_hashes
 from workflow.archive._layout import Coordinate, Layout, Variable, blank
 from workflow.archive._open import archive_key, content_hash, open_archive, provenance
 from workflow.archive._parts import clear_parts, parts_of, read_layout, remove_parts, start_parts
@@ -46,6 +46,7 @@ __all__ = [
     "read_layout",
     "remove_parts",
     "start_parts",
+    "stored_hashes",
     "study_key",
     "versions",
     "write_shard",

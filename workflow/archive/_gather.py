@@ -189,7 +189,10 @@ def _tell_hash(path: Path, digest: str) -> None:
 
     with LOCK, netCDF4.Dataset(path, "a") as file:
         file[PROVENANCE].setncattr("content_hash", digest)
-        file[PROVENANCE].setncattr(FILE_CHECKSUM, BLANK)
+        group = file[PROVENANCE]
+        group.createDimension("digit", len(BLANK))
+        place = group.createVariable(FILE_CHECKSUM, "S1", ("digit",), contiguous=True)
+        place[:] = np.frombuffer(BLANK.encode(), "S1")
 
 
 def _read_back(layout: Layout, path: Path, digest: str) -> None:

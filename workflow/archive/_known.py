@@ -103,6 +103,28 @@ def find_known(path: Path, layout: Layout, hashes: NDArray[np.uint8], only_ok: b
 
     from workflow.archive._lock import LOCK
 
+    stored = stored_hashes(path)
+    with LOCK, h5py.File(path, "r") as file:
+        status = file[STATUS][...].ravel()
+        complete = all(_holds(file, variable, layout) for variable in layout.variables)
+    cells = _matched(hashes, stored) if complete else np.full(len(hashes), -1, dtype=np.int64)
+    if only_ok:
+        cells[(cells >= 0) & (status[cells] != OK)] = -1
+    return Known(path, cells)
+
+
+def stored_hashes(path: Path) -> NDArray[np.uint8]:
+    """Return the identity of every case of an archive, ``(cell, byte)``.
+
+    Raises
+    ------
+    ArchiveError
+        It was made by a version that kept none.
+    """
+    import h5py
+
+    from workflow.archive._lock import LOCK
+
     with LOCK, h5py.File(path, "r") as file:
         group = file[PROVENANCE]
         if CASE_HASH not in group:
@@ -110,13 +132,8 @@ def find_known(path: Path, layout: Layout, hashes: NDArray[np.uint8], only_ok: b
                 f"{path}: made by a version that did not keep the identity of cases; --recompute runs all of them "
                 "again, -o chooses another archive"
             )
-        stored = group[CASE_HASH][...].reshape(-1, hashes.shape[1])
-        status = file[STATUS][...].ravel()
-        complete = all(_holds(file, variable, layout) for variable in layout.variables)
-    cells = _matched(hashes, stored) if complete else np.full(len(hashes), -1, dtype=np.int64)
-    if only_ok:
-        cells[(cells >= 0) & (status[cells] != OK)] = -1
-    return Known(path, cells)
+        hashes = group[CASE_HASH][...]
+    return np.asarray(hashes.reshape(-1, hashes.shape[-1]), dtype=np.uint8)
 
 
 def keep_known(parts: Path, known: Known | None) -> None:

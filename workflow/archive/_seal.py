@@ -7,7 +7,9 @@ import mmap
 from pathlib import Path
 
 FILE_CHECKSUM = "file_checksum"
-"""Attribute of the provenance group: the SHA-256 of the file in which :data:`BLANK` stands in its place."""
+"""Text of the provenance group: the SHA-256 of the file in which :data:`BLANK` stands in its place.
+
+Characters of a contiguous variable, which HDF5 does not protect by a checksum of its own as it does attributes."""
 
 BLANK = hashlib.sha256(b"rotor-stator-workflow: here the checksum of this file will stand").hexdigest()
 """As long as a checksum, and found nowhere else in a file."""

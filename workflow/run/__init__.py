@@ -1,6 +1,7 @@
 """Running a study: ``_study`` the whole, ``_task`` one task, ``_runner`` where tasks run, ``_outcome`` its end.
 
-``_verify`` runs a sample of an archive again. Tasks run on threads (``_threads``) or on a dask cluster (``_cluster``, ``_worker``).
+``_verify`` runs a sample of an archive again.
+Tasks run on threads (``_threads``) or on a dask cluster (``_cluster``, ``_worker``).
 """
 
 from workflow.run._outcome import SHOWN, Outcome, status_counts, summarise
