@@ -191,7 +191,8 @@ def _variables(study: Study, periods: int) -> tuple[Variable, ...]:
     ]
     found += [Variable(name, "metric", "f8", _attributes(name, *about)) for name, about in _METRICS.items()]
     found += [
-        Variable(name, "metric", "f8", _attributes(name, *about)) for name, about in scheme_metrics(study).items()
+        Variable(name, "metric", "f8", _attributes(name, *about), optional=True)
+        for name, about in scheme_metrics(study).items()
     ]
     if study.output.balances:
         found += [Variable(name, "metric", "f8", _attributes(name, *about)) for name, about in _BALANCES.items()]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,11 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.archive._create import CASE_HASH, PROVENANCE
-from workflow.archive._files import ArchiveError, commit
+from workflow.archive._files import ArchiveError, commit, reading
 from workflow.archive._layout import MESSAGE, OK, STATUS, Layout, Variable
+from workflow.archive._seal import FILE_CHECKSUM, is_sealed_with
 
 KNOWN = "known.npy"
 """File in the directory of the shards: for each cell its place in the archive under the target's name, or -1."""
+
+_OTHERWISE = "--recompute runs all cases again and replaces it, -o chooses another archive"
 
 Cells = NDArray[np.int64]
 
@@ -36,80 +41,106 @@ class Known:
     cells: Cells
 
     def take(self, layout: Layout, cells: Cells) -> tuple[dict[str, NDArray[Any]], dict[int, str]]:
-        """Return the stored results of some cells, ``(cell[, t or period])`` by name, and messages by position."""
-        import h5py
+        """Return the stored results of some cells, ``(cell[, t or period])`` by name, and messages by position.
 
-        from workflow.archive._lock import LOCK
-
+        Raises
+        ------
+        ArchiveError
+            The archive is damaged.
+        """
         places = self.cells[cells]
-        with LOCK, h5py.File(self.path, "r") as file:
-            values = {v.name: _picked(file[v.name], places, v, layout) for v in layout.variables}
-        told = self.messages(cells) if np.any(values[STATUS] != OK) else {}
-        return values, {int(k): told[int(c)] for k, c in enumerate(cells) if int(c) in told}
+        with _opened(self.path) as file:
+            values = {v.name: _picked(file.get(v.name), places, v, layout) for v in layout.variables}
+            bad = np.flatnonzero(values[STATUS] != OK)
+            texts = _texts(file, places[bad])
+        return values, {int(k): text for k, text in zip(bad, texts, strict=True) if text}
 
     def copies(self, layout: Layout) -> Cells:
         """Return for each unit the cell there that its chunks begin with, -1 where they are not the same chunks.
 
-        Such units are copied as they are, compressed.
+        Such units are copied as they are, compressed: the same cases in the same order fill the same chunks.
+
+        Raises
+        ------
+        ArchiveError
+            The archive is damaged.
         """
-        import h5py
-
-        from workflow.archive._lock import LOCK
-
-        with LOCK, h5py.File(self.path, "r") as file:
+        none = np.full(layout.units, -1, dtype=np.int64)
+        if np.all(self.cells < 0):
+            return none
+        with _opened(self.path) as file:
             shape = file[STATUS].shape
-            same = all(_same_chunks(file[v.name], v, layout) for v in layout.variables)
-        found = np.full(layout.units, -1, dtype=np.int64)
-        if not same or not shape:
-            return found
-        for unit in range(layout.units):
-            cells = layout.cells_of(unit)
-            places = self.cells[cells.start : cells.stop]
-            first = int(places[0])
-            if first >= 0 and first % shape[-1] % layout.chunk == 0 and np.all(np.diff(places) == 1):
-                found[unit] = first
-        return found
+            if not shape or not all(v.name in file and _same_chunks(file[v.name], v, layout) for v in layout.variables):
+                return none
+        rows = self.cells.reshape(-1, layout.inner)
+        starts = np.arange(0, layout.inner, layout.chunk)
+        first = rows[:, starts]
+        place = np.arange(layout.inner) % layout.chunk
+        follow = np.logical_and.reduceat(
+            rows == np.repeat(first, layout.chunk, axis=1)[:, : layout.inner] + place, starts, axis=1
+        )
+        begin = first % shape[-1]
+        length = np.minimum(starts + layout.chunk, layout.inner) - starts
+        whole = (begin % layout.chunk == 0) & (np.minimum(begin + layout.chunk, shape[-1]) - begin == length)
+        return np.where(follow & whole & (first >= 0), first, -1).ravel()
 
     def messages(self, cells: Cells) -> dict[int, str]:
-        """Return what cells that are not ok have to say, by cell."""
-        import h5py
+        """Return what those of some cells that are not ok have to say, by cell.
 
-        from workflow.archive._lock import LOCK
-
-        with LOCK, h5py.File(self.path, "r") as file:
+        Raises
+        ------
+        ArchiveError
+            The archive is damaged.
+        """
+        with _opened(self.path) as file:
             bad = cells[file[STATUS][...].ravel()[self.cells[cells]] != OK]
-            texts = _rows(file[MESSAGE], self.cells[bad], tail=1) if bad.size else ()
-        return {int(c): text for c, row in zip(bad, texts, strict=True) if (text := _text(row))}
+            texts = _texts(file, self.cells[bad])
+        return {int(c): text for c, text in zip(bad, texts, strict=True) if text}
+
+    def without_failures(self) -> Known:
+        """Return only the cases that are ok, so that the others are run again.
+
+        Raises
+        ------
+        ArchiveError
+            The archive is damaged.
+        """
+        with _opened(self.path) as file:
+            ok = file[STATUS][...].ravel() == OK
+        return Known(self.path, np.where(ok[self.cells], self.cells, -1))
 
 
-def find_known(path: Path, layout: Layout, hashes: NDArray[np.uint8], only_ok: bool = False) -> Known:
-    """Return the cases of a layout that an archive holds with the same variables.
+def find_known(path: Path, layout: Layout, hashes: NDArray[np.uint8]) -> Known:
+    """Return the cases of a layout that an archive holds.
 
     Parameters
     ----------
     hashes
         Of every case, ``(cell, byte)``.
-    only_ok
-        Leave out the cases that are not ok, to be run again.
 
     Raises
     ------
     ArchiveError
-        The archive was made by a version that kept no hashes.
-    OSError, LookupError
-        It is damaged.
+        It holds none of them or not all of their variables, is not as it was written, or was made by
+        a version that kept no hashes.
     """
-    import h5py
-
-    from workflow.archive._lock import LOCK
-
     stored = stored_hashes(path)
-    with LOCK, h5py.File(path, "r") as file:
-        status = file[STATUS][...].ravel()
-        complete = all(_holds(file, variable, layout) for variable in layout.variables)
-    cells = _matched(hashes, stored) if complete else np.full(len(hashes), -1, dtype=np.int64)
-    if only_ok:
-        cells[(cells >= 0) & (status[cells] != OK)] = -1
+    with _opened(path) as file:
+        checksum = _text(file[PROVENANCE][FILE_CHECKSUM][...])
+        lacking = [variable.name for variable in layout.variables if not _holds(file, variable, layout)]
+    if not is_sealed_with(path, checksum):
+        raise ArchiveError(
+            f"{path}: changed or damaged since it was written, so that nothing is taken from it; restore a copy, "
+            f"{_OTHERWISE}"
+        )
+    cells = _matched(hashes, stored)
+    if np.all(cells < 0):
+        raise ArchiveError(
+            f"{path}: holds another study of the same name: none of its cases is one of this study as it is now; "
+            f"{_OTHERWISE}"
+        )
+    if lacking:
+        raise ArchiveError(f"{path}: holds cases of this study, but without {', '.join(lacking)}; {_OTHERWISE}")
     return Known(path, cells)
 
 
@@ -119,21 +150,14 @@ def stored_hashes(path: Path) -> NDArray[np.uint8]:
     Raises
     ------
     ArchiveError
-        It was made by a version that kept none.
+        It was made by a version that kept none, or is damaged.
     """
-    import h5py
-
-    from workflow.archive._lock import LOCK
-
-    with LOCK, h5py.File(path, "r") as file:
+    with _opened(path) as file:
         group = file[PROVENANCE]
-        if CASE_HASH not in group:
-            raise ArchiveError(
-                f"{path}: made by a version that did not keep the identity of cases; --recompute runs all of them "
-                "again, -o chooses another archive"
-            )
+        if CASE_HASH not in group or FILE_CHECKSUM not in group:
+            raise ArchiveError(f"{path}: made by a version that did not keep the identity of cases; {_OTHERWISE}")
         hashes = group[CASE_HASH][...]
-    return np.asarray(hashes.reshape(-1, hashes.shape[-1]), dtype=np.uint8)
+        return np.asarray(hashes.reshape(-1, hashes.shape[-1]), dtype=np.uint8)
 
 
 def keep_known(parts: Path, known: Known | None) -> None:
@@ -174,6 +198,21 @@ def made_by(path: Path, texts: dict[str, str]) -> tuple[str, str, str]:
         ) from error
 
 
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """Open an archive with what it is read with here, under the lock of that library."""
+    import h5py
+
+    from workflow.archive._lock import LOCK
+
+    with LOCK, reading(path), h5py.File(path, "r") as file:
+        yield file
+
+
+def _texts(file: Any, places: Cells) -> list[str]:
+    return [_text(row) for row in _rows(file[MESSAGE], places, tail=1)] if places.size else []
+
+
 def _text(row: NDArray[Any]) -> str:
     return row.tobytes().rstrip(b"\0").decode()
 
@@ -200,18 +239,26 @@ def _matched(hashes: NDArray[np.uint8], stored: NDArray[np.uint8]) -> Cells:
 
 
 def _holds(file: Any, variable: Variable, layout: Layout) -> bool:
-    """Tell whether a file has a variable as exactly as it is wanted, along ``t`` to its end."""
+    """Tell whether a file has a variable as exactly as it is wanted, along ``t`` to its end.
+
+    One that is optional, or told per load period, is missing in all of the cases of a file without it.
+    """
     stored = file.get(variable.name)
-    if stored is None or np.dtype(variable.dtype).itemsize > stored.dtype.itemsize:
+    if stored is None:
+        return variable.optional or variable.kind == "period"
+    if np.dtype(variable.dtype).itemsize > stored.dtype.itemsize:
         return False
     return variable.kind != "history" or stored.shape[-1] == layout.samples
 
 
 def _picked(stored: Any, places: Cells, variable: Variable, layout: Layout) -> NDArray[Any]:
-    """Return a variable of some cells; a period beyond those of the file is missing."""
+    """Return a variable of some cells; one that the file does not have, or a period beyond its last, is missing."""
+    if stored is None:
+        return np.full((len(places), *layout.shape_of(variable, 1)[2:]), variable.fill, dtype=variable.dtype)
     rows = _rows(stored, places, tail=len(layout.tail(variable)))
     if variable.kind != "period" or rows.shape[1] == layout.periods:
-        return rows.astype(variable.dtype)
+        with np.errstate(over="ignore"):  # as in a shard: a diverged float64 is an infinite float32
+            return rows.astype(variable.dtype)
     wide = np.full((len(rows), layout.periods), variable.fill, dtype=variable.dtype)
     width = min(rows.shape[1], layout.periods)
     wide[:, :width] = rows[:, :width]

@@ -12,7 +12,7 @@ import numpy as np
 
 from workflow.archive._content import hash_content
 from workflow.archive._create import FORMAT_NAME, PROVENANCE
-from workflow.archive._files import ArchiveError, reason, writing
+from workflow.archive._files import ArchiveError, damaged, reason, writing
 from workflow.archive._gather import assemble
 from workflow.archive._layout import FORMAT
 from workflow.archive._parts import LAYOUT, parts_of, read_layout
@@ -79,7 +79,7 @@ def provenance(path: str | Path) -> dict[str, str]:
             texts = {name: _text(item[()].tobytes()) for name, item in group.items() if item.dtype == "S1"}
             return found | texts
     except (OSError, RuntimeError, LookupError) as error:
-        raise _damaged(path, error) from error
+        raise damaged(path, error) from error
 
 
 def content_hash(path: str | Path) -> str:
@@ -99,7 +99,7 @@ def content_hash(path: str | Path) -> str:
     try:
         return hash_content(path)
     except (OSError, RuntimeError) as error:
-        raise _damaged(path, error) from error
+        raise damaged(path, error) from error
 
 
 def archive_key(path: str | Path) -> str | None:
@@ -155,7 +155,7 @@ def _open_dataset(path: Path, chunks: Any, named: Path) -> xr.Dataset:
         with LOCK:
             dataset = xr.open_dataset(path, engine="netcdf4", chunks=chunks, decode_timedelta=False, lock=LOCK)
     except (OSError, RuntimeError, ValueError) as error:
-        raise _damaged(named, error) from error
+        raise damaged(named, error) from error
     try:
         _recognise(named, dataset.attrs, dataset.attrs.get(FORMAT_NAME))
     except ArchiveError:
@@ -199,9 +199,3 @@ def _recognise(path: Path, attributes: Any, version: Any) -> None:
         raise ArchiveError(
             f"{path}: archive format {version}, this version reads {FORMAT}; use the version that wrote it"
         )
-
-
-def _damaged(path: Path, error: BaseException) -> ArchiveError:
-    return ArchiveError(
-        f"{path}: damaged, or not a NetCDF-4 file ({reason(error)}); restore a copy or run the study again"
-    )

@@ -115,7 +115,7 @@ def _to_json(layout: Layout) -> dict[str, Any]:
             for c in layout.coordinates
         ],
         "variables": [
-            {"name": v.name, "kind": v.kind, "dtype": v.dtype, "attrs": _plain(v.attrs)}
+            {"name": v.name, "kind": v.kind, "dtype": v.dtype, "attrs": _plain(v.attrs), "optional": v.optional}
             for v in layout.variables
         ],
         "attrs": dict(layout.attrs),

@@ -140,7 +140,7 @@ def _known(archive: Path, layout: Layout, hashes: NDArray[np.uint8], retry: bool
     Raises
     ------
     ArchiveError
-        Another version of the solver made it, or it has nothing in common with the study.
+        Another version of the solver made it, or it has nothing that this study could take from it.
     """
     if recompute:
         return Known(archive, np.full(layout.cells, -1, dtype=np.int64))
@@ -150,13 +150,8 @@ def _known(archive: Path, layout: Layout, hashes: NDArray[np.uint8], retry: bool
             f"{archive}: made by version {version} of the solver, this is {SOLVER_VERSION}, whose results differ and "
             "are not mixed with them; --recompute runs all cases again, -o chooses another archive"
         )
-    known = find_known(archive, layout, hashes, only_ok=retry)
-    if not retry and np.all(known.cells < 0):
-        raise ArchiveError(
-            f"{archive}: holds this study with other values or other histories, and none of its cases as they are "
-            "now; --recompute runs all of them and replaces it, -o chooses another archive"
-        )
-    return known
+    known = find_known(archive, layout, hashes)
+    return known.without_failures() if retry else known
 
 
 def _of_another_run(parts: Path, known: Known) -> bool:
