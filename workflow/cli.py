@@ -1,4 +1,4 @@
-"""The command line: run, plan, show, report, schema."""
+"""The command line: run, plan, show, report, verify, schema."""
 
 from __future__ import annotations
 
@@ -35,6 +35,8 @@ NOT_OK = 1
 FAILURES_SHOWN = 20
 INTERRUPTED = 130
 """Exit status: stopped by Ctrl-C."""
+TERMINATED = 143
+"""Exit status: stopped by SIGTERM."""
 
 StudyFile = Annotated[Path, typer.Argument(metavar="STUDY", help="YAML study, or an archive whose study to repeat.")]
 ArchiveFile = Annotated[Path, typer.Argument(metavar="ARCHIVE", help="Archive that `workflow run` wrote.")]
@@ -100,8 +102,12 @@ def run(
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler, instead of threads, e.g. tcp://HOST:8786.")
     ] = None,
+    retry: Annotated[bool, typer.Option("--retry", help="Run the cases again that are not ok.")] = False,
+    recompute: Annotated[
+        bool, typer.Option("--recompute", help="Run all cases again, also of an archive of another solver version.")
+    ] = False,
 ) -> None:
-    """Run a study; what an interrupted run has stored is kept and the rest is run."""
+    """Run a study; what an interrupted run or an earlier archive of it holds is kept and the rest is run."""
     given = {"--threads": threads, "--workers": workers, "--scheduler": scheduler}
     chosen = [name for name, value in given.items() if value is not None]
     if len(chosen) > 1:
@@ -112,26 +118,53 @@ def run(
 
         read = _read(study)
         archive = output or Path(f"{read.name}.nc")
+        reached: list[int] = []
         try:
-            with _progress(console) as progress:
-                outcome = run_study(read, archive, threads, progress, workers=workers, scheduler=scheduler)
+            with _stoppable(), _progress(console, reached) as progress:
+                outcome = run_study(
+                    read,
+                    archive,
+                    threads,
+                    progress,
+                    workers=workers,
+                    scheduler=scheduler,
+                    retry=retry,
+                    recompute=recompute,
+                )
         except ClusterError as error:
             print(error, file=sys.stderr)
             raise typer.Exit(WRONG) from None
-        except KeyboardInterrupt:
-            print(
-                f"stopped; what is done is stored beside {archive}, the same command goes on from there",
-                file=sys.stderr,
-            )
+        except KeyboardInterrupt as stopped:
+            stored = f"{reached[0]} of {reached[1]} cases are" if reached else "what was done is"
+            print(f"stopped; {stored} stored beside {archive}, the same command goes on from there", file=sys.stderr)
             sys.stderr.flush()
-            os._exit(INTERRUPTED)  # kernels that still run cannot be stopped; what is stored is safe
+            os._exit(TERMINATED if isinstance(stopped, _Terminated) else INTERRUPTED)  # kernels cannot be stopped
     _tell_outcome(console, outcome)
     raise typer.Exit(0 if outcome.ok else NOT_OK)
 
 
+class _Terminated(KeyboardInterrupt):
+    """SIGTERM, which ends a run as Ctrl-C does."""
+
+
 @contextmanager
-def _progress(console: Console) -> Iterator[Progress]:
-    """Show a bar with cases done, cases failed and the time left."""
+def _stoppable() -> Iterator[None]:
+    """Let SIGTERM stop a run as Ctrl-C does, so that it says what is stored."""
+    import signal
+
+    def stop(number: int, frame: object) -> None:
+        raise _Terminated
+
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+@contextmanager
+def _progress(console: Console, reached: list[int]) -> Iterator[Progress]:
+    """Show a bar with cases done, cases failed and the time left; ``reached`` holds cases stored and all of them."""
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
     from rich.progress import Progress as Bar
 
@@ -146,6 +179,7 @@ def _progress(console: Console) -> Iterator[Progress]:
         task = bar.add_task("", total=None, failed=0)
 
         def advance(stored: int, failed: int, cases: int) -> None:
+            reached[:] = stored, cases
             bar.update(task, completed=stored, total=cases, failed=failed)
 
         yield advance
@@ -242,6 +276,24 @@ def show(archive: ArchiveFile) -> None:
                 console.print(f"  {group.status}: {group.first}{many}: {group.message}", markup=False)
             if len(told) > FAILURES_SHOWN:
                 console.print(f"  … and {len(told) - FAILURES_SHOWN} more messages")
+
+
+@app.command()
+def verify(
+    archive: ArchiveFile,
+    sample: Annotated[int, typer.Option(min=0, help="Cases to run again.")] = 12,
+) -> None:
+    """Check an archive's bytes and hashes, then run a sample of its cases again and compare."""
+    console = _console()
+    whole = True
+    with _told():
+        from workflow.run import verify as checks_of
+
+        for check in checks_of(archive, sample):
+            whole &= check.holds
+            console.print(f"  {check.name:8} {'ok' if check.holds else 'DIFFERS'}: {check.found}", markup=False)
+    console.print(f"{archive}: " + ("verified" if whole else "not as it was written"), markup=False)
+    raise typer.Exit(0 if whole else NOT_OK)
 
 
 @app.command()

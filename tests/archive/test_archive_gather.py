@@ -230,7 +230,7 @@ def test_replacing_an_archive(replaced: tuple[archive.Layout, Path, bytes]) -> N
     assert path.read_bytes() != before
 
 
-@pytest.mark.parametrize("where", ["create", "assemble", "hash_content", "_seal", "_read_back", "sync"])
+@pytest.mark.parametrize("where", ["create", "assemble", "hash_content", "_tell_hash", "_read_back", "seal", "sync"])
 def test_a_failure_anywhere_leaves_target_and_shards(
     replaced: tuple[archive.Layout, Path, bytes], monkeypatch: pytest.MonkeyPatch, where: str
 ) -> None:
@@ -285,7 +285,7 @@ def test_a_case_that_has_not_run_is_noticed(
             file["status"][1, 2, 24] = 4
             file["provenance"].attrs["content_hash"] = np.bytes_(digest)
 
-    monkeypatch.setattr(_gather, "_seal", spoil)
+    monkeypatch.setattr(_gather, "_tell_hash", spoil)
     with pytest.raises(archive.ArchiveError, match="149 of 150 cases have run"):
         archive.gather(layout, archive.parts_of(path), path)
     assert path.read_bytes() == before

@@ -94,6 +94,8 @@ def test_values_of_an_axis_keep_the_order_of_the_study(tmp_path: Path) -> None:
 
 def test_provenance_is_kept_whole(path: Path) -> None:
     expected = dict(LAYOUT.provenance) | {"key": LAYOUT.key, "content_hash": archive.content_hash(path)}
+    expected["file_checksum"] = archive.provenance(path)["file_checksum"]
+    assert archive.is_sealed_with(path, expected["file_checksum"])
     assert archive.provenance(path) == expected
     assert len(expected["hashes"]) > 64 * 1024
     assert archive.archive_key(path) == LAYOUT.key

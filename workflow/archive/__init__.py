@@ -5,37 +5,49 @@ units that :func:`find_shards` misses, then :func:`gather`. Readers call :func:`
 xarray, netCDF4 and h5py are imported when they are needed, not with this package.
 """
 
-from workflow.archive._describe import code_revision, describe, study_key
+from workflow.archive._describe import code_revision, describe, processor, study_key, versions
 from workflow.archive._files import ArchiveError
 from workflow.archive._gather import gather
 from workflow.archive._hold import holding
+from workflow.archive._known import Known, find_known, keep_known, made_by, read_known, stored_hashes
 from workflow.archive._layout import Coordinate, Layout, Variable, blank
 from workflow.archive._open import archive_key, content_hash, open_archive, provenance
-from workflow.archive._parts import parts_of, read_layout, remove_parts, start_parts
+from workflow.archive._parts import clear_parts, parts_of, read_layout, remove_parts, start_parts
+from workflow.archive._seal import is_sealed_with
 from workflow.archive._shard import Shard, Shards, find_shard, find_shards, write_shard
 
 __all__ = [
     "ArchiveError",
     "Coordinate",
+    "Known",
     "Layout",
     "Shard",
     "Shards",
     "Variable",
     "archive_key",
     "blank",
+    "clear_parts",
     "code_revision",
     "content_hash",
     "describe",
+    "find_known",
     "find_shard",
     "find_shards",
     "gather",
     "holding",
+    "is_sealed_with",
+    "keep_known",
+    "made_by",
     "open_archive",
     "parts_of",
+    "processor",
     "provenance",
+    "read_known",
     "read_layout",
     "remove_parts",
     "start_parts",
+    "stored_hashes",
     "study_key",
+    "versions",
     "write_shard",
 ]

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workflow.archive._layout import CHUNK_BYTES, FORMAT, MESSAGE, Attributes, Layout
 from workflow.archive._shard import LEVEL
@@ -19,17 +20,21 @@ FORMAT_NAME = "archive_format"
 LENGTH = "message_length"
 
 PROVENANCE = "provenance"
+CASE_HASH = "case_hash"
+"""Identity of every case, ``(…, byte)``, in the provenance group."""
 ATTRIBUTE_BYTES = 64_000
 """A longer text of the provenance group is a variable, as HDF5's plain attributes end at 64 KiB."""
 
 
-def create(layout: Layout, path: Path, messages: Mapping[int, str]) -> None:
+def create(layout: Layout, path: Path, messages: Mapping[int, str], hashes: NDArray[np.uint8] | None = None) -> None:
     """Write everything but the results to a new NetCDF-4 file; chunks stay unallocated.
 
     Parameters
     ----------
     messages
         By cell; the variable ``message`` is empty elsewhere.
+    hashes
+        Identity of every case, ``(cell, byte)``; left out of a view.
 
     Raises
     ------
@@ -48,7 +53,7 @@ def create(layout: Layout, path: Path, messages: Mapping[int, str]) -> None:
         _create_coordinates(file, layout)
         _create_variables(file, layout)
         _create_messages(file, layout, messages)
-        _create_provenance(file, layout)
+        _create_provenance(file, layout, hashes)
 
 
 def _create_coordinates(file: Any, layout: Layout) -> None:
@@ -113,7 +118,7 @@ def _create_messages(file: Any, layout: Layout, messages: Mapping[int, str]) -> 
             made[:] = characters[0]
 
 
-def _create_provenance(file: Any, layout: Layout) -> None:
+def _create_provenance(file: Any, layout: Layout, hashes: NDArray[np.uint8] | None) -> None:
     """Write texts as attributes or, compressed, as arrays of characters.
 
     No variable-length strings here: netCDF-C 4.10 crashes when it reads them from a group of a file
@@ -128,6 +133,11 @@ def _create_provenance(file: Any, layout: Layout) -> None:
             group.createDimension(f"{name}_bytes", len(encoded))
             made = group.createVariable(name, "S1", (f"{name}_bytes",), compression="zlib", complevel=LEVEL)
             made[:] = np.frombuffer(encoded, "S1")
+    if hashes is not None:
+        group.createDimension("byte", hashes.shape[1])
+        made = group.createVariable(CASE_HASH, "u1", (*(name for name, _ in layout.dims), "byte"))
+        made.setncattr("long_name", "identity of the case: a hash of what its results depend on")
+        made[...] = hashes.reshape(*layout.shape, hashes.shape[1])
 
 
 def _typed(attrs: Attributes, dtype: np.dtype[Any]) -> dict[str, Any]:

@@ -124,19 +124,29 @@ def describe(study: Study, grid: Grid, units: Units) -> Layout:
             "study": study.text,
             "resolved": json.dumps(study.resolved(), sort_keys=True),
             "solver_version": str(SOLVER_VERSION),
-            "versions": json.dumps(_versions(), sort_keys=True),
+            "versions": json.dumps(versions(), sort_keys=True),
             "code_revision": code_revision(),
             "platform": platform.platform(),
+            "processor": processor(),
         },
         key=study_key(study),
     )
+
+
+def processor() -> str:
+    """Return name and features of the processor that kernels are compiled for."""
+    from llvmlite.binding import get_host_cpu_features, get_host_cpu_name
+
+    features = "".join(sorted(name for name, there in get_host_cpu_features().items() if there))
+    return f"{get_host_cpu_name()} {hashlib.sha256(features.encode()).hexdigest()[:12]}"
 
 
 def _now() -> str:
     return datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
-def _versions() -> dict[str, str]:
+def versions() -> dict[str, str]:
+    """Return the version of everything that has a hand in an archive."""
     packages = ("numpy", "scipy", "numba", "xarray", "netCDF4", "h5py", "dask", "pydantic", "pint", "ruamel.yaml")
     found = {"python": sys.version.split()[0], "rotor-stator-workflow": workflow.__version__}
     for name in packages:
@@ -181,7 +191,8 @@ def _variables(study: Study, periods: int) -> tuple[Variable, ...]:
     ]
     found += [Variable(name, "metric", "f8", _attributes(name, *about)) for name, about in _METRICS.items()]
     found += [
-        Variable(name, "metric", "f8", _attributes(name, *about)) for name, about in scheme_metrics(study).items()
+        Variable(name, "metric", "f8", _attributes(name, *about), optional=True)
+        for name, about in scheme_metrics(study).items()
     ]
     if study.output.balances:
         found += [Variable(name, "metric", "f8", _attributes(name, *about)) for name, about in _BALANCES.items()]

@@ -49,6 +49,22 @@ def writing(what: str, directory: Path) -> Iterator[None]:
         ) from error
 
 
+def damaged(path: Path, error: BaseException) -> ArchiveError:
+    """Return what to say of an archive that a library cannot read."""
+    return ArchiveError(
+        f"{path}: damaged, or not a NetCDF-4 file ({reason(error)}); restore a copy or run the study again"
+    )
+
+
+@contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Turn what libraries raise on a damaged archive into an :class:`ArchiveError`."""
+    try:
+        yield
+    except (OSError, RuntimeError, LookupError, ValueError, TypeError) as error:
+        raise damaged(path, error) from error
+
+
 def sync(path: Path) -> None:
     """Wait until a file's bytes, or a directory's entries, are on the disk."""
     descriptor = os.open(path, os.O_RDONLY)

@@ -8,20 +8,36 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workflow.archive._content import hash_content
 from workflow.archive._create import PROVENANCE, create
 from workflow.archive._files import ArchiveError, free_space, sync, writing
+from workflow.archive._known import Known
 from workflow.archive._layout import NOT_RUN, STATUS, Layout, Variable
 from workflow.archive._parts import remove_parts
+from workflow.archive._seal import BLANK, FILE_CHECKSUM, seal
 from workflow.archive._shard import Shard, Shards, encode_chunk, find_shards
 
 
-def gather(layout: Layout, parts: str | Path, target: str | Path) -> None:
+def gather(
+    layout: Layout,
+    parts: str | Path,
+    target: str | Path,
+    hashes: NDArray[np.uint8] | None = None,
+    known: Known | None = None,
+) -> None:
     """Make the archive of complete shards, read it back, put it under its name, remove the shards.
 
     At no time is there an incomplete file under the archive's name: it is made inside ``parts``,
     flushed, and renamed over ``target``.
+
+    Parameters
+    ----------
+    hashes
+        Identity of every case, ``(cell, byte)``.
+    known
+        Cases of an earlier archive; whole chunks of it that no shard replaces are copied.
 
     Raises
     ------
@@ -31,7 +47,8 @@ def gather(layout: Layout, parts: str | Path, target: str | Path) -> None:
     """
     parts, target = Path(parts), Path(target)
     shards = find_shards(parts, layout)
-    if not shards.complete:
+    copies = np.full(layout.units, -1) if known is None else known.copies(layout)
+    if np.any((shards.owner < 0) & (copies < 0)):
         faults = "".join(f"; {name} is {fault}" for name, fault in shards.rejected)
         ranges = ", ".join(f"{first} to {stop - 1}" for first, stop in shards.missing[:5])
         raise ArchiveError(
@@ -41,11 +58,12 @@ def gather(layout: Layout, parts: str | Path, target: str | Path) -> None:
     aside = parts / f"{target.name}.tmp"
     try:
         with writing("the archive", parts):
-            _make_room(shards, parts)
-            assemble(layout, shards, aside)
+            _make_room(shards, known, parts)
+            assemble(layout, shards, aside, hashes, known)
             digest = hash_content(aside)
-            _seal(aside, digest)
+            _tell_hash(aside, digest)
             _read_back(layout, aside, digest)
+            seal(aside)
             sync(aside)
         with writing("the archive", target.parent):
             os.replace(aside, target)
@@ -56,8 +74,14 @@ def gather(layout: Layout, parts: str | Path, target: str | Path) -> None:
     remove_parts(parts)
 
 
-def assemble(layout: Layout, shards: Shards, path: Path) -> None:
-    """Write what the shards hold to a new file; units that are missing have status ``not_run``.
+def assemble(
+    layout: Layout,
+    shards: Shards,
+    path: Path,
+    hashes: NDArray[np.uint8] | None = None,
+    known: Known | None = None,
+) -> None:
+    """Write what shards and an earlier archive hold to a new file; missing units have status ``not_run``.
 
     Raises
     ------
@@ -68,7 +92,11 @@ def assemble(layout: Layout, shards: Shards, path: Path) -> None:
 
     from workflow.archive._lock import LOCK
 
-    create(layout, path, _messages(layout, shards))
+    copies = np.full(layout.units, -1) if known is None else np.where(shards.owner < 0, known.copies(layout), -1)
+    messages = _messages(layout, shards)
+    if known is not None and np.any(copies >= 0):
+        messages |= known.messages(np.concatenate([layout.cells_of(int(u)) for u in np.flatnonzero(copies >= 0)]))
+    create(layout, path, messages, hashes)
     with LOCK, h5py.File(path, "r+") as archive:
         stored = {variable.name: archive[variable.name] for variable in layout.variables}
         for number, shard in enumerate(shards.files):
@@ -76,9 +104,14 @@ def assemble(layout: Layout, shards: Shards, path: Path) -> None:
             with h5py.File(shard.path, "r") as source:
                 for variable in layout.variables:
                     _copy(source, stored[variable.name], layout, variable, shard, units)
+        if known is not None and np.any(copies >= 0):
+            with h5py.File(known.path, "r") as source:
+                for variable in layout.variables:
+                    _copy_known(source[variable.name], stored[variable.name], layout, variable, copies)
+        missing = np.flatnonzero((shards.owner < 0) & (copies < 0)).tolist()
         for variable in layout.variables:
             if variable.dtype == "i1":  # floats are missing by themselves
-                _leave_blank(stored[variable.name], layout, variable, shards)
+                _leave_blank(stored[variable.name], layout, variable, missing)
 
 
 def _copy(source: Any, archive: Any, layout: Layout, variable: Variable, shard: Shard, units: list[int]) -> None:
@@ -98,8 +131,18 @@ def _copy(source: Any, archive: Any, layout: Layout, variable: Variable, shard: 
             write((*offset, *tail), chunk, mask)
 
 
-def _leave_blank(archive: Any, layout: Layout, variable: Variable, shards: Shards) -> None:
-    missing = np.flatnonzero(shards.owner < 0).tolist()
+def _copy_known(source: Any, archive: Any, layout: Layout, variable: Variable, copies: NDArray[np.int64]) -> None:
+    """Copy the chunks of units from an earlier archive, where each begins with the cell ``copies`` tells."""
+    shape = source.shape[: source.ndim - len(layout.tail(variable))]
+    tails = list(_tails(layout, variable))
+    for unit in np.flatnonzero(copies >= 0).tolist():
+        origin = tuple(int(i) for i in np.unravel_index(int(copies[unit]), shape))
+        for tail in tails:
+            mask, chunk = source.id.read_direct_chunk((*origin, *tail))
+            archive.id.write_direct_chunk((*layout.offset_of(unit), *tail), chunk, mask)
+
+
+def _leave_blank(archive: Any, layout: Layout, variable: Variable, missing: list[int]) -> None:
     if archive.chunks is None:
         if missing:
             archive[()] = variable.fill
@@ -131,20 +174,25 @@ def _messages(layout: Layout, shards: Shards) -> dict[int, str]:
     return found
 
 
-def _make_room(shards: Shards, directory: Path) -> None:
+def _make_room(shards: Shards, known: Known | None, directory: Path) -> None:
     """Refuse before HDF5 runs into a full disk, which it cannot recover from."""
     needed = sum(shard.path.stat().st_size for shard in shards.files)
+    needed += 0 if known is None else known.path.stat().st_size
     if needed > free_space(directory):
         raise OSError(f"no space left on device, it needs about {needed / 2**20:.0f} MiB")
 
 
-def _seal(path: Path, digest: str) -> None:
+def _tell_hash(path: Path, digest: str) -> None:
     import netCDF4
 
     from workflow.archive._lock import LOCK
 
     with LOCK, netCDF4.Dataset(path, "a") as file:
         file[PROVENANCE].setncattr("content_hash", digest)
+        group = file[PROVENANCE]
+        group.createDimension("digit", len(BLANK))
+        place = group.createVariable(FILE_CHECKSUM, "S1", ("digit",), contiguous=True)
+        place[:] = np.frombuffer(BLANK.encode(), "S1")
 
 
 def _read_back(layout: Layout, path: Path, digest: str) -> None:

@@ -27,7 +27,7 @@ OK, NOT_RUN = 0, 4
 """Of :class:`workflow.schemes.Status`: what every flag of an archive starts from and must end in."""
 
 MESSAGE = "message"
-RESERVED = ("key", "content_hash")
+RESERVED = ("key", "content_hash", "file_checksum", "case_hash")
 """Names of the provenance group that the archive fills in itself."""
 
 
@@ -79,12 +79,15 @@ class Variable:
         ``"f8"``, ``"f4"`` (missing values are NaN) or ``"i1"`` (flags, no missing value).
     attrs
         CF attributes; sequences of numbers (``flag_values``) are stored in the variable's dtype.
+    optional
+        Not every scheme gives it: an archive without it holds only cases where it is missing.
     """
 
     name: str
     kind: Kind
     dtype: str
     attrs: Attributes
+    optional: bool = False
 
     def __post_init__(self) -> None:
         if self.dtype not in ("f8", "f4", "i1"):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from workflow.archive._content import hash_content
 from workflow.archive._create import PROVENANCE
-from workflow.archive._files import ArchiveError, reason, writing
+from workflow.archive._files import ArchiveError, damaged, reason, writing
 from workflow.archive._gather import assemble
 from workflow.archive._judge import as_text, judge
 from workflow.archive._parts import LAYOUT, parts_of, read_layout
@@ -76,7 +76,7 @@ def provenance(path: str | Path) -> dict[str, str]:
             texts = {name: as_text(item[()].tobytes()) for name, item in group.items() if item.dtype == "S1"}
             return found | texts
     except (OSError, RuntimeError, LookupError) as error:
-        raise _damaged(path, error) from error
+        raise damaged(path, error) from error
 
 
 def content_hash(path: str | Path) -> str:
@@ -96,7 +96,7 @@ def content_hash(path: str | Path) -> str:
     try:
         return hash_content(path)
     except (OSError, RuntimeError) as error:
-        raise _damaged(path, error) from error
+        raise damaged(path, error) from error
 
 
 def archive_key(path: str | Path) -> str | None:
@@ -152,7 +152,7 @@ def _open_dataset(path: Path, chunks: Any, named: Path) -> xr.Dataset:
         with LOCK:
             dataset = xr.open_dataset(path, engine="netcdf4", chunks=chunks, decode_timedelta=False, lock=LOCK)
     except Exception as error:  # whatever xarray makes of a file that is not what it was
-        raise _damaged(named, error) from error
+        raise damaged(named, error) from error
     return dataset
 
 
@@ -176,10 +176,4 @@ def _look(path: Path) -> None:
     try:
         judge(path)
     except (OSError, RuntimeError, LookupError, ValueError, TypeError) as error:
-        raise _damaged(path, error) from error
-
-
-def _damaged(path: Path, error: BaseException) -> ArchiveError:
-    return ArchiveError(
-        f"{path}: damaged, or not a NetCDF-4 file ({reason(error)}); restore a copy or run the study again"
-    )
+        raise damaged(path, error) from error

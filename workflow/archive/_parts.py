@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from workflow.archive._files import ArchiveError, commit, reason, sync, writing
+from workflow.archive._hold import HOLDER
 from workflow.archive._layout import FORMAT, Attributes, Coordinate, Layout, Variable
 
 LAYOUT = "layout.json"
@@ -72,6 +73,13 @@ def read_layout(parts: str | Path) -> Layout:
         ) from error
 
 
+def clear_parts(parts: str | Path) -> None:
+    """Remove what is in the directory of the shards but the file of the run that holds it."""
+    for file in Path(parts).iterdir():
+        if file.name != HOLDER:
+            file.unlink(missing_ok=True)
+
+
 def remove_parts(parts: str | Path) -> None:
     """Remove the directory of the shards, if there is one; the archive must be in place before.
 
@@ -107,7 +115,7 @@ def _to_json(layout: Layout) -> dict[str, Any]:
             for c in layout.coordinates
         ],
         "variables": [
-            {"name": v.name, "kind": v.kind, "dtype": v.dtype, "attrs": _plain(v.attrs)}
+            {"name": v.name, "kind": v.kind, "dtype": v.dtype, "attrs": _plain(v.attrs), "optional": v.optional}
             for v in layout.variables
         ],
         "attrs": dict(layout.attrs),

@@ -1,6 +1,7 @@
 """From a study to batches of cases that share their operators, and to the tasks dask runs."""
 
 from workflow.grid._arrangement import Grid, arrange, fixes_operator, reads
+from workflow.grid._identity import case_hashes
 from workflow.grid._operators import reduced_structure, structure_of
 from workflow.grid._plan import Figures, Plan, plan
 from workflow.grid._solve import Solved, longest_period_count, scheme_metrics, solve
@@ -16,6 +17,7 @@ __all__ = [
     "Units",
     "arrange",
     "bytes_per_case",
+    "case_hashes",
     "fixes_operator",
     "longest_period_count",
     "plan",

@@ -82,7 +82,7 @@ def _distance(values: Array, truth: Array) -> Array:
 
 def _truth_of(grid: Grid, outer: int, inner: Indices) -> _Truth:
     """Return the reference of every case, put together from blocks."""
-    cell = _reference_cell(grid, outer)
+    cell = reference_cell(grid, outer)
     shape = _reference_shape(grid, cell)
     index = np.unravel_index(inner, grid.inner_shape) if grid.inner else ()
     own = [np.minimum(i, size - 1) for i, size in zip(index, shape, strict=True)]
@@ -95,7 +95,7 @@ def _truth_of(grid: Grid, outer: int, inner: Indices) -> _Truth:
     )
 
 
-def _reference_cell(grid: Grid, outer: int) -> Cell:
+def reference_cell(grid: Grid, outer: int) -> Cell:
     """Return the settings of a reference, those that its scheme does not read the same for all."""
     values = dict(grid.study.reference.values) if grid.study.reference is not None else {}
     cell = grid.settings(outer, values)

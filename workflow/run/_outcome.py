@@ -60,19 +60,27 @@ def status_counts(dataset: xr.Dataset) -> dict[str, int]:
     return {status_name(int(value)): int(n) for value, n in zip(values, number, strict=True)}
 
 
+def labels_of_case(dataset: xr.Dataset, cell: int) -> str:
+    """Return the coordinates that tell a case, given by its number, from the others."""
+    dims, case = dataset["status"].dims, _case(dataset, cell)
+    return ", ".join(
+        f"{name} = {case[name].item()}" for dim in dims for name in dataset.coords if dataset[name].dims == (dim,)
+    )
+
+
+def _case(dataset: xr.Dataset, cell: int) -> xr.Dataset:
+    dims = dataset["status"].dims
+    index = np.unravel_index(cell, dataset["status"].shape) if dims else ()
+    return dataset.isel({dim: int(i) for dim, i in zip(dims, index, strict=True)})
+
+
 def summarise(archive: Path, seconds: float, resumed: int | None) -> Outcome:
     """Read from an archive how its cases ended."""
     with open_archive(archive) as dataset:
         status = np.asarray(dataset["status"].values)
         counts = status_counts(dataset)
-        failures = []
-        for index in np.argwhere(status != Status.OK)[:SHOWN]:
-            case = dataset.isel(dict(zip(dataset["status"].dims, map(int, index), strict=True)))
-            labels = ", ".join(
-                f"{name} = {case[name].item()}"
-                for dim in dataset["status"].dims
-                for name in dataset.coords
-                if dataset[name].dims == (dim,)
-            )
-            failures.append((labels or "the case", str(case["message"].item())))
+        failures = [
+            (labels_of_case(dataset, int(cell)) or "the case", str(_case(dataset, int(cell))["message"].item()))
+            for cell in np.flatnonzero(status.ravel() != Status.OK)[:SHOWN]
+        ]
     return Outcome(archive, counts, tuple(failures), seconds, status.size if resumed is None else resumed)

@@ -7,24 +7,34 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workflow.archive import (
     ArchiveError,
+    Known,
+    Layout,
     Shards,
-    archive_key,
+    clear_parts,
     describe,
+    find_known,
     find_shards,
     gather,
     holding,
+    keep_known,
+    made_by,
+    open_archive,
     parts_of,
+    provenance,
+    read_known,
     remove_parts,
     start_parts,
     study_key,
 )
-from workflow.grid import Task, arrange, tasks, units_of
+from workflow.grid import Task, arrange, case_hashes, tasks, units_of
 from workflow.run._outcome import Outcome, summarise
 from workflow.run._runner import runner
 from workflow.run._task import Job, Stored
+from workflow.schemes import SOLVER_VERSION, Status
 from workflow.study import Study
 
 Progress = Callable[[int, int, int], None]
@@ -39,8 +49,14 @@ def run_study(
     *,
     workers: int | None = None,
     scheduler: str | None = None,
+    retry: bool = False,
+    recompute: bool = False,
 ) -> Outcome:
     """Run what is missing of a study and leave its archive.
+
+    An archive of an earlier version of the study is extended: cases it holds are taken from it, bit for
+    bit, the others are run, those the study no longer has are left out. It stays under its name until
+    the new one is complete.
 
     Parameters
     ----------
@@ -56,6 +72,10 @@ def run_study(
         Worker processes of dask on this machine, instead of threads.
     scheduler
         Address of a dask scheduler whose workers share the archive's directory, instead of threads.
+    retry
+        Run the cases again that are not ok.
+    recompute
+        Run all cases again, and take none from an archive, whatever version of the solver made it.
 
     Raises
     ------
@@ -66,12 +86,9 @@ def run_study(
     """
     begun = time.perf_counter()
     parts = parts_of(archive)
-    if archive.exists():
-        if archive_key(archive) != study_key(study):
-            raise ArchiveError(
-                f"{archive}: holds another study, or this one with other values or another solver version; "
-                "choose another archive with -o, or move this one away"
-            )
+    if retry and not archive.exists() and parts.exists():  # an unfinished run ends first
+        run_study(study, archive, threads, progress, workers=workers, scheduler=scheduler)
+    if archive.exists() and _is_current(study, archive) and not recompute and not (retry and _has_failures(archive)):
         if parts.exists():  # of a run that was killed between its last two steps
             with holding(parts):
                 remove_parts(parts)
@@ -79,15 +96,77 @@ def run_study(
     grid = arrange(study)
     units = units_of(grid)
     layout = describe(study, grid, units)
+    hashes = case_hashes(grid)
     with runner(threads, workers, scheduler) as run_tasks, holding(parts):
+        known = _known(archive, layout, hashes, retry, recompute) if archive.exists() else None
         start_parts(parts, layout)
+        if known is not None and (retry or recompute) and _of_another_run(parts, known):
+            clear_parts(parts)
+            start_parts(parts, layout)
+        keep_known(parts, known)
         done = find_shards(parts, layout)
-        before = int(sum(len(layout.cells_of(unit)) for first, stop in done.present for unit in range(first, stop)))
-        job = Job(grid, units, layout, parts)
-        missing = (task for task in tasks(grid, units) if _is_missing(task, job, done))
+        there = done.owner >= 0
+        if known is not None:
+            there |= known.copies(layout) >= 0
+        before = int(np.sum(_cells_there(layout, there)))
+        job = Job(grid, units, layout, parts, known)
+        resumed = before if known is None else int(np.sum(_cells_there(layout, there) | (known.cells >= 0)))
+        missing = (task for task in tasks(grid, units) if _is_missing(task, job, there))
         run_tasks(job, missing, _counting(job, before, done, progress))
-        gather(layout, parts, archive)
-    return summarise(archive, time.perf_counter() - begun, before)
+        gather(layout, parts, archive, hashes, known)
+    return summarise(archive, time.perf_counter() - begun, resumed)
+
+
+def _is_current(study: Study, archive: Path) -> bool:
+    """Tell whether an archive holds a study as it is, its title included; refuse another study's."""
+    texts = provenance(archive)
+    name, title, _ = made_by(archive, texts)
+    if name != study.name:
+        raise ArchiveError(
+            f"{archive}: holds another study, {name!r} and not {study.name!r}; "
+            "choose another archive with -o, or move this one away"
+        )
+    return texts.get("key") == study_key(study) and title == study.title
+
+
+def _has_failures(archive: Path) -> bool:
+    with open_archive(archive) as dataset:
+        return bool(np.any(dataset["status"].values != Status.OK))
+
+
+def _known(archive: Path, layout: Layout, hashes: NDArray[np.uint8], retry: bool, recompute: bool) -> Known:
+    """Return which cases the archive under the target's name holds already.
+
+    Raises
+    ------
+    ArchiveError
+        Another version of the solver made it, or it has nothing that this study could take from it.
+    """
+    if recompute:
+        return Known(archive, np.full(layout.cells, -1, dtype=np.int64))
+    _, _, version = made_by(archive, provenance(archive))
+    if version != str(SOLVER_VERSION):
+        raise ArchiveError(
+            f"{archive}: made by version {version} of the solver, this is {SOLVER_VERSION}, whose results differ and "
+            "are not mixed with them; --recompute runs all cases again, -o chooses another archive"
+        )
+    known = find_known(archive, layout, hashes)
+    return known.without_failures() if retry else known
+
+
+def _of_another_run(parts: Path, known: Known) -> bool:
+    """Tell whether shards were left by a run that took other cases from the archive than this one does."""
+    before = read_known(parts)
+    return before is None or not np.array_equal(before.cells, known.cells)
+
+
+def _cells_there(layout: Layout, there: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return for each cell whether its unit is stored."""
+    found = np.zeros(layout.cells, dtype=bool)
+    for unit in np.flatnonzero(there).tolist():
+        cells = layout.cells_of(unit)
+        found[cells.start : cells.stop] = True
+    return found
 
 
 def _counting(job: Job, before: int, done: Shards, progress: Progress | None) -> Callable[[Stored], None]:
@@ -104,11 +183,11 @@ def _counting(job: Job, before: int, done: Shards, progress: Progress | None) ->
     return count
 
 
-def _is_missing(task: Task, job: Job, done: Shards) -> bool:
-    """Tell whether a unit of a task, in any place its results belong to, has no sound shard."""
+def _is_missing(task: Task, job: Job, there: NDArray[np.bool_]) -> bool:
+    """Tell whether a unit of a task, in any place its results belong to, is not stored."""
     for segment in task.segments:
         for outer in job.grid.places[segment.outer]:
             first = outer * job.units.count + segment.first
-            if np.any(done.owner[first : first + segment.units] < 0):
+            if not np.all(there[first : first + segment.units]):
                 return True
     return False

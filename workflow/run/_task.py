@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.archive import Layout, blank, find_shard, write_shard
+from workflow.archive import Known, Layout, blank, find_shard, write_shard
 from workflow.grid import Grid, Segment, Task, Units, solve
 from workflow.schemes import Status
 
@@ -19,12 +19,13 @@ Arrays = dict[str, NDArray[Any]]
 
 @dataclass(frozen=True)
 class Job:
-    """What every task of a run shares."""
+    """What every task of a run shares; ``known`` cases are taken from an earlier archive."""
 
     grid: Grid
     units: Units
     layout: Layout
     parts: Path
+    known: Known | None = None
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ def store_task(job: Job, task: Task) -> Stored:
         else:
             for _, segment in group:
                 if segment not in solved:
-                    solved[segment] = compute_segment(job.grid, job.units, job.layout, segment)
+                    solved[segment] = compute_segment(job, segment)
             arrays, messages = _joined(group, solved, job.layout.chunk)
             write_shard(job.parts, task.number, first, arrays, messages, job.layout)
         cases, failed = cases + _cells(job.layout, first, stop), failed + len(messages)
@@ -76,15 +77,27 @@ def store_lost(job: Job, task: Task, text: str) -> Stored:
     return Stored(cases, cases)
 
 
-def compute_segment(grid: Grid, units: Units, layout: Layout, segment: Segment) -> tuple[Arrays, dict[int, str]]:
+def compute_segment(job: Job, segment: Segment) -> tuple[Arrays, dict[int, str]]:
     """Return the arrays of a segment's units, and messages by place, as a shard holds them."""
+    grid, units, layout = job.grid, job.units, job.layout
     inner, places = units.cases(segment.first, segment.units)
-    solved = solve(grid, segment.outer, inner)
+    cells = segment.outer * grid.inner_count + inner
+    fresh = np.ones(inner.size, dtype=bool) if job.known is None else job.known.cells[cells] < 0
     arrays = blank(layout, segment.units)
-    for name, values in arrays.items():
-        slots = values.reshape(segment.units * units.chunk, *values.shape[2:])
-        slots[places] = solved.values[name]
-    return arrays, {int(places[k]): text for k, text in solved.messages.items()}
+    messages: dict[int, str] = {}
+
+    def fill(where: NDArray[np.bool_], values: Arrays, told: dict[int, str]) -> None:
+        into = places[where]
+        for name, array in arrays.items():
+            array.reshape(segment.units * units.chunk, *array.shape[2:])[into] = values[name]
+        messages.update({int(into[k]): text for k, text in told.items()})
+
+    if fresh.any():
+        solved = solve(grid, segment.outer, inner[fresh])
+        fill(fresh, solved.values, solved.messages)
+    if job.known is not None and not fresh.all():
+        fill(~fresh, *job.known.take(layout, cells[~fresh]))
+    return arrays, messages
 
 
 def _cells(layout: Layout, first: int, stop: int) -> int:

@@ -9,7 +9,7 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
-from workflow.archive import ArchiveError, code_revision, read_layout, study_key
+from workflow.archive import ArchiveError, code_revision, read_known, read_layout, study_key
 from workflow.grid import Segment, Task, arrange, units_of
 from workflow.run._task import Job, Stored, store_task
 from workflow.schemes import SOLVER_VERSION
@@ -136,7 +136,8 @@ def _made(session: Session) -> Job:
     if study_key(study) != session.key:
         raise ClusterError(f"worker {worker.address}: {session.parts} does not hold the study of this run")
     grid = arrange(study)
-    return Job(grid, units_of(grid), layout, Path(session.parts))
+    parts = Path(session.parts)
+    return Job(grid, units_of(grid), layout, parts, read_known(parts))
 
 
 @cache

@@ -1,0 +1,56 @@
+"""Studies of a chain of one node and a few steps, whose text tests put together."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+
+from studies import parsed
+from workflow.grid import arrange, case_hashes
+from workflow.study import Study
+
+SCENE = {
+    "chain": {
+        "nodes": 1,
+        "mass": 2.5e-3,
+        "stiffness": 4.0e6,
+        "spacing": 2.5e-3,
+        "expansion": 8.6e-6,
+        "heat_capacity": 1.3,
+        "conductance": 0.6,
+    },
+    "casing": {"gap": 20e-6},
+    "load": {"amplitude": 100.0, "frequency": 1000.0},
+    "duration": 4e-3,
+}
+AXES = {"h": 1e-4, "e": [0.0, 0.5, 0.9], "alpha": [0.0, 5.0, 50.0]}
+OUTPUT = {"interval": 5e-4, "histories": ["displacement", "contact_force"]}
+
+
+def quick(axes: dict[str, Any] | None = None, **parts: Any) -> Study:
+    """Return a study of nine cases, or with other axes (``None``: not one of them) and parts; JSON is YAML.
+
+    A part ``scene`` names what is replaced in it by path: ``{"casing.gap": 1e-5}``.
+    """
+    scene = json.loads(json.dumps(SCENE))
+    for path, value in parts.pop("scene", {}).items():
+        *groups, name = path.split(".")
+        owner = scene
+        for group in groups:
+            owner = owner.setdefault(group, {})
+        owner[name] = value
+    output = {**OUTPUT, **parts.pop("output", {})}
+    given = {name: values for name, values in {**AXES, **(axes or {})}.items() if values is not None}
+    return parsed(json.dumps({"study": "quick", "scene": scene, "axes": given, **parts, "output": output}))
+
+
+def hashes_of(study: Study) -> list[bytes]:
+    """Return the identities of a study's cases in archive order."""
+    return [row.tobytes() for row in case_hashes(arrange(study))]
+
+
+def same_values(a: Any, b: Any) -> bool:
+    """Tell whether two arrays agree in every bit, NaN equal to NaN."""
+    return bool(np.array_equal(a, b, equal_nan=np.asarray(a).dtype.kind == "f"))

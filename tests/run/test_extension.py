@@ -1,0 +1,324 @@
+"""An archive grows with its study: the same bits as from nothing, and only what is new is run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import workflow.run._task as running
+from quick import hashes_of, quick
+from workflow import schemes
+from workflow.archive import ArchiveError, _known, content_hash, open_archive, parts_of, provenance
+from workflow.grid import _tasks as cutting
+from workflow.run import _study as studying
+from workflow.run import run_study
+from workflow.study import Study
+
+
+@contextmanager
+def counted() -> Iterator[list[int]]:
+    """Count the cases that tasks ask the solver for."""
+    solve, found = running.solve, []
+
+    def counting(grid: Any, outer: int, inner: Any) -> Any:
+        found.append(inner.size)
+        return solve(grid, outer, inner)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(running, "solve", counting)
+        yield found
+
+
+def from_nothing(study: Study, directory: Path) -> str:
+    archive = directory / "from_nothing.nc"
+    archive.unlink(missing_ok=True)
+    run_study(study, archive, threads=1)
+    return content_hash(archive)
+
+
+def check_extension(old: Study, new: Study, directory: Path) -> None:
+    """Extend the archive of one study to another and compare with the other from nothing."""
+    archive = directory / "a.nc"
+    archive.unlink(missing_ok=True)
+    run_study(old, archive, threads=1)
+    before = set(hashes_of(old))
+    fresh = [case for case in hashes_of(new) if case not in before]
+    with counted() as solved:
+        outcome = run_study(new, archive, threads=1)
+    assert sum(solved) == len(fresh)
+    assert outcome.resumed == len(hashes_of(new)) - len(fresh)
+    assert sorted(entry.name for entry in directory.iterdir() if entry.name != "from_nothing.nc") == ["a.nc"]
+    assert content_hash(archive) == provenance(archive)["content_hash"] == from_nothing(new, directory)
+    assert hashes_of(new) == [row.tobytes() for row in _known.stored_hashes(archive)]
+
+
+def values(of: list[float], least: int = 1) -> st.SearchStrategy[list[float]]:
+    return st.lists(st.sampled_from(of), min_size=least, max_size=len(of), unique=True)
+
+
+@st.composite
+def grids(draw: st.DrawFn) -> dict[str, Any]:
+    """Axes and parts of a small study that has at least e = 0.5, alpha = 5, h = 1e-4 and 1 kHz in it."""
+
+    def axis(value: float, others: list[float]) -> Any:
+        found = draw(st.permutations([value, *draw(values(others, 0))]))
+        return found[0] if len(found) == 1 and draw(st.booleans()) else found
+
+    axes: dict[str, Any] = {"h": axis(1e-4, [2e-4, 5e-5])}
+    parts: dict[str, Any] = {}
+    frequencies = axis(1000.0, [0.0, 500.0, 2000.0])
+    if draw(st.booleans()):
+        pairs = draw(
+            st.permutations([(0.5, 5.0), *draw(st.lists(st.sampled_from([(0.0, 5.0), (0.9, 50.0)]), unique=True))])
+        )
+        axes |= {"e": None, "alpha": None}
+        parts["zip"] = {"pair": {"e": [e for e, _ in pairs], "alpha": [alpha for _, alpha in pairs]}}
+    else:
+        axes |= {"e": axis(0.5, [0.0, 0.9]), "alpha": axis(5.0, [0.0, 20.0, 50.0])}
+    axes["scene.load.frequency"] = frequencies
+    order = draw(st.permutations(list(axes)))
+    parts["axes"] = {name: axes[name] for name in order}
+    return parts
+
+
+@settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(old=grids(), new=grids(), narrow=st.booleans(), fewer=st.booleans(), referred=st.booleans(), cut=st.booleans())
+def test_any_study_from_any_other(
+    old: dict[str, Any], new: dict[str, Any], narrow: bool, fewer: bool, referred: bool, cut: bool
+) -> None:
+    both: dict[str, Any] = {"reference": {"scheme": "moreau", "h": 2e-5}} if referred else {}
+    output = {"precision": "float32"} if narrow else {}
+    output |= {"histories": ["displacement"]} if fewer else {}
+    with TemporaryDirectory() as directory, pytest.MonkeyPatch.context() as patch:
+        if cut:
+            patch.setattr(cutting, "SHORTEST", 1e-9)
+        check_extension(quick(**old, **both), quick(**new, **both, output=output), Path(directory))
+
+
+@pytest.mark.slow
+@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(old=grids(), new=grids(), narrow=st.booleans(), fewer=st.booleans(), referred=st.booleans(), cut=st.booleans())
+def test_many_studies_from_many_others(
+    old: dict[str, Any], new: dict[str, Any], narrow: bool, fewer: bool, referred: bool, cut: bool
+) -> None:
+    test_any_study_from_any_other.hypothesis.inner_test(old, new, narrow, fewer, referred, cut)  # type: ignore[attr-defined]
+
+
+STEPS = {
+    "a value more": ({}, {"axes": {"e": [0.0, 0.5, 0.7, 0.9]}}),
+    "a value less": ({}, {"axes": {"e": [0.0, 0.9]}}),
+    "another order": ({}, {"axes": {"e": [0.9, 0.0, 0.5], "alpha": [50.0, 0.0, 5.0]}}),
+    "a new axis": ({}, {"axes": {"scene.casing.gap": [20e-6, 15e-6]}}),
+    "an axis less": ({}, {"axes": {"e": 0.5}}),
+    "a scheme with metrics of its own": ({}, {"axes": {"scheme": ["moreau", "penalty"]}}),
+    "that scheme less": ({"axes": {"scheme": ["moreau", "penalty"]}}, {}),
+    "load periods where there were none": ({"scene": {"load.frequency": 0.0}}, {"axes": {"scene.load.frequency": [0.0, 1000.0]}}),
+    "one case of all": ({}, {"axes": {"e": 0.5, "alpha": 5.0}}),
+    "all of one case": ({"axes": {"e": 0.5, "alpha": 5.0}}, {}),
+    "a grid as a zip": (
+        {"axes": {"e": [0.0, 0.5], "alpha": [0.0, 5.0, 50.0]}},
+        {"axes": {"e": None, "alpha": None}, "zip": {"pair": {"e": [0.0] * 3 + [0.5] * 3, "alpha": [0.0, 5.0, 50.0] * 2}}},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new"), STEPS.values(), ids=STEPS.keys())
+@pytest.mark.parametrize("chunk", [None, 2])
+def test_steps_from_a_study_to_its_next(
+    old: dict[str, Any], new: dict[str, Any], chunk: int | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if chunk:  # partial units at the end of rows
+        monkeypatch.setattr(cutting, "CHUNK_BYTES", 8 * 9 * chunk)
+    check_extension(quick(**old), quick(**new), tmp_path)
+
+
+def test_what_an_outer_axis_adds_leaves_whole_chunks_to_copy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cutting, "SHORTEST", 1e-9)
+    archive = tmp_path / "a.nc"
+    run_study(quick(), archive)
+    taken: list[int] = []
+    take = _known.Known.take
+    monkeypatch.setattr(_known.Known, "take", lambda self, *a: (taken.append(1), take(self, *a))[1])
+    with h5py.File(archive) as file:
+        before = {
+            name: [file[name].id.read_direct_chunk((k, 0))[1] for k in range(3)] for name in ("impacts", "status")
+        }
+    monkeypatch.setattr(studying, "gather", _inspecting(studying.gather, shards := []))
+    run_study(quick({"h": [5e-5, 1e-4]}), archive)
+    assert taken == []
+    assert shards == [3]  # units of the new step alone
+    with h5py.File(archive) as file:
+        for name, chunks in before.items():
+            assert [file[name].id.read_direct_chunk((1, k, 0))[1] for k in range(3)] == chunks
+
+
+def _inspecting(gather: Any, found: list[int]) -> Any:
+    from workflow.archive import find_shards
+
+    def inspect(layout: Any, parts: Path, *others: Any) -> None:
+        found.append(int(np.sum(find_shards(parts, layout).owner >= 0)))
+        gather(layout, parts, *others)
+
+    return inspect
+
+
+@pytest.mark.parametrize(("after", "left"), [(0, 7), (1, 6), (3, 1)])  # of one, four, one and one new case in a shard
+def test_killed_in_the_middle(after: int, left: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cutting, "SHORTEST", 1e-9)
+    new = quick({"e": [0.0, 0.2, 0.5, 0.9], "alpha": [0.0, 20.0, 5.0, 50.0]})
+    archive = tmp_path / "a.nc"
+    run_study(quick(), archive)
+    before = archive.read_bytes()
+    write, written = running.write_shard, []
+
+    def failing(*args: Any) -> Any:
+        if len(written) == after:
+            raise ArchiveError("no room")
+        written.append(args[2])
+        return write(*args)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(running, "write_shard", failing)
+        with pytest.raises(ArchiveError, match="no room"):
+            run_study(new, archive, threads=1)
+    assert archive.read_bytes() == before
+    assert parts_of(archive).exists()
+    with open_archive(archive) as data:  # the old one, as long as the new one is not complete
+        assert data["status"].shape == (3, 3)
+    with counted() as solved:
+        run_study(new, archive, threads=1)
+    assert content_hash(archive) == from_nothing(new, tmp_path)
+    assert sum(solved) == left
+
+
+def test_the_old_archive_stays_until_the_new_one_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    archive = tmp_path / "a.nc"
+    run_study(quick(), archive)
+    before = archive.read_bytes()
+
+    def refuse(*_: object) -> None:
+        raise ArchiveError("not today")
+
+    monkeypatch.setattr(studying, "gather", refuse)
+    with pytest.raises(ArchiveError, match="not today"):
+        run_study(quick({"e": [0.0, 0.1]}), archive)
+    assert archive.read_bytes() == before
+
+
+def test_a_title_is_changed_without_running_anything(tmp_path: Path) -> None:
+    archive = tmp_path / "a.nc"
+    run_study(quick(), archive)
+    before = content_hash(archive)
+    with counted() as solved:
+        assert run_study(quick(title="Renamed"), archive).resumed == 9
+    assert solved == []
+    assert content_hash(archive) == before
+    with open_archive(archive) as data:
+        assert data.attrs["title"] == "Renamed"
+
+
+def test_messages_of_cases_that_are_not_ok_come_along(tmp_path: Path) -> None:
+    alphas = [0.0, 1e9, 5.0]
+    old = quick({"alpha": alphas}, scene={"chain.nodes": 2})
+    check_extension(old, quick({"alpha": [2e9, *alphas]}, scene={"chain.nodes": 2}), tmp_path)
+    with open_archive(tmp_path / "a.nc") as data:
+        bad = data["status"].sel(alpha=[1e9, 2e9])
+        assert (bad != 0).all()
+        assert (data["message"].sel(alpha=[1e9, 2e9]) != "").all()
+        assert (data["message"].sel(alpha=[0.0, 5.0]) == "").all()
+
+
+def refused(study: Study, archive: Path, match: str) -> None:
+    before = archive.read_bytes()
+    for retry in (False, True):
+        with pytest.raises(ArchiveError, match=match):
+            run_study(study, archive, retry=retry)
+    assert archive.read_bytes() == before
+    assert [e.name for e in archive.parent.iterdir() if e.suffix != ".parts"] == [archive.name]
+
+
+def test_another_solver_is_never_mixed_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from workflow.archive import _describe
+    from workflow.grid import _identity
+
+    archive = tmp_path / "a.nc"
+    run_study(quick(), archive)
+    for module in (studying, _describe, _identity):
+        monkeypatch.setattr(module, "SOLVER_VERSION", schemes.SOLVER_VERSION + 1)
+    refused(quick(), archive, r"made by version .* --recompute")
+    refused(quick({"e": [0.0, 0.1]}), archive, r"made by version .* --recompute")
+    with counted() as solved:
+        run_study(quick(), archive, recompute=True)
+    assert sum(solved) == 9
+    assert provenance(archive)["solver_version"] == str(schemes.SOLVER_VERSION + 1)
+    assert run_study(quick(), archive).resumed == 9
+
+
+def test_what_cannot_be_extended_is_refused(tmp_path: Path) -> None:
+    archive = tmp_path / "a.nc"
+    run_study(quick(output={"precision": "float32"}), archive)
+    refused(quick(study="other"), archive, "another study, 'quick' and not 'other'")
+    refused(quick(scene={"casing.gap": 1e-5}), archive, "none of its cases is one of this study")
+    refused(quick(), archive, "without displacement, contact_force")
+    refused(quick(output={"histories": ["velocity"]}), archive, "without velocity")
+    run_study(quick(output={"histories": ["velocity"]}), archive, recompute=True)
+    with open_archive(archive) as data:
+        assert "velocity" in data
+
+
+def test_an_archive_without_identities_is_refused(tmp_path: Path) -> None:
+    archive = tmp_path / "a.nc"
+    run_study(quick(), archive)
+    with h5py.File(archive, "r+") as file:
+        del file["provenance/case_hash"]
+    refused(quick({"e": [0.0, 0.1]}), archive, "did not keep the identity of cases; --recompute")
+    run_study(quick({"e": [0.0, 0.1]}), archive, recompute=True)
+
+
+@pytest.mark.parametrize("name", ["provenance/case_hash", "status", "displacement", "provenance/file_checksum"])
+def test_nothing_is_taken_from_a_damaged_archive(name: str, tmp_path: Path) -> None:
+    archive = tmp_path / "a.nc"
+    run_study(quick(), archive)
+    with h5py.File(archive) as file:
+        stored = file[name].id
+        place = stored.get_chunk_info(0).byte_offset if file[name].chunks else stored.get_offset()
+    with open(archive, "r+b") as data:
+        data.seek(place + 3)
+        byte = data.read(1)
+        data.seek(place + 3)
+        data.write(bytes([byte[0] ^ 1]))
+    refused(quick({"e": [0.0, 0.1]}), archive, "changed or damaged since it was written|damaged, or not")
+    run_study(quick({"e": [0.0, 0.1]}), archive, recompute=True)
+
+
+def test_a_value_that_went_leaves_nothing(tmp_path: Path) -> None:
+    archive = tmp_path / "a.nc"
+    run_study(quick(), archive)
+    run_study(quick({"e": [0.0, 0.9]}), archive)
+    with open_archive(archive) as data:
+        assert data["e"].values.tolist() == [0.0, 0.9]
+        assert data["status"].shape == (2, 3)
+    with counted() as solved:
+        run_study(quick(), archive)
+    assert sum(solved) == 3
+
+
+def test_a_zip_of_300_cases_makes_300_cells(tmp_path: Path) -> None:
+    pairs = {"e": np.linspace(0, 0.9, 300).tolist(), "alpha": np.linspace(0, 50, 300).tolist()}
+    study = quick({"e": None, "alpha": None}, zip={"pair": pairs})
+    with counted() as solved:
+        run_study(study, tmp_path / "a.nc")
+    assert sum(solved) == 300
+    with open_archive(tmp_path / "a.nc") as data:
+        assert data["status"].dims == ("pair",)
+        assert data["status"].size == 300
+        assert data["alpha"].values.tolist() == pairs["alpha"]

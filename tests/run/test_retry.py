@@ -1,0 +1,162 @@
+"""A failure is a result that can be asked for again: it alone, and nothing of a neighbour's."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import workflow.run._task as running
+from quick import quick, same_values
+from workflow.archive import ArchiveError, content_hash, open_archive, parts_of
+from workflow.grid import _solve
+from workflow.grid import _tasks as cutting
+from workflow.run import run_study
+from workflow.schemes import Status
+
+
+@pytest.fixture
+def broken(monkeypatch: pytest.MonkeyPatch) -> set[float]:
+    """Values of alpha whose cases raise."""
+    alphas = {5.0}
+    run = _solve.run_batch
+
+    def failing(cell: Any, cases: Any, sampling: Any) -> Any:
+        if set(cases.alpha.tolist()) & alphas:
+            raise FloatingPointError("the blade is gone")
+        return run(cell, cases, sampling)
+
+    monkeypatch.setattr(_solve, "run_batch", failing)
+    return alphas
+
+
+@pytest.fixture
+def solved(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    found: list[int] = []
+    solve = running.solve
+    monkeypatch.setattr(running, "solve", lambda g, o, i: (found.extend(i.tolist()), solve(g, o, i))[1])
+    return found
+
+
+def test_only_what_failed_is_run_again(tmp_path: Path, broken: set[float], solved: list[int]) -> None:
+    archive = tmp_path / "a.nc"
+    outcome = run_study(quick(), archive)
+    assert not outcome.ok
+    assert outcome.counts == {"ok": 6, "failed": 3}
+    assert outcome.failures[0] == ("e = 0.0, alpha = 5.0", "FloatingPointError: the blade is gone")
+    with open_archive(archive) as data:
+        before = data.load()
+    solved.clear()
+    assert run_study(quick(), archive).resumed == 9  # without --retry a failure is a result
+    assert solved == []
+    assert run_study(quick(), archive, retry=True).counts == {"ok": 6, "failed": 3}
+    assert len(solved) == 3
+    broken.clear()
+    outcome = run_study(quick(), archive, retry=True)
+    assert (outcome.ok, outcome.resumed) == (True, 6)
+    assert len(solved) == 6
+    with open_archive(archive) as data:
+        for name in before.data_vars:
+            kept = [before[name].sel(alpha=[0.0, 50.0]).values, data[name].sel(alpha=[0.0, 50.0]).values]
+            assert name == "message" or same_values(*kept)
+        assert set(data["message"].values.ravel()) == {""}
+    run_study(quick(), tmp_path / "b.nc")
+    assert content_hash(archive) == content_hash(tmp_path / "b.nc")
+
+
+def test_with_nothing_failed_nothing_is_done(tmp_path: Path, solved: list[int]) -> None:
+    archive = tmp_path / "a.nc"
+    run_study(quick(), archive)
+    before = archive.read_bytes()
+    solved.clear()
+    outcome = run_study(quick(), archive, retry=True)
+    assert outcome.resumed == 9
+    assert solved == []
+    assert archive.read_bytes() == before
+
+
+@pytest.mark.parametrize("finely", [False, True])
+def test_a_failed_case_has_no_value_of_another_s(
+    finely: bool, tmp_path: Path, broken: set[float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Neither of its neighbours nor of the archive that was extended."""
+    if finely:
+        monkeypatch.setattr(cutting, "SHORTEST", 1e-9)
+    archive = tmp_path / "a.nc"
+    run_study(quick({"alpha": [0.0, 50.0]}), archive)
+    run_study(quick({"alpha": [0.0, 5.0, 50.0]}), archive)
+    with open_archive(archive) as data:
+        assert (data["status"].sel(alpha=5.0) == Status.FAILED).all()
+        assert (data["status"].sel(alpha=[0.0, 50.0]) == Status.OK).all()
+        for name, variable in data.data_vars.items():
+            if variable.dtype.kind == "f":
+                assert variable.sel(alpha=5.0).isnull().all(), name
+        assert np.isfinite(data["contact_impulse"].sel(alpha=[0.0, 50.0])).all()
+
+
+def test_failures_of_an_archive_that_is_extended_stay_until_they_are_retried(
+    tmp_path: Path, broken: set[float], solved: list[int]
+) -> None:
+    archive = tmp_path / "a.nc"
+    run_study(quick(), archive)
+    broken.clear()
+    solved.clear()
+    outcome = run_study(quick({"e": [0.0, 0.5, 0.9, 1.0]}), archive)
+    assert outcome.counts == {"ok": 9, "failed": 3}
+    assert len(solved) == 3
+    assert outcome.failures[0][1] == "FloatingPointError: the blade is gone"
+    outcome = run_study(quick({"e": [0.0, 0.5, 1.0]}), archive, retry=True)
+    assert outcome.ok
+    assert len(solved) == 3 + 2
+
+
+def test_an_unfinished_run_is_ended_before_it_is_retried(
+    tmp_path: Path, broken: set[float], solved: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cutting, "SHORTEST", 1e-9)
+    archive = tmp_path / "a.nc"
+    write, written = running.write_shard, []
+
+    def failing(*args: Any) -> Any:
+        if len(written) == 2:
+            raise ArchiveError("no room")
+        written.append(1)
+        return write(*args)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(running, "write_shard", failing)
+        with pytest.raises(ArchiveError):
+            run_study(quick(), archive, threads=1)
+    broken.clear()
+    solved.clear()
+    assert run_study(quick(), archive, threads=1, retry=True).ok
+    assert len(solved) == 3 + 2  # the row that was missing, then what failed in the two others
+    assert not parts_of(archive).exists()
+
+
+def test_a_retry_that_was_stopped_goes_on(
+    tmp_path: Path, broken: set[float], solved: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cutting, "SHORTEST", 1e-9)
+    archive = tmp_path / "a.nc"
+    run_study(quick(), archive)
+    before = archive.read_bytes()
+    broken.clear()
+    write, written = running.write_shard, []
+
+    def failing(*args: Any) -> Any:
+        if len(written) == 2:
+            raise ArchiveError("no room")
+        written.append(1)
+        return write(*args)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(running, "write_shard", failing)
+        with pytest.raises(ArchiveError):
+            run_study(quick(), archive, threads=1, retry=True)
+    assert archive.read_bytes() == before
+    solved.clear()
+    assert run_study(quick(), archive, threads=1, retry=True).ok
+    assert len(solved) == 1

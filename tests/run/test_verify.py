@@ -1,0 +1,214 @@
+"""`workflow verify`: passes on what was written, and names what was not."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import netCDF4
+import numpy as np
+import pytest
+
+from quick import quick
+from workflow import schemes
+from workflow.archive import ArchiveError, content_hash, describe, parts_of, provenance, start_parts
+from workflow.archive._seal import BLANK, FILE_CHECKSUM, seal
+from workflow.grid import arrange, units_of
+from workflow.run import _verify, run_study, verify
+
+KEPT = sorted((Path(__file__).parents[2] / "data").rglob("*.nc"))
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    archive = tmp_path_factory.mktemp("verify") / "a.nc"
+    run_study(quick({"alpha": [0.0, 5.0, 1e9], "scheme": ["moreau", "event_driven"]}), archive)
+    return archive
+
+
+@pytest.fixture
+def copied(whole: Path, tmp_path: Path) -> Path:
+    path = tmp_path / "copied.nc"
+    path.write_bytes(whole.read_bytes())
+    return path
+
+
+def wrong(path: Path, sample: int = 18) -> set[str]:
+    return {check.name for check in verify(path, sample) if not check.holds}
+
+
+def resealed(path: Path) -> None:
+    """Make content hash and checksum fit what is there, as whoever edits by hand may know how to do."""
+    digest = content_hash(path)
+    with netCDF4.Dataset(path, "a") as file:
+        file["provenance"].setncattr("content_hash", digest)
+        file["provenance"][FILE_CHECKSUM][:] = np.frombuffer(BLANK.encode(), "S1")
+    seal(path)
+
+
+def test_a_fresh_archive_passes(whole: Path) -> None:
+    checks = list(verify(whole, 18))
+    assert [check.name for check in checks] == ["bytes", "content", "solver", "cases", "sample"]
+    assert all(check.holds for check in checks)
+    assert checks[-1].found == "18 cases run again, the same bit for bit"
+
+
+@pytest.mark.parametrize("sample", [0, 1, 5])
+def test_as_many_as_are_wanted_are_run_again(whole: Path, sample: int) -> None:
+    [*_, last] = verify(whole, sample)
+    assert last.found.startswith(f"{sample} cases")
+
+
+def test_a_sample_has_each_scheme_and_status(whole: Path) -> None:
+    grid = arrange(quick({"alpha": [0.0, 5.0, 1e9], "scheme": ["moreau", "event_driven"]}))
+    with h5py.File(whole) as file:
+        status = file["status"][...].ravel()
+    kinds = {(cell // grid.inner_count, status[cell]) for cell in range(18)}
+    chosen = _verify._sample(whole, grid, provenance(whole), len(kinds))
+    assert {(cell // grid.inner_count, status[cell]) for cell in chosen} == kinds
+
+
+@pytest.mark.parametrize("kept", KEPT, ids=lambda path: path.name)
+def test_every_kept_archive_passes(kept: Path) -> None:
+    assert [check for check in verify(kept, 2) if not check.holds] == []
+
+
+def flip(path: Path, place: int, bit: int = 0) -> None:
+    with open(path, "r+b") as file:
+        file.seek(place)
+        byte = file.read(1)[0]
+        file.seek(place)
+        file.write(bytes([byte ^ 1 << bit]))
+
+
+def test_any_changed_byte_is_noticed(copied: Path) -> None:
+    """Each at a place of its own, all over the file; where it cannot even be read, one message says so."""
+    image = copied.read_bytes()
+    random = np.random.default_rng(5)
+    for place in random.integers(len(image), size=60).tolist():
+        flip(copied, place, int(random.integers(8)))
+        try:
+            assert next(check for check in verify(copied, 0) if not check.holds)
+        except ArchiveError as error:
+            assert str(copied) in str(error)  # noqa: PT017 - either is right
+        copied.write_bytes(image)
+
+
+def test_a_truncated_or_longer_file_is_noticed(copied: Path) -> None:
+    image = copied.read_bytes()
+    copied.write_bytes(image + b"\0")
+    assert "bytes" in wrong(copied, 0)
+    copied.write_bytes(image[:-100])
+    with pytest.raises(ArchiveError, match="damaged"):
+        wrong(copied, 0)
+
+
+def edit(name: str, place: tuple[int, ...], change: Callable[[float], float]) -> Callable[[Path], None]:
+    def editing(path: Path) -> None:
+        with netCDF4.Dataset(path, "a") as file:
+            file.set_auto_mask(False)
+            file[name][place] = change(file[name][place])
+
+    return editing
+
+
+EDITS = {
+    "last bit of a metric": edit("contact_impulse", (0, 1, 1), lambda x: np.nextafter(x, 1)),
+    "a sample of a history": edit("displacement", (1, 1, 1, 8), lambda x: x * (1 + 1e-15) + 1e-22),
+    "a status": edit("status", (1, 1, 1), lambda x: 1),
+    "a flag": edit("runaway", (0, 0, 0), lambda x: 1),
+    "a NaN that has become a number": edit("contact_impulse", (0, 0, 2), lambda x: 1.0),
+    "a number that has become NaN": edit("contact_impulse", (1, 0, 1), lambda x: np.nan),
+    "a message": edit("message", (0, 0, 2, 0), lambda x: b"!"),
+}
+
+
+@pytest.mark.parametrize("editing", EDITS.values(), ids=EDITS.keys())
+def test_a_value_edited_by_hand_is_noticed(copied: Path, editing: Callable[[Path], None]) -> None:
+    editing(copied)
+    assert {"bytes", "content"} <= wrong(copied, 0)
+    resealed(copied)
+    assert wrong(copied, 0) == set()  # hashes fit again: only running the cases tells
+    assert wrong(copied) == {"sample"}
+
+
+def test_what_differs_is_named(copied: Path) -> None:
+    edit("contact_impulse", (0, 1, 1), lambda x: 42.0)(copied)
+    resealed(copied)
+    [told] = [check.found for check in verify(copied, 18) if not check.holds]
+    assert "e = 0.5, alpha = 5.0: contact_impulse is 42.0 in the archive" in told
+
+
+def test_elsewhere_a_tolerance_counts_and_is_told(copied: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_verify, "processor", lambda: "another")
+    edit("contact_impulse", (0, 1, 1), lambda x: x * (1 + 1e-12))(copied)
+    resealed(copied)
+    [*_, last] = verify(copied, 18)
+    assert (last.holds, last.found) == (True, "18 cases run again, the same within 1e-08 (other processor)")
+    edit("contact_impulse", (0, 1, 1), lambda x: x * (1 + 1e-6))(copied)
+    resealed(copied)
+    assert wrong(copied) == {"sample"}
+
+
+def test_another_solver_is_noticed(whole: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_verify, "SOLVER_VERSION", schemes.SOLVER_VERSION + 1)
+    assert wrong(whole, 0) == {"solver"}
+
+
+def test_an_edited_study_is_noticed(copied: Path) -> None:
+    def study(old: str, new: str) -> None:
+        with netCDF4.Dataset(copied, "a") as file:
+            text = file["provenance"].getncattr("study")
+            assert text.count(old) == 1
+            file["provenance"].setncattr("study", text.replace(old, new))
+        resealed(copied)
+
+    study('"mass": 0.0025', '"mass": 0.0026')
+    assert "cases" in wrong(copied, 0)
+    study('"mass": 0.0026', '"mass": 0.0025')
+    assert wrong(copied, 0) == set()
+    study('"mass"', '"ma:ss"')
+    assert wrong(copied, 0) == {"study"}
+
+
+def test_an_edited_coordinate_is_noticed(copied: Path) -> None:
+    edit("alpha", (1,), lambda x: 6.0)(copied)
+    resealed(copied)
+    [told] = [check for check in verify(copied, 0) if not check.holds]
+    assert (told.name, told.found) == ("cases", "other coordinates than the study gives: alpha")
+
+
+def test_an_edited_identity_is_noticed(copied: Path) -> None:
+    edit("provenance/case_hash", (0, 0, 0, 0), lambda x: x ^ 1)(copied)
+    resealed(copied)
+    assert wrong(copied, 0) == {"cases"}
+
+
+def test_cases_that_failed_are_not_compared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from workflow.grid import _solve
+
+    def failing(*_: object) -> None:
+        raise MemoryError
+
+    with monkeypatch.context() as patch:
+        patch.setattr(_solve, "run_batch", failing)
+        run_study(quick(), tmp_path / "a.nc")
+    checks = list(verify(tmp_path / "a.nc"))
+    assert all(check.holds for check in checks)
+    assert checks[-1].found.startswith("0 cases")
+
+
+def test_an_unfinished_archive_cannot_be_verified(tmp_path: Path) -> None:
+    grid = arrange(quick())
+    start_parts(parts_of(tmp_path / "a.nc"), describe(grid.study, grid, units_of(grid)))
+    with pytest.raises(ArchiveError, match="unfinished"):
+        list(verify(tmp_path / "a.nc"))
+
+
+def test_the_checksum_is_that_of_its_description(whole: Path) -> None:
+    """Whoever has no Python: put the blank back in its place, and hash."""
+    image, checksum = whole.read_bytes(), provenance(whole)[FILE_CHECKSUM]
+    assert image.count(checksum.encode()) == 1
+    assert hashlib.sha256(image.replace(checksum.encode(), BLANK.encode())).hexdigest() == checksum

@@ -1,0 +1,105 @@
+"""Identity of a case: what its results depend on, hashed; never where it stands in a grid."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow import schemes
+from workflow.grid._arrangement import Grid
+from workflow.grid._reference import reference_cell
+from workflow.schemes import SOLVER_VERSION
+from workflow.study import Cell
+
+HASH_BYTES = 16
+"""Of the SHA-256: two of 1e8 cases share their first 128 bits with a probability of 1e-23."""
+
+_CONDITIONS = ("scene.casing.gap", *(f"scene.load.{name}" for name in ("mean", "amplitude", "frequency", "phase")))
+_PER_NODE = ("scene.load.steady", *(f"scene.initial.{name}" for name in ("displacement", "velocity", "temperature")))
+
+
+def case_hashes(grid: Grid) -> NDArray[np.uint8]:
+    """Return the hash of every case in archive order, ``(case, HASH_BYTES)``.
+
+    It covers the solver's version, model, conditions, duration and sampling, the scheme with its
+    options, those of e, h and α that it reads, mode counts, and the reference in the same way: values
+    in SI, to the bit. Labels, titles, the place in the grid and what else is stored do not enter.
+    """
+    inner = np.arange(grid.inner_count, dtype=np.int64)
+    varying = grid.inner_values(inner)
+    found: list[bytes] = []
+    for outer in range(grid.outer_count):
+        cell = grid.settings(outer)
+        prefix = hashlib.sha256(json.dumps(_shared(grid, outer, cell), sort_keys=True).encode())
+        rows = _rows(grid, outer, cell, varying, inner.size)
+        for row in rows:
+            digest = prefix.copy()
+            digest.update(row.data)
+            found.append(digest.digest()[:HASH_BYTES])
+    return np.frombuffer(b"".join(found), np.uint8).reshape(-1, HASH_BYTES)
+
+
+def _shared(grid: Grid, outer: int, cell: Cell) -> dict[str, Any]:
+    """Return what the cases of an outer index have in common and no condition of :func:`_rows` holds."""
+    reference = grid.study.reference
+    return {
+        "solver": SOLVER_VERSION,
+        "duration": grid.sampling.duration,
+        "interval": grid.sampling.interval,
+        "run": _numerics(cell, _read(cell)),
+        "reference": None if reference is None else _numerics(reference_cell(grid, outer), frozenset({"h"})),
+        "lists": {path: value for path, value in _per_node(cell).items() if not isinstance(value, float)},
+    }
+
+
+def _read(cell: Cell) -> frozenset[str]:
+    return schemes.load(cell.scheme.method).READS
+
+
+def _numerics(cell: Cell, read: frozenset[str]) -> dict[str, Any]:
+    parameters = dataclasses.asdict(cell.scene.parameters)
+    parameters.pop("heating", None)  # a condition
+    return {
+        "model": cell.scene.model,
+        "parameters": parameters,
+        "method": cell.scheme.method,
+        "options": dataclasses.asdict(cell.scheme.options),
+        "modes": [cell.mechanical_modes, cell.thermal_modes],
+        "h": float(cell.h).hex() if "h" in read else None,
+    }
+
+
+def _per_node(cell: Cell) -> dict[str, Any]:
+    """Return the conditions that may be given per node: a number, or a list of them, or ``static``."""
+    scene, found = cell.scene, {}
+    for path in (*_PER_NODE, f"scene.{cell.scene.model}.heating"):
+        *_, group, name = path.split(".")
+        owner: Any = {"load": scene.load, "initial": scene.initial}.get(group, scene.parameters)
+        value = owner if isinstance(owner, str) else getattr(owner, name)
+        found[path] = float(value) if isinstance(value, int | float) else value
+    return found
+
+
+def _rows(grid: Grid, outer: int, cell: Cell, varying: Any, count: int) -> NDArray[np.float64]:
+    """Return the conditions of every case that are numbers, ``(case, condition)``; those not read are 0."""
+    scene, reference = cell.scene, grid.study.reference
+    read = _read(cell)
+    values: dict[str, Any] = {"scene.casing.gap": scene.gap}
+    values |= {path: getattr(scene.load, path.rsplit(".", 1)[1]) for path in _CONDITIONS[1:]}
+    values |= {path: value if isinstance(value, float) else 0.0 for path, value in _per_node(cell).items()}
+    values |= {"e": cell.e, "alpha": cell.alpha}
+    values |= varying
+    columns = [values[path] for path in sorted(set(values) - {"e", "alpha"})]
+    columns += [values[name] if name in read else 0.0 for name in ("e", "alpha")]
+    if reference is not None:
+        own = _read(reference_cell(grid, outer))
+        columns += [reference.values.get(name, values[name]) if name in own else 0.0 for name in ("e", "alpha")]
+    rows = np.empty((count, len(columns)))
+    for k, column in enumerate(columns):
+        rows[:, k] = column
+    return rows + 0.0  # -0.0 is 0.0

@@ -1,0 +1,209 @@
+"""Proof of an archive: its bytes are those that were written, and a sample of its cases comes out the same again."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow.archive import (
+    ArchiveError,
+    Known,
+    code_revision,
+    content_hash,
+    describe,
+    is_sealed_with,
+    open_archive,
+    processor,
+    provenance,
+    stored_hashes,
+    study_key,
+    versions,
+)
+from workflow.grid import Grid, arrange, case_hashes, seconds_per_case, solve, units_of
+from workflow.run._outcome import labels_of_case
+from workflow.schemes import SOLVER_VERSION, Status
+from workflow.study import StudyError, parse_study
+
+SAMPLE = 12
+"""Cases that are run again unless another number is asked for."""
+
+SECONDS = 60.0
+"""Estimated seconds of the sample; a case that takes longer alone is not in it, unless all do."""
+
+ELSEWHERE = 1e-8
+"""Relative to the largest value of a variable in a case: what another processor, or other versions of
+compiler and libraries, may change, whose last bits 1e6 steps carry on. Ten times the case's
+``predictability`` is added where the archive has it: what a change of 1e-12 in the gap does."""
+
+SHOWN = 10
+"""Differences that are named."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """One thing that was looked at: whether it holds, and what was found."""
+
+    name: str
+    holds: bool
+    found: str
+
+
+def verify(path: Path, sample: int = SAMPLE) -> Iterator[Check]:
+    """Yield the checks of an archive as they are done, the quick ones first.
+
+    Parameters
+    ----------
+    path
+        A finished archive.
+    sample
+        Number of cases to run again, spread over schemes and statuses.
+
+    Raises
+    ------
+    ArchiveError
+        There is no such archive, or it cannot be read.
+    """
+    texts = provenance(path)
+    if not path.exists():
+        raise ArchiveError(f"{path}: unfinished, only its shards are there; run the study to its end first")
+    yield _bytes(path, texts)
+    yield _content(path, texts)
+    version = texts.get("solver_version", "none")
+    same_version = version == str(SOLVER_VERSION)
+    yield Check("solver", same_version, f"version {version}" + ("" if same_version else f", this is {SOLVER_VERSION}"))
+    if not same_version:
+        return
+    try:
+        study = parse_study(texts["study"], path.name)
+        grid = arrange(study)
+    except (StudyError, KeyError) as error:
+        yield Check("study", False, f"cannot be read from the archive: {error}")
+        return
+    try:
+        yield _identity(path, grid, texts)
+        yield from _repeat(path, grid, texts, sample)
+    except Exception as error:  # what a changed byte makes of the libraries
+        yield Check("values", False, f"cannot be compared: {error}")
+
+
+def _bytes(path: Path, texts: dict[str, str]) -> Check:
+    checksum = texts.get("file_checksum")
+    if checksum is None:
+        return Check("bytes", False, "there is no checksum of the file")
+    holds = is_sealed_with(path, checksum)
+    return Check("bytes", holds, "those that were written" if holds else "some have changed since the file was written")
+
+
+def _content(path: Path, texts: dict[str, str]) -> Check:
+    try:
+        found = content_hash(path)
+    except ArchiveError as error:
+        return Check("content", False, str(error))
+    holds = found == texts.get("content_hash")
+    return Check("content", holds, f"hash {found[:16]}" + ("" if holds else f" is not {texts.get('content_hash')}"))
+
+
+def _identity(path: Path, grid: Grid, texts: dict[str, str]) -> Check:
+    """Compare study, coordinates and the hashes of all cases with what the archive's own study gives."""
+    layout = describe(grid.study, grid, units_of(grid))
+    hashes = case_hashes(grid)
+    with open_archive(path) as dataset:
+        wrong = [c.name for c in layout.coordinates if c.name not in dataset.coords]
+        wrong += [
+            c.name
+            for c in layout.coordinates
+            if c.name not in wrong and not np.array_equal(dataset[c.name].values, c.values)
+        ]
+    if wrong:
+        return Check("cases", False, f"other coordinates than the study gives: {', '.join(wrong)}")
+    if texts.get("key") != study_key(grid.study):
+        return Check("cases", False, "the study in the archive is not the one it was made from")
+    stored = stored_hashes(path)
+    if stored.shape != hashes.shape:
+        return Check("cases", False, f"{len(stored)} are told apart, the study has {len(hashes)}")
+    others = np.any(stored != hashes, axis=1)
+    if others.any():
+        return Check("cases", False, f"{np.sum(others)} of {len(hashes)} are not those of the study")
+    return Check("cases", True, f"all {len(hashes)} are those of the study")
+
+
+def _repeat(path: Path, grid: Grid, texts: dict[str, str], sample: int) -> Iterator[Check]:
+    """Run a sample again and compare it, bit for bit where the same software runs on the same processor."""
+    from threadpoolctl import threadpool_limits
+
+    here = {
+        "code_revision": code_revision(),
+        "processor": processor(),
+        "versions": json.dumps(versions(), sort_keys=True),
+    }
+    other = [name.replace("_", " ") for name, value in here.items() if texts.get(name) != value]
+    layout = describe(grid.study, grid, units_of(grid))
+    known = Known(path, np.arange(layout.cells, dtype=np.int64))
+    differ: list[str] = []
+    cells = _sample(path, grid, texts, sample)
+    with (
+        open_archive(path) as dataset,
+        threadpool_limits(limits=1, user_api="blas"),
+        np.errstate(over="ignore", invalid="ignore"),
+    ):
+        for cell in cells:
+            outer, inner = divmod(cell, grid.inner_count)
+            solved = solve(grid, outer, np.array([inner]))
+            stored, told = known.take(layout, np.array([cell]))
+            where = labels_of_case(dataset, cell) or "the case"
+            again = {v.name: solved.values[v.name].astype(v.dtype) for v in layout.variables if v.name != "wall_time"}
+            differ += [f"{where}: {text}" for text in _differences(stored, again, bool(other))]
+            if told.get(0) != solved.messages.get(0) and not other:
+                differ.append(f"{where}: message {told.get(0)!r} stored, {solved.messages.get(0)!r} now")
+    how = f"within {ELSEWHERE:g} (other {', '.join(other)})" if other else "bit for bit"
+    if not differ:
+        yield Check("sample", True, f"{len(cells)} cases run again, the same {how}")
+    for text in differ[:SHOWN]:
+        yield Check("sample", False, text)
+    if len(differ) > SHOWN:
+        yield Check("sample", False, f"and {len(differ) - SHOWN} more differences in {len(cells)} cases")
+
+
+def _sample(path: Path, grid: Grid, texts: dict[str, str], wanted: int) -> list[int]:
+    """Choose cases by the content hash: one of each scheme and status first, then any, while there is time.
+
+    Those that failed hold nothing to compare, and need not fail again: a machine was to blame, say.
+    """
+    random = np.random.default_rng(int(texts.get("content_hash", "0")[:16], 16))
+    with open_archive(path) as dataset:
+        status = dataset["status"].values.ravel()
+    order = random.permutation(np.flatnonzero(status != Status.FAILED))
+    kinds: dict[tuple[str, int], int] = {}
+    for cell in order.tolist():
+        kinds.setdefault((grid.settings(cell // grid.inner_count).scheme.label, int(status[cell])), cell)
+        if len(kinds) >= wanted:
+            break
+    chosen = list(dict.fromkeys([*kinds.values(), *order.tolist()[:wanted]]))[:wanted]
+    seconds = {cell: seconds_per_case(grid, cell // grid.inner_count) for cell in chosen}
+    kept: list[int] = []
+    spent = 0.0
+    for cell in sorted(chosen, key=seconds.__getitem__):
+        spent += seconds[cell]
+        if spent <= SECONDS or not kept:
+            kept.append(cell)
+    return kept
+
+
+def _differences(stored: dict[str, NDArray[Any]], again: dict[str, NDArray[Any]], elsewhere: bool) -> Iterator[str]:
+    """Yield for each variable that differs where it does most, the stored and the new value."""
+    allowed = ELSEWHERE + 10 * float(np.nan_to_num(stored.get("predictability", np.zeros(1)))[0])
+    for name, new in again.items():
+        old = stored[name]
+        same = (old == new) | (np.isnan(old) & np.isnan(new)) if old.dtype.kind == "f" else old == new
+        if elsewhere and old.dtype.kind == "f":
+            scale = np.nanmax(np.abs(old), initial=0.0, where=np.isfinite(old))
+            same |= np.abs(old - new) <= allowed * scale
+        if not np.all(same):
+            at = int(np.argmax(~same.ravel()))
+            yield f"{name} is {old.ravel()[at].item()!r} in the archive, {new.ravel()[at].item()!r} now"
