@@ -206,8 +206,10 @@ def test_an_axis_that_nothing_reads_is_told() -> None:
     assert [line for line in told.warnings if "changes nothing" in line] == [
         "theta changes nothing: no scheme of this study reads it, its cases are the same"
     ]
-    used = arrange(parsed(text.replace("axes: {", "axes: {scheme: [other, moreau], ")))
-    assert not any("changes nothing" in line for line in plan(used, units_of(used)).warnings)
+    compared = text + "reference: {scheme: other}\n"
+    for used in (text.replace("axes: {", "axes: {scheme: [other, moreau], "), compared):
+        grid = arrange(parsed(used))
+        assert not any("changes nothing" in line for line in plan(grid, units_of(grid)).warnings)
 
 
 def test_places_of_very_many_operators() -> None:

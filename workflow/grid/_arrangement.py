@@ -104,7 +104,7 @@ class Grid:
         """Tell whether a scheme's results do not depend on a dimension."""
         return not any(reads(scheme.method, scheme.label, axis.path) for axis in dimension.axes)
 
-    def _uncompared(self, dimension: Dimension, scheme: SchemeChoice) -> bool:
+    def uncompared(self, dimension: Dimension, scheme: SchemeChoice) -> bool:
         """Tell whether the reference of its cases, where there is one, is the same all along a dimension."""
         if self.study.reference is None:
             return True
@@ -140,7 +140,7 @@ class Grid:
         for k, label in enumerate(labels):
             choice = self.study.schemes[label]
             for dimension, i in zip(self.outer, index, strict=True):
-                if self.unread(dimension, choice) and self._uncompared(dimension, choice):
+                if self.unread(dimension, choice) and self.uncompared(dimension, choice):
                     i[scheme == k] = 0
         return Places(np.ravel_multi_index(index, self.outer_shape) if self.outer else outer)
 

@@ -127,7 +127,7 @@ def _plan(grid: Grid, units: Units) -> Plan:
     idle = tuple(
         f"{dimension.name} changes nothing: no scheme of this study reads it, its cases are the same"
         for dimension in (*grid.outer, *grid.inner)
-        if all(grid.unread(dimension, cell.scheme) for cell in cells)
+        if all(grid.unread(dimension, cell.scheme) and grid.uncompared(dimension, cell.scheme) for cell in cells)
     )
     number = batches = 0
     for task in tasks(grid, units):
