@@ -288,15 +288,15 @@ def watch(cases: Cases, mean: Array, sampling: Sampling, schedule: Schedule, h: 
     return Watch(cases, schedule, sampling.interval, h, load, tip, record, due, weight)
 
 
-def blocks(watched: Watch) -> Iterator[tuple[slice, Block]]:
-    """Cut the batch into blocks, and take the counts of each when the next one is asked for.
+def blocks(watched: Watch, most: int = LANES) -> Iterator[tuple[slice, Block]]:
+    """Cut the batch into blocks of ``most`` cases, and take the counts of each when the next one is asked for.
 
     All blocks share one set of lane arrays, which stays in the processor's cache.
     """
     load, tip = lane_rows(LOAD_ROWS), lane_rows(TIP_ROWS)
     schedule = watched.schedule
-    for first in range(0, watched.cases.count, LANES):
-        part = slice(first, min(first + LANES, watched.cases.count))
+    for first in range(0, watched.cases.count, most):
+        part = slice(first, min(first + most, watched.cases.count))
         count = part.stop - part.start
         fill_lanes(load, watched.load[:, part])
         fill_lanes(tip, watched.tip[:, part])
