@@ -229,6 +229,8 @@ def _tell_plan(console: Console, study: Study, dims: tuple[tuple[str, int], ...]
             f"thermal times {figures.fastest:.3g} to {figures.slowest:.3g} s, critical alpha {alpha}",
             markup=False,
         )
+    for operator in plan.operators:
+        console.print(f"  {operator}", markup=False)
     for warning in plan.warnings:
         console.print(f"  beware: {warning}", markup=False)
 

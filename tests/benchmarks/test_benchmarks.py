@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bench_event_driven
+import bench_limits
 import bench_moreau
 import bench_rivals
 import bench_workflow
@@ -42,3 +43,12 @@ def test_workflow_prints_its_lines(capsys: pytest.CaptureFixture[str]) -> None:
     for line in lines:
         told = line.split(": ")[1]
         assert told == "not installed" or float(told.split()[0]) != 0
+
+
+def test_limits_print_their_table(capsys: pytest.CaptureFixture[str]) -> None:
+    bench_limits.main(bench_limits.TINY)
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].split() == ["what", "asked", "for", "measured", "ratio"]
+    for what in ("full, 20 + 20", "reduced over full", "Siconos", "NumPy", "SciPy", "histories", "3000 nodes, 8 cases"):
+        assert any(what in line for line in lines), what
+    assert any("two threads" in line and "same bits" in line for line in lines)

@@ -16,14 +16,15 @@ RUN = """
 import sys, numpy as np
 sys.path.insert(0, {package!r})
 from workflow import models, schemes
-from workflow.schemes import _kernel, moreau
+from workflow.schemes import _kernel, _modal_march, moreau
 from workflow.models import Cases
 chain = models.load("chain")
 structure = chain.assemble(chain.Parameters(nodes=1, mass=1.0, stiffness=1.0, heat_capacity=1.0))
 one, node = np.ones(1), np.zeros((1, 1))
 cases = Cases(0 * one, 0 * one, 9 * one, one, 0 * one, 0 * one, 0 * one, node, node, node, node, node)
 found = moreau.compute(moreau.init(structure, 0.5, moreau.Options()), cases, schemes.Sampling(1.0, 0.5, 3))
-print(found.histories["displacement"][0, -1], sum(moreau._march.stats.cache_hits.values()), _kernel.cache_directory())
+hits = sum(_modal_march._march.stats.cache_hits.values())
+print(found.histories["displacement"][0, -1], hits, _kernel.cache_directory())
 """
 
 

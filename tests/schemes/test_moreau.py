@@ -9,24 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from plain_moreau import march
+from random_chains import random_chain
 
-from scenes import (
-    alone,
-    blade,
-    blade_rub,
-    cases,
-    chain,
-    heavy_chain,
-    relative,
-    same_bits,
-    sampling,
-    siconos_chain,
-    step,
-    taken,
-)
-from workflow import schemes
-from workflow.models import Rayleigh, static_equilibrium
-from workflow.reduction import reduce_structure
+from scenes import blade, blade_rub, cases, chain, sampling, siconos_chain, step
+from workflow.models import Rayleigh
 from workflow.schemes import Status
 
 DATA = Path(__file__).parents[1] / "data"
@@ -45,30 +31,6 @@ def test_siconos_trajectories(theta: float, e: float, file: str) -> None:
             (impulse_per_step, siconos["impulse_per_step"]),
         ):
             assert np.abs(ours - theirs).max() <= 1e-9 * np.abs(theirs).max()
-
-
-def random_chain(draw: st.DrawFn, heat: bool) -> tuple:
-    n = draw(st.integers(1, 6))
-    numbers = st.floats(0.2, 5.0)
-    free_root = draw(st.booleans())
-    stiffness = [draw(numbers) for _ in range(n)]
-    if free_root:
-        stiffness[0] = 0.0
-    lumps = {
-        "nodes": n,
-        "mass": tuple(draw(numbers) for _ in range(n)),
-        "stiffness": tuple(stiffness),
-        "damping": Rayleigh(draw(st.sampled_from([0.0, 0.1, 3.0])), draw(st.sampled_from([0.0, 0.02, 2.0]))),
-    }
-    if heat:
-        lumps |= {
-            "spacing": 1.0,
-            "expansion": draw(st.sampled_from([0.0, 0.05])),
-            "heat_capacity": tuple(draw(numbers) for _ in range(n)),
-            "conductance": draw(st.sampled_from([0.0, 1.0])),
-            "convection": draw(st.sampled_from([0.0, 0.3])),
-        }
-    return chain(**lumps), n
 
 
 @st.composite
@@ -194,47 +156,6 @@ def test_clamped_bar_released_against_its_wall(theta: float, least: float, most:
         assert during.std() <= 0.003
 
 
-@st.composite
-def unloaded_scenes(draw: st.DrawFn) -> tuple:
-    structure, n = random_chain(draw, heat=False)
-    values = st.lists(st.floats(-1.0, 1.0), min_size=n, max_size=n)
-    state = draw(values)
-    e = draw(st.floats(0.0, 1.0))
-    batch = cases(
-        structure,
-        e=e,
-        gap=state[-1] + draw(st.floats(0.0, 0.3)),
-        displacement=state,
-        velocity=draw(values),
-    )
-    theta = draw(st.one_of(st.floats(0.5, 1.0), st.just(1 / (1 + e))))
-    return structure, batch, theta, draw(st.sampled_from([0.003, 0.05, 0.5])), e
-
-
-def test_energy_never_rises_but_by_the_known_work() -> None:
-    """Reference README: without load and heat, E rises at most by -p v_n,k [(1-θ) - θe] in a step."""
-    impacts = 0
-
-    @settings(max_examples=150, deadline=None, derandomize=True)
-    @given(unloaded_scenes())
-    def check(scene: tuple) -> None:
-        nonlocal impacts
-        structure, batch, theta, h, e = scene
-        found = march(structure, batch, h, theta, 60)
-        energy, p, v = found.energy(structure), found.impulse, found.velocity[:-1, -1]
-        rise = np.diff(energy)
-        rounding = 1e-12 * max(energy.max(), 1e-300)
-        impacts += int(np.sum(p > 0))
-        if theta <= 1 / (1 + e):
-            assert np.all(rise[(p == 0) | (v >= 0)] <= rounding)
-        if theta == 1 / (1 + e):
-            assert np.all(rise <= rounding)
-        assert np.all(rise <= np.maximum(-p * v * ((1 - theta) - theta * e), 0.0) + rounding)
-
-    check()
-    assert impacts > 200  # the scenes do touch
-
-
 @pytest.mark.parametrize("nodes", [10, 20, 40, 80])
 def test_blade_against_its_exact_figures(nodes: int) -> None:
     """DESIGN section 3: ten contacts in ten periods, impulse 0.106 to 0.365 N s, peaks 4.2 and 9.5 N."""
@@ -250,173 +171,3 @@ def test_blade_against_its_exact_figures(nodes: int) -> None:
     assert force[-200:].max() == pytest.approx(9.5, rel=0.01)
     if nodes == 20:
         assert found.metrics["max_temperature"][0] == pytest.approx(408, rel=0.005)
-
-
-@pytest.mark.parametrize("theta", [0.5, 1.0])
-@pytest.mark.parametrize("h", [1e-4, 1e-3, 1e-2, 1e-1])
-def test_bounded_at_any_step(theta: float, h: float) -> None:
-    structure = heavy_chain()
-    batch = cases(structure, gap=5e-5, amplitude=100.0, frequency=0.7)
-    found = step(structure, batch, h, sampling(10.0, h), theta=theta)
-    assert found.status[0] == Status.OK
-    assert found.metrics["contact_time"][0] > 0
-    assert np.abs(found.histories["displacement"]).max() <= 1.2e-4
-
-
-def varied_batch(count: int) -> tuple:
-    structure = heavy_chain()
-    rng = np.random.default_rng(1)
-    batch = cases(
-        structure,
-        count,
-        e=rng.uniform(0, 1, count),
-        alpha=np.where(rng.random(count) < 0.3, 0.0, rng.uniform(0, 60, count)),
-        gap=rng.uniform(2e-5, 6e-5, count),
-        amplitude=rng.uniform(80, 120, count),
-        frequency=rng.choice([20.0, 30.0, 47.0], count),
-        phase=rng.uniform(-1, 1, count),
-        heating=rng.choice([0.0, 0.1], count)[:, None],
-    )
-    return structure, batch
-
-
-def test_bits_do_not_depend_on_the_batch() -> None:
-    structure, batch = varied_batch(1000)
-    over = sampling(0.05, 1e-3)
-    whole = step(structure, batch, 1e-4, over)
-    for case in (0, 31, 32, 517, 999):
-        assert same_bits(step(structure, alone(batch, case), 1e-4, over), _trimmed(whole, case, 1))
-    seven = slice(30, 37)
-    assert same_bits(step(structure, batch.take(seven), 1e-4, over), _trimmed(whole, 30, 7))
-
-
-def _trimmed(results: schemes.Results, first: int, count: int) -> schemes.Results:
-    """Some cases of a batch, with as many columns of periods as they have on their own."""
-    from dataclasses import replace
-
-    found = taken(results, slice(first, first + count))
-    periods = int(np.max(np.sum(~np.isnan(found.period_impulse), axis=1)))
-    return replace(
-        found,
-        period_impulse=found.period_impulse[:, :periods].copy(),
-        period_temperature=found.period_temperature[:, :periods].copy(),
-        period_contact=found.period_contact[:, :periods].copy(),
-    )
-
-
-def test_a_lost_neighbour_changes_nothing() -> None:
-    structure, batch = varied_batch(9)
-    over = sampling(0.05, 1e-3)
-    clean = step(structure, batch, 1e-3, over)
-    for poison in (np.nan, np.inf, 1e300):
-        sick = batch.take(np.arange(9))
-        sick.velocity[4, -1] = poison
-        sick.alpha[4] = 0.0 if poison != 1e300 else 1e12
-        found = step(structure, sick, 1e-3, over)
-        assert found.status[4] != Status.OK
-        for part in (slice(0, 4), slice(5, 9)):
-            assert same_bits(taken(found, part), taken(clean, part))
-
-
-def test_ill_posed_case_names_the_largest_admissible_step() -> None:
-    """W <= 0 where heat closes the gap faster than the impulse opens it; below the named h it runs."""
-    structure = heavy_chain()
-    batch = cases(structure, 2, alpha=[1e8, 5.0], gap=5e-5, amplitude=100.0, frequency=20.0)
-    found = step(structure, batch, 1e-3, sampling(0.05, 1e-3))
-    assert list(found.status) == [Status.ILL_POSED, Status.OK]
-    assert "no unique solution" in found.messages[0]
-    assert np.isnan(found.histories["displacement"][0, -1])
-    assert np.isnan(found.metrics["contact_time"][0])
-    limit = float(found.messages[0].split("admissible h is ")[1].split(" s")[0])
-    assert 0 < limit < 1e-3
-    moreau = schemes.load("moreau")
-    for h, well_posed in ((0.999 * limit, True), (1.001 * limit, False)):
-        modal = moreau.init(structure, h, moreau.Options()).modal
-        assert (moreau.delassus(modal, h, 1.0, np.array([1e8]))[0] > 0) is np.bool_(well_posed)
-
-
-def test_divergence_is_decided_by_theory() -> None:
-    """θ < 1/2 without damping: every step grows as the known formula, before a number shows it."""
-    structure = chain(nodes=1, mass=1.0, stiffness=4.0)
-    batch = cases(structure, gap=100.0, displacement=1e-3)
-    h, theta, omega = 0.1, 0.45, 2.0
-    found = step(structure, batch, h, sampling(10.0, h), theta=theta)
-    assert found.status[0] == Status.DIVERGED
-    assert "stable at no h" in found.messages[0]
-    growth = (1 + (1 - theta) ** 2 * (omega * h) ** 2) / (1 + theta**2 * (omega * h) ** 2)
-    x, v = found.histories["displacement"][0], found.histories["velocity"][0]
-    energy = v**2 / 2 + 2 * x**2
-    assert energy[-1] / energy[0] == pytest.approx(growth**100, rel=1e-9)
-    damped = chain(nodes=1, mass=1.0, stiffness=4.0, damping=Rayleigh(0.1, 0.0))
-    limit = 0.1 / (0.1 * 4.0)
-    for h, status in ((0.99 * limit, Status.OK), (1.01 * limit, Status.DIVERGED)):
-        swing = cases(damped, gap=100.0, displacement=1e-3)
-        assert step(damped, swing, h, sampling(100 * h, h), theta=theta).status[0] == status
-    assert step(structure, batch, 0.1, sampling(1.0, 0.1), theta=0.5).status[0] == Status.OK
-
-
-def test_rigid_body_is_stable_and_exact() -> None:
-    """A free ball: the double eigenvalue 1 of its free step is no divergence; θ = 1/2 is exact."""
-    structure = chain(nodes=1, mass=2.0, stiffness=0.0)
-    found = step(structure, cases(structure, gap=1e3, mean=3.0, velocity=0.5), 0.1, sampling(10.0, 0.1), theta=0.5)
-    t = np.arange(101) * 0.1
-    assert found.status[0] == Status.OK
-    assert np.allclose(found.histories["displacement"][0], 0.5 * t + 0.75 * t**2, rtol=1e-13)
-
-
-def test_samples_between_step_ends_are_linear_and_on_them_exact() -> None:
-    structure, batch = varied_batch(3)
-    fine = step(structure, batch, 1e-4, sampling(0.03, 1e-4)).histories
-    coarse = step(structure, batch, 1e-4, sampling(0.03, 2.5e-4)).histories
-    for name in schemes.HISTORIES:
-        assert np.array_equal(coarse[name][:, ::2], fine[name][:, ::5])
-        assert np.allclose(coarse[name][:, 1::2], (fine[name][:, 2::5] + fine[name][:, 3::5]) / 2, rtol=1e-12, atol=0)
-
-
-def test_last_step_beyond_the_duration_counts_up_to_it() -> None:
-    """duration/h = 12.5: the metrics end where the last sample lies."""
-    structure = chain(nodes=1, mass=1.0, stiffness=0.0)
-    batch = cases(structure, gap=0.0, mean=1.0)
-    found = step(structure, batch, 0.08, sampling(1.0, 0.5))
-    assert found.metrics["steps"][0] == 13
-    assert found.metrics["contact_time"][0] == pytest.approx(1.0, rel=1e-12)
-    assert found.histories["impulse"][0, -1] == pytest.approx(1.0, rel=1e-12)
-
-
-def test_load_periods_close_exactly() -> None:
-    """Impulses of the periods add up, and shares of contact times the period do too."""
-    structure = blade()
-    found = step(structure, blade_rub(structure), 3e-4, sampling(2.0, 1e-3))
-    assert found.period_impulse.shape == (1, 10)
-    assert found.period_impulse.sum() == pytest.approx(found.histories["impulse"][0, -1], rel=1e-12)
-    assert found.period_contact.sum() * 0.2 == pytest.approx(found.metrics["contact_time"][0], rel=1e-12)
-    assert found.period_temperature.max() == found.metrics["max_temperature"][0]
-
-
-def test_thermal_states_cost_nothing_where_they_cannot_act() -> None:
-    """α = 0, no heating, cold: the mechanical result is that of a structure without heat."""
-    structure = heavy_chain()
-    scene = {"gap": 5e-5, "amplitude": 100.0, "frequency": 20.0}
-    cold = step(structure, cases(structure, **scene), 1e-4, sampling(0.3, 1e-3))
-    rigid_heat = heavy_chain(expansion=0.0)
-    other = step(rigid_heat, cases(rigid_heat, **scene), 1e-4, sampling(0.3, 1e-3))
-    assert np.all(cold.histories["temperature"] == 0)
-    assert relative(cold.histories["displacement"], other.histories["displacement"]) < 1e-12
-
-
-@pytest.mark.parametrize("theta", [0.5, 1.0])
-@pytest.mark.parametrize("e", [0.0, 0.7])
-def test_a_pressed_tip_stays_on_its_casing(theta: float, e: float) -> None:
-    """Static starts at x = d exactly: no rounding may lose the contact, whatever gap, model and heat."""
-    full = heavy_chain()
-    gaps = np.linspace(1e-5, 7e-5, 31)
-    rest = [static_equilibrium(full, np.eye(20)[-1] * 120.0, np.zeros(20), float(gap)) for gap in gaps]
-    batch = cases(
-        full, 31, e=e, alpha=np.arange(31) % 2 * 1e-9, gap=gaps, mean=120.0, displacement=np.array([x for x, _ in rest])
-    )
-    reduction = reduce_structure(full, 3, 12)
-    for structure, loaded in ((full, batch), (reduction.structure, reduction.project(batch))):
-        found = step(structure, loaded, 1e-4, sampling(0.5, 1e-3), theta=theta)
-        force = np.diff(found.histories["impulse"], axis=1) / 1e-3
-        assert np.array_equal(found.histories["displacement"], np.repeat(gaps[:, None], 501, axis=1))
-        assert np.allclose(force, (120.0 - gaps * 1e6)[:, None], rtol=1e-6)

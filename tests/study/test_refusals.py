@@ -47,7 +47,7 @@ CHANGED = [
     (6, "length: 40 mm", "length: !metres 40", "scene.blade.length", "has the tag", "without a tag"),
     (9, "density: 4430", "density: 4430 K", "scene.blade.density", "in kg/m**3", "1 kg/m**3"),
     (5, "nodes: 20", "nodes: 20.5", "scene.blade.nodes", "is not a whole number", "whole"),
-    (5, "nodes: 20", "nodes: 0", "scene.blade.nodes", "out of range", "at least 1 and at most 2000"),
+    (5, "nodes: 20", "nodes: 0", "scene.blade.nodes", "out of range", "at least 1 and at most 200000"),
     (5, "nodes: 20", "nodes: many", "scene.blade.nodes", "is not a whole number", "write a whole"),
     (15, "{mass: 10.0, stiffness: 2.0e-7}", "{mas: 10.0}", "scene.blade.damping.mas", "not known", "`mass`"),
     (15, "{mass: 10.0, stiffness: 2.0e-7}", "10", "scene.blade.damping", "is not a mapping", "key: value"),

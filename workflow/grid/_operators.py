@@ -9,7 +9,7 @@ import numpy as np
 
 from workflow import models, schemes
 from workflow.grid._conditions import at_rest
-from workflow.models import Cases, Structure, critical_alpha, growth_rate
+from workflow.models import MOST_NODES_WITH_MATRICES, Cases, Chain, Structure, critical_alpha, growth_rate
 from workflow.reduction import Reduction, reduce_structure
 from workflow.schemes import Results, Sampling
 from workflow.study import Cell
@@ -21,8 +21,9 @@ _LARGE = 300
 """States above which the growth rate is taken from a reduced structure: the dense eigenvalue
 problem of a few hundred states takes tens of milliseconds and grows with the cube."""
 
-_ENOUGH_MODES = 80
-"""Modes of that reduced structure; 3 + 12 modes already give the rate to 0.2 % on the blade."""
+_ENOUGH_MODES, _ENOUGH_OF_A_LONG_CHAIN = 80, 12
+"""Modes of that reduced structure; 3 + 12 modes already give the rate to 0.2 % on the blade, and those
+of a chain without matrices are found one by one."""
 
 
 @lru_cache(maxsize=_OPERATORS_KEPT)
@@ -54,14 +55,22 @@ def _operator(model: str, parameters: Any, modes: tuple[int, int], method: str, 
     return schemes.load(method).init(structure, h, options)
 
 
-@lru_cache(maxsize=4096)
-def _growth_rate(model: str, parameters: Any, modes: tuple[int, int], alpha: float) -> float:
+@lru_cache(maxsize=_OPERATORS_KEPT)
+def _slow_structure(model: str, parameters: Any, modes: tuple[int, int]) -> Structure:
+    """Return a structure whose growth rate is that of the given one and costs little."""
     reduction = reduction_of(model, parameters, *modes)
     structure = structure_of(model, parameters) if reduction is None else reduction.structure
-    if 2 * structure.mechanical_size + structure.thermal_size > _LARGE:
-        kept = (min(_ENOUGH_MODES, structure.mechanical_size - 1), min(_ENOUGH_MODES, structure.thermal_size - 1))
-        structure = reduce_structure(structure, *kept).structure
-    return growth_rate(structure, alpha)
+    if 2 * structure.mechanical_size + structure.thermal_size <= _LARGE:
+        return structure
+    long = isinstance(structure, Chain) and not structure.has_matrices
+    most = _ENOUGH_OF_A_LONG_CHAIN if long else _ENOUGH_MODES
+    kept = (min(most, structure.mechanical_size - 1), min(most, structure.thermal_size - 1))
+    return reduce_structure(structure, *kept).structure
+
+
+@lru_cache(maxsize=4096)
+def _growth_rate(model: str, parameters: Any, modes: tuple[int, int], alpha: float) -> float:
+    return growth_rate(_slow_structure(model, parameters, modes), alpha)
 
 
 @lru_cache(maxsize=_OPERATORS_KEPT)
@@ -70,13 +79,19 @@ def _critical_alpha(model: str, parameters: Any, modes: tuple[int, int]) -> floa
     return critical_alpha(structure_of(model, parameters) if reduction is None else reduction.structure)
 
 
+def compile_scheme(cell: Cell) -> None:
+    """Run a scheme once on a small structure, so that no case's wall time holds compilation."""
+    scheme = schemes.load(cell.scheme.method)
+    swept = hasattr(scheme, "is_swept") and scheme.is_swept(reduced_structure(cell))
+    _compile_scheme(cell.scheme.method, cell.scheme.options, MOST_NODES_WITH_MATRICES + 1 if swept else 1)
+
+
 @cache
-def compile_scheme(method: str, options: Any) -> None:
-    """Run a scheme once on the smallest structure, so that no case's wall time holds compilation."""
+def _compile_scheme(method: str, options: Any, nodes: int) -> None:
     chain = models.load("chain")
-    structure = chain.assemble(chain.Parameters(nodes=1, mass=1.0, stiffness=1.0, heat_capacity=1.0))
+    structure = chain.assemble(chain.Parameters(nodes=nodes, mass=1.0, stiffness=1.0, heat_capacity=1.0))
     scheme = schemes.load(method)
-    one, node = np.zeros(1), np.zeros((1, 1))
+    one, node = np.zeros(1), np.zeros((1, nodes))
     cases = Cases(one, one, one + 1, one, one, one, one, node, node, node, node, node)
     scheme.compute(scheme.init(structure, 0.5, options), cases, Sampling(1.0, 0.5, 3, balances=True))
 

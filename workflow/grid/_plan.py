@@ -12,7 +12,7 @@ from workflow import schemes
 from workflow.grid._arrangement import Grid, Indices, values_along
 from workflow.grid._operators import reduced_structure, reduction_of, structure_of
 from workflow.grid._tasks import Units, bytes_per_case, computed_seconds, tasks
-from workflow.models import Array, critical_alpha, mechanical_modes, thermal_modes, tip_flexibility
+from workflow.models import MOST_NODES_WITH_MATRICES, Array, Chain, critical_alpha, frequencies, rates, tip_flexibility
 from workflow.schemes import Scheme
 from workflow.study import Cell
 
@@ -72,6 +72,8 @@ class Plan:
         Size of the results before compression.
     structures
         Figures of the first distinct structures.
+    operators
+        What the schemes step the first distinct structures by, where there is a choice.
     warnings
         What to beware of, one sentence each.
     """
@@ -84,19 +86,19 @@ class Plan:
     seconds: float
     bytes: int
     structures: tuple[Figures, ...]
+    operators: tuple[str, ...]
     warnings: tuple[str, ...]
 
 
 def figures(label: str, cell: Cell) -> Figures:
     """Return what the full structure of a cell comes to."""
     structure = structure_of(cell.scene.model, cell.scene.parameters)
-    rates = thermal_modes(structure).values
     with np.errstate(divide="ignore"):
-        times = 1.0 / rates
+        times = 1.0 / rates(structure)
     flexibility = tip_flexibility(structure)
     return Figures(
         label=label,
-        first_frequency=float(mechanical_modes(structure).values[0] / (2 * np.pi)),
+        first_frequency=float(frequencies(structure)[0] / (2 * np.pi)),
         tip_stiffness=0.0 if np.isinf(flexibility) else 1.0 / flexibility,
         slowest=float(times.max()),
         fastest=float(times.min()),
@@ -149,8 +151,22 @@ def _plan(grid: Grid, units: Units) -> Plan:
         seconds,
         size,
         tuple(figures(f"{model}, {cell.scene.parameters.nodes} nodes", cell) for cell in shown),
+        _operators(grid, computed),
         idle + _told(cautions),
     )
+
+
+def _operators(grid: Grid, computed: Indices) -> tuple[str, ...]:
+    """Return what the first distinct structures are stepped by, where a scheme has a choice."""
+    names, model = ("scheme", "mechanical_modes", "thermal_modes"), grid.study.scene.model
+    places = np.unique(grid.alike(computed, lambda path: path in names or path.startswith(f"scene.{model}.")))
+    told: dict[str, None] = {}
+    for outer in places[:_STRUCTURES_SHOWN]:
+        cell = grid.settings(int(outer))
+        scheme = schemes.load(cell.scheme.method)
+        if hasattr(scheme, "operator_name"):
+            told[f"{cell.scheme.method}: {scheme.operator_name(reduced_structure(cell))}"] = None
+    return tuple(told)
 
 
 def _looked_at(computed: Indices) -> list[int]:
@@ -162,12 +178,12 @@ def _looked_at(computed: Indices) -> list[int]:
 
 @lru_cache(maxsize=64)
 def _free_modes(model: str, parameters: Any, mechanical: int, thermal: int) -> tuple[Array, Array, Array]:
-    """Return ω, c and μ of a structure's modes."""
+    """Return ω, c and μ of a structure's modes, of a long chain those of the lowest and the highest."""
     reduction = reduction_of(model, parameters, mechanical, thermal)
     structure = structure_of(model, parameters) if reduction is None else reduction.structure
-    omega = mechanical_modes(structure).values
+    omega = frequencies(structure)
     damping = structure.damping.mass + structure.damping.stiffness * omega**2
-    return omega, damping, thermal_modes(structure).values
+    return omega, damping, rates(structure)
 
 
 @dataclass(frozen=True)
@@ -184,13 +200,15 @@ class _Caution:
 def _beware(grid: Grid, cell: Cell) -> list[_Caution]:
     """Return what there is to say of one scheme at one step on one structure."""
     scheme = schemes.load(cell.scheme.method)
+    structure = reduced_structure(cell)
+    if isinstance(structure, Chain) and not structure.has_matrices and not hasattr(scheme, "is_swept"):
+        what = f"fails, as only moreau steps more than {MOST_NODES_WITH_MATRICES} nodes, with"
+        return [_Caution(cell.scheme.label, what, cell.h, f"{structure.mechanical_size} nodes", 0.0)]
     if "h" not in scheme.READS:
         return []
-    omega, damping, rates = _free_modes(
-        cell.scene.model, cell.scene.parameters, cell.mechanical_modes, cell.thermal_modes
-    )
+    omega, damping, mu = _free_modes(cell.scene.model, cell.scene.parameters, cell.mechanical_modes, cell.thermal_modes)
     free = np.abs(scheme.amplification(omega, damping, cell.h, cell.scheme.options))
-    heat = np.abs(scheme.thermal_amplification(rates, cell.h, cell.scheme.options))
+    heat = np.abs(scheme.thermal_amplification(mu, cell.h, cell.scheme.options))
     growth = float(max(free.max(initial=0.0), heat.max(initial=0.0)))
 
     def caution(what: str, amount: str, size: float) -> _Caution:
@@ -200,7 +218,7 @@ def _beware(grid: Grid, cell: Cell) -> list[_Caution]:
         return [caution("diverges, its free step grows", f"{growth:.6g}-fold", growth)]
     found = []
     if hasattr(scheme, "contact_limit"):
-        limit = scheme.contact_limit(reduced_structure(cell), cell.scheme.options)
+        limit = scheme.contact_limit(structure, cell.scheme.options)
         if cell.h > limit:
             found.append(caution("grows in contact, which is stable only up to", f"{limit:.6g} s", -limit))
     if omega[0] > 0:

@@ -167,7 +167,7 @@ def _compute(grid: Grid, cell: Cell, shape: tuple[int, ...], own: Indices) -> _T
     varying = {path: values for path, values in grid.inner_values(inner).items() if path not in replaced}
     structure = structure_of(cell.scene.model, cell.scene.parameters)
     cases = conditions(cell, structure, varying, own.size)
-    compile_scheme(cell.scheme.method, cell.scheme.options)
+    compile_scheme(cell)
     sampling = replace(grid.sampling, balances=False)
     truth = run_batch(cell, cases, sampling)
     opened = run_batch(cell, replace(cases, gap=cases.gap + PERTURBATION * np.abs(cases.gap)), sampling)

@@ -72,7 +72,7 @@ def _solve_distinct(grid: Grid, outer: int, inner: Indices) -> Solved:
     cell = grid.settings(outer)
     structure = structure_of(cell.scene.model, cell.scene.parameters)
     cases = conditions(cell, structure, grid.inner_values(inner), inner.size)
-    compile_scheme(cell.scheme.method, cell.scheme.options)
+    compile_scheme(cell)
     results, seconds = _timed(grid, cell, cases)
     critical, growth = np.transpose([runaway_of(cell, float(alpha)) for alpha in cases.alpha])
     values: dict[str, NDArray[Any]] = {

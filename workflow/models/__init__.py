@@ -12,10 +12,13 @@ from importlib import import_module
 from typing import Any, Protocol, cast
 
 from workflow.models._cases import Cases, project
+from workflow.models._chain import MOST_NODES_WITH_MATRICES, Chain, TooManyNodesError
 from workflow.models._equilibrium import NoEquilibriumError, static_equilibrium
+from workflow.models._long_chain import frequency_range, mechanical_path, rate_range, thermal_path
 from workflow.models._modes import Modes, mechanical_modes, modal_coupling, poles, thermal_modes
 from workflow.models._runaway import critical_alpha, growth_rate, static_tip_growth, tip_flexibility
-from workflow.models._structure import Array, Rayleigh, Structure
+from workflow.models._spectrum import frequencies, rates
+from workflow.models._structure import Array, Matrices, Rayleigh, Structure
 
 
 class Model(Protocol):
@@ -52,23 +55,33 @@ def load(name: str) -> Model:
 
 
 __all__ = [
+    "MOST_NODES_WITH_MATRICES",
     "Array",
     "Cases",
+    "Chain",
+    "Matrices",
     "Model",
     "Modes",
     "NoEquilibriumError",
     "Rayleigh",
     "Structure",
+    "TooManyNodesError",
     "critical_alpha",
+    "frequencies",
+    "frequency_range",
     "growth_rate",
     "load",
     "mechanical_modes",
+    "mechanical_path",
     "modal_coupling",
     "names",
     "poles",
     "project",
+    "rate_range",
+    "rates",
     "static_equilibrium",
     "static_tip_growth",
     "thermal_modes",
+    "thermal_path",
     "tip_flexibility",
 ]

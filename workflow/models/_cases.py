@@ -64,8 +64,10 @@ def project(matrix: Array, states: Array) -> Array:
     """Return ``matrix @ state`` for every case, the same bits whatever cases stand beside it.
 
     A matrix product over the case axis would not do: its sums change order with the batch size.
+    Coordinates that are 0 in all cases are passed over: they would add zeros, and most batches
+    start at rest and cold.
     """
     result = np.zeros((states.shape[0], matrix.shape[0]))
-    for column in range(matrix.shape[1]):
+    for column in np.flatnonzero(states.any(axis=0)):
         result += matrix[:, column] * states[:, column, None]
     return result

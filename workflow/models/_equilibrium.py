@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from workflow.models import _long_chain
+from workflow.models._chain import Chain
 from workflow.models._structure import Array, Structure
 
 _UNBALANCED = 1e-9
@@ -50,9 +52,22 @@ def static_equilibrium(structure: Structure, load: Array, heating: Array, gap: f
     NoEquilibriumError
         The loads move a free body, or heat that cannot leave keeps warming the structure.
     """
-    temperature = _solve(structure.conductance_matrix, heating)
+    if isinstance(structure, Chain) and not structure.has_matrices:
+        displacement, temperature = _long_chain.static_equilibrium(structure, load, heating, gap)
+    else:
+        displacement, temperature = _by_matrices(structure, load, heating, gap)
     if temperature is None:
         raise NoEquilibriumError("the heat load cannot leave the structure, its temperature has no equilibrium")
+    if displacement is None:
+        raise NoEquilibriumError("the constant loads move the structure for ever, it has no equilibrium")
+    return displacement, temperature
+
+
+def _by_matrices(structure: Structure, load: Array, heating: Array, gap: float) -> tuple[Array | None, Array | None]:
+    """Return displacement and temperature at rest, each ``None`` where there is none."""
+    temperature = _solve(structure.conductance_matrix, heating)
+    if temperature is None:
+        return None, None
     stiffness = structure.stiffness_matrix
     force = load - structure.coupling_matrix @ temperature
     free = _solve(stiffness, force)
@@ -66,4 +81,4 @@ def static_equilibrium(structure: Structure, load: Array, heating: Array, gap: f
         reaction = force[-1] - stiffness[-1] @ pressed
         if reaction >= -_UNBALANCED * (abs(force[-1]) + np.abs(stiffness[-1]) @ np.abs(pressed)):
             return pressed, temperature
-    raise NoEquilibriumError("the constant loads move the structure for ever, it has no equilibrium")
+    return None, temperature

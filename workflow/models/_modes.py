@@ -44,7 +44,7 @@ def singular_modes(inertia: Array, deformation: Array) -> Modes:
         return Modes(np.zeros(0), np.zeros((0, 0)))
     root = scipy.linalg.cholesky(inertia, lower=True)
     scaled = scipy.linalg.solve_triangular(root, deformation.T, lower=True).T
-    _, s, vt = scipy.linalg.svd(scaled, full_matrices=True)
+    _, s, vt = scipy.linalg.svd(scaled, full_matrices=scaled.shape[0] < size)
     values = np.zeros(size)
     values[: s.size] = s
     rounding = max(scaled.shape) * np.finfo(float).eps  # numpy.linalg.matrix_rank's own rule

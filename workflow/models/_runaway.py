@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TypeGuard
+
 import numpy as np
 
+from workflow.models import _long_chain
+from workflow.models._chain import Chain
 from workflow.models._modes import mechanical_modes, thermal_modes
 from workflow.models._structure import Array, Structure
 
@@ -12,12 +16,18 @@ _PARTICIPATES = 1e-9
 the rounding of its shape (about 1e-14), well below any mode of a structure that is linked."""
 
 
+def _is_long(structure: Structure) -> TypeGuard[Chain]:
+    return isinstance(structure, Chain) and not structure.has_matrices
+
+
 def _tip_shares(tip: Array, null: Array) -> bool:
     return bool(np.any(np.abs(tip[null]) > _PARTICIPATES * np.abs(tip).max()))
 
 
 def tip_flexibility(structure: Structure) -> float:
     """Return S = e_nᵀ K1⁻¹ e_n, the static compliance of the tip, m/N; ``inf`` for a free root."""
+    if _is_long(structure):
+        return _long_chain.tip_flexibility(structure)
     modes = mechanical_modes(structure)
     rigid = modes.values == 0
     if _tip_shares(modes.tip, rigid):
@@ -32,6 +42,8 @@ def static_tip_growth(structure: Structure) -> Array:
     Shape ``(thermal,)``. Rigid modes are left out (their thermal load is zero), which makes it the
     minimum-norm answer where K1 is singular.
     """
+    if _is_long(structure):
+        return _long_chain.static_tip_growth(structure)
     modes = mechanical_modes(structure)
     elastic = modes.values > 0
     weights = modes.tip[elastic] / modes.values[elastic] ** 2
@@ -45,6 +57,8 @@ def critical_alpha(structure: Structure) -> float:
     ``inf`` where the root is free or heat at the tip does not push it out (β <= 0), 0 where heat
     that stays in the structure (K2 singular) pushes the tip out.
     """
+    if _is_long(structure):
+        return _long_chain.critical_alpha(structure)
     flexibility = tip_flexibility(structure)
     if np.isinf(flexibility):
         return float("inf")

@@ -20,9 +20,8 @@ class Rayleigh:
     stiffness: float = quantity("s", "stiffness-proportional damping a_K", default=0.0, at_least=0)
 
 
-@dataclass(frozen=True, eq=False)
 class Structure:
-    """Matrices of equations (1a) and (1b), full or reduced; the tip is the last coordinate.
+    """Equations (1a) and (1b) of a structure, full or reduced; the tip is the last coordinate.
 
     Stiffness and conductance are kept as springs and conductors with the maps that deform them,
     so that rank is decided on singular values (not on their squares) and positive
@@ -68,7 +67,11 @@ class Structure:
     difference: Array
     content: Array
     grounded: Array
-    damping: Rayleigh = field(default_factory=Rayleigh)
+    damping: Rayleigh
+
+    def matrices(self) -> Matrices:
+        """Return the same structure by its matrices."""
+        raise NotImplementedError
 
     @property
     def stiffness_matrix(self) -> Array:
@@ -104,3 +107,23 @@ class Structure:
     def thermal_size(self) -> int:
         """Number of thermal coordinates, the tip included."""
         return int(self.heat_capacity.shape[0])
+
+
+@dataclass(frozen=True, eq=False)
+class Matrices(Structure):
+    """A structure that is given by its matrices, such as a reduced one."""
+
+    mass: Array
+    springs: Array
+    elongation: Array
+    expansion: Array
+    heat_capacity: Array
+    conductors: Array
+    difference: Array
+    content: Array
+    grounded: Array
+    damping: Rayleigh = field(default_factory=Rayleigh)
+
+    def matrices(self) -> Matrices:
+        """Return it as it is."""
+        return self

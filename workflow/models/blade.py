@@ -7,15 +7,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from workflow.declare import Values, quantity
-from workflow.models._lumps import assemble_chain
-from workflow.models._structure import Rayleigh, Structure
+from workflow.models._chain import MOST_NODES, Chain
+from workflow.models._structure import Rayleigh
 
 
 @dataclass(frozen=True)
 class Parameters:
     """Geometry and material of a uniform blade (DESIGN section 3)."""
 
-    nodes: int = quantity("1", "number of cells, the tip's half cell included", at_least=1, at_most=2000)
+    nodes: int = quantity("1", "number of cells, the tip's half cell included", at_least=1, at_most=MOST_NODES)
     length: float = quantity("m", "length from root to tip", above=0)
     width: float = quantity("m", "width of the section", above=0)
     thickness: float = quantity("m", "thickness of the section", above=0)
@@ -29,7 +29,7 @@ class Parameters:
     heating: Values = quantity("W", "constant heat load", default=0.0, per="node")
 
 
-def assemble(parameters: Parameters) -> Structure:
+def assemble(parameters: Parameters) -> Chain:
     """Lump the blade in n cells of length ℓ = length/n, so that the answer converges as n grows.
 
     The tip node has half a cell of mass, heat capacity and convection; k_i = n · tip_stiffness, an
@@ -42,12 +42,12 @@ def assemble(parameters: Parameters) -> Structure:
     share = np.ones(n)
     share[-1] = 0.5
     mass = parameters.density * section * cell * share
-    return assemble_chain(
-        mass=mass,
-        stiffness=np.full(n, n * parameters.tip_stiffness),
+    return Chain(
+        masses=mass,
+        springs=np.full(n, n * parameters.tip_stiffness),
         damping=parameters.damping,
         free_expansion=np.full(n, parameters.expansion * cell),
-        heat_capacity=parameters.specific_heat * mass,
-        conductance=np.full(n, parameters.conductivity * section / cell),
+        heat_capacities=parameters.specific_heat * mass,
+        conduction=np.full(n, parameters.conductivity * section / cell),
         convection=parameters.convection * perimeter * cell * share,
     )

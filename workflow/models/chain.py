@@ -5,15 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from workflow.declare import Values, quantity
-from workflow.models._lumps import assemble_chain, per_item
-from workflow.models._structure import Rayleigh, Structure
+from workflow.models._chain import MOST_NODES, Chain
+from workflow.models._lumps import per_item
+from workflow.models._structure import Rayleigh
 
 
 @dataclass(frozen=True)
 class Parameters:
     """Lumps of the chain, root to tip; each a scalar or one value per node or spring."""
 
-    nodes: int = quantity("1", "number of nodes, the tip included", at_least=1, at_most=2000)
+    nodes: int = quantity("1", "number of nodes, the tip included", at_least=1, at_most=MOST_NODES)
     mass: Values = quantity("kg", "lumped masses m_i", above=0, per="node")
     stiffness: Values = quantity("N/m", "spring stiffnesses k_i", at_least=0, per="spring")
     heat_capacity: Values = quantity("J/K", "lumped heat capacities c_i", above=0, per="node")
@@ -25,15 +26,15 @@ class Parameters:
     heating: Values = quantity("W", "constant heat load", default=0.0, per="node")
 
 
-def assemble(parameters: Parameters) -> Structure:
+def assemble(parameters: Parameters) -> Chain:
     """Return the structure of equations (1a) and (1b)."""
     n = parameters.nodes
-    return assemble_chain(
-        mass=per_item(parameters.mass, n),
-        stiffness=per_item(parameters.stiffness, n),
+    return Chain(
+        masses=per_item(parameters.mass, n),
+        springs=per_item(parameters.stiffness, n),
         damping=parameters.damping,
         free_expansion=per_item(parameters.expansion, n) * per_item(parameters.spacing, n),
-        heat_capacity=per_item(parameters.heat_capacity, n),
-        conductance=per_item(parameters.conductance, n),
+        heat_capacities=per_item(parameters.heat_capacity, n),
+        conduction=per_item(parameters.conductance, n),
         convection=per_item(parameters.convection, n),
     )

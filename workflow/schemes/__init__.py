@@ -21,6 +21,8 @@ It may offer
     metrics that it gives beside those of :class:`Results`, name to unit and meaning.
 ``contact_limit(structure, options)``
     the step, s, above which its motion grows while the tip is in contact.
+``is_swept(structure)``, ``operator_name(structure)``
+    whether it steps a structure node by node instead of by its modes, and how ``plan`` says so.
 ``rigid(structure, h)``
     options with which it approaches a rigid casing as h → 0, where not all do.
 """

@@ -82,6 +82,13 @@ class Decoupled:
         weights = self.tip[elastic] / self.frequency[elastic] ** 2
         return np.asarray(-weights @ self.coupling[elastic])
 
+    def compliance(self, h: float, theta: float) -> tuple[float, float]:
+        """Return e_nᵀ Ŵ⁻¹ e_n and e_nᵀ Ŵ⁻¹ hθ K12 T̂⁻¹ e_n, the parts of the Delassus operator, 1/kg."""
+        inertia = 1 + h * theta * self.damping + h**2 * theta**2 * self.frequency**2
+        warm = self.heat_tip / (1 + h * theta * self.rate)
+        heat = float(np.sum(self.tip * h * theta * (self.coupling @ warm) / inertia))
+        return float(np.sum(self.tip**2 / inertia)), heat
+
     def without_heat(self) -> Decoupled:
         """Return the same structure without thermal states, for cases where none can act."""
         none = np.zeros((self.frequency.size, 0))
@@ -167,15 +174,6 @@ class Motion:
     tip_force: Array
 
 
-def _project(matrix: Array, states: Array) -> Array:
-    """Return ``matrix @ state`` for every case, leaving out coordinates that are 0 in all cases.
-
-    The bits stay the same: such a coordinate adds zeros. Most batches start at rest and cold.
-    """
-    acting = np.flatnonzero(states.any(axis=0))
-    return project(matrix[:, acting], states[:, acting])
-
-
 def start(modal: Decoupled, cases: Cases) -> Motion:
     """Split the initial states and constant loads of a batch into known answer and modal rest.
 
@@ -183,30 +181,30 @@ def start(modal: Decoupled, cases: Cases) -> Motion:
     drags its mechanical response along; the constant load on rigid modes acts as a tip force.
     """
     elastic, conducting = modal.frequency > 0, modal.rate > 0
-    load = _project(modal.shapes.T, cases.steady)
-    heating = _project(modal.heat_shapes.T, cases.heating)
+    load = project(modal.shapes.T, cases.steady)
+    heating = project(modal.heat_shapes.T, cases.heating)
 
     rigid_share = np.where(elastic, 0.0, modal.tip)
     participation = float(rigid_share @ rigid_share)
     tip_force = np.zeros(cases.count)
     if participation > 0:
-        tip_force = _project(rigid_share[None, :], load)[:, 0] / participation
+        tip_force = project(rigid_share[None, :], load)[:, 0] / participation
     load = load - tip_force[:, None] * modal.tip
 
     settled = np.where(conducting, heating / np.where(conducting, modal.rate, 1.0), 0.0)
     warming = np.where(conducting, 0.0, heating)
-    steady_velocity = _project(modal.response, warming)
+    steady_velocity = project(modal.response, warming)
     stiffness = np.where(elastic, modal.frequency, 1.0) ** 2
-    rest = load - _project(modal.coupling, settled) - modal.damping * steady_velocity
+    rest = load - project(modal.coupling, settled) - modal.damping * steady_velocity
     rest = np.where(elastic, rest / stiffness, 0.0)
 
-    heat = _project(modal.to_thermal, cases.temperature) - settled
-    position = _project(modal.to_modes, cases.displacement) - rest - _project(modal.response, heat)
-    velocity = _project(modal.to_modes, cases.velocity) - steady_velocity
-    velocity += _project(modal.response * modal.rate, heat)
+    heat = project(modal.to_thermal, cases.temperature) - settled
+    position = project(modal.to_modes, cases.displacement) - rest - project(modal.response, heat)
+    velocity = project(modal.to_modes, cases.velocity) - steady_velocity
+    velocity += project(modal.response * modal.rate, heat)
 
     def at_tip(row: Array, states: Array) -> Array:
-        return _project(row[None, :], states)[:, 0]
+        return project(row[None, :], states)[:, 0]
 
     return Motion(
         position=position,

@@ -206,7 +206,8 @@ def analyse(structure: Structure) -> Basis:
 def hold(structure: Structure) -> Held:
     """Fix the tip at the gap and take the modes of what is left."""
     mechanical, thermal = mechanical_modes(structure), thermal_modes(structure)
-    interior = replace(structure, mass=structure.mass[:-1, :-1].copy(), elongation=structure.elongation[:, :-1].copy())
+    whole = structure.matrices()
+    interior = replace(whole, mass=structure.mass[:-1, :-1].copy(), elongation=structure.elongation[:, :-1].copy())
     modes = mechanical_modes(interior)
     frequency, shapes = modes.values, modes.shapes
     root = np.sqrt(structure.springs)

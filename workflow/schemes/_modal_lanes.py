@@ -28,8 +28,8 @@ MODES, HEAT_MODES = 4, 5
 registers of a processor hold. Modes are padded with zeros to whole groups."""
 
 KEEP, PULL, PUSH, HEAT_PUSH, HEAT_SHIFT = range(5)
-"""Coefficients of a mechanical mode: ζ' per ζ and per ξ (a and b above), ζ per unit impulse and
-per unit heat at the tip, ξ per unit heat."""
+"""Coefficients of a mechanical mode: ζ' per ζ and per ξ (a and b of ``_modal_march``), ζ per unit
+impulse and per unit heat at the tip, ξ per unit heat."""
 
 DECAY, WARM, DRAG, GLOW = range(4)
 """Coefficients of a thermal mode: τ' per τ, τ per unit heat at the tip, and what the mode adds to

@@ -57,6 +57,7 @@ from workflow.schemes._modal_lanes import (
     swing_heated,
     take_heat,
 )
+from workflow.schemes._modal_march import coefficients as free_step
 from workflow.schemes._stepping import (
     DISPLACEMENT,
     FORCE,
@@ -212,7 +213,7 @@ def _march(
 def _run(operator: Operator, modal: Decoupled, cases: Cases, sampling: Sampling) -> Results:
     """Step cases that all carry thermal states, or that all carry none."""
     h, theta = operator.h, operator.theta
-    coefficients = moreau.Operator(operator.structure, h, theta, modal).coefficients(modal)
+    coefficients = free_step(modal, h, theta)
     begun = start(modal, cases)
     plan = schedule(sampling, h)
     watched = watch(cases, cases.mean + begun.tip_force, sampling, plan, h)
@@ -264,7 +265,7 @@ def _judge(
 ) -> tuple[NDArray[np.int8], dict[int, str]]:
     """Decide what became of each case; only its contact tells it from one of ``moreau``."""
     free = moreau.Operator(operator.structure, operator.h, operator.theta, modal)
-    status, messages = moreau.judge(free, modal, cases, np.zeros_like(ill_posed), finite)
+    status, messages = moreau.judge(free, cases, np.zeros_like(ill_posed), finite)
     for case in np.flatnonzero(ill_posed & ~finite):
         limit = _largest_admissible_step(operator, modal, float(cases.alpha[case]))
         status[case] = Status.ILL_POSED

@@ -45,13 +45,17 @@ MEAN, AMPLITUDE, FREQUENCY, PHASE, SINE, COSINE, TURN_SINE, TURN_COSINE, FORCE_B
 """Rows of a block's load F0 + F1 sin(2π f t + φ): what it is, its running sine and cosine, their
 turn in one step, and the force at the beginning and the end of the step, N."""
 
-LOAD_ROWS = FORCE + 1
+LEADER = FORCE + 1
+"""Row whose first entry is the lane whose sine serves all lanes, -1 where they swing apart."""
+
+LOAD_ROWS = LEADER + 1
 
 DISPLACEMENT, VELOCITY, TEMPERATURE, IMPULSE, GAP = range(5)
 """Rows of a block's tip: its state at the last step end and the clearance."""
 
 TOUCHING, IMPACTS, CONTACT_TIME, PENETRATION, HOTTEST, PERIOD_IMPULSE, PERIOD_CONTACT, PERIOD_HOTTEST = range(5, 13)
-"""What has been counted so far, and where sums stood when the load period began."""
+"""What has been counted so far, the highest temperature of the load periods that are closed and of the
+present one, and where sums stood when that began."""
 
 NEW_DISPLACEMENT, NEW_VELOCITY, NEW_TEMPERATURE, STEP_IMPULSE = range(13, 17)
 """What a scheme hands to :func:`observe`: the tip at the end of the step, the impulse in it."""
@@ -100,6 +104,16 @@ class Block(NamedTuple):
 @kernel
 def start_load(h: float, load: Array, lanes: int) -> None:
     """Set the load to t = 0 and its rotation to one step."""
+    leader = 0
+    for lane in range(lanes):
+        if load[AMPLITUDE, lane] != 0.0 and load[AMPLITUDE, leader] == 0.0:
+            leader = lane
+    frequency, phase = load[FREQUENCY, leader], load[PHASE, leader]
+    load[LEADER, 0] = leader
+    for lane in range(lanes):
+        still = load[AMPLITUDE, lane] == 0.0 and np.isfinite(load[FREQUENCY, lane] + load[PHASE, lane])
+        if not (still or (load[FREQUENCY, lane] == frequency and load[PHASE, lane] == phase)):
+            load[LEADER, 0] = -1.0
     for lane in range(lanes):
         turn = 2.0 * np.pi * load[FREQUENCY, lane] * h
         load[TURN_SINE, lane] = np.sin(turn)
@@ -109,21 +123,32 @@ def start_load(h: float, load: Array, lanes: int) -> None:
 
 @inlined
 def advance_load(step: int, h: float, load: Array, lanes: int) -> None:
-    """Move the load to the end of a step, t = step h."""
+    """Move the load to the end of a step, t = step h.
+
+    Most batches share frequency and phase; one sine then serves all lanes, with the bits of their own.
+    """
     assert load.shape[1] == LANES
+    leader = int(load[LEADER, 0])
+    first, last = (leader, leader + 1) if leader >= 0 else (0, lanes)
     if step % RESYNC == 0:
-        for lane in range(lanes):
+        for lane in range(first, last):
             angle = 2.0 * np.pi * (load[FREQUENCY, lane] * (step * h)) + load[PHASE, lane]
             load[SINE, lane] = np.sin(angle)
             load[COSINE, lane] = np.cos(angle)
     else:
-        for lane in range(lanes):
+        for lane in range(first, last):
             s, c = load[SINE, lane], load[COSINE, lane]
             load[SINE, lane] = s * load[TURN_COSINE, lane] + c * load[TURN_SINE, lane]
             load[COSINE, lane] = c * load[TURN_COSINE, lane] - s * load[TURN_SINE, lane]
-    for lane in range(lanes):
-        load[FORCE_BEFORE, lane] = load[FORCE, lane]
-        load[FORCE, lane] = load[MEAN, lane] + load[AMPLITUDE, lane] * load[SINE, lane]
+    if leader >= 0:
+        sine = load[SINE, leader]
+        for lane in range(lanes):
+            load[FORCE_BEFORE, lane] = load[FORCE, lane]
+            load[FORCE, lane] = load[MEAN, lane] + load[AMPLITUDE, lane] * sine
+    else:
+        for lane in range(lanes):
+            load[FORCE_BEFORE, lane] = load[FORCE, lane]
+            load[FORCE, lane] = load[MEAN, lane] + load[AMPLITUDE, lane] * load[SINE, lane]
 
 
 @kernel
@@ -167,6 +192,7 @@ def take_marks(step: int, block: Block) -> float:
             periods[0, lane, k] = impulse - tip[PERIOD_IMPULSE, lane]
             periods[1, lane, k] = max(tip[PERIOD_HOTTEST, lane], reached)
             periods[2, lane, k] = contact - tip[PERIOD_CONTACT, lane]
+            tip[HOTTEST, lane] = max(tip[HOTTEST, lane], periods[1, lane, k])
             tip[PERIOD_IMPULSE, lane] = impulse
             tip[PERIOD_CONTACT, lane] = contact
             tip[PERIOD_HOTTEST, lane] = reached
@@ -192,13 +218,12 @@ def observe(span: float, tip: Array, lanes: int) -> None:
         x, temperature, p = tip[NEW_DISPLACEMENT, lane], tip[NEW_TEMPERATURE, lane], tip[STEP_IMPULSE, lane]
         touches = 1.0 if p > 0.0 else 0.0
         depth, deepest = x - tip[GAP, lane], tip[PENETRATION, lane]
-        hottest, period_hottest = tip[HOTTEST, lane], tip[PERIOD_HOTTEST, lane]
+        hottest = tip[PERIOD_HOTTEST, lane]
         tip[IMPACTS, lane] += touches * (1.0 - tip[TOUCHING, lane])
         tip[TOUCHING, lane] = touches
         tip[CONTACT_TIME, lane] += touches * span
         tip[PENETRATION, lane] = depth if depth > deepest else deepest
-        tip[HOTTEST, lane] = temperature if temperature > hottest else hottest
-        tip[PERIOD_HOTTEST, lane] = temperature if temperature > period_hottest else period_hottest
+        tip[PERIOD_HOTTEST, lane] = temperature if temperature > hottest else hottest
         tip[IMPULSE, lane] += p
         tip[DISPLACEMENT, lane] = x
         tip[VELOCITY, lane] = tip[NEW_VELOCITY, lane]
@@ -288,15 +313,15 @@ def watch(cases: Cases, mean: Array, sampling: Sampling, schedule: Schedule, h: 
     return Watch(cases, schedule, sampling.interval, h, load, tip, record, due, weight)
 
 
-def blocks(watched: Watch) -> Iterator[tuple[slice, Block]]:
-    """Cut the batch into blocks, and take the counts of each when the next one is asked for.
+def blocks(watched: Watch, most: int = LANES) -> Iterator[tuple[slice, Block]]:
+    """Cut the batch into blocks of ``most`` cases, and take the counts of each when the next one is asked for.
 
     All blocks share one set of lane arrays, which stays in the processor's cache.
     """
     load, tip = lane_rows(LOAD_ROWS), lane_rows(TIP_ROWS)
     schedule = watched.schedule
-    for first in range(0, watched.cases.count, LANES):
-        part = slice(first, min(first + LANES, watched.cases.count))
+    for first in range(0, watched.cases.count, most):
+        part = slice(first, min(first + most, watched.cases.count))
         count = part.stop - part.start
         fill_lanes(load, watched.load[:, part])
         fill_lanes(tip, watched.tip[:, part])
@@ -336,7 +361,7 @@ def collect(
         "impacts": tip[IMPACTS],
         "contact_time": tip[CONTACT_TIME],
         "max_penetration": tip[PENETRATION],
-        "max_temperature": tip[HOTTEST],
+        "max_temperature": np.maximum(tip[HOTTEST], tip[PERIOD_HOTTEST]),
         "thermal_closing": thermal_closing,
         **balances,
     }

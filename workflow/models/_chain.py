@@ -1,0 +1,130 @@
+"""Lumps on a line as they are: the full structure of every model, small or large."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from workflow.models._structure import Array, Matrices, Rayleigh, Structure
+
+MOST_NODES = 200_000
+"""A step of a case then takes a millisecond."""
+
+MOST_NODES_WITH_MATRICES = 2000
+"""Above, a chain has no matrices: one of them would hold 32 MB and more, its modes take a minute."""
+
+
+class TooManyNodesError(ValueError):
+    """A chain is too long for what would be built of n x n matrices."""
+
+    def __init__(self, nodes: int):
+        super().__init__(
+            f"a chain of {nodes} nodes has no matrices (at most {MOST_NODES_WITH_MATRICES} nodes have): "
+            "only moreau steps it, with full modes or few of them"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Chain(Structure):
+    """n lumps in line, spring i joining nodes i-1 and i; node 0 is the clamped, cold root.
+
+    The matrices of a :class:`~workflow.models.Structure` are built when something asks for them.
+
+    Attributes
+    ----------
+    masses, heat_capacities, convection
+        m_i [kg], c_i [J/K] and b_i [W/K] of the nodes 1 … n, shape (n,).
+    springs, conduction
+        k_i [N/m] and κ_i [W/K] of the springs 1 … n, shape (n,).
+    free_expansion
+        a ℓ_i, free thermal elongation of a spring per kelvin [m/K], shape (n,).
+    damping
+        Rayleigh coefficients.
+    """
+
+    masses: Array
+    springs: Array
+    free_expansion: Array
+    heat_capacities: Array
+    conduction: Array
+    convection: Array
+    damping: Rayleigh = field(default_factory=Rayleigh)
+
+    @property
+    def has_matrices(self) -> bool:
+        """Whether the chain is short enough for matrices."""
+        return self.mechanical_size <= MOST_NODES_WITH_MATRICES
+
+    @property
+    def mechanical_size(self) -> int:
+        """Number of nodes."""
+        return self.masses.size
+
+    @property
+    def thermal_size(self) -> int:
+        """Number of nodes."""
+        return self.masses.size
+
+    def matrices(self) -> Matrices:
+        """Return the same structure by its matrices.
+
+        Raises
+        ------
+        TooManyNodesError
+            They would be too large.
+        """
+        return Matrices(**{name: getattr(self, name) for name in Matrices.__dataclass_fields__})
+
+    def _shifted(self, offset: int) -> Array:
+        if not self.has_matrices:
+            raise TooManyNodesError(self.mechanical_size)
+        return np.eye(self.mechanical_size, k=offset)
+
+    @cached_property
+    def mass(self) -> Array:  # type: ignore[override]
+        """M, kg."""
+        return self._shifted(0) * self.masses
+
+    @cached_property
+    def elongation(self) -> Array:  # type: ignore[override]
+        """Elongation of each spring per displacement."""
+        return self._shifted(0) - self._shifted(-1)
+
+    @cached_property
+    def expansion(self) -> Array:  # type: ignore[override]
+        """Free thermal elongation of each spring, at the mean temperature of its ends, m/K."""
+        return self.free_expansion[:, None] * ((self._shifted(0) + self._shifted(-1)) / 2)
+
+    @cached_property
+    def heat_capacity(self) -> Array:  # type: ignore[override]
+        """C2, J/K."""
+        return self._shifted(0) * self.heat_capacities
+
+    @cached_property
+    def difference(self) -> Array:  # type: ignore[override]
+        """Temperature difference across each conductor: springs, then surroundings."""
+        return np.concatenate([self.elongation, self._shifted(0)])
+
+    @property
+    def conductors(self) -> Array:  # type: ignore[override]
+        """κ and b, W/K."""
+        return np.concatenate([self.conduction, self.convection])
+
+    @property
+    def content(self) -> Array:  # type: ignore[override]
+        """Heat content per nodal temperature, J/K."""
+        return self.heat_capacities
+
+    @property
+    def grounded(self) -> Array:  # type: ignore[override]
+        """1 for the spring at the root and for the surroundings, else 0."""
+        leads_out = np.ones(2 * self.mechanical_size)
+        leads_out[1 : self.mechanical_size] = 0.0
+        return leads_out
+
+    def spring_forces(self, temperature: Array) -> Array:
+        """Return what temperatures add to the spring forces N, ``(spring,)``, N: -k a ℓ (θ_{i-1}+θ_i)/2."""
+        mean = (temperature + np.append(0.0, temperature[:-1])) / 2
+        return np.asarray(-self.springs * self.free_expansion * mean)

@@ -1,0 +1,94 @@
+"""What is asked of a chain that is too long for matrices, in a few sweeps along it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workflow.models._chain import Chain
+from workflow.models._path import Path
+from workflow.models._structure import Array
+
+
+def mechanical_path(chain: Chain) -> Path:
+    """Return K1 as a path."""
+    return Path(np.zeros(chain.mechanical_size), chain.springs)
+
+
+def thermal_path(chain: Chain) -> Path:
+    """Return K2 as a path."""
+    return Path(chain.convection, chain.conduction)
+
+
+def frequency_range(chain: Chain) -> Array:
+    """Return the lowest and the highest ω, rad/s; 0 for a body that a broken spring sets free."""
+    path, n = mechanical_path(chain), chain.mechanical_size
+    ends = [path.value(chain.masses, k) for k in (0, n - 1)]
+    return np.array(ends if np.all(chain.springs > 0) else [0.0, ends[1]])
+
+
+def rate_range(chain: Chain) -> Array:
+    """Return the lowest and the highest μ, 1/s; 0 where some part keeps its heat."""
+    path, n = thermal_path(chain), chain.thermal_size
+    ends = [path.value(chain.heat_capacities, k) ** 2 for k in (0, n - 1)]
+    return np.array(ends if np.all(path.pivots() > 0) else [0.0, ends[1]])
+
+
+def tip_flexibility(chain: Chain) -> float:
+    """Return Σ 1/k_i, m/N; ``inf`` where a spring is broken."""
+    return float(np.sum(1 / chain.springs)) if np.all(chain.springs > 0) else float("inf")
+
+
+def static_tip_growth(chain: Chain) -> Array:
+    """Return -e_nᵀ K1⁻¹ K12, m/K, ``(node,)``: the free expansion of the springs up to the tip.
+
+    Where the tip's part is free, a spring that expands by ε moves the tip by ε times the share of
+    the part's mass that lies below the spring, as its centre of mass rests.
+    """
+    broken = np.flatnonzero(chain.springs == 0)
+    moves = np.ones(chain.mechanical_size)
+    if broken.size:
+        first = broken[-1]
+        below = np.cumsum(chain.masses[first:])
+        moves[: first + 1] = 0.0
+        moves[first + 1 :] = below[:-1] / below[-1]
+    by_spring = moves * chain.free_expansion / 2
+    return np.asarray(by_spring + np.append(by_spring[1:], 0.0))
+
+
+def critical_alpha(chain: Chain) -> float:
+    """Return α_c = S/β, m/s; ``inf`` where heat at the tip does not push it out, 0 where it stays."""
+    if np.any(chain.springs == 0):
+        return float("inf")
+    growth, path = static_tip_growth(chain), thermal_path(chain)
+    tip = np.zeros(chain.thermal_size)
+    tip[-1] = 1.0
+    temperature = path.solve(tip)
+    if temperature is None:  # heat stays in the tip's part, which it warms evenly in the end
+        first = int(np.flatnonzero(chain.conduction == 0)[-1])
+        return 0.0 if growth[first:].sum() > 0 else float("inf")
+    beta = float(growth @ temperature)
+    return tip_flexibility(chain) / beta if beta > 0 else float("inf")
+
+
+def static_equilibrium(chain: Chain, load: Array, heating: Array, gap: float) -> tuple[Array | None, Array | None]:
+    """Return displacement and temperature at rest, casing included, each ``None`` where there is none."""
+    temperature = thermal_path(chain).solve(heating)
+    if temperature is None:
+        return None, None
+    thermal = chain.spring_forces(temperature)
+    force = load - thermal + np.append(thermal[1:], 0.0)
+    path = mechanical_path(chain)
+    free = path.solve(force)
+    if free is not None and free[-1] <= gap:
+        return free, temperature
+    pressing = force[:-1].copy()
+    if pressing.size:
+        pressing[-1] += chain.springs[-1] * gap
+    interior = path.without_tip().solve(pressing)
+    if interior is None:
+        return None, temperature
+    pressed = np.append(interior, gap)
+    before = pressed[-2] if pressed.size > 1 else 0.0
+    reaction = force[-1] - chain.springs[-1] * (gap - before)
+    tolerated = 1e-9 * (abs(force[-1]) + chain.springs[-1] * (abs(gap) + abs(before)))  # as for short chains
+    return (pressed if reaction >= -tolerated else None), temperature

@@ -1,0 +1,22 @@
+"""Natural frequencies and thermal rates of a structure: all of them, or the ends of a long list."""
+
+from __future__ import annotations
+
+from workflow.models._chain import Chain
+from workflow.models._long_chain import frequency_range, rate_range
+from workflow.models._modes import mechanical_modes, thermal_modes
+from workflow.models._structure import Array, Structure
+
+
+def frequencies(structure: Structure) -> Array:
+    """Return ω of the modes, rad/s, ascending; of a chain without matrices the lowest and the highest."""
+    if isinstance(structure, Chain) and not structure.has_matrices:
+        return frequency_range(structure)
+    return mechanical_modes(structure).values
+
+
+def rates(structure: Structure) -> Array:
+    """Return μ of the thermal modes, 1/s, ascending; of a chain without matrices the lowest and the highest."""
+    if isinstance(structure, Chain) and not structure.has_matrices:
+        return rate_range(structure)
+    return thermal_modes(structure).values

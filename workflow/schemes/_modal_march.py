@@ -1,0 +1,155 @@
+"""The march of ``moreau`` over the modes of a structure: a block of cases at once, contact in between.
+
+In modal coordinates the pair (ζ, ξ = η - hθζ) of a mode takes an impulse in ζ alone and steps by
+
+    ζ ← ζ + w s,   ζ' = a ζ + b ξ,   ξ' = ξ + h ζ,
+
+with s the load's impulse less the contact's.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workflow.models import Array, Cases, Structure
+from workflow.schemes._balance import Audit, Books, account, couple, leak, no_audit, open_audit
+from workflow.schemes._decoupled import Decoupled, Motion
+from workflow.schemes._interface import Sampling
+from workflow.schemes._kernel import kernel
+from workflow.schemes._modal_lanes import (
+    DRIFT,
+    HEAT_MODES,
+    MODES,
+    WARMING,
+    WARMTH,
+    Coefficients,
+    begin,
+    conduct,
+    grouped,
+    pull_pairs,
+    swing,
+    swing_heated,
+    take_heat,
+)
+from workflow.schemes._prox import touch
+from workflow.schemes._stepping import (
+    Block,
+    Watch,
+    advance_load,
+    blocks,
+    fill_lanes,
+    lane_rows,
+    observe,
+    start_load,
+    take_marks,
+)
+
+
+def coefficients(modal: Decoupled, h: float, theta: float) -> Coefficients:
+    """Return the step's coefficients, with or without thermal states."""
+    omega2, c, tip, mu = modal.frequency**2, modal.damping, modal.tip, modal.rate
+    inertia = 1 + h * theta * c + h**2 * theta**2 * omega2
+    warm = modal.heat_tip / (1 + h * theta * mu)
+    thermal_kick = -h * theta * (modal.coupling @ warm) / inertia
+    decay = (1 - h * (1 - theta) * mu) / (1 + h * theta * mu)
+    j, k = modal.pairs.T
+    return Coefficients(
+        modes=grouped(
+            MODES,
+            (1 - h * (1 - theta) * c - h**2 * theta * (2 - theta) * omega2) / inertia,
+            -h * omega2 / inertia,
+            tip**2 / inertia,
+            tip * (thermal_kick + modal.response @ (mu * warm)),
+            -tip * (modal.response @ modal.heat_tip),
+        ),
+        heat_modes=grouped(HEAT_MODES, decay, warm, -mu * modal.tip_response, modal.heat_tip),
+        pair_mode=j,
+        pair_heat=k,
+        pair_pull=-h * tip[j] * modal.coupling[j, k] * (theta * decay[k] + 1 - theta) / inertia[j],
+        inverse_mass=float(np.sum(tip**2 / inertia)),
+        warming=float(np.sum(modal.heat_tip * warm)),
+        theta=theta,
+    )
+
+
+@kernel
+def _march(
+    operator: Coefficients, own: Array, motion: Array, tau: Array, tau_before: Array, block: Block, audit: Audit
+) -> None:
+    """Step a block of cases; lanes never meet.
+
+    A step: free velocity and temperature of the tip from the thermal and mechanical modes, which
+    take in the impulse and heat of the step before; load and contact; what is watched.
+
+    ``tau_before`` is left with τ at the beginning of the last step, ``tau`` with τ at its end.
+    """
+    modes, heat_modes = operator.modes, operator.heat_modes
+    load, tip, lanes, h, next_mark = block.load, block.tip, block.lanes, block.h, block.marks.next_mark
+    heated, paired = tau.shape[0] > 0, operator.pair_mode.size > 0
+    theta, audited, sums = audit.theta, audit.sums.shape[0] > 0, audit.sums
+    start_load(h, load, lanes)
+    if audited:
+        open_audit(audit, lanes)
+    for step in range(1, block.steps + 1):
+        begin(step * h, own, tip, lanes)
+        if heated:
+            if paired or step == block.steps:
+                take_heat(heat_modes, tau, own, tau_before, lanes)
+            conduct(heat_modes, tau, own, tip, lanes)
+            swing_heated(modes, h, motion, own, tip, lanes)
+            if paired:
+                pull_pairs(operator, tau_before, motion, tip, lanes)
+        else:
+            swing(modes, h, motion, own, tip, lanes)
+        advance_load(step, h, load, lanes)
+        touch(operator.theta, operator.inverse_mass, operator.warming, h, own, load, tip, lanes)
+        if audited:
+            if heated:
+                leak(h, audit.heat_modes, audit.heat, own, sums, lanes)
+                couple(audit.coupling, audit.heat, audit.motion, lanes)
+            account(theta, h, audit.modes, audit.motion, own, load, tip, sums, lanes)
+        observe(take_marks(step, block) if step == next_mark[0] else h, tip, lanes)
+    take_heat(heat_modes, tau, own, tau, lanes)
+
+
+def march(
+    structure: Structure,
+    modal: Decoupled,
+    begun: Motion,
+    h: float,
+    theta: float,
+    rows: Array,
+    cases: Cases,
+    watched: Watch,
+    sampling: Sampling,
+) -> tuple[Array, dict[str, Array]]:
+    """Step all cases in blocks.
+
+    ``rows`` is what contact reads of each case, to which what is known of its motion is added.
+    Returns the quasi-static tip growth at the end, m, ``(case,)``, and the balances if asked for.
+    """
+    operator, plan = coefficients(modal, h, theta), watched.schedule
+    rows[DRIFT], rows[WARMTH], rows[WARMING] = begun.drift, begun.warmth, begun.warming
+    zeta = begun.velocity * modal.tip
+    xi = begun.position * modal.tip - h * theta * zeta
+    pairs = grouped(MODES, zeta.T, xi.T).reshape(-1, 2 * MODES, cases.count)
+    heat = grouped(HEAT_MODES, begun.heat.T)[:, 0]
+    own, motion = lane_rows(rows.shape[0]), lane_rows(*pairs.shape[:2])
+    tau, tau_before = lane_rows(*heat.shape[:2]), lane_rows(*heat.shape[:2])
+    closing = begun.closing + begun.closing_rate * sampling.duration
+    growth = grouped(HEAT_MODES, modal.static_growth)[:, 0, :, None]
+    books = Books(structure, modal, cases, begun.tip_force, h, theta) if sampling.balances else None
+    audit = no_audit() if books is None else books.audit
+    for part, block in blocks(watched):
+        if books is not None:
+            books.open(part)
+        fill_lanes(own, rows[:, part])
+        fill_lanes(motion, pairs[..., part])
+        fill_lanes(tau, heat[..., part])
+        _march(operator, own, motion, tau, tau_before, block, audit)
+        if books is not None:
+            books.close(part, plan.steps * h)
+        reached = tau_before + plan.weight[-1] * (tau - tau_before)
+        sums = np.sum(growth * reached, axis=(0, 1))  # in the same order whatever lanes are in use
+        closing[part] += sums[: part.stop - part.start]
+    return closing, {} if books is None else books.residuals

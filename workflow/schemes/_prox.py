@@ -1,0 +1,63 @@
+"""The end of a step of ``moreau``: contact at the tip by the prox at velocity level."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workflow.models import Array, Cases
+from workflow.schemes._kernel import inlined
+from workflow.schemes._modal_lanes import ALPHA, COMPLIANCE, DELASSUS, HEAT, OWN_ROWS, PUSHED, RESTITUTION
+from workflow.schemes._stepping import (
+    DISPLACEMENT,
+    FORCE,
+    FORCE_BEFORE,
+    GAP,
+    LANES,
+    NEW_DISPLACEMENT,
+    NEW_TEMPERATURE,
+    NEW_VELOCITY,
+    STEP_IMPULSE,
+    VELOCITY,
+)
+
+
+@inlined
+def touch(
+    theta: float, inverse_mass: float, warming: float, h: float, own: Array, load: Array, tip: Array, lanes: int
+) -> None:
+    """Close the step: load and contact impulse at the tip, from its free velocity to its new state.
+
+    After an impulse the velocity is -e v_n,k to the bit, not to the rounding of v_free - W p: a tip
+    at rest on its casing keeps its place and stays active for any number of steps.
+    """
+    assert own.shape[1] == LANES
+    assert load.shape[1] == LANES
+    assert tip.shape[1] == LANES
+    for lane in range(lanes):
+        x, v = tip[DISPLACEMENT, lane], tip[VELOCITY, lane]
+        pushed = h * ((1.0 - theta) * load[FORCE_BEFORE, lane] + theta * load[FORCE, lane])
+        free = tip[NEW_VELOCITY, lane] + inverse_mass * pushed
+        closing = (free + own[RESTITUTION, lane] * v) * own[COMPLIANCE, lane]
+        p = closing if x + 0.5 * h * v >= tip[GAP, lane] else 0.0
+        p = 0.0 if p <= 0.0 else p  # a NaN passes
+        after = -own[RESTITUTION, lane] * v if p > 0.0 else free - own[DELASSUS, lane] * p
+        own[PUSHED, lane] = pushed - p
+        own[HEAT, lane] = own[ALPHA, lane] * p
+        tip[STEP_IMPULSE, lane] = p
+        tip[NEW_VELOCITY, lane] = after
+        tip[NEW_TEMPERATURE, lane] += warming * own[HEAT, lane]
+        tip[NEW_DISPLACEMENT, lane] = x + h * (theta * after + (1.0 - theta) * v)
+
+
+def contact_rows(cases: Cases, w: Array) -> Array:
+    """Return what :func:`touch` reads of each case, ``(row, case)``; ``w`` is the Delassus operator, 1/kg."""
+    rows = np.zeros((OWN_ROWS, cases.count))
+    well_posed = ~(w <= 0)
+    for row, values in (
+        (RESTITUTION, cases.e),
+        (ALPHA, cases.alpha),
+        (DELASSUS, w),
+        (COMPLIANCE, np.where(well_posed, 1 / np.where(well_posed, w, 1.0), np.nan)),
+    ):
+        rows[row] = values
+    return rows

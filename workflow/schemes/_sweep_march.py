@@ -1,0 +1,114 @@
+"""The march of ``moreau`` over a long chain: passes along it, and contact at its tip in between."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workflow.models import Array, Cases
+from workflow.schemes._interface import Sampling
+from workflow.schemes._kernel import kernel
+from workflow.schemes._modal_lanes import HEAT
+from workflow.schemes._prox import touch
+from workflow.schemes._stepping import (
+    FORCE,
+    FORCE_BEFORE,
+    NEW_DISPLACEMENT,
+    NEW_TEMPERATURE,
+    NEW_VELOCITY,
+    STEP_IMPULSE,
+    Block,
+    Watch,
+    advance_load,
+    blocks,
+    fill_lanes,
+    lane_rows,
+    observe,
+    start_load,
+    take_marks,
+)
+from workflow.schemes._sweep_balance import SUMS, open_account, residuals, tally, weights
+from workflow.schemes._sweeps import (
+    HEATING,
+    STATE,
+    STEADY,
+    TAU,
+    WARM,
+    WARMED,
+    YIELD,
+    Swept,
+    V,
+    X,
+    conduct,
+    settle,
+    swing,
+)
+
+
+@kernel
+def _march(
+    theta: float,
+    lever: float,
+    step: Array,
+    loads: Array,
+    state: Array,
+    own: Array,
+    block: Block,
+    heated: bool,
+    weight: Array,
+    sums: Array,
+) -> None:
+    """Step the case in lane 0; ``weight`` has rows where balances are asked for."""
+    load, tip, lanes, h, next_mark = block.load, block.tip, block.lanes, block.h, block.marks.next_mark
+    last, audited = state.shape[0] - 1, weight.shape[0] > 0
+    start_load(h, load, lanes)
+    if audited:
+        open_account(weight, state, sums)
+    for k in range(1, block.steps + 1):
+        if heated:
+            conduct(step, state, loads)
+        tip[NEW_VELOCITY, 0], tip[NEW_TEMPERATURE, 0] = swing(step, state, loads, theta, lever, heated)
+        advance_load(k, h, load, lanes)
+        touch(theta, step[last, YIELD], step[last, WARM], h, own, load, tip, lanes)
+        heat = own[HEAT, 0]
+        settle(step, state, h, theta, tip[NEW_DISPLACEMENT, 0], tip[NEW_VELOCITY, 0], heat, heated)
+        if audited:
+            pushed = h * (0.5 * (load[FORCE_BEFORE, 0] + load[FORCE, 0])) - tip[STEP_IMPULSE, 0]
+            tally(step, weight, state, loads, h, heat, pushed, sums)
+        observe(take_marks(k, block) if k == next_mark[0] else h, tip, lanes)
+
+
+def sweep(
+    swept: Swept, h: float, theta: float, rows: Array, cases: Cases, watched: Watch, sampling: Sampling, heated: bool
+) -> tuple[Array, dict[str, Array]]:
+    """Step all cases, one by one.
+
+    ``rows`` is what contact reads of each case. Returns the quasi-static tip growth at the end, m,
+    ``(case,)``, and the balances if they are asked for.
+    """
+    chain = swept.chain
+    step = swept.coefficients(h, theta)
+    state, loads = np.zeros((chain.mechanical_size + 1, STATE)), np.zeros((chain.mechanical_size + 1, 2))
+    weight = weights(chain) if sampling.balances else np.zeros((0, 0))
+    own, sums, closing = lane_rows(rows.shape[0]), np.zeros(SUMS), np.zeros(cases.count)
+    balances = {name: np.zeros(cases.count) for name in ("energy_residual", "heat_residual") if sampling.balances}
+    lever, plan = h * theta + chain.damping.stiffness, watched.schedule
+    for part, block in blocks(watched, most=1):
+        case = part.start
+        fill_lanes(own, rows[:, part])
+        state[:] = 0.0
+        state[1:, X], state[1:, V], state[1:, TAU] = (
+            cases.displacement[case],
+            cases.velocity[case],
+            cases.temperature[case],
+        )
+        loads[1:, STEADY], loads[1:, HEATING] = h * cases.steady[case], h * cases.heating[case]
+        _march(theta, lever, step, loads, state, own, block, heated, weight, sums)
+        if heated:
+            in_last_step = state[1:, WARMED] + own[HEAT, 0] * step[1:-1, WARM]
+            reached = state[1:, TAU] - (1 - plan.weight[-1]) * in_last_step
+            closing[case] = np.sum(swept.static_growth * reached)
+        if balances:
+            heating = plan.steps * h * float(cases.heating[case].sum())
+            found = residuals(sums, chain, cases.temperature[case], state[1:, TAU], heating)
+            balances["energy_residual"][case], balances["heat_residual"][case] = found
+    return closing, balances
