@@ -173,11 +173,19 @@ def keep_known(parts: Path, known: Known | None) -> None:
 
 
 def read_known(parts: Path) -> Known | None:
-    """Return what :func:`keep_known` left, ``None`` if nothing."""
+    """Return what :func:`keep_known` left, ``None`` if nothing.
+
+    Raises
+    ------
+    ArchiveError
+        It is damaged.
+    """
     try:
         cells = np.load(parts / KNOWN, allow_pickle=False)
     except FileNotFoundError:
         return None
+    except (OSError, ValueError, EOFError) as error:
+        raise ArchiveError(f"{parts / KNOWN}: damaged; remove the directory and give the command again") from error
     return Known(parts.with_name(parts.name.removesuffix(".parts")), cells)
 
 
