@@ -27,7 +27,7 @@ from workflow.cli import app
 from workflow.grid import _tasks as cutting
 from workflow.run import run_study
 
-STUDY = quick({"e": [0.0, 0.2, 0.5, 0.9]})
+STUDY = quick({"e": [0.0, 0.2, 0.5, 0.9], "alpha": [0.0, 5.0, 20.0, 50.0]})
 
 
 @pytest.fixture(autouse=True)
@@ -141,7 +141,7 @@ def foreign(shard: Path) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("workflow.run._study.gather", lambda *_: (_ for _ in ()).throw(ArchiveError("stopped")))
         with pytest.raises(ArchiveError, match="stopped"):
-            run_study(quick({"e": [0.0, 0.2, 0.5, 0.8]}), other, threads=1)
+            run_study(quick({"e": [0.0, 0.2, 0.5, 0.8], "alpha": [0.0, 5.0, 20.0, 50.0]}), other, threads=1)
     stem = shard.name.rsplit("-", 1)[0]
     [theirs] = parts_of(other).glob(f"{stem}-*")
     shard.unlink()
@@ -155,7 +155,7 @@ def test_a_damaged_shard_is_computed_again(
     archive = tmp_path / "a.nc"
     interrupted(archive, 3)
     damage(sorted(parts_of(archive).glob("*.h5"))[1])
-    assert run_study(STUDY, archive).resumed == 6
+    assert run_study(STUDY, archive).resumed == 8
     assert content_hash(archive) == expected
 
 
@@ -188,7 +188,7 @@ def test_verify_exits_as_its_checks_end(tmp_path: Path) -> None:
     run_study(STUDY, archive)
     with netCDF4.Dataset(archive, "a") as file:
         file["contact_impulse"][1, 1] *= 2
-    status, told = workflow("verify", archive, "--sample", "12")
+    status, told = workflow("verify", archive, "--sample", "16")
     assert status == 1
     for name in ("bytes", "content", "sample"):
         assert f"{name:8} DIFFERS" in told
@@ -202,10 +202,10 @@ def test_verify_exits_as_its_checks_end(tmp_path: Path) -> None:
 def test_options_of_run_reach_it(tmp_path: Path) -> None:
     text, archive = written(STUDY.text, tmp_path), tmp_path / "a.nc"
     assert workflow("run", text, "-o", archive)[0] == 0
-    assert "nothing to do, all 12 cases are there" in workflow("run", text, "-o", archive, "--retry")[1]
+    assert "nothing to do, all 16 cases are there" in workflow("run", text, "-o", archive, "--retry")[1]
     status, told = workflow("run", text, "-o", archive, "--recompute")
     assert status == 0
-    assert "12 cases in" in told
+    assert "16 cases in" in told
     assert "stored before" not in told
 
 
@@ -283,10 +283,10 @@ def test_opening_an_archive_executes_nothing(tmp_path: Path) -> None:
         found = []
         def watch(event, words):
             if event in ("exec", "import", "pickle.find_class", "marshal.loads", "os.system", "subprocess.Popen"):
-                found.append((event, str(words)[:200]))
+                found.append((event, words[0]))  # code is compared by what it does
         sys.addaudithook(watch)
         read(plain)
-        usual, found[:] = set(found), []
+        usual, found = set(found), []
         read(hostile)
         print(*[each for each in found if each not in usual], sep="\\n")
     """
@@ -294,6 +294,5 @@ def test_opening_an_archive_executes_nothing(tmp_path: Path) -> None:
     call = [sys.executable, "-c", textwrap.dedent(script), str(plain), str(hostile)]
     done = subprocess.run(call, capture_output=True, text=True, timeout=120, env={**os.environ, "PYTHONPATH": root})
     assert (done.returncode, done.stderr) == (0, "")
-    told = [line for line in done.stdout.splitlines() if line and "workflow" not in line]
-    assert told == []
+    assert done.stdout.strip() == ""
     assert not sprung.exists()

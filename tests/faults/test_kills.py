@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 import signal
 import time
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -27,6 +28,10 @@ def whole(study: Study, directory: Path) -> str:
     archive = directory / "whole.nc"
     run_study(study, archive)
     return content_hash(archive)
+
+
+def is_reached(archive: Path, wanted: int) -> bool:
+    return parts_of(archive).exists() and shards(archive) >= wanted
 
 
 def check_state(archive: Path, before: bytes | None, expected: str) -> None:
@@ -67,7 +72,7 @@ def test_killed_at_random_moments(extended: bool, tmp_path: Path, request: pytes
                 time.sleep(moments.uniform(0, 0.1))
                 gathering += reached
             else:
-                reached = wait_until(lambda: shards(archive) >= wanted and parts_of(archive).exists(), process)
+                reached = wait_until(partial(is_reached, archive, wanted), process)
                 time.sleep(moments.uniform(0, 0.3))
             killed += process.poll() is None
             process.kill()

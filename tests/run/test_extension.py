@@ -121,12 +121,15 @@ STEPS = {
     "an axis less": ({}, {"axes": {"e": 0.5}}),
     "a scheme with metrics of its own": ({}, {"axes": {"scheme": ["moreau", "penalty"]}}),
     "that scheme less": ({"axes": {"scheme": ["moreau", "penalty"]}}, {}),
-    "load periods where there were none": ({"scene": {"load.frequency": 0.0}}, {"axes": {"scene.load.frequency": [0.0, 1000.0]}}),
+    "load periods where there were none": (
+        {"scene": {"load.frequency": 0.0}},
+        {"axes": {"scene.load.frequency": [0.0, 1000.0]}},
+    ),
     "one case of all": ({}, {"axes": {"e": 0.5, "alpha": 5.0}}),
     "all of one case": ({"axes": {"e": 0.5, "alpha": 5.0}}, {}),
     "a grid as a zip": (
         {"axes": {"e": [0.0, 0.5], "alpha": [0.0, 5.0, 50.0]}},
-        {"axes": {"e": None, "alpha": None}, "zip": {"pair": {"e": [0.0] * 3 + [0.5] * 3, "alpha": [0.0, 5.0, 50.0] * 2}}},
+        {"axes": {"e": None, "alpha": None}, "zip": {"p": {"e": [0.0] * 3 + [0.5] * 3, "alpha": [0.0, 5.0, 50.0] * 2}}},
     ),
 }  # fmt: skip
 
