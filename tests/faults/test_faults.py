@@ -65,7 +65,7 @@ def interrupted(archive: Path, after: int) -> None:
             run_study(STUDY, archive, threads=1)
 
 
-@pytest.mark.parametrize("extended", [False, True])
+@pytest.mark.parametrize("extended", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_a_disk_that_is_full_at_any_flush(
     extended: bool, tmp_path: Path, expected: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
