@@ -20,11 +20,16 @@ from workflow.run import _verify, run_study, verify
 
 KEPT = sorted((Path(__file__).parents[2] / "data").rglob("*.nc"))
 
+STUDY = quick(
+    {"alpha": [0.0, 5.0, 1e9], "scheme": ["moreau", "half"]}, schemes={"half": {"method": "moreau", "theta": 0.5}}
+)
+"""Of its 18 cases those with the largest alpha are ill-posed."""
+
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     archive = tmp_path_factory.mktemp("verify") / "a.nc"
-    run_study(quick({"alpha": [0.0, 5.0, 1e9], "scheme": ["moreau", "event_driven"]}), archive)
+    run_study(STUDY, archive)
     return archive
 
 
@@ -62,7 +67,7 @@ def test_as_many_as_are_wanted_are_run_again(whole: Path, sample: int) -> None:
 
 
 def test_a_sample_has_each_scheme_and_status(whole: Path) -> None:
-    grid = arrange(quick({"alpha": [0.0, 5.0, 1e9], "scheme": ["moreau", "event_driven"]}))
+    grid = arrange(STUDY)
     with h5py.File(whole) as file:
         status = file["status"][...].ravel()
     kinds = {(cell // grid.inner_count, status[cell]) for cell in range(18)}
@@ -121,7 +126,7 @@ EDITS = {
     "a flag": edit("runaway", (0, 0, 0), lambda x: 1),
     "a NaN that has become a number": edit("contact_impulse", (0, 0, 2), lambda x: 1.0),
     "a number that has become NaN": edit("contact_impulse", (1, 0, 1), lambda x: np.nan),
-    "a message": edit("message", (0, 0, 2, 0), lambda x: b"!"),
+    "a message": edit("message", (0, 0, 2), lambda x: f"!{x}"[:-1]),
 }
 
 
@@ -197,7 +202,7 @@ def test_cases_that_failed_are_not_compared(tmp_path: Path, monkeypatch: pytest.
         run_study(quick(), tmp_path / "a.nc")
     checks = list(verify(tmp_path / "a.nc"))
     assert all(check.holds for check in checks)
-    assert checks[-1].found.startswith("0 cases")
+    assert checks[-1].found.endswith("0 cases run again, the same bit for bit; 9 that failed hold nothing to compare")
 
 
 def test_an_unfinished_archive_cannot_be_verified(tmp_path: Path) -> None:

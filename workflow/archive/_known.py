@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.archive._create import CASE_HASH, PROVENANCE
-from workflow.archive._files import ArchiveError, commit, reading
+from workflow.archive._files import ArchiveError, commit, reading, writing
 from workflow.archive._layout import MESSAGE, OK, STATUS, Layout, Variable
 from workflow.archive._seal import FILE_CHECKSUM, is_sealed_with
 
@@ -161,7 +161,13 @@ def stored_hashes(path: Path) -> NDArray[np.uint8]:
 
 
 def keep_known(parts: Path, known: Known | None) -> None:
-    """Leave in the directory of the shards what :func:`read_known` gives to every worker."""
+    """Leave in the directory of the shards what :func:`read_known` gives to every worker.
+
+    Raises
+    ------
+    ArchiveError
+        It cannot be written.
+    """
     if known is None:
         (parts / KNOWN).unlink(missing_ok=True)
         return
@@ -169,15 +175,24 @@ def keep_known(parts: Path, known: Known | None) -> None:
 
     image = io.BytesIO()
     np.save(image, known.cells)
-    commit(parts / KNOWN, image.getvalue())
+    with writing("what the archive holds already", parts):
+        commit(parts / KNOWN, image.getvalue())
 
 
 def read_known(parts: Path) -> Known | None:
-    """Return what :func:`keep_known` left, ``None`` if nothing."""
+    """Return what :func:`keep_known` left, ``None`` if nothing.
+
+    Raises
+    ------
+    ArchiveError
+        It is damaged.
+    """
     try:
         cells = np.load(parts / KNOWN, allow_pickle=False)
     except FileNotFoundError:
         return None
+    except (OSError, ValueError, EOFError) as error:
+        raise ArchiveError(f"{parts / KNOWN}: damaged; remove the directory and give the command again") from error
     return Known(parts.with_name(parts.name.removesuffix(".parts")), cells)
 
 

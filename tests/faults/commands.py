@@ -1,0 +1,71 @@
+"""The command line as a process that can be watched and killed."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from workflow.archive import parts_of
+
+PATIENCE = 120.0
+"""Seconds after which a test has failed."""
+
+FINELY = """
+import time
+import workflow.grid._tasks as cutting
+import workflow.run._task as running
+from workflow.cli import main
+cutting.SHORTEST = 1e-9
+write = running.write_shard
+def slowly(*words):
+    time.sleep({pause})
+    return write(*words)
+running.write_shard = slowly
+main()
+"""
+"""The command line with a task for each unit, none of which ends at once: there is time to kill it."""
+
+Process = subprocess.Popen[str]
+
+
+@contextmanager
+def started(*words: str | Path, pause: float = 0.02) -> Iterator[Process]:
+    command = [sys.executable, "-c", FINELY.format(pause=pause), *map(str, words)]
+    env = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")]),
+    }
+    with subprocess.Popen(command, env=env, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        try:
+            yield process
+        finally:
+            if process.poll() is None:
+                process.send_signal(signal.SIGKILL)
+
+
+def wait_until(what: Callable[[], bool], process: Process) -> bool:
+    """Wait for something to be so while a process runs; tell whether it came to be."""
+    until = time.monotonic() + PATIENCE
+    while not what():
+        if process.poll() is not None:
+            return False
+        if time.monotonic() > until:
+            raise TimeoutError
+        time.sleep(5e-4)
+    return True
+
+
+def shards(archive: Path) -> int:
+    """Return how many shards of an archive there are."""
+    return len(list(parts_of(archive).glob("*.h5")))
+
+
+def is_gathered(archive: Path) -> bool:
+    """Tell whether an archive is being put together."""
+    return (parts_of(archive) / f"{archive.name}.tmp").exists()

@@ -1,0 +1,298 @@
+"""Disks that are full, shards that are damaged, archives that are hostile: clear errors, nothing lost."""
+
+from __future__ import annotations
+
+import errno
+import os
+import pickle
+import subprocess
+import sys
+import textwrap
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import h5py
+import netCDF4
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import workflow.run._task as running
+from quick import quick
+from studies import written
+from workflow.archive import ArchiveError, _files, content_hash, holding, keep_known, parts_of, read_known
+from workflow.archive._known import KNOWN, Known
+from workflow.cli import app
+from workflow.grid import _tasks as cutting
+from workflow.run import run_study
+
+STUDY = quick({"e": [0.0, 0.2, 0.5, 0.9], "alpha": [0.0, 5.0, 20.0, 50.0]})
+
+
+@pytest.fixture(autouse=True)
+def finely(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A task, and a shard, for each of the four rows."""
+    monkeypatch.setattr(cutting, "SHORTEST", 1e-9)
+
+
+@pytest.fixture(scope="module")
+def expected(tmp_path_factory: pytest.TempPathFactory) -> str:
+    archive = tmp_path_factory.mktemp("faults") / "whole.nc"
+    run_study(STUDY, archive)
+    return content_hash(archive)
+
+
+def workflow(*words: str | Path) -> tuple[int, str]:
+    done = CliRunner().invoke(app, [str(word) for word in words])
+    assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
+    return done.exit_code, done.output
+
+
+def interrupted(archive: Path, after: int) -> None:
+    """Run the study until so many shards are stored."""
+    write, left = running.write_shard, [None] * after
+
+    def failing(*words: Any) -> Path:
+        if not left:
+            raise ArchiveError("stopped")
+        left.pop()
+        return write(*words)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(running, "write_shard", failing)
+        with pytest.raises(ArchiveError, match="stopped"):
+            run_study(STUDY, archive, threads=1)
+
+
+@pytest.mark.parametrize("extended", [pytest.param(False, marks=pytest.mark.slow), True])
+def test_a_disk_that_is_full_at_any_flush(
+    extended: bool, tmp_path: Path, expected: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each flush of a run fails in turn; the same command then goes on."""
+    archive, sync = tmp_path / "a.nc", os.fsync
+    calls = [0]
+    for failing in range(1, 40):
+        archive.unlink(missing_ok=True)
+        if extended:
+            run_study(quick({"e": [0.5, 0.0]}), archive)
+        before = archive.read_bytes() if extended else None
+        calls[0] = 0
+
+        def full(descriptor: int, failing: int = failing) -> None:
+            calls[0] += 1
+            if calls[0] == failing:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            sync(descriptor)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(_files.os, "fsync", full)
+            try:
+                run_study(STUDY, archive, threads=1)
+            except ArchiveError as error:
+                assert "no space left on device" in str(error)  # noqa: PT017 - the last ones do not fail
+        if calls[0] < failing:
+            break
+        if before is None or archive.read_bytes() != before:
+            assert not archive.exists() or content_hash(archive) == expected
+        run_study(STUDY, archive, threads=1)
+        assert content_hash(archive) == expected
+        assert list(tmp_path.iterdir()) == [archive]
+    assert failing > 10
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    made = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=120k", "tmpfs", disk], capture_output=True, text=True)
+    if made.returncode:
+        pytest.skip(f"no file system of a test's own here: {made.stderr.strip()}")
+    try:
+        yield disk
+    finally:
+        subprocess.run(["umount", "-l", disk], check=True)
+
+
+def test_a_disk_that_is_really_full(small_disk: Path, expected: str) -> None:
+    text, archive = written(STUDY.text, small_disk), small_disk / "a.nc"
+    status, told = workflow("run", text, "-o", archive, "--threads", "1")
+    assert status == 2
+    assert "no space left" in told
+    assert "Finished shards stay" in told
+    assert not archive.exists()
+    subprocess.run(["mount", "-o", "remount,size=20m", small_disk], check=True)
+    assert workflow("run", text, "-o", archive)[0] == 0
+    assert content_hash(archive) == expected
+
+
+def torn(shard: Path) -> None:
+    shard.write_bytes(shard.read_bytes()[:-7])
+
+
+def flipped(shard: Path) -> None:
+    image = bytearray(shard.read_bytes())
+    image[len(image) // 2] ^= 4
+    shard.write_bytes(image)
+
+
+def foreign(shard: Path) -> None:
+    other = shard.parents[1] / "b.nc"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("workflow.run._study.gather", lambda *_: (_ for _ in ()).throw(ArchiveError("stopped")))
+        with pytest.raises(ArchiveError, match="stopped"):
+            run_study(quick({"e": [0.0, 0.2, 0.5, 0.8], "alpha": [0.0, 5.0, 20.0, 50.0]}), other, threads=1)
+    stem = shard.name.rsplit("-", 1)[0]
+    [theirs] = parts_of(other).glob(f"{stem}-*")
+    shard.unlink()
+    theirs.rename(shard.parent / theirs.name)
+
+
+@pytest.mark.parametrize("damage", [torn, flipped, foreign])
+def test_a_damaged_shard_is_computed_again(
+    damage: Any, tmp_path: Path, expected: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    archive = tmp_path / "a.nc"
+    interrupted(archive, 3)
+    damage(sorted(parts_of(archive).glob("*.h5"))[1])
+    assert run_study(STUDY, archive).resumed == 8
+    assert content_hash(archive) == expected
+
+
+def test_a_second_run_exits_with_two_and_says_who_has_it(tmp_path: Path) -> None:
+    text, archive = written(STUDY.text, tmp_path), tmp_path / "a.nc"
+    with holding(parts_of(archive)):
+        status, told = workflow("run", text, "-o", archive)
+    assert status == 2
+    assert f"another run has it (process {os.getpid()})" in told
+    assert workflow("run", text, "-o", archive)[0] == 0
+
+
+def test_a_study_is_repeated_from_its_archive_alone(tmp_path: Path, expected: str) -> None:
+    first, second = tmp_path / "a.nc", tmp_path / "new" / "b.nc"
+    run_study(STUDY, first)
+    second.parent.mkdir()
+    assert workflow("run", first, "-o", second)[0] == 0
+    assert content_hash(second) == expected
+    status, told = workflow("verify", second)
+    assert status == 0
+    assert "12 cases run again, the same bit for bit" in told
+    assert told.rstrip().endswith("verified")
+
+
+def test_verify_exits_as_its_checks_end(tmp_path: Path) -> None:
+    archive = tmp_path / "a.nc"
+    interrupted(archive, 2)
+    status, told = workflow("verify", archive)
+    assert (status, told) == (2, f"{archive}: unfinished, only its shards are there; run the study to its end first\n")
+    run_study(STUDY, archive)
+    with netCDF4.Dataset(archive, "a") as file:
+        file["contact_impulse"][1, 1] *= 2
+    status, told = workflow("verify", archive, "--sample", "16")
+    assert status == 1
+    for name in ("bytes", "content", "sample"):
+        assert f"{name:8} DIFFERS" in told
+    assert "e = 0.2, alpha = 5.0: contact_impulse is" in told
+    archive.write_bytes(archive.read_bytes()[:3000])
+    status, told = workflow("verify", archive)
+    assert status == 2
+    assert "damaged" in told
+
+
+def test_options_of_run_reach_it(tmp_path: Path) -> None:
+    text, archive = written(STUDY.text, tmp_path), tmp_path / "a.nc"
+    assert workflow("run", text, "-o", archive)[0] == 0
+    assert "nothing to do, all 16 cases are there" in workflow("run", text, "-o", archive, "--retry")[1]
+    status, told = workflow("run", text, "-o", archive, "--recompute")
+    assert status == 0
+    assert "16 cases in" in told
+    assert "stored before" not in told
+
+
+class Trap:
+    """What would leave a file behind if anybody unpickled it."""
+
+    def __init__(self, where: Path) -> None:
+        self.where = where
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (Path.touch, (self.where,))
+
+
+def test_what_is_known_is_never_a_pickle(tmp_path: Path) -> None:
+    keep_known(tmp_path, Known(tmp_path / "a.nc", np.arange(3)))
+    known = read_known(tmp_path)
+    assert known is not None
+    assert known.cells.tolist() == [0, 1, 2]
+    trap = np.array([Trap(tmp_path / "sprung")], dtype=object)
+    np.save(tmp_path / KNOWN, trap, allow_pickle=True)
+    for image in ((tmp_path / KNOWN).read_bytes(), pickle.dumps(trap), b"\x93NUMPY", b""):
+        (tmp_path / KNOWN).write_bytes(image)
+        with pytest.raises(ArchiveError, match="damaged"):
+            read_known(tmp_path)
+    assert not (tmp_path / "sprung").exists()
+
+
+def test_an_archive_holds_numbers_and_texts_only(tmp_path: Path) -> None:
+    run_study(
+        quick({"scheme": ["moreau", "half"]}, schemes={"half": {"method": "moreau", "theta": 0.5}}), tmp_path / "a.nc"
+    )
+    with h5py.File(tmp_path / "a.nc") as file:
+        items: list[Any] = []
+        file.visititems(lambda _, item: items.append(item))
+        for item in items:
+            if isinstance(item, h5py.Dataset):
+                assert item.dtype.kind in "iufS" or h5py.check_string_dtype(item.dtype), item
+
+
+def test_opening_an_archive_executes_nothing(tmp_path: Path) -> None:
+    """Another archive was opened before, so that every library is there: this one brings no code to run."""
+    plain, hostile, sprung = tmp_path / "plain.nc", tmp_path / "hostile.nc", tmp_path / "sprung"
+    run_study(STUDY, plain)
+    hostile.write_bytes(plain.read_bytes())
+    trap = pickle.dumps(Trap(sprung), protocol=0).decode()
+    code = f"__import__('pathlib').Path({str(sprung)!r}).touch()"
+    with netCDF4.Dataset(hostile, "a") as file:
+        file["provenance"].setncattr("study", f"study: !!python/object/apply:eval [{code!r}]\n")
+        file["provenance"].setncattr("versions", trap)
+        file.setncattr("title", trap)
+        file.setncattr("history", f"{{{{{code}}}}}")
+        file["status"].setncattr("long_name", code)
+    script = """
+        import sys
+        from pathlib import Path
+        from workflow import archive
+        from workflow.cli import app
+        from workflow.study import StudyError, parse_study
+        from typer.testing import CliRunner
+
+        def read(path):
+            with archive.open_archive(path) as data:
+                data.load()
+                repr(data)
+            archive.provenance(path)
+            archive.content_hash(path)
+            CliRunner().invoke(app, ["show", str(path)])
+            try:
+                parse_study(archive.provenance(path)["study"], "archive")
+            except StudyError:
+                pass
+
+        plain, hostile = map(Path, sys.argv[1:])
+        read(plain)
+        found = []
+        def watch(event, words):
+            if event in ("exec", "import", "pickle.find_class", "marshal.loads", "os.system", "subprocess.Popen"):
+                found.append((event, words[0]))  # code is compared by what it does
+        sys.addaudithook(watch)
+        read(plain)
+        usual, found = set(found), []
+        read(hostile)
+        print(*[each for each in found if each not in usual], sep="\\n")
+    """
+    root = str(Path(__file__).parents[2])
+    call = [sys.executable, "-c", textwrap.dedent(script), str(plain), str(hostile)]
+    done = subprocess.run(call, capture_output=True, text=True, timeout=120, env={**os.environ, "PYTHONPATH": root})
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.strip() == ""
+    assert not sprung.exists()
