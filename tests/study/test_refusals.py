@@ -9,6 +9,7 @@ import pytest
 from study_samples import BLADE, CHAIN
 
 from workflow.study import StudyError, parse_study, read_study
+from workflow.study.source import MOST_ENTRIES
 
 CHANGED = [
     (17, "frequency: 5 Hz", "frequency: 1e15 Hz", "scene.load.frequency", "2e+15 load periods", "up to 1e+06 Hz"),
@@ -330,3 +331,11 @@ def test_the_start_is_judged_in_every_case_and_zips_pair_up() -> None:
     (closed,) = mistakes_of(CHAIN.replace("20 um", "-1 um"))
     assert closed.key == "scene.casing.gap"
     assert parse_study(CHAIN.replace("20 um}", "-1 um}\n  initial: static"), "f").scene.initial == "static"
+
+
+def test_more_entries_than_anybody_writes_are_refused_before_they_are_read() -> None:
+    entries = "[" + "1, " * (MOST_ENTRIES // 2) + "1]"
+    with pytest.raises(StudyError) as told:
+        parse_study(f"study: a\naxes: {{e: {entries}, alpha: {entries}}}\n", "study.yaml")
+    assert "has more than 50000 keys and values; write long axes as {lin: [first, last, count]}" in str(told.value)
+    assert str(told.value).startswith("study.yaml:2: ")

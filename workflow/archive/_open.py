@@ -12,6 +12,7 @@ from workflow.archive._content import hash_content
 from workflow.archive._create import PROVENANCE
 from workflow.archive._files import ArchiveError, damaged, reason, writing
 from workflow.archive._gather import assemble
+from workflow.archive._guard import try_out
 from workflow.archive._judge import as_text, judge
 from workflow.archive._parts import LAYOUT, parts_of, read_layout
 from workflow.archive._shard import find_shards
@@ -173,7 +174,14 @@ def _look(path: Path) -> None:
         raise ArchiveError(f"{path}: cannot be read: {reason(error)}") from error
     if signature != HDF5_SIGNATURE:
         raise ArchiveError(f"{path}: not a NetCDF-4 file; an archive that `workflow run` wrote is expected")
-    try:
-        judge(path)
-    except (OSError, RuntimeError, LookupError, ValueError, TypeError) as error:
-        raise damaged(path, error) from error
+    import xarray as xr  # noqa: F401 - once here, not in every process that tries a file out
+
+    try_out(path, _opened_at_all)
+
+
+def _opened_at_all(path: Path) -> None:
+    """Judge a file's headers, then open it as :func:`open_archive` does."""
+    judge(path)
+    import xarray as xr
+
+    xr.open_dataset(path, engine="netcdf4", decode_timedelta=False, cache=False).close()

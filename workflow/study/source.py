@@ -21,6 +21,9 @@ DEEPEST = 40
 LARGEST = 2**20
 """Bytes of a study."""
 
+MOST_ENTRIES = 50_000
+"""Keys, values and brackets of a study, which take about 30 us each to read: a second and a half."""
+
 _WORDS = {
     **dict.fromkeys(["", "~", "null", "Null", "NULL"], None),
     **dict.fromkeys(["true", "True", "TRUE"], True),
@@ -105,7 +108,7 @@ def compose(text: str, file: str) -> Source:
     Raises
     ------
     StudyError
-        The text is not YAML, is empty, nests too deeply, is too long, has more than one document,
+        The text is not YAML, is empty, nests too deeply, is too long, has more than one document or too many entries,
         or uses aliases, tags or keys that are no words.
     """
     from ruamel.yaml import YAML
@@ -151,10 +154,16 @@ class _Composer:
         self.source = source
         self.open: list[_Open] = []
         self.documents = 0
+        self.entries = 0
         self.unread = False
 
     def take(self, event: Any) -> None:
         """Take the next event of the parser."""
+        self.entries += 1
+        if self.entries > MOST_ENTRIES:
+            remedy = "write long axes as {lin: [first, last, count]} or {log: [...]}"
+            self._refuse((), f"has more than {MOST_ENTRIES} keys and values", remedy, event)
+            raise StudyError(self.source.mistakes)
         match type(event).__name__:
             case "DocumentStartEvent":
                 self.documents += 1
