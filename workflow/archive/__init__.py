@@ -5,7 +5,7 @@ units that :func:`find_shards` misses, then :func:`gather`. Readers call :func:`
 xarray, netCDF4 and h5py are imported when they are needed, not with this package.
 """
 
-from workflow.archive._describe import code_revision, describe, processor, study_key, versions
+from workflow.archive._describe import COPIED, SOFTWARE, code_revision, describe, processor, study_key, versions
 from workflow.archive._files import ArchiveError
 from workflow.archive._gather import gather
 from workflow.archive._hold import holding
@@ -17,6 +17,8 @@ from workflow.archive._seal import is_sealed_with
 from workflow.archive._shard import Shard, Shards, find_shard, find_shards, write_shard
 
 __all__ = [
+    "COPIED",
+    "SOFTWARE",
     "ArchiveError",
     "Coordinate",
     "Known",

@@ -18,6 +18,12 @@ from workflow.grid import Grid, Units, longest_period_count, scheme_metrics
 from workflow.schemes import SOLVER_VERSION, Status
 from workflow.study import Axis, Study
 
+SOFTWARE = ("code_revision", "processor", "versions")
+"""Texts of the provenance group that tell whether two runs must agree bit for bit."""
+
+COPIED = "copied"
+"""Text of the provenance group of an archive that was extended: some of its cases were run elsewhere."""
+
 _HISTORIES = {
     "displacement": ("m", "displacement of the blade tip towards the casing"),
     "velocity": ("m s-1", "velocity of the blade tip towards the casing"),

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workflow.archive import (
+    COPIED,
+    SOFTWARE,
     ArchiveError,
     Known,
     Layout,
@@ -99,6 +102,8 @@ def run_study(
     hashes = case_hashes(grid)
     with runner(threads, workers, scheduler) as run_tasks, holding(parts):
         known = _known(archive, layout, hashes, retry, recompute) if archive.exists() else None
+        if known is not None and np.any(known.cells >= 0):
+            layout = replace(layout, provenance={**layout.provenance, **_made_elsewhere(archive, layout)})
         start_parts(parts, layout)
         if known is not None and (retry or recompute) and _of_another_run(parts, known):
             clear_parts(parts)
@@ -152,6 +157,13 @@ def _known(archive: Path, layout: Layout, hashes: NDArray[np.uint8], retry: bool
         )
     known = find_known(archive, layout, hashes)
     return known.without_failures() if retry else known
+
+
+def _made_elsewhere(archive: Path, layout: Layout) -> dict[str, str]:
+    """Return what tells, as :data:`COPIED`, that cases of an archive were run by other software or elsewhere."""
+    texts = provenance(archive)
+    same = all(texts.get(name) == layout.provenance[name] for name in SOFTWARE)
+    return {} if same and COPIED not in texts else {COPIED: "cases that other software or another processor ran"}
 
 
 def _of_another_run(parts: Path, known: Known) -> bool:

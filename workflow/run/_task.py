@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from workflow.grid import Grid, Segment, Task, Units, solve
 from workflow.schemes import Status
 
 Arrays = dict[str, NDArray[Any]]
+Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -60,25 +61,38 @@ def store_task(job: Job, task: Task) -> Stored:
 
 
 def store_lost(job: Job, task: Task, text: str) -> Stored:
-    """Store a task that cannot be computed: all of its cases have failed and say ``text``."""
-    cases = 0
+    """Store a task that cannot be computed: its cases have failed and say ``text``, but for those known before."""
+
+    def failing(inner: Indices) -> tuple[Arrays, dict[int, str]]:
+        layout = job.layout
+        lost = {v.name: np.full((inner.size, *layout.shape_of(v, 1)[2:]), v.fill, v.dtype) for v in layout.variables}
+        lost["status"][...] = Status.FAILED
+        return lost, dict.fromkeys(range(inner.size), text)
+
+    cases = failed = 0
     for group in _groups(job, task):
         first, stop = group[0][0], group[-1][0] + group[-1][1].units
-        arrays = blank(job.layout, stop - first)
-        arrays["status"][...] = Status.FAILED
-        chunk = job.layout.chunk
-        messages = {
-            (unit - first) * chunk + place: text
-            for unit in range(first, stop)
-            for place in range(len(job.layout.cells_of(unit)))
-        }
+        segments = {segment: _filled(job, segment, failing) for _, segment in group}
+        arrays, messages = _joined(group, segments, job.layout.chunk)
         write_shard(job.parts, task.number, first, arrays, messages, job.layout)
-        cases += len(messages)
-    return Stored(cases, cases)
+        cases, failed = cases + _cells(job.layout, first, stop), failed + len(messages)
+    return Stored(cases, failed)
 
 
 def compute_segment(job: Job, segment: Segment) -> tuple[Arrays, dict[int, str]]:
     """Return the arrays of a segment's units, and messages by place, as a shard holds them."""
+
+    def solved(inner: Indices) -> tuple[Arrays, dict[int, str]]:
+        found = solve(job.grid, segment.outer, inner)
+        return found.values, found.messages
+
+    return _filled(job, segment, solved)
+
+
+def _filled(
+    job: Job, segment: Segment, fresh_ones: Callable[[Indices], tuple[Arrays, dict[int, str]]]
+) -> tuple[Arrays, dict[int, str]]:
+    """Return a segment's arrays and messages: cases that are known as they are, the others from ``fresh_ones``."""
     grid, units, layout = job.grid, job.units, job.layout
     inner, places = units.cases(segment.first, segment.units)
     cells = segment.outer * grid.inner_count + inner
@@ -93,8 +107,7 @@ def compute_segment(job: Job, segment: Segment) -> tuple[Arrays, dict[int, str]]
         messages.update({int(into[k]): text for k, text in told.items()})
 
     if fresh.any():
-        solved = solve(grid, segment.outer, inner[fresh])
-        fill(fresh, solved.values, solved.messages)
+        fill(fresh, *fresh_ones(inner[fresh]))
     if job.known is not None and not fresh.all():
         fill(~fresh, *job.known.take(layout, cells[~fresh]))
     return arrays, messages

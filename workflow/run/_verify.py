@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.archive import (
+    COPIED,
     ArchiveError,
     Known,
     code_revision,
@@ -143,6 +144,7 @@ def _repeat(path: Path, grid: Grid, texts: dict[str, str], sample: int) -> Itera
         "versions": json.dumps(versions(), sort_keys=True),
     }
     other = [name.replace("_", " ") for name, value in here.items() if texts.get(name) != value]
+    other += ["origin of some cases"] if COPIED in texts else []
     layout = describe(grid.study, grid, units_of(grid))
     known = Known(path, np.arange(layout.cells, dtype=np.int64))
     differ: list[str] = []
