@@ -1,0 +1,67 @@
+"""Files are tried out in another process: whatever happens there, this one tells it and goes on."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from pathlib import Path
+
+import pytest
+
+from workflow.archive import ArchiveError, _guard
+from workflow.archive._guard import try_out
+
+
+def hang(path: Path) -> None:
+    time.sleep(60)
+
+
+def crash(path: Path) -> None:
+    os.kill(os.getpid(), signal.SIGSEGV)
+
+
+def refuse(path: Path) -> None:
+    raise ArchiveError(f"{path}: no")
+
+
+def fail(path: Path) -> None:
+    raise ValueError("odd")
+
+
+def leave(path: Path) -> None:
+    with open(path.with_name("notes"), "a") as notes:
+        notes.write(f"{os.getpid()}\n")
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "a.nc"
+    path.write_bytes(b"1")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("work", "told"),
+    [
+        (hang, r"a\.nc: damaged.*comes to no end"),
+        (crash, r"a\.nc: damaged.*ends with SIGSEGV"),
+        (refuse, r"a\.nc: no$"),
+        (fail, r"a\.nc: damaged.*\(odd\)"),
+    ],
+)
+def test_what_happens_there_is_told_here(work: object, told: str, file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_guard, "LONGEST", 0.3)
+    with pytest.raises(ArchiveError, match=told):
+        try_out(file, work)  # type: ignore[arg-type]
+
+
+def test_a_file_is_tried_again_when_it_has_changed(file: Path) -> None:
+    for content in (b"1", b"1", b"12"):
+        if file.read_bytes() != content:
+            file.write_bytes(content)
+        try_out(file, leave)
+        try_out(file, leave)
+    processes = file.with_name("notes").read_text().split()
+    assert len(processes) == 2
+    assert str(os.getpid()) not in processes
