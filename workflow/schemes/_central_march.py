@@ -13,7 +13,7 @@ from workflow.schemes._balance import Audit, couple, leak, no_audit
 from workflow.schemes._central import Law, Operator
 from workflow.schemes._central_balance import POWER, CentralBooks, account
 from workflow.schemes._decoupled import Decoupled, Motion, start
-from workflow.schemes._interface import Results, Sampling, Status, schedule
+from workflow.schemes._interface import Results, Sampling, Status, merge, schedule
 from workflow.schemes._kernel import inlined, kernel
 from workflow.schemes._modal_lanes import (
     ALPHA,
@@ -50,7 +50,6 @@ from workflow.schemes._stepping import (
     collect,
     fill_lanes,
     lane_rows,
-    merge,
     observe,
     start_load,
     take_marks,

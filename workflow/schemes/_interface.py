@@ -124,6 +124,32 @@ class Results:
     messages: dict[int, str]
 
 
+def merge(parts: list[tuple[NDArray[np.int64], Results]]) -> Results:
+    """Put together the results of groups of cases; each comes with the positions of its cases."""
+    if len(parts) == 1:
+        return parts[0][1]
+    positions = np.concatenate([where for where, _ in parts])
+    order = np.argsort(positions)
+    results = [result for _, result in parts]
+
+    def joined(arrays: list[Array]) -> Array:
+        width = max((a.shape[1] for a in arrays if a.ndim == 2), default=0)
+        wide = [
+            np.pad(a, ((0, 0), (0, width - a.shape[1])), constant_values=np.nan) if a.ndim == 2 else a for a in arrays
+        ]
+        return np.concatenate(wide)[order]
+
+    return Results(
+        histories={name: joined([r.histories[name] for r in results]) for name in results[0].histories},
+        metrics={name: joined([r.metrics[name] for r in results]) for name in results[0].metrics},
+        period_impulse=joined([r.period_impulse for r in results]),
+        period_temperature=joined([r.period_temperature for r in results]),
+        period_contact=joined([r.period_contact for r in results]),
+        status=np.concatenate([r.status for r in results])[order],
+        messages={int(where[k]): text for where, r in parts for k, text in r.messages.items()},
+    )
+
+
 def complete_periods(frequency: Array, sampling: Sampling) -> NDArray[np.int64]:
     """Return how many whole periods of each frequency fit in the duration, up to rounding (1e-9 of one)."""
     return np.floor(sampling.duration * frequency * (1 + 1e-12) + 1e-9).astype(np.int64)

@@ -36,7 +36,7 @@ from workflow.schemes._balance import (
 )
 from workflow.schemes._central_march import APPROACH, APPROACHED, LATEST, SEPARATED, restitution
 from workflow.schemes._decoupled import Decoupled, start
-from workflow.schemes._interface import Results, Sampling, Status, schedule
+from workflow.schemes._interface import Results, Sampling, Status, merge, schedule
 from workflow.schemes._kernel import inlined, kernel
 from workflow.schemes._modal_lanes import (
     ALPHA,
@@ -76,7 +76,6 @@ from workflow.schemes._stepping import (
     collect,
     fill_lanes,
     lane_rows,
-    merge,
     observe,
     start_load,
     take_marks,

@@ -18,11 +18,11 @@ from scipy.optimize import brentq
 from workflow.declare import quantity
 from workflow.models import Array, Cases, Chain, Structure, poles
 from workflow.schemes._decoupled import Decoupled, decouple, start
-from workflow.schemes._interface import Results, Sampling, Status, schedule
+from workflow.schemes._interface import Results, Sampling, Status, merge, schedule
 from workflow.schemes._modal_lanes import HEAT_MODES, MODES
 from workflow.schemes._modal_march import march
 from workflow.schemes._prox import contact_rows
-from workflow.schemes._stepping import DISPLACEMENT, TEMPERATURE, collect, merge, watch
+from workflow.schemes._stepping import DISPLACEMENT, TEMPERATURE, collect, watch
 from workflow.schemes._sweep_march import sweep
 from workflow.schemes._sweeps import Swept
 
