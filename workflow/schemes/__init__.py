@@ -46,7 +46,7 @@ from workflow.schemes._interface import (
     schedule,
 )
 
-SOLVER_VERSION = 1
+SOLVER_VERSION = 2
 """Raised whenever a change of the physics floor changes results: archives do not mix versions."""
 
 
