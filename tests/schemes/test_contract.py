@@ -76,6 +76,17 @@ def test_an_axis_it_does_not_read_changes_nothing(method: str) -> None:
 
 
 @pytest.mark.parametrize("method", METHODS)
+def test_without_heat_nothing_is_warm(method: str) -> None:
+    batch = rubs(8)
+    found = step(heavy_chain(), batch, H, OVER, method)
+    cold = batch.alpha == 0
+    assert found.metrics["impacts"][cold].min() > 0
+    for name in ("max_temperature", "thermal_closing"):
+        assert np.all(found.metrics[name][cold] == 0)
+        assert np.all(found.metrics[name][~cold] > 0)
+
+
+@pytest.mark.parametrize("method", METHODS)
 def test_smooth_motion_against_the_matrix_exponential(method: str) -> None:
     """Without contact: exact, or converging with order one at least."""
     structure = chain(nodes=3, mass=1.0, stiffness=40.0, damping=Rayleigh(0.1, 1e-3))

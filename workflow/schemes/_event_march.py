@@ -252,7 +252,7 @@ def _finish(
     while next_due(record, watch) <= T * (1.0 + LATE):
         write(record, watch, gap, holding, T, seen, watch.totals[IMPULSE])
     grown = 0.0
-    for j in range(min(closing.size, state.size)):
+    for j in range(closing.size):
         grown += closing[j] * state[state.size - closing.size + j]
     record.counts[1] = contact_time(watch, T)
     record.counts[2] = watch.totals[HOTTEST]

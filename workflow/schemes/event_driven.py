@@ -202,7 +202,7 @@ def _run(
                 raw,
                 record,
                 watch(),
-                basis.closing,
+                basis.closing[:heats],
                 Budget(options.events, options.steps),
                 operator.thresholds,
                 tables(modes, heats),
