@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import mmap
 from pathlib import Path
 
 FILE_CHECKSUM = "file_checksum"
@@ -44,11 +43,20 @@ def is_sealed_with(path: Path, checksum: str) -> bool:
 
 
 def _only_place(path: Path, text: str) -> int:
-    with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        place = data.find(text.encode())
-        if place < 0 or data.find(text.encode(), place + 1) >= 0:
-            raise ValueError("the place of the checksum is not found")
-        return place
+    """Return where a text stands in a file, read in pieces: a mapped file would count as memory of this process."""
+    wanted, places, start, kept = text.encode(), [], 0, b""
+    with open(path, "rb") as file:
+        while piece := file.read(_PIECE):
+            piece = kept + piece
+            at = piece.find(wanted)
+            while at >= 0:
+                places.append(start + at)
+                at = piece.find(wanted, at + 1)
+            kept = piece[1 - len(wanted) :]
+            start += len(piece) - len(kept)
+    if len(places) != 1:
+        raise ValueError("the place of the checksum is not found")
+    return places[0]
 
 
 def _checksum(path: Path, place: int) -> str:
