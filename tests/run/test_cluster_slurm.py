@@ -8,9 +8,7 @@ from pathlib import Path
 
 import pytest
 
-import workflow
-
-EXAMPLE = Path(workflow.__file__).parents[1] / "studies" / "slurm_cluster.py"
+EXAMPLE = Path(__file__).parents[2] / "studies" / "slurm_cluster.py"
 
 
 def minutes(walltime: str) -> float:
