@@ -63,13 +63,13 @@ def test_killed_at_random_moments(extended: bool, tmp_path: Path, request: pytes
 
     begin()
     killed = gathering = runs = 0
-    while killed < kills:
+    while killed < kills or gathering < kills // 10:
         there = shards(archive)
         wanted, late, runs = min(units, there + moments.randrange(1, 3)), runs % 3 == 2, runs + 1
         with started("run", text, "-o", archive, pause=0.1) as process:
             if late:
                 wait_until(lambda: is_gathered(archive), process)
-                time.sleep(moments.uniform(0, 0.1))
+                time.sleep(moments.uniform(0, 0.03))
             else:
                 wait_until(partial(is_reached, archive, wanted), process)
                 time.sleep(moments.uniform(0, 0.3))
