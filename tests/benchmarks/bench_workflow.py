@@ -170,22 +170,22 @@ def main(
     with scratch() as directory:  # kernels compiled, libraries loaded
         run_study(parsed(trivial(4, METRICS)), directory / "a.nc")
     threads = available_threads()
-    print(f"overhead per case, {threads} threads: {1e6 * overhead(large, threads=threads):.1f} us")
+    print(f"overhead per case, {threads} threads: {1e6 * overhead(large, threads=threads):.3g} us")
     if processes:
-        print(f"overhead per case, {threads} workers and their start: {1e6 * overhead(large, workers=threads):.1f} us")
+        print(f"overhead per case, {threads} workers and their start: {1e6 * overhead(large, workers=threads):.3g} us")
     other = xyzpy_overhead(small)
-    print("overhead per case, xyzpy: " + ("not installed" if other is None else f"{1e6 * other:.1f} us"))
+    print("overhead per case, xyzpy: " + ("not installed" if other is None else f"{1e6 * other:.3g} us"))
     for cases in sizes:
         again, sliced = nothing_to_do(cases, runs)
-        print(f"nothing to do, {cases} cases: {1e3 * again:.1f} ms")
-        print(f"open and slice, {cases} cases: {1e3 * sliced:.1f} ms")
+        print(f"nothing to do, {cases} cases: {1e3 * again:.3g} ms")
+        print(f"open and slice, {cases} cases: {1e3 * sliced:.3g} ms")
     for name, kind in (("metrics", METRICS), ("3 histories of 201 samples", HISTORIES)):
         for cases in sizes if processes else ():
             print(f"largest memory, {cases} cases, {name}: {memory(cases, kind):.0f} MiB")
-    print(f"plan, {planned} cases: {plan_seconds(planned):.2f} s")
+    print(f"plan, {planned} cases: {plan_seconds(planned):.3g} s")
     wall, kernels = whole_run(heavy)
-    ratio = f"{wall / kernels:.3f} x the kernels' own {kernels:.2f} s"
-    print(f"whole run, {heavy} cases of the heavy chain: {wall:.2f} s, {ratio}")
+    ratio = f"{wall / kernels:.3f} x the kernels' own {kernels:.3g} s"
+    print(f"whole run, {heavy} cases of the heavy chain: {wall:.3g} s, {ratio}")
 
 
 if __name__ == "__main__":
