@@ -35,7 +35,7 @@ from workflow.schemes._event_response import (
 )
 from workflow.schemes._event_search import ROUNDING, S0, S1, S2, SIZE, Expansion, expand
 from workflow.schemes._event_step import certified_step
-from workflow.schemes._kernel import part, uncounted
+from workflow.schemes._kernel import part, woven, uncounted
 
 DONE, EVENTS, STEPS, BEYOND, NOT_FINITE, FULL = range(6)
 """How a case ended: to the end, by a budget, tip beyond the gap at the start, numbers overflowed, or
@@ -132,7 +132,7 @@ def _state(flight: Side, hold: Side, holding: bool, held: Layout, gap: float, t:
         store_motion(flight.r, flight.now, t, flight.coordinates)
 
 
-@part
+@woven
 def _impact(
     flight: Side, tip: Tip, thresholds: Thresholds, tally: Array, watch: Watch, log: Log, t: float, speed: float
 ) -> tuple[bool, float]:
@@ -164,7 +164,7 @@ def _impact(
     return stays, rest
 
 
-@part
+@woven
 def _enter(flight: Side, hold: Side, held: Layout, gap: float, share: float, t: float) -> int:
     """Take the state over into contact; return the zeros of its force at t, or -1 where nothing presses."""
     n = hold.r.blocks
@@ -179,7 +179,7 @@ def _enter(flight: Side, hold: Side, held: Layout, gap: float, share: float, t: 
     return 1 if force >= -nothing and rate > 0.0 else -1
 
 
-@part
+@woven
 def _release(flight: Side, hold: Side, held: Layout, gap: float, tally: Array, watch: Watch, t: float) -> None:
     """Take the state over into flight."""
     tally[RELEASES] += 1.0
@@ -189,7 +189,7 @@ def _release(flight: Side, hold: Side, held: Layout, gap: float, tally: Array, w
     watch.totals[SINCE] = np.inf
 
 
-@part
+@woven
 def _begin(flight: Side, hold: Side, holding: bool, held: Layout, gap: float, log: Log, t: float) -> bool:
     """Log the phase that begins; return whether there was room for it."""
     if log.totals[COUNT] >= log.held.size:
@@ -206,7 +206,7 @@ def _begin(flight: Side, hold: Side, holding: bool, held: Layout, gap: float, lo
     return True
 
 
-@part
+@woven
 def _move(
     side: Side,
     holding: bool,
@@ -348,10 +348,10 @@ def march(
         if tally[STEPPED] > budget.steps:
             ended = STEPS
             break
-        if holding:
-            h, event, seen = _move(hold, holding, record, watch, gap, t, T, zeros, -1.0, expanded, guess, seen)
-        else:
-            h, event, seen = _move(flight, holding, record, watch, gap, t, T, zeros, known_speed, expanded, guess, seen)
+        h, event, seen = _move(
+            hold if holding else flight, holding, record, watch, gap, t, T, zeros, known_speed, expanded, guess, seen
+        )
+        if not holding:
             tally[SCALE] = max(tally[SCALE], abs(gap - seen[0]))
             if event:
                 speed = -seen[1]

@@ -9,7 +9,7 @@ import numpy as np
 from workflow.models import Array
 from workflow.schemes._event_motion import advance, integral, observe
 from workflow.schemes._event_response import Response
-from workflow.schemes._kernel import part
+from workflow.schemes._kernel import part, woven
 
 
 class Record(NamedTuple):
@@ -46,12 +46,12 @@ def watch() -> Watch:
 IMPULSE, CONTACT, SINCE, HOTTEST, PERIOD_HOTTEST, PERIOD_IMPULSE, PERIOD_CONTACT = range(7)
 
 
-@part
+@woven
 def contact_time(watch: Watch, t: float) -> float:
     return float(watch.totals[CONTACT] + max(0.0, t - watch.totals[SINCE]))
 
 
-@part
+@woven
 def heat_seen(watch: Watch, temperature: float) -> None:
     watch.totals[HOTTEST] = max(watch.totals[HOTTEST], temperature)
     watch.totals[PERIOD_HOTTEST] = max(watch.totals[PERIOD_HOTTEST], temperature)
@@ -87,7 +87,7 @@ def write(
         watch.next[1] += 1
 
 
-@part
+@woven
 def next_due(record: Record, watch: Watch) -> float:
     sample, period = watch.next[0], watch.next[1]
     due = record.times[sample] if sample < record.times.size else np.inf
@@ -96,7 +96,7 @@ def next_due(record: Record, watch: Watch) -> float:
     return due
 
 
-@part
+@woven
 def see(
     record: Record,
     watch: Watch,

@@ -34,7 +34,7 @@ from workflow.schemes._event_functions import (
 )
 from workflow.schemes._event_motion import explicit_force
 from workflow.schemes._event_response import FIRSTS, PACES, SLOPES, VALUES, Response
-from workflow.schemes._kernel import part
+from workflow.schemes._kernel import part, woven
 
 ROUNDING = 4.0 * 2.220446049250313e-16
 """Signal values below this share of the sum of their terms' magnitudes are not told from zero."""
@@ -142,7 +142,7 @@ def expand(r: Response, motion: Array, t: float, x: Expansion) -> None:
     sums[FIFTH, 0], sums[SIZE, 0] = fifth, size
 
 
-@part
+@woven
 def _expand_blocks(b: Array, y: Array, d: Array) -> None:
     """Fill the terms of all blocks that move freely; the energy √(ω² s² + s'²) of a mode never grows."""
     for k in range(d.shape[1]):
@@ -203,7 +203,7 @@ def _clear(r: Response, x: Expansion, zeros: int, h: float) -> bool:
     return bool(a0 >= 0.0 and b1 >= 0.0 and b2 >= 0.0 and b3 >= 0.0 and b4 >= 0.0)
 
 
-@part
+@woven
 def longest_clear(r: Response, x: Expansion, zeros: int, guess: float, most: float) -> float:
     """Return a step up to ``most`` on which the signal certainly has no zero; 0 if there is none."""
     h = min(guess, most)
@@ -239,7 +239,7 @@ def _cubic_zero(a0: float, a1: float, a2: float, a3: float) -> float:
     return -1.0
 
 
-@part
+@woven
 def falls_through(r: Response, x: Expansion, zeros: int, most: float) -> tuple[float, float]:
     """Return a guess and the end of an interval in which the signal certainly falls through zero once.
 

@@ -34,7 +34,7 @@ from workflow.schemes._event_search import (
     falls_through,
     longest_clear,
 )
-from workflow.schemes._kernel import part
+from workflow.schemes._kernel import part, woven
 
 LAST_PLACE = 1e-16
 """Below half a unit in the last place of 1: a relative change this small changes nothing."""
@@ -43,7 +43,7 @@ NEGLIGIBLE = 1e-18
 """Terms of a Taylor polynomial below this share of its first are left out, a hundredth of rounding."""
 
 
-@part
+@woven
 def polish(r: Response, motion: Array, t: float, guess: float, end: float, scratch: Array, x: Expansion) -> float:
     """Return the zero of the signal in (0, end], by expansions about ever better points."""
     tau = guess
@@ -80,7 +80,7 @@ def polish(r: Response, motion: Array, t: float, guess: float, end: float, scrat
     return tau
 
 
-@part
+@woven
 def short_flight(r: Response, motion: Array, t: float, speed: float, guess: float, x: Expansion) -> float:
     """Return the duration of a flight that starts at zero gap with ``speed``, by its Taylor polynomial.
 
@@ -111,7 +111,7 @@ def short_flight(r: Response, motion: Array, t: float, speed: float, guess: floa
     return tau
 
 
-@part
+@woven
 def series(r: Response, motion: Array, t: float, order: int, x: Expansion) -> None:
     """Fill the derivatives of the signal up to ``order`` from a state; ``x`` is its expansion and is used up."""
     psi, w, derivatives = r.load_omega * t + r.load_phase, r.load_omega, x.derivatives
@@ -151,7 +151,7 @@ def series(r: Response, motion: Array, t: float, order: int, x: Expansion) -> No
                 force += r.coupling[0, k, j] * motion[PACES, j] * (-r.first[RATE, j]) ** n
 
 
-@part
+@woven
 def certified_step(
     r: Response,
     x: Expansion,

@@ -79,3 +79,9 @@ def part(function: F) -> F:
     """
     options: Any = {"_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     return cast(F, numba.njit(nogil=True, error_model="numpy", **options)(function))
+
+
+def woven(function: F) -> F:
+    """Compile a part that is called in one place, as if it stood there: tuples of arrays are not passed."""
+    options: Any = {"_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "forceinline": True}
+    return cast(F, numba.njit(nogil=True, error_model="numpy", **options)(function))
