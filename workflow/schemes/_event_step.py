@@ -36,6 +36,9 @@ from workflow.schemes._event_search import (
 )
 from workflow.schemes._kernel import part, woven
 
+HALF_THE_DIGITS = 1e-9
+"""A step of Newton's below this share of the zero is the last: its error is of the order of the square."""
+
 LAST_PLACE = 1e-16
 """Below half a unit in the last place of 1: a relative change this small changes nothing."""
 
@@ -106,7 +109,7 @@ def short_flight(r: Response, motion: Array, t: float, speed: float, guess: floa
             value = value * tau + derivatives[n]
         step = -value / rate
         tau += step
-        if abs(step) <= LAST_PLACE * tau:
+        if abs(step) <= HALF_THE_DIGITS * tau:
             break
     return tau
 
@@ -128,12 +131,12 @@ def series(r: Response, motion: Array, t: float, order: int, x: Expansion) -> No
                 derivatives[n] += term
                 term *= -f[RATE, j]
     b, d = r.block, x.terms
-    low, high, next_ = 0, 1, 2
     for n in range(order + 1):
-        derivatives[n] += row_total(d, low)
+        derivatives[n] += row_total(d, S0)
         for k in range(d.shape[1]):
-            d[next_, k] = -b[DAMPING, k] * d[high, k] - b[STIFFNESS, k] * d[low, k]
-        low, high, next_ = high, next_, low
+            next_ = -b[DAMPING, k] * d[S1, k] - b[STIFFNESS, k] * d[S0, k]
+            d[S0, k] = d[S1, k]
+            d[S1, k] = next_
     for i in range(r.specials):
         k = int(b[SPECIAL, i])
         if b[EXPLICIT, k] == 0.0:

@@ -90,10 +90,19 @@ def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
     counts = np.full((count, 7), np.nan)
     status = np.zeros(count, dtype=np.int8)
     messages: dict[int, str] = {}
-    held: dict[float, tuple[Regime, Layout]] = {}
+    held: dict[float, tuple[Layout, bool]] = {}
     times = sampling.times
     books = Books(operator.structure, operator.basis) if sampling.balances else None
     residuals = np.full((count, 2), np.nan)
+    finite = np.all([_finite_rows(getattr(cases, name)) for name in cases.__dataclass_fields__], axis=0)
+    raw = np.concatenate(
+        [
+            _times(operator.basis.to_modes, cases.displacement),
+            _times(operator.basis.to_modes, cases.velocity),
+            _times(operator.basis.to_thermal, cases.temperature),
+        ],
+        axis=1,
+    )
     for i in range(count):
         n, frequency, alpha = int(periods[i]), float(cases.frequency[i]), float(cases.alpha[i])
         record = Record(
@@ -104,16 +113,17 @@ def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
             counts[i],
         )
         ended = INPUT
-        if all(np.isfinite(getattr(cases, name)[i]).all() for name in cases.__dataclass_fields__):
+        if finite[i]:
             try:
                 if alpha not in held:
-                    regime = held_regime if alpha == 0 else coupled_regime
-                    found = regime(operator.basis.held, alpha)
-                    held[alpha] = found, layout(found)
-                if _taylor_steps((operator.basis.free, held[alpha][0]), sampling.duration) > operator.options.steps:
+                    regime = (held_regime if alpha == 0 else coupled_regime)(operator.basis.held, alpha)
+                    taylor_steps = _taylor_steps((operator.basis.free, regime), sampling.duration)
+                    held[alpha] = layout(regime), taylor_steps > operator.options.steps
+                rest, stiff = held[alpha]
+                if stiff:
                     ended = STIFF
                 else:
-                    ended = _run(operator, held[alpha][1], cases, i, sampling.duration, record, books, residuals[i])
+                    ended = _run(operator, rest, cases, i, raw[i], sampling.duration, record, books, residuals[i])
             except np.linalg.LinAlgError:
                 ended = SPECTRUM
         if ended != DONE:
@@ -150,6 +160,7 @@ def _run(
     held: Layout,
     cases: Cases,
     i: int,
+    raw: Array,
     duration: float,
     record: Record,
     books: Books | None,
@@ -169,13 +180,6 @@ def _run(
         duration,
         np.ascontiguousarray(cases.steady[i]),
         np.ascontiguousarray(cases.heating[i]),
-    )
-    raw = np.concatenate(
-        [
-            _times(basis.to_modes, cases.displacement[i]),
-            _times(basis.to_modes, cases.velocity[i]),
-            _times(basis.to_thermal, cases.temperature[i]),
-        ]
     )
     warm = cases.alpha[i] != 0 or cases.heating[i].any() or cases.temperature[i].any()
     heats = basis.heat_tip.size if warm else 0
@@ -235,10 +239,15 @@ def _taylor_steps(regimes: tuple[Regime, ...], duration: float) -> float:
     return most
 
 
-def _times(matrix: Array, state: Array) -> Array:
-    """Return matrix @ state, summed in one order on every machine."""
+def _finite_rows(values: Array) -> Array:
+    """Return whether all values of each case are finite."""
+    return np.asarray(np.isfinite(values).reshape(len(values), -1).all(axis=1))
+
+
+def _times(matrix: Array, states: Array) -> Array:
+    """Return matrix @ state of every case, summed in one order on every machine and for any number of cases."""
     with np.errstate(all="ignore"):
-        return np.asarray((matrix * state).sum(axis=1))
+        return np.stack([(matrix * state).sum(axis=1) for state in states])
 
 
 def _message(ended: int, options: Options, counts: Array, e: float) -> str:
