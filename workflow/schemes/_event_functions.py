@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.models import Array
-from workflow.schemes._kernel import part
+from workflow.schemes._kernel import part, woven
 
 _ROUND = 6755399441055744.0
 """1.5 · 2^52: adding and subtracting it rounds to the nearest integer."""
@@ -58,9 +58,11 @@ _LARGEST_TURN = 1e6
     PULL,
     POWER,
     EXPLICIT_AREA,
-) = range(30)
-"""Rows of a table of blocks; from C on they are scratch. See :class:`Response`."""
-BLOCK_ROWS = 30
+    PHASE,
+) = range(31)
+"""Rows of a table of blocks; from C on they are scratch, the last one of :func:`load_phase`. See
+:class:`Response`."""
+BLOCK_ROWS = 31
 
 (
     RATE,
@@ -224,17 +226,18 @@ def first_propagators(f: Array, dt: float) -> None:
         f[DECAY, j] = 1.0 + x * q
 
 
-@part
+@woven
 def row_total(a: Array, row: int) -> float:
     """Return the sum of a row of a table, in one fixed order."""
     s0, s1, s2, s3, s4, s5, s6, s7 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for k in range(0, a.shape[1], 8):
+    for first in range(0, a.shape[1], 8):
+        k = np.uintp(first)  # unsigned: no index is looked at for being counted from the end
         s0 += a[row, k]
-        s1 += a[row, k + 1]
-        s2 += a[row, k + 2]
-        s3 += a[row, k + 3]
-        s4 += a[row, k + 4]
-        s5 += a[row, k + 5]
-        s6 += a[row, k + 6]
-        s7 += a[row, k + 7]
+        s1 += a[row, k + np.uintp(1)]
+        s2 += a[row, k + np.uintp(2)]
+        s3 += a[row, k + np.uintp(3)]
+        s4 += a[row, k + np.uintp(4)]
+        s5 += a[row, k + np.uintp(5)]
+        s6 += a[row, k + np.uintp(6)]
+        s7 += a[row, k + np.uintp(7)]
     return ((s0 + s1) + (s2 + s3)) + ((s4 + s5) + (s6 + s7))

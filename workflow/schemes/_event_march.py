@@ -35,7 +35,7 @@ from workflow.schemes._event_response import (
 )
 from workflow.schemes._event_search import ROUNDING, S0, S1, S2, SIZE, Expansion, expand
 from workflow.schemes._event_step import certified_step
-from workflow.schemes._kernel import part, woven, uncounted
+from workflow.schemes._kernel import part, uncounted, woven
 
 DONE, EVENTS, STEPS, BEYOND, NOT_FINITE, FULL = range(6)
 """How a case ended: to the end, by a budget, tip beyond the gap at the start, numbers overflowed, or
@@ -231,7 +231,7 @@ def _move(
     advance(side.r, side.now, t, h, side.after)
     area = integral(side.r, side.now, side.after, t, h) if holding else 0.0
     after = observe(side.r, side.after, t + h)
-    see(record, watch, side.r, holding, gap, side.now, t, h, seen, after, area, tolerance, side.spare)
+    see(record, watch, side.r, holding, gap, side.now, t, h, seen, after, tolerance, side.spare)
     copy_motion(side.after, side.now)
     watch.totals[IMPULSE] += area
     return h, event, after

@@ -25,6 +25,7 @@ from workflow.schemes._event_functions import (
     KICK_SLOPE,
     KICK_VALUE,
     PACE,
+    PHASE,
     PHI1,
     PHI2,
     PULL,
@@ -43,6 +44,16 @@ from workflow.schemes._event_functions import (
 )
 from workflow.schemes._event_response import FIRSTS, ORDER, PACES, SLOPES, TAYLOR_SPAN, VALUES, Response
 from workflow.schemes._kernel import part, woven
+
+
+@part
+def load_phase(r: Response, t: float) -> tuple[float, float]:
+    """Return cosine and sine of the load's phase Ω t + φ; those of the last time asked for are kept."""
+    b = r.block
+    if b[PHASE, 0] != t:
+        psi = r.load_omega * t + r.load_phase
+        b[PHASE, 0], b[PHASE, 1], b[PHASE, 2] = t, np.cos(psi), np.sin(psi)
+    return b[PHASE, 1], b[PHASE, 2]
 
 
 @part
@@ -211,9 +222,10 @@ def integral(r: Response, y: Array, y_new: Array, t: float, dt: float) -> float:
         area += b[SEEN_SLOPE, k] * change - b[AREA, k] * (y_new[SLOPES, k] - y[SLOPES, k] + b[DAMPING, k] * change)
     area += r.signal * dt
     if r.load_omega > 0.0:
-        psi, after = r.load_omega * t + r.load_phase, r.load_omega * (t + dt) + r.load_phase
-        area += r.signal_wave[0] * (np.sin(after) - np.sin(psi)) / r.load_omega
-        area -= r.signal_wave[1] * (np.cos(after) - np.cos(psi)) / r.load_omega
+        cos, sin = load_phase(r, t)
+        cos_after, sin_after = load_phase(r, t + dt)
+        area += r.signal_wave[0] * (sin_after - sin) / r.load_omega
+        area -= r.signal_wave[1] * (cos_after - cos) / r.load_omega
     return area
 
 
@@ -221,8 +233,8 @@ def integral(r: Response, y: Array, y_new: Array, t: float, dt: float) -> float:
 def observe(r: Response, motion: Array, t: float) -> tuple[float, float, float, float]:
     """Return signal, its rate, tip temperature and its rate."""
     b, f, y = r.block, r.first, motion
-    psi, wave = r.load_omega * t + r.load_phase, r.load_omega
-    cos, sin = np.cos(psi), np.sin(psi)
+    wave = r.load_omega
+    cos, sin = load_phase(r, t)
     signal = r.signal + r.signal_wave[0] * cos + r.signal_wave[1] * sin
     rate = wave * (r.signal_wave[1] * cos - r.signal_wave[0] * sin)
     heat = r.heat + r.heat_wave[0] * cos + r.heat_wave[1] * sin

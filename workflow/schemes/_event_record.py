@@ -108,7 +108,6 @@ def see(
     dt: float,
     first: tuple[float, float, float, float],
     final: tuple[float, float, float, float],
-    area: float,
     tolerance: float,
     scratch: Array,
 ) -> None:
@@ -119,29 +118,37 @@ def see(
     """
     heated = r.firsts > 0
     last, last_t = first, t
-    while True:
-        due = next_due(record, watch)
-        inside = due < t + dt - tolerance
-        if not inside and not heated:
-            break
-        at = max(t, due) if inside else t + dt
-        part = area
-        if inside:
-            advance(r, motion, t, at - t, scratch)
-            part = integral(r, motion, scratch, t, at - t) if held else 0.0
-            seen = observe(r, scratch, at)
-        else:
-            seen = final
+    while next_due(record, watch) < t + dt - tolerance:
+        at = max(t, next_due(record, watch))
+        advance(r, motion, t, at - t, scratch)
+        part = integral(r, motion, scratch, t, at - t) if held else 0.0
+        seen = observe(r, scratch, at)
         if heated:
-            if last[3] > 0.0 and seen[3] < 0.0:
-                top = last_t + _hermite_top(last[2], last[3], seen[2], seen[3], at - last_t)
-                advance(r, motion, t, top - t, scratch)
-                heat_seen(watch, observe(r, scratch, top)[2])
-            heat_seen(watch, seen[2])
-        if not inside:
-            break
+            warmest_between(watch, r, motion, t, last_t, at, last, seen, scratch)
         write(record, watch, gap, held, at, seen, watch.totals[IMPULSE] + part)
         last, last_t = seen, at
+    if heated:
+        warmest_between(watch, r, motion, t, last_t, t + dt, last, final, scratch)
+
+
+@part
+def warmest_between(
+    watch: Watch,
+    r: Response,
+    motion: Array,
+    t: float,
+    left: float,
+    right: float,
+    first: tuple[float, float, float, float],
+    final: tuple[float, float, float, float],
+    scratch: Array,
+) -> None:
+    """Follow the tip temperature between two points of time of a step that starts at t."""
+    if first[3] > 0.0 and final[3] < 0.0:
+        top = left + _hermite_top(first[2], first[3], final[2], final[3], right - left)
+        advance(r, motion, t, top - t, scratch)
+        heat_seen(watch, observe(r, scratch, top)[2])
+    heat_seen(watch, final[2])
 
 
 @part

@@ -39,6 +39,7 @@ from workflow.schemes._event_functions import (
     OMEGA,
     PACE,
     PERIOD,
+    PHASE,
     RATE,
     SEEN,
     SEEN_SLOPE,
@@ -115,6 +116,8 @@ class Response(NamedTuple):
     """Largest rate at which a free block or state grows, 1/s."""
     fastest: float
     """Bound of all poles, 1/s."""
+    fastest_first: float
+    """Largest rate of a first-order state, 1/s."""
     two_way: bool
     """Whether blocks show in the tip temperature or their slopes in the signal."""
 
@@ -238,11 +241,13 @@ def respond(regime: Layout, load: Load, heat_shape: Array, firsts: int, tables: 
         signal += regime.source[last, i] * load.steady[i]
     signal_cos, signal_sin = 0.0, regime.source[last, steady + heating] * load.amplitude
     heat, heat_cos, heat_sin = 0.0, 0.0, 0.0
-    growth, fastest, two_way = 0.0, wave, False
+    growth, fastest, fastest_first, two_way = 0.0, wave, 0.0, False
+    b[PHASE, 0] = np.nan
     for j in range(firsts):
         f[RATE, j], f[FIRST, j], f[HEAT_FIRST, j] = regime.first[0, j], regime.first[1, j], regime.first[2, j]
         f[SOURCE, j] = constant[2 * blocks + j]
-        growth, fastest = max(growth, -f[RATE, j]), max(fastest, abs(f[RATE, j]))
+        growth, fastest_first = max(growth, -f[RATE, j]), max(fastest_first, abs(f[RATE, j]))
+    fastest = max(fastest, fastest_first)
     for j in range(min(firsts, heat_shape.size)):
         f[KICK_FIRST, j], f[KICK_PACE, j] = heat_shape[j], -f[RATE, j] * heat_shape[j]
     for k in range(blocks):
@@ -326,6 +331,7 @@ def respond(regime: Layout, load: Load, heat_shape: Array, firsts: int, tables: 
         load.phase,
         growth,
         fastest,
+        fastest_first,
         two_way,
     )
 

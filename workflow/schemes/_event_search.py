@@ -31,8 +31,9 @@ from workflow.schemes._event_functions import (
     SPECIAL,
     STIFFNESS,
     VALUE,
+    row_total,
 )
-from workflow.schemes._event_motion import explicit_force
+from workflow.schemes._event_motion import explicit_force, load_phase
 from workflow.schemes._event_response import FIRSTS, PACES, SLOPES, VALUES, Response
 from workflow.schemes._kernel import part, woven
 
@@ -56,7 +57,10 @@ CLOSE = 1e-9
 
 
 class Expansion(NamedTuple):
-    """Taylor expansion of a signal; column K of its sums counts the slow terms and the K slowest blocks."""
+    """Taylor expansion of a signal; column K of its sums counts the slow terms and the K slowest blocks.
+
+    :func:`expand` fills the first and the last column, :func:`accumulate` those between.
+    """
 
     sums: Array
     """Rows: signal, three derivatives, bound of |s⁗|; and bounds of |s| and |s'| of the other blocks;
@@ -74,8 +78,8 @@ S0, S1, S2, S3, FOURTH, REST, REST_RATE, FIFTH, SIZE = range(9)
 def expand(r: Response, motion: Array, t: float, x: Expansion) -> None:
     """Expand the signal at a state."""
     b, f, sums, d = r.block, r.first, x.sums, x.terms
-    psi, w = r.load_omega * t + r.load_phase, r.load_omega
-    cos, sin = np.cos(psi), np.sin(psi)
+    w = r.load_omega
+    cos, sin = load_phase(r, t)
     wave = r.signal_wave[0] * cos + r.signal_wave[1] * sin
     turn = r.signal_wave[1] * cos - r.signal_wave[0] * sin
     s0, s1, s2, s3 = r.signal + wave, w * turn, -w * w * wave, -w * w * w * turn
@@ -124,27 +128,39 @@ def expand(r: Response, motion: Array, t: float, x: Expansion) -> None:
         size += abs(value * y) + abs(slope * v)
     _expand_blocks(b, motion, d)
     sums[S0, 0], sums[S1, 0], sums[S2, 0], sums[S3, 0], sums[FOURTH, 0] = s0, s1, s2, s3, fourth
-    for k in range(r.blocks):
-        s0 += d[S0, k]
-        s1 += d[S1, k]
-        s2 += d[S2, k]
-        s3 += d[S3, k]
-        fourth += d[FOURTH, k]
-        size += d[REST, k]
-        n = k + 1
-        sums[S0, n], sums[S1, n], sums[S2, n], sums[S3, n], sums[FOURTH, n] = s0, s1, s2, s3, fourth
-    rest, rest_rate = 0.0, 0.0
-    sums[REST, r.blocks], sums[REST_RATE, r.blocks] = 0.0, 0.0
+    n = r.blocks
+    sums[S0, n] = s0 + row_total(d, S0)
+    sums[S1, n] = s1 + row_total(d, S1)
+    sums[S2, n] = s2 + row_total(d, S2)
+    sums[S3, n] = s3 + row_total(d, S3)
+    sums[FOURTH, n] = fourth + row_total(d, FOURTH)
+    sums[FIFTH, 0], sums[SIZE, 0] = fifth, size + row_total(d, REST)
+    sums[REST, n], sums[REST_RATE, n] = 0.0, 0.0
+
+
+@woven
+def accumulate(r: Response, x: Expansion) -> None:
+    """Fill the sums between those of the slow terms and those of all blocks."""
+    b, sums, d = r.block, x.sums, x.terms
+    for k in range(d.shape[1]):
+        d[REST_RATE, k] = np.sqrt(b[STIFFNESS, k] * d[S0, k] * d[S0, k] + d[S1, k] * d[S1, k])
+    for k in range(r.blocks - 1):
+        sums[S0, k + 1] = sums[S0, k] + d[S0, k]
+        sums[S1, k + 1] = sums[S1, k] + d[S1, k]
+        sums[S2, k + 1] = sums[S2, k] + d[S2, k]
+        sums[S3, k + 1] = sums[S3, k] + d[S3, k]
+        sums[FOURTH, k + 1] = sums[FOURTH, k] + d[FOURTH, k]
     for k in range(r.blocks - 1, -1, -1):
-        rest += d[REST, k]
-        rest_rate += d[REST_RATE, k]
-        sums[REST, k], sums[REST_RATE, k] = rest, rest_rate
-    sums[FIFTH, 0], sums[SIZE, 0] = fifth, size
+        sums[REST, k] = sums[REST, k + 1] + d[REST_RATE, k] * b[PERIOD, k]
+        sums[REST_RATE, k] = sums[REST_RATE, k + 1] + d[REST_RATE, k]
 
 
 @woven
 def _expand_blocks(b: Array, y: Array, d: Array) -> None:
-    """Fill the terms of all blocks that move freely; the energy √(ω² s² + s'²) of a mode never grows."""
+    """Fill the terms of all blocks that move freely.
+
+    The energy √(ω² s² + s'²) of a mode never grows, and is at most ω |s| + |s'|: within √2 of it, without a root.
+    """
     for k in range(d.shape[1]):
         curvature = -b[DAMPING, k] * y[SLOPES, k] - b[STIFFNESS, k] * y[VALUES, k]
         d[S0, k] = b[SEEN, k] * y[VALUES, k] + b[SEEN_SLOPE, k] * y[SLOPES, k]
@@ -157,9 +173,8 @@ def _expand_blocks(b: Array, y: Array, d: Array) -> None:
         s4 = -c * s3 - w2 * s2
         d[S2, k] = s2
         d[S3, k] = s3
-        d[FOURTH, k] = np.sqrt(w2 * s3 * s3 + s4 * s4)
-        d[REST_RATE, k] = np.sqrt(w2 * s0 * s0 + s1 * s1)
-        d[REST, k] = d[REST_RATE, k] * b[PERIOD, k]
+        d[FOURTH, k] = b[OMEGA, k] * abs(s3) + abs(s4)
+        d[REST, k] = abs(s0) + b[PERIOD, k] * abs(s1)
 
 
 @part

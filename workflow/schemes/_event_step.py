@@ -19,7 +19,7 @@ from workflow.schemes._event_functions import (
     VALUE,
     row_total,
 )
-from workflow.schemes._event_motion import advance, explicit_force
+from workflow.schemes._event_motion import advance, explicit_force, load_phase
 from workflow.schemes._event_response import ORDER, PACES, SLOPES, TAYLOR_SPAN, VALUES, Response
 from workflow.schemes._event_search import (
     FOURTH,
@@ -30,6 +30,7 @@ from workflow.schemes._event_search import (
     S3,
     SIZE,
     Expansion,
+    accumulate,
     expand,
     falls_through,
     longest_clear,
@@ -89,13 +90,9 @@ def short_flight(r: Response, motion: Array, t: float, speed: float, guess: floa
 
     Solves gap(τ)/τ = 0, which keeps its digits however low the flight is.
     """
-    span = 1.1 * r.fastest * guess
-    order, term = 4, span**4 / 24.0
-    while order < ORDER and term > NEGLIGIBLE:
-        order += 1
-        term *= span / order
+    order, slow_order = series_order(1.1 * r.fastest * guess), series_order(1.1 * r.fastest_first * guess)
     derivatives = x.derivatives
-    series(r, motion, t, order, x)
+    series(r, motion, t, order, slow_order, x)
     derivatives[1] = speed
     factorial = 1.0
     for n in range(1, order + 1):
@@ -114,11 +111,24 @@ def short_flight(r: Response, motion: Array, t: float, speed: float, guess: floa
     return tau
 
 
+@part
+def series_order(span: float) -> int:
+    """Return the order of a Taylor polynomial over ``span``, pole times time."""
+    order, term = 1, span
+    while order < ORDER and term > NEGLIGIBLE:
+        order += 1
+        term *= span / order
+    return max(order, 4)
+
+
 @woven
-def series(r: Response, motion: Array, t: float, order: int, x: Expansion) -> None:
-    """Fill the derivatives of the signal up to ``order`` from a state; ``x`` is its expansion and is used up."""
-    psi, w, derivatives = r.load_omega * t + r.load_phase, r.load_omega, x.derivatives
-    cos, sin = np.cos(psi), np.sin(psi)
+def series(r: Response, motion: Array, t: float, order: int, slow_order: int, x: Expansion) -> None:
+    """Fill the derivatives of the signal up to ``order`` from a state; ``x`` is its expansion and is used up.
+
+    First-order states are summed up to ``slow_order``.
+    """
+    w, derivatives = r.load_omega, x.derivatives
+    cos, sin = load_phase(r, t)
     wave_cos, wave_sin = r.signal_wave
     for n in range(order + 1):
         derivatives[n] = wave_cos * cos + wave_sin * sin
@@ -127,7 +137,7 @@ def series(r: Response, motion: Array, t: float, order: int, x: Expansion) -> No
         f = r.first
         for j in range(r.firsts):
             term = (f[FIRST, j] - f[PACE, j] * f[RATE, j]) * motion[PACES, j]
-            for n in range(1, order + 1):
+            for n in range(1, slow_order + 1):
                 derivatives[n] += term
                 term *= -f[RATE, j]
     b, d = r.block, x.terms
@@ -184,6 +194,8 @@ def certified_step(
         zeros = 0
     if zeros == 0 and x.sums[S0, n] <= 0.0 and x.sums[S1, n] < 0.0:
         return 0.0, True
+    if zeros == 0:
+        accumulate(r, x)
     around, end = falls_through(r, x, zeros, left)
     if end > 0.0:
         if zeros == 1 and r.fastest * end <= TAYLOR_SPAN:
