@@ -310,6 +310,7 @@ def march(
     for j in range(firsts):
         warming += tip.heat_shape[j] ** 2
     ended = DONE
+    side = flight
     while True:
         if event:
             event = False
@@ -319,7 +320,7 @@ def march(
                 break
             if holding:
                 _release(flight, hold, held, gap, tally, watch, t)
-                holding, zeros, expanded = False, 3, False
+                side, holding, zeros, expanded = flight, False, 3, False
                 seen = observe(flight.r, flight.now, t)
             else:
                 before = watch.totals[IMPULSE]
@@ -336,6 +337,7 @@ def march(
                     holding = pressed >= 0
                     zeros, known_speed, expanded = pressed if holding else 2, -1.0, holding
                     if holding:
+                        side = hold
                         watch.totals[SINCE] = rest
                         seen = observe(hold.r, hold.now, t)
             if audited and not _begin(flight, hold, holding, held, gap, log, t):
@@ -348,9 +350,7 @@ def march(
         if tally[STEPPED] > budget.steps:
             ended = STEPS
             break
-        h, event, seen = _move(
-            hold if holding else flight, holding, record, watch, gap, t, T, zeros, known_speed, expanded, guess, seen
-        )
+        h, event, seen = _move(side, holding, record, watch, gap, t, T, zeros, known_speed, expanded, guess, seen)
         if not holding:
             tally[SCALE] = max(tally[SCALE], abs(gap - seen[0]))
             if event:
