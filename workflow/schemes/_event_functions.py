@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.models import Array
-from workflow.schemes._kernel import part, woven
+from workflow.schemes._kernel import part
 
 _ROUND = 6755399441055744.0
 """1.5 · 2^52: adding and subtracting it rounds to the nearest integer."""
@@ -226,7 +226,7 @@ def first_propagators(f: Array, dt: float) -> None:
         f[DECAY, j] = 1.0 + x * q
 
 
-@woven
+@part
 def row_total(a: Array, row: int) -> float:
     """Return the sum of a row of a table, in one fixed order."""
     s0, s1, s2, s3, s4, s5, s6, s7 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0

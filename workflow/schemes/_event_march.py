@@ -35,7 +35,7 @@ from workflow.schemes._event_response import (
 )
 from workflow.schemes._event_search import ROUNDING, S0, S1, S2, SIZE, Expansion, expand
 from workflow.schemes._event_step import certified_step
-from workflow.schemes._kernel import part, uncounted, woven
+from workflow.schemes._kernel import part, uncounted
 
 DONE, EVENTS, STEPS, BEYOND, NOT_FINITE, FULL = range(6)
 """How a case ended: to the end, by a budget, tip beyond the gap at the start, numbers overflowed, or
@@ -132,7 +132,7 @@ def _state(flight: Side, hold: Side, holding: bool, held: Layout, gap: float, t:
         store_motion(flight.r, flight.now, t, flight.coordinates)
 
 
-@woven
+@part
 def _impact(
     flight: Side, tip: Tip, thresholds: Thresholds, tally: Array, watch: Watch, log: Log, t: float, speed: float
 ) -> tuple[bool, float]:
@@ -164,7 +164,7 @@ def _impact(
     return stays, rest
 
 
-@woven
+@part
 def _enter(flight: Side, hold: Side, held: Layout, gap: float, share: float, t: float) -> int:
     """Take the state over into contact; return the zeros of its force at t, or -1 where nothing presses."""
     n = hold.r.blocks
@@ -179,7 +179,7 @@ def _enter(flight: Side, hold: Side, held: Layout, gap: float, share: float, t: 
     return 1 if force >= -nothing and rate > 0.0 else -1
 
 
-@woven
+@part
 def _release(flight: Side, hold: Side, held: Layout, gap: float, tally: Array, watch: Watch, t: float) -> None:
     """Take the state over into flight."""
     tally[RELEASES] += 1.0
@@ -189,7 +189,7 @@ def _release(flight: Side, hold: Side, held: Layout, gap: float, tally: Array, w
     watch.totals[SINCE] = np.inf
 
 
-@woven
+@part
 def _begin(flight: Side, hold: Side, holding: bool, held: Layout, gap: float, log: Log, t: float) -> bool:
     """Log the phase that begins; return whether there was room for it."""
     if log.totals[COUNT] >= log.held.size:
@@ -206,7 +206,7 @@ def _begin(flight: Side, hold: Side, holding: bool, held: Layout, gap: float, lo
     return True
 
 
-@woven
+@part
 def _move(
     side: Side,
     holding: bool,

@@ -43,7 +43,7 @@ from workflow.schemes._event_functions import (
     stiff_block,
 )
 from workflow.schemes._event_response import FIRSTS, ORDER, PACES, SLOPES, TAYLOR_SPAN, VALUES, Response
-from workflow.schemes._kernel import part, woven
+from workflow.schemes._kernel import part
 
 
 @part
@@ -206,7 +206,7 @@ def advance(r: Response, motion: Array, t: float, dt: float, out: Array) -> None
             y_new[PACES, j] = y[PACES, j] * f[DECAY, j]
 
 
-@woven
+@part
 def integral(r: Response, y: Array, y_new: Array, t: float, dt: float) -> float:
     """Return the integral of the signal over the motion last advanced, from y at t to y_new at t + dt."""
     b, f, area = r.block, r.first, 0.0
@@ -268,7 +268,7 @@ def observe(r: Response, motion: Array, t: float) -> tuple[float, float, float, 
     return signal, rate, heat, heat_rate
 
 
-@woven
+@part
 def strike(r: Response, shape: Array, motion: Array, p: float, heat: float) -> None:
     """Apply an impulse p and a heat at the tip: velocities jump by -p M⁻¹ e_n, θ by heat C2⁻¹ e_n."""
     b, f, y = r.block, r.first, motion

@@ -9,7 +9,7 @@ import numpy as np
 from workflow.models import Array
 from workflow.schemes._event_motion import advance, integral, observe
 from workflow.schemes._event_response import Response
-from workflow.schemes._kernel import part, woven
+from workflow.schemes._kernel import part
 
 
 class Record(NamedTuple):
@@ -46,12 +46,12 @@ def watch() -> Watch:
 IMPULSE, CONTACT, SINCE, HOTTEST, PERIOD_HOTTEST, PERIOD_IMPULSE, PERIOD_CONTACT = range(7)
 
 
-@woven
+@part
 def contact_time(watch: Watch, t: float) -> float:
     return float(watch.totals[CONTACT] + max(0.0, t - watch.totals[SINCE]))
 
 
-@woven
+@part
 def heat_seen(watch: Watch, temperature: float) -> None:
     watch.totals[HOTTEST] = max(watch.totals[HOTTEST], temperature)
     watch.totals[PERIOD_HOTTEST] = max(watch.totals[PERIOD_HOTTEST], temperature)
@@ -87,7 +87,7 @@ def write(
         watch.next[1] += 1
 
 
-@woven
+@part
 def next_due(record: Record, watch: Watch) -> float:
     sample, period = watch.next[0], watch.next[1]
     due = record.times[sample] if sample < record.times.size else np.inf
@@ -96,7 +96,7 @@ def next_due(record: Record, watch: Watch) -> float:
     return due
 
 
-@woven
+@part
 def see(
     record: Record,
     watch: Watch,

@@ -35,7 +35,7 @@ from workflow.schemes._event_functions import (
 )
 from workflow.schemes._event_motion import explicit_force, load_phase
 from workflow.schemes._event_response import FIRSTS, PACES, SLOPES, VALUES, Response
-from workflow.schemes._kernel import part, woven
+from workflow.schemes._kernel import part
 
 ROUNDING = 4.0 * 2.220446049250313e-16
 """Signal values below this share of the sum of their terms' magnitudes are not told from zero."""
@@ -138,7 +138,7 @@ def expand(r: Response, motion: Array, t: float, x: Expansion) -> None:
     sums[REST, n], sums[REST_RATE, n] = 0.0, 0.0
 
 
-@woven
+@part
 def accumulate(r: Response, x: Expansion) -> None:
     """Fill the sums between those of the slow terms and those of all blocks."""
     b, sums, d = r.block, x.sums, x.terms
@@ -155,7 +155,7 @@ def accumulate(r: Response, x: Expansion) -> None:
         sums[REST_RATE, k] = sums[REST_RATE, k + 1] + d[REST_RATE, k]
 
 
-@woven
+@part
 def _expand_blocks(b: Array, y: Array, d: Array) -> None:
     """Fill the terms of all blocks that move freely.
 
@@ -218,7 +218,7 @@ def _clear(r: Response, x: Expansion, zeros: int, h: float) -> bool:
     return bool(a0 >= 0.0 and b1 >= 0.0 and b2 >= 0.0 and b3 >= 0.0 and b4 >= 0.0)
 
 
-@woven
+@part
 def longest_clear(r: Response, x: Expansion, zeros: int, guess: float, most: float) -> float:
     """Return a step up to ``most`` on which the signal certainly has no zero; 0 if there is none."""
     h = min(guess, most)
@@ -254,7 +254,7 @@ def _cubic_zero(a0: float, a1: float, a2: float, a3: float) -> float:
     return -1.0
 
 
-@woven
+@part
 def falls_through(r: Response, x: Expansion, zeros: int, most: float) -> tuple[float, float]:
     """Return a guess and the end of an interval in which the signal certainly falls through zero once.
 

@@ -35,7 +35,7 @@ from workflow.schemes._event_search import (
     falls_through,
     longest_clear,
 )
-from workflow.schemes._kernel import part, woven
+from workflow.schemes._kernel import part
 
 HALF_THE_DIGITS = 1e-9
 """A step of Newton's below this share of the zero is the last: its error is of the order of the square."""
@@ -47,7 +47,7 @@ NEGLIGIBLE = 1e-18
 """Terms of a Taylor polynomial below this share of its first are left out, a hundredth of rounding."""
 
 
-@woven
+@part
 def polish(r: Response, motion: Array, t: float, guess: float, end: float, scratch: Array, x: Expansion) -> float:
     """Return the zero of the signal in (0, end], by expansions about ever better points."""
     tau = guess
@@ -84,7 +84,7 @@ def polish(r: Response, motion: Array, t: float, guess: float, end: float, scrat
     return tau
 
 
-@woven
+@part
 def short_flight(r: Response, motion: Array, t: float, speed: float, guess: float, x: Expansion) -> float:
     """Return the duration of a flight that starts at zero gap with ``speed``, by its Taylor polynomial.
 
@@ -121,7 +121,7 @@ def series_order(span: float) -> int:
     return max(order, 4)
 
 
-@woven
+@part
 def series(r: Response, motion: Array, t: float, order: int, slow_order: int, x: Expansion) -> None:
     """Fill the derivatives of the signal up to ``order`` from a state; ``x`` is its expansion and is used up.
 
@@ -164,7 +164,7 @@ def series(r: Response, motion: Array, t: float, order: int, slow_order: int, x:
                 force += r.coupling[0, k, j] * motion[PACES, j] * (-r.first[RATE, j]) ** n
 
 
-@woven
+@part
 def certified_step(
     r: Response,
     x: Expansion,

@@ -18,6 +18,8 @@ from typing import Any, TypeVar, cast
 
 import numba
 
+from workflow.schemes._whole import KernelCompiler, PartCompiler
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 
@@ -47,10 +49,18 @@ def _compiled(function: F, **options: Any) -> F:
     config: Any = numba.config
     before = config.CACHE_DIR
     config.CACHE_DIR = str(cache_directory())
+    options |= {"nogil": True, "cache": True, "error_model": "numpy", "pipeline_class": KernelCompiler}
     try:
-        return cast(F, numba.njit(nogil=True, cache=True, error_model="numpy", **options)(function))
+        return cast(F, numba.njit(**options)(function))
     finally:
         config.CACHE_DIR = before
+
+
+def _translated(function: F, **options: Any) -> F:
+    """Translate where a kernel calls it first: without an entry from Python and a cache of its own."""
+    options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    options |= {"nogil": True, "error_model": "numpy", "pipeline_class": PartCompiler}
+    return cast(F, numba.njit(**options)(function))
 
 
 def kernel(function: F) -> F:
@@ -62,8 +72,8 @@ def kernel(function: F) -> F:
 
 
 def inlined(function: F) -> F:
-    """Compile a part of a kernel that is called in every step and must cost no call."""
-    return _compiled(function, forceinline=True)
+    """Translate a part of a kernel that is called in every step and must cost no call."""
+    return _translated(function, forceinline=True)
 
 
 def uncounted(function: F) -> F:
@@ -72,16 +82,9 @@ def uncounted(function: F) -> F:
 
 
 def part(function: F) -> F:
-    """Compile a part of a kernel that only kernels call, and that allocates nothing.
+    """Translate a part of a kernel that only kernels call, and that allocates nothing.
 
-    It has no entry from Python and no cache of its own, and its arrays are not counted: the two
-    locked additions per array and call took longer than the arithmetic on rows of 20.
+    Its arrays are not counted: the two locked additions per array and call took longer than the
+    arithmetic on rows of 20.
     """
-    options: Any = {"_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    return cast(F, numba.njit(nogil=True, error_model="numpy", **options)(function))
-
-
-def woven(function: F) -> F:
-    """Compile a part that is called in one place, as if it stood there: tuples of arrays are not passed."""
-    options: Any = {"_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "forceinline": True}
-    return cast(F, numba.njit(nogil=True, error_model="numpy", **options)(function))
+    return _translated(function, _nrt=False)

@@ -1,0 +1,114 @@
+"""Kernels compiled as one program: parts are translated to LLVM's language, and optimised once with their kernel.
+
+numba by itself optimises each function with everything it calls and makes machine code of it, and once
+more for each function that calls it; arrays go from one to the next as seven numbers each. Here a part
+waits until a kernel takes it in. There it is known to have no other caller, so that LLVM inlines what
+is called from one place and passes what is read only. Results keep their bits: LLVM neither reorders
+nor contracts arithmetic without fastmath.
+
+What is used of numba's inside: its code libraries and the passes of its compiler.
+"""
+
+# mypy: allow-untyped-calls
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite.binding import Linkage
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
+from numba.core.compiler_machinery import LoweringPass, register_pass
+from numba.core.typed_passes import NativeLowering, NoPythonBackend
+
+
+class _Waiting(JITCodeLibrary):
+    """Code of a part: neither linked nor made machine code before a kernel takes it in."""
+
+    def finalize(self) -> None:
+        """Let nothing be added any more."""
+        self._raise_if_finalized()
+        self._finalized = True
+
+
+class _Whole(JITCodeLibrary):
+    """Code of a kernel with all its parts."""
+
+    def add_linking_library(self, library: Any) -> None:
+        """Take in a library and what it waits for."""
+        if library in self._linking_libraries:
+            return
+        super().add_linking_library(library)
+        if isinstance(library, _Waiting):
+            for other in library._linking_libraries:
+                self.add_linking_library(other)
+
+    def _optimize_final_module(self) -> None:
+        """Optimise, knowing that what was linked in has no callers elsewhere."""
+        for function in self._final_module.functions:
+            if not function.is_declaration and function.linkage == Linkage.linkonce_odr:
+                function.linkage = "internal"
+        super()._optimize_final_module()
+
+
+@register_pass(mutates_CFG=False, analysis_only=True)
+class _Offered(LoweringPass):
+    """Offers a part that was not made machine code to the functions that call it."""
+
+    _name = "workflow_offered"
+
+    def __init__(self) -> None:
+        LoweringPass.__init__(self)
+
+    def run_pass(self, state: Any) -> bool:
+        """Register the part under a builtin, as numba asks for, that raises where Python calls it."""
+        lowered = state["cr"]
+        entry = f"{{{state.func_id.func_name} is a part of kernels: Python cannot call it}}".format
+        state.library.environment = lowered.env  # which nothing else keeps
+        state.targetctx.insert_user_function(entry, lowered.fndesc, [state.library])
+        state["cr"] = lowered._replace(cfunc=entry)
+        return True
+
+
+@register_pass(mutates_CFG=False, analysis_only=True)
+class _Surrounded(LoweringPass):
+    """Gives the parts in a compiled kernel their environments, as numba does when it loads one."""
+
+    _name = "workflow_surrounded"
+
+    def __init__(self) -> None:
+        LoweringPass.__init__(self)
+
+    def run_pass(self, state: Any) -> bool:
+        """Set the environments."""
+        for environment in state.cr._find_referenced_environments():
+            state.library.codegen.set_env(environment.env_name, environment)
+        return True
+
+
+class PartCompiler(Compiler):
+    """Translates a part."""
+
+    def define_pipelines(self) -> list[Any]:
+        """Leave machine code out."""
+        state = self.state
+        state.library = _Waiting(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.flags.no_compile = True
+        (passes,) = super().define_pipelines()
+        passes.add_pass_after(_Offered, NativeLowering)
+        passes.finalize()
+        return [passes]
+
+
+class KernelCompiler(Compiler):
+    """Compiles a kernel and its parts."""
+
+    def define_pipelines(self) -> list[Any]:
+        """Compile into a library that takes parts in."""
+        state = self.state
+        state.library = _Whole(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.library.enable_object_caching()
+        (passes,) = super().define_pipelines()
+        passes.add_pass_after(_Surrounded, NoPythonBackend)
+        passes.finalize()
+        return [passes]
