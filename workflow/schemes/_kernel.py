@@ -62,8 +62,11 @@ def kernel(function: F) -> F:
 
 
 def inlined(function: F) -> F:
-    """Compile a part of a kernel that is called in every step and must cost no call."""
-    return _compiled(function, forceinline=True)
+    """Compile a part of a kernel that is called in every step and must cost no call.
+
+    It allocates nothing, and its arrays are not counted, see :func:`part`.
+    """
+    return _compiled(function, forceinline=True, _nrt=False)
 
 
 def uncounted(function: F) -> F:
