@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.models import Array, Cases, project
-from workflow.schemes._balance import Audit, couple, leak, no_audit
+from workflow.schemes._balance import Audit, audit_heat, no_audit
 from workflow.schemes._central import Law, Operator
 from workflow.schemes._central_balance import POWER, CentralBooks, account
 from workflow.schemes._decoupled import Decoupled, Motion, start
@@ -26,7 +26,6 @@ from workflow.schemes._modal_lanes import (
     WARMING,
     WARMTH,
     Coefficients,
-    begin,
     conduct,
     grouped,
     pull_pairs,
@@ -35,7 +34,6 @@ from workflow.schemes._modal_lanes import (
 )
 from workflow.schemes._stepping import (
     DISPLACEMENT,
-    FORCE,
     GAP,
     LANES,
     NEW_DISPLACEMENT,
@@ -45,7 +43,6 @@ from workflow.schemes._stepping import (
     TEMPERATURE,
     VELOCITY,
     Block,
-    advance_load,
     blocks,
     collect,
     fill_lanes,
@@ -53,7 +50,10 @@ from workflow.schemes._stepping import (
     observe,
     start_load,
     take_marks,
+    tip_load,
+    turn_load,
     watch,
+    weigh_load,
 )
 
 ROUNDING = 16 * np.finfo(float).eps
@@ -76,7 +76,9 @@ METRICS = {
 
 
 @inlined
-def _touch(operator: Coefficients, law: Law, h: float, own: Array, load: Array, tip: Array, lanes: int) -> None:
+def _touch(
+    operator: Coefficients, law: Law, h: float, sine: float, own: Array, load: Array, tip: Array, lanes: int
+) -> None:
     """Close the step: load and contact impulse at the tip, its state at t_k and its place at t_k+1."""
     assert own.shape[1] == LANES
     assert load.shape[1] == LANES
@@ -84,7 +86,7 @@ def _touch(operator: Coefficients, law: Law, h: float, own: Array, load: Array, 
     inverse_mass, half_warming = operator.inverse_mass, 0.5 * operator.warming
     for lane in range(lanes):
         x, gap, before, latest = own[AHEAD, lane], tip[GAP, lane], own[HALF, lane], own[LATEST, lane]
-        pushed = h * load[FORCE, lane]
+        pushed = h * tip_load(sine, load, lane)
         free = tip[NEW_VELOCITY, lane] + inverse_mass * pushed
         p = law.depth * (x - gap) + law.before * before + law.free * free
         p = p if x - gap > law.threshold else 0.0
@@ -131,32 +133,30 @@ def _march(
     start_load(h, load, lanes)
     for lane in range(lanes):
         tip[NEW_VELOCITY, lane] = own[FREE, lane]
-    _touch(operator, law, h, own, load, tip, lanes)
+    _touch(operator, law, h, weigh_load(0.0, 1.0, load, lanes), own, load, tip, lanes)
     if audited:
-        couple(audit.coupling, audit.heat, audit.motion, lanes)
-        account(0, h, law.stiffness, audit.modes, audit.motion, own, tip, audit.sums, lanes)
+        account(0, h, law.stiffness, audit, own, tip, lanes)
         for lane in range(lanes):
             audit.sums[POWER, lane] += own[LATEST, lane] * tip[NEW_VELOCITY, lane]
     for lane in range(lanes):
         own[LATEST, lane] *= 2.0
     for step in range(1, block.steps + 1):
-        begin(step * h, own, tip, lanes)
+        turn_load(step, h, load, lanes)
+        sine = weigh_load(0.0, 1.0, load, lanes)
         if heated:
             if step == block.steps:
                 tau_before[:] = tau
             if audited:
-                leak(h, audit.heat_modes, audit.heat, own, audit.sums, lanes)
-                couple(audit.coupling, audit.heat, audit.motion, lanes)
-            conduct(heat_modes, tau, own, tip, lanes)
+                audit_heat(h, audit, own, lanes)
+            conduct(step * h, heat_modes, tau, own, tip, lanes)
             swing_heated(modes, h, motion, own, tip, lanes)
             if paired:
                 pull_pairs(operator, tau, motion, tip, lanes)
         else:
             swing(modes, h, motion, own, tip, lanes)
-        advance_load(step, h, load, lanes)
-        _touch(operator, law, h, own, load, tip, lanes)
+        _touch(operator, law, h, sine, own, load, tip, lanes)
         if audited:
-            account(step, h, law.stiffness, audit.modes, audit.motion, own, tip, audit.sums, lanes)
+            account(step, h, law.stiffness, audit, own, tip, lanes)
         observe(take_marks(step, block) if step == next_mark[0] else h, tip, lanes)
 
 
@@ -211,11 +211,11 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
         of_lane[row] = values
     rows = grouped(MODES, (free * modal.tip).T, (begun.position * modal.tip).T)
     pairs = rows.reshape(-1, 2 * MODES, cases.count)
-    heat = grouped(HEAT_MODES, begun.heat.T)[:, 0]
+    heat = grouped(HEAT_MODES, (begun.heat * modal.glow).T)[:, 0]
     own, motion = lane_rows(_ROWS), lane_rows(*pairs.shape[:2])
     tau, tau_before = lane_rows(*heat.shape[:2]), lane_rows(*heat.shape[:2])
     closing = begun.closing + begun.closing_rate * sampling.duration
-    growth = grouped(HEAT_MODES, modal.static_growth)[:, 0, :, None]
+    growth = grouped(HEAT_MODES, modal.static_growth / modal.glow)[:, 0, :, None]
     books = None
     if sampling.balances:
         inertia, factor = operator.differences.damped(h, modal.damping)

@@ -23,7 +23,7 @@ from workflow.models import Array
 from workflow.schemes._kernel import inlined, kernel
 from workflow.schemes._stepping import LANES, NEW_TEMPERATURE, NEW_VELOCITY
 
-MODES, HEAT_MODES = 4, 5
+MODES, HEAT_MODES = 4, 7
 """Mechanical and thermal modes of a group, stepped in one loop over the lanes: as many as the
 registers of a processor hold. Modes are padded with zeros to whole groups."""
 
@@ -31,9 +31,9 @@ KEEP, PULL, PUSH, HEAT_PUSH, HEAT_SHIFT = range(5)
 """Coefficients of a mechanical mode: ζ' per ζ and per ξ (a and b of ``_modal_march``), ζ per unit
 impulse and per unit heat at the tip, ξ per unit heat."""
 
-DECAY, WARM, DRAG, GLOW = range(4)
-"""Coefficients of a thermal mode: τ' per τ, τ per unit heat at the tip, and what the mode adds to
-the tip's velocity and temperature."""
+DECAY, WARM, DRAG = range(3)
+"""Coefficients of a thermal mode, scaled to add its τ to the tip's temperature: τ' per τ, τ per unit
+heat at the tip, and what the mode adds to the tip's velocity."""
 
 RESTITUTION, ALPHA, DELASSUS, COMPLIANCE, DRIFT, WARMTH, WARMING, PUSHED, HEAT = range(9)
 """Rows of the lanes' own values: e, α, W, 1/W (NaN where W <= 0, so that contact ends the case), the
@@ -86,6 +86,8 @@ def swing(modes: Array, h: float, motion: Array, own: Array, tip: Array, lanes: 
 
     ``motion`` is ``(group, row, lane)``: rows ζ of the group's modes, then rows ξ.
     """
+    assert modes.shape[1] == HEAT_SHIFT + 1
+    assert modes.shape[2] == MODES
     assert motion.shape[1] == 2 * MODES
     assert motion.shape[2] == LANES
     assert own.shape[1] == LANES
@@ -93,7 +95,7 @@ def swing(modes: Array, h: float, motion: Array, own: Array, tip: Array, lanes: 
     for g in range(motion.shape[0]):
         for lane in range(lanes):
             pushed = own[PUSHED, lane]
-            velocity = 0.0
+            velocity = tip[NEW_VELOCITY, lane] if g > 0 else 0.0
             for j in range(MODES):
                 before = motion[g, j, lane] + modes[g, PUSH, j] * pushed
                 place = motion[g, MODES + j, lane]
@@ -101,12 +103,14 @@ def swing(modes: Array, h: float, motion: Array, own: Array, tip: Array, lanes: 
                 motion[g, j, lane] = after
                 motion[g, MODES + j, lane] = place + h * before
                 velocity += after
-            tip[NEW_VELOCITY, lane] += velocity
+            tip[NEW_VELOCITY, lane] = velocity
 
 
 @inlined
 def swing_heated(modes: Array, h: float, motion: Array, own: Array, tip: Array, lanes: int) -> None:
     """Step the mechanical modes as :func:`swing` does where heat acts on them."""
+    assert modes.shape[1] == HEAT_SHIFT + 1
+    assert modes.shape[2] == MODES
     assert motion.shape[1] == 2 * MODES
     assert motion.shape[2] == LANES
     assert own.shape[1] == LANES
@@ -114,7 +118,7 @@ def swing_heated(modes: Array, h: float, motion: Array, own: Array, tip: Array, 
     for g in range(motion.shape[0]):
         for lane in range(lanes):
             pushed, heat = own[PUSHED, lane], own[HEAT, lane]
-            velocity = 0.0
+            velocity = tip[NEW_VELOCITY, lane]
             for j in range(MODES):
                 before = motion[g, j, lane] + modes[g, PUSH, j] * pushed + modes[g, HEAT_PUSH, j] * heat
                 place = motion[g, MODES + j, lane] + modes[g, HEAT_SHIFT, j] * heat
@@ -122,12 +126,14 @@ def swing_heated(modes: Array, h: float, motion: Array, own: Array, tip: Array, 
                 motion[g, j, lane] = after
                 motion[g, MODES + j, lane] = place + h * before
                 velocity += after
-            tip[NEW_VELOCITY, lane] += velocity
+            tip[NEW_VELOCITY, lane] = velocity
 
 
 @inlined
-def conduct(heat_modes: Array, tau: Array, own: Array, tip: Array, lanes: int) -> None:
+def conduct(t: float, heat_modes: Array, tau: Array, own: Array, tip: Array, lanes: int) -> None:
     """Step the thermal modes; ``tau`` is ``(group, mode of the group, lane)``."""
+    assert heat_modes.shape[1] == DRAG + 1
+    assert heat_modes.shape[2] == HEAT_MODES
     assert tau.shape[1] == HEAT_MODES
     assert tau.shape[2] == LANES
     assert own.shape[1] == LANES
@@ -135,14 +141,15 @@ def conduct(heat_modes: Array, tau: Array, own: Array, tip: Array, lanes: int) -
     for g in range(tau.shape[0]):
         for lane in range(lanes):
             heat = own[HEAT, lane]
-            velocity = temperature = 0.0
+            velocity = tip[NEW_VELOCITY, lane] if g > 0 else own[DRIFT, lane]
+            temperature = tip[NEW_TEMPERATURE, lane] if g > 0 else own[WARMTH, lane] + own[WARMING, lane] * t
             for k in range(HEAT_MODES):
                 after = heat_modes[g, DECAY, k] * (tau[g, k, lane] + heat_modes[g, WARM, k] * heat)
                 tau[g, k, lane] = after
                 velocity += heat_modes[g, DRAG, k] * after
-                temperature += heat_modes[g, GLOW, k] * after
-            tip[NEW_VELOCITY, lane] += velocity
-            tip[NEW_TEMPERATURE, lane] += temperature
+                temperature += after
+            tip[NEW_VELOCITY, lane] = velocity
+            tip[NEW_TEMPERATURE, lane] = temperature
 
 
 @kernel

@@ -12,10 +12,10 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.models import Array, Cases, Structure
-from workflow.schemes._balance import Audit, Books, account, couple, leak, no_audit, open_audit
+from workflow.schemes._balance import Audit, Books, audit_step, no_audit
 from workflow.schemes._decoupled import Decoupled, Motion
 from workflow.schemes._interface import Sampling
-from workflow.schemes._kernel import kernel
+from workflow.schemes._kernel import inlined, kernel
 from workflow.schemes._modal_lanes import (
     DRIFT,
     HEAT_MODES,
@@ -23,7 +23,6 @@ from workflow.schemes._modal_lanes import (
     WARMING,
     WARMTH,
     Coefficients,
-    begin,
     conduct,
     grouped,
     pull_pairs,
@@ -31,17 +30,18 @@ from workflow.schemes._modal_lanes import (
     swing_heated,
     take_heat,
 )
-from workflow.schemes._prox import touch
+from workflow.schemes._prox import touch, touch_and_note
 from workflow.schemes._stepping import (
     Block,
     Watch,
-    advance_load,
     blocks,
     fill_lanes,
     lane_rows,
     observe,
     start_load,
     take_marks,
+    turn_load,
+    weigh_load,
 )
 
 
@@ -62,14 +62,44 @@ def coefficients(modal: Decoupled, h: float, theta: float) -> Coefficients:
             tip * (thermal_kick + modal.response @ (mu * warm)),
             -tip * (modal.response @ modal.heat_tip),
         ),
-        heat_modes=grouped(HEAT_MODES, decay, warm, -mu * modal.tip_response, modal.heat_tip),
+        heat_modes=grouped(HEAT_MODES, decay, modal.glow * warm, -mu * modal.tip_response / modal.glow),
         pair_mode=j,
         pair_heat=k,
-        pair_pull=-h * tip[j] * modal.coupling[j, k] * (theta * decay[k] + 1 - theta) / inertia[j],
+        pair_pull=-h * tip[j] * modal.coupling[j, k] * (theta * decay[k] + 1 - theta) / (inertia[j] * modal.glow[k]),
         inverse_mass=float(np.sum(tip**2 / inertia)),
         warming=float(np.sum(modal.heat_tip * warm)),
         theta=theta,
     )
+
+
+@inlined
+def move_freely(
+    operator: Coefficients,
+    t: float,
+    h: float,
+    ending: bool,
+    own: Array,
+    motion: Array,
+    tau: Array,
+    tau_before: Array,
+    tip: Array,
+    lanes: int,
+) -> None:
+    """Find velocity and temperature of the tip at t, without load and contact in the step that ends there.
+
+    The thermal and mechanical modes take in the impulse and heat of the step before. At the ``ending``
+    of the march ``tau_before`` is left with τ at the beginning of the step.
+    """
+    paired = operator.pair_mode.size > 0
+    if tau.shape[0] == 0:
+        swing(operator.modes, h, motion, own, tip, lanes)
+        return
+    if paired or ending:
+        take_heat(operator.heat_modes, tau, own, tau_before, lanes)
+    conduct(t, operator.heat_modes, tau, own, tip, lanes)
+    swing_heated(operator.modes, h, motion, own, tip, lanes)
+    if paired:
+        pull_pairs(operator, tau_before, motion, tip, lanes)
 
 
 @kernel
@@ -78,38 +108,24 @@ def _march(
 ) -> None:
     """Step a block of cases; lanes never meet.
 
-    A step: free velocity and temperature of the tip from the thermal and mechanical modes, which
-    take in the impulse and heat of the step before; load and contact; what is watched.
+    A step: free motion, load and contact, what is watched, the balances if asked for.
 
     ``tau_before`` is left with τ at the beginning of the last step, ``tau`` with τ at its end.
     """
-    modes, heat_modes = operator.modes, operator.heat_modes
     load, tip, lanes, h, next_mark = block.load, block.tip, block.lanes, block.h, block.marks.next_mark
-    heated, paired = tau.shape[0] > 0, operator.pair_mode.size > 0
-    theta, audited, sums = audit.theta, audit.sums.shape[0] > 0, audit.sums
+    theta, inverse_mass, warming = operator.theta, operator.inverse_mass, operator.warming
     start_load(h, load, lanes)
-    if audited:
-        open_audit(audit, lanes)
     for step in range(1, block.steps + 1):
-        begin(step * h, own, tip, lanes)
-        if heated:
-            if paired or step == block.steps:
-                take_heat(heat_modes, tau, own, tau_before, lanes)
-            conduct(heat_modes, tau, own, tip, lanes)
-            swing_heated(modes, h, motion, own, tip, lanes)
-            if paired:
-                pull_pairs(operator, tau_before, motion, tip, lanes)
+        turn_load(step, h, load, lanes)
+        sine = weigh_load(1.0 - theta, theta, load, lanes)
+        move_freely(operator, step * h, h, step == block.steps, own, motion, tau, tau_before, tip, lanes)
+        if step == next_mark[0]:
+            touch(theta, inverse_mass, warming, h, sine, own, load, tip, lanes)
+            observe(take_marks(step, block), tip, lanes)
         else:
-            swing(modes, h, motion, own, tip, lanes)
-        advance_load(step, h, load, lanes)
-        touch(operator.theta, operator.inverse_mass, operator.warming, h, own, load, tip, lanes)
-        if audited:
-            if heated:
-                leak(h, audit.heat_modes, audit.heat, own, sums, lanes)
-                couple(audit.coupling, audit.heat, audit.motion, lanes)
-            account(theta, h, audit.modes, audit.motion, own, load, tip, sums, lanes)
-        observe(take_marks(step, block) if step == next_mark[0] else h, tip, lanes)
-    take_heat(heat_modes, tau, own, tau, lanes)
+            touch_and_note(theta, inverse_mass, warming, h, sine, own, load, tip, lanes)
+        audit_step(theta, h, audit, own, load, lanes)
+    take_heat(operator.heat_modes, tau, own, tau, lanes)
 
 
 def march(
@@ -133,11 +149,11 @@ def march(
     zeta = begun.velocity * modal.tip
     xi = begun.position * modal.tip - h * theta * zeta
     pairs = grouped(MODES, zeta.T, xi.T).reshape(-1, 2 * MODES, cases.count)
-    heat = grouped(HEAT_MODES, begun.heat.T)[:, 0]
+    heat = grouped(HEAT_MODES, (begun.heat * modal.glow).T)[:, 0]
     own, motion = lane_rows(rows.shape[0]), lane_rows(*pairs.shape[:2])
     tau, tau_before = lane_rows(*heat.shape[:2]), lane_rows(*heat.shape[:2])
     closing = begun.closing + begun.closing_rate * sampling.duration
-    growth = grouped(HEAT_MODES, modal.static_growth)[:, 0, :, None]
+    growth = grouped(HEAT_MODES, modal.static_growth / modal.glow)[:, 0, :, None]
     books = Books(structure, modal, cases, begun.tip_force, h, theta) if sampling.balances else None
     audit = no_audit() if books is None else books.audit
     for part, block in blocks(watched):

@@ -28,11 +28,8 @@ from workflow.schemes._balance import (
     SPENT,
     Audit,
     Books,
-    account,
-    couple,
-    leak,
+    audit_step,
     no_audit,
-    open_audit,
 )
 from workflow.schemes._central_march import APPROACH, APPROACHED, LATEST, SEPARATED, restitution
 from workflow.schemes._decoupled import Decoupled, start
@@ -49,19 +46,13 @@ from workflow.schemes._modal_lanes import (
     WARMING,
     WARMTH,
     Coefficients,
-    begin,
-    conduct,
     grouped,
-    pull_pairs,
-    swing,
-    swing_heated,
     take_heat,
 )
 from workflow.schemes._modal_march import coefficients as free_step
+from workflow.schemes._modal_march import move_freely
 from workflow.schemes._stepping import (
     DISPLACEMENT,
-    FORCE,
-    FORCE_BEFORE,
     GAP,
     LANES,
     NEW_DISPLACEMENT,
@@ -71,7 +62,6 @@ from workflow.schemes._stepping import (
     TEMPERATURE,
     VELOCITY,
     Block,
-    advance_load,
     blocks,
     collect,
     fill_lanes,
@@ -79,7 +69,10 @@ from workflow.schemes._stepping import (
     observe,
     start_load,
     take_marks,
+    tip_load,
+    turn_load,
     watch,
+    weigh_load,
 )
 
 YIELD, REACH = SEPARATED + 1, SEPARATED + 2
@@ -118,7 +111,15 @@ def thermal_amplification(rate: Array, h: float, theta: float) -> Array:
 
 @inlined
 def _touch(
-    operator: Coefficients, stiffness: float, damping: float, h: float, own: Array, load: Array, tip: Array, lanes: int
+    operator: Coefficients,
+    stiffness: float,
+    damping: float,
+    h: float,
+    sine: float,
+    own: Array,
+    load: Array,
+    tip: Array,
+    lanes: int,
 ) -> None:
     """Close the step: load and contact impulse at the tip, from its free velocity to its new state."""
     assert own.shape[1] == LANES
@@ -127,25 +128,25 @@ def _touch(
     theta = operator.theta
     for lane in range(lanes):
         x, v, w, held = tip[DISPLACEMENT, lane], tip[VELOCITY, lane], own[DELASSUS, lane], own[LATEST, lane]
-        pushed = h * ((1.0 - theta) * load[FORCE_BEFORE, lane] + theta * load[FORCE, lane])
+        pushed = h * tip_load(sine, load, lane)
         begun = h * (1.0 - theta) * held
         apart = tip[NEW_VELOCITY, lane] + operator.inverse_mass * pushed - w * begun
         depth = x + h * (theta * apart + (1.0 - theta) * v) - tip[GAP, lane]
-        force = (stiffness * depth + damping * apart) * own[YIELD, lane]
+        pressed = (stiffness * depth + damping * apart) * own[YIELD, lane]
         most = depth * own[REACH, lane]
-        force = most if force > most else force
-        force = force if depth > 0.0 else 0.0
-        force = 0.0 if force <= 0.0 else force  # a NaN passes
-        p = begun + h * theta * force
-        after = apart - w * (h * theta * force)
-        own[LATEST, lane] = force
+        pressed = most if pressed > most else pressed
+        pressed = pressed if depth > 0.0 else 0.0
+        pressed = 0.0 if pressed <= 0.0 else pressed  # a NaN passes
+        p = begun + h * theta * pressed
+        after = apart - w * (h * theta * pressed)
+        own[LATEST, lane] = pressed
         own[PUSHED, lane] = pushed - p
         own[HEAT, lane] = own[ALPHA, lane] * p
         tip[STEP_IMPULSE, lane] = p
         tip[NEW_VELOCITY, lane] = after
         tip[NEW_TEMPERATURE, lane] += operator.warming * own[HEAT, lane]
         tip[NEW_DISPLACEMENT, lane] = x + h * (theta * after + (1.0 - theta) * v)
-        touches, touched = force > 0.0, held > 0.0
+        touches, touched = pressed > 0.0, held > 0.0
         approach = v if touches and not touched else own[APPROACH, lane]
         ended = 1.0 if touched and not touches else 0.0
         own[APPROACH, lane] = approach
@@ -179,34 +180,19 @@ def _march(
     audit: Audit,
 ) -> None:
     """Step a block of cases as :mod:`workflow.schemes.moreau` does, with another contact."""
-    modes, heat_modes = operator.modes, operator.heat_modes
     load, tip, lanes, h, next_mark = block.load, block.tip, block.lanes, block.h, block.marks.next_mark
-    heated, paired = tau.shape[0] > 0, operator.pair_mode.size > 0
-    theta, audited, sums = audit.theta, audit.sums.shape[0] > 0, audit.sums
+    theta, sums = operator.theta, audit.sums
     start_load(h, load, lanes)
-    if audited:
-        open_audit(audit, lanes)
     for step in range(1, block.steps + 1):
-        begin(step * h, own, tip, lanes)
-        if heated:
-            if paired or step == block.steps:
-                take_heat(heat_modes, tau, own, tau_before, lanes)
-            conduct(heat_modes, tau, own, tip, lanes)
-            swing_heated(modes, h, motion, own, tip, lanes)
-            if paired:
-                pull_pairs(operator, tau_before, motion, tip, lanes)
-        else:
-            swing(modes, h, motion, own, tip, lanes)
-        advance_load(step, h, load, lanes)
-        _touch(operator, stiffness, damping, h, own, load, tip, lanes)
-        if audited:
-            if heated:
-                leak(h, audit.heat_modes, audit.heat, own, sums, lanes)
-                couple(audit.coupling, audit.heat, audit.motion, lanes)
-            account(theta, h, audit.modes, audit.motion, own, load, tip, sums, lanes)
+        turn_load(step, h, load, lanes)
+        sine = weigh_load(1.0 - theta, theta, load, lanes)
+        move_freely(operator, step * h, h, step == block.steps, own, motion, tau, tau_before, tip, lanes)
+        _touch(operator, stiffness, damping, h, sine, own, load, tip, lanes)
+        audit_step(theta, h, audit, own, load, lanes)
+        if sums.shape[0] > 0:
             _store(stiffness, h, tip, sums, lanes)
         observe(take_marks(step, block) if step == next_mark[0] else h, tip, lanes)
-    take_heat(heat_modes, tau, own, tau, lanes)
+    take_heat(operator.heat_modes, tau, own, tau, lanes)
 
 
 def _run(operator: Operator, modal: Decoupled, cases: Cases, sampling: Sampling) -> Results:
@@ -232,11 +218,11 @@ def _run(operator: Operator, modal: Decoupled, cases: Cases, sampling: Sampling)
     zeta = begun.velocity * modal.tip
     xi = begun.position * modal.tip - h * theta * zeta
     pairs = grouped(MODES, zeta.T, xi.T).reshape(-1, 2 * MODES, cases.count)
-    heat = grouped(HEAT_MODES, begun.heat.T)[:, 0]
+    heat = grouped(HEAT_MODES, (begun.heat * modal.glow).T)[:, 0]
     own, motion = lane_rows(_ROWS), lane_rows(*pairs.shape[:2])
     tau, tau_before = lane_rows(*heat.shape[:2]), lane_rows(*heat.shape[:2])
     closing = begun.closing + begun.closing_rate * sampling.duration
-    growth = grouped(HEAT_MODES, modal.static_growth)[:, 0, :, None]
+    growth = grouped(HEAT_MODES, modal.static_growth / modal.glow)[:, 0, :, None]
     books = Books(operator.structure, modal, cases, begun.tip_force, h, theta) if sampling.balances else None
     audit = no_audit() if books is None else books.audit
     rebound = np.full((2, cases.count), np.nan)
