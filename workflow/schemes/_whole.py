@@ -63,7 +63,7 @@ class _Offered(LoweringPass):
     def run_pass(self, state: Any) -> bool:
         """Register the part under a builtin, as numba asks for, that raises where Python calls it."""
         lowered = state["cr"]
-        entry = f"{{{state.func_id.func_name} is a part of kernels: Python cannot call it}}".format
+        entry = f"{{{state.func_id.func_name} is a part of kernels that Python cannot call}}".format
         state.library.environment = lowered.env  # which nothing else keeps
         state.targetctx.insert_user_function(entry, lowered.fndesc, [state.library])
         state["cr"] = lowered._replace(cfunc=entry)
