@@ -23,6 +23,9 @@ from workflow.schemes._whole import KernelCompiler, PartCompiler
 F = TypeVar("F", bound=Callable[..., Any])
 
 
+_NAME = "kernels-"
+
+
 @cache
 def cache_directory() -> Path:
     """Return where compiled kernels of this very source are kept: ``NUMBA_CACHE_DIR`` or our own."""
@@ -30,7 +33,7 @@ def cache_directory() -> Path:
     here = Path(__file__).parent
     for source in sorted(here.glob("*.py")):
         digest.update(source.name.encode() + source.read_bytes())
-    name = f"kernels-{digest.hexdigest()[:16]}"
+    name = f"{_NAME}{digest.hexdigest()[:16]}"
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "rotor-stator-workflow"
     for parent in [Path(chosen)] if chosen else [here / "__pycache__", home]:
@@ -42,6 +45,11 @@ def cache_directory() -> Path:
         except OSError:
             continue
     return Path(tempfile.mkdtemp(prefix="rotor-stator-workflow-"))
+
+
+def is_lasting() -> bool:
+    """Tell whether other processes find the same directory."""
+    return cache_directory().name.startswith(_NAME)
 
 
 def _compiled(function: F, **options: Any) -> F:
