@@ -18,7 +18,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 
-from workflow.schemes._whole import KernelCompiler, PartCompiler
+from workflow.schemes._whole import KernelCompiler, PartCompiler, typed_alike
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -68,7 +68,7 @@ def _translated(function: F, **options: Any) -> F:
     """Translate where a kernel calls it first: without an entry from Python and a cache of its own."""
     options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     options |= {"nogil": True, "error_model": "numpy", "pipeline_class": PartCompiler}
-    return cast(F, numba.njit(**options)(function))
+    return cast(F, typed_alike(numba.njit(**options)(function)))
 
 
 def kernel(function: F) -> F:
