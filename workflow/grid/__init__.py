@@ -1,5 +1,6 @@
 """From a study to batches of cases that share their operators, and to the tasks dask runs."""
 
+from workflow.grid._ahead import compiling
 from workflow.grid._arrangement import Grid, arrange, fixes_operator, reads
 from workflow.grid._identity import case_hashes
 from workflow.grid._operators import reduced_structure, structure_of
@@ -18,6 +19,7 @@ __all__ = [
     "arrange",
     "bytes_per_case",
     "case_hashes",
+    "compiling",
     "fixes_operator",
     "longest_period_count",
     "plan",

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from workflow import schemes
 from workflow.grid._arrangement import Grid, Indices, values_along
 from workflow.grid._conditions import conditions
-from workflow.grid._operators import compile_scheme, run_batch, runaway_of, structure_of
+from workflow.grid._operators import kernels_of, run_batch, runaway_of, structure_of
 from workflow.grid._reference import against_reference
 from workflow.models import Array, Cases
 from workflow.schemes import Results, Sampling, Status, complete_periods
+from workflow.schemes._compile import compile_scheme
 from workflow.study import Cell, Study
 
 SHORT, REPEATS = 2e-3, 3
@@ -72,7 +73,7 @@ def _solve_distinct(grid: Grid, outer: int, inner: Indices) -> Solved:
     cell = grid.settings(outer)
     structure = structure_of(cell.scene.model, cell.scene.parameters)
     cases = conditions(cell, structure, grid.inner_values(inner), inner.size)
-    compile_scheme(cell)
+    compile_scheme(kernels_of(cell))
     results, seconds = _timed(grid, cell, cases)
     critical, growth = np.transpose([runaway_of(cell, float(alpha)) for alpha in cases.alpha])
     values: dict[str, NDArray[Any]] = {

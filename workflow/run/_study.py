@@ -33,10 +33,11 @@ from workflow.archive import (
     start_parts,
     study_key,
 )
-from workflow.grid import Task, arrange, case_hashes, tasks, units_of
+from workflow.grid import Task, arrange, case_hashes, compiling, tasks, units_of
 from workflow.run._outcome import Outcome, summarise
 from workflow.run._runner import runner
 from workflow.run._task import Job, Stored
+from workflow.run._threads import available_threads
 from workflow.schemes import SOLVER_VERSION, Status
 from workflow.study import Study
 
@@ -100,7 +101,8 @@ def run_study(
     units = units_of(grid)
     layout = describe(study, grid, units)
     hashes = case_hashes(grid)
-    with runner(threads, workers, scheduler) as run_tasks, holding(parts):
+    helpers = (threads or available_threads()) - 1 if workers is None and scheduler is None else 0
+    with runner(threads, workers, scheduler) as run_tasks, holding(parts), compiling(grid, helpers):
         known = _known(archive, layout, hashes, retry, recompute) if archive.exists() else None
         if known is not None and np.any(known.cells >= 0):
             layout = replace(layout, provenance={**layout.provenance, **_made_elsewhere(archive, layout)})
