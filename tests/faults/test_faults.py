@@ -154,7 +154,7 @@ def test_a_damaged_shard_is_computed_again(
 ) -> None:
     archive = tmp_path / "a.nc"
     interrupted(archive, 3)
-    damage(sorted(parts_of(archive).glob("*.h5"))[1])
+    damage(sorted(parts_of(archive).glob("*.shard"))[1])
     assert run_study(STUDY, archive).resumed == 8
     assert content_hash(archive) == expected
 

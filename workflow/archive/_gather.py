@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from workflow.archive._content import hash_content
 from workflow.archive._create import PROVENANCE, create
 from workflow.archive._files import ArchiveError, free_space, sync, writing
+from workflow.archive._guard import vouch
 from workflow.archive._known import Known
 from workflow.archive._layout import NOT_RUN, STATUS, Layout, Variable
 from workflow.archive._parts import remove_parts
 from workflow.archive._seal import BLANK, FILE_CHECKSUM, seal
-from workflow.archive._shard import Shard, Shards, encode_chunk, find_shards
+from workflow.archive._shard import Shard, Shards, decode_chunk, encode_chunk, find_shards, stored_chunks
 
 
 def gather(
@@ -68,6 +69,7 @@ def gather(
         with writing("the archive", target.parent):
             os.replace(aside, target)
             sync(target.parent)
+            vouch(target)
     except BaseException:
         aside.unlink(missing_ok=True)
         raise
@@ -101,9 +103,9 @@ def assemble(
         stored = {variable.name: archive[variable.name] for variable in layout.variables}
         for number, shard in enumerate(shards.files):
             units = np.flatnonzero(shards.owner == number).tolist()
-            with h5py.File(shard.path, "r") as source:
-                for variable in layout.variables:
-                    _copy(source, stored[variable.name], layout, variable, shard, units)
+            chunks = stored_chunks(shard) if units else {}
+            for variable in layout.variables:
+                _copy(chunks, stored[variable.name], layout, variable, shard, units)
         if known is not None and np.any(copies >= 0):
             with h5py.File(known.path, "r") as source:
                 for variable in layout.variables:
@@ -114,21 +116,24 @@ def assemble(
                 _leave_blank(stored[variable.name], layout, variable, missing)
 
 
-def _copy(source: Any, archive: Any, layout: Layout, variable: Variable, shard: Shard, units: list[int]) -> None:
-    import h5py
-
-    if archive.chunks is None:  # a scalar: one cell without t
-        for unit in units:
-            archive[()] = source[variable.name][unit - shard.first, 0]
-        return
-    read = h5py.h5d.open(source.id, variable.name.encode()).read_direct_chunk
-    write = archive.id.write_direct_chunk
-    tails = list(_tails(layout, variable))
+def _copy(
+    chunks: Mapping[str, list[list[bytes]]],
+    archive: Any,
+    layout: Layout,
+    variable: Variable,
+    shard: Shard,
+    units: list[int],
+) -> None:
+    """Put the chunks of some units of a shard in their places."""
+    tails, write = list(_tails(layout, variable)), archive.id.write_direct_chunk
     for unit in units:
+        stored = chunks[variable.name][unit - shard.first]
+        if archive.chunks is None:  # a scalar: one cell without t
+            archive[()] = decode_chunk(stored[0], variable.dtype)[0]
+            continue
         offset = layout.offset_of(unit)
-        for tail in tails:
-            mask, chunk = read((unit - shard.first, 0, *tail))
-            write((*offset, *tail), chunk, mask)
+        for tail, chunk in zip(tails, stored, strict=True):
+            write((*offset, *tail), chunk)
 
 
 def _copy_known(source: Any, archive: Any, layout: Layout, variable: Variable, copies: NDArray[np.int64]) -> None:
