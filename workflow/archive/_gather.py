@@ -16,7 +16,6 @@ from workflow.archive._files import ArchiveError, free_space, sync, writing
 from workflow.archive._guard import vouch
 from workflow.archive._known import Known
 from workflow.archive._layout import NOT_RUN, STATUS, Layout, Variable
-from workflow.archive._parts import remove_parts
 from workflow.archive._seal import BLANK, FILE_CHECKSUM, seal
 from workflow.archive._shard import Shard, Shards, decode_chunk, encode_chunk, find_shards, stored_chunks
 
@@ -28,7 +27,7 @@ def gather(
     hashes: NDArray[np.uint8] | None = None,
     known: Known | None = None,
 ) -> None:
-    """Make the archive of complete shards, read it back, put it under its name, remove the shards.
+    """Make the archive of complete shards, read it back, put it under its name; the shards may go then.
 
     At no time is there an incomplete file under the archive's name: it is made inside ``parts``,
     flushed, and renamed over ``target``.
@@ -73,7 +72,6 @@ def gather(
     except BaseException:
         aside.unlink(missing_ok=True)
         raise
-    remove_parts(parts)
 
 
 def assemble(

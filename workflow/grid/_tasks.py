@@ -22,6 +22,9 @@ TASKS_WANTED = 64
 """Tasks a study is cut in where that makes them neither too short nor too long: the same for any
 number of threads, so that an interrupted run finds its shards again."""
 
+LAST = 16
+"""Tasks that what is left of a study is cut in at least, down to the shortest: threads then end together."""
+
 SETTING_UP = 2e-3
 """Seconds for what the cases of an outer index share: modes, operators, arrays of a batch."""
 
@@ -124,18 +127,24 @@ def tasks(grid: Grid, units: Units) -> Iterator[Task]:
     total = float(seconds.sum()) * grid.inner_count + SETTING_UP * seconds.size
     wanted = min(max(total / TASKS_WANTED, SHORTEST), LONGEST)
     most_cases = max(units.chunk, TASK_BYTES // bytes_per_case(grid))
-    number, gathered, work, cases = 0, [], 0.0, 0
+    gathered: list[Segment] = []
+    number, work, cases, spent = 0, 0.0, 0, 0.0
+
+    def told() -> Task:
+        return Task(number, tuple(gathered), work, cases)
+
     for outer, each in zip(grid.places, map(float, seconds), strict=True):
         first = 0
         while first < units.count:
-            work += SETTING_UP
-            room = min((wanted - work) / (each * units.chunk), (most_cases - cases) / units.chunk)
-            taken = min(units.count - first, max(1, int(room)))
+            fair = min(wanted, max((total - spent) / LAST, SHORTEST))
+            room, fitting = (fair - work - SETTING_UP) / (each * units.chunk), (most_cases - cases) // units.chunk
+            if gathered and (work >= 0.9 * fair or room < 0.5 or fitting < 1):
+                yield told()
+                number, gathered, work, cases, spent = number + 1, [], 0.0, 0, spent + work
+                continue
+            taken = min(units.count - first, max(1, round(min(room, units.count))), fitting)
             gathered.append(Segment(outer, first, taken))
             size = units.cases(first, taken)[0].size
-            work, cases, first = work + size * each, cases + size, first + taken
-            if work >= 0.9 * wanted or cases + units.chunk > most_cases:
-                yield Task(number, tuple(gathered), work, cases)
-                number, gathered, work, cases = number + 1, [], 0.0, 0
+            work, cases, first = work + SETTING_UP + size * each, cases + size, first + taken
     if gathered:
-        yield Task(number, tuple(gathered), work, cases)
+        yield told()

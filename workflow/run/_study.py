@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -95,7 +96,7 @@ def run_study(
         if parts.exists():  # of a run that was killed between its last two steps
             with holding(parts):
                 remove_parts(parts)
-        return summarise(archive, time.perf_counter() - begun, None)
+        return replace(summarise(archive, None), seconds=time.perf_counter() - begun)
     grid = arrange(study)
     units = units_of(grid)
     layout = describe(study, grid, units)
@@ -119,7 +120,11 @@ def run_study(
         missing = (task for task in tasks(grid, units) if _is_missing(task, job, there))
         run_tasks(job, missing, _counting(job, before, done, progress))
         gather(layout, parts, archive, hashes, known)
-    return summarise(archive, time.perf_counter() - begun, resumed)
+        with ThreadPoolExecutor(1) as aside:  # freeing a file's blocks takes a disk a millisecond or two
+            removal = aside.submit(remove_parts, parts)
+            outcome = summarise(archive, resumed)
+            removal.result()
+    return replace(outcome, seconds=time.perf_counter() - begun)
 
 
 def _is_current(study: Study, archive: Path) -> bool:
