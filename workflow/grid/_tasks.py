@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
@@ -19,14 +20,18 @@ SHORTEST, LONGEST = 0.1, 5.0
 of a run waits for single tasks."""
 
 TASKS_WANTED = 64
-"""Tasks a study is cut in where that makes them neither too short nor too long: the same for any
-number of threads, so that an interrupted run finds its shards again."""
+"""Tasks a study is cut in where that makes them neither too short nor too long, and a smaller power of
+two where they would be too short, so that they divide evenly: the same for any number of threads, so
+that an interrupted run finds its shards again."""
 
-LAST = 16
-"""Tasks that what is left of a study is cut in at least, down to the shortest: threads then end together."""
+LAST = 8
+"""Tasks that what is left of a study is cut in at least, down to twice the shortest: threads then end together."""
 
 SETTING_UP = 2e-3
 """Seconds for what the cases of an outer index share: modes, operators, arrays of a batch."""
+
+HANDLING = 5e-6
+"""Seconds a case takes beside its steps: its conditions, metrics, their compression."""
 
 TASK_BYTES = 32 * 2**20
 """Results a task holds in memory before they are written."""
@@ -123,9 +128,9 @@ def units_of(grid: Grid) -> Units:
 
 def tasks(grid: Grid, units: Units) -> Iterator[Task]:
     """Yield the tasks of a study in archive order, one at a time; only distinct results are computed."""
-    seconds = computed_seconds(grid)
+    seconds = computed_seconds(grid) + HANDLING
     total = float(seconds.sum()) * grid.inner_count + SETTING_UP * seconds.size
-    wanted = min(max(total / TASKS_WANTED, SHORTEST), LONGEST)
+    wanted = max(_power_of_two_below(min(total / SHORTEST, TASKS_WANTED)), math.ceil(total / LONGEST))
     most_cases = max(units.chunk, TASK_BYTES // bytes_per_case(grid))
     gathered: list[Segment] = []
     number, work, cases, spent = 0, 0.0, 0, 0.0
@@ -136,8 +141,10 @@ def tasks(grid: Grid, units: Units) -> Iterator[Task]:
     for outer, each in zip(grid.places, map(float, seconds), strict=True):
         first = 0
         while first < units.count:
-            fair = min(wanted, max((total - spent) / LAST, SHORTEST))
-            room, fitting = (fair - work - SETTING_UP) / (each * units.chunk), (most_cases - cases) // units.chunk
+            left = total - spent
+            fair = min(left / max(1, wanted - number), max(left / LAST, 2 * SHORTEST), LONGEST)
+            begin = SETTING_UP if first == 0 else 0.0
+            room, fitting = (fair - work - begin) / (each * units.chunk), (most_cases - cases) // units.chunk
             if gathered and (work >= 0.9 * fair or room < 0.5 or fitting < 1):
                 yield told()
                 number, gathered, work, cases, spent = number + 1, [], 0.0, 0, spent + work
@@ -145,6 +152,10 @@ def tasks(grid: Grid, units: Units) -> Iterator[Task]:
             taken = min(units.count - first, max(1, round(min(room, units.count))), fitting)
             gathered.append(Segment(outer, first, taken))
             size = units.cases(first, taken)[0].size
-            work, cases, first = work + SETTING_UP + size * each, cases + size, first + taken
+            work, cases, first = work + begin + size * each, cases + size, first + taken
     if gathered:
         yield told()
+
+
+def _power_of_two_below(value: float) -> int:
+    return 1 << max(0, int(value).bit_length() - 1)
