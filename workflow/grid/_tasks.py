@@ -100,12 +100,17 @@ def computed_seconds(grid: Grid) -> NDArray[np.float64]:
     """Return the seconds of a case of every outer index that is computed, in the order of ``grid.places``.
 
     The cost model knows scheme, step and sizes: what else an axis varies in a structure does not count.
+    Structures are made for it, and kept for the run, so that one thread of BLAS makes them here as in a
+    task: their last bits depend on the number of threads.
     """
+    from threadpoolctl import threadpool_limits
+
     model = grid.study.scene.model
     alike, where = np.unique(
         grid.alike(grid.places.computed, lambda path: _decides_cost(path, model)), return_inverse=True
     )
-    return np.array([seconds_per_case(grid, int(outer)) for outer in alike])[where]
+    with threadpool_limits(limits=1, user_api="blas"):
+        return np.array([seconds_per_case(grid, int(outer)) for outer in alike])[where]
 
 
 def _decides_cost(path: str, model: str) -> bool:
