@@ -132,7 +132,8 @@ def run(
                     recompute=recompute,
                 )
         except ClusterError as error:
-            print(error, file=sys.stderr)
+            stored = f"; {reached[0]} of {reached[1]} cases are stored beside {archive}" if reached else ""
+            print(f"{error}{stored}", file=sys.stderr)
             raise typer.Exit(WRONG) from None
         except KeyboardInterrupt as stopped:
             stored = f"{reached[0]} of {reached[1]} cases are" if reached else "what was done is"

@@ -220,6 +220,7 @@ class Trap:
 
 
 def test_what_is_known_is_never_a_pickle(tmp_path: Path) -> None:
+    (tmp_path / "a.nc").touch()
     keep_known(tmp_path, Known(tmp_path / "a.nc", np.arange(3)))
     known = read_known(tmp_path)
     assert known is not None

@@ -19,6 +19,9 @@ from workflow.archive._layout import NOT_RUN, STATUS, Layout, Variable
 from workflow.archive._seal import BLANK, FILE_CHECKSUM, seal
 from workflow.archive._shard import Shard, Shards, decode_chunk, encode_chunk, find_shards, stored_chunks
 
+_VARIABLE_BYTES, _CHUNK_BYTES, _CELL_BYTES = 5000, 100, 16
+"""What an archive takes beside its chunks: attributes and indices, up to these in archives of all sizes; hashes."""
+
 
 def gather(
     layout: Layout,
@@ -58,7 +61,7 @@ def gather(
     aside = parts / f"{target.name}.tmp"
     try:
         with writing("the archive", parts):
-            _make_room(shards, known, parts)
+            _make_room(layout, shards, known, parts)
             assemble(layout, shards, aside, hashes, known)
             digest = hash_content(aside)
             _tell_hash(aside, digest)
@@ -177,12 +180,14 @@ def _messages(layout: Layout, shards: Shards) -> dict[int, str]:
     return found
 
 
-def _make_room(shards: Shards, known: Known | None, directory: Path) -> None:
+def _make_room(layout: Layout, shards: Shards, known: Known | None, directory: Path) -> None:
     """Refuse before HDF5 runs into a full disk, which it cannot recover from."""
     needed = sum(shard.path.stat().st_size for shard in shards.files)
     needed += 0 if known is None else known.path.stat().st_size
+    variables = len(layout.variables) + len(layout.coordinates)
+    needed += variables * (_VARIABLE_BYTES + _CHUNK_BYTES * layout.units) + layout.cells * _CELL_BYTES
     if needed > free_space(directory):
-        raise OSError(f"no space left on device, it needs about {needed / 2**20:.0f} MiB")
+        raise OSError(f"no space left on device, it needs about {needed / 2**20:.3g} MiB")
 
 
 def _tell_hash(path: Path, digest: str) -> None:
