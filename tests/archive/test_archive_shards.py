@@ -265,6 +265,21 @@ def test_shards_of_another_study_are_not_taken_over(parts: Path) -> None:
     assert archive.find_shards(parts, LAYOUT).complete
 
 
+def test_a_directory_of_somebody_else_is_left_alone(tmp_path: Path) -> None:
+    parts = archive.parts_of(tmp_path / "a.nc")
+    parts.mkdir()
+    (parts / "letters.txt").touch()
+    with pytest.raises(archive.ArchiveError, match=r"a\.nc\.parts: holds letters\.txt, which no run left there"):
+        archive.start_parts(parts, LAYOUT)
+    assert [file.name for file in parts.iterdir()] == ["letters.txt"]
+
+
+def test_what_a_killed_removal_left_is_taken_up(parts: Path) -> None:
+    (parts / "layout.json").unlink()
+    archive.start_parts(parts, LAYOUT)
+    assert archive.find_shards(parts, LAYOUT).complete
+
+
 @pytest.mark.parametrize("content", [b"", b"[]", b'{"format": 1}', b"\xff"])
 def test_a_damaged_layout_is_said(parts: Path, content: bytes) -> None:
     (parts / "layout.json").write_bytes(content)

@@ -48,7 +48,7 @@ def gather(
         Units are missing or damaged, the disk is full or not writable, or what was written does not
         read back. ``target`` is as it was before and the shards are kept.
     """
-    parts, target = Path(parts), Path(target)
+    parts, target = Path(parts), Path(os.path.realpath(target))  # a link goes on to lead to it
     shards = find_shards(parts, layout)
     copies = np.full(layout.units, -1) if known is None else known.copies(layout)
     if np.any((shards.owner < 0) & (copies < 0)):
