@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import deque
 from collections.abc import Callable, Iterator
 from itertools import islice
 from threading import BoundedSemaphore
@@ -22,7 +23,9 @@ def available_threads() -> int:
 def run_on_threads(job: Job, missing: Iterator[Task], stored: Callable[[Stored], None], threads: int) -> None:
     """Run tasks, a bounded number of them in a graph at a time; ``stored`` hears of each when its shards are safe.
 
-    Beside those that compute there are a few more threads, so that others do while some wait for the disk.
+    Tasks begin in their order, which dask alone would not keep: those that follow each other share
+    operators and references. Beside the threads that compute there are a few more, so that others do
+    while some wait for the disk.
     """
     from dask.base import compute
     from dask.delayed import delayed
@@ -30,11 +33,13 @@ def run_on_threads(job: Job, missing: Iterator[Task], stored: Callable[[Stored],
 
     computing = BoundedSemaphore(threads)
     waiting = min(threads - 1, 1 + threads // 8)
+    next_ones: deque[Task] = deque()
 
-    def one(task: Task) -> None:
-        stored(store_task(job, task, computing))
+    def next_one() -> None:
+        stored(store_task(job, next_ones.popleft(), computing))
 
-    run = delayed(one, pure=False, traverse=False)
+    run = delayed(next_one, pure=False, traverse=False)
     with threadpool_limits(limits=1, user_api="blas"):
         while some := list(islice(missing, _GRAPH)):
-            compute(*[run(task) for task in some], scheduler="threads", num_workers=threads + waiting)
+            next_ones.extend(some)
+            compute(*[run() for _ in some], scheduler="threads", num_workers=threads + waiting)
