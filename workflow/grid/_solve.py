@@ -75,7 +75,8 @@ def _solve_distinct(grid: Grid, outer: int, inner: Indices) -> Solved:
     cases = conditions(cell, structure, grid.inner_values(inner), inner.size)
     compile_scheme(kernels_of(cell))
     results, seconds = _timed(grid, cell, cases)
-    critical, growth = np.transpose([runaway_of(cell, float(alpha)) for alpha in cases.alpha])
+    distinct, where = np.unique(cases.alpha, return_inverse=True)
+    critical, growth = np.transpose([runaway_of(cell, float(alpha)) for alpha in distinct])[:, where]
     values: dict[str, NDArray[Any]] = {
         **results.histories,
         **{name: np.full(inner.size, np.nan) for name in scheme_metrics(grid.study)},
