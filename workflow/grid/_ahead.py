@@ -8,12 +8,17 @@ from contextlib import AbstractContextManager, suppress
 from workflow.grid._arrangement import Grid
 from workflow.grid._operators import kernels_of
 from workflow.grid._reference import reference_cell
-from workflow.schemes._compile import Wanted, compiled_ahead
+from workflow.schemes._compile import Wanted, at_work, compiled_ahead
 
 
 def compiling(grid: Grid, processes: int) -> AbstractContextManager[None]:
     """Compile the schemes of a study but for the first that runs, in up to so many processes beside this one."""
     return compiled_ahead(list(_wanted(grid)) if processes > 0 else [], processes)
+
+
+def is_compiling() -> bool:
+    """Tell whether some kernels are being compiled beside this process: tasks may have to wait for them."""
+    return at_work()
 
 
 def _wanted(grid: Grid) -> Iterator[Wanted]:

@@ -7,10 +7,11 @@ from typing import Any
 
 from workflow import models, schemes
 from workflow.grid._conditions import at_rest
+from workflow.grid._turns import waiting
 from workflow.models import MOST_NODES_WITH_MATRICES, Cases, Chain, Structure, critical_alpha, growth_rate
 from workflow.reduction import Reduction, reduce_structure
 from workflow.schemes import Results, Sampling
-from workflow.schemes._compile import Wanted
+from workflow.schemes._compile import Wanted, compile_scheme
 from workflow.study import Cell
 
 _OPERATORS_KEPT = 16
@@ -83,6 +84,11 @@ def kernels_of(cell: Cell) -> Wanted:
     scheme = schemes.load(cell.scheme.method)
     swept = hasattr(scheme, "is_swept") and scheme.is_swept(reduced_structure(cell))
     return Wanted(cell.scheme.method, cell.scheme.options, MOST_NODES_WITH_MATRICES + 1 if swept else 1)
+
+
+def compile_for(cell: Cell) -> None:
+    """Have the kernels of a cell compiled, so that no case's wall time holds that."""
+    compile_scheme(kernels_of(cell), waiting)
 
 
 def runaway_of(cell: Cell, alpha: float) -> tuple[float, float]:

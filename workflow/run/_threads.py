@@ -6,13 +6,15 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterator
 from itertools import islice
-from threading import BoundedSemaphore
 
-from workflow.grid import Task
+from workflow.grid import Task, Turns, is_compiling
 from workflow.run._task import Job, Stored, store_task
 
 _GRAPH = 512
 """Tasks given to dask at a time, so that the graph of a large study is never there at once."""
+
+_BEGUN_WHILE_COMPILING = 16
+"""Tasks begun beside those that compute, while some wait for kernels that a helper process compiles."""
 
 
 def available_threads() -> int:
@@ -25,14 +27,14 @@ def run_on_threads(job: Job, missing: Iterator[Task], stored: Callable[[Stored],
 
     Tasks begin in their order, which dask alone would not keep: those that follow each other share
     operators and references. Beside the threads that compute there are a few more, so that others do
-    while some wait for the disk.
+    while some wait for the disk or, more of them, for kernels that are compiled beside the run.
     """
     from dask.base import compute
     from dask.delayed import delayed
     from threadpoolctl import threadpool_limits
 
-    computing = BoundedSemaphore(threads)
-    waiting = min(threads - 1, 1 + threads // 8)
+    computing = Turns(threads)
+    waiting = _BEGUN_WHILE_COMPILING if is_compiling() else min(threads - 1, 1 + threads // 8)
     next_ones: deque[Task] = deque()
 
     def next_one() -> None:
@@ -40,6 +42,9 @@ def run_on_threads(job: Job, missing: Iterator[Task], stored: Callable[[Stored],
 
     run = delayed(next_one, pure=False, traverse=False)
     with threadpool_limits(limits=1, user_api="blas"):
-        while some := list(islice(missing, _GRAPH)):
-            next_ones.extend(some)
-            compute(*[run() for _ in some], scheduler="threads", num_workers=threads + waiting)
+        try:
+            while some := list(islice(missing, _GRAPH)):
+                next_ones.extend(some)
+                compute(*[run() for _ in some], scheduler="threads", num_workers=threads + waiting)
+        finally:
+            computing.end()

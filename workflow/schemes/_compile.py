@@ -15,9 +15,9 @@ import pickle
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, fields
 from functools import cache
 from pathlib import Path
@@ -49,11 +49,12 @@ _HELPERS: dict[str, Future[None]] = {}
 """By method: what is being compiled by others, or about to be."""
 
 
-def compile_scheme(wanted: Wanted) -> None:
-    """Run a scheme once, so that no case's wall time holds compilation."""
+def compile_scheme(wanted: Wanted, waiting: Callable[[], AbstractContextManager[None]] = nullcontext) -> None:
+    """Run a scheme once, so that no case's wall time holds compilation; wait for others within ``waiting``."""
     helper = _HELPERS.get(wanted.method)
     if helper is not None and not helper.cancel():  # it has begun: it is nearer to its end than we are
-        helper.result()
+        with waiting():
+            helper.result()
     _compile(wanted)
 
 
@@ -83,6 +84,11 @@ def _uncollected() -> Iterator[None]:
     finally:
         if enabled:
             gc.enable()
+
+
+def at_work() -> bool:
+    """Tell whether others compile what this process has not asked for yet."""
+    return any(not helper.done() for helper in list(_HELPERS.values()))
 
 
 def _note(wanted: Wanted) -> Path | None:
