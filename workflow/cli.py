@@ -81,6 +81,15 @@ def _is_hdf5(path: Path) -> bool:
         return False
 
 
+def _named(archive: Path) -> Path:
+    """Refuse a path that names no file: nothing, a dot, the root."""
+    from workflow.archive import ArchiveError
+
+    if not archive.name:
+        raise ArchiveError(f"{archive}: a directory, not an archive; name a file")
+    return archive
+
+
 def _read(path: Path) -> Study:
     """Read a study from its YAML, or from the archive that came of it."""
     from workflow.archive import provenance
@@ -117,7 +126,7 @@ def run(
         from workflow.run import ClusterError, run_study
 
         read = _read(study)
-        archive = output or Path(f"{read.name}.nc")
+        archive = Path(f"{read.name}.nc") if output is None else _named(output)
         reached: list[int] = []
         try:
             with _stoppable(), _progress(console, reached) as progress:
@@ -132,7 +141,8 @@ def run(
                     recompute=recompute,
                 )
         except ClusterError as error:
-            print(error, file=sys.stderr)
+            stored = f"; {reached[0]} of {reached[1]} cases are stored beside {archive}" if reached else ""
+            print(f"{error}{stored}", file=sys.stderr)
             raise typer.Exit(WRONG) from None
         except KeyboardInterrupt as stopped:
             stored = f"{reached[0]} of {reached[1]} cases are" if reached else "what was done is"
@@ -175,7 +185,7 @@ def _progress(console: Console, reached: list[int]) -> Iterator[Progress]:
         TimeRemainingColumn(),
         TextColumn("left"),
     )
-    with Bar(*columns, console=console, transient=True) as bar:
+    with Bar(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("", total=None, failed=0)
 
         def advance(stored: int, failed: int, cases: int) -> None:
@@ -310,7 +320,7 @@ def report(
     with _told():
         from workflow.report import write_report
 
-        written = write_report(archives, output)
+        written = write_report([_named(archive) for archive in archives], output)
     if written.figure is not None:
         print(f"figure {written.figure}")
     print(f"page   {written.page}")

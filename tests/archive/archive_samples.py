@@ -135,6 +135,7 @@ def put_all(path: Path, layout: archive.Layout, results: Mapping[str, Any], boun
 def make_archive(path: Path, layout: archive.Layout, results: Mapping[str, Any], bounds: Iterable[int] = ()) -> Path:
     parts = put_all(path, layout, results, bounds)
     archive.gather(layout, parts, path)
+    archive.remove_parts(parts)
     return path
 
 

@@ -208,7 +208,6 @@ def test_an_incomplete_study_is_not_gathered(tmp_path: Path) -> None:
     put_shard(parts, layout, results, 17, 18)
     archive.gather(layout, parts, target)
     assert target.exists()
-    assert not parts.exists()
 
 
 @pytest.fixture
@@ -325,3 +324,16 @@ def test_removing_shards_twice_is_no_fault(tmp_path: Path) -> None:
     archive.remove_parts(parts)
     assert not parts.exists()
     archive.remove_parts(parts)
+
+
+def test_a_link_goes_on_to_lead_to_the_archive(tmp_path: Path) -> None:
+    layout = LAYOUTS["one dimension"]
+    (tmp_path / "disk").mkdir()
+    link, real = tmp_path / "a.nc", tmp_path / "disk" / "b.nc"
+    link.symlink_to(real)
+    for seed in (0, 1):
+        make_archive(link, layout, sample_results(layout, seed))
+        assert link.is_symlink()
+        with archive.open_archive(real) as dataset:
+            check_dataset(dataset, layout, sample_results(layout, seed))
+    assert sorted(tmp_path.rglob("*")) == sorted([link, real, real.parent])

@@ -141,7 +141,7 @@ def test_nothing_has_run_yet(tmp_path: Path, dims: tuple[tuple[str, int], ...]) 
 
 
 def test_a_view_sees_no_damaged_shard(begun: Path) -> None:
-    victim = min(archive.parts_of(begun).glob("*.h5"))
+    victim = min(archive.parts_of(begun).glob("*.shard"))
     victim.write_bytes(victim.read_bytes()[:-10])
     with archive.open_archive(begun) as view:
         assert int((view["status"] != 4).sum()) == len(LAYOUT.cells_of(17))

@@ -93,7 +93,7 @@ def test_a_damaged_shard_is_noticed(parts: Path, damage: str) -> None:
 @pytest.mark.parametrize("other", [sample_layout(key="another"), sample_layout(chunk=5), sample_layout(precision="f4")])
 def test_a_foreign_shard_is_noticed(parts: Path, tmp_path: Path, other: archive.Layout) -> None:
     foreign = put_all(tmp_path / "b.nc", other, sample_results(other))
-    [stranger] = foreign.glob("*.h5")
+    [stranger] = foreign.glob("*.shard")
     stranger.rename(parts / stranger.name)
     archive.find_shards(parts, LAYOUT).files[0].path.unlink()
     shards = archive.find_shards(parts, LAYOUT)
@@ -106,8 +106,8 @@ def test_a_foreign_shard_is_noticed(parts: Path, tmp_path: Path, other: archive.
 def test_a_file_with_the_right_checksum_that_is_no_shard(parts: Path) -> None:
     import hashlib
 
-    text = b"not HDF5"
-    (parts / f"00000000-00000018-000000-{hashlib.sha256(text).hexdigest()}.shard.h5").write_bytes(text)
+    text = b"something else"
+    (parts / f"00000000-00000018-000000-{hashlib.sha256(text).hexdigest()}.shard").write_bytes(text)
     [(_, fault)] = archive.find_shards(parts, LAYOUT).rejected
     assert fault == "not a shard"
 
@@ -154,7 +154,7 @@ def test_a_shard_is_flushed_before_and_its_directory_after_the_rename(
     monkeypatch.setattr(os, "fsync", spy_fsync)
     monkeypatch.setattr(os, "replace", spy_replace)
     put_shard(parts, LAYOUT, RESULTS, 0, 1)
-    assert events == [("fsync", ".tmp"), ("replace", ".tmp", ".h5"), ("fsync", ".parts")]
+    assert events == [("fsync", ".tmp"), ("replace", ".tmp", ".shard"), ("fsync", ".parts")]
 
 
 @pytest.mark.parametrize("call", ["fsync", "replace"])
@@ -262,6 +262,21 @@ def test_the_layout_comes_back_from_its_directory(parts: Path) -> None:
 def test_shards_of_another_study_are_not_taken_over(parts: Path) -> None:
     with pytest.raises(archive.ArchiveError, match="another study"):
         archive.start_parts(parts, sample_layout(key="another"))
+    assert archive.find_shards(parts, LAYOUT).complete
+
+
+def test_a_directory_of_somebody_else_is_left_alone(tmp_path: Path) -> None:
+    parts = archive.parts_of(tmp_path / "a.nc")
+    parts.mkdir()
+    (parts / "letters.txt").touch()
+    with pytest.raises(archive.ArchiveError, match=r"a\.nc\.parts: holds letters\.txt, which no run left there"):
+        archive.start_parts(parts, LAYOUT)
+    assert [file.name for file in parts.iterdir()] == ["letters.txt"]
+
+
+def test_what_a_killed_removal_left_is_taken_up(parts: Path) -> None:
+    (parts / "layout.json").unlink()
+    archive.start_parts(parts, LAYOUT)
     assert archive.find_shards(parts, LAYOUT).complete
 
 

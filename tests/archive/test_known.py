@@ -93,7 +93,7 @@ def test_what_is_copied_is_gathered(path: Path, tmp_path: Path) -> None:
     """Half of the units from the archive, half from shards, in an archive of one more row."""
     target = tmp_path / "b.nc"
     parts = put_all(target, LAYOUT, RESULTS)
-    for shard in parts.glob("*.h5"):
+    for shard in parts.glob("*.shard"):
         shard.unlink()
     put_shard(parts, LAYOUT, RESULTS, 0, 5)
     cells = np.arange(LAYOUT.cells)

@@ -2,17 +2,21 @@
 
 Durable overhead per case (wall time less the kernels' own, results on the disk) with threads and with
 local dask workers, side by side with xyzpy where it is installed; runs with nothing to do; opening and
-slicing; memory; what a whole run of the heavy chain takes beside its kernels; ``plan``.
+slicing; a value added to an axis; memory; what a whole run of the heavy chain takes beside its kernels;
+``plan``; and what a user waits for at the command line, the first run with nothing compiled included.
 """
 
 from __future__ import annotations
 
+import os
+import shutil
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stderr
+from io import StringIO
 from pathlib import Path
 from statistics import median
 
@@ -31,7 +35,7 @@ scene:
   casing: {{gap: 50 um}}
   load: {{amplitude: 10, frequency: 20 Hz}}
   duration: 0.1 s
-axes: {{h: 5e-3, alpha: {{lin: [0, 10, {rows}]}}, e: {{lin: [0, 0.9, {columns}]}}}}
+axes: {{h: 5e-3, alpha: {alpha}, e: {{lin: [0, 0.9, {columns}]}}}}
 output: {{interval: {interval}, histories: {histories}, balances: false}}
 """
 """One node, twenty steps."""
@@ -61,10 +65,15 @@ print(int(told.split("VmHWM:")[1].split()[0]) / 1024)
 """
 
 
-def trivial(cases: int, kind: dict[str, str]) -> str:
-    """Return the trivial study of some thousand cases."""
+ROOT = Path(__file__).parents[2]
+BLADE = ROOT / "studies" / "blade.yaml"
+
+
+def trivial(cases: int, kind: dict[str, str], rows: slice = slice(-1)) -> str:
+    """Return the trivial study of some thousand cases; there is one more value of alpha to take ``rows`` from."""
     columns = min(1000, cases // 2)
-    return TRIVIAL.format(rows=cases // columns, columns=columns, **kind)
+    alpha = [k / 100 for k in range(cases // columns + 1)]
+    return TRIVIAL.format(alpha=alpha[rows], columns=columns, **kind)
 
 
 def parsed(text: str) -> Study:
@@ -112,6 +121,58 @@ def nothing_to_do(cases: int, runs: int) -> tuple[float, float]:
     return median(again), median(sliced)
 
 
+def extension(cases: int, kind: dict[str, str]) -> tuple[float, float, float]:
+    """Return seconds of adding a value to an axis, of running its cases alone, and of copying the archive durably."""
+    new, whole = (parsed(trivial(cases, kind, rows)) for rows in (slice(-1, None), slice(None)))
+    with scratch() as directory:
+        run_study(parsed(trivial(cases, kind)), directory / "a.nc")
+        begun = time.perf_counter()
+        shutil.copyfile(directory / "a.nc", directory / "copy.nc")
+        with open(directory / "copy.nc", "rb") as file:
+            os.fsync(file.fileno())
+        copied = time.perf_counter()
+        run_study(new, directory / "new.nc")
+        alone = time.perf_counter()
+        run_study(whole, directory / "a.nc")
+        return time.perf_counter() - alone, alone - copied, copied - begun
+
+
+def command(*words: str | Path, runs: int = 1, **environment: str) -> float:
+    """Return the median seconds of ``workflow`` as a process of its own."""
+    here = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    here["PYTHONPATH"] = os.pathsep.join([str(ROOT), here.get("PYTHONPATH", "")])
+    seconds = []
+    for _ in range(runs):
+        begun = time.perf_counter()
+        subprocess.run(
+            [sys.executable, "-m", "workflow", *map(str, words)],
+            check=True,
+            capture_output=True,
+            env={**here, **environment},
+        )
+        seconds.append(time.perf_counter() - begun)
+    return median(seconds)
+
+
+def commands(runs: int) -> Iterator[tuple[str, float]]:
+    """Yield what a user types and waits for, and the seconds it takes."""
+    with scratch() as directory:
+        archive, kernels = directory / "a.nc", {"NUMBA_CACHE_DIR": str(directory / "kernels")}
+        command("plan", BLADE)  # files in memory, bytecode written
+        yield "workflow --help", command("--help", runs=runs)
+        yield "workflow plan studies/blade.yaml", command("plan", BLADE, runs=runs)
+        yield "workflow run studies/blade.yaml, nothing compiled", command("run", BLADE, "-o", archive, **kernels)
+        again = []
+        for _ in range(runs):
+            archive.unlink()
+            again.append(command("run", BLADE, "-o", archive, **kernels))
+        yield "workflow run studies/blade.yaml, later", median(again)
+        yield (
+            "workflow run studies/blade.yaml, nothing to do",
+            command("run", BLADE, "-o", archive, runs=runs, **kernels),
+        )
+
+
 def memory(cases: int, kind: dict[str, str]) -> float:
     """Return the largest resident memory of a run in a process of its own, MiB."""
     with scratch() as directory:
@@ -140,8 +201,12 @@ def plan_seconds(cases: int) -> float:
     return time.perf_counter() - begun
 
 
-def xyzpy_overhead(cases: int) -> float | None:
-    """Return the seconds per case that xyzpy takes to store as many numbers of a function that costs nothing."""
+def xyzpy_overhead(cases: int, batch: int | None = None) -> float | None:
+    """Return the seconds per case that xyzpy takes to store as many numbers of a function that costs nothing.
+
+    With ``batch`` its batches of so many cases are on the disk before they are put together, as our
+    tasks are, though not flushed; without, nothing is until the end.
+    """
     try:
         import xyzpy
     except ImportError:
@@ -154,7 +219,14 @@ def xyzpy_overhead(cases: int) -> float | None:
         harvester = xyzpy.Harvester(runner, data_name=str(directory / "a.h5"))
         combos = {"alpha": [k / 10 for k in range(cases // columns)], "e": [k / 1000 for k in range(columns)]}
         begun = time.perf_counter()
-        harvester.harvest_combos(combos, verbosity=0)
+        if batch is None:
+            harvester.harvest_combos(combos, verbosity=0)
+        else:
+            crop = harvester.Crop(name="bench", parent_dir=str(directory), batchsize=batch)
+            crop.sow_combos(combos, verbosity=0)
+            crop.grow_missing(verbosity=0)
+            with redirect_stderr(StringIO()):  # its bar
+                crop.reap()
         return (time.perf_counter() - begun) / cases
 
 
@@ -166,19 +238,24 @@ def main(
     processes: bool = True,
 ) -> None:
     """Print the table; without ``processes`` only what needs no other processes."""
-    small, large = sizes
+    large = sizes[-1]
     with scratch() as directory:  # kernels compiled, libraries loaded
         run_study(parsed(trivial(4, METRICS)), directory / "a.nc")
     threads = available_threads()
     print(f"overhead per case, {threads} threads: {1e6 * overhead(large, threads=threads):.3g} us")
     if processes:
         print(f"overhead per case, {threads} workers and their start: {1e6 * overhead(large, workers=threads):.3g} us")
-    other = xyzpy_overhead(small)
-    print("overhead per case, xyzpy: " + ("not installed" if other is None else f"{1e6 * other:.3g} us"))
+    for how, batch in (("kept in memory to the end", None), ("batches of 1000 on the disk", 1000)):
+        other = xyzpy_overhead(large, batch)
+        print(f"overhead per case, xyzpy, {how}: " + ("not installed" if other is None else f"{1e6 * other:.3g} us"))
     for cases in sizes:
         again, sliced = nothing_to_do(cases, runs)
         print(f"nothing to do, {cases} cases: {1e3 * again:.3g} ms")
         print(f"open and slice, {cases} cases: {1e3 * sliced:.3g} ms")
+    for cases in sizes:
+        added, alone, copied = extension(cases, METRICS)
+        parts = f"{added / (alone + copied):.3g} x the new cases alone {alone:.3g} s and a copy {copied:.3g} s"
+        print(f"extension of {cases} cases by {min(1000, cases // 2)}: {added:.3g} s, {parts}")
     for name, kind in (("metrics", METRICS), ("3 histories of 201 samples", HISTORIES)):
         for cases in sizes if processes else ():
             print(f"largest memory, {cases} cases, {name}: {memory(cases, kind):.0f} MiB")
@@ -186,6 +263,8 @@ def main(
     wall, kernels = whole_run(heavy)
     ratio = f"{wall / kernels:.3f} x the kernels' own {kernels:.3g} s"
     print(f"whole run, {heavy} cases of the heavy chain: {wall:.3g} s, {ratio}")
+    for words, seconds in commands(runs) if processes else ():
+        print(f"{words}: {seconds:.3g} s")
 
 
 if __name__ == "__main__":

@@ -41,7 +41,7 @@ def test_rivals_print_their_lines(capsys: pytest.CaptureFixture[str]) -> None:
 def test_workflow_prints_its_lines(capsys: pytest.CaptureFixture[str]) -> None:
     bench_workflow.main(sizes=(8, 20), planned=100, heavy=4, runs=1, processes=False)
     lines = capsys.readouterr().out.splitlines()
-    assert len(lines) == 8
+    assert len(lines) == 11
     for line in lines:
         told = line.split(": ")[1]
         assert told == "not installed" or math.isfinite(float(told.split()[0]))

@@ -9,9 +9,11 @@ import sys
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from studies import ILL, SMALL, written
 from workflow import schemes
+from workflow.cli import app
 
 
 def workflow(*words: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -54,6 +56,15 @@ def test_failed_cases_exit_with_one(tmp_path: Path) -> None:
     assert "ill_posed: " in shown.stdout
     assert " and 1 more: contact has no unique solution" in shown.stdout
     assert "alpha 1e+09 W N-1" in shown.stdout
+
+
+@pytest.mark.parametrize("path", ["", ".", "/"])
+@pytest.mark.parametrize("command", ["run", "report"])
+def test_a_path_that_names_no_file_is_refused(command: str, path: str, tmp_path: Path) -> None:
+    words = ["run", str(written(ILL, tmp_path)), "-o", path] if command == "run" else ["report", path]
+    told = CliRunner().invoke(app, words)
+    assert told.exit_code == 2
+    assert told.output == f"{path or '.'}: a directory, not an archive; name a file\n"
 
 
 def test_plan_runs_nothing(tmp_path: Path) -> None:

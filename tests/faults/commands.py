@@ -63,7 +63,7 @@ def wait_until(what: Callable[[], bool], process: Process) -> bool:
 
 def shards(archive: Path) -> int:
     """Return how many shards of an archive there are."""
-    return len(list(parts_of(archive).glob("*.h5")))
+    return len(list(parts_of(archive).glob("*.shard")))
 
 
 def is_gathered(archive: Path) -> bool:

@@ -154,7 +154,7 @@ def test_a_damaged_shard_is_computed_again(
 ) -> None:
     archive = tmp_path / "a.nc"
     interrupted(archive, 3)
-    damage(sorted(parts_of(archive).glob("*.h5"))[1])
+    damage(sorted(parts_of(archive).glob("*.shard"))[1])
     assert run_study(STUDY, archive).resumed == 8
     assert content_hash(archive) == expected
 
@@ -220,6 +220,7 @@ class Trap:
 
 
 def test_what_is_known_is_never_a_pickle(tmp_path: Path) -> None:
+    (tmp_path / "a.nc").touch()
     keep_known(tmp_path, Known(tmp_path / "a.nc", np.arange(3)))
     known = read_known(tmp_path)
     assert known is not None

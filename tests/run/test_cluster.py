@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -40,8 +41,13 @@ output: {interval: 1 ms, histories: [displacement]}
 )
 """160 cases in 16 units of storage."""
 
-FINELY = "import workflow.grid._tasks as cutting; cutting.SHORTEST = 1e-9; from workflow.cli import main; main()"
-"""The command line with a task for each unit, which would else be long tasks that a test cannot wait for."""
+FINELY = """
+import workflow.grid._tasks as cutting, workflow.run._cluster as cluster
+cutting.SHORTEST, cluster._PATIENCE = 1e-9, 1.0
+from workflow.cli import main
+main()
+"""
+"""The command line with a task for each unit, and less patience: a test cannot wait so long."""
 
 
 @pytest.fixture(scope="module")
@@ -190,7 +196,7 @@ def test_workers_end_with_their_parent_and_the_next_run_goes_on(how: str, tmp_pa
         assert len(workers) == 2
         until(lambda: not any(map(alive, workers)))
     assert not archive.exists()
-    done = len(list(parts_of(archive).glob("*.shard.h5")))
+    done = len(list(parts_of(archive).glob("*.shard")))
     assert done >= 2
     again = tmp_path / "again"
     with started("workflow", "run", study, "--workers", "1", cwd=tmp_path, env=environment(again)) as run:
@@ -199,6 +205,31 @@ def test_workers_end_with_their_parent_and_the_next_run_goes_on(how: str, tmp_pa
         assert "stored before" in out
     assert content_hash(archive) == expected
     assert len(computed(again)) == 16 - done
+
+
+def test_a_run_whose_workers_have_all_left_ends_and_the_next_one_goes_on(tmp_path: Path, expected: str) -> None:
+    study, notes, archive = written(STUDY, tmp_path), tmp_path / "notes", tmp_path / "many.nc"
+    words = ("run", study, "--scheduler")
+    with scheduler(tmp_path) as (address, _):
+        with (
+            worker(address, tmp_path, notes, WATCHED_SLEEP="0.1") as only,
+            started("workflow", *words, address, cwd=tmp_path) as run,
+        ):
+            until(lambda: len(computed(notes)) >= 3)
+            os.kill(only.pid, signal.SIGKILL)
+            _, err = run.communicate(timeout=PATIENCE)
+            assert run.returncode == 2
+        assert f"{address}: all workers of the scheduler have left" in err
+        assert "for 1 s none has come" in err
+        stored = len(list(parts_of(archive).glob("*.shard")))
+        assert re.search(rf"; (\d+) of 160 cases are stored beside {archive.name}\n", err)[1] == str(10 * stored)
+        assert "Traceback" not in err
+        again = tmp_path / "again"
+        with worker(address, tmp_path, again), started("workflow", *words, address, cwd=tmp_path) as run:
+            _, err = run.communicate(timeout=PATIENCE)
+            assert run.returncode == 0, err
+    assert content_hash(archive) == expected
+    assert len(computed(again)) == 16 - stored
 
 
 @pytest.mark.slow

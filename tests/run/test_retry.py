@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import workflow.run._study as studying
 import workflow.run._task as running
 from quick import quick, same_values
 from workflow.archive import ArchiveError, content_hash, open_archive, parts_of
@@ -160,3 +161,26 @@ def test_a_retry_that_was_stopped_goes_on(
     solved.clear()
     assert run_study(quick(), archive, threads=1, retry=True).ok
     assert len(solved) == 1
+
+
+@pytest.mark.parametrize("again", [{"retry": True}, {"recompute": True}], ids=["retry", "recompute"])
+def test_shards_of_a_run_that_was_killed_before_it_removed_them_are_not_taken_again(
+    again: dict[str, bool], tmp_path: Path, broken: set[float], solved: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The archive was in place, its shards not yet removed, and what was retried has failed once more."""
+    archive = tmp_path / "a.nc"
+    run_study(quick(), archive)
+
+    def killed(parts: Path) -> None:
+        raise SystemExit(9)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(studying, "remove_parts", killed)
+        with pytest.raises(SystemExit):
+            run_study(quick(), archive, **again)  # type: ignore[arg-type]
+    assert list(parts_of(archive).glob("*.shard"))
+    broken.clear()
+    solved.clear()
+    assert run_study(quick(), archive, **again).ok  # type: ignore[arg-type]
+    assert len(solved) == (3 if "retry" in again else 9)
+    assert not parts_of(archive).exists()

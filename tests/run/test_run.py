@@ -19,6 +19,18 @@ from workflow.schemes import Status
 def many_tasks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Cut even the smallest study in a task per unit."""
     monkeypatch.setattr(cutting, "SHORTEST", 1e-9)
+    monkeypatch.setattr(cutting, "TASKS_WANTED", 10**6)
+
+
+def test_tasks_begin_in_their_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, many_tasks: None) -> None:
+    import workflow.run._threads as threading
+
+    begun, store = [], threading.store_task
+    monkeypatch.setattr(
+        threading, "store_task", lambda job, task, among: (begun.append(task.number), store(job, task))[1]
+    )
+    run_study(parsed(SMALL), tmp_path / "a.nc", threads=1)
+    assert begun == list(range(12))
 
 
 def test_a_study_becomes_one_labelled_archive(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from pydantic_core import PydanticCustomError
 
 from workflow.declare import Quantity
 from workflow.study import udunits
-from workflow.study.quantities import UnitError, parse_unit, read_quantity
+from workflow.study.quantities import COMMON, UnitError, asked, parse_unit, read_quantity
 
 METRE = Quantity("m", "length")
 DECIMALS = st.decimals(allow_nan=False, allow_infinity=False, min_value=-(10**9), max_value=10**9, places=6)
@@ -109,3 +109,8 @@ def test_cf_units(declared: str, cf: str) -> None:
 def test_a_one_within_a_unit_is_refused(text: str) -> None:
     with pytest.raises(PydanticCustomError, match="is not a unit"):
         read_quantity(text, Quantity("m", "a length") if "um" in text else Quantity("Hz", "a frequency"))
+
+
+@pytest.mark.parametrize("name", sorted(COMMON))
+def test_what_is_known_of_the_common_names_is_what_pint_says(name: str) -> None:
+    assert COMMON[name] == asked(name)

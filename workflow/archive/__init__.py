@@ -9,7 +9,7 @@ from workflow.archive._describe import COPIED, SOFTWARE, code_revision, describe
 from workflow.archive._files import ArchiveError
 from workflow.archive._gather import gather
 from workflow.archive._hold import holding
-from workflow.archive._known import Known, find_known, keep_known, made_by, read_known, stored_hashes
+from workflow.archive._known import Known, find_known, is_kept, keep_known, made_by, read_known, stored_hashes
 from workflow.archive._layout import Coordinate, Layout, Variable, blank
 from workflow.archive._open import archive_key, content_hash, open_archive, provenance
 from workflow.archive._parts import clear_parts, parts_of, read_layout, remove_parts, start_parts
@@ -37,6 +37,7 @@ __all__ = [
     "find_shards",
     "gather",
     "holding",
+    "is_kept",
     "is_sealed_with",
     "keep_known",
     "made_by",

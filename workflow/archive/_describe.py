@@ -8,6 +8,7 @@ import importlib.metadata
 import json
 import platform
 import sys
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -91,6 +92,7 @@ def study_key(study: Study) -> str:
     return hashlib.sha256(identity.encode()).hexdigest()
 
 
+@cache
 def code_revision() -> str:
     """Return a hash of this package's own sources: the revision of the code that runs."""
     root = Path(workflow.__file__).parent
@@ -139,6 +141,7 @@ def describe(study: Study, grid: Grid, units: Units) -> Layout:
     )
 
 
+@cache
 def processor() -> str:
     """Return name and features of the processor that kernels are compiled for."""
     from llvmlite.binding import get_host_cpu_features, get_host_cpu_name
@@ -155,9 +158,12 @@ def versions() -> dict[str, str]:
     """Return the version of everything that has a hand in an archive."""
     packages = ("numpy", "scipy", "numba", "xarray", "netCDF4", "h5py", "dask", "pydantic", "pint", "ruamel.yaml")
     found = {"python": sys.version.split()[0], "rotor-stator-workflow": workflow.__version__}
-    for name in packages:
-        found[name] = importlib.metadata.version(name)
-    return found
+    return found | {name: _version(name) for name in packages}
+
+
+@cache
+def _version(package: str) -> str:
+    return importlib.metadata.version(package)
 
 
 def _coordinate(axis: Axis, dims: tuple[str, ...]) -> Coordinate:

@@ -52,7 +52,8 @@ def writing(what: str, directory: Path) -> Iterator[None]:
 def damaged(path: Path, error: BaseException) -> ArchiveError:
     """Return what to say of an archive that a library cannot read."""
     return ArchiveError(
-        f"{path}: damaged, or not a NetCDF-4 file ({reason(error)}); restore a copy or run the study again"
+        f"{path}: damaged, or not a NetCDF-4 file ({reason(error)}); "
+        "restore a copy, or move it away and run its study again"
     )
 
 

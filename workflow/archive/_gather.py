@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +13,14 @@ from numpy.typing import NDArray
 from workflow.archive._content import hash_content
 from workflow.archive._create import PROVENANCE, create
 from workflow.archive._files import ArchiveError, free_space, sync, writing
+from workflow.archive._guard import vouch
 from workflow.archive._known import Known
 from workflow.archive._layout import NOT_RUN, STATUS, Layout, Variable
-from workflow.archive._parts import remove_parts
 from workflow.archive._seal import BLANK, FILE_CHECKSUM, seal
-from workflow.archive._shard import Shard, Shards, encode_chunk, find_shards
+from workflow.archive._shard import Shard, Shards, decode_chunk, encode_chunk, find_shards, stored_chunks
+
+_VARIABLE_BYTES, _CHUNK_BYTES, _CELL_BYTES = 5000, 100, 16
+"""What an archive takes beside its chunks: attributes and indices, up to these in archives of all sizes; hashes."""
 
 
 def gather(
@@ -27,7 +30,7 @@ def gather(
     hashes: NDArray[np.uint8] | None = None,
     known: Known | None = None,
 ) -> None:
-    """Make the archive of complete shards, read it back, put it under its name, remove the shards.
+    """Make the archive of complete shards, read it back, put it under its name; the shards may go then.
 
     At no time is there an incomplete file under the archive's name: it is made inside ``parts``,
     flushed, and renamed over ``target``.
@@ -45,7 +48,7 @@ def gather(
         Units are missing or damaged, the disk is full or not writable, or what was written does not
         read back. ``target`` is as it was before and the shards are kept.
     """
-    parts, target = Path(parts), Path(target)
+    parts, target = Path(parts), Path(os.path.realpath(target))  # a link goes on to lead to it
     shards = find_shards(parts, layout)
     copies = np.full(layout.units, -1) if known is None else known.copies(layout)
     if np.any((shards.owner < 0) & (copies < 0)):
@@ -58,7 +61,7 @@ def gather(
     aside = parts / f"{target.name}.tmp"
     try:
         with writing("the archive", parts):
-            _make_room(shards, known, parts)
+            _make_room(layout, shards, known, parts)
             assemble(layout, shards, aside, hashes, known)
             digest = hash_content(aside)
             _tell_hash(aside, digest)
@@ -68,10 +71,10 @@ def gather(
         with writing("the archive", target.parent):
             os.replace(aside, target)
             sync(target.parent)
+            vouch(target)
     except BaseException:
         aside.unlink(missing_ok=True)
         raise
-    remove_parts(parts)
 
 
 def assemble(
@@ -101,9 +104,9 @@ def assemble(
         stored = {variable.name: archive[variable.name] for variable in layout.variables}
         for number, shard in enumerate(shards.files):
             units = np.flatnonzero(shards.owner == number).tolist()
-            with h5py.File(shard.path, "r") as source:
-                for variable in layout.variables:
-                    _copy(source, stored[variable.name], layout, variable, shard, units)
+            chunks = stored_chunks(shard) if units else {}
+            for variable in layout.variables:
+                _copy(chunks, stored[variable.name], layout, variable, shard, units)
         if known is not None and np.any(copies >= 0):
             with h5py.File(known.path, "r") as source:
                 for variable in layout.variables:
@@ -114,21 +117,24 @@ def assemble(
                 _leave_blank(stored[variable.name], layout, variable, missing)
 
 
-def _copy(source: Any, archive: Any, layout: Layout, variable: Variable, shard: Shard, units: list[int]) -> None:
-    import h5py
-
-    if archive.chunks is None:  # a scalar: one cell without t
-        for unit in units:
-            archive[()] = source[variable.name][unit - shard.first, 0]
-        return
-    read = h5py.h5d.open(source.id, variable.name.encode()).read_direct_chunk
-    write = archive.id.write_direct_chunk
-    tails = list(_tails(layout, variable))
+def _copy(
+    chunks: Mapping[str, list[list[bytes]]],
+    archive: Any,
+    layout: Layout,
+    variable: Variable,
+    shard: Shard,
+    units: list[int],
+) -> None:
+    """Put the chunks of some units of a shard in their places."""
+    tails, write = list(_tails(layout, variable)), archive.id.write_direct_chunk
     for unit in units:
+        stored = chunks[variable.name][unit - shard.first]
+        if archive.chunks is None:  # a scalar: one cell without t
+            archive[()] = decode_chunk(stored[0], variable.dtype)[0]
+            continue
         offset = layout.offset_of(unit)
-        for tail in tails:
-            mask, chunk = read((unit - shard.first, 0, *tail))
-            write((*offset, *tail), chunk, mask)
+        for tail, chunk in zip(tails, stored, strict=True):
+            write((*offset, *tail), chunk)
 
 
 def _copy_known(source: Any, archive: Any, layout: Layout, variable: Variable, copies: NDArray[np.int64]) -> None:
@@ -174,12 +180,14 @@ def _messages(layout: Layout, shards: Shards) -> dict[int, str]:
     return found
 
 
-def _make_room(shards: Shards, known: Known | None, directory: Path) -> None:
+def _make_room(layout: Layout, shards: Shards, known: Known | None, directory: Path) -> None:
     """Refuse before HDF5 runs into a full disk, which it cannot recover from."""
     needed = sum(shard.path.stat().st_size for shard in shards.files)
     needed += 0 if known is None else known.path.stat().st_size
+    variables = len(layout.variables) + len(layout.coordinates)
+    needed += variables * (_VARIABLE_BYTES + _CHUNK_BYTES * layout.units) + layout.cells * _CELL_BYTES
     if needed > free_space(directory):
-        raise OSError(f"no space left on device, it needs about {needed / 2**20:.0f} MiB")
+        raise OSError(f"no space left on device, it needs about {needed / 2**20:.3g} MiB")
 
 
 def _tell_hash(path: Path, digest: str) -> None:

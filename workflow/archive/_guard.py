@@ -7,8 +7,8 @@ it round for ever, and some left it in a state in which the next file crashed th
 from __future__ import annotations
 
 import os
+import select
 import signal
-import time
 import warnings
 from collections.abc import Callable
 from functools import lru_cache
@@ -21,6 +21,14 @@ LONGEST = 5.0
 
 _SOUND, _REFUSED, _DAMAGED = 0, 1, 2
 
+_VOUCHED: set[tuple[int, ...]] = set()
+"""Files that this process has made and read back."""
+
+
+def vouch(path: Path) -> None:
+    """Have a file that this process has made and read back not tried out, as long as it does not change."""
+    _VOUCHED.add(_identity(path))
+
 
 def try_out(path: Path, work: Callable[[Path], None]) -> None:
     """Do something with a file in a forked process, and again here only if it ends well there.
@@ -32,58 +40,55 @@ def try_out(path: Path, work: Callable[[Path], None]) -> None:
     ArchiveError
         What the forked process said of the file, or that it came to no end or crashed.
     """
-    about = path.stat()
-    ended, told = _tried(work, path, about.st_size, about.st_mtime_ns, about.st_ino)
+    identity = _identity(path)
+    if identity in _VOUCHED:
+        return
+    ended, told = _tried(work, path, *identity)
     if ended != _SOUND:
         raise ArchiveError(told) if ended == _REFUSED else damaged(path, RuntimeError(told))
+
+
+def _identity(path: Path) -> tuple[int, ...]:
+    about = path.stat()
+    return about.st_size, about.st_mtime_ns, about.st_ino, about.st_dev
 
 
 @lru_cache(maxsize=1024)
 def _tried(work: Callable[[Path], None], path: Path, *_unchanged: int) -> tuple[int, str]:
     from workflow.archive._lock import LOCK
 
-    reading, writing = os.pipe()
-    with LOCK, warnings.catch_warnings():  # nobody else is within HDF5
+    with LOCK, warnings.catch_warnings():  # nobody else is within HDF5, nor forks with this pipe open
         warnings.simplefilter("ignore", DeprecationWarning)  # that other threads exist: the child uses none
+        reading, writing = os.pipe()
         child = os.fork()
-    if child == 0:
-        os._exit(_told(work, path, writing))
-    os.close(writing)
+        if child == 0:
+            os.write(writing, _told(work, path))
+            os._exit(0)
+        os.close(writing)
     try:
-        status = _waited_for(child)
-        with open(reading, "rb", closefd=False) as told:
-            said = told.read().decode(errors="replace") if status is not None else ""
+        wait = select.poll()
+        wait.register(reading)  # the child says something, or its end closes the pipe
+        ended = bool(wait.poll(1e3 * LONGEST))
+        if not ended:
+            os.kill(child, signal.SIGKILL)
+        said = os.read(reading, select.PIPE_BUF) if ended else b""
     finally:
         os.close(reading)
-    if status is None:
+        _, status = os.waitpid(child, 0)
+    if not ended:
         return _DAMAGED, "opening it comes to no end"
-    if os.WIFSIGNALED(status):
-        return _DAMAGED, f"opening it ends with {signal.Signals(os.WTERMSIG(status)).name}"
-    return os.WEXITSTATUS(status), said
+    if not said:
+        how = f"with {signal.Signals(os.WTERMSIG(status)).name}" if os.WIFSIGNALED(status) else "the process"
+        return _DAMAGED, f"opening it ends {how}"
+    return said[0], said[1:].decode(errors="replace")
 
 
-def _told(work: Callable[[Path], None], path: Path, writing: int) -> int:
-    """Do the work in the child and write what was wrong; less than a pipe holds."""
+def _told(work: Callable[[Path], None], path: Path) -> bytes:
+    """Do the work in the child and return how it ended and what was wrong; no more than is written at once."""
     try:
         work(path)
     except ArchiveError as error:
-        os.write(writing, str(error).encode()[:4000])
-        return _REFUSED
+        return bytes([_REFUSED]) + str(error).encode()[:4000]
     except BaseException as error:
-        os.write(writing, reason(error).encode()[:4000])
-        return _DAMAGED
-    return _SOUND
-
-
-def _waited_for(child: int) -> int | None:
-    """Return the status of a child that ends in time, else end it and return ``None``."""
-    end, pause = time.monotonic() + LONGEST, 1e-4
-    while time.monotonic() < end:
-        ended, status = os.waitpid(child, os.WNOHANG)
-        if ended:
-            return status
-        time.sleep(pause)
-        pause = min(2 * pause, 0.05)
-    os.kill(child, signal.SIGKILL)
-    os.waitpid(child, 0)
-    return None
+        return bytes([_DAMAGED]) + reason(error).encode()[:4000]
+    return bytes([_SOUND])

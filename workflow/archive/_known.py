@@ -18,9 +18,12 @@ from workflow.archive._layout import MESSAGE, OK, STATUS, Layout, Variable
 from workflow.archive._seal import FILE_CHECKSUM, is_sealed_with
 
 KNOWN = "known.npy"
-"""File in the directory of the shards: for each cell its place in the archive under the target's name, or -1."""
+"""File in the directory of the shards: which file is under the target's name, then each cell's place in it, or -1."""
 
 _OTHERWISE = "--recompute runs all cases again and replaces it, -o chooses another archive"
+
+_FILE = 2
+"""Numbers that tell the file."""
 
 Cells = NDArray[np.int64]
 
@@ -39,6 +42,12 @@ class Known:
 
     path: Path
     cells: Cells
+
+    @property
+    def file(self) -> tuple[int, int]:
+        """Which file it is: another one may come under its name, with the very same bytes."""
+        about = self.path.stat()
+        return about.st_ino, about.st_mtime_ns
 
     def take(self, layout: Layout, cells: Cells) -> tuple[dict[str, NDArray[Any]], dict[int, str]]:
         """Return the stored results of some cells, ``(cell[, t or period])`` by name, and messages by position.
@@ -174,7 +183,7 @@ def keep_known(parts: Path, known: Known | None) -> None:
     import io
 
     image = io.BytesIO()
-    np.save(image, known.cells)
+    np.save(image, np.concatenate([known.file, known.cells]))
     with writing("what the archive holds already", parts):
         commit(parts / KNOWN, image.getvalue())
 
@@ -187,13 +196,30 @@ def read_known(parts: Path) -> Known | None:
     ArchiveError
         It is damaged.
     """
+    stored = _stored(parts)
+    return None if stored is None else Known(parts.with_name(parts.name.removesuffix(".parts")), stored[_FILE:])
+
+
+def is_kept(parts: Path, known: Known) -> bool:
+    """Tell whether :func:`keep_known` left just this: the same cells of the same file.
+
+    Raises
+    ------
+    ArchiveError
+        It is damaged.
+    """
+    stored = _stored(parts)
+    return stored is not None and np.array_equal(stored, np.concatenate([known.file, known.cells]))
+
+
+def _stored(parts: Path) -> Cells | None:
     try:
-        cells = np.load(parts / KNOWN, allow_pickle=False)
+        stored = np.load(parts / KNOWN, allow_pickle=False)
     except FileNotFoundError:
         return None
     except (OSError, ValueError, EOFError) as error:
         raise ArchiveError(f"{parts / KNOWN}: damaged; remove the directory and give the command again") from error
-    return Known(parts.with_name(parts.name.removesuffix(".parts")), cells)
+    return np.asarray(stored, dtype=np.int64)
 
 
 def made_by(path: Path, texts: dict[str, str]) -> tuple[str, str, str]:

@@ -160,33 +160,33 @@ class Layout:
         if clash := [name for name in RESERVED if name in self.provenance]:
             raise ValueError(f"provenance fills in {', '.join(clash)} itself")
 
-    @property
+    @cached_property
     def sizes(self) -> dict[str, int]:
         """Every dimension and its size, the case dimensions first."""
         extra = {"t": self.samples, "period": self.periods}
         return dict(self.dims) | {name: size for name, size in extra.items() if size}
 
-    @property
+    @cached_property
     def shape(self) -> tuple[int, ...]:
         """Sizes of the case dimensions."""
         return tuple(size for _, size in self.dims)
 
-    @property
+    @cached_property
     def inner(self) -> int:
         """Cells of a row."""
         return self.shape[-1] if self.dims else 1
 
-    @property
+    @cached_property
     def cells(self) -> int:
         """Number of cells."""
         return math.prod(self.shape)
 
-    @property
+    @cached_property
     def chunks_per_row(self) -> int:
         """Units of a row."""
         return -(-self.inner // self.chunk)
 
-    @property
+    @cached_property
     def units(self) -> int:
         """Number of units."""
         return self.cells // self.inner * self.chunks_per_row

@@ -12,14 +12,17 @@ import numpy as np
 
 from workflow.archive._files import ArchiveError, commit, reason, sync, writing
 from workflow.archive._hold import HOLDER
+from workflow.archive._known import KNOWN
 from workflow.archive._layout import FORMAT, Attributes, Coordinate, Layout, Variable
+from workflow.archive._shard import SUFFIX
 
 LAYOUT = "layout.json"
 
 
 def parts_of(path: str | Path) -> Path:
-    """Return the directory that holds an archive's shards while its study runs."""
+    """Return the directory that holds an archive's shards while its study runs; a link is followed."""
     path = Path(path)
+    path = path.resolve() if path.is_symlink() else path
     return path.with_name(path.name + ".parts")
 
 
@@ -32,7 +35,7 @@ def start_parts(parts: str | Path, layout: Layout) -> None:
     Raises
     ------
     ArchiveError
-        The directory holds shards of another study, or cannot be written.
+        The directory holds shards of another study or what no run left there, or cannot be written.
     """
     parts = Path(parts)
     with writing("the directory of the shards", parts.parent):
@@ -43,10 +46,19 @@ def start_parts(parts: str | Path, layout: Layout) -> None:
             f"{parts}: holds unfinished results of another study or solver version; finish that one, "
             "remove the directory, or choose another archive"
         )
+    if not (parts / LAYOUT).exists() and (others := sorted(f.name for f in parts.iterdir() if not _is_ours(f))):
+        raise ArchiveError(
+            f"{parts}: holds {others[0]}, which no run left there; move it away, or choose another archive with -o"
+        )
     with writing("the layout", parts):
         for leftover in parts.glob("*.tmp"):
             leftover.unlink(missing_ok=True)
         commit(parts / LAYOUT, json.dumps(_to_json(layout)).encode())
+
+
+def _is_ours(file: Path) -> bool:
+    """Tell whether a run may have left a file in a directory without a layout: all that is there goes in the end."""
+    return file.name in (HOLDER, KNOWN) or file.suffix in (".tmp", SUFFIX)
 
 
 def read_layout(parts: str | Path) -> Layout:

@@ -1,14 +1,14 @@
 """Shards: the results of a range of units in a file of its own, whose presence says that they are done.
 
-A shard is an HDF5 file with the archive's own chunks and filters. It is built in memory and written
-in one go; its name carries the checksum of its bytes, so that one rename commits both.
+A shard is one line of JSON, which says what it holds, and the archive's own chunks, filtered as HDF5
+stores them, one after the other. It is built in memory and written in one go; its name carries the
+checksum of its bytes, so that one rename commits both.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-import threading
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.archive._files import commit, reason, writing
-from workflow.archive._layout import MESSAGE, NOT_RUN, STATUS, Layout, Variable
+from workflow.archive._layout import NOT_RUN, STATUS, Layout, Variable
 
-SUFFIX = ".shard.h5"
+SUFFIX = ".shard"
 LEVEL = 1
 """zlib level of shards and archive, always with shuffle."""
 
@@ -116,9 +116,10 @@ def write_shard(
         "task": task,
         "first": first_unit,
         "stop": stop,
-        "messages": len(messages),
+        "messages": {str(place): messages[place] for place in sorted(messages)},
+        "chunks": {name: [len(chunk) for chunk in chunks] for name, chunks in encoded.items()},
     }
-    data = _image(about, encoded, messages, layout)
+    data = b"".join([json.dumps(about).encode(), b"\n", *(chunk for chunks in encoded.values() for chunk in chunks)])
     checksum = hashlib.sha256(data).hexdigest()
     path = parts / f"{_stem(first_unit, stop, task)}-{checksum}{SUFFIX}"
     with writing("a shard", parts):
@@ -162,6 +163,24 @@ def find_shard(parts: str | Path, task: int, first: int, stop: int, layout: Layo
     return None
 
 
+def stored_chunks(shard: Shard) -> dict[str, list[list[bytes]]]:
+    """Return the chunks of a sound shard, filtered as they lie in the archive: by variable, one list per unit.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read.
+    """
+    with open(shard.path, "rb") as file:
+        lengths = json.loads(file.readline())["chunks"]
+        found = {name: [file.read(length) for length in several] for name, several in lengths.items()}
+    units = shard.stop - shard.first
+    return {
+        name: [chunks[k * len(chunks) // units : (k + 1) * len(chunks) // units] for k in range(units)]
+        for name, chunks in found.items()
+    }
+
+
 def encode_chunk(values: NDArray[Any]) -> bytes:
     """Return one chunk as HDF5's filters shuffle and deflate would store it.
 
@@ -171,6 +190,13 @@ def encode_chunk(values: NDArray[Any]) -> bytes:
     if size > 1:
         values = np.ascontiguousarray(values.view(np.uint8).reshape(-1, size).T)
     return zlib.compress(values.data, LEVEL)
+
+
+def decode_chunk(chunk: bytes, dtype: str) -> NDArray[Any]:
+    """Return the values of a chunk that :func:`encode_chunk` made, ``(value,)``."""
+    kind = np.dtype(dtype).newbyteorder("<")
+    shuffled = np.frombuffer(zlib.decompress(chunk), np.uint8).reshape(kind.itemsize, -1)
+    return np.ascontiguousarray(shuffled.T).view(kind).ravel()
 
 
 def _stem(first: int, stop: int, task: int) -> str:
@@ -197,89 +223,42 @@ def _check(first: int, arrays: Mapping[str, NDArray[Any]], messages: Mapping[int
     return units
 
 
-def _encode(values: NDArray[Any], variable: Variable, layout: Layout) -> list[list[bytes]]:
-    """Return the chunks of each unit of a variable in order."""
+def _encode(values: NDArray[Any], variable: Variable, layout: Layout) -> list[bytes]:
+    """Return the chunks of a variable, unit by unit."""
     with np.errstate(over="ignore"):  # a diverged float64 is an infinite float32
         values = np.ascontiguousarray(values, dtype=np.dtype(variable.dtype).newbyteorder("<"))
     if variable.dtype != "i1" and (missing := np.isnan(values)).any():
         values = np.where(missing, np.array(np.nan, values.dtype), values)  # one NaN, whatever made it
     *_, length = chunk = layout.chunk_of(variable)
     if len(chunk) == 2:
-        return [[encode_chunk(unit)] for unit in values]
+        return [encode_chunk(unit) for unit in values]
     pieces = []
     for unit in values:
         starts = range(0, unit.shape[1], length)
         padded = np.full((layout.chunk, len(starts) * length), variable.fill, dtype=values.dtype)
         padded[:, : unit.shape[1]] = unit
-        pieces.append([encode_chunk(np.ascontiguousarray(padded[:, at : at + length])) for at in starts])
+        pieces += [encode_chunk(np.ascontiguousarray(padded[:, at : at + length])) for at in starts]
     return pieces
-
-
-def _image(
-    about: Mapping[str, Any],
-    encoded: Mapping[str, list[list[bytes]]],
-    messages: Mapping[int, str],
-    layout: Layout,
-) -> bytes:
-    """Return the bytes of the shard as an HDF5 file, built in memory."""
-    import h5py
-
-    from workflow.archive._lock import LOCK
-
-    units = about["stop"] - about["first"]
-    name = f"shard-{threading.get_ident()}"
-    with LOCK, h5py.File(name, "w", driver="core", backing_store=False, libver="latest") as file:
-        file.attrs["shard"] = json.dumps(about)
-        for variable in layout.variables:
-            identity = _create(file, variable, layout, units)
-            length = layout.chunk_of(variable)[2:]
-            for unit, pieces in enumerate(encoded[variable.name]):
-                for k, piece in enumerate(pieces):
-                    identity.write_direct_chunk((unit, 0, *(k * n for n in length)), piece)
-        if messages:
-            text = json.dumps({str(place): messages[place] for place in sorted(messages)})
-            file[MESSAGE] = np.frombuffer(text.encode(), np.uint8)
-        file.flush()
-        image: bytes = file.id.get_file_image()
-    return image
-
-
-def _create(file: Any, variable: Variable, layout: Layout, units: int) -> Any:
-    """Create a variable's dataset (a third of the time of h5py's ``create_dataset``)."""
-    import h5py
-
-    plan = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
-    plan.set_chunk(layout.chunk_of(variable))
-    plan.set_shuffle()
-    plan.set_deflate(LEVEL)
-    plan.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
-    kind = h5py.h5t.py_create(np.dtype(variable.dtype).newbyteorder("<"))
-    space = h5py.h5s.create_simple(layout.shape_of(variable, units))
-    return h5py.h5d.create(file.id, variable.name.encode(), kind, space, plan)
 
 
 def _inspect(path: Path, layout: Layout) -> Shard | str:
     """Return a sound shard, or what is wrong with the file."""
-    import h5py
-
-    from workflow.archive._lock import LOCK
-
     try:
         with open(path, "rb") as file:
             checksum = hashlib.file_digest(file, "sha256").hexdigest()
+            file.seek(0)
+            head = file.readline()
     except OSError as error:
         return f"cannot be read: {reason(error)}"
     if not path.name.endswith(f"-{checksum}{SUFFIX}"):
         return "damaged: its bytes do not have the checksum of its name"
     try:
-        with LOCK, h5py.File(path, "r") as file:
-            about = json.loads(file.attrs["shard"])
-            texts = json.loads(file[MESSAGE][()].tobytes()) if about["messages"] else {}
+        about = json.loads(head)
         if about["structure"] != layout.structure:
             return "of another study, solver version or chunk length"
-        messages = {int(place): text for place, text in texts.items()}
+        messages = {int(place): text for place, text in about["messages"].items()}
         return Shard(path, about["task"], about["first"], about["stop"], messages)
-    except (OSError, ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, AttributeError):
         return "not a shard"
 
 

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from functools import cache, lru_cache
+from functools import lru_cache
 from typing import Any
-
-import numpy as np
 
 from workflow import models, schemes
 from workflow.grid._conditions import at_rest
+from workflow.grid._turns import waiting
 from workflow.models import MOST_NODES_WITH_MATRICES, Cases, Chain, Structure, critical_alpha, growth_rate
 from workflow.reduction import Reduction, reduce_structure
 from workflow.schemes import Results, Sampling
+from workflow.schemes._compile import Wanted, compile_scheme
 from workflow.study import Cell
 
 _OPERATORS_KEPT = 16
@@ -79,21 +79,16 @@ def _critical_alpha(model: str, parameters: Any, modes: tuple[int, int]) -> floa
     return critical_alpha(structure_of(model, parameters) if reduction is None else reduction.structure)
 
 
-def compile_scheme(cell: Cell) -> None:
-    """Run a scheme once on a small structure, so that no case's wall time holds compilation."""
+def kernels_of(cell: Cell) -> Wanted:
+    """Return what of its scheme must be compiled for a cell."""
     scheme = schemes.load(cell.scheme.method)
     swept = hasattr(scheme, "is_swept") and scheme.is_swept(reduced_structure(cell))
-    _compile_scheme(cell.scheme.method, cell.scheme.options, MOST_NODES_WITH_MATRICES + 1 if swept else 1)
+    return Wanted(cell.scheme.method, cell.scheme.options, MOST_NODES_WITH_MATRICES + 1 if swept else 1)
 
 
-@cache
-def _compile_scheme(method: str, options: Any, nodes: int) -> None:
-    chain = models.load("chain")
-    structure = chain.assemble(chain.Parameters(nodes=nodes, mass=1.0, stiffness=1.0, heat_capacity=1.0))
-    scheme = schemes.load(method)
-    one, node = np.zeros(1), np.zeros((1, nodes))
-    cases = Cases(one, one, one + 1, one, one, one, one, node, node, node, node, node)
-    scheme.compute(scheme.init(structure, 0.5, options), cases, Sampling(1.0, 0.5, 3, balances=True))
+def compile_for(cell: Cell) -> None:
+    """Have the kernels of a cell compiled, so that no case's wall time holds that."""
+    compile_scheme(kernels_of(cell), waiting)
 
 
 def runaway_of(cell: Cell, alpha: float) -> tuple[float, float]:

@@ -14,7 +14,8 @@ import numpy as np
 from workflow import schemes
 from workflow.grid._arrangement import Grid, Indices, reads
 from workflow.grid._conditions import conditions
-from workflow.grid._operators import compile_scheme, run_batch, structure_of
+from workflow.grid._operators import compile_for, run_batch, structure_of
+from workflow.grid._turns import waiting
 from workflow.models import Array
 from workflow.schemes import Status
 from workflow.study import Cell
@@ -143,7 +144,9 @@ def _block(grid: Grid, cell: Cell, shape: tuple[int, ...], block: int) -> _Truth
         except BaseException as error:  # an interrupt: whoever waits must not wait for ever
             future.set_exception(error)
             raise
-    return future.result()
+        return future.result()
+    with waiting():
+        return future.result()
 
 
 def _computed_or_lost(grid: Grid, cell: Cell, shape: tuple[int, ...], own: Indices) -> _Truth:
@@ -167,7 +170,7 @@ def _compute(grid: Grid, cell: Cell, shape: tuple[int, ...], own: Indices) -> _T
     varying = {path: values for path, values in grid.inner_values(inner).items() if path not in replaced}
     structure = structure_of(cell.scene.model, cell.scene.parameters)
     cases = conditions(cell, structure, varying, own.size)
-    compile_scheme(cell)
+    compile_for(cell)
     sampling = replace(grid.sampling, balances=False)
     truth = run_batch(cell, cases, sampling)
     opened = run_batch(cell, replace(cases, gap=cases.gap + PERTURBATION * np.abs(cases.gap)), sampling)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from workflow import schemes
 from workflow.grid._arrangement import Grid, Indices, values_along
 from workflow.grid._conditions import conditions
-from workflow.grid._operators import compile_scheme, run_batch, runaway_of, structure_of
+from workflow.grid._operators import compile_for, run_batch, runaway_of, structure_of
 from workflow.grid._reference import against_reference
 from workflow.models import Array, Cases
 from workflow.schemes import Results, Sampling, Status, complete_periods
@@ -72,9 +72,10 @@ def _solve_distinct(grid: Grid, outer: int, inner: Indices) -> Solved:
     cell = grid.settings(outer)
     structure = structure_of(cell.scene.model, cell.scene.parameters)
     cases = conditions(cell, structure, grid.inner_values(inner), inner.size)
-    compile_scheme(cell)
+    compile_for(cell)
     results, seconds = _timed(grid, cell, cases)
-    critical, growth = np.transpose([runaway_of(cell, float(alpha)) for alpha in cases.alpha])
+    distinct, where = np.unique(cases.alpha, return_inverse=True)
+    critical, growth = np.transpose([runaway_of(cell, float(alpha)) for alpha in distinct])[:, where]
     values: dict[str, NDArray[Any]] = {
         **results.histories,
         **{name: np.full(inner.size, np.nan) for name in scheme_metrics(grid.study)},

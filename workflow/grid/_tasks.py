@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
@@ -19,11 +20,18 @@ SHORTEST, LONGEST = 0.1, 5.0
 of a run waits for single tasks."""
 
 TASKS_WANTED = 64
-"""Tasks a study is cut in where that makes them neither too short nor too long: the same for any
-number of threads, so that an interrupted run finds its shards again."""
+"""Tasks a study is cut in where that makes them neither too short nor too long, and a smaller power of
+two where they would be too short, so that they divide evenly: the same for any number of threads, so
+that an interrupted run finds its shards again."""
+
+LAST = 8
+"""Tasks that what is left of a study is cut in at least, down to twice the shortest: threads then end together."""
 
 SETTING_UP = 2e-3
 """Seconds for what the cases of an outer index share: modes, operators, arrays of a batch."""
+
+HANDLING = 5e-6
+"""Seconds a case takes beside its steps: its conditions, metrics, their compression."""
 
 TASK_BYTES = 32 * 2**20
 """Results a task holds in memory before they are written."""
@@ -92,12 +100,17 @@ def computed_seconds(grid: Grid) -> NDArray[np.float64]:
     """Return the seconds of a case of every outer index that is computed, in the order of ``grid.places``.
 
     The cost model knows scheme, step and sizes: what else an axis varies in a structure does not count.
+    Structures are made for it, and kept for the run, so that one thread of BLAS makes them here as in a
+    task: their last bits depend on the number of threads.
     """
+    from threadpoolctl import threadpool_limits
+
     model = grid.study.scene.model
     alike, where = np.unique(
         grid.alike(grid.places.computed, lambda path: _decides_cost(path, model)), return_inverse=True
     )
-    return np.array([seconds_per_case(grid, int(outer)) for outer in alike])[where]
+    with threadpool_limits(limits=1, user_api="blas"):
+        return np.array([seconds_per_case(grid, int(outer)) for outer in alike])[where]
 
 
 def _decides_cost(path: str, model: str) -> bool:
@@ -120,22 +133,34 @@ def units_of(grid: Grid) -> Units:
 
 def tasks(grid: Grid, units: Units) -> Iterator[Task]:
     """Yield the tasks of a study in archive order, one at a time; only distinct results are computed."""
-    seconds = computed_seconds(grid)
+    seconds = computed_seconds(grid) + HANDLING
     total = float(seconds.sum()) * grid.inner_count + SETTING_UP * seconds.size
-    wanted = min(max(total / TASKS_WANTED, SHORTEST), LONGEST)
+    wanted = max(_power_of_two_below(min(total / SHORTEST, TASKS_WANTED)), math.ceil(total / LONGEST))
     most_cases = max(units.chunk, TASK_BYTES // bytes_per_case(grid))
-    number, gathered, work, cases = 0, [], 0.0, 0
+    gathered: list[Segment] = []
+    number, work, cases, spent = 0, 0.0, 0, 0.0
+
+    def told() -> Task:
+        return Task(number, tuple(gathered), work, cases)
+
     for outer, each in zip(grid.places, map(float, seconds), strict=True):
         first = 0
         while first < units.count:
-            work += SETTING_UP
-            room = min((wanted - work) / (each * units.chunk), (most_cases - cases) / units.chunk)
-            taken = min(units.count - first, max(1, int(room)))
+            left = total - spent
+            fair = min(left / max(1, wanted - number), max(left / LAST, 2 * SHORTEST), LONGEST)
+            begin = SETTING_UP if first == 0 else 0.0
+            room, fitting = (fair - work - begin) / (each * units.chunk), (most_cases - cases) // units.chunk
+            if gathered and (work >= 0.9 * fair or room < 0.5 or fitting < 1):
+                yield told()
+                number, gathered, work, cases, spent = number + 1, [], 0.0, 0, spent + work
+                continue
+            taken = min(units.count - first, max(1, round(min(room, units.count))), fitting)
             gathered.append(Segment(outer, first, taken))
             size = units.cases(first, taken)[0].size
-            work, cases, first = work + size * each, cases + size, first + taken
-            if work >= 0.9 * wanted or cases + units.chunk > most_cases:
-                yield Task(number, tuple(gathered), work, cases)
-                number, gathered, work, cases = number + 1, [], 0.0, 0
+            work, cases, first = work + begin + size * each, cases + size, first + taken
     if gathered:
-        yield Task(number, tuple(gathered), work, cases)
+        yield told()
+
+
+def _power_of_two_below(value: float) -> int:
+    return 1 << max(0, int(value).bit_length() - 1)

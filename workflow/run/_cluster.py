@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import logging
 import secrets
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import chain, islice
+from queue import Empty, SimpleQueue
 from typing import Any
 
 from workflow.archive import study_key
@@ -20,6 +22,10 @@ once, and yet a few for each thread of a large cluster; a task takes a tenth of 
 
 _ANSWER, _FIRST_WORKER = 10.0, 60.0
 """Seconds to wait for a scheduler to answer, and for its first worker."""
+
+_PATIENCE, _LOOK = 600.0, 2.0
+"""Seconds without any worker after which a run ends, long enough to start others; how often it looks,
+where no task ends meanwhile."""
 
 _LOGGERS = ("distributed", "distributed.client", "distributed.gc", "tornado", "tornado.application", "asyncio")
 """Those to which distributed gives levels of their own."""
@@ -94,7 +100,7 @@ def run_on_cluster(job: Job, missing: Iterator[Task], stored: Callable[[Stored],
     Raises
     ------
     ClusterError
-        A worker may not work for this run, or the scheduler is gone.
+        A worker may not work for this run, all workers have left, or the scheduler is gone.
     ArchiveError
         A shard could not be written.
     """
@@ -114,23 +120,53 @@ def run_on_cluster(job: Job, missing: Iterator[Task], stored: Callable[[Stored],
 
 def _results(client: Any, session: Session, tasks: Iterator[Task], limit: int) -> Iterator[tuple[Task, Stored | None]]:
     """Yield tasks as they end, with ``None`` where dask has given up; their futures are let go."""
-    from distributed import as_completed
-
-    waiting, under_way = as_completed(), {}
+    ended: SimpleQueue[Any] = SimpleQueue()
+    under_way: dict[str, Task] = {}
 
     def submit(number: int) -> None:
         for task in islice(tasks, number):
             future = client.submit(run_task, session, small(task), key=_key(session, task, limit), pure=False)
             under_way[future.key] = task
-            waiting.add(future)
+            future.add_done_callback(ended.put)
 
     submit(limit)
-    for future in waiting:
+    while under_way:
+        future = _next(ended, client)
         task = under_way.pop(future.key)
         result = _result(future)
         future.release()
         submit(1)
         yield task, result
+
+
+def _next(ended: SimpleQueue[Any], client: Any) -> Any:
+    """Wait for the next future that ends, as long as there are workers that could end one.
+
+    Raises
+    ------
+    ClusterError
+        There have been none for :data:`_PATIENCE` seconds.
+    """
+    seen = time.monotonic()
+    while True:
+        try:
+            return ended.get(timeout=min(_LOOK, _PATIENCE))
+        except Empty:
+            if _has_workers(client):
+                seen = time.monotonic()
+            elif time.monotonic() - seen > _PATIENCE:
+                raise ClusterError(
+                    f"{client.scheduler.address}: all workers of the scheduler have left, and for {_PATIENCE:g} s none "
+                    f"has come; start some with `dask worker {client.scheduler.address}`, then give the same command "
+                    "again, it goes on from what is stored"
+                ) from None
+
+
+def _has_workers(client: Any) -> bool:
+    try:
+        return bool(client.nthreads())
+    except OSError:  # no connection: should it not come back, all futures are cancelled
+        return True
 
 
 def _key(session: Session, task: Task, limit: int) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,20 +24,21 @@ from workflow.archive import (
     find_shards,
     gather,
     holding,
+    is_kept,
     keep_known,
     made_by,
     open_archive,
     parts_of,
     provenance,
-    read_known,
     remove_parts,
     start_parts,
     study_key,
 )
-from workflow.grid import Task, arrange, case_hashes, tasks, units_of
+from workflow.grid import Task, arrange, case_hashes, compiling, tasks, units_of
 from workflow.run._outcome import Outcome, summarise
 from workflow.run._runner import runner
 from workflow.run._task import Job, Stored
+from workflow.run._threads import available_threads
 from workflow.schemes import SOLVER_VERSION, Status
 from workflow.study import Study
 
@@ -95,18 +97,19 @@ def run_study(
         if parts.exists():  # of a run that was killed between its last two steps
             with holding(parts):
                 remove_parts(parts)
-        return summarise(archive, time.perf_counter() - begun, None)
+        return replace(summarise(archive, None), seconds=time.perf_counter() - begun)
     grid = arrange(study)
     units = units_of(grid)
     layout = describe(study, grid, units)
     hashes = case_hashes(grid)
-    with runner(threads, workers, scheduler) as run_tasks, holding(parts):
+    helpers = (threads or available_threads()) - 1 if workers is None and scheduler is None else 0
+    with runner(threads, workers, scheduler) as run_tasks, holding(parts), compiling(grid, helpers):
         known = _known(archive, layout, hashes, retry, recompute) if archive.exists() else None
         if known is not None and np.any(known.cells >= 0):
             layout = replace(layout, provenance={**layout.provenance, **_made_elsewhere(archive, layout)})
         start_parts(parts, layout)
-        if known is not None and (retry or recompute) and _of_another_run(parts, known):
-            clear_parts(parts)
+        if known is not None and (retry or recompute) and not is_kept(parts, known):
+            clear_parts(parts)  # of a run that took other cases, or was killed when its archive was in place
             start_parts(parts, layout)
         keep_known(parts, known)
         done = find_shards(parts, layout)
@@ -119,7 +122,11 @@ def run_study(
         missing = (task for task in tasks(grid, units) if _is_missing(task, job, there))
         run_tasks(job, missing, _counting(job, before, done, progress))
         gather(layout, parts, archive, hashes, known)
-    return summarise(archive, time.perf_counter() - begun, resumed)
+        with ThreadPoolExecutor(1) as aside:  # freeing a file's blocks takes a disk a millisecond or two
+            removal = aside.submit(remove_parts, parts)
+            outcome = summarise(archive, resumed)
+            removal.result()
+    return replace(outcome, seconds=time.perf_counter() - begun)
 
 
 def _is_current(study: Study, archive: Path) -> bool:
@@ -164,12 +171,6 @@ def _made_elsewhere(archive: Path, layout: Layout) -> dict[str, str]:
     texts = provenance(archive)
     same = all(texts.get(name) == layout.provenance[name] for name in SOFTWARE)
     return {} if same and COPIED not in texts else {COPIED: "cases that other software or another processor ran"}
-
-
-def _of_another_run(parts: Path, known: Known) -> bool:
-    """Tell whether shards were left by a run that took other cases from the archive than this one does."""
-    before = read_known(parts)
-    return before is None or not np.array_equal(before.cells, known.cells)
 
 
 def _cells_there(layout: Layout, there: NDArray[np.bool_]) -> NDArray[np.bool_]:

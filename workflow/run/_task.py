@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,8 @@ from workflow.schemes import Status
 
 Arrays = dict[str, NDArray[Any]]
 Indices = NDArray[np.int64]
+
+_ALONE: AbstractContextManager[None] = nullcontext()
 
 
 @dataclass(frozen=True)
@@ -37,8 +40,8 @@ class Stored:
     failed: int
 
 
-def store_task(job: Job, task: Task) -> Stored:
-    """Compute a task and store it, in every place its results belong to.
+def store_task(job: Job, task: Task, computing: AbstractContextManager[Any] = _ALONE) -> Stored:
+    """Compute a task, within ``computing``, and store it, in every place its results belong to.
 
     A shard that this very task has stored before is left as it is: repeating a task whose worker died
     between storing and telling does no harm and costs nothing.
@@ -51,9 +54,10 @@ def store_task(job: Job, task: Task) -> Stored:
         if shard is not None:
             messages = dict(shard.messages)
         else:
-            for _, segment in group:
-                if segment not in solved:
-                    solved[segment] = compute_segment(job, segment)
+            with computing:
+                for _, segment in group:
+                    if segment not in solved:
+                        solved[segment] = compute_segment(job, segment)
             arrays, messages = _joined(group, solved, job.layout.chunk)
             write_shard(job.parts, task.number, first, arrays, messages, job.layout)
         cases, failed = cases + _cells(job.layout, first, stop), failed + len(messages)

@@ -18,9 +18,12 @@ from typing import Any, TypeVar, cast
 
 import numba
 
-from workflow.schemes._whole import KernelCompiler, PartCompiler
+from workflow.schemes._whole import KernelCompiler, PartCompiler, typed_alike
 
 F = TypeVar("F", bound=Callable[..., Any])
+
+
+_NAME = "kernels-"
 
 
 @cache
@@ -30,7 +33,7 @@ def cache_directory() -> Path:
     here = Path(__file__).parent
     for source in sorted(here.glob("*.py")):
         digest.update(source.name.encode() + source.read_bytes())
-    name = f"kernels-{digest.hexdigest()[:16]}"
+    name = f"{_NAME}{digest.hexdigest()[:16]}"
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "rotor-stator-workflow"
     for parent in [Path(chosen)] if chosen else [here / "__pycache__", home]:
@@ -42,6 +45,11 @@ def cache_directory() -> Path:
         except OSError:
             continue
     return Path(tempfile.mkdtemp(prefix="rotor-stator-workflow-"))
+
+
+def is_lasting() -> bool:
+    """Tell whether other processes find the same directory."""
+    return cache_directory().name.startswith(_NAME)
 
 
 def _compiled(function: F, **options: Any) -> F:
@@ -60,7 +68,7 @@ def _translated(function: F, **options: Any) -> F:
     """Translate where a kernel calls it first: without an entry from Python and a cache of its own."""
     options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     options |= {"nogil": True, "error_model": "numpy", "pipeline_class": PartCompiler}
-    return cast(F, numba.njit(**options)(function))
+    return cast(F, typed_alike(numba.njit(**options)(function)))
 
 
 def kernel(function: F) -> F:

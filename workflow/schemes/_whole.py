@@ -13,13 +13,15 @@ What is used of numba's inside: its code libraries and the passes of its compile
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from llvmlite.binding import Linkage
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler
+from numba.core.compiler import Compiler, Flags
 from numba.core.compiler_machinery import LoweringPass, register_pass
 from numba.core.typed_passes import NativeLowering, NoPythonBackend
+from numba.core.types import unliteral
 
 
 class _Waiting(JITCodeLibrary):
@@ -63,7 +65,7 @@ class _Offered(LoweringPass):
     def run_pass(self, state: Any) -> bool:
         """Register the part under a builtin, as numba asks for, that raises where Python calls it."""
         lowered = state["cr"]
-        entry = f"{{{state.func_id.func_name} is a part of kernels: Python cannot call it}}".format
+        entry = f"{{{state.func_id.func_name} is a part of kernels that Python cannot call}}".format
         state.library.environment = lowered.env  # which nothing else keeps
         state.targetctx.insert_user_function(entry, lowered.fndesc, [state.library])
         state["cr"] = lowered._replace(cfunc=entry)
@@ -86,29 +88,60 @@ class _Surrounded(LoweringPass):
         return True
 
 
-class PartCompiler(Compiler):
+class _Flags(Flags):
+    """Options of a compilation that are compared as they are kept.
+
+    numba looks them up for each candidate of each operation that it types, and reads all of them for
+    that: a tenth of its time.
+    """
+
+    def __hash__(self) -> int:
+        return len(self._values)
+
+    def __eq__(self, other: object) -> bool:
+        return self is other or (self._values == other._values if isinstance(other, _Flags) else super().__eq__(other))
+
+
+class _Compiler(Compiler):
+    """Compiles with our flags into a library of our own."""
+
+    def __init__(self, typing: Any, target: Any, library: Any, args: Any, returned: Any, flags: Any, known: Any):
+        super().__init__(typing, target, library, args, returned, _Flags(flags), known)
+
+    def _passes(self, library: type[JITCodeLibrary], added: type[LoweringPass], after: type[LoweringPass]) -> list[Any]:
+        """Return the passes of numba's compiler, into a library of a type and with one pass more."""
+        self.state.library = library(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
+        (passes,) = super().define_pipelines()
+        passes.add_pass_after(added, after)
+        passes.finalize()
+        return [passes]
+
+
+class PartCompiler(_Compiler):
     """Translates a part."""
 
     def define_pipelines(self) -> list[Any]:
         """Leave machine code out."""
-        state = self.state
-        state.library = _Waiting(state.targetctx.codegen(), state.func_id.func_qualname)
-        state.flags.no_compile = True
-        (passes,) = super().define_pipelines()
-        passes.add_pass_after(_Offered, NativeLowering)
-        passes.finalize()
-        return [passes]
+        self.state.flags.no_compile = True
+        return self._passes(_Waiting, _Offered, NativeLowering)
 
 
-class KernelCompiler(Compiler):
+class KernelCompiler(_Compiler):
     """Compiles a kernel and its parts."""
 
     def define_pipelines(self) -> list[Any]:
-        """Compile into a library that takes parts in."""
-        state = self.state
-        state.library = _Whole(state.targetctx.codegen(), state.func_id.func_qualname)
-        state.library.enable_object_caching()
-        (passes,) = super().define_pipelines()
-        passes.add_pass_after(_Surrounded, NoPythonBackend)
-        passes.finalize()
-        return [passes]
+        """Compile into a library that takes parts in, and that can be cached."""
+        passes = self._passes(_Whole, _Surrounded, NoPythonBackend)
+        self.state.library.enable_object_caching()
+        return passes
+
+
+def typed_alike(dispatcher: Any) -> Any:
+    """Let a part be translated once for a type of arguments, not once more for each constant it is called with."""
+    known = dispatcher.get_call_template
+
+    def template(args: Sequence[Any], named: Mapping[str, Any]) -> Any:
+        return known([unliteral(a) for a in args], {name: unliteral(a) for name, a in named.items()})
+
+    dispatcher.get_call_template = template
+    return dispatcher

@@ -1,0 +1,123 @@
+"""The performance table: ``python tests/benchmarks/bench_table.py``; ``--write`` puts it into the README.
+
+Every line of the other scripts that says what something costs, beside what it should: measured in one
+run, on a machine that should have nothing else to do (its load is printed).
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import sys
+from dataclasses import replace
+from datetime import date
+from pathlib import Path
+
+import bench_event_driven
+import bench_limits
+import bench_workflow
+from bench_limits import TINY, Line, Size
+from bench_rivals import RIVALS
+
+from scenes import heavy_chain, sampling
+from workflow import schemes
+from workflow.reduction import reduce_structure
+from workflow.run import available_threads
+
+README = Path(__file__).parents[2] / "README.md"
+BEGIN, END = "<!-- performance -->\n", "<!-- end of performance -->\n"
+
+
+def rivals(size: Size) -> list[Line]:
+    """The other stepping schemes over ``moreau``, full and reduced."""
+    full, h = heavy_chain(), 5e-6
+    reduction, batch = reduce_structure(full, 3, 12), bench_limits.rub(full, size.cases)
+    over = replace(sampling(size.steps * h, size.steps * h / 10), balances=False)
+    lines = []
+    for name, structure, loaded in (
+        ("full", full, batch),
+        ("3 + 12 modes", reduction.structure, reduction.project(batch)),
+    ):
+
+        def work(label: str) -> object:
+            method, options = RIVALS[label]
+            scheme = schemes.load(method)
+            return scheme.compute(scheme.init(structure, h, scheme.Options(**options)), loaded, over)  # noqa: B023
+
+        own, *others = bench_limits.least(size.runs, *(lambda label=label: work(label) for label in RIVALS))
+        for label, seconds in zip(list(RIVALS)[1:], others, strict=True):
+            target = "" if "implicit" in label else "<= 1.3"
+            each = f"{1e9 * seconds / size.cases / size.steps:.2f} ns"
+            lines.append((f"`{label}` over `moreau`, {name}", target, each, f"{seconds / own:.2f}"))
+    return lines
+
+
+def exact(count: int, runs: int) -> list[Line]:
+    """``event_driven`` per case."""
+    lines = []
+    for e in (0.0, 0.5, 0.9):
+        milliseconds, error, impacts = bench_event_driven.measure(e, count, runs)
+        what = f"`event_driven`, e = {e:g}, {impacts:.0f} impacts, error {error:.0e}"
+        lines.append((what, "<= 1 ms", f"{milliseconds:.2f} ms", f"{milliseconds:.2f}"))
+    return lines
+
+
+def whole_run(cases: int) -> Line:
+    """A run of ``workflow`` in a warm process over its kernels on as many threads."""
+    wall, kernels = bench_workflow.whole_run(cases)
+    what = f"run of {cases} cases with metrics over its kernels, {available_threads()} threads"
+    return what, "<= 1.15", f"{wall:.2f} s", f"{wall / kernels:.2f}"
+
+
+def commands(runs: int) -> list[Line]:
+    """What a user waits for at the command line."""
+    targets = {"--help": 0.5, "plan": 1.2, "nothing compiled": 12.0, "later": 3.0}
+    lines = []
+    for what, seconds in bench_workflow.commands(runs):
+        target = next((most for words, most in targets.items() if words in what), None)
+        asked, ratio = (f"<= {target:g} s", f"{seconds / target:.2f}") if target else ("", "")
+        lines.append((f"`{what}`" if what.startswith("workflow") and "," not in what else what, asked, f"{seconds:.2f} s", ratio))
+    return lines
+
+
+def table(size: Size, exact_cases: int, run_cases: int, processes: bool) -> list[Line]:
+    """Return all lines; without ``processes`` only what needs no other processes."""
+    lines = bench_limits.lines(size)
+    lines += rivals(size) + exact(exact_cases, size.runs)
+    lines.append(whole_run(run_cases))
+    return lines + (commands(size.runs) if processes else [])
+
+
+def markdown(lines: list[Line]) -> str:
+    """Return the table with date and machine."""
+    machine = f"{processor()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}, Python {platform.python_version()}"
+    rows = [f"*{date.today()}, {machine}; `python tests/benchmarks/bench_table.py`*\n"]
+    rows += ["| what | asked for | measured | ratio |", "|---|---|---|---|"]
+    rows += [f"| {what} | {asked.replace('<=', '≤').replace('>=', '≥')} | {told} | {ratio} |" for what, asked, told, ratio in lines]
+    return "\n".join(rows) + "\n"
+
+
+def processor() -> str:
+    """Return the processor's name."""
+    told = Path("/proc/cpuinfo")
+    names = [line.split(":")[1].strip() for line in told.read_text().splitlines() if line.startswith("model name")]
+    return names[0] if names else platform.machine()
+
+
+def main(size: Size = Size(), exact_cases: int = 100, run_cases: int = 10_000, processes: bool = True) -> str:
+    """Print the table and return it."""
+    told = markdown(table(size, exact_cases, run_cases, processes))
+    print(told, end="")
+    return told
+
+
+def write(told: str) -> None:
+    """Put the table into the README."""
+    before, rest = README.read_text().split(BEGIN)
+    README.write_text(before + BEGIN + told + END + rest.split(END)[1])
+
+
+if __name__ == "__main__":
+    found = main(TINY if "--tiny" in sys.argv else Size())
+    if "--write" in sys.argv:
+        write(found)

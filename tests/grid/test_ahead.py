@@ -1,0 +1,56 @@
+"""What a study needs compiled, and that it runs all the same where nobody compiles it beforehand."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from quick import quick
+from workflow.grid import arrange
+from workflow.grid._ahead import _wanted
+from workflow.run import run_study
+from workflow.schemes import _compile as compilation
+
+THREE = {
+    "axes": {"scheme": ["moreau", "springs"]},
+    "schemes": {"springs": {"method": "penalty", "integration": "implicit"}},
+    "reference": {"scheme": "event_driven"},
+}
+
+
+def test_every_scheme_and_the_reference_are_wanted() -> None:
+    found = list(_wanted(arrange(quick(**THREE))))
+    assert [wanted.method for wanted in found] == ["moreau", "penalty", "event_driven"]
+    assert found[1].options.integration == "implicit"
+    assert [wanted.method for wanted in _wanted(arrange(quick()))] == ["moreau"]
+
+
+def test_a_case_that_cannot_be_set_up_wants_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*_: object) -> None:
+        raise ValueError("no such structure")
+
+    monkeypatch.setattr("workflow.grid._ahead.kernels_of", fails)
+    assert list(_wanted(arrange(quick(**THREE)))) == []
+
+
+def test_a_run_goes_on_where_helpers_fail(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The helper asked for is one that cannot be started."""
+    asked: list[str] = []
+    help_with = compilation._Running.help_with
+
+    def noted(running: compilation._Running, schemes: list[compilation.Wanted]) -> None:
+        asked.extend(wanted.method for wanted in schemes)
+        help_with(running, schemes)
+
+    monkeypatch.setattr(compilation._Running, "help_with", noted)
+    monkeypatch.setattr(compilation, "_note", lambda wanted: tmp_path / f"{wanted.method}.compiled")
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "missing"))
+    outcome = run_study(quick(**THREE), tmp_path / "three.nc", threads=2)
+    assert outcome.ok
+    assert "moreau" not in asked
+    assert set(asked) <= {"penalty", "event_driven"}
+    assert asked
+    run_study(quick(**THREE), tmp_path / "alone.nc", threads=1)
+    assert not compilation._HELPERS

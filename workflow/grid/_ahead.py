@@ -1,0 +1,35 @@
+"""What a study's cases need compiled, and its compilation while a run gets ready."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, suppress
+
+from workflow.grid._arrangement import Grid
+from workflow.grid._operators import kernels_of
+from workflow.grid._reference import reference_cell
+from workflow.schemes._compile import Wanted, at_work, compiled_ahead
+
+
+def compiling(grid: Grid, processes: int) -> AbstractContextManager[None]:
+    """Compile the schemes of a study but for the first that runs, in up to so many processes beside this one."""
+    return compiled_ahead(list(_wanted(grid)) if processes > 0 else [], processes)
+
+
+def is_compiling() -> bool:
+    """Tell whether some kernels are being compiled beside this process: tasks may have to wait for them."""
+    return at_work()
+
+
+def _wanted(grid: Grid) -> Iterator[Wanted]:
+    """Yield what the first case of each scheme needs, and its reference; what other cases need is compiled for them.
+
+    A case that cannot even be set up needs nothing: it will say so itself.
+    """
+    labels = [value for dim in grid.outer for axis in dim.axes if axis.path == "scheme" for value in axis.values]
+    for label in labels or [grid.base["scheme"]]:
+        with suppress(Exception):
+            yield kernels_of(grid.settings(0, {"scheme": label}))
+    if grid.study.reference is not None:
+        with suppress(Exception):
+            yield kernels_of(reference_cell(grid, 0))
