@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
+import threading
 from collections.abc import Mapping, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +20,9 @@ from workflow.archive._layout import FORMAT, Attributes, Coordinate, Layout, Var
 from workflow.archive._shard import SUFFIX
 
 LAYOUT = "layout.json"
+
+_HELD = 64
+"""Files that are freed after their removal, far fewer than a process may have open."""
 
 
 def parts_of(path: str | Path) -> Path:
@@ -95,13 +101,17 @@ def clear_parts(parts: str | Path) -> None:
 def remove_parts(parts: str | Path) -> None:
     """Remove the directory of the shards, if there is one; the archive must be in place before.
 
+    A disk may take milliseconds to free what a file took: that goes on when the names are gone.
+
     Raises
     ------
     ArchiveError
         It cannot be removed.
     """
     parts = Path(parts)
+    held: list[int] = []
     try:
+        held += [os.open(file, os.O_RDONLY) for file in islice(parts.glob(f"*{SUFFIX}"), _HELD)]
         shutil.rmtree(parts)
         sync(parts.parent)
     except FileNotFoundError:
@@ -111,6 +121,13 @@ def remove_parts(parts: str | Path) -> None:
             f"{parts}: the archive is complete, but its shards could not be removed: {reason(error)}; "
             "remove the directory by hand"
         ) from error
+    finally:
+        threading.Thread(target=_let_go, args=(held,), daemon=True).start()
+
+
+def _let_go(held: list[int]) -> None:
+    for descriptor in held:
+        os.close(descriptor)
 
 
 def _to_json(layout: Layout) -> dict[str, Any]:

@@ -101,10 +101,15 @@ def run_study(
     grid = arrange(study)
     units = units_of(grid)
     layout = describe(study, grid, units)
-    hashes = case_hashes(grid)
     helpers = (threads or available_threads()) - 1 if workers is None and scheduler is None else 0
-    with runner(threads, workers, scheduler) as run_tasks, holding(parts), compiling(grid, helpers):
-        known = _known(archive, layout, hashes, retry, recompute) if archive.exists() else None
+    with (
+        ThreadPoolExecutor(1) as aside,
+        runner(threads, workers, scheduler) as run_tasks,
+        holding(parts),
+        compiling(grid, helpers),
+    ):
+        hashes = aside.submit(case_hashes, grid)  # wanted at once for an earlier archive only
+        known = _known(archive, layout, hashes.result(), retry, recompute) if archive.exists() else None
         if known is not None and np.any(known.cells >= 0):
             layout = replace(layout, provenance={**layout.provenance, **_made_elsewhere(archive, layout)})
         start_parts(parts, layout)
@@ -121,12 +126,9 @@ def run_study(
         resumed = before if known is None else int(np.sum(_cells_there(layout, there) | (known.cells >= 0)))
         missing = (task for task in tasks(grid, units) if _is_missing(task, job, there))
         run_tasks(job, missing, _counting(job, before, done, progress))
-        gather(layout, parts, archive, hashes, known)
-        with ThreadPoolExecutor(1) as aside:  # freeing a file's blocks takes a disk a millisecond or two
-            removal = aside.submit(remove_parts, parts)
-            outcome = summarise(archive, resumed)
-            removal.result()
-    return replace(outcome, seconds=time.perf_counter() - begun)
+        gather(layout, parts, archive, hashes.result(), known)
+        remove_parts(parts)
+    return replace(summarise(archive, resumed), seconds=time.perf_counter() - begun)
 
 
 def _is_current(study: Study, archive: Path) -> bool:

@@ -29,8 +29,7 @@ def run_on_threads(job: Job, missing: Iterator[Task], stored: Callable[[Stored],
     operators and references. Beside the threads that compute there are a few more, so that others do
     while some wait for the disk or, more of them, for kernels that are compiled beside the run.
     """
-    from dask.base import compute
-    from dask.delayed import delayed
+    from dask.threaded import get
     from threadpoolctl import threadpool_limits
 
     computing = Turns(threads)
@@ -40,11 +39,11 @@ def run_on_threads(job: Job, missing: Iterator[Task], stored: Callable[[Stored],
     def next_one() -> None:
         stored(store_task(job, next_ones.popleft(), computing))
 
-    run = delayed(next_one, pure=False, traverse=False)
     with threadpool_limits(limits=1, user_api="blas"):
         try:
             while some := list(islice(missing, _GRAPH)):
                 next_ones.extend(some)
-                compute(*[run() for _ in some], scheduler="threads", num_workers=threads + waiting)
+                graph = {f"task-{k}": (next_one,) for k in range(len(some))}  # a tenth of the time that `delayed` takes
+                get(graph, list(graph), num_workers=threads + waiting)
         finally:
             computing.end()
