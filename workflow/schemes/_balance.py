@@ -40,7 +40,7 @@ from workflow.models import Array, Cases, Structure, project
 from workflow.schemes._decoupled import Decoupled
 from workflow.schemes._kernel import inlined, kernel
 from workflow.schemes._modal_lanes import HEAT, HEAT_MODES, MODES, PUSHED, grouped
-from workflow.schemes._stepping import FORCE, FORCE_BEFORE, LANES, STEP_IMPULSE, fill_lanes, lane_rows
+from workflow.schemes._stepping import LANES, STEP_IMPULSE, fill_lanes, lane_rows, tip_load, weigh_load
 
 SLOW, PULL, PUSH, STEP, OMEGA2, DAMP, TIP = range(7)
 """Coefficients of a mechanical mode: ζ' - ζ per ζ, per η, per tip impulse and per modal force; ω², c,
@@ -185,9 +185,10 @@ def account(
             sums[NEW_SPEED, lane] += velocity
             sums[ENERGY, lane] += 0.5 * energy
             sums[SPENT, lane] += h * spent
+    sine = weigh_load(0.5, load, lanes)
     for lane in range(lanes):
         middle = 0.5 * (sums[SPEED, lane] + sums[NEW_SPEED, lane])
-        worked = h * (0.5 * (load[FORCE_BEFORE, lane] + load[FORCE, lane]))
+        worked = h * tip_load(sine, load, lane)
         sums[SPENT, lane] += (tip[STEP_IMPULSE, lane] - worked) * middle
         sums[SPEED, lane] = sums[NEW_SPEED, lane]
         energy, largest = sums[ENERGY, lane], sums[LARGEST_ENERGY, lane]

@@ -130,10 +130,12 @@ class Operator:
                 tip * (self.lead @ (slope * enters)),
                 -tip * (self.lead @ enters),
             ),
-            heat_modes=grouped(HEAT_MODES, decay, enters / decay, -slope * modal.tip_response, modal.heat_tip),
+            heat_modes=grouped(
+                HEAT_MODES, decay, modal.glow * enters / decay, -slope * modal.tip_response / modal.glow
+            ),
             pair_mode=j,
             pair_heat=k,
-            pair_pull=-h * tip[j] * modal.coupling[j, k] / inertia[j],
+            pair_pull=-h * tip[j] * modal.coupling[j, k] / (inertia[j] * modal.glow[k]),
             inverse_mass=float(np.sum(tip**2 / inertia)),
             warming=float(np.sum(modal.heat_tip * enters)),
             theta=0.0,

@@ -35,7 +35,6 @@ from workflow.schemes._modal_lanes import (
 )
 from workflow.schemes._stepping import (
     DISPLACEMENT,
-    FORCE,
     GAP,
     LANES,
     NEW_DISPLACEMENT,
@@ -45,7 +44,6 @@ from workflow.schemes._stepping import (
     TEMPERATURE,
     VELOCITY,
     Block,
-    advance_load,
     blocks,
     collect,
     fill_lanes,
@@ -53,7 +51,10 @@ from workflow.schemes._stepping import (
     observe,
     start_load,
     take_marks,
+    tip_load,
+    turn_load,
     watch,
+    weigh_load,
 )
 
 ROUNDING = 16 * np.finfo(float).eps
@@ -82,9 +83,10 @@ def _touch(operator: Coefficients, law: Law, h: float, own: Array, load: Array, 
     assert load.shape[1] == LANES
     assert tip.shape[1] == LANES
     inverse_mass, half_warming = operator.inverse_mass, 0.5 * operator.warming
+    sine = weigh_load(1.0, load, lanes)
     for lane in range(lanes):
         x, gap, before, latest = own[AHEAD, lane], tip[GAP, lane], own[HALF, lane], own[LATEST, lane]
-        pushed = h * load[FORCE, lane]
+        pushed = h * tip_load(sine, load, lane)
         free = tip[NEW_VELOCITY, lane] + inverse_mass * pushed
         p = law.depth * (x - gap) + law.before * before + law.free * free
         p = p if x - gap > law.threshold else 0.0
@@ -153,7 +155,7 @@ def _march(
                 pull_pairs(operator, tau, motion, tip, lanes)
         else:
             swing(modes, h, motion, own, tip, lanes)
-        advance_load(step, h, load, lanes)
+        turn_load(step, h, load, lanes)
         _touch(operator, law, h, own, load, tip, lanes)
         if audited:
             account(step, h, law.stiffness, audit.modes, audit.motion, own, tip, audit.sums, lanes)
@@ -211,11 +213,11 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
         of_lane[row] = values
     rows = grouped(MODES, (free * modal.tip).T, (begun.position * modal.tip).T)
     pairs = rows.reshape(-1, 2 * MODES, cases.count)
-    heat = grouped(HEAT_MODES, begun.heat.T)[:, 0]
+    heat = grouped(HEAT_MODES, (begun.heat * modal.glow).T)[:, 0]
     own, motion = lane_rows(_ROWS), lane_rows(*pairs.shape[:2])
     tau, tau_before = lane_rows(*heat.shape[:2]), lane_rows(*heat.shape[:2])
     closing = begun.closing + begun.closing_rate * sampling.duration
-    growth = grouped(HEAT_MODES, modal.static_growth)[:, 0, :, None]
+    growth = grouped(HEAT_MODES, modal.static_growth / modal.glow)[:, 0, :, None]
     books = None
     if sampling.balances:
         inertia, factor = operator.differences.damped(h, modal.damping)

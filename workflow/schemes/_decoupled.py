@@ -32,6 +32,9 @@ _NEAR_RESONANCE = 1e-3
 """A pair of modes stays coupled explicitly where its denominator μ² - μ c + ω² is below this share
 of the largest of its terms: the transformation then loses at most three of sixteen digits."""
 
+_DARK = 1e-30
+"""Share in the tip's temperature, of the largest, below which a thermal mode is given that share."""
+
 
 @dataclass(frozen=True, eq=False)
 class Decoupled:
@@ -69,6 +72,15 @@ class Decoupled:
     to_thermal: Array
     shapes: Array
     heat_shapes: Array
+
+    @property
+    def glow(self) -> Array:
+        """χ_ln by which kernels scale thermal modes, so that the tip's temperature is their sum, ``(thermal mode,)``.
+
+        A mode that does not show there is scaled by :data:`_DARK` of the largest: nothing beside rounding.
+        """
+        dark = _DARK * np.abs(self.heat_tip).max(initial=0.0)
+        return np.where(np.abs(self.heat_tip) > dark, self.heat_tip, dark)
 
     @property
     def tip_response(self) -> Array:

@@ -23,7 +23,7 @@ from workflow.models import Array
 from workflow.schemes._kernel import inlined, kernel
 from workflow.schemes._stepping import LANES, NEW_TEMPERATURE, NEW_VELOCITY
 
-MODES, HEAT_MODES = 4, 5
+MODES, HEAT_MODES = 4, 7
 """Mechanical and thermal modes of a group, stepped in one loop over the lanes: as many as the
 registers of a processor hold. Modes are padded with zeros to whole groups."""
 
@@ -31,9 +31,9 @@ KEEP, PULL, PUSH, HEAT_PUSH, HEAT_SHIFT = range(5)
 """Coefficients of a mechanical mode: ζ' per ζ and per ξ (a and b of ``_modal_march``), ζ per unit
 impulse and per unit heat at the tip, ξ per unit heat."""
 
-DECAY, WARM, DRAG, GLOW = range(4)
-"""Coefficients of a thermal mode: τ' per τ, τ per unit heat at the tip, and what the mode adds to
-the tip's velocity and temperature."""
+DECAY, WARM, DRAG = range(3)
+"""Coefficients of a thermal mode, scaled to add its τ to the tip's temperature: τ' per τ, τ per unit
+heat at the tip, and what the mode adds to the tip's velocity."""
 
 RESTITUTION, ALPHA, DELASSUS, COMPLIANCE, DRIFT, WARMTH, WARMING, PUSHED, HEAT = range(9)
 """Rows of the lanes' own values: e, α, W, 1/W (NaN where W <= 0, so that contact ends the case), the
@@ -93,7 +93,7 @@ def swing(modes: Array, h: float, motion: Array, own: Array, tip: Array, lanes: 
     for g in range(motion.shape[0]):
         for lane in range(lanes):
             pushed = own[PUSHED, lane]
-            velocity = 0.0
+            velocity = tip[NEW_VELOCITY, lane]
             for j in range(MODES):
                 before = motion[g, j, lane] + modes[g, PUSH, j] * pushed
                 place = motion[g, MODES + j, lane]
@@ -101,7 +101,7 @@ def swing(modes: Array, h: float, motion: Array, own: Array, tip: Array, lanes: 
                 motion[g, j, lane] = after
                 motion[g, MODES + j, lane] = place + h * before
                 velocity += after
-            tip[NEW_VELOCITY, lane] += velocity
+            tip[NEW_VELOCITY, lane] = velocity
 
 
 @inlined
@@ -114,7 +114,7 @@ def swing_heated(modes: Array, h: float, motion: Array, own: Array, tip: Array, 
     for g in range(motion.shape[0]):
         for lane in range(lanes):
             pushed, heat = own[PUSHED, lane], own[HEAT, lane]
-            velocity = 0.0
+            velocity = tip[NEW_VELOCITY, lane]
             for j in range(MODES):
                 before = motion[g, j, lane] + modes[g, PUSH, j] * pushed + modes[g, HEAT_PUSH, j] * heat
                 place = motion[g, MODES + j, lane] + modes[g, HEAT_SHIFT, j] * heat
@@ -122,7 +122,7 @@ def swing_heated(modes: Array, h: float, motion: Array, own: Array, tip: Array, 
                 motion[g, j, lane] = after
                 motion[g, MODES + j, lane] = place + h * before
                 velocity += after
-            tip[NEW_VELOCITY, lane] += velocity
+            tip[NEW_VELOCITY, lane] = velocity
 
 
 @inlined
@@ -135,14 +135,14 @@ def conduct(heat_modes: Array, tau: Array, own: Array, tip: Array, lanes: int) -
     for g in range(tau.shape[0]):
         for lane in range(lanes):
             heat = own[HEAT, lane]
-            velocity = temperature = 0.0
+            velocity, temperature = tip[NEW_VELOCITY, lane], tip[NEW_TEMPERATURE, lane]
             for k in range(HEAT_MODES):
                 after = heat_modes[g, DECAY, k] * (tau[g, k, lane] + heat_modes[g, WARM, k] * heat)
                 tau[g, k, lane] = after
                 velocity += heat_modes[g, DRAG, k] * after
-                temperature += heat_modes[g, GLOW, k] * after
-            tip[NEW_VELOCITY, lane] += velocity
-            tip[NEW_TEMPERATURE, lane] += temperature
+                temperature += after
+            tip[NEW_VELOCITY, lane] = velocity
+            tip[NEW_TEMPERATURE, lane] = temperature
 
 
 @kernel

@@ -31,17 +31,18 @@ from workflow.schemes._modal_lanes import (
     swing_heated,
     take_heat,
 )
-from workflow.schemes._prox import touch
+from workflow.schemes._prox import touch, touch_and_note
 from workflow.schemes._stepping import (
     Block,
     Watch,
-    advance_load,
     blocks,
     fill_lanes,
     lane_rows,
     observe,
     start_load,
     take_marks,
+    turn_load,
+    weigh_load,
 )
 
 
@@ -62,10 +63,10 @@ def coefficients(modal: Decoupled, h: float, theta: float) -> Coefficients:
             tip * (thermal_kick + modal.response @ (mu * warm)),
             -tip * (modal.response @ modal.heat_tip),
         ),
-        heat_modes=grouped(HEAT_MODES, decay, warm, -mu * modal.tip_response, modal.heat_tip),
+        heat_modes=grouped(HEAT_MODES, decay, modal.glow * warm, -mu * modal.tip_response / modal.glow),
         pair_mode=j,
         pair_heat=k,
-        pair_pull=-h * tip[j] * modal.coupling[j, k] * (theta * decay[k] + 1 - theta) / inertia[j],
+        pair_pull=-h * tip[j] * modal.coupling[j, k] * (theta * decay[k] + 1 - theta) / (inertia[j] * modal.glow[k]),
         inverse_mass=float(np.sum(tip**2 / inertia)),
         warming=float(np.sum(modal.heat_tip * warm)),
         theta=theta,
@@ -86,7 +87,7 @@ def _march(
     modes, heat_modes = operator.modes, operator.heat_modes
     load, tip, lanes, h, next_mark = block.load, block.tip, block.lanes, block.h, block.marks.next_mark
     heated, paired = tau.shape[0] > 0, operator.pair_mode.size > 0
-    theta, audited, sums = audit.theta, audit.sums.shape[0] > 0, audit.sums
+    theta, audited, sums = operator.theta, audit.sums.shape[0] > 0, audit.sums
     start_load(h, load, lanes)
     if audited:
         open_audit(audit, lanes)
@@ -101,8 +102,12 @@ def _march(
                 pull_pairs(operator, tau_before, motion, tip, lanes)
         else:
             swing(modes, h, motion, own, tip, lanes)
-        advance_load(step, h, load, lanes)
-        touch(operator.theta, operator.inverse_mass, operator.warming, h, own, load, tip, lanes)
+        turn_load(step, h, load, lanes)
+        sine = weigh_load(theta, load, lanes)
+        if not (audited or step == next_mark[0]):
+            touch_and_note(theta, operator.inverse_mass, operator.warming, h, sine, own, load, tip, lanes)
+            continue
+        touch(theta, operator.inverse_mass, operator.warming, h, sine, own, load, tip, lanes)
         if audited:
             if heated:
                 leak(h, audit.heat_modes, audit.heat, own, sums, lanes)
@@ -133,11 +138,11 @@ def march(
     zeta = begun.velocity * modal.tip
     xi = begun.position * modal.tip - h * theta * zeta
     pairs = grouped(MODES, zeta.T, xi.T).reshape(-1, 2 * MODES, cases.count)
-    heat = grouped(HEAT_MODES, begun.heat.T)[:, 0]
+    heat = grouped(HEAT_MODES, (begun.heat * modal.glow).T)[:, 0]
     own, motion = lane_rows(rows.shape[0]), lane_rows(*pairs.shape[:2])
     tau, tau_before = lane_rows(*heat.shape[:2]), lane_rows(*heat.shape[:2])
     closing = begun.closing + begun.closing_rate * sampling.duration
-    growth = grouped(HEAT_MODES, modal.static_growth)[:, 0, :, None]
+    growth = grouped(HEAT_MODES, modal.static_growth / modal.glow)[:, 0, :, None]
     books = Books(structure, modal, cases, begun.tip_force, h, theta) if sampling.balances else None
     audit = no_audit() if books is None else books.audit
     for part, block in blocks(watched):

@@ -60,8 +60,6 @@ from workflow.schemes._modal_lanes import (
 from workflow.schemes._modal_march import coefficients as free_step
 from workflow.schemes._stepping import (
     DISPLACEMENT,
-    FORCE,
-    FORCE_BEFORE,
     GAP,
     LANES,
     NEW_DISPLACEMENT,
@@ -71,7 +69,6 @@ from workflow.schemes._stepping import (
     TEMPERATURE,
     VELOCITY,
     Block,
-    advance_load,
     blocks,
     collect,
     fill_lanes,
@@ -79,7 +76,10 @@ from workflow.schemes._stepping import (
     observe,
     start_load,
     take_marks,
+    tip_load,
+    turn_load,
     watch,
+    weigh_load,
 )
 
 YIELD, REACH = SEPARATED + 1, SEPARATED + 2
@@ -118,34 +118,42 @@ def thermal_amplification(rate: Array, h: float, theta: float) -> Array:
 
 @inlined
 def _touch(
-    operator: Coefficients, stiffness: float, damping: float, h: float, own: Array, load: Array, tip: Array, lanes: int
+    operator: Coefficients,
+    stiffness: float,
+    damping: float,
+    h: float,
+    own: Array,
+    load: Array,
+    tip: Array,
+    lanes: int,
 ) -> None:
     """Close the step: load and contact impulse at the tip, from its free velocity to its new state."""
     assert own.shape[1] == LANES
     assert load.shape[1] == LANES
     assert tip.shape[1] == LANES
     theta = operator.theta
+    sine = weigh_load(theta, load, lanes)
     for lane in range(lanes):
         x, v, w, held = tip[DISPLACEMENT, lane], tip[VELOCITY, lane], own[DELASSUS, lane], own[LATEST, lane]
-        pushed = h * ((1.0 - theta) * load[FORCE_BEFORE, lane] + theta * load[FORCE, lane])
+        pushed = h * tip_load(sine, load, lane)
         begun = h * (1.0 - theta) * held
         apart = tip[NEW_VELOCITY, lane] + operator.inverse_mass * pushed - w * begun
         depth = x + h * (theta * apart + (1.0 - theta) * v) - tip[GAP, lane]
-        force = (stiffness * depth + damping * apart) * own[YIELD, lane]
+        pressed = (stiffness * depth + damping * apart) * own[YIELD, lane]
         most = depth * own[REACH, lane]
-        force = most if force > most else force
-        force = force if depth > 0.0 else 0.0
-        force = 0.0 if force <= 0.0 else force  # a NaN passes
-        p = begun + h * theta * force
-        after = apart - w * (h * theta * force)
-        own[LATEST, lane] = force
+        pressed = most if pressed > most else pressed
+        pressed = pressed if depth > 0.0 else 0.0
+        pressed = 0.0 if pressed <= 0.0 else pressed  # a NaN passes
+        p = begun + h * theta * pressed
+        after = apart - w * (h * theta * pressed)
+        own[LATEST, lane] = pressed
         own[PUSHED, lane] = pushed - p
         own[HEAT, lane] = own[ALPHA, lane] * p
         tip[STEP_IMPULSE, lane] = p
         tip[NEW_VELOCITY, lane] = after
         tip[NEW_TEMPERATURE, lane] += operator.warming * own[HEAT, lane]
         tip[NEW_DISPLACEMENT, lane] = x + h * (theta * after + (1.0 - theta) * v)
-        touches, touched = force > 0.0, held > 0.0
+        touches, touched = pressed > 0.0, held > 0.0
         approach = v if touches and not touched else own[APPROACH, lane]
         ended = 1.0 if touched and not touches else 0.0
         own[APPROACH, lane] = approach
@@ -197,7 +205,7 @@ def _march(
                 pull_pairs(operator, tau_before, motion, tip, lanes)
         else:
             swing(modes, h, motion, own, tip, lanes)
-        advance_load(step, h, load, lanes)
+        turn_load(step, h, load, lanes)
         _touch(operator, stiffness, damping, h, own, load, tip, lanes)
         if audited:
             if heated:
@@ -232,11 +240,11 @@ def _run(operator: Operator, modal: Decoupled, cases: Cases, sampling: Sampling)
     zeta = begun.velocity * modal.tip
     xi = begun.position * modal.tip - h * theta * zeta
     pairs = grouped(MODES, zeta.T, xi.T).reshape(-1, 2 * MODES, cases.count)
-    heat = grouped(HEAT_MODES, begun.heat.T)[:, 0]
+    heat = grouped(HEAT_MODES, (begun.heat * modal.glow).T)[:, 0]
     own, motion = lane_rows(_ROWS), lane_rows(*pairs.shape[:2])
     tau, tau_before = lane_rows(*heat.shape[:2]), lane_rows(*heat.shape[:2])
     closing = begun.closing + begun.closing_rate * sampling.duration
-    growth = grouped(HEAT_MODES, modal.static_growth)[:, 0, :, None]
+    growth = grouped(HEAT_MODES, modal.static_growth / modal.glow)[:, 0, :, None]
     books = Books(operator.structure, modal, cases, begun.tip_force, h, theta) if sampling.balances else None
     audit = no_audit() if books is None else books.audit
     rebound = np.full((2, cases.count), np.nan)

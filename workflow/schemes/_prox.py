@@ -9,8 +9,6 @@ from workflow.schemes._kernel import inlined
 from workflow.schemes._modal_lanes import ALPHA, COMPLIANCE, DELASSUS, HEAT, OWN_ROWS, PUSHED, RESTITUTION
 from workflow.schemes._stepping import (
     DISPLACEMENT,
-    FORCE,
-    FORCE_BEFORE,
     GAP,
     LANES,
     NEW_DISPLACEMENT,
@@ -18,35 +16,84 @@ from workflow.schemes._stepping import (
     NEW_VELOCITY,
     STEP_IMPULSE,
     VELOCITY,
+    note,
+    tip_load,
 )
 
 
 @inlined
-def touch(
-    theta: float, inverse_mass: float, warming: float, h: float, own: Array, load: Array, tip: Array, lanes: int
-) -> None:
-    """Close the step: load and contact impulse at the tip, from its free velocity to its new state.
+def _meet(
+    theta: float,
+    inverse_mass: float,
+    warming: float,
+    h: float,
+    pushed: float,
+    own: Array,
+    tip: Array,
+    lane: int,
+) -> tuple[float, float, float, float]:
+    """Return displacement, velocity and temperature of the tip after a step, and the impulse p in it.
 
     After an impulse the velocity is -e v_n,k to the bit, not to the rounding of v_free - W p: a tip
     at rest on its casing keeps its place and stays active for any number of steps.
     """
+    x, v = tip[DISPLACEMENT, lane], tip[VELOCITY, lane]
+    free = tip[NEW_VELOCITY, lane] + inverse_mass * pushed
+    closing = (free + own[RESTITUTION, lane] * v) * own[COMPLIANCE, lane]
+    p = closing if x + 0.5 * h * v >= tip[GAP, lane] else 0.0
+    p = 0.0 if p <= 0.0 else p  # a NaN passes
+    after = -own[RESTITUTION, lane] * v if p > 0.0 else free - own[DELASSUS, lane] * p
+    own[PUSHED, lane] = pushed - p
+    own[HEAT, lane] = own[ALPHA, lane] * p
+    temperature = tip[NEW_TEMPERATURE, lane] + warming * own[HEAT, lane]
+    return x + h * (theta * after + (1.0 - theta) * v), after, temperature, p
+
+
+@inlined
+def touch(
+    theta: float,
+    inverse_mass: float,
+    warming: float,
+    h: float,
+    sine: float,
+    own: Array,
+    load: Array,
+    tip: Array,
+    lanes: int,
+) -> None:
+    """Close the step: load and contact impulse at the tip, from its free velocity to its new state."""
     assert own.shape[1] == LANES
     assert load.shape[1] == LANES
     assert tip.shape[1] == LANES
     for lane in range(lanes):
-        x, v = tip[DISPLACEMENT, lane], tip[VELOCITY, lane]
-        pushed = h * ((1.0 - theta) * load[FORCE_BEFORE, lane] + theta * load[FORCE, lane])
-        free = tip[NEW_VELOCITY, lane] + inverse_mass * pushed
-        closing = (free + own[RESTITUTION, lane] * v) * own[COMPLIANCE, lane]
-        p = closing if x + 0.5 * h * v >= tip[GAP, lane] else 0.0
-        p = 0.0 if p <= 0.0 else p  # a NaN passes
-        after = -own[RESTITUTION, lane] * v if p > 0.0 else free - own[DELASSUS, lane] * p
-        own[PUSHED, lane] = pushed - p
-        own[HEAT, lane] = own[ALPHA, lane] * p
+        pushed = h * tip_load(sine, load, lane)
+        x, v, temperature, p = _meet(theta, inverse_mass, warming, h, pushed, own, tip, lane)
         tip[STEP_IMPULSE, lane] = p
-        tip[NEW_VELOCITY, lane] = after
-        tip[NEW_TEMPERATURE, lane] += warming * own[HEAT, lane]
-        tip[NEW_DISPLACEMENT, lane] = x + h * (theta * after + (1.0 - theta) * v)
+        tip[NEW_VELOCITY, lane] = v
+        tip[NEW_TEMPERATURE, lane] = temperature
+        tip[NEW_DISPLACEMENT, lane] = x
+
+
+@inlined
+def touch_and_note(
+    theta: float,
+    inverse_mass: float,
+    warming: float,
+    h: float,
+    sine: float,
+    own: Array,
+    load: Array,
+    tip: Array,
+    lanes: int,
+) -> None:
+    """Close a step in which nothing falls due: :func:`touch`, then ``observe``, in one pass."""
+    assert own.shape[1] == LANES
+    assert load.shape[1] == LANES
+    assert tip.shape[1] == LANES
+    for lane in range(lanes):
+        pushed = h * tip_load(sine, load, lane)
+        x, v, temperature, p = _meet(theta, inverse_mass, warming, h, pushed, own, tip, lane)
+        note(h, x, v, temperature, p, tip, lane)
 
 
 def contact_rows(cases: Cases, w: Array) -> Array:

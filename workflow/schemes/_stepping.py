@@ -4,8 +4,9 @@ A scheme's kernel advances its own states in blocks of up to ``LANES`` cases, on
 
     start_load(h, load, lanes)
     for step in range(1, block.steps + 1):
-        advance_load(step, h, load, lanes)
-        ...  # put the tip at the step's end in its rows NEW_… and STEP_IMPULSE
+        turn_load(step, h, load, lanes)
+        sine = weigh_load(theta, load, lanes)
+        ...  # with tip_load(sine, load, lane), put the tip at the step's end in its rows NEW_… and STEP_IMPULSE
         observe(take_marks(step, block) if step == next_mark[0] else h, tip, lanes)
 
 Everything that is kept per lane lies in a few arrays ``(row, lane)``, not in one array per name,
@@ -30,7 +31,7 @@ from workflow.models import Array, Cases
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, complete_periods
 from workflow.schemes._kernel import inlined, kernel
 
-LANES = 32
+LANES = 64
 """Lanes of a block: enough to share the cost of loading coefficients, while the states of 20 + 20
 modes (3 x 8 bytes x 20 x 32 = 15 kB) stay in the first-level cache."""
 
@@ -41,11 +42,11 @@ RESYNC = 64
 """Steps between exact evaluations of sin and cos of a load; in between a rotation continues it,
 whose rounding stays below 64 eps = 1.4e-14 of the amplitude."""
 
-MEAN, AMPLITUDE, FREQUENCY, PHASE, SINE, COSINE, TURN_SINE, TURN_COSINE, FORCE_BEFORE, FORCE = range(10)
-"""Rows of a block's load F0 + F1 sin(2π f t + φ): what it is, its running sine and cosine, their
-turn in one step, and the force at the beginning and the end of the step, N."""
+MEAN, AMPLITUDE, FREQUENCY, PHASE, SINE_BEFORE, SINE, COSINE, TURN_SINE, TURN_COSINE, OWN_SINE = range(10)
+"""Rows of a block's load F0 + F1 sin(2π f t + φ): what it is, its sine at the beginning of the step,
+sine and cosine at its end, their turn in one step, and the sine that acts where lanes swing apart."""
 
-LEADER = FORCE + 1
+LEADER = OWN_SINE + 1
 """Row whose first entry is the lane whose sine serves all lanes, -1 where they swing apart."""
 
 LOAD_ROWS = LEADER + 1
@@ -118,37 +119,55 @@ def start_load(h: float, load: Array, lanes: int) -> None:
         turn = 2.0 * np.pi * load[FREQUENCY, lane] * h
         load[TURN_SINE, lane] = np.sin(turn)
         load[TURN_COSINE, lane] = np.cos(turn)
-    advance_load(0, h, load, lanes)
+    turn_load(0, h, load, lanes)
 
 
 @inlined
-def advance_load(step: int, h: float, load: Array, lanes: int) -> None:
+def _swinging(load: Array, lanes: int) -> tuple[int, int]:
+    """Return the range of lanes whose sine runs: the one that serves all, or all."""
+    leader = int(load[LEADER, 0])
+    return (leader, leader + 1) if leader >= 0 else (0, lanes)
+
+
+@inlined
+def turn_load(step: int, h: float, load: Array, lanes: int) -> None:
     """Move the load to the end of a step, t = step h.
 
     Most batches share frequency and phase; one sine then serves all lanes, with the bits of their own.
     """
     assert load.shape[1] == LANES
-    leader = int(load[LEADER, 0])
-    first, last = (leader, leader + 1) if leader >= 0 else (0, lanes)
+    first, last = _swinging(load, lanes)
+    for lane in range(first, last):
+        s, c = load[SINE, lane], load[COSINE, lane]
+        load[SINE_BEFORE, lane] = s
+        load[SINE, lane] = s * load[TURN_COSINE, lane] + c * load[TURN_SINE, lane]
+        load[COSINE, lane] = c * load[TURN_COSINE, lane] - s * load[TURN_SINE, lane]
     if step % RESYNC == 0:
         for lane in range(first, last):
             angle = 2.0 * np.pi * (load[FREQUENCY, lane] * (step * h)) + load[PHASE, lane]
             load[SINE, lane] = np.sin(angle)
             load[COSINE, lane] = np.cos(angle)
-    else:
-        for lane in range(first, last):
-            s, c = load[SINE, lane], load[COSINE, lane]
-            load[SINE, lane] = s * load[TURN_COSINE, lane] + c * load[TURN_SINE, lane]
-            load[COSINE, lane] = c * load[TURN_COSINE, lane] - s * load[TURN_SINE, lane]
-    if leader >= 0:
-        sine = load[SINE, leader]
-        for lane in range(lanes):
-            load[FORCE_BEFORE, lane] = load[FORCE, lane]
-            load[FORCE, lane] = load[MEAN, lane] + load[AMPLITUDE, lane] * sine
-    else:
-        for lane in range(lanes):
-            load[FORCE_BEFORE, lane] = load[FORCE, lane]
-            load[FORCE, lane] = load[MEAN, lane] + load[AMPLITUDE, lane] * load[SINE, lane]
+
+
+@inlined
+def weigh_load(theta: float, load: Array, lanes: int) -> float:
+    """Weigh the sine at the step's end by ``theta``, at its beginning by the rest, for :func:`tip_load`.
+
+    Returns that of all lanes where one serves them; else it is 0 and each lane is given its own.
+    """
+    assert load.shape[1] == LANES
+    first, last = _swinging(load, lanes)
+    if load[LEADER, 0] >= 0.0:
+        return (1.0 - theta) * load[SINE_BEFORE, first] + theta * load[SINE, first]
+    for lane in range(lanes):
+        load[OWN_SINE, lane] = (1.0 - theta) * load[SINE_BEFORE, lane] + theta * load[SINE, lane]
+    return 0.0
+
+
+@inlined
+def tip_load(sine: float, load: Array, lane: int) -> float:
+    """Return the load's force at the tip, N, as :func:`weigh_load` left it, which returned ``sine``."""
+    return load[MEAN, lane] + load[AMPLITUDE, lane] * (sine + load[OWN_SINE, lane])
 
 
 @kernel
@@ -211,23 +230,29 @@ def take_marks(step: int, block: Block) -> float:
 
 
 @inlined
+def note(span: float, x: float, v: float, temperature: float, p: float, tip: Array, lane: int) -> None:
+    """Take in the tip's state at the end of a step of ``span`` s and the impulse in it."""
+    touches = 1.0 if p > 0.0 else 0.0
+    depth, deepest = x - tip[GAP, lane], tip[PENETRATION, lane]
+    hottest = tip[PERIOD_HOTTEST, lane]
+    tip[IMPACTS, lane] += touches * (1.0 - tip[TOUCHING, lane])
+    tip[TOUCHING, lane] = touches
+    tip[CONTACT_TIME, lane] += touches * span
+    tip[PENETRATION, lane] = depth if depth > deepest else deepest
+    tip[PERIOD_HOTTEST, lane] = temperature if temperature > hottest else hottest
+    tip[IMPULSE, lane] += p
+    tip[DISPLACEMENT, lane] = x
+    tip[VELOCITY, lane] = v
+    tip[TEMPERATURE, lane] = temperature
+
+
+@inlined
 def observe(span: float, tip: Array, lanes: int) -> None:
     """Take in the rows ``NEW_…`` and ``STEP_IMPULSE`` of the tip at the end of a step of ``span`` s."""
     assert tip.shape[1] == LANES
     for lane in range(lanes):
-        x, temperature, p = tip[NEW_DISPLACEMENT, lane], tip[NEW_TEMPERATURE, lane], tip[STEP_IMPULSE, lane]
-        touches = 1.0 if p > 0.0 else 0.0
-        depth, deepest = x - tip[GAP, lane], tip[PENETRATION, lane]
-        hottest = tip[PERIOD_HOTTEST, lane]
-        tip[IMPACTS, lane] += touches * (1.0 - tip[TOUCHING, lane])
-        tip[TOUCHING, lane] = touches
-        tip[CONTACT_TIME, lane] += touches * span
-        tip[PENETRATION, lane] = depth if depth > deepest else deepest
-        tip[PERIOD_HOTTEST, lane] = temperature if temperature > hottest else hottest
-        tip[IMPULSE, lane] += p
-        tip[DISPLACEMENT, lane] = x
-        tip[VELOCITY, lane] = tip[NEW_VELOCITY, lane]
-        tip[TEMPERATURE, lane] = temperature
+        x, v, temperature = tip[NEW_DISPLACEMENT, lane], tip[NEW_VELOCITY, lane], tip[NEW_TEMPERATURE, lane]
+        note(span, x, v, temperature, tip[STEP_IMPULSE, lane], tip, lane)
 
 
 def lane_rows(*shape: int) -> Array:

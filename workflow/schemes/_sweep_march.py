@@ -10,21 +10,21 @@ from workflow.schemes._kernel import kernel
 from workflow.schemes._modal_lanes import HEAT
 from workflow.schemes._prox import touch
 from workflow.schemes._stepping import (
-    FORCE,
-    FORCE_BEFORE,
     NEW_DISPLACEMENT,
     NEW_TEMPERATURE,
     NEW_VELOCITY,
     STEP_IMPULSE,
     Block,
     Watch,
-    advance_load,
     blocks,
     fill_lanes,
     lane_rows,
     observe,
     start_load,
     take_marks,
+    tip_load,
+    turn_load,
+    weigh_load,
 )
 from workflow.schemes._sweep_balance import SUMS, open_account, residuals, tally, weights
 from workflow.schemes._sweeps import (
@@ -67,12 +67,12 @@ def _march(
         if heated:
             conduct(step, state, loads)
         tip[NEW_VELOCITY, 0], tip[NEW_TEMPERATURE, 0] = swing(step, state, loads, theta, lever, heated)
-        advance_load(k, h, load, lanes)
-        touch(theta, step[last, YIELD], step[last, WARM], h, own, load, tip, lanes)
+        turn_load(k, h, load, lanes)
+        touch(theta, step[last, YIELD], step[last, WARM], h, weigh_load(theta, load, lanes), own, load, tip, lanes)
         heat = own[HEAT, 0]
         settle(step, state, h, theta, tip[NEW_DISPLACEMENT, 0], tip[NEW_VELOCITY, 0], heat, heated)
         if audited:
-            pushed = h * (0.5 * (load[FORCE_BEFORE, 0] + load[FORCE, 0])) - tip[STEP_IMPULSE, 0]
+            pushed = h * tip_load(weigh_load(0.5, load, lanes), load, 0) - tip[STEP_IMPULSE, 0]
             tally(step, weight, state, loads, h, heat, pushed, sums)
         observe(take_marks(k, block) if k == next_mark[0] else h, tip, lanes)
 
