@@ -26,7 +26,6 @@ from workflow.schemes._modal_lanes import (
     WARMING,
     WARMTH,
     Coefficients,
-    begin,
     conduct,
     grouped,
     pull_pairs,
@@ -142,14 +141,13 @@ def _march(
     for lane in range(lanes):
         own[LATEST, lane] *= 2.0
     for step in range(1, block.steps + 1):
-        begin(step * h, own, tip, lanes)
         if heated:
             if step == block.steps:
                 tau_before[:] = tau
             if audited:
                 leak(h, audit.heat_modes, audit.heat, own, audit.sums, lanes)
                 couple(audit.coupling, audit.heat, audit.motion, lanes)
-            conduct(heat_modes, tau, own, tip, lanes)
+            conduct(step * h, heat_modes, tau, own, tip, lanes)
             swing_heated(modes, h, motion, own, tip, lanes)
             if paired:
                 pull_pairs(operator, tau, motion, tip, lanes)

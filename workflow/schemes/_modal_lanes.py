@@ -93,7 +93,7 @@ def swing(modes: Array, h: float, motion: Array, own: Array, tip: Array, lanes: 
     for g in range(motion.shape[0]):
         for lane in range(lanes):
             pushed = own[PUSHED, lane]
-            velocity = tip[NEW_VELOCITY, lane]
+            velocity = tip[NEW_VELOCITY, lane] if g > 0 else 0.0
             for j in range(MODES):
                 before = motion[g, j, lane] + modes[g, PUSH, j] * pushed
                 place = motion[g, MODES + j, lane]
@@ -126,7 +126,7 @@ def swing_heated(modes: Array, h: float, motion: Array, own: Array, tip: Array, 
 
 
 @inlined
-def conduct(heat_modes: Array, tau: Array, own: Array, tip: Array, lanes: int) -> None:
+def conduct(t: float, heat_modes: Array, tau: Array, own: Array, tip: Array, lanes: int) -> None:
     """Step the thermal modes; ``tau`` is ``(group, mode of the group, lane)``."""
     assert tau.shape[1] == HEAT_MODES
     assert tau.shape[2] == LANES
@@ -135,7 +135,8 @@ def conduct(heat_modes: Array, tau: Array, own: Array, tip: Array, lanes: int) -
     for g in range(tau.shape[0]):
         for lane in range(lanes):
             heat = own[HEAT, lane]
-            velocity, temperature = tip[NEW_VELOCITY, lane], tip[NEW_TEMPERATURE, lane]
+            velocity = tip[NEW_VELOCITY, lane] if g > 0 else own[DRIFT, lane]
+            temperature = tip[NEW_TEMPERATURE, lane] if g > 0 else own[WARMTH, lane] + own[WARMING, lane] * t
             for k in range(HEAT_MODES):
                 after = heat_modes[g, DECAY, k] * (tau[g, k, lane] + heat_modes[g, WARM, k] * heat)
                 tau[g, k, lane] = after

@@ -23,7 +23,6 @@ from workflow.schemes._modal_lanes import (
     WARMING,
     WARMTH,
     Coefficients,
-    begin,
     conduct,
     grouped,
     pull_pairs,
@@ -92,11 +91,10 @@ def _march(
     if audited:
         open_audit(audit, lanes)
     for step in range(1, block.steps + 1):
-        begin(step * h, own, tip, lanes)
         if heated:
             if paired or step == block.steps:
                 take_heat(heat_modes, tau, own, tau_before, lanes)
-            conduct(heat_modes, tau, own, tip, lanes)
+            conduct(step * h, heat_modes, tau, own, tip, lanes)
             swing_heated(modes, h, motion, own, tip, lanes)
             if paired:
                 pull_pairs(operator, tau_before, motion, tip, lanes)
