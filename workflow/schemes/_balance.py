@@ -38,21 +38,25 @@ import numpy as np
 
 from workflow.models import Array, Cases, Structure, project
 from workflow.schemes._decoupled import Decoupled
-from workflow.schemes._kernel import inlined, kernel
-from workflow.schemes._modal_lanes import HEAT, HEAT_MODES, MODES, PUSHED, grouped
+from workflow.schemes._kernel import inlined
+from workflow.schemes._modal_lanes import HEAT, MODES, PUSHED, grouped
 from workflow.schemes._stepping import LANES, STEP_IMPULSE, fill_lanes, lane_rows, tip_load, weigh_load
 
-SLOW, PULL, PUSH, STEP, OMEGA2, DAMP, TIP = range(7)
-"""Coefficients of a mechanical mode: ζ' - ζ per ζ, per η, per tip impulse and per modal force; ω², c,
+HEATS = 5
+"""Thermal modes of a group: with the coupling of :data:`MODES` mechanical modes to them, as many
+coefficients as the registers of a processor hold."""
+
+SLOW, PULL, PUSH, STEP, TURN, DAMP, TIP = range(7)
+"""Coefficients of a mechanical mode: ζ' - ζ per ζ, per ωη, per tip impulse and per modal force; hω, c,
 φ_n. Steps are counted as increments, whose coefficients round relative to h."""
 
 COOL, WARM, LOSS = range(3)
 """Coefficients of a thermal mode: τ' - τ per τ and per unit heat at the tip; its heat loss, W."""
 
-SPEED, NEW_SPEED, ENERGY, FIRST_ENERGY, LARGEST_ENERGY, SPENT, LEAK, LOST, TURNED, TAKEN = range(10)
+SPEED, NEW_SPEED, ENERGY, FIRST_ENERGY, LARGEST_ENERGY, SPENT, LEAK, NEW_LEAK, LOST, TURNED, TAKEN = range(11)
 """Rows of a block's sums: tip velocity at the step's beginning and end, energy at its end, at t = 0
-and the largest; energy spent (the sum above) and, of heat, the loss at midpoint [W], lost, turned
-over by loss, and taken in by friction."""
+and the largest; energy spent (the sum above) and, of heat, the loss at the step's beginning and end
+[W], lost, turned over by loss, and taken in by friction."""
 
 SUM_ROWS = TAKEN + 1
 
@@ -67,7 +71,7 @@ class Audit(NamedTuple):
     coupling
         G, ``(group, thermal group, mode, thermal mode)``.
     motion
-        ``(group, row, lane)``: ζ of the group's modes, then η, g at the step's beginning, g, f̄.
+        ``(group, row, lane)``: ζ of the group's modes, then ωη, f̄ - g at the step's beginning, f̄ - g, f̄.
     heat
         ``(thermal group, row, lane)``: τ of the group's modes, then what heating adds in a step.
     sums
@@ -87,65 +91,45 @@ class Audit(NamedTuple):
 
 @inlined
 def couple(coupling: Array, heat: Array, motion: Array, lanes: int) -> None:
-    """Move the thermal forces g on by a step, g = G τ."""
-    assert heat.shape[1] == 2 * HEAT_MODES
+    """Find the forces f̄ - g at the step's end, g = G τ."""
+    assert heat.shape[1] == 2 * HEATS
     assert heat.shape[2] == LANES
     assert motion.shape[1] == 5 * MODES
     assert motion.shape[2] == LANES
     for g in range(motion.shape[0]):
-        for j in range(MODES):
-            for lane in range(lanes):
-                motion[g, 2 * MODES + j, lane] = motion[g, 3 * MODES + j, lane]
-                motion[g, 3 * MODES + j, lane] = 0.0
         for k in range(heat.shape[0]):
             for lane in range(lanes):
                 for j in range(MODES):
-                    force = motion[g, 3 * MODES + j, lane]
-                    for m in range(HEAT_MODES):
-                        force += coupling[g, k, j, m] * heat[k, m, lane]
+                    force = motion[g, 3 * MODES + j, lane] if k > 0 else motion[g, 4 * MODES + j, lane]
+                    for m in range(HEATS):
+                        force -= coupling[g, k, j, m] * heat[k, m, lane]
                     motion[g, 3 * MODES + j, lane] = force
-
-
-@kernel
-def open_audit(audit: Audit, lanes: int) -> None:
-    """Set thermal forces, tip velocity and energy to t = 0."""
-    modes, motion, sums = audit.modes, audit.motion, audit.sums
-    if audit.heat.shape[0] > 0:
-        couple(audit.coupling, audit.heat, motion, lanes)
-    for g in range(motion.shape[0]):
-        for j in range(MODES):
-            for lane in range(lanes):
-                speed, place = motion[g, j, lane], motion[g, MODES + j, lane]
-                sums[SPEED, lane] += modes[g, TIP, j] * speed
-                sums[ENERGY, lane] += 0.5 * (speed * speed + modes[g, OMEGA2, j] * place * place)
-    for lane in range(lanes):
-        sums[FIRST_ENERGY, lane] = sums[LARGEST_ENERGY, lane] = sums[ENERGY, lane]
 
 
 @inlined
 def leak(h: float, heat_modes: Array, heat: Array, own: Array, sums: Array, lanes: int) -> None:
     """Step the thermal modes and count the heat they take in and lose."""
-    assert heat.shape[1] == 2 * HEAT_MODES
+    assert heat.shape[1] == 2 * HEATS
     assert heat.shape[2] == LANES
     assert own.shape[1] == LANES
     assert sums.shape[1] == LANES
-    for lane in range(lanes):
-        sums[LEAK, lane] = 0.0
     for g in range(heat.shape[0]):
         for lane in range(lanes):
             taken = own[HEAT, lane]
-            lost = 0.0
-            for k in range(HEAT_MODES):
+            loss = sums[NEW_LEAK, lane] if g > 0 else 0.0
+            for k in range(HEATS):
                 before = heat[g, k, lane]
                 change = heat_modes[g, COOL, k] * before + heat_modes[g, WARM, k] * taken
-                after = before + (change + heat[g, HEAT_MODES + k, lane])
+                after = before + (change + heat[g, HEATS + k, lane])
                 heat[g, k, lane] = after
-                lost += heat_modes[g, LOSS, k] * (0.5 * (before + after))
-            sums[LEAK, lane] += lost
+                loss += heat_modes[g, LOSS, k] * after
+            sums[NEW_LEAK, lane] = loss
     for lane in range(lanes):
-        lost = sums[LEAK, lane]
-        sums[LOST, lane] += h * lost
-        sums[TURNED, lane] += h * abs(lost)
+        loss = sums[NEW_LEAK, lane]
+        lost = 0.5 * h * (sums[LEAK, lane] + loss)
+        sums[LEAK, lane] = loss
+        sums[LOST, lane] += lost
+        sums[TURNED, lane] += abs(lost)
         sums[TAKEN, lane] += own[HEAT, lane]
 
 
@@ -160,38 +144,38 @@ def account(
     assert load.shape[1] == LANES
     assert tip.shape[1] == LANES
     assert sums.shape[1] == LANES
-    for lane in range(lanes):
-        sums[NEW_SPEED, lane] = 0.0
-        sums[ENERGY, lane] = 0.0
     for g in range(motion.shape[0]):
         for lane in range(lanes):
             pushed = own[PUSHED, lane]
-            velocity = energy = spent = 0.0
+            velocity = sums[NEW_SPEED, lane] if g > 0 else 0.0
+            energy = sums[ENERGY, lane] if g > 0 else 0.0
+            spent = 0.0
             for j in range(MODES):
                 speed, place = motion[g, j, lane], motion[g, MODES + j, lane]
-                pull_before, pull = motion[g, 2 * MODES + j, lane], motion[g, 3 * MODES + j, lane]
-                steady = motion[g, 4 * MODES + j, lane]
-                force = steady - (theta * pull + (1.0 - theta) * pull_before)
+                force_before, force = motion[g, 2 * MODES + j, lane], motion[g, 3 * MODES + j, lane]
+                acting = theta * force + (1.0 - theta) * force_before
                 change = modes[g, SLOW, j] * speed + modes[g, PULL, j] * place
-                change += modes[g, PUSH, j] * pushed + modes[g, STEP, j] * force
+                change += modes[g, PUSH, j] * pushed + modes[g, STEP, j] * acting
                 after = speed + change
-                place += h * (theta * after + (1.0 - theta) * speed)
-                middle = 0.5 * (speed + after)
+                place += modes[g, TURN, j] * (speed + theta * change)
+                twice = speed + after
                 motion[g, j, lane] = after
                 motion[g, MODES + j, lane] = place
+                motion[g, 2 * MODES + j, lane] = force
                 velocity += modes[g, TIP, j] * after
-                energy += after * after + modes[g, OMEGA2, j] * (place * place)
-                spent += middle * (modes[g, DAMP, j] * middle + 0.5 * (pull_before + pull) - steady)
-            sums[NEW_SPEED, lane] += velocity
-            sums[ENERGY, lane] += 0.5 * energy
-            sums[SPENT, lane] += h * spent
+                energy += after * after + place * place
+                spent += twice * (modes[g, DAMP, j] * twice - (force_before + force))
+            sums[NEW_SPEED, lane] = velocity
+            sums[ENERGY, lane] = energy
+            sums[SPENT, lane] += 0.25 * h * spent
     sine = weigh_load(0.5, load, lanes)
     for lane in range(lanes):
         middle = 0.5 * (sums[SPEED, lane] + sums[NEW_SPEED, lane])
         worked = h * tip_load(sine, load, lane)
         sums[SPENT, lane] += (tip[STEP_IMPULSE, lane] - worked) * middle
         sums[SPEED, lane] = sums[NEW_SPEED, lane]
-        energy, largest = sums[ENERGY, lane], sums[LARGEST_ENERGY, lane]
+        energy, largest = 0.5 * sums[ENERGY, lane], sums[LARGEST_ENERGY, lane]
+        sums[ENERGY, lane] = energy
         sums[LARGEST_ENERGY, lane] = largest if energy <= largest else energy  # a NaN stays
 
 
@@ -215,27 +199,31 @@ class Books:
         modes = grouped(
             MODES,
             -(h * c + h**2 * theta * omega2) / inertia,
-            -h * omega2 / inertia,
+            -h * modal.frequency / inertia,
             modal.tip / inertia,
             h / inertia,
-            omega2,
+            h * modal.frequency,
             c,
             modal.tip,
         )
-        heat_modes = grouped(HEAT_MODES, -h * mu / slow, modal.heat_tip / slow, loss_row)
-        coupling = np.zeros((modes.shape[0], MODES, heat_modes.shape[0], HEAT_MODES))
-        coupling.reshape(modes.shape[0] * MODES, heat_modes.shape[0] * HEAT_MODES)[: omega2.size, : mu.size] = (
-            modal.coupling
-        )
-        displacement, velocity = project(modal.to_modes, cases.displacement), project(modal.to_modes, cases.velocity)
-        steady = project(modal.shapes.T, cases.steady) - tip_force[:, None] * modal.tip
-        none = np.zeros_like(displacement)
-        rows = grouped(MODES, velocity.T, displacement.T, none.T, none.T, steady.T)
-        self._motion = rows.reshape(modes.shape[0], 5 * MODES, cases.count)
+        heat_modes = grouped(HEATS, -h * mu / slow, modal.heat_tip / slow, loss_row)
+        coupling = np.zeros((modes.shape[0], MODES, heat_modes.shape[0], HEATS))
+        coupling.reshape(modes.shape[0] * MODES, heat_modes.shape[0] * HEATS)[: omega2.size, : mu.size] = modal.coupling
+        place = modal.frequency * project(modal.to_modes, cases.displacement)
+        velocity = project(modal.to_modes, cases.velocity)
         tau, heating = project(modal.to_thermal, cases.temperature), project(modal.heat_shapes.T, cases.heating)
-        rows = grouped(HEAT_MODES, tau.T, (heating * (h / slow)).T)
-        self._heat = rows.reshape(heat_modes.shape[0], 2 * HEAT_MODES, cases.count)
-        self._content = grouped(HEAT_MODES, warmth_row)[:, 0, :, None]
+        steady = project(modal.shapes.T, cases.steady) - tip_force[:, None] * modal.tip
+        force = steady - project(modal.coupling, tau)
+        rows = grouped(MODES, velocity.T, place.T, force.T, force.T, steady.T)
+        self._motion = rows.reshape(modes.shape[0], 5 * MODES, cases.count)
+        rows = grouped(HEATS, tau.T, (heating * (h / slow)).T)
+        self._heat = rows.reshape(heat_modes.shape[0], 2 * HEATS, cases.count)
+        energy = 0.5 * project(np.ones((1, c.size)), velocity**2 + place**2)[:, 0]
+        self._begun = np.zeros((SUM_ROWS, cases.count))
+        self._begun[[ENERGY, FIRST_ENERGY, LARGEST_ENERGY]] = energy
+        self._begun[SPEED] = project(modal.tip[None, :], velocity)[:, 0]
+        self._begun[LEAK] = project(loss_row[None, :], tau)[:, 0]
+        self._content = grouped(HEATS, warmth_row)[:, 0, :, None]
         self._contained = project(warmth_row[None, :], tau)[:, 0]
         self._initial = project(np.abs(warmth_row)[None, :], np.abs(tau))[:, 0]
         self._heating = project(warmth_row[None, :], heating)[:, 0]
@@ -259,7 +247,7 @@ class Books:
         """Put the initial states of some cases in the lanes."""
         fill_lanes(self.audit.motion, self._motion[..., part])
         fill_lanes(self.audit.heat, self._heat[..., part])
-        self.audit.sums[:] = 0.0
+        fill_lanes(self.audit.sums, self._begun[:, part])
 
     def close(self, part: slice, elapsed: float) -> None:
         """Take the balances of the lanes after ``elapsed`` seconds."""
@@ -268,7 +256,7 @@ class Books:
         change = sums[ENERGY] - sums[FIRST_ENERGY] + sums[SPENT]
         self.energy_residual[part] = share(change, sums[LARGEST_ENERGY])
         # in the same order whatever lanes are in use
-        content = np.sum(self._content * self.audit.heat[:, :HEAT_MODES], axis=(0, 1))[:count]
+        content = np.sum(self._content * self.audit.heat[:, :HEATS], axis=(0, 1))[:count]
         heating = elapsed * self._heating[part]
         change = content - self._contained[part] - sums[TAKEN] - heating + sums[LOST]
         turned = sums[TAKEN] + np.abs(heating) + sums[TURNED] + self._initial[part]
@@ -279,10 +267,10 @@ def no_audit() -> Audit:
     """Return what the kernel takes where no balances are asked for."""
     return Audit(
         modes=np.zeros((0, 7, MODES)),
-        heat_modes=np.zeros((0, 3, HEAT_MODES)),
-        coupling=np.zeros((0, 0, MODES, HEAT_MODES)),
+        heat_modes=np.zeros((0, 3, HEATS)),
+        coupling=np.zeros((0, 0, MODES, HEATS)),
         motion=lane_rows(0, 5 * MODES),
-        heat=lane_rows(0, 2 * HEAT_MODES),
+        heat=lane_rows(0, 2 * HEATS),
         sums=lane_rows(0),
         theta=0.0,
     )

@@ -18,10 +18,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from workflow.models import Array, Cases, Structure, project
+from workflow.models import Array, Cases, Structure
 from workflow.schemes._balance import (
     ENERGY,
-    FIRST_ENERGY,
     LARGEST_ENERGY,
     NEW_SPEED,
     SPEED,
@@ -33,8 +32,8 @@ from workflow.schemes._kernel import inlined
 from workflow.schemes._modal_lanes import MODES, PUSHED, grouped
 from workflow.schemes._stepping import GAP, LANES, NEW_DISPLACEMENT, NEW_VELOCITY
 
-FACTOR, STEP, OMEGA2, DAMP_BEFORE, DAMP_AFTER, TIP = range(6)
-"""Coefficients of a mechanical mode: w_k+½ per w_k-½ and per modal impulse; ω²; what w_k-½ and w_k+½ add
+FACTOR, STEP, OMEGA, DAMP_BEFORE, DAMP_AFTER, TIP = range(6)
+"""Coefficients of a mechanical mode: w_k+½ per w_k-½ and per modal impulse; ω; what w_k-½ and w_k+½ add
 to C1 v; φ_n."""
 
 POWER = SPEED
@@ -58,30 +57,28 @@ def account(
     assert motion.shape[2] == LANES
     assert own.shape[1] == LANES
     assert sums.shape[1] == LANES
-    for lane in range(lanes):
-        sums[NEW_SPEED, lane] = 0.0
-        sums[ENERGY, lane] = 0.0
     for g in range(motion.shape[0]):
         for lane in range(lanes):
             pushed = own[PUSHED, lane]
-            spent = energy = 0.0
+            spent = sums[NEW_SPEED, lane] if g > 0 else 0.0
+            energy = sums[ENERGY, lane] if g > 0 else 0.0
             for j in range(MODES):
                 before, place = motion[g, j, lane], motion[g, MODES + j, lane]
-                pull = motion[g, 3 * MODES + j, lane] - motion[g, 4 * MODES + j, lane]
-                force = modes[g, TIP, j] * pushed - h * (modes[g, OMEGA2, j] * place + pull)
+                steady = motion[g, 3 * MODES + j, lane]
+                force = modes[g, TIP, j] * pushed + h * (steady - modes[g, OMEGA, j] * place)
                 after = modes[g, FACTOR, j] * before + modes[g, STEP, j] * force
                 speed = 0.5 * (before + after)
                 drag = modes[g, DAMP_BEFORE, j] * before + modes[g, DAMP_AFTER, j] * after
-                spent += speed * (h * (drag + pull) - modes[g, TIP, j] * pushed)
-                energy += speed * speed + modes[g, OMEGA2, j] * (place * place)
+                spent += speed * (h * (drag - steady) - modes[g, TIP, j] * pushed)
+                energy += speed * speed + place * place
                 motion[g, j, lane] = after
-                motion[g, MODES + j, lane] = place + h * after
-            sums[NEW_SPEED, lane] += spent
-            sums[ENERGY, lane] += 0.5 * energy
+                motion[g, MODES + j, lane] = place + h * (modes[g, OMEGA, j] * after)
+            sums[NEW_SPEED, lane] = spent
+            sums[ENERGY, lane] = energy
     for lane in range(lanes):
         depth = max(0.0, tip[NEW_DISPLACEMENT, lane] - tip[GAP, lane])
         spent = sums[NEW_SPEED, lane] - h * stiffness * depth * tip[NEW_VELOCITY, lane]
-        energy = sums[ENERGY, lane] + 0.5 * stiffness * depth * depth
+        energy = 0.5 * (sums[ENERGY, lane] + stiffness * depth * depth)
         largest = sums[LARGEST_ENERGY, lane]
         sums[ENERGY, lane] = energy
         if step > 0:
@@ -118,15 +115,8 @@ class CentralBooks(Books):
         factor: Array,
     ) -> None:
         super().__init__(structure, modal, cases, tip_force, h, implicit_heat)
-        c, omega2 = modal.damping, modal.frequency**2
+        c = modal.damping
         after = np.where(inertia == 1, 0.0, c / 2)
-        modes = grouped(MODES, factor, 1 / inertia, omega2, c - after, after, modal.tip)
+        modes = grouped(MODES, factor, 1 / inertia, modal.frequency, c - after, after, modal.tip)
         self.audit = self.audit._replace(modes=modes)
         self._motion[:, :MODES] = grouped(MODES, half.T)[:, 0]
-        velocity, place = project(modal.to_modes, cases.velocity), project(modal.to_modes, cases.displacement)
-        self._first = 0.5 * project(np.ones((1, c.size)), velocity**2 + omega2 * place**2)[:, 0]
-
-    def open(self, part: slice) -> None:
-        """Put the initial states of some cases in the lanes."""
-        super().open(part)
-        self.audit.sums[FIRST_ENERGY : LARGEST_ENERGY + 1, : part.stop - part.start] = self._first[part]

@@ -134,7 +134,6 @@ def _march(
         tip[NEW_VELOCITY, lane] = own[FREE, lane]
     _touch(operator, law, h, own, load, tip, lanes)
     if audited:
-        couple(audit.coupling, audit.heat, audit.motion, lanes)
         account(0, h, law.stiffness, audit.modes, audit.motion, own, tip, audit.sums, lanes)
         for lane in range(lanes):
             audit.sums[POWER, lane] += own[LATEST, lane] * tip[NEW_VELOCITY, lane]

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.models import Array, Cases, Structure
-from workflow.schemes._balance import Audit, Books, account, couple, leak, no_audit, open_audit
+from workflow.schemes._balance import Audit, Books, account, couple, leak, no_audit
 from workflow.schemes._decoupled import Decoupled, Motion
 from workflow.schemes._interface import Sampling
 from workflow.schemes._kernel import kernel
@@ -88,8 +88,6 @@ def _march(
     heated, paired = tau.shape[0] > 0, operator.pair_mode.size > 0
     theta, audited, sums = operator.theta, audit.sums.shape[0] > 0, audit.sums
     start_load(h, load, lanes)
-    if audited:
-        open_audit(audit, lanes)
     for step in range(1, block.steps + 1):
         if heated:
             if paired or step == block.steps:

@@ -32,7 +32,6 @@ from workflow.schemes._balance import (
     couple,
     leak,
     no_audit,
-    open_audit,
 )
 from workflow.schemes._central_march import APPROACH, APPROACHED, LATEST, SEPARATED, restitution
 from workflow.schemes._decoupled import Decoupled, start
@@ -191,8 +190,6 @@ def _march(
     heated, paired = tau.shape[0] > 0, operator.pair_mode.size > 0
     theta, audited, sums = audit.theta, audit.sums.shape[0] > 0, audit.sums
     start_load(h, load, lanes)
-    if audited:
-        open_audit(audit, lanes)
     for step in range(1, block.steps + 1):
         if heated:
             if paired or step == block.steps:

@@ -156,9 +156,9 @@ def weigh_load(theta: float, load: Array, lanes: int) -> float:
     Returns that of all lanes where one serves them; else it is 0 and each lane is given its own.
     """
     assert load.shape[1] == LANES
-    first, last = _swinging(load, lanes)
-    if load[LEADER, 0] >= 0.0:
-        return (1.0 - theta) * load[SINE_BEFORE, first] + theta * load[SINE, first]
+    leader = int(load[LEADER, 0])
+    if leader >= 0:
+        return (1.0 - theta) * load[SINE_BEFORE, leader] + theta * load[SINE, leader]
     for lane in range(lanes):
         load[OWN_SINE, lane] = (1.0 - theta) * load[SINE_BEFORE, lane] + theta * load[SINE, lane]
     return 0.0
