@@ -40,7 +40,7 @@ from workflow.models import Array, Cases, Structure, project
 from workflow.schemes._decoupled import Decoupled
 from workflow.schemes._kernel import inlined
 from workflow.schemes._modal_lanes import HEAT, MODES, PUSHED, grouped
-from workflow.schemes._stepping import LANES, STEP_IMPULSE, fill_lanes, lane_rows, tip_load, weigh_load
+from workflow.schemes._stepping import AMPLITUDE, LANES, OWN_SINE, fill_lanes, lane_rows, weigh_load
 
 HEATS = 5
 """Thermal modes of a group: with the coupling of :data:`MODES` mechanical modes to them, as many
@@ -73,7 +73,9 @@ class Audit(NamedTuple):
     motion
         ``(group, row, lane)``: ζ of the group's modes, then ωη, f̄ - g at the step's beginning, f̄ - g, f̄.
     heat
-        ``(thermal group, row, lane)``: τ of the group's modes, then what heating adds in a step.
+        τ, ``(thermal group, mode, lane)``.
+    heating
+        What heating adds to them in a step; no groups where there is none.
     sums
         ``(row, lane)``, no rows where no balances are asked for.
     theta
@@ -85,6 +87,7 @@ class Audit(NamedTuple):
     coupling: Array
     motion: Array
     heat: Array
+    heating: Array
     sums: Array
     theta: float
 
@@ -92,7 +95,7 @@ class Audit(NamedTuple):
 @inlined
 def couple(coupling: Array, heat: Array, motion: Array, lanes: int) -> None:
     """Find the forces f̄ - g at the step's end, g = G τ."""
-    assert heat.shape[1] == 2 * HEATS
+    assert heat.shape[1] == HEATS
     assert heat.shape[2] == LANES
     assert motion.shape[1] == 5 * MODES
     assert motion.shape[2] == LANES
@@ -107,12 +110,15 @@ def couple(coupling: Array, heat: Array, motion: Array, lanes: int) -> None:
 
 
 @inlined
-def leak(h: float, heat_modes: Array, heat: Array, own: Array, sums: Array, lanes: int) -> None:
+def leak(h: float, heat_modes: Array, heating: Array, heat: Array, own: Array, sums: Array, lanes: int) -> None:
     """Step the thermal modes and count the heat they take in and lose."""
-    assert heat.shape[1] == 2 * HEATS
+    assert heat.shape[1] == HEATS
     assert heat.shape[2] == LANES
+    assert heating.shape[1] == HEATS
+    assert heating.shape[2] == LANES
     assert own.shape[1] == LANES
     assert sums.shape[1] == LANES
+    driven = heating.shape[0] > 0
     for g in range(heat.shape[0]):
         for lane in range(lanes):
             taken = own[HEAT, lane]
@@ -120,7 +126,7 @@ def leak(h: float, heat_modes: Array, heat: Array, own: Array, sums: Array, lane
             for k in range(HEATS):
                 before = heat[g, k, lane]
                 change = heat_modes[g, COOL, k] * before + heat_modes[g, WARM, k] * taken
-                after = before + (change + heat[g, HEATS + k, lane])
+                after = before + (change + heating[g, k, lane] if driven else change)
                 heat[g, k, lane] = after
                 loss += heat_modes[g, LOSS, k] * after
             sums[NEW_LEAK, lane] = loss
@@ -135,14 +141,13 @@ def leak(h: float, heat_modes: Array, heat: Array, own: Array, sums: Array, lane
 
 @inlined
 def account(
-    theta: float, h: float, modes: Array, motion: Array, own: Array, load: Array, tip: Array, sums: Array, lanes: int
+    theta: float, h: float, modes: Array, motion: Array, own: Array, load: Array, sums: Array, lanes: int
 ) -> None:
     """Step the mechanical modes and count the energy they have and spend."""
     assert motion.shape[1] == 5 * MODES
     assert motion.shape[2] == LANES
     assert own.shape[1] == LANES
     assert load.shape[1] == LANES
-    assert tip.shape[1] == LANES
     assert sums.shape[1] == LANES
     for g in range(motion.shape[0]):
         for lane in range(lanes):
@@ -168,11 +173,11 @@ def account(
             sums[NEW_SPEED, lane] = velocity
             sums[ENERGY, lane] = energy
             sums[SPENT, lane] += 0.25 * h * spent
-    sine = weigh_load(0.5, load, lanes)
+    sine = weigh_load(0.5 - theta, theta - 0.5, load, lanes)
     for lane in range(lanes):
         middle = 0.5 * (sums[SPEED, lane] + sums[NEW_SPEED, lane])
-        worked = h * tip_load(sine, load, lane)
-        sums[SPENT, lane] += (tip[STEP_IMPULSE, lane] - worked) * middle
+        beyond = load[AMPLITUDE, lane] * (sine + load[OWN_SINE, lane])
+        sums[SPENT, lane] += (h * beyond - own[PUSHED, lane]) * middle
         sums[SPEED, lane] = sums[NEW_SPEED, lane]
         energy, largest = 0.5 * sums[ENERGY, lane], sums[LARGEST_ENERGY, lane]
         sums[ENERGY, lane] = energy
@@ -216,8 +221,8 @@ class Books:
         force = steady - project(modal.coupling, tau)
         rows = grouped(MODES, velocity.T, place.T, force.T, force.T, steady.T)
         self._motion = rows.reshape(modes.shape[0], 5 * MODES, cases.count)
-        rows = grouped(HEATS, tau.T, (heating * (h / slow)).T)
-        self._heat = rows.reshape(heat_modes.shape[0], 2 * HEATS, cases.count)
+        self._heat = grouped(HEATS, tau.T)[:, 0]
+        self._heating_in_step = grouped(HEATS, (heating * (h / slow)).T)[: None if heating.any() else 0, 0]
         energy = 0.5 * project(np.ones((1, c.size)), velocity**2 + place**2)[:, 0]
         self._begun = np.zeros((SUM_ROWS, cases.count))
         self._begun[[ENERGY, FIRST_ENERGY, LARGEST_ENERGY]] = energy
@@ -233,6 +238,7 @@ class Books:
             coupling=np.ascontiguousarray(coupling.swapaxes(1, 2)),
             motion=lane_rows(*self._motion.shape[:2]),
             heat=lane_rows(*self._heat.shape[:2]),
+            heating=lane_rows(*self._heating_in_step.shape[:2]),
             sums=lane_rows(SUM_ROWS),
             theta=theta,
         )
@@ -247,6 +253,7 @@ class Books:
         """Put the initial states of some cases in the lanes."""
         fill_lanes(self.audit.motion, self._motion[..., part])
         fill_lanes(self.audit.heat, self._heat[..., part])
+        fill_lanes(self.audit.heating, self._heating_in_step[..., part])
         fill_lanes(self.audit.sums, self._begun[:, part])
 
     def close(self, part: slice, elapsed: float) -> None:
@@ -256,7 +263,7 @@ class Books:
         change = sums[ENERGY] - sums[FIRST_ENERGY] + sums[SPENT]
         self.energy_residual[part] = share(change, sums[LARGEST_ENERGY])
         # in the same order whatever lanes are in use
-        content = np.sum(self._content * self.audit.heat[:, :HEATS], axis=(0, 1))[:count]
+        content = np.sum(self._content * self.audit.heat, axis=(0, 1))[:count]
         heating = elapsed * self._heating[part]
         change = content - self._contained[part] - sums[TAKEN] - heating + sums[LOST]
         turned = sums[TAKEN] + np.abs(heating) + sums[TURNED] + self._initial[part]
@@ -270,7 +277,8 @@ def no_audit() -> Audit:
         heat_modes=np.zeros((0, 3, HEATS)),
         coupling=np.zeros((0, 0, MODES, HEATS)),
         motion=lane_rows(0, 5 * MODES),
-        heat=lane_rows(0, 2 * HEATS),
+        heat=lane_rows(0, HEATS),
+        heating=lane_rows(0, HEATS),
         sums=lane_rows(0),
         theta=0.0,
     )

@@ -82,7 +82,7 @@ def _touch(operator: Coefficients, law: Law, h: float, own: Array, load: Array, 
     assert load.shape[1] == LANES
     assert tip.shape[1] == LANES
     inverse_mass, half_warming = operator.inverse_mass, 0.5 * operator.warming
-    sine = weigh_load(1.0, load, lanes)
+    sine = weigh_load(0.0, 1.0, load, lanes)
     for lane in range(lanes):
         x, gap, before, latest = own[AHEAD, lane], tip[GAP, lane], own[HALF, lane], own[LATEST, lane]
         pushed = h * tip_load(sine, load, lane)
@@ -144,7 +144,7 @@ def _march(
             if step == block.steps:
                 tau_before[:] = tau
             if audited:
-                leak(h, audit.heat_modes, audit.heat, own, audit.sums, lanes)
+                leak(h, audit.heat_modes, audit.heating, audit.heat, own, audit.sums, lanes)
                 couple(audit.coupling, audit.heat, audit.motion, lanes)
             conduct(step * h, heat_modes, tau, own, tip, lanes)
             swing_heated(modes, h, motion, own, tip, lanes)

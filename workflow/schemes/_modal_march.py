@@ -89,6 +89,8 @@ def _march(
     theta, audited, sums = operator.theta, audit.sums.shape[0] > 0, audit.sums
     start_load(h, load, lanes)
     for step in range(1, block.steps + 1):
+        turn_load(step, h, load, lanes)
+        sine = weigh_load(1.0 - theta, theta, load, lanes)
         if heated:
             if paired or step == block.steps:
                 take_heat(heat_modes, tau, own, tau_before, lanes)
@@ -98,18 +100,16 @@ def _march(
                 pull_pairs(operator, tau_before, motion, tip, lanes)
         else:
             swing(modes, h, motion, own, tip, lanes)
-        turn_load(step, h, load, lanes)
-        sine = weigh_load(theta, load, lanes)
-        if not (audited or step == next_mark[0]):
+        if step == next_mark[0]:
+            touch(theta, operator.inverse_mass, operator.warming, h, sine, own, load, tip, lanes)
+            observe(take_marks(step, block), tip, lanes)
+        else:
             touch_and_note(theta, operator.inverse_mass, operator.warming, h, sine, own, load, tip, lanes)
-            continue
-        touch(theta, operator.inverse_mass, operator.warming, h, sine, own, load, tip, lanes)
         if audited:
             if heated:
-                leak(h, audit.heat_modes, audit.heat, own, sums, lanes)
+                leak(h, audit.heat_modes, audit.heating, audit.heat, own, sums, lanes)
                 couple(audit.coupling, audit.heat, audit.motion, lanes)
-            account(theta, h, audit.modes, audit.motion, own, load, tip, sums, lanes)
-        observe(take_marks(step, block) if step == next_mark[0] else h, tip, lanes)
+            account(theta, h, audit.modes, audit.motion, own, load, sums, lanes)
     take_heat(heat_modes, tau, own, tau, lanes)
 
 

@@ -130,7 +130,7 @@ def _touch(
     assert load.shape[1] == LANES
     assert tip.shape[1] == LANES
     theta = operator.theta
-    sine = weigh_load(theta, load, lanes)
+    sine = weigh_load(1.0 - theta, theta, load, lanes)
     for lane in range(lanes):
         x, v, w, held = tip[DISPLACEMENT, lane], tip[VELOCITY, lane], own[DELASSUS, lane], own[LATEST, lane]
         pushed = h * tip_load(sine, load, lane)
@@ -204,9 +204,9 @@ def _march(
         _touch(operator, stiffness, damping, h, own, load, tip, lanes)
         if audited:
             if heated:
-                leak(h, audit.heat_modes, audit.heat, own, sums, lanes)
+                leak(h, audit.heat_modes, audit.heating, audit.heat, own, sums, lanes)
                 couple(audit.coupling, audit.heat, audit.motion, lanes)
-            account(theta, h, audit.modes, audit.motion, own, load, tip, sums, lanes)
+            account(theta, h, audit.modes, audit.motion, own, load, sums, lanes)
             _store(stiffness, h, tip, sums, lanes)
         observe(take_marks(step, block) if step == next_mark[0] else h, tip, lanes)
     take_heat(heat_modes, tau, own, tau, lanes)

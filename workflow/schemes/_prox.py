@@ -40,9 +40,9 @@ def _meet(
     x, v = tip[DISPLACEMENT, lane], tip[VELOCITY, lane]
     free = tip[NEW_VELOCITY, lane] + inverse_mass * pushed
     closing = (free + own[RESTITUTION, lane] * v) * own[COMPLIANCE, lane]
-    p = closing if x + 0.5 * h * v >= tip[GAP, lane] else 0.0
-    p = 0.0 if p <= 0.0 else p  # a NaN passes
-    after = -own[RESTITUTION, lane] * v if p > 0.0 else free - own[DELASSUS, lane] * p
+    meets = x + 0.5 * h * v >= tip[GAP, lane] and not closing <= 0.0  # a NaN meets
+    p = closing if meets else 0.0
+    after = -own[RESTITUTION, lane] * v if meets else free
     own[PUSHED, lane] = pushed - p
     own[HEAT, lane] = own[ALPHA, lane] * p
     temperature = tip[NEW_TEMPERATURE, lane] + warming * own[HEAT, lane]

@@ -5,7 +5,7 @@ A scheme's kernel advances its own states in blocks of up to ``LANES`` cases, on
     start_load(h, load, lanes)
     for step in range(1, block.steps + 1):
         turn_load(step, h, load, lanes)
-        sine = weigh_load(theta, load, lanes)
+        sine = weigh_load(1 - theta, theta, load, lanes)
         ...  # with tip_load(sine, load, lane), put the tip at the step's end in its rows NEW_… and STEP_IMPULSE
         observe(take_marks(step, block) if step == next_mark[0] else h, tip, lanes)
 
@@ -150,17 +150,17 @@ def turn_load(step: int, h: float, load: Array, lanes: int) -> None:
 
 
 @inlined
-def weigh_load(theta: float, load: Array, lanes: int) -> float:
-    """Weigh the sine at the step's end by ``theta``, at its beginning by the rest, for :func:`tip_load`.
+def weigh_load(before: float, after: float, load: Array, lanes: int) -> float:
+    """Weigh the sine at the step's beginning and end, for :func:`tip_load`.
 
     Returns that of all lanes where one serves them; else it is 0 and each lane is given its own.
     """
     assert load.shape[1] == LANES
     leader = int(load[LEADER, 0])
     if leader >= 0:
-        return (1.0 - theta) * load[SINE_BEFORE, leader] + theta * load[SINE, leader]
+        return before * load[SINE_BEFORE, leader] + after * load[SINE, leader]
     for lane in range(lanes):
-        load[OWN_SINE, lane] = (1.0 - theta) * load[SINE_BEFORE, lane] + theta * load[SINE, lane]
+        load[OWN_SINE, lane] = before * load[SINE_BEFORE, lane] + after * load[SINE, lane]
     return 0.0
 
 
@@ -233,8 +233,8 @@ def take_marks(step: int, block: Block) -> float:
 def note(span: float, x: float, v: float, temperature: float, p: float, tip: Array, lane: int) -> None:
     """Take in the tip's state at the end of a step of ``span`` s and the impulse in it."""
     touches = 1.0 if p > 0.0 else 0.0
-    depth, deepest = x - tip[GAP, lane], tip[PENETRATION, lane]
-    hottest = tip[PERIOD_HOTTEST, lane]
+    depth, deepest = x - tip[GAP, lane], tip[PENETRATION, lane] + 0.0
+    hottest = tip[PERIOD_HOTTEST, lane] + 0.0
     tip[IMPACTS, lane] += touches * (1.0 - tip[TOUCHING, lane])
     tip[TOUCHING, lane] = touches
     tip[CONTACT_TIME, lane] += touches * span

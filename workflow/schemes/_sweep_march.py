@@ -68,11 +68,21 @@ def _march(
             conduct(step, state, loads)
         tip[NEW_VELOCITY, 0], tip[NEW_TEMPERATURE, 0] = swing(step, state, loads, theta, lever, heated)
         turn_load(k, h, load, lanes)
-        touch(theta, step[last, YIELD], step[last, WARM], h, weigh_load(theta, load, lanes), own, load, tip, lanes)
+        touch(
+            theta,
+            step[last, YIELD],
+            step[last, WARM],
+            h,
+            weigh_load(1.0 - theta, theta, load, lanes),
+            own,
+            load,
+            tip,
+            lanes,
+        )
         heat = own[HEAT, 0]
         settle(step, state, h, theta, tip[NEW_DISPLACEMENT, 0], tip[NEW_VELOCITY, 0], heat, heated)
         if audited:
-            pushed = h * tip_load(weigh_load(0.5, load, lanes), load, 0) - tip[STEP_IMPULSE, 0]
+            pushed = h * tip_load(weigh_load(0.5, 0.5, load, lanes), load, 0) - tip[STEP_IMPULSE, 0]
             tally(step, weight, state, loads, h, heat, pushed, sums)
         observe(take_marks(k, block) if k == next_mark[0] else h, tip, lanes)
 
