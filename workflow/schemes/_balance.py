@@ -95,6 +95,8 @@ class Audit(NamedTuple):
 @inlined
 def couple(coupling: Array, heat: Array, motion: Array, lanes: int) -> None:
     """Find the forces f̄ - g at the step's end, g = G τ."""
+    assert coupling.shape[2] == MODES
+    assert coupling.shape[3] == HEATS
     assert heat.shape[1] == HEATS
     assert heat.shape[2] == LANES
     assert motion.shape[1] == 5 * MODES
@@ -112,6 +114,8 @@ def couple(coupling: Array, heat: Array, motion: Array, lanes: int) -> None:
 @inlined
 def leak(h: float, heat_modes: Array, heating: Array, heat: Array, own: Array, sums: Array, lanes: int) -> None:
     """Step the thermal modes and count the heat they take in and lose."""
+    assert heat_modes.shape[1] == LOSS + 1
+    assert heat_modes.shape[2] == HEATS
     assert heat.shape[1] == HEATS
     assert heat.shape[2] == LANES
     assert heating.shape[1] == HEATS
@@ -144,6 +148,8 @@ def account(
     theta: float, h: float, modes: Array, motion: Array, own: Array, load: Array, sums: Array, lanes: int
 ) -> None:
     """Step the mechanical modes and count the energy they have and spend."""
+    assert modes.shape[1] == TIP + 1
+    assert modes.shape[2] == MODES
     assert motion.shape[1] == 5 * MODES
     assert motion.shape[2] == LANES
     assert own.shape[1] == LANES

@@ -53,6 +53,8 @@ def account(
     lanes: int,
 ) -> None:
     """Step the mechanical modes from t_k-½ to t_k+½ and count the energy they have and spend at t_k."""
+    assert modes.shape[1] == TIP + 1
+    assert modes.shape[2] == MODES
     assert motion.shape[1] == 5 * MODES
     assert motion.shape[2] == LANES
     assert own.shape[1] == LANES

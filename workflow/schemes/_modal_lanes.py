@@ -86,6 +86,8 @@ def swing(modes: Array, h: float, motion: Array, own: Array, tip: Array, lanes: 
 
     ``motion`` is ``(group, row, lane)``: rows ζ of the group's modes, then rows ξ.
     """
+    assert modes.shape[1] == HEAT_SHIFT + 1
+    assert modes.shape[2] == MODES
     assert motion.shape[1] == 2 * MODES
     assert motion.shape[2] == LANES
     assert own.shape[1] == LANES
@@ -107,6 +109,8 @@ def swing(modes: Array, h: float, motion: Array, own: Array, tip: Array, lanes: 
 @inlined
 def swing_heated(modes: Array, h: float, motion: Array, own: Array, tip: Array, lanes: int) -> None:
     """Step the mechanical modes as :func:`swing` does where heat acts on them."""
+    assert modes.shape[1] == HEAT_SHIFT + 1
+    assert modes.shape[2] == MODES
     assert motion.shape[1] == 2 * MODES
     assert motion.shape[2] == LANES
     assert own.shape[1] == LANES
@@ -128,6 +132,8 @@ def swing_heated(modes: Array, h: float, motion: Array, own: Array, tip: Array, 
 @inlined
 def conduct(t: float, heat_modes: Array, tau: Array, own: Array, tip: Array, lanes: int) -> None:
     """Step the thermal modes; ``tau`` is ``(group, mode of the group, lane)``."""
+    assert heat_modes.shape[1] == DRAG + 1
+    assert heat_modes.shape[2] == HEAT_MODES
     assert tau.shape[1] == HEAT_MODES
     assert tau.shape[2] == LANES
     assert own.shape[1] == LANES
