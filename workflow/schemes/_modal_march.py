@@ -86,7 +86,9 @@ def _march(
     modes, heat_modes = operator.modes, operator.heat_modes
     load, tip, lanes, h, next_mark = block.load, block.tip, block.lanes, block.h, block.marks.next_mark
     heated, paired = tau.shape[0] > 0, operator.pair_mode.size > 0
-    theta, audited, sums = operator.theta, audit.sums.shape[0] > 0, audit.sums
+    theta, inverse_mass, warming = operator.theta, operator.inverse_mass, operator.warming
+    plain, cooling, coupling, sums = audit.modes, audit.heat_modes, audit.coupling, audit.sums
+    swung, warmed, heating, audited = audit.motion, audit.heat, audit.heating, audit.sums.shape[0] > 0
     start_load(h, load, lanes)
     for step in range(1, block.steps + 1):
         turn_load(step, h, load, lanes)
@@ -101,15 +103,15 @@ def _march(
         else:
             swing(modes, h, motion, own, tip, lanes)
         if step == next_mark[0]:
-            touch(theta, operator.inverse_mass, operator.warming, h, sine, own, load, tip, lanes)
+            touch(theta, inverse_mass, warming, h, sine, own, load, tip, lanes)
             observe(take_marks(step, block), tip, lanes)
         else:
-            touch_and_note(theta, operator.inverse_mass, operator.warming, h, sine, own, load, tip, lanes)
+            touch_and_note(theta, inverse_mass, warming, h, sine, own, load, tip, lanes)
         if audited:
             if heated:
-                leak(h, audit.heat_modes, audit.heating, audit.heat, own, sums, lanes)
-                couple(audit.coupling, audit.heat, audit.motion, lanes)
-            account(theta, h, audit.modes, audit.motion, own, load, sums, lanes)
+                leak(h, cooling, heating, warmed, own, sums, lanes)
+                couple(coupling, warmed, swung, lanes)
+            account(theta, h, plain, swung, own, load, sums, lanes)
     take_heat(heat_modes, tau, own, tau, lanes)
 
 
