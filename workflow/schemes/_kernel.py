@@ -72,8 +72,11 @@ def kernel(function: F) -> F:
 
 
 def inlined(function: F) -> F:
-    """Translate a part of a kernel that is called in every step and must cost no call."""
-    return _translated(function, forceinline=True)
+    """Translate a part of a kernel that is called in every step and must cost no call.
+
+    It allocates nothing, and its arrays are not counted, see :func:`part`.
+    """
+    return _translated(function, forceinline=True, _nrt=False)
 
 
 def uncounted(function: F) -> F:
