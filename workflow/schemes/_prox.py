@@ -6,7 +6,7 @@ import numpy as np
 
 from workflow.models import Array, Cases
 from workflow.schemes._kernel import inlined
-from workflow.schemes._modal_lanes import ALPHA, COMPLIANCE, DELASSUS, HEAT, OWN_ROWS, PUSHED, RESTITUTION
+from workflow.schemes._modal_lanes import ALPHA, COMPLIANCE, HEAT, OWN_ROWS, PUSHED, RESTITUTION
 from workflow.schemes._stepping import (
     DISPLACEMENT,
     GAP,
@@ -103,7 +103,6 @@ def contact_rows(cases: Cases, w: Array) -> Array:
     for row, values in (
         (RESTITUTION, cases.e),
         (ALPHA, cases.alpha),
-        (DELASSUS, w),
         (COMPLIANCE, np.where(well_posed, 1 / np.where(well_posed, w, 1.0), np.nan)),
     ):
         rows[row] = values
