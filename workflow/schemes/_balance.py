@@ -93,7 +93,7 @@ class Audit(NamedTuple):
 
 
 @inlined
-def couple(coupling: Array, heat: Array, motion: Array, lanes: int) -> None:
+def _couple(coupling: Array, heat: Array, motion: Array, lanes: int) -> None:
     """Find the forces f̄ - g at the step's end, g = G τ."""
     assert coupling.shape[2] == MODES
     assert coupling.shape[3] == HEATS
@@ -112,7 +112,7 @@ def couple(coupling: Array, heat: Array, motion: Array, lanes: int) -> None:
 
 
 @inlined
-def leak(h: float, heat_modes: Array, heating: Array, heat: Array, own: Array, sums: Array, lanes: int) -> None:
+def _leak(h: float, heat_modes: Array, heating: Array, heat: Array, own: Array, sums: Array, lanes: int) -> None:
     """Step the thermal modes and count the heat they take in and lose."""
     assert heat_modes.shape[1] == LOSS + 1
     assert heat_modes.shape[2] == HEATS
@@ -144,7 +144,7 @@ def leak(h: float, heat_modes: Array, heating: Array, heat: Array, own: Array, s
 
 
 @inlined
-def account(
+def _account(
     theta: float, h: float, modes: Array, motion: Array, own: Array, load: Array, sums: Array, lanes: int
 ) -> None:
     """Step the mechanical modes and count the energy they have and spend."""
@@ -188,6 +188,23 @@ def account(
         energy, largest = 0.5 * sums[ENERGY, lane], sums[LARGEST_ENERGY, lane]
         sums[ENERGY, lane] = energy
         sums[LARGEST_ENERGY, lane] = largest if energy <= largest else energy  # a NaN stays
+
+
+@inlined
+def audit_heat(h: float, audit: Audit, own: Array, lanes: int) -> None:
+    """Account for the heat of a step, and find the forces at its end."""
+    if audit.heat.shape[0] > 0:
+        _leak(h, audit.heat_modes, audit.heating, audit.heat, own, audit.sums, lanes)
+        _couple(audit.coupling, audit.heat, audit.motion, lanes)
+
+
+@inlined
+def audit_step(theta: float, h: float, audit: Audit, own: Array, load: Array, lanes: int) -> None:
+    """Account for a step of the θ-method that is done, where balances are asked for."""
+    if audit.sums.shape[0] == 0:
+        return
+    audit_heat(h, audit, own, lanes)
+    _account(theta, h, audit.modes, audit.motion, own, load, audit.sums, lanes)
 
 
 class Books:

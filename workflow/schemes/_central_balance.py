@@ -25,6 +25,7 @@ from workflow.schemes._balance import (
     NEW_SPEED,
     SPEED,
     SPENT,
+    Audit,
     Books,
 )
 from workflow.schemes._decoupled import Decoupled
@@ -41,18 +42,9 @@ POWER = SPEED
 
 
 @inlined
-def account(
-    step: int,
-    h: float,
-    stiffness: float,
-    modes: Array,
-    motion: Array,
-    own: Array,
-    tip: Array,
-    sums: Array,
-    lanes: int,
-) -> None:
+def account(step: int, h: float, stiffness: float, audit: Audit, own: Array, tip: Array, lanes: int) -> None:
     """Step the mechanical modes from t_k-½ to t_k+½ and count the energy they have and spend at t_k."""
+    modes, motion, sums = audit.modes, audit.motion, audit.sums
     assert modes.shape[1] == TIP + 1
     assert modes.shape[2] == MODES
     assert motion.shape[1] == 5 * MODES

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.models import Array, Cases, project
-from workflow.schemes._balance import Audit, couple, leak, no_audit
+from workflow.schemes._balance import Audit, audit_heat, no_audit
 from workflow.schemes._central import Law, Operator
 from workflow.schemes._central_balance import POWER, CentralBooks, account
 from workflow.schemes._decoupled import Decoupled, Motion, start
@@ -76,13 +76,14 @@ METRICS = {
 
 
 @inlined
-def _touch(operator: Coefficients, law: Law, h: float, own: Array, load: Array, tip: Array, lanes: int) -> None:
+def _touch(
+    operator: Coefficients, law: Law, h: float, sine: float, own: Array, load: Array, tip: Array, lanes: int
+) -> None:
     """Close the step: load and contact impulse at the tip, its state at t_k and its place at t_k+1."""
     assert own.shape[1] == LANES
     assert load.shape[1] == LANES
     assert tip.shape[1] == LANES
     inverse_mass, half_warming = operator.inverse_mass, 0.5 * operator.warming
-    sine = weigh_load(0.0, 1.0, load, lanes)
     for lane in range(lanes):
         x, gap, before, latest = own[AHEAD, lane], tip[GAP, lane], own[HALF, lane], own[LATEST, lane]
         pushed = h * tip_load(sine, load, lane)
@@ -132,30 +133,30 @@ def _march(
     start_load(h, load, lanes)
     for lane in range(lanes):
         tip[NEW_VELOCITY, lane] = own[FREE, lane]
-    _touch(operator, law, h, own, load, tip, lanes)
+    _touch(operator, law, h, weigh_load(0.0, 1.0, load, lanes), own, load, tip, lanes)
     if audited:
-        account(0, h, law.stiffness, audit.modes, audit.motion, own, tip, audit.sums, lanes)
+        account(0, h, law.stiffness, audit, own, tip, lanes)
         for lane in range(lanes):
             audit.sums[POWER, lane] += own[LATEST, lane] * tip[NEW_VELOCITY, lane]
     for lane in range(lanes):
         own[LATEST, lane] *= 2.0
     for step in range(1, block.steps + 1):
+        turn_load(step, h, load, lanes)
+        sine = weigh_load(0.0, 1.0, load, lanes)
         if heated:
             if step == block.steps:
                 tau_before[:] = tau
             if audited:
-                leak(h, audit.heat_modes, audit.heating, audit.heat, own, audit.sums, lanes)
-                couple(audit.coupling, audit.heat, audit.motion, lanes)
+                audit_heat(h, audit, own, lanes)
             conduct(step * h, heat_modes, tau, own, tip, lanes)
             swing_heated(modes, h, motion, own, tip, lanes)
             if paired:
                 pull_pairs(operator, tau, motion, tip, lanes)
         else:
             swing(modes, h, motion, own, tip, lanes)
-        turn_load(step, h, load, lanes)
-        _touch(operator, law, h, own, load, tip, lanes)
+        _touch(operator, law, h, sine, own, load, tip, lanes)
         if audited:
-            account(step, h, law.stiffness, audit.modes, audit.motion, own, tip, audit.sums, lanes)
+            account(step, h, law.stiffness, audit, own, tip, lanes)
         observe(take_marks(step, block) if step == next_mark[0] else h, tip, lanes)
 
 

@@ -12,10 +12,10 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.models import Array, Cases, Structure
-from workflow.schemes._balance import Audit, Books, account, couple, leak, no_audit
+from workflow.schemes._balance import Audit, Books, audit_step, no_audit
 from workflow.schemes._decoupled import Decoupled, Motion
 from workflow.schemes._interface import Sampling
-from workflow.schemes._kernel import kernel
+from workflow.schemes._kernel import inlined, kernel
 from workflow.schemes._modal_lanes import (
     DRIFT,
     HEAT_MODES,
@@ -72,47 +72,60 @@ def coefficients(modal: Decoupled, h: float, theta: float) -> Coefficients:
     )
 
 
+@inlined
+def move_freely(
+    operator: Coefficients,
+    t: float,
+    h: float,
+    ending: bool,
+    own: Array,
+    motion: Array,
+    tau: Array,
+    tau_before: Array,
+    tip: Array,
+    lanes: int,
+) -> None:
+    """Find velocity and temperature of the tip at t, without load and contact in the step that ends there.
+
+    The thermal and mechanical modes take in the impulse and heat of the step before. At the ``ending``
+    of the march ``tau_before`` is left with τ at the beginning of the step.
+    """
+    paired = operator.pair_mode.size > 0
+    if tau.shape[0] == 0:
+        swing(operator.modes, h, motion, own, tip, lanes)
+        return
+    if paired or ending:
+        take_heat(operator.heat_modes, tau, own, tau_before, lanes)
+    conduct(t, operator.heat_modes, tau, own, tip, lanes)
+    swing_heated(operator.modes, h, motion, own, tip, lanes)
+    if paired:
+        pull_pairs(operator, tau_before, motion, tip, lanes)
+
+
 @kernel
 def _march(
     operator: Coefficients, own: Array, motion: Array, tau: Array, tau_before: Array, block: Block, audit: Audit
 ) -> None:
     """Step a block of cases; lanes never meet.
 
-    A step: free velocity and temperature of the tip from the thermal and mechanical modes, which
-    take in the impulse and heat of the step before; load and contact; what is watched.
+    A step: free motion, load and contact, what is watched, the balances if asked for.
 
     ``tau_before`` is left with τ at the beginning of the last step, ``tau`` with τ at its end.
     """
-    modes, heat_modes = operator.modes, operator.heat_modes
     load, tip, lanes, h, next_mark = block.load, block.tip, block.lanes, block.h, block.marks.next_mark
-    heated, paired = tau.shape[0] > 0, operator.pair_mode.size > 0
     theta, inverse_mass, warming = operator.theta, operator.inverse_mass, operator.warming
-    plain, cooling, coupling, sums = audit.modes, audit.heat_modes, audit.coupling, audit.sums
-    swung, warmed, heating, audited = audit.motion, audit.heat, audit.heating, audit.sums.shape[0] > 0
     start_load(h, load, lanes)
     for step in range(1, block.steps + 1):
         turn_load(step, h, load, lanes)
         sine = weigh_load(1.0 - theta, theta, load, lanes)
-        if heated:
-            if paired or step == block.steps:
-                take_heat(heat_modes, tau, own, tau_before, lanes)
-            conduct(step * h, heat_modes, tau, own, tip, lanes)
-            swing_heated(modes, h, motion, own, tip, lanes)
-            if paired:
-                pull_pairs(operator, tau_before, motion, tip, lanes)
-        else:
-            swing(modes, h, motion, own, tip, lanes)
+        move_freely(operator, step * h, h, step == block.steps, own, motion, tau, tau_before, tip, lanes)
         if step == next_mark[0]:
             touch(theta, inverse_mass, warming, h, sine, own, load, tip, lanes)
             observe(take_marks(step, block), tip, lanes)
         else:
             touch_and_note(theta, inverse_mass, warming, h, sine, own, load, tip, lanes)
-        if audited:
-            if heated:
-                leak(h, cooling, heating, warmed, own, sums, lanes)
-                couple(coupling, warmed, swung, lanes)
-            account(theta, h, plain, swung, own, load, sums, lanes)
-    take_heat(heat_modes, tau, own, tau, lanes)
+        audit_step(theta, h, audit, own, load, lanes)
+    take_heat(operator.heat_modes, tau, own, tau, lanes)
 
 
 def march(

@@ -28,9 +28,7 @@ from workflow.schemes._balance import (
     SPENT,
     Audit,
     Books,
-    account,
-    couple,
-    leak,
+    audit_step,
     no_audit,
 )
 from workflow.schemes._central_march import APPROACH, APPROACHED, LATEST, SEPARATED, restitution
@@ -48,14 +46,11 @@ from workflow.schemes._modal_lanes import (
     WARMING,
     WARMTH,
     Coefficients,
-    conduct,
     grouped,
-    pull_pairs,
-    swing,
-    swing_heated,
     take_heat,
 )
 from workflow.schemes._modal_march import coefficients as free_step
+from workflow.schemes._modal_march import move_freely
 from workflow.schemes._stepping import (
     DISPLACEMENT,
     GAP,
@@ -120,6 +115,7 @@ def _touch(
     stiffness: float,
     damping: float,
     h: float,
+    sine: float,
     own: Array,
     load: Array,
     tip: Array,
@@ -130,7 +126,6 @@ def _touch(
     assert load.shape[1] == LANES
     assert tip.shape[1] == LANES
     theta = operator.theta
-    sine = weigh_load(1.0 - theta, theta, load, lanes)
     for lane in range(lanes):
         x, v, w, held = tip[DISPLACEMENT, lane], tip[VELOCITY, lane], own[DELASSUS, lane], own[LATEST, lane]
         pushed = h * tip_load(sine, load, lane)
@@ -185,31 +180,19 @@ def _march(
     audit: Audit,
 ) -> None:
     """Step a block of cases as :mod:`workflow.schemes.moreau` does, with another contact."""
-    modes, heat_modes = operator.modes, operator.heat_modes
     load, tip, lanes, h, next_mark = block.load, block.tip, block.lanes, block.h, block.marks.next_mark
-    heated, paired = tau.shape[0] > 0, operator.pair_mode.size > 0
-    theta, audited, sums = audit.theta, audit.sums.shape[0] > 0, audit.sums
+    theta, sums = operator.theta, audit.sums
     start_load(h, load, lanes)
     for step in range(1, block.steps + 1):
-        if heated:
-            if paired or step == block.steps:
-                take_heat(heat_modes, tau, own, tau_before, lanes)
-            conduct(step * h, heat_modes, tau, own, tip, lanes)
-            swing_heated(modes, h, motion, own, tip, lanes)
-            if paired:
-                pull_pairs(operator, tau_before, motion, tip, lanes)
-        else:
-            swing(modes, h, motion, own, tip, lanes)
         turn_load(step, h, load, lanes)
-        _touch(operator, stiffness, damping, h, own, load, tip, lanes)
-        if audited:
-            if heated:
-                leak(h, audit.heat_modes, audit.heating, audit.heat, own, sums, lanes)
-                couple(audit.coupling, audit.heat, audit.motion, lanes)
-            account(theta, h, audit.modes, audit.motion, own, load, sums, lanes)
+        sine = weigh_load(1.0 - theta, theta, load, lanes)
+        move_freely(operator, step * h, h, step == block.steps, own, motion, tau, tau_before, tip, lanes)
+        _touch(operator, stiffness, damping, h, sine, own, load, tip, lanes)
+        audit_step(theta, h, audit, own, load, lanes)
+        if sums.shape[0] > 0:
             _store(stiffness, h, tip, sums, lanes)
         observe(take_marks(step, block) if step == next_mark[0] else h, tip, lanes)
-    take_heat(heat_modes, tau, own, tau, lanes)
+    take_heat(operator.heat_modes, tau, own, tau, lanes)
 
 
 def _run(operator: Operator, modal: Decoupled, cases: Cases, sampling: Sampling) -> Results:

@@ -158,7 +158,7 @@ def weigh_load(before: float, after: float, load: Array, lanes: int) -> float:
     assert load.shape[1] == LANES
     leader = int(load[LEADER, 0])
     if leader >= 0:
-        return before * load[SINE_BEFORE, leader] + after * load[SINE, leader]
+        return float(before * load[SINE_BEFORE, leader] + after * load[SINE, leader])
     for lane in range(lanes):
         load[OWN_SINE, lane] = before * load[SINE_BEFORE, lane] + after * load[SINE, lane]
     return 0.0
@@ -167,7 +167,7 @@ def weigh_load(before: float, after: float, load: Array, lanes: int) -> float:
 @inlined
 def tip_load(sine: float, load: Array, lane: int) -> float:
     """Return the load's force at the tip, N, as :func:`weigh_load` left it, which returned ``sine``."""
-    return load[MEAN, lane] + load[AMPLITUDE, lane] * (sine + load[OWN_SINE, lane])
+    return float(load[MEAN, lane] + load[AMPLITUDE, lane] * (sine + load[OWN_SINE, lane]))
 
 
 @kernel
