@@ -30,6 +30,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from workflow.models import Array, Structure
+from workflow.schemes._balance import balance_cost
 from workflow.schemes._decoupled import Decoupled, dragged
 from workflow.schemes._interface import Sampling
 from workflow.schemes._modal_lanes import HEAT_MODES, MODES, Coefficients, grouped
@@ -160,7 +161,7 @@ def operator(structure: Structure, h: float, differences: Differences, modal: De
 def central_cost(structure: Structure, h: float, sampling: Sampling) -> float:
     """Return estimated seconds per heated case: as :func:`workflow.schemes.moreau.cost`, with a costlier tip."""
     modes, heat_modes = -(-structure.mechanical_size // MODES), -(-structure.thermal_size // HEAT_MODES)
-    step = 3.5e-9 + 0.65e-9 * (modes + heat_modes)
+    step = 2.3e-9 + 0.6e-9 * (modes + heat_modes)
     if sampling.balances:
-        step += 3e-9 + 1.6e-9 * modes + 0.8e-9 * heat_modes + 0.6e-9 * modes * heat_modes
+        step += balance_cost(structure)
     return sampling.steps(h) * step + sampling.count * 1.5e-8 + 1.5e-6

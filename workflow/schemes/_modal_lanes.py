@@ -5,11 +5,11 @@ over the few modes of a group, whose number is a constant: the compiler writes t
 steps eight lanes of all modes of the group at once, the sums over modes staying in registers.
 For that to work, and for calls within a step to cost nothing,
 
-- the number of lanes in a row of memory is asserted, see :mod:`workflow.schemes._stepping`;
-- functions called in every step take arrays, not tuples of arrays (whose reference counts would
-  be raised and lowered at each call), and are inlined.
+- the number of lanes in a row of memory is asserted, see :mod:`workflow.schemes._stepping`, and so
+  are the rows of a group: coefficients of unknown shape cost a comparison of addresses each;
+- functions called in every step are inlined and count no references to arrays.
 
-A group's sum over its modes and the sum over groups are taken in the same order for every lane.
+Sums over modes go on from group to group, in the same order for every lane.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from workflow.schemes._stepping import LANES, NEW_TEMPERATURE, NEW_VELOCITY
 
 MODES, HEAT_MODES = 4, 7
 """Mechanical and thermal modes of a group, stepped in one loop over the lanes: as many as the
-registers of a processor hold. Modes are padded with zeros to whole groups."""
+registers of a processor hold coefficients of. Modes are padded with zeros to whole groups."""
 
 KEEP, PULL, PUSH, HEAT_PUSH, HEAT_SHIFT = range(5)
 """Coefficients of a mechanical mode: ζ' per ζ and per ξ (a and b of ``_modal_march``), ζ per unit
@@ -71,18 +71,8 @@ def grouped(size: int, *rows: Array) -> Array:
 
 
 @inlined
-def begin(t: float, own: Array, tip: Array, lanes: int) -> None:
-    """Set the tip's new velocity and temperature to the known part at the step's end."""
-    assert own.shape[1] == LANES
-    assert tip.shape[1] == LANES
-    for lane in range(lanes):
-        tip[NEW_VELOCITY, lane] = own[DRIFT, lane]
-        tip[NEW_TEMPERATURE, lane] = own[WARMTH, lane] + own[WARMING, lane] * t
-
-
-@inlined
 def swing(modes: Array, h: float, motion: Array, own: Array, tip: Array, lanes: int) -> None:
-    """Step the mechanical modes and add their tip velocity to the new one.
+    """Step the mechanical modes where there is no heat, and set the tip's new velocity.
 
     ``motion`` is ``(group, row, lane)``: rows ζ of the group's modes, then rows ξ.
     """
@@ -108,7 +98,7 @@ def swing(modes: Array, h: float, motion: Array, own: Array, tip: Array, lanes: 
 
 @inlined
 def swing_heated(modes: Array, h: float, motion: Array, own: Array, tip: Array, lanes: int) -> None:
-    """Step the mechanical modes as :func:`swing` does where heat acts on them."""
+    """Step the mechanical modes where heat acts on them, and add to the tip's new velocity."""
     assert modes.shape[1] == HEAT_SHIFT + 1
     assert modes.shape[2] == MODES
     assert motion.shape[1] == 2 * MODES
@@ -131,7 +121,10 @@ def swing_heated(modes: Array, h: float, motion: Array, own: Array, tip: Array, 
 
 @inlined
 def conduct(t: float, heat_modes: Array, tau: Array, own: Array, tip: Array, lanes: int) -> None:
-    """Step the thermal modes; ``tau`` is ``(group, mode of the group, lane)``."""
+    """Step the thermal modes, and set the tip's new velocity and temperature to theirs and the known part at t.
+
+    ``tau`` is ``(group, mode of the group, lane)``.
+    """
     assert heat_modes.shape[1] == DRAG + 1
     assert heat_modes.shape[2] == HEAT_MODES
     assert tau.shape[1] == HEAT_MODES

@@ -9,6 +9,8 @@ A scheme's kernel advances its own states in blocks of up to ``LANES`` cases, on
         ...  # with tip_load(sine, load, lane), put the tip at the step's end in its rows NEW_… and STEP_IMPULSE
         observe(take_marks(step, block) if step == next_mark[0] else h, tip, lanes)
 
+A step in which nothing falls due may hand the tip to :func:`note` lane by lane, without those rows.
+
 Everything that is kept per lane lies in a few arrays ``(row, lane)``, not in one array per name,
 and functions that loop over lanes assert that a row has ``LANES``. Both are for speed:
 where the distance between two rows is known at compile time, the compiler can
@@ -32,8 +34,8 @@ from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, 
 from workflow.schemes._kernel import inlined, kernel
 
 LANES = 64
-"""Lanes of a block: enough to share the cost of loading coefficients, while the states of 20 + 20
-modes (3 x 8 bytes x 20 x 32 = 15 kB) stay in the first-level cache."""
+"""Lanes of a block: enough to share what a loop costs before its first lane, while the states of
+20 + 20 modes (3 x 8 bytes x 20 x 64 = 31 kB) stay in the first-level cache."""
 
 PACK = 8
 """Lanes are used in packs of this many: a register of the widest processors."""
@@ -231,7 +233,11 @@ def take_marks(step: int, block: Block) -> float:
 
 @inlined
 def note(span: float, x: float, v: float, temperature: float, p: float, tip: Array, lane: int) -> None:
-    """Take in the tip's state at the end of a step of ``span`` s and the impulse in it."""
+    """Take in the tip's state at the end of a step of ``span`` s and the impulse in it.
+
+    The zeros added to the maxima keep them maxima: without, they become masked stores, which cost more
+    and which the next step waits for.
+    """
     touches = 1.0 if p > 0.0 else 0.0
     depth, deepest = x - tip[GAP, lane], tip[PENETRATION, lane] + 0.0
     hottest = tip[PERIOD_HOTTEST, lane] + 0.0

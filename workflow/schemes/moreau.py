@@ -17,6 +17,7 @@ from scipy.optimize import brentq
 
 from workflow.declare import quantity
 from workflow.models import Array, Cases, Chain, Structure, poles
+from workflow.schemes._balance import balance_cost
 from workflow.schemes._decoupled import Decoupled, decouple, start
 from workflow.schemes._interface import Results, Sampling, Status, merge, schedule
 from workflow.schemes._modal_lanes import HEAT_MODES, MODES
@@ -112,19 +113,18 @@ def cost(structure: Structure, h: float, options: Options, sampling: Sampling) -
 
     Its numbers lie between what a batch of eight and what a batch of a thousand cases took on one
     core of a server processor of 2024 (Zen 5, vectors of eight, about 3 GHz), heated, full with 20
-    nodes and reduced to 3 + 12 modes: 2.8 ns a step for the tip and 0.65 ns for each group of
+    nodes and reduced to 3 + 12 modes: 1.6 ns a step for the tip and 0.6 ns for each group of
     modes, 15 ns a sample, 1.5 us to set a case up. A processor with vectors of four takes about
-    twice as long; fewer than eight cases cost together what eight do. Balances cost three to five
-    times the step itself: 3 ns, 1.6 and 0.8 ns for each group of mechanical and thermal modes
-    and 0.6 ns for each pair of groups. A long chain takes 4.6 ns for each node, 7 ns with balances.
+    twice as long; fewer than eight cases cost together what eight do. Balances come on top of that,
+    see :func:`~workflow.schemes._balance.balance_cost`. A long chain takes 4.6 ns for each node, 7 ns with balances.
     """
     if is_swept(structure):
         step = 3e-8 + (7e-9 if sampling.balances else _SWEEP) * structure.mechanical_size
         return sampling.steps(h) * step + sampling.count * 1.5e-8 + 1e-7 * structure.mechanical_size
     modes, heat_modes = -(-structure.mechanical_size // MODES), -(-structure.thermal_size // HEAT_MODES)
-    step = 2.8e-9 + 0.65e-9 * (modes + heat_modes)
+    step = 1.6e-9 + 0.6e-9 * (modes + heat_modes)
     if sampling.balances:
-        step += 3e-9 + 1.6e-9 * modes + 0.8e-9 * heat_modes + 0.6e-9 * modes * heat_modes
+        step += balance_cost(structure)
     return sampling.steps(h) * step + sampling.count * 1.5e-8 + 1.5e-6
 
 
