@@ -28,7 +28,7 @@ from scenes import cases, heavy_chain, same_bits, sampling
 from workflow.models import Cases, Chain, Structure
 from workflow.reduction import reduce_structure
 from workflow.schemes import Results, moreau
-from workflow.schemes._stepping import LANES, lane_rows
+from workflow.schemes._lanes import LANES, lane_rows
 
 DEBIAN = "/usr/bin/python3"
 RUB = {"gap": 5e-5, "amplitude": 100.0, "frequency": 20.0}

@@ -15,7 +15,7 @@ from scenes import alone, blade, cases, chain, heavy_chain, same_bits, sampling,
 from workflow.models import Rayleigh
 from workflow.reduction import reduce_structure
 from workflow.schemes import Sampling, schedule
-from workflow.schemes._stepping import LANES, PACK, lane_rows
+from workflow.schemes._lanes import LANES, PACK, lane_rows
 
 
 def batch_of(structure: object, count: int) -> object:

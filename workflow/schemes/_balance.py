@@ -42,8 +42,9 @@ import numpy as np
 from workflow.models import Array, Cases, Structure, project
 from workflow.schemes._decoupled import Decoupled
 from workflow.schemes._kernel import inlined
+from workflow.schemes._lanes import LANES, fill_lanes, lane_rows
 from workflow.schemes._modal_lanes import HEAT, MODES, PUSHED, grouped
-from workflow.schemes._stepping import AMPLITUDE, LANES, OWN_SINE, fill_lanes, lane_rows, weigh_load
+from workflow.schemes._stepping import AMPLITUDE, OWN_SINE, weigh_load
 
 HEATS = 5
 """Thermal modes of a group: with the coupling of :data:`MODES` mechanical modes to them, as many

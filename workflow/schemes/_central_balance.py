@@ -30,8 +30,9 @@ from workflow.schemes._balance import (
 )
 from workflow.schemes._decoupled import Decoupled
 from workflow.schemes._kernel import inlined
+from workflow.schemes._lanes import LANES
 from workflow.schemes._modal_lanes import MODES, PUSHED, grouped
-from workflow.schemes._stepping import GAP, LANES, NEW_DISPLACEMENT, NEW_VELOCITY
+from workflow.schemes._stepping import GAP, NEW_DISPLACEMENT, NEW_VELOCITY
 
 FACTOR, STEP, OMEGA, DAMP_BEFORE, DAMP_AFTER, TIP = range(6)
 """Coefficients of a mechanical mode: w_k+½ per w_k-½ and per modal impulse; ω; what w_k-½ and w_k+½ add

@@ -15,6 +15,7 @@ from workflow.schemes._central_balance import POWER, CentralBooks, account
 from workflow.schemes._decoupled import Decoupled, Motion, start
 from workflow.schemes._interface import Results, Sampling, Status, merge, schedule
 from workflow.schemes._kernel import inlined, kernel
+from workflow.schemes._lanes import LANES, fill_lanes, lane_rows
 from workflow.schemes._modal_lanes import (
     ALPHA,
     DRIFT,
@@ -35,7 +36,6 @@ from workflow.schemes._modal_lanes import (
 from workflow.schemes._stepping import (
     DISPLACEMENT,
     GAP,
-    LANES,
     NEW_DISPLACEMENT,
     NEW_TEMPERATURE,
     NEW_VELOCITY,
@@ -45,8 +45,6 @@ from workflow.schemes._stepping import (
     Block,
     blocks,
     collect,
-    fill_lanes,
-    lane_rows,
     observe,
     start_load,
     take_marks,

@@ -5,7 +5,7 @@ over the few modes of a group, whose number is a constant: the compiler writes t
 steps eight lanes of all modes of the group at once, the sums over modes staying in registers.
 For that to work, and for calls within a step to cost nothing,
 
-- the number of lanes in a row of memory is asserted, see :mod:`workflow.schemes._stepping`, and so
+- the number of lanes in a row of memory is asserted, see :mod:`workflow.schemes._lanes`, and so
   are the rows of a group: coefficients of unknown shape cost a comparison of addresses each;
 - functions called in every step are inlined and count no references to arrays.
 
@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 
 from workflow.models import Array
 from workflow.schemes._kernel import inlined, kernel
-from workflow.schemes._stepping import LANES, NEW_TEMPERATURE, NEW_VELOCITY
+from workflow.schemes._lanes import LANES
+from workflow.schemes._stepping import NEW_TEMPERATURE, NEW_VELOCITY
 
 MODES, HEAT_MODES = 4, 7
 """Mechanical and thermal modes of a group, stepped in one loop over the lanes: as many as the

@@ -16,6 +16,7 @@ from workflow.schemes._balance import Audit, Books, audit_step, no_audit
 from workflow.schemes._decoupled import Decoupled, Motion
 from workflow.schemes._interface import Sampling
 from workflow.schemes._kernel import inlined, kernel
+from workflow.schemes._lanes import fill_lanes, lane_rows
 from workflow.schemes._modal_lanes import (
     DRIFT,
     HEAT_MODES,
@@ -31,18 +32,7 @@ from workflow.schemes._modal_lanes import (
     take_heat,
 )
 from workflow.schemes._prox import touch, touch_and_note
-from workflow.schemes._stepping import (
-    Block,
-    Watch,
-    blocks,
-    fill_lanes,
-    lane_rows,
-    observe,
-    start_load,
-    take_marks,
-    turn_load,
-    weigh_load,
-)
+from workflow.schemes._stepping import Block, Watch, blocks, observe, start_load, take_marks, turn_load, weigh_load
 
 
 def coefficients(modal: Decoupled, h: float, theta: float) -> Coefficients:

@@ -35,6 +35,7 @@ from workflow.schemes._central_march import APPROACH, APPROACHED, LATEST, SEPARA
 from workflow.schemes._decoupled import Decoupled, start
 from workflow.schemes._interface import Results, Sampling, Status, merge, schedule
 from workflow.schemes._kernel import inlined, kernel
+from workflow.schemes._lanes import LANES, fill_lanes, lane_rows
 from workflow.schemes._modal_lanes import (
     ALPHA,
     DELASSUS,
@@ -54,7 +55,6 @@ from workflow.schemes._modal_march import move_freely
 from workflow.schemes._stepping import (
     DISPLACEMENT,
     GAP,
-    LANES,
     NEW_DISPLACEMENT,
     NEW_TEMPERATURE,
     NEW_VELOCITY,
@@ -64,8 +64,6 @@ from workflow.schemes._stepping import (
     Block,
     blocks,
     collect,
-    fill_lanes,
-    lane_rows,
     observe,
     start_load,
     take_marks,

@@ -6,11 +6,11 @@ import numpy as np
 
 from workflow.models import Array, Cases
 from workflow.schemes._kernel import inlined
+from workflow.schemes._lanes import LANES
 from workflow.schemes._modal_lanes import ALPHA, COMPLIANCE, HEAT, OWN_ROWS, PUSHED, RESTITUTION
 from workflow.schemes._stepping import (
     DISPLACEMENT,
     GAP,
-    LANES,
     NEW_DISPLACEMENT,
     NEW_TEMPERATURE,
     NEW_VELOCITY,

@@ -7,6 +7,7 @@ import numpy as np
 from workflow.models import Array, Cases
 from workflow.schemes._interface import Sampling
 from workflow.schemes._kernel import kernel
+from workflow.schemes._lanes import fill_lanes, lane_rows
 from workflow.schemes._modal_lanes import HEAT
 from workflow.schemes._prox import touch
 from workflow.schemes._stepping import (
@@ -17,8 +18,6 @@ from workflow.schemes._stepping import (
     Block,
     Watch,
     blocks,
-    fill_lanes,
-    lane_rows,
     observe,
     start_load,
     take_marks,
