@@ -64,6 +64,26 @@ def test_any_number_of_modes(nodes: int) -> None:
     assert np.abs(found.histories["temperature"][0] - plain.temperature[:, -1]).max() < 1e-10
 
 
+@pytest.mark.parametrize("link", [0.0, 1e-20, 1e-9])
+def test_heat_that_hardly_reaches_the_tip(link: float) -> None:
+    """Thermal modes with no or next to no share in the tip's temperature still move the tip."""
+    structure = chain(
+        nodes=5,
+        mass=1.0,
+        stiffness=4.0,
+        damping=Rayleigh(0.1, 0.01),
+        spacing=1.0,
+        expansion=0.05,
+        conductance=[0.7, 0.7, 0.7, 0.7, link],
+    )
+    batch = cases(structure, e=0.5, alpha=0.3, gap=0.2, amplitude=2.0, frequency=0.1, temperature=[[1, 2, 3, 2, 0]])
+    plain = march(structure, batch, 0.05, 0.7, 200)
+    found = step(structure, batch, 0.05, sampling(10.0, 0.05), theta=0.7)
+    assert plain.impulse.sum() > 0
+    for name, expected in (("displacement", plain.displacement), ("temperature", plain.temperature)):
+        assert np.abs(found.histories[name][0] - expected[:, -1]).max() < 1e-10
+
+
 def test_reduced_blade_in_a_batch_is_the_case_alone() -> None:
     structure = blade()
     reduction = reduce_structure(structure, 3, 12)
