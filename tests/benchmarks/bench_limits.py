@@ -85,7 +85,8 @@ def multiply_adds(structure: Structure) -> int:
     """Return those of a heated step: 6 for a mechanical mode and 4 for a thermal one.
 
     A mechanical mode takes in an impulse and, in both states, heat, and turns; a thermal mode takes in
-    heat, decays and shows in velocity and temperature of the tip. The tip's own work is left out.
+    heat, decays and shows in velocity and temperature of the tip; the last is a mere addition here, as
+    modes are scaled, which the limit does not count as less. The tip's own work is left out.
     """
     return 6 * structure.mechanical_size + 4 * structure.thermal_size
 
