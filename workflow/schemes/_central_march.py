@@ -45,6 +45,7 @@ from workflow.schemes._stepping import (
     Block,
     blocks,
     collect,
+    note,
     observe,
     start_load,
     take_marks,
@@ -74,6 +75,33 @@ METRICS = {
 
 
 @inlined
+def _meet(
+    operator: Coefficients, law: Law, h: float, pushed: float, own: Array, tip: Array, lane: int
+) -> tuple[float, float, float, float]:
+    """Return displacement, velocity and temperature of the tip at t_k, and the impulse about it."""
+    inverse_mass, half_warming = operator.inverse_mass, 0.5 * operator.warming
+    x, gap, before, latest = own[AHEAD, lane], tip[GAP, lane], own[HALF, lane], own[LATEST, lane]
+    free = tip[NEW_VELOCITY, lane] + inverse_mass * pushed
+    p = law.depth * (x - gap) + law.before * before + law.free * free
+    p = p if x - gap > law.threshold else 0.0
+    p = 0.0 if p <= 0.0 else p  # a NaN passes
+    after = free - inverse_mass * p
+    own[AHEAD, lane] = gap if law.holds and p > 0.0 else x + h * after
+    own[HALF, lane] = after
+    own[LATEST, lane] = p
+    own[PUSHED, lane] = pushed - p
+    own[HEAT, lane] = own[ALPHA, lane] * p
+    touches, touched = p > 0.0, latest > 0.0
+    approach = before if touches and not touched else own[APPROACH, lane] + 0.0
+    ended = 1.0 if touched and not touches else 0.0
+    own[APPROACH, lane] = approach
+    own[APPROACHED, lane] += ended * (approach * approach)
+    own[SEPARATED, lane] -= ended * (approach * after)
+    temperature = tip[NEW_TEMPERATURE, lane] + half_warming * own[HEAT, lane]
+    return x, 0.5 * (before + after), temperature, 0.5 * (latest + p)
+
+
+@inlined
 def _touch(
     operator: Coefficients, law: Law, h: float, sine: float, own: Array, load: Array, tip: Array, lanes: int
 ) -> None:
@@ -81,30 +109,25 @@ def _touch(
     assert own.shape[1] == LANES
     assert load.shape[1] == LANES
     assert tip.shape[1] == LANES
-    inverse_mass, half_warming = operator.inverse_mass, 0.5 * operator.warming
     for lane in range(lanes):
-        x, gap, before, latest = own[AHEAD, lane], tip[GAP, lane], own[HALF, lane], own[LATEST, lane]
-        pushed = h * tip_load(sine, load, lane)
-        free = tip[NEW_VELOCITY, lane] + inverse_mass * pushed
-        p = law.depth * (x - gap) + law.before * before + law.free * free
-        p = p if x - gap > law.threshold else 0.0
-        p = 0.0 if p <= 0.0 else p  # a NaN passes
-        after = free - inverse_mass * p
+        x, v, temperature, p = _meet(operator, law, h, h * tip_load(sine, load, lane), own, tip, lane)
         tip[NEW_DISPLACEMENT, lane] = x
-        tip[NEW_VELOCITY, lane] = 0.5 * (before + after)
-        tip[STEP_IMPULSE, lane] = 0.5 * (latest + p)
-        own[AHEAD, lane] = gap if law.holds and p > 0.0 else x + h * after
-        own[HALF, lane] = after
-        own[LATEST, lane] = p
-        own[PUSHED, lane] = pushed - p
-        own[HEAT, lane] = own[ALPHA, lane] * p
-        tip[NEW_TEMPERATURE, lane] += half_warming * own[HEAT, lane]
-        touches, touched = p > 0.0, latest > 0.0
-        approach = before if touches and not touched else own[APPROACH, lane]
-        ended = 1.0 if touched and not touches else 0.0
-        own[APPROACH, lane] = approach
-        own[APPROACHED, lane] += ended * (approach * approach)
-        own[SEPARATED, lane] -= ended * (approach * after)
+        tip[NEW_VELOCITY, lane] = v
+        tip[NEW_TEMPERATURE, lane] = temperature
+        tip[STEP_IMPULSE, lane] = p
+
+
+@inlined
+def _touch_and_note(
+    operator: Coefficients, law: Law, h: float, sine: float, own: Array, load: Array, tip: Array, lanes: int
+) -> None:
+    """Close a step in which nothing falls due: :func:`_touch`, then ``observe``, in one pass."""
+    assert own.shape[1] == LANES
+    assert load.shape[1] == LANES
+    assert tip.shape[1] == LANES
+    for lane in range(lanes):
+        x, v, temperature, p = _meet(operator, law, h, h * tip_load(sine, load, lane), own, tip, lane)
+        note(h, x, v, temperature, p, tip, lane)
 
 
 @kernel
@@ -152,10 +175,13 @@ def _march(
                 pull_pairs(operator, tau, motion, tip, lanes)
         else:
             swing(modes, h, motion, own, tip, lanes)
-        _touch(operator, law, h, sine, own, load, tip, lanes)
-        if audited:
-            account(step, h, law.stiffness, audit, own, tip, lanes)
-        observe(take_marks(step, block) if step == next_mark[0] else h, tip, lanes)
+        if audited or step == next_mark[0]:
+            _touch(operator, law, h, sine, own, load, tip, lanes)
+            if audited:
+                account(step, h, law.stiffness, audit, own, tip, lanes)
+            observe(take_marks(step, block) if step == next_mark[0] else h, tip, lanes)
+        else:
+            _touch_and_note(operator, law, h, sine, own, load, tip, lanes)
 
 
 def _half_step_before(modal: Decoupled, cases: Cases, h: float) -> Array:
