@@ -28,7 +28,7 @@ from scenes import cases, heavy_chain, same_bits, sampling
 from workflow.models import Cases, Chain, Structure
 from workflow.reduction import reduce_structure
 from workflow.schemes import Results, moreau
-from workflow.schemes._lanes import LANES, lane_rows
+from workflow.schemes._lanes import LANES, ROW, lane_rows
 
 DEBIAN = "/usr/bin/python3"
 RUB = {"gap": 5e-5, "amplitude": 100.0, "frequency": 20.0}
@@ -69,7 +69,7 @@ def _rotation() -> Callable[..., None]:
     @numba.njit(nogil=True, error_model="numpy")
     def turn(states, coefficients, steps):  # type: ignore[no-untyped-def]
         assert states.shape[1] == 8
-        assert states.shape[2] == LANES
+        assert states.shape[2] == ROW
         for _ in range(steps):
             for g in range(states.shape[0]):
                 for lane in range(LANES):
@@ -296,14 +296,18 @@ def rivals(size: Size, whole: float) -> list[Line]:
     return lines
 
 
+def lines(size: Size) -> list[Line]:
+    """Return all lines."""
+    first, whole = batched(size)
+    return first + rivals(size, whole) + stored(size) + threads(size) + long_chains(size)
+
+
 def main(size: Size | None = None) -> None:
     """Print the table."""
-    size = size or Size()
-    lines, whole = batched(size)
-    lines += rivals(size, whole) + stored(size) + threads(size) + long_chains(size)
-    width = max(len(line[0]) for line in lines)
+    found = lines(size or Size())
+    width = max(len(line[0]) for line in found)
     print(f"{'what':{width}}  {'asked for':>24}  {'measured':>13}  {'ratio':>7}")
-    for what, target, measured, ratio in lines:
+    for what, target, measured, ratio in found:
         print(f"{what:{width}}  {target:>24}  {measured:>13}  {ratio:>7}")
 
 

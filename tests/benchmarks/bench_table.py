@@ -16,7 +16,7 @@ from pathlib import Path
 import bench_event_driven
 import bench_limits
 import bench_workflow
-from bench_limits import TINY, Line, Size
+from bench_limits import Line, Size
 from bench_rivals import RIVALS
 
 from scenes import heavy_chain, sampling
@@ -76,7 +76,9 @@ def commands(runs: int) -> list[Line]:
     for what, seconds in bench_workflow.commands(runs):
         target = next((most for words, most in targets.items() if words in what), None)
         asked, ratio = (f"<= {target:g} s", f"{seconds / target:.2f}") if target else ("", "")
-        lines.append((f"`{what}`" if what.startswith("workflow") and "," not in what else what, asked, f"{seconds:.2f} s", ratio))
+        lines.append(
+            (f"`{what}`" if what.startswith("workflow") and "," not in what else what, asked, f"{seconds:.2f} s", ratio)
+        )
     return lines
 
 
@@ -90,10 +92,15 @@ def table(size: Size, exact_cases: int, run_cases: int, processes: bool) -> list
 
 def markdown(lines: list[Line]) -> str:
     """Return the table with date and machine."""
-    machine = f"{processor()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}, Python {platform.python_version()}"
+    machine = (
+        f"{processor()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}, Python {platform.python_version()}"
+    )
     rows = [f"*{date.today()}, {machine}; `python tests/benchmarks/bench_table.py`*\n"]
     rows += ["| what | asked for | measured | ratio |", "|---|---|---|---|"]
-    rows += [f"| {what} | {asked.replace('<=', '≤').replace('>=', '≥')} | {told} | {ratio} |" for what, asked, told, ratio in lines]
+    rows += [
+        f"| {what} | {asked.replace('<=', '≤').replace('>=', '≥')} | {told} | {ratio} |"
+        for what, asked, told, ratio in lines
+    ]
     return "\n".join(rows) + "\n"
 
 
@@ -104,9 +111,9 @@ def processor() -> str:
     return names[0] if names else platform.machine()
 
 
-def main(size: Size = Size(), exact_cases: int = 100, run_cases: int = 10_000, processes: bool = True) -> str:
+def main(size: Size | None = None, exact_cases: int = 100, run_cases: int = 10_000, processes: bool = True) -> str:
     """Print the table and return it."""
-    told = markdown(table(size, exact_cases, run_cases, processes))
+    told = markdown(table(size or Size(), exact_cases, run_cases, processes))
     print(told, end="")
     return told
 
@@ -118,6 +125,6 @@ def write(told: str) -> None:
 
 
 if __name__ == "__main__":
-    found = main(TINY if "--tiny" in sys.argv else Size())
+    found = main()
     if "--write" in sys.argv:
         write(found)

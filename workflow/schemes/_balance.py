@@ -42,7 +42,7 @@ import numpy as np
 from workflow.models import Array, Cases, Structure, project
 from workflow.schemes._decoupled import Decoupled
 from workflow.schemes._kernel import inlined
-from workflow.schemes._lanes import LANES, fill_lanes, lane_rows
+from workflow.schemes._lanes import ROW, fill_lanes, lane_rows
 from workflow.schemes._modal_lanes import HEAT, MODES, PUSHED, grouped
 from workflow.schemes._stepping import AMPLITUDE, OWN_SINE, weigh_load
 
@@ -98,9 +98,9 @@ def _couple(coupling: Array, heat: Array, motion: Array, lanes: int) -> None:
     assert coupling.shape[2] == MODES
     assert coupling.shape[3] == HEATS
     assert heat.shape[1] == HEATS
-    assert heat.shape[2] == LANES
+    assert heat.shape[2] == ROW
     assert motion.shape[1] == 5 * MODES
-    assert motion.shape[2] == LANES
+    assert motion.shape[2] == ROW
     for g in range(motion.shape[0]):
         for k in range(heat.shape[0]):
             for lane in range(lanes):
@@ -117,11 +117,11 @@ def _leak(h: float, heat_modes: Array, heating: Array, heat: Array, own: Array, 
     assert heat_modes.shape[1] == LOSS + 1
     assert heat_modes.shape[2] == HEATS
     assert heat.shape[1] == HEATS
-    assert heat.shape[2] == LANES
+    assert heat.shape[2] == ROW
     assert heating.shape[1] == HEATS
-    assert heating.shape[2] == LANES
-    assert own.shape[1] == LANES
-    assert sums.shape[1] == LANES
+    assert heating.shape[2] == ROW
+    assert own.shape[1] == ROW
+    assert sums.shape[1] == ROW
     driven = heating.shape[0] > 0
     for g in range(heat.shape[0]):
         for lane in range(lanes):
@@ -151,10 +151,10 @@ def _account(
     assert modes.shape[1] == TIP + 1
     assert modes.shape[2] == MODES
     assert motion.shape[1] == 5 * MODES
-    assert motion.shape[2] == LANES
-    assert own.shape[1] == LANES
-    assert load.shape[1] == LANES
-    assert sums.shape[1] == LANES
+    assert motion.shape[2] == ROW
+    assert own.shape[1] == ROW
+    assert load.shape[1] == ROW
+    assert sums.shape[1] == ROW
     for g in range(motion.shape[0]):
         for lane in range(lanes):
             pushed = own[PUSHED, lane]

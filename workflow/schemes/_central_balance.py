@@ -30,7 +30,7 @@ from workflow.schemes._balance import (
 )
 from workflow.schemes._decoupled import Decoupled
 from workflow.schemes._kernel import inlined
-from workflow.schemes._lanes import LANES
+from workflow.schemes._lanes import ROW
 from workflow.schemes._modal_lanes import MODES, PUSHED, grouped
 from workflow.schemes._stepping import GAP, NEW_DISPLACEMENT, NEW_VELOCITY
 
@@ -49,9 +49,9 @@ def account(step: int, h: float, stiffness: float, audit: Audit, own: Array, tip
     assert modes.shape[1] == TIP + 1
     assert modes.shape[2] == MODES
     assert motion.shape[1] == 5 * MODES
-    assert motion.shape[2] == LANES
-    assert own.shape[1] == LANES
-    assert sums.shape[1] == LANES
+    assert motion.shape[2] == ROW
+    assert own.shape[1] == ROW
+    assert sums.shape[1] == ROW
     for g in range(motion.shape[0]):
         for lane in range(lanes):
             pushed = own[PUSHED, lane]

@@ -15,7 +15,7 @@ from workflow.schemes._central_balance import POWER, CentralBooks, account
 from workflow.schemes._decoupled import Decoupled, Motion, start
 from workflow.schemes._interface import Results, Sampling, Status, merge, schedule
 from workflow.schemes._kernel import inlined, kernel
-from workflow.schemes._lanes import LANES, fill_lanes, lane_rows
+from workflow.schemes._lanes import ROW, fill_lanes, lane_rows
 from workflow.schemes._modal_lanes import (
     ALPHA,
     DRIFT,
@@ -106,9 +106,9 @@ def _touch(
     operator: Coefficients, law: Law, h: float, sine: float, own: Array, load: Array, tip: Array, lanes: int
 ) -> None:
     """Close the step: load and contact impulse at the tip, its state at t_k and its place at t_k+1."""
-    assert own.shape[1] == LANES
-    assert load.shape[1] == LANES
-    assert tip.shape[1] == LANES
+    assert own.shape[1] == ROW
+    assert load.shape[1] == ROW
+    assert tip.shape[1] == ROW
     for lane in range(lanes):
         x, v, temperature, p = _meet(operator, law, h, h * tip_load(sine, load, lane), own, tip, lane)
         tip[NEW_DISPLACEMENT, lane] = x
@@ -122,9 +122,9 @@ def _touch_and_note(
     operator: Coefficients, law: Law, h: float, sine: float, own: Array, load: Array, tip: Array, lanes: int
 ) -> None:
     """Close a step in which nothing falls due: :func:`_touch`, then ``observe``, in one pass."""
-    assert own.shape[1] == LANES
-    assert load.shape[1] == LANES
-    assert tip.shape[1] == LANES
+    assert own.shape[1] == ROW
+    assert load.shape[1] == ROW
+    assert tip.shape[1] == ROW
     for lane in range(lanes):
         x, v, temperature, p = _meet(operator, law, h, h * tip_load(sine, load, lane), own, tip, lane)
         note(h, x, v, temperature, p, tip, lane)

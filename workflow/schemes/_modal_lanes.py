@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from workflow.models import Array
 from workflow.schemes._kernel import inlined, kernel
-from workflow.schemes._lanes import LANES
+from workflow.schemes._lanes import ROW
 from workflow.schemes._stepping import NEW_TEMPERATURE, NEW_VELOCITY
 
 MODES, HEAT_MODES = 4, 7
@@ -80,9 +80,9 @@ def swing(modes: Array, h: float, motion: Array, own: Array, tip: Array, lanes: 
     assert modes.shape[1] == HEAT_SHIFT + 1
     assert modes.shape[2] == MODES
     assert motion.shape[1] == 2 * MODES
-    assert motion.shape[2] == LANES
-    assert own.shape[1] == LANES
-    assert tip.shape[1] == LANES
+    assert motion.shape[2] == ROW
+    assert own.shape[1] == ROW
+    assert tip.shape[1] == ROW
     for g in range(motion.shape[0]):
         for lane in range(lanes):
             pushed = own[PUSHED, lane]
@@ -103,9 +103,9 @@ def swing_heated(modes: Array, h: float, motion: Array, own: Array, tip: Array, 
     assert modes.shape[1] == HEAT_SHIFT + 1
     assert modes.shape[2] == MODES
     assert motion.shape[1] == 2 * MODES
-    assert motion.shape[2] == LANES
-    assert own.shape[1] == LANES
-    assert tip.shape[1] == LANES
+    assert motion.shape[2] == ROW
+    assert own.shape[1] == ROW
+    assert tip.shape[1] == ROW
     for g in range(motion.shape[0]):
         for lane in range(lanes):
             pushed, heat = own[PUSHED, lane], own[HEAT, lane]
@@ -129,9 +129,9 @@ def conduct(t: float, heat_modes: Array, tau: Array, own: Array, tip: Array, lan
     assert heat_modes.shape[1] == DRAG + 1
     assert heat_modes.shape[2] == HEAT_MODES
     assert tau.shape[1] == HEAT_MODES
-    assert tau.shape[2] == LANES
-    assert own.shape[1] == LANES
-    assert tip.shape[1] == LANES
+    assert tau.shape[2] == ROW
+    assert own.shape[1] == ROW
+    assert tip.shape[1] == ROW
     for g in range(tau.shape[0]):
         for lane in range(lanes):
             heat = own[HEAT, lane]

@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from workflow.models import Array, Cases, Structure
 from workflow.schemes import moreau
@@ -35,7 +34,7 @@ from workflow.schemes._central_march import APPROACH, APPROACHED, LATEST, SEPARA
 from workflow.schemes._decoupled import Decoupled, start
 from workflow.schemes._interface import Results, Sampling, Status, merge, schedule
 from workflow.schemes._kernel import inlined, kernel
-from workflow.schemes._lanes import LANES, fill_lanes, lane_rows
+from workflow.schemes._lanes import ROW, fill_lanes, lane_rows
 from workflow.schemes._modal_lanes import (
     ALPHA,
     DELASSUS,
@@ -120,9 +119,9 @@ def _touch(
     lanes: int,
 ) -> None:
     """Close the step: load and contact impulse at the tip, from its free velocity to its new state."""
-    assert own.shape[1] == LANES
-    assert load.shape[1] == LANES
-    assert tip.shape[1] == LANES
+    assert own.shape[1] == ROW
+    assert load.shape[1] == ROW
+    assert tip.shape[1] == ROW
     theta = operator.theta
     for lane in range(lanes):
         x, v, w, held = tip[DISPLACEMENT, lane], tip[VELOCITY, lane], own[DELASSUS, lane], own[LATEST, lane]
@@ -261,6 +260,7 @@ def _judge(
 
 def _largest_admissible_step(operator: Operator, modal: Decoupled, alpha: float) -> float:
     """Return the largest step below h up to which contact has one solution at every smaller step."""
+    from scipy.optimize import brentq
 
     def yielding(h: float) -> float:
         return float(operator.yielding(modal, h, np.array(alpha)))

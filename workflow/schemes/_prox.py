@@ -6,7 +6,7 @@ import numpy as np
 
 from workflow.models import Array, Cases
 from workflow.schemes._kernel import inlined
-from workflow.schemes._lanes import LANES
+from workflow.schemes._lanes import ROW
 from workflow.schemes._modal_lanes import ALPHA, COMPLIANCE, HEAT, OWN_ROWS, PUSHED, RESTITUTION
 from workflow.schemes._stepping import (
     DISPLACEMENT,
@@ -62,9 +62,9 @@ def touch(
     lanes: int,
 ) -> None:
     """Close the step: load and contact impulse at the tip, from its free velocity to its new state."""
-    assert own.shape[1] == LANES
-    assert load.shape[1] == LANES
-    assert tip.shape[1] == LANES
+    assert own.shape[1] == ROW
+    assert load.shape[1] == ROW
+    assert tip.shape[1] == ROW
     for lane in range(lanes):
         pushed = h * tip_load(sine, load, lane)
         x, v, temperature, p = _meet(theta, inverse_mass, warming, h, pushed, own, tip, lane)
@@ -87,9 +87,9 @@ def touch_and_note(
     lanes: int,
 ) -> None:
     """Close a step in which nothing falls due: :func:`touch`, then ``observe``, in one pass."""
-    assert own.shape[1] == LANES
-    assert load.shape[1] == LANES
-    assert tip.shape[1] == LANES
+    assert own.shape[1] == ROW
+    assert load.shape[1] == ROW
+    assert tip.shape[1] == ROW
     for lane in range(lanes):
         pushed = h * tip_load(sine, load, lane)
         x, v, temperature, p = _meet(theta, inverse_mass, warming, h, pushed, own, tip, lane)

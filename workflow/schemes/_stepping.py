@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from workflow.models import Array, Cases
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, complete_periods
 from workflow.schemes._kernel import inlined, kernel
-from workflow.schemes._lanes import LANES, PACK, fill_lanes, lane_rows
+from workflow.schemes._lanes import LANES, PACK, ROW, fill_lanes, lane_rows
 
 RESYNC = 64
 """Steps between exact evaluations of sin and cos of a load; in between a rotation continues it,
@@ -123,7 +123,7 @@ def turn_load(step: int, h: float, load: Array, lanes: int) -> None:
 
     Most batches share frequency and phase; one sine then serves all lanes, with the bits of their own.
     """
-    assert load.shape[1] == LANES
+    assert load.shape[1] == ROW
     first, last = _swinging(load, lanes)
     for lane in range(first, last):
         s, c = load[SINE, lane], load[COSINE, lane]
@@ -143,7 +143,7 @@ def weigh_load(before: float, after: float, load: Array, lanes: int) -> float:
 
     Returns that of all lanes where one serves them; else it is 0 and each lane is given its own.
     """
-    assert load.shape[1] == LANES
+    assert load.shape[1] == ROW
     leader = int(load[LEADER, 0])
     if leader >= 0:
         return float(before * load[SINE_BEFORE, leader] + after * load[SINE, leader])
@@ -241,7 +241,7 @@ def note(span: float, x: float, v: float, temperature: float, p: float, tip: Arr
 @inlined
 def observe(span: float, tip: Array, lanes: int) -> None:
     """Take in the rows ``NEW_…`` and ``STEP_IMPULSE`` of the tip at the end of a step of ``span`` s."""
-    assert tip.shape[1] == LANES
+    assert tip.shape[1] == ROW
     for lane in range(lanes):
         x, v, temperature = tip[NEW_DISPLACEMENT, lane], tip[NEW_VELOCITY, lane], tip[NEW_TEMPERATURE, lane]
         note(span, x, v, temperature, tip[STEP_IMPULSE, lane], tip, lane)

@@ -13,7 +13,6 @@ from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from workflow.declare import quantity
 from workflow.models import Array, Cases, Chain, Structure, poles
@@ -87,6 +86,8 @@ def delassus(motion: Decoupled | Swept, h: float, theta: float, alpha: Array) ->
 
 def largest_admissible_step(motion: Decoupled | Swept, h: float, theta: float, alpha: float) -> float:
     """Return the largest step below ``h`` up to which W > 0 for every smaller step."""
+    from scipy.optimize import brentq  # a sixth of a second to load, for steps that no case may take
+
     steps = h * np.logspace(-12, 0, 481)
     positive = np.array([float(delassus(motion, s, theta, np.array(alpha))) > 0 for s in steps])
     if not positive[0]:

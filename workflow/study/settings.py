@@ -89,7 +89,7 @@ class Cell:
     thermal_modes: int = quantity("1", "interior thermal modes kept", default=FULL, at_least=0)
 
 
-_BALANCES = "whether to keep energy_residual and heat_residual; without them moreau is four to six times as fast"
+_BALANCES = "whether to keep energy_residual and heat_residual; without them moreau is three to six times as fast"
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ class Output:
         Type of the histories.
     balances
         Whether energy and heat balances are kept, metrics ``energy_residual`` and ``heat_residual``.
-        They take ``moreau`` four to six times as long: leave them out for speed.
+        They take ``moreau`` three to six times as long: leave them out for speed.
     """
 
     interval: float = quantity("s", "sampling of all histories; default: duration/1000", above=0)
