@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 
 import bench_event_driven
 import bench_limits
 import bench_moreau
 import bench_rivals
+import bench_table
 import bench_workflow
 import pytest
 
@@ -54,3 +56,18 @@ def test_limits_print_their_table(capsys: pytest.CaptureFixture[str]) -> None:
     for what in ("full, 20 + 20", "reduced over full", "Siconos", "NumPy", "SciPy", "histories", "3000 nodes, 8 cases"):
         assert any(what in line for line in lines), what
     assert any("two threads" in line and "same bits" in line for line in lines)
+
+
+def test_the_table_in_the_readme_is_what_the_script_prints(capsys: pytest.CaptureFixture[str]) -> None:
+    """Line by line but for numbers, and for what needs other processes."""
+
+    def lines(text: str) -> set[str]:
+        return {re.sub(r"[\d.]+(e-?\d+)?", "#", line.split("|")[1]) for line in text.splitlines() if line.startswith("| ")}
+
+    told = bench_table.main(bench_limits.TINY, exact_cases=1, run_cases=4, processes=False)
+    assert capsys.readouterr().out == told
+    kept = bench_table.README.read_text().split(bench_table.BEGIN)[1].split(bench_table.END)[0]
+    assert len(lines(told)) > 20
+    assert {re.sub("cases?", "cases", line) for line in lines(told)} <= {
+        re.sub("cases?", "cases", line) for line in lines(kept)
+    }

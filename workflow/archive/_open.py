@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import os
 import tempfile
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -157,6 +158,10 @@ def _open_dataset(path: Path, chunks: Any, named: Path) -> xr.Dataset:
     return dataset
 
 
+_LOADED = ("xarray", "netCDF4", "dask.array", "pint")
+"""What opening a file loads: once here, not in every process that tries a file out."""
+
+
 def _look(path: Path) -> None:
     """Say what is wrong with a path before a library says it less clearly."""
     try:
@@ -174,7 +179,8 @@ def _look(path: Path) -> None:
         raise ArchiveError(f"{path}: cannot be read: {reason(error)}") from error
     if signature != HDF5_SIGNATURE:
         raise ArchiveError(f"{path}: not a NetCDF-4 file; an archive that `workflow run` wrote is expected")
-    import xarray as xr  # noqa: F401 - once here, not in every process that tries a file out
+    for name in _LOADED:
+        import_module(name)
 
     try_out(path, _opened_at_all)
 
