@@ -62,7 +62,9 @@ def test_the_table_in_the_readme_is_what_the_script_prints(capsys: pytest.Captur
     """Line by line but for numbers, and for what needs other processes."""
 
     def lines(text: str) -> set[str]:
-        return {re.sub(r"[\d.]+(e-?\d+)?", "#", line.split("|")[1]) for line in text.splitlines() if line.startswith("| ")}
+        return {
+            re.sub(r"[\d.]+(e-?\d+)?", "#", line.split("|")[1]) for line in text.splitlines() if line.startswith("| ")
+        }
 
     told = bench_table.main(bench_limits.TINY, exact_cases=1, run_cases=4, processes=False)
     assert capsys.readouterr().out == told

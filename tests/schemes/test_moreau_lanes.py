@@ -15,7 +15,7 @@ from scenes import alone, blade, cases, chain, heavy_chain, same_bits, sampling,
 from workflow.models import Rayleigh
 from workflow.reduction import reduce_structure
 from workflow.schemes import Sampling, schedule
-from workflow.schemes._lanes import LANES, PACK, lane_rows
+from workflow.schemes._lanes import LANES, PACK, ROW, lane_rows
 
 
 def batch_of(structure: object, count: int) -> object:
@@ -107,7 +107,7 @@ def test_threads_share_nothing() -> None:
 def test_lane_rows_begin_on_a_cache_line() -> None:
     for shape in ((3,), (2, 8), (0, 5)):
         rows = lane_rows(*shape)
-        assert rows.shape == (*shape, LANES)
+        assert rows.shape == (*shape, ROW)
         assert rows.ctypes.data % 64 == 0 or rows.size == 0
         assert not rows.any()
 
