@@ -45,6 +45,9 @@ from workflow.study import Study
 Progress = Callable[[int, int, int], None]
 """Told ``(cases stored, cases that are not ok, all cases)`` as a run goes on."""
 
+_HASHED_ASIDE = 100_000
+"""Cases that are hashed while the first tasks run; of more, both at once would hold more memory than either."""
+
 
 def run_study(
     study: Study,
@@ -109,6 +112,8 @@ def run_study(
         compiling(grid, helpers),
     ):
         hashes = aside.submit(case_hashes, grid)  # wanted at once for an earlier archive only
+        if layout.cells > _HASHED_ASIDE:
+            hashes.result()
         known = _known(archive, layout, hashes.result(), retry, recompute) if archive.exists() else None
         if known is not None and np.any(known.cells >= 0):
             layout = replace(layout, provenance={**layout.provenance, **_made_elsewhere(archive, layout)})
