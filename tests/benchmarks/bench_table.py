@@ -69,6 +69,36 @@ def whole_run(cases: int) -> Line:
     return what, "<= 1.15", f"{wall:.2f} s", f"{wall / kernels:.2f}"
 
 
+def workflow_lines(sizes: tuple[int, int], runs: int, processes: bool) -> list[Line]:
+    """What a case costs beside its kernels, beside xyzpy, and what a grid costs that is there already."""
+    threads, large = available_threads(), sizes[-1]
+
+    def per_case(what: str, seconds: float | None, asked: float | None = None) -> Line:
+        if seconds is None:
+            return what, "", "not installed", ""
+        told, target = f"{1e6 * seconds:.1f} us", f"<= {asked:g} us" if asked else ""
+        return what, target, told, f"{1e6 * seconds / asked:.2f}" if asked else ""
+
+    lines = [
+        per_case(f"overhead per case, durable, {threads} threads", bench_workflow.overhead(large, threads=threads), 30)
+    ]
+    if processes:
+        seconds = bench_workflow.overhead(large, workers=threads)
+        lines.append(per_case(f"overhead per case, durable, {threads} local dask workers", seconds, 120))
+    lines.append(per_case("xyzpy per case, kept in memory to the end", bench_workflow.xyzpy_overhead(large)))
+    lines.append(per_case("xyzpy per case, batches of 1000 on the disk", bench_workflow.xyzpy_overhead(large, 1000)))
+    for cases, most in zip(sizes, (25, 500), strict=True):
+        again, sliced = bench_workflow.nothing_to_do(cases, runs)
+        for what, seconds, asked in (("nothing to do", again, most), ("open and slice a case", sliced, 25)):
+            ratio = f"{1e3 * seconds / asked:.2f}"
+            lines.append((f"{what}, {cases} cases", f"<= {asked} ms", f"{1e3 * seconds:.1f} ms", ratio))
+    for cases in sizes:
+        added, alone, copied = bench_workflow.extension(cases, bench_workflow.METRICS)
+        what = f"a value added to {cases} cases over its cases alone and a raw copy"
+        lines.append((what, "", f"{added:.2f} s", f"{added / (alone + copied):.1f}"))
+    return lines
+
+
 def commands(runs: int) -> list[Line]:
     """What a user waits for at the command line."""
     targets = {"--help": 0.5, "plan": 1.2, "nothing compiled": 12.0, "later": 3.0}
@@ -82,11 +112,12 @@ def commands(runs: int) -> list[Line]:
     return lines
 
 
-def table(size: Size, exact_cases: int, run_cases: int, processes: bool) -> list[Line]:
+def table(size: Size, exact_cases: int, run_cases: int, grids: tuple[int, int], processes: bool) -> list[Line]:
     """Return all lines; without ``processes`` only what needs no other processes."""
     lines = bench_limits.lines(size)
     lines += rivals(size) + exact(exact_cases, size.runs)
     lines.append(whole_run(run_cases))
+    lines += workflow_lines(grids, size.runs, processes)
     return lines + (commands(size.runs) if processes else [])
 
 
@@ -111,9 +142,15 @@ def processor() -> str:
     return names[0] if names else platform.machine()
 
 
-def main(size: Size | None = None, exact_cases: int = 100, run_cases: int = 10_000, processes: bool = True) -> str:
+def main(
+    size: Size | None = None,
+    exact_cases: int = 100,
+    run_cases: int = 10_000,
+    grids: tuple[int, int] = (10_000, 100_000),
+    processes: bool = True,
+) -> str:
     """Print the table and return it."""
-    told = markdown(table(size or Size(), exact_cases, run_cases, processes))
+    told = markdown(table(size or Size(), exact_cases, run_cases, grids, processes))
     print(told, end="")
     return told
 

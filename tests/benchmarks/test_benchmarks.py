@@ -66,7 +66,7 @@ def test_the_table_in_the_readme_is_what_the_script_prints(capsys: pytest.Captur
             re.sub(r"[\d.]+(e-?\d+)?", "#", line.split("|")[1]) for line in text.splitlines() if line.startswith("| ")
         }
 
-    told = bench_table.main(bench_limits.TINY, exact_cases=1, run_cases=4, processes=False)
+    told = bench_table.main(bench_limits.TINY, exact_cases=1, run_cases=4, grids=(8, 20), processes=False)
     assert capsys.readouterr().out == told
     kept = bench_table.README.read_text().split(bench_table.BEGIN)[1].split(bench_table.END)[0]
     assert len(lines(told)) > 20
