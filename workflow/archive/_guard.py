@@ -72,6 +72,9 @@ def _tried(work: Callable[[Path], None], path: Path, *_unchanged: int) -> tuple[
         if not ended:
             os.kill(child, signal.SIGKILL)
         said = os.read(reading, select.PIPE_BUF) if ended else b""
+    except BaseException:  # Ctrl-C: a child that goes round within HDF5 does not hear of it
+        os.kill(child, signal.SIGKILL)
+        raise
     finally:
         os.close(reading)
         _, status = os.waitpid(child, 0)

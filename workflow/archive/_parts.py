@@ -7,6 +7,7 @@ import os
 import shutil
 import threading
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -110,13 +111,17 @@ def remove_parts(parts: str | Path) -> None:
     """
     parts = Path(parts)
     held: list[int] = []
+    for file in islice(parts.glob(f"*{SUFFIX}"), _HELD):
+        with suppress(OSError):
+            held.append(os.open(file, os.O_RDONLY))
     try:
-        held += [os.open(file, os.O_RDONLY) for file in islice(parts.glob(f"*{SUFFIX}"), _HELD)]
         shutil.rmtree(parts)
         sync(parts.parent)
     except FileNotFoundError:
         return
     except OSError as error:
+        if parts.exists() and all(file.name.startswith(".nfs") for file in parts.iterdir()):
+            return  # NFS keeps what is still open under such names; the next run finds an empty directory
         raise ArchiveError(
             f"{parts}: the archive is complete, but its shards could not be removed: {reason(error)}; "
             "remove the directory by hand"

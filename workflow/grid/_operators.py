@@ -5,6 +5,8 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any
 
+from threadpoolctl import threadpool_limits
+
 from workflow import models, schemes
 from workflow.grid._conditions import at_rest
 from workflow.grid._turns import waiting
@@ -28,8 +30,9 @@ of a chain without matrices are found one by one."""
 
 @lru_cache(maxsize=_OPERATORS_KEPT)
 def structure_of(model: str, parameters: Any) -> Structure:
-    """Return the full structure of a model."""
-    return models.load(model).assemble(parameters)
+    """Return the full structure of a model, made by one thread of BLAS wherever it is made."""
+    with threadpool_limits(limits=1, user_api="blas"):
+        return models.load(model).assemble(parameters)
 
 
 @lru_cache(maxsize=_OPERATORS_KEPT)
@@ -38,7 +41,8 @@ def reduction_of(model: str, parameters: Any, mechanical_modes: int, thermal_mod
     structure = structure_of(model, parameters)
     if mechanical_modes == structure.mechanical_size - 1 and thermal_modes == structure.thermal_size - 1:
         return None
-    return reduce_structure(structure, mechanical_modes, thermal_modes)
+    with threadpool_limits(limits=1, user_api="blas"):
+        return reduce_structure(structure, mechanical_modes, thermal_modes)
 
 
 def reduced_structure(cell: Cell) -> Structure:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -111,9 +111,11 @@ def run_study(
         holding(parts),
         compiling(grid, helpers),
     ):
-        hashes = aside.submit(case_hashes, grid)  # wanted at once for an earlier archive only
         if layout.cells > _HASHED_ASIDE:
-            hashes.result()
+            hashes: Future[NDArray[np.uint8]] = Future()
+            hashes.set_result(case_hashes(grid))
+        else:
+            hashes = aside.submit(case_hashes, grid)  # wanted at once for an earlier archive only
         known = _known(archive, layout, hashes.result(), retry, recompute) if archive.exists() else None
         if known is not None and np.any(known.cells >= 0):
             layout = replace(layout, provenance={**layout.provenance, **_made_elsewhere(archive, layout)})

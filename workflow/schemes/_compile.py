@@ -45,6 +45,9 @@ class Wanted:
         return (self.method, self.nodes, *(o for o in options if not isinstance(o[1], float)))
 
 
+LONGEST = 300.0
+"""Seconds a helper is waited for: some twenty times what compiling the largest scheme takes."""
+
 _HELPERS: dict[str, Future[None]] = {}
 """By method: what is being compiled by others, or about to be."""
 
@@ -145,7 +148,7 @@ class _Running:
         environment = dict(os.environ)
         environment["PYTHONPATH"] = os.pathsep.join([str(package), *filter(None, [environment.get("PYTHONPATH")])])
         command = [sys.executable, "-P", "-c", f"from {__name__} import main; main()"]
-        with suppress(OSError):
+        with suppress(Exception):  # a helper costs time only
             with self._lock:
                 if self._ended:
                     return
@@ -161,7 +164,10 @@ class _Running:
                 assert process.stdin is not None
                 process.stdin.write(pickle.dumps(schemes))
                 process.stdin.flush()
-                process.wait()
+                try:
+                    process.wait(LONGEST)
+                finally:
+                    process.kill()
 
     def end(self) -> None:
         """Kill what still runs; those who wait for it go on."""

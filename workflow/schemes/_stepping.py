@@ -72,9 +72,10 @@ class Record(NamedTuple):
     """Where samples and closed load periods are written."""
 
     histories: Array
-    """Displacement, velocity, temperature and impulse, ``(4, case, t)``."""
+    """Displacement, velocity, temperature and impulse, ``(case, 4, t)``: any range of cases lies in one piece,
+    so that kernels are compiled for one kind of array."""
     periods: Array
-    """Impulse, largest temperature and contact time, ``(3, case, period)``."""
+    """Impulse, largest temperature and contact time, ``(case, 3, period)``."""
 
 
 class Block(NamedTuple):
@@ -179,12 +180,12 @@ def take_marks(step: int, block: Block) -> float:
     mark = steps
     while next_mark[1] < due.size and due[next_mark[1]] == step:
         k = next_mark[1]
-        for lane in range(histories.shape[1]):
+        for lane in range(histories.shape[0]):
             impulse = tip[IMPULSE, lane]
-            histories[0, lane, k] = _between(tip[DISPLACEMENT, lane], tip[NEW_DISPLACEMENT, lane], weight[k])
-            histories[1, lane, k] = _between(tip[VELOCITY, lane], tip[NEW_VELOCITY, lane], weight[k])
-            histories[2, lane, k] = _between(tip[TEMPERATURE, lane], tip[NEW_TEMPERATURE, lane], weight[k])
-            histories[3, lane, k] = _between(impulse, impulse + tip[STEP_IMPULSE, lane], weight[k])
+            histories[lane, 0, k] = _between(tip[DISPLACEMENT, lane], tip[NEW_DISPLACEMENT, lane], weight[k])
+            histories[lane, 1, k] = _between(tip[VELOCITY, lane], tip[NEW_VELOCITY, lane], weight[k])
+            histories[lane, 2, k] = _between(tip[TEMPERATURE, lane], tip[NEW_TEMPERATURE, lane], weight[k])
+            histories[lane, 3, k] = _between(impulse, impulse + tip[STEP_IMPULSE, lane], weight[k])
         next_mark[1] += 1
     if next_mark[1] < due.size:
         mark = due[next_mark[1]]
@@ -196,10 +197,10 @@ def take_marks(step: int, block: Block) -> float:
             impulse = _between(tip[IMPULSE, lane], tip[IMPULSE, lane] + p, share)
             reached = _between(tip[TEMPERATURE, lane], tip[NEW_TEMPERATURE, lane], share)
             contact = tip[CONTACT_TIME, lane] + (share * h if p > 0.0 else 0.0)
-            periods[0, lane, k] = impulse - tip[PERIOD_IMPULSE, lane]
-            periods[1, lane, k] = max(tip[PERIOD_HOTTEST, lane], reached)
-            periods[2, lane, k] = contact - tip[PERIOD_CONTACT, lane]
-            tip[HOTTEST, lane] = max(tip[HOTTEST, lane], periods[1, lane, k])
+            periods[lane, 0, k] = impulse - tip[PERIOD_IMPULSE, lane]
+            periods[lane, 1, k] = max(tip[PERIOD_HOTTEST, lane], reached)
+            periods[lane, 2, k] = contact - tip[PERIOD_CONTACT, lane]
+            tip[HOTTEST, lane] = max(tip[HOTTEST, lane], periods[lane, 1, k])
             tip[PERIOD_IMPULSE, lane] = impulse
             tip[PERIOD_CONTACT, lane] = contact
             tip[PERIOD_HOTTEST, lane] = reached
@@ -305,10 +306,10 @@ def watch(cases: Cases, mean: Array, sampling: Sampling, schedule: Schedule, h: 
         tip[row] = values
 
     record = Record(
-        np.zeros((4, cases.count, schedule.due.size)),
-        np.full((3, cases.count, longest), np.nan),
+        np.zeros((cases.count, 4, schedule.due.size)),
+        np.full((cases.count, 3, longest), np.nan),
     )
-    record.histories[:3, :, 0] = tip[[DISPLACEMENT, VELOCITY, TEMPERATURE]]
+    record.histories[:, :3, 0] = tip[[DISPLACEMENT, VELOCITY, TEMPERATURE]].T
     return Watch(cases, schedule, sampling.interval, h, load, tip, record, due, weight)
 
 
@@ -332,14 +333,14 @@ def blocks(watched: Watch, most: int = LANES) -> Iterator[tuple[slice, Block]]:
             next_mark=np.ones(2, dtype=np.int64),  # the first step looks for the first mark
             next_period=np.zeros(count, dtype=np.int64),
         )
-        record = Record(watched.record.histories[:, part], watched.record.periods[:, part])
+        record = Record(watched.record.histories[part], watched.record.periods[part])
         yield part, Block(load, tip, marks, record, -(-count // PACK) * PACK, schedule.steps, watched.h)
         watched.tip[:, part] = tip[:, :count]
 
 
 def _blank_what_was_lost(watched: Watch, case: int) -> None:
     """Put NaN in all samples and load periods of a case from its first non-finite sample on."""
-    histories, periods = watched.record.histories[:, case], watched.record.periods[:, case]
+    histories, periods = watched.record.histories[case], watched.record.periods[case]
     bad = ~np.isfinite(histories).all(axis=0)
     first = int(np.argmax(bad)) if bad.any() else histories.shape[1] - 1
     histories[:, first:] = np.nan
@@ -369,9 +370,9 @@ def collect(
         values[lost] = np.nan
     for case in np.flatnonzero(lost):
         _blank_what_was_lost(watched, int(case))
-    impulse, temperature, contact = record.periods
+    impulse, temperature, contact = record.periods.swapaxes(0, 1)
     return Results(
-        histories=dict(zip(HISTORIES, record.histories, strict=True)),
+        histories=dict(zip(HISTORIES, record.histories.swapaxes(0, 1), strict=True)),
         metrics={**metrics, "steps": np.full(watched.cases.count, float(watched.schedule.steps))},
         period_impulse=impulse,
         period_temperature=temperature,
