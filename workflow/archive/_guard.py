@@ -6,6 +6,7 @@ it round for ever, and some left it in a state in which the next file crashed th
 
 from __future__ import annotations
 
+import faulthandler
 import os
 import select
 import signal
@@ -62,6 +63,7 @@ def _tried(work: Callable[[Path], None], path: Path, *_unchanged: int) -> tuple[
         reading, writing = os.pipe()
         child = os.fork()
         if child == 0:
+            faulthandler.disable()  # how it ends is told by the parent
             os.write(writing, _told(work, path))
             os._exit(0)
         os.close(writing)
