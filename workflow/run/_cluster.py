@@ -131,16 +131,16 @@ def _results(client: Any, session: Session, tasks: Iterator[Task], limit: int) -
 
     submit(limit)
     while under_way:
-        future = _next(ended, client)
+        future = _patiently(lambda seconds: ended.get(timeout=seconds), client)
         task = under_way.pop(future.key)
-        result = _result(future)
+        result = _result(future, client)
         future.release()
         submit(1)
         yield task, result
 
 
-def _next(ended: SimpleQueue[Any], client: Any) -> Any:
-    """Wait for the next future that ends, as long as there are workers that could end one.
+def _patiently(wait: Callable[[float], Any], client: Any) -> Any:
+    """Return what a wait of so many seconds returns in the end, as long as there are workers that could end it.
 
     Raises
     ------
@@ -150,8 +150,8 @@ def _next(ended: SimpleQueue[Any], client: Any) -> Any:
     seen = time.monotonic()
     while True:
         try:
-            return ended.get(timeout=min(_LOOK, _PATIENCE))
-        except Empty:
+            return wait(min(_LOOK, _PATIENCE))
+        except (TimeoutError, Empty):
             if _has_workers(client):
                 seen = time.monotonic()
             elif time.monotonic() - seen > _PATIENCE:
@@ -174,11 +174,12 @@ def _key(session: Session, task: Task, limit: int) -> str:
     return f"{session.token}-{'alone' if limit == 1 else 'task'}-{task.number}"
 
 
-def _result(future: Any) -> Stored | None:
+def _result(future: Any, client: Any) -> Stored | None:
+    """Return what a task that has ended returned; with a worker that died in between it is not there any more."""
     from distributed import CancelledError, KilledWorker
 
     try:
-        result: Stored = future.result()
+        result: Stored = _patiently(lambda seconds: future.result(timeout=seconds), client)
         return result
     except KilledWorker:
         return None
