@@ -39,6 +39,7 @@ from workflow.run._outcome import Outcome, summarise
 from workflow.run._runner import runner
 from workflow.run._task import Job, Stored
 from workflow.run._threads import available_threads
+from workflow.run._worker import ClusterError
 from workflow.schemes import SOLVER_VERSION, Status
 from workflow.study import Study
 
@@ -132,7 +133,16 @@ def run_study(
         job = Job(grid, units, layout, parts, known)
         resumed = before if known is None else int(np.sum(_cells_there(layout, there) | (known.cells >= 0)))
         missing = (task for task in tasks(grid, units) if _is_missing(task, job, there))
-        run_tasks(job, missing, _counting(job, before, done, progress))
+        count = _counting(job, before, done, progress)
+        try:
+            run_tasks(job, missing, count)
+        except ClusterError:  # a worker may have stored what it died before telling of
+            if progress is not None:
+                done = find_shards(parts, layout)
+                there |= done.owner >= 0
+                unwell = sum(len(shard.messages) for shard in done.files)
+                progress(int(np.sum(_cells_there(layout, there))), unwell, layout.cells)
+            raise
         gather(layout, parts, archive, hashes.result(), known)
         remove_parts(parts)
     return replace(summarise(archive, resumed), seconds=time.perf_counter() - begun)
