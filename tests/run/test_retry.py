@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -113,11 +115,9 @@ def test_failures_of_an_archive_that_is_extended_stay_until_they_are_retried(
     assert len(solved) == 3 + 2
 
 
-def test_an_unfinished_run_is_ended_before_it_is_retried(
-    tmp_path: Path, broken: set[float], solved: list[int], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(cutting, "SHORTEST", 1e-9)
-    archive = tmp_path / "a.nc"
+@contextmanager
+def room_for_two_shards(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """A third shard cannot be written."""
     write, written = running.write_shard, []
 
     def failing(*args: Any) -> Any:
@@ -128,8 +128,16 @@ def test_an_unfinished_run_is_ended_before_it_is_retried(
 
     with monkeypatch.context() as patch:
         patch.setattr(running, "write_shard", failing)
-        with pytest.raises(ArchiveError):
-            run_study(quick(), archive, threads=1)
+        yield
+
+
+def test_an_unfinished_run_is_ended_before_it_is_retried(
+    tmp_path: Path, broken: set[float], solved: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cutting, "SHORTEST", 1e-9)
+    archive = tmp_path / "a.nc"
+    with room_for_two_shards(monkeypatch), pytest.raises(ArchiveError):
+        run_study(quick(), archive, threads=1)
     broken.clear()
     solved.clear()
     assert run_study(quick(), archive, threads=1, retry=True).ok
@@ -145,18 +153,8 @@ def test_a_retry_that_was_stopped_goes_on(
     run_study(quick(), archive)
     before = archive.read_bytes()
     broken.clear()
-    write, written = running.write_shard, []
-
-    def failing(*args: Any) -> Any:
-        if len(written) == 2:
-            raise ArchiveError("no room")
-        written.append(1)
-        return write(*args)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(running, "write_shard", failing)
-        with pytest.raises(ArchiveError):
-            run_study(quick(), archive, threads=1, retry=True)
+    with room_for_two_shards(monkeypatch), pytest.raises(ArchiveError):
+        run_study(quick(), archive, threads=1, retry=True)
     assert archive.read_bytes() == before
     solved.clear()
     assert run_study(quick(), archive, threads=1, retry=True).ok
