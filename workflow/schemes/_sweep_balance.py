@@ -10,10 +10,10 @@ import numpy as np
 
 from workflow.models import Array, Chain
 from workflow.schemes._kernel import inlined, kernel
-from workflow.schemes._sweeps import MOVED, STEADY, TAU, WARM, WARMED, V, X
+from workflow.schemes._sweeps import FORMER, STEADY, TAU, WARM, WARMED, V, X, node_rows
 
 MASS, SPRING, MASS_DAMPING, SPRING_DAMPING, EXPANDING, LOSING = range(6)
-"""Columns of what a node and the spring below it weigh: m, k, a_M m, a_K k, k a ℓ/2, and the heat it
+"""Rows of what a node and the spring below it weigh: m, k, a_M m, a_K k, k a ℓ/2, and the heat it
 loses to root and surroundings [W/K]."""
 
 FIRST_ENERGY, ENERGY, LARGEST_ENERGY, SPENT, LOST, TURNED, TAKEN = range(7)
@@ -24,46 +24,51 @@ SUMS = TAKEN + 1
 
 
 def weights(chain: Chain) -> Array:
-    """Return what the nodes 0 … n and the springs below them weigh, ``(node, column)``."""
-    found = np.zeros((chain.mechanical_size + 1, LOSING + 1))
-    damping = chain.damping
-    found[1:, MASS], found[1:, SPRING] = chain.masses, chain.springs
-    found[1:, MASS_DAMPING], found[1:, SPRING_DAMPING] = damping.mass * chain.masses, damping.stiffness * chain.springs
-    found[1:, EXPANDING] = chain.springs * chain.free_expansion / 2
-    found[1:, LOSING] = chain.convection
-    found[1, LOSING] += chain.conduction[0]
+    """Return what the nodes 0 … n and the springs below them weigh, ``(row, node)``."""
+    found = node_rows(LOSING + 1, chain.mechanical_size)
+    damping, inside = chain.damping, slice(1, chain.mechanical_size + 1)
+    found[MASS, inside], found[SPRING, inside] = chain.masses, chain.springs
+    found[MASS_DAMPING, inside], found[SPRING_DAMPING, inside] = (
+        damping.mass * chain.masses,
+        damping.stiffness * chain.springs,
+    )
+    found[EXPANDING, inside] = chain.springs * chain.free_expansion / 2
+    found[LOSING, inside] = chain.convection
+    found[LOSING, 1] += chain.conduction[0]
     return found
 
 
 @kernel
-def open_account(weight: Array, state: Array, sums: Array) -> None:
+def open_account(tip: int, weight: Array, state: Array, sums: Array) -> None:
     """Set the sums to the energy at t = 0."""
     sums[:] = 0.0
     energy = place = 0.0
-    for i in range(1, state.shape[0]):
-        stretch, place, speed = state[i, X] - place, state[i, X], state[i, V]
-        energy += weight[i, MASS] * (speed * speed) + weight[i, SPRING] * (stretch * stretch)
+    for i in range(1, tip + 1):
+        stretch, place, speed = state[X, i] - place, state[X, i], state[V, i]
+        energy += weight[MASS, i] * (speed * speed) + weight[SPRING, i] * (stretch * stretch)
+        state[FORMER, i] = speed
     sums[FIRST_ENERGY] = sums[LARGEST_ENERGY] = 0.5 * energy
 
 
 @inlined
 def tally(
-    step: Array, weight: Array, state: Array, loads: Array, h: float, heat: float, pushed: float, sums: Array
+    tip: int, step: Array, weight: Array, state: Array, loads: Array, h: float, heat: float, pushed: float, sums: Array
 ) -> None:
     """Count a step that is done; ``pushed`` is the tip load's impulse at midpoint less the contact's."""
     energy = spent = steady = lost = 0.0
     place = middle = warmth = 0.0
-    for i in range(1, state.shape[0]):
-        stretch, place = state[i, X] - place, state[i, X]
-        speed = state[i, V]
-        before, middle = middle, speed - 0.5 * state[i, MOVED]
-        cold, warmth = warmth, state[i, TAU] - 0.5 * (state[i, WARMED] + heat * step[i, WARM])
+    for i in range(1, tip + 1):
+        stretch, place = state[X, i] - place, state[X, i]
+        speed = state[V, i]
+        before, middle = middle, 0.5 * (state[FORMER, i] + speed)
+        state[FORMER, i] = speed
+        cold, warmth = warmth, state[TAU, i] - 0.5 * (state[WARMED, i] + heat * step[WARM, i])
         rate = middle - before
-        energy += weight[i, MASS] * (speed * speed) + weight[i, SPRING] * (stretch * stretch)
-        spent += weight[i, MASS_DAMPING] * (middle * middle)
-        spent += rate * (weight[i, SPRING_DAMPING] * rate - weight[i, EXPANDING] * (cold + warmth))
-        steady += loads[i, STEADY] * middle
-        lost += weight[i, LOSING] * warmth
+        energy += weight[MASS, i] * (speed * speed) + weight[SPRING, i] * (stretch * stretch)
+        stretched = rate * (weight[SPRING_DAMPING, i] * rate - weight[EXPANDING, i] * (cold + warmth))
+        spent += weight[MASS_DAMPING, i] * (middle * middle) + stretched
+        steady += loads[STEADY, i] * middle
+        lost += weight[LOSING, i] * warmth
     sums[ENERGY] = 0.5 * energy
     sums[LARGEST_ENERGY] = sums[LARGEST_ENERGY] if sums[ENERGY] <= sums[LARGEST_ENERGY] else sums[ENERGY]  # a NaN stays
     sums[SPENT] += h * spent - steady - pushed * middle

@@ -28,6 +28,7 @@ from workflow.schemes._stepping import (
 from workflow.schemes._sweep_balance import SUMS, open_account, residuals, tally, weights
 from workflow.schemes._sweeps import (
     HEATING,
+    LOADS,
     STATE,
     STEADY,
     TAU,
@@ -38,6 +39,7 @@ from workflow.schemes._sweeps import (
     V,
     X,
     conduct,
+    node_rows,
     settle,
     swing,
 )
@@ -45,6 +47,7 @@ from workflow.schemes._sweeps import (
 
 @kernel
 def _march(
+    tip_node: int,
     theta: float,
     lever: float,
     step: Array,
@@ -58,19 +61,19 @@ def _march(
 ) -> None:
     """Step the case in lane 0; ``weight`` has rows where balances are asked for."""
     load, tip, lanes, h, next_mark = block.load, block.tip, block.lanes, block.h, block.marks.next_mark
-    last, audited = state.shape[0] - 1, weight.shape[0] > 0
+    audited = weight.shape[0] > 0
     start_load(h, load, lanes)
     if audited:
-        open_account(weight, state, sums)
+        open_account(tip_node, weight, state, sums)
+    if heated:
+        conduct(tip_node, step, state, loads)
     for k in range(1, block.steps + 1):
-        if heated:
-            conduct(step, state, loads)
-        tip[NEW_VELOCITY, 0], tip[NEW_TEMPERATURE, 0] = swing(step, state, loads, theta, lever, heated)
+        tip[NEW_VELOCITY, 0], tip[NEW_TEMPERATURE, 0] = swing(tip_node, step, state, loads, theta, lever, heated)
         turn_load(k, h, load, lanes)
         touch(
             theta,
-            step[last, YIELD],
-            step[last, WARM],
+            step[YIELD, tip_node],
+            step[WARM, tip_node],
             h,
             weigh_load(1.0 - theta, theta, load, lanes),
             own,
@@ -79,10 +82,11 @@ def _march(
             lanes,
         )
         heat = own[HEAT, 0]
-        settle(step, state, h, theta, tip[NEW_DISPLACEMENT, 0], tip[NEW_VELOCITY, 0], heat, heated)
+        place, speed = tip[NEW_DISPLACEMENT, 0], tip[NEW_VELOCITY, 0]
+        settle(tip_node, step, state, loads, h, theta, place, speed, heat, heated)
         if audited:
             pushed = h * tip_load(weigh_load(0.5, 0.5, load, lanes), load, 0) - tip[STEP_IMPULSE, 0]
-            tally(step, weight, state, loads, h, heat, pushed, sums)
+            tally(tip_node, step, weight, state, loads, h, heat, pushed, sums)
         observe(take_marks(k, block) if k == next_mark[0] else h, tip, lanes)
 
 
@@ -94,9 +98,10 @@ def sweep(
     ``rows`` is what contact reads of each case. Returns the quasi-static tip growth at the end, m,
     ``(case,)``, and the balances if they are asked for.
     """
-    chain = swept.chain
+    chain, nodes = swept.chain, swept.chain.mechanical_size
     step = swept.coefficients(h, theta)
-    state, loads = np.zeros((chain.mechanical_size + 1, STATE)), np.zeros((chain.mechanical_size + 1, 2))
+    state, loads = node_rows(STATE, nodes), node_rows(LOADS, nodes)
+    inside = slice(1, nodes + 1)
     weight = weights(chain) if sampling.balances else np.zeros((0, 0))
     own, sums, closing = lane_rows(rows.shape[0]), np.zeros(SUMS), np.zeros(cases.count)
     balances = {name: np.zeros(cases.count) for name in ("energy_residual", "heat_residual") if sampling.balances}
@@ -105,19 +110,19 @@ def sweep(
         case = part.start
         fill_lanes(own, rows[:, part])
         state[:] = 0.0
-        state[1:, X], state[1:, V], state[1:, TAU] = (
+        state[X, inside], state[V, inside], state[TAU, inside] = (
             cases.displacement[case],
             cases.velocity[case],
             cases.temperature[case],
         )
-        loads[1:, STEADY], loads[1:, HEATING] = h * cases.steady[case], h * cases.heating[case]
-        _march(theta, lever, step, loads, state, own, block, heated, weight, sums)
+        loads[STEADY, inside], loads[HEATING, inside] = h * cases.steady[case], h * cases.heating[case]
+        _march(nodes, theta, lever, step, loads, state, own, block, heated, weight, sums)
         if heated:
-            in_last_step = state[1:, WARMED] + own[HEAT, 0] * step[1:-1, WARM]
-            reached = state[1:, TAU] - (1 - plan.weight[-1]) * in_last_step
+            in_last_step = state[WARMED, inside] + own[HEAT, 0] * step[WARM, inside]
+            reached = state[TAU, inside] - (1 - plan.weight[-1]) * in_last_step
             closing[case] = np.sum(swept.static_growth * reached)
         if balances:
             heating = plan.steps * h * float(cases.heating[case].sum())
-            found = residuals(sums, chain, cases.temperature[case], state[1:, TAU], heating)
+            found = residuals(sums, chain, cases.temperature[case], state[TAU, inside], heating)
             balances["energy_residual"][case], balances["heat_residual"][case] = found
     return closing, balances

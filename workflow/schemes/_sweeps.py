@@ -27,22 +27,37 @@ import numpy as np
 from workflow.models import Array, Chain, frequency_range, rate_range, static_tip_growth
 from workflow.schemes._kernel import inlined, kernel
 
-X, V, TAU, WARMED, MOVED, GATHERED = range(6)
-"""Columns of a chain's state ``(node, column)``, node 0 being the root: x, v and τ at the step's
-beginning, then end; δτ without the contact's heat; the eliminated motion, then δv; the eliminated heat."""
+X, V, TAU, WARMED, ELIMINATED, FORMER = range(6)
+"""Rows of a chain's state ``(row, node)``, node 0 being the root: x, v and τ at the step's beginning,
+then end; δτ without the contact's heat; what an elimination leaves at a node, of the heat on its way
+to the root, then of the motion on its way to the tip; v at the step's beginning, where balances
+ask for it."""
 
-STATE = GATHERED + 1
+STATE = FORMER + 1
 
-PULL, SWELL, DRAG, ONWARD, YIELD, BACK, HEAT_KICK, FLOW, COOL, INWARD, WARMING, OUTWARD, WARM = range(13)
-"""Coefficients of a node and the spring below it: h k, h k a ℓ/2 and h a_M m; what the elimination to
-the tip takes from the node before, the inverse pivot, what the node takes from the one beyond, and
-the eliminated g over the pivot; hκ, hb; what the elimination to the root takes from the node beyond,
-its inverse pivot, what the node takes from the one before; w."""
+PULL, SWELL, DRAG, YIELD, BACK, HEAT_KICK, FLOW, COOL, WARMING, OUTWARD, WARM = range(11)
+"""Coefficients of a node and the spring below it ``(row, node)``: h k, h k a ℓ/2 and h a_M m; the inverse
+pivot of the elimination to the tip, what that takes on to the node beyond and later back from it, and the
+eliminated g over the pivot; hκ, hb; the inverse pivot of the elimination to the root, what that takes on
+to the node before and later back from it; w."""
 
 _COEFFICIENTS = WARM + 1
 
 STEADY, HEATING = range(2)
-"""Columns of a case's constant loads in a step: h f [N s], h q [J]."""
+"""Rows of a case's constant loads in a step ``(row, node)``: h f [N s], h q [J]."""
+
+LOADS = HEATING + 1
+
+_LINE = 8
+"""Numbers of a cache line."""
+
+
+def node_rows(rows: int, nodes: int) -> Array:
+    """Return zeros ``(row, node)`` for the nodes 0 … ``nodes`` + 1 and some that nobody reads.
+
+    A row is an odd number of cache lines: rows a power of two apart fall upon each other in the cache.
+    """
+    return np.zeros((rows, _LINE * (-(-(nodes + 2) // _LINE) | 1)))
 
 
 @kernel
@@ -57,29 +72,27 @@ def _factor(inertia: Array, joint: Array, capacity: Array, flow: Array, swell: A
     for i in range(1, last + 1):
         own = inertia[i] + tied
         pivot = own + joint[i + 1]
-        found[i, YIELD] = 1.0 / pivot
-        found[i, BACK] = joint[i + 1] / pivot
-        found[i + 1, ONWARD] = found[i, BACK]
+        found[YIELD, i] = 1.0 / pivot
+        found[BACK, i] = joint[i + 1] / pivot
         tied = joint[i + 1] * own / pivot
     tied = 0.0
     for i in range(last, 0, -1):
         own = capacity[i] + tied
         pivot = own + flow[i]
-        found[i, WARMING] = 1.0 / pivot
-        found[i, OUTWARD] = flow[i] / pivot
-        found[i - 1, INWARD] = found[i, OUTWARD]
+        found[WARMING, i] = 1.0 / pivot
+        found[OUTWARD, i] = flow[i] / pivot
         tied = flow[i] * own / pivot
     gathered = 1.0
     for i in range(last, 0, -1):
-        gathered *= 1.0 if i == last else found[i, INWARD]
-        found[i, WARM] = gathered * found[i, WARMING]
+        gathered *= 1.0 if i == last else found[OUTWARD, i + 1]
+        found[WARM, i] = gathered * found[WARMING, i]
     for i in range(1, last + 1):
-        found[i, WARM] += found[i, OUTWARD] * found[i - 1, WARM]
-    kick, force = 0.0, -swell[1] * found[1, WARM]
+        found[WARM, i] += found[OUTWARD, i] * found[WARM, i - 1]
+    kick, force = 0.0, -swell[1] * found[WARM, 1]
     for i in range(1, last + 1):
-        beyond = -swell[i + 1] * (found[i, WARM] + found[i + 1, WARM]) if i < last else 0.0
-        kick = (force - beyond) + found[i, ONWARD] * kick
-        found[i, HEAT_KICK] = kick * found[i, YIELD]
+        beyond = -swell[i + 1] * (found[WARM, i] + found[WARM, i + 1]) if i < last else 0.0
+        kick = (force - beyond) + found[BACK, i - 1] * kick
+        found[HEAT_KICK, i] = kick * found[YIELD, i]
         force = beyond
 
 
@@ -110,17 +123,22 @@ class Swept:
         return static_tip_growth(self.chain)
 
     def coefficients(self, h: float, theta: float) -> Array:
-        """Return the coefficients of a step, ``(node 0 … n + 1, coefficient)``."""
+        """Return the coefficients of a step, ``(row, node)``; those of the root and beyond the tip are 0."""
         chain = self.chain
 
         def padded(values: Array) -> Array:
             return np.concatenate([[0.0], values, [0.0]])
 
-        found = np.zeros((chain.mechanical_size + 2, _COEFFICIENTS))
+        found = node_rows(_COEFFICIENTS, chain.mechanical_size)
         mass, spring, swell = padded(chain.masses), padded(chain.springs), padded(chain.springs * chain.free_expansion)
         conduction, convection = padded(chain.conduction), padded(chain.convection)
-        found[:, PULL], found[:, SWELL], found[:, DRAG] = h * spring, h * swell / 2, h * chain.damping.mass * mass
-        found[:, FLOW], found[:, COOL] = h * conduction, h * convection
+        every = slice(mass.size)
+        found[PULL, every], found[SWELL, every], found[DRAG, every] = (
+            h * spring,
+            h * swell / 2,
+            h * chain.damping.mass * mass,
+        )
+        found[FLOW, every], found[COOL, every] = h * conduction, h * convection
         _factor(
             mass * (1 + h * theta * chain.damping.mass),
             h * theta * (chain.damping.stiffness + h * theta) * spring,
@@ -133,64 +151,86 @@ class Swept:
 
     def compliance(self, h: float, theta: float) -> tuple[float, float]:
         """Return e_nᵀ Ŵ⁻¹ e_n and e_nᵀ Ŵ⁻¹ hθ K12 T̂⁻¹ e_n, the parts of the Delassus operator, 1/kg."""
-        found = self.coefficients(h, theta)
-        return float(found[-2, YIELD]), float(found[-2, HEAT_KICK])
+        found, tip = self.coefficients(h, theta), self.chain.mechanical_size
+        return float(found[YIELD, tip]), float(found[HEAT_KICK, tip])
 
 
 @inlined
-def conduct(step: Array, state: Array, loads: Array) -> None:
-    """Eliminate the heat balance from the tip to the root."""
-    beyond = gathered = 0.0
-    here = state[state.shape[0] - 1, TAU]
-    for i in range(state.shape[0] - 1, 0, -1):
-        below = state[i - 1, TAU]
-        inward = step[i, FLOW] * (here - below)
-        gathered = (beyond - inward) - step[i, COOL] * here + loads[i, HEATING] + step[i, INWARD] * gathered
-        state[i, GATHERED] = gathered
-        beyond, here = inward, below
+def _conduct_at(
+    i: int, step: Array, loads: Array, here: float, below: float, flow: float, gathered: float
+) -> tuple[float, float]:
+    """Eliminate the heat balance of a node; return the flow to the node below, and what is gathered now."""
+    onward = step[FLOW, i] * (here - below)
+    return onward, (flow - onward) - step[COOL, i] * here + loads[HEATING, i] + step[OUTWARD, i + 1] * gathered
 
 
 @inlined
-def swing(step: Array, state: Array, loads: Array, theta: float, lever: float, heated: bool) -> tuple[float, float]:
+def conduct(tip: int, step: Array, state: Array, loads: Array) -> None:
+    """Eliminate the heat balance from the tip to the root: of the first step, :func:`settle` does the others."""
+    flow = gathered = 0.0
+    for i in range(tip, 0, -1):
+        flow, gathered = _conduct_at(i, step, loads, state[TAU, i], state[TAU, i - 1], flow, gathered)
+        state[ELIMINATED, i] = gathered
+
+
+@inlined
+def swing(
+    tip: int, step: Array, state: Array, loads: Array, theta: float, lever: float, heated: bool
+) -> tuple[float, float]:
     """Find δτ without contact, eliminate the motion from the root to the tip.
 
     ``lever`` is hθ + a_K. Returns velocity and temperature of the tip without contact and tip load.
     """
-    tip = state.shape[0] - 1
     place = speed = warmed = warm = force = moved = 0.0
     for i in range(1, tip + 1):
-        new_place, new_speed = state[i, X], state[i, V]
-        new_force = step[i, PULL] * ((new_place - place) + lever * (new_speed - speed))
+        new_place, new_speed = state[X, i], state[V, i]
+        new_force = step[PULL, i] * ((new_place - place) + lever * (new_speed - speed))
         if heated:
-            warmed = state[i, GATHERED] * step[i, WARMING] + step[i, OUTWARD] * warmed
-            state[i, WARMED] = warmed
-            new_warm = state[i, TAU] + theta * warmed
-            new_force -= step[i, SWELL] * (warm + new_warm)
+            warmed = state[ELIMINATED, i] * step[WARMING, i] + step[OUTWARD, i] * warmed
+            state[WARMED, i] = warmed
+            new_warm = state[TAU, i] + theta * warmed
+            new_force -= step[SWELL, i] * (warm + new_warm)
             warm = new_warm
         if i > 1:
-            balance = (new_force - force) - step[i - 1, DRAG] * speed + loads[i - 1, STEADY]
-            moved = balance + step[i - 1, ONWARD] * moved
-            state[i - 1, MOVED] = moved
+            balance = (new_force - force) - step[DRAG, i - 1] * speed + loads[STEADY, i - 1]
+            moved = balance + step[BACK, i - 2] * moved
+            state[ELIMINATED, i - 1] = moved
         place, speed, force = new_place, new_speed, new_force
-    moved = loads[tip, STEADY] - force - step[tip, DRAG] * speed + step[tip, ONWARD] * moved
-    return speed + moved * step[tip, YIELD], state[tip, TAU] + warmed
+    moved = loads[STEADY, tip] - force - step[DRAG, tip] * speed + step[BACK, tip - 1] * moved
+    return speed + moved * step[YIELD, tip], state[TAU, tip] + warmed
 
 
 @inlined
 def settle(
-    step: Array, state: Array, h: float, theta: float, place: float, speed: float, heat: float, heated: bool
+    tip: int,
+    step: Array,
+    state: Array,
+    loads: Array,
+    h: float,
+    theta: float,
+    place: float,
+    speed: float,
+    heat: float,
+    heated: bool,
 ) -> None:
-    """Find the new state from the tip's new place and speed, and the heat it took in, to the root."""
-    tip = state.shape[0] - 1
-    moved = speed - state[tip, V]
-    state[tip, X], state[tip, V], state[tip, MOVED] = place, speed, moved
+    """Find the new state from the tip's new place and speed, and the heat it took in, to the root.
+
+    The next step's heat is eliminated on the way, a node behind.
+    """
+    moved = speed - state[V, tip]
+    state[X, tip], state[V, tip] = place, speed
+    flow = gathered = here = 0.0
     if heated:
-        state[tip, TAU] += state[tip, WARMED] + heat * step[tip, WARM]
-    for i in range(tip - 1, 0, -1):
-        moved = step[i, BACK] * moved + (state[i, MOVED] * step[i, YIELD] - heat * step[i, HEAT_KICK])
-        state[i, MOVED] = moved
-        before = state[i, V]
-        state[i, X] += h * (before + theta * moved)
-        state[i, V] = before + moved
+        here = state[TAU, tip] + (state[WARMED, tip] + heat * step[WARM, tip])
+        state[TAU, tip] = here
+    for i in range(tip - 1, -1, -1):
+        moved = step[BACK, i] * moved + (state[ELIMINATED, i] * step[YIELD, i] - heat * step[HEAT_KICK, i])
+        before = state[V, i]
+        state[X, i] += h * (before + theta * moved)
+        state[V, i] = before + moved
         if heated:
-            state[i, TAU] += state[i, WARMED] + heat * step[i, WARM]
+            below = state[TAU, i] + (state[WARMED, i] + heat * step[WARM, i])
+            state[TAU, i] = below
+            flow, gathered = _conduct_at(i + 1, step, loads, here, below, flow, gathered)
+            state[ELIMINATED, i + 1] = gathered
+            here = below
