@@ -12,7 +12,7 @@ from scenes import alone, cases, chain, heavy_chain, same_bits, sampling, step, 
 from workflow.models import Cases, Chain, Rayleigh, static_equilibrium
 from workflow.reduction import _reduce_long_chain, reduce_structure
 from workflow.schemes import Results, Sampling, Status, moreau
-from workflow.schemes._sweeps import Swept
+from workflow.schemes._sweeps import Swept, node_rows
 
 
 def swept(structure: Chain, batch: Cases, h: float, over: Sampling, theta: float) -> Results:
@@ -44,13 +44,13 @@ def rubs(nodes: int) -> tuple[Chain, Cases, float]:
 
 
 @pytest.mark.parametrize("theta", [0.5, 0.7, 1.0])
-@pytest.mark.parametrize("nodes", [2, 20, 60, 200])
+@pytest.mark.parametrize("nodes", [1, 2, 20, 60, 200])
 def test_sweeps_step_as_modes_do(nodes: int, theta: float) -> None:
     structure, batch, h = rubs(nodes)
     over = Sampling(1010.5 * h, 20.21 * h, 51, balances=True)
     modal = step(structure, batch, h, over, theta=theta)
     found = swept(structure, batch, h, over, theta)
-    assert nodes == 2 or modal.metrics["impacts"].min() > 0
+    assert nodes <= 2 or modal.metrics["impacts"].min() > 0
     assert np.array_equal(found.metrics["impacts"], modal.metrics["impacts"])
     for ours, theirs in [(found.histories, modal.histories), (found.metrics, modal.metrics)]:
         for name in ours:
@@ -164,3 +164,12 @@ def test_reduction_of_a_long_chain_is_that_of_a_short_one() -> None:
     for name in ("displacement", "temperature", "impulse"):
         scale = np.abs(expected.histories[name]).max()
         assert np.abs(found.histories[name] - expected.histories[name]).max() < 1e-9 * scale
+
+
+@pytest.mark.parametrize("nodes", [*range(1, 40), 1000, 4093, 4094, 4095, 100_000])
+def test_rows_of_nodes_never_fall_upon_each_other_in_the_cache(nodes: int) -> None:
+    rows = node_rows(24, nodes)
+    assert nodes + 2 <= rows.shape[1] < nodes + 2 + 16
+    lines, rest = divmod(rows.strides[0], 64)
+    assert rest == 0
+    assert np.unique(lines * np.arange(24) % 64).size == 24

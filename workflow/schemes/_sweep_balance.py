@@ -40,7 +40,7 @@ def weights(chain: Chain) -> Array:
 
 @kernel
 def open_account(tip: int, weight: Array, state: Array, sums: Array) -> None:
-    """Set the sums to the energy at t = 0."""
+    """Set the sums to the energy at t = 0 and keep the speeds for the first step."""
     sums[:] = 0.0
     energy = place = 0.0
     for i in range(1, tip + 1):
@@ -54,7 +54,10 @@ def open_account(tip: int, weight: Array, state: Array, sums: Array) -> None:
 def tally(
     tip: int, step: Array, weight: Array, state: Array, loads: Array, h: float, heat: float, pushed: float, sums: Array
 ) -> None:
-    """Count a step that is done; ``pushed`` is the tip load's impulse at midpoint less the contact's."""
+    """Count a step that is done, and keep its speeds for the next one.
+
+    ``pushed`` is the tip load's impulse at midpoint less the contact's.
+    """
     energy = spent = steady = lost = 0.0
     place = middle = warmth = 0.0
     for i in range(1, tip + 1):

@@ -47,7 +47,7 @@ from workflow.schemes._sweeps import (
 
 @kernel
 def _march(
-    tip_node: int,
+    last: int,
     theta: float,
     lever: float,
     step: Array,
@@ -59,21 +59,21 @@ def _march(
     weight: Array,
     sums: Array,
 ) -> None:
-    """Step the case in lane 0; ``weight`` has rows where balances are asked for."""
+    """Step the case in lane 0 along nodes 1 … ``last``; ``weight`` has rows where balances are asked for."""
     load, tip, lanes, h, next_mark = block.load, block.tip, block.lanes, block.h, block.marks.next_mark
     audited = weight.shape[0] > 0
     start_load(h, load, lanes)
     if audited:
-        open_account(tip_node, weight, state, sums)
+        open_account(last, weight, state, sums)
     if heated:
-        conduct(tip_node, step, state, loads)
+        conduct(last, step, state, loads)
     for k in range(1, block.steps + 1):
-        tip[NEW_VELOCITY, 0], tip[NEW_TEMPERATURE, 0] = swing(tip_node, step, state, loads, theta, lever, heated)
+        tip[NEW_VELOCITY, 0], tip[NEW_TEMPERATURE, 0] = swing(last, step, state, loads, theta, lever, heated)
         turn_load(k, h, load, lanes)
         touch(
             theta,
-            step[YIELD, tip_node],
-            step[WARM, tip_node],
+            step[YIELD, last],
+            step[WARM, last],
             h,
             weigh_load(1.0 - theta, theta, load, lanes),
             own,
@@ -83,10 +83,10 @@ def _march(
         )
         heat = own[HEAT, 0]
         place, speed = tip[NEW_DISPLACEMENT, 0], tip[NEW_VELOCITY, 0]
-        settle(tip_node, step, state, loads, h, theta, place, speed, heat, heated)
+        settle(last, step, state, loads, h, theta, place, speed, heat, heated)
         if audited:
             pushed = h * tip_load(weigh_load(0.5, 0.5, load, lanes), load, 0) - tip[STEP_IMPULSE, 0]
-            tally(tip_node, step, weight, state, loads, h, heat, pushed, sums)
+            tally(last, step, weight, state, loads, h, heat, pushed, sums)
         observe(take_marks(k, block) if k == next_mark[0] else h, tip, lanes)
 
 

@@ -1,20 +1,20 @@
 """One step of a long chain: elimination along its nodes instead of modes.
 
 A chain of n nodes has n modes whose shapes take n² numbers and n³ operations to find. Its matrices
-Ŵ = M + hθC1 + h²θ²K1 and T̂ = C2 + hθK2 are tridiagonal, so a step is also three passes along it,
-about as dear as a step of the modes for a single case. With increments δτ = τ' - τ, δv = v' - v
+Ŵ = M + hθC1 + h²θ²K1 and T̂ = C2 + hθK2 are tridiagonal, so a step is also two passes along it.
+With increments δτ = τ' - τ, δv = v' - v
 
     T̂ δτ = h (q - K2 τ) + α p e_n
     Ŵ δv = h (f_θ - C1 v - K1 (x + hθ v) - K12 (τ + θ δτ)) - p e_n,   x' = x + h (v + θ δv),
 
-:func:`conduct` (tip to root) eliminates heat; :func:`swing` (root to tip) finds δτ, eliminates the
-motion and so arrives at the tip's free velocity; contact; :func:`settle` (tip to root) finds δv. The
-contact's heat comes later than the elimination that feels it: its known answers, w = T̂⁻¹ e_n and
-g = hθ K12 w, are added in proportion.
+:func:`swing` (root to tip) finds δτ, eliminates the motion and so arrives at the tip's free velocity;
+contact; :func:`settle` (tip to root) finds δv and eliminates the next step's heat, as :func:`conduct`
+does the first one's. The contact's heat comes later than the elimination that feels it: its known
+answers, w = T̂⁻¹ e_n and g = hθ K12 w, are added in proportion.
 
-Pivots are sums of positive numbers, as in :mod:`workflow.models._path`. Cases are stepped one by one:
-eight at once, in the lanes of a register, take two thirds of the time per case where their states fit
-in the second-level cache, and twice the time at 100 000 nodes.
+Pivots are sums of positive numbers, as in :mod:`workflow.models._path`. All numbers lie row by row, node
+beside node, so that a pass pulls no others through the cache than those it needs, and cases are stepped
+one by one: the states of several would push each other out of it.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ from workflow.schemes._kernel import inlined, kernel
 X, V, TAU, WARMED, ELIMINATED, FORMER = range(6)
 """Rows of a chain's state ``(row, node)``, node 0 being the root: x, v and τ at the step's beginning,
 then end; δτ without the contact's heat; what an elimination leaves at a node, of the heat on its way
-to the root, then of the motion on its way to the tip; v at the step's beginning, where balances
-ask for it."""
+to the root, then of the motion on its way to the tip; v at the step's beginning, where balances ask
+for it. Heat and motion share a row as a pass waits longest for rows that it writes and has not read."""
 
 STATE = FORMER + 1
 
 PULL, SWELL, DRAG, YIELD, BACK, HEAT_KICK, FLOW, COOL, WARMING, OUTWARD, WARM = range(11)
 """Coefficients of a node and the spring below it ``(row, node)``: h k, h k a ℓ/2 and h a_M m; the inverse
-pivot of the elimination to the tip, what that takes on to the node beyond and later back from it, and the
-eliminated g over the pivot; hκ, hb; the inverse pivot of the elimination to the root, what that takes on
-to the node before and later back from it; w."""
+pivot of the elimination to the tip, the share that it hands to the node beyond and that the node later
+takes back from there, and the eliminated g over the pivot; hκ, hb; the inverse pivot of the elimination
+to the root, the share handed to the node before and taken back; w."""
 
 _COEFFICIENTS = WARM + 1
 
@@ -166,7 +166,7 @@ def _conduct_at(
 
 @inlined
 def conduct(tip: int, step: Array, state: Array, loads: Array) -> None:
-    """Eliminate the heat balance from the tip to the root: of the first step, :func:`settle` does the others."""
+    """Eliminate the first step's heat balance from the tip, node ``tip``, to the root."""
     flow = gathered = 0.0
     for i in range(tip, 0, -1):
         flow, gathered = _conduct_at(i, step, loads, state[TAU, i], state[TAU, i - 1], flow, gathered)
