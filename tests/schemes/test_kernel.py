@@ -50,7 +50,7 @@ def test_a_change_in_an_inlined_module_is_noticed(copied: Path) -> None:
     assert again == value
     stepping = copied / "workflow" / "schemes" / "_stepping.py"
     source = stepping.read_text(encoding="utf-8")
-    changed = source.replace("float(load[MEAN, lane] +", "float(2.0 * load[MEAN, lane] +")
+    changed = source.replace("return pack(load, (MEAN, lane)) +", "return 2.0 * pack(load, (MEAN, lane)) +")
     assert changed != source
     stepping.write_text(changed, encoding="utf-8")
     twice, hits, _ = run(copied)

@@ -42,13 +42,18 @@ import numpy as np
 from workflow.models import Array, Cases, Structure, project
 from workflow.schemes._decoupled import Decoupled
 from workflow.schemes._kernel import inlined
-from workflow.schemes._lanes import ROW, fill_lanes, lane_rows
-from workflow.schemes._modal_lanes import HEAT, MODES, PUSHED, grouped
-from workflow.schemes._stepping import AMPLITUDE, OWN_SINE, weigh_load
+from workflow.schemes._lanes import PACK, ROW, WIDE, fill_lanes, lane_rows
+from workflow.schemes._modal_lanes import HEAT, PUSHED, by_mode
+from workflow.schemes._packs import Lane, Pack, magnitude, narrow, pack, shared, spread, store, where, wide
+from workflow.schemes._stepping import AMPLITUDE, BALANCE_SINE, weigh_load
 
-HEATS = 5
-"""Thermal modes of a group: with the coupling of :data:`MODES` mechanical modes to them, as many
-coefficients as the registers of a processor hold."""
+AUDITED_LANES = WIDE
+"""Lanes of a block with balances: what a step reads and writes of 20 + 20 modes (200 x 8 bytes x 16 = 26 kB)
+stays in the first-level cache."""
+
+MODES = 4
+"""Mechanical modes of a group, whose forces by heat are summed at once: the registers hold as many sums.
+Modes are padded with zeros to whole groups."""
 
 SLOW, PULL, PUSH, STEP, TURN, DAMP, TIP = range(7)
 """Coefficients of a mechanical mode: ζ' - ζ per ζ, per ωη, per tip impulse and per modal force; hω, c,
@@ -57,10 +62,13 @@ SLOW, PULL, PUSH, STEP, TURN, DAMP, TIP = range(7)
 COOL, WARM, LOSS = range(3)
 """Coefficients of a thermal mode: τ' - τ per τ and per unit heat at the tip; its heat loss, W."""
 
-SPEED, NEW_SPEED, ENERGY, FIRST_ENERGY, LARGEST_ENERGY, SPENT, LEAK, NEW_LEAK, LOST, TURNED, TAKEN = range(11)
-"""Rows of a block's sums: tip velocity at the step's beginning and end, energy at its end, at t = 0
-and the largest; energy spent (the sum above) and, of heat, the loss at the step's beginning and end
-[W], lost, turned over by loss, and taken in by friction."""
+ZETA, PLACE, FORCE, STEADY = range(4)
+"""Rows of a mechanical mode's motion: ζ, ωη, the force f̄ - g at the step's beginning, then end, and f̄."""
+
+SPEED, ENERGY, FIRST_ENERGY, LARGEST_ENERGY, SPENT, LEAK, LOST, TURNED, TAKEN = range(9)
+"""Rows of a block's sums: tip velocity and energy at the step's end, energy at t = 0 and the largest;
+energy spent (the sum above) and, of heat, the loss at the step's end [W], lost, turned over by loss,
+and taken in by friction."""
 
 SUM_ROWS = TAKEN + 1
 
@@ -70,15 +78,17 @@ class Audit(NamedTuple):
 
     Attributes
     ----------
-    modes, heat_modes
-        ``(group, coefficient, mode of the group)``.
+    modes
+        ``(mode, coefficient)``, padded to whole groups.
+    heat_modes
+        ``(thermal mode, coefficient)``.
     coupling
-        G, ``(group, thermal group, mode, thermal mode)``.
+        G, ``(group, thermal mode, mode of the group)``.
     motion
-        ``(group, row, lane)``: ζ of the group's modes, then ωη, f̄ - g at the step's beginning, f̄ - g, f̄.
+        ``(mode, row, lane)``, padded to whole groups.
     heat, heating
-        τ and what heating adds to it in a step, ``(thermal group, mode of the group, lane)``; no groups
-        of the latter where nothing heats.
+        τ and what heating adds to it in a step, ``(thermal mode, lane)``; no rows of the latter where
+        nothing heats.
     sums
         ``(row, lane)``, no rows where no balances are asked for.
     """
@@ -93,118 +103,121 @@ class Audit(NamedTuple):
 
 
 @inlined
-def _couple(coupling: Array, heat: Array, motion: Array, lanes: int) -> None:
-    """Find the forces f̄ - g at the step's end, g = G τ."""
+def forces(coupling: Array, heat: Array, motion: Array, first: int, lane: Lane) -> tuple[Pack, Pack, Pack, Pack]:
+    """Return the forces f̄ - g, g = G τ, on the modes of the group that begins with the ``first``."""
     assert coupling.shape[2] == MODES
-    assert coupling.shape[3] == HEATS
-    assert heat.shape[1] == HEATS
-    assert heat.shape[2] == ROW
-    assert motion.shape[1] == 5 * MODES
+    assert motion.shape[1] == STEADY + 1
     assert motion.shape[2] == ROW
-    for g in range(motion.shape[0]):
-        for k in range(heat.shape[0]):
-            for lane in range(lanes):
-                for j in range(MODES):
-                    force = motion[g, 3 * MODES + j, lane] if k > 0 else motion[g, 4 * MODES + j, lane]
-                    for m in range(HEATS):
-                        force -= coupling[g, k, j, m] * heat[k, m, lane]
-                    motion[g, 3 * MODES + j, lane] = force
+    assert heat.shape[1] == ROW
+    g = first // MODES
+    a, b = pack(motion, (first, STEADY, lane)), pack(motion, (first + 1, STEADY, lane))
+    c, d = pack(motion, (first + 2, STEADY, lane)), pack(motion, (first + 3, STEADY, lane))
+    for k in range(heat.shape[0]):
+        tau = pack(heat, (k, lane))
+        a -= shared(coupling, (g, k, 0), lane) * tau
+        b -= shared(coupling, (g, k, 1), lane) * tau
+        c -= shared(coupling, (g, k, 2), lane) * tau
+        d -= shared(coupling, (g, k, 3), lane) * tau
+    return a, b, c, d
 
 
 @inlined
-def _leak(h: float, heat_modes: Array, heating: Array, heat: Array, own: Array, sums: Array, lanes: int) -> None:
-    """Step the thermal modes and count the heat they take in and lose."""
+def audit_heat(h: float, audit: Audit, own: Array, lane: Lane) -> None:
+    """Step the thermal modes and count the heat they take in and lose in a step."""
+    heat_modes, heating, heat, sums = audit.heat_modes, audit.heating, audit.heat, audit.sums
     assert heat_modes.shape[1] == LOSS + 1
-    assert heat_modes.shape[2] == HEATS
-    assert heat.shape[1] == HEATS
-    assert heat.shape[2] == ROW
-    assert heating.shape[1] == HEATS
-    assert heating.shape[2] == ROW
+    assert heat.shape[1] == ROW
+    assert heating.shape[1] == ROW
     assert own.shape[1] == ROW
     assert sums.shape[1] == ROW
     driven = heating.shape[0] > 0
-    for g in range(heat.shape[0]):
-        for lane in range(lanes):
-            taken = own[HEAT, lane]
-            loss = sums[NEW_LEAK, lane] if g > 0 else 0.0
-            for k in range(HEATS):
-                before = heat[g, k, lane]
-                change = heat_modes[g, COOL, k] * before + heat_modes[g, WARM, k] * taken
-                after = before + (change + heating[g, k, lane] if driven else change)
-                heat[g, k, lane] = after
-                loss += heat_modes[g, LOSS, k] * after
-            sums[NEW_LEAK, lane] = loss
-    for lane in range(lanes):
-        loss = sums[NEW_LEAK, lane]
-        lost = 0.5 * h * (sums[LEAK, lane] + loss)
-        sums[LEAK, lane] = loss
-        sums[LOST, lane] += lost
-        sums[TURNED, lane] += abs(lost)
-        sums[TAKEN, lane] += own[HEAT, lane]
+    taken, loss = pack(own, (HEAT, lane)), spread(0.0, lane)
+    for k in range(heat.shape[0]):
+        before = pack(heat, (k, lane))
+        change = shared(heat_modes, (k, COOL), lane) * before + shared(heat_modes, (k, WARM), lane) * taken
+        if driven:
+            change += pack(heating, (k, lane))
+        after = before + change
+        store(heat, (k, lane), after)
+        loss += shared(heat_modes, (k, LOSS), lane) * after
+    lost = 0.5 * h * (pack(sums, (LEAK, lane)) + loss)
+    store(sums, (LEAK, lane), loss)
+    store(sums, (LOST, lane), pack(sums, (LOST, lane)) + lost)
+    store(sums, (TURNED, lane), pack(sums, (TURNED, lane)) + magnitude(lost))
+    store(sums, (TAKEN, lane), pack(sums, (TAKEN, lane)) + taken)
 
 
 @inlined
-def _account(
-    theta: float, h: float, modes: Array, motion: Array, own: Array, load: Array, sums: Array, lanes: int
-) -> None:
+def keep_energy(energy: Pack, sums: Array, lane: Lane) -> None:
+    """Take in the energy at the end of a step; a NaN stays."""
+    largest = pack(sums, (LARGEST_ENERGY, lane))
+    store(sums, (ENERGY, lane), energy)
+    store(sums, (LARGEST_ENERGY, lane), where(energy <= largest, largest, energy))
+
+
+@inlined
+def _account(theta: float, h: float, balance_sine: float, audit: Audit, own: Array, load: Array, lane: Lane) -> None:
     """Step the mechanical modes and count the energy they have and spend."""
+    modes, motion, sums = audit.modes, audit.motion, audit.sums
     assert modes.shape[1] == TIP + 1
-    assert modes.shape[2] == MODES
-    assert motion.shape[1] == 5 * MODES
+    assert motion.shape[1] == STEADY + 1
     assert motion.shape[2] == ROW
     assert own.shape[1] == ROW
     assert load.shape[1] == ROW
     assert sums.shape[1] == ROW
-    for g in range(motion.shape[0]):
-        for lane in range(lanes):
-            pushed = own[PUSHED, lane]
-            velocity = sums[NEW_SPEED, lane] if g > 0 else 0.0
-            energy = sums[ENERGY, lane] if g > 0 else 0.0
-            spent = 0.0
-            for j in range(MODES):
-                speed, place = motion[g, j, lane], motion[g, MODES + j, lane]
-                force_before, force = motion[g, 2 * MODES + j, lane], motion[g, 3 * MODES + j, lane]
-                acting = theta * force + (1.0 - theta) * force_before
-                change = modes[g, SLOW, j] * speed + modes[g, PULL, j] * place
-                change += modes[g, PUSH, j] * pushed + modes[g, STEP, j] * acting
-                after = speed + change
-                place += modes[g, TURN, j] * (speed + theta * change)
-                twice = speed + after
-                motion[g, j, lane] = after
-                motion[g, MODES + j, lane] = place
-                motion[g, 2 * MODES + j, lane] = force
-                velocity += modes[g, TIP, j] * after
-                energy += after * after + place * place
-                spent += twice * (modes[g, DAMP, j] * twice - (force_before + force))
-            sums[NEW_SPEED, lane] = velocity
-            sums[ENERGY, lane] = energy
-            sums[SPENT, lane] += 0.25 * h * spent
-    sine = weigh_load(0.5 - theta, theta - 0.5, load, lanes)
-    for lane in range(lanes):
-        middle = 0.5 * (sums[SPEED, lane] + sums[NEW_SPEED, lane])
-        beyond = load[AMPLITUDE, lane] * (sine + load[OWN_SINE, lane])
-        sums[SPENT, lane] += (h * beyond - own[PUSHED, lane]) * middle
-        sums[SPEED, lane] = sums[NEW_SPEED, lane]
-        energy, largest = 0.5 * sums[ENERGY, lane], sums[LARGEST_ENERGY, lane]
-        sums[ENERGY, lane] = energy
-        sums[LARGEST_ENERGY, lane] = largest if energy <= largest else energy  # a NaN stays
+    pushed, velocity, energy = pack(own, (PUSHED, lane)), spread(0.0, lane), spread(0.0, lane)
+    spent = pack(sums, (SPENT, lane))
+    for first in range(0, motion.shape[0], MODES):
+        group, acting_forces = spread(0.0, lane), forces(audit.coupling, audit.heat, motion, first, lane)
+        for i in range(MODES):
+            j, force = first + i, acting_forces[i]
+            speed, place = pack(motion, (j, ZETA, lane)), pack(motion, (j, PLACE, lane))
+            force_before = pack(motion, (j, FORCE, lane))
+            acting = theta * force + (1.0 - theta) * force_before
+            change = shared(modes, (j, SLOW), lane) * speed + shared(modes, (j, PULL), lane) * place
+            change += shared(modes, (j, PUSH), lane) * pushed + shared(modes, (j, STEP), lane) * acting
+            after = speed + change
+            place += shared(modes, (j, TURN), lane) * (speed + theta * change)
+            twice = speed + after
+            store(motion, (j, ZETA, lane), after)
+            store(motion, (j, PLACE, lane), place)
+            store(motion, (j, FORCE, lane), force)
+            velocity += shared(modes, (j, TIP), lane) * after
+            energy += after * after + place * place
+            group += twice * (shared(modes, (j, DAMP), lane) * twice - (force_before + force))
+        spent += 0.25 * h * group
+    middle = 0.5 * (pack(sums, (SPEED, lane)) + velocity)
+    beyond = pack(load, (AMPLITUDE, lane)) * (balance_sine + pack(load, (BALANCE_SINE, lane)))
+    store(sums, (SPENT, lane), spent + (h * beyond - pushed) * middle)
+    store(sums, (SPEED, lane), velocity)
+    keep_energy(0.5 * energy, sums, lane)
 
 
 @inlined
-def audit_heat(h: float, audit: Audit, own: Array, lanes: int) -> None:
-    """Account for the heat of a step, and find the forces at its end."""
+def _audit(theta: float, h: float, balance_sine: float, audit: Audit, own: Array, load: Array, lane: Lane) -> None:
+    """Account for a step of a pack of lanes."""
     if audit.heat.shape[0] > 0:
-        _leak(h, audit.heat_modes, audit.heating, audit.heat, own, audit.sums, lanes)
-        _couple(audit.coupling, audit.heat, audit.motion, lanes)
+        audit_heat(h, audit, own, lane)
+    _account(theta, h, balance_sine, audit, own, load, lane)
 
 
 @inlined
-def audit_step(theta: float, h: float, audit: Audit, own: Array, load: Array, lanes: int) -> None:
-    """Account for a step of the θ-method that is done, where balances are asked for."""
-    if audit.sums.shape[0] == 0:
-        return
-    audit_heat(h, audit, own, lanes)
-    _account(theta, h, audit.modes, audit.motion, own, load, audit.sums, lanes)
+def audit_step(theta: float, h: float, leader: int, audit: Audit, own: Array, load: Array, lanes: int) -> None:
+    """Account for a step of the θ-method that is done."""
+    sine = weigh_load(0.5 - theta, theta - 0.5, BALANCE_SINE, leader, load, lanes)
+    wide_lanes = lanes // WIDE * WIDE
+    for first in range(0, wide_lanes, WIDE):
+        _audit(theta, h, sine, audit, own, load, wide(first))
+    for first in range(wide_lanes, lanes, PACK):
+        _audit(theta, h, sine, audit, own, load, narrow(first))
+
+
+def grouped(*rows: Array) -> Array:
+    """Return arrays ``(mode, …)`` as one, ``(mode, row, …)``, with zeros for modes that fill up the last group."""
+    count = rows[0].shape[0]
+    padded = np.zeros((-(-count // MODES) * MODES, len(rows), *rows[0].shape[1:]))
+    padded[:count] = by_mode(*rows)
+    return padded
 
 
 class Books:
@@ -225,7 +238,6 @@ class Books:
         warmth_row = structure.content @ modal.heat_shapes if mu.size else np.zeros(0)
         loss_row = structure.loss_row @ modal.heat_shapes if mu.size else np.zeros(0)
         modes = grouped(
-            MODES,
             -(h * c + h**2 * theta * omega2) / inertia,
             -h * modal.frequency / inertia,
             modal.tip / inertia,
@@ -234,34 +246,33 @@ class Books:
             c,
             modal.tip,
         )
-        heat_modes = grouped(HEATS, -h * mu / slow, modal.heat_tip / slow, loss_row)
-        coupling = np.zeros((modes.shape[0], MODES, heat_modes.shape[0], HEATS))
-        coupling.reshape(modes.shape[0] * MODES, heat_modes.shape[0] * HEATS)[: omega2.size, : mu.size] = modal.coupling
+        heat_modes = by_mode(-h * mu / slow, modal.heat_tip / slow, loss_row)
+        coupling = np.zeros((modes.shape[0], mu.size))
+        coupling[: omega2.size] = modal.coupling
         place = modal.frequency * project(modal.to_modes, cases.displacement)
         velocity = project(modal.to_modes, cases.velocity)
         tau, heating = project(modal.to_thermal, cases.temperature), project(modal.heat_shapes.T, cases.heating)
         steady = project(modal.shapes.T, cases.steady) - tip_force[:, None] * modal.tip
         force = steady - project(modal.coupling, tau)
-        rows = grouped(MODES, velocity.T, place.T, force.T, force.T, steady.T)
-        self._motion = rows.reshape(modes.shape[0], 5 * MODES, cases.count)
-        self._heat = grouped(HEATS, tau.T)[:, 0]
-        self._heating_in_step = grouped(HEATS, (heating * (h / slow)).T)[: None if heating.any() else 0, 0]
+        self._motion = grouped(velocity.T, place.T, force.T, steady.T)
+        self._heat = np.ascontiguousarray(tau.T)
+        self._heating_in_step = (heating * (h / slow)).T[: None if heating.any() else 0]
         energy = 0.5 * project(np.ones((1, c.size)), velocity**2 + place**2)[:, 0]
         self._begun = np.zeros((SUM_ROWS, cases.count))
         self._begun[[ENERGY, FIRST_ENERGY, LARGEST_ENERGY]] = energy
         self._begun[SPEED] = project(modal.tip[None, :], velocity)[:, 0]
         self._begun[LEAK] = project(loss_row[None, :], tau)[:, 0]
-        self._content = grouped(HEATS, warmth_row)[:, 0, :, None]
+        self._content = warmth_row[:, None]
         self._contained = project(warmth_row[None, :], tau)[:, 0]
         self._initial = project(np.abs(warmth_row)[None, :], np.abs(tau))[:, 0]
         self._heating = project(warmth_row[None, :], heating)[:, 0]
         self.audit = Audit(
             modes=modes,
             heat_modes=heat_modes,
-            coupling=np.ascontiguousarray(coupling.swapaxes(1, 2)),
+            coupling=np.ascontiguousarray(coupling.reshape(modes.shape[0] // MODES, MODES, mu.size).swapaxes(1, 2)),
             motion=lane_rows(*self._motion.shape[:2]),
-            heat=lane_rows(*self._heat.shape[:2]),
-            heating=lane_rows(*self._heating_in_step.shape[:2]),
+            heat=lane_rows(self._heat.shape[0]),
+            heating=lane_rows(self._heating_in_step.shape[0]),
             sums=lane_rows(SUM_ROWS),
         )
         self.energy_residual, self.heat_residual = np.zeros(cases.count), np.zeros(cases.count)
@@ -285,7 +296,7 @@ class Books:
         change = sums[ENERGY] - sums[FIRST_ENERGY] + sums[SPENT]
         self.energy_residual[part] = share(change, sums[LARGEST_ENERGY])
         # in the same order whatever lanes are in use
-        content = np.sum(self._content * self.audit.heat, axis=(0, 1))[:count]
+        content = np.sum(self._content * self.audit.heat, axis=0)[:count]
         heating = elapsed * self._heating[part]
         change = content - self._contained[part] - sums[TAKEN] - heating + sums[LOST]
         turned = sums[TAKEN] + np.abs(heating) + sums[TURNED] + self._initial[part]
@@ -295,12 +306,12 @@ class Books:
 def no_audit() -> Audit:
     """Return what the kernel takes where no balances are asked for."""
     return Audit(
-        modes=np.zeros((0, 7, MODES)),
-        heat_modes=np.zeros((0, 3, HEATS)),
-        coupling=np.zeros((0, 0, MODES, HEATS)),
-        motion=lane_rows(0, 5 * MODES),
-        heat=lane_rows(0, HEATS),
-        heating=lane_rows(0, HEATS),
+        modes=np.zeros((0, TIP + 1)),
+        heat_modes=np.zeros((0, LOSS + 1)),
+        coupling=np.zeros((0, 0, MODES)),
+        motion=lane_rows(0, STEADY + 1),
+        heat=lane_rows(0),
+        heating=lane_rows(0),
         sums=lane_rows(0),
     )
 
@@ -308,11 +319,11 @@ def no_audit() -> Audit:
 def balance_cost(structure: Structure) -> float:
     """Return estimated seconds that balances take per step of a case in a batch, beside the step itself.
 
-    As :func:`workflow.schemes.moreau.cost` has its numbers: 0.5 ns, 2.2 and 0.3 ns for each group of
-    mechanical and thermal modes and 0.45 ns for each pair of groups.
+    As :func:`workflow.schemes.moreau.cost` has its numbers: 0.5 ns, 0.3 and 0.05 ns for each mechanical
+    and thermal mode and 0.02 ns for each pair of them.
     """
-    modes, heats = -(-structure.mechanical_size // MODES), -(-structure.thermal_size // HEATS)
-    return 0.5e-9 + 2.2e-9 * modes + 0.3e-9 * heats + 0.45e-9 * modes * heats
+    modes, heats = structure.mechanical_size, structure.thermal_size
+    return 0.5e-9 + 0.3e-9 * modes + 0.05e-9 * heats + 0.02e-9 * modes * heats
 
 
 def share(part: Array, whole: Array) -> Array:

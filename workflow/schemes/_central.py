@@ -33,7 +33,7 @@ from workflow.models import Array, Structure
 from workflow.schemes._balance import balance_cost
 from workflow.schemes._decoupled import Decoupled, dragged
 from workflow.schemes._interface import Sampling
-from workflow.schemes._modal_lanes import HEAT_MODES, MODES, Coefficients, grouped
+from workflow.schemes._modal_lanes import Coefficients, by_mode
 
 _NO_DECAY = 1e-30
 """Stands for a thermal factor D of exactly 0, by which what enters is divided: nothing beside 1."""
@@ -123,17 +123,14 @@ class Operator:
         pull = -h * modal.frequency**2 / inertia
         j, k = modal.pairs.T
         return Coefficients(
-            modes=grouped(
-                MODES,
+            modes=by_mode(
                 factor + h * pull,
                 pull,
                 tip**2 / inertia,
                 tip * (self.lead @ (slope * enters)),
                 -tip * (self.lead @ enters),
             ),
-            heat_modes=grouped(
-                HEAT_MODES, decay, modal.glow * enters / decay, -slope * modal.tip_response / modal.glow
-            ),
+            heat_modes=by_mode(decay, modal.glow * enters / decay, -slope * modal.tip_response / modal.glow),
             pair_mode=j,
             pair_heat=k,
             pair_pull=-h * tip[j] * modal.coupling[j, k] / (inertia[j] * modal.glow[k]),
@@ -160,8 +157,7 @@ def operator(structure: Structure, h: float, differences: Differences, modal: De
 
 def central_cost(structure: Structure, h: float, sampling: Sampling) -> float:
     """Return estimated seconds per heated case: as :func:`workflow.schemes.moreau.cost`, with a costlier tip."""
-    modes, heat_modes = -(-structure.mechanical_size // MODES), -(-structure.thermal_size // HEAT_MODES)
-    step = 2.3e-9 + 0.6e-9 * (modes + heat_modes)
+    step = 1.3e-9 + 1.1e-10 * structure.mechanical_size + 0.6e-10 * structure.thermal_size
     if sampling.balances:
         step += balance_cost(structure)
     return sampling.steps(h) * step + sampling.count * 1.5e-8 + 1.5e-6

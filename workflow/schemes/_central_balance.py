@@ -21,18 +21,22 @@ import numpy as np
 from workflow.models import Array, Cases, Structure
 from workflow.schemes._balance import (
     ENERGY,
-    LARGEST_ENERGY,
-    NEW_SPEED,
+    PLACE,
     SPEED,
     SPENT,
+    ZETA,
     Audit,
     Books,
+    forces,
+    grouped,
+    keep_energy,
 )
+from workflow.schemes._balance import MODES as GROUP
 from workflow.schemes._decoupled import Decoupled
 from workflow.schemes._kernel import inlined
 from workflow.schemes._lanes import ROW
-from workflow.schemes._modal_lanes import MODES, PUSHED, grouped
-from workflow.schemes._stepping import GAP, NEW_DISPLACEMENT, NEW_VELOCITY
+from workflow.schemes._modal_lanes import PUSHED
+from workflow.schemes._packs import Lane, Pack, pack, shared, spread, store, where
 
 FACTOR, STEP, OMEGA, DAMP_BEFORE, DAMP_AFTER, TIP = range(6)
 """Coefficients of a mechanical mode: w_k+½ per w_k-½ and per modal impulse; ω; what w_k-½ and w_k+½ add
@@ -43,43 +47,43 @@ POWER = SPEED
 
 
 @inlined
-def account(step: int, h: float, stiffness: float, audit: Audit, own: Array, tip: Array, lanes: int) -> None:
-    """Step the mechanical modes from t_k-½ to t_k+½ and count the energy they have and spend at t_k."""
+def account(
+    step: int, h: float, stiffness: float, audit: Audit, own: Array, x: Pack, v: Pack, gap: Pack, lane: Lane
+) -> None:
+    """Step the mechanical modes from t_k-½ to t_k+½ and count the energy they have and spend at t_k.
+
+    ``x`` and ``v`` are the tip's at t_k, ``gap`` is the casing's place.
+    """
     modes, motion, sums = audit.modes, audit.motion, audit.sums
     assert modes.shape[1] == TIP + 1
-    assert modes.shape[2] == MODES
-    assert motion.shape[1] == 5 * MODES
     assert motion.shape[2] == ROW
     assert own.shape[1] == ROW
     assert sums.shape[1] == ROW
-    for g in range(motion.shape[0]):
-        for lane in range(lanes):
-            pushed = own[PUSHED, lane]
-            spent = sums[NEW_SPEED, lane] if g > 0 else 0.0
-            energy = sums[ENERGY, lane] if g > 0 else 0.0
-            for j in range(MODES):
-                before, place = motion[g, j, lane], motion[g, MODES + j, lane]
-                steady = motion[g, 3 * MODES + j, lane]
-                force = modes[g, TIP, j] * pushed + h * (steady - modes[g, OMEGA, j] * place)
-                after = modes[g, FACTOR, j] * before + modes[g, STEP, j] * force
-                speed = 0.5 * (before + after)
-                drag = modes[g, DAMP_BEFORE, j] * before + modes[g, DAMP_AFTER, j] * after
-                spent += speed * (h * (drag - steady) - modes[g, TIP, j] * pushed)
-                energy += speed * speed + place * place
-                motion[g, j, lane] = after
-                motion[g, MODES + j, lane] = place + h * (modes[g, OMEGA, j] * after)
-            sums[NEW_SPEED, lane] = spent
-            sums[ENERGY, lane] = energy
-    for lane in range(lanes):
-        depth = max(0.0, tip[NEW_DISPLACEMENT, lane] - tip[GAP, lane])
-        spent = sums[NEW_SPEED, lane] - h * stiffness * depth * tip[NEW_VELOCITY, lane]
-        energy = 0.5 * (sums[ENERGY, lane] + stiffness * depth * depth)
-        largest = sums[LARGEST_ENERGY, lane]
-        sums[ENERGY, lane] = energy
-        if step > 0:
-            sums[SPENT, lane] += 0.5 * (sums[POWER, lane] + spent)
-            sums[LARGEST_ENERGY, lane] = largest if energy <= largest else energy  # a NaN stays
-        sums[POWER, lane] = spent
+    pushed, spent, energy = pack(own, (PUSHED, lane)), spread(0.0, lane), spread(0.0, lane)
+    for first in range(0, motion.shape[0], GROUP):
+        acting = forces(audit.coupling, audit.heat, motion, first, lane)
+        for i in range(GROUP):
+            j, steady = first + i, acting[i]
+            before, place = pack(motion, (j, ZETA, lane)), pack(motion, (j, PLACE, lane))
+            force = shared(modes, (j, TIP), lane) * pushed + h * (steady - shared(modes, (j, OMEGA), lane) * place)
+            after = shared(modes, (j, FACTOR), lane) * before + shared(modes, (j, STEP), lane) * force
+            speed = 0.5 * (before + after)
+            drag = shared(modes, (j, DAMP_BEFORE), lane) * before + shared(modes, (j, DAMP_AFTER), lane) * after
+            spent += speed * (h * (drag - steady) - shared(modes, (j, TIP), lane) * pushed)
+            energy += speed * speed + place * place
+            store(motion, (j, ZETA, lane), after)
+            store(motion, (j, PLACE, lane), place + h * (shared(modes, (j, OMEGA), lane) * after))
+    depth = x - gap
+    depth = where(depth > 0.0, depth, 0.0)
+    spent -= h * stiffness * depth * v
+    energy = 0.5 * (energy + stiffness * depth * depth)
+    if step > 0:
+        power = 0.5 * (pack(sums, (POWER, lane)) + spent)
+        store(sums, (SPENT, lane), pack(sums, (SPENT, lane)) + power)
+        keep_energy(energy, sums, lane)
+    else:
+        store(sums, (ENERGY, lane), energy)
+    store(sums, (POWER, lane), spent)
 
 
 class CentralBooks(Books):
@@ -112,6 +116,6 @@ class CentralBooks(Books):
         super().__init__(structure, modal, cases, tip_force, h, implicit_heat)
         c = modal.damping
         after = np.where(inertia == 1, 0.0, c / 2)
-        modes = grouped(MODES, factor, 1 / inertia, modal.frequency, c - after, after, modal.tip)
+        modes = grouped(factor, 1 / inertia, modal.frequency, c - after, after, modal.tip)
         self.audit = self.audit._replace(modes=modes)
-        self._motion[:, :MODES] = grouped(MODES, half.T)[:, 0]
+        self._motion[: c.size, ZETA] = half.T

@@ -9,37 +9,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.models import Array, Cases, project
-from workflow.schemes._balance import Audit, audit_heat, no_audit
+from workflow.schemes._balance import AUDITED_LANES, Audit, audit_heat, no_audit
 from workflow.schemes._central import Law, Operator
 from workflow.schemes._central_balance import POWER, CentralBooks, account
 from workflow.schemes._decoupled import Decoupled, Motion, start
 from workflow.schemes._interface import Results, Sampling, Status, merge, schedule
 from workflow.schemes._kernel import inlined, kernel
-from workflow.schemes._lanes import ROW, fill_lanes, lane_rows
+from workflow.schemes._lanes import LANES, PACK, ROW, WIDE, fill_lanes, lane_rows
 from workflow.schemes._modal_lanes import (
     ALPHA,
     DRIFT,
     HEAT,
-    HEAT_MODES,
-    MODES,
     OWN_ROWS,
     PUSHED,
     WARMING,
     WARMTH,
     Coefficients,
+    by_mode,
     conduct,
-    grouped,
     pull_pairs,
     swing,
     swing_heated,
 )
+from workflow.schemes._packs import Lane, Mask, Pack, narrow, pack, spread, store, where, wide
 from workflow.schemes._stepping import (
     DISPLACEMENT,
     GAP,
-    NEW_DISPLACEMENT,
-    NEW_TEMPERATURE,
-    NEW_VELOCITY,
-    STEP_IMPULSE,
+    OWN_SINE,
     TEMPERATURE,
     VELOCITY,
     Block,
@@ -47,6 +43,7 @@ from workflow.schemes._stepping import (
     collect,
     note,
     observe,
+    prepare,
     start_load,
     take_marks,
     tip_load,
@@ -75,58 +72,101 @@ METRICS = {
 
 
 @inlined
+def turn_about(begins: Mask, ended: Mask, v: Pack, after: Pack, own: Array, lane: Lane) -> None:
+    """Count the contacts that have ended: the velocity before each, and its product with the one ``after``.
+
+    A contact ``begins`` with the velocity ``v``.
+    """
+    approach = where(begins, v, pack(own, (APPROACH, lane)))
+    over = where(ended, 1.0, 0.0)
+    store(own, (APPROACH, lane), approach)
+    store(own, (APPROACHED, lane), pack(own, (APPROACHED, lane)) + over * (approach * approach))
+    store(own, (SEPARATED, lane), pack(own, (SEPARATED, lane)) - over * (approach * after))
+
+
+@inlined
 def _meet(
-    operator: Coefficients, law: Law, h: float, pushed: float, own: Array, tip: Array, lane: int
-) -> tuple[float, float, float, float]:
-    """Return displacement, velocity and temperature of the tip at t_k, and the impulse about it."""
-    inverse_mass, half_warming = operator.inverse_mass, 0.5 * operator.warming
-    x, gap, before, latest = own[AHEAD, lane], tip[GAP, lane], own[HALF, lane], own[LATEST, lane]
-    free = tip[NEW_VELOCITY, lane] + inverse_mass * pushed
+    operator: Coefficients,
+    law: Law,
+    h: float,
+    pushed: Pack,
+    free: Pack,
+    temperature: Pack,
+    own: Array,
+    gap: Pack,
+    lane: Lane,
+) -> tuple[Pack, Pack, Pack, Pack]:
+    """Return displacement, velocity and temperature of the tip at t_k, and the impulse about it.
+
+    ``pushed`` is the load's impulse; ``free`` and ``temperature`` are of the tip without load and contact.
+    """
+    assert own.shape[1] == ROW
+    x, before, latest = pack(own, (AHEAD, lane)), pack(own, (HALF, lane)), pack(own, (LATEST, lane))
+    free += operator.inverse_mass * pushed
     p = law.depth * (x - gap) + law.before * before + law.free * free
-    p = p if x - gap > law.threshold else 0.0
-    p = 0.0 if p <= 0.0 else p  # a NaN passes
-    after = free - inverse_mass * p
-    own[AHEAD, lane] = gap if law.holds and p > 0.0 else x + h * after
-    own[HALF, lane] = after
-    own[LATEST, lane] = p
-    own[PUSHED, lane] = pushed - p
-    own[HEAT, lane] = own[ALPHA, lane] * p
+    p = where(x - gap > law.threshold, p, 0.0)
+    p = where(p <= 0.0, 0.0, p)  # a NaN passes
+    after = free - operator.inverse_mass * p
     touches, touched = p > 0.0, latest > 0.0
-    approach = before if touches and not touched else own[APPROACH, lane] + 0.0
-    ended = 1.0 if touched and not touches else 0.0
-    own[APPROACH, lane] = approach
-    own[APPROACHED, lane] += ended * (approach * approach)
-    own[SEPARATED, lane] -= ended * (approach * after)
-    temperature = tip[NEW_TEMPERATURE, lane] + half_warming * own[HEAT, lane]
-    return x, 0.5 * (before + after), temperature, 0.5 * (latest + p)
+    ahead = x + h * after
+    heat = pack(own, (ALPHA, lane)) * p
+    store(own, (AHEAD, lane), where(touches, gap, ahead) if law.holds else ahead)
+    store(own, (HALF, lane), after)
+    store(own, (LATEST, lane), p)
+    store(own, (PUSHED, lane), pushed - p)
+    store(own, (HEAT, lane), heat)
+    turn_about(touches & ~touched, touched & ~touches, before, after, own, lane)
+    return x, 0.5 * (before + after), temperature + 0.5 * operator.warming * heat, 0.5 * (latest + p)
 
 
 @inlined
-def _touch(
-    operator: Coefficients, law: Law, h: float, sine: float, own: Array, load: Array, tip: Array, lanes: int
-) -> None:
-    """Close the step: load and contact impulse at the tip, its state at t_k and its place at t_k+1."""
-    assert own.shape[1] == ROW
-    assert load.shape[1] == ROW
-    assert tip.shape[1] == ROW
-    for lane in range(lanes):
-        x, v, temperature, p = _meet(operator, law, h, h * tip_load(sine, load, lane), own, tip, lane)
-        tip[NEW_DISPLACEMENT, lane] = x
-        tip[NEW_VELOCITY, lane] = v
-        tip[NEW_TEMPERATURE, lane] = temperature
-        tip[STEP_IMPULSE, lane] = p
+def _whole_impulse(v: Pack, sums: Array, own: Array, lane: Lane) -> None:
+    """Count p_0, which spans half a step, as the impulse of a whole one; ``sums`` has rows where balances are kept."""
+    latest = pack(own, (LATEST, lane))
+    if sums.shape[0] > 0:
+        store(sums, (POWER, lane), pack(sums, (POWER, lane)) + latest * v)
+    store(own, (LATEST, lane), 2.0 * latest)
 
 
 @inlined
-def _touch_and_note(
-    operator: Coefficients, law: Law, h: float, sine: float, own: Array, load: Array, tip: Array, lanes: int
+def _step(
+    operator: Coefficients,
+    law: Law,
+    step: int,
+    marked: bool,
+    sine: float,
+    own: Array,
+    motion: Array,
+    tau: Array,
+    block: Block,
+    audit: Audit,
+    lane: Lane,
 ) -> None:
-    """Close a step in which nothing falls due: :func:`_touch`, then ``observe``, in one pass."""
-    assert own.shape[1] == ROW
-    assert load.shape[1] == ROW
-    assert tip.shape[1] == ROW
-    for lane in range(lanes):
-        x, v, temperature, p = _meet(operator, law, h, h * tip_load(sine, load, lane), own, tip, lane)
+    """Take a pack of lanes to t_k.
+
+    Free velocity of the tip w_k+½ and its temperature from the thermal and mechanical modes, which take in
+    the impulse p_k-1 and its heat; load and contact; what is watched.
+    """
+    h, tip, heated, audited = block.h, block.tip, tau.shape[0] > 0, audit.sums.shape[0] > 0
+    free, temperature = pack(own, (FREE, lane)), spread(0.0, lane)
+    if step > 0 and heated:
+        if audited:
+            audit_heat(h, audit, own, lane)
+        free, temperature = conduct(step * h, operator.heat_modes, tau, own, lane)
+        free = swing_heated(operator.modes, h, motion, own, free, lane)
+        if operator.pair_mode.size > 0:
+            free = pull_pairs(operator, tau, motion, free, lane)
+    elif step > 0:
+        free = swing(operator.modes, h, motion, own, lane)
+    pushed, gap = h * tip_load(sine, block.load, lane), pack(tip, (GAP, lane))
+    x, v, temperature, p = _meet(operator, law, h, pushed, free, temperature, own, gap, lane)
+    if audited:
+        account(step, h, law.stiffness, audit, own, x, v, gap, lane)
+    if step == 0:
+        _whole_impulse(v, audit.sums, own, lane)
+    elif marked:
+        prepare(x, v, temperature, p, tip, lane)
+    else:
         note(h, x, v, temperature, p, tip, lane)
 
 
@@ -143,45 +183,24 @@ def _march(
 ) -> None:
     """Step a block of cases; lanes never meet.
 
-    A step to t_k: free velocity of the tip w_k+½ and its temperature from the thermal and
-    mechanical modes, which take in the impulse p_k-1 and its heat; load and contact; what is watched.
-
     ``tau_before`` is left with τ at the beginning of the last step, ``tau`` with τ at its end.
     """
-    modes, heat_modes = operator.modes, operator.heat_modes
-    load, tip, lanes, h, next_mark = block.load, block.tip, block.lanes, block.h, block.marks.next_mark
-    heated, paired, audited = tau.shape[0] > 0, operator.pair_mode.size > 0, audit.sums.shape[0] > 0
-    start_load(h, load, lanes)
-    for lane in range(lanes):
-        tip[NEW_VELOCITY, lane] = own[FREE, lane]
-    _touch(operator, law, h, weigh_load(0.0, 1.0, load, lanes), own, load, tip, lanes)
-    if audited:
-        account(0, h, law.stiffness, audit, own, tip, lanes)
-        for lane in range(lanes):
-            audit.sums[POWER, lane] += own[LATEST, lane] * tip[NEW_VELOCITY, lane]
-    for lane in range(lanes):
-        own[LATEST, lane] *= 2.0
-    for step in range(1, block.steps + 1):
-        turn_load(step, h, load, lanes)
-        sine = weigh_load(0.0, 1.0, load, lanes)
-        if heated:
-            if step == block.steps:
-                tau_before[:] = tau
-            if audited:
-                audit_heat(h, audit, own, lanes)
-            conduct(step * h, heat_modes, tau, own, tip, lanes)
-            swing_heated(modes, h, motion, own, tip, lanes)
-            if paired:
-                pull_pairs(operator, tau, motion, tip, lanes)
-        else:
-            swing(modes, h, motion, own, tip, lanes)
-        if audited or step == next_mark[0]:
-            _touch(operator, law, h, sine, own, load, tip, lanes)
-            if audited:
-                account(step, h, law.stiffness, audit, own, tip, lanes)
-            observe(take_marks(step, block) if step == next_mark[0] else h, tip, lanes)
-        else:
-            _touch_and_note(operator, law, h, sine, own, load, tip, lanes)
+    load, tip, lanes, h = block.load, block.tip, block.lanes, block.h
+    wide_lanes = lanes // WIDE * WIDE
+    leader = start_load(h, load, lanes)
+    for step in range(block.steps + 1):
+        if step > 0:
+            turn_load(step, h, leader, load, lanes)
+        sine = weigh_load(0.0, 1.0, OWN_SINE, leader, load, lanes)
+        marked = step == block.marks.next_mark[0]
+        if step == block.steps:
+            tau_before[:] = tau
+        for first in range(0, wide_lanes, WIDE):
+            _step(operator, law, step, marked, sine, own, motion, tau, block, audit, wide(first))
+        for first in range(wide_lanes, lanes, PACK):
+            _step(operator, law, step, marked, sine, own, motion, tau, block, audit, narrow(first))
+        if marked:
+            observe(take_marks(step, block), tip, lanes)
 
 
 def _half_step_before(modal: Decoupled, cases: Cases, h: float) -> Array:
@@ -233,13 +252,11 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
         (FREE, free_tip),
     ):
         of_lane[row] = values
-    rows = grouped(MODES, (free * modal.tip).T, (begun.position * modal.tip).T)
-    pairs = rows.reshape(-1, 2 * MODES, cases.count)
-    heat = grouped(HEAT_MODES, (begun.heat * modal.glow).T)[:, 0]
+    pairs, heat = by_mode((free * modal.tip).T, (begun.position * modal.tip).T), (begun.heat * modal.glow).T
     own, motion = lane_rows(_ROWS), lane_rows(*pairs.shape[:2])
-    tau, tau_before = lane_rows(*heat.shape[:2]), lane_rows(*heat.shape[:2])
+    tau, tau_before = lane_rows(heat.shape[0]), lane_rows(heat.shape[0])
     closing = begun.closing + begun.closing_rate * sampling.duration
-    growth = grouped(HEAT_MODES, modal.static_growth / modal.glow)[:, 0, :, None]
+    growth = (modal.static_growth / modal.glow)[:, None]
     books = None
     if sampling.balances:
         inertia, factor = operator.differences.damped(h, modal.damping)
@@ -247,7 +264,7 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
         books = CentralBooks(operator.structure, modal, cases, begun.tip_force, h, implicit, half, inertia, factor)
     audit = no_audit() if books is None else books.audit
     rebound = np.full((2, cases.count), np.nan)
-    for part, block in blocks(watched):
+    for part, block in blocks(watched, LANES if books is None else AUDITED_LANES):
         count = part.stop - part.start
         if books is not None:
             books.open(part)
@@ -259,7 +276,7 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
             books.close(part, plan.steps * h)
         rebound[:, part] = own[[APPROACHED, SEPARATED], :count]
         reached = tau_before + plan.weight[-1] * (tau - tau_before)
-        closing[part] += np.sum(growth * reached, axis=(0, 1))[:count]  # in one order whatever lanes are in use
+        closing[part] += np.sum(growth * reached, axis=0)[:count]  # in one order whatever lanes are in use
     # squared: a contact that grows can stop short of infinity where its energy is beyond it
     finite = np.asarray(np.isfinite(watched.tip[[DISPLACEMENT, VELOCITY, TEMPERATURE]] ** 2).all(axis=0))
     status, messages = _judge(operator, finite)

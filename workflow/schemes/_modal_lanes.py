@@ -1,15 +1,12 @@
-"""Free motion of all modes of a block of lanes in one step: what a θ-method does between contacts.
+"""Free motion of all modes in one step, eight lanes at a time: what a θ-method does between contacts.
 
-The kernel runs over time, in a step over groups of modes, in a group over lanes, and innermost
-over the few modes of a group, whose number is a constant: the compiler writes that loop out and
-steps eight lanes of all modes of the group at once, the sums over modes staying in registers.
-For that to work, and for calls within a step to cost nothing,
+The kernel runs over time, in a step over packs of lanes, and in a pack over its modes, whose sum goes
+on in a register from mode to mode, in the same order for every lane. So nothing of a step has to be
+kept but the states. For calls within a step to cost nothing,
 
 - the number of lanes in a row of memory is asserted, see :mod:`workflow.schemes._lanes`, and so
-  are the rows of a group: coefficients of unknown shape cost a comparison of addresses each;
+  are the numbers of a mode: the distance between rows is then a constant;
 - functions called in every step are inlined and count no references to arrays.
-
-Sums over modes go on from group to group, in the same order for every lane.
 """
 
 from __future__ import annotations
@@ -22,11 +19,10 @@ from numpy.typing import NDArray
 from workflow.models import Array
 from workflow.schemes._kernel import inlined, kernel
 from workflow.schemes._lanes import ROW
-from workflow.schemes._stepping import NEW_TEMPERATURE, NEW_VELOCITY
+from workflow.schemes._packs import Lane, Pack, pack, shared, spread, store
 
-MODES, HEAT_MODES = 4, 7
-"""Mechanical and thermal modes of a group, stepped in one loop over the lanes: as many as the
-registers of a processor hold coefficients of. Modes are padded with zeros to whole groups."""
+SPEED, PLACE = range(2)
+"""Rows of a mode's motion: ζ and ξ of ``_modal_march``."""
 
 KEEP, PULL, PUSH, HEAT_PUSH, HEAT_SHIFT = range(5)
 """Coefficients of a mechanical mode: ζ' per ζ and per ξ (a and b of ``_modal_march``), ζ per unit
@@ -48,9 +44,9 @@ class Coefficients(NamedTuple):
     """One free step and one unit impulse in modal coordinates; the kernel's view of an operator."""
 
     modes: Array
-    """``(group, coefficient, mode of the group)``."""
+    """``(mode, coefficient)``."""
     heat_modes: Array
-    """``(group, coefficient, thermal mode of the group)``."""
+    """``(thermal mode, coefficient)``."""
     pair_mode: NDArray[np.int64]
     pair_heat: NDArray[np.int64]
     pair_pull: Array
@@ -62,106 +58,86 @@ class Coefficients(NamedTuple):
     theta: float
 
 
-def grouped(size: int, *rows: Array) -> Array:
-    """Return ``(mode, …)`` arrays as ``(group, row, mode of the group, …)``, zero where no mode is."""
-    count = rows[0].shape[0]
-    padded = np.zeros((len(rows), -(-count // size) * size, *rows[0].shape[1:]))
-    for k, row in enumerate(rows):
-        padded[k, :count] = row
-    return np.ascontiguousarray(padded.reshape(len(rows), -1, size, *rows[0].shape[1:]).swapaxes(0, 1))
+def by_mode(*rows: Array) -> Array:
+    """Return arrays ``(mode, …)`` as one, ``(mode, row, …)``."""
+    return np.ascontiguousarray(np.stack(rows, axis=1))
 
 
 @inlined
-def swing(modes: Array, h: float, motion: Array, own: Array, tip: Array, lanes: int) -> None:
-    """Step the mechanical modes where there is no heat, and set the tip's new velocity.
+def swing(modes: Array, h: float, motion: Array, own: Array, lane: Lane) -> Pack:
+    """Step the mechanical modes where there is no heat, and return the tip's new velocity.
 
-    ``motion`` is ``(group, row, lane)``: rows ζ of the group's modes, then rows ξ.
+    ``motion`` is ``(mode, row, lane)``.
     """
     assert modes.shape[1] == HEAT_SHIFT + 1
-    assert modes.shape[2] == MODES
-    assert motion.shape[1] == 2 * MODES
+    assert motion.shape[1] == PLACE + 1
     assert motion.shape[2] == ROW
     assert own.shape[1] == ROW
-    assert tip.shape[1] == ROW
-    for g in range(motion.shape[0]):
-        for lane in range(lanes):
-            pushed = own[PUSHED, lane]
-            velocity = tip[NEW_VELOCITY, lane] if g > 0 else 0.0
-            for j in range(MODES):
-                before = motion[g, j, lane] + modes[g, PUSH, j] * pushed
-                place = motion[g, MODES + j, lane]
-                after = modes[g, KEEP, j] * before + modes[g, PULL, j] * place
-                motion[g, j, lane] = after
-                motion[g, MODES + j, lane] = place + h * before
-                velocity += after
-            tip[NEW_VELOCITY, lane] = velocity
+    pushed, velocity = pack(own, (PUSHED, lane)), spread(0.0, lane)
+    for j in range(motion.shape[0]):
+        before = pack(motion, (j, SPEED, lane)) + shared(modes, (j, PUSH), lane) * pushed
+        place = pack(motion, (j, PLACE, lane))
+        after = shared(modes, (j, KEEP), lane) * before + shared(modes, (j, PULL), lane) * place
+        store(motion, (j, SPEED, lane), after)
+        store(motion, (j, PLACE, lane), place + h * before)
+        velocity += after
+    return velocity
 
 
 @inlined
-def swing_heated(modes: Array, h: float, motion: Array, own: Array, tip: Array, lanes: int) -> None:
-    """Step the mechanical modes where heat acts on them, and add to the tip's new velocity."""
+def swing_heated(modes: Array, h: float, motion: Array, own: Array, velocity: Pack, lane: Lane) -> Pack:
+    """Step the mechanical modes where heat acts on them, and return the tip's velocity with theirs."""
     assert modes.shape[1] == HEAT_SHIFT + 1
-    assert modes.shape[2] == MODES
-    assert motion.shape[1] == 2 * MODES
+    assert motion.shape[1] == PLACE + 1
     assert motion.shape[2] == ROW
     assert own.shape[1] == ROW
-    assert tip.shape[1] == ROW
-    for g in range(motion.shape[0]):
-        for lane in range(lanes):
-            pushed, heat = own[PUSHED, lane], own[HEAT, lane]
-            velocity = tip[NEW_VELOCITY, lane]
-            for j in range(MODES):
-                before = motion[g, j, lane] + modes[g, PUSH, j] * pushed + modes[g, HEAT_PUSH, j] * heat
-                place = motion[g, MODES + j, lane] + modes[g, HEAT_SHIFT, j] * heat
-                after = modes[g, KEEP, j] * before + modes[g, PULL, j] * place
-                motion[g, j, lane] = after
-                motion[g, MODES + j, lane] = place + h * before
-                velocity += after
-            tip[NEW_VELOCITY, lane] = velocity
+    pushed, heat = pack(own, (PUSHED, lane)), pack(own, (HEAT, lane))
+    for j in range(motion.shape[0]):
+        before = pack(motion, (j, SPEED, lane)) + shared(modes, (j, PUSH), lane) * pushed
+        before += shared(modes, (j, HEAT_PUSH), lane) * heat
+        place = pack(motion, (j, PLACE, lane)) + shared(modes, (j, HEAT_SHIFT), lane) * heat
+        after = shared(modes, (j, KEEP), lane) * before + shared(modes, (j, PULL), lane) * place
+        store(motion, (j, SPEED, lane), after)
+        store(motion, (j, PLACE, lane), place + h * before)
+        velocity += after
+    return velocity
 
 
 @inlined
-def conduct(t: float, heat_modes: Array, tau: Array, own: Array, tip: Array, lanes: int) -> None:
-    """Step the thermal modes, and set the tip's new velocity and temperature to theirs and the known part at t.
+def conduct(t: float, heat_modes: Array, tau: Array, own: Array, lane: Lane) -> tuple[Pack, Pack]:
+    """Step the thermal modes; return velocity and temperature of the tip by theirs and the known part at t.
 
-    ``tau`` is ``(group, mode of the group, lane)``.
+    ``tau`` is ``(thermal mode, lane)``.
     """
     assert heat_modes.shape[1] == DRAG + 1
-    assert heat_modes.shape[2] == HEAT_MODES
-    assert tau.shape[1] == HEAT_MODES
-    assert tau.shape[2] == ROW
+    assert tau.shape[1] == ROW
     assert own.shape[1] == ROW
-    assert tip.shape[1] == ROW
-    for g in range(tau.shape[0]):
-        for lane in range(lanes):
-            heat = own[HEAT, lane]
-            velocity = tip[NEW_VELOCITY, lane] if g > 0 else own[DRIFT, lane]
-            temperature = tip[NEW_TEMPERATURE, lane] if g > 0 else own[WARMTH, lane] + own[WARMING, lane] * t
-            for k in range(HEAT_MODES):
-                after = heat_modes[g, DECAY, k] * (tau[g, k, lane] + heat_modes[g, WARM, k] * heat)
-                tau[g, k, lane] = after
-                velocity += heat_modes[g, DRAG, k] * after
-                temperature += after
-            tip[NEW_VELOCITY, lane] = velocity
-            tip[NEW_TEMPERATURE, lane] = temperature
+    heat, velocity = pack(own, (HEAT, lane)), pack(own, (DRIFT, lane))
+    temperature = pack(own, (WARMTH, lane)) + pack(own, (WARMING, lane)) * t
+    for k in range(tau.shape[0]):
+        after = shared(heat_modes, (k, DECAY), lane) * (
+            pack(tau, (k, lane)) + shared(heat_modes, (k, WARM), lane) * heat
+        )
+        store(tau, (k, lane), after)
+        velocity += shared(heat_modes, (k, DRAG), lane) * after
+        temperature += after
+    return velocity, temperature
 
 
 @kernel
 def take_heat(heat_modes: Array, tau: Array, own: Array, warmed: Array, lanes: int) -> None:
     """Give τ with the heat of the last step, which :func:`conduct` leaves to the next one."""
-    for g in range(tau.shape[0]):
-        for k in range(HEAT_MODES):
-            for lane in range(lanes):
-                warmed[g, k, lane] = tau[g, k, lane] + heat_modes[g, WARM, k] * own[HEAT, lane]
-
-
-@kernel
-def pull_pairs(operator: Coefficients, tau: Array, motion: Array, tip: Array, lanes: int) -> None:
-    """Add what thermal modes do to mechanical modes near resonance with them."""
-    for pair in range(operator.pair_mode.size):
-        g, j = divmod(operator.pair_mode[pair], MODES)
-        heat_g, k = divmod(operator.pair_heat[pair], HEAT_MODES)
+    for k in range(tau.shape[0]):
         for lane in range(lanes):
-            pull = operator.pair_pull[pair] * tau[heat_g, k, lane]
-            motion[g, j, lane] += pull
-            tip[NEW_VELOCITY, lane] += pull
+            warmed[k, lane] = tau[k, lane] + heat_modes[k, WARM] * own[HEAT, lane]
+
+
+@inlined
+def pull_pairs(operator: Coefficients, tau: Array, motion: Array, velocity: Pack, lane: Lane) -> Pack:
+    """Add what thermal modes do to mechanical modes near resonance with them; return the tip's velocity with it."""
+    for pair in range(operator.pair_mode.size):
+        j, k = operator.pair_mode[pair], operator.pair_heat[pair]
+        pull = shared(operator.pair_pull, (pair,), lane) * pack(tau, (k, lane))
+        store(motion, (j, SPEED, lane), pack(motion, (j, SPEED, lane)) + pull)
+        velocity += pull
+    return velocity

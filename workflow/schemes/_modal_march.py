@@ -12,27 +12,39 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.models import Array, Cases, Structure
-from workflow.schemes._balance import Audit, Books, audit_step, no_audit
+from workflow.schemes._balance import AUDITED_LANES, Audit, Books, audit_step, no_audit
 from workflow.schemes._decoupled import Decoupled, Motion
 from workflow.schemes._interface import Sampling
 from workflow.schemes._kernel import inlined, kernel
-from workflow.schemes._lanes import fill_lanes, lane_rows
+from workflow.schemes._lanes import LANES, PACK, WIDE, fill_lanes, lane_rows
 from workflow.schemes._modal_lanes import (
     DRIFT,
-    HEAT_MODES,
-    MODES,
     WARMING,
     WARMTH,
     Coefficients,
+    by_mode,
     conduct,
-    grouped,
     pull_pairs,
     swing,
     swing_heated,
     take_heat,
 )
-from workflow.schemes._prox import touch, touch_and_note
-from workflow.schemes._stepping import Block, Watch, blocks, observe, start_load, take_marks, turn_load, weigh_load
+from workflow.schemes._packs import Lane, Pack, narrow, spread, wide
+from workflow.schemes._prox import meet
+from workflow.schemes._stepping import (
+    OWN_SINE,
+    Block,
+    Watch,
+    blocks,
+    note,
+    observe,
+    prepare,
+    start_load,
+    take_marks,
+    tip_load,
+    turn_load,
+    weigh_load,
+)
 
 
 def coefficients(modal: Decoupled, h: float, theta: float) -> Coefficients:
@@ -44,15 +56,14 @@ def coefficients(modal: Decoupled, h: float, theta: float) -> Coefficients:
     decay = (1 - h * (1 - theta) * mu) / (1 + h * theta * mu)
     j, k = modal.pairs.T
     return Coefficients(
-        modes=grouped(
-            MODES,
+        modes=by_mode(
             (1 - h * (1 - theta) * c - h**2 * theta * (2 - theta) * omega2) / inertia,
             -h * omega2 / inertia,
             tip**2 / inertia,
             tip * (thermal_kick + modal.response @ (mu * warm)),
             -tip * (modal.response @ modal.heat_tip),
         ),
-        heat_modes=grouped(HEAT_MODES, decay, modal.glow * warm, -mu * modal.tip_response / modal.glow),
+        heat_modes=by_mode(decay, modal.glow * warm, -mu * modal.tip_response / modal.glow),
         pair_mode=j,
         pair_heat=k,
         pair_pull=-h * tip[j] * modal.coupling[j, k] * (theta * decay[k] + 1 - theta) / (inertia[j] * modal.glow[k]),
@@ -64,32 +75,44 @@ def coefficients(modal: Decoupled, h: float, theta: float) -> Coefficients:
 
 @inlined
 def move_freely(
+    operator: Coefficients, t: float, h: float, own: Array, motion: Array, tau: Array, tau_before: Array, lane: Lane
+) -> tuple[Pack, Pack]:
+    """Return velocity and temperature of the tip at t, without load and contact in the step that ends there.
+
+    The thermal and mechanical modes take in the impulse and heat of the step before.
+    """
+    if tau.shape[0] == 0:
+        return swing(operator.modes, h, motion, own, lane), spread(0.0, lane)
+    velocity, temperature = conduct(t, operator.heat_modes, tau, own, lane)
+    velocity = swing_heated(operator.modes, h, motion, own, velocity, lane)
+    if operator.pair_mode.size > 0:
+        velocity = pull_pairs(operator, tau_before, motion, velocity, lane)
+    return velocity, temperature
+
+
+@inlined
+def _step(
     operator: Coefficients,
-    t: float,
-    h: float,
-    ending: bool,
+    step: int,
+    marked: bool,
+    sine: float,
     own: Array,
     motion: Array,
     tau: Array,
     tau_before: Array,
-    tip: Array,
-    lanes: int,
+    block: Block,
+    lane: Lane,
 ) -> None:
-    """Find velocity and temperature of the tip at t, without load and contact in the step that ends there.
-
-    The thermal and mechanical modes take in the impulse and heat of the step before. At the ``ending``
-    of the march ``tau_before`` is left with τ at the beginning of the step.
-    """
-    paired = operator.pair_mode.size > 0
-    if tau.shape[0] == 0:
-        swing(operator.modes, h, motion, own, tip, lanes)
-        return
-    if paired or ending:
-        take_heat(operator.heat_modes, tau, own, tau_before, lanes)
-    conduct(t, operator.heat_modes, tau, own, tip, lanes)
-    swing_heated(operator.modes, h, motion, own, tip, lanes)
-    if paired:
-        pull_pairs(operator, tau_before, motion, tip, lanes)
+    """Take a pack of lanes through a step: free motion, load and contact, what is watched."""
+    h, tip = block.h, block.tip
+    free, temperature = move_freely(operator, step * h, h, own, motion, tau, tau_before, lane)
+    pushed = h * tip_load(sine, block.load, lane)
+    theta, inverse_mass, warming = operator.theta, operator.inverse_mass, operator.warming
+    x, v, temperature, p = meet(theta, inverse_mass, warming, h, pushed, free, temperature, own, tip, lane)
+    if marked:
+        prepare(x, v, temperature, p, tip, lane)
+    else:
+        note(h, x, v, temperature, p, tip, lane)
 
 
 @kernel
@@ -98,23 +121,25 @@ def _march(
 ) -> None:
     """Step a block of cases; lanes never meet.
 
-    A step: free motion, load and contact, what is watched, the balances if asked for.
-
     ``tau_before`` is left with τ at the beginning of the last step, ``tau`` with τ at its end.
     """
-    load, tip, lanes, h, next_mark = block.load, block.tip, block.lanes, block.h, block.marks.next_mark
-    theta, inverse_mass, warming = operator.theta, operator.inverse_mass, operator.warming
-    start_load(h, load, lanes)
+    load, tip, lanes, h, theta = block.load, block.tip, block.lanes, block.h, operator.theta
+    wide_lanes, paired = lanes // WIDE * WIDE, operator.pair_mode.size > 0
+    leader = start_load(h, load, lanes)
     for step in range(1, block.steps + 1):
-        turn_load(step, h, load, lanes)
-        sine = weigh_load(1.0 - theta, theta, load, lanes)
-        move_freely(operator, step * h, h, step == block.steps, own, motion, tau, tau_before, tip, lanes)
-        if step == next_mark[0]:
-            touch(theta, inverse_mass, warming, h, sine, own, load, tip, lanes)
+        turn_load(step, h, leader, load, lanes)
+        sine = weigh_load(1.0 - theta, theta, OWN_SINE, leader, load, lanes)
+        marked = step == block.marks.next_mark[0]
+        if paired or step == block.steps:
+            take_heat(operator.heat_modes, tau, own, tau_before, lanes)
+        for first in range(0, wide_lanes, WIDE):
+            _step(operator, step, marked, sine, own, motion, tau, tau_before, block, wide(first))
+        for first in range(wide_lanes, lanes, PACK):
+            _step(operator, step, marked, sine, own, motion, tau, tau_before, block, narrow(first))
+        if marked:
             observe(take_marks(step, block), tip, lanes)
-        else:
-            touch_and_note(theta, inverse_mass, warming, h, sine, own, load, tip, lanes)
-        audit_step(theta, h, audit, own, load, lanes)
+        if audit.sums.shape[0] > 0:
+            audit_step(theta, h, leader, audit, own, load, lanes)
     take_heat(operator.heat_modes, tau, own, tau, lanes)
 
 
@@ -138,15 +163,14 @@ def march(
     rows[DRIFT], rows[WARMTH], rows[WARMING] = begun.drift, begun.warmth, begun.warming
     zeta = begun.velocity * modal.tip
     xi = begun.position * modal.tip - h * theta * zeta
-    pairs = grouped(MODES, zeta.T, xi.T).reshape(-1, 2 * MODES, cases.count)
-    heat = grouped(HEAT_MODES, (begun.heat * modal.glow).T)[:, 0]
+    pairs, heat = by_mode(zeta.T, xi.T), (begun.heat * modal.glow).T
     own, motion = lane_rows(rows.shape[0]), lane_rows(*pairs.shape[:2])
-    tau, tau_before = lane_rows(*heat.shape[:2]), lane_rows(*heat.shape[:2])
+    tau, tau_before = lane_rows(heat.shape[0]), lane_rows(heat.shape[0])
     closing = begun.closing + begun.closing_rate * sampling.duration
-    growth = grouped(HEAT_MODES, modal.static_growth / modal.glow)[:, 0, :, None]
+    growth = (modal.static_growth / modal.glow)[:, None]
     books = Books(structure, modal, cases, begun.tip_force, h, theta) if sampling.balances else None
     audit = no_audit() if books is None else books.audit
-    for part, block in blocks(watched):
+    for part, block in blocks(watched, LANES if books is None else AUDITED_LANES):
         if books is not None:
             books.open(part)
         fill_lanes(own, rows[:, part])
@@ -156,6 +180,6 @@ def march(
         if books is not None:
             books.close(part, plan.steps * h)
         reached = tau_before + plan.weight[-1] * (tau - tau_before)
-        sums = np.sum(growth * reached, axis=(0, 1))  # in the same order whatever lanes are in use
+        sums = np.sum(growth * reached, axis=0)  # in the same order whatever lanes are in use
         closing[part] += sums[: part.stop - part.start]
     return closing, {} if books is None else books.residuals

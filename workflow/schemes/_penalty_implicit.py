@@ -22,48 +22,49 @@ from numpy.typing import NDArray
 from workflow.models import Array, Cases, Structure
 from workflow.schemes import moreau
 from workflow.schemes._balance import (
+    AUDITED_LANES,
     ENERGY,
-    LARGEST_ENERGY,
     SPENT,
     Audit,
     Books,
     audit_step,
+    keep_energy,
     no_audit,
 )
-from workflow.schemes._central_march import APPROACH, APPROACHED, LATEST, SEPARATED, restitution
+from workflow.schemes._central_march import APPROACHED, LATEST, SEPARATED, restitution, turn_about
 from workflow.schemes._decoupled import Decoupled, start
 from workflow.schemes._interface import Results, Sampling, Status, merge, schedule
 from workflow.schemes._kernel import inlined, kernel
-from workflow.schemes._lanes import ROW, fill_lanes, lane_rows
+from workflow.schemes._lanes import LANES, PACK, ROW, WIDE, fill_lanes, lane_rows
 from workflow.schemes._modal_lanes import (
     ALPHA,
     DELASSUS,
     DRIFT,
     HEAT,
-    HEAT_MODES,
-    MODES,
     PUSHED,
     WARMING,
     WARMTH,
     Coefficients,
-    grouped,
+    by_mode,
     take_heat,
 )
 from workflow.schemes._modal_march import coefficients as free_step
 from workflow.schemes._modal_march import move_freely
+from workflow.schemes._packs import Lane, Pack, narrow, pack, store, where, wide
 from workflow.schemes._stepping import (
     DISPLACEMENT,
     GAP,
     NEW_DISPLACEMENT,
-    NEW_TEMPERATURE,
     NEW_VELOCITY,
-    STEP_IMPULSE,
+    OWN_SINE,
     TEMPERATURE,
     VELOCITY,
     Block,
     blocks,
     collect,
+    note,
     observe,
+    prepare,
     start_load,
     take_marks,
     tip_load,
@@ -107,61 +108,84 @@ def thermal_amplification(rate: Array, h: float, theta: float) -> Array:
 
 
 @inlined
-def _touch(
+def _meet(
     operator: Coefficients,
     stiffness: float,
     damping: float,
     h: float,
-    sine: float,
+    pushed: Pack,
+    free: Pack,
     own: Array,
-    load: Array,
     tip: Array,
-    lanes: int,
-) -> None:
-    """Close the step: load and contact impulse at the tip, from its free velocity to its new state."""
+    lane: Lane,
+) -> tuple[Pack, Pack, Pack]:
+    """Close the step: return displacement and velocity of the tip at its end, and the impulse p in it.
+
+    ``pushed`` is the load's impulse, ``free`` the tip's velocity without load and contact.
+    """
     assert own.shape[1] == ROW
-    assert load.shape[1] == ROW
     assert tip.shape[1] == ROW
     theta = operator.theta
-    for lane in range(lanes):
-        x, v, w, held = tip[DISPLACEMENT, lane], tip[VELOCITY, lane], own[DELASSUS, lane], own[LATEST, lane]
-        pushed = h * tip_load(sine, load, lane)
-        begun = h * (1.0 - theta) * held
-        apart = tip[NEW_VELOCITY, lane] + operator.inverse_mass * pushed - w * begun
-        depth = x + h * (theta * apart + (1.0 - theta) * v) - tip[GAP, lane]
-        pressed = (stiffness * depth + damping * apart) * own[YIELD, lane]
-        most = depth * own[REACH, lane]
-        pressed = most if pressed > most else pressed
-        pressed = pressed if depth > 0.0 else 0.0
-        pressed = 0.0 if pressed <= 0.0 else pressed  # a NaN passes
-        p = begun + h * theta * pressed
-        after = apart - w * (h * theta * pressed)
-        own[LATEST, lane] = pressed
-        own[PUSHED, lane] = pushed - p
-        own[HEAT, lane] = own[ALPHA, lane] * p
-        tip[STEP_IMPULSE, lane] = p
-        tip[NEW_VELOCITY, lane] = after
-        tip[NEW_TEMPERATURE, lane] += operator.warming * own[HEAT, lane]
-        tip[NEW_DISPLACEMENT, lane] = x + h * (theta * after + (1.0 - theta) * v)
-        touches, touched = pressed > 0.0, held > 0.0
-        approach = v if touches and not touched else own[APPROACH, lane]
-        ended = 1.0 if touched and not touches else 0.0
-        own[APPROACH, lane] = approach
-        own[APPROACHED, lane] += ended * (approach * approach)
-        own[SEPARATED, lane] -= ended * (approach * after)
+    x, v, gap = pack(tip, (DISPLACEMENT, lane)), pack(tip, (VELOCITY, lane)), pack(tip, (GAP, lane))
+    w, held = pack(own, (DELASSUS, lane)), pack(own, (LATEST, lane))
+    begun = h * (1.0 - theta) * held
+    apart = free + operator.inverse_mass * pushed - w * begun
+    depth = x + h * (theta * apart + (1.0 - theta) * v) - gap
+    pressed = (stiffness * depth + damping * apart) * pack(own, (YIELD, lane))
+    most = depth * pack(own, (REACH, lane))
+    pressed = where(pressed > most, most, pressed)
+    pressed = where(depth > 0.0, pressed, 0.0)
+    pressed = where(pressed <= 0.0, 0.0, pressed)  # a NaN passes
+    p = begun + h * theta * pressed
+    after = apart - w * (h * theta * pressed)
+    store(own, (LATEST, lane), pressed)
+    store(own, (PUSHED, lane), pushed - p)
+    store(own, (HEAT, lane), pack(own, (ALPHA, lane)) * p)
+    touches, touched = pressed > 0.0, held > 0.0
+    turn_about(touches & ~touched, touched & ~touches, v, after, own, lane)
+    return x + h * (theta * after + (1.0 - theta) * v), after, p
 
 
 @inlined
-def _store(stiffness: float, h: float, tip: Array, sums: Array, lanes: int) -> None:
+def _store_energy(stiffness: float, h: float, tip: Array, sums: Array, lanes: int) -> None:
     """Count the contact spring's energy ½ κ (x_n - d)², and take its work out of what is lost."""
-    for lane in range(lanes):
-        depth_before = max(0.0, tip[DISPLACEMENT, lane] - tip[GAP, lane])
-        depth = max(0.0, tip[NEW_DISPLACEMENT, lane] - tip[GAP, lane])
-        moved = 0.5 * h * (tip[VELOCITY, lane] + tip[NEW_VELOCITY, lane])
-        sums[SPENT, lane] -= 0.5 * stiffness * (depth_before + depth) * moved
-        energy, largest = sums[ENERGY, lane] + 0.5 * stiffness * depth * depth, sums[LARGEST_ENERGY, lane]
-        sums[ENERGY, lane] = energy
-        sums[LARGEST_ENERGY, lane] = largest if energy <= largest else energy  # a NaN stays
+    assert tip.shape[1] == ROW
+    assert sums.shape[1] == ROW
+    for first in range(0, lanes, PACK):
+        lane = narrow(first)
+        gap = pack(tip, (GAP, lane))
+        depth_before, depth = pack(tip, (DISPLACEMENT, lane)) - gap, pack(tip, (NEW_DISPLACEMENT, lane)) - gap
+        depth_before, depth = where(depth_before > 0.0, depth_before, 0.0), where(depth > 0.0, depth, 0.0)
+        moved = 0.5 * h * (pack(tip, (VELOCITY, lane)) + pack(tip, (NEW_VELOCITY, lane)))
+        store(sums, (SPENT, lane), pack(sums, (SPENT, lane)) - 0.5 * stiffness * (depth_before + depth) * moved)
+        keep_energy(pack(sums, (ENERGY, lane)) + 0.5 * stiffness * depth * depth, sums, lane)
+
+
+@inlined
+def _step(
+    operator: Coefficients,
+    stiffness: float,
+    damping: float,
+    step: int,
+    observed: bool,
+    sine: float,
+    own: Array,
+    motion: Array,
+    tau: Array,
+    tau_before: Array,
+    block: Block,
+    lane: Lane,
+) -> None:
+    """Take a pack of lanes through a step, as :mod:`workflow.schemes.moreau` does, with another contact."""
+    h, tip = block.h, block.tip
+    free, temperature = move_freely(operator, step * h, h, own, motion, tau, tau_before, lane)
+    pushed = h * tip_load(sine, block.load, lane)
+    x, v, p = _meet(operator, stiffness, damping, h, pushed, free, own, tip, lane)
+    temperature += operator.warming * pack(own, (HEAT, lane))
+    if observed:
+        prepare(x, v, temperature, p, tip, lane)
+    else:
+        note(h, x, v, temperature, p, tip, lane)
 
 
 @kernel
@@ -176,19 +200,28 @@ def _march(
     block: Block,
     audit: Audit,
 ) -> None:
-    """Step a block of cases as :mod:`workflow.schemes.moreau` does, with another contact."""
-    load, tip, lanes, h, next_mark = block.load, block.tip, block.lanes, block.h, block.marks.next_mark
-    theta, sums = operator.theta, audit.sums
-    start_load(h, load, lanes)
+    """Step a block of cases; lanes never meet."""
+    load, tip, lanes, h, theta = block.load, block.tip, block.lanes, block.h, operator.theta
+    wide_lanes, paired, audited = lanes // WIDE * WIDE, operator.pair_mode.size > 0, audit.sums.shape[0] > 0
+    leader = start_load(h, load, lanes)
     for step in range(1, block.steps + 1):
-        turn_load(step, h, load, lanes)
-        sine = weigh_load(1.0 - theta, theta, load, lanes)
-        move_freely(operator, step * h, h, step == block.steps, own, motion, tau, tau_before, tip, lanes)
-        _touch(operator, stiffness, damping, h, sine, own, load, tip, lanes)
-        audit_step(theta, h, audit, own, load, lanes)
-        if sums.shape[0] > 0:
-            _store(stiffness, h, tip, sums, lanes)
-        observe(take_marks(step, block) if step == next_mark[0] else h, tip, lanes)
+        turn_load(step, h, leader, load, lanes)
+        sine = weigh_load(1.0 - theta, theta, OWN_SINE, leader, load, lanes)
+        marked = step == block.marks.next_mark[0]
+        observed = marked or audited
+        if paired or step == block.steps:
+            take_heat(operator.heat_modes, tau, own, tau_before, lanes)
+        for first in range(0, wide_lanes, WIDE):
+            lane = wide(first)
+            _step(operator, stiffness, damping, step, observed, sine, own, motion, tau, tau_before, block, lane)
+        for first in range(wide_lanes, lanes, PACK):
+            last = narrow(first)
+            _step(operator, stiffness, damping, step, observed, sine, own, motion, tau, tau_before, block, last)
+        if audited:
+            audit_step(theta, h, leader, audit, own, load, lanes)
+            _store_energy(stiffness, h, tip, audit.sums, lanes)
+        if observed:
+            observe(take_marks(step, block) if marked else h, tip, lanes)
     take_heat(operator.heat_modes, tau, own, tau, lanes)
 
 
@@ -214,16 +247,15 @@ def _run(operator: Operator, modal: Decoupled, cases: Cases, sampling: Sampling)
         of_lane[row] = values
     zeta = begun.velocity * modal.tip
     xi = begun.position * modal.tip - h * theta * zeta
-    pairs = grouped(MODES, zeta.T, xi.T).reshape(-1, 2 * MODES, cases.count)
-    heat = grouped(HEAT_MODES, (begun.heat * modal.glow).T)[:, 0]
+    pairs, heat = by_mode(zeta.T, xi.T), (begun.heat * modal.glow).T
     own, motion = lane_rows(_ROWS), lane_rows(*pairs.shape[:2])
-    tau, tau_before = lane_rows(*heat.shape[:2]), lane_rows(*heat.shape[:2])
+    tau, tau_before = lane_rows(heat.shape[0]), lane_rows(heat.shape[0])
     closing = begun.closing + begun.closing_rate * sampling.duration
-    growth = grouped(HEAT_MODES, modal.static_growth / modal.glow)[:, 0, :, None]
+    growth = (modal.static_growth / modal.glow)[:, None]
     books = Books(operator.structure, modal, cases, begun.tip_force, h, theta) if sampling.balances else None
     audit = no_audit() if books is None else books.audit
     rebound = np.full((2, cases.count), np.nan)
-    for part, block in blocks(watched):
+    for part, block in blocks(watched, LANES if books is None else AUDITED_LANES):
         count = part.stop - part.start
         if books is not None:
             books.open(part)
@@ -235,7 +267,7 @@ def _run(operator: Operator, modal: Decoupled, cases: Cases, sampling: Sampling)
             books.close(part, plan.steps * h)
         rebound[:, part] = own[[APPROACHED, SEPARATED], :count]
         reached = tau_before + plan.weight[-1] * (tau - tau_before)
-        closing[part] += np.sum(growth * reached, axis=(0, 1))[:count]  # in one order whatever lanes are in use
+        closing[part] += np.sum(growth * reached, axis=0)[:count]  # in one order whatever lanes are in use
     finite = np.asarray(np.isfinite(watched.tip[[DISPLACEMENT, TEMPERATURE]]).all(axis=0))
     status, messages = _judge(operator, modal, cases, ill_posed, finite)
     balances = {} if books is None else books.residuals

@@ -2,14 +2,17 @@
 
 A scheme's kernel advances its own states in blocks of up to ``LANES`` cases, one per lane::
 
-    start_load(h, load, lanes)
+    leader = start_load(h, load, lanes)
     for step in range(1, block.steps + 1):
-        turn_load(step, h, load, lanes)
-        sine = weigh_load(1 - theta, theta, load, lanes)
-        ...  # with tip_load(sine, load, lane), put the tip at the step's end in its rows NEW_… and STEP_IMPULSE
+        turn_load(step, h, leader, load, lanes)
+        sine = weigh_load(1 - theta, theta, OWN_SINE, leader, load, lanes)
+        for first in range(0, lanes, PACK):
+            lane = narrow(first)
+            ...  # with tip_load(sine, load, lane), find the tip at the step's end and the impulse in the step
+            prepare(x, v, temperature, p, tip, lane)
         observe(take_marks(step, block) if step == next_mark[0] else h, tip, lanes)
 
-A step in which nothing falls due may hand the tip to :func:`note` lane by lane, without those rows.
+A step in which nothing falls due may hand the tip to :func:`note` instead, pack by pack.
 """
 
 from __future__ import annotations
@@ -25,19 +28,20 @@ from workflow.models import Array, Cases
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, complete_periods
 from workflow.schemes._kernel import inlined, kernel
 from workflow.schemes._lanes import LANES, PACK, ROW, fill_lanes, lane_rows
+from workflow.schemes._packs import Lane, Pack, narrow, pack, store, where
 
 RESYNC = 64
 """Steps between exact evaluations of sin and cos of a load; in between a rotation continues it,
 whose rounding stays below 64 eps = 1.4e-14 of the amplitude."""
 
-MEAN, AMPLITUDE, FREQUENCY, PHASE, SINE_BEFORE, SINE, COSINE, TURN_SINE, TURN_COSINE, OWN_SINE = range(10)
+MEAN, AMPLITUDE, FREQUENCY, PHASE, SINE_BEFORE, SINE, COSINE, TURN_SINE, TURN_COSINE = range(9)
 """Rows of a block's load F0 + F1 sin(2π f t + φ): what it is, its sine at the beginning of the step,
-sine and cosine at its end, their turn in one step, and the sine that acts where lanes swing apart."""
+sine and cosine at its end, and their turn in one step."""
 
-LEADER = OWN_SINE + 1
-"""Row whose first entry is the lane whose sine serves all lanes, -1 where they swing apart."""
+OWN_SINE, BALANCE_SINE = range(TURN_COSINE + 1, TURN_COSINE + 3)
+"""Rows of the weighed sines of lanes that swing apart: the one that acts, and one of the balances."""
 
-LOAD_ROWS = LEADER + 1
+LOAD_ROWS = BALANCE_SINE + 1
 
 DISPLACEMENT, VELOCITY, TEMPERATURE, IMPULSE, GAP = range(5)
 """Rows of a block's tip: its state at the last step end and the clearance."""
@@ -92,40 +96,34 @@ class Block(NamedTuple):
 
 
 @kernel
-def start_load(h: float, load: Array, lanes: int) -> None:
-    """Set the load to t = 0 and its rotation to one step."""
+def start_load(h: float, load: Array, lanes: int) -> int:
+    """Set the load to t = 0 and its rotation to one step; return its leader.
+
+    That is the lane whose sine serves all lanes, as most batches share frequency and phase, with the bits of
+    their own; or -1 where they swing apart.
+    """
     leader = 0
     for lane in range(lanes):
         if load[AMPLITUDE, lane] != 0.0 and load[AMPLITUDE, leader] == 0.0:
             leader = lane
-    frequency, phase = load[FREQUENCY, leader], load[PHASE, leader]
-    load[LEADER, 0] = leader
+    frequency, phase, shared_by_all = load[FREQUENCY, leader], load[PHASE, leader], True
     for lane in range(lanes):
         still = load[AMPLITUDE, lane] == 0.0 and np.isfinite(load[FREQUENCY, lane] + load[PHASE, lane])
-        if not (still or (load[FREQUENCY, lane] == frequency and load[PHASE, lane] == phase)):
-            load[LEADER, 0] = -1.0
+        shared_by_all &= still or (load[FREQUENCY, lane] == frequency and load[PHASE, lane] == phase)
     for lane in range(lanes):
         turn = 2.0 * np.pi * load[FREQUENCY, lane] * h
         load[TURN_SINE, lane] = np.sin(turn)
         load[TURN_COSINE, lane] = np.cos(turn)
-    turn_load(0, h, load, lanes)
+    leader = leader if shared_by_all else -1
+    turn_load(0, h, leader, load, lanes)
+    return leader
 
 
 @inlined
-def _swinging(load: Array, lanes: int) -> tuple[int, int]:
-    """Return the range of lanes whose sine runs: the one that serves all, or all."""
-    leader = int(load[LEADER, 0])
-    return (leader, leader + 1) if leader >= 0 else (0, lanes)
-
-
-@inlined
-def turn_load(step: int, h: float, load: Array, lanes: int) -> None:
-    """Move the load to the end of a step, t = step h.
-
-    Most batches share frequency and phase; one sine then serves all lanes, with the bits of their own.
-    """
+def turn_load(step: int, h: float, leader: int, load: Array, lanes: int) -> None:
+    """Move the load to the end of a step, t = step h."""
     assert load.shape[1] == ROW
-    first, last = _swinging(load, lanes)
+    first, last = (leader, leader + 1) if leader >= 0 else (0, lanes)
     for lane in range(first, last):
         s, c = load[SINE, lane], load[COSINE, lane]
         load[SINE_BEFORE, lane] = s
@@ -139,24 +137,24 @@ def turn_load(step: int, h: float, load: Array, lanes: int) -> None:
 
 
 @inlined
-def weigh_load(before: float, after: float, load: Array, lanes: int) -> float:
-    """Weigh the sine at the step's beginning and end, for :func:`tip_load`.
+def weigh_load(before: float, after: float, row: int, leader: int, load: Array, lanes: int) -> float:
+    """Weigh the sine at the step's beginning and end.
 
-    Returns that of all lanes where one serves them; else it is 0 and each lane is given its own.
+    Returns that of all lanes where one serves them; else it is 0 and each lane is given its own in ``row``.
     """
     assert load.shape[1] == ROW
-    leader = int(load[LEADER, 0])
     if leader >= 0:
         return float(before * load[SINE_BEFORE, leader] + after * load[SINE, leader])
     for lane in range(lanes):
-        load[OWN_SINE, lane] = before * load[SINE_BEFORE, lane] + after * load[SINE, lane]
+        load[row, lane] = before * load[SINE_BEFORE, lane] + after * load[SINE, lane]
     return 0.0
 
 
 @inlined
-def tip_load(sine: float, load: Array, lane: int) -> float:
-    """Return the load's force at the tip, N, as :func:`weigh_load` left it, which returned ``sine``."""
-    return float(load[MEAN, lane] + load[AMPLITUDE, lane] * (sine + load[OWN_SINE, lane]))
+def tip_load(sine: float, load: Array, lane: Lane) -> Pack:
+    """Return the load's force at the tip, N, as :func:`weigh_load` left its own sine, which returned ``sine``."""
+    assert load.shape[1] == ROW
+    return pack(load, (MEAN, lane)) + pack(load, (AMPLITUDE, lane)) * (sine + pack(load, (OWN_SINE, lane)))
 
 
 @kernel
@@ -219,33 +217,47 @@ def take_marks(step: int, block: Block) -> float:
 
 
 @inlined
-def note(span: float, x: float, v: float, temperature: float, p: float, tip: Array, lane: int) -> None:
+def note(span: float, x: Pack, v: Pack, temperature: Pack, p: Pack, tip: Array, lane: Lane) -> None:
     """Take in the tip's state at the end of a step of ``span`` s and the impulse in it.
 
     The zeros added to the maxima keep them maxima: without, they become masked stores, which cost more
     and which the next step waits for.
     """
-    touches = 1.0 if p > 0.0 else 0.0
-    depth, deepest = x - tip[GAP, lane], tip[PENETRATION, lane] + 0.0
-    hottest = tip[PERIOD_HOTTEST, lane] + 0.0
-    tip[IMPACTS, lane] += touches * (1.0 - tip[TOUCHING, lane])
-    tip[TOUCHING, lane] = touches
-    tip[CONTACT_TIME, lane] += touches * span
-    tip[PENETRATION, lane] = depth if depth > deepest else deepest
-    tip[PERIOD_HOTTEST, lane] = temperature if temperature > hottest else hottest
-    tip[IMPULSE, lane] += p
-    tip[DISPLACEMENT, lane] = x
-    tip[VELOCITY, lane] = v
-    tip[TEMPERATURE, lane] = temperature
+    assert tip.shape[1] == ROW
+    touches = where(p > 0.0, 1.0, 0.0)
+    depth, deepest = x - pack(tip, (GAP, lane)), pack(tip, (PENETRATION, lane)) + 0.0
+    hottest = pack(tip, (PERIOD_HOTTEST, lane)) + 0.0
+    impacts = pack(tip, (IMPACTS, lane)) + touches * (1.0 - pack(tip, (TOUCHING, lane)))
+    store(tip, (IMPACTS, lane), impacts)
+    store(tip, (TOUCHING, lane), touches)
+    store(tip, (CONTACT_TIME, lane), pack(tip, (CONTACT_TIME, lane)) + touches * span)
+    store(tip, (PENETRATION, lane), where(depth > deepest, depth, deepest))
+    store(tip, (PERIOD_HOTTEST, lane), where(temperature > hottest, temperature, hottest))
+    store(tip, (IMPULSE, lane), pack(tip, (IMPULSE, lane)) + p)
+    store(tip, (DISPLACEMENT, lane), x)
+    store(tip, (VELOCITY, lane), v)
+    store(tip, (TEMPERATURE, lane), temperature)
+
+
+@inlined
+def prepare(x: Pack, v: Pack, temperature: Pack, p: Pack, tip: Array, lane: Lane) -> None:
+    """Hand the tip's state at the end of a step and the impulse in it to :func:`observe`."""
+    assert tip.shape[1] == ROW
+    store(tip, (NEW_DISPLACEMENT, lane), x)
+    store(tip, (NEW_VELOCITY, lane), v)
+    store(tip, (NEW_TEMPERATURE, lane), temperature)
+    store(tip, (STEP_IMPULSE, lane), p)
 
 
 @inlined
 def observe(span: float, tip: Array, lanes: int) -> None:
     """Take in the rows ``NEW_…`` and ``STEP_IMPULSE`` of the tip at the end of a step of ``span`` s."""
     assert tip.shape[1] == ROW
-    for lane in range(lanes):
-        x, v, temperature = tip[NEW_DISPLACEMENT, lane], tip[NEW_VELOCITY, lane], tip[NEW_TEMPERATURE, lane]
-        note(span, x, v, temperature, tip[STEP_IMPULSE, lane], tip, lane)
+    for first in range(0, lanes, PACK):
+        lane = narrow(first)
+        x, v = pack(tip, (NEW_DISPLACEMENT, lane)), pack(tip, (NEW_VELOCITY, lane))
+        temperature, p = pack(tip, (NEW_TEMPERATURE, lane)), pack(tip, (STEP_IMPULSE, lane))
+        note(span, x, v, temperature, p, tip, lane)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,16 +9,21 @@ from workflow.schemes._interface import Sampling
 from workflow.schemes._kernel import kernel
 from workflow.schemes._lanes import fill_lanes, lane_rows
 from workflow.schemes._modal_lanes import HEAT
-from workflow.schemes._prox import touch
+from workflow.schemes._packs import narrow, spread
+from workflow.schemes._prox import meet
 from workflow.schemes._stepping import (
+    AMPLITUDE,
+    BALANCE_SINE,
+    MEAN,
     NEW_DISPLACEMENT,
-    NEW_TEMPERATURE,
     NEW_VELOCITY,
+    OWN_SINE,
     STEP_IMPULSE,
     Block,
     Watch,
     blocks,
     observe,
+    prepare,
     start_load,
     take_marks,
     tip_load,
@@ -61,32 +66,28 @@ def _march(
 ) -> None:
     """Step the case in lane 0 along nodes 1 … ``last``; ``weight`` has rows where balances are asked for."""
     load, tip, lanes, h, next_mark = block.load, block.tip, block.lanes, block.h, block.marks.next_mark
-    audited = weight.shape[0] > 0
-    start_load(h, load, lanes)
+    audited, lane = weight.shape[0] > 0, narrow(0)
+    leader = start_load(h, load, lanes)
     if audited:
         open_account(last, weight, state, sums)
     if heated:
         conduct(last, step, state, loads)
     for k in range(1, block.steps + 1):
-        tip[NEW_VELOCITY, 0], tip[NEW_TEMPERATURE, 0] = swing(last, step, state, loads, theta, lever, heated)
-        turn_load(k, h, load, lanes)
-        touch(
-            theta,
-            step[YIELD, last],
-            step[WARM, last],
-            h,
-            weigh_load(1.0 - theta, theta, load, lanes),
-            own,
-            load,
-            tip,
-            lanes,
+        free, warmed = swing(last, step, state, loads, theta, lever, heated)
+        turn_load(k, h, leader, load, lanes)
+        pushed = h * tip_load(weigh_load(1.0 - theta, theta, OWN_SINE, leader, load, lanes), load, lane)
+        mobility, warming = step[YIELD, last], step[WARM, last]
+        x, v, temperature, p = meet(
+            theta, mobility, warming, h, pushed, spread(free, lane), spread(warmed, lane), own, tip, lane
         )
+        prepare(x, v, temperature, p, tip, lane)
         heat = own[HEAT, 0]
         place, speed = tip[NEW_DISPLACEMENT, 0], tip[NEW_VELOCITY, 0]
         settle(last, step, state, loads, h, theta, place, speed, heat, heated)
         if audited:
-            pushed = h * tip_load(weigh_load(0.5, 0.5, load, lanes), load, 0) - tip[STEP_IMPULSE, 0]
-            tally(last, step, weight, state, loads, h, heat, pushed, sums)
+            sine = weigh_load(0.5, 0.5, BALANCE_SINE, leader, load, lanes) + load[BALANCE_SINE, 0]
+            taken = h * (load[MEAN, 0] + load[AMPLITUDE, 0] * sine) - tip[STEP_IMPULSE, 0]
+            tally(last, step, weight, state, loads, h, heat, taken, sums)
         observe(take_marks(k, block) if k == next_mark[0] else h, tip, lanes)
 
 

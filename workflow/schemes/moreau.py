@@ -19,7 +19,6 @@ from workflow.models import Array, Cases, Chain, Structure, poles
 from workflow.schemes._balance import balance_cost
 from workflow.schemes._decoupled import Decoupled, decouple, start
 from workflow.schemes._interface import Results, Sampling, Status, merge, schedule
-from workflow.schemes._modal_lanes import HEAT_MODES, MODES
 from workflow.schemes._modal_march import march
 from workflow.schemes._prox import contact_rows
 from workflow.schemes._stepping import DISPLACEMENT, TEMPERATURE, collect, watch
@@ -34,7 +33,8 @@ _ROUNDING = 16 * np.finfo(float).eps
 
 _FINDING_MODES, _SWEEP, _MODE = 5e-9, 4.6e-9, 0.6e-9
 """Seconds to find the modes of a chain of n nodes, over n³, and of a step of one case per node in
-sweeps and per pair of modes in a batch, as the cost model has them."""
+sweeps and per pair of modes in a batch, when sweeps were new. The choice shows in the last digits of
+results: it stays within a version of the solver, whatever has become faster since."""
 
 _TYPICAL_STEPS = 1e6
 """Steps of all cases of a batch together for which an operator is chosen: ten cases of 1e5 steps."""
@@ -110,20 +110,19 @@ def thermal_amplification(rate: Array, h: float, options: Options) -> Array:
 
 
 def cost(structure: Structure, h: float, options: Options, sampling: Sampling) -> float:
-    """Return estimated seconds per heated case: a fixed model of steps, groups of modes and samples.
+    """Return estimated seconds per heated case: a fixed model of steps, modes and samples.
 
     Its numbers lie between what a batch of eight and what a batch of a thousand cases took on one
-    core of a server processor of 2024 (Zen 5, vectors of eight, about 3 GHz), heated, full with 20
-    nodes and reduced to 3 + 12 modes: 1.6 ns a step for the tip and 0.6 ns for each group of
-    modes, 15 ns a sample, 1.5 us to set a case up. A processor with vectors of four takes about
+    core of a server processor of 2024 (Zen 5, vectors of eight, 3 to 4 GHz), heated, full with 20
+    nodes and reduced to 3 + 12 modes: 0.6 ns a step for the tip, 0.11 ns for each mechanical and 0.06 ns
+    for each thermal mode, 15 ns a sample, 1.5 us to set a case up. A processor with vectors of four takes about
     twice as long; fewer than eight cases cost together what eight do. Balances come on top of that,
-    see :func:`~workflow.schemes._balance.balance_cost`. A long chain takes 4.6 ns for each node, 7 ns with balances.
+    see :func:`~workflow.schemes._balance.balance_cost`. A long chain takes 3.4 ns for each node, 5.4 ns with balances.
     """
     if is_swept(structure):
-        step = 3e-8 + (7e-9 if sampling.balances else _SWEEP) * structure.mechanical_size
+        step = 3e-8 + (5.4e-9 if sampling.balances else 3.4e-9) * structure.mechanical_size
         return sampling.steps(h) * step + sampling.count * 1.5e-8 + 1e-7 * structure.mechanical_size
-    modes, heat_modes = -(-structure.mechanical_size // MODES), -(-structure.thermal_size // HEAT_MODES)
-    step = 1.6e-9 + 0.6e-9 * (modes + heat_modes)
+    step = 0.6e-9 + 1.1e-10 * structure.mechanical_size + 0.6e-10 * structure.thermal_size
     if sampling.balances:
         step += balance_cost(structure)
     return sampling.steps(h) * step + sampling.count * 1.5e-8 + 1.5e-6
