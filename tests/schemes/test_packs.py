@@ -1,0 +1,79 @@
+"""Packs against NumPy: the same numbers bit for bit, lanes that never meet, NaN as in a plain loop."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numba
+import numpy as np
+import pytest
+
+from workflow.models import Array
+from workflow.schemes._lanes import LANES, PACK, ROW, WIDE, lane_rows
+from workflow.schemes._packs import Pack, magnitude, narrow, pack, shared, spread, store, where, wide
+
+RESULTS = 6
+
+
+@numba.njit(error_model="numpy")
+def _compute(a: Pack, b: Pack, c: Pack, rows: Array, lane: Any) -> None:
+    store(rows, (3, lane), c * a + 2.0 * (b - 0.5) - a * -b)
+    store(rows, (4, lane), where(a > b, a, b))
+    store(rows, (5, lane), where((a >= 0.0) & ~(b <= 0.0), 1.0, -b))
+    store(rows, (6, lane), magnitude(a) + spread(3.0, lane))
+    a += b
+    a -= c
+    a *= 0.1
+    store(rows, (7, lane), a)
+    store(rows, (8, lane), where(a < b, 1.0, 0.0))
+
+
+@numba.njit(error_model="numpy")
+def in_narrow_packs(coefficient: Array, rows: Array, lanes: int) -> None:
+    for first in range(0, lanes, PACK):
+        lane = narrow(first)
+        _compute(pack(rows, (0, lane)), pack(rows, (1, lane)), shared(coefficient, (1, 2), lane), rows, lane)
+
+
+@numba.njit(error_model="numpy")
+def in_wide_packs(coefficient: Array, rows: Array, lanes: int) -> None:
+    for first in range(0, lanes, WIDE):
+        lane = wide(first)
+        _compute(pack(rows, (0, lane)), pack(rows, (1, lane)), shared(coefficient, (1, 2), lane), rows, lane)
+
+
+def expected(a: Array, b: Array, c: float) -> Array:
+    further = ((a + b) - c) * 0.1
+    return np.array(
+        [
+            c * a + 2.0 * (b - 0.5) - a * -b,
+            np.where(a > b, a, b),
+            np.where((a >= 0.0) & ~(b <= 0.0), 1.0, -b),
+            np.abs(a) + 3.0,
+            further,
+            np.where(further < b, 1.0, 0.0),
+        ]
+    )
+
+
+@pytest.mark.parametrize("march", [in_narrow_packs, in_wide_packs])
+def test_arithmetic_of_each_lane(march: Callable[..., None]) -> None:
+    rng = np.random.default_rng(5)
+    rows, coefficient = lane_rows(3 + RESULTS), rng.normal(size=(2, 3))
+    rows[:] = rng.normal(size=rows.shape)
+    rows[0, 3], rows[1, 5], rows[0, 7], rows[0, 9], rows[1, 9] = np.nan, np.nan, -np.inf, 0.0, -0.0
+    before = rows.copy()
+    march(coefficient, rows, LANES // 2)
+    used = slice(0, LANES // 2)
+    found = expected(before[0, used], before[1, used], coefficient[1, 2])
+    assert np.array_equal(rows[3:, used], found, equal_nan=True)
+    assert np.array_equal(np.signbit(rows[3:, used]), np.signbit(found))
+    assert np.array_equal(rows[:3], before[:3], equal_nan=True)
+    assert np.array_equal(rows[:, LANES // 2 :], before[:, LANES // 2 :])  # nothing beside the lanes in use
+
+
+def test_rows_hold_whole_packs() -> None:
+    assert LANES % WIDE == 0
+    assert WIDE % PACK == 0
+    assert ROW >= LANES
