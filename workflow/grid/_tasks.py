@@ -16,16 +16,17 @@ from workflow.grid._operators import reduced_structure
 from workflow.grid._solve import longest_period_count
 
 SHORTEST, LONGEST = 0.1, 5.0
-"""Seconds of work of a task: below, dask's cost of about 0.5 ms a task would show; above, the end
-of a run waits for single tasks."""
+"""Seconds of work of a task but for the last ones: below, dask's cost of about 0.5 ms a task would show;
+above, the end of a run waits for single tasks."""
 
 TASKS_WANTED = 64
 """Tasks a study is cut in where that makes them neither too short nor too long, and a smaller power of
-two where they would be too short, so that they divide evenly: the same for any number of threads, so
-that an interrupted run finds its shards again."""
+two where they would be too short: the same for any number of threads, so that an interrupted run finds
+its shards again."""
 
-LAST = 8
-"""Tasks that what is left of a study is cut in at least, down to twice the shortest: threads then end together."""
+LAST = 4
+"""A task is at most this part of what is left of a study, down to half the shortest: of equal tasks the
+last one runs alone for most of its time, of such ones threads end together."""
 
 SETTING_UP = 2e-3
 """Seconds for what the cases of an outer index share: modes, operators, arrays of a batch."""
@@ -147,7 +148,7 @@ def tasks(grid: Grid, units: Units) -> Iterator[Task]:
         first = 0
         while first < units.count:
             left = total - spent
-            fair = min(left / max(1, wanted - number), max(left / LAST, 2 * SHORTEST), LONGEST)
+            fair = min(left / max(1, wanted - number), max(left / LAST, SHORTEST / 2), LONGEST)
             begin = SETTING_UP if first == 0 else 0.0
             room, fitting = (fair - work - begin) / (each * units.chunk), (most_cases - cases) // units.chunk
             if gathered and (work >= 0.9 * fair or room < 0.5 or fitting < 1):
