@@ -17,7 +17,7 @@ from workflow.archive._guard import vouch
 from workflow.archive._known import Known
 from workflow.archive._layout import NOT_RUN, STATUS, Layout, Variable
 from workflow.archive._seal import BLANK, FILE_CHECKSUM, seal
-from workflow.archive._shard import Shard, Shards, decode_chunk, encode_chunk, find_shards, stored_chunks
+from workflow.archive._shard import Shards, decode_chunk, encode_chunk, find_shards, stored_chunks
 
 _VARIABLE_BYTES, _CHUNK_BYTES, _CELL_BYTES = 5000, 100, 16
 """What an archive takes beside its chunks: attributes and indices, up to these in archives of all sizes; hashes."""
@@ -105,8 +105,10 @@ def assemble(
         for number, shard in enumerate(shards.files):
             units = np.flatnonzero(shards.owner == number).tolist()
             chunks = stored_chunks(shard) if units else {}
+            offsets = {unit: layout.offset_of(unit) for unit in units}
             for variable in layout.variables:
-                _copy(chunks, stored[variable.name], layout, variable, shard, units)
+                mine = {offsets[unit]: chunks[variable.name][unit - shard.first] for unit in units}
+                _copy(mine, stored[variable.name], layout, variable)
         if known is not None and np.any(copies >= 0):
             with h5py.File(known.path, "r") as source:
                 for variable in layout.variables:
@@ -117,22 +119,14 @@ def assemble(
                 _leave_blank(stored[variable.name], layout, variable, missing)
 
 
-def _copy(
-    chunks: Mapping[str, list[list[bytes]]],
-    archive: Any,
-    layout: Layout,
-    variable: Variable,
-    shard: Shard,
-    units: list[int],
-) -> None:
-    """Put the chunks of some units of a shard in their places."""
+def _copy(chunks: Mapping[tuple[int, ...], list[bytes]], archive: Any, layout: Layout, variable: Variable) -> None:
+    """Put chunks, by the offset of their unit, in their places."""
+    if archive.chunks is None:  # a scalar: one cell without t
+        for chunk, *_ in chunks.values():
+            archive[()] = decode_chunk(chunk, variable.dtype)[0]
+        return
     tails, write = list(_tails(layout, variable)), archive.id.write_direct_chunk
-    for unit in units:
-        stored = chunks[variable.name][unit - shard.first]
-        if archive.chunks is None:  # a scalar: one cell without t
-            archive[()] = decode_chunk(stored[0], variable.dtype)[0]
-            continue
-        offset = layout.offset_of(unit)
+    for offset, stored in chunks.items():
         for tail, chunk in zip(tails, stored, strict=True):
             write((*offset, *tail), chunk)
 
