@@ -1,27 +1,30 @@
-"""The one lock around netCDF-C and HDF5, which are not safe to use from several threads.
-
-This module is loaded on demand: dask takes a tenth of a second to import.
-"""
+"""The one lock around netCDF-C and HDF5, which are not safe to use from several threads."""
 
 from __future__ import annotations
 
 import threading
 
-from dask.utils import SerializableLock
 
-_HELD = threading.RLock()
-
-
-class _ArchiveLock(SerializableLock):
+class _ArchiveLock:
     """One per process, wherever it is unpickled; the thread that holds it may take it again.
 
     It is handed to xarray for lazy reads, and held around xarray's own opening of a file: opening
-    reads metadata without a lock and coordinates with it.
+    reads metadata without a lock and coordinates with it. dask has such locks too, but takes a tenth
+    of a second to import.
     """
 
-    def __init__(self, token: str) -> None:
-        super().__init__(token)
-        self.lock = _HELD  # type: ignore[assignment]
+    def __init__(self) -> None:
+        held = threading.RLock()
+        self.acquire, self.release = held.acquire, held.release
+
+    def __enter__(self) -> None:
+        self.acquire()
+
+    def __exit__(self, *_: object) -> None:
+        self.release()
+
+    def __reduce__(self) -> str:
+        return "LOCK"
 
 
-LOCK = _ArchiveLock("rotor-stator-workflow.archive")
+LOCK = _ArchiveLock()

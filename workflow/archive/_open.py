@@ -9,12 +9,16 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from workflow.archive._content import hash_content
 from workflow.archive._create import PROVENANCE
-from workflow.archive._files import ArchiveError, damaged, reason, writing
+from workflow.archive._files import ArchiveError, damaged, reading, reason, writing
 from workflow.archive._gather import assemble
 from workflow.archive._guard import try_out
 from workflow.archive._judge import as_text, judge
+from workflow.archive._layout import STATUS
 from workflow.archive._parts import LAYOUT, parts_of, read_layout
 from workflow.archive._shard import find_shards
 
@@ -71,14 +75,36 @@ def provenance(path: str | Path) -> dict[str, str]:
     from workflow.archive._lock import LOCK
 
     _look(path)
+    try_out(path, _read_at_all)
     try:
         with LOCK, h5py.File(path, "r") as file:
-            group = file[PROVENANCE]
-            found = {name: as_text(value) for name, value in group.attrs.items() if not name.startswith("_")}
-            texts = {name: as_text(item[()].tobytes()) for name, item in group.items() if item.dtype == "S1"}
-            return found | texts
+            return _texts(file[PROVENANCE])
     except (OSError, RuntimeError, LookupError) as error:
         raise damaged(path, error) from error
+
+
+def _texts(group: Any) -> dict[str, str]:
+    found = {name: as_text(value) for name, value in group.attrs.items() if not name.startswith("_")}
+    return found | {name: as_text(item[()].tobytes()) for name, item in group.items() if item.dtype == "S1"}
+
+
+def statuses(path: str | Path) -> NDArray[np.int8]:
+    """Return the status of every case of a finished archive, without what xarray takes to load.
+
+    Raises
+    ------
+    ArchiveError
+        There is no such file, or it is not an archive of this workflow.
+    """
+    import h5py
+
+    from workflow.archive._lock import LOCK
+
+    path = Path(path)
+    _look(path)
+    try_out(path, _read_at_all)
+    with LOCK, reading(path), h5py.File(path, "r") as file:
+        return np.asarray(file[STATUS][...], dtype=np.int8)
 
 
 def content_hash(path: str | Path) -> str:
@@ -146,6 +172,9 @@ def _open_view(path: Path, chunks: Any) -> xr.Dataset:
 
 def _open_dataset(path: Path, chunks: Any, named: Path) -> xr.Dataset:
     _look(path)
+    for name in _LOADED:
+        import_module(name)
+    try_out(path, _opened_at_all)
     import xarray as xr
 
     from workflow.archive._lock import LOCK
@@ -159,7 +188,7 @@ def _open_dataset(path: Path, chunks: Any, named: Path) -> xr.Dataset:
 
 
 _LOADED = ("xarray", "netCDF4", "dask.array", "pint")
-"""What opening a file loads: once here, not in every process that tries a file out."""
+"""What xarray loads to open a file: once here, not in every process that tries a file out."""
 
 
 def _look(path: Path) -> None:
@@ -179,10 +208,15 @@ def _look(path: Path) -> None:
         raise ArchiveError(f"{path}: cannot be read: {reason(error)}") from error
     if signature != HDF5_SIGNATURE:
         raise ArchiveError(f"{path}: not a NetCDF-4 file; an archive that `workflow run` wrote is expected")
-    for name in _LOADED:
-        import_module(name)
 
-    try_out(path, _opened_at_all)
+
+def _read_at_all(path: Path) -> None:
+    """Judge a file's headers, then read its texts as :func:`provenance` does; damaged values harm nobody."""
+    import h5py
+
+    judge(path)
+    with h5py.File(path, "r") as file:
+        _texts(file[PROVENANCE])
 
 
 def _opened_at_all(path: Path) -> None:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from workflow.archive import open_archive
+from workflow.archive import open_archive, statuses
 from workflow.schemes import Status
 
 if TYPE_CHECKING:
@@ -56,7 +57,11 @@ def status_name(value: int) -> str:
 
 def status_counts(dataset: xr.Dataset) -> dict[str, int]:
     """Return the number of cases by name of their status."""
-    values, number = np.unique(np.asarray(dataset["status"].values), return_counts=True)
+    return _counted(dataset["status"].values)
+
+
+def _counted(status: NDArray[Any]) -> dict[str, int]:
+    values, number = np.unique(status, return_counts=True)
     return {status_name(int(value)): int(n) for value, n in zip(values, number, strict=True)}
 
 
@@ -76,11 +81,15 @@ def _case(dataset: xr.Dataset, cell: int) -> xr.Dataset:
 
 def summarise(archive: Path, resumed: int | None) -> Outcome:
     """Read from an archive how its cases ended; the seconds of the run are left to fill in."""
+    status = statuses(archive)
+    failed = np.flatnonzero(status.ravel() != Status.OK)[:SHOWN].tolist()
+    failures = _told(archive, failed) if failed else ()
+    return Outcome(archive, _counted(status), failures, 0.0, status.size if resumed is None else resumed)
+
+
+def _told(archive: Path, cells: list[int]) -> tuple[tuple[str, str], ...]:
+    """Return labels and message of some cases."""
     with open_archive(archive) as dataset:
-        status = np.asarray(dataset["status"].values)
-        counts = status_counts(dataset)
-        failures = [
-            (labels_of_case(dataset, int(cell)) or "the case", str(_case(dataset, int(cell))["message"].item()))
-            for cell in np.flatnonzero(status.ravel() != Status.OK)[:SHOWN]
-        ]
-    return Outcome(archive, counts, tuple(failures), 0.0, status.size if resumed is None else resumed)
+        return tuple(
+            (labels_of_case(dataset, cell) or "the case", str(_case(dataset, cell)["message"].item())) for cell in cells
+        )

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,11 +28,11 @@ from workflow.archive import (
     is_kept,
     keep_known,
     made_by,
-    open_archive,
     parts_of,
     provenance,
     remove_parts,
     start_parts,
+    statuses,
     study_key,
 )
 from workflow.grid import Task, arrange, case_hashes, compiling, tasks, units_of
@@ -47,7 +48,7 @@ Progress = Callable[[int, int, int], None]
 """Told ``(cases stored, cases that are not ok, all cases)`` as a run goes on."""
 
 _HASHED_ASIDE = 100_000
-"""Cases that are hashed while the first tasks run; of more, both at once would hold more memory than either."""
+"""Cases that are hashed while tasks run; of more, both at once would hold more memory than either."""
 
 
 def run_study(
@@ -112,12 +113,18 @@ def run_study(
         holding(parts),
         compiling(grid, helpers),
     ):
+        hashed: list[Future[NDArray[np.uint8]]] = []
+        once = Lock()
+
+        def hashing() -> Future[NDArray[np.uint8]]:
+            with once:
+                if not hashed:
+                    hashed.append(aside.submit(case_hashes, grid))
+            return hashed[0]
+
         if layout.cells > _HASHED_ASIDE:
-            hashes: Future[NDArray[np.uint8]] = Future()
-            hashes.set_result(case_hashes(grid))
-        else:
-            hashes = aside.submit(case_hashes, grid)  # wanted at once for an earlier archive only
-        known = _known(archive, layout, hashes.result(), retry, recompute) if archive.exists() else None
+            hashing().result()
+        known = _known(archive, layout, hashing().result(), retry, recompute) if archive.exists() else None
         if known is not None and np.any(known.cells >= 0):
             layout = replace(layout, provenance={**layout.provenance, **_made_elsewhere(archive, layout)})
         start_parts(parts, layout)
@@ -134,8 +141,13 @@ def run_study(
         resumed = before if known is None else int(np.sum(_cells_there(layout, there) | (known.cells >= 0)))
         missing = (task for task in tasks(grid, units) if _is_missing(task, job, there))
         count = _counting(job, before, done, progress)
+
+        def stored(told: Stored) -> None:
+            hashing()  # not before: it would keep the first kernels from beginning
+            count(told)
+
         try:
-            run_tasks(job, missing, count)
+            run_tasks(job, missing, stored)
         except ClusterError:  # a worker may have stored what it died before telling of
             if progress is not None:
                 done = find_shards(parts, layout)
@@ -143,7 +155,7 @@ def run_study(
                 unwell = sum(len(shard.messages) for shard in done.files)
                 progress(int(np.sum(_cells_there(layout, there))), unwell, layout.cells)
             raise
-        gather(layout, parts, archive, hashes.result(), known)
+        gather(layout, parts, archive, hashing().result(), known)
         remove_parts(parts)
     return replace(summarise(archive, resumed), seconds=time.perf_counter() - begun)
 
@@ -161,8 +173,7 @@ def _is_current(study: Study, archive: Path) -> bool:
 
 
 def _has_failures(archive: Path) -> bool:
-    with open_archive(archive) as dataset:
-        return bool(np.any(dataset["status"].values != Status.OK))
+    return bool(np.any(statuses(archive) != Status.OK))
 
 
 def _known(archive: Path, layout: Layout, hashes: NDArray[np.uint8], retry: bool, recompute: bool) -> Known:
