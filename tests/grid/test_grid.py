@@ -88,6 +88,21 @@ def test_tasks_cover_every_unit_once(text: str, longest: float, monkeypatch: pyt
     assert np.unique(places).size == places.size
 
 
+@pytest.mark.parametrize("h", [1e-5, 1e-6])
+@pytest.mark.parametrize("threads", [2, 4])
+def test_threads_end_together(threads: int, h: float) -> None:
+    """Whenever they begin: each takes the next task as soon as it is free, as dask's threads do."""
+    text = SMALL.replace("h: [1e-4, 2e-4]", f"h: {h}").replace("[0, 5, 10, 20, 50]", "{lin: [0, 50, 2000]}")
+    grid = arrange(parsed(text))
+    cut = list(tasks(grid, units_of(grid)))
+    assert 2 * cut[0].seconds > cutting.SHORTEST > cut[-1].seconds
+    for offset in (0.25, 0.5, 0.75):
+        free = [k / threads * offset * cut[0].seconds for k in range(threads)]
+        for task in cut:
+            free[free.index(min(free))] += task.seconds
+        assert max(free) - min(free) < cutting.SHORTEST
+
+
 def test_what_raises_fails_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     """A scheme that raises for one case: it is told, its neighbours have their numbers."""
     grid = arrange(parsed(SMALL))

@@ -25,8 +25,8 @@ two where they would be too short: the same for any number of threads, so that a
 its shards again."""
 
 LAST = 4
-"""A task is at most this part of what is left of a study, down to half the shortest: of equal tasks the
-last one runs alone for most of its time, of such ones threads end together."""
+"""A task is at most this part of what is left of a study, down to a chunk: of equal tasks the last one runs
+alone for most of its time, of such ones threads end together."""
 
 SETTING_UP = 2e-3
 """Seconds for what the cases of an outer index share: modes, operators, arrays of a batch."""
@@ -37,8 +37,9 @@ HANDLING = 5e-6
 TASK_BYTES = 32 * 2**20
 """Results a task holds in memory before they are written."""
 
-CHUNK_BYTES = 4 * 2**20
-"""Bytes of one history in a chunk of the archive, before compression."""
+CHUNK_BYTES, CHUNK_SECONDS = 4 * 2**20, 0.05
+"""Bytes of one history in a chunk of the archive, before compression; work of a chunk that is short enough
+for the last tasks of a run."""
 
 
 @dataclass(frozen=True)
@@ -124,11 +125,16 @@ def bytes_per_case(grid: Grid) -> int:
 
 
 def units_of(grid: Grid) -> Units:
-    """Cut the innermost dimension so that a chunk is neither large nor long to compute."""
+    """Cut the innermost dimension so that a chunk is neither large nor long to compute.
+
+    A task is made of whole chunks: none takes longer than a fair share of the study. By time they hold
+    a power of two of cases, so that a study that grows a little keeps the chunks of its archive.
+    """
     inner = grid.inner_shape[-1] if grid.inner else 1
-    slowest = float(computed_seconds(grid).max())
+    seconds = computed_seconds(grid)
+    slowest, share = float(seconds.max()), float(seconds.sum()) * grid.inner_count / TASKS_WANTED
     by_size = CHUNK_BYTES // (8 * grid.sampling.count)
-    by_time = int(LONGEST / slowest) if slowest > 0 else inner
+    by_time = _power_of_two_below(min(max(share, CHUNK_SECONDS), LONGEST) / slowest) if slowest > 0 else inner
     return Units(grid.inner_count // inner, inner, max(1, min(inner, by_size, by_time)))
 
 
@@ -148,7 +154,7 @@ def tasks(grid: Grid, units: Units) -> Iterator[Task]:
         first = 0
         while first < units.count:
             left = total - spent
-            fair = min(left / max(1, wanted - number), max(left / LAST, SHORTEST / 2), LONGEST)
+            fair = min(left / max(1, wanted - number), max(left / LAST, CHUNK_SECONDS), LONGEST)
             begin = SETTING_UP if first == 0 else 0.0
             room, fitting = (fair - work - begin) / (each * units.chunk), (most_cases - cases) // units.chunk
             if gathered and (work >= 0.9 * fair or room < 0.5 or fitting < 1):
