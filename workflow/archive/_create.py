@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.archive._layout import CHUNK_BYTES, FORMAT, MESSAGE, Attributes, Layout
+from workflow.archive._seal import BLANK, FILE_CHECKSUM
 from workflow.archive._shard import LEVEL
 
 CONVENTIONS = "CF-1.11"
@@ -133,6 +134,9 @@ def _create_provenance(file: Any, layout: Layout, hashes: NDArray[np.uint8] | No
             group.createDimension(f"{name}_bytes", len(encoded))
             made = group.createVariable(name, "S1", (f"{name}_bytes",), compression="zlib", complevel=LEVEL)
             made[:] = np.frombuffer(encoded, "S1")
+    group.createDimension("digit", len(BLANK))
+    place = group.createVariable(FILE_CHECKSUM, "S1", ("digit",), contiguous=True)
+    place[:] = np.frombuffer(BLANK.encode(), "S1")
     if hashes is not None:
         group.createDimension("byte", hashes.shape[1])
         made = group.createVariable(CASE_HASH, "u1", (*(name for name, _ in layout.dims), "byte"))

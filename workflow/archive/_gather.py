@@ -16,7 +16,7 @@ from workflow.archive._files import ArchiveError, free_space, sync, writing
 from workflow.archive._guard import vouch
 from workflow.archive._known import Known
 from workflow.archive._layout import NOT_RUN, STATUS, Layout, Variable
-from workflow.archive._seal import BLANK, FILE_CHECKSUM, seal
+from workflow.archive._seal import seal
 from workflow.archive._shard import Shards, decode_chunk, encode_chunk, find_shards, stored_chunks
 
 _VARIABLE_BYTES, _CHUNK_BYTES, _CELL_BYTES = 5000, 100, 16
@@ -185,16 +185,13 @@ def _make_room(layout: Layout, shards: Shards, known: Known | None, directory: P
 
 
 def _tell_hash(path: Path, digest: str) -> None:
-    import netCDF4
+    """Add the content hash, in characters of fixed length like the other texts."""
+    import h5py
 
     from workflow.archive._lock import LOCK
 
-    with LOCK, netCDF4.Dataset(path, "a") as file:
-        file[PROVENANCE].setncattr("content_hash", digest)
-        group = file[PROVENANCE]
-        group.createDimension("digit", len(BLANK))
-        place = group.createVariable(FILE_CHECKSUM, "S1", ("digit",), contiguous=True)
-        place[:] = np.frombuffer(BLANK.encode(), "S1")
+    with LOCK, h5py.File(path, "r+") as archive:
+        archive[PROVENANCE].attrs["content_hash"] = np.bytes_(digest)
 
 
 def _read_back(layout: Layout, path: Path, digest: str) -> None:

@@ -37,7 +37,7 @@ HANDLING = 5e-6
 TASK_BYTES = 32 * 2**20
 """Results a task holds in memory before they are written."""
 
-CHUNK_BYTES, CHUNK_SECONDS = 4 * 2**20, 0.05
+CHUNK_BYTES, CHUNK_SECONDS = 4 * 2**20, 0.025
 """Bytes of one history in a chunk of the archive, before compression; work of a chunk that is short enough
 for the last tasks of a run."""
 
