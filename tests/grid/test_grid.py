@@ -103,6 +103,28 @@ def test_threads_end_together(threads: int, h: float) -> None:
         assert max(free) - min(free) < cutting.SHORTEST
 
 
+@pytest.mark.parametrize("alphas", [3, 40, 2000])
+@pytest.mark.parametrize("h", [1e-4, 1e-6])
+def test_cases_that_are_stepped_together_stay_together(h: float, alphas: int) -> None:
+    """Where a task cuts the cases of an outer index, it leaves whole packs."""
+    text = SMALL.replace("h: [1e-4, 2e-4]", f"h: [{h}, {2 * h}]").replace(
+        "[0, 5, 10, 20, 50]", f"{{lin: [0, 50, {alphas}]}}"
+    )
+    grid = arrange(parsed(text))
+    units = units_of(grid)
+    for task in tasks(grid, units):
+        for segment in task.segments:
+            ends = segment.first + segment.units == units.count
+            assert ends or segment.units * units.chunk >= schemes.load("moreau").TOGETHER
+
+
+def test_a_scheme_that_steps_cases_alone_is_cut_anywhere() -> None:
+    scene = SCENE.replace("60 ms", "1000 s")
+    long = "study: a\n" + scene + "axes: {scheme: [event_driven], alpha: [0, 1, 2, 3]}\noutput: {interval: 10 s}\n"
+    grid = arrange(parsed(long))
+    assert [task.cases for task in tasks(grid, units_of(grid))] == [1, 1, 1, 1]
+
+
 def test_what_raises_fails_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     """A scheme that raises for one case: it is told, its neighbours have their numbers."""
     grid = arrange(parsed(SMALL))

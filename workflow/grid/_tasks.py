@@ -97,9 +97,22 @@ def seconds_per_case(grid: Grid, outer: int) -> float:
     return scheme.cost(reduced_structure(cell), cell.h, cell.scheme.options, grid.sampling)
 
 
-@lru_cache(maxsize=4)
+def together(grid: Grid, outer: int) -> int:
+    """Return how many cases of an outer index the scheme steps at once."""
+    cell = grid.settings(outer)
+    scheme = schemes.load(cell.scheme.method)
+    alone = hasattr(scheme, "is_swept") and scheme.is_swept(reduced_structure(cell))
+    return 1 if alone else int(getattr(scheme, "TOGETHER", 1))
+
+
 def computed_seconds(grid: Grid) -> NDArray[np.float64]:
-    """Return the seconds of a case of every outer index that is computed, in the order of ``grid.places``.
+    """Return the seconds of a case of every outer index that is computed, in the order of ``grid.places``."""
+    return _computed(grid)[0]
+
+
+@lru_cache(maxsize=4)
+def _computed(grid: Grid) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return the seconds of a case, and the cases stepped together, of every outer index that is computed.
 
     The cost model knows scheme, step and sizes: what else an axis varies in a structure does not count.
     Structures are made for it, and kept for the run, so that one thread of BLAS makes them here as in a
@@ -112,7 +125,8 @@ def computed_seconds(grid: Grid) -> NDArray[np.float64]:
         grid.alike(grid.places.computed, lambda path: _decides_cost(path, model)), return_inverse=True
     )
     with threadpool_limits(limits=1, user_api="blas"):
-        return np.array([seconds_per_case(grid, int(outer)) for outer in alike])[where]
+        seconds = np.array([seconds_per_case(grid, int(outer)) for outer in alike])
+        return seconds[where], np.array([together(grid, int(outer)) for outer in alike])[where]
 
 
 def _decides_cost(path: str, model: str) -> bool:
@@ -127,20 +141,25 @@ def bytes_per_case(grid: Grid) -> int:
 def units_of(grid: Grid) -> Units:
     """Cut the innermost dimension so that a chunk is neither large nor long to compute.
 
-    A task is made of whole chunks: none takes longer than a fair share of the study. By time they hold
-    a power of two of cases, so that a study that grows a little keeps the chunks of its archive.
+    A task is made of whole chunks: none takes longer than a fair share of the study, but for cases that
+    are stepped together. By time chunks hold a power of two of cases, so that a study that grows a little
+    keeps the chunks of its archive.
     """
     inner = grid.inner_shape[-1] if grid.inner else 1
-    seconds = computed_seconds(grid)
-    slowest, share = float(seconds.max()), float(seconds.sum()) * grid.inner_count / TASKS_WANTED
+    seconds, at_once = _computed(grid)
+    share = min(max(float(seconds.sum()) * grid.inner_count / TASKS_WANTED, CHUNK_SECONDS), LONGEST)
     by_size = CHUNK_BYTES // (8 * grid.sampling.count)
-    by_time = _power_of_two_below(min(max(share, CHUNK_SECONDS), LONGEST) / slowest) if slowest > 0 else inner
+    by_time = _power_of_two_below(float(np.min(np.maximum(share / np.maximum(seconds, 1e-300), at_once))))
     return Units(grid.inner_count // inner, inner, max(1, min(inner, by_size, by_time)))
 
 
 def tasks(grid: Grid, units: Units) -> Iterator[Task]:
-    """Yield the tasks of a study in archive order, one at a time; only distinct results are computed."""
-    seconds = computed_seconds(grid) + HANDLING
+    """Yield the tasks of a study in archive order, one at a time; only distinct results are computed.
+
+    Cases that are stepped together stay together: fewer would cost as much.
+    """
+    seconds, at_once = _computed(grid)
+    seconds = seconds + HANDLING
     total = float(seconds.sum()) * grid.inner_count + SETTING_UP * seconds.size
     wanted = max(_power_of_two_below(min(total / SHORTEST, TASKS_WANTED)), math.ceil(total / LONGEST))
     most_cases = max(units.chunk, TASK_BYTES // bytes_per_case(grid))
@@ -150,18 +169,18 @@ def tasks(grid: Grid, units: Units) -> Iterator[Task]:
     def told() -> Task:
         return Task(number, tuple(gathered), work, cases)
 
-    for outer, each in zip(grid.places, map(float, seconds), strict=True):
+    for outer, each, least in zip(grid.places, map(float, seconds), -(-at_once // units.chunk), strict=True):
         first = 0
         while first < units.count:
-            left = total - spent
+            left, few = total - spent, min(int(least), units.count - first)
             fair = min(left / max(1, wanted - number), max(left / LAST, CHUNK_SECONDS), LONGEST)
             begin = SETTING_UP if first == 0 else 0.0
             room, fitting = (fair - work - begin) / (each * units.chunk), (most_cases - cases) // units.chunk
-            if gathered and (work >= 0.9 * fair or room < 0.5 or fitting < 1):
+            if gathered and (work >= 0.9 * fair or room < 0.5 * few or fitting < 1):
                 yield told()
                 number, gathered, work, cases, spent = number + 1, [], 0.0, 0, spent + work
                 continue
-            taken = min(units.count - first, max(1, round(min(room, units.count))), fitting)
+            taken = min(units.count - first, few * max(1, round(min(room, units.count) / few)), fitting)
             gathered.append(Segment(outer, first, taken))
             size = units.cases(first, taken)[0].size
             work, cases, first = work + begin + size * each, cases + size, first + taken

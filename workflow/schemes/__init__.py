@@ -21,8 +21,10 @@ It may offer
     metrics that it gives beside those of :class:`Results`, name to unit and meaning.
 ``contact_limit(structure, options)``
     the step, s, above which its motion grows while the tip is in contact.
+``TOGETHER``
+    cases of a batch that are stepped at once, and cost little more than one of them.
 ``is_swept(structure)``, ``operator_name(structure)``
-    whether it steps a structure node by node instead of by its modes, and how ``plan`` says so.
+    whether it steps a structure node by node instead of by its modes, each case by itself, and how ``plan`` says so.
 ``rigid(structure, h)``
     options with which it approaches a rigid casing as h → 0, where not all do.
 """

@@ -23,8 +23,11 @@ from workflow.schemes._central_march import METRICS
 from workflow.schemes._central_march import compute as march
 from workflow.schemes._decoupled import decouple
 from workflow.schemes._interface import Results, Sampling
+from workflow.schemes._lanes import WIDE
 
 READS = frozenset({"h", "alpha"})
+
+TOGETHER = WIDE
 
 
 @dataclass(frozen=True)

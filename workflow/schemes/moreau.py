@@ -19,6 +19,7 @@ from workflow.models import Array, Cases, Chain, Structure, poles
 from workflow.schemes._balance import balance_cost
 from workflow.schemes._decoupled import Decoupled, decouple, start
 from workflow.schemes._interface import Results, Sampling, Status, merge, schedule
+from workflow.schemes._lanes import WIDE
 from workflow.schemes._modal_march import march
 from workflow.schemes._prox import contact_rows
 from workflow.schemes._stepping import DISPLACEMENT, TEMPERATURE, collect, watch
@@ -26,6 +27,8 @@ from workflow.schemes._sweep_march import sweep
 from workflow.schemes._sweeps import Swept
 
 READS = frozenset({"e", "h", "alpha"})
+
+TOGETHER = WIDE
 
 _ROUNDING = 16 * np.finfo(float).eps
 """A free step grows only above 1 by more than the few operations that compute its factor can err."""

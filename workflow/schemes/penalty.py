@@ -25,8 +25,11 @@ from workflow.schemes._central_march import METRICS
 from workflow.schemes._central_march import compute as march
 from workflow.schemes._decoupled import Decoupled, decouple
 from workflow.schemes._interface import Results, Sampling
+from workflow.schemes._lanes import WIDE
 
 READS = frozenset({"h", "alpha"})
+
+TOGETHER = WIDE
 
 _CENTRAL = Differences()
 
