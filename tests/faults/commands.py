@@ -21,7 +21,7 @@ import time
 import workflow.grid._tasks as cutting
 import workflow.run._task as running
 from workflow.cli import main
-cutting.SHORTEST = 1e-9
+cutting.SHORTEST, cutting.UNBROKEN = 1e-9, 0.0
 write = running.write_shard
 def slowly(*words):
     time.sleep({pause})

@@ -34,6 +34,7 @@ STUDY = quick({"e": [0.0, 0.2, 0.5, 0.9], "alpha": [0.0, 5.0, 20.0, 50.0]})
 def finely(monkeypatch: pytest.MonkeyPatch) -> None:
     """A task, and a shard, for each of the four rows."""
     monkeypatch.setattr(cutting, "SHORTEST", 1e-9)
+    monkeypatch.setattr(cutting, "UNBROKEN", 0.0)
 
 
 @pytest.fixture(scope="module")

@@ -72,6 +72,7 @@ def test_axes_that_a_scheme_does_not_read_are_computed_once(still: None) -> None
 @pytest.mark.parametrize("longest", [1e-9, 5.0])
 def test_tasks_cover_every_unit_once(text: str, longest: float, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cutting, "SHORTEST", min(longest, 0.1))
+    monkeypatch.setattr(cutting, "UNBROKEN", 0.0)
     monkeypatch.setattr(cutting, "LONGEST", longest)
     grid = arrange(parsed(text))
     units = units_of(grid)
@@ -118,11 +119,13 @@ def test_cases_that_are_stepped_together_stay_together(h: float, alphas: int) ->
             assert ends or segment.units * units.chunk >= schemes.load("moreau").TOGETHER
 
 
-def test_a_scheme_that_steps_cases_alone_is_cut_anywhere() -> None:
-    scene = SCENE.replace("60 ms", "1000 s")
-    long = "study: a\n" + scene + "axes: {scheme: [event_driven], alpha: [0, 1, 2, 3]}\noutput: {interval: 10 s}\n"
-    grid = arrange(parsed(long))
-    assert [task.cases for task in tasks(grid, units_of(grid))] == [1, 1, 1, 1]
+def test_a_scheme_that_steps_cases_alone_is_cut_anywhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cutting, "SHORTEST", 1e-9)
+    monkeypatch.setattr(cutting, "CHUNK_SECONDS", 1e-9)
+    for scheme, cut in (("event_driven", [1, 1, 1, 1]), ("moreau", [4])):
+        text = "study: a\n" + SCENE + f"axes: {{scheme: [{scheme}], alpha: [0, 1, 2, 3]}}\n"
+        grid = arrange(parsed(text))
+        assert [task.cases for task in tasks(grid, units_of(grid))] == cut
 
 
 def test_what_raises_fails_alone(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -43,7 +43,7 @@ output: {interval: 1 ms, histories: [displacement]}
 
 FINELY = """
 import workflow.grid._tasks as cutting, workflow.run._cluster as cluster
-cutting.SHORTEST, cluster._PATIENCE = 1e-9, 1.0
+cutting.SHORTEST, cutting.UNBROKEN, cluster._PATIENCE = 1e-9, 0.0, 1.0
 from workflow.cli import main
 main()
 """

@@ -87,6 +87,7 @@ def test_a_failed_case_has_no_value_of_another_s(
     """Neither of its neighbours nor of the archive that was extended."""
     if finely:
         monkeypatch.setattr(cutting, "SHORTEST", 1e-9)
+        monkeypatch.setattr(cutting, "UNBROKEN", 0.0)
     archive = tmp_path / "a.nc"
     run_study(quick({"alpha": [0.0, 50.0]}), archive)
     run_study(quick({"alpha": [0.0, 5.0, 50.0]}), archive)
@@ -135,6 +136,7 @@ def test_an_unfinished_run_is_ended_before_it_is_retried(
     tmp_path: Path, broken: set[float], solved: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(cutting, "SHORTEST", 1e-9)
+    monkeypatch.setattr(cutting, "UNBROKEN", 0.0)
     archive = tmp_path / "a.nc"
     with room_for_two_shards(monkeypatch), pytest.raises(ArchiveError):
         run_study(quick(), archive, threads=1)
@@ -149,6 +151,7 @@ def test_a_retry_that_was_stopped_goes_on(
     tmp_path: Path, broken: set[float], solved: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(cutting, "SHORTEST", 1e-9)
+    monkeypatch.setattr(cutting, "UNBROKEN", 0.0)
     archive = tmp_path / "a.nc"
     run_study(quick(), archive)
     before = archive.read_bytes()

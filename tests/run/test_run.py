@@ -19,6 +19,7 @@ from workflow.schemes import Status
 def many_tasks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Cut even the smallest study in a task per unit."""
     monkeypatch.setattr(cutting, "SHORTEST", 1e-9)
+    monkeypatch.setattr(cutting, "UNBROKEN", 0.0)
     monkeypatch.setattr(cutting, "TASKS_WANTED", 10**6)
 
 
@@ -59,6 +60,7 @@ def test_bits_do_not_depend_on_threads_or_tasks(tmp_path: Path, monkeypatch: pyt
     hashes = []
     for number, (threads, shortest) in enumerate([(1, 0.1), (2, 1e-9), (4, 1e-9)]):
         monkeypatch.setattr(cutting, "SHORTEST", shortest)
+        monkeypatch.setattr(cutting, "UNBROKEN", 0.0)
         archive = tmp_path / f"{number}.nc"
         run_study(parsed(SMALL), archive, threads=threads)
         hashes.append(content_hash(archive))

@@ -24,6 +24,10 @@ TASKS_WANTED = 64
 two where they would be too short: the same for any number of threads, so that an interrupted run finds
 its shards again."""
 
+UNBROKEN = 60.0
+"""Seconds up to which cases that are stepped together make a task longer than it would be: fewer of them
+cost as much, but a task that is lost is lost as a whole."""
+
 LAST = 4
 """A task is at most this part of what is left of a study, down to a chunk: of equal tasks the last one runs
 alone for most of its time, of such ones threads end together."""
@@ -172,7 +176,8 @@ def tasks(grid: Grid, units: Units) -> Iterator[Task]:
     for outer, each, least in zip(grid.places, map(float, seconds), -(-at_once // units.chunk), strict=True):
         first = 0
         while first < units.count:
-            left, few = total - spent, min(int(least), units.count - first)
+            left, most_together = total - spent, max(1, int(UNBROKEN / (each * units.chunk)))
+            few = min(int(least), units.count - first, most_together)
             fair = min(left / max(1, wanted - number), max(left / LAST, CHUNK_SECONDS), LONGEST)
             begin = SETTING_UP if first == 0 else 0.0
             room, fitting = (fair - work - begin) / (each * units.chunk), (most_cases - cases) // units.chunk
