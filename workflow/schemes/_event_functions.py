@@ -146,10 +146,8 @@ def block_propagators(b: Array, dt: float) -> None:
         p = p * r + 0.16666666666666666
         p = p * r + 0.5
         b[PULL, k] = 1.0 + (r + r * r * p)
-        b[POWER, k] = q + _EXPONENT
-    bits = b[POWER].view(np.int64)
-    for k in range(bits.size):
-        bits[k] = bits[k] << 52
+        bits = np.float64(q + _EXPONENT).view(np.int64) << 52
+        b[POWER, k] = np.int64(bits).view(np.float64)
     for k in range(b.shape[1]):
         shrink = b[PULL, k] * b[POWER, k]
         s = shrink * b[S, k] / b[TURN, k]

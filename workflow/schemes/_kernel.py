@@ -58,6 +58,7 @@ def _compiled(function: F, **options: Any) -> F:
     before = config.CACHE_DIR
     config.CACHE_DIR = str(cache_directory())
     options |= {"nogil": True, "cache": True, "error_model": "numpy", "pipeline_class": KernelCompiler}
+    options |= {"no_cfunc_wrapper": True}
     try:
         return cast(F, numba.njit(**options)(function))
     finally:

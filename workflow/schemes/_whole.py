@@ -18,10 +18,11 @@ from typing import Any
 
 from llvmlite.binding import Linkage
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler, Flags
 from numba.core.compiler_machinery import LoweringPass, register_pass
 from numba.core.typed_passes import NativeLowering, NoPythonBackend
 from numba.core.types import unliteral
+
+from workflow.schemes._translation import Translator
 
 
 class _Waiting(JITCodeLibrary):
@@ -88,30 +89,13 @@ class _Surrounded(LoweringPass):
         return True
 
 
-class _Flags(Flags):
-    """Options of a compilation that are compared as they are kept.
-
-    numba looks them up for each candidate of each operation that it types, and reads all of them for
-    that: a tenth of its time.
-    """
-
-    def __hash__(self) -> int:
-        return len(self._values)
-
-    def __eq__(self, other: object) -> bool:
-        return self is other or (self._values == other._values if isinstance(other, _Flags) else super().__eq__(other))
-
-
-class _Compiler(Compiler):
-    """Compiles with our flags into a library of our own."""
-
-    def __init__(self, typing: Any, target: Any, library: Any, args: Any, returned: Any, flags: Any, known: Any):
-        super().__init__(typing, target, library, args, returned, _Flags(flags), known)
+class _Compiler(Translator):
+    """Compiles into a library of our own."""
 
     def _passes(self, library: type[JITCodeLibrary], added: type[LoweringPass], after: type[LoweringPass]) -> list[Any]:
-        """Return the passes of numba's compiler, into a library of a type and with one pass more."""
+        """Return the passes, into a library of a type and with one pass more."""
         self.state.library = library(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
-        (passes,) = super().define_pipelines()
+        passes = self.passes()
         passes.add_pass_after(added, after)
         passes.finalize()
         return [passes]
