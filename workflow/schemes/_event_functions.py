@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.models import Array
-from workflow.schemes._kernel import part
+from workflow.schemes._kernel import part, rare
 
 _ROUND = 6755399441055744.0
 """1.5 · 2^52: adding and subtracting it rounds to the nearest integer."""
@@ -155,7 +155,7 @@ def block_propagators(b: Array, dt: float) -> None:
         b[S, k] = s
 
 
-@part
+@rare
 def stiff_block(c: float, w2: float, dt: float) -> tuple[float, float]:
     """Return C and S of one block that does not oscillate, ω² <= c²/4, of either sign of c."""
     half = 0.5 * c

@@ -57,7 +57,7 @@ from workflow.schemes._event_functions import (
     padded,
 )
 from workflow.schemes._event_regimes import Regime
-from workflow.schemes._kernel import part
+from workflow.schemes._kernel import part, rare
 
 SLOW = 0.3
 """A block whose slowest pole turns by less than this over the duration keeps its forces explicit:
@@ -207,7 +207,7 @@ def _keeps_forces(c: float, w2: float, forced: bool, load_omega: float, duration
     return bool(np.hypot(half, load_omega - np.sqrt(turn)) * duration < RESONANT)
 
 
-@part
+@rare
 def _sources(regime: Layout, load: Load, heated: bool, constant: Array, harmonic: Array) -> None:
     """Fill the sources [β, γ, χ] of all coordinates: constant ones, and those of sin ψ."""
     steady, heating = load.steady.size, load.heating.size
@@ -234,7 +234,7 @@ def _quotient(a: float, b: float, c: float, d: float) -> tuple[float, float]:
     return (a * ratio + b) / whole, (b * ratio - a) / whole
 
 
-@part
+@rare
 def respond(regime: Layout, load: Load, heat_shape: Array, firsts: int, tables: Tables) -> Any:
     """Return the response of a regime to the loads of one case; ``firsts`` is 0 without heat.
 

@@ -34,6 +34,31 @@ class _Waiting(JITCodeLibrary):
         self._finalized = True
 
 
+class _Brief(_Waiting):
+    """Code of a part that leaves most of its optimisation to the kernel."""
+
+    def _optimize_functions(self, module: Any) -> None:
+        """Make it shorter."""
+        module.data_layout = self._codegen._data_layout
+        passes, builder = self._codegen._function_pass_manager(opt=1)
+        for function in module.functions:
+            if not function.is_declaration:
+                self._mark(function)
+                passes.run(function, builder)
+
+    def _mark(self, function: Any) -> None:
+        """Tell LLVM what is known of it."""
+
+
+class _Rare(_Brief):
+    """Code of a part that runs rarely."""
+
+    def _mark(self, function: Any) -> None:
+        """Keep it apart and short."""
+        function.add_function_attribute("noinline")
+        function.add_function_attribute("optsize")
+
+
 class _Whole(JITCodeLibrary):
     """Code of a kernel with all its parts."""
 
@@ -101,13 +126,27 @@ class _Compiler(Translator):
         return [passes]
 
 
-class PartCompiler(_Compiler):
-    """Translates a part."""
+class InlinedCompiler(_Compiler):
+    """Translates a part that becomes one with its callers, and is what loops are made of."""
+
+    _kind: type[_Waiting] = _Waiting
 
     def define_pipelines(self) -> list[Any]:
         """Leave machine code out."""
         self.state.flags.no_compile = True
-        return self._passes(_Waiting, _Offered, NativeLowering)
+        return self._passes(self._kind, _Offered, NativeLowering)
+
+
+class PartCompiler(InlinedCompiler):
+    """Translates a part."""
+
+    _kind = _Brief
+
+
+class RareCompiler(InlinedCompiler):
+    """Translates a part that runs rarely."""
+
+    _kind = _Rare
 
 
 class KernelCompiler(_Compiler):
