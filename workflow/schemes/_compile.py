@@ -90,9 +90,9 @@ def _uncollected() -> Iterator[None]:
             gc.enable()
 
 
-def at_work() -> bool:
-    """Tell whether others compile what this process has not asked for yet."""
-    return any(not helper.done() for helper in list(_HELPERS.values()))
+def at_work() -> list[Future[None]]:
+    """Return what others compile, or are about to, in their order."""
+    return [helper for helper in list(_HELPERS.values()) if not helper.done()]
 
 
 def _note(wanted: Wanted) -> Path | None:
