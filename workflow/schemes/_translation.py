@@ -1,8 +1,8 @@
-"""numba's compiler without what kernels do without: it takes as long to translate them as LLVM does for all the rest.
+"""numba's compiler without what kernels do without: their translation takes longer than all that LLVM does.
 
 - Of its passes some change nothing here: kernels have no closures, no array expressions, no branches
   on types.
-- Typing tries some fifty candidates for each addition of two floats, and does so for each addition.
+- Typing tries dozens of candidates for an addition of two floats, and does so anew for each addition.
 - For each element of an array that is read or written, the seven numbers that describe the array are
   stored anew.
 

@@ -35,7 +35,10 @@ class _Waiting(JITCodeLibrary):
 
 
 class _Brief(_Waiting):
-    """Code of a part that leaves most of its optimisation to the kernel."""
+    """Code of a part that leaves most of its optimisation to the kernel.
+
+    Not for what is inlined by force: loops over lanes lose their vectors when so little is done before.
+    """
 
     def _optimize_functions(self, module: Any) -> None:
         """Make it shorter."""
