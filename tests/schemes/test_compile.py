@@ -17,6 +17,7 @@ import pytest
 
 import workflow
 from workflow import schemes
+from workflow.grid import Turns, lend_turns
 from workflow.schemes import _compile as compilation
 from workflow.schemes._compile import Wanted, compile_scheme, compiled_ahead
 
@@ -167,6 +168,33 @@ def test_a_scheme_whose_turn_has_not_come_is_compiled_here(unnoted: Path, monkey
             busy.set()
     finally:
         busy.set()
+
+
+def test_a_process_that_compiles_has_a_turn_until_it_is_done(unnoted: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    done, over = threading.Event(), threading.Event()
+    monkeypatch.setattr(compilation._Running, "help_with", lambda running, schemes: done.wait())
+    turns, taken = Turns(2), threading.Semaphore(0)
+
+    def compute() -> None:
+        with turns:
+            taken.release()
+            over.wait()
+
+    threads = [threading.Thread(target=compute) for _ in range(2)]
+    try:
+        with compiled_ahead([wanted("event_driven"), wanted("moreau")], 1):
+            lend_turns(turns, 1)
+            for thread in threads:
+                thread.start()
+            assert taken.acquire(timeout=60)
+            assert not taken.acquire(timeout=0.2)
+            done.set()
+            assert taken.acquire(timeout=60)
+    finally:
+        done.set()
+        over.set()
+        for thread in threads:
+            thread.join()
 
 
 def test_what_is_compiled_needs_no_process(unnoted: Path, monkeypatch: pytest.MonkeyPatch) -> None:

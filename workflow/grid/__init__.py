@@ -1,6 +1,6 @@
 """From a study to batches of cases that share their operators, and to the tasks dask runs."""
 
-from workflow.grid._ahead import compiling, is_compiling
+from workflow.grid._ahead import compiling, is_compiling, lend_turns
 from workflow.grid._arrangement import Grid, arrange, fixes_operator, reads
 from workflow.grid._identity import case_hashes
 from workflow.grid._operators import reduced_structure, structure_of
@@ -24,6 +24,7 @@ __all__ = [
     "compiling",
     "fixes_operator",
     "is_compiling",
+    "lend_turns",
     "longest_period_count",
     "plan",
     "reads",

@@ -8,6 +8,7 @@ from contextlib import AbstractContextManager, suppress
 from workflow.grid._arrangement import Grid
 from workflow.grid._operators import kernels_of
 from workflow.grid._reference import reference_cell
+from workflow.grid._turns import Turns
 from workflow.schemes._compile import Wanted, at_work, compiled_ahead
 
 
@@ -18,7 +19,14 @@ def compiling(grid: Grid, processes: int) -> AbstractContextManager[None]:
 
 def is_compiling() -> bool:
     """Tell whether some kernels are being compiled beside this process: tasks may have to wait for them."""
-    return at_work()
+    return bool(at_work())
+
+
+def lend_turns(turns: Turns, most: int) -> None:
+    """Lend so many turns to the processes that compile until they are done: sooner or later all wait for them."""
+    for helper in at_work()[-most:] if most > 0 else []:
+        turns.lend()
+        helper.add_done_callback(lambda _: turns.take_back())
 
 
 def _wanted(grid: Grid) -> Iterator[Wanted]:

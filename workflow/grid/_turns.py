@@ -23,6 +23,14 @@ class Turns:
         """Give no more turns: threads that wait for one end by :class:`Over`."""
         self._over = True
 
+    def lend(self) -> None:
+        """Let one thread fewer have a turn, until it is taken back."""
+        self._free.acquire()
+
+    def take_back(self) -> None:
+        """End what :meth:`lend` began."""
+        self._free.release()
+
     def __enter__(self) -> None:
         self._free.acquire()
         if self._over:

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from itertools import islice
 
-from workflow.grid import Task, Turns, is_compiling
+from workflow.grid import Task, Turns, is_compiling, lend_turns
 from workflow.run._task import Job, Stored, store_task
 
 _GRAPH = 512
@@ -33,6 +33,7 @@ def run_on_threads(job: Job, missing: Iterator[Task], stored: Callable[[Stored],
     from threadpoolctl import threadpool_limits
 
     computing = Turns(threads)
+    lend_turns(computing, threads - 1)
     waiting = _BEGUN_WHILE_COMPILING if is_compiling() else min(threads - 1, 1 + threads // 8)
     next_ones: deque[Task] = deque()
 

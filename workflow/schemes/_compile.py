@@ -65,10 +65,11 @@ def compile_scheme(wanted: Wanted, waiting: Callable[[], AbstractContextManager[
 def _compile(wanted: Wanted) -> None:
     nodes = wanted.nodes
     chain = models.load("chain")
-    structure = chain.assemble(chain.Parameters(nodes=nodes, mass=1.0, stiffness=1.0, heat_capacity=1.0))
+    parameters = chain.Parameters(nodes, mass=1.0, stiffness=1.0, heat_capacity=1.0, spacing=1.0, expansion=1.0)
+    structure = chain.assemble(parameters)
     scheme = load(wanted.method)
-    one, node = np.zeros(1), np.zeros((1, nodes))
-    cases = Cases(one, one, one + 1, one, one, one, one, node, node, node, node, node)
+    none, one, node = np.zeros(1), np.ones(1), np.zeros((1, nodes))
+    cases = Cases(none, one, one, none, none, none, none, node, node, node, node, node)
     with _uncollected():
         scheme.compute(scheme.init(structure, 0.5, wanted.options), cases, Sampling(1.0, 0.5, 3, balances=True))
     note = _note(wanted)
@@ -89,9 +90,9 @@ def _uncollected() -> Iterator[None]:
             gc.enable()
 
 
-def at_work() -> bool:
-    """Tell whether others compile what this process has not asked for yet."""
-    return any(not helper.done() for helper in list(_HELPERS.values()))
+def at_work() -> list[Future[None]]:
+    """Return what others compile, or are about to, in their order."""
+    return [helper for helper in list(_HELPERS.values()) if not helper.done()]
 
 
 def _note(wanted: Wanted) -> Path | None:

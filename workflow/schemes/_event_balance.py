@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 
 from workflow.models import Array
 from workflow.schemes._event_response import Load
-from workflow.schemes._kernel import part
+from workflow.schemes._kernel import part, rare
 
 Complex = NDArray[np.complex128]
 
@@ -116,7 +116,7 @@ def energy_of(log: Log, raw: Array) -> float:
     return energy
 
 
-@part
+@rare
 def begin_phase(log: Log, raw: Array, t: float, held: bool) -> None:
     """Note how and when a phase begins."""
     i = int(log.totals[COUNT])
@@ -128,7 +128,7 @@ def begin_phase(log: Log, raw: Array, t: float, held: bool) -> None:
     energy_of(log, raw)
 
 
-@part
+@rare
 def let_go(log: Log, before: Array, after: Array) -> None:
     """Take the energy of modes that are let go out of the balance."""
     log.totals[SPENT] += energy_of(log, before) - energy_of(log, after)

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.models import Array
-from workflow.schemes._kernel import part
+from workflow.schemes._kernel import part, rare
 
 _ROUND = 6755399441055744.0
 """1.5 · 2^52: adding and subtracting it rounds to the nearest integer."""
@@ -146,10 +146,8 @@ def block_propagators(b: Array, dt: float) -> None:
         p = p * r + 0.16666666666666666
         p = p * r + 0.5
         b[PULL, k] = 1.0 + (r + r * r * p)
-        b[POWER, k] = q + _EXPONENT
-    bits = b[POWER].view(np.int64)
-    for k in range(bits.size):
-        bits[k] = bits[k] << 52
+        bits = np.float64(q + _EXPONENT).view(np.int64) << 52
+        b[POWER, k] = np.int64(bits).view(np.float64)
     for k in range(b.shape[1]):
         shrink = b[PULL, k] * b[POWER, k]
         s = shrink * b[S, k] / b[TURN, k]
@@ -157,7 +155,7 @@ def block_propagators(b: Array, dt: float) -> None:
         b[S, k] = s
 
 
-@part
+@rare
 def stiff_block(c: float, w2: float, dt: float) -> tuple[float, float]:
     """Return C and S of one block that does not oscillate, ω² <= c²/4, of either sign of c."""
     half = 0.5 * c

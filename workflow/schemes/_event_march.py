@@ -35,7 +35,7 @@ from workflow.schemes._event_response import (
 )
 from workflow.schemes._event_search import ROUNDING, S0, S1, S2, SIZE, Expansion, expand
 from workflow.schemes._event_step import certified_step
-from workflow.schemes._kernel import part, uncounted
+from workflow.schemes._kernel import part, rare, uncounted
 
 DONE, EVENTS, STEPS, BEYOND, NOT_FINITE, FULL = range(6)
 """How a case ended: to the end, by a budget, tip beyond the gap at the start, numbers overflowed, or
@@ -103,7 +103,7 @@ FIRST_STEP = 0.1
 """First step tried after an event, in times of the fastest pole; longer ones follow if it is clear."""
 
 
-@part
+@rare
 def _side(regime: Layout, load: Load, heat_shape: Array, firsts: int, tables: Tables) -> Any:
     """Prepare a regime for a case."""
     r = respond(regime, load, heat_shape, firsts, tables)
@@ -189,7 +189,7 @@ def _release(flight: Side, hold: Side, held: Layout, gap: float, tally: Array, w
     watch.totals[SINCE] = np.inf
 
 
-@part
+@rare
 def _begin(flight: Side, hold: Side, holding: bool, held: Layout, gap: float, log: Log, t: float) -> bool:
     """Log the phase that begins; return whether there was room for it."""
     if log.totals[COUNT] >= log.held.size:
@@ -237,7 +237,7 @@ def _move(
     return h, event, after
 
 
-@part
+@rare
 def _finish(
     record: Record,
     watch: Watch,

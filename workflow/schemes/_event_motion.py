@@ -43,7 +43,7 @@ from workflow.schemes._event_functions import (
     stiff_block,
 )
 from workflow.schemes._event_response import FIRSTS, ORDER, PACES, SLOPES, TAYLOR_SPAN, VALUES, Response
-from workflow.schemes._kernel import part
+from workflow.schemes._kernel import part, rare
 
 
 @part
@@ -75,7 +75,7 @@ def splits(c: float, w2: float) -> bool:
     return bool(c > 0.0 and 0.0 <= w2 <= 0.1875 * c * c)
 
 
-@part
+@rare
 def _split_block(r: Response, k: int, t: float, motion: Array, dt: float) -> tuple[float, float, float]:
     """Advance an explicit block whose fast pole is stiff, as two states of first order.
 
@@ -136,7 +136,7 @@ def _split_block(r: Response, k: int, t: float, motion: Array, dt: float) -> tup
     return y_new, p_new + slow * y_new, (q_area - (p_new - p - push) / s) / (slow - s)
 
 
-@part
+@rare
 def forced_block(r: Response, k: int, t: float, motion: Array, dt: float) -> tuple[float, float, float]:
     """Advance an explicit block by Taylor steps; return η, η' and ∫η dt after ``dt``."""
     b, f = r.block, r.first

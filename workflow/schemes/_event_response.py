@@ -57,7 +57,7 @@ from workflow.schemes._event_functions import (
     padded,
 )
 from workflow.schemes._event_regimes import Regime
-from workflow.schemes._kernel import part
+from workflow.schemes._kernel import part, rare
 
 SLOW = 0.3
 """A block whose slowest pole turns by less than this over the duration keeps its forces explicit:
@@ -207,7 +207,7 @@ def _keeps_forces(c: float, w2: float, forced: bool, load_omega: float, duration
     return bool(np.hypot(half, load_omega - np.sqrt(turn)) * duration < RESONANT)
 
 
-@part
+@rare
 def _sources(regime: Layout, load: Load, heated: bool, constant: Array, harmonic: Array) -> None:
     """Fill the sources [β, γ, χ] of all coordinates: constant ones, and those of sin ψ."""
     steady, heating = load.steady.size, load.heating.size
@@ -223,6 +223,18 @@ def _sources(regime: Layout, load: Load, heated: bool, constant: Array, harmonic
 
 
 @part
+def _quotient(a: float, b: float, c: float, d: float) -> tuple[float, float]:
+    """Return (a + ib)/(c + id) by Smith's division, as numba has it but nothing to raise."""
+    if abs(c) >= abs(d):
+        ratio = d / c
+        whole = c + d * ratio
+        return (a + b * ratio) / whole, (b - a * ratio) / whole
+    ratio = c / d
+    whole = c * ratio + d
+    return (a * ratio + b) / whole, (b * ratio - a) / whole
+
+
+@rare
 def respond(regime: Layout, load: Load, heat_shape: Array, firsts: int, tables: Tables) -> Any:
     """Return the response of a regime to the loads of one case; ``firsts`` is 0 without heat.
 
@@ -285,8 +297,8 @@ def respond(regime: Layout, load: Load, heat_shape: Array, firsts: int, tables: 
         signal += value * force / w2
         heat += heat_value * force / w2
         if forced:
-            response = complex(force_cos, -force_sin) / complex(w2 - wave * wave, c * wave)
-            h_cos, h_sin = response.real, -response.imag
+            h_cos, opposite = _quotient(force_cos, -force_sin, w2 - wave * wave, c * wave)
+            h_sin = -opposite
             b[SHIFT_COS, k], b[SHIFT_SIN, k] = h_cos, h_sin
             signal_cos += value * h_cos + slope * wave * h_sin
             signal_sin += value * h_sin - slope * wave * h_cos
@@ -310,8 +322,8 @@ def respond(regime: Layout, load: Load, heat_shape: Array, firsts: int, tables: 
         f[HEAT_SPEED, j] = f[HEAT_FIRST, j] - f[HEAT_PACE, j] * f[RATE, j]
         sine = harmonic[2 * blocks + j]
         if sine != 0.0:
-            response = complex(0.0, -sine) / complex(f[RATE, j], wave)
-            f[WAVE_COS, j], f[WAVE_SIN, j] = response.real, -response.imag
+            f[WAVE_COS, j], opposite = _quotient(0.0, -sine, f[RATE, j], wave)
+            f[WAVE_SIN, j] = -opposite
             signal_cos += f[FIRST, j] * f[WAVE_COS, j]
             signal_sin += f[FIRST, j] * f[WAVE_SIN, j]
             heat_cos += f[HEAT_FIRST, j] * f[WAVE_COS, j]

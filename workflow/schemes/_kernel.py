@@ -18,7 +18,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 
-from workflow.schemes._whole import KernelCompiler, PartCompiler, typed_alike
+from workflow.schemes._whole import InlinedCompiler, KernelCompiler, PartCompiler, RareCompiler, typed_alike
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -58,16 +58,17 @@ def _compiled(function: F, **options: Any) -> F:
     before = config.CACHE_DIR
     config.CACHE_DIR = str(cache_directory())
     options |= {"nogil": True, "cache": True, "error_model": "numpy", "pipeline_class": KernelCompiler}
+    options |= {"no_cfunc_wrapper": True}
     try:
         return cast(F, numba.njit(**options)(function))
     finally:
         config.CACHE_DIR = before
 
 
-def _translated(function: F, **options: Any) -> F:
+def _translated(function: F, compiler: type[InlinedCompiler], **options: Any) -> F:
     """Translate where a kernel calls it first: without an entry from Python and a cache of its own."""
-    options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    options |= {"nogil": True, "error_model": "numpy", "pipeline_class": PartCompiler}
+    options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False}
+    options |= {"nogil": True, "error_model": "numpy", "pipeline_class": compiler}
     return cast(F, typed_alike(numba.njit(**options)(function)))
 
 
@@ -84,7 +85,7 @@ def inlined(function: F) -> F:
 
     It allocates nothing, and its arrays are not counted, see :func:`part`.
     """
-    return _translated(function, forceinline=True, _nrt=False)
+    return _translated(function, InlinedCompiler, forceinline=True)
 
 
 def uncounted(function: F) -> F:
@@ -98,4 +99,9 @@ def part(function: F) -> F:
     Its arrays are not counted: the two locked additions per array and call took longer than the
     arithmetic on rows of 20.
     """
-    return _translated(function, _nrt=False)
+    return _translated(function, PartCompiler)
+
+
+def rare(function: F) -> F:
+    """Translate a :func:`part` that runs rarely: apart from those that call it, and short rather than fast."""
+    return _translated(function, RareCompiler)

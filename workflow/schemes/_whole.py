@@ -18,10 +18,11 @@ from typing import Any
 
 from llvmlite.binding import Linkage
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler, Flags
 from numba.core.compiler_machinery import LoweringPass, register_pass
 from numba.core.typed_passes import NativeLowering, NoPythonBackend
 from numba.core.types import unliteral
+
+from workflow.schemes._translation import Translator
 
 
 class _Waiting(JITCodeLibrary):
@@ -31,6 +32,34 @@ class _Waiting(JITCodeLibrary):
         """Let nothing be added any more."""
         self._raise_if_finalized()
         self._finalized = True
+
+
+class _Brief(_Waiting):
+    """Code of a part that leaves most of its optimisation to the kernel.
+
+    Not for what is inlined by force: loops over lanes lose their vectors when so little is done before.
+    """
+
+    def _optimize_functions(self, module: Any) -> None:
+        """Make it shorter."""
+        module.data_layout = self._codegen._data_layout
+        passes, builder = self._codegen._function_pass_manager(opt=1)
+        for function in module.functions:
+            if not function.is_declaration:
+                self._mark(function)
+                passes.run(function, builder)
+
+    def _mark(self, function: Any) -> None:
+        """Tell LLVM what is known of it."""
+
+
+class _Rare(_Brief):
+    """Code of a part that runs rarely."""
+
+    def _mark(self, function: Any) -> None:
+        """Keep it apart and short."""
+        function.add_function_attribute("noinline")
+        function.add_function_attribute("optsize")
 
 
 class _Whole(JITCodeLibrary):
@@ -88,42 +117,39 @@ class _Surrounded(LoweringPass):
         return True
 
 
-class _Flags(Flags):
-    """Options of a compilation that are compared as they are kept.
-
-    numba looks them up for each candidate of each operation that it types, and reads all of them for
-    that: a tenth of its time.
-    """
-
-    def __hash__(self) -> int:
-        return len(self._values)
-
-    def __eq__(self, other: object) -> bool:
-        return self is other or (self._values == other._values if isinstance(other, _Flags) else super().__eq__(other))
-
-
-class _Compiler(Compiler):
-    """Compiles with our flags into a library of our own."""
-
-    def __init__(self, typing: Any, target: Any, library: Any, args: Any, returned: Any, flags: Any, known: Any):
-        super().__init__(typing, target, library, args, returned, _Flags(flags), known)
+class _Compiler(Translator):
+    """Compiles into a library of our own."""
 
     def _passes(self, library: type[JITCodeLibrary], added: type[LoweringPass], after: type[LoweringPass]) -> list[Any]:
-        """Return the passes of numba's compiler, into a library of a type and with one pass more."""
+        """Return the passes, into a library of a type and with one pass more."""
         self.state.library = library(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
-        (passes,) = super().define_pipelines()
+        passes = self.passes()
         passes.add_pass_after(added, after)
         passes.finalize()
         return [passes]
 
 
-class PartCompiler(_Compiler):
-    """Translates a part."""
+class InlinedCompiler(_Compiler):
+    """Translates a part that becomes one with its callers, and is what loops are made of."""
+
+    _kind: type[_Waiting] = _Waiting
 
     def define_pipelines(self) -> list[Any]:
         """Leave machine code out."""
         self.state.flags.no_compile = True
-        return self._passes(_Waiting, _Offered, NativeLowering)
+        return self._passes(self._kind, _Offered, NativeLowering)
+
+
+class PartCompiler(InlinedCompiler):
+    """Translates a part."""
+
+    _kind = _Brief
+
+
+class RareCompiler(InlinedCompiler):
+    """Translates a part that runs rarely."""
+
+    _kind = _Rare
 
 
 class KernelCompiler(_Compiler):
