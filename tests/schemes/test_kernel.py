@@ -48,11 +48,11 @@ def test_a_change_in_an_inlined_module_is_noticed(copied: Path) -> None:
     again, found, _ = run(copied)
     assert (hits, found) == (0, 1)
     assert again == value
-    stepping = copied / "workflow" / "schemes" / "_stepping.py"
-    source = stepping.read_text(encoding="utf-8")
-    changed = source.replace("return pack(load, (MEAN, lane)) +", "return 2.0 * pack(load, (MEAN, lane)) +")
+    tip_load = copied / "workflow" / "schemes" / "_tip_load.py"
+    source = tip_load.read_text(encoding="utf-8")
+    changed = source.replace("return mean + (amplitude", "return 2.0 * mean + (amplitude")
     assert changed != source
-    stepping.write_text(changed, encoding="utf-8")
+    tip_load.write_text(changed, encoding="utf-8")
     twice, hits, _ = run(copied)
     assert hits == 0
     assert twice == pytest.approx(2 * value, rel=1e-12)

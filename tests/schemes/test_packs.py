@@ -11,7 +11,19 @@ import pytest
 
 from workflow.models import Array
 from workflow.schemes._lanes import LANES, PACK, ROW, WIDE, lane_rows
-from workflow.schemes._packs import Pack, magnitude, narrow, pack, shared, spread, store, where, wide
+from workflow.schemes._packs import (
+    Pack,
+    magnitude,
+    narrow,
+    pack,
+    shared,
+    some,
+    some_nonzero,
+    spread,
+    store,
+    where,
+    wide,
+)
 
 RESULTS = 6
 
@@ -41,6 +53,37 @@ def in_wide_packs(coefficient: Array, rows: Array, lanes: int) -> None:
     for first in range(0, lanes, WIDE):
         lane = wide(first)
         _compute(pack(rows, (0, lane)), pack(rows, (1, lane)), shared(coefficient, (1, 2), lane), rows, lane)
+
+
+@numba.njit(error_model="numpy")
+def _tell(rows: Array, lane: Any) -> tuple[bool, bool]:
+    return some(pack(rows, (0, lane)) > 1.0), some_nonzero(pack(rows, (0, lane)))
+
+
+@numba.njit(error_model="numpy")
+def tell(rows: Array) -> tuple[tuple[bool, bool], tuple[bool, bool]]:
+    return _tell(rows, narrow(0)), _tell(rows, wide(0))
+
+
+@pytest.mark.parametrize(
+    ("lane", "value", "in_narrow", "in_wide"),
+    [
+        (3, 0.0, (False, False), (False, False)),
+        (0, -0.0, (False, False), (False, False)),
+        (7, 2.0, (True, True), (True, True)),
+        (7, -2.0, (False, True), (False, True)),
+        (8, 2.0, (False, False), (True, True)),
+        (15, np.nan, (False, False), (False, True)),
+        (0, np.nan, (False, True), (False, True)),
+        (16, 2.0, (False, False), (False, False)),
+    ],
+)
+def test_what_holds_in_some_lane(
+    lane: int, value: float, in_narrow: tuple[bool, bool], in_wide: tuple[bool, bool]
+) -> None:
+    rows = lane_rows(1)
+    rows[0, lane] = value
+    assert tell(rows) == (in_narrow, in_wide)
 
 
 def expected(a: Array, b: Array, c: float) -> Array:

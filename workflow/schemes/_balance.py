@@ -45,7 +45,7 @@ from workflow.schemes._kernel import inlined
 from workflow.schemes._lanes import PACK, ROW, WIDE, fill_lanes, lane_rows
 from workflow.schemes._modal_lanes import HEAT, PUSHED, by_mode
 from workflow.schemes._packs import Lane, Pack, magnitude, narrow, pack, shared, spread, store, where, wide
-from workflow.schemes._stepping import AMPLITUDE, BALANCE_SINE, weigh_load
+from workflow.schemes._tip_load import AMPLITUDE, BALANCE_SINE, weigh_load
 
 AUDITED_LANES = WIDE
 """Lanes of a block with balances: what a step reads and writes of 20 + 20 modes (200 x 8 bytes x 16 = 26 kB)
@@ -319,11 +319,11 @@ def no_audit() -> Audit:
 def balance_cost(structure: Structure) -> float:
     """Return estimated seconds that balances take per step of a case in a batch, beside the step itself.
 
-    As :func:`workflow.schemes.moreau.cost` has its numbers: 0.5 ns, 0.3 and 0.05 ns for each mechanical
+    As :func:`workflow.schemes.moreau.cost` has its numbers: 0.5 ns, 0.25 and 0.05 ns for each mechanical
     and thermal mode and 0.02 ns for each pair of them.
     """
     modes, heats = structure.mechanical_size, structure.thermal_size
-    return 0.5e-9 + 0.3e-9 * modes + 0.05e-9 * heats + 0.02e-9 * modes * heats
+    return 0.5e-9 + 0.25e-9 * modes + 0.05e-9 * heats + 0.02e-9 * modes * heats
 
 
 def share(part: Array, whole: Array) -> Array:

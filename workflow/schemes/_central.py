@@ -157,7 +157,7 @@ def operator(structure: Structure, h: float, differences: Differences, modal: De
 
 def central_cost(structure: Structure, h: float, sampling: Sampling) -> float:
     """Return estimated seconds per heated case: as :func:`workflow.schemes.moreau.cost`, with a costlier tip."""
-    step = 1.3e-9 + 1.1e-10 * structure.mechanical_size + 0.6e-10 * structure.thermal_size
+    step = 1.0e-9 + 0.9e-10 * structure.mechanical_size + 0.5e-10 * structure.thermal_size
     if sampling.balances:
         step += balance_cost(structure)
     return sampling.steps(h) * step + sampling.count * 1.5e-8 + 1.5e-6

@@ -26,31 +26,28 @@ from workflow.schemes._modal_lanes import (
     WARMTH,
     Coefficients,
     by_mode,
-    conduct,
+    moves_by_itself,
     pull_pairs,
-    swing,
-    swing_heated,
+    step_freely,
 )
-from workflow.schemes._packs import Lane, Mask, Pack, narrow, pack, spread, store, where, wide
+from workflow.schemes._packs import Lane, Mask, Pack, narrow, pack, some_nonzero, spread, store, where, wide
 from workflow.schemes._stepping import (
     DISPLACEMENT,
     GAP,
-    OWN_SINE,
     TEMPERATURE,
+    TOUCHING,
     VELOCITY,
     Block,
+    Now,
     blocks,
     collect,
     note,
     observe,
     prepare,
-    start_load,
     take_marks,
-    tip_load,
-    turn_load,
     watch,
-    weigh_load,
 )
+from workflow.schemes._tip_load import OWN_SINE, start_load, tip_load, turn_load, weigh_load
 
 ROUNDING = 16 * np.finfo(float).eps
 """A free step grows only above 1 by more than the few operations that compute its factor can err."""
@@ -92,31 +89,39 @@ def _meet(
     pushed: Pack,
     free: Pack,
     temperature: Pack,
-    own: Array,
     gap: Pack,
+    own: Array,
+    tip: Array,
     lane: Lane,
-) -> tuple[Pack, Pack, Pack, Pack]:
+) -> tuple[bool, Pack, Pack, Pack, Pack]:
     """Return displacement, velocity and temperature of the tip at t_k, and the impulse about it.
 
     ``pushed`` is the load's impulse; ``free`` and ``temperature`` are of the tip without load and contact.
+    What is returned first tells whether some lane is in contact or was so before.
     """
     assert own.shape[1] == ROW
+    assert tip.shape[1] == ROW
     x, before, latest = pack(own, (AHEAD, lane)), pack(own, (HALF, lane)), pack(own, (LATEST, lane))
     free += operator.inverse_mass * pushed
     p = law.depth * (x - gap) + law.before * before + law.free * free
     p = where(x - gap > law.threshold, p, 0.0)
     p = where(p <= 0.0, 0.0, p)  # a NaN passes
     after = free - operator.inverse_mass * p
-    touches, touched = p > 0.0, latest > 0.0
+    engaged = some_nonzero(p) or some_nonzero(latest) or some_nonzero(pack(tip, (TOUCHING, lane)))
     ahead = x + h * after
-    heat = pack(own, (ALPHA, lane)) * p
-    store(own, (AHEAD, lane), where(touches, gap, ahead) if law.holds else ahead)
+    if engaged:
+        touches, touched = p > 0.0, latest > 0.0
+        heat = pack(own, (ALPHA, lane)) * p
+        temperature += 0.5 * operator.warming * heat
+        if law.holds:
+            ahead = where(touches, gap, ahead)
+        store(own, (LATEST, lane), p)
+        store(own, (HEAT, lane), heat)
+        turn_about(touches & ~touched, touched & ~touches, before, after, own, lane)
+    store(own, (AHEAD, lane), ahead)
     store(own, (HALF, lane), after)
-    store(own, (LATEST, lane), p)
     store(own, (PUSHED, lane), pushed - p)
-    store(own, (HEAT, lane), heat)
-    turn_about(touches & ~touched, touched & ~touches, before, after, own, lane)
-    return x, 0.5 * (before + after), temperature + 0.5 * operator.warming * heat, 0.5 * (latest + p)
+    return engaged, x, 0.5 * (before + after), temperature, 0.5 * (latest + p)
 
 
 @inlined
@@ -133,8 +138,7 @@ def _step(
     operator: Coefficients,
     law: Law,
     step: int,
-    marked: bool,
-    sine: float,
+    now: Now,
     own: Array,
     motion: Array,
     tau: Array,
@@ -149,25 +153,23 @@ def _step(
     """
     h, tip, heated, audited = block.h, block.tip, tau.shape[0] > 0, audit.sums.shape[0] > 0
     free, temperature = pack(own, (FREE, lane)), spread(0.0, lane)
-    if step > 0 and heated:
-        if audited:
+    if step > 0:
+        if heated and audited:
             audit_heat(h, audit, own, lane)
-        free, temperature = conduct(step * h, operator.heat_modes, tau, own, lane)
-        free = swing_heated(operator.modes, h, motion, own, free, lane)
+        free, temperature = step_freely(operator, now.known, now.t, h, own, motion, tau, lane)
         if operator.pair_mode.size > 0:
             free = pull_pairs(operator, tau, motion, free, lane)
-    elif step > 0:
-        free = swing(operator.modes, h, motion, own, lane)
-    pushed, gap = h * tip_load(sine, block.load, lane), pack(tip, (GAP, lane))
-    x, v, temperature, p = _meet(operator, law, h, pushed, free, temperature, own, gap, lane)
+    gap = pack(tip, (GAP, lane))
+    pushed = h * tip_load(now.sine, now.leader, block.load, lane)
+    engaged, x, v, temperature, p = _meet(operator, law, h, pushed, free, temperature, gap, own, tip, lane)
     if audited:
         account(step, h, law.stiffness, audit, own, x, v, gap, lane)
     if step == 0:
         _whole_impulse(v, audit.sums, own, lane)
-    elif marked:
+    elif now.marked:
         prepare(x, v, temperature, p, tip, lane)
     else:
-        note(h, x, v, temperature, p, tip, lane)
+        note(engaged, now.lasts, h, x, v, temperature, p, gap, tip, lane)
 
 
 @kernel
@@ -186,20 +188,21 @@ def _march(
     ``tau_before`` is left with τ at the beginning of the last step, ``tau`` with τ at its end.
     """
     load, tip, lanes, h = block.load, block.tip, block.lanes, block.h
-    wide_lanes = lanes // WIDE * WIDE
-    leader = start_load(h, load, lanes)
+    in_wide = lanes // WIDE * WIDE
+    known, leader = moves_by_itself(own, lanes), start_load(h, load, lanes)
     for step in range(block.steps + 1):
         if step > 0:
             turn_load(step, h, leader, load, lanes)
         sine = weigh_load(0.0, 1.0, OWN_SINE, leader, load, lanes)
-        marked = step == block.marks.next_mark[0]
+        mark = block.marks.next_mark[0]
+        now = Now(step * h, step == mark, step + 1 == mark, sine, leader, known)
         if step == block.steps:
             tau_before[:] = tau
-        for first in range(0, wide_lanes, WIDE):
-            _step(operator, law, step, marked, sine, own, motion, tau, block, audit, wide(first))
-        for first in range(wide_lanes, lanes, PACK):
-            _step(operator, law, step, marked, sine, own, motion, tau, block, audit, narrow(first))
-        if marked:
+        for first in range(0, in_wide, WIDE):
+            _step(operator, law, step, now, own, motion, tau, block, audit, wide(first))
+        for first in range(in_wide, lanes, PACK):
+            _step(operator, law, step, now, own, motion, tau, block, audit, narrow(first))
+        if now.marked:
             observe(take_marks(step, block), tip, lanes)
 
 

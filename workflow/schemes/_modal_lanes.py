@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from workflow.models import Array
 from workflow.schemes._kernel import inlined, kernel
 from workflow.schemes._lanes import ROW
-from workflow.schemes._packs import Lane, Pack, pack, shared, spread, store
+from workflow.schemes._packs import Lane, Pack, pack, shared, some_nonzero, spread, store
 
 SPEED, PLACE = range(2)
 """Rows of a mode's motion: ζ and ξ of ``_modal_march``."""
@@ -64,8 +64,8 @@ def by_mode(*rows: Array) -> Array:
 
 
 @inlined
-def swing(modes: Array, h: float, motion: Array, own: Array, lane: Lane) -> Pack:
-    """Step the mechanical modes where there is no heat, and return the tip's new velocity.
+def swing(modes: Array, h: float, motion: Array, own: Array, velocity: Pack, lane: Lane) -> Pack:
+    """Step the mechanical modes where no heat acts on them, and return the tip's velocity with theirs.
 
     ``motion`` is ``(mode, row, lane)``.
     """
@@ -73,7 +73,7 @@ def swing(modes: Array, h: float, motion: Array, own: Array, lane: Lane) -> Pack
     assert motion.shape[1] == PLACE + 1
     assert motion.shape[2] == ROW
     assert own.shape[1] == ROW
-    pushed, velocity = pack(own, (PUSHED, lane)), spread(0.0, lane)
+    pushed = pack(own, (PUSHED, lane))
     for j in range(motion.shape[0]):
         before = pack(motion, (j, SPEED, lane)) + shared(modes, (j, PUSH), lane) * pushed
         place = pack(motion, (j, PLACE, lane))
@@ -86,7 +86,7 @@ def swing(modes: Array, h: float, motion: Array, own: Array, lane: Lane) -> Pack
 
 @inlined
 def swing_heated(modes: Array, h: float, motion: Array, own: Array, velocity: Pack, lane: Lane) -> Pack:
-    """Step the mechanical modes where heat acts on them, and return the tip's velocity with theirs."""
+    """Step the mechanical modes where heat was taken in, and return the tip's velocity with theirs."""
     assert modes.shape[1] == HEAT_SHIFT + 1
     assert motion.shape[1] == PLACE + 1
     assert motion.shape[2] == ROW
@@ -104,23 +104,70 @@ def swing_heated(modes: Array, h: float, motion: Array, own: Array, velocity: Pa
 
 
 @inlined
-def conduct(t: float, heat_modes: Array, tau: Array, own: Array, lane: Lane) -> tuple[Pack, Pack]:
-    """Step the thermal modes; return velocity and temperature of the tip by theirs and the known part at t.
+def conduct(heat_modes: Array, tau: Array, velocity: Pack, temperature: Pack, lane: Lane) -> tuple[Pack, Pack]:
+    """Step the thermal modes, and return velocity and temperature of the tip with theirs.
 
     ``tau`` is ``(thermal mode, lane)``.
     """
     assert heat_modes.shape[1] == DRAG + 1
     assert tau.shape[1] == ROW
-    assert own.shape[1] == ROW
-    heat, velocity = pack(own, (HEAT, lane)), pack(own, (DRIFT, lane))
-    temperature = pack(own, (WARMTH, lane)) + pack(own, (WARMING, lane)) * t
     for k in range(tau.shape[0]):
-        after = shared(heat_modes, (k, DECAY), lane) * (
-            pack(tau, (k, lane)) + shared(heat_modes, (k, WARM), lane) * heat
-        )
+        after = shared(heat_modes, (k, DECAY), lane) * pack(tau, (k, lane))
         store(tau, (k, lane), after)
         velocity += shared(heat_modes, (k, DRAG), lane) * after
         temperature += after
+    return velocity, temperature
+
+
+@inlined
+def conduct_heated(
+    heat_modes: Array, tau: Array, own: Array, velocity: Pack, temperature: Pack, lane: Lane
+) -> tuple[Pack, Pack]:
+    """Step the thermal modes where heat was taken in, and return velocity and temperature of the tip with theirs."""
+    assert heat_modes.shape[1] == DRAG + 1
+    assert tau.shape[1] == ROW
+    assert own.shape[1] == ROW
+    heat = pack(own, (HEAT, lane))
+    for k in range(tau.shape[0]):
+        before = pack(tau, (k, lane)) + shared(heat_modes, (k, WARM), lane) * heat
+        after = shared(heat_modes, (k, DECAY), lane) * before
+        store(tau, (k, lane), after)
+        velocity += shared(heat_modes, (k, DRAG), lane) * after
+        temperature += after
+    return velocity, temperature
+
+
+@kernel
+def moves_by_itself(own: Array, lanes: int) -> bool:
+    """Tell whether some lane has a known part of its motion, by heating or by what surrounds it."""
+    known = False
+    for lane in range(lanes):
+        known |= own[DRIFT, lane] != 0.0 or own[WARMTH, lane] != 0.0 or own[WARMING, lane] != 0.0
+    return known
+
+
+@inlined
+def step_freely(
+    operator: Coefficients, known: bool, t: float, h: float, own: Array, motion: Array, tau: Array, lane: Lane
+) -> tuple[Pack, Pack]:
+    """Step all modes to t; return velocity and temperature of the tip there without load and contact.
+
+    They take in the impulse and heat of the step before; in most steps there is no heat in any lane.
+    ``known`` is what :func:`moves_by_itself` told.
+    """
+    assert own.shape[1] == ROW
+    velocity, temperature = spread(0.0, lane), spread(0.0, lane)
+    if tau.shape[0] == 0:
+        return swing(operator.modes, h, motion, own, velocity, lane), temperature
+    if known:
+        velocity += pack(own, (DRIFT, lane))
+        temperature = pack(own, (WARMTH, lane)) + pack(own, (WARMING, lane)) * t
+    if some_nonzero(pack(own, (HEAT, lane))):
+        velocity, temperature = conduct_heated(operator.heat_modes, tau, own, velocity, temperature, lane)
+        velocity = swing_heated(operator.modes, h, motion, own, velocity, lane)
+    else:
+        velocity, temperature = conduct(operator.heat_modes, tau, velocity, temperature, lane)
+        velocity = swing(operator.modes, h, motion, own, velocity, lane)
     return velocity, temperature
 
 

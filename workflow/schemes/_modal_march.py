@@ -23,28 +23,25 @@ from workflow.schemes._modal_lanes import (
     WARMTH,
     Coefficients,
     by_mode,
-    conduct,
+    moves_by_itself,
     pull_pairs,
-    swing,
-    swing_heated,
+    step_freely,
     take_heat,
 )
-from workflow.schemes._packs import Lane, Pack, narrow, spread, wide
+from workflow.schemes._packs import Lane, Pack, narrow, pack, wide
 from workflow.schemes._prox import meet
 from workflow.schemes._stepping import (
-    OWN_SINE,
+    GAP,
     Block,
+    Now,
     Watch,
     blocks,
     note,
     observe,
     prepare,
-    start_load,
     take_marks,
-    tip_load,
-    turn_load,
-    weigh_load,
 )
+from workflow.schemes._tip_load import OWN_SINE, start_load, tip_load, turn_load, weigh_load
 
 
 def coefficients(modal: Decoupled, h: float, theta: float) -> Coefficients:
@@ -75,16 +72,21 @@ def coefficients(modal: Decoupled, h: float, theta: float) -> Coefficients:
 
 @inlined
 def move_freely(
-    operator: Coefficients, t: float, h: float, own: Array, motion: Array, tau: Array, tau_before: Array, lane: Lane
+    operator: Coefficients,
+    known: bool,
+    t: float,
+    h: float,
+    own: Array,
+    motion: Array,
+    tau: Array,
+    tau_before: Array,
+    lane: Lane,
 ) -> tuple[Pack, Pack]:
     """Return velocity and temperature of the tip at t, without load and contact in the step that ends there.
 
     The thermal and mechanical modes take in the impulse and heat of the step before.
     """
-    if tau.shape[0] == 0:
-        return swing(operator.modes, h, motion, own, lane), spread(0.0, lane)
-    velocity, temperature = conduct(t, operator.heat_modes, tau, own, lane)
-    velocity = swing_heated(operator.modes, h, motion, own, velocity, lane)
+    velocity, temperature = step_freely(operator, known, t, h, own, motion, tau, lane)
     if operator.pair_mode.size > 0:
         velocity = pull_pairs(operator, tau_before, motion, velocity, lane)
     return velocity, temperature
@@ -93,9 +95,7 @@ def move_freely(
 @inlined
 def _step(
     operator: Coefficients,
-    step: int,
-    marked: bool,
-    sine: float,
+    now: Now,
     own: Array,
     motion: Array,
     tau: Array,
@@ -105,14 +105,17 @@ def _step(
 ) -> None:
     """Take a pack of lanes through a step: free motion, load and contact, what is watched."""
     h, tip = block.h, block.tip
-    free, temperature = move_freely(operator, step * h, h, own, motion, tau, tau_before, lane)
-    pushed = h * tip_load(sine, block.load, lane)
+    free, temperature = move_freely(operator, now.known, now.t, h, own, motion, tau, tau_before, lane)
+    gap = pack(tip, (GAP, lane))
+    pushed = h * tip_load(now.sine, now.leader, block.load, lane)
     theta, inverse_mass, warming = operator.theta, operator.inverse_mass, operator.warming
-    x, v, temperature, p = meet(theta, inverse_mass, warming, h, pushed, free, temperature, own, tip, lane)
-    if marked:
+    engaged, x, v, temperature, p = meet(
+        theta, inverse_mass, warming, h, pushed, free, temperature, gap, own, tip, lane
+    )
+    if now.marked:
         prepare(x, v, temperature, p, tip, lane)
     else:
-        note(h, x, v, temperature, p, tip, lane)
+        note(engaged, now.lasts, h, x, v, temperature, p, gap, tip, lane)
 
 
 @kernel
@@ -124,19 +127,20 @@ def _march(
     ``tau_before`` is left with τ at the beginning of the last step, ``tau`` with τ at its end.
     """
     load, tip, lanes, h, theta = block.load, block.tip, block.lanes, block.h, operator.theta
-    wide_lanes, paired = lanes // WIDE * WIDE, operator.pair_mode.size > 0
-    leader = start_load(h, load, lanes)
+    in_wide = lanes // WIDE * WIDE
+    paired, known, leader = operator.pair_mode.size > 0, moves_by_itself(own, lanes), start_load(h, load, lanes)
     for step in range(1, block.steps + 1):
         turn_load(step, h, leader, load, lanes)
         sine = weigh_load(1.0 - theta, theta, OWN_SINE, leader, load, lanes)
-        marked = step == block.marks.next_mark[0]
+        mark = block.marks.next_mark[0]
+        now = Now(step * h, step == mark, step + 1 == mark, sine, leader, known)
         if paired or step == block.steps:
             take_heat(operator.heat_modes, tau, own, tau_before, lanes)
-        for first in range(0, wide_lanes, WIDE):
-            _step(operator, step, marked, sine, own, motion, tau, tau_before, block, wide(first))
-        for first in range(wide_lanes, lanes, PACK):
-            _step(operator, step, marked, sine, own, motion, tau, tau_before, block, narrow(first))
-        if marked:
+        for first in range(0, in_wide, WIDE):
+            _step(operator, now, own, motion, tau, tau_before, block, wide(first))
+        for first in range(in_wide, lanes, PACK):
+            _step(operator, now, own, motion, tau, tau_before, block, narrow(first))
+        if now.marked:
             observe(take_marks(step, block), tip, lanes)
         if audit.sums.shape[0] > 0:
             audit_step(theta, h, leader, audit, own, load, lanes)

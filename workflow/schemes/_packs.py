@@ -9,9 +9,9 @@ every few modes. Packs say it outright, and a pack goes through a whole step in 
         heat = pack(own, (HEAT, lane))
         store(own, (HEAT, lane), where(heat > 0.0, 2.0 * heat, heat))
 
-A pack is a vector of LLVM's, whatever the registers of the processor hold. A wide one shares what is
-read for all lanes among twice as many of them, where there are so many. Each lane's arithmetic is that
-of the plain loop, operation by operation: its bits are the same.
+A pack is a vector of LLVM's, whatever the registers of the processor hold. A wide one shares what
+is read for all lanes among twice as many of them, where there are so many: a step waits for memory more than
+for arithmetic. Each lane's arithmetic is that of the plain loop, operation by operation: its bits are the same.
 
 What is used of numba's inside: the making of types, and of operations on them.
 """
@@ -214,6 +214,23 @@ def _where(context, condition, this, other):
     return _PackType(condition.width)(condition, this, other), build
 
 
+def _some(context, condition):
+    def build(context, builder, sig, args):
+        bits = ir.IntType(condition.width)
+        return builder.icmp_unsigned("!=", builder.bitcast(args[0], bits), ir.Constant(bits, 0))
+
+    return types.boolean(condition), build
+
+
+def _some_nonzero(context, numbers):
+    def build(context, builder, sig, args):
+        bits, zero = ir.IntType(numbers.width), ir.Constant(numbers.numbers, [0.0] * numbers.width)
+        differ = builder.bitcast(builder.fcmp_unordered("!=", args[0], zero), bits)
+        return builder.icmp_unsigned("!=", differ, ir.Constant(bits, 0))
+
+    return types.boolean(numbers), build
+
+
 def _magnitude(context, numbers):
     def build(context, builder, sig, args):
         kind = ir.FunctionType(numbers.numbers, [numbers.numbers])
@@ -249,6 +266,12 @@ the number is read once and stays in a register where there is one."""
 
 where = cast(Callable[[Mask, Pack | float, Pack | float], Pack], intrinsic(_where))
 """Return each lane's number of the first pack where its condition holds, else of the second."""
+
+some = cast(Callable[[Mask], bool], intrinsic(_some))
+"""Tell whether a condition holds in some lane."""
+
+some_nonzero = cast(Callable[[Pack], bool], intrinsic(_some_nonzero))
+"""Tell whether a number in some lane is not 0, as a NaN is."""
 
 magnitude = cast(Callable[[Pack], Pack], intrinsic(_magnitude))
 """Return the numbers without their signs."""

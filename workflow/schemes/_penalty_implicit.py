@@ -46,32 +46,31 @@ from workflow.schemes._modal_lanes import (
     WARMTH,
     Coefficients,
     by_mode,
+    moves_by_itself,
     take_heat,
 )
 from workflow.schemes._modal_march import coefficients as free_step
 from workflow.schemes._modal_march import move_freely
-from workflow.schemes._packs import Lane, Pack, narrow, pack, store, where, wide
+from workflow.schemes._packs import Lane, Pack, narrow, pack, some_nonzero, store, where, wide
 from workflow.schemes._stepping import (
     DISPLACEMENT,
     GAP,
     NEW_DISPLACEMENT,
     NEW_VELOCITY,
-    OWN_SINE,
     TEMPERATURE,
+    TOUCHING,
     VELOCITY,
     Block,
+    Now,
     blocks,
     collect,
     note,
     observe,
     prepare,
-    start_load,
     take_marks,
-    tip_load,
-    turn_load,
     watch,
-    weigh_load,
 )
+from workflow.schemes._tip_load import OWN_SINE, start_load, tip_load, turn_load, weigh_load
 
 YIELD, REACH = SEPARATED + 1, SEPARATED + 2
 """Further rows of the lanes' own values: 1 / (1 + hθW (hθκ + c)), NaN where that is not > 0, and the force per
@@ -115,18 +114,20 @@ def _meet(
     h: float,
     pushed: Pack,
     free: Pack,
+    gap: Pack,
     own: Array,
     tip: Array,
     lane: Lane,
-) -> tuple[Pack, Pack, Pack]:
+) -> tuple[bool, Pack, Pack, Pack]:
     """Close the step: return displacement and velocity of the tip at its end, and the impulse p in it.
 
     ``pushed`` is the load's impulse, ``free`` the tip's velocity without load and contact.
+    What is returned first tells whether some lane is in contact or was so before.
     """
     assert own.shape[1] == ROW
     assert tip.shape[1] == ROW
     theta = operator.theta
-    x, v, gap = pack(tip, (DISPLACEMENT, lane)), pack(tip, (VELOCITY, lane)), pack(tip, (GAP, lane))
+    x, v = pack(tip, (DISPLACEMENT, lane)), pack(tip, (VELOCITY, lane))
     w, held = pack(own, (DELASSUS, lane)), pack(own, (LATEST, lane))
     begun = h * (1.0 - theta) * held
     apart = free + operator.inverse_mass * pushed - w * begun
@@ -138,12 +139,14 @@ def _meet(
     pressed = where(pressed <= 0.0, 0.0, pressed)  # a NaN passes
     p = begun + h * theta * pressed
     after = apart - w * (h * theta * pressed)
-    store(own, (LATEST, lane), pressed)
     store(own, (PUSHED, lane), pushed - p)
-    store(own, (HEAT, lane), pack(own, (ALPHA, lane)) * p)
-    touches, touched = pressed > 0.0, held > 0.0
-    turn_about(touches & ~touched, touched & ~touches, v, after, own, lane)
-    return x + h * (theta * after + (1.0 - theta) * v), after, p
+    engaged = some_nonzero(p) or some_nonzero(held) or some_nonzero(pack(tip, (TOUCHING, lane)))
+    if engaged:
+        touches, touched = pressed > 0.0, held > 0.0
+        store(own, (LATEST, lane), pressed)
+        store(own, (HEAT, lane), pack(own, (ALPHA, lane)) * p)
+        turn_about(touches & ~touched, touched & ~touches, v, after, own, lane)
+    return engaged, x + h * (theta * after + (1.0 - theta) * v), after, p
 
 
 @inlined
@@ -166,9 +169,8 @@ def _step(
     operator: Coefficients,
     stiffness: float,
     damping: float,
-    step: int,
+    now: Now,
     observed: bool,
-    sine: float,
     own: Array,
     motion: Array,
     tau: Array,
@@ -178,14 +180,15 @@ def _step(
 ) -> None:
     """Take a pack of lanes through a step, as :mod:`workflow.schemes.moreau` does, with another contact."""
     h, tip = block.h, block.tip
-    free, temperature = move_freely(operator, step * h, h, own, motion, tau, tau_before, lane)
-    pushed = h * tip_load(sine, block.load, lane)
-    x, v, p = _meet(operator, stiffness, damping, h, pushed, free, own, tip, lane)
+    free, temperature = move_freely(operator, now.known, now.t, h, own, motion, tau, tau_before, lane)
+    gap = pack(tip, (GAP, lane))
+    pushed = h * tip_load(now.sine, now.leader, block.load, lane)
+    engaged, x, v, p = _meet(operator, stiffness, damping, h, pushed, free, gap, own, tip, lane)
     temperature += operator.warming * pack(own, (HEAT, lane))
     if observed:
         prepare(x, v, temperature, p, tip, lane)
     else:
-        note(h, x, v, temperature, p, tip, lane)
+        note(engaged, now.lasts, h, x, v, temperature, p, gap, tip, lane)
 
 
 @kernel
@@ -202,26 +205,25 @@ def _march(
 ) -> None:
     """Step a block of cases; lanes never meet."""
     load, tip, lanes, h, theta = block.load, block.tip, block.lanes, block.h, operator.theta
-    wide_lanes, paired, audited = lanes // WIDE * WIDE, operator.pair_mode.size > 0, audit.sums.shape[0] > 0
-    leader = start_load(h, load, lanes)
+    in_wide, audited = lanes // WIDE * WIDE, audit.sums.shape[0] > 0
+    paired, known, leader = operator.pair_mode.size > 0, moves_by_itself(own, lanes), start_load(h, load, lanes)
     for step in range(1, block.steps + 1):
         turn_load(step, h, leader, load, lanes)
         sine = weigh_load(1.0 - theta, theta, OWN_SINE, leader, load, lanes)
-        marked = step == block.marks.next_mark[0]
-        observed = marked or audited
+        mark = block.marks.next_mark[0]
+        now = Now(step * h, step == mark, step + 1 == mark, sine, leader, known)
+        seen = now.marked or audited
         if paired or step == block.steps:
             take_heat(operator.heat_modes, tau, own, tau_before, lanes)
-        for first in range(0, wide_lanes, WIDE):
-            lane = wide(first)
-            _step(operator, stiffness, damping, step, observed, sine, own, motion, tau, tau_before, block, lane)
-        for first in range(wide_lanes, lanes, PACK):
-            last = narrow(first)
-            _step(operator, stiffness, damping, step, observed, sine, own, motion, tau, tau_before, block, last)
+        for first in range(0, in_wide, WIDE):
+            _step(operator, stiffness, damping, now, seen, own, motion, tau, tau_before, block, wide(first))
+        for first in range(in_wide, lanes, PACK):
+            _step(operator, stiffness, damping, now, seen, own, motion, tau, tau_before, block, narrow(first))
         if audited:
             audit_step(theta, h, leader, audit, own, load, lanes)
             _store_energy(stiffness, h, tip, audit.sums, lanes)
-        if observed:
-            observe(take_marks(step, block) if marked else h, tip, lanes)
+        if seen:
+            observe(take_marks(step, block) if now.marked else h, tip, lanes)
     take_heat(operator.heat_modes, tau, own, tau, lanes)
 
 

@@ -8,8 +8,8 @@ from workflow.models import Array, Cases
 from workflow.schemes._kernel import inlined
 from workflow.schemes._lanes import ROW
 from workflow.schemes._modal_lanes import ALPHA, COMPLIANCE, HEAT, OWN_ROWS, PUSHED, RESTITUTION
-from workflow.schemes._packs import Lane, Pack, pack, store, where
-from workflow.schemes._stepping import DISPLACEMENT, GAP, VELOCITY
+from workflow.schemes._packs import Lane, Pack, pack, some, some_nonzero, spread, store, where
+from workflow.schemes._stepping import DISPLACEMENT, TOUCHING, VELOCITY
 
 
 @inlined
@@ -21,29 +21,36 @@ def meet(
     pushed: Pack,
     free: Pack,
     temperature: Pack,
+    gap: Pack,
     own: Array,
     tip: Array,
     lane: Lane,
-) -> tuple[Pack, Pack, Pack, Pack]:
+) -> tuple[bool, Pack, Pack, Pack, Pack]:
     """Close the step: return displacement, velocity and temperature of the tip at its end, and the impulse p in it.
 
-    ``pushed`` is the load's impulse; ``free`` and ``temperature`` are of the tip without load and contact.
-    After an impulse the velocity is -e v_n,k to the bit, not to the rounding of v_free - W p: a tip
+    ``pushed`` is the load's impulse; ``free`` and ``temperature`` are of the tip without load and contact, ``gap``
+    is the casing's place.
+    What is returned first tells whether some lane may be in contact or was so before: else there is nothing
+    to count. After an impulse the velocity is -e v_n,k to the bit, not to the rounding of v_free - W p: a tip
     at rest on its casing keeps its place and stays active for any number of steps.
     """
     assert own.shape[1] == ROW
     assert tip.shape[1] == ROW
-    x, v = pack(tip, (DISPLACEMENT, lane)), pack(tip, (VELOCITY, lane))
-    kept = pack(own, (RESTITUTION, lane)) * v
-    free += inverse_mass * pushed
-    closing = (free + kept) * pack(own, (COMPLIANCE, lane))
-    meets = (x + 0.5 * h * v >= pack(tip, (GAP, lane))) & ~(closing <= 0.0)  # a NaN meets
-    p = where(meets, closing, 0.0)
-    after = where(meets, -kept, free)
-    heat = pack(own, (ALPHA, lane)) * p
+    x, v, p = pack(tip, (DISPLACEMENT, lane)), pack(tip, (VELOCITY, lane)), spread(0.0, lane)
+    after = free + inverse_mass * pushed
+    active = x + 0.5 * h * v >= gap
+    engaged = some(active) or some_nonzero(pack(tip, (TOUCHING, lane)))
+    if engaged:
+        kept = pack(own, (RESTITUTION, lane)) * v
+        closing = (after + kept) * pack(own, (COMPLIANCE, lane))
+        meets = active & ~(closing <= 0.0)  # a NaN meets
+        p = where(meets, closing, 0.0)
+        after = where(meets, -kept, after)
+        heat = pack(own, (ALPHA, lane)) * p
+        store(own, (HEAT, lane), heat)
+        temperature += warming * heat
     store(own, (PUSHED, lane), pushed - p)
-    store(own, (HEAT, lane), heat)
-    return x + h * (theta * after + (1.0 - theta) * v), after, temperature + warming * heat, p
+    return engaged, x + h * (theta * after + (1.0 - theta) * v), after, temperature, p
 
 
 def contact_rows(cases: Cases, w: Array) -> Array:

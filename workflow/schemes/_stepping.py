@@ -8,7 +8,7 @@ A scheme's kernel advances its own states in blocks of up to ``LANES`` cases, on
         sine = weigh_load(1 - theta, theta, OWN_SINE, leader, load, lanes)
         for first in range(0, lanes, PACK):
             lane = narrow(first)
-            ...  # with tip_load(sine, load, lane), find the tip at the step's end and the impulse in the step
+            ...  # with tip_load(sine, leader, load, lane), find the tip at the step's end and the impulse in the step
             prepare(x, v, temperature, p, tip, lane)
         observe(take_marks(step, block) if step == next_mark[0] else h, tip, lanes)
 
@@ -28,20 +28,8 @@ from workflow.models import Array, Cases
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, complete_periods
 from workflow.schemes._kernel import inlined, kernel
 from workflow.schemes._lanes import LANES, PACK, ROW, fill_lanes, lane_rows
-from workflow.schemes._packs import Lane, Pack, narrow, pack, store, where
-
-RESYNC = 64
-"""Steps between exact evaluations of sin and cos of a load; in between a rotation continues it,
-whose rounding stays below 64 eps = 1.4e-14 of the amplitude."""
-
-MEAN, AMPLITUDE, FREQUENCY, PHASE, SINE_BEFORE, SINE, COSINE, TURN_SINE, TURN_COSINE = range(9)
-"""Rows of a block's load F0 + F1 sin(2π f t + φ): what it is, its sine at the beginning of the step,
-sine and cosine at its end, and their turn in one step."""
-
-OWN_SINE, BALANCE_SINE = range(TURN_COSINE + 1, TURN_COSINE + 3)
-"""Rows of the weighed sines of lanes that swing apart: the one that acts, and one of the balances."""
-
-LOAD_ROWS = BALANCE_SINE + 1
+from workflow.schemes._packs import Lane, Pack, narrow, pack, some, store, where
+from workflow.schemes._tip_load import AMPLITUDE, FREQUENCY, LOAD_ROWS, MEAN, PHASE
 
 DISPLACEMENT, VELOCITY, TEMPERATURE, IMPULSE, GAP = range(5)
 """Rows of a block's tip: its state at the last step end and the clearance."""
@@ -95,66 +83,20 @@ class Block(NamedTuple):
     h: float
 
 
-@kernel
-def start_load(h: float, load: Array, lanes: int) -> int:
-    """Set the load to t = 0 and its rotation to one step; return its leader.
+class Now(NamedTuple):
+    """A step, as its packs of lanes see it."""
 
-    That is the lane whose sine serves all lanes, as most batches share frequency and phase, with the bits of
-    their own; or -1 where they swing apart.
-    """
-    leader = 0
-    for lane in range(lanes):
-        if load[AMPLITUDE, lane] != 0.0 and load[AMPLITUDE, leader] == 0.0:
-            leader = lane
-    frequency, phase, shared_by_all = load[FREQUENCY, leader], load[PHASE, leader], True
-    for lane in range(lanes):
-        still = load[AMPLITUDE, lane] == 0.0 and np.isfinite(load[FREQUENCY, lane] + load[PHASE, lane])
-        shared_by_all &= still or (load[FREQUENCY, lane] == frequency and load[PHASE, lane] == phase)
-    for lane in range(lanes):
-        turn = 2.0 * np.pi * load[FREQUENCY, lane] * h
-        load[TURN_SINE, lane] = np.sin(turn)
-        load[TURN_COSINE, lane] = np.cos(turn)
-    leader = leader if shared_by_all else -1
-    turn_load(0, h, leader, load, lanes)
-    return leader
-
-
-@inlined
-def turn_load(step: int, h: float, leader: int, load: Array, lanes: int) -> None:
-    """Move the load to the end of a step, t = step h."""
-    assert load.shape[1] == ROW
-    first, last = (leader, leader + 1) if leader >= 0 else (0, lanes)
-    for lane in range(first, last):
-        s, c = load[SINE, lane], load[COSINE, lane]
-        load[SINE_BEFORE, lane] = s
-        load[SINE, lane] = s * load[TURN_COSINE, lane] + c * load[TURN_SINE, lane]
-        load[COSINE, lane] = c * load[TURN_COSINE, lane] - s * load[TURN_SINE, lane]
-    if step % RESYNC == 0:
-        for lane in range(first, last):
-            angle = 2.0 * np.pi * (load[FREQUENCY, lane] * (step * h)) + load[PHASE, lane]
-            load[SINE, lane] = np.sin(angle)
-            load[COSINE, lane] = np.cos(angle)
-
-
-@inlined
-def weigh_load(before: float, after: float, row: int, leader: int, load: Array, lanes: int) -> float:
-    """Weigh the sine at the step's beginning and end.
-
-    Returns that of all lanes where one serves them; else it is 0 and each lane is given its own in ``row``.
-    """
-    assert load.shape[1] == ROW
-    if leader >= 0:
-        return float(before * load[SINE_BEFORE, leader] + after * load[SINE, leader])
-    for lane in range(lanes):
-        load[row, lane] = before * load[SINE_BEFORE, lane] + after * load[SINE, lane]
-    return 0.0
-
-
-@inlined
-def tip_load(sine: float, load: Array, lane: Lane) -> Pack:
-    """Return the load's force at the tip, N, as :func:`weigh_load` left its own sine, which returned ``sine``."""
-    assert load.shape[1] == ROW
-    return pack(load, (MEAN, lane)) + pack(load, (AMPLITUDE, lane)) * (sine + pack(load, (OWN_SINE, lane)))
+    t: float
+    """Time at its end, s."""
+    marked: bool
+    """Whether something falls due in it."""
+    lasts: bool
+    """Whether something falls due in the next one, which asks for the state at this one's end."""
+    sine: float
+    leader: int
+    """The sine that acts in it, as :func:`weigh_load` returned it, and the lane that it is of."""
+    known: bool
+    """Whether some lane has a known part of its motion."""
 
 
 @kernel
@@ -217,26 +159,41 @@ def take_marks(step: int, block: Block) -> float:
 
 
 @inlined
-def note(span: float, x: Pack, v: Pack, temperature: Pack, p: Pack, tip: Array, lane: Lane) -> None:
+def note(
+    engaged: bool,
+    lasts: bool,
+    span: float,
+    x: Pack,
+    v: Pack,
+    temperature: Pack,
+    p: Pack,
+    gap: Pack,
+    tip: Array,
+    lane: Lane,
+) -> None:
     """Take in the tip's state at the end of a step of ``span`` s and the impulse in it.
 
-    The zeros added to the maxima keep them maxima: without, they become masked stores, which cost more
-    and which the next step waits for.
+    Where no lane is ``engaged``, in contact or just released, none of the counts changes. The
+    temperature is kept where it ``lasts``, up to a step in which something falls due.
     """
     assert tip.shape[1] == ROW
-    touches = where(p > 0.0, 1.0, 0.0)
-    depth, deepest = x - pack(tip, (GAP, lane)), pack(tip, (PENETRATION, lane)) + 0.0
-    hottest = pack(tip, (PERIOD_HOTTEST, lane)) + 0.0
-    impacts = pack(tip, (IMPACTS, lane)) + touches * (1.0 - pack(tip, (TOUCHING, lane)))
-    store(tip, (IMPACTS, lane), impacts)
-    store(tip, (TOUCHING, lane), touches)
-    store(tip, (CONTACT_TIME, lane), pack(tip, (CONTACT_TIME, lane)) + touches * span)
-    store(tip, (PENETRATION, lane), where(depth > deepest, depth, deepest))
-    store(tip, (PERIOD_HOTTEST, lane), where(temperature > hottest, temperature, hottest))
-    store(tip, (IMPULSE, lane), pack(tip, (IMPULSE, lane)) + p)
+    hottest = pack(tip, (PERIOD_HOTTEST, lane))
     store(tip, (DISPLACEMENT, lane), x)
     store(tip, (VELOCITY, lane), v)
-    store(tip, (TEMPERATURE, lane), temperature)
+    if lasts:
+        store(tip, (TEMPERATURE, lane), temperature)
+    if some(temperature > hottest):
+        store(tip, (PERIOD_HOTTEST, lane), where(temperature > hottest, temperature, hottest))
+    if some(x > gap):
+        depth, deepest = x - gap, pack(tip, (PENETRATION, lane))
+        store(tip, (PENETRATION, lane), where(depth > deepest, depth, deepest))
+    if engaged:
+        touches = where(p > 0.0, 1.0, 0.0)
+        impacts = pack(tip, (IMPACTS, lane)) + touches * (1.0 - pack(tip, (TOUCHING, lane)))
+        store(tip, (IMPACTS, lane), impacts)
+        store(tip, (TOUCHING, lane), touches)
+        store(tip, (CONTACT_TIME, lane), pack(tip, (CONTACT_TIME, lane)) + touches * span)
+        store(tip, (IMPULSE, lane), pack(tip, (IMPULSE, lane)) + p)
 
 
 @inlined
@@ -257,7 +214,7 @@ def observe(span: float, tip: Array, lanes: int) -> None:
         lane = narrow(first)
         x, v = pack(tip, (NEW_DISPLACEMENT, lane)), pack(tip, (NEW_VELOCITY, lane))
         temperature, p = pack(tip, (NEW_TEMPERATURE, lane)), pack(tip, (STEP_IMPULSE, lane))
-        note(span, x, v, temperature, p, tip, lane)
+        note(True, True, span, x, v, temperature, p, pack(tip, (GAP, lane)), tip, lane)
 
 
 @dataclass(frozen=True, eq=False)

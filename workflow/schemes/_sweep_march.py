@@ -9,26 +9,19 @@ from workflow.schemes._interface import Sampling
 from workflow.schemes._kernel import kernel
 from workflow.schemes._lanes import fill_lanes, lane_rows
 from workflow.schemes._modal_lanes import HEAT
-from workflow.schemes._packs import narrow, spread
+from workflow.schemes._packs import narrow, pack, spread
 from workflow.schemes._prox import meet
 from workflow.schemes._stepping import (
-    AMPLITUDE,
-    BALANCE_SINE,
-    MEAN,
+    GAP,
     NEW_DISPLACEMENT,
     NEW_VELOCITY,
-    OWN_SINE,
     STEP_IMPULSE,
     Block,
     Watch,
     blocks,
     observe,
     prepare,
-    start_load,
     take_marks,
-    tip_load,
-    turn_load,
-    weigh_load,
 )
 from workflow.schemes._sweep_balance import SUMS, open_account, residuals, tally, weights
 from workflow.schemes._sweeps import (
@@ -47,6 +40,16 @@ from workflow.schemes._sweeps import (
     node_rows,
     settle,
     swing,
+)
+from workflow.schemes._tip_load import (
+    AMPLITUDE,
+    BALANCE_SINE,
+    MEAN,
+    OWN_SINE,
+    start_load,
+    tip_load,
+    turn_load,
+    weigh_load,
 )
 
 
@@ -75,11 +78,10 @@ def _march(
     for k in range(1, block.steps + 1):
         free, warmed = swing(last, step, state, loads, theta, lever, heated)
         turn_load(k, h, leader, load, lanes)
-        pushed = h * tip_load(weigh_load(1.0 - theta, theta, OWN_SINE, leader, load, lanes), load, lane)
-        mobility, warming = step[YIELD, last], step[WARM, last]
-        x, v, temperature, p = meet(
-            theta, mobility, warming, h, pushed, spread(free, lane), spread(warmed, lane), own, tip, lane
-        )
+        pushed = h * tip_load(weigh_load(1.0 - theta, theta, OWN_SINE, leader, load, lanes), leader, load, lane)
+        mobility, warming, gap = step[YIELD, last], step[WARM, last], pack(tip, (GAP, lane))
+        before_contact = spread(free, lane), spread(warmed, lane)
+        _, x, v, temperature, p = meet(theta, mobility, warming, h, pushed, *before_contact, gap, own, tip, lane)
         prepare(x, v, temperature, p, tip, lane)
         heat = own[HEAT, 0]
         place, speed = tip[NEW_DISPLACEMENT, 0], tip[NEW_VELOCITY, 0]

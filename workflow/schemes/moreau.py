@@ -117,7 +117,7 @@ def cost(structure: Structure, h: float, options: Options, sampling: Sampling) -
 
     Its numbers lie between what a batch of eight and what a batch of a thousand cases took on one
     core of a server processor of 2024 (Zen 5, vectors of eight, 3 to 4 GHz), heated, full with 20
-    nodes and reduced to 3 + 12 modes: 0.6 ns a step for the tip, 0.11 ns for each mechanical and 0.06 ns
+    nodes and reduced to 3 + 12 modes: 0.6 ns a step for the tip, 0.09 ns for each mechanical and 0.05 ns
     for each thermal mode, 15 ns a sample, 1.5 us to set a case up. A processor with vectors of four takes about
     twice as long; fewer than eight cases cost together what eight do. Balances come on top of that,
     see :func:`~workflow.schemes._balance.balance_cost`. A long chain takes 3.4 ns for each node, 5.4 ns with balances.
@@ -125,7 +125,7 @@ def cost(structure: Structure, h: float, options: Options, sampling: Sampling) -
     if is_swept(structure):
         step = 3e-8 + (5.4e-9 if sampling.balances else 3.4e-9) * structure.mechanical_size
         return sampling.steps(h) * step + sampling.count * 1.5e-8 + 1e-7 * structure.mechanical_size
-    step = 0.6e-9 + 1.1e-10 * structure.mechanical_size + 0.6e-10 * structure.thermal_size
+    step = 0.6e-9 + 0.9e-10 * structure.mechanical_size + 0.5e-10 * structure.thermal_size
     if sampling.balances:
         step += balance_cost(structure)
     return sampling.steps(h) * step + sampling.count * 1.5e-8 + 1.5e-6
