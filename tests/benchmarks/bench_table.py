@@ -62,9 +62,9 @@ def exact(count: int, runs: int) -> list[Line]:
     return lines
 
 
-def whole_run(cases: int) -> Line:
+def whole_run(cases: int, runs: int) -> Line:
     """A run of ``workflow`` in a warm process over its kernels on as many threads."""
-    wall, kernels = bench_workflow.whole_run(cases)
+    wall, kernels = bench_workflow.whole_run(cases, runs)
     what = f"run of {cases} cases with metrics over its kernels, {available_threads()} threads"
     return what, "<= 1.15", f"{wall:.2f} s", f"{wall / kernels:.2f}"
 
@@ -116,7 +116,7 @@ def table(size: Size, exact_cases: int, run_cases: int, grids: tuple[int, int], 
     """Return all lines; without ``processes`` only what needs no other processes."""
     lines = bench_limits.lines(size)
     lines += rivals(size) + exact(exact_cases, size.runs)
-    lines.append(whole_run(run_cases))
+    lines.append(whole_run(run_cases, size.runs))
     lines += workflow_lines(grids, size.runs, processes)
     return lines + (commands(size.runs) if processes else [])
 
