@@ -47,10 +47,6 @@ from workflow.schemes._modal_lanes import HEAT, PUSHED, by_mode
 from workflow.schemes._packs import Lane, Pack, magnitude, narrow, pack, shared, spread, store, where, wide
 from workflow.schemes._tip_load import AMPLITUDE, BALANCE_SINE, weigh_load
 
-AUDITED_LANES = WIDE
-"""Lanes of a block with balances: what a step reads and writes of 20 + 20 modes (200 x 8 bytes x 16 = 26 kB)
-stays in the first-level cache."""
-
 MODES = 4
 """Mechanical modes of a group, whose forces by heat are summed at once: the registers hold as many sums.
 Modes are padded with zeros to whole groups."""
@@ -276,6 +272,12 @@ class Books:
             sums=lane_rows(SUM_ROWS),
         )
         self.energy_residual, self.heat_residual = np.zeros(cases.count), np.zeros(cases.count)
+
+    @property
+    def rows(self) -> int:
+        """Rows of lanes that balances add to a step's."""
+        modes, rows, _ = self.audit.motion.shape
+        return int(modes * rows + self.audit.heat.shape[0] + self.audit.heating.shape[0] + SUM_ROWS)
 
     @property
     def residuals(self) -> dict[str, Array]:

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.models import Array, Cases, project
-from workflow.schemes._balance import AUDITED_LANES, Audit, audit_heat, no_audit
+from workflow.schemes._balance import Audit, audit_heat, no_audit
 from workflow.schemes._central import Law, Operator
 from workflow.schemes._central_balance import POWER, CentralBooks, account
 from workflow.schemes._decoupled import Decoupled, Motion, start
 from workflow.schemes._interface import Results, Sampling, Status, merge, schedule
 from workflow.schemes._kernel import inlined, kernel
-from workflow.schemes._lanes import LANES, PACK, ROW, WIDE, fill_lanes, lane_rows
+from workflow.schemes._lanes import PACK, ROW, WIDE, fill_lanes, lane_rows
 from workflow.schemes._modal_lanes import (
     ALPHA,
     DRIFT,
@@ -39,6 +39,7 @@ from workflow.schemes._stepping import (
     VELOCITY,
     Block,
     Now,
+    block_lanes,
     blocks,
     collect,
     note,
@@ -267,7 +268,7 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
         books = CentralBooks(operator.structure, modal, cases, begun.tip_force, h, implicit, half, inertia, factor)
     audit = no_audit() if books is None else books.audit
     rebound = np.full((2, cases.count), np.nan)
-    for part, block in blocks(watched, LANES if books is None else AUDITED_LANES):
+    for part, block in blocks(watched, block_lanes(pairs, heat, 0 if books is None else books.rows)):
         count = part.stop - part.start
         if books is not None:
             books.open(part)

@@ -16,8 +16,11 @@ import numpy as np
 from workflow.models import Array
 
 LANES = 64
-"""Lanes of a block: enough to share what a loop costs before its first lane, while the states of
-20 + 20 modes (3 x 8 bytes x 20 x 64 = 31 kB) stay in the first-level cache."""
+"""Most lanes of a block: they share what a step costs beside its lanes."""
+
+CACHED = 32 * 1024
+"""Bytes that the rows of a block may take: two thirds of the first-level cache of the processor they were chosen on,
+which leaves room for samples and coefficients."""
 
 ROW = LANES + 8
 """Numbers from one row to the next: an odd number of cache lines, since rows a power of two apart fall
@@ -25,6 +28,14 @@ upon each other in the cache. Worth a few percent."""
 
 PACK, WIDE = 8, 16
 """Lanes are used in packs of this many: a register of the widest processors, or two."""
+
+
+def cached_lanes(rows: int) -> int:
+    """Return the lanes of a block that goes through so many rows in a step: whole wide packs that stay in the cache."""
+    lanes = LANES
+    while lanes > WIDE and 8 * rows * lanes > CACHED:
+        lanes //= 2
+    return lanes
 
 
 def lane_rows(*shape: int) -> Array:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.models import Array
-from workflow.schemes._kernel import inlined, kernel
+from workflow.schemes._kernel import inlined, part
 from workflow.schemes._lanes import ROW
 from workflow.schemes._packs import Lane, Pack, pack, shared, some_nonzero, spread, store
 
@@ -137,7 +137,7 @@ def conduct_heated(
     return velocity, temperature
 
 
-@kernel
+@part
 def moves_by_itself(own: Array, lanes: int) -> bool:
     """Tell whether some lane has a known part of its motion, by heating or by what surrounds it."""
     known = False
@@ -171,7 +171,7 @@ def step_freely(
     return velocity, temperature
 
 
-@kernel
+@part
 def take_heat(heat_modes: Array, tau: Array, own: Array, warmed: Array, lanes: int) -> None:
     """Give τ with the heat of the last step, which :func:`conduct` leaves to the next one."""
     for k in range(tau.shape[0]):

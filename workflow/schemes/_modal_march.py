@@ -12,11 +12,11 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.models import Array, Cases, Structure
-from workflow.schemes._balance import AUDITED_LANES, Audit, Books, audit_step, no_audit
+from workflow.schemes._balance import Audit, Books, audit_step, no_audit
 from workflow.schemes._decoupled import Decoupled, Motion
 from workflow.schemes._interface import Sampling
 from workflow.schemes._kernel import inlined, kernel
-from workflow.schemes._lanes import LANES, PACK, WIDE, fill_lanes, lane_rows
+from workflow.schemes._lanes import PACK, WIDE, fill_lanes, lane_rows
 from workflow.schemes._modal_lanes import (
     DRIFT,
     WARMING,
@@ -35,6 +35,7 @@ from workflow.schemes._stepping import (
     Block,
     Now,
     Watch,
+    block_lanes,
     blocks,
     note,
     observe,
@@ -174,7 +175,7 @@ def march(
     growth = (modal.static_growth / modal.glow)[:, None]
     books = Books(structure, modal, cases, begun.tip_force, h, theta) if sampling.balances else None
     audit = no_audit() if books is None else books.audit
-    for part, block in blocks(watched, LANES if books is None else AUDITED_LANES):
+    for part, block in blocks(watched, block_lanes(pairs, heat, 0 if books is None else books.rows)):
         if books is not None:
             books.open(part)
         fill_lanes(own, rows[:, part])

@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 from workflow.models import Array, Cases, Structure
 from workflow.schemes import moreau
 from workflow.schemes._balance import (
-    AUDITED_LANES,
     ENERGY,
     SPENT,
     Audit,
@@ -35,7 +34,7 @@ from workflow.schemes._central_march import APPROACHED, LATEST, SEPARATED, resti
 from workflow.schemes._decoupled import Decoupled, start
 from workflow.schemes._interface import Results, Sampling, Status, merge, schedule
 from workflow.schemes._kernel import inlined, kernel
-from workflow.schemes._lanes import LANES, PACK, ROW, WIDE, fill_lanes, lane_rows
+from workflow.schemes._lanes import PACK, ROW, WIDE, fill_lanes, lane_rows
 from workflow.schemes._modal_lanes import (
     ALPHA,
     DELASSUS,
@@ -62,6 +61,7 @@ from workflow.schemes._stepping import (
     VELOCITY,
     Block,
     Now,
+    block_lanes,
     blocks,
     collect,
     note,
@@ -257,7 +257,7 @@ def _run(operator: Operator, modal: Decoupled, cases: Cases, sampling: Sampling)
     books = Books(operator.structure, modal, cases, begun.tip_force, h, theta) if sampling.balances else None
     audit = no_audit() if books is None else books.audit
     rebound = np.full((2, cases.count), np.nan)
-    for part, block in blocks(watched, LANES if books is None else AUDITED_LANES):
+    for part, block in blocks(watched, block_lanes(pairs, heat, 0 if books is None else books.rows)):
         count = part.stop - part.start
         if books is not None:
             books.open(part)

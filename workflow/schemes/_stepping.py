@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 
 from workflow.models import Array, Cases
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, complete_periods
-from workflow.schemes._kernel import inlined, kernel
-from workflow.schemes._lanes import LANES, PACK, ROW, fill_lanes, lane_rows
+from workflow.schemes._kernel import inlined, part
+from workflow.schemes._lanes import PACK, ROW, cached_lanes, fill_lanes, lane_rows
 from workflow.schemes._packs import Lane, Pack, narrow, pack, some, store, where
 from workflow.schemes._tip_load import AMPLITUDE, FREQUENCY, LOAD_ROWS, MEAN, PHASE
 
@@ -55,7 +55,7 @@ class Marks(NamedTuple):
     period_weight: Array
     """``(case, period)``."""
     next_mark: NDArray[np.int64]
-    """The step in which something falls due next, and the next sample, ``(2,)``."""
+    """The next step in which something falls due, the next sample, the next step that ends a load period, ``(3,)``."""
     next_period: NDArray[np.int64]
     """``(case,)``."""
 
@@ -99,36 +99,18 @@ class Now(NamedTuple):
     """Whether some lane has a known part of its motion."""
 
 
-@kernel
+@inlined
 def _between(before: float, after: float, share: float) -> float:
     """Linear between step ends; a step end itself is taken exactly."""
     return after if share == 1.0 else before + share * (after - before)
 
 
-@kernel
-def take_marks(step: int, block: Block) -> float:
-    """Write the samples and close the load periods that end within this step.
-
-    Returns the part of the step that counts, s: all but the last one count whole, the last up to
-    the duration, where the last sample lies; there the tip's new values are cut back to it.
-    """
-    tip, lanes, h, steps = block.tip, block.lanes, block.h, block.steps
-    histories, periods = block.record.histories, block.record.periods
-    due, weight = block.marks.sample_due, block.marks.sample_weight
-    period_due, period_weight = block.marks.period_due, block.marks.period_weight
-    next_mark, next_period = block.marks.next_mark, block.marks.next_period
-    mark = steps
-    while next_mark[1] < due.size and due[next_mark[1]] == step:
-        k = next_mark[1]
-        for lane in range(histories.shape[0]):
-            impulse = tip[IMPULSE, lane]
-            histories[lane, 0, k] = _between(tip[DISPLACEMENT, lane], tip[NEW_DISPLACEMENT, lane], weight[k])
-            histories[lane, 1, k] = _between(tip[VELOCITY, lane], tip[NEW_VELOCITY, lane], weight[k])
-            histories[lane, 2, k] = _between(tip[TEMPERATURE, lane], tip[NEW_TEMPERATURE, lane], weight[k])
-            histories[lane, 3, k] = _between(impulse, impulse + tip[STEP_IMPULSE, lane], weight[k])
-        next_mark[1] += 1
-    if next_mark[1] < due.size:
-        mark = due[next_mark[1]]
+@part
+def _close_periods(step: int, block: Block) -> None:
+    """Close the load periods that end within this step, and note when the next one does."""
+    tip, h, periods = block.tip, block.h, block.record.periods
+    period_due, period_weight, next_period = block.marks.period_due, block.marks.period_weight, block.marks.next_period
+    first = NEVER
     for lane in range(period_due.shape[0]):
         while next_period[lane] < period_due.shape[1] and period_due[lane, next_period[lane]] == step:
             k = next_period[lane]
@@ -146,8 +128,35 @@ def take_marks(step: int, block: Block) -> float:
             tip[PERIOD_HOTTEST, lane] = reached
             next_period[lane] = k + 1
         if next_period[lane] < period_due.shape[1]:
-            mark = min(mark, period_due[lane, next_period[lane]])
-    next_mark[0] = mark
+            first = min(first, period_due[lane, next_period[lane]])
+    block.marks.next_mark[2] = first
+
+
+@part
+def take_marks(step: int, block: Block) -> float:
+    """Write the samples and close the load periods that end within this step.
+
+    Returns the part of the step that counts, s: all but the last one count whole, the last up to
+    the duration, where the last sample lies; there the tip's new values are cut back to it.
+    """
+    tip, lanes, h, steps = block.tip, block.lanes, block.h, block.steps
+    histories, next_mark = block.record.histories, block.marks.next_mark
+    due, weight = block.marks.sample_due, block.marks.sample_weight
+    mark = steps
+    while next_mark[1] < due.size and due[next_mark[1]] == step:
+        k = next_mark[1]
+        for lane in range(histories.shape[0]):
+            impulse = tip[IMPULSE, lane]
+            histories[lane, 0, k] = _between(tip[DISPLACEMENT, lane], tip[NEW_DISPLACEMENT, lane], weight[k])
+            histories[lane, 1, k] = _between(tip[VELOCITY, lane], tip[NEW_VELOCITY, lane], weight[k])
+            histories[lane, 2, k] = _between(tip[TEMPERATURE, lane], tip[NEW_TEMPERATURE, lane], weight[k])
+            histories[lane, 3, k] = _between(impulse, impulse + tip[STEP_IMPULSE, lane], weight[k])
+        next_mark[1] += 1
+    if next_mark[1] < due.size:
+        mark = due[next_mark[1]]
+    if step == next_mark[2]:
+        _close_periods(step, block)
+    next_mark[0] = min(mark, next_mark[2])
     share = weight[-1] if step == steps else 1.0
     if share != 1.0:
         for lane in range(lanes):
@@ -282,7 +291,12 @@ def watch(cases: Cases, mean: Array, sampling: Sampling, schedule: Schedule, h: 
     return Watch(cases, schedule, sampling.interval, h, load, tip, record, due, weight)
 
 
-def blocks(watched: Watch, most: int = LANES) -> Iterator[tuple[slice, Block]]:
+def block_lanes(pairs: Array, heat: Array, rows: int) -> int:
+    """Return the lanes of a block of modes ``(mode, 2, case)`` and ``(thermal mode, case)``, and further ``rows``."""
+    return cached_lanes(2 * pairs.shape[0] + heat.shape[0] + rows + TIP_ROWS + LOAD_ROWS)
+
+
+def blocks(watched: Watch, most: int) -> Iterator[tuple[slice, Block]]:
     """Cut the batch into blocks of ``most`` cases, and take the counts of each when the next one is asked for.
 
     All blocks share one set of lane arrays, which stays in the processor's cache.
@@ -299,7 +313,7 @@ def blocks(watched: Watch, most: int = LANES) -> Iterator[tuple[slice, Block]]:
             sample_weight=schedule.weight,
             period_due=watched.period_due[part],
             period_weight=watched.period_weight[part],
-            next_mark=np.ones(2, dtype=np.int64),  # the first step looks for the first mark
+            next_mark=np.ones(3, dtype=np.int64),  # the first step looks for the first mark
             next_period=np.zeros(count, dtype=np.int64),
         )
         record = Record(watched.record.histories[part], watched.record.periods[part])

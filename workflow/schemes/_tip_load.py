@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.models import Array
-from workflow.schemes._kernel import inlined, kernel
+from workflow.schemes._kernel import inlined, part
 from workflow.schemes._lanes import ROW
 from workflow.schemes._packs import Lane, Pack, pack
 
@@ -23,7 +23,7 @@ OWN_SINE, BALANCE_SINE = range(TURN_COSINE + 1, TURN_COSINE + 3)
 LOAD_ROWS = BALANCE_SINE + 1
 
 
-@kernel
+@part
 def start_load(h: float, load: Array, lanes: int) -> int:
     """Set the load to t = 0 and its rotation to one step; return its leader.
 
