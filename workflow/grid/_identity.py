@@ -23,6 +23,10 @@ _CONDITIONS = ("scene.casing.gap", *(f"scene.load.{name}" for name in ("mean", "
 _PER_NODE = ("scene.load.steady", *(f"scene.initial.{name}" for name in ("displacement", "velocity", "temperature")))
 
 
+_AT_ONCE = 50_000
+"""Cases of an outer index whose conditions are in memory at once, some 15 MB."""
+
+
 def case_hashes(grid: Grid) -> NDArray[np.uint8]:
     """Return the hash of every case in archive order, ``(case, HASH_BYTES)``.
 
@@ -30,18 +34,20 @@ def case_hashes(grid: Grid) -> NDArray[np.uint8]:
     options, those of e, h and α that it reads, mode counts, and the reference in the same way: values
     in SI, to the bit. Labels, titles, the place in the grid and what else is stored do not enter.
     """
-    inner = np.arange(grid.inner_count, dtype=np.int64)
-    varying = grid.inner_values(inner)
-    found: list[bytes] = []
-    for outer in range(grid.outer_count):
-        cell = grid.settings(outer)
-        prefix = hashlib.sha256(json.dumps(_shared(grid, outer, cell), sort_keys=True).encode())
-        rows = _rows(grid, outer, cell, varying, inner.size)
-        for row in rows:
-            digest = prefix.copy()
-            digest.update(row.data)
-            found.append(digest.digest()[:HASH_BYTES])
-    return np.frombuffer(b"".join(found), np.uint8).reshape(-1, HASH_BYTES)
+    found = np.empty((grid.outer_count, grid.inner_count, HASH_BYTES), np.uint8)
+    for first in range(0, grid.inner_count, _AT_ONCE):
+        inner = np.arange(first, min(first + _AT_ONCE, grid.inner_count), dtype=np.int64)
+        varying = grid.inner_values(inner)
+        for outer in range(grid.outer_count):
+            cell = grid.settings(outer)
+            prefix = hashlib.sha256(json.dumps(_shared(grid, outer, cell), sort_keys=True).encode())
+            digests = []
+            for row in _rows(grid, outer, cell, varying, inner.size):
+                digest = prefix.copy()
+                digest.update(row.data)
+                digests.append(digest.digest()[:HASH_BYTES])
+            found[outer, inner] = np.frombuffer(b"".join(digests), np.uint8).reshape(-1, HASH_BYTES)
+    return found.reshape(-1, HASH_BYTES)
 
 
 def _shared(grid: Grid, outer: int, cell: Cell) -> dict[str, Any]:

@@ -11,7 +11,8 @@ import numpy as np
 from workflow import schemes
 from workflow.grid._arrangement import Grid, Indices, values_along
 from workflow.grid._operators import reduced_structure, reduction_of, structure_of
-from workflow.grid._tasks import Units, bytes_per_case, computed_seconds, tasks
+from workflow.grid._solve import longest_period_count
+from workflow.grid._tasks import Units, computed_seconds, tasks
 from workflow.models import MOST_NODES_WITH_MATRICES, Array, Chain, critical_alpha, frequencies, rates, tip_flexibility
 from workflow.schemes import Scheme
 from workflow.study import Cell
@@ -137,11 +138,8 @@ def _plan(grid: Grid, units: Units) -> Plan:
         batches += len(task.segments)
     cases = grid.outer_count * grid.inner_count
     stored = 8 if grid.study.output.precision == "float64" else 4
-    size = cases * (
-        bytes_per_case(grid)
-        - 8 * 5 * grid.sampling.count
-        + stored * len(grid.study.output.histories) * grid.sampling.count
-    )
+    sampled = stored * len(grid.study.output.histories) * grid.sampling.count
+    size = cases * (8 * (4 * longest_period_count(grid) + 20) + sampled)
     return Plan(
         cases,
         int(np.sum(distinct[kind])),

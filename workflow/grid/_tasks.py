@@ -138,8 +138,8 @@ def _decides_cost(path: str, model: str) -> bool:
 
 
 def bytes_per_case(grid: Grid) -> int:
-    """Return the bytes of a case's results in memory."""
-    return 8 * (5 * grid.sampling.count + 4 * longest_period_count(grid) + 20)
+    """Return the bytes of a case in memory: its results, what is derived of them, and the copy that is stored."""
+    return 8 * (10 * grid.sampling.count + 8 * longest_period_count(grid) + 60)
 
 
 def units_of(grid: Grid) -> Units:
