@@ -119,6 +119,19 @@ def test_cases_that_are_stepped_together_stay_together(h: float, alphas: int) ->
             assert ends or segment.units * units.chunk >= schemes.load("moreau").TOGETHER
 
 
+@pytest.mark.parametrize("unbroken", [0.0, 0.01, 1.0])
+def test_cases_that_take_long_are_not_kept_together(unbroken: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A task that is lost is lost as a whole: none is longer than that, than others, or than a case."""
+    for name, value in (("SHORTEST", 1e-9), ("CHUNK_SECONDS", 1e-9), ("LONGEST", 1e-3), ("UNBROKEN", unbroken)):
+        monkeypatch.setattr(cutting, name, value)
+    text = SMALL.replace("h: [1e-4, 2e-4]", "h: [1e-8, 1e-4]").replace("[0, 5, 10, 20, 50]", "{lin: [0, 50, 100]}")
+    grid = arrange(parsed(text))
+    case = float(cutting.computed_seconds(grid).max())
+    assert 16 * case > 1e-3
+    for task in tasks(grid, units_of(grid)):
+        assert task.seconds < 1.5 * max(1e-3, unbroken, case) + cutting.SETTING_UP
+
+
 def test_a_scheme_that_steps_cases_alone_is_cut_anywhere(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cutting, "SHORTEST", 1e-9)
     monkeypatch.setattr(cutting, "CHUNK_SECONDS", 1e-9)

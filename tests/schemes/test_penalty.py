@@ -41,6 +41,21 @@ def test_implicit_kernel_is_the_scheme(stiffness: float, damping: float, theta: 
     agree(found, path, np.concatenate([[0.0], np.cumsum(path.impulse)]))
 
 
+@pytest.mark.parametrize("count", [1, 11])
+def test_without_weight_at_the_end_of_the_step_contact_begins_all_the_same(count: int) -> None:
+    """θ = 0: the first force of a contact takes no impulse in its own step."""
+    structure, h = chain(nodes=1, mass=1.0, stiffness=0.0), 1e-3
+    batch = cases(structure, count, gap=0.01, velocity=1.0)
+    path = plain_penalty.implicit(structure, batch.take(slice(0, 1)), h, 60, 1e4, 0.0, 0.0)
+    assert np.sum(path.impulse > 0) > 20
+    options = {"stiffness": 1e4, "integration": "implicit", "theta": 0.0}
+    found = step(structure, batch, h, sampling(60 * h, h), "penalty", **options)
+    impulse = np.concatenate([[0.0], np.cumsum(path.impulse)])
+    for case in (0, count - 1):
+        assert np.abs(found.histories["impulse"][case] - impulse).max() < 1e-12 * impulse[-1]
+        assert np.abs(found.histories["displacement"][case] - path.displacement[:, 0]).max() < 1e-12
+
+
 def test_where_neither_branch_is_consistent_the_tip_stays_on_the_casing() -> None:
     """A strong damper throws the tip out of the casing within the step in which it came in."""
     structure = chain(nodes=1, mass=1.0, stiffness=0.0)

@@ -153,7 +153,8 @@ def units_of(grid: Grid) -> Units:
     seconds, at_once = _computed(grid)
     share = min(max(float(seconds.sum()) * grid.inner_count / TASKS_WANTED, CHUNK_SECONDS), LONGEST)
     by_size = CHUNK_BYTES // (8 * grid.sampling.count)
-    by_time = _power_of_two_below(float(np.min(np.maximum(share / np.maximum(seconds, 1e-300), at_once))))
+    seconds = np.maximum(seconds, 1e-300)
+    by_time = _power_of_two_below(float(np.min(np.maximum(share, np.minimum(UNBROKEN, at_once * seconds)) / seconds)))
     return Units(grid.inner_count // inner, inner, max(1, min(inner, by_size, by_time)))
 
 

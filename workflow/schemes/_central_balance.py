@@ -21,6 +21,7 @@ import numpy as np
 from workflow.models import Array, Cases, Structure
 from workflow.schemes._balance import (
     ENERGY,
+    FORCE,
     PLACE,
     SPEED,
     SPENT,
@@ -47,6 +48,18 @@ POWER = SPEED
 
 
 @inlined
+def begun(motion: Array, first: int, lane: Lane) -> tuple[Pack, Pack, Pack, Pack]:
+    """Return the forces f̄ - g at t = 0 on the modes of the group that begins with the ``first``."""
+    assert motion.shape[2] == ROW
+    return (
+        pack(motion, (first, FORCE, lane)),
+        pack(motion, (first + 1, FORCE, lane)),
+        pack(motion, (first + 2, FORCE, lane)),
+        pack(motion, (first + 3, FORCE, lane)),
+    )
+
+
+@inlined
 def account(
     step: int, h: float, stiffness: float, audit: Audit, own: Array, x: Pack, v: Pack, gap: Pack, lane: Lane
 ) -> None:
@@ -61,7 +74,7 @@ def account(
     assert sums.shape[1] == ROW
     pushed, spent, energy = pack(own, (PUSHED, lane)), spread(0.0, lane), spread(0.0, lane)
     for first in range(0, motion.shape[0], GROUP):
-        acting = forces(audit.coupling, audit.heat, motion, first, lane)
+        acting = forces(audit.coupling, audit.heat, motion, first, lane) if step > 0 else begun(motion, first, lane)
         for i in range(GROUP):
             j, steady = first + i, acting[i]
             before, place = pack(motion, (j, ZETA, lane)), pack(motion, (j, PLACE, lane))

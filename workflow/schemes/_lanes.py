@@ -5,7 +5,7 @@ and functions that loop over lanes assert that a row is ``ROW`` long. Both are f
 where the distance between two rows is known at compile time, the compiler can
 prove that rows do not overlap and steps eight lanes at once; else it compares all addresses with
 each other before each short loop, or gives up. Lanes are padded to whole packs with idle ones
-(all zero: a tip at rest that touches its casing without force), so that the vectorised loop
+(all zero: a tip at rest, far from its casing), so that the vectorised loop
 serves every lane and a case's numbers do not depend on where in a batch it stands.
 """
 

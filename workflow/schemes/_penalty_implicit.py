@@ -140,7 +140,8 @@ def _meet(
     p = begun + h * theta * pressed
     after = apart - w * (h * theta * pressed)
     store(own, (PUSHED, lane), pushed - p)
-    engaged = some_nonzero(p) or some_nonzero(held) or some_nonzero(pack(tip, (TOUCHING, lane)))
+    taken = some_nonzero(p) or some_nonzero(pressed)  # with θ = 0 a force acts from the next step on
+    engaged = taken or some_nonzero(held) or some_nonzero(pack(tip, (TOUCHING, lane)))
     if engaged:
         touches, touched = pressed > 0.0, held > 0.0
         store(own, (LATEST, lane), pressed)

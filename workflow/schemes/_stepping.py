@@ -308,6 +308,7 @@ def blocks(watched: Watch, most: int) -> Iterator[tuple[slice, Block]]:
         count = part.stop - part.start
         fill_lanes(load, watched.load[:, part])
         fill_lanes(tip, watched.tip[:, part])
+        tip[GAP, count:] = np.inf
         marks = Marks(
             sample_due=schedule.due,
             sample_weight=schedule.weight,
