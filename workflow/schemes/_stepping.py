@@ -284,10 +284,10 @@ def watch(cases: Cases, mean: Array, sampling: Sampling, schedule: Schedule, h: 
         tip[row] = values
 
     record = Record(
-        np.zeros((cases.count, 4, schedule.due.size)),
+        np.empty((cases.count, 4, schedule.due.size)),  # the march fills it; zeros would be fresh pages each time
         np.full((cases.count, 3, longest), np.nan),
     )
-    record.histories[:, :3, 0] = tip[[DISPLACEMENT, VELOCITY, TEMPERATURE]].T
+    record.histories[..., 0] = tip[[DISPLACEMENT, VELOCITY, TEMPERATURE, IMPULSE]].T
     return Watch(cases, schedule, sampling.interval, h, load, tip, record, due, weight)
 
 
