@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
+from workflow.grid import _tasks as cutting
 from workflow.study import Study, parse_study
 
 SCENE = """
@@ -52,3 +55,9 @@ def written(text: str, directory: Path, name: str = "study.yaml") -> Path:
     path = directory / name
     path.write_text(text, encoding="utf-8")
     return path
+
+
+def cut_finely(patch: pytest.MonkeyPatch, shortest: float = 1e-9) -> None:
+    """Make tasks as short as they can be, or of some seconds, whatever is stepped together."""
+    patch.setattr(cutting, "SHORTEST", shortest)
+    patch.setattr(cutting, "UNBROKEN", 0.0)

@@ -20,11 +20,10 @@ from typer.testing import CliRunner
 
 import workflow.run._task as running
 from quick import quick
-from studies import written
+from studies import cut_finely, written
 from workflow.archive import ArchiveError, _files, content_hash, holding, keep_known, parts_of, read_known
 from workflow.archive._known import KNOWN, Known
 from workflow.cli import app
-from workflow.grid import _tasks as cutting
 from workflow.run import run_study
 
 STUDY = quick({"e": [0.0, 0.2, 0.5, 0.9], "alpha": [0.0, 5.0, 20.0, 50.0]})
@@ -33,8 +32,7 @@ STUDY = quick({"e": [0.0, 0.2, 0.5, 0.9], "alpha": [0.0, 5.0, 20.0, 50.0]})
 @pytest.fixture(autouse=True)
 def finely(monkeypatch: pytest.MonkeyPatch) -> None:
     """A task, and a shard, for each of the four rows."""
-    monkeypatch.setattr(cutting, "SHORTEST", 1e-9)
-    monkeypatch.setattr(cutting, "UNBROKEN", 0.0)
+    cut_finely(monkeypatch)
 
 
 @pytest.fixture(scope="module")

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 import workflow.run._task as running
 from quick import hashes_of, quick
+from studies import cut_finely
 from workflow import schemes
 from workflow.archive import ArchiveError, _known, content_hash, open_archive, parts_of, provenance
 from workflow.grid import _tasks as cutting
@@ -100,8 +101,7 @@ def test_any_study_from_any_other(
     output |= {"histories": ["displacement"]} if fewer else {}
     with TemporaryDirectory() as directory, pytest.MonkeyPatch.context() as patch:
         if cut:
-            patch.setattr(cutting, "SHORTEST", 1e-9)
-            patch.setattr(cutting, "UNBROKEN", 0.0)
+            cut_finely(patch)
         check_extension(quick(**old, **both), quick(**new, **both, output=output), Path(directory))
 
 
@@ -146,8 +146,7 @@ def test_steps_from_a_study_to_its_next(
 
 
 def test_what_an_outer_axis_adds_leaves_whole_chunks_to_copy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cutting, "SHORTEST", 1e-9)
-    monkeypatch.setattr(cutting, "UNBROKEN", 0.0)
+    cut_finely(monkeypatch)
     archive = tmp_path / "a.nc"
     run_study(quick(), archive)
     taken: list[int] = []
@@ -178,8 +177,7 @@ def _inspecting(gather: Any, found: list[int]) -> Any:
 
 @pytest.mark.parametrize("after", [0, 1, 3])
 def test_killed_in_the_middle(after: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cutting, "SHORTEST", 1e-9)
-    monkeypatch.setattr(cutting, "UNBROKEN", 0.0)
+    cut_finely(monkeypatch)
     new = quick({"e": [0.0, 0.2, 0.5, 0.9], "alpha": [0.0, 20.0, 5.0, 50.0]})
     archive = tmp_path / "a.nc"
     run_study(quick(), archive)

@@ -13,9 +13,9 @@ import pytest
 import workflow.run._study as studying
 import workflow.run._task as running
 from quick import quick, same_values
+from studies import cut_finely
 from workflow.archive import ArchiveError, content_hash, open_archive, parts_of
 from workflow.grid import _solve
-from workflow.grid import _tasks as cutting
 from workflow.run import run_study
 from workflow.schemes import Status
 
@@ -86,8 +86,7 @@ def test_a_failed_case_has_no_value_of_another_s(
 ) -> None:
     """Neither of its neighbours nor of the archive that was extended."""
     if finely:
-        monkeypatch.setattr(cutting, "SHORTEST", 1e-9)
-        monkeypatch.setattr(cutting, "UNBROKEN", 0.0)
+        cut_finely(monkeypatch)
     archive = tmp_path / "a.nc"
     run_study(quick({"alpha": [0.0, 50.0]}), archive)
     run_study(quick({"alpha": [0.0, 5.0, 50.0]}), archive)
@@ -135,8 +134,7 @@ def room_for_two_shards(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 def test_an_unfinished_run_is_ended_before_it_is_retried(
     tmp_path: Path, broken: set[float], solved: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(cutting, "SHORTEST", 1e-9)
-    monkeypatch.setattr(cutting, "UNBROKEN", 0.0)
+    cut_finely(monkeypatch)
     archive = tmp_path / "a.nc"
     with room_for_two_shards(monkeypatch), pytest.raises(ArchiveError):
         run_study(quick(), archive, threads=1)
@@ -150,8 +148,7 @@ def test_an_unfinished_run_is_ended_before_it_is_retried(
 def test_a_retry_that_was_stopped_goes_on(
     tmp_path: Path, broken: set[float], solved: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(cutting, "SHORTEST", 1e-9)
-    monkeypatch.setattr(cutting, "UNBROKEN", 0.0)
+    cut_finely(monkeypatch)
     archive = tmp_path / "a.nc"
     run_study(quick(), archive)
     before = archive.read_bytes()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from studies import ILL, SINGLE, SMALL, parsed
+from studies import ILL, SINGLE, SMALL, cut_finely, parsed
 from workflow.archive import ArchiveError, content_hash, open_archive, parts_of
 from workflow.grid import _tasks as cutting
 from workflow.run import run_study
@@ -18,8 +18,7 @@ from workflow.schemes import Status
 @pytest.fixture
 def many_tasks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Cut even the smallest study in a task per unit."""
-    monkeypatch.setattr(cutting, "SHORTEST", 1e-9)
-    monkeypatch.setattr(cutting, "UNBROKEN", 0.0)
+    cut_finely(monkeypatch)
     monkeypatch.setattr(cutting, "TASKS_WANTED", 10**6)
 
 
@@ -59,8 +58,7 @@ def test_a_study_becomes_one_labelled_archive(tmp_path: Path) -> None:
 def test_bits_do_not_depend_on_threads_or_tasks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     hashes = []
     for number, (threads, shortest) in enumerate([(1, 0.1), (2, 1e-9), (4, 1e-9)]):
-        monkeypatch.setattr(cutting, "SHORTEST", shortest)
-        monkeypatch.setattr(cutting, "UNBROKEN", 0.0)
+        cut_finely(monkeypatch, shortest)
         archive = tmp_path / f"{number}.nc"
         run_study(parsed(SMALL), archive, threads=threads)
         hashes.append(content_hash(archive))

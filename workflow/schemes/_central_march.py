@@ -27,7 +27,6 @@ from workflow.schemes._modal_lanes import (
     Coefficients,
     by_mode,
     moves_by_itself,
-    pull_pairs,
     step_freely,
 )
 from workflow.schemes._packs import Lane, Mask, Pack, narrow, pack, some_nonzero, spread, store, where, wide
@@ -42,13 +41,13 @@ from workflow.schemes._stepping import (
     block_lanes,
     blocks,
     collect,
-    note,
+    enter,
+    hand_over,
     observe,
-    prepare,
     take_marks,
     watch,
 )
-from workflow.schemes._tip_load import OWN_SINE, start_load, tip_load, turn_load, weigh_load
+from workflow.schemes._tip_load import start_load, tip_load
 
 ROUNDING = 16 * np.finfo(float).eps
 """A free step grows only above 1 by more than the few operations that compute its factor can err."""
@@ -157,9 +156,7 @@ def _step(
     if step > 0:
         if heated and audited:
             audit_heat(h, audit, own, lane)
-        free, temperature = step_freely(operator, now.known, now.t, h, own, motion, tau, lane)
-        if operator.pair_mode.size > 0:
-            free = pull_pairs(operator, tau, motion, free, lane)
+        free, temperature = step_freely(operator, now.known, now.t, h, own, motion, tau, tau, lane)
     gap = pack(tip, (GAP, lane))
     pushed = h * tip_load(now.sine, now.leader, block.load, lane)
     engaged, x, v, temperature, p = _meet(operator, law, h, pushed, free, temperature, gap, own, tip, lane)
@@ -167,10 +164,8 @@ def _step(
         account(step, h, law.stiffness, audit, own, x, v, gap, lane)
     if step == 0:
         _whole_impulse(v, audit.sums, own, lane)
-    elif now.marked:
-        prepare(x, v, temperature, p, tip, lane)
     else:
-        note(engaged, now.lasts, h, x, v, temperature, p, gap, tip, lane)
+        hand_over(now.marked, engaged, now, h, x, v, temperature, p, gap, tip, lane)
 
 
 @kernel
@@ -192,11 +187,7 @@ def _march(
     in_wide = lanes // WIDE * WIDE
     known, leader = moves_by_itself(own, lanes), start_load(h, load, lanes)
     for step in range(block.steps + 1):
-        if step > 0:
-            turn_load(step, h, leader, load, lanes)
-        sine = weigh_load(0.0, 1.0, OWN_SINE, leader, load, lanes)
-        mark = block.marks.next_mark[0]
-        now = Now(step * h, step == mark, step + 1 == mark, sine, leader, known)
+        now = enter(step, 0.0, 1.0, leader, known, block)
         if step == block.steps:
             tau_before[:] = tau
         for first in range(0, in_wide, WIDE):

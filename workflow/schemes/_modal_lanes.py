@@ -147,13 +147,32 @@ def moves_by_itself(own: Array, lanes: int) -> bool:
 
 
 @inlined
+def _pull_pairs(operator: Coefficients, tau: Array, motion: Array, velocity: Pack, lane: Lane) -> Pack:
+    """Add what thermal modes do to mechanical modes near resonance with them; return the tip's velocity with it."""
+    for pair in range(operator.pair_mode.size):
+        j, k = operator.pair_mode[pair], operator.pair_heat[pair]
+        pull = shared(operator.pair_pull, (pair,), lane) * pack(tau, (k, lane))
+        store(motion, (j, SPEED, lane), pack(motion, (j, SPEED, lane)) + pull)
+        velocity += pull
+    return velocity
+
+
+@inlined
 def step_freely(
-    operator: Coefficients, known: bool, t: float, h: float, own: Array, motion: Array, tau: Array, lane: Lane
+    operator: Coefficients,
+    known: bool,
+    t: float,
+    h: float,
+    own: Array,
+    motion: Array,
+    tau: Array,
+    tau_paired: Array,
+    lane: Lane,
 ) -> tuple[Pack, Pack]:
     """Step all modes to t; return velocity and temperature of the tip there without load and contact.
 
     They take in the impulse and heat of the step before; in most steps there is no heat in any lane.
-    ``known`` is what :func:`moves_by_itself` told.
+    ``known`` is what :func:`moves_by_itself` told, ``tau_paired`` the τ that pulls at modes near resonance.
     """
     assert own.shape[1] == ROW
     velocity, temperature = spread(0.0, lane), spread(0.0, lane)
@@ -168,6 +187,8 @@ def step_freely(
     else:
         velocity, temperature = conduct(operator.heat_modes, tau, velocity, temperature, lane)
         velocity = swing(operator.modes, h, motion, own, velocity, lane)
+    if operator.pair_mode.size > 0:
+        velocity = _pull_pairs(operator, tau_paired, motion, velocity, lane)
     return velocity, temperature
 
 
@@ -177,14 +198,3 @@ def take_heat(heat_modes: Array, tau: Array, own: Array, warmed: Array, lanes: i
     for k in range(tau.shape[0]):
         for lane in range(lanes):
             warmed[k, lane] = tau[k, lane] + heat_modes[k, WARM] * own[HEAT, lane]
-
-
-@inlined
-def pull_pairs(operator: Coefficients, tau: Array, motion: Array, velocity: Pack, lane: Lane) -> Pack:
-    """Add what thermal modes do to mechanical modes near resonance with them; return the tip's velocity with it."""
-    for pair in range(operator.pair_mode.size):
-        j, k = operator.pair_mode[pair], operator.pair_heat[pair]
-        pull = shared(operator.pair_pull, (pair,), lane) * pack(tau, (k, lane))
-        store(motion, (j, SPEED, lane), pack(motion, (j, SPEED, lane)) + pull)
-        velocity += pull
-    return velocity

@@ -24,11 +24,10 @@ from workflow.schemes._modal_lanes import (
     Coefficients,
     by_mode,
     moves_by_itself,
-    pull_pairs,
     step_freely,
     take_heat,
 )
-from workflow.schemes._packs import Lane, Pack, narrow, pack, wide
+from workflow.schemes._packs import Lane, narrow, pack, wide
 from workflow.schemes._prox import meet
 from workflow.schemes._stepping import (
     GAP,
@@ -37,12 +36,12 @@ from workflow.schemes._stepping import (
     Watch,
     block_lanes,
     blocks,
-    note,
+    enter,
+    hand_over,
     observe,
-    prepare,
     take_marks,
 )
-from workflow.schemes._tip_load import OWN_SINE, start_load, tip_load, turn_load, weigh_load
+from workflow.schemes._tip_load import start_load, tip_load
 
 
 def coefficients(modal: Decoupled, h: float, theta: float) -> Coefficients:
@@ -72,28 +71,6 @@ def coefficients(modal: Decoupled, h: float, theta: float) -> Coefficients:
 
 
 @inlined
-def move_freely(
-    operator: Coefficients,
-    known: bool,
-    t: float,
-    h: float,
-    own: Array,
-    motion: Array,
-    tau: Array,
-    tau_before: Array,
-    lane: Lane,
-) -> tuple[Pack, Pack]:
-    """Return velocity and temperature of the tip at t, without load and contact in the step that ends there.
-
-    The thermal and mechanical modes take in the impulse and heat of the step before.
-    """
-    velocity, temperature = step_freely(operator, known, t, h, own, motion, tau, lane)
-    if operator.pair_mode.size > 0:
-        velocity = pull_pairs(operator, tau_before, motion, velocity, lane)
-    return velocity, temperature
-
-
-@inlined
 def _step(
     operator: Coefficients,
     now: Now,
@@ -106,17 +83,14 @@ def _step(
 ) -> None:
     """Take a pack of lanes through a step: free motion, load and contact, what is watched."""
     h, tip = block.h, block.tip
-    free, temperature = move_freely(operator, now.known, now.t, h, own, motion, tau, tau_before, lane)
+    free, temperature = step_freely(operator, now.known, now.t, h, own, motion, tau, tau_before, lane)
     gap = pack(tip, (GAP, lane))
     pushed = h * tip_load(now.sine, now.leader, block.load, lane)
     theta, inverse_mass, warming = operator.theta, operator.inverse_mass, operator.warming
     engaged, x, v, temperature, p = meet(
         theta, inverse_mass, warming, h, pushed, free, temperature, gap, own, tip, lane
     )
-    if now.marked:
-        prepare(x, v, temperature, p, tip, lane)
-    else:
-        note(engaged, now.lasts, h, x, v, temperature, p, gap, tip, lane)
+    hand_over(now.marked, engaged, now, h, x, v, temperature, p, gap, tip, lane)
 
 
 @kernel
@@ -131,10 +105,7 @@ def _march(
     in_wide = lanes // WIDE * WIDE
     paired, known, leader = operator.pair_mode.size > 0, moves_by_itself(own, lanes), start_load(h, load, lanes)
     for step in range(1, block.steps + 1):
-        turn_load(step, h, leader, load, lanes)
-        sine = weigh_load(1.0 - theta, theta, OWN_SINE, leader, load, lanes)
-        mark = block.marks.next_mark[0]
-        now = Now(step * h, step == mark, step + 1 == mark, sine, leader, known)
+        now = enter(step, 1.0 - theta, theta, leader, known, block)
         if paired or step == block.steps:
             take_heat(operator.heat_modes, tau, own, tau_before, lanes)
         for first in range(0, in_wide, WIDE):

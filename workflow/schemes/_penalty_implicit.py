@@ -46,10 +46,10 @@ from workflow.schemes._modal_lanes import (
     Coefficients,
     by_mode,
     moves_by_itself,
+    step_freely,
     take_heat,
 )
 from workflow.schemes._modal_march import coefficients as free_step
-from workflow.schemes._modal_march import move_freely
 from workflow.schemes._packs import Lane, Pack, narrow, pack, some_nonzero, store, where, wide
 from workflow.schemes._stepping import (
     DISPLACEMENT,
@@ -64,13 +64,13 @@ from workflow.schemes._stepping import (
     block_lanes,
     blocks,
     collect,
-    note,
+    enter,
+    hand_over,
     observe,
-    prepare,
     take_marks,
     watch,
 )
-from workflow.schemes._tip_load import OWN_SINE, start_load, tip_load, turn_load, weigh_load
+from workflow.schemes._tip_load import start_load, tip_load
 
 YIELD, REACH = SEPARATED + 1, SEPARATED + 2
 """Further rows of the lanes' own values: 1 / (1 + hθW (hθκ + c)), NaN where that is not > 0, and the force per
@@ -181,15 +181,12 @@ def _step(
 ) -> None:
     """Take a pack of lanes through a step, as :mod:`workflow.schemes.moreau` does, with another contact."""
     h, tip = block.h, block.tip
-    free, temperature = move_freely(operator, now.known, now.t, h, own, motion, tau, tau_before, lane)
+    free, temperature = step_freely(operator, now.known, now.t, h, own, motion, tau, tau_before, lane)
     gap = pack(tip, (GAP, lane))
     pushed = h * tip_load(now.sine, now.leader, block.load, lane)
     engaged, x, v, p = _meet(operator, stiffness, damping, h, pushed, free, gap, own, tip, lane)
     temperature += operator.warming * pack(own, (HEAT, lane))
-    if observed:
-        prepare(x, v, temperature, p, tip, lane)
-    else:
-        note(engaged, now.lasts, h, x, v, temperature, p, gap, tip, lane)
+    hand_over(observed, engaged, now, h, x, v, temperature, p, gap, tip, lane)
 
 
 @kernel
@@ -209,10 +206,7 @@ def _march(
     in_wide, audited = lanes // WIDE * WIDE, audit.sums.shape[0] > 0
     paired, known, leader = operator.pair_mode.size > 0, moves_by_itself(own, lanes), start_load(h, load, lanes)
     for step in range(1, block.steps + 1):
-        turn_load(step, h, leader, load, lanes)
-        sine = weigh_load(1.0 - theta, theta, OWN_SINE, leader, load, lanes)
-        mark = block.marks.next_mark[0]
-        now = Now(step * h, step == mark, step + 1 == mark, sine, leader, known)
+        now = enter(step, 1.0 - theta, theta, leader, known, block)
         seen = now.marked or audited
         if paired or step == block.steps:
             take_heat(operator.heat_modes, tau, own, tau_before, lanes)

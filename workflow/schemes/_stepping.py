@@ -4,15 +4,12 @@ A scheme's kernel advances its own states in blocks of up to ``LANES`` cases, on
 
     leader = start_load(h, load, lanes)
     for step in range(1, block.steps + 1):
-        turn_load(step, h, leader, load, lanes)
-        sine = weigh_load(1 - theta, theta, OWN_SINE, leader, load, lanes)
+        now = enter(step, 1 - theta, theta, leader, known, block)
         for first in range(0, lanes, PACK):
-            lane = narrow(first)
-            ...  # with tip_load(sine, leader, load, lane), find the tip at the step's end and the impulse in the step
-            prepare(x, v, temperature, p, tip, lane)
-        observe(take_marks(step, block) if step == next_mark[0] else h, tip, lanes)
-
-A step in which nothing falls due may hand the tip to :func:`note` instead, pack by pack.
+            ...  # with tip_load(now.sine, …), find the tip at the step's end and the impulse in the step
+            hand_over(now.marked, engaged, now, h, x, v, temperature, p, gap, tip, narrow(first))
+        if now.marked:
+            observe(take_marks(step, block), tip, lanes)
 """
 
 from __future__ import annotations
@@ -29,7 +26,7 @@ from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, 
 from workflow.schemes._kernel import inlined, part
 from workflow.schemes._lanes import PACK, ROW, cached_lanes, fill_lanes, lane_rows
 from workflow.schemes._packs import Lane, Pack, narrow, pack, some, store, where
-from workflow.schemes._tip_load import AMPLITUDE, FREQUENCY, LOAD_ROWS, MEAN, PHASE
+from workflow.schemes._tip_load import AMPLITUDE, FREQUENCY, LOAD_ROWS, MEAN, OWN_SINE, PHASE, turn_load, weigh_load
 
 DISPLACEMENT, VELOCITY, TEMPERATURE, IMPULSE, GAP = range(5)
 """Rows of a block's tip: its state at the last step end and the clearance."""
@@ -103,6 +100,16 @@ class Now(NamedTuple):
 def _between(before: float, after: float, share: float) -> float:
     """Linear between step ends; a step end itself is taken exactly."""
     return after if share == 1.0 else before + share * (after - before)
+
+
+@inlined
+def enter(step: int, before: float, after: float, leader: int, known: bool, block: Block) -> Now:
+    """Move the load to the end of a step, weigh it at its two ends, and tell what the step is."""
+    if step > 0:
+        turn_load(step, block.h, leader, block.load, block.lanes)
+    sine = weigh_load(before, after, OWN_SINE, leader, block.load, block.lanes)
+    mark = block.marks.next_mark[0]
+    return Now(step * block.h, step == mark, step + 1 == mark, sine, leader, known)
 
 
 @part
@@ -213,6 +220,27 @@ def prepare(x: Pack, v: Pack, temperature: Pack, p: Pack, tip: Array, lane: Lane
     store(tip, (NEW_VELOCITY, lane), v)
     store(tip, (NEW_TEMPERATURE, lane), temperature)
     store(tip, (STEP_IMPULSE, lane), p)
+
+
+@inlined
+def hand_over(
+    prepared: bool,
+    engaged: bool,
+    now: Now,
+    span: float,
+    x: Pack,
+    v: Pack,
+    temperature: Pack,
+    p: Pack,
+    gap: Pack,
+    tip: Array,
+    lane: Lane,
+) -> None:
+    """Hand the tip at the end of a step to :func:`observe` where it is to be ``prepared``, else take it in at once."""
+    if prepared:
+        prepare(x, v, temperature, p, tip, lane)
+    else:
+        note(engaged, now.lasts, span, x, v, temperature, p, gap, tip, lane)
 
 
 @inlined
