@@ -24,7 +24,7 @@ _PER_NODE = ("scene.load.steady", *(f"scene.initial.{name}" for name in ("displa
 
 
 _AT_ONCE = 50_000
-"""Cases of an outer index whose conditions are in memory at once, some 15 MB."""
+"""Cases of an outer index whose conditions are in memory at once."""
 
 
 def case_hashes(grid: Grid) -> NDArray[np.uint8]:

@@ -120,7 +120,7 @@ def cost(structure: Structure, h: float, options: Options, sampling: Sampling) -
     nodes and reduced to 3 + 12 modes: 0.6 ns a step for the tip, 0.09 ns for each mechanical and 0.05 ns
     for each thermal mode, 15 ns a sample, 1.5 us to set a case up. A processor with vectors of four takes about
     twice as long; fewer than eight cases cost together what eight do. Balances come on top of that,
-    see :func:`~workflow.schemes._balance.balance_cost`. A long chain takes 3.4 ns for each node, 5.4 ns with balances.
+    see :func:`~workflow.schemes._balance.balance_cost`. A long chain counts 3.4 ns for each node, 5.4 ns with balances.
     """
     if is_swept(structure):
         step = 3e-8 + (5.4e-9 if sampling.balances else 3.4e-9) * structure.mechanical_size
