@@ -99,12 +99,20 @@ class Audit(NamedTuple):
 
 
 @inlined
+def lay_out_audit(audit: Audit) -> None:
+    """Say how far apart rows lie, as :func:`~workflow.schemes._modal_lanes.lay_out` does for a march."""
+    assert audit.heat_modes.shape[1] == LOSS + 1
+    assert audit.coupling.shape[2] == MODES
+    assert audit.motion.shape[1] == STEADY + 1
+    assert audit.motion.shape[2] == ROW
+    assert audit.heat.shape[1] == ROW
+    assert audit.heating.shape[1] == ROW
+    assert audit.sums.shape[1] == ROW
+
+
+@inlined
 def forces(coupling: Array, heat: Array, motion: Array, first: int, lane: Lane) -> tuple[Pack, Pack, Pack, Pack]:
     """Return the forces f̄ - g, g = G τ, on the modes of the group that begins with the ``first``."""
-    assert coupling.shape[2] == MODES
-    assert motion.shape[1] == STEADY + 1
-    assert motion.shape[2] == ROW
-    assert heat.shape[1] == ROW
     g = first // MODES
     a, b = pack(motion, (first, STEADY, lane)), pack(motion, (first + 1, STEADY, lane))
     c, d = pack(motion, (first + 2, STEADY, lane)), pack(motion, (first + 3, STEADY, lane))
@@ -121,11 +129,6 @@ def forces(coupling: Array, heat: Array, motion: Array, first: int, lane: Lane) 
 def audit_heat(h: float, audit: Audit, own: Array, lane: Lane) -> None:
     """Step the thermal modes and count the heat they take in and lose in a step."""
     heat_modes, heating, heat, sums = audit.heat_modes, audit.heating, audit.heat, audit.sums
-    assert heat_modes.shape[1] == LOSS + 1
-    assert heat.shape[1] == ROW
-    assert heating.shape[1] == ROW
-    assert own.shape[1] == ROW
-    assert sums.shape[1] == ROW
     driven = heating.shape[0] > 0
     taken, loss = pack(own, (HEAT, lane)), spread(0.0, lane)
     for k in range(heat.shape[0]):
@@ -156,11 +159,6 @@ def _account(theta: float, h: float, balance_sine: float, audit: Audit, own: Arr
     """Step the mechanical modes and count the energy they have and spend."""
     modes, motion, sums = audit.modes, audit.motion, audit.sums
     assert modes.shape[1] == TIP + 1
-    assert motion.shape[1] == STEADY + 1
-    assert motion.shape[2] == ROW
-    assert own.shape[1] == ROW
-    assert load.shape[1] == ROW
-    assert sums.shape[1] == ROW
     pushed, velocity, energy = pack(own, (PUSHED, lane)), spread(0.0, lane), spread(0.0, lane)
     spent = pack(sums, (SPENT, lane))
     for first in range(0, motion.shape[0], MODES):

@@ -35,7 +35,6 @@ from workflow.schemes._balance import (
 from workflow.schemes._balance import MODES as GROUP
 from workflow.schemes._decoupled import Decoupled
 from workflow.schemes._kernel import inlined
-from workflow.schemes._lanes import ROW
 from workflow.schemes._modal_lanes import PUSHED
 from workflow.schemes._packs import Lane, Pack, pack, shared, spread, store, where
 
@@ -50,7 +49,6 @@ POWER = SPEED
 @inlined
 def begun(motion: Array, first: int, lane: Lane) -> tuple[Pack, Pack, Pack, Pack]:
     """Return the forces f̄ - g at t = 0 on the modes of the group that begins with the ``first``."""
-    assert motion.shape[2] == ROW
     return (
         pack(motion, (first, FORCE, lane)),
         pack(motion, (first + 1, FORCE, lane)),
@@ -69,9 +67,6 @@ def account(
     """
     modes, motion, sums = audit.modes, audit.motion, audit.sums
     assert modes.shape[1] == TIP + 1
-    assert motion.shape[2] == ROW
-    assert own.shape[1] == ROW
-    assert sums.shape[1] == ROW
     pushed, spent, energy = pack(own, (PUSHED, lane)), spread(0.0, lane), spread(0.0, lane)
     for first in range(0, motion.shape[0], GROUP):
         acting = forces(audit.coupling, audit.heat, motion, first, lane) if step > 0 else begun(motion, first, lane)

@@ -9,32 +9,46 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.models import Array, Cases, project
-from workflow.schemes._balance import Audit, audit_heat, no_audit
+from workflow.schemes._balance import Audit, audit_heat, lay_out_audit, no_audit
 from workflow.schemes._central import Law, Operator
 from workflow.schemes._central_balance import POWER, CentralBooks, account
 from workflow.schemes._decoupled import Decoupled, Motion, start
 from workflow.schemes._interface import Results, Sampling, Status, merge, schedule
 from workflow.schemes._kernel import inlined, kernel
-from workflow.schemes._lanes import PACK, ROW, WIDE, fill_lanes, lane_rows
+from workflow.schemes._lanes import PACK, WIDE, fill_lanes, lane_rows
 from workflow.schemes._modal_lanes import (
     ALPHA,
     DRIFT,
     HEAT,
     OWN_ROWS,
+    PRESSED,
     PUSHED,
     WARMING,
     WARMTH,
     Coefficients,
     by_mode,
+    lay_out,
     moves_by_itself,
     step_freely,
 )
-from workflow.schemes._packs import Lane, Mask, Pack, narrow, pack, some_nonzero, spread, store, where, wide
+from workflow.schemes._packs import (
+    Lane,
+    Mask,
+    Pack,
+    flag,
+    narrow,
+    pack,
+    raised,
+    some_nonzero,
+    spread,
+    store,
+    where,
+    wide,
+)
 from workflow.schemes._stepping import (
     DISPLACEMENT,
     GAP,
     TEMPERATURE,
-    TOUCHING,
     VELOCITY,
     Block,
     Now,
@@ -99,15 +113,14 @@ def _meet(
     ``pushed`` is the load's impulse; ``free`` and ``temperature`` are of the tip without load and contact.
     What is returned first tells whether some lane is in contact or was so before.
     """
-    assert own.shape[1] == ROW
-    assert tip.shape[1] == ROW
     x, before, latest = pack(own, (AHEAD, lane)), pack(own, (HALF, lane)), pack(own, (LATEST, lane))
     free += operator.inverse_mass * pushed
     p = law.depth * (x - gap) + law.before * before + law.free * free
     p = where(x - gap > law.threshold, p, 0.0)
     p = where(p <= 0.0, 0.0, p)  # a NaN passes
     after = free - operator.inverse_mass * p
-    engaged = some_nonzero(p) or some_nonzero(latest) or some_nonzero(pack(tip, (TOUCHING, lane)))
+    pressed = some_nonzero(p)
+    engaged = pressed or raised(own, (PRESSED, lane))
     ahead = x + h * after
     if engaged:
         touches, touched = p > 0.0, latest > 0.0
@@ -117,6 +130,7 @@ def _meet(
             ahead = where(touches, gap, ahead)
         store(own, (LATEST, lane), p)
         store(own, (HEAT, lane), heat)
+        flag(own, (PRESSED, lane), pressed or some_nonzero(latest))  # the tip counts as touching for a step more
         turn_about(touches & ~touched, touched & ~touches, before, after, own, lane)
     store(own, (AHEAD, lane), ahead)
     store(own, (HALF, lane), after)
@@ -184,6 +198,8 @@ def _march(
     ``tau_before`` is left with τ at the beginning of the last step, ``tau`` with τ at its end.
     """
     load, tip, lanes, h = block.load, block.tip, block.lanes, block.h
+    lay_out(operator, own, motion, tau, load, tip)
+    lay_out_audit(audit)
     in_wide = lanes // WIDE * WIDE
     known, leader = moves_by_itself(own, lanes), start_load(h, load, lanes)
     for step in range(block.steps + 1):

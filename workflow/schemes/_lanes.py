@@ -26,8 +26,8 @@ ROW = LANES + 8
 """Numbers from one row to the next: an odd number of cache lines, since rows a power of two apart fall
 upon each other in the cache. Worth a few percent."""
 
-PACK, WIDE = 8, 16
-"""Lanes are used in packs of this many: a register of the widest processors, or two."""
+PACK, WIDE, BROAD = 8, 16, 32
+"""Lanes are used in packs of this many: a register of the widest processors, two or four."""
 
 
 def cached_lanes(rows: int) -> int:

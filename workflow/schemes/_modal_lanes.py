@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from workflow.models import Array
 from workflow.schemes._kernel import inlined, part
 from workflow.schemes._lanes import ROW
-from workflow.schemes._packs import Lane, Pack, pack, shared, some_nonzero, spread, store
+from workflow.schemes._packs import Lane, Pack, pack, raised, shared, spread, store
 
 SPEED, PLACE = range(2)
 """Rows of a mode's motion: ζ and ξ of ``_modal_march``."""
@@ -32,12 +32,12 @@ DECAY, WARM, DRAG = range(3)
 """Coefficients of a thermal mode, scaled to add its τ to the tip's temperature: τ' per τ, τ per unit
 heat at the tip, and what the mode adds to the tip's velocity."""
 
-RESTITUTION, ALPHA, DELASSUS, COMPLIANCE, DRIFT, WARMTH, WARMING, PUSHED, HEAT = range(9)
+RESTITUTION, ALPHA, DELASSUS, COMPLIANCE, DRIFT, WARMTH, WARMING, PUSHED, HEAT, PRESSED = range(10)
 """Rows of the lanes' own values: e, α, W, 1/W (NaN where W <= 0, so that contact ends the case), the
 known part of the motion (:class:`~workflow.schemes._decoupled.Motion`), and what the tip took in
-the last step: the impulse of load and contact, and the heat."""
+the last step: the impulse of load and contact, and the heat. A pack's flag says whether some of its lanes had contact then."""
 
-OWN_ROWS = HEAT + 1
+OWN_ROWS = PRESSED + 1
 
 
 class Coefficients(NamedTuple):
@@ -64,15 +64,27 @@ def by_mode(*rows: Array) -> Array:
 
 
 @inlined
+def lay_out(operator: Coefficients, own: Array, motion: Array, tau: Array, load: Array, tip: Array) -> None:
+    """Say how far apart rows lie, once before the first step, where it holds for all that is inlined into it.
+
+    The compiler knows distances then, instead of reading them for each pack of lanes.
+    """
+    assert operator.modes.shape[1] == HEAT_SHIFT + 1
+    assert operator.heat_modes.shape[1] == DRAG + 1
+    assert motion.shape[1] == PLACE + 1
+    assert motion.shape[2] == ROW
+    assert tau.shape[1] == ROW
+    assert own.shape[1] == ROW
+    assert load.shape[1] == ROW
+    assert tip.shape[1] == ROW
+
+
+@inlined
 def swing(modes: Array, h: float, motion: Array, own: Array, velocity: Pack, lane: Lane) -> Pack:
     """Step the mechanical modes where no heat acts on them, and return the tip's velocity with theirs.
 
     ``motion`` is ``(mode, row, lane)``.
     """
-    assert modes.shape[1] == HEAT_SHIFT + 1
-    assert motion.shape[1] == PLACE + 1
-    assert motion.shape[2] == ROW
-    assert own.shape[1] == ROW
     pushed = pack(own, (PUSHED, lane))
     for j in range(motion.shape[0]):
         before = pack(motion, (j, SPEED, lane)) + shared(modes, (j, PUSH), lane) * pushed
@@ -87,10 +99,6 @@ def swing(modes: Array, h: float, motion: Array, own: Array, velocity: Pack, lan
 @inlined
 def swing_heated(modes: Array, h: float, motion: Array, own: Array, velocity: Pack, lane: Lane) -> Pack:
     """Step the mechanical modes where heat was taken in, and return the tip's velocity with theirs."""
-    assert modes.shape[1] == HEAT_SHIFT + 1
-    assert motion.shape[1] == PLACE + 1
-    assert motion.shape[2] == ROW
-    assert own.shape[1] == ROW
     pushed, heat = pack(own, (PUSHED, lane)), pack(own, (HEAT, lane))
     for j in range(motion.shape[0]):
         before = pack(motion, (j, SPEED, lane)) + shared(modes, (j, PUSH), lane) * pushed
@@ -109,8 +117,6 @@ def conduct(heat_modes: Array, tau: Array, velocity: Pack, temperature: Pack, la
 
     ``tau`` is ``(thermal mode, lane)``.
     """
-    assert heat_modes.shape[1] == DRAG + 1
-    assert tau.shape[1] == ROW
     for k in range(tau.shape[0]):
         after = shared(heat_modes, (k, DECAY), lane) * pack(tau, (k, lane))
         store(tau, (k, lane), after)
@@ -124,9 +130,6 @@ def conduct_heated(
     heat_modes: Array, tau: Array, own: Array, velocity: Pack, temperature: Pack, lane: Lane
 ) -> tuple[Pack, Pack]:
     """Step the thermal modes where heat was taken in, and return velocity and temperature of the tip with theirs."""
-    assert heat_modes.shape[1] == DRAG + 1
-    assert tau.shape[1] == ROW
-    assert own.shape[1] == ROW
     heat = pack(own, (HEAT, lane))
     for k in range(tau.shape[0]):
         before = pack(tau, (k, lane)) + shared(heat_modes, (k, WARM), lane) * heat
@@ -174,14 +177,13 @@ def step_freely(
     They take in the impulse and heat of the step before; in most steps there is no heat in any lane.
     ``known`` is what :func:`moves_by_itself` told, ``tau_paired`` the τ that pulls at modes near resonance.
     """
-    assert own.shape[1] == ROW
     velocity, temperature = spread(0.0, lane), spread(0.0, lane)
     if tau.shape[0] == 0:
         return swing(operator.modes, h, motion, own, velocity, lane), temperature
     if known:
         velocity += pack(own, (DRIFT, lane))
         temperature = pack(own, (WARMTH, lane)) + pack(own, (WARMING, lane)) * t
-    if some_nonzero(pack(own, (HEAT, lane))):
+    if raised(own, (PRESSED, lane)):
         velocity, temperature = conduct_heated(operator.heat_modes, tau, own, velocity, temperature, lane)
         velocity = swing_heated(operator.modes, h, motion, own, velocity, lane)
     else:

@@ -12,22 +12,23 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.models import Array, Cases, Structure
-from workflow.schemes._balance import Audit, Books, audit_step, no_audit
+from workflow.schemes._balance import Audit, Books, audit_step, lay_out_audit, no_audit
 from workflow.schemes._decoupled import Decoupled, Motion
 from workflow.schemes._interface import Sampling
 from workflow.schemes._kernel import inlined, kernel
-from workflow.schemes._lanes import PACK, WIDE, fill_lanes, lane_rows
+from workflow.schemes._lanes import BROAD, PACK, WIDE, fill_lanes, lane_rows
 from workflow.schemes._modal_lanes import (
     DRIFT,
     WARMING,
     WARMTH,
     Coefficients,
     by_mode,
+    lay_out,
     moves_by_itself,
     step_freely,
     take_heat,
 )
-from workflow.schemes._packs import Lane, narrow, pack, wide
+from workflow.schemes._packs import Lane, broad, narrow, pack, wide
 from workflow.schemes._prox import meet
 from workflow.schemes._stepping import (
     GAP,
@@ -102,13 +103,17 @@ def _march(
     ``tau_before`` is left with τ at the beginning of the last step, ``tau`` with τ at its end.
     """
     load, tip, lanes, h, theta = block.load, block.tip, block.lanes, block.h, operator.theta
-    in_wide = lanes // WIDE * WIDE
+    lay_out(operator, own, motion, tau, load, tip)
+    lay_out_audit(audit)
+    in_broad, in_wide = lanes // BROAD * BROAD, lanes // WIDE * WIDE
     paired, known, leader = operator.pair_mode.size > 0, moves_by_itself(own, lanes), start_load(h, load, lanes)
     for step in range(1, block.steps + 1):
         now = enter(step, 1.0 - theta, theta, leader, known, block)
         if paired or step == block.steps:
             take_heat(operator.heat_modes, tau, own, tau_before, lanes)
-        for first in range(0, in_wide, WIDE):
+        for first in range(0, in_broad, BROAD):
+            _step(operator, now, own, motion, tau, tau_before, block, broad(first))
+        for first in range(in_broad, in_wide, WIDE):
             _step(operator, now, own, motion, tau, tau_before, block, wide(first))
         for first in range(in_wide, lanes, PACK):
             _step(operator, now, own, motion, tau, tau_before, block, narrow(first))

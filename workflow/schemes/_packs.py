@@ -1,4 +1,4 @@
-"""Packs: numbers of 8 or 16 lanes side by side, on which a kernel computes at once.
+"""Packs: numbers of 8, 16 or 32 lanes side by side, on which a kernel computes at once.
 
 The compiler steps eight lanes of a plain loop at once where it can prove that no two rows overlap, and
 compares addresses before each loop where it can't; sums over modes it takes to memory and back for
@@ -9,9 +9,9 @@ every few modes. Packs say it outright, and a pack goes through a whole step in 
         heat = pack(own, (HEAT, lane))
         store(own, (HEAT, lane), where(heat > 0.0, 2.0 * heat, heat))
 
-A pack is a vector of LLVM's, whatever the registers of the processor hold. A wide one shares what
-is read for all lanes among twice as many of them, where there are so many: a step waits for memory more than
-for arithmetic. Each lane's arithmetic is that of the plain loop, operation by operation: its bits are the same.
+A pack is a vector of LLVM's, whatever the registers of the processor hold. A wide or broad one
+shares what is read and asked for all lanes among twice or four times as many of them, where there are so many, and has as many sums in
+progress at a time. Each lane's arithmetic is that of the plain loop, operation by operation: its bits are the same.
 
 What is used of numba's inside: the making of types, and of operations on them.
 """
@@ -32,7 +32,7 @@ from numba.core.typing.templates import AbstractTemplate, infer_global, signatur
 from numba.extending import intrinsic, lower_builtin, register_model
 
 from workflow.models import Array
-from workflow.schemes._lanes import PACK, WIDE
+from workflow.schemes._lanes import BROAD, PACK, WIDE
 
 
 class Mask(Protocol):
@@ -59,7 +59,7 @@ class Pack(Protocol):
 
 
 class Lane:
-    """Where a pack begins in a row, and how wide it is: what :func:`narrow` and :func:`wide` return."""
+    """Where a pack begins in a row, and how wide it is: what :func:`narrow`, :func:`wide` and :func:`broad` return."""
 
 
 class _LaneType(types.Type):
@@ -231,6 +231,23 @@ def _some_nonzero(context, numbers):
     return types.boolean(numbers), build
 
 
+def _raised(context, rows, at):
+    def build(context, builder, sig, args):
+        number = builder.load(_address(context, builder, sig.args, *args))
+        return builder.fcmp_unordered("!=", number, ir.Constant(number.type, 0.0))
+
+    return types.boolean(rows, at), build
+
+
+def _flag(context, rows, at, up):
+    def build(context, builder, sig, args):
+        address = _address(context, builder, sig.args, *args[:2])
+        builder.store(builder.uitofp(args[2], address.type.pointee), address)
+        return context.get_dummy_value()
+
+    return types.none(rows, at, up), build
+
+
 def _magnitude(context, numbers):
     def build(context, builder, sig, args):
         kind = ir.FunctionType(numbers.numbers, [numbers.numbers])
@@ -254,6 +271,9 @@ narrow = cast(Callable[[int], Lane], intrinsic(_lane(PACK)))
 wide = cast(Callable[[int], Lane], intrinsic(_lane(WIDE)))
 """Return the lane that begins a pack of ``WIDE``."""
 
+broad = cast(Callable[[int], Lane], intrinsic(_lane(BROAD)))
+"""Return the lane that begins a pack of ``BROAD``."""
+
 pack = cast(Callable[[Array, tuple[int | Lane, ...]], Pack], intrinsic(_pack))
 """Return the pack that begins at a place of an array: ``pack(rows, (row, lane))``."""
 
@@ -269,6 +289,12 @@ where = cast(Callable[[Mask, Pack | float, Pack | float], Pack], intrinsic(_wher
 
 some = cast(Callable[[Mask], bool], intrinsic(_some))
 """Tell whether a condition holds in some lane."""
+
+raised = cast(Callable[[Array, tuple[int | Lane, ...]], bool], intrinsic(_raised))
+"""Tell whether a pack's flag is up, which lies in a row where the pack begins: ``raised(rows, (row, lane))``."""
+
+flag = cast(Callable[[Array, tuple[int | Lane, ...], bool], None], intrinsic(_flag))
+"""Put a pack's flag up or down: ``flag(rows, (row, lane), up)``."""
 
 some_nonzero = cast(Callable[[Pack], bool], intrinsic(_some_nonzero))
 """Tell whether a number in some lane is not 0, as a NaN is."""

@@ -28,13 +28,14 @@ from workflow.schemes._balance import (
     Books,
     audit_step,
     keep_energy,
+    lay_out_audit,
     no_audit,
 )
 from workflow.schemes._central_march import APPROACHED, LATEST, SEPARATED, restitution, turn_about
 from workflow.schemes._decoupled import Decoupled, start
 from workflow.schemes._interface import Results, Sampling, Status, merge, schedule
 from workflow.schemes._kernel import inlined, kernel
-from workflow.schemes._lanes import PACK, ROW, WIDE, fill_lanes, lane_rows
+from workflow.schemes._lanes import PACK, WIDE, fill_lanes, lane_rows
 from workflow.schemes._modal_lanes import (
     ALPHA,
     DELASSUS,
@@ -45,6 +46,7 @@ from workflow.schemes._modal_lanes import (
     WARMTH,
     Coefficients,
     by_mode,
+    lay_out,
     moves_by_itself,
     step_freely,
     take_heat,
@@ -124,8 +126,6 @@ def _meet(
     ``pushed`` is the load's impulse, ``free`` the tip's velocity without load and contact.
     What is returned first tells whether some lane is in contact or was so before.
     """
-    assert own.shape[1] == ROW
-    assert tip.shape[1] == ROW
     theta = operator.theta
     x, v = pack(tip, (DISPLACEMENT, lane)), pack(tip, (VELOCITY, lane))
     w, held = pack(own, (DELASSUS, lane)), pack(own, (LATEST, lane))
@@ -153,8 +153,6 @@ def _meet(
 @inlined
 def _store_energy(stiffness: float, h: float, tip: Array, sums: Array, lanes: int) -> None:
     """Count the contact spring's energy ½ κ (x_n - d)², and take its work out of what is lost."""
-    assert tip.shape[1] == ROW
-    assert sums.shape[1] == ROW
     for first in range(0, lanes, PACK):
         lane = narrow(first)
         gap = pack(tip, (GAP, lane))
@@ -203,6 +201,8 @@ def _march(
 ) -> None:
     """Step a block of cases; lanes never meet."""
     load, tip, lanes, h, theta = block.load, block.tip, block.lanes, block.h, operator.theta
+    lay_out(operator, own, motion, tau, load, tip)
+    lay_out_audit(audit)
     in_wide, audited = lanes // WIDE * WIDE, audit.sums.shape[0] > 0
     paired, known, leader = operator.pair_mode.size > 0, moves_by_itself(own, lanes), start_load(h, load, lanes)
     for step in range(1, block.steps + 1):

@@ -6,10 +6,9 @@ import numpy as np
 
 from workflow.models import Array, Cases
 from workflow.schemes._kernel import inlined
-from workflow.schemes._lanes import ROW
-from workflow.schemes._modal_lanes import ALPHA, COMPLIANCE, HEAT, OWN_ROWS, PUSHED, RESTITUTION
-from workflow.schemes._packs import Lane, Pack, pack, some, some_nonzero, spread, store, where
-from workflow.schemes._stepping import DISPLACEMENT, TOUCHING, VELOCITY
+from workflow.schemes._modal_lanes import ALPHA, COMPLIANCE, HEAT, OWN_ROWS, PRESSED, PUSHED, RESTITUTION
+from workflow.schemes._packs import Lane, Pack, flag, pack, raised, some, some_nonzero, spread, store, where
+from workflow.schemes._stepping import DISPLACEMENT, VELOCITY
 
 
 @inlined
@@ -34,12 +33,10 @@ def meet(
     to count. After an impulse the velocity is -e v_n,k to the bit, not to the rounding of v_free - W p: a tip
     at rest on its casing keeps its place and stays active for any number of steps.
     """
-    assert own.shape[1] == ROW
-    assert tip.shape[1] == ROW
     x, v, p = pack(tip, (DISPLACEMENT, lane)), pack(tip, (VELOCITY, lane)), spread(0.0, lane)
     after = free + inverse_mass * pushed
     active = x + 0.5 * h * v >= gap
-    engaged = some(active) or some_nonzero(pack(tip, (TOUCHING, lane)))
+    engaged = some(active) or raised(own, (PRESSED, lane))
     if engaged:
         kept = pack(own, (RESTITUTION, lane)) * v
         closing = (after + kept) * pack(own, (COMPLIANCE, lane))
@@ -48,6 +45,7 @@ def meet(
         after = where(meets, -kept, after)
         heat = pack(own, (ALPHA, lane)) * p
         store(own, (HEAT, lane), heat)
+        flag(own, (PRESSED, lane), some_nonzero(p))
         temperature += warming * heat
     store(own, (PUSHED, lane), pushed - p)
     return engaged, x + h * (theta * after + (1.0 - theta) * v), after, temperature, p

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from workflow.models import Array, Cases
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, complete_periods
 from workflow.schemes._kernel import inlined, part
-from workflow.schemes._lanes import PACK, ROW, cached_lanes, fill_lanes, lane_rows
+from workflow.schemes._lanes import PACK, cached_lanes, fill_lanes, lane_rows
 from workflow.schemes._packs import Lane, Pack, narrow, pack, some, store, where
 from workflow.schemes._tip_load import AMPLITUDE, FREQUENCY, LOAD_ROWS, MEAN, OWN_SINE, PHASE, turn_load, weigh_load
 
@@ -192,7 +192,6 @@ def note(
     Where no lane is ``engaged``, in contact or just released, none of the counts changes. The
     temperature is kept where it ``lasts``, up to a step in which something falls due.
     """
-    assert tip.shape[1] == ROW
     hottest = pack(tip, (PERIOD_HOTTEST, lane))
     store(tip, (DISPLACEMENT, lane), x)
     store(tip, (VELOCITY, lane), v)
@@ -215,7 +214,6 @@ def note(
 @inlined
 def prepare(x: Pack, v: Pack, temperature: Pack, p: Pack, tip: Array, lane: Lane) -> None:
     """Hand the tip's state at the end of a step and the impulse in it to :func:`observe`."""
-    assert tip.shape[1] == ROW
     store(tip, (NEW_DISPLACEMENT, lane), x)
     store(tip, (NEW_VELOCITY, lane), v)
     store(tip, (NEW_TEMPERATURE, lane), temperature)
@@ -246,7 +244,6 @@ def hand_over(
 @inlined
 def observe(span: float, tip: Array, lanes: int) -> None:
     """Take in the rows ``NEW_…`` and ``STEP_IMPULSE`` of the tip at the end of a step of ``span`` s."""
-    assert tip.shape[1] == ROW
     for first in range(0, lanes, PACK):
         lane = narrow(first)
         x, v = pack(tip, (NEW_DISPLACEMENT, lane)), pack(tip, (NEW_VELOCITY, lane))

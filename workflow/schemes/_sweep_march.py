@@ -7,7 +7,7 @@ import numpy as np
 from workflow.models import Array, Cases
 from workflow.schemes._interface import Sampling
 from workflow.schemes._kernel import kernel
-from workflow.schemes._lanes import fill_lanes, lane_rows
+from workflow.schemes._lanes import ROW, fill_lanes, lane_rows
 from workflow.schemes._modal_lanes import HEAT
 from workflow.schemes._packs import narrow, pack, spread
 from workflow.schemes._prox import meet
@@ -69,6 +69,9 @@ def _march(
 ) -> None:
     """Step the case in lane 0 along nodes 1 … ``last``; ``weight`` has rows where balances are asked for."""
     load, tip, lanes, h, next_mark = block.load, block.tip, block.lanes, block.h, block.marks.next_mark
+    assert own.shape[1] == ROW
+    assert load.shape[1] == ROW
+    assert tip.shape[1] == ROW
     audited, lane = weight.shape[0] > 0, narrow(0)
     leader = start_load(h, load, lanes)
     if audited:

@@ -6,7 +6,6 @@ import numpy as np
 
 from workflow.models import Array
 from workflow.schemes._kernel import inlined, part
-from workflow.schemes._lanes import ROW
 from workflow.schemes._packs import Lane, Pack, pack
 
 RESYNC = 64
@@ -50,7 +49,6 @@ def start_load(h: float, load: Array, lanes: int) -> int:
 @inlined
 def turn_load(step: int, h: float, leader: int, load: Array, lanes: int) -> None:
     """Move the load to the end of a step, t = step h."""
-    assert load.shape[1] == ROW
     first, last = (leader, leader + 1) if leader >= 0 else (0, lanes)
     for lane in range(first, last):
         s, c = load[SINE, lane], load[COSINE, lane]
@@ -70,7 +68,6 @@ def weigh_load(before: float, after: float, row: int, leader: int, load: Array, 
 
     Returns that of all lanes where one serves them; else it is 0 and each lane is given its own in ``row``.
     """
-    assert load.shape[1] == ROW
     if leader >= 0:
         return float(before * load[SINE_BEFORE, leader] + after * load[SINE, leader])
     for lane in range(lanes):
@@ -81,6 +78,5 @@ def weigh_load(before: float, after: float, row: int, leader: int, load: Array, 
 @inlined
 def tip_load(sine: float, leader: int, load: Array, lane: Lane) -> Pack:
     """Return the load's force at the tip, N, as :func:`weigh_load` left its own sine, which returned ``sine``."""
-    assert load.shape[1] == ROW
     mean, amplitude = pack(load, (MEAN, lane)), pack(load, (AMPLITUDE, lane))
     return mean + (amplitude * sine if leader >= 0 else amplitude * pack(load, (OWN_SINE, lane)))
