@@ -10,7 +10,7 @@ every few modes. Packs say it outright, and a pack goes through a whole step in 
         store(own, (HEAT, lane), where(heat > 0.0, 2.0 * heat, heat))
 
 A pack is a vector of LLVM's, whatever the registers of the processor hold. A wide or broad one
-shares what is read and asked for all lanes among twice or four times as many of them, where there are so many, and has as many sums in
+shares what is read and asked for all lanes among more of them, where there are so many, and has more sums in
 progress at a time. Each lane's arithmetic is that of the plain loop, operation by operation: its bits are the same.
 
 What is used of numba's inside: the making of types, and of operations on them.

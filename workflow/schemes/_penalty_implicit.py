@@ -41,6 +41,7 @@ from workflow.schemes._modal_lanes import (
     DELASSUS,
     DRIFT,
     HEAT,
+    PRESSED,
     PUSHED,
     WARMING,
     WARMTH,
@@ -52,14 +53,13 @@ from workflow.schemes._modal_lanes import (
     take_heat,
 )
 from workflow.schemes._modal_march import coefficients as free_step
-from workflow.schemes._packs import Lane, Pack, narrow, pack, some_nonzero, store, where, wide
+from workflow.schemes._packs import Lane, Pack, flag, narrow, pack, raised, some_nonzero, store, where, wide
 from workflow.schemes._stepping import (
     DISPLACEMENT,
     GAP,
     NEW_DISPLACEMENT,
     NEW_VELOCITY,
     TEMPERATURE,
-    TOUCHING,
     VELOCITY,
     Block,
     Now,
@@ -141,10 +141,11 @@ def _meet(
     after = apart - w * (h * theta * pressed)
     store(own, (PUSHED, lane), pushed - p)
     taken = some_nonzero(p) or some_nonzero(pressed)  # with θ = 0 a force acts from the next step on
-    engaged = taken or some_nonzero(held) or some_nonzero(pack(tip, (TOUCHING, lane)))
+    engaged = taken or raised(own, (PRESSED, lane))
     if engaged:
         touches, touched = pressed > 0.0, held > 0.0
         store(own, (LATEST, lane), pressed)
+        flag(own, (PRESSED, lane), taken)
         store(own, (HEAT, lane), pack(own, (ALPHA, lane)) * p)
         turn_about(touches & ~touched, touched & ~touches, v, after, own, lane)
     return engaged, x + h * (theta * after + (1.0 - theta) * v), after, p
