@@ -35,6 +35,7 @@ from workflow.schemes._packs import (
     Lane,
     Mask,
     Pack,
+    align_stack,
     flag,
     narrow,
     pack,
@@ -179,7 +180,7 @@ def _step(
     if step == 0:
         _whole_impulse(v, audit.sums, own, lane)
     else:
-        hand_over(now.marked, engaged, now, h, x, v, temperature, p, gap, tip, lane)
+        hand_over(now.marked, engaged, False, now, h, x, v, temperature, p, gap, tip, lane)
 
 
 @kernel
@@ -198,6 +199,7 @@ def _march(
     ``tau_before`` is left with τ at the beginning of the last step, ``tau`` with τ at its end.
     """
     load, tip, lanes, h = block.load, block.tip, block.lanes, block.h
+    align_stack()
     lay_out(operator, own, motion, tau, load, tip)
     lay_out_audit(audit)
     in_wide = lanes // WIDE * WIDE

@@ -28,7 +28,7 @@ from workflow.schemes._modal_lanes import (
     step_freely,
     take_heat,
 )
-from workflow.schemes._packs import Lane, broad, narrow, pack, wide
+from workflow.schemes._packs import Lane, align_stack, broad, narrow, pack, wide
 from workflow.schemes._prox import meet
 from workflow.schemes._stepping import (
     GAP,
@@ -91,7 +91,7 @@ def _step(
     engaged, x, v, temperature, p = meet(
         theta, inverse_mass, warming, h, pushed, free, temperature, gap, own, tip, lane
     )
-    hand_over(now.marked, engaged, now, h, x, v, temperature, p, gap, tip, lane)
+    hand_over(now.marked, engaged, True, now, h, x, v, temperature, p, gap, tip, lane)
 
 
 @kernel
@@ -103,6 +103,7 @@ def _march(
     ``tau_before`` is left with τ at the beginning of the last step, ``tau`` with τ at its end.
     """
     load, tip, lanes, h, theta = block.load, block.tip, block.lanes, block.h, operator.theta
+    align_stack()
     lay_out(operator, own, motion, tau, load, tip)
     lay_out_audit(audit)
     in_broad, in_wide = lanes // BROAD * BROAD, lanes // WIDE * WIDE

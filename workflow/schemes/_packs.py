@@ -248,6 +248,15 @@ def _flag(context, rows, at, up):
     return types.none(rows, at, up), build
 
 
+def _align_stack(context):
+    def build(context, builder, sig, args):
+        builder.function.attributes.add("nounwind")  # alone, the next one is not written down
+        builder.function.attributes.alignstack = 8 * PACK
+        return context.get_dummy_value()
+
+    return types.none(), build
+
+
 def _magnitude(context, numbers):
     def build(context, builder, sig, args):
         kind = ir.FunctionType(numbers.numbers, [numbers.numbers])
@@ -264,6 +273,12 @@ def _spread_out(context, number, lane):
 
     return _PackType(lane.width)(types.float64, lane), build
 
+
+align_stack = cast(Callable[[], None], intrinsic(_align_stack))
+"""Let the kernel that says so keep packs for which it has no register where they fill whole lines of the cache.
+
+Else they lie across two, at a distance that depends on who called it.
+"""
 
 narrow = cast(Callable[[int], Lane], intrinsic(_lane(PACK)))
 """Return the lane that begins a pack of ``PACK``."""

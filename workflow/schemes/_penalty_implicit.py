@@ -53,7 +53,19 @@ from workflow.schemes._modal_lanes import (
     take_heat,
 )
 from workflow.schemes._modal_march import coefficients as free_step
-from workflow.schemes._packs import Lane, Pack, flag, narrow, pack, raised, some_nonzero, store, where, wide
+from workflow.schemes._packs import (
+    Lane,
+    Pack,
+    align_stack,
+    flag,
+    narrow,
+    pack,
+    raised,
+    some_nonzero,
+    store,
+    where,
+    wide,
+)
 from workflow.schemes._stepping import (
     DISPLACEMENT,
     GAP,
@@ -185,7 +197,7 @@ def _step(
     pushed = h * tip_load(now.sine, now.leader, block.load, lane)
     engaged, x, v, p = _meet(operator, stiffness, damping, h, pushed, free, gap, own, tip, lane)
     temperature += operator.warming * pack(own, (HEAT, lane))
-    hand_over(observed, engaged, now, h, x, v, temperature, p, gap, tip, lane)
+    hand_over(observed, engaged, True, now, h, x, v, temperature, p, gap, tip, lane)
 
 
 @kernel
@@ -202,6 +214,7 @@ def _march(
 ) -> None:
     """Step a block of cases; lanes never meet."""
     load, tip, lanes, h, theta = block.load, block.tip, block.lanes, block.h, operator.theta
+    align_stack()
     lay_out(operator, own, motion, tau, load, tip)
     lay_out_audit(audit)
     in_wide, audited = lanes // WIDE * WIDE, audit.sums.shape[0] > 0

@@ -7,7 +7,7 @@ A scheme's kernel advances its own states in blocks of up to ``LANES`` cases, on
         now = enter(step, 1 - theta, theta, leader, known, block)
         for first in range(0, lanes, PACK):
             ...  # with tip_load(now.sine, …), find the tip at the step's end and the impulse in the step
-            hand_over(now.marked, engaged, now, h, x, v, temperature, p, gap, tip, narrow(first))
+            hand_over(now.marked, engaged, True, now, h, x, v, temperature, p, gap, tip, narrow(first))
         if now.marked:
             observe(take_marks(step, block), tip, lanes)
 """
@@ -178,6 +178,7 @@ def take_marks(step: int, block: Block) -> float:
 def note(
     engaged: bool,
     lasts: bool,
+    from_tip: bool,
     span: float,
     x: Pack,
     v: Pack,
@@ -190,11 +191,13 @@ def note(
     """Take in the tip's state at the end of a step of ``span`` s and the impulse in it.
 
     Where no lane is ``engaged``, in contact or just released, none of the counts changes. The
-    temperature is kept where it ``lasts``, up to a step in which something falls due.
+    state is kept where it ``lasts``, up to a step in which something falls due, and but for the
+    temperature where the scheme goes on ``from_tip``.
     """
     hottest = pack(tip, (PERIOD_HOTTEST, lane))
-    store(tip, (DISPLACEMENT, lane), x)
-    store(tip, (VELOCITY, lane), v)
+    if lasts or from_tip:
+        store(tip, (DISPLACEMENT, lane), x)
+        store(tip, (VELOCITY, lane), v)
     if lasts:
         store(tip, (TEMPERATURE, lane), temperature)
     if some(temperature > hottest):
@@ -224,6 +227,7 @@ def prepare(x: Pack, v: Pack, temperature: Pack, p: Pack, tip: Array, lane: Lane
 def hand_over(
     prepared: bool,
     engaged: bool,
+    from_tip: bool,
     now: Now,
     span: float,
     x: Pack,
@@ -238,7 +242,7 @@ def hand_over(
     if prepared:
         prepare(x, v, temperature, p, tip, lane)
     else:
-        note(engaged, now.lasts, span, x, v, temperature, p, gap, tip, lane)
+        note(engaged, now.lasts, from_tip, span, x, v, temperature, p, gap, tip, lane)
 
 
 @inlined
@@ -248,7 +252,7 @@ def observe(span: float, tip: Array, lanes: int) -> None:
         lane = narrow(first)
         x, v = pack(tip, (NEW_DISPLACEMENT, lane)), pack(tip, (NEW_VELOCITY, lane))
         temperature, p = pack(tip, (NEW_TEMPERATURE, lane)), pack(tip, (STEP_IMPULSE, lane))
-        note(True, True, span, x, v, temperature, p, pack(tip, (GAP, lane)), tip, lane)
+        note(True, True, True, span, x, v, temperature, p, pack(tip, (GAP, lane)), tip, lane)
 
 
 @dataclass(frozen=True, eq=False)
