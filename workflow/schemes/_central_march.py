@@ -114,16 +114,19 @@ def _meet(
     ``pushed`` is the load's impulse; ``free`` and ``temperature`` are of the tip without load and contact.
     What is returned first tells whether some lane is in contact or was so before.
     """
-    x, before, latest = pack(own, (AHEAD, lane)), pack(own, (HALF, lane)), pack(own, (LATEST, lane))
-    free += operator.inverse_mass * pushed
-    p = law.depth * (x - gap) + law.before * before + law.free * free
+    x, before, about = pack(own, (AHEAD, lane)), pack(own, (HALF, lane)), spread(0.0, lane)
+    after = free + operator.inverse_mass * pushed
+    p = law.depth * (x - gap) + law.before * before + law.free * after
     p = where(x - gap > law.threshold, p, 0.0)
     p = where(p <= 0.0, 0.0, p)  # a NaN passes
-    after = free - operator.inverse_mass * p
     pressed = some_nonzero(p)
     engaged = pressed or raised(own, (PRESSED, lane))
     ahead = x + h * after
     if engaged:
+        latest = pack(own, (LATEST, lane))
+        about = 0.5 * (latest + p)
+        after -= operator.inverse_mass * p
+        ahead = x + h * after
         touches, touched = p > 0.0, latest > 0.0
         heat = pack(own, (ALPHA, lane)) * p
         temperature += 0.5 * operator.warming * heat
@@ -136,7 +139,7 @@ def _meet(
     store(own, (AHEAD, lane), ahead)
     store(own, (HALF, lane), after)
     store(own, (PUSHED, lane), pushed - p)
-    return engaged, x, 0.5 * (before + after), temperature, 0.5 * (latest + p)
+    return engaged, x, 0.5 * (before + after), temperature, about
 
 
 @inlined
