@@ -233,16 +233,18 @@ def _some_nonzero(context, numbers):
 
 def _raised(context, rows, at):
     def build(context, builder, sig, args):
-        number = builder.load(_address(context, builder, sig.args, *args))
-        return builder.fcmp_unordered("!=", number, ir.Constant(number.type, 0.0))
+        bits = ir.IntType(64)
+        address = builder.bitcast(_address(context, builder, sig.args, *args), bits.as_pointer())
+        return builder.icmp_unsigned("!=", builder.load(address), ir.Constant(bits, 0))
 
     return types.boolean(rows, at), build
 
 
 def _flag(context, rows, at, up):
     def build(context, builder, sig, args):
-        address = _address(context, builder, sig.args, *args[:2])
-        builder.store(builder.uitofp(args[2], address.type.pointee), address)
+        bits = ir.IntType(64)
+        address = builder.bitcast(_address(context, builder, sig.args, *args[:2]), bits.as_pointer())
+        builder.store(builder.zext(args[2], bits), address)
         return context.get_dummy_value()
 
     return types.none(rows, at, up), build
