@@ -15,7 +15,7 @@ from scenes import alone, blade, cases, chain, heavy_chain, same_bits, sampling,
 from workflow.models import Rayleigh
 from workflow.reduction import reduce_structure
 from workflow.schemes import Sampling, schedule
-from workflow.schemes._lanes import LANES, PACK, ROW, lane_rows
+from workflow.schemes._lanes import LANES, PACK, ROW, WIDE, lane_rows
 
 
 def batch_of(structure: object, count: int) -> object:
@@ -32,7 +32,10 @@ def batch_of(structure: object, count: int) -> object:
     )
 
 
-@pytest.mark.parametrize("count", [1, 2, PACK - 1, PACK, PACK + 1, LANES - 1, LANES + 1, 2 * LANES + PACK])
+COUNTS = [1, 2, PACK - 1, PACK, PACK + 1, WIDE + PACK, LANES - WIDE, LANES - 1, LANES + 1, 2 * LANES + PACK]
+
+
+@pytest.mark.parametrize("count", COUNTS)
 def test_any_number_of_cases(count: int) -> None:
     """Whole and broken packs and blocks, with thermal states and without: the bits of the case alone."""
     structure = heavy_chain()

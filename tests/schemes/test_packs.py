@@ -12,10 +12,15 @@ import pytest
 from workflow.models import Array
 from workflow.schemes._lanes import LANES, PACK, ROW, WIDE, lane_rows
 from workflow.schemes._packs import (
+    BROAD,
     Pack,
+    align_stack,
+    broad,
+    flag,
     magnitude,
     narrow,
     pack,
+    raised,
     shared,
     some,
     some_nonzero,
@@ -52,6 +57,14 @@ def in_narrow_packs(coefficient: Array, rows: Array, lanes: int) -> None:
 def in_wide_packs(coefficient: Array, rows: Array, lanes: int) -> None:
     for first in range(0, lanes, WIDE):
         lane = wide(first)
+        _compute(pack(rows, (0, lane)), pack(rows, (1, lane)), shared(coefficient, (1, 2), lane), rows, lane)
+
+
+@numba.njit(error_model="numpy")
+def in_broad_packs(coefficient: Array, rows: Array, lanes: int) -> None:
+    align_stack()
+    for first in range(0, lanes, BROAD):
+        lane = broad(first)
         _compute(pack(rows, (0, lane)), pack(rows, (1, lane)), shared(coefficient, (1, 2), lane), rows, lane)
 
 
@@ -100,7 +113,7 @@ def expected(a: Array, b: Array, c: float) -> Array:
     )
 
 
-@pytest.mark.parametrize("march", [in_narrow_packs, in_wide_packs])
+@pytest.mark.parametrize("march", [in_narrow_packs, in_wide_packs, in_broad_packs])
 def test_arithmetic_of_each_lane(march: Callable[..., None]) -> None:
     rng = np.random.default_rng(5)
     rows, coefficient = lane_rows(3 + RESULTS), rng.normal(size=(2, 3))
@@ -116,7 +129,24 @@ def test_arithmetic_of_each_lane(march: Callable[..., None]) -> None:
     assert np.array_equal(rows[:, LANES // 2 :], before[:, LANES // 2 :])  # nothing beside the lanes in use
 
 
+@numba.njit(error_model="numpy")
+def put(rows: Array, first: int, up: bool) -> tuple[bool, bool]:
+    before = raised(rows, (1, narrow(first)))
+    flag(rows, (1, narrow(first)), up)
+    return before, raised(rows, (1, narrow(first)))
+
+
+def test_a_pack_has_a_flag_of_its_own() -> None:
+    rows = lane_rows(3)
+    assert put(rows, PACK, True) == (False, True)
+    assert put(rows, 0, False) == (False, False)
+    assert put(rows, PACK, False) == (True, False)
+    put(rows, PACK, True)
+    assert np.argwhere(rows.view(np.int64)).tolist() == [[1, PACK]]
+
+
 def test_rows_hold_whole_packs() -> None:
-    assert LANES % WIDE == 0
+    assert LANES % BROAD == 0
+    assert BROAD % WIDE == 0
     assert WIDE % PACK == 0
     assert ROW >= LANES

@@ -1,8 +1,8 @@
 """Lanes: where the cases of a block lie beside each other in memory.
 
 Everything that is kept per lane lies in a few arrays ``(row, lane)``, not in one array per name,
-and functions that loop over lanes assert that a row is ``ROW`` long. Both are for speed:
-where the distance between two rows is known at compile time, the compiler can
+and a kernel asserts before its first step that a row is ``ROW`` long, as functions do that it does not inline.
+Both are for speed: where the distance between two rows is known at compile time, the compiler can
 prove that rows do not overlap and steps eight lanes at once; else it compares all addresses with
 each other before each short loop, or gives up. Lanes are padded to whole packs with idle ones
 (all zero: a tip at rest, far from its casing), so that the vectorised loop
@@ -26,8 +26,8 @@ ROW = LANES + 8
 """Numbers from one row to the next: an odd number of cache lines, since rows a power of two apart fall
 upon each other in the cache. Worth a few percent."""
 
-PACK, WIDE, BROAD = 8, 16, 32
-"""Lanes are used in packs of this many: a register of the widest processors, two or four."""
+PACK, WIDE = 8, 16
+"""Lanes are used in packs of this many: a register of the widest processors, or two."""
 
 
 def cached_lanes(rows: int) -> int:

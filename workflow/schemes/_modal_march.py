@@ -16,7 +16,7 @@ from workflow.schemes._balance import Audit, Books, audit_step, lay_out_audit, n
 from workflow.schemes._decoupled import Decoupled, Motion
 from workflow.schemes._interface import Sampling
 from workflow.schemes._kernel import inlined, kernel
-from workflow.schemes._lanes import BROAD, PACK, WIDE, fill_lanes, lane_rows
+from workflow.schemes._lanes import PACK, WIDE, fill_lanes, lane_rows
 from workflow.schemes._modal_lanes import (
     DRIFT,
     WARMING,
@@ -28,7 +28,7 @@ from workflow.schemes._modal_lanes import (
     step_freely,
     take_heat,
 )
-from workflow.schemes._packs import Lane, align_stack, broad, narrow, pack, wide
+from workflow.schemes._packs import BROAD, Lane, align_stack, broad, narrow, pack, wide
 from workflow.schemes._prox import meet
 from workflow.schemes._stepping import (
     GAP,

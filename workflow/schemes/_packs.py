@@ -25,14 +25,21 @@ from collections.abc import Callable
 from typing import Any, Protocol, cast
 
 from llvmlite import ir
-from numba import types
+from numba import config, types
 from numba.core import cgutils
+from numba.core.codegen import get_host_cpu_features
 from numba.core.datamodel.models import PrimitiveModel
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, register_model
 
 from workflow.models import Array
-from workflow.schemes._lanes import BROAD, PACK, WIDE
+from workflow.schemes._lanes import PACK, WIDE
+
+_told = cast(Any, config).CPU_FEATURES
+_FEATURES = get_host_cpu_features() if _told is None else _told
+
+BROAD = 4 * PACK if "+avx512f" in _FEATURES.split(",") else WIDE
+"""Lanes of the largest packs: four registers where a register holds eight numbers; more than four overflow them."""
 
 
 class Mask(Protocol):
