@@ -28,9 +28,9 @@ UNBROKEN = 60.0
 """Seconds up to which cases that are stepped together make a task longer than it would be: fewer of them
 cost as much, but a task that is lost is lost as a whole."""
 
-LAST = 4
-"""A task is at most this part of what is left of a study, down to a chunk: of equal tasks the last one runs
-alone for most of its time, of such ones threads end together."""
+LAST, SHORTEST_LAST = 4, 0.01
+"""A task is at most this part of what is left of a study, down to a chunk or so many seconds: of equal
+tasks the last one runs alone for most of its time, of such ones threads end together."""
 
 SETTING_UP = 2e-3
 """Seconds for what the cases of an outer index share: modes, operators, arrays of a batch."""
@@ -179,7 +179,7 @@ def tasks(grid: Grid, units: Units) -> Iterator[Task]:
         while first < units.count:
             left, most_together = total - spent, max(1, int(UNBROKEN / (each * units.chunk)))
             few = min(int(least), units.count - first, most_together)
-            fair = min(left / max(1, wanted - number), max(left / LAST, CHUNK_SECONDS), LONGEST)
+            fair = min(left / max(1, wanted - number), max(left / LAST, SHORTEST_LAST), LONGEST)
             begin = SETTING_UP if first == 0 else 0.0
             room, fitting = (fair - work - begin) / (each * units.chunk), (most_cases - cases) // units.chunk
             if gathered and (work >= 0.9 * fair or room < 0.5 * few or fitting < 1):
