@@ -46,6 +46,17 @@ def test_alone_is_as_in_a_batch(method: str) -> None:
 
 
 @pytest.mark.parametrize("method", METHODS)
+def test_a_tip_at_minus_zero_on_its_casing_is_not_a_matter_of_its_place(method: str) -> None:
+    batch = cases(heavy_chain(), 9, gap=0.0, amplitude=-1.0, frequency=20.0)
+    batch.displacement[:, -1] = -0.0
+    over = sampling(1e-3, 1e-3)  # it leaves at once
+    deepest = step(heavy_chain(), batch, H, over, method).metrics["max_penetration"]
+    alone = step(heavy_chain(), batch.take(slice(0, 1)), H, over, method).metrics["max_penetration"]
+    assert not np.any(deepest)
+    assert np.array_equal(np.signbit(deepest), np.repeat(np.signbit(alone), 9))
+
+
+@pytest.mark.parametrize("method", METHODS)
 def test_a_poisoned_neighbour_changes_nothing(method: str) -> None:
     batch = rubs(6)
     clean = step(heavy_chain(), batch, H, OVER, method)

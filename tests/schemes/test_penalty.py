@@ -93,6 +93,26 @@ def test_implicit_alone_is_as_in_a_batch_and_harms_no_neighbour() -> None:
         assert same_bits(taken(found, part), taken(whole, part))
 
 
+def test_a_case_that_grows_without_bound_does_not_see_a_neighbour_in_contact() -> None:
+    """Speeds whose product is infinite do not count before a contact ends: 0 times infinity is no number."""
+    batch = cases(
+        heavy_chain(),
+        2,
+        alpha=[26.0, 3.0],
+        gap=4e-5,
+        amplitude=[0.0, 148.4],
+        frequency=[0.0, 146.0],
+        phase=-2.0,
+        displacement=np.outer([0.0, 4e-5], np.ones(20)),
+        velocity=np.outer([-0.3, 0.3], np.ones(20)),
+    )
+    over, options = sampling(0.01, 0.01), {"stiffness": 1e6, "damping": 100.0}
+    both = step(heavy_chain(), batch, 1e-4, over, "penalty", **options)
+    one = step(heavy_chain(), batch.take(slice(0, 1)), 1e-4, over, "penalty", **options)
+    for name, values in one.metrics.items():
+        assert np.array_equal(values, both.metrics[name][:1], equal_nan=True), name
+
+
 def restitution(zeta: float) -> float:
     """Schwager and Pöschel, Granular Matter 9 (2007) 465: contact ends when its force would pull."""
     root = np.sqrt(1 - zeta**2)

@@ -40,6 +40,7 @@ from workflow.schemes._packs import (
     narrow,
     pack,
     raised,
+    some,
     some_nonzero,
     spread,
     store,
@@ -90,10 +91,9 @@ def turn_about(begins: Mask, ended: Mask, v: Pack, after: Pack, own: Array, lane
     A contact ``begins`` with the velocity ``v``.
     """
     approach = where(begins, v, pack(own, (APPROACH, lane)))
-    over = where(ended, 1.0, 0.0)
     store(own, (APPROACH, lane), approach)
-    store(own, (APPROACHED, lane), pack(own, (APPROACHED, lane)) + over * (approach * approach))
-    store(own, (SEPARATED, lane), pack(own, (SEPARATED, lane)) - over * (approach * after))
+    store(own, (APPROACHED, lane), pack(own, (APPROACHED, lane)) + where(ended, approach * approach, 0.0))
+    store(own, (SEPARATED, lane), pack(own, (SEPARATED, lane)) - where(ended, approach * after, 0.0))
 
 
 @inlined
@@ -117,9 +117,9 @@ def _meet(
     x, before, about = pack(own, (AHEAD, lane)), pack(own, (HALF, lane)), spread(0.0, lane)
     after = free + operator.inverse_mass * pushed
     p = law.depth * (x - gap) + law.before * before + law.free * after
-    p = where(x - gap > law.threshold, p, 0.0)
-    p = where(p <= 0.0, 0.0, p)  # a NaN passes
-    pressed = some_nonzero(p)
+    presses = (x - gap > law.threshold) & ~(p <= 0.0)  # a NaN presses
+    p = where(presses, p, 0.0)
+    pressed = some(presses)
     engaged = pressed or raised(own, (PRESSED, lane))
     ahead = x + h * after
     if engaged:

@@ -31,7 +31,7 @@ PACK, WIDE = 8, 16
 
 
 def cached_lanes(rows: int) -> int:
-    """Return the lanes of a block that goes through so many rows in a step: whole wide packs that stay in the cache."""
+    """Return the lanes of a block that goes through so many rows in a step: whole packs that stay in the cache."""
     lanes = LANES
     while lanes > WIDE and 8 * rows * lanes > CACHED:
         lanes //= 2

@@ -35,7 +35,8 @@ heat at the tip, and what the mode adds to the tip's velocity."""
 RESTITUTION, ALPHA, DELASSUS, COMPLIANCE, DRIFT, WARMTH, WARMING, PUSHED, HEAT, PRESSED = range(10)
 """Rows of the lanes' own values: e, α, W, 1/W (NaN where W <= 0, so that contact ends the case), the
 known part of the motion (:class:`~workflow.schemes._decoupled.Motion`), and what the tip took in
-the last step: the impulse of load and contact, the heat, and as a pack's flag whether it was in contact."""
+the last step: the impulse of load and contact, the heat, and as a pack's flag whether it was in contact,
+without which there is no heat (α is finite)."""
 
 OWN_ROWS = PRESSED + 1
 

@@ -306,7 +306,7 @@ def watch(cases: Cases, mean: Array, sampling: Sampling, schedule: Schedule, h: 
         (VELOCITY, cases.velocity[:, -1]),
         (TEMPERATURE, cases.temperature[:, -1]),
         (GAP, cases.gap),
-        (PENETRATION, np.fmax(0.0, cases.displacement[:, -1] - cases.gap)),
+        (PENETRATION, np.fmax(0.0, cases.displacement[:, -1] - cases.gap) + 0.0),  # of two zeros NumPy takes either
         (HOTTEST, cases.temperature[:, -1]),
         (PERIOD_HOTTEST, cases.temperature[:, -1]),
     ):
