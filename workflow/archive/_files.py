@@ -75,8 +75,10 @@ def sync(path: Path) -> None:
         os.close(descriptor)
 
 
-def commit(path: Path, data: bytes) -> None:
+def commit(path: Path, data: bytes, durable: bool = True) -> None:
     """Write ``data`` aside as ``*.tmp``, flush it, and rename it to ``path``: all of it or nothing.
+
+    What need not be ``durable`` is not flushed: a power cut may leave an empty file of it.
 
     Raises
     ------
@@ -88,9 +90,11 @@ def commit(path: Path, data: bytes) -> None:
         with open(aside, "wb") as file:
             file.write(data)
             file.flush()
-            os.fsync(file.fileno())
+            if durable:
+                os.fsync(file.fileno())
         os.replace(aside, path)
     except BaseException:
         aside.unlink(missing_ok=True)
         raise
-    sync(path.parent)
+    if durable:
+        sync(path.parent)
