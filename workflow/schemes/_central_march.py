@@ -90,6 +90,8 @@ def turn_about(begins: Mask, ended: Mask, v: Pack, after: Pack, own: Array, lane
 
     A contact ``begins`` with the velocity ``v``.
     """
+    if not (some(begins) or some(ended)):
+        return
     approach = where(begins, v, pack(own, (APPROACH, lane)))
     store(own, (APPROACH, lane), approach)
     store(own, (APPROACHED, lane), pack(own, (APPROACHED, lane)) + where(ended, approach * approach, 0.0))
