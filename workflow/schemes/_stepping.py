@@ -25,7 +25,7 @@ from workflow.models import Array, Cases
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, complete_periods
 from workflow.schemes._kernel import inlined, part
 from workflow.schemes._lanes import PACK, cached_lanes, fill_lanes, lane_rows
-from workflow.schemes._packs import Lane, Pack, narrow, pack, some, store, where
+from workflow.schemes._packs import Lane, Pack, narrow, pack, some, some_nonzero, store, where
 from workflow.schemes._tip_load import AMPLITUDE, FREQUENCY, LOAD_ROWS, MEAN, OWN_SINE, PHASE, turn_load, weigh_load
 
 DISPLACEMENT, VELOCITY, TEMPERATURE, IMPULSE, GAP = range(5)
@@ -206,10 +206,10 @@ def note(
         depth, deepest = x - gap, pack(tip, (PENETRATION, lane))
         store(tip, (PENETRATION, lane), where(depth > deepest, depth, deepest))
     if engaged:
-        touches = where(p > 0.0, 1.0, 0.0)
-        impacts = pack(tip, (IMPACTS, lane)) + touches * (1.0 - pack(tip, (TOUCHING, lane)))
-        store(tip, (IMPACTS, lane), impacts)
-        store(tip, (TOUCHING, lane), touches)
+        touches, touched = where(p > 0.0, 1.0, 0.0), pack(tip, (TOUCHING, lane))
+        if some_nonzero(touches - touched):
+            store(tip, (IMPACTS, lane), pack(tip, (IMPACTS, lane)) + touches * (1.0 - touched))
+            store(tip, (TOUCHING, lane), touches)
         store(tip, (CONTACT_TIME, lane), pack(tip, (CONTACT_TIME, lane)) + touches * span)
         store(tip, (IMPULSE, lane), pack(tip, (IMPULSE, lane)) + p)
 
