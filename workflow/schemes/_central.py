@@ -137,6 +137,7 @@ class Operator:
             inverse_mass=float(np.sum(tip**2 / inertia)),
             warming=float(np.sum(modal.heat_tip * enters)),
             theta=0.0,
+            rest=1.0,
         )
 
 

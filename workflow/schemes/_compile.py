@@ -40,9 +40,10 @@ class Wanted:
 
     @property
     def words(self) -> tuple[Any, ...]:
-        """What tells it from others; numbers change no kernel."""
+        """What tells it from others; numbers change no kernel, but that there is one for θ = 1."""
         options = ((field.name, getattr(self.options, field.name)) for field in fields(self.options))
-        return (self.method, self.nodes, *(o for o in options if not isinstance(o[1], float)))
+        implicit = getattr(self.options, "theta", None) == 1.0
+        return (self.method, self.nodes, implicit, *(o for o in options if not isinstance(o[1], float)))
 
 
 LONGEST = 300.0

@@ -57,6 +57,8 @@ class Coefficients(NamedTuple):
     warming: float
     """Tip temperature per unit heat."""
     theta: float
+    rest: float | None
+    """1 - θ, the weight of a step's beginning; ``None`` for θ = 1, whose kernels leave that out."""
 
 
 def by_mode(*rows: Array) -> Array:

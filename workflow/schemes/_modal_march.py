@@ -68,6 +68,7 @@ def coefficients(modal: Decoupled, h: float, theta: float) -> Coefficients:
         inverse_mass=float(np.sum(tip**2 / inertia)),
         warming=float(np.sum(modal.heat_tip * warm)),
         theta=theta,
+        rest=None if theta == 1.0 else 1.0 - theta,
     )
 
 
@@ -87,9 +88,9 @@ def _step(
     free, temperature = step_freely(operator, now.known, now.t, h, own, motion, tau, tau_before, lane)
     gap = pack(tip, (GAP, lane))
     pushed = h * tip_load(now.sine, now.leader, block.load, lane)
-    theta, inverse_mass, warming = operator.theta, operator.inverse_mass, operator.warming
+    theta, rest, inverse_mass, warming = operator.theta, operator.rest, operator.inverse_mass, operator.warming
     engaged, x, v, temperature, p = meet(
-        theta, inverse_mass, warming, h, pushed, free, temperature, gap, own, tip, lane
+        theta, rest, inverse_mass, warming, h, pushed, free, temperature, gap, own, tip, lane
     )
     hand_over(now.marked, engaged, True, now, h, x, v, temperature, p, gap, tip, lane)
 

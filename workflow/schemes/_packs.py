@@ -266,6 +266,16 @@ def _align_stack(context):
     return types.none(), build
 
 
+def _weighed(context, weight, after, rest, before):
+    def build(context, builder, sig, args):
+        if rest is types.none:
+            return args[1]
+        first, last = (builder.fmul(_spread(builder, args[k], after.width), args[k + 1]) for k in (0, 2))
+        return builder.fadd(first, last)
+
+    return after(weight, after, rest, before), build
+
+
 def _magnitude(context, numbers):
     def build(context, builder, sig, args):
         kind = ir.FunctionType(numbers.numbers, [numbers.numbers])
@@ -322,6 +332,9 @@ flag = cast(Callable[[Array, tuple[int | Lane, ...], bool], None], intrinsic(_fl
 
 some_nonzero = cast(Callable[[Pack], bool], intrinsic(_some_nonzero))
 """Tell whether a number in some lane is not 0, as a NaN is."""
+
+weighed = cast(Callable[[float, Pack, float | None, Pack], Pack], intrinsic(_weighed))
+"""Return ``weight * after + rest * before``, or ``after`` alone where the rest is ``None``: a kernel of its own."""
 
 magnitude = cast(Callable[[Pack], Pack], intrinsic(_magnitude))
 """Return the numbers without their signs."""

@@ -63,6 +63,7 @@ from workflow.schemes._packs import (
     raised,
     some_nonzero,
     store,
+    weighed,
     where,
     wide,
 )
@@ -143,7 +144,7 @@ def _meet(
     w, held = pack(own, (DELASSUS, lane)), pack(own, (LATEST, lane))
     begun = h * (1.0 - theta) * held
     apart = free + operator.inverse_mass * pushed - w * begun
-    depth = x + h * (theta * apart + (1.0 - theta) * v) - gap
+    depth = x + h * weighed(theta, apart, operator.rest, v) - gap
     pressed = (stiffness * depth + damping * apart) * pack(own, (YIELD, lane))
     most = depth * pack(own, (REACH, lane))
     pressed = where(pressed > most, most, pressed)
@@ -160,7 +161,7 @@ def _meet(
         flag(own, (PRESSED, lane), taken)
         store(own, (HEAT, lane), pack(own, (ALPHA, lane)) * p)
         turn_about(touches & ~touched, touched & ~touches, v, after, own, lane)
-    return engaged, x + h * (theta * after + (1.0 - theta) * v), after, p
+    return engaged, x + h * weighed(theta, after, operator.rest, v), after, p
 
 
 @inlined

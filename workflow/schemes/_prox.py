@@ -7,13 +7,14 @@ import numpy as np
 from workflow.models import Array, Cases
 from workflow.schemes._kernel import inlined
 from workflow.schemes._modal_lanes import ALPHA, COMPLIANCE, HEAT, OWN_ROWS, PRESSED, PUSHED, RESTITUTION
-from workflow.schemes._packs import Lane, Pack, flag, pack, raised, some, some_nonzero, spread, store, where
+from workflow.schemes._packs import Lane, Pack, flag, pack, raised, some, some_nonzero, spread, store, weighed, where
 from workflow.schemes._stepping import DISPLACEMENT, VELOCITY
 
 
 @inlined
 def meet(
     theta: float,
+    rest: float | None,
     inverse_mass: float,
     warming: float,
     h: float,
@@ -28,7 +29,7 @@ def meet(
     """Close the step: return displacement, velocity and temperature of the tip at its end, and the impulse p in it.
 
     ``pushed`` is the load's impulse; ``free`` and ``temperature`` are of the tip without load and contact, ``gap``
-    is the casing's place.
+    is the casing's place, ``rest`` 1 - θ, or ``None`` for θ = 1.
     What is returned first tells whether some lane may be in contact or was so before: else there is nothing
     to count. After an impulse the velocity is -e v_n,k to the bit, not to the rounding of v_free - W p: a tip
     at rest on its casing keeps its place and stays active for any number of steps.
@@ -48,7 +49,7 @@ def meet(
         flag(own, (PRESSED, lane), some_nonzero(p))
         temperature += warming * heat
     store(own, (PUSHED, lane), pushed - p)
-    return engaged, x + h * (theta * after + (1.0 - theta) * v), after, temperature, p
+    return engaged, x + h * weighed(theta, after, rest, v), after, temperature, p
 
 
 def contact_rows(cases: Cases, w: Array) -> Array:

@@ -84,7 +84,9 @@ def _march(
         pushed = h * tip_load(weigh_load(1.0 - theta, theta, OWN_SINE, leader, load, lanes), leader, load, lane)
         mobility, warming, gap = step[YIELD, last], step[WARM, last], pack(tip, (GAP, lane))
         before_contact = spread(free, lane), spread(warmed, lane)
-        _, x, v, temperature, p = meet(theta, mobility, warming, h, pushed, *before_contact, gap, own, tip, lane)
+        _, x, v, temperature, p = meet(
+            theta, 1.0 - theta, mobility, warming, h, pushed, *before_contact, gap, own, tip, lane
+        )
         prepare(x, v, temperature, p, tip, lane)
         heat = own[HEAT, 0]
         place, speed = tip[NEW_DISPLACEMENT, 0], tip[NEW_VELOCITY, 0]
