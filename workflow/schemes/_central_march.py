@@ -172,11 +172,12 @@ def _step(
     the impulse p_k-1 and its heat; load and contact; what is watched.
     """
     h, tip, heated, audited = block.h, block.tip, tau.shape[0] > 0, audit.sums.shape[0] > 0
-    free, temperature = pack(own, (FREE, lane)), spread(0.0, lane)
     if step > 0:
         if heated and audited:
             audit_heat(h, audit, own, lane)
         free, temperature = step_freely(operator, now.known, now.t, h, own, motion, tau, tau, lane)
+    else:
+        free, temperature = pack(own, (FREE, lane)), spread(0.0, lane)
     gap = pack(tip, (GAP, lane))
     pushed = h * tip_load(now.sine, now.leader, block.load, lane)
     engaged, x, v, temperature, p = _meet(operator, law, h, pushed, free, temperature, gap, own, tip, lane)
