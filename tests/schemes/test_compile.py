@@ -211,8 +211,9 @@ def test_what_is_compiled_needs_no_process(unnoted: Path, monkeypatch: pytest.Mo
     assert started == []
 
 
-def test_numbers_among_the_options_change_no_kernel() -> None:
+def test_of_numbers_among_the_options_only_a_theta_of_1_has_a_kernel_of_its_own() -> None:
     moreau, penalty = schemes.load("moreau"), schemes.load("penalty")
-    assert Wanted("moreau", moreau.Options(theta=0.5), 1).words == Wanted("moreau", moreau.Options(theta=1.0), 1).words
+    words = [Wanted("moreau", moreau.Options(theta=theta), 1).words for theta in (0.5, 0.7, 1.0)]
+    assert words[0] == words[1] != words[2]
     kinds = [Wanted("penalty", penalty.Options(integration=kind), 1).words for kind in ("explicit", "implicit")]
     assert kinds[0] != kinds[1]
