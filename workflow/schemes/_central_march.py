@@ -16,6 +16,7 @@ from workflow.schemes._decoupled import Decoupled, Motion, start
 from workflow.schemes._interface import Results, Sampling, Status, merge, schedule
 from workflow.schemes._kernel import inlined, kernel
 from workflow.schemes._lanes import PACK, WIDE, fill_lanes, lane_rows
+from workflow.schemes._marks import DISPLACEMENT, GAP, TEMPERATURE, VELOCITY, Block, take_marks
 from workflow.schemes._modal_lanes import (
     ALPHA,
     DRIFT,
@@ -47,22 +48,7 @@ from workflow.schemes._packs import (
     where,
     wide,
 )
-from workflow.schemes._stepping import (
-    DISPLACEMENT,
-    GAP,
-    TEMPERATURE,
-    VELOCITY,
-    Block,
-    Now,
-    block_lanes,
-    blocks,
-    collect,
-    enter,
-    hand_over,
-    observe,
-    take_marks,
-    watch,
-)
+from workflow.schemes._stepping import Now, block_lanes, blocks, collect, enter, hand_over, observe, watch
 from workflow.schemes._tip_load import start_load, tip_load
 
 ROUNDING = 16 * np.finfo(float).eps

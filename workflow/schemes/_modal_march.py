@@ -17,6 +17,7 @@ from workflow.schemes._decoupled import Decoupled, Motion
 from workflow.schemes._interface import Sampling
 from workflow.schemes._kernel import inlined, kernel
 from workflow.schemes._lanes import PACK, WIDE, fill_lanes, lane_rows
+from workflow.schemes._marks import GAP, Block, take_marks
 from workflow.schemes._modal_lanes import (
     DRIFT,
     WARMING,
@@ -30,18 +31,7 @@ from workflow.schemes._modal_lanes import (
 )
 from workflow.schemes._packs import BROAD, Lane, align_stack, broad, narrow, pack, wide
 from workflow.schemes._prox import meet
-from workflow.schemes._stepping import (
-    GAP,
-    Block,
-    Now,
-    Watch,
-    block_lanes,
-    blocks,
-    enter,
-    hand_over,
-    observe,
-    take_marks,
-)
+from workflow.schemes._stepping import Now, Watch, block_lanes, blocks, enter, hand_over, observe
 from workflow.schemes._tip_load import start_load, tip_load
 
 

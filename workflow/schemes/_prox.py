@@ -6,9 +6,9 @@ import numpy as np
 
 from workflow.models import Array, Cases
 from workflow.schemes._kernel import inlined
+from workflow.schemes._marks import DISPLACEMENT, VELOCITY
 from workflow.schemes._modal_lanes import ALPHA, COMPLIANCE, HEAT, OWN_ROWS, PRESSED, PUSHED, RESTITUTION
 from workflow.schemes._packs import Lane, Pack, flag, pack, raised, some, some_nonzero, spread, store, weighed, where
-from workflow.schemes._stepping import DISPLACEMENT, VELOCITY
 
 
 @inlined

@@ -23,61 +23,33 @@ from numpy.typing import NDArray
 
 from workflow.models import Array, Cases
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, complete_periods
-from workflow.schemes._kernel import inlined, part
+from workflow.schemes._kernel import inlined
 from workflow.schemes._lanes import PACK, cached_lanes, fill_lanes, lane_rows
+from workflow.schemes._marks import (
+    CONTACT_TIME,
+    DISPLACEMENT,
+    GAP,
+    HOTTEST,
+    IMPACTS,
+    IMPULSE,
+    NEVER,
+    NEW_DISPLACEMENT,
+    NEW_TEMPERATURE,
+    NEW_VELOCITY,
+    PENETRATION,
+    PERIOD_HOTTEST,
+    STEP_IMPULSE,
+    TEMPERATURE,
+    TIP_ROWS,
+    TOUCHING,
+    VELOCITY,
+    WAITING,
+    Block,
+    Marks,
+    Record,
+)
 from workflow.schemes._packs import Lane, Pack, narrow, pack, some, some_nonzero, store, where
 from workflow.schemes._tip_load import AMPLITUDE, FREQUENCY, LOAD_ROWS, MEAN, OWN_SINE, PHASE, turn_load, weigh_load
-
-DISPLACEMENT, VELOCITY, TEMPERATURE, IMPULSE, GAP = range(5)
-"""Rows of a block's tip: its state at the last step end and the clearance."""
-
-TOUCHING, IMPACTS, CONTACT_TIME, PENETRATION, HOTTEST, PERIOD_IMPULSE, PERIOD_CONTACT, PERIOD_HOTTEST = range(5, 13)
-"""What has been counted so far, the highest temperature of the load periods that are closed and of the
-present one, and where sums stood when that began."""
-
-NEW_DISPLACEMENT, NEW_VELOCITY, NEW_TEMPERATURE, STEP_IMPULSE = range(13, 17)
-"""What a scheme hands to :func:`observe`: the tip at the end of the step, the impulse in it."""
-
-TIP_ROWS = STEP_IMPULSE + 1
-
-NEVER = np.iinfo(np.int64).max
-
-
-class Marks(NamedTuple):
-    """Steps in which a sample or the end of a load period falls due, and at which share."""
-
-    sample_due: NDArray[np.int64]
-    sample_weight: Array
-    period_due: NDArray[np.int64]
-    period_weight: Array
-    """``(case, period)``."""
-    next_mark: NDArray[np.int64]
-    """The next step in which something falls due, the next sample, the next step that ends a load period, ``(3,)``."""
-    next_period: NDArray[np.int64]
-    """``(case,)``."""
-
-
-class Record(NamedTuple):
-    """Where samples and closed load periods are written."""
-
-    histories: Array
-    """Displacement, velocity, temperature and impulse, ``(case, 4, t)``: any range of cases lies in one piece,
-    so that kernels are compiled for one kind of array."""
-    periods: Array
-    """Impulse, largest temperature and contact time, ``(case, 3, period)``."""
-
-
-class Block(NamedTuple):
-    """Up to ``LANES`` consecutive cases that a kernel steps at once; its view of them."""
-
-    load: Array
-    tip: Array
-    marks: Marks
-    record: Record
-    lanes: int
-    """Lanes in use, whole packs; the cases come first, idle lanes last."""
-    steps: int
-    h: float
 
 
 class Now(NamedTuple):
@@ -97,12 +69,6 @@ class Now(NamedTuple):
 
 
 @inlined
-def _between(before: float, after: float, share: float) -> float:
-    """Linear between step ends; a step end itself is taken exactly."""
-    return after if share == 1.0 else before + share * (after - before)
-
-
-@inlined
 def enter(step: int, before: float, after: float, leader: int, known: bool, block: Block) -> Now:
     """Move the load to the end of a step, weigh it at its two ends, and tell what the step is."""
     if step > 0:
@@ -110,68 +76,6 @@ def enter(step: int, before: float, after: float, leader: int, known: bool, bloc
     sine = weigh_load(before, after, OWN_SINE, leader, block.load, block.lanes)
     mark = block.marks.next_mark[0]
     return Now(step * block.h, step == mark, step + 1 == mark, sine, leader, known)
-
-
-@part
-def _close_periods(step: int, block: Block) -> None:
-    """Close the load periods that end within this step, and note when the next one does."""
-    tip, h, periods = block.tip, block.h, block.record.periods
-    period_due, period_weight, next_period = block.marks.period_due, block.marks.period_weight, block.marks.next_period
-    first = NEVER
-    for lane in range(period_due.shape[0]):
-        while next_period[lane] < period_due.shape[1] and period_due[lane, next_period[lane]] == step:
-            k = next_period[lane]
-            share = period_weight[lane, k]
-            p = tip[STEP_IMPULSE, lane]
-            impulse = _between(tip[IMPULSE, lane], tip[IMPULSE, lane] + p, share)
-            reached = _between(tip[TEMPERATURE, lane], tip[NEW_TEMPERATURE, lane], share)
-            contact = tip[CONTACT_TIME, lane] + (share * h if p > 0.0 else 0.0)
-            periods[lane, 0, k] = impulse - tip[PERIOD_IMPULSE, lane]
-            periods[lane, 1, k] = max(tip[PERIOD_HOTTEST, lane], reached)
-            periods[lane, 2, k] = contact - tip[PERIOD_CONTACT, lane]
-            tip[HOTTEST, lane] = max(tip[HOTTEST, lane], periods[lane, 1, k])
-            tip[PERIOD_IMPULSE, lane] = impulse
-            tip[PERIOD_CONTACT, lane] = contact
-            tip[PERIOD_HOTTEST, lane] = reached
-            next_period[lane] = k + 1
-        if next_period[lane] < period_due.shape[1]:
-            first = min(first, period_due[lane, next_period[lane]])
-    block.marks.next_mark[2] = first
-
-
-@part
-def take_marks(step: int, block: Block) -> float:
-    """Write the samples and close the load periods that end within this step.
-
-    Returns the part of the step that counts, s: all but the last one count whole, the last up to
-    the duration, where the last sample lies; there the tip's new values are cut back to it.
-    """
-    tip, lanes, h, steps = block.tip, block.lanes, block.h, block.steps
-    histories, next_mark = block.record.histories, block.marks.next_mark
-    due, weight = block.marks.sample_due, block.marks.sample_weight
-    mark = steps
-    while next_mark[1] < due.size and due[next_mark[1]] == step:
-        k = next_mark[1]
-        for lane in range(histories.shape[0]):
-            impulse = tip[IMPULSE, lane]
-            histories[lane, 0, k] = _between(tip[DISPLACEMENT, lane], tip[NEW_DISPLACEMENT, lane], weight[k])
-            histories[lane, 1, k] = _between(tip[VELOCITY, lane], tip[NEW_VELOCITY, lane], weight[k])
-            histories[lane, 2, k] = _between(tip[TEMPERATURE, lane], tip[NEW_TEMPERATURE, lane], weight[k])
-            histories[lane, 3, k] = _between(impulse, impulse + tip[STEP_IMPULSE, lane], weight[k])
-        next_mark[1] += 1
-    if next_mark[1] < due.size:
-        mark = due[next_mark[1]]
-    if step == next_mark[2]:
-        _close_periods(step, block)
-    next_mark[0] = min(mark, next_mark[2])
-    share = weight[-1] if step == steps else 1.0
-    if share != 1.0:
-        for lane in range(lanes):
-            tip[NEW_DISPLACEMENT, lane] = _between(tip[DISPLACEMENT, lane], tip[NEW_DISPLACEMENT, lane], share)
-            tip[NEW_VELOCITY, lane] = _between(tip[VELOCITY, lane], tip[NEW_VELOCITY, lane], share)
-            tip[NEW_TEMPERATURE, lane] = _between(tip[TEMPERATURE, lane], tip[NEW_TEMPERATURE, lane], share)
-            tip[STEP_IMPULSE, lane] *= share
-    return share * h
 
 
 @inlined
@@ -314,6 +218,7 @@ def watch(cases: Cases, mean: Array, sampling: Sampling, schedule: Schedule, h: 
 
     record = Record(
         np.empty((cases.count, 4, schedule.due.size)),  # the march fills it; zeros would be fresh pages each time
+        lane_rows(4 * WAITING),
         np.full((cases.count, 3, longest), np.nan),
     )
     record.histories[..., 0] = tip[[DISPLACEMENT, VELOCITY, TEMPERATURE, IMPULSE]].T
@@ -330,7 +235,7 @@ def blocks(watched: Watch, most: int) -> Iterator[tuple[slice, Block]]:
 
     All blocks share one set of lane arrays, which stays in the processor's cache.
     """
-    load, tip = lane_rows(LOAD_ROWS), lane_rows(TIP_ROWS)
+    load, tip, samples = lane_rows(LOAD_ROWS), lane_rows(TIP_ROWS), watched.record.samples
     schedule = watched.schedule
     for first in range(0, watched.cases.count, most):
         part = slice(first, min(first + most, watched.cases.count))
@@ -346,7 +251,7 @@ def blocks(watched: Watch, most: int) -> Iterator[tuple[slice, Block]]:
             next_mark=np.ones(3, dtype=np.int64),  # the first step looks for the first mark
             next_period=np.zeros(count, dtype=np.int64),
         )
-        record = Record(watched.record.histories[part], watched.record.periods[part])
+        record = Record(watched.record.histories[part], samples, watched.record.periods[part])
         yield part, Block(load, tip, marks, record, -(-count // PACK) * PACK, schedule.steps, watched.h)
         watched.tip[:, part] = tip[:, :count]
 

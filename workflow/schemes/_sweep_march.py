@@ -8,21 +8,11 @@ from workflow.models import Array, Cases
 from workflow.schemes._interface import Sampling
 from workflow.schemes._kernel import kernel
 from workflow.schemes._lanes import ROW, fill_lanes, lane_rows
+from workflow.schemes._marks import GAP, NEW_DISPLACEMENT, NEW_VELOCITY, STEP_IMPULSE, Block, take_marks
 from workflow.schemes._modal_lanes import HEAT
 from workflow.schemes._packs import narrow, pack, spread
 from workflow.schemes._prox import meet
-from workflow.schemes._stepping import (
-    GAP,
-    NEW_DISPLACEMENT,
-    NEW_VELOCITY,
-    STEP_IMPULSE,
-    Block,
-    Watch,
-    blocks,
-    observe,
-    prepare,
-    take_marks,
-)
+from workflow.schemes._stepping import Watch, blocks, observe, prepare
 from workflow.schemes._sweep_balance import SUMS, open_account, residuals, tally, weights
 from workflow.schemes._sweeps import (
     HEATING,

@@ -20,9 +20,10 @@ from workflow.schemes._balance import balance_cost
 from workflow.schemes._decoupled import Decoupled, decouple, start
 from workflow.schemes._interface import Results, Sampling, Status, merge, schedule
 from workflow.schemes._lanes import WIDE
+from workflow.schemes._marks import DISPLACEMENT, TEMPERATURE
 from workflow.schemes._modal_march import march
 from workflow.schemes._prox import contact_rows
-from workflow.schemes._stepping import DISPLACEMENT, TEMPERATURE, collect, watch
+from workflow.schemes._stepping import collect, watch
 from workflow.schemes._sweep_march import sweep
 from workflow.schemes._sweeps import Swept
 
