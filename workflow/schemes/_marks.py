@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from workflow.models import Array
 from workflow.schemes._kernel import inlined, part
 from workflow.schemes._lanes import PACK
-from workflow.schemes._packs import Pack, narrow, pack, store
+from workflow.schemes._packs import Pack, fetch, narrow, pack, store
 
 DISPLACEMENT, VELOCITY, TEMPERATURE, IMPULSE, GAP = range(5)
 """Rows of a block's tip: its state at the last step end and the clearance."""
@@ -110,9 +110,16 @@ def _sampled(before: Pack, after: Pack, share: float) -> Pack:
 
 @part
 def _sample(k: int, share: float, block: Block) -> None:
-    """Take sample k, which lies at a ``share`` of the step; write those that wait when they are enough."""
+    """Take sample k, which lies at a ``share`` of the step; write those that wait when they are enough.
+
+    Some of the lines they will be written to are fetched with each sample: all at once they would be waited for.
+    """
     tip, waiting, histories = block.tip, block.record.samples, block.record.histories
     slot = (k - 1) % WAITING
+    last = min(k - slot + WAITING, histories.shape[2]) - 1
+    for case in range(slot, histories.shape[0], WAITING):
+        for j in range(histories.shape[1]):
+            fetch(histories, (case, j, last))
     for first in range(0, block.lanes, PACK):
         lane = narrow(first)
         for j in range(IMPULSE):

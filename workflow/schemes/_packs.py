@@ -276,6 +276,17 @@ def _weighed(context, weight, after, rest, before):
     return after(weight, after, rest, before), build
 
 
+def _fetch(context, array, at):
+    def build(context, builder, sig, args):
+        address, number = _address(context, builder, sig.args, *args), ir.IntType(32)
+        kind = ir.FunctionType(ir.VoidType(), [address.type, number, number, number])
+        function = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
+        builder.call(function, [address, *(ir.Constant(number, k) for k in (1, 3, 1))])
+        return context.get_dummy_value()
+
+    return types.none(array, at), build
+
+
 def _magnitude(context, numbers):
     def build(context, builder, sig, args):
         kind = ir.FunctionType(numbers.numbers, [numbers.numbers])
@@ -317,6 +328,9 @@ store = cast(Callable[[Array, tuple[int | Lane, ...], Pack], None], intrinsic(_s
 shared = cast(Callable[[Array, tuple[int, ...], Lane], Pack], intrinsic(_shared))
 """Return a number of an array for all lanes of a pack. Nothing may write to the array while the kernel runs:
 the number is read once and stays in a register where there is one."""
+
+fetch = cast(Callable[[Array, tuple[int, ...]], None], intrinsic(_fetch))
+"""Let the line of the cache that holds a number of an array be fetched, which is written some steps later."""
 
 where = cast(Callable[[Mask, Pack | float, Pack | float], Pack], intrinsic(_where))
 """Return each lane's number of the first pack where its condition holds, else of the second."""
