@@ -280,20 +280,6 @@ def test_what_a_killed_removal_left_is_taken_up(parts: Path) -> None:
     assert archive.find_shards(parts, LAYOUT).complete
 
 
-def test_a_layout_of_which_a_power_cut_left_an_empty_file_is_written_again(parts: Path) -> None:
-    (parts / "layout.json").write_bytes(b"")
-    archive.start_parts(parts, LAYOUT)
-    archive.settle_parts(parts)
-    assert archive.read_layout(parts).key == LAYOUT.key
-    assert archive.find_shards(parts, LAYOUT).complete
-
-
-def test_a_layout_that_cannot_settle_is_said(parts: Path) -> None:
-    (parts / "layout.json").unlink()
-    with pytest.raises(archive.ArchiveError, match="directory of the shards could not be written: no such file"):
-        archive.settle_parts(parts)
-
-
 @pytest.mark.parametrize("content", [b"", b"[]", b'{"format": 1}', b"\xff"])
 def test_a_damaged_layout_is_said(parts: Path, content: bytes) -> None:
     (parts / "layout.json").write_bytes(content)

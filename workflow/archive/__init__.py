@@ -12,7 +12,7 @@ from workflow.archive._hold import holding
 from workflow.archive._known import Known, find_known, is_kept, keep_known, made_by, read_known, stored_hashes
 from workflow.archive._layout import Coordinate, Layout, Variable, blank
 from workflow.archive._open import archive_key, content_hash, open_archive, provenance, statuses
-from workflow.archive._parts import clear_parts, parts_of, read_layout, remove_parts, settle_parts, start_parts
+from workflow.archive._parts import clear_parts, parts_of, read_layout, remove_parts, start_parts
 from workflow.archive._seal import is_sealed_with
 from workflow.archive._shard import Shard, Shards, find_shard, find_shards, write_shard
 
@@ -48,7 +48,6 @@ __all__ = [
     "read_known",
     "read_layout",
     "remove_parts",
-    "settle_parts",
     "start_parts",
     "statuses",
     "stored_hashes",

@@ -75,10 +75,8 @@ def sync(path: Path) -> None:
         os.close(descriptor)
 
 
-def commit(path: Path, data: bytes, durable: bool = True) -> None:
+def commit(path: Path, data: bytes) -> None:
     """Write ``data`` aside as ``*.tmp``, flush it, and rename it to ``path``: all of it or nothing.
-
-    What need not be ``durable`` is not flushed: a power cut may leave an empty file of it.
 
     Raises
     ------
@@ -90,11 +88,9 @@ def commit(path: Path, data: bytes, durable: bool = True) -> None:
         with open(aside, "wb") as file:
             file.write(data)
             file.flush()
-            if durable:
-                os.fsync(file.fileno())
+            os.fsync(file.fileno())
         os.replace(aside, path)
     except BaseException:
         aside.unlink(missing_ok=True)
         raise
-    if durable:
-        sync(path.parent)
+    sync(path.parent)

@@ -37,8 +37,7 @@ def start_parts(parts: str | Path, layout: Layout) -> None:
     """Make the directory for the shards of a layout, or take up one that a run left behind.
 
     The layout is stored in it (JSON, atomically), leftovers of interrupted writes are swept, shards
-    stay. One run at a time: whoever calls this holds the directory. A new directory is on the disk
-    after :func:`settle_parts`, which may go on beside the first tasks.
+    stay. One run at a time: whoever calls this holds the directory.
 
     Raises
     ------
@@ -48,47 +47,25 @@ def start_parts(parts: str | Path, layout: Layout) -> None:
     parts = Path(parts)
     with writing("the directory of the shards", parts.parent):
         parts.mkdir(exist_ok=True)
-    resumed = _has_layout(parts)
-    if resumed and read_layout(parts).key != layout.key:
+        sync(parts.parent)
+    if (parts / LAYOUT).exists() and read_layout(parts).key != layout.key:
         raise ArchiveError(
             f"{parts}: holds unfinished results of another study or solver version; finish that one, "
             "remove the directory, or choose another archive"
         )
-    if not resumed and (others := sorted(f.name for f in parts.iterdir() if not _is_ours(f))):
+    if not (parts / LAYOUT).exists() and (others := sorted(f.name for f in parts.iterdir() if not _is_ours(f))):
         raise ArchiveError(
             f"{parts}: holds {others[0]}, which no run left there; move it away, or choose another archive with -o"
         )
     with writing("the layout", parts):
         for leftover in parts.glob("*.tmp"):
             leftover.unlink(missing_ok=True)
-        commit(parts / LAYOUT, json.dumps(_to_json(layout)).encode(), durable=resumed)
-
-
-def settle_parts(parts: str | Path) -> None:
-    """Wait until the directory that :func:`start_parts` made is on the disk with its layout.
-
-    Raises
-    ------
-    ArchiveError
-        It cannot be written.
-    """
-    parts = Path(parts)
-    with writing("the directory of the shards", parts.parent):
-        for path in (parts / LAYOUT, parts, parts.parent):
-            sync(path)
-
-
-def _has_layout(parts: Path) -> bool:
-    """Tell whether there is a layout; an empty file is what a power cut leaves of one that was not settled."""
-    try:
-        return (parts / LAYOUT).stat().st_size > 0
-    except FileNotFoundError:
-        return False
+        commit(parts / LAYOUT, json.dumps(_to_json(layout)).encode())
 
 
 def _is_ours(file: Path) -> bool:
     """Tell whether a run may have left a file in a directory without a layout: all that is there goes in the end."""
-    return file.name in (HOLDER, KNOWN, LAYOUT) or file.suffix in (".tmp", SUFFIX)
+    return file.name in (HOLDER, KNOWN) or file.suffix in (".tmp", SUFFIX)
 
 
 def read_layout(parts: str | Path) -> Layout:

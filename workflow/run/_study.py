@@ -31,7 +31,6 @@ from workflow.archive import (
     parts_of,
     provenance,
     remove_parts,
-    settle_parts,
     start_parts,
     statuses,
     study_key,
@@ -132,7 +131,6 @@ def run_study(
         if known is not None and (retry or recompute) and not is_kept(parts, known):
             clear_parts(parts)  # of a run that took other cases, or was killed when its archive was in place
             start_parts(parts, layout)
-        settled = aside.submit(settle_parts, parts)
         keep_known(parts, known)
         done = find_shards(parts, layout)
         there = done.owner >= 0
@@ -146,7 +144,6 @@ def run_study(
 
         def stored(told: Stored) -> None:
             hashing()  # not before: it would keep the first kernels from beginning
-            settled.result()
             count(told)
 
         try:
@@ -158,7 +155,6 @@ def run_study(
                 unwell = sum(len(shard.messages) for shard in done.files)
                 progress(int(np.sum(_cells_there(layout, there))), unwell, layout.cells)
             raise
-        settled.result()
         gather(layout, parts, archive, hashing().result(), known)
         remove_parts(parts)
     return replace(summarise(archive, resumed), seconds=time.perf_counter() - begun)
