@@ -10,6 +10,7 @@ import resource
 import subprocess
 import sys
 import textwrap
+import threading
 from pathlib import Path
 
 import h5py
@@ -325,6 +326,16 @@ def test_removing_shards_twice_is_no_fault(tmp_path: Path) -> None:
     archive.remove_parts(parts)
     assert not parts.exists()
     archive.remove_parts(parts)
+
+
+def test_a_pipe_among_the_shards_is_removed_and_not_waited_for(tmp_path: Path) -> None:
+    parts = put_all(tmp_path / "a.nc", LAYOUTS["one cell"], sample_results(LAYOUTS["one cell"]))
+    os.mkfifo(parts / "pipe")
+    removing = threading.Thread(target=archive.remove_parts, args=(parts,), daemon=True)
+    removing.start()
+    removing.join(10)
+    assert not removing.is_alive()
+    assert not parts.exists()
 
 
 def test_a_link_goes_on_to_lead_to_the_archive(tmp_path: Path) -> None:

@@ -142,6 +142,15 @@ def test_a_single_mass_rebounds_as_in_closed_form(integration: str, zeta: float)
     assert abs(fine.metrics["effective_restitution"][0] - exact) < 0.1 * rough + 1e-6
 
 
+def test_a_rebound_whose_speed_squared_is_infinite_has_no_restitution() -> None:
+    structure, over = chain(nodes=1, mass=1.0, stiffness=0.0), sampling(0.06, 1e-3)
+    for speed, known in ((1e154, True), (1.4e154, False)):
+        batch = cases(structure, velocity=speed, gap=1e-3 * speed)
+        found = step(structure, batch, 1e-4, over, "penalty", stiffness=1e4, damping=6.0)
+        assert found.status[0] == Status.OK
+        assert np.isfinite(found.metrics["effective_restitution"][0]) == known
+
+
 def test_static_penetration_is_load_over_stiffness() -> None:
     """The default stiffness is ten times that of the tip, in a reduced structure too; static: load over κ."""
     structure = heavy_chain(damping=Rayleigh(2e4, 0.0))

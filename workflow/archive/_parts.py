@@ -111,7 +111,7 @@ def remove_parts(parts: str | Path) -> None:
     """
     parts = Path(parts)
     held: list[int] = []
-    for file in islice(parts.glob("*"), _HELD):
+    for file in islice(filter(Path.is_file, parts.glob("*")), _HELD):
         with suppress(OSError):
             held.append(os.open(file, os.O_RDONLY))
     try:

@@ -290,8 +290,8 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
 
 
 def restitution(approached: Array, separated: Array) -> Array:
-    """Return -Σ v⁺v⁻ / Σ (v⁻)² of each case; NaN where no contact has ended."""
-    met = approached > 0
+    """Return -Σ v⁺v⁻ / Σ (v⁻)² of each case; NaN where no contact has ended or a sum has left the finite numbers."""
+    met = (approached > 0) & np.isfinite(approached) & np.isfinite(separated)
     return np.where(met, separated / np.where(met, approached, 1.0), np.nan)
 
 
