@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 import threading
+import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from itertools import islice
@@ -22,8 +23,9 @@ from workflow.archive._shard import SUFFIX
 
 LAYOUT = "layout.json"
 
-_HELD = 64
-"""Files that are freed after their removal, far fewer than a process may have open."""
+_HELD, _PAUSE = 64, 0.2
+"""Files that are freed after their removal, far fewer than a process may have open, and seconds until then: a disk that
+frees files keeps whoever writes to it waiting, such as a run that follows at once."""
 
 
 def parts_of(path: str | Path) -> Path:
@@ -131,6 +133,7 @@ def remove_parts(parts: str | Path) -> None:
 
 
 def _let_go(held: list[int]) -> None:
+    time.sleep(_PAUSE)
     for descriptor in held:
         os.close(descriptor)
 
