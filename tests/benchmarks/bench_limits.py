@@ -51,12 +51,16 @@ TINY = Size(cases=9, steps=40, runs=1, nodes=(1_000, 3_000), node_steps=6_000, r
 
 
 def least(runs: int, *works: Callable[[], object], clock: Callable[[], float] = time.process_time) -> list[float]:
-    """Return the least processor seconds of each work; they take turns, after each was done once."""
+    """Return the least processor seconds of each work; they take turns, after each was done once.
+
+    Arrays of a few KiB lie elsewhere in each turn: where they lie decides about some percent.
+    """
     for work in works:
         work()
-    found = [float("inf")] * len(works)
+    found, between, rng = [float("inf")] * len(works), [], np.random.default_rng(0)
     for _ in range(runs):
         for k, work in enumerate(works):
+            between.append(np.empty(rng.integers(64, 4096)))
             begun = clock()
             work()
             found[k] = min(found[k], clock() - begun)
