@@ -48,7 +48,7 @@ from workflow.schemes._packs import (
     where,
     wide,
 )
-from workflow.schemes._stepping import Now, block_lanes, blocks, collect, enter, hand_over, observe, watch
+from workflow.schemes._stepping import Now, block_lanes, blocks, collect, enter, note, observe, watch
 from workflow.schemes._tip_load import start_load, tip_load
 
 ROUNDING = 16 * np.finfo(float).eps
@@ -172,7 +172,7 @@ def _step(
     if step == 0:
         _whole_impulse(v, audit.sums, own, lane)
     else:
-        hand_over(now.marked, engaged, False, now, h, x, v, temperature, p, gap, tip, lane)
+        note(now.marked, engaged, now.lasts, False, h, x, v, temperature, p, gap, tip, lane)
 
 
 @kernel

@@ -31,7 +31,7 @@ from workflow.schemes._modal_lanes import (
 )
 from workflow.schemes._packs import BROAD, Lane, align_stack, broad, narrow, pack, wide
 from workflow.schemes._prox import meet
-from workflow.schemes._stepping import Now, Watch, block_lanes, blocks, enter, hand_over, observe
+from workflow.schemes._stepping import Now, Watch, block_lanes, blocks, enter, note, observe
 from workflow.schemes._tip_load import start_load, tip_load
 
 
@@ -82,7 +82,7 @@ def _step(
     engaged, x, v, temperature, p = meet(
         theta, rest, inverse_mass, warming, h, pushed, free, temperature, gap, own, tip, lane
     )
-    hand_over(now.marked, engaged, True, now, h, x, v, temperature, p, gap, tip, lane)
+    note(now.marked, engaged, now.lasts, True, h, x, v, temperature, p, gap, tip, lane)
 
 
 @kernel

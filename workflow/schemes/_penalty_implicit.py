@@ -77,7 +77,7 @@ from workflow.schemes._packs import (
     where,
     wide,
 )
-from workflow.schemes._stepping import Now, block_lanes, blocks, collect, enter, hand_over, observe, watch
+from workflow.schemes._stepping import Now, block_lanes, blocks, collect, enter, note, observe, watch
 from workflow.schemes._tip_load import start_load, tip_load
 
 YIELD, REACH = SEPARATED + 1, SEPARATED + 2
@@ -191,7 +191,7 @@ def _step(
     pushed = h * tip_load(now.sine, now.leader, block.load, lane)
     engaged, x, v, p = _meet(operator, stiffness, damping, h, pushed, free, gap, own, tip, lane)
     temperature += operator.warming * pack(own, (HEAT, lane))
-    hand_over(observed, engaged, True, now, h, x, v, temperature, p, gap, tip, lane)
+    note(observed, engaged, now.lasts, True, h, x, v, temperature, p, gap, tip, lane)
 
 
 @kernel

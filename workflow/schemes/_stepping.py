@@ -7,7 +7,7 @@ A scheme's kernel advances its own states in blocks of up to ``LANES`` cases, on
         now = enter(step, 1 - theta, theta, leader, known, block)
         for first in range(0, lanes, PACK):
             ...  # with tip_load(now.sine, …), find the tip at the step's end and the impulse in the step
-            hand_over(now.marked, engaged, True, now, h, x, v, temperature, p, gap, tip, narrow(first))
+            note(now.marked, engaged, now.lasts, True, h, x, v, temperature, p, gap, tip, narrow(first))
         if now.marked:
             observe(take_marks(step, block), tip, lanes)
 """
@@ -79,7 +79,17 @@ def enter(step: int, before: float, after: float, leader: int, known: bool, bloc
 
 
 @inlined
+def prepare(x: Pack, v: Pack, temperature: Pack, p: Pack, tip: Array, lane: Lane) -> None:
+    """Hand the tip's state at the end of a step and the impulse in it to :func:`observe`."""
+    store(tip, (NEW_DISPLACEMENT, lane), x)
+    store(tip, (NEW_VELOCITY, lane), v)
+    store(tip, (NEW_TEMPERATURE, lane), temperature)
+    store(tip, (STEP_IMPULSE, lane), p)
+
+
+@inlined
 def note(
+    prepared: bool,
     engaged: bool,
     lasts: bool,
     from_tip: bool,
@@ -92,12 +102,16 @@ def note(
     tip: Array,
     lane: Lane,
 ) -> None:
-    """Take in the tip's state at the end of a step of ``span`` s and the impulse in it.
+    """Take in the tip's state at the end of a step of ``span`` s and the impulse in it, or leave it to :func:`observe`.
 
+    That takes it in where it is only to be ``prepared``, when what falls due in the step has been taken.
     Where no lane is ``engaged``, in contact or just released, none of the counts changes. The
     state is kept where it ``lasts``, up to a step in which something falls due, and but for the
     temperature where the scheme goes on ``from_tip``.
     """
+    if prepared:
+        prepare(x, v, temperature, p, tip, lane)
+        return
     hottest = pack(tip, (PERIOD_HOTTEST, lane))
     if lasts or from_tip:
         store(tip, (DISPLACEMENT, lane), x)
@@ -119,44 +133,13 @@ def note(
 
 
 @inlined
-def prepare(x: Pack, v: Pack, temperature: Pack, p: Pack, tip: Array, lane: Lane) -> None:
-    """Hand the tip's state at the end of a step and the impulse in it to :func:`observe`."""
-    store(tip, (NEW_DISPLACEMENT, lane), x)
-    store(tip, (NEW_VELOCITY, lane), v)
-    store(tip, (NEW_TEMPERATURE, lane), temperature)
-    store(tip, (STEP_IMPULSE, lane), p)
-
-
-@inlined
-def hand_over(
-    prepared: bool,
-    engaged: bool,
-    from_tip: bool,
-    now: Now,
-    span: float,
-    x: Pack,
-    v: Pack,
-    temperature: Pack,
-    p: Pack,
-    gap: Pack,
-    tip: Array,
-    lane: Lane,
-) -> None:
-    """Hand the tip at the end of a step to :func:`observe` where it is to be ``prepared``, else take it in at once."""
-    if prepared:
-        prepare(x, v, temperature, p, tip, lane)
-    else:
-        note(engaged, now.lasts, from_tip, span, x, v, temperature, p, gap, tip, lane)
-
-
-@inlined
 def observe(span: float, tip: Array, lanes: int) -> None:
     """Take in the rows ``NEW_…`` and ``STEP_IMPULSE`` of the tip at the end of a step of ``span`` s."""
     for first in range(0, lanes, PACK):
         lane = narrow(first)
         x, v = pack(tip, (NEW_DISPLACEMENT, lane)), pack(tip, (NEW_VELOCITY, lane))
         temperature, p = pack(tip, (NEW_TEMPERATURE, lane)), pack(tip, (STEP_IMPULSE, lane))
-        note(True, True, True, span, x, v, temperature, p, pack(tip, (GAP, lane)), tip, lane)
+        note(False, True, True, True, span, x, v, temperature, p, pack(tip, (GAP, lane)), tip, lane)
 
 
 @dataclass(frozen=True, eq=False)
