@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import Any
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # importing typing itself takes longer than all else here
+    from typing import Any
 
 __version__ = "0.1.0"
 
 _EXPORTS = {
+    "compare": "workflow.analysis",
+    "contact_phases": "workflow.analysis",
+    "observed_order": "workflow.analysis",
     "open_archive": "workflow.archive",
+    "plan_study": "workflow.grid",
     "read_study": "workflow.study",
+    "recommend": "workflow.analysis",
     "run_study": "workflow.run",
+    "work_precision": "workflow.analysis",
 }
 
 __all__ = ["__version__", *_EXPORTS]
@@ -20,4 +27,6 @@ def __getattr__(name: str) -> Any:
     """Import what is asked for, when it is asked for: the command line starts fast."""
     if name not in _EXPORTS:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
     return getattr(import_module(_EXPORTS[name]), name)

@@ -7,6 +7,7 @@ write the JSON Schema and to say what would have been right; physics itself only
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import MISSING, Field, dataclass, field
 from typing import Any, Literal
 
@@ -57,3 +58,55 @@ def quantity_of(declared: Field[Any]) -> Quantity | None:
     """Return the :class:`Quantity` of a dataclass field, ``None`` for nested dataclasses and choices."""
     found: Quantity | None = declared.metadata.get("quantity")
     return found
+
+
+@dataclass(frozen=True)
+class File:
+    """A file that a parameter names; what a case depends on is its content.
+
+    Attributes
+    ----------
+    digest
+        SHA-256 of the content, hexadecimal.
+    name
+        As the study writes it.
+    place
+        Where it lies now.
+    """
+
+    digest: str
+    name: str = field(compare=False)
+    place: str = field(compare=False)
+
+
+@dataclass(frozen=True)
+class Word:
+    """What a declared text means; ``file`` where it is the name of a file, relative to the study."""
+
+    description: str
+    file: bool = False
+
+
+def word(description: str, *, default: Any = MISSING) -> Any:
+    """Declare a dataclass field of type ``str`` as a :class:`Word`; without ``default`` it is required."""
+    return field(default=default, metadata={"word": Word(description)})
+
+
+def file(description: str, *, default: Any = MISSING) -> Any:
+    """Declare a dataclass field of type :class:`File`; without ``default`` it is required."""
+    return field(default=default, metadata={"word": Word(description, file=True)})
+
+
+def word_of(declared: Field[Any]) -> Word | None:
+    """Return the :class:`Word` of a dataclass field, ``None`` for other kinds."""
+    found: Word | None = declared.metadata.get("word")
+    return found
+
+
+def plain(declared: Any) -> Any:
+    """Return declared values as nested dictionaries: what results depend on, of a file its content alone."""
+    if isinstance(declared, File):
+        return {"sha256": declared.digest}
+    if dataclasses.is_dataclass(declared):
+        return {entry.name: plain(getattr(declared, entry.name)) for entry in dataclasses.fields(declared)}
+    return declared

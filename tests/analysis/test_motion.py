@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from studies import parsed
-from workflow.analysis import contact_loss, contact_phases, growth, impact_speeds
+from workflow.analysis import contact_loss, growth, impact_speeds
 from workflow.archive import open_archive
 from workflow.run import run_study
 
@@ -35,11 +35,6 @@ def test_impact_speeds_of_a_ball(ball: xr.Dataset) -> None:
     """A falling ball: constant acceleration, so that the carried-on speed is exact to rounding."""
     first = np.sqrt(2 * 9.81)
     assert impact_speeds(ball)[:5] == pytest.approx(first * 0.7 ** np.arange(5), rel=1e-9)
-
-
-def test_contact_phases_begin_at_the_impacts(ball: xr.Dataset) -> None:
-    begin, end = contact_phases(ball)[0]
-    assert begin <= np.sqrt(2 / 9.81) <= end
 
 
 def test_contact_loss_of_an_impact() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from workflow.analysis import ERRORS, TARGETS, Line, effect, hidden, lines, winners
+from workflow.analysis import ERRORS, TARGETS, Line, effect, hidden, lines, observed_order, winners
 
 H = np.logspace(-6, -3, 7)
 
@@ -100,3 +100,45 @@ def test_lines_of_an_archive() -> None:
     assert not rough.exact
     assert rough.seconds == pytest.approx(1e-3 / rough.h / 2.0)
     assert rough.errors["impulse_error"] == pytest.approx(rough.h)
+
+
+def orders() -> xr.Dataset:
+    """Errors of order 1 and 2 at two heat couplings; one case is lost at its largest steps, one cannot be predicted."""
+    error = np.stack([0.05 * (H / H[-1]), 0.05 * (H / H[-1]) ** 2])[:, None] * np.array([1.0, 0.5])[:, None]
+    status = np.zeros(error.shape, dtype=np.int8)
+    status[1, 1, -5:] = 1
+    dims = ("scheme", "alpha", "h")
+    return xr.Dataset(
+        {
+            "impulse_error": (dims, error),
+            "status": (dims, status),
+            "predictability": (dims, np.broadcast_to([[[1e-14], [1e-14]], [[1.0], [1e-14]]], error.shape)),
+        },
+        coords={"scheme": ["one", "two"], "alpha": [0.0, 1.0], "h": H},
+    )
+
+
+def test_observed_orders_of_known_errors() -> None:
+    found = observed_order(orders())
+    assert found.dims == ("scheme", "alpha")
+    assert found.values == pytest.approx(np.array([[1.0, 1.0], [np.nan, np.nan]]), nan_ok=True)
+    assert float(observed_order(orders().isel(scheme=1, alpha=1, h=slice(None, 3)).assign(status=0))) == pytest.approx(
+        2
+    )
+    shuffled = orders().isel(h=[3, 0, 6, 1, 5, 2, 4]).transpose("h", "alpha", "scheme")
+    assert observed_order(shuffled).sel(scheme="one").values == pytest.approx([1.0, 1.0])
+
+
+def test_observed_orders_are_those_of_the_lines() -> None:
+    dataset = study(0.1).assign_coords(h=[1e-4, 1e-3, 1e-2])
+    (rough, exact), found = lines(dataset, 2.0), observed_order(dataset)
+    assert np.isnan(exact.order("impulse_error"))
+    assert np.isnan(found.sel(scheme="exact").values).all()
+    assert float(found.sel(scheme="rough", e=0, alpha=1)) == rough.order("impulse_error") == pytest.approx(1.0)
+
+
+def test_an_order_needs_errors_and_steps() -> None:
+    with pytest.raises(ValueError, match="no `temperature_error`; errors need a `reference`"):
+        observed_order(orders(), "temperature_error")
+    with pytest.raises(ValueError, match="one step h; an order needs three"):
+        observed_order(orders().isel(h=0))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import socket
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ import xarray as xr
 from archive_samples import make_archive, sample_layout, sample_results
 
 from studies import SINGLE, SMALL, parsed
+from workflow.archive import content_hash, study_key
 from workflow.run import run_study
 
 FINDINGS = ("high_priorities", "medium_priorities", "low_priorities")
@@ -79,6 +81,18 @@ def test_the_checker_finds_nothing_in_the_archive_of_a_study(tmp_path: Path, tex
     assert findings(report(tmp_path / "a.nc")) == []
 
 
+def test_no_licence_is_written_that_a_study_does_not_state(tmp_path: Path) -> None:
+    run_study(parsed(SINGLE), tmp_path / "a.nc")
+    with xr.open_dataset(tmp_path / "a.nc") as dataset:
+        assert "license" not in dataset.attrs
+    before = content_hash(tmp_path / "a.nc")
+    run_study(parsed(SINGLE + "license: CC-BY-4.0\n"), tmp_path / "a.nc")  # nothing is run for it, nor asked for
+    with xr.open_dataset(tmp_path / "a.nc") as dataset:
+        assert dataset.attrs["license"] == "CC-BY-4.0"
+    assert content_hash(tmp_path / "a.nc") == before
+    assert findings(report(tmp_path / "a.nc")) == []
+
+
 def test_the_checker_would_find_something(tmp_path: Path) -> None:
     layout = sample_layout((("e", 3),))
     path = make_archive(tmp_path / "a.nc", layout, sample_results(layout))
@@ -108,3 +122,14 @@ def test_what_the_checker_does_not_ask(tmp_path: Path) -> None:
     with xr.open_dataset(path) as dataset:
         assert dataset["wall_time"].dtype == float  # seconds, not a timedelta
         assert dataset["t"].dtype == float
+
+
+def test_a_study_is_the_same_however_its_axes_are_described() -> None:
+    study = parsed(SMALL)
+    axes = tuple(replace(axis, description="in other words") for axis in study.scalars)
+    groups = tuple(
+        replace(group, axes=tuple(replace(axis, description="as well") for axis in group.axes))
+        for group in study.dimensions
+    )
+    assert study_key(replace(study, scalars=axes, dimensions=groups)) == study_key(study)
+    assert study_key(replace(study, scalars=axes[1:])) != study_key(study)

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import textwrap
 import threading
+from functools import partial
 from pathlib import Path
 
 import h5py
@@ -103,10 +104,11 @@ def test_results_in_pieces_have_one_content(tmp_path: Path) -> None:
     assert len(hashes) == 1
 
 
-def test_content_does_not_depend_on_chunks_or_wall_time(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["wall_time", "batch_width"])
+def test_content_does_not_depend_on_chunks_or_computing_time(tmp_path: Path, name: str) -> None:
     results = sample_results(LAYOUTS["whole rows"])
     first = make_archive(tmp_path / "a.nc", LAYOUTS["whole rows"], results)
-    later = results | {"wall_time": results["wall_time"] + 1}
+    later = results | {name: results[name] + 1}
     second = make_archive(tmp_path / "b.nc", LAYOUTS["three dimensions, partial edge"], later, [5])
     assert archive.content_hash(first) == archive.content_hash(second)
 
@@ -155,7 +157,7 @@ def test_the_hash_is_what_its_description_says(tmp_path: Path) -> None:
     add("h", [], "<f8", [], np.float64(1e-4).tobytes())
     add("impacts", ["e"], "<f8", [2], results["impacts"].tobytes())
     add("lumping", [], "text", [], (7).to_bytes(8, "little") + "chaîne".encode())
-    add("message", ["e", "message_length"], "|S1", [2, 1], b"\0\0")
+    add("message", ["e"], "text", [2], bytes(8) * 2)
     add("status", ["e"], "|i1", [2], b"\0\0")
     assert archive.content_hash(path) == digest.hexdigest()
 
@@ -263,7 +265,9 @@ def test_too_little_room_is_said_beforehand(
 def test_a_chunk_that_was_not_copied_is_noticed(
     replaced: tuple[archive.Layout, Path, bytes], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(_layout, "SMALL_BYTES", 0)  # units are copied, not joined
     layout, path, before = replaced
+    layout = dataclasses.replace(layout)
     copy = _gather._copy
 
     def forget(chunks, archived, layout, variable) -> None:  # type: ignore[no-untyped-def]
@@ -328,14 +332,26 @@ def test_removing_shards_twice_is_no_fault(tmp_path: Path) -> None:
     archive.remove_parts(parts)
 
 
-def test_a_pipe_among_the_shards_is_removed_and_not_waited_for(tmp_path: Path) -> None:
-    parts = put_all(tmp_path / "a.nc", LAYOUTS["one cell"], sample_results(LAYOUTS["one cell"]))
-    os.mkfifo(parts / "pipe")
-    removing = threading.Thread(target=archive.remove_parts, args=(parts,), daemon=True)
-    removing.start()
-    removing.join(10)
-    assert not removing.is_alive()
-    assert not parts.exists()
+@pytest.mark.parametrize("name", ["pipe", "pipe.shard"])
+def test_a_pipe_among_the_shards_stays_and_is_not_waited_for(name: str, tmp_path: Path) -> None:
+    layout, told = LAYOUTS["one cell"], []
+    parts = put_all(tmp_path / "a.nc", layout, sample_results(layout))
+    os.mkfifo(parts / name)
+
+    def use() -> None:
+        for action in (partial(archive.start_parts, parts, layout), partial(archive.remove_parts, parts)):
+            with pytest.raises(archive.ArchiveError) as refusal:
+                action()
+            told.append(str(refusal.value))
+
+    using = threading.Thread(target=use, daemon=True)
+    using.start()
+    using.join(10)
+    assert not using.is_alive()
+    begun, removed = told
+    assert f"{parts}: holds {name}, which no run left there" in begun
+    assert f"the archive is complete; the directory stays because it holds {name}, which no run left there" in removed
+    assert [entry.name for entry in parts.iterdir()] == [name]
 
 
 def test_a_link_goes_on_to_lead_to_the_archive(tmp_path: Path) -> None:

@@ -13,25 +13,28 @@ from workflow.archive import ArchiveError, _guard
 from workflow.archive._guard import try_out
 
 
-def hang(path: Path) -> None:
+def hang(path: Path) -> str:
     time.sleep(60)
+    return ""
 
 
-def crash(path: Path) -> None:
+def crash(path: Path) -> str:
     os.kill(os.getpid(), signal.SIGSEGV)
+    return ""
 
 
-def refuse(path: Path) -> None:
+def refuse(path: Path) -> str:
     raise ArchiveError(f"{path}: no")
 
 
-def fail(path: Path) -> None:
+def fail(path: Path) -> str:
     raise ValueError("odd")
 
 
-def leave(path: Path) -> None:
+def leave(path: Path) -> str:
     with open(path.with_name("notes"), "a") as notes:
         notes.write(f"{os.getpid()}\n")
+    return "done"
 
 
 @pytest.fixture
@@ -60,8 +63,8 @@ def test_a_file_is_tried_again_when_it_has_changed(file: Path) -> None:
     for content in (b"1", b"1", b"12"):
         if file.read_bytes() != content:
             file.write_bytes(content)
-        try_out(file, leave)
-        try_out(file, leave)
+        assert try_out(file, leave) == "done"
+        assert try_out(file, leave) == "done"
     processes = file.with_name("notes").read_text().split()
     assert len(processes) == 2
     assert str(os.getpid()) not in processes

@@ -23,20 +23,20 @@ def parts(tmp_path: Path) -> Path:
 
 
 def test_units_of_a_row_and_their_cells() -> None:
-    assert (LAYOUT.chunks_per_row, LAYOUT.units, LAYOUT.cells) == (3, 18, 150)
+    assert (LAYOUT.cut.per_row, LAYOUT.units, LAYOUT.cells) == (3, 18, 150)
     cells = [cell for unit in range(LAYOUT.units) for cell in LAYOUT.cells_of(unit)]
     assert cells == list(range(150))
     assert [len(LAYOUT.cells_of(unit)) for unit in range(4)] == [10, 10, 5, 10]
     for cell in cells:
-        unit, place = LAYOUT.unit_of(cell)
+        unit, place = LAYOUT.cut.block_of(cell)
         assert LAYOUT.cells_of(unit)[place] == cell
-        *outer, inner = LAYOUT.offset_of(unit)
+        *outer, inner = LAYOUT.cut.offset_of(unit)
         assert np.ravel_multi_index((*outer, inner + place), LAYOUT.shape) == cell
 
 
 def test_chunks_stay_below_four_mebibytes() -> None:
     layout = sample_layout((("e", 1000),), samples=20_001, chunk=100)
-    history = layout.variables[3]
+    history = layout.variables[4]
     assert history.name == "displacement"
     one, chunk, length = layout.chunk_of(history)
     assert (one, chunk) == (1, 100)

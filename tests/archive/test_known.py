@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
 
@@ -14,11 +15,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from workflow import archive
-from workflow.archive import Known, find_known, keep_known, read_known
+from workflow.archive import Known, _layout, find_known, keep_known, read_known
 
 LAYOUT = sample_layout()
 RESULTS = sample_results(LAYOUT)
 HASHES = np.random.default_rng(3).integers(0, 256, size=(LAYOUT.cells, 16), dtype=np.uint8)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _uncombined() -> Iterator[None]:
+    """Make each unit a chunk of the archive, as large ones are."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(_layout, "SMALL_BYTES", 0)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -102,6 +111,13 @@ def test_what_is_copied_is_gathered(path: Path, tmp_path: Path) -> None:
         archive.gather(LAYOUT, parts, target, HASHES, Known(path, np.where(cells < 60, -1, cells)))
     archive.gather(LAYOUT, parts, target, HASHES, Known(path, cells))
     assert archive.content_hash(target) == archive.content_hash(path)
+
+
+def test_units_of_chunks_that_are_joined_are_not_copied(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_layout, "SMALL_BYTES", 2**16)
+    joined = dataclasses.replace(LAYOUT)
+    assert joined.joined
+    assert (Known(path, np.arange(LAYOUT.cells)).copies(joined) == -1).all()
 
 
 def test_missing_variables_and_periods(path: Path) -> None:

@@ -8,6 +8,7 @@ import re
 import bench_event_driven
 import bench_limits
 import bench_moreau
+import bench_plan
 import bench_rivals
 import bench_table
 import bench_workflow
@@ -53,12 +54,21 @@ def test_limits_print_their_table(capsys: pytest.CaptureFixture[str]) -> None:
     bench_limits.main(bench_limits.TINY)
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].split() == ["what", "asked", "for", "measured", "ratio"]
-    for what in ("full, 20 + 20", "reduced over full", "Siconos", "NumPy", "SciPy", "histories", "3000 nodes, 8 cases"):
+    for what in (
+        "processor's peak",
+        "full, 20 + 20",
+        "reduced over full",
+        "Siconos",
+        "NumPy",
+        "SciPy",
+        "histories",
+        "3000 nodes, 8 cases",
+    ):
         assert any(what in line for line in lines), what
     assert any("two threads" in line and "same bits" in line for line in lines)
 
 
-def test_the_table_in_the_readme_is_what_the_script_prints(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_kept_table_is_what_the_script_prints(capsys: pytest.CaptureFixture[str]) -> None:
     """Line by line but for numbers, and for what needs other processes."""
 
     def lines(text: str) -> set[str]:
@@ -68,8 +78,16 @@ def test_the_table_in_the_readme_is_what_the_script_prints(capsys: pytest.Captur
 
     told = bench_table.main(bench_limits.TINY, exact_cases=1, run_cases=4, grids=(8, 20), processes=False)
     assert capsys.readouterr().out == told
-    kept = bench_table.README.read_text().split(bench_table.BEGIN)[1].split(bench_table.END)[0]
+    kept = bench_table._parts(bench_table.TABLE.read_text())[1]
+    assert bench_table._parts(bench_table.README.read_text())[1] == bench_table.headlines(kept)
+    assert bench_table.headlines(kept).count("\n") == 4 + len(bench_table.HEADLINES)
     assert len(lines(told)) > 20
     assert {re.sub("cases?", "cases", line) for line in lines(told)} <= {
         re.sub("cases?", "cases", line) for line in lines(kept)
     }
+
+
+def test_plan_prints_its_lines(capsys: pytest.CaptureFixture[str]) -> None:
+    bench_plan.main(["abstract figure"])
+    told = capsys.readouterr().out.splitlines()[1]
+    assert all(float(told.split(f"{word} ")[1].split(",")[0].split()[0]) > 0 for word in ("first", "again", "wall"))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -40,7 +41,8 @@ def test_run_show_report(tmp_path: Path) -> None:
     assert (tmp_path / "small.png").stat().st_size > 10_000
     page = (tmp_path / "small.html").read_text(encoding="utf-8")
     assert page.count("data:image/png;base64,") == 3
-    assert "http" not in page.replace("https://creativecommons.org", "").replace("http-equiv", "")
+    assert re.findall(r"""(?:src|href)=["'](?!data:|#)""", page.split("<script")[0] + page.split("</script>")[-1]) == []
+    assert "connect-src 'none'" in page
     repeated = workflow("run", "small.nc", "-o", "again.nc", cwd=tmp_path)
     assert repeated.returncode == 0, repeated.stderr
     assert "again.nc: 60 cases" in repeated.stdout
@@ -67,6 +69,40 @@ def test_a_path_that_names_no_file_is_refused(command: str, path: str, tmp_path:
     assert told.output == f"{path or '.'}: a directory, not an archive; name a file\n"
 
 
+FAILED_REFERENCE = """
+study: lost
+scene:
+  chain: {nodes: 1, mass: 1, stiffness: 1, damping: {mass: 0.5}, heat_capacity: 1}
+  casing: {gap: 0}
+  load: {mean: 2}
+  initial: {velocity: -1}
+  duration: 100
+schemes: {exact: {method: event_driven, events: 2000}}
+axes: {scheme: moreau, h: 0.01, e: [0, 1]}
+reference: {scheme: exact}
+output: {interval: 0.1 s, histories: [displacement]}
+"""
+
+
+def test_a_reference_that_failed_is_told_everywhere(tmp_path: Path) -> None:
+    """The cases are ok; run exits 1 and says how many lack an error, show and report say why, verify agrees."""
+    study = written(FAILED_REFERENCE, tmp_path)
+    assert "references   2, and 0 exact solutions" in workflow("plan", study, cwd=tmp_path).stdout
+    ran = workflow("run", study, "-o", "out.nc", "--threads", "1", cwd=tmp_path)
+    assert ran.returncode == 1
+    assert "2 ok" in ran.stdout
+    assert "1 of the ok cases have an error against the reference that cannot be formed" in ran.stdout
+    assert "reference: stopped at t = " in ran.stdout
+    again = workflow("run", study, "-o", "out.nc", cwd=tmp_path)
+    assert again.returncode == 1
+    assert "nothing to do" in again.stdout
+    shown = workflow("show", "out.nc", cwd=tmp_path)
+    assert "ok: e 1: reference: stopped at t = " in shown.stdout
+    assert workflow("verify", "out.nc", cwd=tmp_path).returncode == 0
+    assert workflow("report", "out.nc", cwd=tmp_path).returncode == 0
+    assert "reference: stopped at t = " in (tmp_path / "out.html").read_text(encoding="utf-8")
+
+
 def test_plan_runs_nothing(tmp_path: Path) -> None:
     study = written(SMALL, tmp_path)
     told = workflow("plan", study, cwd=tmp_path)
@@ -75,6 +111,19 @@ def test_plan_runs_nothing(tmp_path: Path) -> None:
     assert "critical alpha" in told.stdout
     assert "beware: moreau damps the first mode" in told.stdout
     assert list(tmp_path.iterdir()) == [study]
+
+
+def test_plan_as_json_holds_what_the_text_says(tmp_path: Path) -> None:
+    told = workflow("plan", written(SMALL, tmp_path), "--json", cwd=tmp_path)
+    assert told.returncode == 0
+    plan = json.loads(told.stdout)
+    assert (plan["cases"], plan["unique"]) == (60, 60)
+    assert plan["time"]["seconds"] > 0
+    assert {value["origin"] for value in plan["scene"]} == {"study", "axis", "default"}
+    gap = next(value for value in plan["scene"] if value["path"] == "scene.casing.gap")
+    assert gap["unit"] == "m"
+    assert any("damps the first mode" in warning for warning in plan["warnings"])
+    assert plan["archive"] is None
 
 
 def test_schema_is_json(tmp_path: Path) -> None:
@@ -127,7 +176,7 @@ def test_every_scheme_offers_what_plan_and_run_ask() -> None:
     for name in schemes.names():
         scheme = schemes.load(name)
         for part in ("Options", "READS", "init", "compute", "cost", "amplification", "thermal_amplification"):
-            assert hasattr(scheme, part), f"{name} lacks {part}"
+            assert getattr(scheme, part) is not None, f"{name} lacks {part}"
 
 
 @pytest.mark.parametrize("page", ["small.nc", "small.png"])
@@ -171,3 +220,28 @@ def test_a_study_changed_after_an_interrupted_run(tmp_path: Path) -> None:
     told = workflow("run", written(SMALL.replace("50 um", "40 um"), tmp_path), cwd=tmp_path)
     assert told.returncode == 2
     assert "small.nc.parts: holds unfinished results of another study" in told.stderr
+
+
+def test_settings_replace_values_and_are_stored(tmp_path: Path) -> None:
+    from workflow.archive import provenance
+
+    study = written(SMALL, tmp_path)
+    words = ["-s", "scene.casing.gap=10 um", "-s", "axes.e=[0, 0.5]", "-s", "axes.alpha=[0]"]
+    told = CliRunner().invoke(app, ["run", str(study), *words, "-q", "-o", str(tmp_path / "a.nc")])
+    assert (told.exit_code, told.output) == (0, "")
+    text = provenance(tmp_path / "a.nc")["study"]
+    assert "10 um" in text
+    assert "50 um" not in text
+    shown = json.loads(CliRunner().invoke(app, ["show", "--json", str(tmp_path / "a.nc")]).stdout)
+    assert shown["coordinates"]["e"]["values"] == [0.0, 0.5]
+    assert shown["coordinates"]["gap"]["values"] == 1e-5
+    assert shown["status"] == {"ok": 8}
+    refused = CliRunner().invoke(app, ["plan", str(study), "-s", "scene.casing.gap=10 kg"])
+    assert refused.exit_code == 2
+    assert refused.stderr.startswith("-s scene.casing.gap: ")
+    both = CliRunner().invoke(app, ["show", str(tmp_path / "a.nc"), str(tmp_path / "a.nc")])
+    assert both.stdout.count("status: 8 ok") == 2
+    (tmp_path / "study.nc").write_bytes((tmp_path / "a.nc").read_bytes())
+    meant = CliRunner().invoke(app, ["show", str(study)])
+    assert meant.exit_code == 2
+    assert f"did you mean {study.with_suffix('.nc')}?" in meant.stderr

@@ -18,9 +18,11 @@ from workflow.grid import arrange, case_hashes, units_of
 from workflow.run import run_study, verify
 from workflow.study import Study
 
-E = [k / 50 for k in range(50)]
-OLD = quick({"e": E[:30:2], "alpha": [0.0, 5.0, 10.0]}, study="killed")
-NEW = quick({"h": [1e-4, 5e-5], "e": E, "alpha": [0.0, 5.0, 50.0]}, study="killed")
+ALPHA = [float(k) for k in range(50)]
+"""The innermost dimension, as long as a unit."""
+
+OLD = quick({"e": [0.0, 0.5], "alpha": ALPHA[:30:2]}, study="killed")
+NEW = quick({"h": [1e-4, 5e-5], "e": [0.0, 0.5, 0.9], "alpha": ALPHA}, study="killed")
 """300 cases in 6 units; the archive of OLD has some of them."""
 
 
@@ -50,7 +52,7 @@ def test_killed_at_random_moments(extended: bool, tmp_path: Path, request: pytes
     expected = whole(NEW, tmp_path)
     text, archive = written(NEW.text, tmp_path), tmp_path / "a.nc"
     units = units_of(arrange(NEW)).count * arrange(NEW).outer_count
-    assert units == len(case_hashes(arrange(NEW))) // len(E)
+    assert units == len(case_hashes(arrange(NEW))) // len(ALPHA)
     before = None
     if extended:
         run_study(OLD, tmp_path / "old.nc")
@@ -88,7 +90,7 @@ def test_killed_at_random_moments(extended: bool, tmp_path: Path, request: pytes
             assert wait_until(lambda: shards(archive) >= 2, process)
             process.kill()
     there = shards(archive)
-    assert run_study(NEW, archive).resumed >= there * len(E)
+    assert run_study(NEW, archive).resumed >= there * len(ALPHA)
     assert content_hash(archive) == expected
     assert all(check.holds for check in verify(archive, 20))
     assert not parts_of(archive).exists()

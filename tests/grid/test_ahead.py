@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from quick import quick
+from workflow.grid import _compile as compilation
 from workflow.grid import arrange
-from workflow.grid._ahead import _wanted
+from workflow.grid._ahead import wanted_kernels
 from workflow.run import run_study
-from workflow.schemes import _compile as compilation
 
 THREE = {
     "axes": {"scheme": ["moreau", "springs"]},
@@ -21,10 +21,10 @@ THREE = {
 
 
 def test_every_scheme_and_the_reference_are_wanted() -> None:
-    found = list(_wanted(arrange(quick(**THREE))))
+    found = list(wanted_kernels(arrange(quick(**THREE))))
     assert [wanted.method for wanted in found] == ["moreau", "penalty", "event_driven"]
     assert found[1].options.integration == "implicit"
-    assert [wanted.method for wanted in _wanted(arrange(quick()))] == ["moreau"]
+    assert [wanted.method for wanted in wanted_kernels(arrange(quick()))] == ["moreau"]
 
 
 def test_a_case_that_cannot_be_set_up_wants_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -32,7 +32,7 @@ def test_a_case_that_cannot_be_set_up_wants_nothing(monkeypatch: pytest.MonkeyPa
         raise ValueError("no such structure")
 
     monkeypatch.setattr("workflow.grid._ahead.kernels_of", fails)
-    assert list(_wanted(arrange(quick(**THREE)))) == []
+    assert list(wanted_kernels(arrange(quick(**THREE)))) == []
 
 
 def test_a_run_goes_on_where_helpers_fail(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from studies import ILL, SCENE, SINGLE, SMALL, parsed
 from workflow import schemes
@@ -34,7 +38,7 @@ def still(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     sys.modules.pop("workflow.schemes.still", None)
 
 
-def test_operators_lie_outermost_and_the_longest_condition_innermost() -> None:
+def test_operators_lie_outermost_and_what_is_varied_finely_innermost() -> None:
     grid = arrange(parsed(SMALL))
     assert grid.dims == (("model", 2), ("h", 2), ("e", 3), ("alpha", 5))
     assert (grid.outer_count, grid.inner_count) == (4, 15)
@@ -43,6 +47,56 @@ def test_operators_lie_outermost_and_the_longest_condition_innermost() -> None:
     values = grid.inner_values(np.array([0, 7]))
     assert values["e"].tolist() == [0.0, 0.5]
     assert values["alpha"].tolist() == [0.0, 10.0]
+
+
+AXES = {
+    "h": [1e-4, 2e-4, 5e-5], "scheme": ["moreau", "carpenter"], "scene.chain.mass": [1e-3, 2e-3, 3e-3, 4e-3],
+    "scene.chain.stiffness": [4e6, 5e6], "alpha": [0, 5, 20], "e": [0, 0.5, 0.9],
+    "scene.casing.gap": [1e-5, 2e-5, 3e-5], "scene.load.frequency": [50, 60, 70], "scene.load.mean": [0, 1, 2],
+}  # fmt: skip
+
+
+@settings(max_examples=30, deadline=None)
+@given(data=st.data())
+def test_the_order_of_dimensions_depends_on_what_varies_alone(data: st.DataObject) -> None:
+    """Neither on the number of values, nor on where an axis is written."""
+    chosen = data.draw(st.permutations(sorted(AXES)))[: data.draw(st.integers(1, 5))]
+    axes = {name: AXES[name][: data.draw(st.integers(1, len(AXES[name])))] for name in chosen}
+    names = [name for name, _ in arrange(parsed(f"study: a\n{SCENE}axes: {json.dumps(axes)}\n")).dims]
+    ranked = ["scheme", "mass", "stiffness", "h", "mean", "e", "gap", "alpha", "frequency"]
+    assert names == [name for name in ranked if name in names]
+
+
+@pytest.mark.parametrize(
+    ("shape", "most", "row", "chunk"),
+    [
+        ((), 10, 1, 1),
+        ((5,), 3, 5, 3),
+        ((5,), 9, 5, 5),
+        ((4, 5), 3, 5, 3),
+        ((4, 5), 9, 5, 5),
+        ((4, 5), 15, 20, 10),
+        ((4, 5), 20, 20, 20),
+        ((3, 4, 5), 39, 20, 20),
+        ((3, 4, 5), 59, 60, 40),
+        ((3, 4, 5), 1000, 60, 60),
+        ((1000, 2), 64, 2000, 64),
+        ((2, 1, 3), 4, 3, 3),
+    ],
+)
+def test_chunks_are_whole_dimensions_and_a_part_of_one(shape: tuple[int, ...], most: int, row: int, chunk: int) -> None:
+    assert cutting._blocks(shape, most) == (row, chunk)
+
+
+@pytest.mark.parametrize(("gaps", "chunk"), [(1000, 2), (1001, 32)])
+def test_of_very_many_short_rows_a_chunk_holds_several(gaps: int, chunk: int) -> None:
+    """Of cases that take 0.1 ms: each chunk costs about as much, whether it holds two of them or more."""
+    axes = {"scene.casing.gap": {"lin": [1e-5, 2e-5, gaps]}, "alpha": [0, 5]}
+    grid = arrange(parsed(f"study: a\n{SCENE}axes: {json.dumps(axes)}\n"))
+    assert grid.inner_shape == (gaps, 2)
+    units = units_of(grid)
+    assert (units.chunk >= chunk) if gaps > 1000 else units.chunk == 2
+    assert sorted(np.concatenate([units.cases(k, 1)[0] for k in range(units.count)]).tolist()) == list(range(2 * gaps))
 
 
 def test_a_zip_of_step_and_condition_is_outer() -> None:
@@ -55,15 +109,15 @@ def test_a_zip_of_step_and_condition_is_outer() -> None:
 def test_axes_that_a_scheme_does_not_read_are_computed_once(still: None) -> None:
     text = "study: a\n" + SCENE + "axes: {scheme: [moreau, still], h: [1e-4, 1e-3], e: [0, 0.5, 1], alpha: [0, 5]}\n"
     grid = arrange(parsed(text))
-    assert grid.dims == (("scheme", 2), ("h", 2), ("alpha", 2), ("e", 3))
+    assert grid.dims == (("scheme", 2), ("h", 2), ("e", 3), ("alpha", 2))
     assert grid.places == {0: (0,), 1: (1,), 2: (2, 3)}
     assert grid.distinct_inner(grid.settings(0)) == 6
     assert grid.distinct_inner(grid.settings(2)) == 2
     solved = solve(grid, 2, np.arange(6))
-    impulse = solved.values["contact_impulse"].reshape(2, 3)
-    assert np.array_equal(impulse[:, 0], impulse[:, 1])
-    assert np.array_equal(impulse[:, 0], impulse[:, 2])
-    assert impulse[0, 0] != impulse[1, 0]
+    impulse = solved.values["contact_impulse"].reshape(3, 2)
+    assert np.array_equal(impulse[0], impulse[1])
+    assert np.array_equal(impulse[0], impulse[2])
+    assert impulse[0, 0] != impulse[0, 1]
     made = plan(grid, units_of(grid))
     assert (made.cases, made.unique) == (24, 14)
 
@@ -144,7 +198,7 @@ def test_a_scheme_that_steps_cases_alone_is_cut_anywhere(monkeypatch: pytest.Mon
 def test_what_raises_fails_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     """A scheme that raises for one case: it is told, its neighbours have their numbers."""
     grid = arrange(parsed(SMALL))
-    moreau = schemes.load("moreau")
+    moreau = import_module("workflow.schemes.moreau")
     compute = moreau.compute
 
     def brittle(operator: object, cases: schemes.Cases, over: schemes.Sampling) -> schemes.Results:
@@ -161,8 +215,19 @@ def test_what_raises_fails_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     assert found.messages[2] == "FloatingPointError: no luck with alpha = 10"
     assert np.all(np.isnan(found.values["displacement"][bad]))
     for name in clean.values:
-        if name != "wall_time":
+        if name not in ("wall_time", "batch_width"):
             assert np.array_equal(found.values[name][~bad], clean.values[name][~bad], equal_nan=True)
+
+
+def test_wall_time_has_the_width_of_its_batch_beside_it() -> None:
+    """Cases are timed by the batch: of three values of alpha and two of e six ran together, of carpenter's three."""
+    text = "study: a\n" + SCENE + "axes: {scheme: [moreau, carpenter], h: 1e-5, alpha: [1, 2, 3], e: [0, 0.5]}\n"
+    grid = arrange(parsed(text))
+    for outer, width in ((0, 6), (1, 3)):
+        values = solve(grid, outer, np.arange(6)).values
+        assert np.all(values["batch_width"] == width)
+        assert np.unique(values["wall_time"]).size == 1
+    assert np.all(solve(grid, 0, np.arange(2)).values["batch_width"] == 2)
 
 
 def test_start_in_equilibrium_stays_there() -> None:

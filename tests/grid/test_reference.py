@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from importlib import import_module
+
 import numpy as np
 import pytest
 
 from studies import SCENE, parsed
 from workflow import schemes
-from workflow.grid import arrange, solve
+from workflow.grid import Solved, arrange, solution_counts, solve
+from workflow.schemes import Status
 
 REFERRED = (
     "study: a\n"
@@ -46,7 +49,7 @@ def test_errors_are_relative_distances_from_the_reference() -> None:
 
 
 def test_each_distinct_reference_is_computed_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    moreau = schemes.load("moreau")
+    moreau = import_module("workflow.schemes.moreau")
     compute, counted = moreau.compute, []
 
     def counting(operator: object, cases: schemes.Cases, over: schemes.Sampling) -> schemes.Results:
@@ -59,7 +62,7 @@ def test_each_distinct_reference_is_computed_once(monkeypatch: pytest.MonkeyPatc
     for outer in range(grid.outer_count):
         solve(grid, outer, np.arange(grid.inner_count))
     references = [count for theta, h, count in counted if h == 2e-5]
-    assert references == [3, 3]  # one per alpha, and once more with the gap opened by 1e-12
+    assert references == [3, 3, 3]  # one per alpha, and with the gap opened and closed by 1e-12
 
 
 def test_a_reference_that_fails_leaves_no_error_number() -> None:
@@ -100,3 +103,186 @@ def test_an_axis_that_only_the_reference_reads_makes_cases_of_its_own() -> None:
     assert coarse > 3 * fine > 0
     replaced = arrange(parsed(text.replace("moreau}", "moreau, h: 1e-5}")))
     assert replaced.places == {0: (0, 1)}
+
+
+def solved(text: str) -> Solved:
+    grid = arrange(parsed(text))
+    (outer,) = grid.places
+    return solve(grid, outer, np.arange(grid.inner_count))
+
+
+CHAOS = """
+study: a
+scene:
+  chain: {nodes: 3, mass: 1.0e-3, stiffness: 1.0e6, damping: {mass: 5}, heat_capacity: 1}
+  casing: {gap: 0}
+  load: {amplitude: 5, frequency: 700}
+  duration: 0.2
+axes: {scheme: event_driven, e: 0.9}
+reference: {scheme: event_driven}
+output: {interval: 1 ms, histories: [], balances: false}
+"""
+
+
+def test_predictability_of_chaos_at_a_gap_of_zero() -> None:
+    """Opening a gap of 0 by 1e-12 of it changed nothing, where the motion is known to about 1e-2."""
+    assert 1e-3 < solved(CHAOS).values["predictability"][0] < 1
+
+
+def test_predictability_looks_to_both_sides() -> None:
+    """The tip stops 5e-14 of the gap short of its casing: only closing the gap makes it touch."""
+    text = """
+study: a
+scene:
+  chain: {nodes: 1, mass: 1, stiffness: 100, heat_capacity: 1}
+  casing: {gap: GAP}
+  initial: {velocity: 1.0}
+  duration: 1
+axes: {scheme: event_driven, e: 0}
+reference: {scheme: event_driven}
+output: {interval: 10 ms}
+"""
+    found = solved(text.replace("GAP", repr(0.1 * (1 + 2e-13))))
+    assert found.values["impacts"][0] == 0
+    assert found.values["predictability"][0] > 1e-8
+    assert solved(text.replace("GAP", "0.2")).values["predictability"][0] < 1e-15
+
+
+def test_a_start_on_the_casing_is_only_opened() -> None:
+    text = """
+study: a
+scene:
+  chain: {nodes: 1, mass: 1, stiffness: 100, heat_capacity: 1}
+  casing: {gap: 0.1}
+  initial: {displacement: 0.1, velocity: -1}
+  duration: 1
+axes: {scheme: event_driven, e: 0.5}
+reference: {scheme: event_driven}
+output: {interval: 10 ms}
+"""
+    found = solved(text)
+    assert found.values["status"][0] == Status.OK
+    assert 0 < found.values["predictability"][0] < 1e-9
+
+
+def test_an_error_against_nothing_is_missing_and_told() -> None:
+    """A coarse step touches a casing that the exact tip never reaches."""
+    text = """
+study: a
+scene:
+  chain: {nodes: 1, mass: 1, stiffness: 100, heat_capacity: 1}
+  casing: {gap: 0.1001}
+  initial: {displacement: 0.09553, velocity: 0.29552}
+  duration: 1
+schemes: {midpoint: {method: moreau, theta: 0.5}}
+axes: {scheme: midpoint, h: 5e-2, e: 0.9}
+reference: {scheme: event_driven}
+output: {interval: 50 ms}
+"""
+    found = solved(text)
+    assert found.values["contact_impulse"][0] > 0
+    assert found.values["status"][0] == Status.OK
+    assert np.isfinite(found.values["displacement_error"][0])
+    assert np.isnan(found.values["impulse_error"][0])
+    assert found.values["temperature_error"][0] == 0  # both are identically zero
+    assert found.messages == {0: "reference: its impulse is identically zero, that of the case is not"}
+
+
+PRESSED = """
+study: a
+scene:
+  chain: {nodes: 1, mass: 1, stiffness: 1, damping: {mass: 0.5}, heat_capacity: 1}
+  casing: {gap: 0}
+  load: {mean: 2}
+  initial: {velocity: -1}
+  duration: 1000
+schemes: {exact: {method: event_driven, events: 2000}}
+axes: {scheme: [moreau, exact], h: 0.1, e: [0, 0.99999, 1]}
+reference: {scheme: exact}
+output: {interval: 0.1 s, histories: [], balances: false}
+"""
+
+
+def test_a_reference_that_failed_is_told_by_the_cases_that_lack_it() -> None:
+    """With e = 0.99999 and 1 a pressed, damped tip exceeds the budget; the case itself keeps status and results."""
+    grid = arrange(parsed(PRESSED))
+    first, second = (solve(grid, outer, np.arange(3)) for outer in grid.places)
+    assert first.values["status"].tolist() == [0, 0, 0]
+    assert np.isfinite(first.values["contact_impulse"]).all()
+    assert np.isnan(first.values["impulse_error"]).tolist() == [False, True, True]
+    assert list(first.messages) == [1, 2]
+    for text in first.messages.values():
+        assert text.startswith("reference: stopped at t = ")
+        assert "the scheme's option `events`" in text
+    assert "with e = 0.99999 the speed" in first.messages[1]
+    assert "does not help" in first.messages[2]
+    assert second.values["status"].tolist() == [0, 3, 3]
+    assert not any(text.startswith("reference:") for text in second.messages.values())
+
+
+def test_errors_split_into_those_of_scheme_and_model() -> None:
+    """Both parts against solutions run by hand, and none of them where it must be none."""
+    text = REFERRED.replace(
+        "reference: {scheme: midpoint, h: 1e-5, mechanical_modes: full, thermal_modes: full}",
+        "reference: {scheme: event_driven, mechanical_modes: full, thermal_modes: full}",
+    ).replace("[moreau, midpoint]", "[moreau, event_driven]")
+    grid = arrange(parsed(text))
+    found = {outer: solve(grid, outer, np.arange(grid.inner_count)).values for outer in grid.places}
+    cells = {outer: grid.settings(outer) for outer in found}
+    exact = {c.mechanical_modes: found[o] for o, c in cells.items() if c.scheme.method == "event_driven"}
+    for outer, values in found.items():
+        reduced = exact[cells[outer].mechanical_modes]
+        for name in ("displacement", "temperature", "impulse"):
+            size = np.linalg.norm(exact[3][name], axis=1)
+            size[size == 0] = 1  # then the case's own is zero too
+            scheme = np.linalg.norm(values[name] - reduced[name], axis=1) / size
+            model = np.linalg.norm(reduced[name] - exact[3][name], axis=1) / size
+            assert np.allclose(values[f"{name}_scheme_error"], scheme, rtol=1e-9)
+            assert np.allclose(values[f"{name}_model_error"], model, rtol=1e-9)
+    full = [values for outer, values in found.items() if cells[outer].mechanical_modes == 3]
+    assert all(np.all(values["displacement_model_error"] == 0) for values in full)
+    assert all(np.array_equal(values["impulse_scheme_error"], values["impulse_error"]) for values in full)
+    assert np.all(exact[1]["displacement_scheme_error"] == 0)
+    assert np.all(exact[1]["displacement_model_error"] > 0)
+
+
+@pytest.mark.parametrize(
+    "reference", ["{scheme: event_driven, thermal_modes: full}", "{scheme: moreau, h: 5e-5, e: 0}"]
+)
+def test_the_whole_is_at_most_its_parts(reference: str) -> None:
+    """The triangle inequality, in every case and for every quantity, whatever the reference and its keys."""
+    text = REFERRED.replace("{scheme: midpoint, h: 1e-5, mechanical_modes: full, thermal_modes: full}", reference)
+    grid = arrange(parsed(text))
+    for outer in grid.places:
+        values = solve(grid, outer, np.arange(grid.inner_count)).values
+        for name in ("displacement", "temperature", "impulse"):
+            parts = values[f"{name}_scheme_error"] + values[f"{name}_model_error"]
+            assert np.all(values[f"{name}_error"] <= parts * (1 + 1e-12))
+
+
+def test_each_distinct_exact_solution_is_computed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    exact = import_module("workflow.schemes.event_driven")
+    compute, counted = exact.compute, []
+
+    def counting(operator: object, cases: schemes.Cases, over: schemes.Sampling) -> schemes.Results:
+        counted.append(cases.count)
+        return compute(operator, cases, over)
+
+    monkeypatch.setattr(exact, "compute", counting)
+    grid = arrange(parsed(REFERRED))
+    assert solution_counts(grid) == (6, 12)
+    for outer in grid.places:
+        solve(grid, outer, np.arange(grid.inner_count))
+    assert counted == [6, 6]  # 3 alpha and 2 e, for each of two reduced models; the reference is of another scheme
+
+
+def test_what_the_exact_scheme_cannot_run_has_no_parts_and_says_so() -> None:
+    text = "study: a\n" + SCENE.replace("nodes: 4", "nodes: 2001")
+    text += "axes: {scheme: moreau, h: 1e-3}\nreference: {scheme: moreau, h: 5e-4}\n"
+    text = text.replace("duration: 60 ms", "duration: 3 ms")
+    found = solved(text + "output: {interval: 1 ms, balances: false}\n")
+    assert found.values["status"][0] == Status.OK
+    assert np.isfinite(found.values["displacement_error"][0])
+    assert np.isnan(found.values["displacement_scheme_error"][0])
+    assert np.isnan(found.values["displacement_model_error"][0])
+    assert found.messages[0].startswith("scheme and model error: event_driven on the reduced model")

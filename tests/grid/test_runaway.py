@@ -28,7 +28,7 @@ def test_below_at_and_above_the_critical_coupling() -> None:
     alphas = ", ".join(repr(float(share * critical)) for share in (0.9, 1.0, 1.1))
     solved = solve(arrange(parsed(STUDY.format(alphas=alphas))), 0, np.arange(3)).values
     assert np.all(solved["status"] == Status.OK)
-    assert solved["runaway"].tolist() == [0, 1, 1]
+    assert solved["runaway"].tolist() == [0, 0, 1]  # at the critical coupling nothing grows exponentially
     force, t = solved["contact_force"], np.arange(81) * 0.1
     assert force[0, -1] == pytest.approx(500, rel=1e-3)
     late = t > 3
@@ -37,3 +37,23 @@ def test_below_at_and_above_the_critical_coupling() -> None:
     assert solved["growth_rate"][2] == pytest.approx(1.608, abs=5e-4)
     growth = np.log(force[2, -1] / force[2, -2]) / 0.1
     assert growth == pytest.approx(solved["growth_rate"][2], rel=1e-3)
+
+
+def test_slow_growth_beside_fast_decay_is_a_runaway() -> None:
+    """1e-6 1/s beside damping rates of 4e8 1/s: above the critical coupling a positive eigenvalue is certain."""
+    text = """
+study: slow
+scene:
+  chain: {nodes: 3, mass: 1.0e-3, stiffness: 1.0e6, damping: {stiffness: 0.1}, spacing: 1.0e-2, expansion: 1.0e-5,
+          heat_capacity: 1.0e+3, conductance: 1.0e-3}
+  casing: {gap: 0}
+  duration: 1.0e-3
+axes: {alpha: [0.003, 0.02], scheme: event_driven}
+output: {interval: 1.0e-3}
+"""
+    grid = arrange(parsed(text))
+    (outer,) = grid.places
+    found = solve(grid, outer, np.arange(grid.inner_count)).values
+    assert found["critical_alpha"][0] == pytest.approx(2e-3 / 0.3, rel=1e-12)
+    assert 0 < found["growth_rate"][1] < 1e-5
+    assert found["runaway"].tolist() == [0, 1]

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import html
+import os
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from studies import SCENE, parsed
-from workflow.archive import ArchiveError
+from workflow.analysis import recommend, sentence
+from workflow.archive import ArchiveError, open_archive
 from workflow.cli import app
 from workflow.report import duration_of, write_report
 from workflow.run import run_study
@@ -50,9 +53,9 @@ def test_a_report_draws_speed_against_error(archives: list[Path], tmp_path: Path
     assert written.figure.stat().st_size > 10_000
     for part in ("Who stays stable", "Speed against error", "Observed orders", "What the axes do", "Errors"):
         assert f"{part}" in text, part
-    assert "<span class=diverged>diverged</span>" in text
+    assert '<span class="diverged">diverged</span>' in text
     assert "<td>unstable</td>" in text or ">unstable<" in text
-    assert text.count("data:image/png;base64,") == 4
+    assert text.count("<img alt=") == 4
 
 
 def test_a_report_draws_growth_in_permanent_contact(archives: list[Path], tmp_path: Path) -> None:
@@ -92,5 +95,48 @@ def test_a_joint_report_never_overwrites_an_archive(archives: list[Path]) -> Non
     assert archives[1].read_bytes() == before
 
 
+def test_a_page_never_replaces_a_device(archives: list[Path], tmp_path: Path) -> None:
+    """It is written aside and renamed: the administrator's /dev/full became a page."""
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    for place, problem in ((pipe, "a pipe or a device"), (tmp_path, "a directory"), (tmp_path / "no" / "a", "no such")):
+        with pytest.raises(ArchiveError, match=problem):
+            write_report(archives[0], place)
+    assert pipe.is_fifo()
+    assert [path.name for path in tmp_path.iterdir()] == ["pipe"]
+
+
+def test_flutter_is_not_said_to_lie_above_the_critical_coupling(tmp_path: Path) -> None:
+    archive = tmp_path / "flutter.nc"
+    light = """
+study: flutter
+scene:
+  chain: {nodes: 4, mass: 1.0e-3, stiffness: 1.0e6, damping: {mass: 10}, spacing: 1.0e-2, expansion: 1.0e-5,
+          heat_capacity: 1.0e-5, conductance: 0.1}
+  casing: {gap: 1.0e-3}
+  duration: 1 ms
+axes: {alpha: [0, 0.1, 0.45, 0.6], scheme: event_driven}
+output: {interval: 1 ms, histories: []}
+"""
+    run_study(parsed(light), archive)
+    page = write_report(archive).page.read_text(encoding="utf-8")
+    assert "1 of the ok cases lie above the critical heat coupling (0.5" in page
+    assert "2 of the ok cases would flutter in permanent contact below" in page
+    shown = CliRunner().invoke(app, ["show", str(archive)]).stdout
+    assert "1 ok cases above their critical alpha" in shown
+    assert "2 ok cases whose contact would flutter below it" in shown
+
+
 def test_the_duration_is_the_study_s(archives: list[Path]) -> None:
     assert duration_of(archives[0]) == 0.06
+
+
+def test_a_report_begins_with_the_answer_and_says_where_it_comes_from(archives: list[Path], tmp_path: Path) -> None:
+    text = write_report(archives[0], tmp_path / "a.html").page.read_text(encoding="utf-8")
+    with open_archive(archives[0]) as dataset:
+        asked = recommend(dataset)
+    assert text.index(html.escape(sentence(asked))) < text.index("Map of the cases") < text.index("Who stays stable")
+    assert 'class="accurate"' in text  # the exact scheme, though a model of one mode errs
+    assert "no `reference`" in write_report(archives[1], tmp_path / "b.html").page.read_text(encoding="utf-8")
+    for told in ("computing time", "processor", " threads", "written", "numba", "Effective e: ", "Energy residual: "):
+        assert told in text, told

@@ -34,8 +34,8 @@ STUDY = (
     + """
 axes:
   h: [1e-5, 2e-5]
-  alpha: [0, 5, 10, 20, 30, 40, 50, 60]
-  e: {lin: [0, 0.9, 10]}
+  e: [0, 0.1, 0.2, 0.3, 0.5, 0.7, 0.8, 0.9]
+  alpha: {lin: [0, 63, 10]}
 output: {interval: 1 ms, histories: [displacement]}
 """
 )

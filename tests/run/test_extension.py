@@ -18,7 +18,7 @@ import workflow.run._task as running
 from quick import hashes_of, quick
 from studies import cut_finely
 from workflow import schemes
-from workflow.archive import ArchiveError, _known, content_hash, open_archive, parts_of, provenance
+from workflow.archive import ArchiveError, _known, _layout, content_hash, open_archive, parts_of, provenance
 from workflow.grid import _tasks as cutting
 from workflow.run import _study as studying
 from workflow.run import run_study
@@ -54,7 +54,7 @@ def check_extension(old: Study, new: Study, directory: Path) -> None:
     before = set(hashes_of(old))
     fresh = [case for case in hashes_of(new) if case not in before]
     with counted() as solved:
-        outcome = run_study(new, archive, threads=1)
+        outcome = run_study(new, archive, threads=1, drop=True)
     assert sum(solved) == len(fresh)
     assert outcome.resumed == len(hashes_of(new)) - len(fresh)
     assert sorted(entry.name for entry in directory.iterdir() if entry.name != "from_nothing.nc") == ["a.nc"]
@@ -147,6 +147,7 @@ def test_steps_from_a_study_to_its_next(
 
 def test_what_an_outer_axis_adds_leaves_whole_chunks_to_copy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     cut_finely(monkeypatch)
+    monkeypatch.setattr(_layout, "SMALL_BYTES", 0)  # as if these units were large
     archive = tmp_path / "a.nc"
     run_study(quick(), archive)
     taken: list[int] = []
@@ -214,7 +215,7 @@ def test_the_old_archive_stays_until_the_new_one_is_whole(tmp_path: Path, monkey
 
     monkeypatch.setattr(studying, "gather", refuse)
     with pytest.raises(ArchiveError, match="not today"):
-        run_study(quick({"e": [0.0, 0.1]}), archive)
+        run_study(quick({"e": [0.0, 0.1]}), archive, drop=True)
     assert archive.read_bytes() == before
 
 
@@ -253,10 +254,11 @@ def refused(study: Study, archive: Path, match: str) -> None:
 def test_another_solver_is_never_mixed_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from workflow.archive import _describe
     from workflow.grid import _identity
+    from workflow.run import _earlier
 
     archive = tmp_path / "a.nc"
     run_study(quick(), archive)
-    for module in (studying, _describe, _identity):
+    for module in (_earlier, _describe, _identity):
         monkeypatch.setattr(module, "SOLVER_VERSION", schemes.SOLVER_VERSION + 1)
     refused(quick(), archive, r"made by version .* --recompute")
     refused(quick({"e": [0.0, 0.1]}), archive, r"made by version .* --recompute")
@@ -271,7 +273,7 @@ def test_what_cannot_be_extended_is_refused(tmp_path: Path) -> None:
     archive = tmp_path / "a.nc"
     run_study(quick(output={"precision": "float32"}), archive)
     refused(quick(study="other"), archive, "another study, 'quick' and not 'other'")
-    refused(quick(scene={"casing.gap": 1e-5}), archive, "none of its cases is one of this study")
+    refused(quick(scene={"casing.gap": 1e-5}), archive, "none of its cases is asked for by this study .* --drop")
     refused(quick(), archive, "without displacement, contact_force")
     refused(quick(output={"histories": ["velocity"]}), archive, "without velocity")
     run_study(quick(output={"histories": ["velocity"]}), archive, recompute=True)
@@ -284,8 +286,13 @@ def test_an_archive_without_identities_is_refused(tmp_path: Path) -> None:
     run_study(quick(), archive)
     with h5py.File(archive, "r+") as file:
         del file["provenance/case_hash"]
+    refused(quick({"e": [0.0, 0.1]}), archive, "damaged, its bytes are not those")
+    with h5py.File(archive, "r+") as file:
+        del file["provenance/file_checksum"]  # as versions that kept neither left it
     refused(quick({"e": [0.0, 0.1]}), archive, "did not keep the identity of cases; --recompute")
-    run_study(quick({"e": [0.0, 0.1]}), archive, recompute=True)
+    with pytest.raises(ArchiveError, match=r"6 of its 9 cases .* --drop"):
+        run_study(quick({"e": [0.0, 0.1]}), archive, recompute=True)
+    run_study(quick({"e": [0.0, 0.1]}), archive, recompute=True, drop=True)
 
 
 @pytest.mark.parametrize("name", ["provenance/case_hash", "status", "displacement", "provenance/file_checksum"])
@@ -300,14 +307,14 @@ def test_nothing_is_taken_from_a_damaged_archive(name: str, tmp_path: Path) -> N
         byte = data.read(1)
         data.seek(place + 3)
         data.write(bytes([byte[0] ^ 1]))
-    refused(quick({"e": [0.0, 0.1]}), archive, "changed or damaged since it was written|damaged, or not")
-    run_study(quick({"e": [0.0, 0.1]}), archive, recompute=True)
+    refused(quick({"e": [0.0, 0.1]}), archive, "damaged, its bytes are not those that were written|damaged, or not")
+    run_study(quick({"e": [0.0, 0.1]}), archive, recompute=True, drop=True)
 
 
 def test_a_value_that_went_leaves_nothing(tmp_path: Path) -> None:
     archive = tmp_path / "a.nc"
     run_study(quick(), archive)
-    run_study(quick({"e": [0.0, 0.9]}), archive)
+    run_study(quick({"e": [0.0, 0.9]}), archive, drop=True)
     with open_archive(archive) as data:
         assert data["e"].values.tolist() == [0.0, 0.9]
         assert data["status"].shape == (2, 3)

@@ -110,7 +110,7 @@ def test_failures_of_an_archive_that_is_extended_stay_until_they_are_retried(
     assert outcome.counts == {"ok": 9, "failed": 3}
     assert len(solved) == 3
     assert outcome.failures[0][1] == "FloatingPointError: the blade is gone"
-    outcome = run_study(quick({"e": [0.0, 0.5, 1.0]}), archive, retry=True)
+    outcome = run_study(quick({"e": [0.0, 0.5, 1.0]}), archive, retry=True, drop=True)
     assert outcome.ok
     assert len(solved) == 3 + 2
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -133,20 +134,11 @@ def test_a_second_run_is_told_of_the_first(tmp_path: Path) -> None:
     assert run_study(parsed(SINGLE), archive).ok
 
 
-def test_progress_counts_every_case(tmp_path: Path, many_tasks: None) -> None:
-    told: list[tuple[int, int, int]] = []
-    run_study(parsed(ILL), tmp_path / "ill.nc", progress=lambda *counts: told.append(counts))
-    assert told[0] == (0, 0, 8)
-    assert told[-1] == (8, 4, 8)
-    assert [stored for stored, _, _ in told] == sorted(stored for stored, _, _ in told)
-
-
 def test_shared_results_stand_in_each_of_their_places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An axis the scheme does not read, outermost and innermost: computed once, stored everywhere."""
-    from workflow import schemes
     from workflow.grid import _arrangement
 
-    moreau = schemes.load("moreau")
+    moreau = import_module("workflow.schemes.moreau")
     monkeypatch.setattr(moreau, "READS", frozenset({"alpha"}))
     calls: list[int] = []
     compute = moreau.compute

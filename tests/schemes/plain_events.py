@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.integrate import DOP853
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 
 from workflow.models import Cases, Structure
 
@@ -20,6 +20,8 @@ class Solution:
     displacement: np.ndarray
     temperature: np.ndarray
     impulse: np.ndarray
+    hottest: np.ndarray
+    """Largest tip temperature up to each sample."""
     reached: float
     impacts: int
 
@@ -78,8 +80,10 @@ class Reference:
     def solve(self, times: np.ndarray, most_impacts: int = 50) -> Solution:
         c, nm, nt = self.cases, self.nm, self.nt
         y = np.concatenate([c.displacement[0], c.velocity[0], c.temperature[0], [0.0]])
-        out = np.full((times.size, 3), np.nan)
-        out[0] = y[nm - 1], y[2 * nm + nt - 1], 0.0
+        out = np.full((times.size, 4), np.nan)
+        hot = 2 * nm + nt - 1
+        hottest = y[hot]
+        out[0] = y[nm - 1], y[hot], 0.0, hottest
         k, t, impacts, held = 1, 0.0, 0, False
         fresh = y[nm - 1] >= self.gap  # starts at the gap
         just = fresh and y[2 * nm - 1] >= 0
@@ -104,6 +108,7 @@ class Reference:
                     y[nm : 2 * nm] -= p * w
                     y[2 * nm : 2 * nm + nt] += self.alpha * p * self.C2inv[:, -1]
                     y[-1] += p
+                    hottest = max(hottest, y[hot])
                     if self.e == 0 or v <= 0:
                         y[2 * nm - 1] = 0.0
                         held = self.contact_force(t, y)[0] > 0
@@ -120,13 +125,13 @@ class Reference:
                 values = [self.signal(held, s, dense(s)) for s in grid[:-1]] + [self.signal(held, solver.t, solver.y)]
                 hit = next((i for i, s in enumerate(values) if s < 0), None)
                 if hit is not None and fresh and hit == 0 and t_old == t:
-                    return Solution(out[:, 0], out[:, 1], out[:, 2], t, impacts)  # cannot tell
+                    return Solution(*out.T, t, impacts)  # cannot tell
                 t_new, y_new = solver.t, solver.y
                 if hit is not None:
                     low = grid[hit - 1] if hit else t_old
                     g = lambda s, d=dense, h=held: self.signal(h, s, d(s))  # noqa: E731
                     if g(low) <= 0:
-                        return Solution(out[:, 0], out[:, 1], out[:, 2], t, impacts)
+                        return Solution(*out.T, t, impacts)
                     t_new = brentq(g, low, grid[hit], xtol=1e-15, rtol=1e-15)
                     y_new = y_old
                     for _ in range(3):  # integrate to the event again and correct: dense output is coarse
@@ -136,18 +141,31 @@ class Reference:
                         slope = (self.signal(held, t_new + eps, y_new + eps * self.rate(held)(t_new, y_new)) - s) / eps
                         t_new -= s / slope
                     y_new = self.run(held, t_old, y_old, t_new)
+                left = t_old
                 while k < times.size and times[k] < t_new:
                     y_k = self.run(held, t_old, y_old, times[k])
-                    out[k] = y_k[nm - 1], y_k[2 * nm + nt - 1], y_k[-1]
+                    hottest = max(hottest, y_k[hot], self.warmest(dense, left, times[k]))
+                    out[k] = y_k[nm - 1], y_k[hot], y_k[-1], hottest
+                    left = times[k]
                     k += 1
+                hottest = max(hottest, y_new[hot], self.warmest(dense, left, t_new))
                 t, y = t_new, y_new
                 fresh = False
                 if hit is not None:
                     just = True
                     break
         if k < times.size and t >= end:
-            out[k] = y[nm - 1], y[2 * nm + nt - 1], y[-1]
-        return Solution(out[:, 0], out[:, 1], out[:, 2], t, impacts)
+            out[k] = y[nm - 1], y[hot], y[-1], hottest
+        return Solution(*out.T, t, impacts)
+
+    def warmest(self, dense, left: float, right: float) -> float:
+        """Return the largest tip temperature of a step's interpolant between two instants."""
+        at, index = np.linspace(left, right, 9), 2 * self.nm + self.nt - 1
+        values = [dense(s)[index] for s in at]
+        i = int(np.argmax(values))
+        around = at[max(i - 1, 0)], at[min(i + 1, 8)]
+        found = minimize_scalar(lambda s: -dense(s)[index], bounds=around, method="bounded")
+        return max(values[i], -found.fun)
 
     def run(self, held, t0, y0, t1):
         if t1 <= t0:

@@ -285,3 +285,12 @@ def test_effective_restitution_vanishes_with_the_step() -> None:
     assert 0.01 < measured[0] < 0.5
     assert abs(measured[1]) < 0.1 * measured[0]
     assert abs(measured[2]) < 0.1 * abs(measured[1])
+
+
+@pytest.mark.parametrize("scheme", [carpenter.Options(), carpenter.Options(damping="lagged")])
+def test_a_damped_rigid_mode_does_not_grow(scheme: carpenter.Options) -> None:
+    """Its roots are 1 and the factor of damping; rounding made 1 + 1e-11 of 1, and sound cases were diverged."""
+    steps, rates = np.geomspace(1e-9, 1e-3, 40), np.array([1e-3, 1.0, 10.0, 1e3])
+    for h in steps:
+        roots = carpenter.amplification(np.zeros(rates.size), rates, float(h), scheme)
+        assert np.abs(roots).max() <= 1 + np.finfo(float).eps

@@ -127,7 +127,7 @@ def test_contact_converges_to_the_exact_solution(method: str) -> None:
     structure = heavy_chain()
     batch = cases(structure, alpha=50.0, gap=5e-5, amplitude=100.0, frequency=20.0)
     exact = step(structure, batch, H, OVER, "event_driven").histories
-    rigid = getattr(schemes.load(method), "rigid", None)
+    rigid = schemes.load(method).rigid
 
     def found(h: float) -> dict[str, np.ndarray]:
         options = {} if rigid is None else asdict(rigid(structure, h))

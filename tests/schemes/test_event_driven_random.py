@@ -13,7 +13,7 @@ from plain_events import Reference
 from scenes import cases, chain, heavy_chain, relative, sampling
 from workflow.models import Cases, Rayleigh, Structure
 from workflow.reduction import reduce_structure
-from workflow.schemes import event_driven
+from workflow.schemes import Sampling, event_driven
 
 TIMES = sampling(20.0, 0.1)
 DAMPING = (Rayleigh(), Rayleigh(0.1, 0.0), Rayleigh(0.05, 0.02), Rayleigh(2.0, 1.0))
@@ -78,6 +78,11 @@ def compare(seed: int) -> int:
         ours, theirs = results.histories[name][0, known], getattr(reference, name)[known]
         scale = max(float(np.linalg.norm(theirs)), 1e-3)
         assert np.linalg.norm(ours - theirs) <= 1e-8 * scale, (seed, name)
+    last = int(np.flatnonzero(known)[-1])
+    if last > 0:  # run to there with no sample between: the largest temperature knows of none
+        end = float(TIMES.times[last])
+        ours = event_driven.compute(operator, case, Sampling(end, end, 2)).metrics["max_temperature"][0]
+        assert abs(ours - reference.hottest[last]) <= 1e-8 * max(abs(reference.hottest[last]), 1e-3), seed
     return reference.impacts
 
 

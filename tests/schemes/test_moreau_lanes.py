@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from plain_moreau import march
 
 from scenes import alone, blade, cases, chain, heavy_chain, same_bits, sampling, step, taken
+from workflow.kernels.lanes import LANES, PACK, ROW, WIDE, lane_rows
 from workflow.models import Rayleigh
 from workflow.reduction import reduce_structure
 from workflow.schemes import Sampling, schedule
-from workflow.schemes._lanes import LANES, PACK, ROW, WIDE, lane_rows
 
 
 def batch_of(structure: object, count: int) -> object:

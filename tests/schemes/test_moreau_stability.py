@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from importlib import import_module
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,7 +13,6 @@ from plain_moreau import march
 from random_chains import random_chain
 
 from scenes import cases, chain, heavy_chain, sampling, step
-from workflow import schemes
 from workflow.models import Rayleigh, static_equilibrium
 from workflow.reduction import reduce_structure
 from workflow.schemes import Status
@@ -68,8 +70,8 @@ def test_bounded_at_any_step(theta: float, h: float) -> None:
     assert np.abs(found.histories["displacement"]).max() <= 1.2e-4
 
 
-def test_ill_posed_case_names_the_largest_admissible_step() -> None:
-    """W <= 0 where heat closes the gap faster than the impulse opens it; below the named h it runs."""
+def test_ill_posed_case_names_the_limit_of_the_step() -> None:
+    """W <= 0 where heat closes the gap faster than the impulse opens it; W is positive below the named h."""
     structure = heavy_chain()
     batch = cases(structure, 2, alpha=[1e8, 5.0], gap=5e-5, amplitude=100.0, frequency=20.0)
     found = step(structure, batch, 1e-3, sampling(0.05, 1e-3))
@@ -77,12 +79,29 @@ def test_ill_posed_case_names_the_largest_admissible_step() -> None:
     assert "no unique solution" in found.messages[0]
     assert np.isnan(found.histories["displacement"][0, -1])
     assert np.isnan(found.metrics["contact_time"][0])
-    limit = float(found.messages[0].split("admissible h is ")[1].split(" s")[0])
+    limit = float(found.messages[0].split("at alpha = 1e+08): ")[1].split(" s is the limit")[0])
     assert 0 < limit < 1e-3
-    moreau = schemes.load("moreau")
+    moreau = import_module("workflow.schemes.moreau")
     for h, well_posed in ((0.999 * limit, True), (1.001 * limit, False)):
         motion = moreau.init(structure, h, moreau.Options()).motion
         assert (moreau.delassus(motion, h, 1.0, np.array([1e8]))[0] > 0) is np.bool_(well_posed)
+    assert "no step helps" in found.messages[0]  # in 0.05 s the heat of a pressed tip outgrows what a float holds
+
+
+def test_ill_posed_case_runs_at_the_step_it_names() -> None:
+    """At the limit of W > 0 itself the heat of a pressed tip would grow without bound in one step."""
+    structure = heavy_chain()
+    batch = cases(structure, alpha=1e8, gap=5e-5, displacement=np.linspace(0, 5e-5, 21)[1:], velocity=1.0)
+    over = sampling(1e-5, 1e-6)
+    found = step(structure, batch, 1e-6, over)
+    assert found.status[0] == Status.ILL_POSED
+    [told] = re.findall(r"(\S+) s is the limit.* the largest admissible h is (\S+) s", found.messages[0])
+    limit, named = map(float, told)
+    assert 0 < named < limit < 1e-6
+    again = step(structure, batch, named, over)
+    assert again.status[0] == Status.OK
+    assert again.histories["impulse"][0, -1] > 0
+    assert np.isfinite(again.histories["temperature"]).all()
 
 
 def test_divergence_is_decided_by_theory() -> None:

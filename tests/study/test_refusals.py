@@ -228,6 +228,13 @@ def test_path_with_a_null_character() -> None:
         read_study("a\0b")
 
 
+def test_a_duration_far_below_the_interval() -> None:
+    """1e-320 s over 1 ms: the ratio is below all floating-point numbers."""
+    text = "study: a\nscene:\n  chain: {nodes: 1, mass: 1, stiffness: 1}\n  casing: {gap: 1}\n  duration: 1.0e-320\n"
+    with pytest.raises(StudyError, match="is longer than the duration"):
+        parse_study(text + "output: {interval: 1 ms}\n", "study")
+
+
 def test_not_utf8_names_the_line(tmp_path: Path) -> None:
     path = tmp_path / "study.yaml"
     path.write_bytes(b"study: a\ntitle: \xff\n")
@@ -237,6 +244,8 @@ def test_not_utf8_names_the_line(tmp_path: Path) -> None:
 
 NODES = [
     ("output: {interval: 0.3}", "output.interval", "does not divide"),
+    ("output: {interval: 1.0e+3}", "output.interval", "is longer than the duration"),
+    ("output: {interval: 1.0e-320}", "output.interval", "samples of every history"),
     ("axes: {mechanical_modes: 3}", "axes.mechanical_modes", "more than the 2"),
     ("axes: {thermal_modes: [2, full]}", "axes.thermal_modes", "has `2` twice"),
     ("axes: {scene.chain.nodes: [2, 3], mechanical_modes: [1, full]}", "axes.mechanical_modes", "nodes varies"),

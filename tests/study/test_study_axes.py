@@ -18,9 +18,10 @@ from hypothesis import strategies as st
 from study_samples import BLADE, CHAIN
 
 from workflow.study import Initial, Load, Study, StudyError, json_schema, parse_study
-from workflow.study.axes import VARIABLES, coordinate_names, spread_values
+from workflow.study.axes import coordinate_names, spread_values
 from workflow.study.leaves import Spread
 from workflow.study.source import compose
+from workflow.variables import reserved_names
 
 
 def chain(lines: str) -> Study:
@@ -36,7 +37,7 @@ def test_the_example() -> None:
     study = parse_study(BLADE, "blade.yaml")
     assert [dimension.name for dimension in study.dimensions] == ["scheme", "e", "h", "alpha", "gap", "model"]
     assert [dimension.size for dimension in study.dimensions] == [2, 3, 5, 2, 2, 3]
-    assert study.scalars == ()
+    assert [(scalar.name, scalar.values) for scalar in study.scalars] == [("reduction", ("craig_bampton",))]
     gap, model = study.dimensions[4:]
     assert (gap.axes[0].path, gap.axes[0].unit, gap.axes[0].values) == ("scene.casing.gap", "m", (1.5e-5, 2e-5))
     assert [axis.values for axis in model.axes] == [(1, 3, 19), (4, 12, 19)]
@@ -54,7 +55,7 @@ def test_what_is_left_out_has_its_default() -> None:
     assert study.title == "chain"
     assert first_values(study) == {
         **{"scheme": "moreau", "e": 0.0, "alpha": 0.0, "h": 1e-4},
-        **{"mechanical_modes": 2, "thermal_modes": 2},
+        **{"reduction": "craig_bampton", "mechanical_modes": 2, "thermal_modes": 2},
     }
     assert (study.scene.load, study.scene.initial) == (Load(), Initial())
     assert study.dimensions == ()
@@ -145,11 +146,11 @@ WORDS = st.sampled_from(["a", "b", "gap", "impulse", "t", "e"])
 
 @given(st.lists(st.lists(WORDS, min_size=1, max_size=4).map(".".join), unique=True, max_size=6))
 def test_names_are_distinct_wherever_paths_can_tell(paths: list[str]) -> None:
-    names = coordinate_names(paths, set(VARIABLES))
+    names = coordinate_names(paths, set(reserved_names()))
     for path, name in names.items():
         whole = path.replace(".", "_")
         assert whole.endswith(name)
-        assert name not in VARIABLES or name == whole
+        assert name not in reserved_names() or name == whole
     assert len(set(names.values())) == len(paths)
 
 
@@ -315,3 +316,11 @@ def test_schema_accepts_the_examples_and_refuses_what_the_reader_refuses() -> No
         ("precision: float64", "precision: float16"),
     ):
         assert not validator.is_valid(compose(BLADE.replace(old, new), "f").tree), new
+
+
+def test_a_licence_is_that_of_the_study_or_none() -> None:
+    assert parse_study(CHAIN, "study.yaml").license == ""
+    stated = parse_study(CHAIN + "license: CC-BY-4.0\n", "study.yaml")
+    assert stated.license == "CC-BY-4.0"
+    assert stated.resolved()["license"] == "CC-BY-4.0"
+    assert "license" not in parse_study(CHAIN, "study.yaml").resolved()

@@ -5,34 +5,63 @@ from __future__ import annotations
 from workflow.analysis._cases import (
     Failures,
     case_dims,
-    contact_phases,
+    exact,
     failures,
     finest,
     labels_of,
+    runaways,
     shown_dim,
 )
+from workflow.analysis._compare import compare
 from workflow.analysis._effects import Hidden, effect, hidden
 from workflow.analysis._motion import contact_loss, energy_kept, growth, impact_speeds
-from workflow.analysis._precision import ERRORS, SENSELESS, TARGETS, Line, Winner, has_lines, lines, winners
+from workflow.analysis._phases import contact_phases
+from workflow.analysis._precision import (
+    ERRORS,
+    SENSELESS,
+    TARGETS,
+    Line,
+    Winner,
+    has_lines,
+    lines,
+    observed_order,
+    winners,
+)
+from workflow.analysis._recommend import Choice, NoReferenceError, Recommendation, Worst, numerical_dims, recommend
+from workflow.analysis._recommend_words import COLUMNS as RECOMMENDATION_COLUMNS
+from workflow.analysis._recommend_words import as_json as recommendation_json
+from workflow.analysis._recommend_words import row as recommendation_row
+from workflow.analysis._recommend_words import sentence, undecidable
 from workflow.analysis._standing import ACCURATE, RULE, Range, Standing, ranges, standings
+from workflow.analysis._telling import Telling, exact_partners, telling, total_error
+from workflow.analysis._work import work_precision
 
 __all__ = [
     "ACCURATE",
     "ERRORS",
+    "RECOMMENDATION_COLUMNS",
     "RULE",
     "SENSELESS",
     "TARGETS",
+    "Choice",
     "Failures",
     "Hidden",
     "Line",
+    "NoReferenceError",
     "Range",
+    "Recommendation",
     "Standing",
+    "Telling",
     "Winner",
+    "Worst",
     "case_dims",
+    "compare",
     "contact_loss",
     "contact_phases",
     "effect",
     "energy_kept",
+    "exact",
+    "exact_partners",
     "failures",
     "finest",
     "growth",
@@ -41,8 +70,19 @@ __all__ = [
     "impact_speeds",
     "labels_of",
     "lines",
+    "numerical_dims",
+    "observed_order",
     "ranges",
+    "recommend",
+    "recommendation_json",
+    "recommendation_row",
+    "runaways",
+    "sentence",
     "shown_dim",
     "standings",
+    "telling",
+    "total_error",
+    "undecidable",
     "winners",
+    "work_precision",
 ]

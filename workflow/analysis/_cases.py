@@ -1,11 +1,14 @@
-"""Cases of an archive: their labels, contact phases, how they ended, and which of them to show."""
+"""Cases of an archive: their labels, how they ended, and which of them to show."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workflow.run import status_name
 from workflow.schemes import Status
@@ -19,46 +22,64 @@ def case_dims(dataset: xr.Dataset) -> tuple[str, ...]:
     return tuple(str(name) for name in dataset["status"].dims)
 
 
-def labels_of(dataset: xr.Dataset, dim: str, named: bool = True) -> list[str]:
+def runaways(dataset: xr.Dataset) -> tuple[int, int]:
+    """Return how many ok cases lie above their critical coupling, and how many others grow in permanent contact.
+
+    Those flutter: an oscillation of theirs grows, however slowly, as that of any undamped structure may.
+    """
+    if "runaway" not in dataset or "critical_alpha" not in dataset or "alpha" not in dataset.coords:
+        return 0, 0
+    grows = (dataset["runaway"] == 1) & (dataset["status"] == Status.OK)
+    above = int((grows & (dataset["alpha"] > dataset["critical_alpha"])).sum())
+    return above, int(grows.sum()) - above
+
+
+def exact(value: object) -> str:
+    """Return a value of a coordinate in the fewest digits that select it with ``.sel``, ``30`` and ``1e-06``."""
+    if not isinstance(value, float | np.floating):
+        return str(value)
+    return next((text for digits in range(4, 17) if float(text := f"{value:.{digits}g}") == value), repr(float(value)))
+
+
+def labels_of(dataset: xr.Dataset, dim: str, named: bool = True, rounded: bool = False) -> list[str]:
     """Return a label for each value of a dimension, zipped coordinates side by side.
 
-    ``named`` puts the coordinate's name before its value, ``alpha 30 m/s``.
+    Parameters
+    ----------
+    dataset
+        An archive.
+    dim
+        The dimension.
+    named
+        Put the coordinate's name before its value, ``alpha 30 W N-1``.
+    rounded
+        Give four digits, as fit in a picture, instead of all.
     """
     names = [str(name) for name in dataset.coords if dataset[name].dims == (dim,)]
     if not names:
         return [str(k) for k in range(dataset.sizes[dim])]
-    columns = [_labels(dataset[name], named or len(names) > 1) for name in names]
+    columns = [_labels(dataset[name], named or len(names) > 1, rounded) for name in names]
     return [", ".join(parts) for parts in zip(*columns, strict=True)]
 
 
-def _labels(coordinate: xr.DataArray, named: bool) -> list[str]:
+def _labels(coordinate: xr.DataArray, named: bool, rounded: bool) -> list[str]:
     unit = str(coordinate.attrs.get("units", "1"))
     before = f"{coordinate.name} ".replace("_", " ") if named else ""
     after = "" if unit == "1" else f" {unit}"
-    return [
-        before + (f"{value:.4g}" if isinstance(value, float | np.floating) else str(value)) + after
-        for value in coordinate.values
-    ]
+    numbers = rounded and np.issubdtype(coordinate.dtype, np.floating)
+    return [before + (f"{value:.4g}" if numbers else exact(value)) + after for value in coordinate.values]
 
 
-def contact_phases(case: xr.Dataset) -> list[tuple[float, float]]:
-    """Return begin and end of each contact phase of a case, s, on the grid of its samples.
+_MOST_GROUPS = 1000
+"""Different messages that are told apart."""
 
-    Parameters
-    ----------
-    case
-        One case of an archive with the history ``contact_force``.
-    """
-    touching = np.concatenate([[False], np.asarray(case["contact_force"].values) > 0, [False]])
-    edges = np.flatnonzero(np.diff(touching.astype(np.int8)))
-    t = np.asarray(case["t"].values, dtype=float)
-    interval = t[1] - t[0]
-    return [(float(t[a] - interval), float(t[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+_BLOCK = 4096
+"""Cases whose messages are read at a time: of the longest messages 64 MB, four bytes a character."""
 
 
 @dataclass(frozen=True)
 class Failures:
-    """Cases that are not ok and say the same: how many, and the labels of the first."""
+    """Cases that are not ok, or have something to say, and say the same: how many, and the labels of the first."""
 
     status: str
     message: str
@@ -67,26 +88,54 @@ class Failures:
 
 
 def failures(dataset: xr.Dataset) -> list[Failures]:
-    """Return what cases that ran and are not ok have to say, the most frequent message first."""
+    """Return what cases that ran have to say, those that are not ok and others, the most frequent message first."""
     dims = case_dims(dataset)
     status = np.asarray(dataset["status"].values)
-    places = np.argwhere((status != Status.OK) & (status != Status.NOT_RUN))
-    messages = np.asarray(dataset["message"].values) if len(places) else np.empty(0)
-    groups: dict[tuple[int, str], list[tuple[int, ...]]] = {}
-    for place in places:
-        index = tuple(map(int, place))
-        groups.setdefault((int(status[index]), str(messages[index])), []).append(index)
+    groups: dict[tuple[int, str], tuple[tuple[int, ...], int]] = {}
+    for index, message in _messages(dataset, status != Status.NOT_RUN):
+        if status[index] == Status.OK and not message:
+            continue
+        said = (int(status[index]), message)
+        if said not in groups and len(groups) >= _MOST_GROUPS:
+            said = (said[0], "… another message")
+        first, number = groups.get(said, (index, 0))
+        groups[said] = (first, number + 1)
     labels = {dim: labels_of(dataset, dim) for dim in dims} if groups else {}
     found = [
         Failures(
             status_name(state),
             message,
-            len(alike),
-            ", ".join(labels[dim][k] for dim, k in zip(dims, alike[0], strict=True)) or "the only case",
+            number,
+            ", ".join(labels[dim][k] for dim, k in zip(dims, first, strict=True)) or "the only case",
         )
-        for (state, message), alike in groups.items()
+        for (state, message), (first, number) in groups.items()
     ]
     return sorted(found, key=lambda group: -group.cases)
+
+
+def _messages(dataset: xr.Dataset, wanted: NDArray[np.bool_]) -> Iterator[tuple[tuple[int, ...], str]]:
+    """Yield place and message of some cases, a bounded number of them read at a time."""
+    for block in _blocks(wanted.shape):
+        places = np.argwhere(wanted[block])
+        if len(places):
+            told = np.asarray(dataset["message"].isel(dict(zip(dataset["status"].dims, block, strict=True))).values)
+            for place in places.tolist():
+                yield tuple(b.start + k for b, k in zip(block, place, strict=True)), str(told[tuple(place)])
+
+
+def _blocks(shape: tuple[int, ...]) -> Iterator[tuple[slice, ...]]:
+    """Yield slices of at most :data:`_BLOCK` cases each that make up an array; halves of its longest dimension."""
+    waiting = [tuple(slice(0, size) for size in shape)]
+    while waiting:
+        block = waiting.pop()
+        sizes = [part.stop - part.start for part in block]
+        if math.prod(sizes) <= _BLOCK:
+            yield block
+            continue
+        k = sizes.index(max(sizes))
+        middle = block[k].start + sizes[k] // 2
+        for part in (slice(middle, block[k].stop), slice(block[k].start, middle)):
+            waiting.append((*block[:k], part, *block[k + 1 :]))
 
 
 def finest(dataset: xr.Dataset) -> dict[str, int]:

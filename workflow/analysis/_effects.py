@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from workflow.analysis._cases import finest, labels_of
+from workflow.analysis._cases import exact, finest, labels_of
 from workflow.schemes import Status
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 MEASURED = {"contact_impulse": "impulse_error", "max_temperature": "temperature_error"}
 """Metrics whose change along an axis is weighed, and the error it is weighed against."""
 
-NUMERICAL = ("scheme", "h", "mechanical_modes", "thermal_modes")
+NUMERICAL = ("scheme", "h", "reduction", "mechanical_modes", "thermal_modes")
 """Coordinates that change the computation, not the scene."""
 
 
@@ -113,5 +113,5 @@ def _within(dataset: xr.Dataset, dims: list[str], blurred: dict[tuple[int, ...],
             told[name] = "every h"
         elif any(steps.values()):
             h = np.asarray(dataset["h"].values)
-            told[name] = f"h = {min(h[k] for k, blur in steps.items() if blur):.3g} s and more"
+            told[name] = f"h = {exact(min(h[k] for k, blur in steps.items() if blur))} s and more"
     return told

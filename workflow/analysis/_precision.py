@@ -31,7 +31,67 @@ the theory of the free step."""
 UNPREDICTABLE = 10.0
 """Errors count as a scheme's own above so many times what a gap opened by 1e-12 changes."""
 
+LEAST_STEPS = 3
+"""Steps that an order is fitted to at least: two always lie on a line."""
+
 Array = NDArray[np.float64]
+
+
+def observed_order(dataset: xr.Dataset, error: str = "impulse_error") -> xr.DataArray:
+    """Return the observed order of convergence of every case: the slope of log error over log h by least squares.
+
+    Steps count whose case is ok and whose error is below a tenth of the solution (:data:`ASYMPTOTIC`) and above ten
+    times (:data:`UNPREDICTABLE`) what a change of the gap by 1e-12 makes of the reference.
+
+    Parameters
+    ----------
+    dataset
+        An archive whose study has a reference and several steps ``h``.
+    error
+        Which error: ``displacement_error``, ``temperature_error`` or ``impulse_error``; with ``_scheme_error`` in its
+        place the part that the scheme makes, which a reduced model does not hide.
+
+    Returns
+    -------
+    xarray.DataArray
+        Over all dimensions of the cases but that of ``h``; NaN where fewer than three steps count.
+
+    Raises
+    ------
+    ValueError
+        The dataset has no such error, or one step only.
+    """
+    if error not in dataset:
+        raise ValueError(f"the dataset has no `{error}`; errors need a `reference` in the study")
+    if "h" not in dataset.coords or dataset["h"].ndim != 1:
+        raise ValueError("the dataset has one step h; an order needs three")
+    dim = str(dataset["h"].dims[0])
+    errors = dataset[error].where(dataset["status"] == Status.OK)
+    if "predictability" in dataset:
+        errors = errors.where(errors > UNPREDICTABLE * dataset["predictability"].fillna(0.0))
+    errors = errors.transpose(..., dim)
+    orders = slope(np.asarray(dataset["h"].values, dtype=float), np.asarray(errors.values, dtype=float))
+    told = {"units": "1", "long_name": f"observed order of the {error.replace('_', ' ')} in h"}
+    return errors.isel({dim: 0}, drop=True).copy(data=orders).rename("observed_order").assign_attrs(told)
+
+
+def slope(h: Array, errors: Array) -> Array:
+    """Return the slope of log error over log h by least squares, see :func:`observed_order`.
+
+    Parameters
+    ----------
+    h
+        Steps, s, shape ``(h,)``.
+    errors
+        ``(case, h)``, or with more dimensions before ``h`` or none; NaN where a step does not count.
+    """
+    with np.errstate(invalid="ignore", divide="ignore"):
+        used = (errors > 0) & (errors < ASYMPTOTIC)
+        count = used.sum(axis=-1)
+        x, y = np.where(used, np.log(h), 0.0), np.log(np.where(used, errors, 1.0))
+        x = np.where(used, x - (x.sum(axis=-1) / count)[..., None], 0.0)
+        found = (x * y).sum(axis=-1) / (x * x).sum(axis=-1)
+    return np.asarray(np.where(count >= LEAST_STEPS, found, np.nan))
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,15 +139,12 @@ class Line:
     def order(self, name: str) -> float:
         """Return the observed order of an error: the slope of log error over log h by least squares.
 
-        Over ok steps with errors below :data:`ASYMPTOTIC` and above what cannot be predicted; NaN
-        where fewer than three are left.
+        As :func:`observed_order` has it.
         """
         error = self.errors[name]
         with np.errstate(invalid="ignore"):
-            used = self.ok & (error < ASYMPTOTIC) & (error > UNPREDICTABLE * self.predictability) & (error > 0)
-        if np.count_nonzero(used) < 3:
-            return float("nan")
-        return float(np.polyfit(np.log(self.h[used]), np.log(error[used]), 1)[0])
+            used = self.ok & (error > UNPREDICTABLE * self.predictability)
+        return float(slope(self.h, np.where(used, error, np.nan)))
 
     def stable_steps(self) -> tuple[float, float] | None:
         """Return the largest step before the first that is lost, and that one, where there are both."""

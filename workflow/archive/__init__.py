@@ -5,20 +5,43 @@ units that :func:`find_shards` misses, then :func:`gather`. Readers call :func:`
 xarray, netCDF4 and h5py are imported when they are needed, not with this package.
 """
 
+from workflow.archive._content import LEFT_OUT
 from workflow.archive._describe import COPIED, SOFTWARE, code_revision, describe, processor, study_key, versions
-from workflow.archive._files import ArchiveError
+from workflow.archive._files import ArchiveError, commit, usable
 from workflow.archive._gather import gather
 from workflow.archive._hold import holding
-from workflow.archive._known import Known, find_known, is_kept, keep_known, made_by, read_known, stored_hashes
-from workflow.archive._layout import Coordinate, Layout, Variable, blank
-from workflow.archive._open import archive_key, content_hash, open_archive, provenance, statuses
-from workflow.archive._parts import clear_parts, parts_of, read_layout, remove_parts, start_parts
+from workflow.archive._known import (
+    Known,
+    count_unmatched,
+    find_known,
+    is_kept,
+    keep_known,
+    made_by,
+    match_hashes,
+    narrowed,
+    read_known,
+    stored_hashes,
+)
+from workflow.archive._layout import STATUS, Coordinate, Layout, Variable, blank, kept_message
+from workflow.archive._open import (
+    archive_key,
+    content_hash,
+    discard_views,
+    endings,
+    open_archive,
+    provenance,
+    statuses,
+    study_text,
+)
+from workflow.archive._parts import clear_parts, is_begun, parts_of, read_layout, remove_parts, start_parts
 from workflow.archive._seal import is_sealed_with
-from workflow.archive._shard import Shard, Shards, find_shard, find_shards, write_shard
+from workflow.archive._shard import Shard, Shards, find_shard, find_shards, stored_status, write_shard
 
 __all__ = [
     "COPIED",
+    "LEFT_OUT",
     "SOFTWARE",
+    "STATUS",
     "ArchiveError",
     "Coordinate",
     "Known",
@@ -30,17 +53,25 @@ __all__ = [
     "blank",
     "clear_parts",
     "code_revision",
+    "commit",
     "content_hash",
+    "count_unmatched",
     "describe",
+    "discard_views",
+    "endings",
     "find_known",
     "find_shard",
     "find_shards",
     "gather",
     "holding",
+    "is_begun",
     "is_kept",
     "is_sealed_with",
     "keep_known",
+    "kept_message",
     "made_by",
+    "match_hashes",
+    "narrowed",
     "open_archive",
     "parts_of",
     "processor",
@@ -51,7 +82,10 @@ __all__ = [
     "start_parts",
     "statuses",
     "stored_hashes",
+    "stored_status",
     "study_key",
+    "study_text",
+    "usable",
     "versions",
     "write_shard",
 ]

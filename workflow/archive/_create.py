@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.archive._layout import CHUNK_BYTES, FORMAT, MESSAGE, Attributes, Layout
+from workflow.archive._layout import CHUNK_BYTES, FORMAT, MESSAGE, Attributes, Coordinate, Layout, kept_message
 from workflow.archive._seal import BLANK, FILE_CHECKSUM
 from workflow.archive._shard import LEVEL
 
@@ -19,6 +19,12 @@ FORMAT_NAME = "archive_format"
 """Global attribute that tells an archive of ours, and which version of it, from any other NetCDF file."""
 
 LENGTH = "message_length"
+
+STRINGS_BYTES = 16 * 2**20
+"""Messages are strings in an archive that takes at most this much memory for them; xarray reads all of them at once."""
+
+_STRING_BYTES = 800
+"""Counted for a string however short it is: of those in 20000 cases an empty one takes 48 bytes of the file."""
 
 PROVENANCE = "provenance"
 CASE_HASH = "case_hash"
@@ -58,11 +64,31 @@ def create(layout: Layout, path: Path, messages: Mapping[int, str], hashes: NDAr
 
 
 def _create_coordinates(file: Any, layout: Layout) -> None:
+    """Write coordinates; those of a zip are cut along its dimension as the results are, so that dask's chunks agree."""
+    lengths = dict(zip((name for name, _ in layout.dims), layout.stored.lengths, strict=True))
     for coordinate in layout.coordinates:
         kind = str if coordinate.text else coordinate.values.dtype
-        made = file.createVariable(coordinate.name, kind, coordinate.dims)
+        zipped = coordinate.dims not in ((), (coordinate.name,))
+        if zipped and coordinate.text and layout.stored.count > 1:
+            _create_characters(file, layout, coordinate, lengths)
+            continue
+        chunks = tuple(lengths[name] for name in coordinate.dims) if zipped else None
+        made = file.createVariable(coordinate.name, kind, coordinate.dims, chunksizes=chunks)
         made.setncatts(_typed(coordinate.attrs, coordinate.values.dtype))
         made[...] = coordinate.values
+
+
+def _create_characters(file: Any, layout: Layout, coordinate: Coordinate, lengths: Mapping[str, int]) -> None:
+    """Write texts of a zip as characters: xarray forgets the chunks of strings."""
+    encoded = [text.encode() for text in coordinate.values.ravel()]
+    width = max(1, *map(len, encoded))
+    name = f"{coordinate.name}_length"
+    file.createDimension(name, width)
+    chunks = (*(lengths[dim] for dim in coordinate.dims), width)
+    made = file.createVariable(coordinate.name, "S1", (*coordinate.dims, name), chunksizes=chunks)
+    made.setncatts({**coordinate.attrs, "_Encoding": "utf-8"})
+    made.set_auto_chartostring(False)
+    made[...] = np.array(encoded, f"S{width}").view("S1").reshape(*coordinate.values.shape, width)
 
 
 def _create_variables(file: Any, layout: Layout) -> None:
@@ -82,41 +108,51 @@ def _create_variables(file: Any, layout: Layout) -> None:
 
 
 def _create_messages(file: Any, layout: Layout, messages: Mapping[int, str]) -> None:
-    """Write texts as characters along a last dimension, which xarray reads as strings, lazily.
+    """Write texts, in a small archive as strings, else as characters along a last dimension, which are read lazily.
 
-    Variable-length strings would be read whole when the archive is opened. Chunks without a message
-    are never allocated.
+    xarray reads strings when it opens a file and makes fixed-width texts of them, which dask cuts in chunks of any
+    size; characters become Python objects, which dask does not cut where ``chunks="auto"`` is asked for. Chunks
+    without a message are never allocated.
     """
-    encoded = {cell: text.encode() for cell, text in messages.items()}
-    length = max((len(text) for text in encoded.values()), default=1)
-    file.createDimension(LENGTH, length)
+    messages = {cell: kept_message(text) for cell, text in messages.items()}
+    length = max((len(text.encode()) for text in messages.values()), default=1)
     dims = tuple(name for name, _ in layout.dims)
-    chunks = (1,) * (len(dims) - 1) + (layout.chunk,) * (len(dims) > 0)
+    as_strings = layout.stored.count == 1 and layout.cells * max(_STRING_BYTES, 4 * length) <= STRINGS_BYTES
+    about = {"long_name": "what a case has to say: why it is not ok, or what it could not be given"}
+    if as_strings:
+        made = file.createVariable(MESSAGE, str, dims, chunksizes=layout.stored.lengths or None)
+        made.setncatts(about | _labels(layout, dims))
+        if messages:
+            made[...] = np.array([messages.get(cell, "") for cell in range(layout.cells)], object).reshape(layout.shape)
+        return
+    file.createDimension(LENGTH, length)
     made = file.createVariable(
         MESSAGE,
         "S1",
         (*dims, LENGTH),
         compression="zlib",
         complevel=LEVEL,
-        chunksizes=(*chunks, min(length, CHUNK_BYTES // layout.chunk)),
+        chunksizes=(*layout.stored.lengths, max(1, min(length, CHUNK_BYTES // layout.stored.size))),
     )
-    made.setncatts({"long_name": "what a case that is not ok did", "_Encoding": "utf-8"})
-    made.setncatts(_labels(layout, dims))
+    made.setncatts({**about, "_Encoding": "utf-8", **_labels(layout, dims)})
     made.set_auto_chartostring(False)
-    by_unit: dict[int, list[int]] = defaultdict(list)
+    _write_characters(made, layout, {cell: text.encode() for cell, text in messages.items()}, length)
+
+
+def _write_characters(made: Any, layout: Layout, encoded: Mapping[int, bytes], length: int) -> None:
+    """Write the messages of one block after the other."""
+    by_block: dict[int, list[int]] = defaultdict(list)
     for cell in encoded:
-        by_unit[layout.unit_of(cell)[0]].append(cell)
-    for unit, told in sorted(by_unit.items()):
-        cells = layout.cells_of(unit)
+        by_block[layout.stored.block_of(cell)[0]].append(cell)
+    for number, told in sorted(by_block.items()):
+        cells, offset = layout.stored.cells_of(number), layout.stored.offset_of(number)
         block = np.zeros(len(cells), dtype=f"S{length}")
         for cell in told:
             block[cell - cells.start] = encoded[cell]
-        characters = block.view("S1").reshape(len(cells), length)
-        if dims:
-            *outer, start = layout.offset_of(unit)
-            made[(*outer, slice(start, start + len(cells)), slice(None))] = characters
-        else:
-            made[:] = characters[0]
+        ends = zip(offset, layout.stored.lengths, layout.shape, strict=True)
+        place = tuple(slice(first, min(first + size, most)) for first, size, most in ends)
+        shape = tuple(part.stop - part.start for part in place)
+        made[(*place, slice(None))] = block.view("S1").reshape(*shape, length)
 
 
 def _create_provenance(file: Any, layout: Layout, hashes: NDArray[np.uint8] | None) -> None:

@@ -14,8 +14,9 @@ from pathlib import Path
 import numpy as np
 
 import workflow
+from workflow import variables
 from workflow.archive._layout import Coordinate, Layout, Variable
-from workflow.grid import Grid, Units, longest_period_count, scheme_metrics
+from workflow.grid import Grid, Units, longest_period_count, metrics_of
 from workflow.schemes import SOLVER_VERSION, Status
 from workflow.study import Axis, Study
 
@@ -25,69 +26,15 @@ SOFTWARE = ("code_revision", "processor", "versions")
 COPIED = "copied"
 """Text of the provenance group of an archive that was extended: some of its cases were run elsewhere."""
 
-_HISTORIES = {
-    "displacement": ("m", "displacement of the blade tip towards the casing"),
-    "velocity": ("m s-1", "velocity of the blade tip towards the casing"),
-    "temperature": ("K", "temperature rise of the blade tip above the root"),
-    "impulse": ("N s", "impulse of the casing on the blade tip since the start"),
-    "contact_force": ("N", "contact force on the blade tip, mean over the preceding interval"),
-}
-
-_METRICS = {
-    "contact_impulse": ("N s", "impulse of the casing on the blade tip over the duration"),
-    "impacts": ("1", "number of impacts"),
-    "contact_time": ("s", "time in contact"),
-    "max_penetration": ("m", "largest penetration of the casing by the blade tip"),
-    "max_temperature": ("K", "largest temperature rise of the blade tip"),
-    "thermal_closing": ("m", "quasi-static tip growth by the temperatures at the end"),
-    "critical_alpha": ("m s-1", "heat coupling above which a tip in permanent contact runs away"),
-    "growth_rate": ("s-1", "largest real eigenvalue of the structure with the tip in permanent contact"),
-    "steps": ("1", "number of steps"),
-    "wall_time": ("s", "computing time of the case, its share of its batch"),
-}
-
-_BALANCES = {
-    "energy_residual": ("1", "residual of the mechanical energy balance, relative to the largest energy"),
-    "heat_residual": ("1", "residual of the heat balance, relative to the heat turned over"),
-}
-
-_ERRORS = {
-    "displacement_error": ("1", "relative L2 distance of the displacement from the reference"),
-    "temperature_error": ("1", "relative L2 distance of the temperature from the reference"),
-    "impulse_error": ("1", "relative L2 distance of the impulse from the reference"),
-    "predictability": ("1", "relative L2 change of the reference's displacement when its gap opens by 1e-12"),
-}
-
-_PERIODS = {
-    "period_impulse": ("N s", "impulse of the casing in a load period"),
-    "period_force": ("N", "largest contact force in a load period, mean over an output interval"),
-    "period_temperature": ("K", "largest temperature rise of the blade tip in a load period"),
-    "period_contact": ("1", "share of a load period in contact"),
-}
-
-_COMMENTS = {
-    "wall_time": "kernels compiled before; with its balances where output.balances is on, without its reference",
-    "impacts": "event_driven: velocity jumps; time-stepping schemes: steps with an impulse after one without",
-    "max_penetration": "0 where the tip never passed the casing",
-    "energy_residual": (
-        "(change of E - work of the loads + dissipation by damping + work against thermal forces + sum over impulses "
-        "p of p (v_n before + v_n after)/2) / max E, E = vMv/2 + xK1x/2; time-stepping schemes: midpoint values of "
-        "whole steps (central differences: values at the step ends), v_n at the step's ends, so that what the scheme "
-        "itself gives (+) or takes (-) remains; penalty: E holds the energy of its contact spring, whose force is no "
-        "loss; 0 where max E is 0; NaN where event_driven cannot integrate it at a reasonable cost"
-    ),
-    "heat_residual": (
-        "(change of the heat content - alpha times impulse - heating + conduction to the root and convection) / heat "
-        "turned over (the sum of the absolute values of alpha times impulse, heating, losses and initial content); "
-        "time-stepping schemes: midpoint values of whole steps; 0 where no heat is turned over"
-    ),
-    "critical_alpha": "infinite where the root is free or heat at the tip does not push it out",
-}
-
 
 def study_key(study: Study) -> str:
-    """Return the identity of a study's results: everything resolved but its title, and the solver's version."""
-    resolved = {name: value for name, value in study.resolved().items() if name != "title"}
+    """Return the identity of a study's results: all resolved but title and licence, and the solver's version.
+
+    How the program describes an axis does not enter: other words are no other study.
+    """
+    resolved = {name: value for name, value in study.resolved().items() if name not in ("title", "license")}
+    for axis in (*resolved["scalars"], *(axis for group in resolved["dimensions"] for axis in group["axes"])):
+        del axis["description"]
     identity = json.dumps({"study": resolved, "solver": SOLVER_VERSION}, sort_keys=True)
     return hashlib.sha256(identity.encode()).hexdigest()
 
@@ -119,7 +66,7 @@ def describe(study: Study, grid: Grid, units: Units) -> Layout:
                 f"Study {study.name}: tip response of a thermo-elastic {study.scene.model} that rubs on its casing, "
                 f"over {', '.join(name for name, _ in grid.dims) or 'a single case'}"
             ),
-            "license": "https://creativecommons.org/licenses/by/4.0/",
+            **({"license": study.license} if study.license else {}),
             "source": f"rotor-stator-workflow {workflow.__version__}, nonsmooth thermo-elastic contact solver",
             "references": (
                 "Thorin, Guérin, Legrand: Rotor–stator interaction: reduction of a nonsmooth thermo-elastic "
@@ -127,6 +74,7 @@ def describe(study: Study, grid: Grid, units: Units) -> Layout:
             ),
             "history": f"{_now()}: workflow run {study.name}",
             "study": study.name,
+            "duration": study.scene.duration,
         },
         provenance={
             "study": study.text,
@@ -143,11 +91,11 @@ def describe(study: Study, grid: Grid, units: Units) -> Layout:
 
 @cache
 def processor() -> str:
-    """Return name and features of the processor that kernels are compiled for."""
+    """Return architecture, name and features of the processor that kernels are compiled for."""
     from llvmlite.binding import get_host_cpu_features, get_host_cpu_name
 
     features = "".join(sorted(name for name, there in get_host_cpu_features().items() if there))
-    return f"{get_host_cpu_name()} {hashlib.sha256(features.encode()).hexdigest()[:12]}"
+    return f"{platform.machine()} {get_host_cpu_name()} {hashlib.sha256(features.encode()).hexdigest()[:12]}"
 
 
 def _now() -> str:
@@ -169,7 +117,7 @@ def _version(package: str) -> str:
 def _coordinate(axis: Axis, dims: tuple[str, ...]) -> Coordinate:
     kind = object if any(isinstance(value, str) for value in axis.values) else None
     values = np.asarray(axis.values, dtype=kind)
-    attrs = {"long_name": axis.description} | ({} if kind is object else {"units": axis.unit})
+    attrs = {"long_name": axis.description, "study_path": axis.path} | ({} if kind is object else {"units": axis.unit})
     return Coordinate(axis.name, dims, values if dims else values.reshape(()), attrs)
 
 
@@ -191,49 +139,32 @@ def _coordinates(study: Study, grid: Grid, periods: int) -> tuple[Coordinate, ..
     return tuple(found)
 
 
-def _attributes(name: str, unit: str, long_name: str) -> dict[str, str]:
-    comment = {"comment": _COMMENTS[name]} if name in _COMMENTS else {}
-    return {"units": unit, "long_name": long_name, **comment}
+def _declared(about: variables.Variable, dtype: str = "f8") -> Variable:
+    """Return a variable of the table as the archive declares it."""
+    attrs = {"units": about.unit, "long_name": about.meaning} | ({"comment": about.comment} if about.comment else {})
+    return Variable(about.name, about.shape, dtype, attrs, optional=about.condition == "scheme")
 
 
 def _variables(study: Study, periods: int) -> tuple[Variable, ...]:
     precision = {"float64": "f8", "float32": "f4"}[study.output.precision]
-    found = [
-        Variable(name, "history", precision, _attributes(name, *_HISTORIES[name])) for name in study.output.histories
-    ]
-    found += [Variable(name, "metric", "f8", _attributes(name, *about)) for name, about in _METRICS.items()]
-    found += [
-        Variable(name, "metric", "f8", _attributes(name, *about), optional=True)
-        for name, about in scheme_metrics(study).items()
-    ]
-    if study.output.balances:
-        found += [Variable(name, "metric", "f8", _attributes(name, *about)) for name, about in _BALANCES.items()]
-    if study.reference is not None:
-        found += [Variable(name, "metric", "f8", _attributes(name, *about)) for name, about in _ERRORS.items()]
+    found = [_declared(variables.BY_NAME[name], precision) for name in study.output.histories]
+    found += [_declared(about) for about in metrics_of(study)]
     if periods:
-        found += [Variable(name, "period", "f8", _attributes(name, *about)) for name, about in _PERIODS.items()]
-    found.append(
-        Variable(
-            "status",
-            "flag",
-            "i1",
-            {
-                "long_name": "how the case ended",
-                "flag_values": [int(status) for status in Status],
-                "flag_meanings": " ".join(status.name.lower() for status in Status),
-            },
-        )
-    )
-    found.append(
-        Variable(
-            "runaway",
-            "flag",
-            "i1",
-            {
-                "long_name": "whether a tip in permanent contact would run away thermally",
-                "flag_values": [0, 1],
-                "flag_meanings": "bounded runaway",
-            },
-        )
-    )
-    return tuple(found)
+        found += [_declared(about) for about in variables.select("period")]
+    return (*found, *(_flag(about) for about in variables.select("flag")))
+
+
+_FLAGS = {
+    "status": {status.name.lower(): int(status) for status in Status},
+    "runaway": {"bounded": 0, "runaway": 1},
+}
+
+
+def _flag(about: variables.Variable) -> Variable:
+    meanings = _FLAGS[about.name]
+    attrs: dict[str, str | list[int]] = {
+        "long_name": about.meaning,
+        "flag_values": list(meanings.values()),
+        "flag_meanings": " ".join(meanings),
+    }
+    return Variable(about.name, "flag", "i1", attrs)

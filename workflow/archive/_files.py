@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import stat
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,6 +19,40 @@ def reason(error: BaseException) -> str:
     if isinstance(error, OSError) and error.errno is not None and error.errno > 0:
         return os.strerror(error.errno).lower()
     return " ".join(str(error).split()) or type(error).__name__
+
+
+def usable(path: str | Path) -> Path:
+    """Return the path of an archive, which need not exist; refuse one that can never be an archive's.
+
+    Raises
+    ------
+    ArchiveError
+        The path is not UTF-8, as netCDF-C wants it, is a loop of links, or leads to a pipe or a device.
+    """
+    path = Path(path)
+    try:
+        str(path).encode()
+        kind = stat.S_IFMT(path.stat().st_mode)
+    except UnicodeEncodeError:
+        raise ArchiveError(
+            f"{path}: its name is not UTF-8, which NetCDF files need; rename it, or choose another archive with -o"
+        ) from None
+    except (FileNotFoundError, NotADirectoryError):
+        return path
+    except (OSError, ValueError) as error:  # ValueError: a null character
+        raise ArchiveError(f"{path}: cannot be an archive: {reason(error)}; name another file") from None
+    if kind not in (stat.S_IFREG, stat.S_IFDIR):
+        raise ArchiveError(f"{path}: a pipe or a device, not a file; name a file")
+    return path
+
+
+def require_directory(parts: Path) -> None:
+    """Refuse a file where the directory of the shards must be."""
+    if (parts.exists() or parts.is_symlink()) and not parts.is_dir():
+        raise ArchiveError(
+            f"{parts}: a file, where a run keeps its shards in a directory; move it away, or choose another archive "
+            "with -o"
+        )
 
 
 def free_space(directory: Path) -> int:
@@ -41,6 +76,11 @@ def writing(what: str, directory: Path) -> Iterator[None]:
             free = free_space(directory)
         except OSError:
             free = None
+        if not directory.exists():
+            raise ArchiveError(
+                f"{directory}: {what} could not be written: {why}. The directory does not exist, or was removed with "
+                "what was stored in it; give the same command again, it runs what is missing"
+            ) from error
         if free is not None:
             why += f" ({free / 2**20:.0f} MiB free there)"
         raise ArchiveError(
@@ -49,7 +89,7 @@ def writing(what: str, directory: Path) -> Iterator[None]:
         ) from error
 
 
-def damaged(path: Path, error: BaseException) -> ArchiveError:
+def unreadable(path: Path, error: BaseException) -> ArchiveError:
     """Return what to say of an archive that a library cannot read."""
     return ArchiveError(
         f"{path}: damaged, or not a NetCDF-4 file ({reason(error)}); "
@@ -63,7 +103,7 @@ def reading(path: Path) -> Iterator[None]:
     try:
         yield
     except (OSError, RuntimeError, LookupError, ValueError, TypeError) as error:
-        raise damaged(path, error) from error
+        raise unreadable(path, error) from error
 
 
 def sync(path: Path) -> None:

@@ -102,10 +102,13 @@ def assemble(
     create(layout, path, messages, hashes)
     with LOCK, h5py.File(path, "r+") as archive:
         stored = {variable.name: archive[variable.name] for variable in layout.variables}
+        if layout.joined:
+            _join(layout, shards, stored)
+            return
         for number, shard in enumerate(shards.files):
             units = np.flatnonzero(shards.owner == number).tolist()
             chunks = stored_chunks(shard) if units else {}
-            offsets = {unit: layout.offset_of(unit) for unit in units}
+            offsets = {unit: layout.cut.offset_of(unit) for unit in units}
             for variable in layout.variables:
                 mine = {offsets[unit]: chunks[variable.name][unit - shard.first] for unit in units}
                 _copy(mine, stored[variable.name], layout, variable)
@@ -131,6 +134,32 @@ def _copy(chunks: Mapping[tuple[int, ...], list[bytes]], archive: Any, layout: L
             write((*offset, *tail), chunk)
 
 
+def _join(layout: Layout, shards: Shards, stored: Mapping[str, Any]) -> None:
+    """Put units together to the chunks of an archive, each with what is there of them."""
+    tails = {v.name: layout.shape_of(v, 1)[2:] for v in layout.variables}
+    number, chunks = -1, dict[str, list[list[bytes]]]()
+    for block in range(layout.stored.count):
+        cells = layout.stored.cells_of(block)
+        values = {v.name: np.full((layout.stored.size, *tails[v.name]), v.fill, v.dtype) for v in layout.variables}
+        for unit in range(layout.cut.block_of(cells.start)[0], layout.cut.block_of(cells.stop - 1)[0] + 1):
+            if shards.owner[unit] < 0:
+                continue
+            if shards.owner[unit] != number:  # units of a shard follow each other
+                number = int(shards.owner[unit])
+                chunks = stored_chunks(shards.files[number])
+            mine = layout.cells_of(unit)
+            first, stop = max(mine.start, cells.start), min(mine.stop, cells.stop)
+            for variable in layout.variables:
+                [chunk] = chunks[variable.name][unit - shards.files[number].first]
+                decoded = decode_chunk(chunk, variable.dtype).reshape(layout.chunk, *tails[variable.name])
+                into = values[variable.name][first - cells.start : stop - cells.start]
+                into[...] = decoded[first - mine.start : stop - mine.start]
+        for variable in layout.variables:
+            tail = (0,) * len(tails[variable.name])
+            chunk = encode_chunk(values[variable.name].astype(np.dtype(variable.dtype).newbyteorder("<")))
+            stored[variable.name].id.write_direct_chunk((*layout.stored.offset_of(block), *tail), chunk)
+
+
 def _copy_known(source: Any, archive: Any, layout: Layout, variable: Variable, copies: NDArray[np.int64]) -> None:
     """Copy the chunks of units from an earlier archive, where each begins with the cell ``copies`` tells."""
     shape = source.shape[: source.ndim - len(layout.tail(variable))]
@@ -139,7 +168,7 @@ def _copy_known(source: Any, archive: Any, layout: Layout, variable: Variable, c
         origin = tuple(int(i) for i in np.unravel_index(int(copies[unit]), shape))
         for tail in tails:
             mask, chunk = source.id.read_direct_chunk((*origin, *tail))
-            archive.id.write_direct_chunk((*layout.offset_of(unit), *tail), chunk, mask)
+            archive.id.write_direct_chunk((*layout.cut.offset_of(unit), *tail), chunk, mask)
 
 
 def _leave_blank(archive: Any, layout: Layout, variable: Variable, missing: list[int]) -> None:
@@ -150,12 +179,12 @@ def _leave_blank(archive: Any, layout: Layout, variable: Variable, missing: list
     chunk = encode_chunk(np.full(archive.chunks, variable.fill, dtype=variable.dtype))
     for unit in missing:
         for tail in _tails(layout, variable):
-            archive.id.write_direct_chunk((*layout.offset_of(unit), *tail), chunk)
+            archive.id.write_direct_chunk((*layout.cut.offset_of(unit), *tail), chunk)
 
 
 def _tails(layout: Layout, variable: Variable) -> Iterator[tuple[int, ...]]:
     """Yield where a unit's chunks of a variable begin along ``t`` or ``period``."""
-    length = layout.chunk_of(variable)[2:]
+    length = layout.archive_chunk_of(variable)[len(layout.dims) :]
     if not length:
         yield ()
     for name in layout.tail(variable):
@@ -203,7 +232,7 @@ def _read_back(layout: Layout, path: Path, digest: str) -> None:
     with LOCK, h5py.File(path, "r") as archive:
         faults = []
         for variable in layout.variables:
-            expected = layout.units * len(list(_tails(layout, variable)))
+            expected = layout.stored.count * len(list(_tails(layout, variable)))
             stored = archive[variable.name]
             if stored.chunks is not None and stored.id.get_num_chunks() != expected:
                 faults.append(f"{variable.name} has {stored.id.get_num_chunks()} of {expected} chunks")

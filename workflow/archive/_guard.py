@@ -15,7 +15,7 @@ from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 
-from workflow.archive._files import ArchiveError, damaged, reason
+from workflow.archive._files import ArchiveError, reason, unreadable
 
 LONGEST = 5.0
 """Seconds that opening a file may take; it takes milliseconds."""
@@ -28,34 +28,56 @@ _VOUCHED: set[tuple[int, ...]] = set()
 
 def vouch(path: Path) -> None:
     """Have a file that this process has made and read back not tried out, as long as it does not change."""
-    _VOUCHED.add(_identity(path))
+    _VOUCHED.add(identity(path))
 
 
-def try_out(path: Path, work: Callable[[Path], None]) -> None:
-    """Do something with a file in a forked process, and again here only if it ends well there.
+def is_vouched_for(path: Path) -> bool:
+    """Tell whether this process has made and read back a file, which has not changed since."""
+    return identity(path) in _VOUCHED
 
-    A file that has not changed since is not tried again.
+
+def try_out(path: Path, work: Callable[[Path], str], longest: float | None = None) -> str:
+    """Do something with a file in a forked process and return the text that it gives there.
+
+    The caller does the same here only if it ends well there. A file that has not changed since is not
+    tried again. The text is empty for a file that this process has made, which is not tried out.
+
+    Parameters
+    ----------
+    path
+        The file.
+    work
+        What to do with it.
+    longest
+        Seconds that it may take, :data:`LONGEST` where not given.
 
     Raises
     ------
     ArchiveError
         What the forked process said of the file, or that it came to no end or crashed.
     """
-    identity = _identity(path)
-    if identity in _VOUCHED:
-        return
-    ended, told = _tried(work, path, *identity)
+    if is_vouched_for(path):
+        return ""
+    ended, told = _tried(work, path, LONGEST if longest is None else longest, *identity(path))
     if ended != _SOUND:
-        raise ArchiveError(told) if ended == _REFUSED else damaged(path, RuntimeError(told))
+        raise ArchiveError(told) if ended == _REFUSED else unreadable(path, RuntimeError(told))
+    return told
 
 
-def _identity(path: Path) -> tuple[int, ...]:
+def identity(path: Path) -> tuple[int, ...]:
+    """Return what tells a file from another one, and from itself after a change: nobody can set its last number back.
+
+    Raises
+    ------
+    OSError
+        There is no such file.
+    """
     about = path.stat()
-    return about.st_size, about.st_mtime_ns, about.st_ino, about.st_dev
+    return about.st_size, about.st_mtime_ns, about.st_ino, about.st_dev, about.st_ctime_ns
 
 
 @lru_cache(maxsize=1024)
-def _tried(work: Callable[[Path], None], path: Path, *_unchanged: int) -> tuple[int, str]:
+def _tried(work: Callable[[Path], str], path: Path, longest: float, *_unchanged: int) -> tuple[int, str]:
     from workflow.archive._lock import LOCK
 
     with LOCK, warnings.catch_warnings():  # nobody else is within HDF5, nor forks with this pipe open
@@ -70,7 +92,7 @@ def _tried(work: Callable[[Path], None], path: Path, *_unchanged: int) -> tuple[
     try:
         wait = select.poll()
         wait.register(reading)  # the child says something, or its end closes the pipe
-        ended = bool(wait.poll(1e3 * LONGEST))
+        ended = bool(wait.poll(1e3 * longest))
         if not ended:
             os.kill(child, signal.SIGKILL)
         said = os.read(reading, select.PIPE_BUF) if ended else b""
@@ -88,12 +110,14 @@ def _tried(work: Callable[[Path], None], path: Path, *_unchanged: int) -> tuple[
     return said[0], said[1:].decode(errors="replace")
 
 
-def _told(work: Callable[[Path], None], path: Path) -> bytes:
-    """Do the work in the child and return how it ended and what was wrong; no more than is written at once."""
+def _told(work: Callable[[Path], str], path: Path) -> bytes:
+    """Do the work in the child and return how it ended and what it gave or what was wrong.
+
+    No more than is written at once.
+    """
     try:
-        work(path)
+        return bytes([_SOUND]) + work(path).encode()[:4000]
     except ArchiveError as error:
         return bytes([_REFUSED]) + str(error).encode()[:4000]
     except BaseException as error:
         return bytes([_DAMAGED]) + reason(error).encode()[:4000]
-    return bytes([_SOUND])

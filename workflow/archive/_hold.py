@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
-from workflow.archive._files import ArchiveError, writing
+from workflow.archive._files import ArchiveError, require_directory, writing
 
 HOLDER = "holder"
 """File in the directory of the shards that the running process keeps locked."""
@@ -34,6 +34,7 @@ def holding(parts: Path) -> Iterator[None]:
 def _locked(parts: Path) -> IO[str]:
     if not parts.parent.is_dir():
         raise ArchiveError(f"{parts.parent}: no such directory; make it, or choose another place with -o")
+    require_directory(parts)
     while True:
         with writing("the directory of the shards", parts.parent):
             parts.mkdir(exist_ok=True)

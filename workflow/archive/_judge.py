@@ -8,7 +8,7 @@ from typing import Any
 
 from workflow.archive._create import FORMAT_NAME, LENGTH, PROVENANCE
 from workflow.archive._files import ArchiveError
-from workflow.archive._layout import FORMAT, MESSAGE, STATUS
+from workflow.archive._layout import FORMAT, LONGEST_MESSAGE, MESSAGE, STATUS
 
 LONGEST_TEXT = 2**28
 """Bytes of a text of the provenance; a resolved study whose axes have a million values takes a tenth."""
@@ -61,15 +61,15 @@ def _missing(file: Any) -> str:
     """Return which variable that every archive of a study has is missing or of another kind."""
     import h5py
 
-    for name, kind in ((STATUS, "i"), ("runaway", "i"), (MESSAGE, "S")):
+    for name, kinds in ((STATUS, "i"), ("runaway", "i"), (MESSAGE, "SO")):
         stored = file.get(name)
         if stored is None and name == "runaway":  # a study's own, see _describe
             continue
         if not isinstance(stored, h5py.Dataset):
             return f"it has no {name}"
-        if stored.dtype.kind != kind:
+        if stored.dtype.kind not in kinds:
             return f"its {name} is of type {stored.dtype}"
-        if (stored.shape[:-1] if name == MESSAGE else stored.shape) != file[STATUS].shape:
+        if (stored.shape[:-1] if stored.dtype.kind == "S" else stored.shape) != file[STATUS].shape:
             return f"{name} and {STATUS} differ in shape"
     return ""
 
@@ -79,11 +79,13 @@ def _oversized(file: Any) -> str:
     import h5py
 
     from workflow.study.axes import MOST_CASES
-    from workflow.study.reader import MOST_SAMPLES
+    from workflow.study.judges import MOST_SAMPLES
 
     for name, stored in file.items():
         if isinstance(stored, h5py.Dataset) and max(stored.shape or (0,)) > MOST_SAMPLES and name != LENGTH:
             return f"{name} has {max(stored.shape)} values along a dimension"
+    if file[MESSAGE].dtype.kind == "S" and math.prod(file[MESSAGE].shape[-1:]) > LONGEST_MESSAGE:
+        return f"its messages have {file[MESSAGE].shape[-1]} characters"
     cases = math.prod(file[STATUS].shape)
     if cases > MOST_CASES:
         return f"it has {cases:.3g} cases"

@@ -14,8 +14,11 @@ from numpy.typing import NDArray
 
 from workflow.archive._create import CASE_HASH, PROVENANCE
 from workflow.archive._files import ArchiveError, commit, reading, writing
-from workflow.archive._layout import MESSAGE, OK, STATUS, Layout, Variable
-from workflow.archive._seal import FILE_CHECKSUM, is_sealed_with
+from workflow.archive._layout import OK, STATUS, Layout
+from workflow.archive._seal import FILE_CHECKSUM
+from workflow.archive._stored import Cells, cut_of, holds, messages_of, picked, same_chunks, with_messages
+from workflow.archive._whole import require_whole, stored_checksum
+from workflow.variables import BY_NAME
 
 KNOWN = "known.npy"
 """File in the directory of the shards: which file is under the target's name, then each cell's place in it, or -1."""
@@ -24,8 +27,6 @@ _OTHERWISE = "--recompute runs all cases again and replaces it, -o chooses anoth
 
 _FILE = 2
 """Numbers that tell the file."""
-
-Cells = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,10 +60,10 @@ class Known:
         """
         places = self.cells[cells]
         with _opened(self.path) as file:
-            values = {v.name: _picked(file.get(v.name), places, v, layout) for v in layout.variables}
-            bad = np.flatnonzero(values[STATUS] != OK)
-            texts = _texts(file, places[bad])
-        return values, {int(k): text for k, text in zip(bad, texts, strict=True) if text}
+            values = {v.name: picked(file.get(v.name), places, v, layout) for v in layout.variables}
+            telling = np.flatnonzero(with_messages(file)[places])
+            texts = messages_of(file, places[telling])
+        return values, {int(k): text for k, text in zip(telling, texts, strict=True) if text}
 
     def copies(self, layout: Layout) -> Cells:
         """Return for each unit the cell there that its chunks begin with, -1 where they are not the same chunks.
@@ -75,26 +76,27 @@ class Known:
             The archive is damaged.
         """
         none = np.full(layout.units, -1, dtype=np.int64)
-        if np.all(self.cells < 0):
+        if layout.joined or np.all(self.cells < 0):
             return none
         with _opened(self.path) as file:
-            shape = file[STATUS].shape
-            if not shape or not all(v.name in file and _same_chunks(file[v.name], v, layout) for v in layout.variables):
+            if not all(v.name in file and same_chunks(file[v.name], v, layout) for v in layout.variables):
                 return none
-        rows = self.cells.reshape(-1, layout.inner)
-        starts = np.arange(0, layout.inner, layout.chunk)
+            there = cut_of(file[STATUS])
+        row, chunk = layout.cut.row, layout.chunk
+        if there is None or there.size != chunk:
+            return none
+        rows = self.cells.reshape(-1, row)
+        starts = np.arange(0, row, chunk)
         first = rows[:, starts]
-        place = np.arange(layout.inner) % layout.chunk
-        follow = np.logical_and.reduceat(
-            rows == np.repeat(first, layout.chunk, axis=1)[:, : layout.inner] + place, starts, axis=1
-        )
-        begin = first % shape[-1]
-        length = np.minimum(starts + layout.chunk, layout.inner) - starts
-        whole = (begin % layout.chunk == 0) & (np.minimum(begin + layout.chunk, shape[-1]) - begin == length)
+        place = np.arange(row) % chunk
+        follow = np.logical_and.reduceat(rows == np.repeat(first, chunk, axis=1)[:, :row] + place, starts, axis=1)
+        begin = first % there.row
+        length = np.minimum(starts + chunk, row) - starts
+        whole = (begin % chunk == 0) & (np.minimum(begin + chunk, there.row) - begin == length)
         return np.where(follow & whole & (first >= 0), first, -1).ravel()
 
     def messages(self, cells: Cells) -> dict[int, str]:
-        """Return what those of some cells that are not ok have to say, by cell.
+        """Return what some cells have to say, by cell.
 
         Raises
         ------
@@ -102,9 +104,9 @@ class Known:
             The archive is damaged.
         """
         with _opened(self.path) as file:
-            bad = cells[file[STATUS][...].ravel()[self.cells[cells]] != OK]
-            texts = _texts(file, self.cells[bad])
-        return {int(c): text for c, text in zip(bad, texts, strict=True) if text}
+            telling = cells[with_messages(file)[self.cells[cells]]]
+            texts = messages_of(file, self.cells[telling])
+        return {int(c): text for c, text in zip(telling, texts, strict=True) if text}
 
     def without_failures(self) -> Known:
         """Return only the cases that are ok, so that the others are run again.
@@ -120,7 +122,7 @@ class Known:
 
 
 def find_known(path: Path, layout: Layout, hashes: NDArray[np.uint8]) -> Known:
-    """Return the cases of a layout that an archive holds.
+    """Return the cases of a layout that an archive holds; there may be none.
 
     Parameters
     ----------
@@ -130,27 +132,39 @@ def find_known(path: Path, layout: Layout, hashes: NDArray[np.uint8]) -> Known:
     Raises
     ------
     ArchiveError
-        It holds none of them or not all of their variables, is not as it was written, or was made by
+        It holds some of them without all of their variables, is not as it was written, or was made by
         a version that kept no hashes.
     """
     stored = stored_hashes(path)
     with _opened(path) as file:
-        checksum = _text(file[PROVENANCE][FILE_CHECKSUM][...])
-        lacking = [variable.name for variable in layout.variables if not _holds(file, variable, layout)]
-    if not is_sealed_with(path, checksum):
-        raise ArchiveError(
-            f"{path}: changed or damaged since it was written, so that nothing is taken from it; restore a copy, "
-            f"{_OTHERWISE}"
-        )
-    cells = _matched(hashes, stored)
-    if np.all(cells < 0):
-        raise ArchiveError(
-            f"{path}: holds another study of the same name: none of its cases is one of this study as it is now; "
-            f"{_OTHERWISE}"
-        )
-    if lacking:
+        checksum = stored_checksum(file)
+        lacking = [variable.name for variable in layout.variables if not holds(file, variable, layout)]
+    require_whole(path, checksum)
+    cells = match_hashes(hashes, stored)
+    if lacking and np.any(cells >= 0):
         raise ArchiveError(f"{path}: holds cases of this study, but without {', '.join(lacking)}; {_OTHERWISE}")
     return Known(path, cells)
+
+
+def narrowed(path: Path, layout: Layout) -> list[str]:
+    """Return what an archive holds of its cases that a layout has no place for: histories, balances, digits of them.
+
+    Raises
+    ------
+    ArchiveError
+        It is damaged.
+    """
+    wanted = {variable.name: np.dtype(variable.dtype) for variable in layout.variables}
+    found = []
+    with _opened(path) as file:
+        for variable in BY_NAME.values():
+            if variable.name not in file or not (variable.shape == "history" or variable.condition == "balances"):
+                continue
+            if variable.name not in wanted:
+                found.append(variable.name)
+            elif file[variable.name].dtype.itemsize > wanted[variable.name].itemsize:
+                found.append(f"{variable.name} as {file[variable.name].dtype.name}")
+    return found
 
 
 def stored_hashes(path: Path) -> NDArray[np.uint8]:
@@ -212,6 +226,18 @@ def is_kept(parts: Path, known: Known) -> bool:
     return stored is not None and np.array_equal(stored, np.concatenate([known.file, known.cells]))
 
 
+def kept_file(parts: Path) -> tuple[int, int] | None:
+    """Return which file :func:`keep_known` left the cases of, see :attr:`Known.file`.
+
+    Raises
+    ------
+    ArchiveError
+        It is damaged.
+    """
+    stored = _stored(parts)
+    return None if stored is None else (int(stored[0]), int(stored[1]))
+
+
 def _stored(parts: Path) -> Cells | None:
     try:
         stored = np.load(parts / KNOWN, allow_pickle=False)
@@ -222,8 +248,18 @@ def _stored(parts: Path) -> Cells | None:
     return np.asarray(stored, dtype=np.int64)
 
 
-def made_by(path: Path, texts: dict[str, str]) -> tuple[str, str, str]:
-    """Return name and title of the study of an archive, and the version of the solver, from its provenance.
+@dataclass(frozen=True)
+class Made:
+    """What an archive was made of: name, title and licence of its study, and version of the solver."""
+
+    study: str
+    title: str
+    license: str
+    solver: str
+
+
+def made_by(path: Path, texts: dict[str, str]) -> Made:
+    """Return what an archive was made of, from its provenance.
 
     Raises
     ------
@@ -232,8 +268,9 @@ def made_by(path: Path, texts: dict[str, str]) -> tuple[str, str, str]:
     """
     try:
         resolved = json.loads(texts["resolved"])
-        return str(resolved["study"]), str(resolved["title"]), texts["solver_version"]
-    except (ValueError, LookupError, TypeError) as error:
+        named = str(resolved["study"]), str(resolved["title"]), str(resolved.get("license", ""))
+        return Made(*named, texts["solver_version"])
+    except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
         raise ArchiveError(
             f"{path}: does not say which study it holds; choose another archive with -o, or move it away"
         ) from error
@@ -250,26 +287,12 @@ def _opened(path: Path) -> Iterator[Any]:
         yield file
 
 
-def _texts(file: Any, places: Cells) -> list[str]:
-    return [_text(row) for row in _rows(file[MESSAGE], places, tail=1)] if places.size else []
+def count_unmatched(stored: NDArray[np.uint8], hashes: NDArray[np.uint8]) -> int:
+    """Return how many stored cases have the hash of none of some others."""
+    return int(np.sum(match_hashes(stored, hashes) < 0))
 
 
-def _text(row: NDArray[Any]) -> str:
-    return row.tobytes().rstrip(b"\0").decode()
-
-
-def _same_chunks(stored: Any, variable: Variable, layout: Layout) -> bool:
-    """Tell whether chunks of a stored variable may stand in the archive of a layout as they are."""
-    tail = tuple(layout.sizes[name] for name in layout.tail(variable))
-    return bool(
-        stored.chunks is not None
-        and stored.chunks[-1 - len(tail) :] == layout.archive_chunk_of(variable)[-1 - len(tail) :]
-        and stored.shape[stored.ndim - len(tail) :] == tail
-        and stored.dtype == np.dtype(variable.dtype)
-    )
-
-
-def _matched(hashes: NDArray[np.uint8], stored: NDArray[np.uint8]) -> Cells:
+def match_hashes(hashes: NDArray[np.uint8], stored: NDArray[np.uint8]) -> Cells:
     """Return for each hash the place of the same one among those stored, -1 where there is none."""
     new, old = (np.ascontiguousarray(rows[:, :8]).view(np.uint64).ravel() for rows in (hashes, stored))
     if not old.size:
@@ -277,47 +300,3 @@ def _matched(hashes: NDArray[np.uint8], stored: NDArray[np.uint8]) -> Cells:
     order = np.argsort(old, kind="stable")
     place = order[np.minimum(np.searchsorted(old[order], new), old.size - 1)]
     return np.where(np.all(stored[place] == hashes, axis=1), place, -1).astype(np.int64)
-
-
-def _holds(file: Any, variable: Variable, layout: Layout) -> bool:
-    """Tell whether a file has a variable as exactly as it is wanted, along ``t`` to its end.
-
-    One that is optional, or told per load period, is missing in all of the cases of a file without it.
-    """
-    stored = file.get(variable.name)
-    if stored is None:
-        return variable.optional or variable.kind == "period"
-    if np.dtype(variable.dtype).itemsize > stored.dtype.itemsize:
-        return False
-    return variable.kind != "history" or stored.shape[-1] == layout.samples
-
-
-def _picked(stored: Any, places: Cells, variable: Variable, layout: Layout) -> NDArray[Any]:
-    """Return a variable of some cells; one that the file does not have, or a period beyond its last, is missing."""
-    if stored is None:
-        return np.full((len(places), *layout.shape_of(variable, 1)[2:]), variable.fill, dtype=variable.dtype)
-    rows = _rows(stored, places, tail=len(layout.tail(variable)))
-    if variable.kind != "period" or rows.shape[1] == layout.periods:
-        with np.errstate(over="ignore"):  # as in a shard: a diverged float64 is an infinite float32
-            return rows.astype(variable.dtype)
-    wide = np.full((len(rows), layout.periods), variable.fill, dtype=variable.dtype)
-    width = min(rows.shape[1], layout.periods)
-    wide[:, :width] = rows[:, :width]
-    return wide
-
-
-def _rows(stored: Any, places: Cells, tail: int) -> NDArray[Any]:
-    """Return some cells of a dataset; each run along its innermost case dimension is read once."""
-    case_dims = stored.ndim - tail
-    shape = stored.shape[:case_dims]
-    if not shape:
-        return np.repeat(stored[...][None], len(places), axis=0)
-    found = np.empty((len(places), *stored.shape[case_dims:]), dtype=stored.dtype)
-    row, column = np.divmod(places, shape[-1])
-    for number in np.unique(row):
-        here = np.flatnonzero(row == number)
-        outer = np.unravel_index(int(number), shape[:-1]) if shape[:-1] else ()
-        first, last = int(column[here].min()), int(column[here].max())
-        block = stored[(*(int(i) for i in outer), slice(first, last + 1))]
-        found[here] = block[column[here] - first]
-    return found

@@ -13,6 +13,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from workflow.archive._cut import Cut, largest_cut
+
 Kind = Literal["history", "metric", "period", "flag"]
 Attributes = Mapping[str, str | Sequence[int] | Sequence[float]]
 
@@ -22,9 +24,16 @@ FORMAT = 1
 CHUNK_BYTES = 4 * 2**20
 """No chunk is larger than this before compression."""
 
+SMALL_BYTES, JOINED_BYTES = 64 * 2**10, 2**20
+"""Units whose largest chunk has fewer bytes than the first are joined, when they are gathered, to chunks of at most
+as many as the second: a chunk costs HDF5 some 100 bytes and dask a task, however small it is."""
+
 STATUS = "status"
 OK, NOT_RUN = 0, 4
 """Of :class:`workflow.schemes.Status`: what every flag of an archive starts from and must end in."""
+
+LONGEST_MESSAGE = 4000
+"""Bytes of a case's message that are kept; those of this package have a few hundred."""
 
 MESSAGE = "message"
 RESERVED = ("key", "content_hash", "file_checksum", "case_hash")
@@ -105,9 +114,8 @@ class Variable:
 class Layout:
     """Dimensions, coordinates and variables of one archive, and its units of work.
 
-    Cells are numbered in C order over ``dims``. A row is everything along the innermost dimension
-    for fixed others. Unit ``row * chunks_per_row + c`` is chunk ``c`` of a row: ``chunk`` cells, the
-    last unit of a row may have fewer. Without dimensions there is one cell, one row and one unit.
+    Cells are numbered in C order over ``dims``. Units are the blocks of a :class:`~workflow.archive._cut.Cut` in
+    ``chunk`` cells; the chunks of the archive are units, or several of them.
 
     Attributes
     ----------
@@ -116,7 +124,7 @@ class Layout:
     samples, periods
         Sizes of ``t`` and ``period``; 0 where there is no such dimension.
     chunk
-        Cells of a unit, from 1 to the size of the innermost dimension.
+        Cells of a unit.
     attrs
         Global CF attributes; ``Conventions`` is added.
     provenance
@@ -136,7 +144,7 @@ class Layout:
     chunk: int
     coordinates: tuple[Coordinate, ...]
     variables: tuple[Variable, ...]
-    attrs: Mapping[str, str]
+    attrs: Mapping[str, str | float]
     provenance: Mapping[str, str]
     key: str
 
@@ -144,8 +152,7 @@ class Layout:
         sizes = self.sizes
         if len(sizes) != len(self.dims) + (self.samples > 0) + (self.periods > 0) or min(sizes.values(), default=1) < 1:
             raise ValueError(f"dimensions must have distinct names and positive sizes: {self.dims}")
-        if not 1 <= self.chunk <= self.inner:
-            raise ValueError(f"chunk {self.chunk} is not between 1 and {self.inner}, the innermost dimension")
+        Cut(self.shape, self.chunk)
         names = [c.name for c in self.coordinates] + [v.name for v in self.variables] + [MESSAGE]
         if twice := sorted({name for name in names if names.count(name) > 1}):
             raise ValueError(f"names used twice, or {MESSAGE}: {', '.join(twice)}")
@@ -172,9 +179,24 @@ class Layout:
         return tuple(size for _, size in self.dims)
 
     @cached_property
-    def inner(self) -> int:
-        """Cells of a row."""
-        return self.shape[-1] if self.dims else 1
+    def cut(self) -> Cut:
+        """How the cells are cut in units."""
+        return Cut(self.shape, self.chunk)
+
+    @cached_property
+    def stored(self) -> Cut:
+        """How the cells are cut in the chunks of the archive, the same for all variables."""
+        tails = {"history": self.samples, "period": self.periods}
+        bytes_per_cell = max(np.dtype(v.dtype).itemsize * tails.get(v.kind, 1) for v in self.variables)
+        whole = all(self.chunk_of(v) == self.shape_of(v, 1) for v in self.variables)  # not cut along t
+        if self.chunk * bytes_per_cell >= SMALL_BYTES or not whole:
+            return self.cut
+        return largest_cut(self.shape, max(self.chunk, JOINED_BYTES // bytes_per_cell))
+
+    @property
+    def joined(self) -> bool:
+        """Whether chunks of the archive are several units."""
+        return self.stored != self.cut
 
     @cached_property
     def cells(self) -> int:
@@ -182,29 +204,13 @@ class Layout:
         return math.prod(self.shape)
 
     @cached_property
-    def chunks_per_row(self) -> int:
-        """Units of a row."""
-        return -(-self.inner // self.chunk)
-
-    @cached_property
     def units(self) -> int:
         """Number of units."""
-        return self.cells // self.inner * self.chunks_per_row
+        return self.cut.count
 
     def cells_of(self, unit: int) -> range:
         """Return the cells of a unit, without the padding of a row's last one."""
-        row, c = divmod(unit, self.chunks_per_row)
-        start = c * self.chunk
-        return range(row * self.inner + start, row * self.inner + min(start + self.chunk, self.inner))
-
-    def unit_of(self, cell: int) -> tuple[int, int]:
-        """Return the unit that holds a cell, and the cell's place in it."""
-        row, place = divmod(cell, self.inner)
-        return row * self.chunks_per_row + place // self.chunk, place % self.chunk
-
-    def offset_of(self, unit: int) -> tuple[int, ...]:
-        """Return the index of a unit's first cell along the case dimensions."""
-        return tuple(int(i) for i in np.unravel_index(self.cells_of(unit).start, self.shape))
+        return self.cut.cells_of(unit)
 
     def tail(self, variable: Variable) -> tuple[str, ...]:
         """Return the dimension a variable has beyond the cases: ``t``, ``period`` or none."""
@@ -231,15 +237,15 @@ class Layout:
         return (1, self.chunk, -(-sizes[1] // pieces))
 
     def archive_chunk_of(self, variable: Variable) -> tuple[int, ...]:
-        """Return the same chunk as it lies in the archive: one long on every outer dimension."""
-        _, chunk, *tail = self.chunk_of(variable)
-        return (1,) * (len(self.dims) - 1) + ((chunk,) if self.dims else ()) + tuple(tail)
+        """Return the chunk of a variable in the archive; joined ones are not cut along ``t``."""
+        _, _, *tail = self.shape_of(variable, 1) if self.joined else self.chunk_of(variable)
+        return (*self.stored.lengths, *tail)
 
     @cached_property
     def structure(self) -> str:
         """Hash of what decides a shard's bytes: a shard of another structure cannot be gathered."""
         variables = [(v.name, v.kind, v.dtype, self.chunk_of(v)) for v in self.variables]
-        parts = json.dumps([FORMAT, self.key, self.dims, self.samples, self.periods, self.chunk, variables])
+        parts = json.dumps([FORMAT, self.key, self.dims, self.samples, self.periods, self.cut.lengths, variables])
         return hashlib.sha256(parts.encode()).hexdigest()
 
 
@@ -249,3 +255,11 @@ def blank(layout: Layout, units: int) -> dict[str, NDArray[Any]]:
     The padding of partial units may stay as it is.
     """
     return {v.name: np.full(layout.shape_of(v, units), v.fill, dtype=v.dtype) for v in layout.variables}
+
+
+def kept_message(text: str) -> str:
+    """Return what is kept of a case's message: no more than :data:`LONGEST_MESSAGE` bytes."""
+    encoded = text.encode(errors="replace")
+    if len(encoded) <= LONGEST_MESSAGE:
+        return encoded.decode()
+    return encoded[: LONGEST_MESSAGE - 3].decode(errors="ignore") + "…"

@@ -5,6 +5,8 @@ from __future__ import annotations
 import atexit
 import os
 import tempfile
+from collections.abc import Callable
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,22 +16,30 @@ from numpy.typing import NDArray
 
 from workflow.archive._content import hash_content
 from workflow.archive._create import PROVENANCE
-from workflow.archive._files import ArchiveError, damaged, reading, reason, writing
+from workflow.archive._files import ArchiveError, reading, reason, unreadable, usable, writing
 from workflow.archive._gather import assemble
-from workflow.archive._guard import try_out
+from workflow.archive._guard import LONGEST, try_out, vouch
 from workflow.archive._judge import as_text, judge
-from workflow.archive._layout import STATUS
+from workflow.archive._layout import OK, STATUS
 from workflow.archive._parts import LAYOUT, parts_of, read_layout
 from workflow.archive._shard import find_shards
+from workflow.archive._whole import DAMAGED, is_whole, require_whole, stored_checksum
+from workflow.variables import COMPARED
 
 if TYPE_CHECKING:
     import xarray as xr
 
+_SLOWEST = 10e6
+"""Bytes per second at which values are read at least: it takes a tenth of the time from a local disk."""
+
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
 
-def open_archive(path: str | Path, chunks: Any = None) -> xr.Dataset:
-    """Open an archive lazily: values are read when they are used.
+def open_archive(path: str | Path, chunks: Any = None, *, damaged: bool = False) -> xr.Dataset:
+    """Open an archive whose bytes are those that were written; its values are read when they are used.
+
+    All bytes are compared with the checksum in the file the first time that a process opens it, at about 0.7 s per GB;
+    nothing of them is kept in memory. :func:`xarray.open_dataset` opens the file without that.
 
     While the study still runs, or was interrupted, this is a view of the shards there are at this
     moment: status ``not_run`` and NaN elsewhere.
@@ -40,33 +50,42 @@ def open_archive(path: str | Path, chunks: Any = None) -> xr.Dataset:
         The archive, as given to ``workflow run``.
     chunks
         As in :func:`xarray.open_dataset`, for dask arrays; ``{}`` takes the chunks of the file.
+    damaged
+        Open a damaged archive too, as far as it can be read: with a warning, and with an attribute ``damaged``.
 
     Raises
     ------
     ArchiveError
-        There is no such file, or it is not an archive of this workflow.
+        There is no such file, it is not an archive of this workflow, or it is damaged and ``damaged`` is false.
     """
-    path = Path(path)
+    path = usable(path)
     if _unfinished(path):
         try:
             return _open_view(path, chunks)
         except ArchiveError:
             if not path.exists():  # the run may have ended just now
                 raise
-    return _open_dataset(path, chunks, path)
+    return _open_dataset(path, chunks, path, damaged)
 
 
-def provenance(path: str | Path) -> dict[str, str]:
+def provenance(path: str | Path, *, damaged: bool = False) -> dict[str, str]:
     """Return the texts of an archive's provenance group: ``key``, ``content_hash`` and the study's own.
 
     An unfinished archive has no ``content_hash`` yet.
 
+    Parameters
+    ----------
+    path
+        The archive.
+    damaged
+        Read those of a damaged archive too, as far as they can be read.
+
     Raises
     ------
     ArchiveError
-        There is no such file, or it is not an archive of this workflow.
+        There is no such file, it is not an archive of this workflow, or it is damaged and ``damaged`` is false.
     """
-    path = Path(path)
+    path = usable(path)
     if _unfinished(path):
         layout = read_layout(parts_of(path))
         return {"key": layout.key, **layout.provenance}
@@ -74,13 +93,9 @@ def provenance(path: str | Path) -> dict[str, str]:
 
     from workflow.archive._lock import LOCK
 
-    _look(path)
-    try_out(path, _read_at_all)
-    try:
-        with LOCK, h5py.File(path, "r") as file:
-            return _texts(file[PROVENANCE])
-    except (OSError, RuntimeError, LookupError) as error:
-        raise damaged(path, error) from error
+    _try_to_read(path, damaged)
+    with LOCK, reading(path), h5py.File(path, "r") as file:
+        return _texts(file[PROVENANCE])
 
 
 def _texts(group: Any) -> dict[str, str]:
@@ -88,43 +103,67 @@ def _texts(group: Any) -> dict[str, str]:
     return found | {name: as_text(item[()].tobytes()) for name, item in group.items() if item.dtype == "S1"}
 
 
-def statuses(path: str | Path) -> NDArray[np.int8]:
-    """Return the status of every case of a finished archive, without what xarray takes to load.
+def study_text(path: str | Path) -> str:
+    """Return the study as written that an archive came of.
 
     Raises
     ------
     ArchiveError
-        There is no such file, or it is not an archive of this workflow.
+        As :func:`provenance`, or the archive holds no study.
+    """
+    texts = provenance(path)
+    if "study" not in texts:
+        raise ArchiveError(f"{path}: its provenance is not as `workflow run` writes it: no study; restore a copy")
+    return texts["study"]
+
+
+def statuses(path: str | Path, *, damaged: bool = False) -> NDArray[np.int8]:
+    """Return the status of every case of a finished archive, see :func:`endings`."""
+    return endings(path, damaged=damaged)[0]
+
+
+def endings(path: str | Path, *, damaged: bool = False) -> tuple[NDArray[np.int8], NDArray[np.bool_]]:
+    """Return how the cases of a finished archive ended, without what xarray takes to load.
+
+    That is the status of every case, and whether it is ok and yet has an error against the reference that is
+    missing: its message says why. None is where the study has no reference.
+
+    Raises
+    ------
+    ArchiveError
+        There is no such file, it is not an archive of this workflow, or it is damaged and ``damaged`` is false.
     """
     import h5py
 
     from workflow.archive._lock import LOCK
 
-    path = Path(path)
-    _look(path)
-    try_out(path, _read_at_all)
+    path = usable(path)
+    _try_to_read(path, damaged)
     with LOCK, reading(path), h5py.File(path, "r") as file:
-        return np.asarray(file[STATUS][...], dtype=np.int8)
+        status = np.asarray(file[STATUS][...], dtype=np.int8)
+        missing = [np.isnan(file[name][...]) for name in map("{}_error".format, COMPARED) if name in file]
+    return status, np.asarray((status == OK) & np.any(missing, axis=0))
 
 
 def content_hash(path: str | Path) -> str:
-    """Compute the hash of a finished archive's decoded arrays anew, see :func:`hash_content`.
+    """Compute the hash of a finished archive's decoded arrays anew, see :func:`hash_content`; of a damaged one too.
 
     The one it was stored with is ``provenance(path)["content_hash"]``.
 
     Raises
     ------
     ArchiveError
-        There is no such file, it is unfinished or damaged, or not an archive of this workflow.
+        There is no such file, it is unfinished, its values cannot be read, or it is not an archive of this workflow.
     """
-    path = Path(path)
+    path = usable(path)
     if _unfinished(path):
         raise ArchiveError(f"{path}: unfinished, only its shards are there; run the study to its end first")
-    provenance(path)
-    try:
+    _look(path)
+    if not is_whole(path, try_out(path, _read_at_all)):
+        seconds = LONGEST + path.stat().st_size / _SLOWEST
+        return try_out(path, hash_content, seconds)  # values that are damaged may crash the process that reads them
+    with reading(path):
         return hash_content(path)
-    except (OSError, RuntimeError) as error:
-        raise damaged(path, error) from error
 
 
 def archive_key(path: str | Path) -> str | None:
@@ -135,7 +174,7 @@ def archive_key(path: str | Path) -> str | None:
     ArchiveError
         A file is there, but it is not an archive of this workflow: not to be overwritten.
     """
-    path = Path(path)
+    path = usable(path)
     if not path.exists() and not _unfinished(path):
         return None
     return provenance(path)["key"]
@@ -152,10 +191,12 @@ def _open_view(path: Path, chunks: Any) -> xr.Dataset:
     descriptor, name = tempfile.mkstemp(prefix=f"{path.stem}-", suffix=".nc")
     os.close(descriptor)
     view = Path(name)
+    _VIEWS.add(view)
     try:
         with writing("a view of the shards", view.parent):
             assemble(layout, find_shards(parts, layout), view)
-        opened = _open_dataset(view, chunks, path)
+        vouch(view)
+        opened = _open_dataset(view, chunks, path, damaged=False)
     except BaseException:
         view.unlink(missing_ok=True)
         raise
@@ -163,28 +204,73 @@ def _open_view(path: Path, chunks: Any) -> xr.Dataset:
     def discard() -> None:
         opened.close()
         view.unlink(missing_ok=True)
+        _VIEWS.discard(view)
 
     dataset = opened.copy()
     dataset.set_close(discard)
-    atexit.register(view.unlink, missing_ok=True)
     return dataset
 
 
-def _open_dataset(path: Path, chunks: Any, named: Path) -> xr.Dataset:
+_VIEWS: set[Path] = set()
+"""Temporary files of views that are being made or are open."""
+
+
+@atexit.register
+def discard_views() -> None:
+    """Remove the temporary files of unfinished archives that are open; the process is about to end."""
+    for view in list(_VIEWS):
+        view.unlink(missing_ok=True)
+
+
+def _open_dataset(path: Path, chunks: Any, named: Path, damaged: bool) -> xr.Dataset:
     _look(path)
     for name in _LOADED:
         import_module(name)
-    try_out(path, _opened_at_all)
-    import xarray as xr
+    whole = require_whole(path, try_out(path, _opened_at_all), damaged)
 
     from workflow.archive._lock import LOCK
 
     try:
         with LOCK:
-            dataset = xr.open_dataset(path, engine="netcdf4", chunks=chunks, decode_timedelta=False, lock=LOCK)
+            dataset = _opened(path, chunks, LOCK)
     except Exception as error:  # whatever xarray makes of a file that is not what it was
-        raise damaged(named, error) from error
-    return dataset
+        raise unreadable(named, error) from error
+    return dataset if whole else dataset.assign_attrs(damaged=DAMAGED)
+
+
+def _opened(path: Path, chunks: Any, lock: Any) -> xr.Dataset:
+    """Open a file with xarray; of texts that it decodes to objects, dask gets arrays of characters."""
+    import xarray as xr
+
+    opened = partial(xr.open_dataset, path, engine="netcdf4", decode_timedelta=False, lock=lock)
+    dataset = opened()
+    if chunks is None:
+        return dataset
+    texts = [str(name) for name in dataset.variables if dataset[name].dtype == object and dataset[name].ndim > 0]
+    dataset.close()
+    with_chunks = opened(chunks=chunks, drop_variables=texts)
+    if not texts:
+        return with_chunks
+    at_once = opened()
+    sizes = dict(with_chunks[STATUS].chunksizes)
+    for name in texts:
+        width = at_once[name].encoding["original_shape"][-1]  # bytes, at least as many as characters
+        own = {dim: sizes[dim] for dim in at_once[name].dims if dim in sizes}
+        with_chunks[name] = at_once[name].chunk(own).astype(f"U{width}")
+    with_chunks.set_close(_closing(with_chunks, at_once))
+    return with_chunks
+
+
+def _closing(*datasets: xr.Dataset) -> Callable[[], None]:
+    """Return what closes several datasets; taken from them before one of them is given it."""
+    closers = [dataset._close for dataset in datasets]
+
+    def close() -> None:
+        for closer in closers:
+            if closer is not None:
+                closer()
+
+    return close
 
 
 _LOADED = ("xarray", "netCDF4", "dask.array", "pint")
@@ -207,21 +293,44 @@ def _look(path: Path) -> None:
     except OSError as error:
         raise ArchiveError(f"{path}: cannot be read: {reason(error)}") from error
     if signature != HDF5_SIGNATURE:
-        raise ArchiveError(f"{path}: not a NetCDF-4 file; an archive that `workflow run` wrote is expected")
+        raise ArchiveError(f"{path}: not a NetCDF-4 file; {_expected(path)}")
 
 
-def _read_at_all(path: Path) -> None:
-    """Judge a file's headers, then read its texts as :func:`provenance` does; damaged values harm nobody."""
+def _expected(path: Path) -> str:
+    """Return what to give in the place of a file that is no archive: that of a study of this name, if it is there."""
+    if path.suffix in (".yaml", ".yml"):
+        for beside in (path.with_suffix(".nc"), Path(path.with_suffix(".nc").name)):
+            if beside.exists() or (parts_of(beside) / LAYOUT).exists():
+                return f"did you mean {beside}?"
+        return "a study is given where an archive that `workflow run` wrote is expected"
+    return "an archive that `workflow run` wrote is expected"
+
+
+def _try_to_read(path: Path, damaged: bool = False) -> None:
+    """Refuse what is no archive, what cannot be read and, unless it is wanted, what is damaged."""
+    _look(path)
+    checksum = try_out(path, _read_at_all)
+    if not damaged:
+        require_whole(path, checksum)
+
+
+def _read_at_all(path: Path) -> str:
+    """Judge a file's headers, read its texts as :func:`provenance` does, and return its checksum."""
     import h5py
 
     judge(path)
     with h5py.File(path, "r") as file:
         _texts(file[PROVENANCE])
+        return stored_checksum(file)
 
 
-def _opened_at_all(path: Path) -> None:
-    """Judge a file's headers, then open it as :func:`open_archive` does."""
-    judge(path)
+def _opened_at_all(path: Path) -> str:
+    """Judge a file's headers, open it as :func:`open_archive` does, and return its checksum."""
+    import h5py
     import xarray as xr
 
+    judge(path)
+    with h5py.File(path, "r") as file:
+        checksum = stored_checksum(file)
     xr.open_dataset(path, engine="netcdf4", decode_timedelta=False, cache=False).close()
+    return checksum

@@ -3,34 +3,24 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
-import threading
-import time
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from workflow.archive._files import ArchiveError, commit, reason, sync, writing
+from workflow.archive._files import ArchiveError, commit, reason, require_directory, sync, usable, writing
 from workflow.archive._hold import HOLDER
-from workflow.archive._known import KNOWN
+from workflow.archive._known import KNOWN, Known, kept_file
 from workflow.archive._layout import FORMAT, Attributes, Coordinate, Layout, Variable
 from workflow.archive._shard import SUFFIX
 
 LAYOUT = "layout.json"
 
-_HELD, _PAUSE = 64, 0.2
-"""Files that are freed after their removal, far fewer than a process may have open, and seconds until then: a disk that
-frees files keeps whoever writes to it waiting, such as a run that follows at once."""
-
 
 def parts_of(path: str | Path) -> Path:
     """Return the directory that holds an archive's shards while its study runs; a link is followed."""
-    path = Path(path)
+    path = usable(path)
     path = path.resolve() if path.is_symlink() else path
     return path.with_name(path.name + ".parts")
 
@@ -47,6 +37,7 @@ def start_parts(parts: str | Path, layout: Layout) -> None:
         The directory holds shards of another study or what no run left there, or cannot be written.
     """
     parts = Path(parts)
+    require_directory(parts)
     with writing("the directory of the shards", parts.parent):
         parts.mkdir(exist_ok=True)
         sync(parts.parent)
@@ -55,7 +46,7 @@ def start_parts(parts: str | Path, layout: Layout) -> None:
             f"{parts}: holds unfinished results of another study or solver version; finish that one, "
             "remove the directory, or choose another archive"
         )
-    if not (parts / LAYOUT).exists() and (others := sorted(f.name for f in parts.iterdir() if not _is_ours(f))):
+    if others := _others(parts):
         raise ArchiveError(
             f"{parts}: holds {others[0]}, which no run left there; move it away, or choose another archive with -o"
         )
@@ -66,8 +57,14 @@ def start_parts(parts: str | Path, layout: Layout) -> None:
 
 
 def _is_ours(file: Path) -> bool:
-    """Tell whether a run may have left a file in a directory without a layout: all that is there goes in the end."""
-    return file.name in (HOLDER, KNOWN) or file.suffix in (".tmp", SUFFIX)
+    """Tell whether a run may have left a file: only such files go in the end."""
+    named = file.name in (LAYOUT, HOLDER, KNOWN) or file.suffix in (".tmp", SUFFIX) or file.name.startswith(".nfs")
+    return named and file.is_file()
+
+
+def _others(parts: Path) -> list[str]:
+    """Return the names of what no run left in the directory of the shards."""
+    return sorted(file.name for file in parts.iterdir() if not _is_ours(file))
 
 
 def read_layout(parts: str | Path) -> Layout:
@@ -94,17 +91,29 @@ def read_layout(parts: str | Path) -> Layout:
         ) from error
 
 
+def is_begun(parts: str | Path, layout: Layout, archive: Path) -> bool:
+    """Tell whether a run of this very layout has begun there and found this very file under the archive's name.
+
+    Raises
+    ------
+    ArchiveError
+        What that run left is damaged.
+    """
+    parts = Path(parts)
+    if not (parts / LAYOUT).exists() or read_layout(parts).key != layout.key:
+        return False
+    return kept_file(parts) == Known(archive, np.empty(0, dtype=np.int64)).file
+
+
 def clear_parts(parts: str | Path) -> None:
-    """Remove what is in the directory of the shards but the file of the run that holds it."""
+    """Remove what runs left in the directory of the shards but the file of the run that holds it."""
     for file in Path(parts).iterdir():
-        if file.name != HOLDER:
+        if file.name != HOLDER and _is_ours(file):
             file.unlink(missing_ok=True)
 
 
 def remove_parts(parts: str | Path) -> None:
     """Remove the directory of the shards, if there is one; the archive must be in place before.
-
-    A disk may take milliseconds to free what a file took: that goes on when the names are gone.
 
     Raises
     ------
@@ -112,30 +121,25 @@ def remove_parts(parts: str | Path) -> None:
         It cannot be removed.
     """
     parts = Path(parts)
-    held: list[int] = []
-    for file in islice(filter(Path.is_file, parts.glob("*")), _HELD):
-        with suppress(OSError):
-            held.append(os.open(file, os.O_RDONLY))
     try:
-        shutil.rmtree(parts)
+        for file in filter(_is_ours, parts.iterdir()):
+            file.unlink(missing_ok=True)
+        parts.rmdir()
         sync(parts.parent)
     except FileNotFoundError:
         return
     except OSError as error:
-        if parts.exists() and all(file.name.startswith(".nfs") for file in parts.iterdir()):
+        if parts.is_dir() and all(file.name.startswith(".nfs") for file in parts.iterdir()):
             return  # NFS keeps what is still open under such names; the next run finds an empty directory
+        if parts.is_dir() and (others := _others(parts)):
+            raise ArchiveError(
+                f"{parts}: the archive is complete; the directory stays because it holds {others[0]}, which no run "
+                "left there: move it away and remove the directory"
+            ) from error
         raise ArchiveError(
             f"{parts}: the archive is complete, but its shards could not be removed: {reason(error)}; "
             "remove the directory by hand"
         ) from error
-    finally:
-        threading.Thread(target=_let_go, args=(held,), daemon=True).start()
-
-
-def _let_go(held: list[int]) -> None:
-    time.sleep(_PAUSE)
-    for descriptor in held:
-        os.close(descriptor)
 
 
 def _to_json(layout: Layout) -> dict[str, Any]:

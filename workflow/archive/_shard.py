@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -179,6 +180,22 @@ def stored_chunks(shard: Shard) -> dict[str, list[list[bytes]]]:
         name: [chunks[k * len(chunks) // units : (k + 1) * len(chunks) // units] for k in range(units)]
         for name, chunks in found.items()
     }
+
+
+def stored_status(shard: Shard, layout: Layout) -> NDArray[np.int8]:
+    """Return the status of the cases of a sound shard, ``(unit, place)``; nothing else of it is read.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read.
+    """
+    with open(shard.path, "rb") as file:
+        lengths = json.loads(file.readline())["chunks"]
+        before = list(lengths)[: list(lengths).index(STATUS)]
+        file.seek(sum(sum(lengths[name]) for name in before), os.SEEK_CUR)
+        chunks = [file.read(length) for length in lengths[STATUS]]
+    return np.array([decode_chunk(chunk, "i1") for chunk in chunks]).reshape(-1, layout.chunk)
 
 
 def encode_chunk(values: NDArray[Any]) -> bytes:

@@ -6,15 +6,15 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager, suppress
 
 from workflow.grid._arrangement import Grid
+from workflow.grid._compile import Wanted, at_work, compiled_ahead
 from workflow.grid._operators import kernels_of
-from workflow.grid._reference import reference_cell
+from workflow.grid._reference import exact_cell, reference_cell
 from workflow.grid._turns import Turns
-from workflow.schemes._compile import Wanted, at_work, compiled_ahead
 
 
 def compiling(grid: Grid, processes: int) -> AbstractContextManager[None]:
     """Compile the schemes of a study but for the first that runs, in up to so many processes beside this one."""
-    return compiled_ahead(list(_wanted(grid)) if processes > 0 else [], processes)
+    return compiled_ahead(list(wanted_kernels(grid)) if processes > 0 else [], processes)
 
 
 def is_compiling() -> bool:
@@ -29,8 +29,8 @@ def lend_turns(turns: Turns, most: int) -> None:
         helper.add_done_callback(lambda _: turns.take_back())
 
 
-def _wanted(grid: Grid) -> Iterator[Wanted]:
-    """Yield what the first case of each scheme needs, and its reference; what other cases need is compiled for them.
+def wanted_kernels(grid: Grid) -> Iterator[Wanted]:
+    """Yield what the first case of each scheme needs, and its references; what other cases need is compiled for them.
 
     A case that cannot even be set up needs nothing: it will say so itself.
     """
@@ -40,4 +40,8 @@ def _wanted(grid: Grid) -> Iterator[Wanted]:
             yield kernels_of(grid.settings(0, {"scheme": label}))
     if grid.study.reference is not None:
         with suppress(Exception):
-            yield kernels_of(reference_cell(grid, 0))
+            truth = kernels_of(reference_cell(grid, 0))
+            yield truth
+            exact = kernels_of(exact_cell(grid, 0))
+            if exact.method != truth.method:
+                yield exact

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,13 @@ from workflow.study import Cell, Dimension, SchemeChoice, Study
 
 Indices = NDArray[np.int64]
 
-_OPERATOR_AXES = frozenset({"scheme", "h", "mechanical_modes", "thermal_modes"})
+EXACT = "event_driven"
+"""The scheme that splits an error: its solution of a case's own reduced model has no error of a step."""
+
+_SETTINGS_KEPT = 256
+"""Outer indices whose settings a grid keeps: several tasks of each thread."""
+
+_OPERATOR_AXES = frozenset({"scheme", "h", "reduction", "mechanical_modes", "thermal_modes"})
 
 
 def fixes_operator(path: str, model: str) -> bool:
@@ -38,7 +44,7 @@ class Grid:
     """The cases of a study in archive order; nothing is expanded.
 
     A case is numbered ``outer * inner_count + inner``, in C order over ``dims``. Cases of one
-    ``outer`` share their operators: structure, scheme, step and mode counts.
+    ``outer`` share their operators: structure, scheme, step, basis and mode counts.
     """
 
     study: Study
@@ -87,10 +93,18 @@ class Grid:
 
     def settings(self, outer: int, replaced: Mapping[str, Any] | None = None) -> Cell:
         """Return the settings of the first case of an outer index, some of them replaced."""
+        return self._settings(outer, replaced) if replaced else self._settings_kept(outer)
+
+    @cached_property
+    def _settings_kept(self) -> Callable[[int], Cell]:
+        """Settings that are kept: a task asks for those of one outer index some five times."""
+        return lru_cache(maxsize=_SETTINGS_KEPT)(lambda outer: self._settings(outer, {}))
+
+    def _settings(self, outer: int, replaced: Mapping[str, Any]) -> Cell:
         values = dict(self.base)
         for dimension, index in zip(self.outer, _unravelled(outer, self.outer_shape), strict=True):
             values.update({axis.path: axis.values[int(index)] for axis in dimension.axes})
-        return self.study.cell({**values, **(replaced or {})})
+        return self.study.cell({**values, **replaced})
 
     def inner_values(self, inner: Indices) -> Mapping[str, NDArray[np.float64]]:
         """Return the values of the axes that vary within a batch, each ``(case,)``, by path."""
@@ -105,13 +119,19 @@ class Grid:
         return not any(reads(scheme.method, scheme.label, axis.path) for axis in dimension.axes)
 
     def uncompared(self, dimension: Dimension, scheme: SchemeChoice) -> bool:
-        """Tell whether the reference of its cases, where there is one, is the same all along a dimension."""
+        """Tell whether the reference of its cases, where there is one, is the same all along a dimension.
+
+        So must be the exact solution that splits their errors.
+        """
         if self.study.reference is None:
             return True
         replaced = self.study.reference.values
         truth = self.study.schemes[str(replaced.get("scheme", scheme.label))]
         return not any(
-            axis.path not in replaced and reads(truth.method, truth.label, axis.path) for axis in dimension.axes
+            reads(method, truth.label, axis.path)
+            for axis in dimension.axes
+            if axis.path not in replaced
+            for method in (truth.method, EXACT)
         )
 
     def canonical_inner(self, cell: Cell, inner: Indices) -> Indices:
@@ -189,22 +209,29 @@ def _unravelled(index: Any, shape: tuple[int, ...]) -> tuple[Any, ...]:
 
 
 def arrange(study: Study) -> Grid:
-    """Order a study's dimensions: operators outermost, then conditions with the longest innermost.
+    """Order a study's dimensions: operators outermost, then conditions.
 
-    The longest one innermost makes the chunks of metrics, which hold one run of the innermost
-    dimension each, as few as can be.
+    The order depends on what varies, neither on how many values it has nor on its place in the file: an axis that
+    grows leaves the archive's dimensions as they are. Conditions that are mostly varied finely lie innermost.
     """
     model = study.scene.model
-    outer = tuple(d for d in study.dimensions if any(fixes_operator(axis.path, model) for axis in d.axes))
+    outer = [d for d in study.dimensions if any(fixes_operator(axis.path, model) for axis in d.axes)]
     inner = [d for d in study.dimensions if d not in outer]
-    outer = tuple(sorted(outer, key=lambda d: min(_outermost_first(axis.path) for axis in d.axes)))
-    return Grid(study, outer, tuple(sorted(inner, key=lambda d: d.size)))
+    outer.sort(key=lambda d: (min(_outermost_first(axis.path) for axis in d.axes), d.name))
+    inner.sort(key=lambda d: (max(_innermost_last(axis.path) for axis in d.axes), d.name))
+    return Grid(study, tuple(outer), tuple(inner))
 
 
 def _outermost_first(path: str) -> int:
-    """Rank scheme before structure before its modes before the step."""
-    order = {"scheme": 0, "mechanical_modes": 2, "thermal_modes": 2, "h": 3}
+    """Rank scheme before structure before its basis before its modes before the step."""
+    order = {"scheme": 0, "reduction": 2, "mechanical_modes": 3, "thermal_modes": 3, "h": 4}
     return order.get(path, 1)
+
+
+def _innermost_last(path: str) -> int:
+    """Rank conditions by how finely they are mostly varied: the load frequency is swept, the start has a few values."""
+    order = {"e": 1, "scene.casing.gap": 2, "alpha": 3, "scene.load.frequency": 4}
+    return order.get(path, 0)
 
 
 def values_along(grid: Grid, path: str, otherwise: float) -> tuple[float, ...]:

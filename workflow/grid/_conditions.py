@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -27,25 +29,24 @@ def conditions(cell: Cell, structure: Structure, varying: Mapping[str, Array], c
         Number of cases.
     """
     scene = cell.scene
-    nodes = structure.mechanical_size
 
     def of_case(path: str, value: float) -> Array:
         return np.array(np.broadcast_to(varying.get(path, np.float64(value)), (count,)), dtype=np.float64)
 
-    def of_node(path: str, value: Values) -> Array:
+    def of_node(path: str, value: Values, size: int = structure.mechanical_size) -> Array:
         if path in varying:
-            return np.repeat(np.asarray(varying[path], dtype=np.float64)[:, None], nodes, axis=1)
-        return np.array(np.broadcast_to(np.asarray(value, dtype=np.float64), (count, nodes)))
+            return np.repeat(np.asarray(varying[path], dtype=np.float64)[:, None], size, axis=1)
+        return np.array(np.broadcast_to(np.asarray(value, dtype=np.float64), (count, size)))
 
     load = scene.load
     gap = of_case("scene.casing.gap", scene.gap)
     mean = of_case("scene.load.mean", load.mean)
     steady = of_node("scene.load.steady", load.steady)
-    heating = of_node(f"scene.{scene.model}.heating", scene.parameters.heating)
+    heating = of_node(f"scene.{scene.model}.heating", heat_load(scene.parameters), structure.thermal_size)
     initial = Initial() if scene.initial == "static" else scene.initial  # see at_rest
     displacement = of_node("scene.initial.displacement", initial.displacement)
     velocity = of_node("scene.initial.velocity", initial.velocity)
-    temperature = of_node("scene.initial.temperature", initial.temperature)
+    temperature = of_node("scene.initial.temperature", initial.temperature, structure.thermal_size)
     return Cases(
         e=of_case("e", cell.e),
         alpha=of_case("alpha", cell.alpha),
@@ -60,6 +61,13 @@ def conditions(cell: Cell, structure: Structure, varying: Mapping[str, Array], c
         velocity=velocity,
         temperature=temperature,
     )
+
+
+def heat_load(parameters: Any) -> Values:
+    """Return the constant heat load of a model's parameters, W; 0 of a model that declares no ``heating``."""
+    declared = {entry.name for entry in dataclasses.fields(parameters)}
+    value: Values = parameters.heating if "heating" in declared else 0.0
+    return value
 
 
 def at_rest(structure: Structure, cases: Cases) -> Cases:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 import json
 from typing import Any
@@ -11,8 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow import schemes
+from workflow.declare import plain
 from workflow.grid._arrangement import Grid
-from workflow.grid._reference import reference_cell
+from workflow.grid._conditions import heat_load
+from workflow.grid._reference import exact_cell, reference_cell
+from workflow.reduction import DEFAULT
 from workflow.schemes import SOLVER_VERSION
 from workflow.study import Cell
 
@@ -31,7 +33,7 @@ def case_hashes(grid: Grid) -> NDArray[np.uint8]:
     """Return the hash of every case in archive order, ``(case, HASH_BYTES)``.
 
     It covers the solver's version, model, conditions, duration and sampling, the scheme with its
-    options, those of e, h and α that it reads, mode counts, and the reference in the same way: values
+    options, those of e, h and α that it reads, basis and mode counts, and the reference in the same way: values
     in SI, to the bit. Labels, titles, the place in the grid and what else is stored do not enter.
     """
     found = np.empty((grid.outer_count, grid.inner_count, HASH_BYTES), np.uint8)
@@ -68,15 +70,16 @@ def _read(cell: Cell) -> frozenset[str]:
 
 
 def _numerics(cell: Cell, read: frozenset[str]) -> dict[str, Any]:
-    parameters = dataclasses.asdict(cell.scene.parameters)
+    parameters = plain(cell.scene.parameters)
     parameters.pop("heating", None)  # a condition
     return {
         "model": cell.scene.model,
         "parameters": parameters,
         "method": cell.scheme.method,
-        "options": dataclasses.asdict(cell.scheme.options),
+        "options": plain(cell.scheme.options),
         "modes": [cell.mechanical_modes, cell.thermal_modes],
         "h": float(cell.h).hex() if "h" in read else None,
+        **({} if cell.reduction == DEFAULT else {"reduction": cell.reduction}),  # archives without it had this one
     }
 
 
@@ -85,8 +88,8 @@ def _per_node(cell: Cell) -> dict[str, Any]:
     scene, found = cell.scene, {}
     for path in (*_PER_NODE, f"scene.{cell.scene.model}.heating"):
         *_, group, name = path.split(".")
-        owner: Any = {"load": scene.load, "initial": scene.initial}.get(group, scene.parameters)
-        value = owner if isinstance(owner, str) else getattr(owner, name)
+        owner: Any = {"load": scene.load, "initial": scene.initial}.get(group)
+        value = heat_load(scene.parameters) if owner is None else owner if owner == "static" else getattr(owner, name)
         found[path] = float(value) if isinstance(value, int | float) else value
     return found
 
@@ -103,7 +106,7 @@ def _rows(grid: Grid, outer: int, cell: Cell, varying: Any, count: int) -> NDArr
     columns = [values[path] for path in sorted(set(values) - {"e", "alpha"})]
     columns += [values[name] if name in read else 0.0 for name in ("e", "alpha")]
     if reference is not None:
-        own = _read(reference_cell(grid, outer))
+        own = _read(reference_cell(grid, outer)) | _read(exact_cell(grid, outer))
         columns += [reference.values.get(name, values[name]) if name in own else 0.0 for name in ("e", "alpha")]
     rows = np.empty((count, len(columns)))
     for k, column in enumerate(columns):

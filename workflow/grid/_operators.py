@@ -2,30 +2,38 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from workflow import models, schemes
+from workflow.grid._compile import Wanted, compile_scheme
 from workflow.grid._conditions import at_rest
+from workflow.grid._costs import batch_part, growth_part, measured, setup_part, workload_of
 from workflow.grid._turns import waiting
-from workflow.models import MOST_NODES_WITH_MATRICES, Cases, Chain, Structure, critical_alpha, growth_rate
-from workflow.reduction import Reduction, reduce_structure
+from workflow.models import (
+    MOST_NODES_WITH_MATRICES,
+    Array,
+    Cases,
+    Growth,
+    InContact,
+    Structure,
+    critical_alpha,
+    growth,
+    in_contact,
+)
+from workflow.reduction import Known, Reduction, projection_residual, reduce_structure
 from workflow.schemes import Results, Sampling
-from workflow.schemes._compile import Wanted, compile_scheme
 from workflow.study import Cell
+
+_AT_CRITICAL = 1e-9
+"""Share of the critical coupling within which its own rounding, about 1e-14, decides nothing."""
 
 _OPERATORS_KEPT = 16
 """Operators kept per process; tasks run through them in order, so few are alive at a time."""
-
-_LARGE = 300
-"""States above which the growth rate is taken from a reduced structure: the dense eigenvalue
-problem of a few hundred states takes tens of milliseconds and grows with the cube."""
-
-_ENOUGH_MODES, _ENOUGH_OF_A_LONG_CHAIN = 80, 12
-"""Modes of that reduced structure; 3 + 12 modes already give the rate to 0.2 % on the blade, and those
-of a chain without matrices are found one by one."""
 
 
 @lru_cache(maxsize=_OPERATORS_KEPT)
@@ -35,58 +43,76 @@ def structure_of(model: str, parameters: Any) -> Structure:
         return models.load(model).assemble(parameters)
 
 
+@dataclass(frozen=True)
+class Reduced:
+    """What decides the structure that a case is run on: model, basis, counts of modes, what a basis may know."""
+
+    model: str
+    parameters: Any
+    basis: str
+    modes: tuple[int, int]
+    known: Known
+
+
+def reduced(cell: Cell) -> Reduced:
+    """Return what decides the structure that a case is run on."""
+    scene = cell.scene
+    modes = cell.mechanical_modes, cell.thermal_modes
+    return Reduced(scene.model, scene.parameters, cell.reduction, modes, Known(scene.duration))
+
+
 @lru_cache(maxsize=_OPERATORS_KEPT)
-def reduction_of(model: str, parameters: Any, mechanical_modes: int, thermal_modes: int) -> Reduction | None:
+def reduction_of(by: Reduced) -> Reduction | None:
     """Return the reduction of a model, ``None`` where all modes are kept and nothing is to be done."""
-    structure = structure_of(model, parameters)
-    if mechanical_modes == structure.mechanical_size - 1 and thermal_modes == structure.thermal_size - 1:
+    structure = structure_of(by.model, by.parameters)
+    sizes = structure.mechanical_size, structure.thermal_size
+    mechanical, thermal = (None if kept == size - 1 else kept for kept, size in zip(by.modes, sizes, strict=True))
+    if mechanical is None and thermal is None:
         return None
     with threadpool_limits(limits=1, user_api="blas"):
-        return reduce_structure(structure, mechanical_modes, thermal_modes)
+        return reduce_structure(structure, mechanical, thermal, by.basis, by.known)
+
+
+def structure_on(by: Reduced) -> Structure:
+    """Return the structure of a model as its basis leaves it."""
+    reduction = reduction_of(by)
+    return structure_of(by.model, by.parameters) if reduction is None else reduction.structure
 
 
 def reduced_structure(cell: Cell) -> Structure:
     """Return the structure that a case is run on."""
-    scene = cell.scene
-    reduction = reduction_of(scene.model, scene.parameters, cell.mechanical_modes, cell.thermal_modes)
-    return structure_of(scene.model, scene.parameters) if reduction is None else reduction.structure
+    return structure_on(reduced(cell))
 
 
 @lru_cache(maxsize=_OPERATORS_KEPT)
-def _operator(model: str, parameters: Any, modes: tuple[int, int], method: str, options: Any, h: float) -> Any:
-    reduction = reduction_of(model, parameters, *modes)
-    structure = structure_of(model, parameters) if reduction is None else reduction.structure
-    return schemes.load(method).init(structure, h, options)
+def _operator(by: Reduced, method: str, options: Any, h: float) -> Any:
+    structure = structure_on(by)
+    with measured(setup_part(method, structure)):
+        return schemes.load(method).init(structure, h, options)
 
 
 @lru_cache(maxsize=_OPERATORS_KEPT)
-def _slow_structure(model: str, parameters: Any, modes: tuple[int, int]) -> Structure:
-    """Return a structure whose growth rate is that of the given one and costs little."""
-    reduction = reduction_of(model, parameters, *modes)
-    structure = structure_of(model, parameters) if reduction is None else reduction.structure
-    if 2 * structure.mechanical_size + structure.thermal_size <= _LARGE:
-        return structure
-    long = isinstance(structure, Chain) and not structure.has_matrices
-    most = _ENOUGH_OF_A_LONG_CHAIN if long else _ENOUGH_MODES
-    kept = (min(most, structure.mechanical_size - 1), min(most, structure.thermal_size - 1))
-    return reduce_structure(structure, *kept).structure
+def _in_contact(by: Reduced) -> InContact:
+    structure = structure_on(by)
+    with threadpool_limits(limits=1, user_api="blas"):
+        return in_contact(structure)
 
 
 @lru_cache(maxsize=4096)
-def _growth_rate(model: str, parameters: Any, modes: tuple[int, int], alpha: float) -> float:
-    return growth_rate(_slow_structure(model, parameters, modes), alpha)
+def _growth(by: Reduced, alpha: float) -> Growth:
+    with measured(growth_part(structure_on(by))):
+        return growth(_in_contact(by), alpha)
 
 
 @lru_cache(maxsize=_OPERATORS_KEPT)
-def _critical_alpha(model: str, parameters: Any, modes: tuple[int, int]) -> float:
-    reduction = reduction_of(model, parameters, *modes)
-    return critical_alpha(structure_of(model, parameters) if reduction is None else reduction.structure)
+def _critical_alpha(by: Reduced) -> float:
+    return critical_alpha(structure_on(by))
 
 
 def kernels_of(cell: Cell) -> Wanted:
     """Return what of its scheme must be compiled for a cell."""
     scheme = schemes.load(cell.scheme.method)
-    swept = hasattr(scheme, "is_swept") and scheme.is_swept(reduced_structure(cell))
+    swept = scheme.sweeps(reduced_structure(cell))
     return Wanted(cell.scheme.method, cell.scheme.options, MOST_NODES_WITH_MATRICES + 1 if swept else 1)
 
 
@@ -95,19 +121,34 @@ def compile_for(cell: Cell) -> None:
     compile_scheme(kernels_of(cell), waiting)
 
 
-def runaway_of(cell: Cell, alpha: float) -> tuple[float, float]:
-    """Return the critical coupling of the structure a cell is run on, and the growth rate at ``alpha``."""
-    key = (cell.scene.model, cell.scene.parameters, (cell.mechanical_modes, cell.thermal_modes))
-    return _critical_alpha(*key), _growth_rate(*key, alpha)
+def runaway_of(cell: Cell, alpha: float) -> tuple[float, float, bool]:
+    """Return critical coupling and growth rate at ``alpha`` of the structure a cell is run on, and whether it grows.
+
+    Above the critical coupling a real eigenvalue is positive for certain, however small it is beside the largest
+    (1 - α G(s) is negative at 0 and 1 at infinity).
+    """
+    by = reduced(cell)
+    found, critical = _growth(by, alpha), _critical_alpha(by)
+    return critical, found.rate, alpha > 0 and (found.is_positive or alpha > critical * (1 + _AT_CRITICAL))
+
+
+def projection_residual_of(cell: Cell, cases: Cases) -> Array:
+    """Return what the bases of a cell cannot hold of cases given on the nodes, 1, ``(case,)``; 0 where it is full."""
+    reduction = reduction_of(reduced(cell))
+    if reduction is None:
+        return np.zeros(cases.count)
+    return projection_residual(structure_of(cell.scene.model, cell.scene.parameters), reduction, cases)
 
 
 def run_batch(cell: Cell, cases: Cases, sampling: Sampling) -> Results:
     """Run cases, given on the nodes, on the structure and with the scheme of a cell."""
     scene, method = cell.scene, cell.scheme.method
-    modes = (cell.mechanical_modes, cell.thermal_modes)
-    reduction = reduction_of(scene.model, scene.parameters, *modes)
-    operator = _operator(scene.model, scene.parameters, modes, method, cell.scheme.options, cell.h)
+    reduction = reduction_of(reduced(cell))
+    operator = _operator(reduced(cell), method, cell.scheme.options, cell.h)
     projected = cases if reduction is None else reduction.project(cases)
     if scene.initial == "static":
         projected = at_rest(reduced_structure(cell), projected)
-    return schemes.load(method).compute(operator, projected, sampling)
+    part = batch_part(cell, reduced_structure(cell), sampling, workload_of(cases, sampling))
+    with measured(part):
+        results = schemes.load(method).compute(operator, projected, sampling)
+    return schemes.checked(results, projected, sampling)

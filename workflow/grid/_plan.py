@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
-from workflow import schemes
-from workflow.grid._arrangement import Grid, Indices, values_along
-from workflow.grid._operators import reduced_structure, reduction_of, structure_of
-from workflow.grid._solve import longest_period_count
-from workflow.grid._tasks import Units, computed_seconds, tasks
+from workflow import models, schemes
+from workflow.grid._arrangement import Grid, Indices, arrange, values_along
+from workflow.grid._estimate import Time, estimate, result_bytes
+from workflow.grid._operators import Reduced, reduced, reduced_structure, structure_of, structure_on
+from workflow.grid._reference import solution_counts
+from workflow.grid._scene_cautions import scene_cautions
+from workflow.grid._tasks import Units, tasks, units_of
 from workflow.models import MOST_NODES_WITH_MATRICES, Array, Chain, critical_alpha, frequencies, rates, tip_flexibility
 from workflow.schemes import Scheme
-from workflow.study import Cell
+from workflow.study import Cell, ResolvedValue, Study, resolved_values
 
 _GROWS = 1e-12
 """Growth of a free step that is told: below, a million steps grow by less than a millionth."""
@@ -61,16 +62,26 @@ class Plan:
 
     Attributes
     ----------
+    study, title
+        Its name and title.
+    dims
+        Names and sizes of the archive's dimensions, outermost first.
+    scene
+        Every value with its unit, and what was left to its default.
     cases, unique
         Cells of the archive, and cases that are computed.
+    references, exact
+        Reference solutions, and exact solutions of reduced models beside them, which split the errors.
     batches, tasks
         Runs of cases that share operators, and dask tasks.
     steps
         Steps of all cases together (0 for a scheme without steps).
-    seconds
-        Estimated work of one core.
+    time
+        How long it will take here.
     bytes
         Size of the results before compression.
+    stored
+        Names of the histories that are stored, metrics not told; none for metrics alone.
     structures
         Figures of the first distinct structures.
     operators
@@ -79,13 +90,20 @@ class Plan:
         What to beware of, one sentence each.
     """
 
+    study: str
+    title: str
+    dims: tuple[tuple[str, int], ...]
+    scene: tuple[ResolvedValue, ...]
     cases: int
     unique: int
+    references: int
+    exact: int
     batches: int
     tasks: int
     steps: int
-    seconds: float
+    time: Time
     bytes: int
+    stored: tuple[str, ...]
     structures: tuple[Figures, ...]
     operators: tuple[str, ...]
     warnings: tuple[str, ...]
@@ -107,6 +125,12 @@ def figures(label: str, cell: Cell) -> Figures:
     )
 
 
+def plan_study(study: Study) -> Plan:
+    """Return what a study comes to; runs nothing."""
+    grid = arrange(study)
+    return plan(grid, units_of(grid))
+
+
 def plan(grid: Grid, units: Units) -> Plan:
     """Return what a study comes to."""
     from threadpoolctl import threadpool_limits
@@ -123,7 +147,6 @@ def _plan(grid: Grid, units: Units) -> Plan:
     marching = np.array(
         [grid.sampling.steps(cell.h) if "h" in schemes.load(cell.scheme.method).READS else 0 for cell in cells]
     )
-    seconds = float(np.sum(distinct[kind] * computed_seconds(grid)))
     structures = np.unique(grid.alike(computed, lambda path: path.startswith(f"scene.{model}.")))[:_STRUCTURES_SHOWN]
     shown = [grid.settings(int(outer)) for outer in structures]
     cautions = [caution for outer in _looked_at(computed) for caution in _beware(grid, grid.settings(outer))]
@@ -137,32 +160,39 @@ def _plan(grid: Grid, units: Units) -> Plan:
         number += 1
         batches += len(task.segments)
     cases = grid.outer_count * grid.inner_count
-    stored = 8 if grid.study.output.precision == "float64" else 4
-    sampled = stored * len(grid.study.output.histories) * grid.sampling.count
-    size = cases * (8 * (4 * longest_period_count(grid) + 20) + sampled)
+    references, exact = solution_counts(grid)
     return Plan(
-        cases,
-        int(np.sum(distinct[kind])),
-        batches,
-        number,
-        sum(int(n) * int(d) * int(c) for n, d, c in zip(marching, distinct, np.bincount(kind), strict=True)),
-        seconds,
-        size,
-        tuple(figures(f"{model}, {cell.scene.parameters.nodes} nodes", cell) for cell in shown),
-        _operators(grid, computed),
-        idle + _told(cautions),
+        study=grid.study.name,
+        title=grid.study.title,
+        dims=grid.dims,
+        scene=resolved_values(grid.study, grid.settings(0)),
+        cases=cases,
+        unique=int(np.sum(distinct[kind])),
+        references=references,
+        exact=exact,
+        batches=batches,
+        tasks=number,
+        steps=sum(int(n) * int(d) * int(c) for n, d, c in zip(marching, distinct, np.bincount(kind), strict=True)),
+        time=estimate(grid, units),
+        bytes=result_bytes(grid),
+        stored=tuple(grid.study.output.histories),
+        structures=tuple(
+            figures(f"{model}, {models.sizes(model, cell.scene.parameters)[0]} nodes", cell) for cell in shown
+        ),
+        operators=_operators(grid, computed),
+        warnings=idle + scene_cautions(grid) + _told(cautions),
     )
 
 
 def _operators(grid: Grid, computed: Indices) -> tuple[str, ...]:
     """Return what the first distinct structures are stepped by, where a scheme has a choice."""
-    names, model = ("scheme", "mechanical_modes", "thermal_modes"), grid.study.scene.model
+    names, model = ("scheme", "reduction", "mechanical_modes", "thermal_modes"), grid.study.scene.model
     places = np.unique(grid.alike(computed, lambda path: path in names or path.startswith(f"scene.{model}.")))
     told: dict[str, None] = {}
     for outer in places[:_STRUCTURES_SHOWN]:
         cell = grid.settings(int(outer))
         scheme = schemes.load(cell.scheme.method)
-        if hasattr(scheme, "operator_name"):
+        if scheme.operator_name is not None:
             told[f"{cell.scheme.method}: {scheme.operator_name(reduced_structure(cell))}"] = None
     return tuple(told)
 
@@ -175,10 +205,9 @@ def _looked_at(computed: Indices) -> list[int]:
 
 
 @lru_cache(maxsize=64)
-def _free_modes(model: str, parameters: Any, mechanical: int, thermal: int) -> tuple[Array, Array, Array]:
+def _free_modes(by: Reduced) -> tuple[Array, Array, Array]:
     """Return ω, c and μ of a structure's modes, of a long chain those of the lowest and the highest."""
-    reduction = reduction_of(model, parameters, mechanical, thermal)
-    structure = structure_of(model, parameters) if reduction is None else reduction.structure
+    structure = structure_on(by)
     omega = frequencies(structure)
     damping = structure.damping.mass + structure.damping.stiffness * omega**2
     return omega, damping, rates(structure)
@@ -199,12 +228,12 @@ def _beware(grid: Grid, cell: Cell) -> list[_Caution]:
     """Return what there is to say of one scheme at one step on one structure."""
     scheme = schemes.load(cell.scheme.method)
     structure = reduced_structure(cell)
-    if isinstance(structure, Chain) and not structure.has_matrices and not hasattr(scheme, "is_swept"):
+    if isinstance(structure, Chain) and not structure.has_matrices and scheme.is_swept is None:
         what = f"fails, as only moreau steps more than {MOST_NODES_WITH_MATRICES} nodes, with"
         return [_Caution(cell.scheme.label, what, cell.h, f"{structure.mechanical_size} nodes", 0.0)]
-    if "h" not in scheme.READS:
+    if "h" not in scheme.READS or scheme.amplification is None or scheme.thermal_amplification is None:
         return []
-    omega, damping, mu = _free_modes(cell.scene.model, cell.scene.parameters, cell.mechanical_modes, cell.thermal_modes)
+    omega, damping, mu = _free_modes(reduced(cell))
     free = np.abs(scheme.amplification(omega, damping, cell.h, cell.scheme.options))
     heat = np.abs(scheme.thermal_amplification(mu, cell.h, cell.scheme.options))
     growth = float(max(free.max(initial=0.0), heat.max(initial=0.0)))
@@ -215,10 +244,11 @@ def _beware(grid: Grid, cell: Cell) -> list[_Caution]:
     if growth > 1 + _GROWS:
         return [caution("diverges, its free step grows", f"{growth:.6g}-fold", growth)]
     found = []
-    if hasattr(scheme, "contact_limit"):
+    if scheme.contact_limit is not None:
         limit = scheme.contact_limit(structure, cell.scheme.options)
         if cell.h > limit:
-            found.append(caution("grows in contact, which is stable only up to", f"{limit:.6g} s", -limit))
+            measured = f"{limit:.6g} s (measured with contact that comes and goes)"
+            found.append(caution("grows in contact, which is stable only up to", measured, -limit))
     if omega[0] > 0:
         physical = float(damping[0] / (2 * omega[0]))
         numerical = _first_mode_damping(scheme, omega[:1], damping[:1], cell) - physical
@@ -236,6 +266,7 @@ def _beware(grid: Grid, cell: Cell) -> list[_Caution]:
 
 def _first_mode_damping(scheme: Scheme, omega: Array, damping: Array, cell: Cell) -> float:
     """Return the damping ratio -ln|z|/|arg z| that the free step gives the first mode."""
+    assert scheme.amplification is not None
     z = complex(scheme.amplification(omega, damping, cell.h, cell.scheme.options)[0, 0])
     turn = abs(np.angle(z))
     return float(-np.log(abs(z)) / turn) if abs(z) > 0 and turn > 0 else float("inf")

@@ -1,181 +1,100 @@
-"""Errors of a batch against a reference, each distinct reference computed once and kept a while."""
+"""Errors of a batch against the study's reference, whole and split into those of scheme and reduced model."""
 
 from __future__ import annotations
 
-import threading
-from collections import OrderedDict
 from collections.abc import Mapping
-from concurrent.futures import Future
-from dataclasses import dataclass, field, replace
-from weakref import WeakKeyDictionary
+from dataclasses import replace
 
 import numpy as np
 
 from workflow import schemes
-from workflow.grid._arrangement import Grid, Indices, reads
-from workflow.grid._conditions import conditions
-from workflow.grid._operators import compile_for, run_batch, structure_of
-from workflow.grid._turns import waiting
+from workflow.grid._arrangement import EXACT, Grid, Indices
+from workflow.grid._distance import norms, relative
+from workflow.grid._truth import Truth, distinct_shape, only_what_is_read, truths
 from workflow.models import Array
 from workflow.schemes import Status
-from workflow.study import Cell
+from workflow.study import Cell, SchemeChoice
+from workflow.variables import COMPARED
 
-COMPARED = {"displacement_error": "displacement", "temperature_error": "temperature", "impulse_error": "impulse"}
-"""Errors of an archive and the histories they compare."""
+REFERENCE = "reference: "
+"""What the message begins with of a case that is ok and has an error that cannot be formed."""
 
-PREDICTABILITY = "predictability"
-
-PERTURBATION = 1e-12
-"""Relative change of the gap whose effect on a reference tells how far it can be predicted."""
-
-BLOCK = 64
-"""Reference cases that are computed at a time: a couple of kernel blocks, and a few milliseconds."""
-
-KEPT_BYTES = 256 * 2**20
-"""Reference histories that are kept for the batches to come."""
+PARTS = "scheme and model error: "
+"""What the message begins with of a case whose error cannot be split."""
 
 
-def reference_names(grid: Grid) -> tuple[str, ...]:
-    """Return the metrics that a study with a reference has."""
-    return (*COMPARED, PREDICTABILITY) if grid.study.reference is not None else ()
+_BASIS = frozenset({"mechanical_modes", "thermal_modes", "reduction"})
+"""Settings of the reduced model, which an exact solution takes from the case."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Truth:
-    """A block of reference cases: histories ``(case, t)`` and predictability ``(case,)``."""
+def against_reference(
+    grid: Grid, outer: int, inner: Indices, found: Mapping[str, Array]
+) -> tuple[dict[str, Array], dict[int, str]]:
+    """Return the errors of a batch against the study's reference, ``(case,)`` each, and what cannot be formed.
 
-    histories: dict[str, Array]
-    predictability: Array
+    Errors are relative L2 norms over the common samples; 0 where both are identically zero. The scheme's part is
+    the distance from the exact solution of the case's own reduced model, the model's part the distance of that from
+    the reference, all over the reference's norm, so that total <= scheme + model. NaN where a solution did not end
+    ok, or the reference is identically zero and the case is not. Messages are by position, of ok cases only.
 
-
-@dataclass(eq=False)
-class _Kept:
-    """Blocks of references of one grid, the most recently used last."""
-
-    blocks: OrderedDict[tuple[Cell, int], Future[_Truth]] = field(default_factory=OrderedDict)
-    lock: threading.Lock = field(default_factory=threading.Lock)
-
-
-_KEPT: WeakKeyDictionary[Grid, _Kept] = WeakKeyDictionary()
-_KEPT_LOCK = threading.Lock()
-
-
-def against_reference(grid: Grid, outer: int, inner: Indices, found: Mapping[str, Array]) -> dict[str, Array]:
-    """Return the errors of the histories of a batch against the study's reference, ``(case,)`` each; none without one.
-
-    Relative L2 norms over the common samples; 0 where both are identically zero, NaN where the case
-    or its reference did not end ok.
+    Parameters
+    ----------
+    found
+        Histories ``(case, t)`` and ``status`` of the batch.
     """
     if grid.study.reference is None:
-        return {}
-    truth = _truth_of(grid, outer, inner)
-    errors = {name: _distance(found[history], truth.histories[history]) for name, history in COMPARED.items()}
-    return {**errors, PREDICTABILITY: truth.predictability}
+        return {}, {}
+    ours, theirs = reference_cell(grid, outer), exact_cell(grid, outer)
+    truth = truths(grid, ours, inner, perturbed=True)
+    exact = truth if theirs == ours else truths(grid, theirs, inner, perturbed=False)
+    errors: dict[str, Array] = {"predictability": truth.predictability}
+    for name in COMPARED:
+        size = norms(truth.histories[name])
+        errors[f"{name}_error"] = relative(norms(found[name] - truth.histories[name]), size)
+        errors[f"{name}_scheme_error"] = relative(norms(found[name] - exact.histories[name]), size)
+        errors[f"{name}_model_error"] = relative(norms(exact.histories[name] - truth.histories[name]), size)
+    return errors, _messages(truth, exact, errors, found["status"] == Status.OK)
 
 
-def _distance(values: Array, truth: Array) -> Array:
-    """Return the relative L2 distance of each row."""
-    distance = np.sqrt(np.sum((values - truth) ** 2, axis=1))
-    size = np.sqrt(np.sum(truth**2, axis=1))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(distance == 0.0, 0.0, distance / size)
-
-
-def _truth_of(grid: Grid, outer: int, inner: Indices) -> _Truth:
-    """Return the reference of every case, put together from blocks."""
-    cell = reference_cell(grid, outer)
-    shape = _reference_shape(grid, cell)
-    index = np.unravel_index(inner, grid.inner_shape) if grid.inner else ()
-    own = [np.minimum(i, size - 1) for i, size in zip(index, shape, strict=True)]
-    number = np.ravel_multi_index(own, shape) if shape else np.zeros_like(inner)
-    found = {int(block): _block(grid, cell, shape, int(block)) for block in np.unique(number // BLOCK)}
-    rows = [(found[int(n) // BLOCK], int(n) % BLOCK) for n in number]
-    return _Truth(
-        {name: np.stack([block.histories[name][row] for block, row in rows]) for name in COMPARED.values()},
-        np.array([block.predictability[row] for block, row in rows]),
-    )
+def _messages(truth: Truth, exact: Truth, errors: Mapping[str, Array], ok: Array) -> dict[int, str]:
+    """Say of each ok case which errors cannot be formed, and why."""
+    told: dict[int, str] = {}
+    for case in map(int, np.flatnonzero(ok)):
+        zero = [name for name in COMPARED if np.isnan(errors[f"{name}_error"][case])]
+        if case in truth.failures:
+            told[case] = f"{REFERENCE}{truth.failures[case]}"
+        elif zero:
+            told[case] = f"{REFERENCE}its {' and '.join(zero)} is identically zero, that of the case is not"
+        elif case in exact.failures:
+            told[case] = f"{PARTS}{EXACT} on the reduced model of the case: {exact.failures[case]}"
+    return told
 
 
 def reference_cell(grid: Grid, outer: int) -> Cell:
     """Return the settings of a reference, those that its scheme does not read the same for all."""
     values = dict(grid.study.reference.values) if grid.study.reference is not None else {}
-    cell = grid.settings(outer, values)
-    read = schemes.load(cell.scheme.method).READS
-    return replace(
-        cell,
-        e=cell.e if "e" in read else 0.0,
-        h=cell.h if "h" in read else 0.0,
-        alpha=cell.alpha if "alpha" in read else 0.0,
-    )
+    return only_what_is_read(grid.settings(outer, values))
 
 
-def _reference_shape(grid: Grid, cell: Cell) -> tuple[int, ...]:
-    """Return the sizes of the inner dimensions, 1 for those along which the reference stays the same."""
-    replaced = grid.study.reference.values if grid.study.reference is not None else {}
-    return tuple(
-        dimension.size
-        if any(
-            axis.path not in replaced and reads(cell.scheme.method, cell.scheme.label, axis.path)
-            for axis in dimension.axes
-        )
-        else 1
-        for dimension in grid.inner
-    )
+def exact_cell(grid: Grid, outer: int) -> Cell:
+    """Return the settings of the exact solution of a case's reduced model: the reference's, with the case's basis."""
+    values = dict(grid.study.reference.values) if grid.study.reference is not None else {}
+    cell = grid.settings(outer, {path: value for path, value in values.items() if path not in _BASIS})
+    if cell.scheme.method != EXACT:
+        cell = replace(cell, scheme=SchemeChoice(EXACT, EXACT, schemes.load(EXACT).Options()))
+    return only_what_is_read(cell)
 
 
-def _block(grid: Grid, cell: Cell, shape: tuple[int, ...], block: int) -> _Truth:
-    """Return a block of references: computed by the first who asks, waited for by all others."""
-    with _KEPT_LOCK:
-        kept = _KEPT.setdefault(grid, _Kept())
-    with kept.lock:
-        key = (cell, block)
-        future = kept.blocks.get(key)
-        mine = future is None
-        if future is None:
-            future = kept.blocks[key] = Future()
-        kept.blocks.move_to_end(key)
-        while len(kept.blocks) * BLOCK * grid.sampling.count * 8 * len(COMPARED) > KEPT_BYTES and len(kept.blocks) > 2:
-            kept.blocks.popitem(last=False)
-    if mine:
-        count = int(np.prod(shape, dtype=np.int64))
-        own = np.arange(block * BLOCK, min((block + 1) * BLOCK, count), dtype=np.int64)
-        try:
-            future.set_result(_computed_or_lost(grid, cell, shape, own))
-        except BaseException as error:  # an interrupt: whoever waits must not wait for ever
-            future.set_exception(error)
-            raise
-        return future.result()
-    with waiting():
-        return future.result()
+def solution_counts(grid: Grid) -> tuple[int, int]:
+    """Return how many references a study has, and how many exact solutions beside them split their errors."""
+    if grid.study.reference is None:
+        return 0, 0
+    replaced = grid.study.reference.values
+    outer = np.unique(grid.alike(grid.places.computed, lambda path: path in _BASIS or path not in replaced))
+    references = {reference_cell(grid, int(k)) for k in outer}
+    exact = {exact_cell(grid, int(k)) for k in outer} - references
+    return _distinct(grid, references), _distinct(grid, exact)
 
 
-def _computed_or_lost(grid: Grid, cell: Cell, shape: tuple[int, ...], own: Indices) -> _Truth:
-    """Return references; one that raises is NaN, which harms neither its neighbours nor its cases."""
-    try:
-        return _compute(grid, cell, shape, own)
-    except Exception:  # whatever a model or scheme raises
-        if own.size > 1:
-            alone = [_computed_or_lost(grid, cell, shape, own[k : k + 1]) for k in range(own.size)]
-            names = COMPARED.values()
-            histories = {name: np.concatenate([truth.histories[name] for truth in alone]) for name in names}
-            return _Truth(histories, np.concatenate([truth.predictability for truth in alone]))
-        lost = np.full((1, grid.sampling.count), np.nan)
-        return _Truth(dict.fromkeys(COMPARED.values(), lost), np.full(1, np.nan))
-
-
-def _compute(grid: Grid, cell: Cell, shape: tuple[int, ...], own: Indices) -> _Truth:
-    """Run a block of references, and once more with the gap opened by a trifle."""
-    inner = np.ravel_multi_index(np.unravel_index(own, shape), grid.inner_shape) if shape else own
-    replaced = grid.study.reference.values if grid.study.reference is not None else {}
-    varying = {path: values for path, values in grid.inner_values(inner).items() if path not in replaced}
-    structure = structure_of(cell.scene.model, cell.scene.parameters)
-    cases = conditions(cell, structure, varying, own.size)
-    compile_for(cell)
-    sampling = replace(grid.sampling, balances=False)
-    truth = run_batch(cell, cases, sampling)
-    opened = run_batch(cell, replace(cases, gap=cases.gap + PERTURBATION * np.abs(cases.gap)), sampling)
-    histories = {name: truth.histories[name] for name in COMPARED.values()}
-    lost = truth.status != Status.OK
-    for values in histories.values():
-        values[lost] = np.nan
-    return _Truth(histories, _distance(opened.histories["displacement"], histories["displacement"]))
+def _distinct(grid: Grid, cells: set[Cell]) -> int:
+    return sum(int(np.prod(distinct_shape(grid, cell), dtype=np.int64)) for cell in cells)

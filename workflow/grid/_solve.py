@@ -9,14 +9,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow import schemes
+from workflow import schemes, variables
 from workflow.grid._arrangement import Grid, Indices, values_along
+from workflow.grid._blow_up import mark_blown_up
 from workflow.grid._conditions import conditions
-from workflow.grid._operators import compile_for, run_batch, runaway_of, structure_of
+from workflow.grid._operators import compile_for, projection_residual_of, run_batch, runaway_of, structure_of
 from workflow.grid._reference import against_reference
+from workflow.grid._shaken import Shaken
 from workflow.models import Array, Cases
 from workflow.schemes import Results, Sampling, Status, complete_periods
 from workflow.study import Cell, Study
+from workflow.variables import Condition, Variable
 
 SHORT, REPEATS = 2e-3, 3
 """A batch that took less, in seconds, is run up to so many times in all and the least time counts."""
@@ -24,41 +27,43 @@ SHORT, REPEATS = 2e-3, 3
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """All variables of a batch, by name, each ``(case, …)``, and what failed cases have to say."""
+    """All variables of a batch, by name, each ``(case, …)``.
+
+    ``messages`` holds, by position, what a case did that is not ok, and which errors of an ok one cannot be formed.
+    """
 
     values: dict[str, NDArray[Any]]
     messages: dict[int, str]
 
 
-def solve(grid: Grid, outer: int, inner: Indices) -> Solved:
+def solve(grid: Grid, outer: int, inner: Indices, shaken: Shaken | None = None) -> Solved:
     """Run the cases ``inner`` of one outer index.
 
     Cases that differ only in axes their scheme does not read are run once; the reference may read
     them, so each has its own errors. What raises becomes cases of status ``failed``; it harms no
-    neighbour, which then run one by one.
+    neighbour, which then run one by one. ``shaken`` changes the data of the cases, not those of their reference.
     """
     cell = grid.settings(outer)
     canonical, place = np.unique(grid.canonical_inner(cell, inner), return_inverse=True)
-    solved = _solve_or_tell(grid, outer, canonical)
+    solved = _solve_or_tell(grid, outer, canonical, shaken)
     where = place.ravel()
     values = {name: found[where] for name, found in solved.values.items()}
     with np.errstate(all="ignore"):
-        values |= against_reference(grid, outer, inner, values)
-    return Solved(
-        values,
-        {k: solved.messages[int(source)] for k, source in enumerate(where) if int(source) in solved.messages},
-    )
+        errors, told = against_reference(grid, outer, inner, values)
+    own = {k: solved.messages[int(source)] for k, source in enumerate(where) if int(source) in solved.messages}
+    both = {k: "; ".join(text[k] for text in (told, own) if k in text) for k in {*told, *own}}
+    return Solved({**values, **errors}, both)
 
 
-def _solve_or_tell(grid: Grid, outer: int, inner: Indices) -> Solved:
+def _solve_or_tell(grid: Grid, outer: int, inner: Indices, shaken: Shaken | None) -> Solved:
     """Run distinct cases; where something raises one by one, and what then raises tells."""
     try:
         with np.errstate(all="ignore"):  # a case that leaves the numbers says so by its status
-            return _solve_distinct(grid, outer, inner)
+            return _solve_distinct(grid, outer, inner, shaken)
     except Exception as error:  # whatever a model or scheme raises is that case's result
         if inner.size == 1:
             return _failed(grid, f"{type(error).__name__}: {error}")
-        return _joined([_solve_or_tell(grid, outer, inner[k : k + 1]) for k in range(inner.size)])
+        return _joined([_solve_or_tell(grid, outer, inner[k : k + 1], shaken) for k in range(inner.size)])
 
 
 def _joined(parts: list[Solved]) -> Solved:
@@ -68,26 +73,34 @@ def _joined(parts: list[Solved]) -> Solved:
     return Solved(values, {k: part.messages[0] for k, part in enumerate(parts) if part.messages})
 
 
-def _solve_distinct(grid: Grid, outer: int, inner: Indices) -> Solved:
+def _solve_distinct(grid: Grid, outer: int, inner: Indices, shaken: Shaken | None) -> Solved:
     cell = grid.settings(outer)
+    cell = cell if shaken is None else shaken.cell(cell)
     structure = structure_of(cell.scene.model, cell.scene.parameters)
     cases = conditions(cell, structure, grid.inner_values(inner), inner.size)
+    cases = cases if shaken is None else shaken.cases(cases)
     compile_for(cell)
     results, seconds = _timed(grid, cell, cases)
+    results = mark_blown_up(cell, cases, results, grid.sampling.duration)
     distinct, where = np.unique(cases.alpha, return_inverse=True)
-    critical, growth = np.transpose([runaway_of(cell, float(alpha)) for alpha in distinct])[:, where]
+    critical, growth, runaway = np.transpose([runaway_of(cell, float(alpha)) for alpha in distinct])[:, where]
     values: dict[str, NDArray[Any]] = {
         **results.histories,
-        **{name: np.full(inner.size, np.nan) for name in scheme_metrics(grid.study)},
+        **{about.name: np.full(inner.size, np.nan) for about in scheme_metrics(grid.study)},
         **results.metrics,
         **_contact(results, cases, grid),
         "critical_alpha": critical,
         "growth_rate": growth,
+        "projection_residual": projection_residual_of(cell, cases),
         "wall_time": np.full(inner.size, seconds / inner.size),
+        "batch_width": np.full(inner.size, float(inner.size)),
         "status": results.status,
-        "runaway": ((cases.alpha > 0) & (cases.alpha >= critical)).astype(np.int8),
+        "runaway": runaway.astype(np.int8),
     }
-    return Solved(values, dict(results.messages))
+    messages = dict(results.messages)
+    for case in np.flatnonzero(np.isnan(values["growth_rate"])):
+        messages.setdefault(int(case), "growth_rate: the eigenvalues of the tip in contact did not converge")
+    return Solved(values, messages)
 
 
 def _timed(grid: Grid, cell: Cell, cases: Cases) -> tuple[Results, float]:
@@ -150,27 +163,27 @@ def longest_period_count(grid: Grid) -> int:
     return int(complete_periods(np.array(values), grid.sampling).max())
 
 
-def scheme_metrics(study: Study) -> dict[str, tuple[str, str]]:
-    """Return the metrics that only some of a study's schemes give: name to unit and meaning."""
+def scheme_metrics(study: Study) -> tuple[Variable, ...]:
+    """Return the metrics that some of a study's schemes declare for themselves."""
     methods = sorted({scheme.method for scheme in study.schemes.values()})
-    return {name: about for method in methods for name, about in schemes.metrics(method).items()}
+    return tuple({about.name: about for method in methods for about in schemes.metrics(method)}.values())
+
+
+def metrics_of(study: Study) -> tuple[Variable, ...]:
+    """Return all metrics of a study's archive, in its order."""
+    conditions: list[Condition] = ["always"]
+    conditions += ["balances"] if study.output.balances else []
+    conditions += ["reference"] if study.reference is not None else []
+    return (*variables.select("metric", None, *conditions), *scheme_metrics(study))
 
 
 def _failed(grid: Grid, text: str) -> Solved:
     """Return one case that raised: NaN everywhere, flags told."""
-    nan, periods = np.full(1, np.nan), longest_period_count(grid)
-    names = ("impacts", "contact_time", "max_penetration", "max_temperature", "thermal_closing", "steps")
-    balances = ("energy_residual", "heat_residual") if grid.sampling.balances else ()
-    derived = ("contact_impulse", "critical_alpha", "growth_rate", "wall_time")
-    histories = (*schemes.HISTORIES, "contact_force")
-    per_period = ("period_impulse", "period_force", "period_temperature", "period_contact")
-    return Solved(
-        {
-            **{name: np.full((1, grid.sampling.count), np.nan) for name in histories},
-            **dict.fromkeys((*names, *scheme_metrics(grid.study), *derived, *balances), nan),
-            **{name: np.full((1, periods), np.nan) for name in per_period},
-            "status": np.full(1, Status.FAILED, dtype=np.int8),
-            "runaway": np.zeros(1, dtype=np.int8),
-        },
-        {0: text},
-    )
+    nan = {"history": (1, grid.sampling.count), "metric": (1,), "period": (1, longest_period_count(grid))}
+    values: dict[str, NDArray[Any]] = {
+        about.name: np.full(nan[about.shape], np.nan)
+        for about in (*variables.select("history"), *metrics_of(grid.study), *variables.select("period"))
+        if about.condition != "reference"
+    }
+    values |= {"status": np.full(1, Status.FAILED, dtype=np.int8), "runaway": np.zeros(1, dtype=np.int8)}
+    return Solved(values, {0: text})

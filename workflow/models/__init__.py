@@ -6,19 +6,22 @@ that name in ``scene:`` of a study; adding one is adding the file.
 
 from __future__ import annotations
 
-import pkgutil
-from functools import cache
-from importlib import import_module
+from functools import lru_cache
 from typing import Any, Protocol, cast
 
+from workflow import registry
+from workflow.kernels import Array
+from workflow.models._bounds import FreeMotion, free_motion, quasi_static_temperature
 from workflow.models._cases import Cases, project
 from workflow.models._chain import MOST_NODES_WITH_MATRICES, Chain, TooManyNodesError
 from workflow.models._equilibrium import NoEquilibriumError, static_equilibrium
+from workflow.models._growth import Growth, InContact, growth, growth_rate, in_contact
 from workflow.models._long_chain import frequency_range, mechanical_path, rate_range, thermal_path
 from workflow.models._modes import Modes, mechanical_modes, modal_coupling, poles, thermal_modes
-from workflow.models._runaway import critical_alpha, growth_rate, static_tip_growth, tip_flexibility
+from workflow.models._runaway import critical_alpha, static_tip_growth, tip_flexibility
 from workflow.models._spectrum import frequencies, rates
-from workflow.models._structure import Array, Matrices, Rayleigh, Structure
+from workflow.models._static import static_displacements, static_temperatures
+from workflow.models._structure import Matrices, Rayleigh, Structure
 
 
 class Model(Protocol):
@@ -31,14 +34,24 @@ class Model(Protocol):
         ...
 
 
+_REQUIRED = ("Parameters", "assemble")
+
+
 def names() -> tuple[str, ...]:
     """Return the names of all models, sorted."""
-    return _names(tuple(__path__))
+    return registry.names(__name__)
 
 
-@cache
-def _names(path: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(sorted(m.name for m in pkgutil.iter_modules(path) if not m.name.startswith("_")))
+@lru_cache(maxsize=1024)
+def sizes(name: str, parameters: Any) -> tuple[int, int]:
+    """Return the numbers of mechanical and thermal coordinates of a model's structure, the tip's included."""
+    structure = load(name).assemble(parameters)
+    return structure.mechanical_size, structure.thermal_size
+
+
+def fault(name: str) -> str | None:
+    """Return why the model of a name cannot be used, ``None`` if it can."""
+    return registry.fault(__name__, name, _REQUIRED)
 
 
 def load(name: str) -> Model:
@@ -48,10 +61,10 @@ def load(name: str) -> Model:
     ------
     KeyError
         No model has this name.
+    BrokenModuleError
+        Its module cannot be used.
     """
-    if name not in names():
-        raise KeyError(name)
-    return cast(Model, import_module(f"{__name__}.{name}"))
+    return cast(Model, registry.load(__name__, name, _REQUIRED))
 
 
 __all__ = [
@@ -59,6 +72,9 @@ __all__ = [
     "Array",
     "Cases",
     "Chain",
+    "FreeMotion",
+    "Growth",
+    "InContact",
     "Matrices",
     "Model",
     "Modes",
@@ -67,9 +83,13 @@ __all__ = [
     "Structure",
     "TooManyNodesError",
     "critical_alpha",
+    "fault",
+    "free_motion",
     "frequencies",
     "frequency_range",
+    "growth",
     "growth_rate",
+    "in_contact",
     "load",
     "mechanical_modes",
     "mechanical_path",
@@ -77,9 +97,13 @@ __all__ = [
     "names",
     "poles",
     "project",
+    "quasi_static_temperature",
     "rate_range",
     "rates",
+    "sizes",
+    "static_displacements",
     "static_equilibrium",
+    "static_temperatures",
     "static_tip_growth",
     "thermal_modes",
     "thermal_path",

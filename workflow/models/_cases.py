@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.models._structure import Array
+from workflow.kernels import Array
 
 
 @dataclass(frozen=True, eq=False)

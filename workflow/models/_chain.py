@@ -7,7 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from workflow.models._structure import Array, Matrices, Rayleigh, Structure
+from workflow.kernels import Array
+from workflow.models._structure import Matrices, Rayleigh, Structure
 
 MOST_NODES = 200_000
 """A step of a case then takes a millisecond."""
@@ -75,7 +76,8 @@ class Chain(Structure):
         TooManyNodesError
             They would be too large.
         """
-        return Matrices(**{name: getattr(self, name) for name in Matrices.__dataclass_fields__})
+        names = set(Matrices.__dataclass_fields__) - {"tip_growth"}
+        return Matrices(**{name: getattr(self, name) for name in names})
 
     def _shifted(self, offset: int) -> Array:
         if not self.has_matrices:
@@ -96,6 +98,30 @@ class Chain(Structure):
     def expansion(self) -> Array:  # type: ignore[override]
         """Free thermal elongation of each spring, at the mean temperature of its ends, m/K."""
         return self.free_expansion[:, None] * ((self._shifted(0) + self._shifted(-1)) / 2)
+
+    @property
+    def stiffness_matrix(self) -> Array:
+        """K1, N/m."""
+        return self._tridiagonal(self.springs, np.zeros(self.mechanical_size))
+
+    @property
+    def coupling_matrix(self) -> Array:
+        """K12, N/K: N_i contains -k_i a ℓ_i (θ_{i-1} + θ_i)/2, and K12 θ is N_i - N_{i+1} at node i."""
+        half = self.springs * self.free_expansion / 2
+        beyond = np.append(half[1:], 0.0)
+        matrix = self._shifted(0) * (beyond - half)
+        matrix += self._shifted(1) * np.append(0.0, half[1:]) - (self._shifted(1) * np.append(0.0, half[1:])).T
+        return matrix
+
+    @property
+    def conductance_matrix(self) -> Array:
+        """K2, W/K."""
+        return self._tridiagonal(self.conduction, self.convection)
+
+    def _tridiagonal(self, joints: Array, grounds: Array) -> Array:
+        """Return the matrix of joints between neighbours (the first to the root) and of grounds."""
+        beside = self._shifted(1) * np.append(0.0, joints[1:])
+        return np.asarray(self._shifted(0) * (joints + np.append(joints[1:], 0.0) + grounds) - beside - beside.T)
 
     @cached_property
     def heat_capacity(self) -> Array:  # type: ignore[override]
@@ -123,6 +149,47 @@ class Chain(Structure):
         leads_out = np.ones(2 * self.mechanical_size)
         leads_out[1 : self.mechanical_size] = 0.0
         return leads_out
+
+    def last(self, count: int) -> Chain:
+        """Return the chain of the last ``count`` nodes, clamped and cold at the node before them."""
+        own = slice(max(self.mechanical_size - count, 0), None)
+        return Chain(
+            masses=self.masses[own],
+            springs=self.springs[own],
+            free_expansion=self.free_expansion[own],
+            heat_capacities=self.heat_capacities[own],
+            conduction=self.conduction[own],
+            convection=self.convection[own],
+            damping=self.damping,
+        )
+
+    def elongations(self, displacements: Array) -> Array:
+        """Return x_i - x_{i-1}, m, ``(spring, …)``, for displacements ``(node, …)``."""
+        return np.asarray(np.diff(displacements, axis=0, prepend=0.0))
+
+    def forces_of(self, tensions: Array) -> Array:
+        """Return N_i - N_{i+1}, N, ``(node, …)``, for spring forces N ``(spring, …)``."""
+        beyond = np.zeros_like(tensions)
+        beyond[:-1] = tensions[1:]
+        return tensions - beyond
+
+    def expansions(self, temperatures: Array) -> Array:
+        """Return a ℓ_i (θ_{i-1} + θ_i)/2, m, ``(spring, …)``, for temperatures ``(node, …)``."""
+        below = np.zeros_like(temperatures)
+        below[1:] = temperatures[:-1]
+        return np.asarray((self.free_expansion * ((temperatures + below) / 2).T).T)
+
+    def differences(self, temperatures: Array) -> Array:
+        """Return θ_i - θ_{i-1} of the springs, then θ_i to the surroundings, K, ``(conductor, …)``."""
+        return np.asarray(np.concatenate([np.diff(temperatures, axis=0, prepend=0.0), temperatures]))
+
+    def inertia_forces(self, accelerations: Array) -> Array:
+        """Return m_i a_i, N, ``(node, …)``."""
+        return np.asarray((self.masses * accelerations.T).T)
+
+    def heat_contents(self, temperatures: Array) -> Array:
+        """Return c_i θ_i, J, ``(node, …)``."""
+        return np.asarray((self.heat_capacities * temperatures.T).T)
 
     def spring_forces(self, temperature: Array) -> Array:
         """Return what temperatures add to the spring forces N, ``(spring,)``, N: -k a ℓ (θ_{i-1}+θ_i)/2."""

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from workflow.kernels import Array
 from workflow.models import _long_chain
 from workflow.models._chain import Chain
-from workflow.models._structure import Array, Structure
+from workflow.models._dense import least_squares, product
+from workflow.models._structure import Structure
 
 _UNBALANCED = 1e-9
 """Residual of an equilibrium, as a share of the load, above which there is none: far above the
@@ -22,8 +24,8 @@ def _solve(matrix: Array, load: Array) -> Array | None:
     scale = float(np.abs(matrix).max(initial=0.0))
     if scale == 0.0:
         return np.zeros_like(load) if not np.any(load) else None
-    solution = np.asarray(np.linalg.lstsq(matrix / scale, load / scale, rcond=None)[0], dtype=np.float64)
-    unbalanced = np.abs(matrix @ solution - load).max(initial=0.0)
+    solution = least_squares(matrix / scale, load / scale)
+    unbalanced = np.abs(product(matrix, solution) - load).max(initial=0.0)
     return solution if unbalanced <= _UNBALANCED * np.abs(load).max(initial=0.0) else None
 
 
@@ -52,7 +54,7 @@ def static_equilibrium(structure: Structure, load: Array, heating: Array, gap: f
     NoEquilibriumError
         The loads move a free body, or heat that cannot leave keeps warming the structure.
     """
-    if isinstance(structure, Chain) and not structure.has_matrices:
+    if isinstance(structure, Chain):
         displacement, temperature = _long_chain.static_equilibrium(structure, load, heating, gap)
     else:
         displacement, temperature = _by_matrices(structure, load, heating, gap)
@@ -69,7 +71,7 @@ def _by_matrices(structure: Structure, load: Array, heating: Array, gap: float) 
     if temperature is None:
         return None, None
     stiffness = structure.stiffness_matrix
-    force = load - structure.coupling_matrix @ temperature
+    force = load - product(structure.coupling_matrix, temperature)
     free = _solve(stiffness, force)
     if free is not None and free[-1] <= gap:
         return free, temperature
@@ -78,7 +80,7 @@ def _by_matrices(structure: Structure, load: Array, heating: Array, gap: float) 
     interior = _solve(stiffness[:-1, :-1], force[:-1] - stiffness[:-1, -1] * gap)
     if interior is not None:
         pressed[:-1] = interior
-        reaction = force[-1] - stiffness[-1] @ pressed
-        if reaction >= -_UNBALANCED * (abs(force[-1]) + np.abs(stiffness[-1]) @ np.abs(pressed)):
+        reaction = force[-1] - product(stiffness[-1], pressed)
+        if reaction >= -_UNBALANCED * (abs(force[-1]) + product(np.abs(stiffness[-1]), np.abs(pressed))):
             return pressed, temperature
     return None, temperature

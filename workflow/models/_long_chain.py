@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from workflow.kernels import Array
+from workflow.kernels.sums import dot, total
 from workflow.models._chain import Chain
 from workflow.models._path import Path
-from workflow.models._structure import Array
 
 
 def mechanical_path(chain: Chain) -> Path:
@@ -35,7 +36,7 @@ def rate_range(chain: Chain) -> Array:
 
 def tip_flexibility(chain: Chain) -> float:
     """Return Σ 1/k_i, m/N; ``inf`` where a spring is broken."""
-    return float(np.sum(1 / chain.springs)) if np.all(chain.springs > 0) else float("inf")
+    return total(1 / chain.springs) if np.all(chain.springs > 0) else float("inf")
 
 
 def static_tip_growth(chain: Chain) -> Array:
@@ -65,8 +66,8 @@ def critical_alpha(chain: Chain) -> float:
     temperature = path.solve(tip)
     if temperature is None:  # heat stays in the tip's part, which it warms evenly in the end
         first = int(np.flatnonzero(chain.conduction == 0)[-1])
-        return 0.0 if growth[first:].sum() > 0 else float("inf")
-    beta = float(growth @ temperature)
+        return 0.0 if total(growth[first:]) > 0 else float("inf")
+    beta = dot(growth, temperature)
     return tip_flexibility(chain) / beta if beta > 0 else float("inf")
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.declare import Values
-from workflow.models._structure import Array
+from workflow.kernels import Array
 
 
 def per_item(value: Values, count: int) -> Array:

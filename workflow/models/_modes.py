@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 
-from workflow.models._structure import Array, Structure
+from workflow.kernels import Array
+from workflow.kernels.solving import cholesky, solve_triangular
+from workflow.models._dense import product, singular
+from workflow.models._structure import Structure
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,21 +44,35 @@ def singular_modes(inertia: Array, deformation: Array) -> Modes:
     size = inertia.shape[0]
     if size == 0:
         return Modes(np.zeros(0), np.zeros((0, 0)))
-    root = scipy.linalg.cholesky(inertia, lower=True)
-    scaled = scipy.linalg.solve_triangular(root, deformation.T, lower=True).T
-    _, s, vt = scipy.linalg.svd(scaled, full_matrices=scaled.shape[0] < size)
-    values = np.zeros(size)
-    values[: s.size] = s
+    root = cholesky(inertia)
+    scaled = solve_triangular(root, deformation.T).T
+    values, vectors = singular(scaled)
     rounding = max(scaled.shape) * np.finfo(float).eps  # numpy.linalg.matrix_rank's own rule
     values[values <= rounding * values.max(initial=0.0)] = 0.0
-    shapes = scipy.linalg.solve_triangular(root, vt.T, lower=True, trans="T")
+    shapes = solve_triangular(root, vectors, transposed=True)
     return Modes(values[::-1].copy(), np.ascontiguousarray(shapes[:, ::-1]))
 
 
 def poles(frequency: Array, damping: Array) -> NDArray[np.complex128]:
-    """Return both roots λ of λ² + c λ + ω² = 0, complex, 1/s, shape ``(mode, 2)``."""
-    root = np.emath.sqrt((damping / 2) ** 2 - frequency**2 + 0j)
-    return np.stack([-damping / 2 + root, -damping / 2 - root], axis=-1)
+    """Return both roots λ of λ² + c λ + ω² = 0, complex, 1/s, shape ``(mode, 2)``.
+
+    The smaller one of two real roots is ω² by the larger one: their sum would lose its digits.
+    """
+    half = damping / 2
+    square = half**2 - frequency**2
+    root = np.sqrt(np.abs(square))
+    pairs = np.empty((frequency.size, 2), dtype=np.complex128)
+    pairs.real, pairs.imag = -half[:, None], root[:, None] * np.array([1.0, -1.0])
+    real = square >= 0
+    far = -(half + root)[real]
+    pairs[real, 1] = far
+    pairs[real, 0] = np.divide(frequency[real] ** 2, far, out=np.zeros_like(far), where=far != 0)
+    return pairs
+
+
+def magnitudes(values: NDArray[np.complex128]) -> Array:
+    """Return |s| by operations that are rounded alike on every processor, as those of ``abs`` are not."""
+    return np.sqrt(values.real**2 + values.imag**2)
 
 
 def mechanical_modes(structure: Structure) -> Modes:
@@ -78,6 +94,7 @@ def modal_coupling(structure: Structure, mechanical: Modes, thermal: Modes) -> A
 
     Rigid modes strain no spring, so no thermal force works on them: their rows are exactly zero.
     """
-    coupling = mechanical.shapes.T @ structure.coupling_matrix @ thermal.shapes
+    forces = (structure.springs * structure.expansions(thermal.shapes).T).T
+    coupling = -product(structure.elongations(mechanical.shapes).T, forces)
     coupling[mechanical.values == 0] = 0.0
     return coupling

@@ -14,12 +14,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
-import scipy.linalg
 
+from workflow.kernels import Array
+from workflow.kernels.sums import total
 from workflow.models._modes import Modes
-from workflow.models._structure import Array
 
 _UNBALANCED = 1e-9
 """Load on a part that nothing holds, as a share of all loads, above which it moves for ever: far
@@ -61,13 +62,34 @@ class Path:
             beyond = joint[i] * own / found[i] if found[i] > 0 else 0.0
         return np.array(found)
 
+    def unit_tip(self) -> tuple[Array, Array]:
+        """Return u with u_n = 1 and (A u)_i = 0 at all other nodes, and u_i - u_{i-1}; both ``(n,)``.
+
+        A part that nothing links to the tip stays at 0. With r_i = g_i + j_i in series with r_{i-1} (elimination
+        from the root) u_{i-1} = u_i j_i/(j_i + r_{i-1}): positive numbers only, so that differences across stiff
+        joints keep their digits, and are exactly zero where nothing but the tip holds the nodes before.
+        """
+        ground, joint = self.ground.tolist(), self.joint.tolist()
+        kept, strained = [0.0] * self.size, [1.0] * self.size  # u_{i-1}/u_i and (u_i - u_{i-1})/u_i
+        below = ground[0] + joint[0]
+        for i in range(1, self.size):
+            total = joint[i] + below
+            kept[i], strained[i] = (joint[i] / total, below / total) if joint[i] > 0 else (0.0, 1.0)
+            below = ground[i] + joint[i] * strained[i]
+        values, differences = [1.0] * self.size, list(strained)
+        for i in range(self.size - 1, -1, -1):
+            differences[i] = strained[i] * values[i]
+            if i:
+                values[i - 1] = kept[i] * values[i]
+        return np.array(values), np.array(differences)
+
     def solve(self, load: Array) -> Array | None:
         """Return u with A u = load, of mean 0 in a part that nothing holds; ``None`` if that is driven."""
         joint, pivot, carried = self.joint.tolist(), self.pivots().tolist(), load.tolist()
         for i in range(self.size - 1, 0, -1):
             if pivot[i] > 0:
                 carried[i - 1] += joint[i] / pivot[i] * carried[i]
-        tolerated = _UNBALANCED * float(np.abs(load).sum())
+        tolerated = _UNBALANCED * total(np.abs(load))
         u = np.zeros(self.size)
         before, loose = 0.0, []
         for i in range(self.size):
@@ -82,7 +104,7 @@ class Path:
         ends = np.append(np.flatnonzero(self.joint == 0), self.size)
         for first, stop in pairwise(ends):
             if first in loose:
-                u[first:stop] -= u[first:stop].mean()
+                u[first:stop] -= total(u[first:stop]) / (stop - first)
         return u
 
     def _alternating(self, inertia: Array) -> Array:
@@ -102,7 +124,7 @@ class Path:
         """Return s of the mode ``which`` (from 0, ascending) of A φ = s² inertia φ, as :meth:`modes` does."""
         chosen = (self.size + which, self.size + which)
         ends = np.zeros(2 * self.size), self._alternating(inertia)
-        found = scipy.linalg.eigh_tridiagonal(*ends, eigvals_only=True, select="i", select_range=chosen)
+        found = _tridiagonal(*ends, eigvals_only=True, select="i", select_range=chosen)
         return max(float(found[0]), 0.0)
 
     def modes(self, inertia: Array, first: int, last: int) -> Modes:
@@ -117,6 +139,13 @@ class Path:
         lifted = Path(self.ground + lift * inertia, self.joint)
         chosen = (self.size + first, self.size + last)
         ends = np.zeros(2 * self.size), lifted._alternating(inertia)
-        values, vectors = scipy.linalg.eigh_tridiagonal(*ends, select="i", select_range=chosen)
+        values, vectors = _tridiagonal(*ends, select="i", select_range=chosen)
         shapes = np.sqrt(2) * vectors[1::2] / np.sqrt(inertia)[:, None]
         return Modes(np.sqrt(np.maximum(values**2 - lift, 0.0)), shapes)
+
+
+def _tridiagonal(diagonal: Array, beside: Array, **options: Any) -> Any:
+    """Return eigenvalues, and eigenvectors where they are asked for, of a symmetric tridiagonal matrix."""
+    from scipy.linalg import eigh_tridiagonal  # imported here: reading a study needs none of it
+
+    return eigh_tridiagonal(diagonal, beside, **options)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from workflow.kernels import Array
 from workflow.models._chain import Chain
 from workflow.models._long_chain import frequency_range, rate_range
 from workflow.models._modes import mechanical_modes, thermal_modes
-from workflow.models._structure import Array, Structure
+from workflow.models._structure import Structure
 
 
 def frequencies(structure: Structure) -> Array:

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import NDArray
-
 from workflow.declare import quantity
-
-Array = NDArray[np.float64]
+from workflow.kernels import Array
+from workflow.models._dense import product
 
 
 @dataclass(frozen=True)
 class Rayleigh:
-    """Rayleigh damping C1 = a_M M + a_K K1 (DESIGN section 2)."""
+    """Rayleigh damping C1 = a_M M + a_K K1."""
 
     mass: float = quantity("1/s", "mass-proportional damping a_M", default=0.0, at_least=0)
     stiffness: float = quantity("s", "stiffness-proportional damping a_K", default=0.0, at_least=0)
@@ -73,15 +70,39 @@ class Structure:
         """Return the same structure by its matrices."""
         raise NotImplementedError
 
+    def elongations(self, displacements: Array) -> Array:
+        """Return the elongation of each spring, m, ``(spring, …)``, for displacements ``(mechanical, …)``."""
+        return product(self.elongation, displacements)
+
+    def forces_of(self, tensions: Array) -> Array:
+        """Return elongationᵀ N, N, ``(mechanical, …)``: what spring forces ``(spring, …)`` ask of the coordinates."""
+        return product(self.elongation.T, tensions)
+
+    def expansions(self, temperatures: Array) -> Array:
+        """Return the free thermal elongation of each spring, m, ``(spring, …)``, for temperatures ``(thermal, …)``."""
+        return product(self.expansion, temperatures)
+
+    def differences(self, temperatures: Array) -> Array:
+        """Return the temperature difference across each conductor, K, ``(conductor, …)``."""
+        return product(self.difference, temperatures)
+
+    def inertia_forces(self, accelerations: Array) -> Array:
+        """Return M a, N, ``(mechanical, …)``."""
+        return product(self.mass, accelerations)
+
+    def heat_contents(self, temperatures: Array) -> Array:
+        """Return C2 θ, J, ``(thermal, …)``."""
+        return product(self.heat_capacity, temperatures)
+
     @property
     def stiffness_matrix(self) -> Array:
         """K1, N/m."""
-        return self.elongation.T @ (self.springs[:, None] * self.elongation)
+        return product(self.elongation.T, self.springs[:, None] * self.elongation)
 
     @property
     def coupling_matrix(self) -> Array:
         """K12, N/K: the spring forces of a temperature rise, equation (1a)."""
-        return -self.elongation.T @ (self.springs[:, None] * self.expansion)
+        return -product(self.elongation.T, self.springs[:, None] * self.expansion)
 
     @property
     def damping_matrix(self) -> Array:
@@ -91,12 +112,12 @@ class Structure:
     @property
     def conductance_matrix(self) -> Array:
         """K2, W/K."""
-        return self.difference.T @ (self.conductors[:, None] * self.difference)
+        return product(self.difference.T, self.conductors[:, None] * self.difference)
 
     @property
     def loss_row(self) -> Array:
         """Heat flow κ_1 θ_1 + Σ b_i θ_i out of the structure per thermal coordinate, W/K."""
-        return np.asarray((self.conductors * self.grounded) @ self.difference)
+        return product(self.conductors * self.grounded, self.difference)
 
     @property
     def mechanical_size(self) -> int:
@@ -123,6 +144,8 @@ class Matrices(Structure):
     content: Array
     grounded: Array
     damping: Rayleigh = field(default_factory=Rayleigh)
+    tip_growth: Array | None = None
+    """Quasi-static tip displacement per temperature, m/K, ``(thermal,)``, where it is known from a fuller structure."""
 
     def matrices(self) -> Matrices:
         """Return it as it is."""

@@ -13,7 +13,7 @@ from workflow.models._structure import Rayleigh
 
 @dataclass(frozen=True)
 class Parameters:
-    """Geometry and material of a uniform blade (DESIGN section 3)."""
+    """Geometry and material of a uniform blade."""
 
     nodes: int = quantity("1", "number of cells, the tip's half cell included", at_least=1, at_most=MOST_NODES)
     length: float = quantity("m", "length from root to tip", above=0)

@@ -1,4 +1,4 @@
-"""Chain of lumped masses and heat capacities: the lumps of DESIGN section 2 as they are."""
+"""Chain of lumped masses and heat capacities, given as they are; its equations are those of ARCHITECTURE."""
 
 from __future__ import annotations
 

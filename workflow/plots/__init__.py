@@ -3,20 +3,29 @@
 from __future__ import annotations
 
 from workflow.plots._axes import metric_by_axis
+from workflow.plots._explorer import MARKS, explorer
+from workflow.plots._page_data import Shown, page_data, shown_part
 from workflow.plots._precision import convergence, work_precision
 from workflow.plots._response import Curve, abstract_figure, overview, tip_response
 from workflow.plots._scenes import growth_against_prediction, impact_speed_map
-from workflow.plots._style import save
+from workflow.plots._style import COLOURS, save, write_png
 
 __all__ = [
+    "COLOURS",
+    "MARKS",
     "Curve",
+    "Shown",
     "abstract_figure",
     "convergence",
+    "explorer",
     "growth_against_prediction",
     "impact_speed_map",
     "metric_by_axis",
     "overview",
+    "page_data",
     "save",
+    "shown_part",
     "tip_response",
     "work_precision",
+    "write_png",
 ]

@@ -35,7 +35,7 @@ def metric_by_axis(archive: xr.Dataset, metric: str) -> Figure:
         panel.fill_between(at, low, high, color=GREY, alpha=0.2, lw=0, label="all cases")
         line = values.isel({name: place[name] for name in others}).values
         panel.plot(at, line, "o-", color=COLOURS[0], ms=4, lw=1.2, label="through the case shown")
-        names = labels_of(archive, dim, named=False)
+        names = labels_of(archive, dim, named=False, rounded=True)
         panel.set_xticks(at[:: max(1, len(at) // 6)])
         short = [", ".join(part.split()[-1] for part in name.split(", ")) for name in names]
         if dim in archive.coords and archive[dim].dtype.kind == "f":

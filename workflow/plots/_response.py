@@ -67,7 +67,8 @@ def tip_response(curves: list[Curve], title: str = "", phases_of: int | None = N
             unit, scale = next((u, factor) for least, u, factor in _LENGTHS if largest >= least)
         if phases_of is not None and "contact_force" in first:
             phases = contact_phases(curves[phases_of].case)
-            for begin, end in phases if len(phases) <= MOST_SHADED else ():
+            few = phases.sizes["phase"] <= MOST_SHADED
+            for begin, end in zip(phases["begin"].values, phases["end"].values, strict=True) if few else ():
                 panel.axvspan(begin, end, color=SHADE, alpha=0.09, lw=0)
         for curve in curves:
             t = np.asarray(curve.case["t"].values)
@@ -94,20 +95,23 @@ def tip_response(curves: list[Curve], title: str = "", phases_of: int | None = N
 
 
 def abstract_figure(archive: xr.Dataset) -> Figure:
-    """Draw the extended abstract's figure: full solid, reduced dashed, without contact heat grey.
+    """Draw the extended abstract's figure beside the exact solution: reduced dashed, without contact heat grey.
 
     Parameters
     ----------
     archive
-        Of ``studies/abstract_figure.yaml``: dimensions ``alpha`` (0 first) and ``model`` (full first).
+        Of ``studies/abstract_figure.yaml``: dimensions ``scheme`` (exact first), ``alpha`` (0 first) and ``model``
+        (full first).
     """
-    cold, hot = archive.isel(alpha=0), archive.isel(alpha=-1)
+    exact, stepped = archive.isel(scheme=0, model=0), archive.isel(scheme=-1)
+    cold, hot = exact.isel(alpha=0), stepped.isel(alpha=-1)
     modes = f"{int(hot['mechanical_modes'][-1])} + {int(hot['thermal_modes'][-1])} modes"
     return tip_response(
         [
-            Curve(cold.isel(model=0), "α = 0, full", GREY, "-", 1.0),
-            Curve(hot.isel(model=0), f"α = {float(hot['alpha']):g} m/s, full", COLOURS[5], "-", 2.6),
-            Curve(hot.isel(model=-1), f"α = {float(hot['alpha']):g} m/s, {modes}", COLOURS[1], "--", 1.1),
+            Curve(cold, "α = 0, exact", GREY, "-", 1.0),
+            Curve(exact.isel(alpha=-1), f"α = {float(hot['alpha']):g} m/s, exact", COLOURS[5], "-", 3.2),
+            Curve(hot.isel(model=0), f"h = {float(hot['h']):g} s, full", COLOURS[6], "-", 0.8),
+            Curve(hot.isel(model=-1), f"h = {float(hot['h']):g} s, {modes}", COLOURS[1], "--", 1.1),
         ],
         phases_of=1,
     )
@@ -126,7 +130,7 @@ def overview(archive: xr.Dataset) -> Figure:
     if dim is None:
         curves = [Curve(archive.isel(shown[0]), "the case shown")]
     else:
-        labels = labels_of(archive, dim)
+        labels = labels_of(archive, dim, rounded=True)
         curves = [Curve(archive.isel(at), labels[at[dim]], COLOURS[at[dim] % len(COLOURS)]) for at in shown]
-    rest = [labels_of(archive, name)[k] for name, k in place.items() if name != dim]
+    rest = [labels_of(archive, name, rounded=True)[k] for name, k in place.items() if name != dim]
     return tip_response(curves, title="; ".join(rest), phases_of=len(curves) - 1)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -20,7 +21,26 @@ def trim(panel: Any, grid: str = "both") -> None:
     panel.grid(axis=grid, alpha=0.25, lw=0.5)
 
 
+def write_png(figure: Figure, file: IO[bytes], dpi: int) -> None:
+    """Write a figure as PNG; labels and titles come from files, and a dollar sign in them begins no formula."""
+    from matplotlib.text import Text
+    from matplotlib.ticker import FixedFormatter
+
+    ticks: set[Any] = set()
+    for panel in figure.axes:
+        for axis in (panel.xaxis, panel.yaxis):
+            if not isinstance(axis.get_major_formatter(), FixedFormatter):
+                ticks.update([axis.get_offset_text(), *axis.get_ticklabels(which="both")])
+    for text in figure.findobj(Text):
+        if text not in ticks:  # those that Matplotlib writes have exponents
+            text.set_parse_math(False)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph", category=UserWarning)  # a box is drawn in its place
+        figure.savefig(file, dpi=dpi, format="png")
+
+
 def save(figure: Figure, path: Path) -> Path:
     """Write a figure as PNG and return its path."""
-    figure.savefig(path, dpi=150)
+    with open(path, "wb") as file:
+        write_png(figure, file, 150)
     return path

@@ -1,27 +1,25 @@
-"""Pieces of a page: tables, pictures, style."""
+"""Pieces of a page: tables, pictures, style.
+
+What stands in a page comes from files: it is data and escaped, by :func:`escaped` alone, on its way into an element.
+"""
 
 from __future__ import annotations
 
 import base64
+import hashlib
 import html
 import io
+import json
+import re
 from collections.abc import Sequence
+from importlib.resources import files
 from typing import Any
 
 import numpy as np
 
-STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; max-width: 80rem; margin: 2rem auto; padding: 0 1rem; color: #222; }
-h1 { font-size: 1.5rem; } h2 { font-size: 1.15rem; margin-top: 2.2rem; } h3 { font-size: 1rem; }
-table { border-collapse: collapse; margin: .6rem 0; }
-th, td { padding: .25rem .7rem; text-align: left; border-bottom: 1px solid #ddd; vertical-align: top; }
-td.tight { white-space: nowrap; } td.number { text-align: right; font-variant-numeric: tabular-nums; }
-span { padding: 0 .3rem; border-radius: .2rem; white-space: nowrap; }
-.accurate { background: #cfe8f5; } .rough { background: #fdeebf; }
-.wrong, .gains, .diverged, .ill-posed, .failed { background: #f6d0bc; }
-img { max-width: 100%; } pre { background: #f6f6f6; padding: .8rem; overflow-x: auto; font-size: 12px; }
-.muted { color: #666; } .new td { border-top: 2px solid #999; }
-"""
+from workflow.plots import write_png
+
+STYLE = files("workflow.report").joinpath("page.css").read_text(encoding="utf-8")
 
 THEN = " → "
 """Between the verdicts of one cell."""
@@ -32,40 +30,105 @@ TIGHT = 20
 VERDICTS = ("accurate", "rough", "wrong", "gains", "diverged", "ill-posed", "failed", "stable")
 
 
-def page(title: str, body: list[str]) -> str:
-    """Return a whole page."""
+_POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; connect-src 'none'; base-uri 'none'"
+"""Content-Security-Policy: nothing is fetched, pictures and styles stand in the page, no script runs but by its hash.
+
+Bokeh needs no ``unsafe-eval``: it makes functions of texts only where a figure carries code, and none here does. It
+sets styles of its own, hence ``unsafe-inline`` for them.
+"""
+
+_INVALID = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+"""Control characters but tab and line feed, changes of the order of writing, halves of a pair of surrogates."""
+
+
+_FORMULA = re.compile(r"(?<=\$)(?=\$)|(?<=\\)(?=[\[(])")
+"""Between the two signs with which TeX begins a formula."""
+
+
+class Html(str):
+    """Text that is markup already; :func:`escaped` and :func:`tag` alone make it."""
+
+
+def escaped(text: str) -> Html:
+    """Return text as markup: what is not markup yet is data, whose characters mean themselves."""
+    return text if isinstance(text, Html) else Html(html.escape(_INVALID.sub("", text)))
+
+
+def tag(name: str, *content: str, **attributes: str) -> Html:
+    """Return an element; content and attributes that are no markup are escaped.
+
+    Attributes are named as in HTML; ``kind`` stands for ``class``.
+    """
+    given = {"class" if key == "kind" else key: value for key, value in attributes.items() if value}
+    words = "".join(f' {key}="{html.escape(_INVALID.sub("", value))}"' for key, value in given.items())
+    return Html(f"<{name}{words}>{''.join(map(escaped, content))}</{name}>")
+
+
+def page(title: str, body: Sequence[str], scripts: Sequence[str] = ()) -> str:
+    """Return a whole page; whatever of the body is no markup is escaped, and only the scripts given run.
+
+    Raises
+    ------
+    ValueError
+        A script would end its own element.
+    """
+    if any("</script" in script.lower() for script in scripts):
+        raise ValueError("a script of the page holds the end of a script")
+    hashes = [base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts]
+    policy = _POLICY + ("; script-src " + " ".join(f"'sha256-{one}'" for one in hashes) if hashes else "")
     return (
         "<!doctype html><html lang='en'><head><meta charset='utf-8'>"
-        f"<title>{html.escape(title)}</title><style>{STYLE}</style></head><body>" + "\n".join(body) + "</body></html>\n"
+        f'<meta http-equiv="Content-Security-Policy" content="{policy}">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"{tag('title', title)}<style>{STYLE}</style></head><body>"
+        + "\n".join(map(escaped, body))
+        + "".join(f"<script>{script}</script>" for script in scripts)
+        + "</body></html>\n"
     )
 
 
-def image(figure: Any, about: str) -> str:
+def block(name: str, value: Any) -> Html:
+    """Return plain values as JSON in an element that is no script and holds no markup.
+
+    Texts lose what :func:`escaped` takes from them, and what Bokeh would read as the beginning of a formula.
+    """
+    text = json.dumps(_plain(value), allow_nan=False, separators=(",", ":"))
+    for sign in "<>&":
+        text = text.replace(sign, f"\\u{ord(sign):04x}")
+    return tag("script", Html(text), id=name, type="application/json")
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {_plain(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return _FORMULA.sub("\u2060", _INVALID.sub("", value)) if isinstance(value, str) else value
+
+
+def image(figure: Any, about: str) -> Html:
     """Return a figure as an inlined PNG."""
     buffer = io.BytesIO()
-    figure.savefig(buffer, dpi=130, format="png")
+    write_png(figure, buffer, 130)
     data = base64.b64encode(buffer.getvalue()).decode()
-    return f'<p><img alt="{html.escape(about)}" src="data:image/png;base64,{data}"></p>'
+    return tag("div", Html(f'<img alt="{escaped(about)}" src="data:image/png;base64,{data}">'), kind="scroll")
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[str]], new: Sequence[bool] = ()) -> str:
+def table(head: Sequence[str], rows: Sequence[Sequence[str]], new: Sequence[bool] = ()) -> Html:
     """Return a table; numbers to the right, verdicts coloured, a line above each ``new`` row."""
-    top = "".join(f"<th>{html.escape(text)}</th>" for text in head)
-    body = "".join(
-        f"<tr{' class=new' if k < len(new) and new[k] else ''}>{''.join(_cell(text) for text in row)}</tr>"
-        for k, row in enumerate(rows)
-    )
-    return f"<table><tr>{top}</tr>{body}</table>"
+    top = tag("tr", *(tag("th", text) for text in head))
+    body = (tag("tr", *map(_cell, row), kind="new" if k < len(new) and new[k] else "") for k, row in enumerate(rows))
+    return tag("div", tag("table", top, *body), kind="scroll")
 
 
-def _cell(text: str) -> str:
+def _cell(text: str) -> Html:
     number = text.replace(".", "").replace("e", "").replace("-", "").replace("+", "").rstrip(" %").isdigit()
-    words = [part.split(maxsplit=1)[0] if part else "" for part in text.split(THEN)]
+    parts = text.split(THEN)
+    words = [part.split(maxsplit=1)[0] if part else "" for part in parts]
     if all(word in VERDICTS for word in words):
-        spans = (f"<span class={word}>{part}</span>" for word, part in zip(words, text.split(THEN), strict=True))
-        return f"<td>{' '.join(spans)}</td>"
-    kind = "number" if number else "tight" if len(text) <= TIGHT else ""
-    return f"<td{f' class={kind}' if kind else ''}>{html.escape(text)}</td>"
+        spans = [tag("span", part, kind=word) for word, part in zip(words, parts, strict=True)]
+        return tag("td", Html(" ".join(spans)))
+    return tag("td", text, kind="number" if number else "tight" if len(text) <= TIGHT else "")
 
 
 def short(value: float, form: str = ".1e") -> str:

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
-import html
-import json
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from workflow.analysis import RULE, ranges
-from workflow.archive import ArchiveError, open_archive, provenance
+from workflow.archive import ArchiveError, commit, open_archive, usable
 from workflow.plots import overview, save
 from workflow.report import _sections as sections
-from workflow.report._html import THEN, image, page, short, table
+from workflow.report._answer import answer
+from workflow.report._explorer import PAGE_BYTES, interactive
+from workflow.report._html import THEN, image, page, short, table, tag
+from workflow.report._origin import duration_of, frequency_of, methods_of, origin
 
 if TYPE_CHECKING:
     import xarray as xr
+
+_MARGIN = 20_000
+"""Bytes of a page beside its parts."""
 
 _RESPONSES = ("displacement", "temperature", "contact_force")
 
@@ -29,7 +34,7 @@ class Written:
     figure: Path | None
 
 
-def write_report(archive: Path | Sequence[Path], page_path: Path | None = None) -> Written:
+def write_report(archive: Path | Sequence[Path], page_path: Path | None = None, *, damaged: bool = False) -> Written:
     """Write the report of an archive: ``ARCHIVE.html``, and its main figure as ``ARCHIVE.png``.
 
     The main figure is the tip's response, or speed against error where no histories are kept.
@@ -37,17 +42,37 @@ def write_report(archive: Path | Sequence[Path], page_path: Path | None = None) 
     Several archives give one page, ``report.html``: who stays stable and accurate in all of them, then
     a section for each.
 
+    Parameters
+    ----------
+    archive
+        One archive or several.
+    page_path
+        The page to write.
+    damaged
+        Draw a damaged archive too, as far as it can be read; the page says that it is damaged.
+
     Raises
     ------
     ArchiveError
-        There is no such archive, or the report would overwrite it.
+        There is no such archive, it is damaged and ``damaged`` is false, or the report would overwrite it.
     OSError
         The page cannot be written.
     """
     archives = [archive] if isinstance(archive, Path) else list(archive)
+    if page_path is not None:
+        _refuse_place(page_path)
     if len(archives) > 1:
-        return _write_joint(archives, page_path or Path("report.html"))
-    return _write_single(archives[0], page_path or archives[0].with_suffix(".html"))
+        return _write_joint(archives, page_path or Path("report.html"), damaged)
+    return _write_single(archives[0], page_path or archives[0].with_suffix(".html"), damaged)
+
+
+def _refuse_place(written: Path) -> None:
+    """Refuse what can be no page before anything is drawn: written aside and renamed, it would replace a device."""
+    usable(written)
+    if written.is_dir():
+        raise ArchiveError(f"{written}: a directory, not a page; name a file in it")
+    if not written.parent.is_dir():
+        raise ArchiveError(f"{written.parent}: no such directory; make it, or choose another place with -o")
 
 
 def _refuse_overwriting(archives: Sequence[Path], written: Path, picture: Path | None) -> None:
@@ -55,7 +80,7 @@ def _refuse_overwriting(archives: Sequence[Path], written: Path, picture: Path |
         raise ArchiveError(f"{written}: a directory, not a page; name a file, e.g. {archives[0].stem}.html")
     for archive in archives:
         places = [archive, written] + ([picture] if picture is not None else [])
-        if len({place.resolve() for place in places}) < len(places):
+        if len({os.path.realpath(place) for place in places}) < len(places):
             told = f", the page and the picture {picture}" if picture is not None else " and the page"
             raise ArchiveError(
                 f"{written}: the archive {archive}{told} would be one file; "
@@ -63,36 +88,43 @@ def _refuse_overwriting(archives: Sequence[Path], written: Path, picture: Path |
             )
 
 
-def _write_single(archive: Path, written: Path) -> Written:
+def _write_single(archive: Path, written: Path, damaged: bool) -> Written:
     picture = written.with_suffix(".png") if written.name else None
     _refuse_overwriting([archive], written, picture)
-    with open_archive(archive) as dataset:
-        figure_path = None
-        body = [f"<h1>{html.escape(_title(dataset, archive))}</h1>"]
-        body.append(f'<p class="muted">{html.escape(str(dataset.attrs.get("summary", "")))}</p>')
-        body += sections.cases(dataset)
-        if any(name in dataset for name in _RESPONSES) and sections.any_ok(dataset) and picture is not None:
-            figure = overview(dataset)
-            figure_path = save(figure, picture)
-            body += ["<h2>Tip response</h2>", image(figure, "tip response")]
-        body += sections.scene_pictures(dataset)
-        body += sections.standing(dataset)
-        precision = sections.precision(dataset, duration_of(archive))
-        if precision is not None and picture is not None:
-            body += precision.body
-            figure_path = figure_path or save(precision.figure, picture)
-        body += sections.effects(dataset)
-        body += sections.errors(dataset)
-        body += _provenance(archive)
-    written.write_text(page(archive.name, body), encoding="utf-8")
+    with open_archive(archive, damaged=damaged) as dataset:
+        figure = overview(dataset) if any(name in dataset for name in _RESPONSES) and sections.any_ok(dataset) else None
+        precision = sections.precision(dataset, duration_of(archive, damaged))
+        figure = figure or (precision.figure if precision is not None else None)
+        figure_path = save(figure, picture) if figure is not None and picture is not None else None
+        found = answer(dataset)
+        head = [
+            tag("h1", _title(dataset, archive)),
+            tag("p", str(dataset.attrs.get("summary", "")), kind="muted"),
+            *_damage(dataset),
+            *found.body,
+        ]
+        rest = [
+            *sections.cases(dataset),
+            *sections.scene_pictures(dataset),
+            *sections.standing(dataset),
+            *(precision.body if precision is not None else []),
+            *sections.effects(dataset),
+            *sections.errors(dataset),
+            *origin(dataset, archive, damaged),
+        ]
+        room = PAGE_BYTES - sum(len(part.encode()) for part in [*head, *rest]) - _MARGIN
+        methods, frequency = methods_of(archive, damaged), frequency_of(archive, damaged)
+        shown = interactive(dataset, archive.name, found.choice, methods, frequency, room)
+    commit(written, page(archive.name, [*head, *shown.body, *rest], shown.scripts).encode())
     return Written(written, figure_path)
 
 
-def _write_joint(archives: Sequence[Path], written: Path) -> Written:
+def _write_joint(archives: Sequence[Path], written: Path, damaged: bool) -> Written:
     _refuse_overwriting(archives, written, None)
-    rows, new, parts = [], [], []
+    rows, new = [], []
+    parts: list[str] = []
     for number, archive in enumerate(archives):
-        with open_archive(archive) as dataset:
+        with open_archive(archive, damaged=damaged) as dataset:
             name, title = str(dataset.attrs.get("study", archive.stem)), _title(dataset, archive)
             for k, row in enumerate(ranges(dataset)):
                 rows.append(
@@ -103,25 +135,30 @@ def _write_joint(archives: Sequence[Path], written: Path) -> Written:
                     ]
                 )  # fmt: skip
                 new.append(k == 0 and number > 0)
-            parts += [f"<h2>{html.escape(name)}</h2>", f"<p>{html.escape(title)}.</p>"]
+            parts += [tag("h2", name), tag("p", f"{title}.")]
+            parts += _damage(dataset) + answer(dataset).body
             if any(one in dataset for one in _RESPONSES) and sections.any_ok(dataset):
                 parts.append(image(overview(dataset), "tip response"))
             parts += sections.scene_pictures(dataset)
-            parts += sections.standing(dataset)[2:]
+            parts += sections.standing(dataset)[3:]
             if dataset.sizes.get("h", 1) > 4:
-                precision = sections.precision(dataset, duration_of(archive))
+                precision = sections.precision(dataset, duration_of(archive, damaged))
                 parts += precision.body if precision is not None else []
     head = [
         "study", "scheme", "ok", "stable up to", "accurate up to", "error at the smallest h", "at the largest stable h",
         "energy residual", "penetration / gap", "verdict, from small h to large",
     ]  # fmt: skip
     body = [
-        f"<h1>Who stays stable, who is accurate: {len(archives)} studies</h1>",
-        f'<p class="muted">{RULE} Errors are the largest of the impulse among ok cases; energy residual and '
-        "penetration the largest of all ok cases.</p>",
+        tag("h1", f"Who stays stable, who is accurate: {len(archives)} studies"),
+        tag(
+            "p",
+            f"{RULE} Errors are the largest of the impulse among ok cases; energy residual and penetration the largest "
+            f"of all ok cases. {sections.TERMS}",
+            kind="muted",
+        ),
         table(head, rows, new),
     ]
-    written.write_text(page("studies", body + parts), encoding="utf-8")
+    commit(written, page("studies", body + parts).encode())
     return Written(written, None)
 
 
@@ -129,18 +166,7 @@ def _title(dataset: xr.Dataset, archive: Path) -> str:
     return str(dataset.attrs.get("title") or archive.name)
 
 
-def duration_of(archive: Path) -> float:
-    """Return the simulated time of an archive's study, s."""
-    return float(json.loads(provenance(archive)["resolved"])["scene"]["duration"])
-
-
-def _provenance(archive: Path) -> list[str]:
-    told = provenance(archive)
-    rows = [
-        [name, told[name]] for name in ("content_hash", "solver_version", "code_revision", "platform") if name in told
-    ]
-    return [
-        "<h2>Where this comes from</h2>",
-        table(["", ""], rows),
-        f"<pre>{html.escape(told.get('study', ''))}</pre>",
-    ]
+def _damage(dataset: xr.Dataset) -> list[str]:
+    """Return what is said of a damaged archive."""
+    what = dataset.attrs.get("damaged")
+    return [tag("p", tag("strong", f"Damaged: {what}; any value may be wrong."))] if what else []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,16 +13,18 @@ from workflow.analysis import (
     Line,
     case_dims,
     effect,
+    exact,
     failures,
     finest,
     hidden,
     labels_of,
     lines,
+    runaways,
     standings,
     winners,
 )
 from workflow.plots import convergence, growth_against_prediction, impact_speed_map, metric_by_axis, work_precision
-from workflow.report._html import image, short, table
+from workflow.report._html import image, short, table, tag
 from workflow.run import status_counts
 
 if TYPE_CHECKING:
@@ -32,6 +33,15 @@ if TYPE_CHECKING:
 
 _METRICS = ("contact_impulse", "impacts", "max_temperature", "max_penetration")
 _FAILURES_SHOWN = 20
+
+TERMS = (
+    "Energy residual: energy that the scheme itself creates (+) or takes (−), what loads, damping, heat and impacts do "
+    "aside, as a share of the largest energy of the case. Effective e: speed after over speed before an impact, "
+    "median, of schemes that read no restitution coefficient; 1 keeps the energy of an impact, 0 takes it. "
+    "Penetration / gap: how far the tip passes the casing, in gaps; in metres where the gap is 0."
+)
+"""What the columns of the standings are."""
+
 _STANDINGS_SHOWN = 150
 
 
@@ -43,21 +53,32 @@ def any_ok(dataset: xr.Dataset) -> bool:
 def cases(dataset: xr.Dataset) -> list[str]:
     """Tell how the cases ended and along which dimensions they lie."""
     counts = status_counts(dataset)
-    found = ["<h2>Cases</h2>", table(["status", "cases"], [[name, str(n)] for name, n in counts.items()])]
-    runaway = int(((dataset["runaway"] == 1) & (dataset["status"] == 0)).sum())
-    if runaway:
+    found: list[str] = [tag("h2", "Cases"), table(["status", "cases"], [[name, str(n)] for name, n in counts.items()])]
+    above, flutter = runaways(dataset)
+    if above:
         critical = np.unique(np.round(np.asarray(dataset["critical_alpha"].values, dtype=float), 12))
         text = ", ".join(f"{value:.4g}" for value in critical[np.isfinite(critical)][:5])
         found.append(
-            f"<p>{runaway} of the ok cases lie above the critical heat coupling ({text} m/s): in permanent "
-            "contact their tip would run away thermally. That is physics, not a failure.</p>"
+            tag(
+                "p",
+                f"{above} of the ok cases lie above the critical heat coupling ({text} W/N): in permanent contact "
+                "their tip would run away thermally. That is physics, not a failure.",
+            )
+        )
+    if flutter:
+        found.append(
+            tag(
+                "p",
+                f"{flutter} of the ok cases would flutter in permanent contact below the critical heat coupling: an "
+                "oscillation grows, at the growth_rate. That is physics, not a failure.",
+            )
         )
     told = failures(dataset)
     if told:
         rows = [[f.status, str(f.cases), f.first, f.message] for f in told[:_FAILURES_SHOWN]]
         found.append(table(["status", "cases", "the first of them", "what it did"], rows))
         if len(told) > _FAILURES_SHOWN:
-            found.append(f"<p>… and {len(told) - _FAILURES_SHOWN} more messages.</p>")
+            found.append(tag("p", f"… and {len(told) - _FAILURES_SHOWN} more messages."))
     dims = [
         [dim, str(dataset.sizes[dim]), "; ".join(labels_of(dataset, dim, named=False)[:8])]
         for dim in case_dims(dataset)
@@ -75,8 +96,8 @@ def effects(dataset: xr.Dataset) -> list[str]:
     names = [name for name in _METRICS if name in dataset]
     rows = [[dim, *(_percent(effect(dataset, name, dim)) for name in names)] for dim in dims]
     return [
-        "<h2>What the axes do</h2>",
-        "<p>Largest change along each axis, all others fixed, as a share of the largest value of all cases.</p>",
+        tag("h2", "What the axes do"),
+        tag("p", "Largest change along each axis, all others fixed, as a share of the largest value of all cases."),
         table(["axis", *(name.replace("_", " ") for name in names)], rows),
         *_hidden(dataset),
         *(image(metric_by_axis(dataset, name), name) for name in ("contact_impulse", "max_temperature")),
@@ -87,12 +108,15 @@ def _hidden(dataset: xr.Dataset) -> list[str]:
     told = []
     for one in hidden(dataset):
         who = "; ".join(f"{scheme} at {steps}" for scheme, steps in one.within.items())
-        about = "every time-stepping scheme at every h" if one.everywhere else html.escape(who)
+        about = "every time-stepping scheme at every h" if one.everywhere else who
         told.append(
-            f"<li>{one.dim} changes the {one.metric.replace('_', ' ')} by {_percent(one.effect)} in the most accurate "
-            f"computation, no more than the median error of {about}.</li>"
+            tag(
+                "li",
+                f"{one.dim} changes the {one.metric.replace('_', ' ')} by {_percent(one.effect)} in the most accurate "
+                f"computation, no more than the median error of {about}.",
+            )
         )
-    return ["<p>Axes whose effect lies below the error:</p>", "<ul>", *told, "</ul>"] if told else []
+    return [tag("p", "Axes whose effect lies below the error:"), tag("ul", *told)] if told else []
 
 
 def standing(dataset: xr.Dataset) -> list[str]:
@@ -115,15 +139,21 @@ def standing(dataset: xr.Dataset) -> list[str]:
         "scheme",
         "h",
         "cases",
-        "largest impulse error",
+        "scheme's impulse error",
         "energy residual",
         "penetration / gap",
         "effective e",
         "verdict",
     ]
     new = [k > 0 and row.scheme != rows[k - 1].scheme for k, row in enumerate(rows)]
-    more = [f"<p>… and {len(rows) - len(body)} more.</p>"] if len(rows) > len(body) else []
-    return ["<h2>Who stays stable, who is accurate</h2>", f'<p class="muted">{RULE}</p>', table(head, body, new), *more]
+    more = [tag("p", f"… and {len(rows) - len(body)} more.")] if len(rows) > len(body) else []
+    return [
+        tag("h2", "Who stays stable, who is accurate"),
+        tag("p", RULE, kind="muted"),
+        tag("p", TERMS, kind="muted"),
+        table(head, body, new),
+        *more,
+    ]
 
 
 def errors(dataset: xr.Dataset) -> list[str]:
@@ -141,12 +171,14 @@ def errors(dataset: xr.Dataset) -> list[str]:
             values = values[np.isfinite(values)]
             row.append(f"{np.median(values):.1e} / {values.max():.1e}" if values.size else "–")
         rows.append(row)
-    about = (
-        "<p>Relative L2 distance from the reference, median / largest over all other axes; reduced models "
-        f"carry their own error in it. Predictability of the references: {_largest(dataset, 'predictability'):.1e}.</p>"
+    about = tag(
+        "p",
+        "Relative L2 distance from the reference, median / largest over all other axes; reduced models carry their "
+        f"own error in it. Predictability of the references: {_largest(dataset, 'predictability'):.1e}, the change of "
+        "a reference when its gap changes by 1e-12.",
     )
     head = [*dims, *(name.replace("_", " ") for name in ("displacement_error", "temperature_error", "impulse_error"))]
-    return ["<h2>Errors</h2>", about, table(head, rows)]
+    return [tag("h2", "Errors"), about, table(head, rows)]
 
 
 @dataclass(frozen=True)
@@ -175,14 +207,17 @@ def precision(dataset: xr.Dataset, duration: float) -> Precision | None:
     ]
     figure = work_precision(found, beside)
     body = [
-        "<h2>Speed against error</h2>",
-        f"<p>{html.escape(shown) or 'The only scene'}. Times are those of this run on its machine, with whatever else "
-        "ran there; the share of a case in its batch.</p>",
+        tag("h2", "Speed against error"),
+        tag(
+            "p",
+            f"{shown or 'The only scene'}. Times are those of this run on its machine, with whatever else ran there; "
+            "the share of a case in its batch.",
+        ),
         image(figure, "relative error against wall seconds per simulated second"),
         image(convergence(found), "relative error, penetration and energy residual against the step"),
-        "<p>Observed orders: slope of log error over log h by least squares, errors below a tenth.</p>",
+        tag("p", "Observed orders: slope of log error over log h by least squares, errors below a tenth."),
         table(["scheme", *(f"order in {about}" for about in ERRORS.values()), "last stable step [s]"], orders),
-        "<p>Who reaches an error of the impulse in the least time:</p>",
+        tag("p", "Who reaches an error of the impulse in the least time:"),
         _fastest(found),
     ]
     return Precision(body, figure)
@@ -191,8 +226,9 @@ def precision(dataset: xr.Dataset, duration: float) -> Precision | None:
 def _fastest(found: list[Line]) -> str:
     rows = [
         [
-            f"{w.target:.0e}", w.scheme or "nobody", short(w.h, ".3g"), short(w.error), short(w.seconds, ".2g"),
-            w.runner_up or "nobody else", "–" if np.isnan(w.times) else f"{w.times:.2g} times as long",
+            f"{w.target:.0e}", w.scheme or "nobody", "–" if np.isnan(w.h) else exact(w.h), short(w.error),
+            short(w.seconds, ".2g"), w.runner_up or "nobody else",
+            "–" if np.isnan(w.times) else f"{w.times:.2g} times as long",
         ]
         for w in winners(found)
     ]  # fmt: skip
@@ -201,7 +237,7 @@ def _fastest(found: list[Line]) -> str:
 
 def _limit(line: Line) -> str:
     steps = line.stable_steps()
-    return "every h" if not line.lost.any() else f"{steps[0]:.3g}" if steps else "none"
+    return "every h" if not line.lost.any() else exact(steps[0]) if steps else "none"
 
 
 def _model_dim(dataset: xr.Dataset) -> str | None:
@@ -219,15 +255,20 @@ def _fewest_modes(dataset: xr.Dataset, dim: str) -> int:
 def scene_pictures(dataset: xr.Dataset) -> list[str]:
     """Draw what single scenes are about: impact speeds near resonance, growth above the critical coupling."""
     dims = set(case_dims(dataset))
-    found = []
+    found: list[str] = []
     if {"frequency", "e"} <= dims <= {"frequency", "e", "gap"} and {"displacement", "velocity", "contact_force"} <= set(
         dataset
     ):
-        about = (
-            "<p>What a tenth of the impact speeds in the second half of the time exceeds, from the samples before each "
-            "contact.</p>"
+        about = tag(
+            "p",
+            "What a tenth of the impact speeds in the second half of the time exceeds, from the samples before each "
+            "contact.",
         )
-        found += ["<h2>Impact speeds</h2>", about, image(impact_speed_map(dataset), "impact speeds by load frequency")]
+        found += [
+            tag("h2", "Impact speeds"),
+            about,
+            image(impact_speed_map(dataset), "impact speeds by load frequency"),
+        ]
     if (
         "alpha" in dims
         and "contact_force" in dataset
@@ -236,7 +277,7 @@ def scene_pictures(dataset: xr.Dataset) -> list[str]:
     ):
         at = {dim: k for dim, k in finest(dataset).items() if dim != "alpha"}
         picture = growth_against_prediction(dataset.isel(at))
-        found += ["<h2>Growth in permanent contact</h2>", image(picture, "contact force by heat coupling")]
+        found += [tag("h2", "Growth in permanent contact"), image(picture, "contact force by heat coupling")]
     return found
 
 

@@ -1,11 +1,14 @@
-"""Running a study: ``_study`` the whole, ``_task`` one task, ``_runner`` where tasks run, ``_outcome`` its end.
+"""Running a study: ``_study`` the whole, ``_prepare`` what comes before its tasks, ``_task`` one task.
 
-``_verify`` runs a sample of an archive again.
-Tasks run on threads (``_threads``) or on a dask cluster (``_cluster``, ``_worker``).
+``_earlier`` what is stored already, and what of it a run would lose; ``_progress`` how far a run is, ``_notebook`` the
+line that shows it in a notebook; ``_outcome`` how a run ended; ``_verify`` runs a sample of an archive again. Tasks run
+(``_runner``) on threads (``_threads``) or on a dask cluster (``_cluster``, ``_worker``).
 """
 
+from workflow.run._earlier import Holdings, Reuse, holdings
 from workflow.run._outcome import SHOWN, Outcome, status_counts, status_name, summarise
-from workflow.run._study import Progress, run_study
+from workflow.run._progress import Advance, Progress, in_words, repeating
+from workflow.run._study import ReuseOptions, run_study
 from workflow.run._task import Job, Stored, compute_segment, store_task
 from workflow.run._threads import available_threads
 from workflow.run._verify import Check, verify
@@ -13,14 +16,21 @@ from workflow.run._worker import ClusterError
 
 __all__ = [
     "SHOWN",
+    "Advance",
     "Check",
     "ClusterError",
+    "Holdings",
     "Job",
     "Outcome",
     "Progress",
+    "Reuse",
+    "ReuseOptions",
     "Stored",
     "available_threads",
     "compute_segment",
+    "holdings",
+    "in_words",
+    "repeating",
     "run_study",
     "status_counts",
     "status_name",

@@ -79,7 +79,7 @@ def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
             f"{scheduler}: no dask scheduler answers there ({why}); start one with `dask scheduler` and give the "
             "address it prints, e.g. tcp://127.0.0.1:8786"
         ) from None
-    with client:
+    with _while_it_lives(scheduler), client:
         try:
             client.wait_for_workers(1, timeout=_FIRST_WORKER)
         except TimeoutError:
@@ -88,6 +88,20 @@ def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
                 "the command again"
             ) from None
         yield client
+
+
+@contextmanager
+def _while_it_lives(scheduler: str) -> Iterator[None]:
+    """Say of a connection that breaks that the scheduler is gone; files that cannot be written have an error number."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno is not None and not isinstance(error, ConnectionError | TimeoutError):
+            raise
+        raise ClusterError(
+            f"{scheduler}: the connection to the dask scheduler is lost; what is stored is kept, start the scheduler "
+            "and its workers, then give the same command again"
+        ) from None
 
 
 def run_on_cluster(job: Job, missing: Iterator[Task], stored: Callable[[Stored], None], client: Any) -> None:

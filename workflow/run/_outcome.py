@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.archive import open_archive, statuses
+from workflow.archive import endings, open_archive
 from workflow.schemes import Status
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ class Outcome:
     counts
         Number of cases by name of their status.
     failures
-        Labels and message of the first cases that are not ok, at most :data:`SHOWN`.
+        Labels and message of the first cases that are not ok or lack an error, at most :data:`SHOWN`.
     seconds
         Wall time of this run.
     resumed
@@ -39,11 +40,18 @@ class Outcome:
     failures: tuple[tuple[str, str], ...]
     seconds: float
     resumed: int
+    without_error: int = 0
+    """Cases that are ok and have an error against the reference that cannot be formed."""
+
+    @cached_property
+    def dataset(self) -> xr.Dataset:
+        """The archive, opened lazily when it is first asked for."""
+        return open_archive(self.archive)
 
     @property
     def ok(self) -> bool:
-        """Whether every case is ok."""
-        return set(self.counts) <= {Status.OK.name.lower()}
+        """Whether every case is ok and has its errors against the reference, where the study has one."""
+        return set(self.counts) <= {Status.OK.name.lower()} and not self.without_error
 
 
 SHOWN = 10
@@ -81,10 +89,11 @@ def _case(dataset: xr.Dataset, cell: int) -> xr.Dataset:
 
 def summarise(archive: Path, resumed: int | None) -> Outcome:
     """Read from an archive how its cases ended; the seconds of the run are left to fill in."""
-    status = statuses(archive)
-    failed = np.flatnonzero(status.ravel() != Status.OK)[:SHOWN].tolist()
-    failures = _told(archive, failed) if failed else ()
-    return Outcome(archive, _counted(status), failures, 0.0, status.size if resumed is None else resumed)
+    status, without_error = endings(archive)
+    telling = np.flatnonzero((status != Status.OK).ravel() | without_error.ravel())[:SHOWN].tolist()
+    failures = _told(archive, telling) if telling else ()
+    before = status.size if resumed is None else resumed
+    return Outcome(archive, _counted(status), failures, 0.0, before, int(np.sum(without_error)))
 
 
 def _told(archive: Path, cells: list[int]) -> tuple[tuple[str, str], ...]:

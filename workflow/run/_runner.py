@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import partial
 
 from workflow.grid import Task
@@ -15,21 +16,48 @@ RunTasks = Callable[[Job, Iterator[Task], Callable[[Stored], None]], None]
 """Runs tasks; the last argument hears of each when its shards are safe."""
 
 
+@dataclass(frozen=True)
+class Where:
+    """Where tasks run: a number of threads, or of worker processes here, or the address of a dask scheduler."""
+
+    threads: int | None = None
+    workers: int | None = None
+    scheduler: str | None = None
+
+    @property
+    def here(self) -> bool:
+        """Whether they run on threads of this process."""
+        return self.workers is None and self.scheduler is None
+
+    @property
+    def computing(self) -> int:
+        """Threads or worker processes that compute; 0 where a scheduler has them."""
+        return (self.threads or available_threads()) if self.here else (self.workers or 0)
+
+    @property
+    def words(self) -> str:
+        """What computes, as an archive tells it: no addresses."""
+        if self.scheduler is not None:
+            return "the workers of a dask scheduler"
+        kind = "thread" if self.here else "worker process"
+        return f"{self.computing} {kind}{'' if self.computing == 1 else 's' if self.here else 'es'}"
+
+
 @contextmanager
-def runner(threads: int | None, workers: int | None, scheduler: str | None) -> Iterator[RunTasks]:
-    """Give what runs tasks; where nothing is chosen, a thread for each processor.
+def runner(where: Where) -> Iterator[RunTasks]:
+    """Give a function that runs tasks; where nothing is chosen, on a thread for each processor.
 
     Raises
     ------
     ValueError
-        More than one is chosen.
+        More than one place is chosen.
     ClusterError
         The workers cannot be used.
     """
-    if sum(choice is not None for choice in (threads, workers, scheduler)) > 1:
+    if sum(choice is not None for choice in (where.threads, where.workers, where.scheduler)) > 1:
         raise ValueError("choose one of threads, workers and scheduler")
-    if workers is None and scheduler is None:
-        yield partial(run_on_threads, threads=threads or available_threads())
+    if where.here:
+        yield partial(run_on_threads, threads=where.computing)
     else:
-        with connected(workers, scheduler) as client:
+        with connected(where.workers, where.scheduler) as client:
             yield partial(run_on_cluster, client=client)

@@ -2,71 +2,65 @@
 
 from __future__ import annotations
 
+import json
 import time
-from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
-from threading import Lock
+from typing import TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workflow.archive import (
-    COPIED,
-    SOFTWARE,
-    ArchiveError,
-    Known,
     Layout,
     Shards,
-    clear_parts,
-    describe,
-    find_known,
     find_shards,
     gather,
     holding,
-    is_kept,
-    keep_known,
     made_by,
     parts_of,
     provenance,
     remove_parts,
-    start_parts,
     statuses,
+    stored_status,
     study_key,
 )
-from workflow.grid import Task, arrange, case_hashes, compiling, tasks, units_of
+from workflow.grid import Task, arrange, compiling, measured_run, tasks
+from workflow.run._earlier import Reuse, cells_there, check_name
+from workflow.run._notebook import in_notebook, notebook_line
 from workflow.run._outcome import Outcome, summarise
-from workflow.run._runner import runner
-from workflow.run._task import Job, Stored
-from workflow.run._threads import available_threads
+from workflow.run._prepare import CaseHashes, Prepared, prepare
+from workflow.run._progress import Progress, Tally, work_of
+from workflow.run._runner import RunTasks, Where, runner
+from workflow.run._task import Job, Stored, not_ok
 from workflow.run._worker import ClusterError
-from workflow.schemes import SOLVER_VERSION, Status
+from workflow.schemes import Status
 from workflow.study import Study
 
-Progress = Callable[[int, int, int], None]
-"""Told ``(cases stored, cases that are not ok, all cases)`` as a run goes on."""
 
-_HASHED_ASIDE = 100_000
-"""Cases that are hashed while tasks run; of more, both at once would hold more memory than either."""
+class ReuseOptions(TypedDict, total=False):
+    """Options of :func:`run_study` on cases that are stored already, all false by default: see :class:`Reuse`."""
+
+    retry: bool
+    recompute: bool
+    drop: bool
 
 
 def run_study(
     study: Study,
-    archive: Path,
+    archive: str | Path,
     threads: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     *,
     workers: int | None = None,
     scheduler: str | None = None,
-    retry: bool = False,
-    recompute: bool = False,
+    **reuse: Unpack[ReuseOptions],
 ) -> Outcome:
     """Run what is missing of a study and leave its archive.
 
     An archive of an earlier version of the study is extended: cases it holds are taken from it, bit for
-    bit, the others are run, those the study no longer has are left out. It stays under its name until
-    the new one is complete.
+    bit, the others are run. It stays under its name until the new one is complete.
 
     Parameters
     ----------
@@ -77,153 +71,132 @@ def run_study(
     threads
         Threads of dask; as many as there are processors where not given.
     progress
-        Called whenever a task is stored.
+        Called when the run begins to compute and whenever a task is stored. Where it is left out a notebook shows a
+        line with a bar, and nothing is shown elsewhere; ``False`` shows nothing anywhere.
     workers
         Worker processes of dask on this machine, instead of threads.
     scheduler
         Address of a dask scheduler whose workers share the archive's directory, instead of threads.
-    retry
-        Run the cases again that are not ok.
-    recompute
-        Run all cases again, and take none from an archive, whatever version of the solver made it.
+    retry, recompute, drop
+        What is done with cases that are stored already, see :class:`Reuse`.
 
     Raises
     ------
     ArchiveError
-        Another study's archive is there, another run has it, or it cannot be written.
+        Another study's archive is there, or one with cases that the study no longer asks for and ``drop`` is false;
+        it is damaged, another run has it, or it cannot be written.
     ClusterError
         The workers cannot be used.
     """
-    begun = time.perf_counter()
+    if progress is None and in_notebook():
+        with notebook_line(Path(archive).name) as line:
+            outcome = run_study(study, archive, threads, line, workers=workers, scheduler=scheduler, **reuse)
+            line.end(outcome)
+            return outcome
+    where, chosen = Where(threads, workers, scheduler), Reuse(**reuse)
+    archive, tell = Path(archive), progress if callable(progress) else None
+    if chosen.retry and not archive.exists() and parts_of(archive).exists():  # an unfinished run ends first
+        _run(study, archive, where, Reuse(drop=chosen.drop), tell)
+    return _run(study, archive, where, chosen, tell)
+
+
+def _run(study: Study, archive: Path, where: Where, reuse: Reuse, progress: Progress | None) -> Outcome:
+    """Run what is missing of a study, as :func:`run_study`."""
+    begun, processor_begun = time.perf_counter(), time.process_time()
     parts = parts_of(archive)
-    if retry and not archive.exists() and parts.exists():  # an unfinished run ends first
-        run_study(study, archive, threads, progress, workers=workers, scheduler=scheduler)
-    if archive.exists() and _is_current(study, archive) and not recompute and not (retry and _has_failures(archive)):
+    if archive.exists() and not _has_work(study, archive, reuse):
         if parts.exists():  # of a run that was killed between its last two steps
             with holding(parts):
                 remove_parts(parts)
         return replace(summarise(archive, None), seconds=time.perf_counter() - begun)
     grid = arrange(study)
-    units = units_of(grid)
-    layout = describe(study, grid, units)
-    helpers = (threads or available_threads()) - 1 if workers is None and scheduler is None else 0
     with (
-        ThreadPoolExecutor(1) as aside,
-        runner(threads, workers, scheduler) as run_tasks,
+        CaseHashes(grid) as hashes,
+        runner(where) as run_tasks,
         holding(parts),
-        compiling(grid, helpers),
+        compiling(grid, where.computing - 1 if where.here else 0),
+        measured_run(grid, processor_begun, where.here),
     ):
-        hashed: list[Future[NDArray[np.uint8]]] = []
-        once = Lock()
-
-        def hashing() -> Future[NDArray[np.uint8]]:
-            with once:
-                if not hashed:
-                    hashed.append(aside.submit(case_hashes, grid))
-            return hashed[0]
-
-        if layout.cells > _HASHED_ASIDE:
-            hashing().result()
-        known = _known(archive, layout, hashing().result(), retry, recompute) if archive.exists() else None
-        if known is not None and np.any(known.cells >= 0):
-            layout = replace(layout, provenance={**layout.provenance, **_made_elsewhere(archive, layout)})
-        start_parts(parts, layout)
-        if known is not None and (retry or recompute) and not is_kept(parts, known):
-            clear_parts(parts)  # of a run that took other cases, or was killed when its archive was in place
-            start_parts(parts, layout)
-        keep_known(parts, known)
-        done = find_shards(parts, layout)
-        there = done.owner >= 0
-        if known is not None:
-            there |= known.copies(layout) >= 0
-        before = int(np.sum(_cells_there(layout, there)))
-        job = Job(grid, units, layout, parts, known)
-        resumed = before if known is None else int(np.sum(_cells_there(layout, there) | (known.cells >= 0)))
-        missing = (task for task in tasks(grid, units) if _is_missing(task, job, there))
-        count = _counting(job, before, done, progress)
-
-        def stored(told: Stored) -> None:
-            hashing()  # not before: it would keep the first kernels from beginning
-            count(told)
-
-        try:
-            run_tasks(job, missing, stored)
-        except ClusterError:  # a worker may have stored what it died before telling of
-            if progress is not None:
-                done = find_shards(parts, layout)
-                there |= done.owner >= 0
-                unwell = sum(len(shard.messages) for shard in done.files)
-                progress(int(np.sum(_cells_there(layout, there))), unwell, layout.cells)
-            raise
-        gather(layout, parts, archive, hashing().result(), known)
+        prepared = prepare(grid, archive, hashes, reuse)
+        tally = None if progress is None else _tally(prepared, where.computing, begun, progress)
+        _run_missing(prepared, run_tasks, hashes, tally)
+        layout = _with_record(prepared, where, time.perf_counter() - begun)
+        gather(layout, parts, archive, hashes.result(), prepared.job.known)
         remove_parts(parts)
-    return replace(summarise(archive, resumed), seconds=time.perf_counter() - begun)
+    return replace(summarise(archive, prepared.resumed), seconds=time.perf_counter() - begun)
 
 
-def _is_current(study: Study, archive: Path) -> bool:
-    """Tell whether an archive holds a study as it is, its title included; refuse another study's."""
-    texts = provenance(archive)
-    name, title, _ = made_by(archive, texts)
-    if name != study.name:
-        raise ArchiveError(
-            f"{archive}: holds another study, {name!r} and not {study.name!r}; "
-            "choose another archive with -o, or move this one away"
-        )
-    return texts.get("key") == study_key(study) and title == study.title
+def _has_work(study: Study, archive: Path, reuse: Reuse) -> bool:
+    """Tell whether a run changes an archive: not where it holds the study as it is, but for what is run again."""
+    if not _is_current(study, archive, reuse.recompute) or reuse.recompute:
+        return True
+    return reuse.retry and bool(np.any(statuses(archive) != Status.OK))
 
 
-def _has_failures(archive: Path) -> bool:
-    return bool(np.any(statuses(archive) != Status.OK))
+def _with_record(prepared: Prepared, where: Where, seconds: float) -> Layout:
+    """Return an archive's layout whose provenance tells how long its last run took, for how many cases, and where."""
+    layout = prepared.job.layout
+    record = {"seconds": round(seconds, 3), "cases": layout.cells - prepared.stored, "where": where.words}
+    return replace(layout, provenance={**layout.provenance, "run": json.dumps(record)})
 
 
-def _known(archive: Path, layout: Layout, hashes: NDArray[np.uint8], retry: bool, recompute: bool) -> Known:
-    """Return which cases the archive under the target's name holds already.
+def _tally(prepared: Prepared, computing: int, begun: float, progress: Progress) -> Tally:
+    """Return the count of stored cases that ``progress`` is called with, from those that are stored already.
+
+    Parameters
+    ----------
+    computing
+        Threads or workers, 0 where a scheduler has them.
+    begun
+        When the run began, on the clock of :func:`time.perf_counter`.
+    """
+    job = prepared.job
+    work = work_of(job, lambda task: _is_missing(task, job, prepared.there), computing)
+    tally = Tally(job.layout.cells, work, begun, progress)
+    tally.set(prepared.stored, _endings(prepared.done, job.layout))
+    return tally
+
+
+def _run_missing(prepared: Prepared, run_tasks: RunTasks, hashes: CaseHashes, tally: Tally | None) -> None:
+    """Run the tasks whose results are not stored yet.
 
     Raises
     ------
-    ArchiveError
-        Another version of the solver made it, or it has nothing that this study could take from it.
+    ClusterError
+        The workers are gone.
     """
-    if recompute:
-        return Known(archive, np.full(layout.cells, -1, dtype=np.int64))
-    _, _, version = made_by(archive, provenance(archive))
-    if version != str(SOLVER_VERSION):
-        raise ArchiveError(
-            f"{archive}: made by version {version} of the solver, this is {SOLVER_VERSION}, whose results differ and "
-            "are not mixed with them; --recompute runs all cases again, -o chooses another archive"
-        )
-    known = find_known(archive, layout, hashes)
-    return known.without_failures() if retry else known
+    job = prepared.job
+    missing = (task for task in tasks(job.grid, job.units) if _is_missing(task, job, prepared.there))
+
+    def stored(result: Stored) -> None:
+        hashes.begin()  # not before: it would keep the first kernels from beginning
+        if tally is not None:
+            tally.add(result)
+
+    try:
+        run_tasks(job, missing, stored)
+    except ClusterError:  # a worker may have stored what it died before it could say so
+        if tally is not None:
+            done = find_shards(job.parts, job.layout)
+            cells = cells_there(job.layout, prepared.there | (done.owner >= 0))
+            tally.set(int(np.sum(cells)), _endings(done, job.layout))
+        raise
 
 
-def _made_elsewhere(archive: Path, layout: Layout) -> dict[str, str]:
-    """Return what tells, as :data:`COPIED`, that cases of an archive were run by other software or elsewhere."""
-    texts = provenance(archive)
-    same = all(texts.get(name) == layout.provenance[name] for name in SOFTWARE)
-    return {} if same and COPIED not in texts else {COPIED: "cases that other software or another processor ran"}
+def _is_current(study: Study, archive: Path, recompute: bool) -> bool:
+    """Tell whether an archive holds a study as it is, title and licence included; refuse another study's."""
+    texts = provenance(archive, damaged=recompute)
+    check_name(study, archive, texts)
+    made = made_by(archive, texts)
+    return texts.get("key") == study_key(study) and (made.title, made.license) == (study.title, study.license)
 
 
-def _cells_there(layout: Layout, there: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return for each cell whether its unit is stored."""
-    found = np.zeros(layout.cells, dtype=bool)
-    for unit in np.flatnonzero(there).tolist():
-        cells = layout.cells_of(unit)
-        found[cells.start : cells.stop] = True
+def _endings(done: Shards, layout: Layout) -> Counter[str]:
+    """Return how many cases of shards are not ok, by name of their status."""
+    found: Counter[str] = Counter()
+    for shard in done.files:
+        found.update(not_ok(layout, shard.first, stored_status(shard, layout)))
     return found
-
-
-def _counting(job: Job, before: int, done: Shards, progress: Progress | None) -> Callable[[Stored], None]:
-    """Return what keeps count of the cases stored and tells the progress."""
-    counted, failed = before, sum(len(shard.messages) for shard in done.files)
-
-    def count(stored: Stored) -> None:
-        nonlocal counted, failed
-        counted, failed = counted + stored.cases, failed + stored.failed
-        if progress is not None:
-            progress(counted, failed, job.layout.cells)
-
-    count(Stored(0, 0))
-    return count
 
 
 def _is_missing(task: Task, job: Job, there: NDArray[np.bool_]) -> bool:

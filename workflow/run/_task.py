@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,8 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.archive import Known, Layout, blank, find_shard, write_shard
-from workflow.grid import Grid, Segment, Task, Units, solve
+from workflow.archive import STATUS, Known, Layout, blank, find_shard, stored_status, write_shard
+from workflow.grid import Grid, Part, Segment, Task, Units, handling_part, measured, solve
+from workflow.run._outcome import status_name
 from workflow.schemes import Status
 
 Arrays = dict[str, NDArray[Any]]
@@ -34,10 +36,28 @@ class Job:
 
 @dataclass(frozen=True)
 class Stored:
-    """What a task tells of the results it has stored: no arrays."""
+    """What a task tells of what it has stored, no arrays: its number, cases, and those that are not ok by status."""
 
+    task: int
     cases: int
-    failed: int
+    endings: Mapping[str, int]
+
+
+def not_ok(layout: Layout, first: int, status: NDArray[Any]) -> Counter[str]:
+    """Return how many cases of some units are not ok, by name of their status.
+
+    Parameters
+    ----------
+    layout, first
+        Of the archive, and its first unit that is meant.
+    status
+        As a shard holds it, ``(unit, place)``; what pads a row's last unit does not count.
+    """
+    found: Counter[str] = Counter()
+    for unit, row in enumerate(status, first):
+        values, numbers = np.unique(row[: len(layout.cells_of(unit))], return_counts=True)
+        found.update({status_name(int(v)): int(n) for v, n in zip(values, numbers, strict=True) if v != Status.OK})
+    return found
 
 
 def store_task(job: Job, task: Task, computing: AbstractContextManager[Any] = _ALONE) -> Stored:
@@ -47,21 +67,24 @@ def store_task(job: Job, task: Task, computing: AbstractContextManager[Any] = _A
     between storing and telling does no harm and costs nothing.
     """
     solved: dict[Segment, tuple[Arrays, dict[int, str]]] = {}
-    cases = failed = 0
+    cases, endings = 0, Counter[str]()
     for group in _groups(job, task):
         first, stop = group[0][0], group[-1][0] + group[-1][1].units
         shard = find_shard(job.parts, task.number, first, stop, job.layout)
         if shard is not None:
-            messages = dict(shard.messages)
+            status = stored_status(shard, job.layout)
         else:
-            with computing:
-                for _, segment in group:
-                    if segment not in solved:
-                        solved[segment] = compute_segment(job, segment)
-            arrays, messages = _joined(group, solved, job.layout.chunk)
-            write_shard(job.parts, task.number, first, arrays, messages, job.layout)
-        cases, failed = cases + _cells(job.layout, first, stop), failed + len(messages)
-    return Stored(cases, failed)
+            with measured(_handling(job, group)):
+                with computing:
+                    for _, segment in group:
+                        if segment not in solved:
+                            solved[segment] = compute_segment(job, segment)
+                arrays, messages = _joined(group, solved, job.layout.chunk)
+                write_shard(job.parts, task.number, first, arrays, messages, job.layout)
+            status = arrays[STATUS]
+        cases += _cells(job.layout, first, stop)
+        endings.update(not_ok(job.layout, first, status))
+    return Stored(task.number, cases, endings)
 
 
 def store_lost(job: Job, task: Task, text: str) -> Stored:
@@ -73,14 +96,15 @@ def store_lost(job: Job, task: Task, text: str) -> Stored:
         lost["status"][...] = Status.FAILED
         return lost, dict.fromkeys(range(inner.size), text)
 
-    cases = failed = 0
+    cases, endings = 0, Counter[str]()
     for group in _groups(job, task):
         first, stop = group[0][0], group[-1][0] + group[-1][1].units
         segments = {segment: _filled(job, segment, failing) for _, segment in group}
         arrays, messages = _joined(group, segments, job.layout.chunk)
         write_shard(job.parts, task.number, first, arrays, messages, job.layout)
-        cases, failed = cases + _cells(job.layout, first, stop), failed + len(messages)
-    return Stored(cases, failed)
+        cases += _cells(job.layout, first, stop)
+        endings.update(not_ok(job.layout, first, arrays[STATUS]))
+    return Stored(task.number, cases, endings)
 
 
 def compute_segment(job: Job, segment: Segment) -> tuple[Arrays, dict[int, str]]:
@@ -115,6 +139,23 @@ def _filled(
     if job.known is not None and not fresh.all():
         fill(~fresh, *job.known.take(layout, cells[~fresh]))
     return arrays, messages
+
+
+def fresh_share(job: Job, task: Task) -> float:
+    """Return the share of a task's cases that no earlier archive holds."""
+    if job.known is None:
+        return 1.0
+    found = []
+    for segment in task.segments:
+        inner, _ = job.units.cases(segment.first, segment.units)
+        found.append(job.known.cells[segment.outer * job.grid.inner_count + inner] < 0)
+    return float(np.mean(np.concatenate(found)))
+
+
+def _handling(job: Job, group: list[tuple[int, Segment]]) -> Part:
+    """Return what the cases of a group cost beside their schemes."""
+    cases = sum(segment.units for _, segment in group) * job.units.chunk
+    return handling_part(cases, len(group), job.grid.sampling.count, len(job.grid.study.output.histories))
 
 
 def _cells(layout: Layout, first: int, stop: int) -> int:

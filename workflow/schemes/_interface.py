@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, dataclass, field, fields
 from enum import IntEnum
 from fractions import Fraction
-from typing import Any, Protocol
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +19,12 @@ HISTORIES = ("displacement", "velocity", "temperature", "impulse")
 """Tip histories that every scheme samples, each of shape ``(case, t)``."""
 
 
+EXTRAPOLATED = "extrapolated: "
+"""How the message of a case begins that ended ok, but not everywhere by the scheme's own rules."""
+
+
 class Status(IntEnum):
-    """How a case ended (DESIGN section 4)."""
+    """How a case ended."""
 
     OK = 0
     DIVERGED = 1
@@ -56,7 +62,7 @@ class Sampling:
         return np.arange(self.count, dtype=np.float64) * self.interval
 
     def steps(self, h: float) -> int:
-        """Return the number of steps of size ``h``: ceil(duration/h - 1e-9), DESIGN section 4."""
+        """Return the number of steps of size ``h``: ceil(duration/h - 1e-9)."""
         return max(1, math.ceil(self.duration / h - 1e-9))
 
 
@@ -94,6 +100,26 @@ def schedule(sampling: Sampling, h: float) -> Schedule:
 
 
 @dataclass(frozen=True, eq=False)
+class Workload:
+    """What decides, beside structure, step and sampling, how long a batch takes; each array is ``(case,)``.
+
+    Attributes
+    ----------
+    e, alpha
+        Restitution coefficient [1] and heat coupling [W/N].
+    heated
+        Whether thermal states can act, see :attr:`workflow.models.Cases.heated`.
+    periods
+        Load periods within the duration.
+    """
+
+    e: Array
+    alpha: Array
+    heated: NDArray[np.bool_]
+    periods: Array
+
+
+@dataclass(frozen=True, eq=False)
 class Results:
     """What a scheme returns for a batch.
 
@@ -112,7 +138,8 @@ class Results:
         :class:`Status` of every case, int8, shape ``(case,)``. A case that is not ok has NaN
         from the moment it failed, never another case's or an earlier value.
     messages
-        What a case that is not ok did, by position; deterministic, no addresses, no paths.
+        What a case that is not ok did, by position; deterministic, no addresses, no paths. That of a
+        case that is ok begins with :data:`EXTRAPOLATED`.
     """
 
     histories: dict[str, Array]
@@ -155,32 +182,84 @@ def complete_periods(frequency: Array, sampling: Sampling) -> NDArray[np.int64]:
     return np.floor(sampling.duration * frequency * (1 + 1e-12) + 1e-9).astype(np.int64)
 
 
-class Scheme(Protocol):
-    """What a module of ``workflow/schemes/`` offers; see :mod:`workflow.schemes`."""
+def _unknown_cost(structure: Structure, h: float, options: Any, sampling: Sampling) -> float:
+    """Return seconds per case of a scheme that gives no estimate: a microsecond for each step and sample."""
+    return 1e-6 * (sampling.steps(h) + sampling.count)
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """What a module of ``workflow/schemes/`` offers; fields with a default may be left out.
+
+    Attributes
+    ----------
+    Options
+        Frozen dataclass of its options, declared with :func:`workflow.declare.quantity`.
+    READS
+        Which of the axes ``e``, ``h``, ``alpha`` change its results (everything else of the scene does, and so do
+        its own options). Cases that differ in other axes are computed once.
+    init
+        ``init(structure, h, options)``: work that depends on the operator alone, done once per batch.
+    compute
+        ``compute(operator, cases, sampling)`` runs a whole batch and returns :class:`Results`; it never raises for
+        what a case does, and a case's numbers do not depend on its neighbours, bit for bit.
+    cost
+        ``cost(structure, h, options, sampling)``: estimated seconds of one heated case, a fixed model.
+    amplification
+        ``amplification(frequency, damping, h, options)``: eigenvalues of the free step of modes
+        x'' + c x' + ω² x = 0, complex, ``(mode, 2)``, for ω [rad/s] and c [1/s] of shape ``(mode,)``. A scheme
+        without steps returns the exact propagator's for ``h``.
+    thermal_amplification
+        ``thermal_amplification(rate, h, options)``: factor of the free step of thermal modes τ' = -μ τ, ``(mode,)``.
+    METRICS
+        Metrics that it gives beside the common ones: name to unit and meaning.
+    TOGETHER
+        Cases of a batch that are stepped at once, and cost little more than one of them.
+    contact_limit
+        ``contact_limit(structure, options)``: the step, s, up to which it holds while contact
+        comes and goes.
+    is_swept, operator_name
+        ``is_swept(structure)``: whether it steps a structure node by node instead of by its modes, each case by
+        itself; ``operator_name(structure)``: how ``plan`` says so.
+    batch_cost
+        ``batch_cost(structure, options, sampling, workload)``: estimated seconds of a whole batch, for ``plan``, where
+        ``cost`` times the number of cases is far from it.
+    contact_stiffness_of
+        ``contact_stiffness_of(structure, options)``: stiffness of its contact spring, N/m, where it has one.
+    rigid
+        ``rigid(structure, h)``: options with which it approaches a rigid casing as h → 0, where not all do.
+    about
+        One line on the scheme; the first paragraph of the module's docstring where it does not say.
+    """
 
     Options: type[Any]
     READS: frozenset[str]
+    init: Callable[[Structure, float, Any], Any]
+    compute: Callable[[Any, Cases, Sampling], Results]
+    cost: Callable[[Structure, float, Any, Sampling], float] = _unknown_cost
+    amplification: Callable[[Array, Array, float, Any], Any] | None = None
+    thermal_amplification: Callable[[Array, float, Any], Array] | None = None
+    METRICS: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    TOGETHER: int = 1
+    contact_limit: Callable[[Structure, Any], float] | None = None
+    is_swept: Callable[[Structure], bool] | None = None
+    operator_name: Callable[[Structure], str] | None = None
+    batch_cost: Callable[[Structure, Any, Sampling, Workload], float] | None = None
+    contact_stiffness_of: Callable[[Structure, Any], float] | None = None
+    rigid: Callable[[Structure, float], Any] | None = None
+    about: str = ""
 
-    def init(self, structure: Structure, h: float, options: Any) -> Any:
-        """Do once what depends on structure, step and options alone."""
-        ...
+    @classmethod
+    def required(cls) -> tuple[str, ...]:
+        """Return the names that a module must have."""
+        return tuple(f.name for f in fields(cls) if f.default is MISSING and f.default_factory is MISSING)
 
-    def compute(self, operator: Any, cases: Cases, sampling: Sampling) -> Results:
-        """Run a whole batch; never raises for what a case does."""
-        ...
+    @classmethod
+    def of(cls, module: ModuleType) -> Scheme:
+        """Return what a module offers."""
+        offered = {f.name: vars(module)[f.name] for f in fields(cls) if f.name in vars(module)}
+        return cls(**{"about": " ".join((module.__doc__ or "").split("\n\n")[0].split()), **offered})
 
-    def cost(self, structure: Structure, h: float, options: Any, sampling: Sampling) -> float:
-        """Return the estimated seconds of one heated case, a fixed model: no measurement."""
-        ...
-
-    def amplification(self, frequency: Array, damping: Array, h: float, options: Any) -> Any:
-        """Return the eigenvalues of the free step of modes x'' + c x' + ω² x = 0.
-
-        ``frequency`` is ω [rad/s], ``damping`` is c [1/s], both ``(mode,)``; returns complex,
-        ``(mode, 2)``. A scheme without steps returns the exact propagator's for ``h``.
-        """
-        ...
-
-    def thermal_amplification(self, rate: Array, h: float, options: Any) -> Array:
-        """Return the factor of the free step of thermal modes τ' = -μ τ, shape ``(mode,)``."""
-        ...
+    def sweeps(self, structure: Structure) -> bool:
+        """Tell whether it steps a structure node by node."""
+        return self.is_swept is not None and self.is_swept(structure)

@@ -7,7 +7,7 @@ that keeps x_n,k+1 <= d, its impulse p_k = hλ_k:
 
 with w_free the tip's velocity from t_k to t_k+1 without contact. There is no restitution
 coefficient: a single mass reaches the casing in one step, loses its velocity in the next and leaves
-with none. Stable below h = 2/ω_max and, with explicit heat, 2/μ_max: see :mod:`workflow.schemes._central`.
+with none. Stable below h = 2/ω_max and, with explicit heat, 2/μ_max: see :mod:`workflow.schemes._fixed.central`.
 """
 
 from __future__ import annotations
@@ -17,13 +17,15 @@ from typing import Any, Literal
 
 import numpy as np
 
+from workflow.kernels.lanes import WIDE
 from workflow.models import Array, Cases, Structure
-from workflow.schemes._central import Differences, Law, Operator, central_cost, operator, tip_mobility
-from workflow.schemes._central_march import METRICS
-from workflow.schemes._central_march import compute as march
-from workflow.schemes._decoupled import decouple
+from workflow.schemes._fixed import central_march, outcome
+from workflow.schemes._fixed.central import Differences, Linear, Operator, delassus, operator
+from workflow.schemes._fixed.costs import central_cost
+from workflow.schemes._fixed.decoupled import decouple
 from workflow.schemes._interface import Results, Sampling
-from workflow.schemes._lanes import WIDE
+
+METRICS = outcome.METRICS
 
 READS = frozenset({"h", "alpha"})
 
@@ -54,14 +56,14 @@ class Options:
 def init(structure: Structure, h: float, options: Options) -> Operator:
     """Diagonalise the structure once for a batch."""
     modal, differences = decouple(structure), options.differences
-    mobility = tip_mobility(modal, h, differences)
-    law = Law(depth=1 / (h * mobility), before=0.0, free=1 / mobility, threshold=-np.inf, holds=True)
+    w = delassus(modal, h, differences)
+    law = Linear(1 / (h * w), before=0.0, free=1 / w, threshold=-np.inf, holds=True, stiffness=0.0)
     return operator(structure, float(h), differences, modal, law)
 
 
 def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
     """Step a whole batch; ``e`` is not read."""
-    return march(operator, cases, sampling)
+    return central_march.compute(operator, cases, sampling)
 
 
 def amplification(frequency: Array, damping: Array, h: float, options: Options) -> Any:
@@ -77,6 +79,3 @@ def thermal_amplification(rate: Array, h: float, options: Options) -> Array:
 def cost(structure: Structure, h: float, options: Options, sampling: Sampling) -> float:
     """Return estimated seconds per heated case."""
     return central_cost(structure, h, sampling)
-
-
-__all__ = ["METRICS", "READS", "Options", "amplification", "compute", "cost", "init", "thermal_amplification"]

@@ -3,8 +3,13 @@
     λ = max(0, κ (x_n - d) + c v_n)  where x_n > d,  else 0.
 
 ``explicit`` steps by central differences with v_n,k = (x_n,k+1 - x_n,k-1)/2h, stable below h = 2/ω_max
-(:mod:`workflow.schemes._central`); with the tip in contact ω_max is that of the structure with κ at its
-tip, which grows with κ. ``implicit`` is the θ-method (:mod:`workflow.schemes._penalty_implicit`). There is no
+(:mod:`workflow.schemes._fixed.central`); with the tip in contact ω_max is that of the structure with κ at its
+tip, which grows with κ. λ_k is linear in the tip's motion, its impulse hλ_k
+
+    p_k = max(0, s κ (x_n,k - d) + s c/2 (w_k-½ + w_free)),   s = h / (1 + hcW/2),   W = e_nᵀ (M + h/2 C1)⁻¹ e_n,
+
+with w_k-½ the tip's velocity in the step before and w_free that in the step from t_k on without contact.
+``implicit`` is the θ-method with λ at the step's end (:mod:`workflow.schemes._fixed.spring`). There is no
 restitution coefficient: without c a single mass leaves as fast as it came. As h → 0 the scheme
 converges to the motion with this spring; to that of a rigid casing only as κ → ∞, see :func:`rigid`.
 """
@@ -14,18 +19,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
-import numpy as np
-
 from workflow.declare import quantity
+from workflow.kernels.lanes import WIDE
+from workflow.kernels.sums import total
 from workflow.models import Array, Cases, Structure
-from workflow.schemes import _penalty_implicit as theta_method
-from workflow.schemes._central import Differences, Law, central_cost, operator, tip_mobility
-from workflow.schemes._central import Operator as CentralOperator
-from workflow.schemes._central_march import METRICS
-from workflow.schemes._central_march import compute as march
-from workflow.schemes._decoupled import Decoupled, decouple
+from workflow.schemes._fixed import central_march, outcome, spring, spring_limits, theta_method
+from workflow.schemes._fixed.central import Differences, Linear, delassus, operator
+from workflow.schemes._fixed.central import Operator as CentralOperator
+from workflow.schemes._fixed.costs import central_cost
+from workflow.schemes._fixed.decoupled import Decoupled, decouple
+from workflow.schemes._fixed.spring import SpringOperator
 from workflow.schemes._interface import Results, Sampling
-from workflow.schemes._lanes import WIDE
+
+METRICS = outcome.METRICS
 
 READS = frozenset({"h", "alpha"})
 
@@ -68,51 +74,60 @@ def contact_stiffness(modal: Decoupled, options: Options) -> float:
     if options.stiffness > 0:
         return options.stiffness
     elastic = modal.frequency > 0
-    flexibility = float(np.sum((modal.tip[elastic] / modal.frequency[elastic]) ** 2))
+    flexibility = total((modal.tip[elastic] / modal.frequency[elastic]) ** 2)
     if flexibility == 0:
         raise ValueError("a free mass has no stiffness to take ten times of; give the scheme's `stiffness` in N/m")
     return _TIMES_STATIC / flexibility
+
+
+def contact_stiffness_of(structure: Structure, options: Options) -> float:
+    """Return the stiffness κ of the contact spring on a structure, N/m."""
+    return contact_stiffness(decouple(structure), options)
 
 
 def rigid(structure: Structure, h: float) -> Options:
     """Return options with which the scheme converges to a rigid casing with e = 0 as h → 0.
 
     κ and c are those that stop the free tip mass within a few steps: κ = 1/(4 h² W), c = 1/(h W), an
-    overdamped contact (damping ratio 1) that stays far below the limit of the step.
+    overdamped contact (damping ratio 1) about at the limit of the step.
     """
-    mobility = tip_mobility(decouple(structure), h, _CENTRAL)
-    return Options(stiffness=1 / (4 * h**2 * mobility), damping=1 / (h * mobility))
+    w = delassus(decouple(structure), h, _CENTRAL)
+    return Options(stiffness=1 / (4 * h * h * w), damping=1 / (h * w))
 
 
 def contact_limit(structure: Structure, options: Options) -> float:
-    """Return the step up to which no motion grows with the tip in contact, s: 2/ω_max of K1 with κ at the tip.
+    """Return the step up to which the scheme holds while contact comes and goes, s: none where implicit.
 
-    Central damping does not move it. The implicit scheme has none of its own.
+    Measured, see :func:`~workflow.schemes._fixed.spring_limits.switching_limit`.
     """
     if options.integration == "implicit":
         return float("inf")
     modal = decouple(structure)
-    stiffened = np.diag(modal.frequency**2) + contact_stiffness(modal, options) * np.outer(modal.tip, modal.tip)
-    return float(2 / np.sqrt(np.linalg.eigvalsh(stiffened)[-1]))
+    return spring_limits.switching_limit(modal, contact_stiffness(modal, options))
 
 
-def init(structure: Structure, h: float, options: Options) -> CentralOperator | theta_method.Operator:
+def lasting_contact_limit(structure: Structure, options: Options) -> float:
+    """Return the step up to which no motion grows while the tip stays in contact, s; for the explicit scheme only."""
+    modal = decouple(structure)
+    return spring_limits.lasting_limit(modal, contact_stiffness(modal, options))
+
+
+def init(structure: Structure, h: float, options: Options) -> CentralOperator | SpringOperator:
     """Diagonalise the structure once for a batch."""
     modal = decouple(structure)
     stiffness, damping = contact_stiffness(modal, options), float(options.damping)
     if options.integration == "implicit":
-        return theta_method.Operator(structure, float(h), float(options.theta), modal, stiffness, damping)
-    mobility = tip_mobility(modal, h, _CENTRAL)
-    share = h / (1 + 0.5 * h * damping * mobility)
-    law = Law(stiffness * share, 0.5 * damping * share, 0.5 * damping * share, 0.0, holds=False, stiffness=stiffness)
+        return SpringOperator(structure, float(h), float(options.theta), modal, stiffness, damping)
+    share = h / (1 + 0.5 * h * damping * delassus(modal, h, _CENTRAL))
+    law = Linear(stiffness * share, 0.5 * damping * share, 0.5 * damping * share, 0.0, False, stiffness)
     return operator(structure, float(h), _CENTRAL, modal, law)
 
 
-def compute(operator: CentralOperator | theta_method.Operator, cases: Cases, sampling: Sampling) -> Results:
+def compute(operator: CentralOperator | SpringOperator, cases: Cases, sampling: Sampling) -> Results:
     """Step a whole batch; ``e`` is not read."""
     if isinstance(operator, CentralOperator):
-        return march(operator, cases, sampling)
-    return theta_method.compute(operator, cases, sampling)
+        return central_march.compute(operator, cases, sampling)
+    return spring.compute(operator, cases, sampling)
 
 
 def amplification(frequency: Array, damping: Array, h: float, options: Options) -> Any:
@@ -132,17 +147,3 @@ def thermal_amplification(rate: Array, h: float, options: Options) -> Array:
 def cost(structure: Structure, h: float, options: Options, sampling: Sampling) -> float:
     """Return estimated seconds per heated case."""
     return central_cost(structure, h, sampling)
-
-
-__all__ = [
-    "METRICS",
-    "READS",
-    "Options",
-    "amplification",
-    "compute",
-    "contact_limit",
-    "cost",
-    "init",
-    "rigid",
-    "thermal_amplification",
-]

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from workflow.study.axes import Axis, Dimension
+from workflow.study.edits import setting
 from workflow.study.mistakes import Mistake, StudyError
 from workflow.study.quantities import udunits
 from workflow.study.reader import parse_study, read_study
+from workflow.study.resolved import ResolvedValue, resolved_values
 from workflow.study.schema import json_schema
 from workflow.study.settings import Cell, Initial, Load, Output, Scene, SchemeChoice
 from workflow.study.study import Reference, Study
@@ -19,6 +21,7 @@ __all__ = [
     "Mistake",
     "Output",
     "Reference",
+    "ResolvedValue",
     "Scene",
     "SchemeChoice",
     "Study",
@@ -26,5 +29,7 @@ __all__ = [
     "json_schema",
     "parse_study",
     "read_study",
+    "resolved_values",
+    "setting",
     "udunits",
 ]

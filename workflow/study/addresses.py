@@ -8,20 +8,21 @@ from dataclasses import dataclass
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from workflow import models, schemes
-from workflow.declare import quantity_of
-from workflow.study.leaves import Choice, Reading, is_whole
+from workflow.declare import quantity_of, word_of
+from workflow.study.leaves import Choice, Reading, Text, is_whole
 from workflow.study.quantities import udunits
 from workflow.study.settings import Casing, Cell, Initial, Load, Scene
 
 DEFAULT_SCHEME = "moreau"
 MODES = ("mechanical_modes", "thermal_modes")
+REDUCTION = "reduction"
 
 
 @dataclass(frozen=True)
 class Address:
     """A value that an axis may vary: how it is read, and what it means."""
 
-    value: Reading | Choice
+    value: Reading | Choice | Text
     description: str
 
     @property
@@ -30,25 +31,27 @@ class Address:
         return udunits(self.value.declared.unit) if isinstance(self.value, Reading) else ""
 
 
-def settings(labels: tuple[str, ...]) -> dict[str, Address]:
-    """Return the settings of a case that stand under ``axes`` by their bare names."""
+def settings(labels: tuple[str, ...], bases: tuple[str, ...]) -> dict[str, Address]:
+    """Return the settings of a case that stand under ``axes`` by their bare names, for some schemes and bases."""
     found: dict[str, Address] = {}
     for name, value, description in _values(Cell):
         if isinstance(value, Reading):
             value = dataclasses.replace(value, full=name in MODES)
+        if name == REDUCTION:
+            value = Choice(bases)
         found[name] = Address(value, description)
     return {"scheme": Address(Choice(labels, labels=True), "time integration scheme")} | found
 
 
 def setting_defaults() -> dict[str, Any]:
     """Return what the settings are where a study does not say."""
-    defaults = {entry.name: entry.default for entry in dataclasses.fields(Cell) if quantity_of(entry)}
+    defaults = {entry.name: entry.default for entry in dataclasses.fields(Cell) if quantity_of(entry) or word_of(entry)}
     return {"scheme": DEFAULT_SCHEME} | defaults
 
 
 def scene_values(names: tuple[str, ...]) -> dict[str, Address]:
     """Return the scene values of some models by dotted path, without the duration."""
-    groups: dict[str, type] = {name: models.load(name).Parameters for name in names}
+    groups: dict[str, type] = {name: models.load(name).Parameters for name in names if models.fault(name) is None}
     groups |= {"casing": Casing, "load": Load, "initial": Initial}
     return {
         f"scene.{group}.{name}": Address(value, description)
@@ -63,11 +66,12 @@ def scheme_options(methods: Mapping[str, tuple[str, ...]]) -> dict[str, Address]
         f"schemes.{label}.{name}": Address(value, f"{description} of {label}")
         for label, candidates in methods.items()
         for method in candidates
+        if schemes.fault(method) is None
         for name, value, description in _values(schemes.load(method).Options)
     }
 
 
-def _values(declared: type) -> Iterator[tuple[str, Reading | Choice, str]]:
+def _values(declared: type) -> Iterator[tuple[str, Reading | Choice | Text, str]]:
     """Yield path, reading and description of the values of a declared dataclass, nested ones too."""
     hints = get_type_hints(declared)
     for entry in dataclasses.fields(declared):
@@ -75,6 +79,8 @@ def _values(declared: type) -> Iterator[tuple[str, Reading | Choice, str]]:
         if quantity is not None:
             single = dataclasses.replace(quantity, per=None)
             yield entry.name, Reading(single, whole=is_whole(hint)), quantity.description
+        elif (text := word_of(entry)) is not None and not text.file:
+            yield entry.name, Text(text), text.description
         elif get_origin(hint) is Literal:
             yield entry.name, Choice(get_args(hint)), entry.name.replace("_", " ")
         elif isinstance(hint, type) and dataclasses.is_dataclass(hint) and declared not in (Cell, Scene):

@@ -16,17 +16,6 @@ from workflow.study.source import Source
 
 Value = float | int | str
 MOST_CASES = 10**8
-VARIABLES = frozenset(
-    [
-        *("t", "period", "displacement", "velocity", "temperature", "impulse", "contact_force"),
-        *("contact_impulse", "impacts", "contact_time", "max_penetration", "max_temperature"),
-        *("thermal_closing", "energy_residual", "heat_residual", "critical_alpha", "growth_rate"),
-        *("steps", "wall_time", "period_impulse", "period_force", "period_temperature", "period_contact"),
-        *("displacement_error", "temperature_error", "impulse_error", "predictability", "effective_restitution"),
-        *("status", "runaway", "message", "message_length", "provenance"),
-    ]
-)
-"""Names of the archive that no axis takes (DESIGN section 4)."""
 
 
 @dataclass(frozen=True)
@@ -126,6 +115,8 @@ class Arrangement:
         Path of the model's number of nodes, ``None`` where the model is unknown.
     counts
         The numbers of nodes that the cases have, ``None`` where they are unknown.
+    reserved
+        Names of the archive's variables, which no axis takes.
     """
 
     def __init__(
@@ -134,7 +125,9 @@ class Arrangement:
         addresses: Mapping[str, Address],
         nodes: str | None,
         counts: Sequence[int] | None,
+        reserved: frozenset[str],
     ) -> None:
+        self.reserved = reserved
         self.source, self.addresses, self.nodes, self.counts = source, addresses, nodes, counts
         self.groups: list[_Group] = []
         self.singles: dict[str, Value] = {}
@@ -244,10 +237,10 @@ class Arrangement:
         singles = {path: value for path, value in (held | self.singles).items() if path not in varied}
         zips = [group.name for group in self.groups if group.name is not None]
         for group in self.groups:
-            if group.name is not None and (group.name in VARIABLES or group.name in defaults):
+            if group.name is not None and (group.name in self.reserved or group.name in defaults):
                 problem = "is the name of a variable of the archive or of an axis"
                 self.source.report(group.place, problem, "name the dimension otherwise")
-        names = coordinate_names([*varied, *singles], {*VARIABLES, *zips})
+        names = coordinate_names([*varied, *singles], {*self.reserved, *zips})
 
         def axis(path: str, values: tuple[Value, ...]) -> Axis:
             address = self.addresses[path]

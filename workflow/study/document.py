@@ -41,9 +41,13 @@ class _Axes(Form):
     }
 
 
-@cache
 def scene_form() -> type[Form]:
     """Return the form of a scene: one entry per model, of which a scene has one, and the rest."""
+    return _scene_form(models.names())
+
+
+@cache
+def _scene_form(names: tuple[str, ...]) -> type[Form]:
     duration = next(entry for entry in dataclasses.fields(Scene) if entry.name == "duration")
     initial = annotated(Any, ByShape((("state", form(Initial)),), word="static"))
     entries: dict[str, Any] = {
@@ -52,22 +56,31 @@ def scene_form() -> type[Form]:
         "initial": (initial, Field(default_factory=Initial, description=summary(Initial))),
         "duration": entry_of(duration, float),
     }
-    for name in models.names():
+    for name in names:
+        if models.fault(name) is not None:  # told by the reader where a study names it
+            entries[name] = Any, Field(None, description="a model that cannot be used")
+            continue
         model = models.load(name)
         entries[name] = form(model.Parameters, f"{name}_parameters"), Field(None, description=summary(model))
     return create_model("scene", __base__=Form, __doc__=summary(Scene), **entries)
 
 
-@cache
 def scheme_form() -> Any:
     """Return the annotation that reads an entry of ``schemes`` as its method and options."""
-    return annotated(Any, ByShape(tuple((name, _method_form(name)) for name in schemes.names()), key="method"))
+    return _scheme_form(schemes.names())
+
+
+@cache
+def _scheme_form(names: tuple[str, ...]) -> Any:
+    return annotated(Any, ByShape(tuple((name, _method_form(name)) for name in names), key="method"))
 
 
 def _method_form(name: str) -> Any:
     """Return the annotation that reads ``{method: ..., options}`` as method and options."""
+    if schemes.fault(name) is not None:  # told by the reader where a study names it
+        return annotated(Any, AfterValidator(lambda _: (name, None)))
     options = schemes.load(name).Options
-    method = annotated(Any, Choice((name,))), Field(description=summary(schemes.load(name)))
+    method = annotated(Any, Choice((name,))), Field(description=schemes.load(name).about)
 
     def build(read: Form) -> tuple[str, Any]:
         entries = dict(read)
@@ -88,11 +101,11 @@ def axes_form(addresses: Mapping[str, Address], zipped: bool = False) -> type[Fo
     return create_model("zip" if zipped else "axes", __base__=_Axes, __doc__=summary(_Axes), **entries)
 
 
-def reference_form(labels: tuple[str, ...]) -> Any:
+def reference_form(labels: tuple[str, ...], bases: tuple[str, ...]) -> Any:
     """Return the annotation that reads ``reference`` as the settings that it names."""
     entries: dict[str, Any] = {
         name: (annotated(Any, address.value), Field(None, description=address.description))
-        for name, address in settings(labels).items()
+        for name, address in settings(labels, bases).items()
     }
     doc = "Settings of the solution that errors are measured against; the rest stays the case's own."
     return annotated(create_model("reference", __base__=Form, __doc__=doc, **entries), AfterValidator(given))
@@ -107,14 +120,18 @@ def output_form() -> type[Form]:
     return keys_form(Output, "output", interval=interval)
 
 
-def study_form(addresses: Mapping[str, Address], labels: tuple[str, ...]) -> type[Form]:
-    """Return the form of a study whose axes may vary some addresses and whose schemes have labels."""
+def study_form(addresses: Mapping[str, Address], labels: tuple[str, ...], bases: tuple[str, ...]) -> type[Form]:
+    """Return the form of a study whose axes may vary some addresses, for some schemes and bases."""
     axes: Any = axes_form(addresses)
     zips: Any = GenericAlias(dict, (annotated(str, Name("the dimension")), axes_form(addresses, zipped=True)))
     choices: Any = GenericAlias(dict, (annotated(str, Name("the scheme")), scheme_form()))
     entries: dict[str, Any] = {
         "study": (annotated(Any, Name("the study")), Field(description="name of the study and of its archive")),
         "title": (annotated(Any, Line(LONGEST_TITLE)), Field("", description="one line on what the study shows")),
+        "license": (
+            annotated(Any, Line(LONGEST_TITLE)),
+            Field("", description="licence of the archive; none if left out"),
+        ),
         "scene": (scene_form(), Field(description=summary(Scene))),
         "schemes": (choices, Field(default_factory=dict, description="methods with their options, by label")),
         "axes": (axes, Field(default_factory=axes, description=summary(_Axes))),
@@ -122,7 +139,7 @@ def study_form(addresses: Mapping[str, Address], labels: tuple[str, ...]) -> typ
             zips,
             Field(default_factory=dict, description="axes that vary together, by dimension"),
         ),
-        "reference": (reference_form(labels), Field(None, description="what errors are measured against")),
+        "reference": (reference_form(labels, bases), Field(None, description="what errors are measured against")),
         "output": (output_form(), Field(default_factory=output_form(), description=summary(Output))),
     }
     return create_model("study", __base__=_Study, __doc__=summary(_Study), **entries)

@@ -19,8 +19,8 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, InitErrorDetails, core_schema
 
-from workflow.declare import quantity_of
-from workflow.study.leaves import Choice, Flag, Leaf, Reading, is_whole
+from workflow.declare import quantity_of, word_of
+from workflow.study.leaves import Choice, Flag, Leaf, Reading, Text, is_whole
 from workflow.study.mistakes import Place, details, nearest, one_of, said, wrong
 
 
@@ -103,6 +103,9 @@ def _annotation(entry: dataclasses.Field[Any], hint: Any) -> tuple[Any, str]:
     if declared is not None:
         reading = Reading(declared, whole=is_whole(hint))
         return reading, reading.described()
+    text = word_of(entry)
+    if text is not None:
+        return Text(text), text.description
     if isinstance(hint, type) and dataclasses.is_dataclass(hint):
         return form(hint), summary(hint)
     if get_origin(hint) is tuple:
@@ -111,7 +114,7 @@ def _annotation(entry: dataclasses.Field[Any], hint: Any) -> tuple[Any, str]:
         return Choice(get_args(hint)), spoken(entry.name)
     if hint is bool:
         return Flag(), str(entry.metadata.get("meaning", spoken(entry.name)))
-    raise TypeError(f"{entry.name}: declare a quantity, a dataclass, a bool or a Literal, not {hint}")
+    raise TypeError(f"{entry.name}: declare a quantity, a word, a file, a dataclass, a bool or a Literal, not {hint}")
 
 
 def spoken(name: str) -> str:
@@ -171,6 +174,13 @@ def _reader(entry: FieldInfo) -> TypeAdapter[Any]:
     for metadata in entry.metadata:
         annotation = annotated(annotation, metadata)
     return TypeAdapter(annotation)
+
+
+def entries_of(read: Any) -> Any:
+    """Return the entries of a form without mistakes, and those of the forms in it, as :func:`sound` does."""
+    if isinstance(read, Form):
+        return {key: entries_of(value) for key, value in read}
+    return {key: entries_of(value) for key, value in read.items()} if isinstance(read, dict) else read
 
 
 def sound(section: type[Form], value: Any, faults: set[Place], context: Mapping[str, Any]) -> dict[str, Any]:

@@ -7,15 +7,17 @@ one message.
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal, get_args
 
 from pydantic import ValidationError
 from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, core_schema
 
-from workflow.declare import Quantity
+from workflow.declare import File, Quantity, Word
 from workflow.study.mistakes import details, one_of, said, wrong
 from workflow.study.quantities import NUMBER, admissible, expected, read_quantity, udunits
 
@@ -128,6 +130,38 @@ class Choice(Leaf):
         """Return the enumeration."""
         word: Schema = {"type": "string", "examples" if self.labels else "enum": list(self.words)}
         return {"type": "array", "items": word, "uniqueItems": True} if self.several else word
+
+
+LONGEST_TEXT = 1000
+
+
+@dataclass(frozen=True)
+class Text(Leaf):
+    """A text, or the name of a file relative to the study, that a model or scheme declares."""
+
+    declared: Word
+
+    def read(self, value: Any, context: Mapping[str, Any]) -> str | File:
+        """Return the text, or the file with the digest of its content."""
+        if not isinstance(value, str) or not value or len(value) > LONGEST_TEXT or not value.isprintable():
+            raise wrong(f"{said(value)} is not a line of text", f"write up to {LONGEST_TEXT} printable characters")
+        return read_file(value, Path(context.get("directory", "."))) if self.declared.file else value
+
+    def schema(self) -> Schema:
+        """Return type and length."""
+        return {"type": "string", "minLength": 1, "maxLength": LONGEST_TEXT}
+
+
+def read_file(name: str, directory: Path) -> File:
+    """Return a file that a study names, with the digest of its content."""
+    place = directory / name
+    try:
+        if not place.is_file():  # opening a pipe would wait for ever
+            raise wrong(f"{said(name)} is no file", f"name a file, relative to {directory}")
+        with place.open("rb") as opened:
+            return File(hashlib.file_digest(opened, "sha256").hexdigest(), name, str(place.absolute()))
+    except OSError as error:
+        raise wrong(f"{said(name)} cannot be read: {error.strerror}", "name a file that can be read") from None
 
 
 @dataclass(frozen=True)
@@ -244,7 +278,7 @@ class Spread:
 class Axial(Leaf):
     """The values of an axis: a scalar, a list, ``{lin: [...]}`` or ``{log: [first, last, count]}``."""
 
-    value: Reading | Choice
+    value: Reading | Choice | Text
     zipped: bool = False
 
     def read(self, value: Any, context: Mapping[str, Any]) -> Single | Listed | Spread:
@@ -254,15 +288,15 @@ class Axial(Leaf):
         if isinstance(value, list):
             if not value:
                 raise wrong("is empty", "write at least one value, or leave the axis out")
-            return Listed(read_each(value, self._one))
+            return Listed(read_each(value, lambda one: self._one(one, context)))
         if self.zipped:
             raise wrong(f"{said(value)} is not a list", "write a list as long as the others of this zip")
-        return Single(self._one(value))
+        return Single(self._one(value, context))
 
-    def _one(self, value: Any) -> Any:
+    def _one(self, value: Any, context: Mapping[str, Any]) -> Any:
         if isinstance(value, list | dict):
             raise wrong(f"{said(value)} is not a single value", "an axis has single values")
-        return self.value.scalar(value) if isinstance(self.value, Reading) else self.value.read(value, {})
+        return self.value.scalar(value) if isinstance(self.value, Reading) else self.value.read(value, context)
 
     def _spread(self, value: dict[str, Any]) -> Spread:
         form = "write a list, {lin: [first, last, count]} or {log: [first, last, count]}"

@@ -11,43 +11,68 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
 from pydantic_core import PydanticCustomError
 
-from workflow import models, schemes
+from workflow import models, reduction, schemes
 from workflow.study.addresses import MODES, Address, scene_values, scheme_options, settings
 from workflow.study.axes import Arrangement, Axis, Dimension, expanded
 from workflow.study.document import study_form
-from workflow.study.forms import Form, sound
+from workflow.study.edits import OPTION, plain_tree, replaced, text_of
+from workflow.study.forms import Form, entries_of, sound
+from workflow.study.forms import form as parameters_form
+from workflow.study.judges import (
+    MOST_SAMPLES,
+    Written,
+    can_be_used,
+    judge_extent,
+    judge_schemes,
+    judge_start,
+    mapping,
+)
 from workflow.study.leaves import Axial, Spread
 from workflow.study.mistakes import Place, StudyError, one_of, said
-from workflow.study.settings import FULL, Initial, Output, Scene, SchemeChoice
+from workflow.study.settings import FULL, Output, Scene, SchemeChoice
 from workflow.study.source import Source, compose, read_text
 from workflow.study.study import Reference, Study
-
-MOST_SAMPLES = 2_000_000
-"""Samples of a history, and load periods of a case: 16 MB of memory for each variable of each case."""
-
-MOST_STEPS = 10**12
-"""Steps of a case: at 10 ns a step about three hours of one core."""
-
-LONGEST_STEP = 1e3
-"""A step, in durations; one step of any length covers the duration, this leaves room and no overflow."""
+from workflow.variables import reserved_names
 
 
-def read_study(path: str | Path) -> Study:
-    """Read a study from its file.
+def read_study(source: str | Path | Mapping[str, Any], settings: Mapping[str, Any] | None = None) -> Study:
+    """Read a study.
+
+    Parameters
+    ----------
+    source
+        Path of a YAML file; or the text itself, which has more than one line; or what the text would hold, as a
+        mapping.
+    settings
+        Values that replace some of it, by dotted path, see :func:`parse_study`.
 
     Raises
     ------
     StudyError
         The file cannot be read or the study has mistakes; all of them are in ``mistakes``.
     """
-    return parse_study(read_text(path), str(path))
+    if isinstance(source, Mapping):
+        return parse_study(text_of(plain_tree(source)), "study", settings)
+    if isinstance(source, str) and "\n" in source.strip():
+        return parse_study(source, "study", settings)
+    return parse_study(read_text(source), str(source), settings)
 
 
-def parse_study(text: str, file: str) -> Study:
-    """Read a study from its text; ``file`` is its name in messages.
+def parse_study(text: str, file: str, settings: Mapping[str, Any] | None = None, option: str = OPTION) -> Study:
+    """Read a study from its text.
+
+    Parameters
+    ----------
+    text, file
+        The text, and its name in messages.
+    settings
+        Values that replace some of it, by dotted path; what follows ``axes.`` or ``zip.NAME.`` is one key. The study's
+        own ``text`` has them.
+    option
+        What names these values in messages, before their key.
 
     Raises
     ------
@@ -55,18 +80,13 @@ def parse_study(text: str, file: str) -> Study:
         The study has mistakes; all of them are in ``mistakes``.
     """
     source = compose(text, file)
+    if settings:
+        source = replaced(source, settings, option)
     reader = _Reader(source)
     study = reader.study()
     if source.mistakes:
         raise StudyError(source.mistakes)
     return study
-
-
-def _mapping(value: Any, *keys: str) -> dict[str, Any]:
-    """Return the mapping at some keys of a tree, an empty one where there is none."""
-    for key in keys:
-        value = value.get(key) if isinstance(value, dict) else None
-    return value if isinstance(value, dict) else {}
 
 
 def _first(content: Any) -> Any:
@@ -78,11 +98,14 @@ def _first(content: Any) -> Any:
 
 @lru_cache(maxsize=32)
 def _forms(
-    names: tuple[str, ...], methods: tuple[tuple[str, tuple[str, ...]], ...], labels: tuple[str, ...]
+    names: tuple[str, ...],
+    methods: tuple[tuple[str, tuple[str, ...]], ...],
+    labels: tuple[str, ...],
+    bases: tuple[str, ...],
 ) -> tuple[dict[str, Address], type[Form]]:
-    """Return what may vary and the form of a study, for some models and schemes."""
-    addresses = settings(labels) | scene_values(names) | scheme_options(dict(methods))
-    return addresses, study_form(addresses, labels)
+    """Return what may vary and the form of a study, for some models, schemes and bases."""
+    addresses = settings(labels, bases) | scene_values(names) | scheme_options(dict(methods))
+    return addresses, study_form(addresses, labels, bases)
 
 
 class _Reader:
@@ -94,8 +117,10 @@ class _Reader:
         self.model = self._model()
         self.labels = self._labels()
         names = (self.model,) if self.model else models.names()
-        self.addresses, self.form = _forms(names, tuple(self.labels.items()), tuple(self.labels))
-        self.nodes = f"scene.{self.model}.nodes" if self.model else None
+        self.addresses, self.form = _forms(names, tuple(self.labels.items()), tuple(self.labels), reduction.names())
+        path = f"scene.{self.model}.nodes"
+        self.nodes = path if path in self.addresses else None
+        self.directory = Path(source.file).parent
         self.counts: tuple[int, ...] | None = None
 
     def study(self) -> Study:
@@ -106,7 +131,8 @@ class _Reader:
         axes = self._in_order(entries["axes"], "axes")
         zips = {name: self._in_order(zipped, "zip", name) for name, zipped in entries["zip"].items()}
         self._judge_zips()
-        arrangement = Arrangement(self.source, self.addresses, self.nodes, self.counts)
+        judge_schemes(self._written())
+        arrangement = Arrangement(self.source, self.addresses, self.nodes, self.counts, self._reserved())
         dimensions, scalars = arrangement.arrange(axes, zips)
         scene = entries["scene"]
         reference = entries.get("reference")
@@ -114,8 +140,9 @@ class _Reader:
             reference = Reference(self._reference(reference, arrangement, dimensions))
         defined = entries["schemes"].items()
         choices = {label: SchemeChoice(label, method, options) for label, (method, options) in defined}
-        self._judge_start(scene, dimensions, scalars)
-        self._judge_extent(scene, dimensions, scalars)
+        groups = [*(dimension.axes for dimension in dimensions), *((axis,) for axis in scalars)]
+        judge_start(self._written(), scene, groups)
+        judge_extent(self._written(), scene, groups, self.labels)
         output = self._output(entries["output"], scene.get("duration"))
         if self.source.mistakes:
             raise StudyError(self.source.mistakes)
@@ -137,12 +164,13 @@ class _Reader:
             scalars=scalars,
             reference=reference,
             output=output,
+            license=entries["license"],
         )
 
     def _model(self) -> str | None:
         """Return the scene's one model, ``None`` where there is not exactly one."""
         written = self.tree.get("scene") if isinstance(self.tree, dict) else None
-        scene = _mapping(written)
+        scene = mapping(written)
         found = [key for key in scene if key in models.names()]
         if len(found) > 1:
             problem = f"is a second model beside `{found[0]}`"
@@ -151,13 +179,22 @@ class _Reader:
             known = set(scene) & {"casing", "load", "initial", "duration"}
             if len(known) == len(scene):  # an unknown key is told by itself
                 self.source.report(("scene",), "has no model", one_of("", models.names()))
-        return found[0] if len(found) == 1 else None
+        return (
+            found[0]
+            if len(found) == 1 and can_be_used(self.source, ("scene", found[0]), models.fault(found[0]))
+            else None
+        )
+
+    def _reserved(self) -> frozenset[str]:
+        """Return the names of all variables that an archive of the study can have."""
+        methods = {method for choices in self.labels.values() for method in choices if schemes.fault(method) is None}
+        return reserved_names(frozenset(about.name for method in methods for about in schemes.metrics(method)))
 
     def _labels(self) -> dict[str, tuple[str, ...]]:
         """Return every label that a scheme can have with the methods it may stand for."""
         methods = schemes.names()
         defined: dict[str, tuple[str, ...]] = {}
-        for label, entry in _mapping(self.tree, "schemes").items():
+        for label, entry in mapping(self.tree, "schemes").items():
             method = entry.get("method") if isinstance(entry, dict) else None
             known = isinstance(method, str) and method in methods
             defined[label] = (str(method),) if known else methods
@@ -166,21 +203,14 @@ class _Reader:
                 self.source.report(("schemes", label), problem, "choose a label that is no method")
         return defined | {method: (method,) for method in methods if method not in defined}
 
-    def _varied(self) -> list[tuple[Place, str, Any]]:
-        """Return place, path and content of all axes as written."""
-        written: list[tuple[Place, str, Any]] = [
-            (("axes", path), path, content) for path, content in _mapping(self.tree, "axes").items()
-        ]
-        for name in _mapping(self.tree, "zip"):
-            columns = _mapping(self.tree, "zip", name).items()
-            written += [(("zip", name, path), path, content) for path, content in columns]
-        return [entry for entry in written if entry[1] in self.addresses]
+    def _written(self) -> Written:
+        return Written(self.source, self.tree, self.addresses)
 
     def _supply(self) -> set[Place]:
         """Give the scene the first value of an axis where it has none of its own; return where."""
         supplied: set[Place] = set()
         self.tree = copy.deepcopy(self.tree)
-        for place, path, content in self._varied():
+        for place, path, content in self._written().varied():
             *above, last = path.split(".")
             owner = self.tree
             for word in above:
@@ -198,10 +228,10 @@ class _Reader:
     def _node_counts(self) -> tuple[int, ...] | None:
         """Return the numbers of nodes that the cases have, ``None`` where they cannot be read."""
         if self.nodes is None:
-            return None
+            return self._assembled_sizes() if self.model else None
         reading = self.addresses[self.nodes].value
-        content = _mapping(self.tree, "scene", str(self.model)).get("nodes")
-        for _, path, varied in self._varied():
+        content = mapping(self.tree, "scene", str(self.model)).get("nodes")
+        for _, path, varied in self._written().varied():
             content = varied if path == self.nodes else content
         try:
             read = Axial(reading).read(content, {})
@@ -211,12 +241,26 @@ class _Reader:
         except (ValidationError, PydanticCustomError, ValueError):
             return None
 
+    def _assembled_sizes(self) -> tuple[int, ...] | None:
+        """Return the coordinates of the structure of a model without ``nodes``, ``None`` where it cannot be made."""
+        model = models.load(str(self.model))
+        written = mapping(self.tree, "scene", str(self.model))
+        try:
+            read = TypeAdapter(parameters_form(model.Parameters)).validate_python(
+                written, context={"directory": self.directory}
+            )
+            return (min(models.sizes(str(self.model), read)),)
+        except Exception:  # whatever a model from outside raises: its mistakes are told where the scene is read
+            return None
+
     def _read(self, supplied: set[Place]) -> dict[str, Any]:
         """Return what could be read of every section, and report what could not."""
-        context = {"nodes": self.counts}
+        context = {"nodes": self.counts, "directory": self.directory}
+        empty: dict[str, Any] = {"scene": {}, "axes": {}, "zip": {}, "schemes": {}}
         faults: set[Place] = set()
         try:
-            self.form.model_validate(self.tree, context=context)
+            read: dict[str, Any] = entries_of(self.form.model_validate(self.tree, context=context))
+            return empty | read
         except ValidationError as error:
             for line in error.errors(include_url=False):
                 place = tuple(step for step in line["loc"] if str(step)[:1] not in "<[")
@@ -225,22 +269,21 @@ class _Reader:
                     self.source.report(place, line["ctx"]["problem"], line["ctx"]["remedy"])
         if not isinstance(self.tree, dict):
             raise StudyError(self.source.mistakes)
-        empty: dict[str, Any] = {"scene": {}, "axes": {}, "zip": {}, "schemes": {}}
         return empty | sound(self.form, self.tree, faults, context)
 
     def _follows(self, place: Place) -> bool:
         """Whether a mistake follows from another: an axis over a model that is told to be unknown."""
         path = str(place[-1]) if place[:1] in (("axes",), ("zip",)) else ""
         group = path.split(".")[1] if path.startswith("scene.") else ""
-        return self.model is None and group in _mapping(self.tree, "scene") and path not in self.addresses
+        return self.model is None and group in mapping(self.tree, "scene") and path not in self.addresses
 
     def _in_order(self, read: Any, *keys: str) -> dict[str, Any]:
         """Return the axes of a section in the order in which they are written."""
         content = dict(read)
-        return {path: content[path] for path in _mapping(self.tree, *keys) if content.get(path) is not None}
+        return {path: content[path] for path in mapping(self.tree, *keys) if content.get(path) is not None}
 
     def _judge_zips(self) -> None:
-        for name, content in _mapping(self.tree, "zip").items():
+        for name, content in mapping(self.tree, "zip").items():
             if content == {}:
                 self.source.report(("zip", name), "is empty", "write the axes that vary together")
 
@@ -271,66 +314,6 @@ class _Reader:
         }
         return defined | bare
 
-    def _judge_start(
-        self, scene: Mapping[str, Any], dimensions: tuple[Dimension, ...], scalars: tuple[Axis, ...]
-    ) -> None:
-        """Refuse a tip that starts inside the casing in any case."""
-        initial, casing = scene.get("initial"), scene.get("casing")
-        if not isinstance(initial, Initial) or casing is None:
-            return
-        tip = initial.displacement[-1] if isinstance(initial.displacement, tuple) else initial.displacement
-        paths = ("scene.initial.displacement", "scene.casing.gap")
-        values: dict[str, tuple[Any, ...]] = {paths[0]: (tip,), paths[1]: (casing.gap,)}
-        together = False
-        groups = [dimension.axes for dimension in dimensions] + [(scalar,) for scalar in scalars]
-        for group in groups:
-            found = {axis.path: axis.values for axis in group if axis.path in paths}
-            together = together or len(found) == 2
-            values |= found
-        tips, gaps = values[paths[0]], values[paths[1]]
-        pairs = list(zip(tips, gaps, strict=True)) if together else [(max(tips), min(gaps))]
-        inside = [(x, gap) for x, gap in pairs if x > gap]
-        if inside:
-            x, gap = inside[0]
-            problem = f"the tip starts inside the casing, at {x:g} m with a gap of {gap:g} m"
-            remedy = "start at or below the gap, or write `initial: static`"
-            self.source.report(self._written(paths), problem, remedy)
-
-    def _judge_extent(
-        self, scene: Mapping[str, Any], dimensions: tuple[Dimension, ...], scalars: tuple[Axis, ...]
-    ) -> None:
-        """Refuse more load periods or steps than any case can have, and steps far beyond the duration."""
-        duration, load = scene.get("duration"), scene.get("load")
-        if duration is None or load is None:
-            return
-        axes = [*scalars, *(axis for dimension in dimensions for axis in dimension.axes)]
-        values = {axis.path: axis.values for axis in axes}
-        fastest = max(float(value) for value in values.get("scene.load.frequency", (load.frequency,)))
-        if duration * fastest > MOST_SAMPLES:
-            problem = f"gives {duration * fastest:.3g} load periods"
-            remedy = f"write a shorter duration, or a frequency up to {MOST_SAMPLES / duration:.3g} Hz"
-            self.source.report(self._written(("scene.load.frequency",)), problem, remedy)
-        methods = {method for label in values.get("scheme", ()) for method in self.labels.get(str(label), ())}
-        if not any("h" in schemes.load(method).READS for method in methods):
-            return
-        shortest, longest = (float(choose(values["h"])) for choose in (min, max)) if "h" in values else (None, None)
-        if shortest is not None and duration / shortest > MOST_STEPS:
-            problem = f"{shortest:g} s makes {duration / shortest:.3g} steps of a duration of {duration:g} s"
-            self.source.report(self._written(("h",)), problem, f"write at least {duration / MOST_STEPS:.3g} s")
-        elif longest is not None and longest > LONGEST_STEP * duration:
-            problem = f"{longest:g} s is far longer than the duration of {duration:g} s"
-            self.source.report(self._written(("h",)), problem, f"write at most {duration:g} s")
-
-    def _written(self, paths: tuple[str, ...]) -> Place:
-        """Return where the first of some scene values is written, as an axis or in the scene."""
-        for path in paths:
-            for place, varied, _ in self._varied():
-                if varied == path:
-                    return place
-            if tuple(path.split(".")) in self.source.lines:
-                return tuple(path.split("."))
-        return tuple(paths[-1].split("."))
-
     def _output(self, entries: Any, duration: float | None) -> Output:
         """Return the output with the default interval, a thousandth of the duration."""
         given = dict(entries)
@@ -342,8 +325,11 @@ class _Reader:
         place = ("output", "interval")
         count = max(1, round(ratio))
         if ratio + 1 > MOST_SAMPLES:
-            problem = f"gives {float(ratio):.3g} samples of every history"
+            problem = f"gives {float(min(ratio, Fraction(10) ** 300)):.3g} samples of every history"
             self.source.report(place, problem, f"write at least {duration / MOST_SAMPLES * 1.001:.3g} s")
+        elif ratio < Fraction(1, 2):
+            problem = f"{said(given['interval'])} s is longer than the duration of {duration:g} s"
+            self.source.report(place, problem, f"write at most {duration!r} s")
         elif abs(ratio - count) > Fraction(1, 10**9):
             tidy = (digit * 10**power for power in range(7) for digit in (1, 2, 5))
             count = min(tidy, key=lambda intervals: abs(math.log(intervals / ratio)))

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from typing import Any
 
-from workflow import models, schemes
+from workflow import models, reduction, schemes
 from workflow.study.addresses import scene_values, scheme_options, settings
 from workflow.study.document import study_form
 
 
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema of a study, of any model and any scheme (draft 2020-12)."""
-    methods = schemes.names()
-    addresses = settings(methods) | scene_values(models.names())
+    methods, bases = schemes.names(), reduction.names()
+    addresses = settings(methods, bases) | scene_values(models.names())
     addresses |= scheme_options({method: (method,) for method in methods})
-    schema = _tidied(study_form(addresses, methods).model_json_schema())
+    schema = _tidied(study_form(addresses, methods, bases).model_json_schema())
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 

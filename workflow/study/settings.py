@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from workflow.declare import Values, quantity
+from workflow import reduction
+from workflow.declare import Values, quantity, word
 
 FULL = "full"
-"""All interior modes: one fewer than the model has nodes."""
+"""Not reduced; stored as the number of interior modes, one fewer than the model has nodes."""
 
 History = Literal["displacement", "velocity", "temperature", "impulse", "contact_force"]
 Precision = Literal["float64", "float32"]
@@ -83,10 +84,11 @@ class Cell:
     scene: Scene
     scheme: SchemeChoice
     e: float = quantity("1", "restitution coefficient", default=0.0, at_least=0, at_most=1)
-    alpha: float = quantity("W/N", "heat flux at the tip per unit contact force", default=0.0, at_least=0)
+    alpha: float = quantity("W/N", "friction heat into the blade per contact force and second", default=0.0, at_least=0)
     h: float = quantity("s", "time step", default=1e-4, above=0)
-    mechanical_modes: int = quantity("1", "interior mechanical modes kept", default=FULL, at_least=0)
-    thermal_modes: int = quantity("1", "interior thermal modes kept", default=FULL, at_least=0)
+    reduction: str = word("basis of the reduced model", default=reduction.DEFAULT)
+    mechanical_modes: int = quantity("1", "mechanical vectors kept beside the tip's own", default=FULL, at_least=0)
+    thermal_modes: int = quantity("1", "thermal vectors kept beside the tip's own", default=FULL, at_least=0)
 
 
 _BALANCES = "whether to keep energy_residual and heat_residual; without them moreau is three to six times as fast"

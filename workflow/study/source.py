@@ -50,6 +50,8 @@ class Source:
         Line (from 1) of the entry at every place.
     mistakes
         What is wrong already: duplicate keys, tags, aliases.
+    named
+        What the user calls values that do not stand in the file, by their place: ``-s scene.casing.gap``.
     """
 
     file: str
@@ -57,9 +59,15 @@ class Source:
     tree: Any = None
     lines: dict[Place, int] = field(default_factory=dict)
     mistakes: list[Mistake] = field(default_factory=list)
+    named: dict[Place, str] = field(default_factory=dict)
 
     def report(self, place: Place, problem: str, remedy: str, line: int | None = None) -> None:
         """Note a mistake at a place; a place that is not written has the line of what surrounds it."""
+        for length in range(len(place), 0, -1):
+            if place[:length] in self.named:
+                below = dotted(place[length:])
+                self.mistakes.append(Mistake(self.named[place[:length]], None, below, problem, remedy))
+                return
         written = place
         while written and written not in self.lines:
             written = written[:-1]

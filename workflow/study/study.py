@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from workflow import models
+from workflow.declare import plain
 from workflow.study.axes import Axis, Dimension, Value
 from workflow.study.settings import FULL, Cell, Output, Scene, SchemeChoice
 
@@ -41,6 +43,8 @@ class Study:
         What errors are measured against, or ``None``.
     output
         What the archive keeps.
+    license
+        Under which the archive may be used, empty where the study states none.
     """
 
     name: str
@@ -53,11 +57,30 @@ class Study:
     scalars: tuple[Axis, ...]
     reference: Reference | None
     output: Output
+    license: str = ""
 
     @property
     def samples(self) -> int:
         """Number of common samples, the initial state included."""
         return round(self.scene.duration / self.output.interval) + 1
+
+    def with_(self, settings: Mapping[str, Any]) -> Study:
+        """Return this study with some values replaced; its text has them too.
+
+        Parameters
+        ----------
+        settings
+            New values by dotted path: ``{"scene.casing.gap": "10 um", "axes.e": [0, 0.5]}``; what follows ``axes.`` or
+            ``zip.NAME.`` is one key.
+
+        Raises
+        ------
+        StudyError
+            The study has mistakes then.
+        """
+        from workflow.study.reader import parse_study
+
+        return parse_study(self.text, self.file, settings, "with_")
 
     def cell(self, values: Mapping[str, Value]) -> Cell:
         """Return the settings of a case.
@@ -79,7 +102,6 @@ class Study:
                 scene = _replaced(scene, _attributes(rest, scene.model), value)
             elif head == "schemes" and rest[0] == scheme.label:
                 scheme = dataclasses.replace(scheme, options=_replaced(scheme.options, rest[1:], value))
-        full = scene.parameters.nodes - 1
         mechanical, thermal = values["mechanical_modes"], values["thermal_modes"]
         return Cell(
             scene,
@@ -87,28 +109,29 @@ class Study:
             e=float(values["e"]),
             alpha=float(values["alpha"]),
             h=float(values["h"]),
-            mechanical_modes=full if mechanical == FULL else int(mechanical),
-            thermal_modes=full if thermal == FULL else int(thermal),
+            reduction=str(values["reduction"]),
+            mechanical_modes=_interior(scene, 0) if mechanical == FULL else int(mechanical),
+            thermal_modes=_interior(scene, 1) if thermal == FULL else int(thermal),
         )
 
     def resolved(self) -> dict[str, Any]:
         """Return everything resolved as plain JSON values: SI, defaults filled in, no file names."""
         scene = self.scene
         initial = scene.initial if isinstance(scene.initial, str) else dataclasses.asdict(scene.initial)
-        plain: dict[str, Any] = _plain(
+        resolved: dict[str, Any] = _plain(
             {
                 "study": self.name,
                 "title": self.title,
+                **({"license": self.license} if self.license else {}),
                 "scene": {
-                    scene.model: dataclasses.asdict(scene.parameters),
+                    scene.model: plain(scene.parameters),
                     "casing": {"gap": scene.gap},
                     "load": dataclasses.asdict(scene.load),
                     "initial": initial,
                     "duration": scene.duration,
                 },
                 "schemes": {
-                    label: {"method": choice.method, **dataclasses.asdict(choice.options)}
-                    for label, choice in self.schemes.items()
+                    label: {"method": choice.method, **plain(choice.options)} for label, choice in self.schemes.items()
                 },
                 "dimensions": [dataclasses.asdict(dimension) for dimension in self.dimensions],
                 "scalars": [dataclasses.asdict(scalar) for scalar in self.scalars],
@@ -116,7 +139,12 @@ class Study:
                 "output": dataclasses.asdict(self.output),
             }
         )
-        return plain
+        return resolved
+
+
+def _interior(scene: Scene, kind: int) -> int:
+    """Return the number of interior coordinates of a scene's structure, mechanical (0) or thermal (1)."""
+    return models.sizes(scene.model, scene.parameters)[kind] - 1
 
 
 def _attributes(words: list[str], model: str) -> list[str]:

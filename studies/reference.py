@@ -1,0 +1,164 @@
+"""Writes REFERENCE.md beside it: the keys of a study and the variables of an archive; ``python studies/reference.py``.
+
+The text comes from the declarations that the program itself reads, and a test holds it against them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+from workflow import models, reduction, schemes, variables
+from workflow.declare import quantity_of, word_of
+from workflow.study.settings import Casing, Cell, Initial, Load, Output, Scene
+
+FILE = Path(__file__).with_name("REFERENCE.md")
+
+HEAD = """# Reference
+
+Written by `python studies/reference.py` from the declarations that the program reads.
+
+## Keys of a study
+
+A number is SI; a string is `number unit`. α is friction heat that enters the blade per contact force and second,
+friction coefficient × sliding speed × share of the heat: W/N, which is m/s. Values marked “list” take a scalar or one
+value for each node or spring, root to tip.
+"""
+
+TOP = (
+    ("study", "identifier; also the default name of the archive"),
+    ("title", "one line on what the study shows"),
+    ("license", "licence of the archive; none is written where it is left out"),
+    ("scene", "one model, `casing`, `load`, `initial`, `duration`"),
+    ("schemes", "label: method and its options; a bare method name needs no entry"),
+    ("axes", "settings of a case and values of the scene or of schemes by dotted path: a value, a list, "
+     "`{lin: [first, last, count]}` or `{log: [first, last, count]}`; each list is a dimension"),
+    ("zip", "axes that vary together, by the name of their dimension"),
+    ("reference", "settings of the solution that errors are measured against; the rest stays the case's own"),
+    ("output", "what the archive keeps"),
+)  # fmt: skip
+
+
+def keys(declared: Any, path: str) -> Iterator[tuple[str, str, str, str]]:
+    """Yield path, unit, default and meaning of the values of a declared dataclass."""
+    hints = get_type_hints(declared)
+    for entry in dataclasses.fields(declared):
+        quantity, word, hint = quantity_of(entry), word_of(entry), hints[entry.name]
+        place = f"{path}{entry.name}"
+        if quantity is not None:
+            bounds = [
+                f"{sign} {bound:g}"
+                for sign, bound in ((">", quantity.above), ("≥", quantity.at_least), ("≤", quantity.at_most))
+                if bound is not None
+            ]
+            meaning = "; ".join(filter(None, [quantity.description, ", ".join(bounds), "list" if quantity.per else ""]))
+            yield place, quantity.unit, default(entry), meaning
+        elif word is not None:
+            yield place, "file" if word.file else "text", default(entry), word.description
+        elif isinstance(hint, type) and dataclasses.is_dataclass(hint):
+            yield from keys(hint, f"{place}.")
+        else:
+            yield place, "", default(entry), choices(entry, hint)
+
+
+def choices(entry: dataclasses.Field[Any], hint: Any) -> str:
+    """Return the words that a value may be, and its meaning where it has one."""
+    if get_origin(hint) is tuple:
+        hint = get_args(hint)[0]
+    words = ", ".join(f"`{word}`" for word in get_args(hint)) if get_origin(hint) is Literal else ""
+    return "; ".join(filter(None, [str(entry.metadata.get("meaning", entry.name.replace("_", " "))), words]))
+
+
+def default(entry: dataclasses.Field[Any]) -> str:
+    """Return the default of a value, `required` where it has none."""
+    if entry.default is dataclasses.MISSING:
+        return "required"
+    value = entry.default
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, tuple):
+        return "[" + ", ".join(map(str, value)) + "]"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def table(rows: list[tuple[str, ...]], *head: str) -> list[str]:
+    """Return a table in Markdown."""
+    lines = [f"| {' | '.join(head)} |", "|" + "---|" * len(head)]
+    return [*lines, *("| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows), ""]
+
+
+def key_tables() -> Iterator[str]:
+    """Yield the lines on the keys of a study."""
+    yield from table([(f"`{name}`", meaning) for name, meaning in TOP], "key", "what it holds")
+    groups: list[tuple[str, Any, str]] = [("Settings of a case, under `axes`", Cell, "")]
+    groups += [(f"Model `{n}`, under `scene.{n}`", models.load(n).Parameters, f"scene.{n}.") for n in models.names()]
+    groups += [
+        ("Casing", Casing, "scene.casing."),
+        ("Load", Load, "scene.load."),
+        ("Initial state; or `initial: static`, at rest under the constant loads", Initial, "scene.initial."),
+        ("Duration", Scene, "scene."),
+    ]
+    groups += [(f"Options of `{n}`", schemes.load(n).Options, "schemes.LABEL.") for n in schemes.names()]
+    groups.append(("Output", Output, "output."))
+    for title, declared, path in groups:
+        rows = [row for row in keys(declared, path) if declared is not Scene or row[0] == "scene.duration"]
+        rows = [row for row in rows if declared is not Cell or is_setting(_field(Cell, row[0]))]
+        if rows:
+            yield f"### {title}"
+            yield ""
+            shown = [(f"`{name}`", unit, value, meaning) for name, unit, value, meaning in rows]
+            yield from table(shown, "key", "unit", "default", "meaning")
+    yield "### Bases, values of `reduction`"
+    yield ""
+    yield from table([(f"`{name}`", about_basis(name)) for name in reduction.names()], "basis", "what it is")
+
+
+def is_setting(entry: dataclasses.Field[Any]) -> bool:
+    """Tell whether a field of a case is a value of a study, not its scene or scheme."""
+    return quantity_of(entry) is not None or word_of(entry) is not None
+
+
+def about_basis(name: str) -> str:
+    """Return the first line of a basis's docstring."""
+    return str(import_module(reduction.load(name).mechanical.__module__).__doc__).split("\n\n")[0].replace("\n", " ")
+
+
+def _field(declared: Any, name: str) -> dataclasses.Field[Any]:
+    return next(entry for entry in dataclasses.fields(declared) if entry.name == name.split(".")[0])
+
+
+SHAPES = {"history": "(…, t)", "metric": "(…)", "period": "(…, period)", "flag": "(…), int8"}
+WHEN = {"always": "", "balances": "with `output.balances`", "reference": "with a `reference`", "scheme": ""}
+
+
+def variable_table() -> Iterator[str]:
+    """Yield the lines on the variables of an archive."""
+    yield "## Variables of an archive"
+    yield ""
+    yield "`…` stands for the dimensions of the study. `message` says what a case did that is not ok."
+    yield ""
+    rows = [_row(about, WHEN[about.condition]) for about in variables.TABLE]
+    for name in schemes.names():
+        rows += [_row(about, f"with `{name}`") for about in schemes.metrics(name)]
+    merged: dict[str, tuple[str, ...]] = {}
+    for row in rows:
+        known = merged.get(row[0])
+        merged[row[0]] = row if known is None else (*known[:-1], f"{known[-1]}, {row[-1].removeprefix('with ')}")
+    yield from table(list(merged.values()), "variable", "shape", "unit", "meaning", "when")
+
+
+def _row(about: variables.Variable, when: str) -> tuple[str, ...]:
+    meaning = about.meaning + (f": {about.comment}" if about.comment else "")
+    return f"`{about.name}`", SHAPES[about.shape], about.unit, meaning, when
+
+
+def text() -> str:
+    """Return the whole reference."""
+    return "\n".join([HEAD, *key_tables(), *variable_table()]).rstrip() + "\n"
+
+
+if __name__ == "__main__":
+    FILE.write_text(text(), encoding="utf-8")

@@ -1,0 +1,38 @@
+"""Values of coordinates are printed so that they select what they name."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from workflow.analysis import exact, labels_of
+
+
+@given(value=st.floats(allow_nan=False, allow_infinity=False))
+def test_a_printed_number_is_the_number(value: float) -> None:
+    assert float(exact(value)) == value
+    assert float(exact(np.float64(value))) == value
+
+
+@settings(deadline=None)
+@given(values=st.lists(st.floats(1e-9, 1e9), min_size=1, max_size=9, unique=True))
+def test_what_is_printed_can_be_given_to_sel(values: list[float]) -> None:
+    dataset = xr.Dataset({"x": ("h", np.arange(len(values)))}, {"h": ("h", values, {"units": "s"})})
+    for k, label in enumerate(labels_of(dataset, "h", named=False)):
+        number, unit = label.split()
+        assert unit == "s"
+        assert int(dataset["x"].sel(h=float(number))) == k
+
+
+def test_numbers_are_as_short_as_they_can_be() -> None:
+    values = [1e-6, 3.16227766017e-05, 1e-4, 0.5, 30.0, 1e9]
+    assert [exact(value) for value in values] == ["1e-06", "3.16227766017e-05", "0.0001", "0.5", "30", "1e+09"]
+    assert exact(np.int64(3)) == "3"
+    assert exact("moreau") == "moreau"
+
+
+def test_pictures_round() -> None:
+    dataset = xr.Dataset(coords={"h": ("h", [3.16227766017e-05], {"units": "s"})})
+    assert labels_of(dataset, "h", rounded=True) == ["h 3.162e-05 s"]

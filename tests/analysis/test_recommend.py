@@ -1,0 +1,225 @@
+"""The recommended choice is the one that a brute search of the archive finds; what it says is what was found."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from studies import SCENE
+from terminal import workflow
+from workflow.analysis import (
+    NoReferenceError,
+    recommend,
+    recommendation_json,
+    recommendation_row,
+    sentence,
+    undecidable,
+)
+from workflow.schemes import Status
+
+ERRORS = ("displacement_error", "temperature_error", "impulse_error")
+DIMS = ("e", "scheme", "model", "gap", "h")
+SIZES = {"e": 2, "scheme": 2, "model": 2, "gap": 3, "h": 3}
+
+
+def archive(seed: int, bad: float = 0.1, parts: bool = True) -> xr.Dataset:
+    """An archive of random errors in which some cases failed, are missing or have no error."""
+    rng = np.random.default_rng(seed)
+    shape = tuple(SIZES[dim] for dim in DIMS)
+    fits = rng.uniform(0.5, 3.0, (1, 2, 2, 1, 3))  # decades by which a choice is good in all cases of the scene
+    data: dict[str, Any] = {}
+    for name in ERRORS:
+        scheme, model = 10 ** (-fits - rng.uniform(0, 1, (2, *shape)))
+        data[name] = scheme + model
+        if parts:
+            data[name.replace("_error", "_scheme_error")] = scheme
+            data[name.replace("_error", "_model_error")] = model
+    status = np.where(rng.uniform(size=shape) < bad, rng.choice([1, 3, 4], shape), 0)
+    for name in data:
+        data[name] = np.where((status != 0) | (rng.uniform(size=shape) < bad / 4), np.nan, data[name])
+    data["wall_time"] = np.where(status == Status.NOT_RUN, np.nan, rng.uniform(1e-4, 1e-1, shape))
+    data["predictability"] = 10 ** rng.uniform(-9, -3, shape)
+    data["status"] = status.astype(np.int8)
+    data["message"] = np.where(status == 1, "it grew", "").astype(object)
+    return xr.Dataset(
+        {name: (DIMS, values) for name, values in data.items()},
+        coords={
+            "e": [0.0, 0.5], "scheme": ["moreau", "carpenter"], "gap": [1e-5, 2e-5, 3e-5], "h": [1e-6, 1e-5, 1e-4],
+            "mechanical_modes": ("model", [3, 19]), "thermal_modes": ("model", [12, 19]), "alpha": 30.0,
+        },
+        attrs={"duration": 2.0},
+    )  # fmt: skip
+
+
+def brute(dataset: xr.Dataset, tolerance: float) -> tuple[float, dict[str, int]] | None:
+    """Return cost and place of the cheapest choice that is within a tolerance in all cases, case by case."""
+    best = None
+    for k, m, s in itertools.product(range(2), range(2), range(3)):
+        times, met = [], True
+        for e, gap in itertools.product(range(2), range(3)):
+            case = dataset.isel(e=e, scheme=k, model=m, gap=gap, h=s)
+            met &= int(case.status) == 0 and all(float(case[name]) <= tolerance for name in ERRORS)
+            times.append(float(case.wall_time))
+        if met and (best is None or np.mean(times) < best[0]):
+            best = float(np.mean(times)), {"scheme": k, "model": m, "h": s}
+    return best
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.integers(0, 10**6),
+    st.sampled_from([0.3, 0.1, 0.03, 0.01, 1e-6]),
+    st.sampled_from([0.0, 0.01, 0.1]),
+    st.booleans(),
+)
+def test_it_is_what_a_brute_search_finds(seed: int, tolerance: float, bad: float, parts: bool) -> None:
+    dataset = archive(seed, bad, parts)
+    expected, found = brute(dataset, tolerance), recommend(dataset, tolerance)
+    assert (found.choice is None) == (expected is None)
+    if expected is not None and found.choice is not None:
+        cost, place = expected
+        chosen = dataset.isel(place)
+        assert found.choice.cost == pytest.approx(cost, rel=1e-12)
+        assert found.choice.cost_per_second == pytest.approx(cost / 2, rel=1e-12)
+        settings_of = {name: chosen[name].item() for name in ("scheme", "h", "mechanical_modes", "thermal_modes")}
+        assert found.choice.settings == settings_of
+        assert found.choice.share == 1.0
+        assert found.choice.worst.error == max(float(chosen[name].max()) for name in ERRORS)
+        assert found.choice.worst.error <= tolerance
+        if found.next is not None:
+            assert found.next.cost < found.choice.cost
+            assert found.next.share < 1
+    assert json.loads(json.dumps(recommendation_json(found), allow_nan=False))["tolerance"] == tolerance
+    assert sentence(found).endswith(".")
+    assert len(recommendation_row(found)) == 6
+
+
+def test_the_order_of_dimensions_and_chunks_do_not_matter() -> None:
+    dataset = archive(3, 0.01)
+    turned = dataset.transpose(*reversed(DIMS)).chunk({"h": 1})
+    assert recommendation_json(recommend(dataset, 0.1)) == recommendation_json(recommend(turned, 0.1))
+
+
+def even(**changed: float) -> xr.Dataset:
+    """An archive in which all cases have the same errors but for what is changed."""
+    dataset = archive(0, 0.0)
+    for name in dataset.data_vars:
+        if "error" in str(name):
+            dataset[name] = xr.full_like(dataset[name], changed.get(str(name), 1e-4))
+    return dataset
+
+
+def test_the_larger_part_limits() -> None:
+    by_basis = even(temperature_error=5e-3, temperature_scheme_error=1e-3, temperature_model_error=4e-3)
+    chosen = recommend(by_basis, "1%").choice
+    assert chosen is not None
+    assert (chosen.worst.variable, chosen.worst.limited_by) == ("temperature", "basis")
+    nothing = recommend(by_basis, "0.1%")
+    assert nothing.choice is None
+    assert "more modes" in sentence(nothing)
+    by_step = even(impulse_error=5e-3, impulse_scheme_error=4e-3, impulse_model_error=1e-3)
+    by_step["impulse_error"][{"h": 2}] = 5e-2
+    said = sentence(recommend(by_step, 1e-3))
+    assert "Nothing in this study meets 0.1 % in all cases" in said
+    assert "smaller steps: at order one" in said
+
+
+def test_a_case_without_an_error_misses_and_is_named() -> None:
+    dataset = even()
+    dataset["status"][{"e": 1, "gap": 2}] = Status.DIVERGED
+    dataset["message"][{"e": 1, "gap": 2}] = "it grew"
+    found = recommend(dataset, 0.01)
+    assert found.choice is None
+    assert found.next is not None
+    assert found.next.share == pytest.approx(5 / 6)
+    assert found.next.worst.case == {"e": 0.5, "gap": 3e-5}
+    assert "e = 0.5, gap = 3e-05 is diverged (it grew)" in sentence(found)
+
+
+def test_undecidable_cases_are_named() -> None:
+    dataset = even()
+    dataset["predictability"] = xr.where((dataset.e == 0.5) & (dataset.gap == 1e-5), 2e-3, 1e-12).broadcast_like(
+        dataset.status
+    )
+    found = recommend(dataset, 0.01)
+    assert found.undecidable == ({"gap": 1e-5, "e": 0.5},) or found.undecidable == ({"e": 0.5, "gap": 1e-5},)
+    assert "e = 0.5" in undecidable(found)
+    assert recommend(dataset, 0.1).undecidable == ()
+
+
+def test_a_scheme_that_reads_no_step_is_said_to_need_none() -> None:
+    dataset = even()
+    assert "whatever h" in sentence(recommend(dataset, 0.01))
+    dataset["impulse_error"][{"h": 0}] = 2e-4
+    assert "whatever h" not in sentence(recommend(dataset, 0.01))
+
+
+def test_options_of_schemes_are_numerical() -> None:
+    """Stiffnesses of the contact spring are chosen among; a coordinate of the scene is not."""
+    dataset = even().rename(gap="stiffness")
+    dataset["stiffness"].attrs["study_path"] = "schemes.penalty.stiffness"
+    found = recommend(dataset, 0.01)
+    assert found.choice is not None
+    assert found.choice.settings["stiffness"] in dataset.stiffness.values
+    assert found.choice.worst.case.keys() == {"e"}
+
+
+@pytest.mark.parametrize("tolerance", ["0", "-1%", "much", "nan", "inf"])
+def test_a_tolerance_is_a_positive_number(tolerance: str) -> None:
+    with pytest.raises(ValueError, match="positive"):
+        recommend(even(), tolerance)
+
+
+def test_the_studys_own_tolerance_is_the_default() -> None:
+    assert recommend(even()).tolerance == 0.01
+    assert recommend(even().assign_coords(tolerance=1e-3)).tolerance == 1e-3
+
+
+def test_without_a_reference_there_is_no_answer() -> None:
+    with pytest.raises(NoReferenceError):
+        recommend(even().drop_vars("impulse_error"))
+
+
+STUDY = f"""study: small
+{SCENE}axes: {{scheme: [moreau, event_driven], h: [1e-4, 1e-5], e: [0, 0.5], alpha: [0, 5]}}
+reference: {{scheme: event_driven}}
+output: {{histories: []}}
+"""
+
+
+def test_the_command_answers(tmp_path: Path) -> None:
+    (tmp_path / "small.yaml").write_text(STUDY)
+    assert workflow("run", "small.yaml", cwd=tmp_path).returncode == 0
+    text = workflow("recommend", "small.nc", "--tolerance", "10%", cwd=tmp_path)
+    assert text.returncode == 0
+    assert "cheapest choice within 10 %" in text.stdout
+    told = workflow("recommend", "small.nc", "--json", cwd=tmp_path)
+    found = json.loads(told.stdout)
+    assert found["tolerance"] == 0.01
+    assert {"scheme", "h", "mechanical_modes", "thermal_modes", "reduction", "cost", "worst", "share"} <= set(found)
+    assert {"limited_by", "next"} <= set(found)
+    assert [row["tolerance"] for row in found["table"]] == [0.1, 0.01, 0.001]
+    (tmp_path / "plain.yaml").write_text(
+        STUDY.replace("reference: {scheme: event_driven}\n", "").replace("small", "plain")
+    )
+    assert workflow("run", "plain.yaml", cwd=tmp_path).returncode == 0
+    refused = workflow("recommend", "plain.nc", cwd=tmp_path)
+    assert refused.returncode == 2
+    assert "reference" in refused.stderr
+
+
+def test_nothing_that_meets_it_is_status_1(tmp_path: Path) -> None:
+    study = STUDY.replace("[moreau, event_driven], h: [1e-4, 1e-5]", "moreau, h: 1e-4")
+    (tmp_path / "small.yaml").write_text(study)
+    assert workflow("run", "small.yaml", cwd=tmp_path).returncode == 0
+    told = workflow("recommend", "small.nc", "--tolerance", "1e-6", cwd=tmp_path)
+    assert told.returncode == 1
+    assert "Nothing in this study meets" in told.stdout

@@ -1,0 +1,64 @@
+"""Error against cost: on archives whose answer is known, and in agreement with what is recommended."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from workflow import recommend, work_precision
+from workflow.analysis import NoReferenceError
+
+
+def archive() -> xr.Dataset:
+    """Two schemes and three steps in two scenes; the second scene's error is twice as large."""
+    h, gap = np.array([1e-5, 1e-4, 1e-3]), np.array([1e-5, 2e-5])
+    dims, shape = ("scheme", "h", "gap"), (2, 3, 2)
+    error = np.array([1.0, 10.0])[:, None, None] * h[:, None] * np.array([1.0, 2.0])
+    status = np.zeros(shape, dtype=np.int8)
+    status[1, 2, 0] = 1
+    values = {"impulse_error": error, "temperature_error": 3 * error, "displacement_error": 0 * error}
+    return xr.Dataset(
+        {
+            **{name: (dims, value) for name, value in values.items()},
+            "status": (dims, status),
+            "wall_time": (dims, np.broadcast_to(np.array([3e-8, 1e-8])[:, None, None] / h[:, None], shape)),
+        },
+        coords={"scheme": ["fine", "rough"], "h": h, "gap": gap, "alpha": 30.0},
+        attrs={"duration": 2.0},
+    )
+
+
+def test_cost_and_error_of_known_choices() -> None:
+    found = work_precision(archive())
+    assert found["error"].dims == ("scheme", "h")
+    assert found["error"].sel(scheme="fine").values == pytest.approx([6e-5, 6e-4, 6e-3])
+    assert found["error"].sel(scheme="rough").values == pytest.approx([6e-4, 6e-3, np.nan], nan_ok=True)
+    assert found["cost"].sel(scheme="fine").values == pytest.approx([3e-3, 3e-4, 3e-5])
+    assert (found["cost_per_second"] * 2).values == pytest.approx(found["cost"].values)
+    assert found["efficient"].values.tolist() == [[True, True, True], [False, False, False]]
+    assert "gap" not in found.coords
+    assert float(found["alpha"]) == 30.0
+    impulse = work_precision(archive(), "impulse_error")
+    assert impulse["error"].sel(scheme="fine").values == pytest.approx([2e-5, 2e-4, 2e-3])
+
+
+@pytest.mark.parametrize("tolerance", [1e-1, 7e-3, 1e-3, 1e-4, 1e-5])
+def test_the_cheapest_within_a_tolerance_is_recommended(tolerance: float) -> None:
+    found = work_precision(archive()).stack(choice=("scheme", "h"))
+    good = found.where(found["error"] <= tolerance, drop=True)
+    choice = recommend(archive(), tolerance).choice
+    if choice is None:
+        assert good.sizes["choice"] == 0
+        return
+    best = good.isel(choice=int(np.argmin(good["cost"].values)))
+    assert (str(best["scheme"].values), float(best["h"])) == (choice.settings["scheme"], choice.settings["h"])
+    assert float(best["error"]) == choice.worst.error
+    assert float(best["cost_per_second"]) == choice.cost_per_second
+
+
+def test_what_is_missing_is_said() -> None:
+    with pytest.raises(NoReferenceError, match="no `reference`"):
+        work_precision(archive().drop_vars("impulse_error"))
+    with pytest.raises(ValueError, match=r"no `force_error`; give one of displacement_error"):
+        work_precision(archive(), "force_error")

@@ -1,0 +1,82 @@
+"""A real browser for tests of pages: Chromium without a window, driven by Selenium."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+NAMES = ("chromium", "chromium-browser", "google-chrome")
+
+MODEL = """
+const model = (name) => Bokeh.documents.map((one) => one.get_model_by_name(name)).find((one) => one != null) ?? null;
+"""
+"""JavaScript that finds a part of the page's figures by its name."""
+
+DEEP = """
+const deep = (root, kind) => [...root.querySelectorAll(kind),
+  ...[...root.querySelectorAll("*")].flatMap((one) => (one.shadowRoot ? deep(one.shadowRoot, kind) : []))];
+"""
+"""JavaScript that finds elements in shadow trees too."""
+
+
+def chromium() -> str:
+    """Return the path of a Chromium; without one the test is skipped, or fails where ``REQUIRE_BROWSER`` is set."""
+    return _found(*NAMES)
+
+
+def _found(*names: str) -> str:
+    found = next(filter(None, map(shutil.which, names)), None)
+    if found is None and os.environ.get("REQUIRE_BROWSER"):
+        pytest.fail(f"no {names[0]} on this machine: apt-get install chromium chromium-driver")
+    if found is None:
+        pytest.skip(f"no {names[0]} on this machine")
+    return found
+
+
+@contextmanager
+def window(width: int) -> Iterator[Any]:
+    """Give a browser whose window is so many pixels wide; skip or fail as :func:`chromium` does."""
+    browser, driver_path = chromium(), _found("chromedriver")
+    from selenium import webdriver
+    from selenium.webdriver.chrome.service import Service
+
+    options = webdriver.ChromeOptions()
+    options.binary_location = browser
+    for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--hide-scrollbars"):
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    driver = webdriver.Chrome(options=options, service=Service(driver_path))
+    try:
+        metrics = {"width": width, "height": 1000, "deviceScaleFactor": 1, "mobile": width < 600}
+        driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+        yield driver
+    finally:
+        driver.quit()
+
+
+def opened(driver: Any, page: Path) -> None:
+    """Open a page and wait until its script has drawn everything."""
+    driver.get(page.resolve().as_uri())
+    for _ in range(600):
+        if driver.execute_script("return document.body.dataset.ready"):
+            break
+        time.sleep(0.1)
+    assert driver.execute_script("return document.body.dataset.ready") == "yes", errors(driver)
+    settle(driver)
+
+
+def settle(driver: Any) -> None:
+    """Wait until what was asked for is painted."""
+    driver.execute_async_script("const done = arguments[0]; setTimeout(() => requestAnimationFrame(() => done()), 200)")
+
+
+def errors(driver: Any) -> list[str]:
+    """Return what the console has complained of since it was asked last."""
+    return [entry["message"] for entry in driver.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")]

@@ -1,0 +1,158 @@
+"""Paths, terminals and limits that no command likes: one clear line, exit status 2, nothing lost."""
+
+from __future__ import annotations
+
+import os
+import re
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from hostile import changed
+from studies import SINGLE, parsed, written
+from workflow.cli import app
+from workflow.run import run_study
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("sound") / "a.nc"
+    run_study(parsed(SINGLE), path)
+    return path
+
+
+def workflow(*words: str | Path, status: int = 2) -> str:
+    told = CliRunner().invoke(app, [str(word) for word in words])
+    assert told.exception is None or isinstance(told.exception, SystemExit), told.exception
+    assert told.exit_code == status, told.output
+    return told.output
+
+
+@pytest.mark.parametrize("command", ["show", "report", "verify", "run", "plan"])
+def test_a_pipe_is_not_waited_for(command: str, tmp_path: Path) -> None:
+    pipe = tmp_path / "a.nc"
+    os.mkfifo(pipe)
+    assert str(pipe) in workflow(command, pipe)
+
+
+@pytest.mark.parametrize("command", ["show", "report", "verify", "run", "plan"])
+def test_a_loop_of_links(command: str, tmp_path: Path) -> None:
+    loop = tmp_path / "a.nc"
+    loop.symlink_to(loop)
+    assert "too many levels of symbolic links" in workflow(command, loop).lower()
+
+
+@pytest.mark.parametrize("kind", ["pipe", "loop", "bytes"])
+def test_a_place_that_can_be_no_archive_is_refused_before_the_work(kind: str, tmp_path: Path) -> None:
+    study, archive = written(SINGLE, tmp_path), tmp_path / "a.nc"
+    if kind == "pipe":
+        os.mkfifo(archive)
+    elif kind == "loop":
+        archive.symlink_to(archive)
+    else:
+        archive = tmp_path / os.fsdecode(b"a\xff.nc")
+    before = sorted(tmp_path.iterdir())
+    told = CliRunner().invoke(app, ["run", str(study), "-o", str(archive)])
+    assert told.exit_code == 2
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_brackets_in_a_path_are_no_markup(sound: Path, tmp_path: Path) -> None:
+    archive = tmp_path / "a[red]b[bold].nc"
+    archive.write_bytes(sound.read_bytes())
+    assert f"{archive}: " in workflow("show", archive, status=0)
+
+
+def test_a_file_in_the_place_of_the_shards(tmp_path: Path) -> None:
+    study, parts = written(SINGLE, tmp_path), tmp_path / "a.nc.parts"
+    parts.write_text("mine")
+    assert f"{parts}: a file, where a run keeps its shards" in workflow("run", study, "-o", tmp_path / "a.nc")
+    assert parts.read_text() == "mine"
+
+
+@pytest.mark.parametrize("name", ["other", "other.shard"])
+def test_a_foreign_directory_among_the_shards_stays(name: str, tmp_path: Path) -> None:
+    study, foreign = written(SINGLE, tmp_path), tmp_path / "a.nc.parts" / name
+    foreign.mkdir(parents=True)
+    (foreign / "thesis.tex").write_text("mine")
+    assert f"holds {name}, which no run left there" in workflow("run", study, "-o", tmp_path / "a.nc")
+    assert (foreign / "thesis.tex").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    "texts",
+    [
+        {"resolved": "{}"},
+        {"resolved": "[" * 100_000},
+        {"resolved": "no JSON"},
+        {"resolved": '{"scene": {"duration": "long"}}'},
+        {"resolved": '{"scene": 3}'},
+        {"study": "[" * 50_000},
+        {"study": ""},
+        {"versions": "[" * 50_000},
+        {"solver_version": "\x1b[31m"},
+    ],
+    ids=lambda texts: next(f"{name} {text[:9]!a}" for name, text in texts.items()),
+)
+def test_provenance_that_no_run_wrote(texts: dict[str, str], sound: Path, tmp_path: Path) -> None:
+    archive = changed(sound, tmp_path / "a.nc", lambda file: file["provenance"].setncatts(texts))
+    for words in (
+        ("report", archive),
+        ("run", archive, "-o", tmp_path / "b.nc"),
+        ("verify", archive),
+        ("plan", archive),
+    ):
+        told = CliRunner().invoke(app, [str(word) for word in words])
+        assert told.exception is None or isinstance(told.exception, SystemExit), told.exception
+        assert told.exit_code in (0, 1, 2), told.output
+        assert not re.search("[\x00-\x09\x0b-\x1f\x7f-\x9f]", told.output)
+
+
+def command(*words: str | Path, memory: int | None = None, **environment: str) -> subprocess.CompletedProcess[str]:
+    def limit() -> None:
+        if memory is not None:
+            resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
+
+    return subprocess.run(
+        [sys.executable, "-m", "workflow", *map(str, words)],
+        capture_output=True,
+        encoding="utf-8",
+        timeout=120,
+        env={**os.environ, **environment},
+        preexec_fn=limit,
+    )
+
+
+def test_a_terminal_that_knows_ascii_only(tmp_path: Path) -> None:
+    study = written(SINGLE.replace("study: single", "study: single\ntitle: Schaufel spürt 5 µm…"), tmp_path)
+    plain = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    for words in (("plan", study), ("schema",)):
+        told = command(*words, **plain)
+        assert told.returncode == 0, told.stderr
+        assert told.stdout.isascii()
+    assert "Schaufel sp\\xfcrt 5 um..." in command("plan", study, **plain).stdout
+
+
+@pytest.mark.parametrize("megabytes", [300, 600])
+def test_too_little_memory_is_said(megabytes: int, tmp_path: Path) -> None:
+    told = command("run", written(SINGLE, tmp_path), "-o", tmp_path / "a.nc", memory=megabytes * 10**6)
+    assert told.returncode == 2
+    assert told.stderr.startswith("there is not enough memory")
+    assert told.stderr.count("\n") == 1
+
+
+def test_a_defect_exits_with_three_and_no_traceback(tmp_path: Path) -> None:
+    study = written(SINGLE, tmp_path)
+    broken = "import workflow.study as s\ndef fail(*_): raise KeyError('x')\ns.read_study = fail\n"
+    call = [sys.executable, "-c", f"{broken}from workflow.cli import main\nmain()", "plan", str(study)]
+    told = subprocess.run(call, capture_output=True, text=True)
+    assert told.returncode == 3
+    assert told.stderr.startswith("a defect of this program: KeyError")
+    assert "Traceback" not in told.stderr
+    shown = subprocess.run(call, capture_output=True, text=True, env={**os.environ, "WORKFLOW_TRACEBACK": "1"})
+    assert shown.returncode == 3
+    assert "Traceback" in shown.stderr

@@ -1,0 +1,83 @@
+"""What `workflow run` shows while it runs: a bar in a terminal, a line every minute elsewhere."""
+
+from __future__ import annotations
+
+import io
+import re
+import threading
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.console import Console
+from typer.testing import CliRunner
+
+import workflow.run
+from studies import ILL, SINGLE, written
+from workflow.cli import _progress, app
+from workflow.cli._progress import Follower, following
+from workflow.run import Advance, run_study
+
+SLOW = Advance(540, 204, {"diverged": 2}, 0.349, 12.4, 125.0)
+
+
+def test_a_line_comes_again_and_again_without_a_terminal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The run waits until two lines were written; nothing of them is on the standard output."""
+    lines: list[str] = []
+    twice = threading.Event()
+
+    def complain(line: str) -> None:
+        lines.append(line)
+        if len([line for line in lines if "34 %" in line]) >= 2:
+            twice.set()
+
+    def slow_run(study: Any, archive: Path, threads: Any, progress: Any, **others: Any) -> Any:
+        progress(SLOW)
+        assert twice.wait(60)
+        return run_study(study, archive, threads, progress, **others)
+
+    assert _progress.EVERY == 60
+    monkeypatch.setattr(_progress, "EVERY", 0.01)
+    monkeypatch.setattr(_progress, "complain", complain)
+    monkeypatch.setattr(workflow.run, "run_study", slow_run)
+    told = CliRunner().invoke(app, ["run", str(written(SINGLE, tmp_path)), "-o", str(tmp_path / "a.nc")])
+    assert told.exit_code == 0
+    assert "34 %" not in told.stdout
+    line = next(line for line in lines if "34 %" in line)
+    assert re.fullmatch(r"a\.nc: 34 %, \d:\d\d elapsed, [012]:\d\d left; 204 of 540 cases, 2 diverged", line)
+
+
+def test_a_bar_fits_in_a_terminal_of_eighty_columns(monkeypatch: pytest.MonkeyPatch) -> None:
+    screen = io.StringIO()
+    monkeypatch.setattr(_progress, "console", lambda: Console(file=screen, force_terminal=True, width=80, markup=False))
+    follower = Follower()
+    with following(follower, "a.nc", False):
+        follower(Advance(540, 204, {"diverged": 2}, 0.349, 12.4, 125.0))
+    shown = screen.getvalue()
+    assert re.search("34 %, 0:00 elapsed, 2:0[45] left; 204 of 540 cases, 2 diverged", shown)
+    assert "failed" not in shown
+
+
+def test_a_bar_shows_the_time_before_anything_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    screen = io.StringIO()
+    monkeypatch.setattr(_progress, "console", lambda: Console(file=screen, force_terminal=True, width=80))
+    with following(Follower(), "a.nc", False):
+        pass
+    assert "0:00 elapsed" in screen.getvalue()
+
+
+def test_a_quiet_run_shows_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(_progress, "EVERY", 0.0)
+    words = ["run", str(written(ILL, tmp_path)), "-q", "-o", str(tmp_path / "a.nc")]
+    told = CliRunner().invoke(app, words)
+    assert told.exit_code == 1
+    assert "elapsed" not in told.output
+
+
+def test_a_run_that_is_stopped_says_how_far_it_came() -> None:
+    from workflow.cli.run import _stopped
+
+    follower = Follower()
+    assert _stopped(Path("a.nc"), follower).startswith("stopped; what was done is stored beside a.nc")
+    follower(SLOW)
+    assert _stopped(Path("a.nc"), follower).startswith("stopped; 204 of 540 cases are stored beside a.nc")

@@ -1,0 +1,159 @@
+"""Cases that blew up though their numbers are finite are ``diverged``; sound cases are not, however far they move."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from studies import parsed
+from workflow.grid import Solved, arrange, solve
+from workflow.schemes import Status
+
+HEAVY = """
+study: a
+scene:
+  chain: {{nodes: 20, mass: 2.5e-3, stiffness: 2.0e7, damping: {{mass: 10, stiffness: 2.0e-7}}, spacing: 2.5e-3,
+          expansion: 8.6e-6, heat_capacity: 1.315, conductance: 0.605, convection: 0.02}}
+  casing: {{gap: 5.0e-5}}
+  load: {{amplitude: 100, frequency: 20}}
+  duration: 0.3
+schemes: {{stiff: {{method: penalty, stiffness: 2.0e9}}}}
+axes: {{scheme: stiff, h: {h}, alpha: 0.25}}
+reference: {{scheme: event_driven}}
+output: {{interval: 1 ms, histories: [], balances: {balances}}}
+"""
+
+ONE = """
+study: a
+scene:
+  chain: {{nodes: {nodes}, mass: 1.0e-3, stiffness: 1.0e6{more}}}
+  casing: {{gap: {gap}}}
+  {scene}
+  duration: {duration}
+axes: {{scheme: {scheme}, h: {h}{axes}}}
+output: {{interval: {interval}, histories: [], balances: {balances}}}
+"""
+
+
+def solved(text: str) -> Solved:
+    grid = arrange(parsed(text))
+    (outer,) = grid.places
+    return solve(grid, outer, np.arange(grid.inner_count))
+
+
+def one(**values: Any) -> Solved:
+    usual = {"nodes": 1, "more": "", "gap": 0, "scene": "", "duration": 0.01, "scheme": "moreau", "h": 1e-6}
+    return solved(ONE.format(**{**usual, "axes": "", "interval": "1 ms", "balances": "false", **values}))
+
+
+def test_a_contact_spring_that_creates_energy_is_not_ok() -> None:
+    """2e-6 s is below the limit of lasting contact (2.2e-6 s): residual 6.9. Below the limit said it has none."""
+    created = solved(HEAVY.format(h=2e-6, balances="true"))
+    assert created.values["energy_residual"][0] > 1
+    assert created.values["status"][0] == Status.DIVERGED
+    assert created.messages[0].startswith("energy was created")
+    limit = float(created.messages[0].split("h = ")[1].split()[0])
+    sound = solved(HEAVY.format(h=limit, balances="true"))
+    assert sound.values["status"][0] == Status.OK
+    assert sound.values["energy_residual"][0] < 0.1
+
+
+def test_a_tip_that_is_thrown_far_off_is_not_ok_without_balances_either() -> None:
+    """An error of 3e86 and 2e87 K: heat that a scheme creates excuses nothing."""
+    found = solved(HEAVY.format(h=3.16e-6, balances="false"))
+    assert found.values["displacement_error"][0] > 1e20
+    assert found.values["status"][0] == Status.DIVERGED
+    assert "the tip moved" in found.messages[0]
+
+
+def test_the_same_case_says_the_same_again() -> None:
+    text = HEAVY.format(h=3.16e-6, balances="false")
+    assert solved(text).messages == solved(text).messages
+
+
+def test_dissipation_never_counts() -> None:
+    """A tip that hammers a casing without a gap: implicit Euler takes many times the largest energy."""
+    more, load = ", damping: {mass: 5}, heat_capacity: 1", "load: {amplitude: 5, frequency: 700}"
+    found = one(
+        nodes=3,
+        more=more,
+        scene=load,
+        duration=0.05,
+        h=1e-5,
+        balances="true",
+        axes=", e: 0.9",
+    )
+    assert found.values["energy_residual"][0] < -1
+    assert found.values["status"][0] == Status.OK
+
+
+@pytest.mark.parametrize(
+    "start",
+    [
+        "initial: {velocity: 2}",
+        "initial: {displacement: [-1.0e-3, 0, 0]}",
+        "initial: {temperature: [0, 100, 0]}",
+        "load: {steady: [0, 3, 0]}",
+    ],
+)
+def test_what_starts_or_loads_the_other_nodes_counts_too(start: str) -> None:
+    """Gap, tip load and x_n(0) are all zero, and yet the tip moves as it should."""
+    found = one(nodes=3, more=", spacing: 1.0e-2, expansion: 1.0e-5, heat_capacity: 1, conductance: 1", scene=start)
+    assert found.values["status"][0] == Status.OK
+    assert not found.messages
+
+
+def test_heating_that_pushes_the_tip_counts() -> None:
+    """The root is held, the casing far: a tenth of a second of heat moves the tip by what the model says."""
+    heat = ", spacing: 1.0e-2, expansion: 1.0e-5, heat_capacity: 1, conductance: 1, heating: 1.0e5"
+    found = one(nodes=3, more=heat, gap=1e-9, scene="initial: {displacement: 0}", duration=0.1)
+    assert found.values["thermal_closing"][0] > 1000 * 1e-9
+    assert found.values["status"][0] == Status.OK
+
+
+def test_runaway_is_physics() -> None:
+    """A pressed tip a hundred times above its critical coupling: it stays ok, with its flag, in every scheme."""
+    heat = ", damping: {mass: 10}, spacing: 1.0e-2, expansion: 1.0e-5, heat_capacity: 1.0e-2, conductance: 0.1"
+    for scheme in ("moreau", "carpenter", "penalty", "event_driven"):
+        values = {"scene": "load: {mean: 7.5}\n  initial: static", "axes": ", alpha: 50", "balances": "true"}
+        found = one(nodes=4, more=heat, gap=-1e-5, duration=0.05, h=1e-6, scheme=scheme, **values)
+        assert found.values["runaway"][0] == 1
+        assert found.values["status"][0] == Status.OK, (scheme, found.messages)
+
+
+def test_a_runaway_whose_balance_is_rounding_is_physics() -> None:
+    """A pressed tip whose heat grows e^113-fold does not move: its energy residual is rounding of thermal work."""
+    heat = ", damping: {mass: 10}, spacing: 1.0e-2, expansion: 1.0e-5, heat_capacity: 1.0e-2, conductance: 0.1"
+    scene = "load: {mean: 7.5, amplitude: 2, frequency: 100}\n  initial: static"
+    for alpha in (300, 500, 700):
+        values = {"scene": scene, "axes": f", alpha: {alpha}", "balances": "true"}
+        found = one(nodes=1, more=heat, gap=-1e-5, duration=0.05, h=1e-6, **values)
+        print(found.values["energy_residual"], found.values["max_temperature"])
+        assert found.values["status"][0] == Status.OK, found.messages
+
+
+def test_a_free_root_is_left_to_the_balances() -> None:
+    """K1 is singular: a tip may fly off as far as it likes."""
+    found = one(more=", heat_capacity: 1", scene="load: {mean: -1}", gap=1e-6, duration=1)
+    assert found.values["status"][0] == Status.OK
+    text = ONE.format(
+        nodes=1, more=", heat_capacity: 1", gap=1e-9, scene="load: {mean: -1000}", duration=1, scheme="moreau",
+        h=1e-3, axes="", interval="0.1 s", balances="false",
+    ).replace("stiffness: 1.0e6", "stiffness: 0")  # fmt: skip
+    assert solved(text).values["status"][0] == Status.OK
+
+
+@pytest.mark.parametrize("scheme", ["moreau", "event_driven"])
+@pytest.mark.parametrize("root", ["1.0e6", "[0, 1.0e6, 1.0e6]"], ids=["clamped", "free"])
+def test_a_tip_at_rest_at_a_gap_of_zero_creates_no_energy(scheme: str, root: str) -> None:
+    """The load presses the tip and touches zero once a period: nothing moves, and balances are set beside rounding."""
+    text = ONE.replace("stiffness: 1.0e6{more}", "stiffness: {root}{more}").format(
+        nodes=3, root=root, more=", heat_capacity: 1, damping: {mass: 10, stiffness: 1.0e-6}", gap=0, duration=0.1,
+        scene="load: {mean: 7.569, amplitude: 7.569, frequency: 122.73668917555895}", scheme=scheme,
+        h=4.4e-5, axes="", interval="1 ms", balances="true",
+    )  # fmt: skip
+    found = solved(text)
+    assert np.abs(found.values["displacement"]).max() < 1e-15
+    assert found.values["status"][0] == Status.OK, found.messages

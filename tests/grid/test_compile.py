@@ -1,0 +1,220 @@
+"""Compilation ahead: by other processes where there are several schemes, by the run itself where they fail."""
+
+from __future__ import annotations
+
+import os
+import signal
+import stat
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+import workflow
+from workflow import schemes
+from workflow.grid import Turns, lend_turns
+from workflow.grid import _compile as compilation
+from workflow.grid._compile import Wanted, compile_scheme, compiled_ahead
+
+ROOT = Path(workflow.__file__).parents[1]
+
+START = f"""
+import sys
+sys.path.insert(0, {str(ROOT)!r})
+from collections import Counter
+from numba.core import event
+from workflow import schemes
+from workflow.grid._compile import Wanted, compile_scheme, compiled_ahead
+
+def wanted(method):
+    return Wanted(method, schemes.load(method).Options(), 1)
+"""
+
+TOGETHER = """
+class Seen(event.Listener):
+    functions = Counter()
+    def on_start(self, about):
+        self.functions[about.data["dispatcher"].py_func] += 1
+    def on_end(self, about):
+        pass
+
+event.register("numba:compile", Seen())
+with compiled_ahead([wanted("event_driven"), wanted("moreau")], 1):
+    compile_scheme(wanted("event_driven"))
+    compile_scheme(wanted("moreau"))
+from workflow.schemes._exact import march as exact
+from workflow.schemes import moreau
+ours = {f.__name__: n for f, n in Seen.functions.items() if f.__module__.startswith("workflow.")}
+print(max(ours.values()), "march" in ours, "_march" in ours)
+print(*(sum(k.dispatcher.stats.cache_hits.values()) for k in (exact.march, moreau._march)))
+print(*(len(k.dispatcher.signatures) for k in (exact.march, moreau._march)))
+"""
+
+KILLED = """
+with compiled_ahead([wanted("moreau"), wanted("event_driven")], 1):
+    print("begun", flush=True)
+    sys.stdin.read()
+"""
+
+
+def wanted(method: str) -> Wanted:
+    return Wanted(method, schemes.load(method).Options(), 1)
+
+
+@pytest.fixture
+def unnoted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Nothing is known to be compiled, whatever is in the cache."""
+    monkeypatch.setattr(compilation, "_note", lambda wanted: tmp_path / wanted.method)
+    compilation._compile.cache_clear()
+    return tmp_path
+
+
+def executable(path: Path, script: str) -> str:
+    path.write_text(f"#!/bin/sh\n{script}\n")
+    path.chmod(path.stat().st_mode | stat.S_IXUSR)
+    return str(path)
+
+
+def until(condition: Callable[[], bool]) -> bool:
+    end = time.monotonic() + 60
+    while not condition() and time.monotonic() < end:
+        time.sleep(0.01)
+    return condition()
+
+
+def children(process: int) -> list[int]:
+    found = [task.read_text() for task in Path(f"/proc/{process}/task").glob("*/children")]
+    return [int(child) for text in found for child in text.split()]
+
+
+def alive(process: int) -> bool:
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def test_kernels_are_compiled_once_and_those_of_a_helper_are_loaded(tmp_path: Path) -> None:
+    """With nothing compiled: no function for two types of arguments, and none that a helper compiles."""
+    told = subprocess.run(
+        [sys.executable, "-c", START + TOGETHER],
+        capture_output=True, text=True, check=True, env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
+    ).stdout.splitlines()  # fmt: skip
+    assert told == ["1 True False", "0 1", "1 1"]
+
+
+@pytest.mark.parametrize("script", ["exit 1", "kill -9 $$", "exec < /dev/null", None])
+def test_a_scheme_whose_helper_fails_is_compiled_all_the_same(
+    script: str | None, unnoted: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    failing = executable(unnoted / "python", script) if script else str(unnoted / "missing")
+    monkeypatch.setattr(sys, "executable", failing)
+    with compiled_ahead([wanted("event_driven"), wanted("moreau")], 1):
+        helper = compilation._HELPERS["moreau"]
+        assert until(helper.done)
+        assert not (unnoted / "moreau").exists()
+        compile_scheme(wanted("moreau"))
+    assert (unnoted / "moreau").exists()
+
+
+def test_helpers_are_gone_when_the_run_is_over(unnoted: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "executable", executable(unnoted / "python", f"echo $$ > {unnoted}/pid; exec sleep 1000"))
+    with suppress(KeyboardInterrupt), compiled_ahead([wanted("event_driven"), wanted("moreau")], 1):
+        assert until(lambda: (unnoted / "pid").exists() and (unnoted / "pid").read_text().endswith("\n"))
+        assert alive(int((unnoted / "pid").read_text()))
+        raise KeyboardInterrupt
+    assert not alive(int((unnoted / "pid").read_text()))
+    assert not compilation._HELPERS
+
+
+def test_helpers_end_when_the_run_is_killed(tmp_path: Path) -> None:
+    """The pipe from it ends, however it died; what they were compiling is not there."""
+    run = subprocess.Popen(
+        [sys.executable, "-c", START + KILLED],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
+    )  # fmt: skip
+    with run:
+        assert run.stdout is not None
+        assert run.stdout.readline() == b"begun\n"
+        assert until(lambda: bool(children(run.pid)))
+        (helper,) = children(run.pid)
+        assert until(lambda: "main" in Path(f"/proc/{helper}/cmdline").read_text())
+        time.sleep(1.0)  # into its compilation, which takes many times as long
+        assert alive(helper)
+        run.send_signal(signal.SIGKILL)
+    assert until(lambda: not alive(helper))
+    assert not list(tmp_path.rglob("_exact_*/march.march*.nbc"))  # the kernel that takes long
+    assert not list(tmp_path.rglob("*.compiled"))
+
+
+def test_a_scheme_whose_turn_has_not_come_is_compiled_here(unnoted: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One process is busy with carpenter for ever: moreau, next in its queue, is not waited for."""
+    busy, begun = threading.Event(), threading.Event()
+
+    def hang(running: object, schemes: list[Wanted]) -> None:
+        begun.set()
+        busy.wait()
+
+    monkeypatch.setattr(compilation._Running, "help_with", hang)
+    try:
+        with compiled_ahead([wanted(method) for method in ("event_driven", "carpenter", "moreau")], 1):
+            assert begun.wait(60)
+            compile_scheme(wanted("moreau"))
+            assert (unnoted / "moreau").exists()
+            busy.set()
+    finally:
+        busy.set()
+
+
+def test_a_process_that_compiles_has_a_turn_until_it_is_done(unnoted: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    done, over = threading.Event(), threading.Event()
+    monkeypatch.setattr(compilation._Running, "help_with", lambda running, schemes: done.wait())
+    turns, taken = Turns(2), threading.Semaphore(0)
+
+    def compute() -> None:
+        with turns:
+            taken.release()
+            over.wait()
+
+    threads = [threading.Thread(target=compute) for _ in range(2)]
+    try:
+        with compiled_ahead([wanted("event_driven"), wanted("moreau")], 1):
+            lend_turns(turns, 1)
+            for thread in threads:
+                thread.start()
+            assert taken.acquire(timeout=60)
+            assert not taken.acquire(timeout=0.2)
+            done.set()
+            assert taken.acquire(timeout=60)
+    finally:
+        done.set()
+        over.set()
+        for thread in threads:
+            thread.join()
+
+
+def test_what_is_compiled_needs_no_process(unnoted: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    started: list[list[Wanted]] = []
+    monkeypatch.setattr(compilation._Running, "help_with", lambda running, schemes: started.append(schemes))
+    (unnoted / "moreau").touch()
+    with compiled_ahead([wanted("event_driven"), wanted("moreau")], 1):
+        pass
+    with compiled_ahead([wanted("event_driven"), wanted("carpenter")], 0):
+        pass
+    monkeypatch.setattr(compilation, "_note", lambda wanted: None)  # no lasting cache
+    with compiled_ahead([wanted("event_driven"), wanted("carpenter")], 1):
+        pass
+    assert started == []
+
+
+def test_of_numbers_among_the_options_only_a_theta_of_1_has_a_kernel_of_its_own() -> None:
+    moreau, penalty = schemes.load("moreau"), schemes.load("penalty")
+    words = [Wanted("moreau", moreau.Options(theta=theta), 1).words for theta in (0.5, 0.7, 1.0)]
+    assert words[0] == words[1] != words[2]
+    kinds = [Wanted("penalty", penalty.Options(integration=kind), 1).words for kind in ("explicit", "implicit")]
+    assert kinds[0] != kinds[1]

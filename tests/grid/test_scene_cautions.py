@@ -1,0 +1,72 @@
+"""What plan warns of in a scene: a tip that stays clear, soft contact springs, temperatures, bases."""
+
+from __future__ import annotations
+
+import pytest
+
+from studies import parsed
+from workflow.grid import arrange, plan, units_of
+
+BLADE = """
+study: a
+scene:
+  blade: {nodes: 20, length: 40 mm, width: 30 mm, thickness: 1 mm, density: 4430, specific_heat: 560, conductivity: 7.0,
+          convection: 400, expansion: 9.0e-6, tip_stiffness: 1.0e6, damping: {mass: 10.0, stiffness: 2.0e-7}HEATING}
+  casing: {gap: 20 um}
+  load: {amplitude: 24, frequency: 5 Hz}
+  duration: 2 s
+"""
+
+
+def warnings(text: str, heating: str = "") -> list[str]:
+    grid = arrange(parsed(text.replace("HEATING", heating)))
+    return list(plan(grid, units_of(grid)).warnings)
+
+
+def test_a_plausible_scene_has_nothing_to_say() -> None:
+    assert warnings(BLADE + "axes: {scheme: event_driven, alpha: [0, 30]}\n") == []
+
+
+def test_a_gap_in_metres_cannot_be_reached() -> None:
+    """``gap: 20`` was meant as 20 um: 24 N on 1e6 N/m move the tip by 24 um."""
+    (told,) = warnings(BLADE.replace("20 um", "20") + "axes: {scheme: event_driven}\n")
+    assert told.startswith("the tip cannot reach the casing at gap = 20 m: without contact it stays below 2.4e-05 m")
+
+
+def test_only_gaps_that_no_case_reaches_are_told() -> None:
+    axes = "axes: {scheme: event_driven, scene.casing.gap: [20 um, 40 um, 1 mm], scene.load.amplitude: [24, 60]}\n"
+    (told,) = [line for line in warnings(BLADE + axes) if "cannot reach" in line]
+    assert "gap = 0.001 m:" in told
+
+
+def test_heat_and_a_static_start_count_as_reach() -> None:
+    start = BLADE.replace("amplitude: 24, frequency: 5 Hz", "mean: 24")
+    start = start.replace("  duration", "  initial: static\n  duration")
+    assert not [line for line in warnings(start + "axes: {scheme: event_driven}\n") if "cannot reach" in line]
+    cold = BLADE.replace("amplitude: 24, frequency: 5 Hz", "mean: 0")
+    assert [line for line in warnings(cold + "axes: {scheme: event_driven}\n") if "cannot reach" in line]
+    hot = warnings(cold + "axes: {scheme: event_driven}\n", ", heating: 5")
+    assert not [line for line in hot if "cannot reach" in line]
+
+
+def test_a_spring_softer_than_the_tip_is_told() -> None:
+    text = "schemes: {soft: {method: penalty, stiffness: 5.0e5, integration: implicit}, hard: {method: penalty, "
+    text += "stiffness: 2.0e8, integration: implicit}}\naxes: {scheme: [soft, hard], h: 1e-5}\n"
+    told = [line for line in warnings(BLADE + text) if "softer" in line]
+    assert len(told) == 1
+    assert told[0].startswith("the contact spring of soft, 5e+05 N/m, is softer than the tip, 1e+06 N/m")
+
+
+def test_temperatures_beyond_a_linear_model_are_told() -> None:
+    """At 15 um and alpha = 30 the exact solution reaches 3 918 K."""
+    (told,) = warnings(BLADE.replace("20 um", "15 um") + "axes: {scheme: event_driven, alpha: [0, 30]}\n")
+    assert "temperatures reach about 3.6e+03 K (alpha = 30 W/N, gap = 1.5e-05 m; quasi-static estimate)" in told
+    assert told.endswith("in 1 of 2 conditions")
+
+
+@pytest.mark.parametrize(("modes", "lost"), [("full", False), ("3", True)])
+def test_what_a_basis_cannot_hold_is_told(modes: str, lost: bool) -> None:
+    heat = ", heating: [" + ", ".join("1" if node == 7 else "0" for node in range(20)) + "]"
+    text = BLADE + f"axes: {{scheme: event_driven, mechanical_modes: {modes}, thermal_modes: {modes}}}\n"
+    told = [line for line in warnings(text, heat) if "projection_residual" in line]
+    assert bool(told) == lost

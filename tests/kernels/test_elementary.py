@@ -1,0 +1,103 @@
+"""Our elementary functions against mpmath: within one unit in the last place, whatever the argument."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+
+from workflow.kernels import elementwise
+
+RANDOM = np.random.default_rng(20261122)
+COUNT = 4000
+TINY = 5e-324
+
+
+def powers(low: float, high: float, count: int = 500) -> Any:
+    return np.clip(10.0 ** RANDOM.uniform(low, high, count), TINY, 1.7e308)
+
+
+def worst(found: Any, arguments: Any, function: Callable[[Any], Any], digits: int = 60) -> float:
+    """The largest error, in units in the last place of what was found."""
+    with mpmath.workdps(digits):
+        errors = [
+            abs(mpmath.mpf(float(value)) - function(mpmath.mpf(float(x)))) / float(np.spacing(abs(value)))
+            for value, x in zip(found, arguments, strict=True)
+        ]
+    return float(max(errors))
+
+
+def near_multiples(count: int) -> Iterable[float]:
+    """Doubles nearest to multiples of π/2, whose sine or cosine nearly vanishes."""
+    with mpmath.workdps(60):
+        for k in (*range(1, count), *(int(k) for k in RANDOM.integers(1, 2**45, count))):
+            yield float(k * mpmath.pi / 2)
+
+
+def test_exponential() -> None:
+    x = np.concatenate([RANDOM.uniform(-745, 709.7, COUNT), RANDOM.uniform(-1, 1, COUNT), powers(-320, 0)])
+    x = np.concatenate([x, -powers(-320, 0), RANDOM.uniform(-745.13, -708, COUNT), [709.782712893384]])
+    assert worst(elementwise.exp(x), x, mpmath.exp) < 1
+
+
+def test_exponential_less_one() -> None:
+    x = np.concatenate([RANDOM.uniform(-50, 709.7, COUNT), RANDOM.uniform(-1, 1, COUNT), powers(-320, 0)])
+    x = np.concatenate([x, -powers(-320, 0), RANDOM.uniform(0.34, 0.36, COUNT), RANDOM.uniform(-0.36, -0.34, COUNT)])
+    assert worst(elementwise.expm1(x), x, mpmath.expm1, 400) < 1
+
+
+def test_logarithm() -> None:
+    x = np.concatenate(
+        [powers(-323, 308, COUNT), RANDOM.uniform(0.5, 2, COUNT), 1 + RANDOM.uniform(-1e-8, 1e-8, COUNT)]
+    )
+    assert worst(elementwise.log(x[x != 1]), x[x != 1], mpmath.log) < 1
+
+
+@pytest.mark.parametrize("which", [0, 1], ids=["sine", "cosine"])
+def test_sine_and_cosine(which: int) -> None:
+    x = np.concatenate([RANDOM.uniform(-10, 10, COUNT), RANDOM.uniform(-1.7e6, 1.7e6, COUNT), powers(6, 308)])
+    hardest = 6381956970095103 * 2.0**797  # of all doubles the one nearest to a multiple of π/2
+    x = np.concatenate(
+        [x, -powers(-323, 6), -powers(6, 308), list(near_multiples(1000)), [hardest, 1.7976931348623157e308]]
+    )
+    assert worst(elementwise.sine_cosine(x)[which], x, (mpmath.sin, mpmath.cos)[which], 700) < 1
+
+
+def test_hypotenuse() -> None:
+    a = powers(-323, 307, COUNT)
+    b = np.where(RANDOM.random(COUNT) < 0.7, np.clip(a, 1e-300, 1e300) * powers(-4, 4, COUNT), powers(-323, 307, COUNT))
+    found = elementwise.hypot(a, -b)
+    with mpmath.workdps(700):
+        errors = [
+            abs(mpmath.mpf(c) - mpmath.hypot(x, y)) / float(np.spacing(c))
+            for c, x, y in zip(found.tolist(), a.tolist(), b.tolist(), strict=True)
+            if np.isfinite(c)
+        ]
+    assert len(errors) > 0.9 * COUNT
+    assert max(errors) < 1
+
+
+def test_special_values() -> None:
+    inf, nan = np.inf, np.nan
+    given = [0.0, -0.0, inf, -inf, nan, 710.0, -746.0, TINY]
+    np.testing.assert_array_equal(elementwise.exp(given), [1, 1, inf, 0, nan, inf, 0, 1])
+    np.testing.assert_array_equal(elementwise.expm1(given), [0, 0, inf, -1, nan, inf, -1, TINY])
+    np.testing.assert_array_equal(np.signbit(elementwise.expm1([0.0, -0.0])), [False, True])
+    np.testing.assert_array_equal(
+        elementwise.log([0.0, -0.0, inf, -inf, nan, -1.0, 1.0]), [-inf, -inf, inf, nan, nan, nan, 0]
+    )
+    sin, cos = elementwise.sine_cosine([0.0, -0.0, inf, -inf, nan, TINY])
+    np.testing.assert_array_equal(sin, [0, 0, nan, nan, nan, TINY])
+    np.testing.assert_array_equal(np.signbit(sin[:2]), [False, True])
+    np.testing.assert_array_equal(cos, [1, 1, nan, nan, nan, 1])
+    found = elementwise.hypot([0.0, 3.0, inf, nan, nan, 1e308, TINY], [0.0, -4.0, nan, -inf, 1.0, 1.7e308, 0.0])
+    np.testing.assert_array_equal(found, [0, 5, inf, inf, nan, inf, TINY])
+
+
+def test_exponential_of_complex_numbers() -> None:
+    """Against NumPy's own to a few roundings."""
+    a = RANDOM.uniform(-20, 20, COUNT) + 1j * RANDOM.uniform(-50, 50, COUNT)
+    np.testing.assert_array_less(np.abs(elementwise.complex_exp(a) - np.exp(a)), 2e-15 * np.abs(np.exp(a)))

@@ -1,0 +1,157 @@
+"""Compiled kernels: found again by the next process, compiled anew after any change of a source."""
+
+from __future__ import annotations
+
+import fcntl
+import importlib
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import workflow
+from workflow.kernels import cache, sources
+
+RUN = """
+import sys, numpy as np
+sys.path.insert(0, {package!r})
+from workflow import models, schemes
+from workflow.kernels import cache
+from workflow.schemes import moreau
+from workflow.models import Cases
+chain = models.load("chain")
+structure = chain.assemble(chain.Parameters(nodes=1, mass=1.0, stiffness=1.0, heat_capacity=1.0))
+one, node = np.ones(1), np.zeros((1, 1))
+cases = Cases(0 * one, 0 * one, 9 * one, one, 0 * one, 0 * one, 0 * one, node, node, node, node, node)
+found = moreau.compute(moreau.init(structure, 0.5, moreau.Options()), cases, schemes.Sampling(1.0, 0.5, 3))
+hits = sum(moreau._march.dispatcher.stats.cache_hits.values())
+print(found.histories["displacement"][0, -1], hits, cache.root())
+"""
+
+
+def run(package: Path, **environment: str) -> tuple[float, int, Path]:
+    told = subprocess.run(
+        [sys.executable, "-c", RUN.format(package=str(package))],
+        capture_output=True, text=True, check=True, cwd=package, env={**os.environ, **environment},
+    ).stdout.split()  # fmt: skip
+    return float(told[0]), int(told[1]), Path(told[2])
+
+
+@pytest.fixture
+def copied(tmp_path: Path) -> Path:
+    """A copy of the package whose sources may change."""
+    shutil.copytree(Path(workflow.__file__).parent, tmp_path / "workflow", ignore=shutil.ignore_patterns("__pycache__"))
+    return tmp_path
+
+
+def edit(package: Path, module: str, before: str, after: str) -> None:
+    path = package / "workflow" / f"{module}.py"
+    source = path.read_text(encoding="utf-8")
+    assert before in source
+    path.write_text(source.replace(before, after, 1), encoding="utf-8")
+
+
+def test_a_change_in_an_inlined_module_is_noticed(copied: Path) -> None:
+    value, hits, _ = run(copied)
+    again, found, _ = run(copied)
+    assert (hits, found) == (0, 1)
+    assert again == value
+    edit(copied, "schemes/_fixed/tip_load", "return mean + (amplitude", "return 2.0 * mean + (amplitude")
+    twice, hits, _ = run(copied)
+    assert hits == 0
+    assert twice == pytest.approx(2 * value, rel=1e-12)
+
+
+def test_docstrings_comments_and_other_schemes_compile_nothing_anew(copied: Path) -> None:
+    value, _, root = run(copied)
+    before = {path: path.stat().st_mtime_ns for path in root.rglob("*.nb?")}
+    edit(copied, "schemes/_fixed/tip_load", '"""', '"""Another word, on more lines.\n\n')
+    edit(copied, "schemes/moreau", '"""', '"""Another word. ')
+    edit(copied, "kernels/sums", "from __future__", "# a comment\nfrom __future__")
+    edit(
+        copied,
+        "schemes/_exact/response",
+        "from __future__ import annotations",
+        "from __future__ import annotations; _NEW = 1",
+    )
+    assert run(copied)[:2] == (value, 1)
+    assert {path: path.stat().st_mtime_ns for path in root.rglob("*.nb?")} == before
+
+
+def test_directories_of_older_sources_are_removed(copied: Path) -> None:
+    """But not within a day, nor while a process has them, nor what is not of this program."""
+    _, _, root = run(copied)
+    (own,) = root.glob("workflow.schemes.moreau-*")
+    older, held, new, others = (
+        root / f"workflow.schemes.{name}"
+        for name in ("moreau-0123456789abcdef", "moreau-" + "1" * 16, "moreau-" + "2" * 16, "other")
+    )
+    for directory in (older, held, new, others):
+        shutil.copytree(own, directory)
+    for directory in (older, held, others, own):
+        os.utime(directory / cache._LOCK, (1, 1))
+    with (held / cache._LOCK).open() as file:
+        fcntl.flock(file, fcntl.LOCK_SH)
+        assert run(copied)[1] == 1
+    assert [each.is_dir() for each in (own, older, held, new, others)] == [True, False, True, True, True]
+    os.utime(own / cache._LOCK, (1, 1))
+    run(copied)
+    assert (own.is_dir(), held.is_dir()) == (True, False)
+    assert not list(root.glob("removed-*"))
+
+
+def test_a_source_that_changed_since_the_process_began_is_not_trusted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Machine code of what was imported would be kept as that of the source as it is now."""
+    store = tmp_path / "sources.json"
+    name = "workflow.schemes.moreau"
+    assert sources.digest(name, store) is not None
+    sources._sources.cache_clear()
+    monkeypatch.setattr(sources, "_BEGUN", 1.0)
+    with pytest.raises(sources.ChangedSourceError):
+        sources.digest(name, store)
+    sources._sources.cache_clear()
+
+
+def test_imports_are_followed_to_the_module_that_defines_a_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    package = tmp_path / "made_up"
+    (package / "inner").mkdir(parents=True)
+    (package / "__init__.py").write_text("from made_up.inner import used\nfrom made_up.aside import other\n")
+    (package / "inner" / "__init__.py").write_text("from .deep import used\nfrom .unused import another\n")
+    for name, text in {"deep": "from ..base import C\ndef used():\n    return C\n", "unused": "another = 1\n"}.items():
+        (package / "inner" / f"{name}.py").write_text(text)
+    for name, text in {"base": "C = 1\n", "aside": "other = 1\n", "kernels": "from made_up import used\n"}.items():
+        (package / f"{name}.py").write_text(text)
+    monkeypatch.syspath_prepend(tmp_path)
+    importlib.import_module("made_up.kernels")
+
+    def digest() -> str | None:
+        sources._sources.cache_clear()
+        monkeypatch.setattr(sources, "_BEGUN", time.time() + 60)
+        return sources.digest("made_up.kernels", tmp_path / "sources.json")
+
+    first = digest()
+    for name in ("aside", "inner/unused"):
+        (package / f"{name}.py").write_text("other = another = 2\n")
+    assert digest() == first
+    (package / "base.py").write_text("C = 2  # and more\n")
+    assert digest() != first
+
+
+def test_nothing_writable_means_a_temporary_cache(copied: Path) -> None:
+    """Files where the cache directories should be: neither of them can be made."""
+    (copied / "home").write_text("")
+    cache = copied / "workflow" / "kernels" / "__pycache__"
+    cache.write_text("")
+    value, hits, directory = run(copied, XDG_CACHE_HOME=str(copied / "home"), PYTHONDONTWRITEBYTECODE="1")
+    assert hits == 0
+    assert copied not in directory.parents
+    assert value > 0
+    shutil.rmtree(directory)

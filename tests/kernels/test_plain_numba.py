@@ -1,0 +1,51 @@
+"""numba's own compiler gives the same bits as ours, which is left out with versions that it was not tested with."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from studies import SCENE
+from workflow.archive import provenance
+from workflow.kernels import compiled, whole_program
+
+STUDY = f"""study: both_ways
+{SCENE}
+schemes: {{midpoint: {{method: moreau, theta: 0.5}}, soft: {{method: penalty, stiffness: 4.0e7}},
+          implicit: {{method: penalty, stiffness: 4.0e7, integration: implicit}}}}
+axes: {{scheme: [moreau, midpoint, carpenter, soft, implicit, event_driven], h: 1e-5, e: [0, 0.5], alpha: [0, 5]}}
+"""
+
+
+def content(directory: Path, **environment: str) -> str:
+    """Run the study in a process of its own and return the hash of what its archive holds."""
+    directory.mkdir()
+    (directory / "study.yaml").write_text(STUDY)
+    command = [sys.executable, "-m", "workflow", "run", "study.yaml", "--threads", "1"]
+    subprocess.run(command, cwd=directory, check=True, capture_output=True, env={**os.environ, **environment})
+    return provenance(directory / "both_ways.nc")["content_hash"]
+
+
+@pytest.mark.slow  # it compiles everything twice
+def test_both_compilers_give_the_same_bits(tmp_path: Path) -> None:
+    ours = content(tmp_path / "ours", NUMBA_CACHE_DIR=str(tmp_path))
+    assert content(tmp_path / "plain", NUMBA_CACHE_DIR=str(tmp_path), WORKFLOW_PLAIN_NUMBA="1") == ours
+    assert (
+        len(list(tmp_path.rglob("workflow.schemes._exact.march-*/"))) == 2
+    )  # and neither takes machine code from the other
+
+
+def test_it_is_left_out_with_other_versions(monkeypatch: pytest.MonkeyPatch) -> None:
+    chosen = compiled._whole_program.__wrapped__
+    for version, used in ((f"{whole_program.TESTED[-1]}.9", True), ("0.61.2", False), ("1.0.0", False)):
+        monkeypatch.setattr("numba.__version__", version)
+        assert (chosen() is whole_program) == used
+
+
+def test_a_variable_of_the_environment_leaves_it_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(compiled.PLAIN, "1")
+    assert compiled._whole_program.__wrapped__() is None

@@ -1,0 +1,55 @@
+"""What the tip reaches without contact and how hot it becomes, told beforehand, against the exact solution."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from scenes import blade, cases, chain, heavy_chain, sampling
+from workflow.models import free_motion, quasi_static_temperature
+from workflow.schemes import event_driven
+
+
+@pytest.mark.parametrize(
+    "conditions",
+    [
+        {"amplitude": 24.0, "frequency": 5.0},
+        {"amplitude": 10.0, "frequency": 1090.0},
+        {"amplitude": 10.0, "frequency": 3000.0, "phase": 1.2},
+        {"mean": 20.0},
+        {"mean": -20.0, "velocity": 0.3},
+        {"displacement": 1e-5, "amplitude": 5.0, "frequency": 0.0, "phase": np.pi / 2},
+    ],
+)
+def test_the_free_tip_stays_within_its_reach(conditions: dict[str, float]) -> None:
+    """An upper bound, and no more than 2.5 times what is reached where anything moves towards the casing."""
+    structure = heavy_chain()
+    batch = cases(structure, gap=10.0, **conditions)
+    over = sampling(0.2, 1e-5)
+    found = event_driven.compute(event_driven.init(structure, 1.0, event_driven.Options()), batch, over)
+    reached = float(found.histories["displacement"].max())
+    bound = float(free_motion(structure, batch, over.duration).reach[0])
+    assert reached <= bound * (1 + 1e-9)
+    if reached > 1e-6:
+        assert bound < 2.5 * reached
+
+
+def test_a_free_body_reaches_everywhere() -> None:
+    structure = chain(nodes=3, mass=1.0, stiffness=(0.0, 1e6, 1e6))
+    assert np.isinf(free_motion(structure, cases(structure, gap=1.0, mean=1.0), 1.0).reach[0])
+
+
+@pytest.mark.parametrize("gap", [15e-6, 17.5e-6, 20e-6, 22e-6])
+def test_temperatures_are_told_within_a_fifth(gap: float) -> None:
+    """The rubbing blade below and above its critical coupling in permanent contact: 102 K to 3 918 K."""
+    structure, over = blade(), sampling(2.0, 1e-3)
+    batch = cases(structure, alpha=30.0, gap=gap, amplitude=24.0, frequency=5.0)
+    found = event_driven.compute(event_driven.init(structure, 1.0, event_driven.Options()), batch, over)
+    told = quasi_static_temperature(structure, batch, free_motion(structure, batch, over.duration), over.duration)
+    assert told[0] == pytest.approx(found.metrics["max_temperature"][0], rel=0.2)
+
+
+def test_a_tip_that_stays_clear_stays_cold() -> None:
+    structure = blade()
+    batch = cases(structure, alpha=30.0, gap=30e-6, amplitude=24.0, frequency=5.0)
+    assert quasi_static_temperature(structure, batch, free_motion(structure, batch, 2.0), 2.0)[0] == 0.0

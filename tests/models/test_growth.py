@@ -1,0 +1,220 @@
+"""The growth rate: the largest real part of all eigenvalues of the contact-closed system, real or not.
+
+The oracle is the system in nodal coordinates, as equation (1) has it, and LAPACK's eigenvalues.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+import scipy.linalg
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from scenes import chain, heavy_chain
+from workflow.models import Chain, Rayleigh, Structure, _growth, critical_alpha, growth, growth_rate, in_contact
+from workflow.reduction import reduce_structure
+
+
+def eigenvalues_in_contact(structure: Structure, alpha: float) -> np.ndarray:
+    """Eigenvalues of X' = A X, X = [x_i, v_i, θ], with λ = -K_ni x_i - K12_n θ - C_ni v_i - M_ni v_i'."""
+    M, C, K = structure.mass, structure.damping_matrix, structure.stiffness_matrix
+    K12, C2, K2 = structure.coupling_matrix, structure.heat_capacity, structure.conductance_matrix
+    n, heats = M.shape[0] - 1, C2.shape[0]
+    x, v, theta, i = slice(0, n), slice(n, 2 * n), slice(2 * n, 2 * n + heats), slice(0, n)
+    A = np.zeros((2 * n + heats, 2 * n + heats))
+    if n:
+        A[x, v] = np.eye(n)
+        A[v] = -np.linalg.solve(M[i, i], np.hstack([K[i, i], C[i, i], K12[i]]))
+    force = -M[n, i] @ A[v]
+    force -= np.concatenate([K[n, i], C[n, i], K12[n]])
+    A[theta, theta] = -np.linalg.solve(C2, K2)
+    A[theta] += np.outer(np.linalg.solve(C2, alpha * np.eye(heats)[-1]), force)
+    return np.linalg.eigvals(A)
+
+
+def flutter_chain(**parameters: object) -> Structure:
+    """Issue 13, item 5: light heat capacity, α_c = 0.5."""
+    lumps = {"nodes": 4, "mass": 1e-3, "stiffness": 1e6, "damping": Rayleigh(10.0, 0.0), "spacing": 1e-2}
+    return chain(**{**lumps, "expansion": 1e-5, "heat_capacity": 1e-5, "conductance": 0.1, **parameters})
+
+
+@pytest.mark.parametrize(("alpha", "rate"), [(0.1, 117.481518392733), (0.45, 540.475263313713)])
+def test_flutter_below_the_critical_coupling(alpha: float, rate: float) -> None:
+    structure = flutter_chain()
+    assert critical_alpha(structure) == pytest.approx(0.5, rel=1e-12)
+    assert growth_rate(structure, alpha) == pytest.approx(rate, rel=1e-11)
+    assert growth_rate(structure.matrices(), alpha) == pytest.approx(rate, rel=1e-11)
+    assert growth_rate(reduce_structure(structure, 3, 3).structure, alpha) == pytest.approx(rate, rel=1e-11)
+    assert growth(in_contact(structure), alpha).is_positive
+
+
+@st.composite
+def scenes(draw: st.DrawFn) -> tuple[Structure, float]:
+    """A rough chain, perhaps with broken springs or without conduction, and a coupling about the critical one."""
+    rng = np.random.default_rng(draw(st.integers(0, 10**6)))
+    n, decades = draw(st.integers(2, 12)), draw(st.sampled_from([0.3, 2.0]))
+
+    def rough(middle: float) -> np.ndarray:
+        return middle * 10 ** rng.uniform(-decades, decades, n)
+
+    springs, conduction = rough(1e6), rough(0.1)
+    if draw(st.booleans()):
+        springs[rng.integers(0, n)] = 0.0
+    if draw(st.booleans()):
+        conduction[rng.integers(0, n)] = 0.0
+    structure = chain(
+        nodes=n,
+        mass=rough(1e-3),
+        stiffness=springs,
+        damping=Rayleigh(draw(st.sampled_from([0.0, 10.0, 1e3])), draw(st.sampled_from([0.0, 1e-6, 1e-3]))),
+        spacing=1e-2,
+        expansion=rough(1e-5),
+        heat_capacity=rough(draw(st.sampled_from([1e-5, 1e-3, 1.0]))),
+        conductance=conduction,
+        convection=rough(1e-3) * draw(st.sampled_from([0.0, 1.0])),
+    )
+    critical = critical_alpha(structure)
+    share = draw(st.sampled_from([0.0, 0.1, 0.9, 1.0, 1.1, 10.0, 1e4]))
+    return structure, share * (critical if 0 < critical < np.inf else 1.0)
+
+
+@settings(max_examples=150, deadline=None, derandomize=True)
+@given(scenes())
+def test_against_nodal_coordinates(scene: tuple[Structure, float]) -> None:
+    structure, alpha = scene
+    exact = eigenvalues_in_contact(structure, alpha)
+    near = 1e-9 * np.abs(exact).max()
+    assert abs(growth_rate(structure, alpha) - exact.real.max()) <= near
+    assert abs(growth_rate(structure.matrices(), alpha) - exact.real.max()) <= near
+
+
+@pytest.mark.parametrize(
+    ("alpha", "rate"),
+    [(0.0, -0.0152162027129), (30.0, 0.0069057596171550), (2000.0, 1.00813994579), (1e6, 113462.166558176)],
+)
+def test_four_hundred_nodes(alpha: float, rate: float) -> None:
+    """Issue 13, item 6: of the nodal system's 1198 eigenvalues at α = 2000 the largest real part is 1.0081."""
+    assert growth_rate(heavy_chain(nodes=400), alpha) == pytest.approx(rate, rel=1e-9)
+
+
+@pytest.mark.parametrize("damping", [Rayleigh(10.0, 2e-7), Rayleigh(0.0, 0.0)])
+def test_more_states_than_are_all_computed(damping: Rayleigh) -> None:
+    """120 nodes, damped and not, at couplings from far below to far above: also as matrices."""
+    structure = heavy_chain(nodes=120, damping=damping)
+    chains, by_matrices = in_contact(structure), in_contact(structure.matrices())
+    for alpha in (0.1, 30.0, 2000.0, 1e5):
+        exact = eigenvalues_in_contact(structure, alpha)
+        uncertain = 1e-15 * np.abs(exact).max()  # of LAPACK's
+        rate = growth(chains, alpha).rate
+        assert rate == pytest.approx(exact.real.max(), rel=1e-6, abs=uncertain)
+        assert growth(by_matrices, alpha).rate == pytest.approx(rate, rel=1e-6)
+
+
+def test_a_part_of_the_modes_leads_to_all_eigenvalues(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With 10 modes of each kind as a start: the strongest modes and first orders of the others are enough."""
+    monkeypatch.setattr(_growth, "_ALL_STATES", 30)
+    monkeypatch.setattr(_growth, "_STRONGEST", 10)
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        n = int(rng.integers(20, 40))
+        structure = heavy_chain(
+            nodes=n, stiffness=2e7 * 10 ** rng.uniform(-1, 1, n), heat_capacity=10 ** rng.uniform(-5, 0)
+        )
+        alpha = rng.choice([0.1, 0.9, 1.1, 10.0]) * critical_alpha(structure)
+        exact = eigenvalues_in_contact(structure, alpha)
+        assert growth_rate(structure, alpha) == pytest.approx(exact.real.max(), abs=1e-13 * np.abs(exact).max())
+
+
+def characteristic(structure: Chain, alpha: float, s: float) -> float:
+    """1 - α λ(s)/(heat at the tip), by banded solves of (s C2 + K2) θ = e_n and (s² M + s C1 + K1)_ii x = -K12_i θ."""
+    k, f = structure.springs, structure.springs * structure.free_expansion / 2
+
+    def solved(joints: np.ndarray, diagonal: np.ndarray, load: np.ndarray) -> np.ndarray:
+        bands = np.zeros((3, diagonal.size))
+        bands[0, 1:] = bands[2, :-1] = -joints[1 : diagonal.size]
+        bands[1] = diagonal + joints[: diagonal.size] + np.append(joints[1:], 0.0)[: diagonal.size]
+        return scipy.linalg.solve_banded((1, 1), bands, load)
+
+    tip = np.zeros(structure.thermal_size)
+    tip[-1] = 1.0
+    theta = solved(structure.conduction, s * structure.heat_capacities + structure.convection, tip)
+    force = -f * (theta + np.append(0.0, theta[:-1]))  # of each spring
+    a_m, a_k = structure.damping.mass, structure.damping.stiffness
+    inertia = (s * s + s * a_m) * structure.masses[:-1]
+    x = np.append(solved((1 + s * a_k) * k, inertia, force[1:] - force[:-1]), 0.0)
+    return 1 + alpha * (force[-1] + k[-1] * (1 + s * a_k) * (x[-1] - x[-2]))  # λ = -N_n
+
+
+@pytest.mark.parametrize("nodes", [2001, 5000])
+@pytest.mark.parametrize("alpha", [500.0, 2000.0, 1e5, 1e6])
+def test_long_chains(nodes: int, alpha: float) -> None:
+    """The characteristic function changes its sign within 1e-6 of the rate, and does no more further right."""
+    structure = heavy_chain(nodes=nodes)
+    assert isinstance(structure, Chain)
+    rate = growth_rate(structure, alpha)
+    assert rate > 0
+    below, *beyond = (characteristic(structure, alpha, rate * share) for share in (1 - 1e-6, 1 + 1e-6, 1.1, 2.0, 10.0))
+    assert below < 0
+    assert min(beyond) > 0
+
+
+@pytest.mark.parametrize("decades", [6, 12])
+def test_critical_coupling_of_graded_chains(decades: int) -> None:
+    """α_c = Σ 1/k / β with β = Σ a ℓ_i (θ_{i-1} + θ_i)/2 at unit heat, in exact fractions."""
+    n = 20
+    springs = np.logspace(decades - 3, -3, n)
+    conduction = np.logspace(-2, 2, n)
+    structure = chain(nodes=n, mass=1.0, stiffness=springs, spacing=1.0, expansion=1e-5, conductance=conduction)
+    theta, growth_per_heat = Fraction(0), Fraction(0)
+    for conductance in conduction:
+        before, theta = theta, theta + 1 / Fraction(float(conductance))
+        growth_per_heat += Fraction(1e-5) * (before + theta) / 2
+    exact = float(sum(1 / Fraction(float(k)) for k in springs) / growth_per_heat)
+    assert critical_alpha(structure) == pytest.approx(exact, rel=1e-14)
+    assert critical_alpha(reduce_structure(structure, 3, 5).structure) == pytest.approx(exact, rel=1e-9)
+
+
+def test_zero_eigenvalues_are_no_growth() -> None:
+    """Free root and no way out for heat: K1 and K2 are singular, nothing grows and nothing runs away."""
+    structure = chain(
+        nodes=5, mass=1.0, stiffness=(0.0, 5.0, 5.0, 5.0, 5.0), spacing=0.1, expansion=1e-3,
+        conductance=(0.0, 1.0, 1.0, 1.0, 1.0), damping=Rayleigh(1.0, 0.0),
+    )  # fmt: skip
+    for alpha in (0.0, 0.1, 10.0):
+        for found in (structure, structure.matrices(), reduce_structure(structure, 4, 4).structure):
+            assert growth(in_contact(found), alpha).rate == 0.0
+            assert not growth(in_contact(found), alpha).is_positive
+
+
+def uniform_chain(nodes: int, **parameters: object) -> Chain:
+    lumps = {"masses": 1e-3, "springs": 1e6, "free_expansion": 1e-7, "heat_capacities": 1.0, "conduction": 1.0}
+    full = {name: np.full(nodes, value) for name, value in {**lumps, "convection": 0.0}.items()}
+    return Chain(**{**full, **parameters})
+
+
+@pytest.mark.parametrize(
+    ("structure", "alpha"),
+    [
+        pytest.param(uniform_chain(150, heat_capacities=np.full(150, 1e-5)), 22 * 2e5 / 150, id="strong coupling"),
+        pytest.param(uniform_chain(101, springs=1e6 * (np.arange(101) != 19)), 5.9, id="broken spring, undamped"),
+        pytest.param(uniform_chain(120, damping=Rayleigh(10, 2e-7)), 1e6, id="far beyond the critical coupling"),
+    ],
+)
+def test_the_rightmost_of_more_states_than_are_computed(structure: Chain, alpha: float) -> None:
+    """A part of the modes puts other eigenvalues first: 0.1 to 16 % too small, or NaN, before."""
+    rightmost = eigenvalues_in_contact(structure, alpha).real.max()
+    assert growth_rate(structure, alpha) == pytest.approx(rightmost, rel=1e-6)
+
+
+def test_one_node_at_its_critical_coupling() -> None:
+    """The only eigenvalue is μ (α/α_c - 1): rounding of μ is not growth."""
+    for seed in range(50):
+        rng = np.random.default_rng(seed)
+        parts = {"heat_capacities": 10 ** rng.uniform(-9, 0, 1), "conduction": 10 ** rng.uniform(-3, 6, 1)}
+        one = uniform_chain(1, springs=10 ** rng.uniform(3, 9, 1), **parts)
+        found = growth(in_contact(one), critical_alpha(one))
+        assert found.rate == 0
+        assert not found.is_positive

@@ -1,0 +1,154 @@
+"""What a page holds of an archive: thinned histories, rounded metrics, telling cases, and bounds of size."""
+
+from __future__ import annotations
+
+import base64
+import zlib
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from workflow.analysis import exact_partners, recommend, telling
+from workflow.plots import explorer, page_data, shown_part
+from workflow.plots._thinned import Pack, levels, rounded, thinned, thinned_times
+from workflow.plots._units import readable, scaled
+
+RNG = np.random.default_rng(1)
+
+
+def unpacked(entry: dict[str, Any], text: str) -> np.ndarray:
+    """The array that a page's script reads."""
+    data = zlib.decompress(base64.b64decode(text))
+    kind = np.dtype({"f4": "f4", "f8": "f8", "u2": "u2", "i1": "i1", "i4": "i4"}[entry["type"]])
+    raw = np.frombuffer(data, np.uint8, entry["n"] * kind.itemsize, entry["at"])
+    return np.ascontiguousarray(raw.reshape(4, -1).T if entry["type"] == "f4" else raw).reshape(-1).view(kind)
+
+
+def curve(entry: dict[str, Any], text: str) -> np.ndarray:
+    level = np.cumsum(unpacked(entry, text), dtype=np.uint16).astype(float)
+    return np.where(level == 0, np.nan, entry["low"] + (level - 1) / 65534 * (entry["high"] - entry["low"]))
+
+
+def archive(**sizes: int) -> xr.Dataset:
+    """An archive with errors that grow with h, scheme ``b`` exact; the last case diverges."""
+    dims = tuple(sizes)
+    shape = tuple(sizes.values())
+    coords: dict[str, Any] = {name: np.arange(1, size + 1) * 1e-6 for name, size in sizes.items() if name != "scheme"}
+    coords["scheme"] = ["a", "b", "c"][: sizes.get("scheme", 1)] if "scheme" in sizes else "a"
+    error = np.ones(shape)
+    if "h" in sizes:
+        error = error * coords["h"].reshape([-1 if name == "h" else 1 for name in dims]) * 1e3
+    if "scheme" in sizes:
+        at = [slice(None)] * len(dims)
+        at[dims.index("scheme")] = 1
+        error[tuple(at)] = 0
+    status = np.zeros(shape, np.int8)
+    status[(-1,) * len(dims)] = 1
+    data = {
+        "status": (dims, status),
+        "wall_time": (dims, np.full(shape, 2e-3)),
+        "max_temperature": (dims, RNG.random(shape)),
+        **{f"{name}_error": (dims, error) for name in ("displacement", "temperature", "impulse")},
+    }
+    return xr.Dataset(data, coords=coords, attrs={"duration": 0.5})
+
+
+def test_thinning_keeps_the_least_and_the_largest_of_every_piece() -> None:
+    values = RNG.normal(size=10_007)
+    values[5000] = 50
+    found = thinned(values)
+    assert found.size == thinned_times(np.linspace(0, 1, values.size)).size == 800
+    assert (found.min(), found.max()) == (values.min(), 50)
+    assert np.argmax(found) / found.size == pytest.approx(5000 / values.size, abs=2e-3)
+    assert thinned(values[:800]) is not values
+    assert np.array_equal(thinned(values[:800]), values[:800])
+
+
+def test_levels_hold_curves_to_a_part_in_sixty_thousand() -> None:
+    values = np.array([1.0, -2.0, np.nan, 1e-3, np.inf, 3.0])
+    steps, low, high = levels(values)
+    pack = Pack()
+    pack.add(np.arange(3, dtype=np.int8))
+    entry = {**pack.add(steps), "low": low, "high": high}
+    found = curve(entry, pack.text())
+    finite = np.isfinite(values)
+    assert np.array_equal(np.isnan(found), ~finite)
+    assert found[finite] == pytest.approx(values[finite], abs=5.0 / 65534)
+    for extreme in (np.zeros(4), np.full(4, np.nan), np.array([-1.7e308, 1.7e308])):
+        steps, low, high = levels(extreme)
+        assert np.isfinite([low, high]).all()
+
+
+def test_rounded_numbers_keep_three_digits() -> None:
+    values = np.exp(RNG.uniform(-80, 80, 1000))
+    assert rounded(values) == pytest.approx(values, rel=1e-3)
+    assert np.array_equal(
+        rounded(np.array([0.0, np.inf, np.nan, 1e300])), [0.0, np.nan, np.nan, np.nan], equal_nan=True
+    )
+
+
+def test_units_are_those_of_what_is_small() -> None:
+    assert scaled("m", np.array([2e-5, 5e-5, 1e86])) == ("µm", 1e6)
+    assert scaled("m", np.array([0.0, np.nan])) == ("m", 1.0)
+    assert scaled("s", np.array([2e-3]))[0] == "ms"
+    assert [readable(unit) for unit in ("m s-1", "W N-1", "s-1", "N s", "1")] == ["m/s", "W/N", "1/s", "N s", ""]
+
+
+def test_the_first_case_is_the_worst_of_the_choice_and_each_extreme_is_named() -> None:
+    dataset = archive(scheme=3, h=4, gap=5)
+    found = telling(dataset, recommend(dataset, 0.0025).choice)
+    scheme, step, _ = np.unravel_index(found[0].case, (3, 4, 5))
+    assert (scheme, step) == (0, 0) or scheme == 1
+    named = {one.why: one.case for one in found}
+    assert named["the first case that is diverged"] == 59
+    hottest = np.where(dataset["status"] == 0, dataset["max_temperature"], 0)
+    assert named["hottest tip"] == int(np.argmax(hottest))
+    assert len({one.case for one in found}) == len(found)
+
+
+def test_exact_partners_have_the_same_scene() -> None:
+    dataset = archive(scheme=3, h=2, gap=3)
+    partners = exact_partners(dataset, {"b": "event_driven"}).reshape(3, 2, 3)
+    for place in np.ndindex(3, 2, 3):
+        scheme, _, gap = np.unravel_index(partners[place], (3, 2, 3))
+        assert (scheme, gap) == (1, place[2])
+    assert (exact_partners(dataset, {}) == -1).all()
+
+
+def test_a_large_archive_is_shown_in_part_and_the_page_says_which() -> None:
+    dataset = archive(h=3, alpha=90_000)
+    found = telling(dataset, recommend(dataset, 0.0025).choice)
+    shown = shown_part(dataset, found)
+    assert shown.dataset.sizes["h"] == 3
+    assert 2000 <= shown.dataset.sizes["alpha"] <= 2000 + len(found) + 1
+    assert shown.left_out == (f"alpha: {shown.dataset.sizes['alpha']} of its 90000 values",)
+    for one, case in zip(found, shown.cases, strict=True):
+        whole, part = np.unravel_index(one.case, (3, 90_000)), np.unravel_index(case, shown.dataset["status"].shape)
+        assert dataset["alpha"][whole[1]] == shown.dataset["alpha"][part[1]]
+
+
+def test_a_block_keeps_to_its_room_and_tells_what_it_leaves_out() -> None:
+    dataset = archive(h=2, alpha=1000, gap=50)
+    for k in range(12):
+        dataset[f"extra_{k}"] = (dataset["status"].dims, RNG.random(dataset["status"].shape))
+    found = telling(dataset, recommend(dataset, 0.0025).choice)
+    shown = shown_part(dataset, found)
+    described, text = page_data(shown.dataset, shown.cases, {}, np.nan, 3_000_000)
+    assert len(text) < 3_000_000
+    assert described["left_out"]
+    assert described["metrics"][0]["name"] == "error"
+    values = unpacked(described["metrics"][0], text)
+    assert values[:-1] == pytest.approx(np.ravel(dataset["impulse_error"])[:-1], rel=1e-3)
+    assert np.isnan(values[-1])  # it diverged
+
+
+def test_panels_are_there_where_the_archive_has_their_axes() -> None:
+    names = ["ok", "diverged"]
+    for dataset, parts in (
+        (archive(scheme=3, h=4, gap=5), {"map", "controls", "cost", "order"}),
+        (archive(gap=4), {"map", "controls"}),
+    ):
+        described, _ = page_data(dataset, (0,), {}, np.nan, 100_000)
+        assert set(explorer(described, names)) == parts

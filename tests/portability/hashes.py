@@ -1,0 +1,33 @@
+"""Run studies in this process and write their content hashes: ``python hashes.py DIRECTORY [NAME | FILE]…``."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from portable_studies import STUDIES
+
+from workflow.archive import provenance
+from workflow.run import run_study
+from workflow.study import parse_study, read_study
+
+
+def main(directory: Path, names: list[str]) -> None:
+    """Write ``hashes.json`` into the directory, beside the archives."""
+    directory.mkdir(parents=True, exist_ok=True)
+    found = {}
+    for name in names:
+        text = STUDIES.get(name)
+        study = read_study(Path(name)) if text is None else parse_study(f"study: {name}\n{text}", name)
+        archive = directory / f"{Path(name).stem}.nc"
+        archive.unlink(missing_ok=True)
+        run_study(study, archive, threads=1)
+        found[Path(name).stem] = provenance(archive)["content_hash"]
+    (directory / "hashes.json").write_text(json.dumps(found))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), sys.argv[2:])

@@ -1,0 +1,142 @@
+"""Small studies that go through all schemes, models and kinds of results, and the settings they are run under."""
+
+from __future__ import annotations
+
+import platform
+from pathlib import Path
+
+CHAIN = """
+  chain: {nodes: 6, mass: 2.5e-3, stiffness: 4.0e6, damping: {mass: 10, stiffness: 2.0e-7}, spacing: 2.5e-3,
+          expansion: 8.6e-6, heat_capacity: 1.3, conductance: 0.6, convection: 0.02}
+"""
+
+ALL_SCHEMES = """
+schemes:
+  implicit_euler: {method: moreau, theta: 1.0}
+  midpoint: {method: moreau, theta: 0.5}
+  penalty: {method: penalty}
+  soft: {method: penalty, integration: implicit}
+"""
+
+STUDIES = {
+    "schemes": f"""
+scene:{CHAIN}
+  casing: {{gap: 20 um}}
+  load: {{amplitude: 100, frequency: 50 Hz, phase: 0.3}}
+  duration: 60 ms
+{ALL_SCHEMES}
+axes:
+  scheme: [implicit_euler, midpoint, penalty, soft, carpenter, event_driven]
+  h: [1e-5, 2e-5]
+  e: [0, 0.8]
+  alpha: [0, 20]
+reference: {{scheme: event_driven}}
+output: {{interval: 1 ms}}
+""",
+    "reduced": f"""
+scene:{CHAIN}
+  casing: {{gap: 20 um}}
+  load: {{mean: 30, amplitude: 100, frequency: 50 Hz}}
+  initial: {{temperature: 3}}
+  duration: 60 ms
+axes:
+  scheme: [moreau, event_driven]
+  h: {{log: [1e-5, 1e-4, 4]}}
+  alpha: [5, 50]
+zip:
+  model: {{mechanical_modes: [1, 2, full], thermal_modes: [2, 3, full]}}
+reference: {{scheme: event_driven, mechanical_modes: full, thermal_modes: full}}
+output: {{interval: 1 ms}}
+""",
+    "blade": """
+scene:
+  blade: {nodes: 12, length: 40 mm, width: 30 mm, thickness: 1 mm, density: 4430, specific_heat: 560, conductivity: 7.0,
+          convection: 400, expansion: 9.0e-6, tip_stiffness: 1.0e6, damping: {mass: 10.0, stiffness: 2.0e-7}}
+  casing: {gap: 20 um}
+  load: {mean: 30, amplitude: 24, frequency: 5 Hz}
+  initial: static
+  duration: 400 ms
+axes:
+  scheme: [moreau, event_driven, carpenter]
+  h: 4e-6
+  alpha: [0, 3]
+  scene.casing.gap: [10 um, 20 um]
+output: {interval: 10 ms}
+""",
+    "long": """
+scene:
+  chain: {nodes: 3, mass: 1.0e-3, stiffness: 1.0e6, damping: {mass: 10, stiffness: 1.0e-7}, spacing: 2.5e-3,
+          expansion: 8.6e-6, heat_capacity: 1.3, conductance: 0.6}
+  casing: {gap: 20 um}
+  load: {amplitude: 40, frequency: 7 Hz}
+  duration: 20 s
+axes:
+  scheme: [moreau, event_driven]
+  h: 1e-4
+  e: [0, 0.5]
+  alpha: 5
+output: {interval: 100 ms}
+""",
+    "loose": """
+scene:
+  chain: {nodes: 4, mass: [0.1, 0.2, 0.1, 0.05], stiffness: [0, 1.0e4, 0, 1.0e4], damping: {mass: 1}, heat_capacity: 1,
+          conductance: [0, 1, 0, 1], heating: 0.5, spacing: 1.0e-3, expansion: 1.0e-5}
+  casing: {gap: 1 mm}
+  load: {mean: 1, amplitude: 2, frequency: 3 Hz}
+  initial: {velocity: 0.1}
+  duration: 1 s
+axes:
+  scheme: [moreau, carpenter, event_driven]
+  h: 1e-3
+  e: [0, 0.9]
+  alpha: [0, 1]
+output: {interval: 10 ms}
+""",
+    "nodes_200": """
+scene:
+  chain: {nodes: 200, mass: 1.0e-4, stiffness: 2.0e7, damping: {mass: 10, stiffness: 2.0e-8}, spacing: 2.5e-4,
+          expansion: 8.6e-6, heat_capacity: 0.13, conductance: 6, convection: 0.002}
+  casing: {gap: 5 um}
+  load: {amplitude: 100, frequency: 200 Hz}
+  duration: 10 ms
+axes:
+  scheme: [moreau, event_driven]
+  h: 1e-6
+  alpha: 5
+output: {interval: 100 us}
+""",
+}
+
+HERE = Path(__file__)
+ROOT = HERE.parents[2]
+
+FILES = [*sorted((ROOT / "studies" / "hard").glob("*.yaml")), ROOT / "studies" / "abstract_figure.yaml"]
+FILES += [ROOT / "studies" / "blade.yaml"]
+
+NUMPY = {"X86_V4": "X86_V4 AVX512_ICL AVX512_SPR", "X86_V3": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR"}
+
+NATIVE: dict[str, str | None] = {"OPENBLAS_CORETYPE": None, "OPENBLAS_L2_SIZE": None}
+
+SETTINGS: dict[str, dict[str, str | None]] = {
+    "native": NATIVE,
+    "SkylakeX": {**NATIVE, "OPENBLAS_CORETYPE": "SkylakeX"},
+    "Haswell": {**NATIVE, "OPENBLAS_CORETYPE": "Haswell"},
+    "Nehalem": {**NATIVE, "OPENBLAS_CORETYPE": "Nehalem"},
+    "numpy without AVX-512": {**NATIVE, "NPY_DISABLE_CPU_FEATURES": NUMPY["X86_V4"]},
+    "numpy without AVX": {**NATIVE, "NPY_DISABLE_CPU_FEATURES": NUMPY["X86_V3"]},
+    "C library without FMA": {**NATIVE, "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA"},
+    "oldest": {
+        "OPENBLAS_CORETYPE": "Nehalem",
+        "OPENBLAS_L2_SIZE": None,
+        "NPY_DISABLE_CPU_FEATURES": NUMPY["X86_V3"],
+        "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA",
+    },
+}
+
+COMPILED: dict[str, dict[str, str | None]] = {
+    "numba without AVX-512": {**NATIVE, "NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": ""},
+    "numba without AVX": {**NATIVE, "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""},
+}
+"""Settings under which all kernels are compiled anew."""
+
+IS_X86 = platform.machine() in ("x86_64", "AMD64")

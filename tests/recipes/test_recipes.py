@@ -1,0 +1,197 @@
+"""Recipes: a scheme or a model from outside is one file, and a broken one harms only studies that name it."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scenes import cases, heavy_chain, relative, same_bits, step, taken
+from studies import SCENE, parsed
+from workflow import models, schemes, variables
+from workflow.archive import open_archive
+from workflow.grid import arrange, case_hashes, solve
+from workflow.models import Structure
+from workflow.run import run_study
+from workflow.schemes import Sampling, Status
+from workflow.study import StudyError, read_study
+
+HERE = Path(__file__).parent
+OVER = Sampling(0.03, 1e-3, 31, balances=True)
+
+
+def short_chain() -> Structure:
+    """Four nodes, so that a loop in Python takes a second."""
+    return heavy_chain(nodes=4, stiffness=4e6)
+
+
+def added(package: object, directory: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(package, "__path__", [*package.__path__, str(directory)])  # type: ignore[attr-defined]
+
+
+@pytest.fixture
+def recipe(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    shutil.copy(HERE / "projected_euler.py", tmp_path)
+    added(schemes, tmp_path, monkeypatch)
+    yield "projected_euler"
+    sys.modules.pop("workflow.schemes.projected_euler", None)
+
+
+def test_a_scheme_is_one_file_of_at_most_60_lines(recipe: str) -> None:
+    assert recipe in schemes.names()
+    assert len((HERE / "projected_euler.py").read_text(encoding="utf-8").splitlines()) <= 60
+
+
+def rubs(count: int) -> schemes.Cases:
+    rng = np.random.default_rng(7)
+    return cases(
+        short_chain(),
+        count,
+        alpha=np.where(np.arange(count) % 3 == 0, 0.0, 50.0),
+        gap=rng.uniform(4e-5, 6e-5, count),
+        amplitude=100.0,
+        frequency=50.0,
+    )
+
+
+def test_its_cases_do_not_depend_on_their_neighbours(recipe: str) -> None:
+    whole = step(short_chain(), rubs(70), 1e-5, OVER, recipe)  # more cases than one block of lanes
+    assert np.all(whole.status == Status.OK)
+    assert whole.metrics["impacts"].min() > 0
+    for part in (slice(0, 1), slice(66, 70)):
+        assert same_bits(step(short_chain(), rubs(70).take(part), 1e-5, OVER, recipe), taken(whole, part))
+
+
+def test_it_converges_and_its_balances_close(recipe: str) -> None:
+    """Order one: with half the step half the energy error, half the heat error and a smaller distance."""
+    exact = step(short_chain(), rubs(3), 1e-5, OVER, "event_driven")
+    found = [step(short_chain(), rubs(3), h, OVER, recipe) for h in (4e-6, 2e-6)]
+    names = ("energy_residual", "heat_residual")
+    coarse, fine = ({name: np.abs(run.metrics[name]).max() for name in names} for run in found)
+    assert 0 < fine["energy_residual"] < 5e-3
+    assert 0 < fine["heat_residual"] < 1e-7
+    for name in names:
+        assert fine[name] == pytest.approx(coarse[name] / 2, rel=0.1)
+    errors = [relative(run.histories["displacement"][1], exact.histories["displacement"][1]) for run in found]
+    assert errors[1] < 0.7 * errors[0]
+    assert errors[1] < 0.01
+
+
+def test_it_runs_in_a_default_study_with_every_variable(recipe: str) -> None:
+    grid = arrange(parsed(f"study: a\n{SCENE}axes: {{scheme: [{recipe}], h: 1e-5, alpha: [0, 5]}}\n"))
+    found = solve(grid, 0, np.arange(2)).values
+    assert found["status"].tolist() == [0, 0]
+    for about in variables.TABLE:
+        if about.condition in ("always", "balances"):
+            assert about.name in found, about.name
+
+
+BROKEN = {
+    "not_python": "def init(:\n",
+    "raises": "raise RuntimeError('no licence')\n",
+    "lacks": "READS = frozenset()\nOptions = object\ndef init(structure, h, options):\n    return 0\n",
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_a_broken_scheme_breaks_only_studies_that_name_it(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / f"{name}.py").write_text(BROKEN[name])
+    added(schemes, tmp_path, monkeypatch)
+    parsed(f"study: a\n{SCENE}")
+    for text in (
+        f"axes: {{scheme: [moreau, {name}]}}",
+        f"schemes: {{mine: {{method: {name}}}}}\naxes: {{scheme: mine}}",
+    ):
+        with pytest.raises(StudyError) as refused:
+            parsed(f"study: a\n{SCENE}{text}\n")
+        assert [m for m in refused.value.mistakes if name in str(m) and "cannot be used" in str(m)]
+
+
+def test_a_broken_model_breaks_only_studies_that_name_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "torn.py").write_text("raise RuntimeError('torn')\n")
+    added(models, tmp_path, monkeypatch)
+    parsed(f"study: a\n{SCENE}")
+    with pytest.raises(StudyError, match="torn"):
+        parsed("study: a\nscene: {torn: {}, casing: {gap: 1}, load: {}, duration: 1}\n")
+
+
+LUMPS = """
+scene:
+  lumps_from_a_table: {table: lumps.txt, material: steel}
+  casing: {gap: 50 um}
+  load: {amplitude: 100, frequency: 50 Hz}
+  duration: 60 ms
+axes: {scheme: [moreau, event_driven], h: 1e-5, alpha: [0, 5]}
+"""
+
+
+@pytest.fixture
+def lumps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A study of the model from outside and its table."""
+    (tmp_path / "models").mkdir()
+    shutil.copy(HERE / "lumps_from_a_table.py", tmp_path / "models")
+    added(models, tmp_path / "models", monkeypatch)
+    (tmp_path / "lumps.txt").write_text("2.5e-3 4e6 1.3\n" * 4)
+    (tmp_path / "lumps.yaml").write_text(f"study: lumps\n{LUMPS}")
+    yield tmp_path / "lumps.yaml"
+    sys.modules.pop("workflow.models.lumps_from_a_table", None)
+
+
+def test_a_model_is_one_file_without_nodes_or_heating(lumps: Path) -> None:
+    assert len((HERE / "lumps_from_a_table.py").read_text(encoding="utf-8").splitlines()) <= 30
+    done = run_study(read_study(lumps), lumps.with_suffix(".nc"), threads=1)
+    assert done.counts["ok"] == 4
+    with open_archive(lumps.with_suffix(".nc")) as found:
+        assert found.mechanical_modes.item() == 3
+        assert float(found.contact_impulse.min()) > 0
+
+
+def test_a_file_belongs_to_the_identity_of_its_cases_by_its_content(lumps: Path) -> None:
+    def hashes() -> bytes:
+        return case_hashes(arrange(read_study(lumps))).tobytes()
+
+    first = hashes()
+    moved = lumps.with_name("elsewhere.txt")
+    (lumps.parent / "lumps.txt").rename(moved)
+    lumps.write_text(lumps.read_text().replace("lumps.txt", "elsewhere.txt"))
+    assert hashes() == first
+    moved.write_text("2.5e-3 4e6 1.3\n" * 3 + "2.5e-3 4e6 1.4\n")
+    assert hashes() != first
+
+
+@pytest.mark.parametrize("table", ["none.txt", ".", "''", "3"])
+def test_a_file_that_is_none_is_a_mistake_of_the_study(table: str, lumps: Path) -> None:
+    lumps.write_text(lumps.read_text().replace("table: lumps.txt", f"table: {table}"))
+    with pytest.raises(StudyError, match="table"):
+        read_study(lumps)
+
+
+def test_a_pipe_is_not_waited_for(lumps: Path) -> None:
+    os.mkfifo(lumps.with_name("pipe"))
+    lumps.write_text(lumps.read_text().replace("lumps.txt", "pipe"))
+    with pytest.raises(StudyError, match="is no file"):
+        read_study(lumps)
+
+
+def test_entry_points_add_a_scheme(tmp_path: Path) -> None:
+    """As an installed distribution does: a module of its own and its entry point."""
+    shutil.copy(HERE / "projected_euler.py", tmp_path / "from_outside.py")
+    about = tmp_path / "outside-1.0.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: outside\nVersion: 1.0\n")
+    (about / "entry_points.txt").write_text("[workflow.schemes]\nprojected = from_outside\n")
+    code = "from workflow import schemes; print(schemes.names(), schemes.load('projected').about)"
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])}
+    found = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment
+    ).stdout
+    assert "'projected'" in found
+    assert "Symplectic Euler" in found

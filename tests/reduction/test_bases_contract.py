@@ -1,0 +1,244 @@
+"""One acceptance test that every basis in the directory passes unasked, and what each of them is worth."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from scenes import blade, cases, chain, heavy_chain, relative, sampling, step
+from workflow import reduction, schemes
+from workflow.models import Cases, Chain, Structure, critical_alpha
+from workflow.reduction import Known, Reduction, reduce_structure
+from workflow.schemes import HISTORIES, Results, Status
+
+BASES = reduction.names()
+LIGHTENED = ("macneal", "massless")
+"""Bases that leave out inertia: even with all vectors they are not the full model."""
+EXACT = tuple(name for name in BASES if name not in LIGHTENED)
+
+
+def broken() -> Chain:
+    """Five unequal nodes; a broken spring frees the tip's part, a broken conductor keeps its heat in."""
+    return chain(
+        nodes=5, mass=(1.0, 2.0, 1.5, 1.0, 0.5), stiffness=(4.0, 3.0, 0.0, 6.0, 2.0), spacing=0.3, expansion=0.05,
+        heat_capacity=(1.0, 2.0, 1.0, 3.0, 1.0), conductance=(1.0, 0.5, 0.0, 1.0, 2.0), convection=0.1,
+    )  # fmt: skip
+
+
+def graded() -> Chain:
+    """Stiffness and conductance over six decades."""
+    decades = tuple(10.0**k for k in range(6))
+    return chain(nodes=6, mass=1.0, stiffness=decades, heat_capacity=1.0, conductance=decades[::-1], spacing=0.3,
+                 expansion=0.05)  # fmt: skip
+
+
+STRUCTURES = {"heavy": heavy_chain, "blade": blade, "broken": broken, "graded": graded}
+
+
+def built(
+    structure: Structure, basis: str, mechanical: int | None, thermal: int | None, time: float = 0.3
+) -> Reduction:
+    return reduce_structure(structure, mechanical, thermal, basis, Known(time))
+
+
+@pytest.mark.parametrize("basis", BASES)
+def test_a_basis_is_one_file_of_at_most_150_lines(basis: str) -> None:
+    [place] = [path for path in reduction.__path__ if (Path(path) / f"{basis}.py").exists()]
+    assert len((Path(place) / f"{basis}.py").read_text(encoding="utf-8").splitlines()) <= 150
+
+
+@pytest.mark.parametrize("structure", STRUCTURES.values(), ids=STRUCTURES.keys())
+@pytest.mark.parametrize("basis", BASES)
+def test_matrices_are_symmetric_and_definite_and_the_tip_is_a_coordinate(basis: str, structure: object) -> None:
+    whole = structure()  # type: ignore[operator]
+    for count in range(whole.mechanical_size):
+        found = built(whole, basis, count, count)
+        small = found.structure
+        assert (small.mechanical_size, small.thermal_size) == (count + 1, count + 1)
+        for matrix in (small.mass, small.stiffness_matrix, small.heat_capacity, small.conductance_matrix):
+            assert np.abs(matrix - matrix.T).max() <= 1e-13 * np.abs(matrix).max()
+        inertias = (small.heat_capacity,) if basis in LIGHTENED else (small.mass, small.heat_capacity)
+        for inertia in inertias:
+            assert np.linalg.eigvalsh((inertia + inertia.T) / 2).min() > 0
+        for shapes in (found.displacement_basis, found.temperature_basis):
+            assert np.array_equal(shapes[-1], np.eye(count + 1)[-1])
+        modes, warmths = found.displacement_basis[:, :-1], found.temperature_basis[:, :-1]
+        assert np.abs(modes.T @ whole.inertia_forces(modes) - np.eye(count)).max(initial=0) < 1e-12
+        assert np.abs(warmths.T @ whole.heat_contents(warmths) - np.eye(count)).max(initial=0) < 1e-12
+
+
+def driven(structure: Structure) -> Cases:
+    """Loads, heating and a bent, moving and warm start, at rates that the structure answers."""
+    rng = np.random.default_rng(3)
+    n = structure.mechanical_size
+    return cases(
+        structure, 2, e=[0.3, 0.8], alpha=[0.0, 0.5], gap=0.4, mean=0.2, amplitude=1.0, frequency=0.3,
+        steady=rng.normal(size=n), heating=rng.normal(size=n), displacement=rng.uniform(-0.3, 0.3, n),
+        velocity=rng.normal(size=n), temperature=rng.normal(size=n),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("structure", [broken, graded])
+@pytest.mark.parametrize("basis", EXACT)
+def test_all_vectors_lose_nothing(basis: str, structure: object) -> None:
+    whole = structure()  # type: ignore[operator]
+    most = whole.mechanical_size - 1
+    found = built(whole, basis, most, most, 5.0)
+    batch, over = driven(whole), sampling(5.0, 0.1)
+    full, small = step(whole, batch, 0.01, over), step(found.structure, found.project(batch), 0.01, over)
+    assert full.metrics["impacts"].min() > 0
+    for name in HISTORIES:
+        assert np.abs(small.histories[name] - full.histories[name]).max() < 1e-9 * np.abs(full.histories[name]).max()
+
+
+def finer(nodes: int) -> Chain:
+    """The heavy chain in more nodes, with the same total mass, stiffness, capacity and conductance."""
+    share = nodes / 20
+    return heavy_chain(
+        nodes=nodes, mass=2.5e-3 / share, stiffness=2e7 * share, spacing=2.5e-3 / share,
+        heat_capacity=1.315 / share, conductance=0.605 * share, convection=0.02 / share,
+    )  # fmt: skip
+
+
+def rub(structure: Structure) -> Cases:
+    return cases(structure, 1, alpha=50.0, gap=5e-5, amplitude=100.0, frequency=20.0)
+
+
+OVER = sampling(0.3, 1e-3)
+
+
+@pytest.fixture(scope="module")
+def full_runs() -> dict[int, Results]:
+    return {n: step(finer(n), rub(finer(n)), 1e-5, OVER) for n in (20, 200)}
+
+
+def error(full: Results, basis: str, nodes: int, mechanical: int | None, thermal: int | None, name: str) -> float:
+    structure = finer(nodes)
+    found = built(structure, basis, mechanical, thermal)
+    run = step(found.structure, found.project(rub(structure)), 1e-5, OVER)
+    return relative(run.histories[name], full.histories[name])
+
+
+@pytest.mark.parametrize("basis", EXACT)
+def test_all_vectors_are_the_heavy_chain(basis: str, full_runs: dict[int, Results]) -> None:
+    for name in HISTORIES:
+        assert error(full_runs[20], basis, 20, 19, 19, name) < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("basis", "nodes", "vectors", "least", "most"),
+    [
+        ("krylov", 20, 6, 0.0, 1e-6),  # 4.0e-10
+        ("krylov", 200, 8, 0.0, 2e-5),  # 5.8e-6
+        ("craig_bampton", 20, 13, 8.5e-4, 9.1e-4),
+        ("craig_bampton", 200, 41, 2.3e-2, 2.7e-2),
+        ("weakly_coupled", 20, 13, 8.5e-4, 9.1e-4),
+        ("rubin", 20, 13, 8.5e-4, 9.1e-4),
+    ],
+)
+def test_tip_temperature_by_thermal_vectors(
+    basis: str, nodes: int, vectors: int, least: float, most: float, full_runs: dict[int, Results]
+) -> None:
+    """Vectors count the tip's; displacements are not reduced."""
+    assert least <= error(full_runs[nodes], basis, nodes, None, vectors - 1, "temperature") < most
+
+
+@pytest.mark.parametrize(
+    ("basis", "nodes", "count", "most"),
+    [
+        ("craig_bampton", 200, 8, 1.7e-4),  # 1.60e-4
+        ("weakly_coupled", 200, 8, 1.7e-4),  # 1.60e-4
+        ("rubin", 200, 8, 4.4e-5),  # 4.17e-5
+        ("krylov", 200, 8, 2e-8),  # 1.9e-8
+        ("krylov", 20, 8, 1e-9),  # 7.7e-10
+    ],
+)
+def test_tip_displacement_by_mechanical_vectors(
+    basis: str, nodes: int, count: int, most: float, full_runs: dict[int, Results]
+) -> None:
+    assert error(full_runs[nodes], basis, nodes, count, None, "displacement") < most
+
+
+BALANCED = replace(sampling(10.0, 0.1), balances=True)
+positive = st.floats(0.1, 10.0)
+
+
+@st.composite
+def chains(draw: st.DrawFn) -> Chain:
+    """Return a random chain, clamped or, now and then, broken somewhere."""
+    n = draw(st.integers(2, 8))
+    several = st.lists(positive, min_size=n, max_size=n).map(tuple)
+    stiffness = list(draw(several))
+    if draw(st.integers(0, 4)) == 0:
+        stiffness[draw(st.integers(0, n - 1))] = 0.0
+    return chain(
+        nodes=n, mass=draw(several), stiffness=tuple(stiffness), heat_capacity=draw(several), conductance=draw(several),
+        convection=draw(st.sampled_from([0.0, 0.1])), spacing=0.3, expansion=0.05,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("basis", BASES)
+@settings(max_examples=25, deadline=None, derandomize=True)
+@given(structure=chains(), data=st.data())
+def test_critical_alpha_is_that_of_the_full_model(basis: str, structure: Chain, data: st.DataObject) -> None:
+    counts = [data.draw(st.integers(0, structure.mechanical_size - 1)) for _ in range(2)]
+    found, exact = critical_alpha(built(structure, basis, *counts).structure), critical_alpha(structure)
+    assert found == exact or abs(found - exact) <= 1e-6 * exact
+
+
+@pytest.mark.parametrize("theta", [1.0, 0.5])
+@pytest.mark.parametrize("basis", BASES)
+@settings(max_examples=15, deadline=None, derandomize=True)
+@given(structure=chains(), data=st.data())
+def test_energy_never_grows_without_load(basis: str, theta: float, structure: Chain, data: st.DataObject) -> None:
+    """Cold, unloaded chains that fly against their casing; a share of the energy at the start."""
+    counts = [data.draw(st.integers(0, structure.mechanical_size - 1)) for _ in range(2)]
+    rng = np.random.default_rng(data.draw(st.integers(0, 1000)))
+    batch = cases(structure, 2, e=[0.0, data.draw(st.floats(0, 1))], gap=0.1,
+                  velocity=rng.normal(size=structure.mechanical_size))  # fmt: skip
+    found = built(structure, basis, *counts)
+    run = step(found.structure, found.project(batch), 0.02, BALANCED, "moreau", theta=theta)
+    assert np.all(run.status == Status.OK)
+    assert np.all(run.metrics["energy_residual"] <= 1e-12)
+
+
+@pytest.mark.parametrize("method", schemes.names())
+@pytest.mark.parametrize("basis", EXACT)
+def test_every_basis_runs_in_every_scheme(basis: str, method: str) -> None:
+    structure = heavy_chain()
+    found = built(structure, basis, 3, 5)
+    run = step(found.structure, found.project(rub(structure)), 5e-6, sampling(0.02, 1e-3), method)
+    assert run.status.tolist() == [Status.OK]
+    assert run.metrics["impacts"].min() > 0
+
+
+@pytest.mark.parametrize("basis", BASES)
+def test_more_vectors_than_there_are_nodes_are_refused(basis: str) -> None:
+    for counts in ((20, 3), (3, 20), (-1, 3)):
+        with pytest.raises(ValueError, match="interior modes"):
+            built(heavy_chain(), basis, *counts)
+
+
+@pytest.mark.parametrize("basis", BASES)
+def test_a_long_chain_is_reduced_without_its_matrices(basis: str) -> None:
+    long = finer(5000)
+    found = built(long, basis, 5, 7)
+    assert found.structure.mass.shape == (6, 6)
+    assert critical_alpha(found.structure) == pytest.approx(critical_alpha(long), rel=1e-6)
+    modes = found.displacement_basis[:, :-1]
+    assert np.abs(modes.T @ long.inertia_forces(modes) - np.eye(5)).max() < 1e-10
+
+
+@pytest.mark.parametrize("basis", EXACT)
+def test_a_reduction_of_a_reduction(basis: str) -> None:
+    """Of all vectors of the exact model fewer are the same few, in other coordinates."""
+    whole = heavy_chain(nodes=8)
+    twice, once = built(built(whole, "craig_bampton", 7, 7).structure, basis, 3, 3), built(whole, basis, 3, 3)
+    for name in ("mass", "stiffness_matrix", "heat_capacity", "conductance_matrix"):
+        exact = np.linalg.eigvalsh(getattr(once.structure, name))
+        assert np.allclose(np.linalg.eigvalsh(getattr(twice.structure, name)), exact, rtol=0, atol=1e-9 * exact.max())

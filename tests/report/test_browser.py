@@ -1,0 +1,191 @@
+"""The page of a report in a real browser: nothing complains, sliders, clicks and menus show what the archive holds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from browser import DEEP, MODEL, errors, opened, settle, window
+from studies import SCENE, SINGLE, parsed
+from workflow.archive import open_archive
+from workflow.report import write_report
+from workflow.run import run_study
+
+STUDY = (
+    "study: page\ntitle: Two schemes, three couplings and a step that diverges\n"
+    + SCENE
+    + """
+axes: {scheme: [moreau, carpenter, event_driven], h: [2e-6, 1e-5, 1e-3], e: [0, 0.5], alpha: [0, 5, 10]}
+zip: {model: {mechanical_modes: [1, full], thermal_modes: [2, full]}}
+reference: {scheme: event_driven, mechanical_modes: full, thermal_modes: full}
+output: {interval: 0.2 ms}
+"""
+)
+
+
+@pytest.fixture(scope="module")
+def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("page") / "page.nc"
+    run_study(parsed(STUDY), path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def page(archive: Path) -> Path:
+    return write_report(archive).page
+
+
+@pytest.fixture(scope="module")
+def wide() -> Iterator[Any]:
+    with window(1366) as driver:
+        yield driver
+
+
+def selected(driver: Any) -> dict[str, str]:
+    """Values of the sliders, by the name of their axis."""
+    names = ["scheme", "model", "h", "e", "alpha"]
+    script = MODEL + "return arguments[0].map((name) => model(`slider_${name}`).value)"
+    return dict(zip(names, driver.execute_script(script, names), strict=True))
+
+
+def drawn(driver: Any, source: str, column: str) -> np.ndarray:
+    script = MODEL + "return Array.from(model(arguments[0]).data[arguments[1]])"
+    return np.asarray(driver.execute_script(script, source, column), dtype=float)
+
+
+def case(dataset: xr.Dataset, chosen: dict[str, str]) -> xr.Dataset:
+    """The case of an archive that sliders name."""
+    model = [
+        f"{m} + {t}" for m, t in zip(dataset["mechanical_modes"].values, dataset["thermal_modes"].values, strict=True)
+    ]
+    numbers = {name: float(chosen[name]) for name in ("h", "e", "alpha")}
+    return dataset.isel(model=model.index(chosen["model"])).sel(scheme=chosen["scheme"], **numbers)
+
+
+def assert_shows(driver: Any, dataset: xr.Dataset) -> None:
+    """The curves are those of the case that the sliders name, and its exact solution stands behind it."""
+    chosen = selected(driver)
+    one = case(dataset, chosen)
+    exact = dataset.isel(model=-1).sel(
+        scheme="event_driven", h=1e-5, e=float(chosen["e"]), alpha=float(chosen["alpha"])
+    )
+    itself = chosen["scheme"] == "event_driven" and chosen["model"] == "3 + 3" and chosen["h"] == "2e-06"
+    for name, factor in (("displacement", 1e6), ("temperature", 1.0), ("contact_force", 1.0)):
+        for source, held in (("chosen", one), ("exact", exact)):
+            if source == "exact" and itself:
+                continue
+            values = held[name].values * factor
+            if np.isfinite(values).all():
+                assert drawn(driver, source, name) == pytest.approx(values, abs=1e-4 * np.ptp(values) + 1e-300)
+    assert drawn(driver, "chosen", "t") == pytest.approx(one["t"].values)
+    assert drawn(driver, "gap", "gap") == pytest.approx([50.0, 50.0])
+
+
+def press(driver: Any, place: int, key: str) -> None:
+    """Press a key on the handle of a slider."""
+    handle = driver.execute_script(DEEP + "return deep(document, '.noUi-handle')[arguments[0]]", place)
+    handle.send_keys(key)
+    settle(driver)
+
+
+def test_a_page_opens_without_complaint_and_asks_for_nothing(wide: Any, page: Path) -> None:
+    opened(wide, page)
+    assert errors(wide) == []
+    assert wide.execute_script("return performance.getEntriesByType('resource').length") == 0
+    assert wide.execute_script("return document.documentElement.scrollWidth") <= 1366
+    assert page.stat().st_size < 6_000_000
+    for name in ("map", "case", "controls", "cost", "order", "modes", "periods"):
+        assert wide.execute_script("return document.getElementById(arguments[0]).clientHeight", f"figure-{name}") > 100
+
+
+def test_a_slider_changes_the_curve(wide: Any, page: Path, archive: Path) -> None:
+    from selenium.webdriver.common.keys import Keys
+
+    opened(wide, page)
+    with open_archive(archive) as dataset:
+        assert_shows(wide, dataset)
+        before, curve = selected(wide), drawn(wide, "chosen", "temperature")
+        key = Keys.ARROW_LEFT if before["alpha"] == "10" else Keys.ARROW_RIGHT
+        press(wide, 4, key)
+        after = selected(wide)
+        assert {name for name in after if after[name] != before[name]} == {"alpha"}
+        assert np.ptp(drawn(wide, "chosen", "temperature") - curve) > 0
+        assert_shows(wide, dataset)
+        assert f"alpha={float(after['alpha']):g}" in wide.execute_script(
+            "return document.getElementById('case-command').textContent"
+        )
+    assert errors(wide) == []
+
+
+def test_a_click_on_the_map_selects_the_case(wide: Any, page: Path, archive: Path) -> None:
+    from selenium.webdriver.common.action_chains import ActionChains
+
+    opened(wide, page)
+    with open_archive(archive) as dataset:
+        for column, row in ((2, 0), (0, 1), (1, 2)):  # h across, scheme up
+            place = wide.execute_script(
+                MODEL
+                + """
+                document.getElementById("figure-map").scrollIntoView({block: "center"});
+                const box = Bokeh.index.get_one(model("map")).frame.bbox;
+                const seen = document.getElementById("figure-map").firstElementChild.getBoundingClientRect();
+                return [seen.left + box.x0 + (box.x1 - box.x0) * (arguments[0] + 0.4) / 3,
+                        seen.top + box.y1 - (box.y1 - box.y0) * (arguments[1] + 0.4) / 3];
+                """,
+                column,
+                row,
+            )
+            actions = ActionChains(wide)
+            actions.w3c_actions.pointer_action.move_to_location(*map(int, place))
+            actions.w3c_actions.pointer_action.click()
+            actions.perform()
+            settle(wide)
+            settle(wide)
+            now = selected(wide)
+            assert float(now["h"]) == float(dataset["h"][column])
+            assert now["scheme"] == str(dataset["scheme"].values[row])
+            assert_shows(wide, dataset)
+    assert errors(wide) == []
+
+
+def test_a_button_shows_a_hard_case_and_menus_change_the_map(wide: Any, page: Path, archive: Path) -> None:
+    opened(wide, page)
+    wide.execute_script(
+        "for (const button of document.querySelectorAll('button[data-case]'))"
+        " if (button.closest('tr').textContent.includes('diverged')) button.click()"
+    )
+    settle(wide)
+    with open_archive(archive) as dataset:
+        assert int(case(dataset, selected(wide))["status"]) == 1
+    assert "diverged" in wide.execute_script("return document.getElementById('case-status').textContent")
+    script = MODEL + "model('metric').value = 'status'; model('across').value = 'alpha'; model('up').value = 'e'"
+    wide.execute_script(script)
+    settle(wide)
+    shown = wide.execute_script(MODEL + "return Array.from(model('cells_statuses').data.image[0])")
+    assert shown == [1.0] * 6  # carpenter at 1 ms
+    assert errors(wide) == []
+
+
+def test_a_page_is_readable_at_400_pixels(page: Path) -> None:
+    with window(400) as narrow:
+        opened(narrow, page)
+        assert errors(narrow) == []
+        assert narrow.execute_script("return document.documentElement.scrollWidth") <= 400
+        shown = narrow.execute_script(MODEL + "return model('map_x').ticker.ticks.length")
+        assert 1 <= shown <= 3
+
+
+def test_one_case_has_a_page(wide: Any, tmp_path: Path) -> None:
+    run_study(parsed(SINGLE), tmp_path / "single.nc")
+    opened(wide, write_report(tmp_path / "single.nc").page)
+    assert errors(wide) == []
+    assert drawn(wide, "chosen", "displacement").size == 61
+    assert "no `reference`" in wide.execute_script("return document.querySelector('.answer').textContent")
+    assert wide.execute_script("return document.getElementById('figure-map')") is None
+    told = wide.execute_script("return document.getElementById('case-exact').textContent")
+    assert "holds no exact case" in told

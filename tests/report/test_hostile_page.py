@@ -1,0 +1,140 @@
+"""A page shows what an archive claims and does nothing that it says."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import re
+import subprocess
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from browser import chromium
+from hostile import ESCAPES, SCRIPT, changed, crafted
+from studies import SMALL, parsed
+from workflow.cli import app
+from workflow.report import write_report
+from workflow.run import run_study
+
+LABEL = "a" * 64
+"""Room for what is written in its place."""
+
+STUDY = SMALL.replace("axes:", f"schemes: {{{LABEL}: {{method: moreau}}}}\naxes:\n  scheme: [{LABEL}, moreau]")
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("sound") / "a.nc"
+    run_study(parsed(STUDY), path)
+    return path
+
+
+class Tags(HTMLParser):
+    """The tags and attributes of a page, and its scripts."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.tags: set[str] = set()
+        self.attributes: set[str] = set()
+        self.policy = ""
+        self.scripts: list[str] = []
+        self.blocks: list[str] = []
+        self._inside: list[str] | None = None
+        self.feed(page)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.add(tag)
+        self.attributes |= {name for name, _ in attrs}
+        given = dict(attrs)
+        if given.get("http-equiv") == "Content-Security-Policy":
+            self.policy = given["content"] or ""
+        if tag == "script":
+            assert given.get("type") in (None, "application/json", "text/plain")
+            self._inside = self.scripts if "type" not in given else self.blocks
+            self._inside.append("")
+
+    def handle_endtag(self, tag: str) -> None:
+        self._inside = None
+
+    def handle_data(self, data: str) -> None:
+        if self._inside is not None:
+            self._inside[-1] += data
+
+    @property
+    def hashes(self) -> set[str]:
+        """What a policy has to say so that the scripts run."""
+        digests = [hashlib.sha256(script.encode()).digest() for script in self.scripts]
+        return {f"'sha256-{base64.b64encode(digest).decode()}'" for digest in digests}
+
+
+@pytest.fixture(scope="module")
+def pages(sound: Path, tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    """The page of one crafted archive, and that of two."""
+    directory = tmp_path_factory.mktemp("pages")
+    archive = changed(sound, directory / "<b>a&'\".nc", crafted(SCRIPT + ESCAPES + r" $\frac"))
+    pages = [write_report(archive).page, write_report([archive, sound], directory / "both.html").page]
+    return [page.read_text(encoding="utf-8") for page in pages]
+
+
+CONTROL = "[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]"
+
+
+def test_what_a_page_shows_is_no_markup(pages: list[str]) -> None:
+    for page in pages:
+        found = Tags(page)
+        own = page
+        for script in found.scripts:  # Bokeh's are no text of the archive
+            own = own.replace(script, "")
+        assert not {name for name in found.attributes if name.startswith("on")}
+        assert "b" not in found.tags
+        assert "stable 0 &lt;script&gt;" in own
+        assert "<script>document" not in own
+        assert not re.search(CONTROL, own)
+        for block in found.blocks:
+            assert "<" not in block
+            if block.startswith("{"):
+                assert not re.search(CONTROL, json.dumps(json.loads(block), ensure_ascii=False))
+
+
+def test_a_page_runs_its_own_scripts_and_connects_to_nothing(pages: list[str]) -> None:
+    for page, scripts in zip(pages, (4, 0), strict=True):
+        found = Tags(page)
+        policy = dict(rule.split(maxsplit=1) for rule in found.policy.split("; "))
+        assert policy["default-src"] == "'none'"
+        assert policy["connect-src"] == "'none'"
+        assert policy["img-src"] == "data:"
+        assert len(found.scripts) == scripts
+        assert set(policy.get("script-src", "").split()) == found.hashes
+
+
+def test_a_browser_runs_nothing_of_a_crafted_archive(pages: list[str], tmp_path: Path) -> None:
+    browser = chromium()
+    for page in pages:
+        path = tmp_path / "page.html"
+        path.write_text(page, encoding="utf-8")
+        command = [browser, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}"]
+        command += ["--virtual-time-budget=2000", "--dump-dom", path.as_uri()]
+        shown = subprocess.run(command, capture_output=True, text=True, timeout=120)
+        assert shown.returncode == 0, shown.stderr
+        found = Tags(shown.stdout)
+        assert "<title>run</title>" not in shown.stdout
+        assert "Where this comes from" in shown.stdout or "studies" in shown.stdout
+        assert found.hashes == Tags(page).hashes
+        assert "b" not in found.tags
+        if found.scripts:
+            assert 'data-ready="yes"' in shown.stdout
+
+
+@pytest.mark.parametrize("command", ["show", "verify", "report"])
+def test_a_terminal_is_told_nothing_to_obey(command: str, sound: Path, tmp_path: Path) -> None:
+    archive = changed(sound, tmp_path / f"a{ESCAPES}.nc", crafted(ESCAPES + "[bold]x[/bold]\nnext"))
+    told = CliRunner().invoke(app, [command, str(archive)])
+    assert told.exit_code in (0, 1, 2)
+    assert told.output
+    assert not re.search("[\x00-\x09\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]", told.output)
+    if command == "show":
+        assert "[bold]x[/bold] next" in told.output

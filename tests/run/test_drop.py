@@ -1,0 +1,185 @@
+"""Stored cases that a study no longer asks for are never lost in silence."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+import workflow.run._task as running
+from quick import hashes_of, quick
+from studies import cut_finely
+from workflow import schemes
+from workflow.archive import ArchiveError, content_hash, open_archive, parts_of
+from workflow.cli import app
+from workflow.run import holdings, run_study
+from workflow.study import Study
+
+NARROWED: dict[str, tuple[dict[str, Any], int]] = {
+    "an axis shorter": ({"axes": {"e": [0.9]}}, 6),
+    "an axis gone": ({"axes": {"e": 0.5}}, 6),
+    "a value changed": ({"axes": {"e": [0.0, 0.5, 0.8]}}, 3),
+    "two axes shorter": ({"axes": {"e": [0.0, 0.5], "alpha": [0.0, 5.0]}}, 5),
+    "another scene": ({"scene": {"casing.gap": 1e-5}}, 9),
+    "another interval": ({"output": {"interval": 1e-3}}, 9),
+    "a reference": ({"reference": {"scheme": "moreau", "h": 2e-5}}, 9),
+}
+
+
+def refused(study: Study, archive: Path, text: str, **flags: bool) -> None:
+    before = archive.read_bytes() if archive.exists() else None
+    with pytest.raises(ArchiveError, match=text) as caught:
+        run_study(study, archive, threads=1, **flags)
+    assert {"--drop", "-o"} <= set(str(caught.value).replace(",", "").split())
+    assert (archive.read_bytes() if archive.exists() else None) == before
+
+
+@pytest.mark.parametrize("what", NARROWED)
+def test_a_run_that_would_lose_cases_is_refused(what: str, tmp_path: Path) -> None:
+    parts, lost = NARROWED[what]
+    study, archive = quick(**parts), tmp_path / "a.nc"
+    run_study(quick(), archive, threads=1)
+    for flags in ({}, {"retry": True}, {"recompute": True}):
+        refused(study, archive, f"{lost} stored cases would be lost", **flags)
+    asked = len(hashes_of(study))
+    held = holdings(study, archive)
+    assert (held.stored, held.missing, held.dropped, held.note) == (9 - lost, asked - 9 + lost, lost, "")
+    outcome = run_study(study, archive, threads=1, drop=True)
+    assert outcome.resumed == 9 - lost
+    assert sum(outcome.counts.values()) == asked
+    assert run_study(study, archive, threads=1).resumed == asked  # said once, not again
+
+
+@pytest.mark.parametrize(
+    ("narrower", "lost"),
+    [
+        ({"histories": []}, "displacement, contact_force"),
+        ({"histories": ["displacement"]}, "contact_force"),
+        ({"precision": "float32"}, "displacement as float64, contact_force as float64"),
+    ],
+)
+def test_histories_that_a_study_no_longer_keeps_are_not_lost_in_silence(
+    narrower: dict[str, Any], lost: str, tmp_path: Path
+) -> None:
+    archive = tmp_path / "a.nc"
+    run_study(quick(), archive, threads=1)
+    study = quick(output=narrower)
+    refused(study, archive, f"holds {lost} of its cases, which this study no longer keeps")
+    assert lost in holdings(study, archive).note
+    assert run_study(study, archive, threads=1, drop=True).resumed == 9
+    run_study(study, archive, threads=1)  # said once, not again
+    for name in {"displacement", "contact_force"} - set(open_archive(archive).variables):
+        assert name in lost
+
+
+def test_what_grows_or_is_put_in_another_order_needs_no_word(tmp_path: Path) -> None:
+    archive = tmp_path / "a.nc"
+    run_study(quick(), archive, threads=1)
+    run_study(quick({"e": [0.9, 0.5, 0.0, 0.1]}), archive, threads=1)
+    run_study(quick({"e": [0.9, 0.5, 0.0, 0.1]}), archive, threads=1, recompute=True)
+    assert holdings(quick({"e": [0.0]}), archive).dropped == 9
+
+
+def test_values_that_a_scheme_does_not_read_hold_nothing_to_lose(tmp_path: Path) -> None:
+    """The exact solution does not depend on h: with one step less all of its results are still there."""
+    archive = tmp_path / "a.nc"
+    exact: dict[str, Any] = {"scheme": "event_driven", "e": 0.5, "alpha": 0.0}
+    run_study(quick({**exact, "h": [1e-4, 2e-4]}), archive, threads=1)
+    assert run_study(quick({**exact, "h": [1e-4]}), archive, threads=1).resumed == 1
+
+
+def test_a_run_that_may_drop_goes_on_where_it_was_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    cut_finely(monkeypatch)
+    archive, study = tmp_path / "a.nc", quick({"e": [0.1, 0.2, 0.9]})
+    run_study(quick(), archive, threads=1)
+    with monkeypatch.context() as patch:
+        _stop_after(1, patch)
+        with pytest.raises(ArchiveError, match="stopped"):
+            run_study(study, archive, threads=1, drop=True)
+    outcome = run_study(study, archive, threads=1)  # --drop was given when it began
+    assert outcome.resumed > 3
+    with open_archive(archive) as data:
+        assert data["e"].values.tolist() == [0.1, 0.2, 0.9]
+
+
+def test_an_unfinished_run_of_the_study_as_it_was_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    cut_finely(monkeypatch)
+    archive, narrowed = tmp_path / "a.nc", quick({"alpha": [5.0]})
+    with monkeypatch.context() as patch:
+        _stop_after(2, patch)
+        with pytest.raises(ArchiveError, match="stopped"):
+            run_study(quick(), archive, threads=1)
+    with open_archive(archive) as data:
+        there = int((data["status"] != 4).sum())
+        asked = int((data["status"].sel(alpha=5.0) != 4).sum())
+    assert 0 < asked < there < 9
+    shards = sorted(parts_of(archive).glob("*.shard"))
+    refused(narrowed, archive, f"holds {there} cases of an unfinished run .*, {there - asked} of which")
+    assert sorted(parts_of(archive).glob("*.shard")) == shards
+    held = holdings(narrowed, archive)
+    assert (held.stored, held.missing, held.dropped) == (0, 3, there - asked)
+    held = holdings(quick(), archive)
+    assert (held.stored, held.missing, held.dropped) == (there, 9 - there, 0)
+    run_study(narrowed, archive, threads=1, drop=True)
+    with open_archive(archive) as data:
+        assert data["alpha"].values.tolist() == [5.0]
+
+
+def test_cases_of_another_solver_are_told_apart_by_their_settings(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from workflow.archive import _describe
+    from workflow.grid import _identity
+    from workflow.run import _earlier
+
+    archive = tmp_path / "a.nc"
+    run_study(quick(), archive, threads=1)
+    for module in (_earlier, _describe, _identity):
+        monkeypatch.setattr(module, "SOLVER_VERSION", schemes.SOLVER_VERSION + 1)
+    with pytest.raises(ArchiveError, match=r"made by version .* --recompute"):
+        run_study(quick(), archive, threads=1)
+    held = holdings(quick({"e": [0.9]}), archive)
+    assert (held.stored, held.missing, held.dropped) == (0, 3, 6)
+    assert "made by version" in held.note
+    refused(quick({"e": [0.9]}), archive, "6 of its 9 cases", recompute=True)
+    before = content_hash(archive)
+    run_study(quick(), archive, threads=1, recompute=True)  # all cases are asked for
+    assert content_hash(archive) == before
+
+
+def test_the_command_line(tmp_path: Path) -> None:
+    def written(study: Study, name: str) -> str:
+        (tmp_path / name).write_text(study.text)
+        return str(tmp_path / name)
+
+    archive = str(tmp_path / "a.nc")
+    call = CliRunner().invoke
+    assert call(app, ["run", written(quick(), "whole.yaml"), "-o", archive]).exit_code == 0
+    narrowed = written(quick({"e": [0.9]}), "narrowed.yaml")
+    told = call(app, ["run", narrowed, "-o", archive])
+    assert told.exit_code == 2
+    assert "6 stored cases would be lost; --drop" in told.stderr
+    assert call(app, ["run", narrowed, "-o", str(tmp_path / "b.nc")]).exit_code == 0
+    planned = call(app, ["plan", narrowed, "-o", archive])
+    assert planned.exit_code == 0
+    assert "3 stored, 0 missing, 6 no longer asked for" in planned.output
+    told = json.loads(call(app, ["plan", narrowed, "-o", archive, "--json"]).output)
+    assert told["archive"] == {"stored": 3, "missing": 0, "dropped": 6, "note": ""}
+    assert call(app, ["run", narrowed, "-o", archive, "--drop"]).exit_code == 0
+    assert "3 stored, 0 missing, 0 no longer asked for" in call(app, ["plan", narrowed, "-o", archive]).output
+
+
+def _stop_after(shards: int, patch: pytest.MonkeyPatch) -> None:
+    """Let a run fail when it has written so many shards."""
+    write, written = running.write_shard, []
+
+    def failing(*args: Any) -> Any:
+        if len(written) == shards:
+            raise ArchiveError("stopped")
+        written.append(args[2])
+        return write(*args)
+
+    patch.setattr(running, "write_shard", failing)

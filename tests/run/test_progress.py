@@ -1,0 +1,162 @@
+"""How far a run is: by work, not by cases; how cases ended by name; the time left from estimate and speed."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+
+import nbformat
+import numpy as np
+import pytest
+from nbclient import NotebookClient
+
+from quick import quick
+from studies import ILL, SMALL, cut_finely, parsed
+from workflow.grid import _tasks as cutting
+from workflow.run import Advance, in_words, repeating, run_study
+from workflow.run._progress import Tally, Work, time_left
+from workflow.run._task import Stored
+
+
+@pytest.fixture
+def many_tasks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cut even the smallest study in a task per unit."""
+    cut_finely(monkeypatch)
+    monkeypatch.setattr(cutting, "TASKS_WANTED", 10**6)
+
+
+def test_every_case_is_told_with_its_ending(tmp_path: Path, many_tasks: None) -> None:
+    told: list[Advance] = []
+    run_study(parsed(ILL), tmp_path / "ill.nc", progress=told.append)
+    first, last = told[0], told[-1]
+    assert (first.stored, first.cases, first.work, first.endings) == (0, 8, 0.0, {})
+    assert (last.stored, last.cases, last.endings) == (8, 8, {"ill_posed": 4})
+    assert last.work == pytest.approx(1)
+    assert last.left == pytest.approx(0, abs=1e-9)
+    for name in ("stored", "work", "elapsed"):
+        values = [getattr(advance, name) for advance in told]
+        assert values == sorted(values)
+    assert all(advance.left >= 0 for advance in told)
+
+
+def test_work_counts_what_cases_cost(tmp_path: Path, many_tasks: None) -> None:
+    """Two steps, one a hundredth of the other: half of the cases are a small part of the work."""
+    told: list[Advance] = []
+    axes = {"h": [1e-4, 1e-6], "e": [0.0, 0.5], "alpha": [0.0]}
+    study = quick(axes, scene={"duration": 0.4}, output={"histories": [], "interval": 4e-3})
+    run_study(study, tmp_path / "a.nc", 1, told.append)
+    half = next(advance for advance in told if advance.stored >= 2)
+    assert half.stored == 2
+    assert half.work < 0.25
+
+
+def test_a_case_that_diverged_is_called_that(tmp_path: Path) -> None:
+    told: list[Advance] = []
+    schemes = {"unstable": {"method": "moreau", "theta": 0.3}}
+    study = quick({"scheme": ["moreau", "unstable"], "e": None, "alpha": [0.0, 5.0]}, schemes=schemes)
+    outcome = run_study(study, tmp_path / "a.nc", 1, told.append)
+    assert outcome.counts == {"ok": 2, "diverged": 2}
+    assert told[-1].endings == {"diverged": 2}
+    assert in_words(told[-1], 1.0).endswith("4 of 4 cases, 2 diverged")
+    assert "failed" not in in_words(told[-1], 1.0)
+
+
+def test_a_run_that_goes_on_begins_where_it_stopped(tmp_path: Path, many_tasks: None) -> None:
+    class StopError(Exception):
+        pass
+
+    def stop(advance: Advance) -> None:
+        if advance.stored == 4:
+            raise StopError
+
+    with pytest.raises(StopError):
+        run_study(parsed(ILL), tmp_path / "ill.nc", 1, stop)
+    told: list[Advance] = []
+    run_study(parsed(ILL), tmp_path / "ill.nc", 1, told.append)
+    assert told[0].stored == 4
+    assert told[0].endings == {"ill_posed": 2}
+    assert 0 < told[0].work < 1
+    assert told[-1].endings == {"ill_posed": 4}
+    assert told[-1].work == pytest.approx(1)
+
+
+def test_an_extended_study_counts_only_what_is_new(tmp_path: Path, many_tasks: None) -> None:
+    run_study(parsed(SMALL), tmp_path / "small.nc")
+    told: list[Advance] = []
+    study = parsed(SMALL).with_({"axes.h": [1e-4, 2e-4, 4e-4]})
+    run_study(study, tmp_path / "small.nc", 1, told.append)
+    assert told[-1].stored == told[-1].cases == 90
+    assert told[-1].work == pytest.approx(1)
+
+
+def test_a_tally_tells_shares_and_times() -> None:
+    now, told = [10.0], []
+    work = Work({3: 6.0, 4: 2.0}, before=2.0, threads=2)
+    tally = Tally(100, work, 5.0, told.append, lambda: now[0])
+    tally.set(20, {})
+    now[0] = 14.0
+    tally.add(Stored(3, 60, {"diverged": 2}))
+    now[0] = 15.0
+    tally.add(Stored(4, 20, {"diverged": 1, "failed": 1}))
+    assert [advance.stored for advance in told] == [20, 80, 100]
+    assert [advance.work for advance in told] == pytest.approx([0.2, 0.8, 1.0])
+    assert [advance.elapsed for advance in told] == [5.0, 9.0, 10.0]
+    assert [advance.left for advance in told] == pytest.approx([4.0, 0.25 * (0.25 * 4.0 + 4.0), 0.0])
+    assert told[-1].endings == {"diverged": 3, "failed": 1}
+
+
+def test_the_time_left_goes_from_the_estimate_to_the_speed() -> None:
+    assert time_left(0.0, 3.0, 10.0, 5.0) == 12.0
+    assert time_left(0.0, 20.0, 10.0) == 0.0
+    assert time_left(0.5, 5.0, 10.0) == pytest.approx(5.0)
+    assert time_left(0.5, 8.0, 10.0, 3.0) == pytest.approx(5.0)  # compiling is no speed
+    assert time_left(0.9, 18.0, 10.0) == pytest.approx(1.9)  # twice as slow as estimated: 2 s
+    assert time_left(1.0, 18.0, 10.0) == 0.0
+    assert np.isnan(time_left(0.0, 3.0, np.nan))
+    assert time_left(0.25, 3.0, np.nan) == pytest.approx(9.0)
+
+
+def test_words() -> None:
+    advance = Advance(540, 204, {"ill_posed": 1, "diverged": 2}, 0.349, 12.4, 3725.0)
+    assert in_words(None, 0.4) == "0:00 elapsed"
+    line = "34 %, 0:12 elapsed, 1:02:04 left; 204 of 540 cases, 1 ill-posed, 2 diverged"
+    assert in_words(advance, 12.9, 0.5) == line
+    unknown = Advance(5, 0, {}, 0.0, 61.0, float("nan"))
+    assert in_words(unknown, 61.0) == "0 %, 1:01 elapsed; 0 of 5 cases"
+    assert in_words(Advance(5, 4, {}, 0.8, 61.0, 2.0), 64.0, 3.0) == "80 %, 1:04 elapsed, 0:00 left; 4 of 5 cases"
+
+
+def test_something_is_repeated_until_the_end() -> None:
+    thrice, number = threading.Event(), [0]
+
+    def act() -> None:
+        number[0] += 1
+        if number[0] == 3:
+            thrice.set()
+
+    with repeating(act, 1e-3):
+        assert thrice.wait(30)
+    after = number[0]
+    assert not threading.Event().wait(0.02)
+    assert number[0] == after
+
+
+NOTEBOOK = """
+import sys
+sys.path.insert(0, {tests!r})
+from quick import quick
+from workflow import run_study
+run_study(quick(), {archive!r})
+run_study(quick(), {other!r}, progress=False).counts
+"""
+
+
+def test_a_notebook_shows_a_line(tmp_path: Path) -> None:
+    places = {"archive": str(tmp_path / "quick.nc"), "other": str(tmp_path / "other.nc")}
+    source = NOTEBOOK.format(tests=str(Path(__file__).parents[1]), **places)
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(source)])
+    NotebookClient(notebook, timeout=120, resources={"metadata": {"path": str(tmp_path)}}).execute()
+    lines = [o for o in notebook.cells[0].outputs if o.output_type == "display_data"]
+    assert len(lines) == 1
+    assert "quick.nc: 9 cases in" in lines[0]["data"]["text/plain"]
+    assert "(9 ok)" in lines[0]["data"]["text/plain"]

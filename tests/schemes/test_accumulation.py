@@ -1,0 +1,75 @@
+"""Impacts that accumulate, and those that the load lifts off before they have, against a loop over every bounce."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from plain_bounces import follow
+
+from scenes import cases, chain, relative, sampling
+from workflow.models import Rayleigh
+from workflow.schemes import Results, Status, event_driven
+
+DURATION, INTERVAL = 0.1, 1e-4
+
+
+def run(damping: float, e: float, **options: int) -> Results:
+    """A lump that 0.02 N at 20 Hz press on its casing twice."""
+    lump = chain(nodes=1, mass=1e-3, stiffness=1e3, damping=Rayleigh(damping, 0.0), spacing=1.0, expansion=0.0)
+    batch = cases(lump, e=e, gap=1e-5, amplitude=0.02, frequency=20.0)
+    operator = event_driven.init(lump, 0.0, event_driven.Options(**options))
+    return event_driven.compute(operator, batch, sampling(DURATION, INTERVAL))
+
+
+def followed(damping: float, e: float) -> tuple[float, np.ndarray]:
+    """Return the time in contact and the velocities of the loop."""
+    times = sampling(DURATION, INTERVAL).times
+    velocity = np.full(times.size, np.nan)
+    contact, _ = follow(np.array([damping, 1e6, 1e-5, 20.0, 2 * np.pi * 20.0]), e, times, velocity)
+    return contact, velocity
+
+
+@pytest.mark.parametrize("damping", [2e3, 1e4])
+@pytest.mark.parametrize(("e", "error"), [(0.9, 1e-10), (0.99, 1e-9), (0.999, 1e-7)])
+def test_contact_begins_where_the_bounces_end(damping: float, e: float, error: float) -> None:
+    contact, velocity = followed(damping, e)
+    found = run(damping, e)
+    assert not found.messages
+    assert found.metrics["contact_time"][0] == pytest.approx(contact, rel=error)
+    assert relative(found.histories["velocity"][0], velocity) <= 1e-7  # samples between the last bounces are at rest
+
+
+def test_contact_begins_where_ten_thousand_times_as_many_bounces_end() -> None:
+    """At e = 0.9999 what is left takes three quarters of the time the load presses."""
+    contact, velocity = followed(1e4, 0.9999)
+    found = run(1e4, 0.9999)
+    assert found.metrics["contact_time"][0] == pytest.approx(contact, rel=1e-6)
+    assert relative(found.histories["velocity"][0], velocity) <= 2e-6
+
+
+@pytest.mark.parametrize(("damping", "e"), [(1e3, 0.999), (1e3, 0.9999), (1.5e3, 0.9999), (3e2, 0.99)])
+def test_a_load_that_reverses_before_the_bounces_end(damping: float, e: float) -> None:
+    contact, velocity = followed(damping, e)
+    found = run(damping, e)
+    assert contact == found.metrics["contact_time"][0] == 0.0
+    assert relative(found.histories["velocity"][0], velocity) <= 1e-10
+
+
+def test_elastic_bounces_that_fade_are_summed_up_with_a_word() -> None:
+    """At e = 1 damping alone makes them small: they follow each other ever faster, and the tip never rests."""
+    found, near = run(1e4, 1.0), run(1e4, 1 - 1e-6)
+    assert found.status[0] == near.status[0] == Status.OK
+    assert found.messages[0].startswith("extrapolated: impacts below")
+    assert "option `events`" in found.messages[0]
+    assert not near.messages
+    assert found.metrics["contact_time"][0] == 0.0
+    for name in ("displacement", "impulse"):
+        assert relative(found.histories[name][0], near.histories[name][0]) <= 1e-4
+
+
+def test_contact_time_goes_on_steadily_towards_elastic_bounces() -> None:
+    """The last share of the time at rest falls with the logarithm of 1 - e, without a jump."""
+    times = [run(1e4, 1 - 10.0**-k).metrics["contact_time"][0] for k in (4, 5, 6, 7)]
+    steps = -np.diff(times)
+    expected = 2 * np.log(10.0) * 3 / 1e4  # two contacts, each rests where exp(γ t/3) has made up for 1/(1 - e)
+    np.testing.assert_allclose(steps, expected, rtol=0.1)

@@ -1,0 +1,83 @@
+"""The step that ``ill_posed`` recommends is one at which the same case runs; where none does it says so."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+
+from scenes import cases, chain, step
+from workflow.models import Cases, Rayleigh, Structure, critical_alpha, frequencies, growth_rate, tip_flexibility
+from workflow.schemes import Sampling, Status
+
+MOST_STEPS = 2_000_000
+
+
+def scene(seed: int, growth: float) -> tuple[Structure, Cases, float, dict[str, Any]]:
+    """Return a tip far above α_c, pressed or hammering, and the time in which its heat grows exp(``growth``)-fold."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 21))
+    structure = chain(
+        nodes=n,
+        mass=10 ** rng.uniform(-4, -1),
+        stiffness=10 ** rng.uniform(5, 8),
+        damping=Rayleigh(float(rng.choice([0, 10, 100])), float(rng.choice([0, 2e-7]))),
+        spacing=1e-2,
+        expansion=1e-5,
+        heat_capacity=10 ** rng.uniform(-1, 1),
+        conductance=10 ** rng.uniform(-1, 1),
+        convection=0.1,
+    )
+    stiffness, omega = 1 / tip_flexibility(structure), float(frequencies(structure)[0])
+    alpha = critical_alpha(structure) * 10 ** rng.uniform(1, 6)
+    pressed = bool(rng.random() < 0.5)
+    batch = cases(
+        structure,
+        e=float(rng.choice([0, 0.5, 0.9])),
+        gap=-1e-6 if pressed else 1e-5,
+        mean=stiffness * 2e-5,
+        amplitude=stiffness * 1e-5,
+        frequency=omega / (10 * np.pi),
+        alpha=alpha,
+        displacement=-1e-6 * np.arange(1, n + 1) / n if pressed else 0.0,
+    )
+    return structure, batch, growth / growth_rate(structure, alpha), {"theta": float(rng.choice([0.5, 0.75, 1.0]))}
+
+
+def recommended(message: str) -> float | None:
+    found = re.search(r"the largest admissible h is (\S+) s", message)
+    return None if found is None else float(found[1])
+
+
+@pytest.mark.parametrize("options", [{}, {"integration": "implicit", "stiffness": 1e10}])
+def test_the_case_runs_at_the_step_that_is_recommended(options: dict[str, Any]) -> None:
+    """Steps of 0.1 ms, growth of up to e^250 in the model itself."""
+    method, tried = ("penalty" if options else "moreau"), 0
+    for seed in range(120):
+        growth = float(np.random.default_rng(1000 + seed).uniform(3, 250))
+        structure, batch, duration, theta = scene(seed, growth)
+        over = Sampling(duration, duration, 2)
+        found = step(structure, batch, min(1e-4, duration), over, method, **theta, **options)
+        if found.status[0] != Status.ILL_POSED:
+            continue
+        h = recommended(found.messages[0])
+        if h is None:
+            assert "no step helps" in found.messages[0]
+            assert growth > 200
+        elif duration / h < MOST_STEPS:
+            tried += 1
+            again = step(structure, batch, h, over, method, **theta, **options)
+            assert again.status[0] == Status.OK, (seed, growth, found.messages[0], again.messages)
+    assert tried > 20
+
+
+def test_where_no_step_helps_it_says_so() -> None:
+    for seed in range(60):
+        structure, batch, duration, theta = scene(seed, 5000.0)
+        found = step(structure, batch, min(1e-4, duration), Sampling(duration, duration, 2), "moreau", **theta)
+        if found.status[0] == Status.ILL_POSED:
+            assert "no step helps" in found.messages[0]
+            return
+    raise AssertionError("no scene was ill-posed")

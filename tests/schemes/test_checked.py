@@ -1,0 +1,121 @@
+"""Results of every scheme agree with the table of variables; those that do not make their cases fail."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from scenes import cases, heavy_chain, same_bits, step
+from workflow import schemes, variables
+from workflow.schemes import Cases, ContractError, Results, Sampling, Status, checked
+
+OVER = Sampling(0.1, 1e-3, 101, balances=True)
+
+
+def batch() -> Cases:
+    frequency = np.array([20.0, 40.0, 0.0])  # two, four and no load periods
+    return cases(heavy_chain(), 3, alpha=50.0, e=0.5, gap=5e-5, amplitude=100.0, mean=60.0, frequency=frequency)
+
+
+@pytest.mark.parametrize("method", schemes.names())
+def test_every_scheme_gives_what_the_table_says(method: str) -> None:
+    found = step(heavy_chain(), batch(), 1e-5, OVER, method)
+    assert np.all(found.status == Status.OK)
+    assert found.metrics["impacts"].min() > 0
+    assert same_bits(checked(found, batch(), OVER), found)
+
+
+def put(name: str, value: float, case: int = 1) -> Callable[[Results], Results]:
+    """Return what puts a value in a place of some results, the second of a period or history."""
+
+    def spoil(found: Results) -> Results:
+        for place in (found.histories, found.metrics):
+            if name in place:
+                place[name] = place[name].copy()
+                place[name][(case, 1)[: place[name].ndim]] = value
+                return found
+        values = getattr(found, name).copy()
+        values[case, 1] = value
+        return replace(found, **{name: values})
+
+    return spoil
+
+
+@pytest.mark.parametrize(
+    ("spoil", "named"),
+    [
+        (put("period_impulse", np.nan), "period_impulse"),
+        (put("contact_time", -1e-9), "contact_time"),
+        (put("steps", -1.0), "steps"),
+        (put("impacts", np.nan), "impacts"),
+        (put("displacement", np.inf), "displacement"),
+        (put("impulse", -1.0), "impulse"),
+        (put("period_contact", -0.1), "period_contact"),
+    ],
+)
+def test_an_impossible_value_fails_its_case_alone(spoil: Callable[[Results], Results], named: str) -> None:
+    sound = step(heavy_chain(), batch(), 1e-5, OVER)
+    found = checked(spoil(step(heavy_chain(), batch(), 1e-5, OVER)), batch(), OVER)
+    assert found.status.tolist() == [Status.OK, Status.FAILED, Status.OK]
+    assert named in found.messages[1]
+    assert np.isnan(found.histories["displacement"][1]).all()
+    for name in sound.metrics:
+        assert np.array_equal(found.metrics[name][[0, 2]], sound.metrics[name][[0, 2]])
+
+
+def test_nan_is_allowed_where_a_case_has_no_load_period() -> None:
+    found = step(heavy_chain(), batch(), 1e-5, OVER)
+    assert np.isnan(found.period_impulse[2]).all()
+    assert checked(found, batch(), OVER).status.tolist() == [Status.OK] * 3
+
+
+def test_a_case_that_ends_without_a_message_fails() -> None:
+    found = step(heavy_chain(), batch(), 1e-5, OVER)
+    status = np.array([Status.OK, Status.OK, Status.DIVERGED], dtype=np.int8)
+    judged = checked(replace(found, status=status), batch(), OVER)
+    assert judged.status[2] == Status.FAILED
+    assert "diverged" in judged.messages[2]
+
+
+def without(name: str) -> Callable[[Results], Results]:
+    return lambda found: replace(
+        found,
+        histories={key: values for key, values in found.histories.items() if key != name},
+        metrics={key: values for key, values in found.metrics.items() if key != name},
+    )
+
+
+@pytest.mark.parametrize("name", [v.name for v in variables.select(None, "scheme") if v.shape in ("history", "metric")])
+def test_a_missing_variable_is_named(name: str) -> None:
+    found = step(heavy_chain(), batch(), 1e-5, OVER)
+    with pytest.raises(ContractError, match=name):
+        checked(without(name)(found), batch(), OVER)
+
+
+def shorter(found: Results) -> dict[str, Any]:
+    return {"histories": {name: values[:, 1:] for name, values in found.histories.items()}}
+
+
+def fewer_periods(found: Results) -> dict[str, Any]:
+    return {"period_contact": found.period_contact[:, :1]}
+
+
+def odd_status(found: Results) -> dict[str, Any]:
+    return {"status": np.full(3, 9, dtype=np.int8)}
+
+
+@pytest.mark.parametrize("spoil", [shorter, fewer_periods, odd_status])
+def test_another_shape_or_status_is_named(spoil: Callable[[Results], dict[str, Any]]) -> None:
+    found = step(heavy_chain(), batch(), 1e-5, OVER)
+    with pytest.raises(ContractError):
+        checked(replace(found, **spoil(found)), batch(), OVER)
+
+
+def test_names_are_distinct_and_reserved() -> None:
+    names = [variable.name for variable in variables.TABLE]
+    assert len(names) == len(set(names))
+    assert set(names) | {"t", "message"} <= variables.reserved_names()

@@ -1,0 +1,104 @@
+"""The step that ``penalty`` says it holds up to, measured again: contact that comes and goes creates no energy.
+
+``python tests/schemes/test_contact_limit.py 300`` measures that many random scenes at several shares of the limit.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from scenes import blade, cases, chain, heavy_chain, step
+from workflow.models import Cases, Rayleigh, Structure, critical_alpha, frequencies, tip_flexibility
+from workflow.reduction import reduce_structure
+from workflow.schemes import Sampling, Status, penalty
+from workflow.schemes._fixed.central import Differences, delassus
+from workflow.schemes._fixed.decoupled import decouple
+
+CASES, PERIODS, MOST_STEPS = 16, 50, 200_000
+
+
+def scene(seed: int) -> tuple[Structure, penalty.Options, Cases, float]:
+    """Return a random structure, contact spring and cases that meet it, and the period of the first mode, s."""
+    rng = np.random.default_rng(seed)
+    structure = _structure(seed % 5, rng)
+    stiffness, omega = 1 / tip_flexibility(structure), float(frequencies(structure)[0])
+    kappa = stiffness * 10 ** rng.uniform(0, 4.5)
+    mobility = delassus(decouple(structure), 0.0, Differences())
+    critical_damping = 2 * np.sqrt(kappa / mobility)
+    options = penalty.Options(stiffness=kappa, damping=float(rng.choice([0, 0, 0.1, 1])) * critical_damping)
+    alpha = critical_alpha(structure) if np.isfinite(critical_alpha(structure)) else 1.0
+    n, x = CASES, 5e-5
+    batch = cases(
+        structure,
+        n,
+        gap=rng.uniform(0, 1, n) * x,
+        amplitude=stiffness * x * rng.uniform(0.5, 4, n),
+        mean=stiffness * x * rng.uniform(0, 2, n) * (rng.random(n) < 0.5),
+        frequency=omega / (2 * np.pi) * 10 ** rng.uniform(-1.5, 0.5, n),
+        phase=rng.uniform(0, 2 * np.pi, n),
+        alpha=np.where(np.arange(n) % 2, 0, alpha * 10 ** rng.uniform(-1, 0.5, n)),
+    )
+    return structure, options, batch, 2 * np.pi / omega
+
+
+def _structure(kind: int, rng: np.random.Generator) -> Structure:
+    if kind < 3:
+        return (heavy_chain(), blade(), reduce_structure(heavy_chain(), 3, 12).structure)[kind]
+    n = int(rng.integers(1, 21))
+    graded = n if kind == 3 else 1
+    return chain(
+        nodes=n,
+        mass=np.broadcast_to(10 ** rng.uniform(-4, -1, graded), n).tolist(),
+        stiffness=np.broadcast_to(10 ** rng.uniform(5, 8, graded), n).tolist(),
+        damping=Rayleigh(float(rng.choice([0, 10, 100])), float(rng.choice([0, 2e-7]))),
+        spacing=1e-2,
+        expansion=1e-5,
+        heat_capacity=10 ** rng.uniform(-1, 1),
+        conductance=10 ** rng.uniform(-1, 1),
+        convection=0.1,
+    )
+
+
+def created(seed: int, share: float) -> float:
+    """Return the largest energy residual of a scene at a share of the limit, infinite where a case is lost."""
+    structure, options, batch, period = scene(seed)
+    h = share * penalty.contact_limit(structure, options)
+    steps = min(round(PERIODS * period / h), MOST_STEPS)
+    found = step(structure, batch, h, Sampling(steps * h, steps * h, 2, balances=True), "penalty", **asdict(options))
+    residual = np.where(found.status == Status.OK, found.metrics["energy_residual"], np.inf)
+    return float(np.max(residual, initial=-np.inf))
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_contact_that_comes_and_goes_creates_no_energy_at_the_limit(seed: int) -> None:
+    assert created(seed, 1.0) < 1.0
+
+
+def test_four_times_the_limit_is_too_much() -> None:
+    assert np.median([created(seed, 3.9) for seed in (0, 5, 10, 15)]) > 1.0
+
+
+def test_the_limit_is_below_that_of_lasting_contact() -> None:
+    structure, stiff, soft = heavy_chain(), penalty.Options(stiffness=2e9), penalty.Options(stiffness=1e5)
+    assert penalty.lasting_contact_limit(structure, stiff) == pytest.approx(2.225e-6, rel=1e-3)
+    assert penalty.contact_limit(structure, stiff) == pytest.approx(0.5 / np.sqrt(2e9 / 2.5e-3), rel=1e-9)
+    assert penalty.contact_limit(structure, soft) == 0.95 * penalty.lasting_contact_limit(structure, soft)
+    assert penalty.contact_limit(structure, penalty.Options(integration="implicit")) == np.inf
+
+
+def _measure(count: int) -> None:
+    for share in (0.5, 1.0, 1.5, 2.0, 4.0):
+        residuals = np.array([created(seed, share) for seed in range(count)])
+        over = np.mean(residuals > 1)
+        print(f"{share:4g} of the limit: largest residual {residuals.max():8.3g}, above 1 in {over:.1%} of scenes")
+
+
+if __name__ == "__main__":
+    _measure(int(sys.argv[1]))

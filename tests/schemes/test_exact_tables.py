@@ -1,0 +1,40 @@
+"""Rows of the tables of the exact solver: each has its own place, and is used on its own table only."""
+
+from __future__ import annotations
+
+import ast
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from workflow.schemes import _exact
+
+TABLES = {
+    "block_table": ("block", {"b", "r.block", "free.r.block", "memory.block", "regime.block"}),
+    "first_table": ("first", {"f", "r.first", "memory.first", "m.r.first"}),
+    "state_table": ("state", {"y", "out", "m.now"}),
+    "expansion_table": ("expansion", {"sums", "d", "x.sums", "m.x.sums", "held.x.sums", "free.x.sums"}),
+}
+"""The name under which modules import a table, and the arrays that are laid out by it."""
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_rows_have_places_of_their_own(name: str) -> None:
+    table = vars(import_module(f"workflow.schemes._exact.{name}"))
+    rows = {word: value for word, value in table.items() if word.isupper() and word != "ROWS"}
+    assert sorted(rows.values()) == list(range(table["ROWS"]))
+
+
+def test_a_row_is_used_on_its_own_table_only() -> None:
+    tables, used = dict(TABLES.values()), set()
+    for source in sorted(Path(_exact.__path__[0]).glob("*.py")):
+        for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
+            if not isinstance(node, ast.Subscript):
+                continue
+            for part in ast.walk(node.slice):
+                if isinstance(part, ast.Attribute) and isinstance(part.value, ast.Name) and part.value.id in tables:
+                    array = ast.unparse(node.value)
+                    assert array in tables[part.value.id], f"{source.name}:{node.lineno}: {ast.unparse(node)}"
+                    used.add(part.value.id)
+    assert used == set(tables)

@@ -1,0 +1,81 @@
+"""The largest tip temperatures of the event-driven scheme do not depend on the output interval."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.optimize import brentq
+from test_event_driven_random import scene
+
+from scenes import blade, blade_rub, cases, chain, heavy_chain, sampling
+from workflow.models import Cases, Structure
+from workflow.schemes import Results, Status, event_driven
+
+
+def run(structure: Structure, case: Cases, duration: float, interval: float) -> Results:
+    operator = event_driven.init(structure, 0.0, event_driven.Options(events=1000))
+    return event_driven.compute(operator, case, sampling(duration, interval))
+
+
+@pytest.mark.parametrize("interval", [1000.0, 10.0, 1.0, 0.1])
+@pytest.mark.parametrize("frequency", [0.0, 0.004])
+def test_heat_that_passes_through_the_tip_between_two_samples(interval: float, frequency: float) -> None:
+    """A hot node beside a cold tip far from its casing: the tip warms up, then cools."""
+    structure = chain(nodes=2, mass=1.0e-3, stiffness=1.0e6, conductance=1.0, spacing=1.0, expansion=0.0)
+    rate = -np.linalg.solve(structure.heat_capacity, structure.conductance_matrix)
+    start = np.array([100.0, 0.0])
+    top = brentq(lambda t: (rate @ expm(rate * t) @ start)[1], 0.1, 10.0, xtol=1e-12)
+    exact = (expm(rate * top) @ start)[1]
+    found = run(structure, cases(structure, gap=1.0, temperature=[start], frequency=frequency), 1000.0, interval)
+    assert found.metrics["max_temperature"][0] == pytest.approx(exact, rel=1e-12)
+    if frequency:  # load periods of 250 s: the tip is warmest in the first, then at the beginning of each
+        boundaries = [(expm(rate * t) @ start)[1] for t in (250.0, 500.0, 750.0)]
+        np.testing.assert_allclose(found.period_temperature[0], [exact, *boundaries], rtol=1e-9, atol=1e-12)
+
+
+def test_a_top_between_load_periods_belongs_to_both() -> None:
+    structure = chain(nodes=1, mass=1.0, stiffness=1.0, conductance=1.0, spacing=1.0, expansion=0.0)
+    case = cases(structure, gap=1.0, heating=1.0, frequency=1.0)
+    found = run(structure, case, 3.0, 3.0)
+    np.testing.assert_allclose(found.period_temperature[0], -np.expm1([-1.0, -2.0, -3.0]), rtol=1e-13)
+    cooling = run(structure, cases(structure, gap=1.0, temperature=1.0, frequency=1.0), 3.0, 3.0)
+    np.testing.assert_allclose(cooling.period_temperature[0], np.exp([0.0, -1.0, -2.0]), rtol=1e-13)
+
+
+def agrees(case: Cases, coarse: Results, fine: Results, times: np.ndarray) -> None:
+    """Compare a run of one sample with one of many: their maxima, and that no sample lies above them."""
+    assert coarse.status[0] == fine.status[0] == Status.OK
+    seen, top = fine.histories["temperature"][0], coarse.metrics["max_temperature"][0]
+    assert abs(fine.metrics["max_temperature"][0] - top) <= 1e-10 * abs(top) + 1e-15
+    assert seen.max() <= top + 1e-10 * abs(top) + 1e-15
+    scale = 1e-10 * np.abs(coarse.period_temperature[0]) + 1e-15
+    assert (np.abs(fine.period_temperature[0] - coarse.period_temperature[0]) <= scale).all()
+    for k, period_top in enumerate(coarse.period_temperature[0]):
+        inside = (times * case.frequency[0] >= k) & (times * case.frequency[0] <= k + 1)
+        assert seen[inside].max() <= period_top + scale[k]
+
+
+@pytest.mark.parametrize("e", [0.0, 0.5])
+def test_rubbing_structures(e: float) -> None:
+    for structure, case, duration in (
+        (heavy_chain(), {"alpha": 50.0, "gap": 5e-5, "amplitude": 100.0, "frequency": 20.0}, 0.3),
+        (heavy_chain(heat_capacity=1.3e-4), {"alpha": 0.5, "gap": 5e-5, "amplitude": 100.0, "frequency": 20.0}, 0.3),
+    ):
+        rub = cases(structure, e=e, **case)
+        coarse, fine = run(structure, rub, duration, duration), run(structure, rub, duration, 1e-4)
+        agrees(rub, coarse, fine, sampling(duration, 1e-4).times)
+    rub = blade_rub(blade(), e=e)
+    agrees(rub, run(blade(), rub, 2.0, 2.0), run(blade(), rub, 2.0, 1e-3), sampling(2.0, 1e-3).times)
+
+
+@pytest.mark.parametrize("first", range(0, 100, 25))
+def test_random_scenes_whatever_the_interval(first: int) -> None:
+    compared = 0
+    for seed in range(first, first + 25):
+        structure, case = scene(np.random.default_rng(seed))
+        coarse = run(structure, case, 20.0, 20.0)
+        if coarse.status[0] == Status.OK:  # an elastic tip that is pressed has no last impact
+            agrees(case, coarse, run(structure, case, 20.0, 2e-3), sampling(20.0, 2e-3).times)
+            compared += 1
+    assert compared > 15

@@ -1,0 +1,72 @@
+"""Fixed-step schemes give the same bits whatever the processor offers to NumPy, BLAS and the C library."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+RUN = """
+import hashlib, numpy as np
+from workflow import models, schemes
+from workflow.schemes import carpenter, moreau, penalty
+from workflow.models import Cases, Rayleigh
+
+def structure(nodes):
+    chain = models.load("chain")
+    return chain.assemble(chain.Parameters(
+        nodes=nodes, mass=2.5e-3, stiffness=2e7, damping=Rayleigh(10, 2e-7), spacing=2.5e-3, expansion=8.6e-6,
+        heat_capacity=1.315, conductance=0.605, convection=0.02))
+
+def cases(nodes, count=5):
+    one, node = np.ones(count), np.ones((count, nodes))
+    return Cases(
+        e=np.linspace(0, 1, count), alpha=np.linspace(0, 1, count), gap=5e-5 * one, mean=5 * one, amplitude=100 * one,
+        frequency=20 * one, phase=0.3 * one, steady=0.1 * node, heating=0.01 * node,
+        displacement=1e-6 * np.arange(nodes) * node, velocity=1e-3 * node, temperature=0.5 * node)
+
+runs = [
+    (20, moreau, moreau.Options(), 1e-5), (60, moreau, moreau.Options(0.5), 1e-5),
+    (20, carpenter, carpenter.Options(), 1e-6), (20, carpenter, carpenter.Options("lagged", "explicit"), 1e-6),
+    (20, penalty, penalty.Options(), 1e-6), (20, penalty, penalty.Options(integration="implicit"), 1e-5),
+    (20, moreau, moreau.Options(0.3), 1e-4), (20, carpenter, carpenter.Options(), 1e-4),  # unstable, and say so
+    (1000, moreau, moreau.Options(), 1e-4),  # swept
+]
+digest, spoken = hashlib.sha256(), ""
+for nodes, scheme, options, h in runs:
+    sampling = schemes.Sampling(0.02, 1e-3, 21, True)
+    found = scheme.compute(scheme.init(structure(nodes), h, options), cases(nodes), sampling)
+    for values in (*found.histories.values(), *found.metrics.values()):
+        digest.update(np.ascontiguousarray(values).tobytes())
+    spoken += repr((found.status.tolist(), sorted(found.messages.items())))
+spoken += repr(penalty.contact_limit(structure(20), penalty.Options()))
+digest.update(spoken.encode())
+print(digest.hexdigest())
+"""
+
+PROCESSORS = [
+    {"OPENBLAS_CORETYPE": "SkylakeX"},
+    {"OPENBLAS_CORETYPE": "Haswell"},
+    {"OPENBLAS_CORETYPE": "Nehalem"},
+    {"NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL AVX512_SPR"},
+    {"NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR"},
+    {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA"},
+]
+
+
+def hash_under(settings: dict[str, str]) -> str:
+    command = [sys.executable, "-W", "ignore", "-c", RUN]
+    told = subprocess.run(command, capture_output=True, text=True, check=True, env={**os.environ, **settings})
+    return told.stdout.strip()
+
+
+@pytest.fixture(scope="module")
+def here() -> str:
+    return hash_under({})
+
+
+@pytest.mark.parametrize("settings", PROCESSORS, ids=lambda s: " ".join(f"{k}={v}" for k, v in s.items()))
+def test_bits_are_the_same_on_every_processor(settings: dict[str, str], here: str) -> None:
+    assert hash_under(settings) == here

@@ -1,0 +1,72 @@
+"""Values replaced by their path: the study, its text and what is said of mistakes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from studies import SMALL, parsed
+from workflow import read_study
+from workflow.study import StudyError, setting
+
+
+def test_a_replaced_value_stands_in_the_text_too() -> None:
+    study = parsed(SMALL.replace("casing:", "casing:  # as built\n   ")).with_(
+        {"scene.casing.gap": "10 um", "axes.e": np.array([0.0, 0.25]), "axes.scene.load.frequency": ["50 Hz", 60]}
+    )
+    assert study.scene.gap == 1e-5
+    again = read_study(study.text)
+    assert again.resolved() == study.resolved()
+    values = {axis.path: axis.values for dimension in again.dimensions for axis in dimension.axes}
+    assert values["e"] == (0.0, 0.25)
+    assert values["scene.load.frequency"] == (50.0, 60.0)
+    assert "# as built" in study.text
+    assert "h: [1e-4, 2e-4]" in study.text
+
+
+def test_one_key_follows_axes_and_the_name_of_a_zip() -> None:
+    study = parsed(SMALL).with_({"zip.model.mechanical_modes": [0, 2], "zip.model.thermal_modes": [1, 2]})
+    values = {axis.path: axis.values for dimension in study.dimensions for axis in dimension.axes}
+    assert values["mechanical_modes"] == (0, 2)
+
+
+def test_a_study_is_read_from_a_path_a_text_and_a_mapping(tmp_path: Path) -> None:
+    import json
+
+    chain = {"nodes": 1, "mass": 1e-3, "stiffness": 1e6, "spacing": 1e-2, "expansion": 1e-5}
+    scene = {"chain": {**chain, "heat_capacity": 1, "conductance": 1}, "casing": {"gap": "1 um"}, "duration": 0.1}
+    content = {"study": "a", "scene": scene, "axes": {"e": np.array([0.0, 0.5])}}
+    study = read_study(content)
+    path = tmp_path / "a.yaml"
+    path.write_text(json.dumps({**content, "axes": {"e": [0.0, 0.5]}}), encoding="utf-8")
+    for other in (str(path), path, study.text):
+        assert read_study(other).resolved() == study.resolved()
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "told"),
+    [
+        ("scene.casing.gap", "10 kg", "with_ scene.casing.gap: "),
+        ("scene.casing.gapp", 1, "did you mean `gap`?"),
+        ("axes.e", [0, 2], "with_ axes.e: [1]: `2` is out of range"),
+        ("study.name", "b", "with_ study.name: leads through study"),
+        ("scene..gap", 1, "has an empty word in its path"),
+        ("scene.casing.gap", object(), "holds a value of the type object"),
+    ],
+)
+def test_a_mistake_names_the_setting(key: str, value: object, told: str) -> None:
+    with pytest.raises(StudyError) as raised:
+        parsed(SMALL).with_({key: value})
+    assert told in str(raised.value)
+
+
+def test_a_setting_is_yaml() -> None:
+    assert setting("axes.e=[0, 0.5]") == ("axes.e", [0, 0.5])
+    assert setting("axes.h=1e-6") == ("axes.h", 1e-6)
+    assert setting("scene.casing.gap=10 um") == ("scene.casing.gap", "10 um")
+    assert setting("reference=") == ("reference", None)
+    for wrong in ("axes.e", "=1", "axes.e=[0", "axes.e=*a"):
+        with pytest.raises(StudyError, match="-s "):
+            setting(wrong)

@@ -1,0 +1,57 @@
+"""Every value of a study as plan tells it: in SI, with its unit, and what was left to its default."""
+
+from __future__ import annotations
+
+from studies import parsed
+from workflow.study import ResolvedValue, resolved_values
+
+TEXT = """
+study: a
+scene:
+  chain: {nodes: 2, mass: [2 g, 3 g], stiffness: 1.0e6, heat_capacity: 1}
+  casing: {gap: 20 um}
+  load: {amplitude: 10, frequency: 600 rpm}
+  duration: 1 ms
+schemes: {half: {method: moreau, theta: 0.5}}
+axes: {scheme: [half, event_driven], e: 0.5, scene.load.phase: [0, 90 deg], h: 1e-5}
+zip: {model: {mechanical_modes: [0, full], thermal_modes: [0, full]}}
+"""
+
+
+def found(text: str) -> dict[str, ResolvedValue]:
+    study = parsed(text)
+    axes = [axis for dimension in study.dimensions for axis in dimension.axes]
+    cell = study.cell({axis.path: axis.values[0] for axis in (*study.scalars, *axes)})
+    return {value.path: value for value in resolved_values(study, cell)}
+
+
+def test_values_units_and_origins() -> None:
+    values = found(TEXT)
+    assert values["scene.casing.gap"] == ResolvedValue("scene.casing.gap", (2e-5,), "m", "study")
+    assert values["scene.chain.mass"] == ResolvedValue("scene.chain.mass", (0.002, 0.003), "kg", "study")
+    assert values["scene.load.frequency"].values == (10.0,)
+    assert values["scene.load.mean"] == ResolvedValue("scene.load.mean", (0.0,), "N", "default")
+    assert values["scene.load.phase"].origin == "axis"
+    assert values["scene.duration"] == ResolvedValue("scene.duration", (1e-3,), "s", "study")
+    assert values["scene.chain.damping.mass"].origin == "default"
+    assert (values["e"].origin, values["e"].values) == ("study", (0.5,))
+    assert (values["alpha"].origin, values["alpha"].values) == ("default", (0.0,))
+    assert values["mechanical_modes"] == ResolvedValue("mechanical_modes", (0, 1), "1", "axis")
+    assert values["schemes.half.theta"].origin == "study"
+    assert values["schemes.event_driven.events"].origin == "default"
+    assert values["output.interval"] == ResolvedValue("output.interval", (1e-6,), "s", "default")
+
+
+def test_a_static_start_is_told_once() -> None:
+    values = found(TEXT.replace("  duration", "  initial: static\n  duration"))
+    assert values["scene.initial.displacement"] == ResolvedValue(
+        "scene.initial.displacement", ("static",), "m", "study"
+    )
+    assert "scene.initial.velocity" not in values
+
+
+def test_a_line_of_values() -> None:
+    values = found(TEXT)
+    assert values["scene.chain.mass"].told == "0.002, 0.003 kg"
+    assert values["mechanical_modes"].told == "0, 1"
+    assert ResolvedValue("a", tuple(map(float, range(10))), "m", "axis").told == "0, 1, …, 9 (10 values) m"

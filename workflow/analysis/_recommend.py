@@ -1,0 +1,308 @@
+"""The cheapest scheme, step and reduced model that meet a tolerance, and by what evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow.analysis._cases import case_dims
+from workflow.schemes import Status
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+NUMERICAL = ("scheme", "h", "mechanical_modes", "thermal_modes", "reduction", "tolerance")
+"""Coordinates that change the computation, not the scene; so do options of schemes (``schemes.LABEL.OPTION``)."""
+
+COMPARED = ("displacement", "temperature", "impulse")
+"""Histories of which the largest error counts."""
+
+DEFAULT = 0.01
+"""Tolerance where neither the caller nor the study states one."""
+
+DECIDABLE = 0.1
+"""Share of the tolerance that a case's predictability must not exceed for its error to be a scheme's own."""
+
+
+class NoReferenceError(ValueError):
+    """An archive holds no errors: its study has no reference."""
+
+
+@dataclass(frozen=True)
+class Worst:
+    """The case of a choice with the largest error, or one that has none.
+
+    Attributes
+    ----------
+    case
+        Value of every coordinate of the scene that varies, by name.
+    error
+        Largest of its errors, 1; NaN where it has none.
+    variable
+        Which history that is the error of.
+    scheme_error, model_error
+        The two parts of that error, 1; NaN where the archive does not hold them.
+    status, message
+        How the case ended and what it says.
+    """
+
+    case: dict[str, Any]
+    error: float
+    variable: str
+    scheme_error: float
+    model_error: float
+    status: str
+    message: str
+
+    @property
+    def limited_by(self) -> str:
+        """What the error comes from: ``step``, ``basis``, ``nothing`` (no error), ``status`` or ``unknown``."""
+        if self.status != "ok" or np.isnan(self.error):
+            return "status" if self.status != "ok" else "unknown"
+        if self.error == 0:
+            return "nothing"
+        if np.isnan(self.scheme_error) or np.isnan(self.model_error):
+            return "unknown"
+        return "step" if self.scheme_error >= self.model_error else "basis"
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One scheme with one step, one reduced model and one set of options.
+
+    Attributes
+    ----------
+    settings
+        Value of every numerical coordinate, by name.
+    cost
+        Mean wall time of its cases, s.
+    cost_per_second
+        The same per simulated second; NaN where the archive does not tell its duration.
+    share
+        Share of its cases whose error is within the tolerance.
+    worst
+        Its worst case.
+    step_matters
+        Whether its cases differ along ``h`` at all; the exact scheme's do not.
+    """
+
+    settings: dict[str, Any]
+    cost: float
+    cost_per_second: float
+    share: float
+    worst: Worst
+    step_matters: bool
+
+
+@dataclass(frozen=True)
+class Recommendation:
+    """The answer of an archive for one tolerance.
+
+    Attributes
+    ----------
+    tolerance
+        Largest admissible error of any history in any case of the scene, 1.
+    choice
+        The cheapest choice within it; ``None`` where none is.
+    next
+        The dearest of the cheaper ones, all of which fail; without a choice the one that comes nearest.
+    undecidable
+        Cases of the scene whose predictability exceeds a tenth of the tolerance, by their coordinates.
+    """
+
+    tolerance: float
+    choice: Choice | None
+    next: Choice | None
+    undecidable: tuple[dict[str, Any], ...]
+
+
+def recommend(dataset: xr.Dataset, tolerance: float | str | None = None) -> Recommendation:
+    """Return the cheapest choice that meets a tolerance in all cases of the scene.
+
+    The error of a case is the largest of its displacement, temperature and impulse error; a case that is not ok or
+    has no error misses. Cost is the mean wall time over the cases of the scene.
+
+    Parameters
+    ----------
+    dataset
+        An archive whose study has a reference.
+    tolerance
+        A share or a text such as ``"1%"``; the study's own where left out, else :data:`DEFAULT`.
+
+    Raises
+    ------
+    NoReferenceError
+        The archive holds no errors.
+    ValueError
+        The tolerance is no positive number.
+    """
+    if not all(f"{name}_error" in dataset for name in COMPARED):
+        raise NoReferenceError("the archive holds no errors: its study has no `reference`")
+    wanted = stated_tolerance(dataset) if tolerance is None else as_tolerance(tolerance)
+    table = Table(dataset)
+    within = table.error <= wanted
+    rank = np.argsort(table.cost, kind="stable")
+    good = [int(k) for k in rank if within[k].all()]
+    if good:
+        cheaper = [int(k) for k in rank if table.cost[k] < table.cost[good[0]]]
+        nearest = cheaper[-1] if cheaper else None
+    else:
+        nearest = max(range(len(rank)), key=lambda k: (within[k].mean(), -_shortfall(table.error[k])), default=None)
+    return Recommendation(
+        wanted,
+        table.choice(good[0], within[good[0]]) if good else None,
+        None if nearest is None else table.choice(nearest, within[nearest]),
+        table.unpredictable(DECIDABLE * wanted),
+    )
+
+
+def _shortfall(errors: NDArray[np.float64]) -> float:
+    """Return the largest error of a choice, infinity where a case has none."""
+    return float(np.max(np.where(np.isnan(errors), np.inf, errors)))
+
+
+def as_tolerance(written: float | str) -> float:
+    """Return a tolerance from a number or a text such as ``1%``.
+
+    Raises
+    ------
+    ValueError
+        It is no positive number.
+    """
+    text = str(written).strip()
+    try:
+        value = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
+    except ValueError:
+        value = float("nan")
+    if not 0 < value < np.inf:
+        raise ValueError(f"the tolerance `{text}` is no positive number or percentage, such as 0.01 or 1%")
+    return value
+
+
+def stated_tolerance(dataset: xr.Dataset) -> float:
+    """Return the scalar tolerance of an archive's study, :data:`DEFAULT` where it has none."""
+    if "tolerance" in dataset.coords and dataset["tolerance"].ndim == 0:
+        return float(dataset["tolerance"])
+    return DEFAULT
+
+
+def is_numerical(dataset: xr.Dataset, name: str) -> bool:
+    """Tell whether a coordinate changes the computation, not the scene."""
+    return name in NUMERICAL or str(dataset[name].attrs.get("study_path", "")).startswith("schemes.")
+
+
+def numerical_dims(dataset: xr.Dataset) -> tuple[str, ...]:
+    """Return the dimensions with a numerical coordinate, in the archive's order."""
+    return tuple(
+        dim
+        for dim in case_dims(dataset)
+        if any(dim in dataset[name].dims and is_numerical(dataset, str(name)) for name in dataset.coords)
+    )
+
+
+class Table:
+    """Choices against cases of the scene: each array ``(choice, case)``."""
+
+    def __init__(self, dataset: xr.Dataset) -> None:
+        self.dataset = dataset
+        self.rows = numerical_dims(dataset)
+        self.columns = tuple(dim for dim in case_dims(dataset) if dim not in self.rows)
+        self.status = self._array("status").astype(np.int8)
+        self.errors = np.stack([self.of_ok_cases(f"{name}_error") for name in COMPARED])
+        self.error = np.max(self.errors, axis=0)
+        seconds = self._array("wall_time")
+        run = np.isfinite(seconds)
+        total = np.where(run, seconds, 0.0).sum(axis=1)
+        self.cost = np.where(run.any(axis=1), total / np.maximum(run.sum(axis=1), 1), np.inf)
+
+    def _array(self, name: str) -> NDArray[np.float64]:
+        """Return a variable as ``(choice, case)``; NaN where the archive has no such variable."""
+        sizes = [int(np.prod([self.dataset.sizes[dim] for dim in dims])) for dims in (self.rows, self.columns)]
+        if name not in self.dataset:
+            return np.full(sizes, np.nan)
+        ordered = self.dataset[name].transpose(*self.rows, *self.columns)
+        return np.asarray(ordered.values, dtype=np.float64).reshape(sizes)
+
+    def of_ok_cases(self, name: str) -> NDArray[np.float64]:
+        """Return a variable as ``(choice, case)``, NaN where the case is not ok."""
+        return np.where(self.status == Status.OK, self._array(name), np.nan)
+
+    def choice(self, row: int, within: NDArray[np.bool_]) -> Choice:
+        """Return a choice with its evidence."""
+        duration = simulated_seconds(self.dataset)
+        cost = float(self.cost[row])
+        return Choice(
+            self._values(self.rows, row, scalars=True),
+            cost,
+            cost / duration,
+            float(within.mean()),
+            self._worst(row),
+            self._step_matters(row),
+        )
+
+    def _values(self, dims: Sequence[str], place: int, scalars: bool = False) -> dict[str, Any]:
+        """Return the coordinates along some dimensions at a place, and those numerical ones that are fixed."""
+        sizes = [self.dataset.sizes[dim] for dim in dims]
+        at = dict(zip(dims, np.unravel_index(place, sizes) if sizes else (), strict=True))
+        found: dict[str, Any] = {}
+        for name, coordinate in self.dataset.coords.items():
+            fixed = coordinate.ndim == 0 and scalars and is_numerical(self.dataset, str(name))
+            if fixed or (coordinate.ndim == 1 and coordinate.dims[0] in at):
+                value = coordinate.values if fixed else coordinate.values[at[str(coordinate.dims[0])]]
+                found[str(name)] = value.item() if hasattr(value, "item") else value
+        return found
+
+    def _worst(self, row: int) -> Worst:
+        """Return the worst case of a choice: one without an error, else the one with the largest."""
+        error = self.error[row]
+        case = int(np.argmax(np.where(np.isnan(error), np.inf, error)))
+        several = self.errors[:, row, case]
+        which = 0 if np.isnan(several).all() else int(np.nanargmax(several))
+        name = COMPARED[which]
+        return Worst(
+            self._values(self.columns, case),
+            float(error[case]),
+            name,
+            float(self._value(f"{name}_scheme_error", row, case, np.nan)),
+            float(self._value(f"{name}_model_error", row, case, np.nan)),
+            Status(int(self.status[row, case])).name.lower(),
+            str(self._value("message", row, case, "")),
+        )
+
+    def _value(self, name: str, row: int, case: int, missing: Any) -> Any:
+        """Return the value of a variable for one case; only that is read."""
+        if name not in self.dataset:
+            return missing
+        dims = (*self.rows, *self.columns)
+        sizes = [self.dataset.sizes[dim] for dim in dims]
+        place = np.unravel_index(row * self.error.shape[1] + case, sizes) if sizes else ()
+        return self.dataset[name].isel(dict(zip(dims, map(int, place), strict=True))).values
+
+    def _step_matters(self, row: int) -> bool:
+        """Tell whether a choice differs from its neighbours along ``h``."""
+        if "h" not in self.rows:
+            return True
+        sizes = [self.dataset.sizes[dim] for dim in self.rows]
+        place = list(np.unravel_index(row, sizes))
+        axis = self.rows.index("h")
+        alike = [int(np.ravel_multi_index([*place[:axis], k, *place[axis + 1 :]], sizes)) for k in range(sizes[axis])]
+        return len(alike) < 2 or not np.array_equal(
+            self.error[alike], np.broadcast_to(self.error[row], (len(alike), self.error.shape[1])), equal_nan=True
+        )
+
+    def unpredictable(self, most: float) -> tuple[dict[str, Any], ...]:
+        """Return the cases of the scene whose predictability exceeds a share."""
+        with np.errstate(invalid="ignore"):
+            found = (self._array("predictability") > most).any(axis=0)
+        return tuple(self._values(self.columns, int(case)) for case in np.flatnonzero(found))
+
+
+def simulated_seconds(dataset: xr.Dataset) -> float:
+    """Return the duration of an archive's cases, s; NaN where it does not tell."""
+    if "duration" in dataset.attrs:
+        return float(dataset.attrs["duration"])
+    return float(dataset["t"].values[-1]) if "t" in dataset.coords else float("nan")

@@ -1,0 +1,179 @@
+"""A recommendation in words: a sentence that can be quoted, rows of a table, and plain JSON values."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from workflow.analysis._recommend import Choice, Recommendation, Worst
+
+SETTINGS = ("scheme", "h", "mechanical_modes", "thermal_modes", "reduction")
+"""Settings that stand in every answer; ``None`` where the archive does not have one."""
+
+NAMED = 5
+"""Undecidable cases that are named; of more the number is."""
+
+COLUMNS = ("tolerance", "choice", "cost per simulated second", "cases within", "largest error", "limited by")
+
+
+def named_choice(choice: Choice) -> str:
+    """Return scheme, step, modes and options of a choice in words."""
+    settings = dict(choice.settings)
+    words = [str(settings.pop("scheme", "the scheme"))]
+    h = settings.pop("h", None)
+    if h is not None:
+        words.append(f"h = {h:.6g} s" if choice.step_matters else "whatever h")
+    modes = settings.pop("mechanical_modes", None), settings.pop("thermal_modes", None)
+    if None not in modes:
+        words.append(f"{modes[0]} + {modes[1]} modes")
+    reduction = settings.pop("reduction", None)
+    if reduction is not None:
+        words.append(str(reduction))
+    words += [f"{name.replace('_', ' ')} {_number(value)}" for name, value in settings.items()]
+    return ", ".join(words)
+
+
+def named_case(case: dict[str, Any]) -> str:
+    """Return the coordinates of a case of the scene in words."""
+    return ", ".join(f"{name} = {_number(value)}" for name, value in case.items()) or "the only case"
+
+
+def sentence(found: Recommendation) -> str:
+    """Return the answer as sentences that can be quoted."""
+    tolerance = percent(found.tolerance)
+    if found.choice is None:
+        return f"Nothing in this study meets {tolerance} in all cases. {_nearest(found.next, found.tolerance)}"
+    worst = found.choice.worst
+    text = (
+        f"The cheapest choice within {tolerance} in all cases is {named_choice(found.choice)}, at "
+        f"{_cost(found.choice)}; its largest error is {percent(worst.error)} ({worst.variable}, "
+        f"{named_case(worst.case)}), {_limit(worst)}."
+    )
+    if found.next is not None:
+        text += f" The next cheaper one, {named_choice(found.next)} ({_cost(found.next)}), {_failure(found.next)}."
+    return text
+
+
+def undecidable(found: Recommendation) -> str:
+    """Return which cases cannot be decided, an empty text where all can."""
+    cases = found.undecidable
+    if not cases:
+        return ""
+    named = "; ".join(named_case(case) for case in cases[:NAMED])
+    more = f"; and {len(cases) - NAMED} more" if len(cases) > NAMED else ""
+    return (
+        f"Undecidable at {percent(found.tolerance)}, as a change of the gap by rounding moves their reference by more "
+        f"than a tenth of that: {named}{more}."
+    )
+
+
+def row(found: Recommendation) -> tuple[str, ...]:
+    """Return a recommendation as a row of a table with :data:`COLUMNS`."""
+    shown = found.choice or found.next
+    if shown is None:
+        return percent(found.tolerance), "nothing", "", "", "", ""
+    name = named_choice(shown) if found.choice else f"nothing; nearest is {named_choice(shown)}"
+    worst = shown.worst
+    error = percent(worst.error) if not math.isnan(worst.error) else worst.status
+    return percent(found.tolerance), name, _cost(shown), percent(shown.share), error, worst.limited_by
+
+
+def as_json(found: Recommendation) -> dict[str, Any]:
+    """Return a recommendation as plain JSON values; numbers that are not finite are ``None``."""
+    chosen = found.choice
+    settings = {} if chosen is None else chosen.settings
+    return {
+        "tolerance": found.tolerance,
+        **{name: settings.get(name) for name in SETTINGS},
+        "options": {name: value for name, value in settings.items() if name not in SETTINGS},
+        "cost": None if chosen is None else finite(chosen.cost),
+        "cost_per_second": None if chosen is None else finite(chosen.cost_per_second),
+        "worst": None if chosen is None else _worst(chosen.worst),
+        "share": None if chosen is None else chosen.share,
+        "limited_by": None if chosen is None else chosen.worst.limited_by,
+        "next": None if found.next is None else _choice(found.next),
+        "undecidable": list(found.undecidable),
+        "sentence": sentence(found),
+    }
+
+
+def _choice(choice: Choice) -> dict[str, Any]:
+    return {
+        **choice.settings,
+        "cost": finite(choice.cost),
+        "share": choice.share,
+        "worst": _worst(choice.worst),
+        "limited_by": choice.worst.limited_by,
+    }
+
+
+def _worst(worst: Worst) -> dict[str, Any]:
+    return {
+        "case": worst.case,
+        "error": finite(worst.error),
+        "variable": worst.variable,
+        "scheme_error": finite(worst.scheme_error),
+        "model_error": finite(worst.model_error),
+        "status": worst.status,
+        "message": worst.message,
+    }
+
+
+def finite(value: float) -> float | None:
+    """Return a number that JSON can hold, or ``None``."""
+    return value if math.isfinite(value) else None
+
+
+def percent(share: float) -> str:
+    """Return a share in percent."""
+    return f"{100 * share:.3g} %"
+
+
+def _number(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _cost(choice: Choice) -> str:
+    """Return what a choice costs, per simulated second where the archive tells its duration."""
+    seconds, per = (choice.cost_per_second, " per simulated second")
+    if math.isnan(seconds):
+        seconds, per = choice.cost, " per case"
+    scale, unit = next((pair for pair in ((1.0, "s"), (1e3, "ms")) if seconds * pair[0] >= 1), (1e6, "µs"))
+    return f"{seconds * scale:.3g} {unit}{per}"
+
+
+def _limit(worst: Worst) -> str:
+    """Say what an error comes from."""
+    return {
+        "step": f"which comes from the step ({percent(worst.scheme_error)}; the basis: {percent(worst.model_error)})",
+        "basis": f"which comes from the basis ({percent(worst.model_error)}; the step: {percent(worst.scheme_error)})",
+        "nothing": "as it is computed as the reference is",
+        "status": f"as the case is {worst.status}",
+        "unknown": "of which this archive does not hold the parts",
+    }[worst.limited_by]
+
+
+def _failure(choice: Choice) -> str:
+    """Say why a choice fails."""
+    worst = choice.worst
+    where = named_case(worst.case)
+    if worst.status != "ok":
+        return f"fails as {where} is {worst.status}" + (f" ({worst.message})" if worst.message else "")
+    if math.isnan(worst.error):
+        return f"fails as {where} has no error" + (f" ({worst.message})" if worst.message else "")
+    return f"fails with {percent(worst.error)} ({worst.variable}, {where}), {_limit(worst)}"
+
+
+def _nearest(choice: Choice | None, tolerance: float) -> str:
+    """Say which choice comes nearest and what to add."""
+    if choice is None:
+        return "It has no case."
+    text = f"Nearest comes {named_choice(choice)} with {percent(choice.share)} of the cases; it {_failure(choice)}. "
+    worst, h = choice.worst, choice.settings.get("h")
+    if worst.limited_by == "step" and h is not None and choice.step_matters:
+        return text + f"Add smaller steps: at order one about h = {h * tolerance / worst.scheme_error:.1g} s."
+    if worst.limited_by == "basis":
+        return text + "Add more modes, or `full`."
+    if worst.limited_by == "status":
+        return text + "Add a scheme or a step at which that case ends ok."
+    return text + "Add smaller steps and more modes."

@@ -1,0 +1,181 @@
+"""Which cases are worth a look, most telling first, and which case is the exact solution of the same scene."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow.analysis._cases import case_dims, finest
+from workflow.analysis._recommend import COMPARED, Choice, numerical_dims
+from workflow.schemes import Status
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+EXACT = "event_driven"
+"""Method whose results are the exact solution of a model."""
+
+_EXTREMES = (
+    ("error", "largest error of the ok cases"),
+    ("predictability", "least predictable: its reference moves most when the gap changes by rounding"),
+    ("energy_residual", "largest residual of the energy balance"),
+    ("max_penetration", "deepest penetration of the casing"),
+    ("max_temperature", "hottest tip"),
+    ("impacts", "most impacts"),
+    ("contact_impulse", "largest impulse of the casing"),
+)
+"""Metrics whose case of the largest magnitude is named, and how."""
+
+
+@dataclass(frozen=True)
+class Telling:
+    """A case that is worth a look.
+
+    Attributes
+    ----------
+    case
+        Its number, cases counted in the order of the archive's dimensions, the last fastest.
+    why
+        What is worth it.
+    """
+
+    case: int
+    why: str
+
+
+def total_error(dataset: xr.Dataset, part: str = "") -> NDArray[np.float64] | None:
+    """Return the largest error of any history of each case, shape of ``status``; NaN where a case is not ok.
+
+    Parameters
+    ----------
+    dataset
+        An archive.
+    part
+        ``scheme_`` or ``model_`` for that part of the errors alone.
+
+    Returns
+    -------
+    ndarray or None
+        ``None`` where the archive does not hold them.
+    """
+    names = [f"{name}_{part}error" for name in COMPARED]
+    if not all(name in dataset for name in names):
+        return None
+    errors = [np.asarray(dataset[name].values, dtype=float) for name in names]
+    ok = np.asarray(dataset["status"].values) == Status.OK
+    return np.asarray(np.where(ok, np.max(errors, axis=0), np.nan))
+
+
+def telling(dataset: xr.Dataset, choice: Choice | None) -> list[Telling]:
+    """Return the cases that are worth a look, each once, the most telling first.
+
+    First comes the worst case of a choice; without one the hottest or hardest pressed case. Then cases that are not ok,
+    the first of each status, and those with the largest magnitude of each metric.
+
+    Parameters
+    ----------
+    dataset
+        An archive.
+    choice
+        What the archive recommends, or what comes nearest to it; ``None`` without a reference.
+    """
+    status = np.asarray(dataset["status"].values).ravel()
+    found: dict[int, str] = {}
+    worst = None if choice is None else _case_of(dataset, choice)
+    if worst is not None:
+        found[worst] = "worst case of the choice that is recommended, or of the one that comes nearest"
+    extremes = _extremes(dataset, status)
+    if worst is None and extremes:
+        named = {name: case for name, case, _ in extremes}
+        first = next((named[name] for name in ("max_temperature", "contact_impulse") if name in named), extremes[0][1])
+        found[first] = next(why for _, case, why in extremes if case == first)
+    for code in Status:
+        if code is not Status.OK and (status == code).any():
+            found.setdefault(int(np.argmax(status == code)), f"the first case that is {code.name.lower()}")
+    for _, case, why in extremes:
+        found.setdefault(case, why)
+    found.setdefault(int(np.argmax(status == Status.OK)), "the first case")
+    return [Telling(case, why) for case, why in found.items()]
+
+
+def _extremes(dataset: xr.Dataset, status: NDArray[np.int8]) -> list[tuple[str, int, str]]:
+    """Return metric, case and reason of the ok case with the largest magnitude of each metric."""
+    found = []
+    for name, why in _EXTREMES:
+        values = total_error(dataset) if name == "error" else dataset[name].values if name in dataset else None
+        if values is None:
+            continue
+        size = np.abs(np.asarray(values, dtype=float).ravel())
+        size = np.where((status == Status.OK) & np.isfinite(size), size, 0.0)
+        if size.size and size.max() > 0:
+            found.append((name, int(np.argmax(size)), why))
+    return found
+
+
+def _case_of(dataset: xr.Dataset, choice: Choice) -> int | None:
+    """Return the number of the worst case of a choice."""
+    wanted = {**choice.settings, **choice.worst.case}
+    place: list[int] = []
+    for dim in case_dims(dataset):
+        fits = np.ones(dataset.sizes[dim], dtype=bool)
+        for name in dataset.coords:
+            if dataset[name].dims == (dim,) and name in wanted:
+                fits &= np.asarray([_same(value, wanted[str(name)]) for value in dataset[name].values])
+        if not fits.any():
+            return None
+        place.append(int(np.argmax(fits)))
+    return int(np.ravel_multi_index(place, dataset["status"].shape)) if place else 0
+
+
+def _same(value: Any, wanted: Any) -> bool:
+    return bool(value == wanted)
+
+
+def exact_partners(dataset: xr.Dataset, methods: Mapping[str, str]) -> NDArray[np.int64]:
+    """Return, for each case, the number of the case that is the exact solution of its scene; -1 where there is none.
+
+    That is a case of the scheme :data:`EXACT` with the most modes that the archive holds.
+
+    Parameters
+    ----------
+    dataset
+        An archive.
+    methods
+        Method of each scheme of the study, by its label; a label that is missing is its own method.
+
+    Returns
+    -------
+    ndarray
+        Shape ``(case,)``, cases counted as in :class:`Telling`.
+    """
+    status = np.asarray(dataset["status"].values)
+    none = np.full(status.size, -1, dtype=np.int64)
+    if "scheme" not in dataset.coords:
+        return none
+    labels = [str(label) for label in np.atleast_1d(dataset["scheme"].values)]
+    exact = np.asarray([methods.get(label, label) == EXACT for label in labels])
+    if not exact.any():
+        return none
+    numerical, place = numerical_dims(dataset), finest(dataset)
+    at = {dim: place[dim] for dim in numerical}
+    if dataset["scheme"].ndim:
+        at[str(dataset["scheme"].dims[0])] = _most_modes(dataset, exact)
+    places: list[NDArray[np.int64]] = list(np.indices(status.shape, sparse=True))
+    dims = case_dims(dataset)
+    fixed = [np.asarray(at[dim]) if dim in at else places[k] for k, dim in enumerate(dims)]
+    partners = np.broadcast_to(np.ravel_multi_index(fixed, status.shape), status.shape) if dims else np.zeros((), int)
+    partners = np.ascontiguousarray(partners).ravel().astype(np.int64)
+    return np.where(status.ravel()[partners] == Status.OK, partners, -1)
+
+
+def _most_modes(dataset: xr.Dataset, exact: NDArray[np.bool_]) -> int:
+    """Return the exact scheme's place along its dimension, that with the most modes where they lie along it too."""
+    modes = np.zeros(exact.size)
+    for name in ("mechanical_modes", "thermal_modes"):
+        if name in dataset.coords and dataset[name].dims == dataset["scheme"].dims:
+            modes += np.asarray(dataset[name].values, dtype=float)
+    return int(np.argmax(np.where(exact, modes, -np.inf)))

@@ -1,0 +1,102 @@
+"""Variables of a finished archive, read cell by cell: what :mod:`workflow.archive._known` takes from one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow.archive._cut import Cut
+from workflow.archive._layout import MESSAGE, Layout, Variable
+
+Cells = NDArray[np.int64]
+
+
+def with_messages(file: Any) -> NDArray[np.bool_]:
+    """Tell which cells of an archive have a message, from its first character: an ok case may have one too."""
+    stored = file[MESSAGE]
+    first = stored[...] if stored.dtype == object else stored[..., 0]
+    return np.asarray(first != b"").ravel()
+
+
+def messages_of(file: Any, places: Cells) -> list[str]:
+    """Return messages, which are strings or, along one more dimension, characters."""
+    if not places.size:
+        return []
+    stored = file[MESSAGE]
+    if stored.dtype == object:
+        return [row.decode() for row in _rows(stored, places, tail=0)]
+    return [row.tobytes().rstrip(b"\0").decode() for row in _rows(stored, places, tail=1)]
+
+
+def same_chunks(stored: Any, variable: Variable, layout: Layout) -> bool:
+    """Tell whether chunks of a stored variable may stand in the archive of a layout as they are."""
+    tail = tuple(layout.sizes[name] for name in layout.tail(variable))
+    return bool(
+        stored.chunks is not None
+        and _without_ones(stored.chunks) == _without_ones(layout.archive_chunk_of(variable))
+        and stored.shape[stored.ndim - len(tail) :] == tail
+        and stored.dtype == np.dtype(variable.dtype)
+    )
+
+
+def _without_ones(lengths: tuple[int, ...]) -> tuple[int, ...]:
+    """Return the lengths of a chunk from the first on that is more than one."""
+    more = [k for k, length in enumerate(lengths) if length > 1]
+    return tuple(lengths[more[0] :]) if more else ()
+
+
+def cut_of(status: Any) -> Cut | None:
+    """Return how a stored variable of cases is cut, ``None`` where its chunks are not those of a cut."""
+    if not status.shape or status.chunks is None:
+        return None
+    try:
+        cut = Cut(status.shape, int(np.prod(status.chunks)))
+    except ValueError:
+        return None
+    return cut if cut.lengths == status.chunks else None
+
+
+def holds(file: Any, variable: Variable, layout: Layout) -> bool:
+    """Tell whether a file has a variable as exactly as it is wanted, along ``t`` to its end.
+
+    One that is optional, or told per load period, is missing in all of the cases of a file without it.
+    """
+    stored = file.get(variable.name)
+    if stored is None:
+        return variable.optional or variable.kind == "period"
+    if np.dtype(variable.dtype).itemsize > stored.dtype.itemsize:
+        return False
+    return variable.kind != "history" or stored.shape[-1] == layout.samples
+
+
+def picked(stored: Any, places: Cells, variable: Variable, layout: Layout) -> NDArray[Any]:
+    """Return a variable of some cells; one that the file does not have, or a period beyond its last, is missing."""
+    if stored is None:
+        return np.full((len(places), *layout.shape_of(variable, 1)[2:]), variable.fill, dtype=variable.dtype)
+    rows = _rows(stored, places, tail=len(layout.tail(variable)))
+    if variable.kind != "period" or rows.shape[1] == layout.periods:
+        with np.errstate(over="ignore"):  # as in a shard: a diverged float64 is an infinite float32
+            return rows.astype(variable.dtype)
+    wide = np.full((len(rows), layout.periods), variable.fill, dtype=variable.dtype)
+    width = min(rows.shape[1], layout.periods)
+    wide[:, :width] = rows[:, :width]
+    return wide
+
+
+def _rows(stored: Any, places: Cells, tail: int) -> NDArray[Any]:
+    """Return some cells of a dataset; each run along its innermost case dimension is read once."""
+    case_dims = stored.ndim - tail
+    shape = stored.shape[:case_dims]
+    if not shape:
+        return np.repeat(stored[...][None], len(places), axis=0)
+    found = np.empty((len(places), *stored.shape[case_dims:]), dtype=stored.dtype)
+    row, column = np.divmod(places, shape[-1])
+    for number in np.unique(row):
+        here = np.flatnonzero(row == number)
+        outer = np.unravel_index(int(number), shape[:-1]) if shape[:-1] else ()
+        first, last = int(column[here].min()), int(column[here].max())
+        block = stored[(*(int(i) for i in outer), slice(first, last + 1))]
+        found[here] = block[column[here] - first]
+    return found

@@ -1,0 +1,31 @@
+"""The command line: ``_app`` puts it together, each command is the module of its name.
+
+``_words`` describes arguments that several commands share, ``_terminal`` writes to the terminal, ``_failures`` turns
+errors into messages and exit statuses, ``_stop`` ends a command at Ctrl-C or SIGTERM. Nothing heavy is imported before
+a command needs it.
+"""
+
+from __future__ import annotations
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # importing typing itself would lengthen the time before signals are heeded
+    from typing import Any
+
+
+def main() -> None:
+    """Entry point of the command ``workflow``."""
+    from workflow.cli._stop import heed_signals
+
+    heed_signals()
+    from workflow.cli._failures import run_application
+
+    run_application()
+
+
+def __getattr__(name: str) -> Any:
+    """Make the application when it is asked for."""
+    if name != "app":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from workflow.cli._app import app
+
+    return app

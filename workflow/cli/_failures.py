@@ -1,0 +1,154 @@
+"""Exit statuses, and every error as one clear message."""
+
+from __future__ import annotations
+
+import errno
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NoReturn
+
+import typer
+
+from workflow.cli._stop import ignore_signals
+from workflow.cli._terminal import complain, forgive
+
+NOT_OK = 1
+"""Exit status: some case is not ok; the rest is complete and stored."""
+WRONG = 2
+"""Exit status: the study or the call is wrong, or the machine lacks room for it."""
+DEFECT = 3
+"""Exit status: the program failed."""
+
+TRACEBACK = "WORKFLOW_TRACEBACK"
+"""Environment variable that has a defect's traceback printed."""
+
+_PLACE = {errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOSPC, errno.EDQUOT, errno.ENOENT, errno.ENOTDIR}
+_PLACE |= {errno.EISDIR, errno.ENAMETOOLONG, errno.ELOOP, errno.EFBIG}
+"""What another place cures."""
+
+_NO_MEMORY = ("cannot allocate memory", "failed to map segment", "can't start new thread", "unable to allocate")
+"""How the system, the loader, Python's threads and NumPy say that there is no memory."""
+
+
+def run_application() -> NoReturn:
+    """Run the command that was called and exit with its status; no error ends in a traceback."""
+    forgive()
+    try:
+        _judge_memory()
+        from workflow.cli._app import app
+
+        status = app(standalone_mode=False) or 0
+    except Exception as error:
+        status = _last_resort(error)
+    ignore_signals()
+    sys.exit(status)
+
+
+LEAST_MEMORY = 2**30
+"""Bytes of address space below which the linear algebra library that NumPy loads waits for ever, or ends the process:
+measured at 300 and 600 MB; loading alone takes 400 MB."""
+
+
+def _judge_memory() -> None:
+    """Refuse a limit of the address space (``ulimit -v``) under which libraries cannot be loaded."""
+    import resource
+
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if limit != resource.RLIM_INFINITY:
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # each further thread takes 32 MB
+        if limit < LEAST_MEMORY:
+            raise MemoryError
+
+
+def _last_resort(error: Exception) -> int:
+    """Tell an error that no command has told, and return the exit status."""
+    if hasattr(error, "format_message"):
+        _tell_usage(error)
+        return int(getattr(error, "exit_code", WRONG))
+    if os.environ.get(TRACEBACK):
+        import traceback
+
+        for line in "".join(traceback.format_exception(error)).splitlines():
+            complain(line)
+    if lacks_memory(error):
+        complain(
+            "there is not enough memory; allow this process more of it (ulimit -v, at least 1 GiB), or run a smaller "
+            "study on fewer threads"
+        )
+        return WRONG
+    where = _innermost(error)
+    complain(
+        f"a defect of this program: {type(error).__name__}{where}: {error}; finished results stay where they are. "
+        f"Please report it with the study and this line; {TRACEBACK}=1 in the environment shows the traceback"
+    )
+    return DEFECT
+
+
+def _tell_usage(error: Any) -> None:
+    """Tell what the parser of the command line refuses: usage and fault; the help where no word was given."""
+    message, context = error.format_message(), getattr(error, "ctx", None)
+    if context is not None and message == context.get_help():
+        lines = message.splitlines()
+    else:
+        usage = context.get_usage().splitlines() if context is not None else []
+        lines = [*usage, f"Error: {message}"]
+    for line in lines:
+        complain(line)
+
+
+def lacks_memory(error: BaseException) -> bool:
+    """Tell whether an error, or one that led to it, says that there is no memory."""
+    chain: BaseException | None = error
+    while chain is not None:
+        text = str(chain).lower()
+        no_memory = isinstance(chain, OSError) and chain.errno == errno.ENOMEM
+        if isinstance(chain, MemoryError) or no_memory or any(words in text for words in _NO_MEMORY):
+            return True
+        chain = chain.__cause__ or chain.__context__
+    return False
+
+
+def _innermost(error: BaseException) -> str:
+    """Return the file and line of this package that an error came through last."""
+    found, step = "", error.__traceback__
+    while step is not None:
+        file = Path(step.tb_frame.f_code.co_filename)
+        if "workflow" in file.parts and file.parent.name != "cli":
+            found = f" in {file.parent.name}/{file.name}, line {step.tb_lineno}"
+        step = step.tb_next
+    return found
+
+
+@contextmanager
+def told() -> Iterator[None]:
+    """Turn what a user can mend into one clear message and the exit status of a wrong call."""
+    from workflow.archive import ArchiveError
+    from workflow.study import StudyError
+
+    try:
+        yield
+    except StudyError as error:
+        for mistake in error.mistakes:
+            complain(str(mistake))
+        raise typer.Exit(WRONG) from None
+    except ArchiveError as error:
+        complain(str(error))
+        raise typer.Exit(WRONG) from None
+    except UnicodeDecodeError:
+        complain("a text in the archive is not UTF-8, as `workflow run` writes it; restore a copy")
+        raise typer.Exit(WRONG) from None
+    except RuntimeError as error:
+        if not any(word in str(error) for word in ("NetCDF", "HDF")):
+            raise
+        complain(f"the archive is damaged ({error}); restore a copy, or move it away and run its study again")
+        raise typer.Exit(WRONG) from None
+    except OSError as error:
+        if lacks_memory(error):
+            raise
+        where = f"{error.filename}: " if error.filename else ""
+        advice = "; choose a place that can be written" if error.errno in _PLACE else ""
+        complain(f"{where}{(error.strerror or str(error)).lower()}{advice}")
+        raise typer.Exit(WRONG) from None

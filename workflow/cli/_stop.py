@@ -1,0 +1,89 @@
+"""Ctrl-C and SIGTERM: a command says what is stored and ends at once, whatever it is doing.
+
+Python raises ``KeyboardInterrupt`` between any two instructions of the main thread. Within a destructor or a callback
+of a library it is printed and forgotten, within an import it becomes an ``ImportError``, and compiled code delays it.
+Here a thread waits for signals instead and ends the process. That loses nothing: results are safe at every moment,
+because files are written aside and renamed.
+"""
+
+from __future__ import annotations
+
+import _thread
+import os
+import signal
+import sys
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from contextlib import AbstractContextManager
+
+_SAID: list[Callable[[], str]] = []
+"""What is said at the end; the last entry counts."""
+
+
+def heed_signals() -> None:
+    """Have SIGINT and SIGTERM end this process with the exit status 128 + number, from now on."""
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    owner = os.getpid()
+
+    def left(number: int, frame: object) -> None:
+        if os.getpid() != owner:  # a forked process ends without a word
+            os._exit(128 + number)
+
+    signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        if signal.getsignal(number) != signal.SIG_IGN:  # as `nohup` and background jobs of a shell leave it
+            signal.signal(number, left)
+    _thread.start_new_thread(_wait, (reading, owner))
+
+
+def ignore_signals() -> None:
+    """Let the exit status stand once the command has ended: Python's own end would give signals their default back."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+
+
+def _wait(reading: int, owner: int) -> None:
+    """Wait for one of the signals and end the process."""
+    while True:
+        numbers = os.read(reading, 64)
+        for number in numbers:
+            if number in (signal.SIGINT, signal.SIGTERM):
+                _end(number)
+
+
+def _end(number: int) -> None:
+    try:
+        line = _SAID[-1]() if _SAID else "stopped"
+        _discard_views()
+    except BaseException:  # in the middle of an import, say
+        line = "stopped"
+    shown = b"\r\x1b[2K\x1b[?25h" if os.isatty(2) else b""  # a progress bar's line goes, the cursor it hid comes back
+    try:
+        os.write(2, shown + line.encode(errors="backslashreplace") + b"\n")
+    finally:
+        os._exit(128 + number)
+
+
+def _discard_views() -> None:
+    """Remove temporary files of unfinished archives that are open."""
+    archive = sys.modules.get("workflow.archive")
+    if archive is not None and hasattr(archive, "discard_views"):
+        archive.discard_views()
+
+
+def saying(told: Callable[[], str]) -> AbstractContextManager[None]:
+    """Have a signal within this context say what ``told`` returns, one clean line."""
+    from contextlib import contextmanager
+
+    @contextmanager
+    def context() -> Iterator[None]:
+        _SAID.append(told)
+        try:
+            yield
+        finally:
+            _SAID.remove(told)
+
+    return context()

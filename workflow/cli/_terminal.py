@@ -1,0 +1,84 @@
+"""What commands write to the terminal: the one place through which all of it passes.
+
+Titles, units, messages, keys and file names come from files. They are data: characters that a terminal
+would obey are taken out.
+"""
+
+from __future__ import annotations
+
+import codecs
+import io
+import os
+import re
+import sys
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+_BREAKS = re.compile("[\t\n\v\f\r\x1c-\x1e\x85\u2028\u2029]+")
+"""Tabs, line feeds and what else ends a line."""
+
+_OBEYED = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
+"""C0 and C1 control characters, delete, and what changes the order of writing (Unicode Annex 9)."""
+
+_PLAIN = {"×": "x", "…": "...", "–": "-", "→": "->", "µ": "u", "°": "deg ", "·": "*", "∞": "inf", "α": "alpha"}
+"""What stands for characters of our own where a terminal lacks them."""
+
+
+def clean(text: str) -> str:
+    """Return text as one line without the characters that a terminal obeys; a break becomes a space."""
+    return _OBEYED.sub("", _BREAKS.sub(" ", text))
+
+
+def forgive() -> None:
+    """Have both streams write characters that their encoding lacks as the nearest plain ones, or as their codes."""
+    codecs.register_error("workflow", _plainly)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="workflow")
+
+
+def _plainly(error: UnicodeError) -> tuple[str, int]:
+    """Replace characters that cannot be encoded, as :func:`codecs.register_error` asks."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    lost = error.object[error.start : error.end]
+    text = "".join(_PLAIN.get(character, ascii(character)[1:-1]) for character in lost)
+    return text, error.end
+
+
+def say(line: str) -> None:
+    """Print one line on the standard output, cleaned."""
+    write(clean(line))
+
+
+def write(text: str) -> None:
+    """Print text on the standard output as it is; a reader that has gone, as `head` does, harms nobody.
+
+    Raises
+    ------
+    OSError
+        The standard output cannot be written to.
+    """
+    try:
+        print(text, flush=True)
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is left in the buffer goes nowhere
+        if not isinstance(error, BrokenPipeError):
+            error.filename = "standard output"
+            raise
+
+
+def complain(line: str) -> None:
+    """Print one line on the standard error, cleaned; where that is closed there is nobody to tell."""
+    with suppress(OSError, ValueError, AttributeError):
+        print(clean(line), file=sys.stderr, flush=True)
+
+
+def console() -> Console:
+    """Return what draws a progress bar; it interprets no markup."""
+    from rich.console import Console
+
+    return Console(highlight=False, soft_wrap=True, markup=False)

@@ -1,0 +1,65 @@
+"""Arguments that several commands share, and the study that one of them names."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from workflow.study import Study
+
+StudyFile = Annotated[Path, typer.Argument(metavar="STUDY", help="YAML study, or an archive whose study to repeat.")]
+ArchiveFile = Annotated[Path, typer.Argument(metavar="ARCHIVE", help="Archive that `workflow run` wrote.")]
+
+Damaged = Annotated[bool, typer.Option("--damaged", help="Open a damaged archive, as far as it can be read.")]
+
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+
+
+@contextmanager
+def unwarned() -> Iterator[None]:
+    """Keep the warning of a damaged archive from the terminal: the command says it in its own words."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        yield
+
+
+def named(archive: Path) -> Path:
+    """Refuse a path that names no file: nothing, a dot, the root."""
+    from workflow.archive import ArchiveError
+
+    if not archive.name:
+        raise ArchiveError(f"{archive}: a directory, not an archive; name a file")
+    return archive
+
+
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("-s", "--set", metavar="KEY=VALUE", help='Replace a value of the study: scene.casing.gap="10 um".'),
+]
+
+
+def read(path: Path, settings: list[str] | None = None) -> Study:
+    """Read a study from its YAML, or from the archive that came of it, with some values replaced."""
+    from workflow.archive import study_text
+    from workflow.study import parse_study, read_study, setting
+
+    given = dict(setting(words) for words in settings or ())
+    if _is_hdf5(path):
+        return parse_study(study_text(path), path.name, given)
+    return read_study(path, given)
+
+
+def _is_hdf5(path: Path) -> bool:
+    try:
+        if not path.is_file():  # a pipe would have to be waited for
+            return False
+        with open(path, "rb") as file:
+            return file.read(len(_HDF5)) == _HDF5
+    except OSError:
+        return False

@@ -1,0 +1,106 @@
+"""``workflow plan``."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from workflow.cli._failures import told
+from workflow.cli._terminal import say
+from workflow.cli._words import Settings, StudyFile, named, read
+
+if TYPE_CHECKING:
+    from workflow.grid import Figures, Plan, Time
+
+
+def plan(
+    study: StudyFile,
+    settings: Settings = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="ARCHIVE", help="Compare the study with this archive.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON.")] = False,
+) -> None:
+    """Say what a study comes to: cases, batches, time, size, structures, warnings. Runs nothing.
+
+    With an archive: how many cases it holds, how many are missing, how many the study no longer asks for.
+    """
+    with told():
+        from workflow.grid import arrange, units_of
+        from workflow.grid import plan as make_plan
+        from workflow.run import holdings
+
+        asked = read(study, settings)
+        grid = arrange(asked)
+        made = make_plan(grid, units_of(grid))
+        held = None if output is None else holdings(asked, named(output))
+        if as_json:
+            say(json.dumps({**_plain(made), "archive": _plain(held)}, ensure_ascii=False))
+            return
+        for line in _lines(made):
+            say(line)
+        if held is not None:
+            say(f"  in {output}: {held.stored} stored, {held.missing} missing, {held.dropped} no longer asked for")
+            if held.note:
+                say(f"  beware: {held.note}")
+
+
+def _plain(value: Any) -> Any:
+    """Return nested dataclasses as what JSON has; numbers that are not finite become null."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {entry.name: _plain(getattr(value, entry.name)) for entry in dataclasses.fields(value)}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _lines(plan: Plan) -> Iterator[str]:
+    dims = plan.dims
+    yield f"{plan.study}: {plan.title}"
+    width = max(len(value.path) for value in plan.scene)
+    for value in plan.scene:
+        origin = {"study": "", "axis": "   (varied)", "default": "   (default)"}[value.origin]
+        yield f"  {value.path:{width}}  {value.told}{origin}"
+    yield "  dimensions   " + (" × ".join(f"{name} {size}" for name, size in dims) or "none, a single case")
+    yield f"  cases        {plan.cases}, of which {plan.unique} are computed"
+    if plan.references:
+        yield f"  references   {plan.references}, and {plan.exact} exact solutions of reduced models to split errors"
+    yield f"  work         {plan.batches} batches in {plan.tasks} tasks, {plan.steps:.4g} steps"
+    yield f"  time         {_time(plan.time)}"
+    yield f"  stored       metrics{''.join(f', {name}' for name in plan.stored)}"
+    yield f"  size         at most {_size(plan.bytes)} before compression"
+    yield from map(_structure, plan.structures)
+    yield from (f"  {operator}" for operator in plan.operators)
+    yield from (f"  beware: {warning}" for warning in plan.warnings)
+
+
+def _structure(figures: Figures) -> str:
+    alpha = f"{figures.critical_alpha:.4g} W/N" if figures.critical_alpha < float("inf") else "none, no runaway"
+    first = f"{figures.first_frequency:.5g} Hz" if figures.first_frequency else "0, a free body"
+    return (
+        f"  {figures.label}: f1 {first}, tip stiffness {figures.tip_stiffness:.4g} N/m, "
+        f"thermal times {figures.fastest:.3g} to {figures.slowest:.3g} s, critical alpha {alpha}"
+    )
+
+
+def _time(time: Time) -> str:
+    several = f"{time.threads} threads ({_duration(time.core_seconds)} of one core)"
+    told = f"about {_duration(time.seconds)} on {several if time.threads > 1 else 'one core'}"
+    compiling = f", + {_duration(time.compiling)} compiling once" if time.compiling else ""
+    return told + compiling + ("" if time.measured else "; not measured on this machine")
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 120:
+        return f"{seconds:.2g} s" if seconds < 10 else f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
+
+
+def _size(size: int) -> str:
+    return f"{size / 1e3:.3g} kB" if size < 1e6 else f"{size / 1e6:.3g} MB" if size < 1e9 else f"{size / 1e9:.3g} GB"

@@ -1,0 +1,81 @@
+"""``workflow recommend``."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from workflow.cli._failures import NOT_OK, WRONG, told
+from workflow.cli._terminal import complain, console, say, write
+from workflow.cli._words import ArchiveFile, unwarned
+
+if TYPE_CHECKING:
+    from workflow.analysis import Recommendation
+
+Tolerance = Annotated[
+    str | None,
+    typer.Option("--tolerance", metavar="SHARE", help="Largest error, as 0.01 or 1%; default: the study's, else 1%."),
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Write JSON instead of text.")]
+
+SHOWN = (0.1, 0.01, 0.001)
+"""Tolerances that the table shows beside the one that is asked for."""
+
+WIDE = 240
+"""Characters of a line where the output goes to a file or another program, which fold nothing."""
+
+
+def recommend(archive: ArchiveFile, tolerance: Tolerance = None, as_json: AsJson = False) -> None:
+    """Name the cheapest scheme, step and reduced model that meet a tolerance in all cases, and the evidence.
+
+    Exit status: 0 answered, 1 nothing in the archive meets it, 2 the archive has no reference.
+    """
+    with told(), unwarned():
+        from workflow.analysis import NoReferenceError
+        from workflow.analysis import recommend as choose
+        from workflow.archive import open_archive
+
+        with open_archive(archive) as dataset:
+            try:
+                asked = choose(dataset, tolerance)
+                others = sorted({*SHOWN, asked.tolerance}, reverse=True)
+                table = [asked if other == asked.tolerance else choose(dataset, other) for other in others]
+            except NoReferenceError as error:
+                complain(f"{archive}: {error}; add `reference: {{scheme: event_driven}}` and run it again")
+                raise typer.Exit(WRONG) from None
+            except ValueError as error:
+                complain(str(error))
+                raise typer.Exit(WRONG) from None
+        _write_json(asked, table) if as_json else _write_text(asked, table)
+        if asked.choice is None:
+            raise typer.Exit(NOT_OK)
+
+
+def _write_json(asked: Recommendation, table: list[Recommendation]) -> None:
+    from workflow.analysis import recommendation_json
+
+    found = {**recommendation_json(asked), "table": [recommendation_json(other) for other in table]}
+    write(json.dumps(found, indent=2, ensure_ascii=False, allow_nan=False))
+
+
+def _write_text(asked: Recommendation, table: list[Recommendation]) -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    from workflow.analysis import RECOMMENDATION_COLUMNS, recommendation_row, sentence, undecidable
+    from workflow.cli._terminal import clean
+
+    say(sentence(asked))
+    if asked.undecidable:
+        say(undecidable(asked))
+    drawn = Table(box=None, pad_edge=False)
+    for name in RECOMMENDATION_COLUMNS:
+        drawn.add_column(name, overflow="fold")
+    for other in table:
+        drawn.add_row(*(Text(clean(cell)) for cell in recommendation_row(other)))
+    screen = console()
+    if not screen.is_terminal:
+        screen.width = WIDE
+    screen.print(drawn)

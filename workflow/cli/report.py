@@ -1,0 +1,30 @@
+"""``workflow report``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from workflow.cli._failures import told
+from workflow.cli._terminal import say
+from workflow.cli._words import Damaged, named, unwarned
+
+
+def report(
+    archives: Annotated[list[Path], typer.Argument(metavar="ARCHIVE...", help="Archives that `workflow run` wrote.")],
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="PAGE", help="Default: ARCHIVE.html; of several: report.html."),
+    ] = None,
+    damaged: Damaged = False,
+) -> None:
+    """Write figures and tables of one archive or several as one self-contained HTML page."""
+    with told(), unwarned():
+        from workflow.report import write_report
+
+        written = write_report([named(archive) for archive in archives], output, damaged=damaged)
+        if written.figure is not None:
+            say(f"figure {written.figure}")
+        say(f"page   {written.page}")

@@ -1,0 +1,110 @@
+"""``workflow run``."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from workflow.cli._failures import NOT_OK, WRONG, told
+from workflow.cli._groups import grouped
+from workflow.cli._progress import Follower, following
+from workflow.cli._stop import saying
+from workflow.cli._terminal import clean, complain, say
+from workflow.cli._words import Settings, StudyFile, named, read
+
+if TYPE_CHECKING:
+    from workflow.run import Advance, Outcome
+
+
+@dataclass(frozen=True)
+class Where:
+    """Where a study runs."""
+
+    threads: Annotated[int | None, typer.Option(min=1, help="Threads; default: one per processor.")] = None
+    workers: Annotated[int | None, typer.Option(min=1, help="Worker processes here, instead of threads.")] = None
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler, instead of threads, e.g. tcp://HOST:8786.")
+    ] = None
+
+    def check(self) -> None:
+        """Refuse more than one of them."""
+        chosen = [f"--{name}" for name, value in asdict(self).items() if value is not None]
+        if len(chosen) > 1:
+            raise typer.BadParameter(f"{' and '.join(chosen)} exclude each other; give one of them")
+
+
+@dataclass(frozen=True)
+class Reuse:
+    """What is done with cases that are stored already."""
+
+    retry: Annotated[bool, typer.Option("--retry", help="Run the cases again that are not ok.")] = False
+    recompute: Annotated[
+        bool, typer.Option("--recompute", help="Run all cases again, also of an archive of another solver version.")
+    ] = False
+    drop: Annotated[
+        bool, typer.Option("--drop", help="Leave out stored cases and histories that the study no longer asks for.")
+    ] = False
+
+
+@grouped
+def run(
+    study: StudyFile,
+    where: Where,
+    reuse: Reuse,
+    settings: Settings = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="ARCHIVE", help="Default: STUDY.nc here.")
+    ] = None,
+    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Say nothing but what went wrong.")] = False,
+) -> None:
+    """Run a study; what an interrupted run or an earlier archive of it holds is kept and the rest is run."""
+    where.check()
+    with told():
+        from workflow.run import ClusterError, ReuseOptions, run_study
+
+        asked = read(study, settings)
+        archive = Path(f"{asked.name}.nc") if output is None else named(output)
+        follower, options = Follower(), ReuseOptions(retry=reuse.retry, recompute=reuse.recompute, drop=reuse.drop)
+        try:
+            with following(follower, archive.name, quiet), saying(lambda: _stopped(archive, follower)):
+                outcome = run_study(
+                    asked, archive, where.threads, follower,
+                    workers=where.workers, scheduler=where.scheduler, **options,
+                )  # fmt: skip
+        except ClusterError as error:
+            reached = "" if follower.advance is None else f"; {_reached(follower.advance)} {archive}"
+            complain(f"{error}{reached}")
+            raise typer.Exit(WRONG) from None
+        if not (quiet and outcome.ok):
+            _tell(outcome)
+    raise typer.Exit(0 if outcome.ok else NOT_OK)
+
+
+def _stopped(archive: Path, follower: Follower) -> str:
+    """Return what a run that is stopped says."""
+    stored = "what was done is stored beside" if follower.advance is None else _reached(follower.advance)
+    return clean(f"stopped; {stored} {archive}, the same command goes on from there")
+
+
+def _reached(advance: Advance) -> str:
+    return f"{advance.stored} of {advance.cases} cases are stored beside"
+
+
+def _tell(outcome: Outcome) -> None:
+    cases = sum(outcome.counts.values())
+    counts = ", ".join(f"{number} {name}" for name, number in outcome.counts.items())
+    if outcome.resumed == cases:
+        say(f"{outcome.archive}: nothing to do, all {cases} cases are there ({counts})")
+    else:
+        before = f", {outcome.resumed} of them stored before" if outcome.resumed else ""
+        say(f"{outcome.archive}: {cases} cases in {outcome.seconds:.1f} s{before} ({counts})")
+    if outcome.without_error:
+        say(f"  {outcome.without_error} of the ok cases have an error against the reference that cannot be formed")
+    for labels, message in outcome.failures:
+        say(f"  {labels}: {message}")
+    bad = cases - outcome.counts.get("ok", 0) + outcome.without_error
+    if bad > len(outcome.failures):
+        say(f"  … and {bad - len(outcome.failures)} more; `workflow show {outcome.archive}` groups them")

@@ -1,0 +1,114 @@
+"""``workflow show``."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from workflow.cli._failures import told
+from workflow.cli._terminal import say
+from workflow.cli._words import Damaged, unwarned
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+VALUES_SHOWN = 8
+FAILURES_SHOWN = 20
+
+
+def show(
+    archives: Annotated[list[Path], typer.Argument(metavar="ARCHIVE...", help="Archives that `workflow run` wrote.")],
+    damaged: Damaged = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, one line for each archive.")] = False,
+) -> None:
+    """Say what archives hold: dimensions, statuses, what failed and why."""
+    with told(), unwarned():
+        from workflow.archive import open_archive
+
+        for archive in archives:
+            with open_archive(archive, damaged=damaged) as dataset:
+                lines = [_json(archive, dataset)] if as_json else _lines(archive, dataset)
+                for line in lines:
+                    say(line)
+
+
+def _lines(archive: Path, dataset: xr.Dataset) -> Iterator[str]:
+    if "damaged" in dataset.attrs:
+        yield f"damaged: {dataset.attrs['damaged']}; any value may be wrong"
+    yield f"{archive}: {dataset.attrs.get('title', 'without a title')}"
+    yield from _coordinates(dataset)
+    yield from _statuses(dataset)
+
+
+def _json(archive: Path, dataset: xr.Dataset) -> str:
+    """Return what is shown as one line of JSON; all values of the coordinates, numbers that are not finite as null."""
+    from workflow.analysis import failures
+    from workflow.run import status_counts
+
+    coordinates = {
+        str(name): {
+            "dims": list(values.dims),
+            "units": values.attrs.get("units", ""),
+            "values": _plain(values.values.tolist()),
+        }
+        for name, values in dataset.coords.items()
+        if name != "t"
+    }
+    shown = {
+        "archive": str(archive),
+        "title": dataset.attrs.get("title", ""),
+        "damaged": dataset.attrs.get("damaged"),
+        "dimensions": {str(name): size for name, size in dataset.sizes.items()},
+        "coordinates": coordinates,
+        "status": status_counts(dataset),
+        "runaway": int(dataset["runaway"].sum()) if "runaway" in dataset else 0,
+        "failures": [dataclasses.asdict(group) for group in failures(dataset)],
+    }
+    return json.dumps(shown, allow_nan=False, default=str)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_plain(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _coordinates(dataset: xr.Dataset) -> Iterator[str]:
+    from workflow.analysis import case_dims, exact, labels_of
+
+    for dim in case_dims(dataset):
+        values = labels_of(dataset, dim, named=False)
+        more = f"; … {len(values)} in all" if len(values) > VALUES_SHOWN else ""
+        yield f"  {dim} ({len(values)}): {'; '.join(values[:VALUES_SHOWN])}{more}"
+    for name in dataset.coords:
+        if dataset[name].ndim == 0:
+            unit = str(dataset[name].attrs.get("units", "1")).removeprefix("1")
+            yield f"  {name} = {exact(dataset[name].item())} {unit}".rstrip()
+    if "t" in dataset.sizes:
+        t = dataset["t"].values
+        yield f"  t: {t.size} samples to {exact(t[-1])} s"
+
+
+def _statuses(dataset: xr.Dataset) -> Iterator[str]:
+    from workflow.analysis import failures, runaways
+    from workflow.run import status_counts
+
+    counts = status_counts(dataset)
+    yield "  status: " + ", ".join(f"{number} {name}" for name, number in counts.items())
+    above, flutter = runaways(dataset)
+    if above:
+        yield f"  {above} ok cases above their critical alpha (flag runaway)"
+    if flutter:
+        yield f"  {flutter} ok cases whose contact would flutter below it (flag runaway)"
+    groups = failures(dataset)
+    for group in groups[:FAILURES_SHOWN]:
+        many = "" if group.cases == 1 else f" and {group.cases - 1} more"
+        yield f"  {group.status}: {group.first}{many}: {group.message}"
+    if len(groups) > FAILURES_SHOWN:
+        yield f"  … and {len(groups) - FAILURES_SHOWN} more messages"

@@ -1,0 +1,180 @@
+"""Cases whose numbers blew up although they stayed finite: marked ``diverged``, whatever the scheme.
+
+Two rules, both about what no motion of the model can do:
+
+- With balances: ``energy_residual`` above :data:`CREATED`, energy was created. What a scheme dissipates is negative
+  and never counts.
+- With or without balances, where K1 is regular: the largest |x_n| exceeds :data:`EXCESS` times the largest
+  length that the case accounts for (:func:`_accounted`, :func:`_with_growth`).
+
+The largest |x_n| is that of the samples and of gap + ``max_penetration``, which fixed-step schemes take over all
+steps. It is a lower bound: a motion that blows up between two samples shows in the penetration, as it comes back to
+the casing, or in the last sample. A running maximum in the march would cost every step of every case.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from workflow import schemes
+from workflow.grid._arrangement import Indices
+from workflow.grid._operators import reduced_structure, runaway_of, structure_of
+from workflow.models import Array, Cases, Chain, Structure, static_tip_growth, tip_flexibility
+from workflow.schemes import Results, Status
+from workflow.study import Cell
+
+CREATED = 1.0
+"""Energy residual above which a case has diverged: more energy than it ever held came from nowhere."""
+
+_LOST = 1e6
+"""Quasi-static growth over what a case accounts for otherwise, above which its energy balance is rounding."""
+
+_AT_REST = 1e-12
+"""Largest |x_n| over the length a case accounts for, up to which the tip never left a gap of 0: a few thousand
+roundings of that length."""
+
+EXCESS = 1000.0
+"""Largest |x_n| over the length that a case accounts for, above which it has diverged: a resonance at a damping
+ratio of 5e-4 amplifies a load by as much."""
+
+
+@lru_cache(maxsize=16)
+def _statics(model: str, parameters: Any) -> tuple[float, Array]:
+    """Return S [m/N] and the row -e_nᵀ K1⁻¹ K12 [m/K] of a model's full structure."""
+    structure = structure_of(model, parameters)
+    return tip_flexibility(structure), static_tip_growth(structure)
+
+
+def mark_blown_up(cell: Cell, cases: Cases, results: Results, duration: float) -> Results:
+    """Return the results with ``diverged`` and a message for every ok case that blew up.
+
+    Parameters
+    ----------
+    cell
+        The settings that the cases share.
+    cases
+        Their conditions on the nodes of the full structure.
+    results
+        What the scheme gave for them.
+    duration
+        s.
+    """
+    ok = results.status == Status.OK
+    told: dict[int, str] = {}
+    reach = _reach(results, cases.gap)
+    start = np.abs(results.histories["displacement"][:, 0])
+    far = np.flatnonzero(ok & (reach > EXCESS * np.fmax(np.abs(cases.gap), start)))
+    if far.size:
+        flexibility, growth = _statics(cell.scene.model, cell.scene.parameters)
+        if np.isfinite(flexibility):
+            base = np.fmax(_accounted(cell, cases.take(far), flexibility, growth, duration), start[far])
+            length = _with_growth(cell, cases.take(far), results, far, growth[-1], base, duration)
+            told |= {
+                int(case): f"the tip moved {reach[case]:.3g} m, more than {EXCESS:g} times the {most:.3g} m that gap, "
+                f"start, loads and heat account for{_advice(cell)}"
+                for case, most in zip(far, length, strict=True)
+                if reach[case] > EXCESS * most
+            }
+    residual = results.metrics.get("energy_residual")
+    if residual is not None:
+        told |= {
+            int(case): f"energy was created: its balance has a residual of {residual[case]:+.3g} times the largest "
+            f"energy, above {CREATED:+g}{_advice(cell)}"
+            for case in np.flatnonzero(ok & (residual > CREATED))
+            if not _is_rounding(cell, cases, results, int(case), duration)
+        }
+    if not told:
+        return results
+    status = results.status.copy()
+    status[list(told)] = Status.DIVERGED
+    return replace(results, status=status, messages={**results.messages, **told})
+
+
+def _is_rounding(cell: Cell, cases: Cases, results: Results, case: int, duration: float) -> bool:
+    """Tell whether the energy balance of a case is lost in rounding, so that its residual tells nothing.
+
+    Either the tip stays where it was at a gap of 0 and no energy is in the structure: what is left of the work of load
+    and contact force, which cancel, is set beside nothing. Or heat pushes a tip that stays where it is: the work
+    against thermal forces exceeds the energy by the square of growth over displacement, and 1e-16 of it is as large as
+    the energy where that ratio is about 1e8.
+    """
+    flexibility, growth = _statics(cell.scene.model, cell.scene.parameters)
+    one, reach = cases.take(np.array([case])), float(_reach(results, cases.gap)[case])
+    if np.isinf(flexibility):
+        return reach <= _AT_REST * _free_flight(cell, one, duration)
+    base = float(_accounted(cell, one, flexibility, growth, duration)[0])
+    if reach <= _AT_REST * base:
+        return True
+    return reach <= EXCESS * base and abs(float(results.metrics["thermal_closing"][case])) > _LOST * base
+
+
+def _free_flight(cell: Cell, case: Cases, duration: float) -> float:
+    """Return how far the loads of one case and its initial velocity would take the whole structure, m."""
+    structure = structure_of(cell.scene.model, cell.scene.parameters)
+    mass = structure.masses.sum() if isinstance(structure, Chain) else np.diag(structure.mass).sum()
+    load = float(np.abs(case.mean[0]) + np.abs(case.amplitude[0]) + np.abs(case.steady[0]).sum())
+    return load * duration * duration / float(mass) + float(np.abs(case.velocity[0]).max()) * duration
+
+
+def _reach(results: Results, gap: Array) -> Array:
+    """Return the largest known |x_n| of each case, m."""
+    displacement, beyond = results.histories["displacement"], results.metrics["max_penetration"]
+    sampled = np.fmax(np.fmax.reduce(displacement, axis=1), -np.fmin.reduce(displacement, axis=1))
+    return np.asarray(np.fmax(sampled, np.where(beyond > 0, np.abs(gap + beyond), 0.0)))
+
+
+def _accounted(cell: Cell, cases: Cases, flexibility: float, growth: Array, duration: float) -> Array:
+    """Return the largest length of what acts on each case without contact, m, ``(case,)``.
+
+    |gap|; S times the largest load, constant ones of all nodes added up; the quasi-static growth of the initial
+    temperatures and of what the heating brings in over the duration, each node's heat kept in it; and √(2 S E) with
+    the initial energy E, the largest |x_n| that an energy E can bring about.
+    """
+    structure = structure_of(cell.scene.model, cell.scene.parameters)
+    load = np.abs(cases.mean) + np.abs(cases.amplitude) + np.abs(cases.steady).sum(axis=1)
+    warm = np.abs((growth * cases.temperature).sum(axis=1))
+    capacity = structure.heat_capacities if isinstance(structure, Chain) else np.diag(structure.heat_capacity)
+    heated = (np.abs(growth) * np.abs(cases.heating) / capacity).sum(axis=1) * duration
+    reached = np.sqrt(2 * flexibility * _energy(structure, cases))
+    return np.asarray(np.max([np.abs(cases.gap), flexibility * load, warm, heated, reached], axis=0))
+
+
+def _energy(structure: Structure, cases: Cases) -> Array:
+    """Return the initial energy vᵀMv/2 + xᵀK1x/2 of each case, J."""
+    if isinstance(structure, Chain):
+        elongation = np.diff(cases.displacement, axis=1, prepend=0.0)
+        kinetic = (structure.masses * cases.velocity**2).sum(axis=1)
+    else:
+        elongation = cases.displacement @ structure.elongation.T
+        kinetic = ((cases.velocity @ structure.mass) * cases.velocity).sum(axis=1)
+    return np.asarray((kinetic + (structure.springs * elongation**2).sum(axis=1)) / 2)
+
+
+def _with_growth(
+    cell: Cell, cases: Cases, results: Results, which: Indices, tip_growth: float, base: Array, duration: float
+) -> Array:
+    """Return ``base`` or the largest quasi-static growth by friction heat, whichever is larger, m, ``(case,)``.
+
+    The growth is that at the end, or that of the tip node at its largest temperature. It counts up to EXCESS · base ·
+    exp(g · duration) with the growth rate g of the tip in contact, if positive: where a scheme creates energy it
+    creates heat too, which is no measure of what the model can do.
+    """
+    closing = np.abs(results.metrics["thermal_closing"][which])
+    sampled = np.abs(results.histories["temperature"][which])
+    hottest = np.fmax(np.abs(results.metrics["max_temperature"][which]), np.fmax.reduce(sampled, axis=1))
+    rate = np.array([runaway_of(cell, float(alpha))[1] for alpha in cases.alpha])
+    most = EXCESS * base * np.exp(np.fmax(rate, 0.0) * duration)
+    return np.asarray(np.fmax(base, np.fmin(np.fmax(closing, abs(tip_growth) * hottest), most)))
+
+
+def _advice(cell: Cell) -> str:
+    """Return up to which step a scheme with a contact spring holds, where it has a limit."""
+    scheme = schemes.load(cell.scheme.method)
+    if scheme.contact_limit is None:
+        return ""
+    limit = scheme.contact_limit(reduced_structure(cell), cell.scheme.options)
+    return "" if np.isinf(limit) else f"; with contact that comes and goes the scheme holds up to h = {limit:.4g} s"

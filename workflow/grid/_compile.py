@@ -1,0 +1,190 @@
+"""Schemes compiled before they run: several at a time, each in a process of its own.
+
+numba compiles one function at a time in a process. Where a run needs several schemes and nothing is
+compiled, helper processes compile all but the first into the cache of kernels meanwhile, and the run
+loads what they leave there. They are processes of this very module, which end as soon as the pipe to
+their parent does; whatever goes wrong with one, its scheme is compiled in the run itself.
+"""
+
+from __future__ import annotations
+
+import gc
+import hashlib
+import os
+import pickle
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from dataclasses import dataclass, fields
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workflow import models
+from workflow.grid._speed import timed
+from workflow.kernels.cache import directory_of, is_lasting
+from workflow.models import Cases
+from workflow.schemes import Sampling, load
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """A scheme with options, on a small structure of a kind: what decides which kernels there are."""
+
+    method: str
+    options: Any
+    nodes: int
+
+    @property
+    def words(self) -> tuple[Any, ...]:
+        """What tells it from others; numbers change no kernel, but that there is one for θ = 1."""
+        options = ((field.name, getattr(self.options, field.name)) for field in fields(self.options))
+        implicit = getattr(self.options, "theta", None) == 1.0
+        return (self.method, self.nodes, implicit, *(o for o in options if not isinstance(o[1], float)))
+
+
+LONGEST = 300.0
+"""Seconds a helper is waited for: some twenty times what compiling the largest scheme takes."""
+
+_HELPERS: dict[str, Future[None]] = {}
+"""By method: what is being compiled by others, or about to be."""
+
+
+def compile_scheme(wanted: Wanted, waiting: Callable[[], AbstractContextManager[None]] = nullcontext) -> None:
+    """Run a scheme once, so that no case's wall time holds compilation; wait for others within ``waiting``."""
+    helper = _HELPERS.get(wanted.method)
+    if helper is not None and not helper.cancel():  # it has begun: it is nearer to its end than we are
+        with waiting():
+            helper.result()
+    _compile(wanted)
+
+
+@cache
+def _compile(wanted: Wanted) -> None:
+    nodes = wanted.nodes
+    chain = models.load("chain")
+    parameters = chain.Parameters(nodes, mass=1.0, stiffness=1.0, heat_capacity=1.0, spacing=1.0, expansion=1.0)
+    structure = chain.assemble(parameters)
+    scheme = load(wanted.method)
+    none, one, node = np.zeros(1), np.ones(1), np.zeros((1, nodes))
+    cases = Cases(none, one, one, none, none, none, none, node, node, node, node, node)
+    with timed(1.0, f"{'loading' if is_compiled(wanted) else 'compiling'} {wanted.method}"):
+        scheme.compute(scheme.init(structure, 0.5, wanted.options), cases, Sampling(1.0, 0.5, 3, balances=True))
+    note = _note(wanted)
+    if note is not None:
+        with suppress(OSError):
+            note.touch()
+
+
+def at_work() -> list[Future[None]]:
+    """Return what others compile, or are about to, in their order."""
+    return [helper for helper in list(_HELPERS.values()) if not helper.done()]
+
+
+def is_compiled(wanted: Wanted) -> bool:
+    """Tell whether a scheme's kernels are in the cache."""
+    note = _note(wanted)
+    return note is not None and note.exists()
+
+
+def _note(wanted: Wanted) -> Path | None:
+    """Return the file that tells that a scheme's kernels are in the cache; ``None`` without a lasting one."""
+    import llvmlite.binding
+
+    directory = directory_of(type(wanted.options).__module__) if is_lasting() else None
+    if directory is None:
+        return None
+    words = (*wanted.words, llvmlite.binding.get_host_cpu_name())
+    return directory / f"{hashlib.sha256(repr(words).encode()).hexdigest()[:16]}.compiled"
+
+
+@contextmanager
+def compiled_ahead(schemes: Sequence[Wanted], processes: int) -> Iterator[None]:
+    """Compile schemes that are not compiled yet in up to so many processes; the first is left to the caller.
+
+    The processes are gone when the context is left.
+    """
+    missing: dict[str, dict[tuple[Any, ...], Wanted]] = {}
+    for wanted in schemes:
+        note = _note(wanted)
+        if note is not None and not note.exists() and wanted.method not in _HELPERS:
+            missing.setdefault(wanted.method, {}).setdefault(wanted.words, wanted)
+    mine = list(missing)[1:] if processes > 0 else []
+    if not mine:
+        yield
+        return
+    running = _Running()
+    with ThreadPoolExecutor(processes, thread_name_prefix="compile") as pool:
+        try:
+            for method in mine:
+                _HELPERS[method] = pool.submit(running.help_with, list(missing[method].values()))
+            yield
+        finally:
+            helpers = [_HELPERS.pop(method) for method in mine if method in _HELPERS]
+            for helper in helpers:
+                helper.cancel()
+            running.end()
+
+
+class _Running:
+    """The helper processes of a run."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._processes: list[subprocess.Popen[bytes]] = []
+        self._ended = False
+
+    def help_with(self, schemes: list[Wanted]) -> None:
+        """Compile schemes in a process and wait for its end, whatever that is."""
+        package = Path(__file__).parents[2]
+        environment = dict(os.environ)
+        environment["PYTHONPATH"] = os.pathsep.join([str(package), *filter(None, [environment.get("PYTHONPATH")])])
+        command = [sys.executable, "-P", "-c", f"from {__name__} import main; main()"]
+        with suppress(Exception):  # a helper costs time only
+            with self._lock:
+                if self._ended:
+                    return
+                process = subprocess.Popen(
+                    command,
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.DEVNULL,
+                    stderr=subprocess.DEVNULL,
+                    env=environment,
+                )
+                self._processes.append(process)
+            with process:  # closes the pipe last
+                assert process.stdin is not None
+                process.stdin.write(pickle.dumps(schemes))
+                process.stdin.flush()
+                try:
+                    process.wait(LONGEST)
+                finally:
+                    process.kill()
+
+    def end(self) -> None:
+        """Kill what still runs; those who wait for it go on."""
+        with self._lock:
+            self._ended = True
+            for process in self._processes:
+                process.kill()
+
+
+def _end_with_parent() -> None:
+    """Wait for the end of the pipe from the parent, and end."""
+    sys.stdin.buffer.read()
+    os._exit(1)
+
+
+def main() -> None:
+    """Compile what the parent sends."""
+    schemes = pickle.load(sys.stdin.buffer)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    gc.disable()  # a tenth of the time of a compiler that leaves little garbage; this process does nothing else
+    for wanted in schemes:
+        compile_scheme(wanted)
+    os._exit(0)  # without waiting for the pipe

@@ -1,0 +1,119 @@
+"""What parts of a run cost by a fixed model, and under which names their measured time is kept."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
+
+import numpy as np
+
+from workflow import schemes
+from workflow.grid._speed import timed
+from workflow.kernels.lanes import LANES, PACK
+from workflow.models import Cases, Structure
+from workflow.schemes import Sampling, Workload
+from workflow.study import Cell, SchemeChoice
+
+WAITING = 2.5e-8
+"""Seconds that a step of a block of cases takes however few they are, of which a scheme's own cost per case holds
+:data:`TIP`: 8 cases of the heavy chain take 53 ns a step, 64 take 203 ns."""
+
+TIP = 5e-10
+
+COLD = 0.65
+"""Share of its time that a case takes whose thermal states cannot act."""
+
+_DENSE = 300
+"""States of a structure up to which its growth rate comes from all of them."""
+
+BESIDE_TASKS = 0.4
+"""Seconds of a run beside its tasks: libraries loaded, archive gathered and read back."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of a run: its seconds by the fixed model, and its names, the most specific first."""
+
+    seconds: float
+    keys: tuple[str, ...]
+
+
+def workload_of(cases: Cases, sampling: Sampling) -> Workload:
+    """Return what decides how long a batch takes."""
+    return Workload(cases.e, cases.alpha, cases.heated, np.asarray(cases.frequency * sampling.duration))
+
+
+def batch_part(cell: Cell, structure: Structure, sampling: Sampling, workload: Workload) -> Part:
+    """Return what a batch costs on the structure it is run on."""
+    scheme, choice = schemes.load(cell.scheme.method), cell.scheme
+    general = f"{choice.method} {_kind(choice)}{' balances' if sampling.balances else ''}"
+    sized = f"{general}/{structure.mechanical_size}+{structure.thermal_size}"
+    if scheme.batch_cost is not None:
+        seconds = scheme.batch_cost(structure, choice.options, sampling, workload)
+        return Part(float(seconds), (f"{sized}/{_scene_digest(cell)}", sized, general))
+    each = scheme.cost(structure, cell.h, choice.options, sampling)
+    if scheme.TOGETHER == 1 or scheme.sweeps(structure):
+        return Part(each * workload.e.size, (f"{sized} alone", f"{general} alone"))
+    return Part(_packed_seconds(each, sampling.steps(cell.h), workload), (sized, general))
+
+
+def _kind(choice: SchemeChoice) -> str:
+    """Return the options of a scheme that are words: they choose other kernels."""
+    words = (getattr(choice.options, name) for name in type(choice.options).__dataclass_fields__)
+    return " ".join(word for word in words if isinstance(word, str))
+
+
+def _packed_seconds(each: float, steps: int, workload: Workload) -> float:
+    """Return the seconds of a batch whose cases are stepped in packs and blocks, with heat and without apart."""
+    step = max(each / steps - TIP, 0.2 * each / steps)
+    total, heated = 5e-4 + 4e-6 * workload.e.size, int(np.count_nonzero(workload.heated))
+    for count, share in ((heated, 1.0), (workload.e.size - heated, COLD)):
+        padded, blocks = -(-count // PACK) * PACK, -(-count // LANES)
+        total += steps * (WAITING * blocks + share * step * padded)
+    return total
+
+
+def _scene_digest(cell: Cell) -> str:
+    """Return what tells scenes apart in which the number of contact events differs."""
+    scene = cell.scene
+    told = repr((scene.model, scene.parameters, scene.load, scene.initial, scene.duration))
+    return hashlib.sha256(told.encode()).hexdigest()[:12]
+
+
+def setup_part(method: str, structure: Structure) -> Part:
+    """Return what an operator of a scheme costs to set up."""
+    states = 2 * structure.mechanical_size + structure.thermal_size
+    if schemes.load(method).sweeps(structure):
+        return Part(6e-4 + 1e-8 * states, (f"set up {method} along nodes",))
+    return Part(6e-4 + 1.2e-7 * states**2, (f"set up {method}",))
+
+
+def growth_part(structure: Structure) -> Part:
+    """Return what the growth rate at one α costs: the eigenvalues of a structure, of a large one those of few modes."""
+    states = 2 * structure.mechanical_size + structure.thermal_size
+    large = 1e-6 * states if states > _DENSE else 0.0
+    size = "of large structures" if large else "of structures"
+    return Part(
+        1e-4 + 1.5e-9 * min(states, _DENSE) ** 3 + large, (f"growth rates {size}/{states}", f"growth rates {size}")
+    )
+
+
+def handling_part(cases: int, segments: int, samples: int, histories: int) -> Part:
+    """Return what the cases of a task cost beside their schemes: conditions, metrics, compression, one file."""
+    stored = "histories" if histories else "metrics"
+    seconds = 3e-3 * segments + cases * (5e-6 + samples * (3e-8 + 8e-8 * histories))
+    return Part(seconds, (f"handling/{stored}", "handling"))
+
+
+def beside_part(cases: int, size: int) -> Part:
+    """Return what a run costs beside its tasks, for so many cases and bytes of results."""
+    return Part(BESIDE_TASKS + 3e-6 * cases + 8e-9 * size, ("beside",))
+
+
+@contextmanager
+def measured(part: Part) -> Iterator[None]:
+    """Measure a part of a run."""
+    with timed(part.seconds, *part.keys) if part.seconds > 0 else nullcontext():
+        yield

@@ -1,0 +1,240 @@
+"""How long a study will take on this machine: its tasks by the fixed model, at the speed that runs measured."""
+
+from __future__ import annotations
+
+import heapq
+import os
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from workflow.grid import _speed
+from workflow.grid._ahead import wanted_kernels
+from workflow.grid._arrangement import Grid, Indices
+from workflow.grid._compile import is_compiled
+from workflow.grid._costs import Part, batch_part, beside_part, growth_part, handling_part, setup_part
+from workflow.grid._operators import reduced, reduced_structure
+from workflow.grid._reference import exact_cell, reference_cell
+from workflow.grid._solve import REPEATS, SHORT, longest_period_count
+from workflow.grid._tasks import Segment, Task, Units, tasks
+from workflow.grid._truth import BLOCK, distinct_shape
+from workflow.models import Array
+from workflow.schemes import Workload
+from workflow.study import Cell
+
+REFERENCE_RUNS = 3
+"""Runs of a reference: itself, and with its gap opened and closed by a trifle."""
+
+COMPILING = {"event_driven": 25.0}
+"""Seconds that compiling a scheme takes once, where none was measured; :data:`COMPILING_OTHERS` for the others."""
+
+COMPILING_OTHERS = 10.0
+
+LOADING = 0.05
+"""Seconds that loading a scheme's compiled kernels takes."""
+
+MOST_KINDS = 2000
+"""Kinds of segments that are looked at one by one; each further one counts as the mean of those."""
+
+MOST_LOOKED_AT = 20_000
+"""Cases of a segment whose conditions are looked at; a longer one counts in proportion."""
+
+
+@dataclass(frozen=True)
+class Time:
+    """How long a study will take, as ``run`` tells its seconds.
+
+    Attributes
+    ----------
+    seconds
+        Wall time on ``threads`` threads, nothing compiled meanwhile.
+    threads
+        One for each processor that this process may use.
+    core_seconds
+        Processor time of all threads together.
+    compiling
+        Seconds that compiling takes once, beside; 0 where all is compiled.
+    measured
+        Whether runs on this machine have measured the schemes' speed.
+    """
+
+    seconds: float
+    threads: int
+    core_seconds: float
+    compiling: float
+    measured: bool
+
+
+@contextmanager
+def measured_run(grid: Grid, begun: float, here: bool) -> Iterator[None]:
+    """Remember the speed of this machine at the end of a run that computes in this process, if ``here``.
+
+    ``begun`` is the processor time at the run's beginning.
+    """
+    yield
+    if not here:
+        _speed.forget()
+        return
+    with suppress(Exception):  # costs of a foreign scheme, say: no run fails by it
+        part = beside_part(grid.outer_count * grid.inner_count, result_bytes(grid))
+        _speed.add(part.seconds, max(0.0, time.process_time() - begun - _speed.attributed()), *part.keys)
+    _speed.remember()
+
+
+def result_bytes(grid: Grid) -> int:
+    """Return the size of a study's results before compression."""
+    stored = 8 if grid.study.output.precision == "float64" else 4
+    sampled = stored * len(grid.study.output.histories) * grid.sampling.count
+    return grid.outer_count * grid.inner_count * (8 * (4 * longest_period_count(grid) + 22) + sampled)
+
+
+def estimate(grid: Grid, units: Units, threads: int | None = None) -> Time:
+    """Return how long a study will take; ``threads`` is one for each processor where not given."""
+    threads = threads or len(os.sched_getaffinity(0))
+    known = _speed.speeds()
+    costs = _Costs(grid, units, known)
+    ends = [0.0] * threads
+    work = 0.0
+    for _, seconds in _weighed(grid, units, costs):
+        work += seconds
+        heapq.heapreplace(ends, ends[0] + seconds)
+    beside = costs.seconds(beside_part(grid.outer_count * grid.inner_count, result_bytes(grid)))
+    loading, compiling = _kernels(grid, known, threads)
+    return Time(
+        seconds=max(ends) + beside + loading,
+        threads=threads,
+        core_seconds=work + beside + loading,
+        compiling=compiling,
+        measured=costs.measured,
+    )
+
+
+def task_seconds(grid: Grid, units: Units) -> Iterator[tuple[Task, float]]:
+    """Yield the tasks of a study in their order, each with the processor seconds it will take on this machine."""
+    return _weighed(grid, units, _Costs(grid, units, _speed.speeds()))
+
+
+def _weighed(grid: Grid, units: Units, costs: _Costs) -> Iterator[tuple[Task, float]]:
+    for task in tasks(grid, units):
+        yield task, sum(costs.of(segment) for segment in task.segments)
+
+
+def compiling_seconds(grid: Grid, threads: int) -> float:
+    """Return the seconds that compiling a study's schemes will take, 0 where all are compiled."""
+    return _kernels(grid, _speed.speeds(), threads)[1]
+
+
+def _kernels(grid: Grid, known: _speed.Speeds, threads: int) -> tuple[float, float]:
+    """Return the seconds that loading compiled kernels takes, and compiling those that are not."""
+    loading, compiling = 0.0, []
+    for method, there in {wanted.method: is_compiled(wanted) for wanted in wanted_kernels(grid)}.items():
+        if there:
+            loading += known.ratio(f"loading {method}") or LOADING
+        else:
+            compiling.append(known.ratio(f"compiling {method}") or COMPILING.get(method, COMPILING_OTHERS))
+    return loading, max(sum(compiling) / threads, max(compiling, default=0.0))
+
+
+@dataclass
+class _Costs:
+    """Seconds of segments, those that are alike looked at once; references and growth rates count once."""
+
+    grid: Grid
+    units: Units
+    known: _speed.Speeds
+    measured: bool = False
+    _kinds: dict[tuple[int, int, int], tuple[float, int]] = field(default_factory=dict)
+    _kind: dict[int, int] = field(default_factory=dict)
+    _blocks: set[tuple[int, int]] = field(default_factory=set)
+    _grown: set[tuple[object, float]] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        computed, model = self.grid.places.computed, self.grid.study.scene.model
+        matters = self.grid.alike(
+            computed, lambda path: not path.startswith(f"scene.{model}.") or path == f"scene.{model}.nodes"
+        )
+        self._kind = dict(zip(computed.tolist(), matters.tolist(), strict=True))
+
+    def seconds(self, part: Part) -> float:
+        """Return the seconds of a part at the speed of this machine."""
+        ratio = self.known.ratio(*part.keys)
+        return part.seconds * (1.0 if ratio is None else ratio)
+
+    def of(self, segment: Segment) -> float:
+        """Return the seconds of a segment: its batch, its references and growth rates if they are new, its handling."""
+        kind = (self._kind[segment.outer], segment.first, segment.units)
+        if kind not in self._kinds:
+            if len(self._kinds) >= MOST_KINDS:
+                mean = sum(s for s, _ in self._kinds.values()) / sum(n for _, n in self._kinds.values())
+                return mean * segment.units * self.units.chunk
+            inner, _ = self.units.cases(segment.first, segment.units)
+            self._kinds[kind] = self._batch(segment.outer, inner), inner.size
+        seconds = self._kinds[kind][0]
+        if self.grid.study.reference is not None:
+            seconds += self._references(segment)
+        return seconds
+
+    def _batch(self, outer: int, inner: Indices) -> float:
+        grid, cell = self.grid, self.grid.settings(outer)
+        structure = reduced_structure(cell)
+        distinct = np.unique(grid.canonical_inner(cell, inner))
+        workload, scale = self._workload(cell, distinct)
+        part = batch_part(cell, structure, grid.sampling, workload)
+        once = self.seconds(part)
+        self.measured |= any(key in self.known.sums for key in part.keys)
+        repeats = min(REPEATS, 1 + int(SHORT / max(once, 1e-9))) if grid.study.reference is not None else 1
+        histories = len(grid.study.output.histories)
+        places = sum(1 for _ in grid.places[outer])
+        handling = handling_part(inner.size * places, places, grid.sampling.count, histories)
+        seconds = (
+            scale * repeats * once + self.seconds(handling) + self.seconds(setup_part(cell.scheme.method, structure))
+        )
+        new = {(hash(reduced(cell)), float(alpha)) for alpha in np.unique(workload.alpha)} - self._grown
+        self._grown |= new
+        return seconds + len(new) * self.seconds(growth_part(structure))
+
+    def _workload(self, cell: Cell, inner: Indices) -> tuple[Workload, float]:
+        """Return what decides the time of some cases, and how many cases each of its entries stands for."""
+        scale = max(1.0, inner.size / MOST_LOOKED_AT)
+        looked_at = inner if scale == 1 else inner[:: int(np.ceil(scale))]
+        values = self.grid.inner_values(looked_at)
+        scene, count = cell.scene, looked_at.size
+
+        def of_case(path: str, value: float) -> Array:
+            return np.array(np.broadcast_to(values.get(path, np.float64(value)), (count,)), dtype=np.float64)
+
+        heated = of_case("alpha", cell.alpha) != 0
+        start = 0.0 if isinstance(scene.initial, str) else scene.initial.temperature
+        heating = getattr(scene.parameters, "heating", 0.0)
+        for path, value in ((f"scene.{scene.model}.heating", heating), ("scene.initial.temperature", start)):
+            heated |= np.any(values[path]) if path in values else bool(np.any(value))
+        periods = of_case("scene.load.frequency", scene.load.frequency) * self.grid.sampling.duration
+        workload = Workload(of_case("e", cell.e), of_case("alpha", cell.alpha), heated, periods)
+        return workload, inner.size / count
+
+    def _references(self, segment: Segment) -> float:
+        """Return the seconds of the references and exact solutions that a segment is the first to ask for."""
+        ours, theirs = reference_cell(self.grid, segment.outer), exact_cell(self.grid, segment.outer)
+        seconds = self._solutions(segment, ours, REFERENCE_RUNS)
+        return seconds if theirs == ours else seconds + self._solutions(segment, theirs, 1)
+
+    def _solutions(self, segment: Segment, cell: Cell, runs: int) -> float:
+        """Return the seconds of the blocks of solutions of some settings that are new, each run so many times."""
+        grid, shape, key = self.grid, distinct_shape(self.grid, cell), hash(cell)
+        inner, _ = self.units.cases(segment.first, segment.units)
+        index = np.unravel_index(inner, grid.inner_shape) if grid.inner else ()
+        own = [np.minimum(i, size - 1) for i, size in zip(index, shape, strict=True)]
+        number = np.unique(np.ravel_multi_index(own, shape)) if shape else np.zeros(1, dtype=np.int64)
+        new = {(key, int(block)) for block in np.unique(number // BLOCK)} - self._blocks
+        self._blocks |= new
+        if not new:
+            return 0.0
+        rows = number[np.isin(number // BLOCK, [block for _, block in new])]
+        places = np.ravel_multi_index(np.unravel_index(rows, shape), grid.inner_shape) if shape else rows
+        workload, scale = self._workload(cell, places)
+        sampling = replace(grid.sampling, balances=False)
+        part = batch_part(cell, reduced_structure(cell), sampling, workload)
+        return runs * scale * self.seconds(part)

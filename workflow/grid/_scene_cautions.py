@@ -1,0 +1,150 @@
+"""What to beware of in a scene, whatever the scheme: a tip that stays clear, springs, temperatures and bases."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from workflow import schemes
+from workflow.grid._arrangement import Grid, Indices
+from workflow.grid._conditions import at_rest, conditions
+from workflow.grid._operators import projection_residual_of, reduced_structure, structure_of
+from workflow.models import (
+    Array,
+    Cases,
+    Chain,
+    NoEquilibriumError,
+    free_motion,
+    quasi_static_temperature,
+    tip_flexibility,
+)
+from workflow.reduction import DEFAULT
+from workflow.study import Cell
+
+LINEAR = 1000.0
+"""Temperature rise, K, above which a linear model means nothing: metals melt, or conduct and expand otherwise."""
+
+LOST = 1e-3
+"""Share of initial states and constant loads that a basis may lose without a word, see ``projection_residual``."""
+
+MOST_CASES, MOST_STRUCTURES, MOST_BASES = 500, 8, 64
+"""Cases of an outer index, structures and bases that are looked at; of more cases a regular choice."""
+
+
+def scene_cautions(grid: Grid) -> tuple[str, ...]:
+    """Return what to beware of, one sentence each, none twice."""
+    found = (*_springs(grid), *_scenes(grid), *_bases(grid))
+    return tuple(dict.fromkeys(found))
+
+
+def _chosen(grid: Grid) -> Indices:
+    """Return inner indices to look at: all, or a regular choice that has the first and the last."""
+    count = grid.inner_count
+    return np.unique(np.linspace(0, count - 1, min(count, MOST_CASES)).round().astype(np.int64))
+
+
+def _scenes(grid: Grid) -> Iterator[str]:
+    """Yield what is to be said of the first structures with the conditions of their cases."""
+    model = grid.study.scene.model
+    structures = np.unique(grid.alike(grid.places.computed, lambda path: path.startswith(f"scene.{model}.")))
+    for outer in structures[:MOST_STRUCTURES].tolist():
+        cell = grid.settings(outer)
+        structure = structure_of(cell.scene.model, cell.scene.parameters)
+        if isinstance(structure, Chain) and not structure.has_matrices:
+            continue  # its modes are not at hand
+        inner = _chosen(grid)
+        cases = conditions(cell, structure, grid.inner_values(inner), inner.size)
+        if cell.scene.initial == "static":
+            try:
+                cases = at_rest(structure, cases)
+            except NoEquilibriumError:
+                continue  # its cases fail and say so
+        with np.errstate(all="ignore"):
+            free = free_motion(structure, cases, grid.sampling.duration)
+            warmest = quasi_static_temperature(structure, cases, free, grid.sampling.duration)
+        yield from _clear(cases, free.reach)
+        yield from _hot(cases, warmest)
+
+
+def _clear(cases: Cases, reach: Array) -> Iterator[str]:
+    """Yield the gaps at which no case's tip reaches the casing."""
+    reaches = reach >= cases.gap
+    clear = [gap for gap in np.unique(cases.gap) if not np.any(reaches[cases.gap == gap])]
+    if clear:
+        most = float(reach[np.isin(cases.gap, clear)].max())
+        yield (
+            f"the tip cannot reach the casing at gap = {_listed(f'{gap:g} m' for gap in clear)}: without contact it "
+            f"stays below {most:.3g} m (static and harmonic answer, and a bound of what the start adds)"
+        )
+
+
+def _hot(cases: Cases, warmest: Array) -> Iterator[str]:
+    """Yield the hottest case where it leaves what a linear model can mean."""
+    hottest = int(np.argmax(warmest))
+    if not warmest[hottest] > LINEAR:
+        return
+    many = int(np.sum(warmest > LINEAR))
+    most = f"reach about {warmest[hottest]:.2g} K" if np.isfinite(warmest[hottest]) else "grow without bound"
+    yield (
+        f"temperatures {most} (alpha = {cases.alpha[hottest]:g} W/N, gap = {cases.gap[hottest]:g} m; quasi-static "
+        f"estimate), beyond the {LINEAR:g} K that a linear model can mean, in {many} of {warmest.size} conditions"
+    )
+
+
+def _springs(grid: Grid) -> Iterator[str]:
+    """Yield contact springs that give way more than the structure they stand against."""
+    model = grid.study.scene.model
+    computed = grid.places.computed
+    kinds = np.unique(
+        grid.alike(computed, lambda path: path.startswith((f"scene.{model}.", "schemes.")) or path == "scheme")
+    )
+    for outer in kinds[:MOST_BASES].tolist():
+        cell = grid.settings(outer)
+        scheme = schemes.load(cell.scheme.method)
+        if scheme.contact_stiffness_of is None:
+            continue
+        structure = structure_of(cell.scene.model, cell.scene.parameters)
+        flexibility = tip_flexibility(structure)
+        if not 0 < flexibility < np.inf:
+            continue
+        stiffness = scheme.contact_stiffness_of(reduced_structure(cell), cell.scheme.options)
+        if stiffness * flexibility < 1:
+            yield (
+                f"the contact spring of {cell.scheme.label}, {stiffness:.3g} N/m, is softer than the tip, "
+                f"{1 / flexibility:.3g} N/m: it gives way more than the structure it stands against"
+            )
+
+
+def _bases(grid: Grid) -> Iterator[str]:
+    """Yield bases that cannot hold the initial states or constant loads of their cases."""
+    model, names = grid.study.scene.model, ("reduction", "mechanical_modes", "thermal_modes")
+    kinds = np.unique(
+        grid.alike(grid.places.computed, lambda path: path in names or path.startswith(f"scene.{model}."))
+    )
+    worst: dict[str, float] = {}
+    for outer in kinds[:MOST_BASES].tolist():
+        cell = grid.settings(outer)
+        lost = _lost(grid, cell)
+        basis = f"{cell.mechanical_modes} + {cell.thermal_modes} modes"
+        basis += "" if cell.reduction == DEFAULT else f" of {cell.reduction}"
+        if lost > LOST:
+            worst[basis] = max(worst.get(basis, 0.0), lost)
+    for basis, lost in worst.items():
+        yield (
+            f"{basis} lose {lost:.2g} of initial states or constant loads (projection_residual): what they cannot hold "
+            "is left out of the reduced model"
+        )
+
+
+def _lost(grid: Grid, cell: Cell) -> float:
+    structure = structure_of(cell.scene.model, cell.scene.parameters)
+    inner = _chosen(grid)
+    cases = conditions(cell, structure, grid.inner_values(inner), inner.size)
+    return float(np.nanmax(projection_residual_of(cell, cases), initial=0.0))
+
+
+def _listed(texts: Iterable[str]) -> str:
+    """Join a few texts, or the ends of many."""
+    few = list(texts)
+    return ", ".join(few) if len(few) <= 6 else f"{few[0]} to {few[-1]}"

@@ -1,0 +1,65 @@
+"""Data of a case changed by what rounding may change: how much of its results another machine can repeat."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from workflow.models import Cases
+from workflow.study import Cell
+
+SHARE = 1e-12
+"""Relative change of the data: ten thousand roundings, some of which other libraries make otherwise."""
+
+
+@dataclass(frozen=True)
+class Shaken:
+    """A change of all data of a case but its discretisation, in one of two directions.
+
+    Attributes
+    ----------
+    direction
+        1 or -1.
+    reach
+        Largest displacement of the tip, m: the gap changes by :data:`SHARE` of it, also where it is 0.
+    """
+
+    direction: int
+    reach: float
+
+    def cell(self, cell: Cell) -> Cell:
+        """Return the settings with other parameters of the model."""
+        parameters = _changed(cell.scene.parameters, self.direction * SHARE)
+        return replace(cell, scene=replace(cell.scene, parameters=parameters))
+
+    def cases(self, cases: Cases) -> Cases:
+        """Return the cases with another gap, tip load, start and heating; a tip never starts beyond the casing."""
+        share = self.direction * SHARE
+        gap = cases.gap + share * np.maximum(np.abs(cases.gap), self.reach)
+        displacement = cases.displacement * (1 + share)
+        if displacement.shape[1]:
+            gap = np.maximum(gap, np.where(cases.displacement[:, -1] <= cases.gap, displacement[:, -1], gap))
+        return replace(
+            cases,
+            gap=gap,
+            mean=cases.mean * (1 + share),
+            amplitude=cases.amplitude * (1 - share),
+            displacement=displacement,
+            velocity=cases.velocity * (1 - share),
+            temperature=cases.temperature * (1 + share),
+        )
+
+
+def _changed(value: Any, share: float) -> Any:
+    """Return numbers changed by a share of them, neighbours in opposite directions; counts and words as they are."""
+    if isinstance(value, float):
+        return value * (1 + share)
+    if isinstance(value, tuple):
+        return tuple(_changed(item, share if k % 2 == 0 else -share) for k, item in enumerate(value))
+    if is_dataclass(value) and not isinstance(value, type):
+        named = [field.name for field in fields(value) if field.init]
+        found = {name: _changed(getattr(value, name), share if k % 2 == 0 else -share) for k, name in enumerate(named)}
+        return replace(value, **found)
+    return value

@@ -1,0 +1,198 @@
+"""Solutions that errors are measured against, in blocks: each computed once and kept a while."""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from concurrent.futures import Future
+from dataclasses import dataclass, field, replace
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from workflow import schemes
+from workflow.grid._arrangement import Grid, Indices, reads
+from workflow.grid._blow_up import mark_blown_up
+from workflow.grid._conditions import conditions
+from workflow.grid._distance import relative_distance
+from workflow.grid._operators import compile_for, run_batch, structure_of
+from workflow.grid._turns import waiting
+from workflow.models import Array, Cases
+from workflow.schemes import Results, Sampling, Status
+from workflow.study import Cell
+from workflow.variables import COMPARED
+
+PERTURBATION = 1e-12
+"""Change of the gap, as a share of a length of the motion, whose effect tells how far a reference can be predicted."""
+
+BLOCK = 64
+"""Cases that are computed at a time: a couple of kernel blocks, and a few milliseconds."""
+
+KEPT_BYTES = 256 * 2**20
+"""Histories that are kept for the batches to come."""
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """Solutions of some cases.
+
+    Attributes
+    ----------
+    histories
+        ``(case, t)`` by name, NaN in cases that did not end ok.
+    predictability
+        ``(case,)``, NaN where it was not asked for.
+    failures
+        Why a case did not end ok, by position.
+    """
+
+    histories: dict[str, Array]
+    predictability: Array
+    failures: dict[int, str]
+
+
+@dataclass(eq=False)
+class _Kept:
+    """Blocks of solutions of one grid, the most recently used last."""
+
+    blocks: OrderedDict[tuple[Cell, bool, int], Future[Truth]] = field(default_factory=OrderedDict)
+    lock: threading.Lock = field(default_factory=threading.Lock)
+
+
+_KEPT: WeakKeyDictionary[Grid, _Kept] = WeakKeyDictionary()
+_KEPT_LOCK = threading.Lock()
+
+
+def truths(grid: Grid, cell: Cell, inner: Indices, perturbed: bool) -> Truth:
+    """Return the solutions of the settings ``cell`` for the conditions of some cases, put together from blocks.
+
+    ``perturbed`` asks for their predictability too.
+    """
+    shape = distinct_shape(grid, cell)
+    index = np.unravel_index(inner, grid.inner_shape) if grid.inner else ()
+    own = [np.minimum(i, size - 1) for i, size in zip(index, shape, strict=True)]
+    number = np.ravel_multi_index(own, shape) if shape else np.zeros_like(inner)
+    found = {int(block): _block(grid, cell, shape, int(block), perturbed) for block in np.unique(number // BLOCK)}
+    rows = [(found[int(n) // BLOCK], int(n) % BLOCK) for n in number]
+    return Truth(
+        {name: np.stack([block.histories[name][row] for block, row in rows]) for name in COMPARED},
+        np.array([block.predictability[row] for block, row in rows]),
+        {k: block.failures[row] for k, (block, row) in enumerate(rows) if row in block.failures},
+    )
+
+
+def distinct_shape(grid: Grid, cell: Cell) -> tuple[int, ...]:
+    """Return the sizes of the inner dimensions, 1 for those along which a solution stays the same."""
+    replaced = grid.study.reference.values if grid.study.reference is not None else {}
+    return tuple(
+        dimension.size
+        if any(
+            axis.path not in replaced and reads(cell.scheme.method, cell.scheme.label, axis.path)
+            for axis in dimension.axes
+        )
+        else 1
+        for dimension in grid.inner
+    )
+
+
+def only_what_is_read(cell: Cell) -> Cell:
+    """Return the settings with those of e, h and α that the scheme does not read set to 0, the same for all."""
+    read = schemes.load(cell.scheme.method).READS
+    return replace(
+        cell,
+        e=cell.e if "e" in read else 0.0,
+        h=cell.h if "h" in read else 0.0,
+        alpha=cell.alpha if "alpha" in read else 0.0,
+    )
+
+
+def _block(grid: Grid, cell: Cell, shape: tuple[int, ...], block: int, perturbed: bool) -> Truth:
+    """Return a block of solutions: computed by the first who asks, waited for by all others."""
+    with _KEPT_LOCK:
+        kept = _KEPT.setdefault(grid, _Kept())
+    with kept.lock:
+        key = (cell, perturbed, block)
+        future = kept.blocks.get(key)
+        mine = future is None
+        if future is None:
+            future = kept.blocks[key] = Future()
+        kept.blocks.move_to_end(key)
+        while len(kept.blocks) * BLOCK * grid.sampling.count * 8 * len(COMPARED) > KEPT_BYTES and len(kept.blocks) > 2:
+            kept.blocks.popitem(last=False)
+    if mine:
+        count = int(np.prod(shape, dtype=np.int64))
+        own = np.arange(block * BLOCK, min((block + 1) * BLOCK, count), dtype=np.int64)
+        try:
+            future.set_result(_computed_or_lost(grid, cell, shape, own, perturbed))
+        except BaseException as error:  # an interrupt: whoever waits must not wait for ever
+            future.set_exception(error)
+            raise
+        return future.result()
+    with waiting():
+        return future.result()
+
+
+def _computed_or_lost(grid: Grid, cell: Cell, shape: tuple[int, ...], own: Indices, perturbed: bool) -> Truth:
+    """Return solutions; one that raises is NaN, which harms neither its neighbours nor its cases."""
+    try:
+        return _compute(grid, cell, shape, own, perturbed)
+    except Exception as error:  # whatever a model or scheme raises
+        if own.size > 1:
+            return _joined([_computed_or_lost(grid, cell, shape, own[k : k + 1], perturbed) for k in range(own.size)])
+        lost = np.full((1, grid.sampling.count), np.nan)
+        return Truth(dict.fromkeys(COMPARED, lost), np.full(1, np.nan), {0: f"{type(error).__name__}: {error}"})
+
+
+def _joined(alone: list[Truth]) -> Truth:
+    """Put solutions of one case each together."""
+    return Truth(
+        {name: np.concatenate([truth.histories[name] for truth in alone]) for name in COMPARED},
+        np.concatenate([truth.predictability for truth in alone]),
+        {k: truth.failures[0] for k, truth in enumerate(alone) if truth.failures},
+    )
+
+
+def _compute(grid: Grid, cell: Cell, shape: tuple[int, ...], own: Indices, perturbed: bool) -> Truth:
+    """Run a block of cases and, where asked for, how their motion depends on a trifle of the gap."""
+    inner = np.ravel_multi_index(np.unravel_index(own, shape), grid.inner_shape) if shape else own
+    replaced = grid.study.reference.values if grid.study.reference is not None else {}
+    varying = {path: values for path, values in grid.inner_values(inner).items() if path not in replaced}
+    structure = structure_of(cell.scene.model, cell.scene.parameters)
+    cases = conditions(cell, structure, varying, own.size)
+    compile_for(cell)
+    sampling = replace(grid.sampling, balances=False)
+    results = _run(cell, cases, sampling)
+    histories = {name: results.histories[name] for name in COMPARED}
+    lost = results.status != Status.OK
+    for values in histories.values():
+        values[lost] = np.nan
+    known = np.full(own.size, np.nan)
+    sound = np.flatnonzero(~lost)
+    if perturbed and sound.size:
+        known[sound] = _predictability(cell, cases.take(sound), sampling, histories["displacement"][sound])
+    failures = {int(k): results.messages.get(int(k), "it did not end ok") for k in np.flatnonzero(lost)}
+    return Truth(histories, known, failures)
+
+
+def _run(cell: Cell, cases: Cases, sampling: Sampling) -> Results:
+    return mark_blown_up(cell, cases, run_batch(cell, cases, sampling), sampling.duration)
+
+
+def _predictability(cell: Cell, cases: Cases, sampling: Sampling, displacement: Array) -> Array:
+    """Return the larger relative change of the displacement when the gap is opened or closed by a trifle.
+
+    The trifle is 1e-12 of a length of the motion, the larger of |gap| and the largest |x_n|. Where closing would
+    put the start inside the casing only opening counts; a static start moves with the gap. NaN where no
+    perturbed run ended ok.
+    """
+    trifle = PERTURBATION * np.maximum(np.abs(cases.gap), np.abs(displacement).max(axis=1))
+    change = np.full(cases.count, np.nan)
+    outside = cases.displacement[:, -1] <= cases.gap - trifle
+    may_close = np.ones(cases.count, dtype=bool) if cell.scene.initial == "static" else outside
+    for which, sign in ((np.arange(cases.count), 1.0), (np.flatnonzero(may_close), -1.0)):
+        if which.size:
+            part = cases.take(which)
+            found = _run(cell, replace(part, gap=part.gap + sign * trifle[which]), sampling)
+            moved = np.where((found.status == Status.OK)[:, None], found.histories["displacement"], np.nan)
+            change[which] = np.fmax(change[which], relative_distance(moved, displacement[which]))
+    return change

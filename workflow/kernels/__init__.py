@@ -1,0 +1,10 @@
+"""Kernels: how they are compiled and cached, arithmetic on lanes, small linear algebra; no physics."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+__all__ = ["Array"]

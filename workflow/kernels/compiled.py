@@ -1,0 +1,218 @@
+"""numba as every kernel here uses it: imported when a kernel is first called, each kernel cached by its sources.
+
+The decorators return a :class:`Deferred`, which numba compiles when it is first called: reading a study or an archive
+needs no kernel, and importing numba takes longer than either. Machine code is kept in
+:func:`workflow.kernels.cache.directory_of` the kernel's module.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from functools import cache, update_wrapper
+from pathlib import Path
+from threading import RLock
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
+
+from workflow.kernels.cache import PLAIN, directory_of
+
+if TYPE_CHECKING:
+    from numba.core.caching import FunctionCache
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+_LOADING = RLock()
+_WHEN_LOADED: list[Callable[[], object]] = []
+
+
+def when_loaded(action: F) -> F:
+    """Have something done before the next kernel is compiled, which may import numba: what extends it."""
+    _WHEN_LOADED.append(action)
+    return action
+
+
+class Deferred:
+    """A function that numba compiles or translates when it is first needed."""
+
+    def __init__(self, function: Callable[..., Any], make: Callable[[Callable[..., Any]], Any]):
+        self._function, self._make, self._dispatcher = function, make, None
+        update_wrapper(self, function)
+
+    @property
+    def dispatcher(self) -> Any:
+        """Numba's own object for the function; asking for it imports numba."""
+        if self._dispatcher is None:
+            with _LOADING:
+                while _WHEN_LOADED:
+                    _WHEN_LOADED.pop(0)()
+                if self._dispatcher is None:
+                    self._dispatcher = self._make(self._function)
+        return self._dispatcher
+
+    @property
+    def _numba_type_(self) -> Any:
+        """The type by which numba knows the function where a kernel calls it."""
+        return self.dispatcher._numba_type_
+
+    def __call__(self, *args: Any) -> Any:
+        """Run the compiled function."""
+        return (self._dispatcher or self.dispatcher)(*args)
+
+
+@cache
+def _whole_program() -> ModuleType | None:
+    """Return the module that compiles kernels with their parts as one program; ``None`` without a tested numba."""
+    import numba
+
+    if os.environ.get(PLAIN):
+        return None
+    try:
+        from workflow.kernels import whole_program
+    except ImportError:  # another version of numba may lack what it needs
+        return None
+    minor = ".".join(numba.__version__.split(".")[:2])
+    return whole_program if minor in whole_program.TESTED else None
+
+
+def _compiler(name: str) -> dict[str, Any]:
+    """Return the option that chooses a compiler of our own, none where numba's is used."""
+    program = _whole_program()
+    return {} if program is None else {"pipeline_class": getattr(program, name)}
+
+
+class _Place:
+    """Where numba keeps the machine code of a kernel: one of numba's cache locators.
+
+    The directory is of the kernel's sources as they are, so that what lies there is never out of date.
+    """
+
+    def __init__(self, directory: Path, file: str):
+        self._directory, self._py_file = directory, file  # numba names the file in its warnings
+
+    @classmethod
+    def from_function(cls, function: Callable[..., Any], file: str) -> Self | None:
+        directory = directory_of(function.__module__)
+        return None if directory is None else cls(directory, file)
+
+    def ensure_cache_path(self) -> None:
+        self._directory.mkdir(parents=True, exist_ok=True)
+
+    def get_cache_path(self) -> str:
+        return str(self._directory)
+
+    def get_source_stamp(self) -> str:
+        return self._directory.name
+
+    def get_disambiguator(self) -> str:
+        return ""  # instead of the function's first line, which a docstring above it moves
+
+
+@cache
+def _cache_type() -> type[FunctionCache]:
+    """Return numba's cache of a function, kept in our place."""
+    from numba.core.caching import CompileResultCacheImpl, FunctionCache
+
+    class Results(CompileResultCacheImpl):
+        _locator_classes: list[type[object]] = [_Place]  # noqa: RUF012 - as numba declares it
+
+    class Kept(FunctionCache):
+        _impl_class = Results
+
+    return Kept
+
+
+def _compiled(function: Callable[..., Any], **options: Any) -> Any:
+    """Return a kernel that is compiled at the first call, or loaded from the cache."""
+    import numba
+
+    options |= {"nogil": True, "error_model": "numpy", **_compiler("KernelCompiler"), "no_cfunc_wrapper": True}
+    dispatcher = numba.njit(**options)(function)
+    if directory_of(function.__module__) is not None:
+        dispatcher._cache = _cache_type()(function)  # what numba's option `cache` does, with its own place
+    return dispatcher
+
+
+def _options(compiler: str, **options: Any) -> dict[str, Any]:
+    """Return numba's options for what only kernels call: without an entry from Python and a cache of its own."""
+    options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False}
+    return options | {"nogil": True, "error_model": "numpy", **_compiler(compiler)}
+
+
+def _translated(function: Callable[..., Any], compiler: str, **options: Any) -> Any:
+    """Return a part that is translated where a kernel calls it first."""
+    import numba
+
+    translated = numba.njit(**_options(compiler, **options))(function)
+    program = _whole_program()
+    return translated if program is None else program.typed_alike(translated)
+
+
+def kernel(function: F) -> F:
+    """Compile a kernel: cached, without the global interpreter lock, no fastmath, no prange.
+
+    Divisions by zero give infinities as in NumPy: a kernel never raises, it sets a status.
+    """
+    return cast(F, Deferred(function, _compiled))
+
+
+def inlined(function: F) -> F:
+    """Translate a part of a kernel that is called in every step and must cost no call.
+
+    It allocates nothing, and its arrays are not counted, see :func:`part`.
+    """
+    return cast(F, Deferred(function, lambda f: _translated(f, "InlinedCompiler", forceinline=True)))
+
+
+def uncounted(function: F) -> F:
+    """Compile a kernel that allocates nothing: its arrays are not counted, see :func:`part`."""
+    return cast(F, Deferred(function, lambda f: _compiled(f, _nrt=False)))
+
+
+def part(function: F) -> F:
+    """Translate a part of a kernel that only kernels call, and that allocates nothing.
+
+    Its arrays are not counted: the two locked additions per array and call took longer than the
+    arithmetic on rows of 20.
+    """
+    return cast(F, Deferred(function, lambda f: _translated(f, "PartCompiler")))
+
+
+def rare(function: F) -> F:
+    """Translate a :func:`part` that runs rarely: apart from those that call it, and short rather than fast."""
+    return cast(F, Deferred(function, lambda f: _translated(f, "RareCompiler")))
+
+
+_DEFINITIONS: dict[Callable[..., Any], dict[type, Callable[..., Any]]] = {}
+"""What :func:`defines` gave each function declared by :func:`by_type`, for each type of first argument."""
+
+
+def by_type(function: F) -> F:
+    """Declare an :func:`inlined` function that the type of its first argument, a named tuple, chooses when compiled.
+
+    What it does for a type is defined by :func:`defines`; for all others it is the function's own body. A module that
+    has a kernel must import the definitions for the types that it is called with: the cache follows imports.
+    """
+    definitions = _DEFINITIONS[function] = {}
+
+    def choose(first: Any, *others: Any) -> Callable[..., Any]:
+        return definitions.get(getattr(first, "instance_class", type(None)), function)
+
+    @when_loaded
+    def declare() -> None:
+        from numba.extending import overload
+
+        options: Any = _options("InlinedCompiler", forceinline=True)
+        overload(function, jit_options=options, strict=False)(choose)
+
+    return function
+
+
+def defines(function: Callable[..., Any], kind: type) -> Callable[[F], F]:
+    """Return a decorator: what follows defines a function declared by :func:`by_type` for a type of first argument."""
+
+    def add(definition: F) -> F:
+        _DEFINITIONS[function][kind] = definition
+        return definition
+
+    return add

@@ -1,0 +1,164 @@
+"""Packs: numbers of 8, 16 or 32 lanes side by side, on which a kernel computes at once.
+
+The compiler steps eight lanes of a plain loop at once where it can prove that no two rows overlap, and
+compares addresses before each loop where it can't; sums over modes it takes to memory and back for
+every few modes. Packs say it outright, and a pack goes through a whole step in registers::
+
+    for first in range(0, lanes, PACK):
+        lane = narrow(first)
+        heat = pack(own, (HEAT, lane))
+        store(own, (HEAT, lane), where(heat > 0.0, 2.0 * heat, heat))
+
+A wide or broad pack shares what is read and asked for all lanes among more of them, where there are so many, and has
+more sums in progress at a time. Each lane's bits are those of the plain loop.
+
+Only kernels can call these operations: what they do is in :mod:`workflow.kernels.pack_operations`, which needs numba.
+"""
+
+from __future__ import annotations
+
+from typing import NoReturn, Protocol
+
+from workflow.kernels import Array
+from workflow.kernels.compiled import when_loaded
+
+
+@when_loaded
+def _define_operations() -> None:
+    import workflow.kernels.pack_operations  # noqa: F401
+
+
+def _only_in_kernels() -> NoReturn:
+    raise TypeError("only a compiled kernel can call operations on packs")
+
+
+class Mask(Protocol):
+    """A condition of each lane."""
+
+    def __and__(self, other: Mask) -> Mask: ...
+    def __invert__(self) -> Mask: ...
+
+
+class Pack(Protocol):
+    """A number of each lane."""
+
+    def __add__(self, other: Pack | float) -> Pack: ...
+    def __radd__(self, other: float) -> Pack: ...
+    def __sub__(self, other: Pack | float) -> Pack: ...
+    def __rsub__(self, other: float) -> Pack: ...
+    def __mul__(self, other: Pack | float) -> Pack: ...
+    def __rmul__(self, other: float) -> Pack: ...
+    def __neg__(self) -> Pack: ...
+    def __lt__(self, other: Pack | float) -> Mask: ...
+    def __le__(self, other: Pack | float) -> Mask: ...
+    def __gt__(self, other: Pack | float) -> Mask: ...
+    def __ge__(self, other: Pack | float) -> Mask: ...
+
+
+class Lane:
+    """Where a pack begins in a row, and how wide it is: what :func:`narrow`, :func:`wide` and :func:`broad` return."""
+
+
+def align_stack() -> None:
+    """Let the kernel that says so keep packs for which it has no register where they fill whole lines of the cache.
+
+    Else they lie across two, at a distance that depends on who called it.
+    """
+    _only_in_kernels()
+
+
+def narrow(first: int) -> Lane:
+    """Return the lane that begins a pack of :data:`workflow.kernels.lanes.PACK`."""
+    _only_in_kernels()
+
+
+def wide(first: int) -> Lane:
+    """Return the lane that begins a pack of :data:`workflow.kernels.lanes.WIDE`."""
+    _only_in_kernels()
+
+
+def broad(first: int) -> Lane:
+    """Return the lane that begins a pack of :func:`broadest`."""
+    _only_in_kernels()
+
+
+def broadest() -> int:
+    """Return the lanes of the largest packs on this processor, a constant of the compiled kernel.
+
+    Four registers where a register holds eight numbers: more than four overflow them.
+    """
+    _only_in_kernels()
+
+
+def pack(rows: Array, at: tuple[int | Lane, ...]) -> Pack:
+    """Return the pack that begins at a place of an array: ``pack(rows, (row, lane))``."""
+    _only_in_kernels()
+
+
+def store(rows: Array, at: tuple[int | Lane, ...], numbers: Pack) -> None:
+    """Put a pack where it begins in an array: ``store(rows, (row, lane), numbers)``."""
+    _only_in_kernels()
+
+
+def shared(array: Array, at: tuple[int, ...], lane: Lane) -> Pack:
+    """Return a number of an array for all lanes of a pack.
+
+    Nothing may write to the array while the kernel runs: the number is read once and stays in a register where there
+    is one.
+    """
+    _only_in_kernels()
+
+
+def of_lane(value: Array | float, lane: Lane) -> Pack:
+    """Return a coefficient that all lanes share, a number, or one of each lane, an array ``(lane,)``."""
+    _only_in_kernels()
+
+
+def fetch(array: Array, at: tuple[int, ...]) -> None:
+    """Let the line of the cache that holds a number of an array be fetched, which is written some steps later."""
+    _only_in_kernels()
+
+
+def where(condition: Mask, this: Pack | float, other: Pack | float) -> Pack:
+    """Return each lane's number of the first pack where its condition holds, else of the second."""
+    _only_in_kernels()
+
+
+def some(condition: Mask) -> bool:
+    """Tell whether a condition holds in some lane."""
+    _only_in_kernels()
+
+
+def raised(rows: Array, at: tuple[int | Lane, ...]) -> bool:
+    """Tell whether a pack's flag is up, which lies in a row where the pack begins: ``raised(rows, (row, lane))``."""
+    _only_in_kernels()
+
+
+def flag(rows: Array, at: tuple[int | Lane, ...], up: bool) -> None:
+    """Put a pack's flag up or down: ``flag(rows, (row, lane), up)``."""
+    _only_in_kernels()
+
+
+def some_nonzero(numbers: Pack) -> bool:
+    """Tell whether a number in some lane is not 0, as a NaN is."""
+    _only_in_kernels()
+
+
+def weighed(weight: float, after: Pack, rest: float | None, before: Pack) -> Pack:
+    """Return ``weight * after + rest * before``, or ``after`` alone where the rest is ``None``: a kernel of its own."""
+    _only_in_kernels()
+
+
+def plus(numbers: Pack, weight: Pack, others: Pack | None) -> Pack:
+    """Return ``numbers + weight * others``, or the numbers alone where the others are ``None``, known when compiled."""
+    _only_in_kernels()
+
+
+def magnitude(numbers: Pack) -> Pack:
+    """Return the numbers without their signs."""
+    _only_in_kernels()
+
+
+def spread(number: float, lane: Lane) -> Pack:
+    """Return a pack of one number."""
+    _only_in_kernels()

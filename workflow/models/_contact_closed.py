@@ -1,0 +1,136 @@
+"""The structure with its tip held at the gap, in modes, closed by the heat of its contact force.
+
+With x = φ η + ψ x_n (fixed-interface modes and constraint mode), θ = χ τ (thermal modes of the whole structure),
+x_n constant and loads left out, equation (1) becomes
+
+    η'' + c η' + ω² η + κ τ = 0               κ = φᵀ K12 χ
+    τ' + μ τ = t α λ                          t = χ_n
+    λ = g τ - L (η'' + a_M η')                g = -ψᵀ K12 χ,  L = φᵀ M ψ
+
+the last one being (1a) multiplied by ψᵀ. With a free root ψ strains no spring, so g is exactly zero.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow.kernels import Array
+from workflow.models._chain import Chain
+from workflow.models._characteristic import Complexes, first_orders
+from workflow.models._dense import product
+from workflow.models._modes import poles
+from workflow.models._structure import Structure
+from workflow.models._tip_held import held_modes, mechanical_constraint, slowest_modes
+
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class ContactClosed:
+    """The system in modes; rigid interior modes, which nothing drives, are left out.
+
+    Attributes
+    ----------
+    modes
+        ω² [1/s²], c [1/s] and L [√kg] of the interior modes, shape ``(3, mechanical mode)``.
+    heat
+        μ [1/s], t [1/√(J/K)] and g [N/√(J K)] of the thermal modes, shape ``(3, thermal mode)``.
+    coupling
+        κ, shape ``(mechanical mode, thermal mode)``.
+    mass_damping, stiffness_damping
+        a_M [1/s] and a_K [s].
+    has_rigid
+        Whether an interior mode is rigid: it has the eigenvalues 0 and -a_M.
+    lumps
+        m, k, a ℓ, c, κ, b of a chain, ``(6, node)``; empty for other structures.
+    """
+
+    modes: Array
+    heat: Array
+    coupling: Array
+    mass_damping: float
+    stiffness_damping: float
+    has_rigid: bool
+    lumps: Array
+
+    def poles(self) -> Complexes:
+        """Return the eigenvalues without contact heat, 1/s: both roots of each mode, then -μ."""
+        found = poles(np.sqrt(self.modes[0]), self.modes[1])
+        return np.concatenate([found.ravel(), -self.heat[0] + 0j])
+
+    def first_orders(self) -> Complexes:
+        """Return ds/dα of the eigenvalue at each pole at α = 0, 1/s per m/s."""
+        return first_orders(self.modes, self.heat, self.coupling, self.mass_damping, self.poles())
+
+    def part(self, modes: Indices, heats: Indices) -> ContactClosed:
+        """Return the system of some modes."""
+        return replace(
+            self,
+            modes=np.ascontiguousarray(self.modes[:, modes]),
+            heat=np.ascontiguousarray(self.heat[:, heats]),
+            coupling=np.ascontiguousarray(self.coupling[np.ix_(modes, heats)]),
+        )
+
+    def matrix(self, alpha: float) -> Array:
+        """Return A of X' = A X, X = [ω η, η', τ], 1/s."""
+        omega2, damping, participation = self.modes
+        decay, tip, static = self.heat
+        modes, heats = omega2.size, decay.size
+        place, speed, heat = slice(0, modes), slice(modes, 2 * modes), slice(2 * modes, 2 * modes + heats)
+        diagonal, omega = np.arange(modes), np.sqrt(omega2)
+        A = np.zeros((2 * modes + heats, 2 * modes + heats))
+        A[diagonal, diagonal + modes] = omega
+        A[diagonal + modes, diagonal] = -omega
+        A[diagonal + modes, diagonal + modes] = -damping
+        A[speed, heat] = -self.coupling
+        force = np.zeros(2 * modes + heats)  # λ, the rate of η' inserted: c - a_M = a_K ω²
+        force[place] = participation * omega
+        force[speed] = participation * self.stiffness_damping * omega2
+        force[heat] = static
+        for j in range(modes):
+            force[heat] += participation[j] * self.coupling[j]
+        A[heat] = alpha * tip[:, None] * force
+        A[2 * modes + np.arange(heats), 2 * modes + np.arange(heats)] -= decay
+        return A
+
+
+def contact_closed(structure: Structure, few: int | None = None) -> ContactClosed:
+    """Return the contact-closed system of a structure in all its modes, or in the ``few`` lowest of both kinds."""
+    mechanical, thermal = held_modes(structure, few), slowest_modes(structure, few)
+    elastic = mechanical.values > 0
+    omega2, shapes = mechanical.values[elastic] ** 2, np.ascontiguousarray(mechanical.shapes[:, elastic])
+    constraint, elongation = mechanical_constraint(structure)
+    forces = (structure.springs * structure.expansions(thermal.shapes).T).T
+    return ContactClosed(
+        modes=np.stack(
+            [
+                omega2,
+                structure.damping.mass + structure.damping.stiffness * omega2,
+                product(shapes.T, structure.inertia_forces(constraint)),
+            ]
+        ),
+        heat=np.stack([thermal.values, thermal.tip, product(elongation, forces)]),
+        coupling=-product(structure.elongations(shapes).T, forces),
+        mass_damping=structure.damping.mass,
+        stiffness_damping=structure.damping.stiffness,
+        has_rigid=bool(np.any(~elastic)),
+        lumps=_lumps(structure),
+    )
+
+
+def _lumps(structure: Structure) -> Array:
+    if not isinstance(structure, Chain):
+        return np.zeros((6, 0))
+    return np.stack(
+        [
+            structure.masses,
+            structure.springs,
+            structure.free_expansion,
+            structure.heat_capacities,
+            structure.conduction,
+            structure.convection,
+        ]
+    )

@@ -1,0 +1,64 @@
+"""What constant loads deform and warm in the end; a part that nothing holds is accelerated or warmed evenly.
+
+On such a part loads are balanced by its inertia first, f - M r with r its rigid motion, so that a
+deformation is left that the loads alone do not determine up to a rigid motion (inertia relief).
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from workflow.kernels import Array
+from workflow.models._cases import project
+from workflow.models._chain import Chain
+from workflow.models._long_chain import mechanical_path, thermal_path
+from workflow.models._modes import Modes, mechanical_modes, thermal_modes
+from workflow.models._path import Path
+from workflow.models._structure import Structure
+
+
+def static_displacements(structure: Structure, loads: Array) -> Array:
+    """Return K1⁻¹ f for every case, m, ``(case, mechanical)``, up to rigid motions; ``loads`` in N, alike."""
+    if isinstance(structure, Chain):
+        return _along(mechanical_path(structure), structure.masses, loads)
+    modes = mechanical_modes(structure)
+    return _by_modes(modes, modes.values**2, loads)
+
+
+def static_temperatures(structure: Structure, heating: Array) -> Array:
+    """Return K2⁻¹ q for every case, K, ``(case, thermal)``, up to even warming of adiabatic parts; ``heating`` in W."""
+    if isinstance(structure, Chain):
+        return _along(thermal_path(structure), structure.heat_capacities, heating)
+    modes = thermal_modes(structure)
+    return _by_modes(modes, modes.values, heating)
+
+
+def _by_modes(modes: Modes, stiffness: Array, loads: Array) -> Array:
+    """Return the sum of the modal answers; modes of stiffness 0 take no part."""
+    held = stiffness > 0
+    shapes = np.ascontiguousarray(modes.shapes[:, held])
+    return project(shapes, project(shapes.T, loads) / stiffness[held])
+
+
+def _along(path: Path, inertia: Array, loads: Array) -> Array:
+    """Return the answers of a chain, each distinct load solved once."""
+    distinct, where = np.unique(loads, axis=0, return_inverse=True)
+    answers = np.zeros_like(distinct)
+    for row, load in enumerate(distinct):
+        if np.any(load):
+            answer = path.solve(_balanced(path, inertia, load))
+            assert answer is not None, "a balanced load moves no part for ever"
+            answers[row] = answer
+    return np.asarray(answers[where.ravel()])
+
+
+def _balanced(path: Path, inertia: Array, load: Array) -> Array:
+    """Return a load without what moves loose parts as a whole, f_i - m_i Σ f / Σ m."""
+    balanced = load.copy()
+    for first, stop in pairwise([*np.flatnonzero(path.joint == 0).tolist(), path.size]):
+        if not np.any(path.ground[first:stop]):
+            share = np.cumsum(load[first:stop])[-1] / np.cumsum(inertia[first:stop])[-1]
+            balanced[first:stop] -= share * inertia[first:stop]
+    return balanced

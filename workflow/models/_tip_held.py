@@ -1,0 +1,130 @@
+"""A structure with its tip held: the static answer to a unit tip, and the modes of the interior; modes of the whole."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from workflow.kernels import Array
+from workflow.kernels.sums import norm
+from workflow.models._chain import Chain
+from workflow.models._dense import MOST_PORTABLE, least_squares, product
+from workflow.models._long_chain import mechanical_path, thermal_path
+from workflow.models._modes import Modes, mechanical_modes, singular_modes, thermal_modes
+from workflow.models._path import Path
+from workflow.models._structure import Structure
+
+MOST_ONE_BY_ONE = 100
+"""Modes of a long chain that are found one by one: each costs a pass or two along it, and room for its shape."""
+
+
+def mechanical_constraint(structure: Structure) -> tuple[Array, Array]:
+    """Return ψ, the static displacement by a unit displacement of the tip, and its elongation of the springs.
+
+    Shapes ``(mechanical,)`` and ``(spring,)``. Parts that are not linked to the tip stay at zero (minimum norm).
+    Where ψ moves the structure as a rigid body the elongation is exactly zero: rank decides, not rounding.
+    """
+    if isinstance(structure, Chain):
+        return mechanical_path(structure).unit_tip()
+    return _least_squares(structure.springs, structure.elongation)
+
+
+def thermal_constraint(structure: Structure) -> tuple[Array, Array]:
+    """Return the steady temperatures by a unit temperature of the tip, and their differences across the conductors.
+
+    As :func:`mechanical_constraint`; the differences are exactly zero where no heat leaves the tip's part.
+    """
+    if isinstance(structure, Chain):
+        warmth, differences = thermal_path(structure).unit_tip()
+        return warmth, np.concatenate([differences, warmth])
+    return _least_squares(structure.conductors, structure.difference)
+
+
+def _least_squares(weights: Array, deformation: Array) -> tuple[Array, Array]:
+    """Return the vector u of least deformation energy with u_n = 1, of minimum norm, and its deformation."""
+    weighted = np.sqrt(weights)[:, None] * deformation
+    shape = np.append(least_squares(weighted[:, :-1], -weighted[:, -1]), 1.0)
+    deformed = product(deformation, shape)
+    rounding = max(weighted.shape) * np.finfo(float).eps  # numpy.linalg.matrix_rank's own rule
+    if norm(np.sqrt(weights) * deformed) <= rounding * norm(weighted):
+        deformed = np.zeros_like(deformed)
+    return shape, deformed
+
+
+def held_modes(structure: Structure, kept: int | None = None) -> Modes:
+    """Return the lowest modes with the tip held (all if not said), shapes ``(coordinate, mode)``, the tip's row 0."""
+    if isinstance(structure, Chain) and kept is not None and _one_by_one(structure, kept):
+        interior, inertia = mechanical_path(structure).without_tip(), structure.masses[:-1]
+        modes = interior.modes(inertia, 0, kept - 1) if kept else Modes(np.zeros(0), np.zeros((inertia.size, 0)))
+    else:
+        strain = np.sqrt(structure.springs)[:, None] * structure.elongation
+        modes = singular_modes(structure.mass[:-1, :-1], strain[:, :-1])
+    shapes = modes.shapes[:, :kept]
+    return Modes(modes.values[:kept], np.vstack([shapes, np.zeros(shapes.shape[1])]))
+
+
+def held_thermal_modes(structure: Structure, kept: int | None = None) -> Modes:
+    """Return the slowest thermal modes with the tip at 0 (all if not said), ``(coordinate, mode)``; values in 1/s."""
+    if isinstance(structure, Chain) and kept is not None and _one_by_one(structure, kept):
+        interior, capacities = thermal_path(structure).without_tip(), structure.heat_capacities[:-1]
+        modes = interior.modes(capacities, 0, kept - 1) if kept else Modes(np.zeros(0), np.zeros((capacities.size, 0)))
+    else:
+        flow = np.sqrt(structure.conductors)[:, None] * structure.difference
+        modes = singular_modes(structure.heat_capacity[:-1, :-1], flow[:, :-1])
+    shapes = modes.shapes[:, :kept]
+    return Modes(modes.values[:kept] ** 2, np.vstack([shapes, np.zeros(shapes.shape[1])]))
+
+
+def held_displacements(structure: Structure) -> Callable[[Array], Array]:
+    """Return what gives the static displacement ``(mechanical,)``, m, by forces, N, with the tip held.
+
+    Forces on a part that nothing holds are left out.
+    """
+    if isinstance(structure, Chain):
+        interior = mechanical_path(structure).without_tip()
+        return lambda force: _solved(interior, force)
+    modes = held_modes(structure)
+    stiffness = modes.values**2
+    return lambda force: product(modes.shapes, _divided(product(modes.shapes.T, force), stiffness))
+
+
+def held_temperatures(structure: Structure) -> Callable[[Array, float], Array]:
+    """Return what gives (K2 + s C2)⁻¹ q with the tip at 0, K, ``(thermal,)``, by heat q, W, and s > 0, 1/s."""
+    if isinstance(structure, Chain):
+        interior, capacities = thermal_path(structure).without_tip(), structure.heat_capacities[:-1]
+        return lambda heat, shift: _solved(Path(interior.ground + shift * capacities, interior.joint), heat)
+    modes = held_thermal_modes(structure)
+    return lambda heat, shift: product(modes.shapes, product(modes.shapes.T, heat) / (modes.values + shift))
+
+
+def _solved(interior: Path, load: Array) -> Array:
+    """Return the answer of the nodes before the tip, 0 at the tip, and 0 everywhere if nothing holds what is driven."""
+    found = interior.solve(load[:-1])
+    return np.zeros(load.size) if found is None else np.append(found, 0.0)
+
+
+def _divided(forces: Array, stiffness: Array) -> Array:
+    return np.divide(forces, stiffness, out=np.zeros_like(forces), where=stiffness > 0)
+
+
+def lowest_modes(structure: Structure, kept: int) -> Modes:
+    """Return the lowest mechanical modes of the whole structure, the tip free, shapes ``(coordinate, mode)``."""
+    if isinstance(structure, Chain) and _one_by_one(structure, kept):
+        return mechanical_path(structure).modes(structure.masses, 0, kept - 1)
+    modes = mechanical_modes(structure)
+    return Modes(modes.values[:kept], modes.shapes[:, :kept])
+
+
+def slowest_modes(structure: Structure, kept: int | None = None) -> Modes:
+    """Return the slowest thermal modes of the whole structure (all if not said), shapes ``(coordinate, mode)``."""
+    if isinstance(structure, Chain) and kept is not None and _one_by_one(structure, kept):
+        modes = thermal_path(structure).modes(structure.heat_capacities, 0, kept - 1)
+        return Modes(modes.values**2, modes.shapes)
+    modes = thermal_modes(structure)
+    return Modes(modes.values[:kept], modes.shapes[:, :kept])
+
+
+def _one_by_one(chain: Chain, kept: int) -> bool:
+    """Tell whether so few modes of so long a chain are asked for that each is found by passes along it."""
+    return kept <= MOST_ONE_BY_ONE + 1 and chain.mechanical_size > MOST_PORTABLE

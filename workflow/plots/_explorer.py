@@ -1,0 +1,248 @@
+"""Figures and widgets of an interactive page, made with Bokeh; their data is filled in by the page's own script.
+
+Every part that the script looks for has a name. Figures are as wide as the page lets them be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from workflow.plots._style import COLOURS, GREY
+
+MARKS = ("circle", "square", "triangle", "diamond", "inverted_triangle", "plus", "x", "star")
+"""Markers of schemes, one for each colour of :data:`COLOURS`."""
+
+TOLERANCES = (0.1, 0.01, 0.001)
+
+EXACT, CHOSEN = COLOURS[5], COLOURS[6]
+SELECTED = COLOURS[1]
+
+STATUS_COLOURS = ("#56B4E9", "#D55E00", "#CC79A7", "#000000", "#f2f2f2")
+"""Of the statuses in the order of their numbers; the page names them too."""
+
+
+def explorer(description: dict[str, Any], status_names: Sequence[str]) -> dict[str, Any]:
+    """Return what Bokeh's script draws for the description of :func:`workflow.plots.page_data`, by name of its place.
+
+    Parts for which the archive has nothing are left out.
+    """
+    from bokeh.embed import json_item
+
+    axes = [axis for axis in description["dims"] if len(axis["texts"]) > 1]
+    metrics = [metric["name"] for metric in description["metrics"]]
+    cases = description["cases"]
+    parts: dict[str, Any] = {}
+    if cases and cases["kept"]:
+        parts["case"] = _histories(cases["histories"])
+    if axes:
+        parts["controls"] = _controls(description, axes)
+        parts["map"] = _map(status_names)
+    if "error" in metrics and axes:
+        if "wall_time" in metrics and description["numerical"]:
+            parts["cost"] = _errors("cost", "computing time / simulated time [s/s]")
+        if description["h_dim"] is not None and len(description["h"]) > 1:
+            parts["order"] = _errors("order", "step h [s]")
+        if description["modes"]:
+            parts["modes"] = _modes()
+    if cases and any("periods" in entry for entry in cases["entries"].values()):
+        parts["periods"] = _periods()
+    return {name: json_item(model) for name, model in parts.items()}
+
+
+def _figure(name: str, height: int, tools: str = "pan,box_zoom,wheel_zoom,reset,save", **options: Any) -> Any:
+    """Return an empty figure on which a finger scrolls the page until a tool is chosen."""
+    from bokeh.models import PrintfTickFormatter
+    from bokeh.plotting import figure
+
+    made: Any = figure(name=name, height=height, sizing_mode="stretch_width", tools=tools, **options)
+    made.toolbar.active_drag = made.toolbar.active_scroll = None
+    made.toolbar.logo = None
+    made.toolbar.autohide = True
+    made.grid.grid_line_alpha = 0.4
+    made.axis.axis_label_text_font_style = "normal"
+    made.min_border_right = 12
+    for axis in made.axis:
+        axis.formatter = PrintfTickFormatter(format="%.4g")
+    return made
+
+
+def _source(name: str, *columns: str) -> Any:
+    from bokeh.models import ColumnDataSource
+
+    return ColumnDataSource(name=name, data={column: [] for column in columns})
+
+
+def _histories(histories: Sequence[dict[str, Any]]) -> Any:
+    """Return a figure for each history, below each other, with the exact solution behind the case."""
+    from bokeh.layouts import column
+    from bokeh.models import Range1d
+
+    names = [history["name"] for history in histories]
+    chosen, exact, gap = _source("chosen", "t", *names), _source("exact", "t", *names), _source("gap", "t", "gap")
+    time, made = Range1d(0, 1, name="time"), []
+    for history in histories:
+        last = history is histories[-1]
+        panel = _figure(f"panel_{history['name']}", 215 if last else 185, x_range=time)
+        panel.line("t", history["name"], source=exact, line_color=EXACT, line_width=4)
+        panel.line("t", history["name"], source=chosen, line_color=CHOSEN, line_width=1.0)
+        if history["name"] == "displacement":
+            panel.line("t", "gap", source=gap, line_color=SELECTED, line_dash="dashed", line_width=1.5)
+        panel.yaxis.axis_label = f"{history['title']} [{history['unit']}]"
+        panel.yaxis.axis_label_text_font_size = "11px"
+        panel.xaxis.visible = last
+        panel.xaxis.axis_label = "time [s]"
+        made.append(panel)
+    return column(*made, sizing_mode="stretch_width", name="histories")
+
+
+def _controls(description: dict[str, Any], axes: Sequence[dict[str, Any]]) -> Any:
+    """Return menus for the metric and the axes of the map, and a slider for each axis."""
+    from bokeh.layouts import column
+    from bokeh.models import CategoricalSlider, Select
+
+    names = [(axis["name"], axis["title"]) for axis in axes]
+    first, second = map_axes(description)
+    metrics = [("status", "status")] + [(metric["name"], metric["title"]) for metric in description["metrics"]]
+    varied = [metric["name"] for metric in description["metrics"] if metric["varies"]]
+    start = next(
+        (name for name in ("error", "max_temperature", "contact_impulse", *varied) if name in varied), "status"
+    )
+    made: list[Any] = [
+        Select(name="metric", title="colour", options=metrics, value=start),
+        Select(name="across", title="across", options=names, value=first),
+        Select(name="up", title="up", options=[("", "nothing"), *names], value=second),
+    ]
+    for axis in axes:
+        unit = f" [{axis['unit']}]" if axis["unit"] else ""
+        made.append(
+            CategoricalSlider(
+                name=f"slider_{axis['name']}",
+                title=axis["title"] + unit,
+                categories=axis["texts"],
+                value=axis["texts"][0],
+            )
+        )
+    for widget in made:
+        widget.sizing_mode = "stretch_width"
+    return column(*made, sizing_mode="stretch_width", name="widgets")
+
+
+def map_axes(description: dict[str, Any]) -> tuple[str, str]:
+    """Return the names of the axes of the map at first: scheme and h where they have three values, else the longest."""
+    sizes = {axis["name"]: len(axis["texts"]) for axis in description["dims"] if len(axis["texts"]) > 1}
+    ranked = sorted(sizes, key=lambda name: (name not in ("h", "scheme") or sizes[name] < 3, -sizes[name]))
+    first = ranked[0]
+    second = next((name for name in ranked[1:]), "")
+    return ("h", "scheme") if {first, second} == {"h", "scheme"} else (first, second)
+
+
+def _map(status_names: Sequence[str]) -> Any:
+    """Return the map: an image, what is not ok, values where they fit, and the cell that is selected."""
+    import numpy as np
+    from bokeh.models import ColorBar, ColumnDataSource, FixedTicker, LinearColorMapper, LogColorMapper, Range1d
+    from bokeh.palettes import Cividis256
+
+    panel = _figure("map", 420, tools="reset,save", x_range=Range1d(0, 1), y_range=Range1d(0, 1))
+    mappers = {
+        "linear": LinearColorMapper(palette=Cividis256, nan_color="#dddddd", name="linear"),
+        "log": LogColorMapper(palette=Cividis256, nan_color="#dddddd", low=1e-3, high=1, name="log"),
+        "statuses": LinearColorMapper(
+            palette=STATUS_COLOURS[: len(status_names)], low=-0.5, high=len(status_names) - 0.5, name="statuses"
+        ),
+    }
+    blank = {"image": [np.zeros((1, 1), np.float32)], "x": [0], "y": [0], "dw": [1], "dh": [1]}
+    for name, mapper in mappers.items():  # an image for each scale: one cannot change its own
+        cells = ColumnDataSource(name=f"cells_{name}", data=blank)
+        panel.image("image", x="x", y="y", dw="dw", dh="dh", source=cells, color_mapper=mapper, name=f"image_{name}")
+    bad = _source("bad", "x", "y")
+    panel.scatter("x", "y", source=bad, marker="x", size=9, line_color="black", line_width=1.5)
+    panel.text(
+        "x", "y", "text", source=_source("values", "x", "y", "text", "colour"), text_color="colour",
+        text_align="center", text_baseline="middle", text_font_size="11px",
+    )  # fmt: skip
+    panel.rect("x", "y", 1, 1, source=_source("cell", "x", "y"), fill_color=None, line_color=SELECTED, line_width=3.5)
+    for name, mapper in mappers.items():
+        ticks: dict[str, Any] = {}
+        if name == "statuses":
+            ticks["ticker"] = FixedTicker(ticks=list(range(len(status_names))))
+            ticks["major_label_overrides"] = dict(enumerate(status_names))
+        panel.add_layout(ColorBar(color_mapper=mapper, name=f"bar_{name}", height=10, padding=4, **ticks), "above")
+    panel.grid.visible = False
+    panel.xaxis.name, panel.yaxis.name = "map_x", "map_y"
+    panel.xaxis.ticker, panel.yaxis.ticker = FixedTicker(ticks=[]), FixedTicker(ticks=[])
+    return panel
+
+
+def _errors(name: str, label: str) -> Any:
+    """Return a panel of errors on logarithmic axes: a line and markers for each scheme; a click selects."""
+    from bokeh.models import FixedTicker, HoverTool, Range1d, Span, TapTool
+
+    panel = _figure(name, 330, x_axis_type="log", y_axis_type="log", x_range=Range1d(0.1, 1), y_range=Range1d(1e-4, 1))
+    for tolerance in TOLERANCES:
+        panel.add_layout(Span(location=tolerance, dimension="width", line_color=GREY, line_dash="dotted"))
+    panel.multi_line("x", "y", line_color="colour", line_width=1.5, source=_source(f"{name}_lines", "x", "y", "colour"))
+    exact = _source(f"{name}_exact", "x", "y")
+    panel.multi_line("x", "y", line_color="black", line_dash="dotted", line_width=1.5, source=exact)
+    points = _source(f"{name}_points", "x", "y", "colour", "marker", "case", "scheme", "h")
+    dots = panel.scatter(
+        "x", "y", marker="marker", fill_color="colour", line_color="colour", size=8, source=points,
+        nonselection_fill_alpha=1, nonselection_line_alpha=1,
+    )  # fmt: skip
+    panel.scatter(
+        "x", "y", marker="circle", size=17, fill_color=None, line_color=SELECTED, line_width=2.5,
+        source=_source(f"{name}_here", "x", "y"),
+    )  # fmt: skip
+    tips = [("scheme", "@scheme"), ("h", "@h"), (label.split(" [")[0], "@x{0.00e}"), ("error", "@y{0.00e}")]
+    panel.add_tools(HoverTool(renderers=[dots], tooltips=tips), TapTool(renderers=[dots]))
+    panel.xaxis.axis_label, panel.yaxis.axis_label = label, "relative error [1]"
+    panel.xaxis.name, panel.yaxis.name = f"{name}_x", f"{name}_y"
+    for axis, grid in ((panel.xaxis, panel.xgrid), (panel.yaxis, panel.ygrid)):
+        axis.ticker = grid.ticker = FixedTicker(ticks=[])
+    return panel
+
+
+def _modes() -> Any:
+    """Return the error over mechanical and thermal modes, with the choice of the study marked."""
+    from bokeh.models import FixedTicker, HoverTool, LogColorMapper, Range1d
+    from bokeh.palettes import Cividis256
+
+    panel = _figure("modes", 330, tools="reset,save", x_range=Range1d(-0.6, 0.6), y_range=Range1d(-0.6, 0.6))
+    points = _source("modes_points", "x", "y", "error", "text", "colour", "name")
+    mapper = LogColorMapper(palette=Cividis256, name="modes_colours", low=1e-3, high=1)
+    dots = panel.rect(
+        "x", "y", 0.9, 0.9, source=points, fill_color={"field": "error", "transform": mapper}, line_color=None
+    )
+    panel.text(
+        "x", "y", "text", source=points, text_color="colour", text_align="center", text_baseline="middle",
+        text_font_size="11px",
+    )  # fmt: skip
+    panel.rect(
+        "x", "y", 0.9, 0.9, source=_source("modes_here", "x", "y"), fill_color=None, line_color=SELECTED, line_width=3
+    )
+    panel.scatter(
+        "x", "y", marker="star", size=18, source=_source("modes_chosen", "x", "y"), fill_color="white",
+        line_color="black",
+    )  # fmt: skip
+    panel.add_tools(HoverTool(renderers=[dots], tooltips=[("modes", "@name"), ("error", "@text")]))
+    panel.xaxis.name, panel.yaxis.name = "modes_x", "modes_y"
+    panel.xaxis.ticker, panel.yaxis.ticker = FixedTicker(ticks=[]), FixedTicker(ticks=[])
+    panel.xaxis.axis_label, panel.yaxis.axis_label = "mechanical modes", "thermal modes"
+    return panel
+
+
+def _periods() -> Any:
+    """Return the impulse of each load period and what the growth rate of permanent contact predicts."""
+    from bokeh.models import BasicTicker
+
+    panel = _figure("periods", 300)
+    measured = _source("period_impulses", "period", "impulse")
+    panel.line("period", "impulse", source=measured, line_color=COLOURS[0], line_width=1.2)
+    panel.scatter("period", "impulse", source=measured, color=COLOURS[0], size=7)
+    panel.line(
+        "period", "impulse", source=_source("predicted", "period", "impulse"), line_color=COLOURS[1],
+        line_dash="dashed", line_width=2,
+    )  # fmt: skip
+    panel.xaxis.axis_label, panel.yaxis.axis_label = "load period", "impulse [N s]"
+    panel.xaxis.ticker = BasicTicker(min_interval=1, num_minor_ticks=0)
+    return panel

@@ -1,0 +1,111 @@
+"""Histories and load periods of the cases that a page holds, while there is room."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow.analysis import case_dims
+from workflow.plots._thinned import BUCKETS, Pack, levels, thinned, thinned_times
+from workflow.plots._units import scaled
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+MOST = 1500
+"""Cases whose histories a page holds at most: beyond, reading them takes longer than anybody looks."""
+
+TITLES = {
+    "displacement": "tip displacement",
+    "velocity": "tip velocity",
+    "temperature": "tip temperature rise",
+    "contact_force": "contact force",
+    "impulse": "impulse",
+}
+
+MOST_BUCKETS = 8 * BUCKETS
+
+_CHARACTERS = 2.2
+"""Characters of a page that a point of a history takes, measured on oscillating ones."""
+
+_SAID = 300
+"""Characters of a message that a page repeats."""
+
+
+def append_cases(
+    part: xr.Dataset, pack: Pack, order: Iterator[int], partners: NDArray[np.int32], frequency: float, room: int
+) -> dict[str, Any] | None:
+    """Take in histories and impulses of load periods of cases in order, while there is room.
+
+    Returns
+    -------
+    dict or None
+        Where each case lies; ``None`` where the archive keeps neither.
+    """
+    names = [name for name in TITLES if name in part] if "t" in part.coords and part.sizes["t"] > 1 else []
+    periodic = "period_impulse" in part
+    if not names and not periodic:
+        return None
+    buckets = _buckets(part, len(names), room - pack.size) if names else 0
+    described: dict[str, Any] = {
+        "histories": [_history(part, name) for name in names],
+        "t": pack.add(thinned_times(np.asarray(part["t"].values, dtype=float), buckets)) if names else None,
+        "period_unit": "N s",
+        "entries": {},
+        "kept": bool(names),
+    }
+    status, written = np.asarray(part["status"].values).ravel(), 0
+    for case in order:
+        if len(described["entries"]) >= MOST or pack.size + written > room:
+            break
+        entry = _entry(part, pack, case, names, buckets, frequency, bool(status[case] == 0))
+        described["entries"][str(case)] = entry
+        written += len(str(entry))
+    described["thinned"] = part.sizes["t"] > 2 * buckets if names else False
+    return described
+
+
+def _buckets(part: xr.Dataset, names: int, room: int) -> int:
+    """Return in how many pieces histories are thinned: more where the cases are few and there is room for them."""
+    cases = min(int(part["status"].size), MOST)
+    wanted = MOST_BUCKETS
+    while wanted > BUCKETS and cases * names * 2 * wanted * _CHARACTERS > room:
+        wanted //= 2
+    return wanted
+
+
+def _history(part: xr.Dataset, name: str) -> dict[str, Any]:
+    """Describe a history; its unit fits the gap or, without one, the usual case."""
+    unit = str(part[name].attrs.get("units", "1"))
+    size = (
+        np.asarray(part["gap"].values, dtype=float) if name == "displacement" and "gap" in part.coords else np.ones(1)
+    )
+    if name == "displacement" and not np.any(size):
+        size = np.abs(np.asarray(part[name].isel(dict.fromkeys(case_dims(part), 0)).values, dtype=float))
+    shown, factor = scaled(unit, size)
+    return {"name": name, "title": TITLES[name], "unit": shown, "factor": factor}
+
+
+def _entry(
+    part: xr.Dataset, pack: Pack, case: int, names: list[str], buckets: int, frequency: float, ok: bool
+) -> dict[str, Any]:
+    """Take in one case."""
+    dims, shape = case_dims(part), part["status"].shape
+    place = np.unravel_index(case, shape) if shape else ()
+    one = part.isel(dict(zip(dims, map(int, place), strict=True)))
+    entry: dict[str, Any] = {"curves": []}
+    for name in names:
+        steps, low, high = levels(thinned(np.asarray(one[name].values, dtype=float), buckets))
+        entry["curves"].append({**pack.add(steps), "low": low, "high": high})
+    if "period_impulse" in one:
+        entry["periods"] = pack.add(np.asarray(one["period_impulse"].values, dtype=np.float64))
+        entry["growth"] = float(one["growth_rate"]) if "growth_rate" in one else None
+    entry["frequency"] = float(one["frequency"]) if "frequency" in one.coords else frequency
+    if "gap" in one.coords:
+        entry["gap"] = float(one["gap"])
+    if not ok and "message" in one:
+        entry["message"] = str(one["message"].values)[:_SAID]
+    return entry

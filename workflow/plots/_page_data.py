@@ -1,0 +1,251 @@
+"""The data of an interactive page: axes, metrics of all cases, and histories of as many as fit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow.analysis import Telling, case_dims, exact_partners, finest, numerical_dims, total_error
+from workflow.plots._page_cases import append_cases
+from workflow.plots._thinned import Pack, rounded
+from workflow.plots._units import coordinate_texts, readable, scaled, selector
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+MOST_VALUES = 2000
+"""Values of an axis that a page holds; of a longer one evenly spread ones."""
+
+MOST_CASES = 120_000
+
+_FIRST = (
+    "error",
+    "wall_time",
+    "scheme_error",
+    "model_error",
+    "max_temperature",
+    "contact_impulse",
+    "impacts",
+    "max_penetration",
+    "displacement_error",
+    "temperature_error",
+    "impulse_error",
+    "energy_residual",
+    "predictability",
+    "contact_time",
+    "thermal_closing",
+    "growth_rate",
+)
+"""Metrics that come first where not all fit."""
+
+_DERIVED = {"error": "", "scheme_error": "scheme_", "model_error": "model_"}
+"""Largest errors of any history, and which part of the errors they are of."""
+
+_EXPLAINED = {
+    "error": "largest relative L2 distance of displacement, temperature and impulse from the reference",
+    "scheme_error": "largest part of the scheme in the errors: against the exact solution of the same reduced model",
+    "model_error": "largest part of the reduced model in the errors: its exact solution against the reference",
+    "energy_residual": "energy that the scheme itself creates (+) or takes (−), as a share of the largest energy",
+    "effective_restitution": "speed after over speed before an impact, which a scheme without e gives by itself",
+}
+"""Short meanings for a reader of the page, in place of the archive's definitions."""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """The part of an archive that a page holds.
+
+    Attributes
+    ----------
+    dataset
+        That part.
+    cases
+        Number of each telling case in it.
+    left_out
+        A sentence for every axis of which values are left out.
+    """
+
+    dataset: xr.Dataset
+    cases: tuple[int, ...]
+    left_out: tuple[str, ...]
+
+
+def shown_part(dataset: xr.Dataset, found: Sequence[Telling]) -> Shown:
+    """Return the cases that a page holds: all, or evenly spread values of the longest axes and the telling cases."""
+    dims, shape = case_dims(dataset), dataset["status"].shape
+    places = [np.unravel_index(one.case, shape) if shape else () for one in found]
+    most = dict.fromkeys(dims, MOST_VALUES)
+    while np.prod([min(n, most[dim]) for dim, n in zip(dims, shape, strict=True)]) > MOST_CASES:
+        longest = max(dims, key=lambda dim: min(dataset.sizes[dim], most[dim]))
+        most[longest] = min(dataset.sizes[longest], most[longest]) // 2
+    kept, told, first = {}, [], finest(dataset)
+    for k, (dim, size) in enumerate(zip(dims, shape, strict=True)):
+        if size > most[dim]:
+            even = np.linspace(0, size - 1, most[dim]).round().astype(int)
+            kept[dim] = np.unique([*even, first[dim], *(int(place[k]) for place in places)])
+            told.append(f"{dim.replace('_', ' ')}: {len(kept[dim])} of its {size} values")
+    part = dataset.isel(kept)
+    moved = [
+        [int(np.searchsorted(kept[dim], place[k])) if dim in kept else int(place[k]) for k, dim in enumerate(dims)]
+        for place in places
+    ]
+    cases = tuple(int(np.ravel_multi_index(place, part["status"].shape)) if place else 0 for place in moved)
+    return Shown(part, cases, tuple(told))
+
+
+def page_data(
+    part: xr.Dataset, first: Sequence[int], methods: Mapping[str, str], frequency: float, room: int
+) -> tuple[dict[str, Any], str]:
+    """Return what a page's script reads: a plain description, and the block of arrays in base64.
+
+    Parameters
+    ----------
+    part
+        Of :func:`shown_part`.
+    first
+        Numbers of the cases whose histories come first; the first of all is the one shown.
+    methods
+        Method of each scheme by its label.
+    frequency
+        Of the load, Hz, where no axis varies it; NaN where there is none.
+    room
+        Characters that the block may take.
+    """
+    pack = Pack()
+    status = np.asarray(part["status"].values).ravel().astype(np.int8)
+    described: dict[str, Any] = {
+        "dims": [_axis(part, dim) for dim in case_dims(part)],
+        "scheme_dim": _place_of(part, "scheme"),
+        "h_dim": _place_of(part, "h"),
+        "numerical": [case_dims(part).index(dim) for dim in numerical_dims(part)],
+        "h": _values(part, "h"),
+        "duration": float(part.attrs.get("duration", np.nan)),
+        "start": first[0],
+        "status": pack.add(status),
+    }
+    described["metrics"], described["left_out"] = _metrics(part, pack, status == 0, room // 2)
+    described["modes"] = _modes(part)
+    partners = exact_partners(part, methods).astype(np.int32)
+    described["exact"] = pack.add(partners)
+    order = _order(part, first, partners)
+    described["cases"] = append_cases(part, pack, order, partners, frequency, room)
+    return _finite(described), pack.text()
+
+
+def _axis(part: xr.Dataset, dim: str) -> dict[str, Any]:
+    """Describe a dimension: title, unit, texts of its values, and what selects them."""
+    names = [str(name) for name in part.coords if part[name].dims == (dim,)]
+    size, own = part.sizes[dim], dim in part.coords and part[dim].dims == (dim,)
+    if not names:
+        texts, title, unit = [str(k) for k in range(size)], dim, ""
+    else:
+        units, columns = zip(*(coordinate_texts(part[name]) for name in names), strict=True)
+        texts = [" + ".join(row) for row in zip(*columns, strict=True)]
+        unit = units[0] if len(names) == 1 else ""
+        title = _joint([n + (f" [{u}]" if u and len(names) > 1 else "") for n, u in zip(names, units, strict=True)])
+    selected = [selector(part[dim], k) if own else f"{dim}={k}" for k in range(size)]
+    return {
+        "name": dim,
+        "title": title.replace("_", " "),
+        "unit": unit,
+        "texts": texts if len(set(texts)) == size else [f"{text} ({k})" for k, text in enumerate(texts)],
+        "selectors": selected,
+        "by_label": own,
+    }
+
+
+def _joint(names: Sequence[str]) -> str:
+    """Return names side by side, a last word that all share once: ``mechanical + thermal modes``."""
+    first, last = zip(*(name.rpartition("_")[::2] for name in names), strict=True)
+    if len(names) > 1 and len(set(last)) == 1 and all(first):
+        return f"{' + '.join(first)} {last[0]}"
+    return " + ".join(names)
+
+
+def _place_of(part: xr.Dataset, name: str) -> int | None:
+    """Return the position among the dimensions of the one along which a coordinate lies."""
+    if name not in part.coords or part[name].ndim != 1:
+        return None
+    return case_dims(part).index(str(part[name].dims[0]))
+
+
+def _values(part: xr.Dataset, name: str) -> list[float]:
+    return [float(value) for value in np.atleast_1d(part[name].values)] if name in part.coords else []
+
+
+def _metrics(part: xr.Dataset, pack: Pack, ok: NDArray[np.bool_], room: int) -> tuple[list[dict[str, Any]], list[str]]:
+    """Take in the metrics of all cases, the most useful first, while there is room; return those left out too."""
+    dims = part["status"].dims
+    there = [str(name) for name in part.data_vars if part[name].dims == dims and part[name].dtype.kind == "f"]
+    ranked = [name for name in _FIRST if name in there or name in _DERIVED]
+    taken, left = [], []
+    for name in [*ranked, *(name for name in there if name not in ranked)]:
+        derived = name in _DERIVED
+        values = total_error(part, _DERIVED[name]) if derived else np.asarray(part[name].values, dtype=float)
+        if values is None or not np.isfinite(values).any():
+            continue
+        small = rounded(np.where(ok, values.ravel(), np.nan))
+        if pack.size + pack.cost(small) > room:
+            left.append(name.replace("_", " "))
+            continue
+        unit = "1" if derived else str(part[name].attrs.get("units", "1"))
+        shown_unit, factor = scaled(unit, small)
+        about = _EXPLAINED.get(name) or str(part[name].attrs.get("long_name", ""))
+        entry = {"name": name, "title": name.replace("_", " "), "unit": shown_unit, "factor": factor, "about": about}
+        entry["varies"] = bool(np.nanmax(small) > np.nanmin(small)) if np.isfinite(small).any() else False
+        taken.append({**entry, **pack.add(small)})
+    return taken, left
+
+
+def _modes(part: xr.Dataset) -> dict[str, Any] | None:
+    """Describe the reduced models of an archive: the mode counts of every place along the dimensions they lie on."""
+    names = ("mechanical_modes", "thermal_modes")
+    if not all(name in part.coords for name in names) or not any(
+        part[name].ndim and part[name].size > 1 for name in names
+    ):
+        return None
+    return {name: {"dim": _place_of(part, name), "texts": coordinate_texts(part[name])[1]} for name in names}
+
+
+def _order(part: xr.Dataset, first: Sequence[int], partners: NDArray[np.int32]) -> Iterator[int]:
+    """Yield every case once: telling ones, neighbours of the first along every axis, then the largest errors.
+
+    Before each comes its exact partner. Without errors the cases of the rest are spread evenly, by a fixed shuffle.
+    """
+    seen: set[int] = set()
+    for case in _ranked(part, first):
+        for one in (int(partners[case]), case):
+            if one >= 0 and one not in seen:
+                seen.add(one)
+                yield one
+
+
+def _ranked(part: xr.Dataset, first: Sequence[int]) -> Iterator[int]:
+    shape = part["status"].shape
+    yield from first
+    place = np.unravel_index(first[0], shape) if shape else ()
+    for axis, size in enumerate(shape):
+        for k in range(size):
+            yield int(np.ravel_multi_index([*place[:axis], k, *place[axis + 1 :]], shape))
+    mixed = np.random.default_rng(0).permutation(part["status"].size)
+    error = total_error(part)
+    if error is not None:
+        rank = np.where(np.isfinite(error), error, -1.0).ravel()[mixed]
+        mixed = mixed[np.argsort(-rank, kind="stable")]
+    yield from map(int, mixed)
+
+
+def _finite(value: Any) -> Any:
+    """Return plain values without numbers that JSON cannot hold."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+__all__ = ["Shown", "page_data", "readable", "shown_part"]

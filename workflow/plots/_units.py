@@ -1,0 +1,63 @@
+"""Units and values as they are read: µm where lengths are small, m/s instead of m s-1."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow.analysis import exact
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+_SCALES = {
+    "m": ((1.0, "m", 1.0), (1e-3, "mm", 1e3), (0.0, "µm", 1e6)),
+    "s": ((0.1, "s", 1.0), (1e-4, "ms", 1e3), (0.0, "µs", 1e6)),
+}
+"""From which usual magnitude on which unit serves, and the factor to it."""
+
+AUTO = -1
+"""Count of modes that the study left to a tolerance."""
+
+_UNSCALED = ("h", "t")
+"""Coordinates that stay in SI, as studies and commands write them."""
+
+
+def readable(unit: str) -> str:
+    """Return a CF unit as it is written by hand: ``m s-1`` as ``m/s``, nothing for ``1``."""
+    over = [word for word in unit.split() if "-" not in word and word != "1"]
+    under = [word.replace("-1", "").replace("-", "") for word in unit.split() if "-" in word]
+    if not under:
+        return " ".join(over)
+    return f"{' '.join(over) or '1'}/{'/'.join(under)}"
+
+
+def scaled(unit: str, values: NDArray[Any]) -> tuple[str, float]:
+    """Return a readable unit for values and the factor to it; the median of the magnitudes decides."""
+    sizes = np.abs(np.asarray(values, dtype=float))
+    sizes = sizes[np.isfinite(sizes) & (sizes > 0)]
+    if unit not in _SCALES or not sizes.size:
+        return readable(unit), 1.0
+    usual = float(np.median(sizes))
+    return next((name, factor) for least, name, factor in _SCALES[unit] if usual >= least)
+
+
+def coordinate_texts(coordinate: xr.DataArray) -> tuple[str, list[str]]:
+    """Return the unit and the values of a coordinate as texts, numbers in at most four digits."""
+    values = np.atleast_1d(coordinate.values)
+    if str(coordinate.name).endswith("_modes"):
+        return "", ["auto" if value == AUTO else str(value) for value in values]
+    if values.dtype.kind != "f":
+        return "", [str(value) for value in values]
+    unit = str(coordinate.attrs.get("units", "1"))
+    name, factor = (readable(unit), 1.0) if coordinate.name in _UNSCALED else scaled(unit, values)
+    texts = [f"{value * factor:.4g}" for value in values]
+    return name, texts if len(set(texts)) == len(texts) else [exact(float(value) * factor) for value in values]
+
+
+def selector(coordinate: xr.DataArray, k: int) -> str:
+    """Return what selects a value of an indexed coordinate with ``.sel``: ``e=0.5``."""
+    value = coordinate.values[k]
+    return f"{coordinate.name}={exact(float(value)) if coordinate.dtype.kind == 'f' else repr(value.item())}"

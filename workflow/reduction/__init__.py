@@ -1,0 +1,144 @@
+"""Bases: each public module here is one, with ``mechanical`` and ``thermal``; the directory is the registry.
+
+A module of a name without a leading underscore is the basis ``reduction: NAME`` of a study: full structure in,
+structure of the same type out. Adding one is adding the file; entry points of the group ``workflow.reduction`` add
+bases from outside.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from workflow import registry
+from workflow.models import Array, Chain, Structure
+from workflow.models._tip_held import MOST_ONE_BY_ONE
+from workflow.reduction._reduction import (
+    NOTHING,
+    Known,
+    Reduction,
+    Vectors,
+    galerkin,
+    mechanical_vectors,
+    thermal_vectors,
+    unreduced,
+)
+from workflow.reduction._residual import projection_residual
+
+DEFAULT = "craig_bampton"
+"""The basis where a study names none."""
+
+
+@dataclass(frozen=True)
+class Basis:
+    """What a module of this directory offers.
+
+    Attributes
+    ----------
+    mechanical
+        From a structure, a count and what is known: so many interior displacements, 0 at the tip and orthonormal in
+        M, and the tip's own vector.
+    thermal
+        The same for temperatures, orthonormal in C2.
+    carried
+        From a structure and both bases: displacements that temperatures carry with them, see
+        :class:`~workflow.reduction._reduction.Reduction`. May be left out.
+    """
+
+    mechanical: Callable[[Structure, int, Known], Vectors]
+    thermal: Callable[[Structure, int, Known], Vectors]
+    carried: Callable[[Structure, Vectors, Vectors], Array] | None = None
+
+
+_REQUIRED = ("mechanical", "thermal")
+
+
+def names() -> tuple[str, ...]:
+    """Return the names of all bases, sorted."""
+    return registry.names(__name__)
+
+
+def fault(name: str) -> str | None:
+    """Return why the basis of a name cannot be used, ``None`` if it can."""
+    return registry.fault(__name__, name, _REQUIRED)
+
+
+def load(name: str) -> Basis:
+    """Return the basis of a name from :func:`names`.
+
+    Raises
+    ------
+    KeyError
+        No basis has this name.
+    BrokenModuleError
+        Its module cannot be used.
+    """
+    module = registry.load(__name__, name, _REQUIRED)
+    return Basis(module.mechanical, module.thermal, getattr(module, "carried", None))
+
+
+def reduce_structure(
+    structure: Structure,
+    mechanical_modes: int | None,
+    thermal_modes: int | None,
+    basis: str = DEFAULT,
+    known: Known = NOTHING,
+) -> Reduction:
+    """Replace interior nodes by vectors of a basis, keep the tip (x_n, v_n, θ_n) as it is.
+
+    Parameters
+    ----------
+    structure
+        The full structure, or a reduced one.
+    mechanical_modes, thermal_modes
+        Vectors kept beside the tip's own, at most ``size - 1`` each; ``None`` leaves displacements or
+        temperatures as they are.
+    basis
+        Name of the basis, one of :func:`names`.
+    known
+        What the basis may know of the cases.
+
+    Raises
+    ------
+    ValueError
+        More vectors are asked for than the interior has, or than are found of a chain that has no matrices,
+        or fewer than none.
+    """
+    counts = ((mechanical_modes, structure.mechanical_size), (thermal_modes, structure.thermal_size))
+    for kept, size in counts:
+        if kept is not None and not 0 <= kept <= size - 1:
+            raise ValueError(f"{kept} interior modes of a structure that has {size - 1}")
+        long = isinstance(structure, Chain) and not structure.has_matrices
+        if long and (kept is None or kept > MOST_ONE_BY_ONE):
+            raise ValueError(f"a chain of {size} nodes is kept full or reduced to at most {MOST_ONE_BY_ONE} modes")
+    chosen = load(basis)
+    mechanical = (
+        unreduced(structure.elongations, structure.mechanical_size)
+        if mechanical_modes is None
+        else chosen.mechanical(structure, mechanical_modes, known)
+    )
+    thermal = (
+        unreduced(structure.differences, structure.thermal_size)
+        if thermal_modes is None
+        else chosen.thermal(structure, thermal_modes, known)
+    )
+    carried = None
+    if chosen.carried is not None and mechanical_modes is not None:
+        carried = chosen.carried(structure, mechanical, thermal)
+    return galerkin(structure, mechanical, thermal, carried)
+
+
+__all__ = [
+    "DEFAULT",
+    "Basis",
+    "Known",
+    "Reduction",
+    "Vectors",
+    "fault",
+    "load",
+    "mechanical_vectors",
+    "names",
+    "projection_residual",
+    "reduce_structure",
+    "thermal_vectors",
+]

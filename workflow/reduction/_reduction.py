@@ -1,0 +1,144 @@
+"""A reduced structure with the bases that lead back to the nodes, and how a basis makes one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from workflow.models import Array, Cases, Matrices, Structure, project, static_tip_growth
+from workflow.models._dense import product
+from workflow.models._tip_held import mechanical_constraint, thermal_constraint
+
+
+@dataclass(frozen=True)
+class Known:
+    """What a basis may know beside the structure.
+
+    Attributes
+    ----------
+    duration
+        Of every case, s; ``None`` where nobody says.
+    """
+
+    duration: float | None = None
+
+
+NOTHING = Known()
+
+
+@dataclass(frozen=True, eq=False)
+class Reduction:
+    """A reduced structure and the bases that lead back to the nodes.
+
+    Attributes
+    ----------
+    structure
+        The reduced structure; its coordinates are interior vectors, then the tip.
+    displacement_basis, temperature_basis
+        x = displacement_basis · x_r (and v likewise), θ = temperature_basis · θ_r, shapes
+        ``(node, mechanical)`` and ``(node, thermal)``; the tip's row is (0, …, 0, 1).
+    displacement_projection, temperature_projection
+        Initial states to reduced ones: the tip as it is, the interior inertia-orthogonally onto
+        its vectors, shapes ``(mechanical, node)`` and ``(thermal, node)``.
+    carried
+        Displacement that temperatures carry with them, m/K, ``(node, thermal)``: x = displacement_basis · x_r +
+        carried · θ_r, v = displacement_basis · v_r. It is 0 at the tip and M-orthogonal to the interior vectors.
+        ``None`` for none.
+    """
+
+    structure: Structure
+    displacement_basis: Array
+    temperature_basis: Array
+    displacement_projection: Array
+    temperature_projection: Array
+    carried: Array | None = None
+
+    def project(self, cases: Cases) -> Cases:
+        """Return the cases of the full structure in reduced coordinates."""
+        return replace(
+            cases,
+            steady=project(self.displacement_basis.T, cases.steady),
+            heating=project(self.temperature_basis.T, cases.heating),
+            displacement=project(self.displacement_projection, cases.displacement),
+            velocity=project(self.displacement_projection, cases.velocity),
+            temperature=project(self.temperature_projection, cases.temperature),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Vectors:
+    """Basis of the displacements, or of the temperatures.
+
+    Attributes
+    ----------
+    shapes
+        Interior vectors, 0 at the tip, then the tip's own vector, 1 at the tip, shape ``(node, coordinate)``.
+    deformation
+        Elongation of each spring, or temperature difference across each conductor, per coordinate,
+        shape ``(spring, coordinate)``.
+    projection
+        From states to coordinates, shape ``(coordinate, node)``.
+    """
+
+    shapes: Array
+    deformation: Array
+    projection: Array
+
+
+def mechanical_vectors(structure: Structure, interior: Array) -> Vectors:
+    """Return the constraint mode behind interior displacements, which are orthonormal in M and 0 at the tip."""
+    constraint, elongation = mechanical_constraint(structure)
+    deformation = np.column_stack([structure.elongations(interior), elongation])
+    projection = _projection(structure.inertia_forces(interior).T, constraint)
+    return Vectors(np.column_stack([interior, constraint]), deformation, projection)
+
+
+def thermal_vectors(structure: Structure, interior: Array) -> Vectors:
+    """Return the constraint mode behind interior temperatures, which are orthonormal in C2 and 0 at the tip."""
+    constraint, difference = thermal_constraint(structure)
+    deformation = np.column_stack([structure.differences(interior), difference])
+    projection = _projection(structure.heat_contents(interior).T, constraint)
+    return Vectors(np.column_stack([interior, constraint]), deformation, projection)
+
+
+def _projection(onto_interior: Array, constraint: Array) -> Array:
+    """Return what takes states to [interior, tip]: the tip as it is, the rest onto the interior vectors.
+
+    ``onto_interior`` is interiorᵀ · inertia.
+    """
+    tip = np.zeros(constraint.size)
+    tip[-1] = 1.0
+    rows = np.vstack([onto_interior, tip])
+    rows[:-1, -1] = -product(onto_interior[:, :-1], constraint[:-1])
+    return rows
+
+
+def unreduced(deformations: Callable[[Array], Array], size: int) -> Vectors:
+    """Return a unit vector for every coordinate."""
+    every = np.eye(size)
+    return Vectors(every, deformations(every), every)
+
+
+def galerkin(structure: Structure, mechanical: Vectors, thermal: Vectors, carried: Array | None = None) -> Reduction:
+    """Return the structure projected on its bases: Φᵀ M Φ, elongation Φ, expansion Θ, Θᵀ C2 Θ, difference Θ.
+
+    Displacements Γ that temperatures carry, ``(node, thermal)``, relieve the springs: expansion Θ - elongation Γ.
+    """
+    x, theta = mechanical.shapes, thermal.shapes
+    expansion = structure.expansions(theta)
+    reduced = Matrices(
+        mass=product(x.T, structure.inertia_forces(x)),
+        springs=structure.springs,
+        elongation=mechanical.deformation,
+        expansion=expansion if carried is None else expansion - structure.elongations(carried),
+        heat_capacity=product(theta.T, structure.heat_contents(theta)),
+        conductors=structure.conductors,
+        difference=thermal.deformation,
+        content=product(structure.content, theta),
+        grounded=structure.grounded,
+        damping=structure.damping,
+        tip_growth=product(static_tip_growth(structure), theta),
+    )
+    return Reduction(reduced, x, theta, mechanical.projection, thermal.projection, carried)

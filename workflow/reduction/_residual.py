@@ -1,0 +1,88 @@
+"""What the bases of a reduction cannot hold of initial states and constant loads."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from workflow.models import Array, Cases, Structure, project, static_displacements, static_temperatures
+from workflow.reduction._reduction import Reduction
+
+
+def projection_residual(structure: Structure, reduction: Reduction, cases: Cases) -> Array:
+    """Return what the bases of a reduction cannot hold of the cases, 1, shape ``(case,)``.
+
+    The largest of these relative norms, 0 where there is nothing to hold:
+
+        initial displacement   |x - Φ x_r - Γ θ_r| / |x|    in strain energy, |x|² = xᵀ K1 x
+        initial velocity       |v - Φ v_r| / |v|    in kinetic energy, |v|² = vᵀ M v
+        initial temperature    |θ - Θ θ_r| / |θ|    |θ|² = θᵀ C2 θ
+        constant loads f̄ + F0 e_n                    static displacement, reduced against full, in strain energy
+        heating q                                    steady temperature, reduced against full, |θ|² = θᵀ K2 θ
+
+    Parameters
+    ----------
+    structure
+        The full structure.
+    reduction
+        Its reduction, with bases Φ (displacement) and Θ (temperature), and Γ, what temperatures carry.
+    cases
+        The cases in the coordinates of the full structure.
+    """
+    small = reduction.project(cases)
+    loads = cases.steady.copy()
+    loads[:, -1] += cases.mean
+    carried = 0.0 if reduction.carried is None else project(reduction.carried, small.temperature)
+    displacements = (
+        (cases.displacement, small.displacement, carried),
+        (
+            static_displacements(structure, loads),
+            static_displacements(reduction.structure, project(reduction.displacement_basis.T, loads)),
+            0.0,
+        ),
+    )
+    steady = (
+        static_temperatures(structure, cases.heating),
+        static_temperatures(reduction.structure, small.heating),
+    )
+    velocity, temperature = (cases.velocity, small.velocity), (cases.temperature, small.temperature)
+    x, theta = reduction.displacement_basis, reduction.temperature_basis
+    lost = [
+        *(_lost(full, reduced, x, _strain(structure), beside) for full, reduced, beside in displacements),
+        _lost(*velocity, x, _kinetic(structure)),
+        _lost(*temperature, theta, _content(structure)),
+        _lost(*steady, theta, _flux(structure)),
+    ]
+    return np.asarray(np.max(lost, axis=0))
+
+
+_Squares = Callable[[Array], Array]
+"""From a state to numbers whose sum is its squared norm."""
+
+
+def _lost(full: Array, reduced: Array, basis: Array, squares: _Squares, beside: Array | float = 0.0) -> Array:
+    """Return the norm of ``full - basis · reduced - beside`` by that of ``full`` for each case."""
+    found = np.zeros(full.shape[0])
+    missing = full - project(basis, reduced) - beside
+    for case in np.flatnonzero(full.any(axis=1)):
+        size = math.fsum(squares(full[case]))
+        found[case] = math.sqrt(math.fsum(squares(missing[case])) / size) if size > 0 else 0.0
+    return found
+
+
+def _strain(structure: Structure) -> _Squares:
+    return lambda x: structure.springs * structure.elongations(x) ** 2
+
+
+def _flux(structure: Structure) -> _Squares:
+    return lambda theta: structure.conductors * structure.differences(theta) ** 2
+
+
+def _kinetic(structure: Structure) -> _Squares:
+    return lambda v: v * structure.inertia_forces(v)
+
+
+def _content(structure: Structure) -> _Squares:
+    return lambda theta: theta * structure.heat_contents(theta)

@@ -1,0 +1,43 @@
+"""Rubin: modes with the tip free and the residual flexibility of the tip, whose inertia is kept.
+
+Mechanical: x = Σ φ_j η_j + G_r e_n f with the lowest modes of the whole structure, K1 φ = ω² M φ, and what a force on
+the tip deforms beside them, G_r = K1⁻¹ - Σ φ_j φ_jᵀ/ω_j² over the modes kept. K1⁻¹ e_n is along the constraint mode ψ,
+so that {φ_1 … φ_m, G_r e_n} spans the same as ψ and the modes relative to it, φ_j - φ_j,n ψ, which keep the tip as a
+coordinate. Mass and stiffness are projected on all of them: this is Rubin's method, MacNeal's leaves out the inertia of
+G_r e_n. Where the structure can move as a rigid body ψ is that motion, and the flexibility of the elastic modes,
+Σ φ_j φ_j,n/ω_j² over all of them, is the first vector. Thermal: as craig_bampton. α_c is exact.
+
+Source: Rubin, AIAA Journal 13 (1975) 995-1006; Craig and Kurdila, Fundamentals of structural dynamics (2006), 17.6.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workflow.models import Array, Structure
+from workflow.models._dense import product
+from workflow.models._modes import Modes
+from workflow.models._tip_held import lowest_modes, mechanical_constraint
+from workflow.reduction._bases import relative, relative_thermal_modes
+from workflow.reduction._reduction import Known, Vectors, mechanical_vectors, thermal_vectors
+
+
+def mechanical(structure: Structure, count: int, known: Known) -> Vectors:
+    """Return the lowest free modes relative to the constraint mode, and that."""
+    constraint, elongation = mechanical_constraint(structure)
+    modes = lowest_modes(structure, count + 1)  # one may be the constraint mode
+    strained = bool((structure.springs * elongation).any())
+    shapes = modes.shapes if strained else np.column_stack([_elastic(structure), modes.shapes])
+    return mechanical_vectors(structure, relative(shapes, constraint, structure.inertia_forces, count))
+
+
+def thermal(structure: Structure, count: int, known: Known) -> Vectors:
+    """Return the slowest ``count`` modes relative to the constraint mode, and that."""
+    return thermal_vectors(structure, relative_thermal_modes(structure, count))
+
+
+def _elastic(structure: Structure) -> Array:
+    """Return the elastic displacement by a unit force on a tip that nothing holds, m/N, ``(node,)``."""
+    modes: Modes = lowest_modes(structure, structure.mechanical_size)
+    held = modes.values > 0
+    return product(modes.shapes[:, held], modes.tip[held] / modes.values[held] ** 2)

@@ -1,0 +1,75 @@
+"""Directories that are their own registry: a public module of ``workflow/schemes/`` is the scheme of its name.
+
+The same holds for models and bases. A distribution adds more from outside by entry points of the group of that name
+(``workflow.schemes``, ``workflow.models``, ``workflow.reduction``): the entry's name is the scheme's, its value the
+module. A module that cannot be imported, or that lacks what its kind must offer, breaks only what names it.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+import sys
+from collections.abc import Iterable
+from functools import cache
+from importlib.metadata import entry_points
+from types import ModuleType
+
+
+class BrokenModuleError(ImportError):
+    """A module of a registry cannot be imported or lacks what it must offer."""
+
+
+def names(package: str) -> tuple[str, ...]:
+    """Return the names of all modules of a registry, of its directory and of entry points, sorted."""
+    return _names(package, tuple(sys.modules[package].__path__))
+
+
+@cache
+def _names(package: str, path: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(sorted(_own(path) | set(_entries(package))))
+
+
+@cache
+def _own(path: tuple[str, ...]) -> frozenset[str]:
+    """Return the names of the public modules of a directory."""
+    return frozenset(found.name for found in pkgutil.iter_modules(path) if not found.name.startswith("_"))
+
+
+@cache
+def _entries(package: str) -> dict[str, str]:
+    """Return the modules that entry points add, by name."""
+    return {entry.name: entry.value for entry in entry_points(group=package)}
+
+
+def fault(package: str, name: str, required: Iterable[str]) -> str | None:
+    """Return why a module of a registry cannot be used, ``None`` if it can."""
+    try:
+        load(package, name, required)
+    except BrokenModuleError as error:
+        return str(error)
+    return None
+
+
+def load(package: str, name: str, required: Iterable[str]) -> ModuleType:
+    """Return the module of a name; what the directory holds comes before entry points.
+
+    Raises
+    ------
+    KeyError
+        No module has this name.
+    BrokenModuleError
+        The module cannot be imported, or lacks one of the ``required`` names.
+    """
+    if name not in names(package):
+        raise KeyError(name)
+    path = sys.modules[package].__path__
+    place = f"{package}.{name}" if name in _own(tuple(path)) else _entries(package)[name]
+    try:
+        module = importlib.import_module(place)
+    except Exception as error:  # whatever a file from outside raises
+        raise BrokenModuleError(f"{place} cannot be imported: {type(error).__name__}: {error}") from error
+    missing = [part for part in required if not hasattr(module, part)]
+    if missing:
+        raise BrokenModuleError(f"{place} lacks {', '.join(missing)}")
+    return module

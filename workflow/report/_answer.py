@@ -1,0 +1,77 @@
+"""The first block of a report: the cheapest choice that meets a tolerance, or why the archive cannot tell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from workflow.analysis import (
+    RECOMMENDATION_COLUMNS,
+    Choice,
+    NoReferenceError,
+    Recommendation,
+    recommend,
+    recommendation_row,
+    sentence,
+    undecidable,
+)
+from workflow.report._html import table, tag
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+SHOWN = (0.1, 0.01, 0.001)
+"""Tolerances that the table shows beside the study's own."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What an archive recommends.
+
+    Attributes
+    ----------
+    body
+        The block of the page.
+    choice
+        The choice at the study's tolerance, or what comes nearest; ``None`` without a reference.
+    met
+        Whether that choice meets the tolerance.
+    """
+
+    body: list[str]
+    choice: Choice | None
+    met: bool
+
+
+def answer(dataset: xr.Dataset) -> Answer:
+    """Return the answer of an archive at its study's tolerance, with a table of others."""
+    try:
+        asked = recommend(dataset)
+    except (NoReferenceError, ValueError) as error:
+        told = (
+            f"Which method, which step: {error}. Add `reference: {{scheme: event_driven}}` to the study and run it "
+            "again."
+        )
+        return Answer([tag("section", tag("h2", "Answer"), tag("p", told), kind="answer")], None, False)
+    others = sorted({*SHOWN, asked.tolerance}, reverse=True)
+    rows = [asked if other == asked.tolerance else recommend(dataset, other) for other in others]
+    body = [
+        tag("h2", "Answer"),
+        tag("p", sentence(asked), kind="quoted"),
+        *_undecidable(rows),
+        table(RECOMMENDATION_COLUMNS, [recommendation_row(row) for row in rows]),
+        tag(
+            "p",
+            "The error of a case is the largest of the relative L2 errors of its displacement, temperature and "
+            "impulse; cases are all those of the scene's axes, and one that is not ok misses. Limited by step: the "
+            "scheme's part of the worst error is the larger; by basis: that of the reduced model.",
+            kind="muted",
+        ),
+    ]
+    return Answer([tag("section", *body, kind="answer")], asked.choice or asked.next, asked.choice is not None)
+
+
+def _undecidable(rows: list[Recommendation]) -> list[str]:
+    """Name the cases whose reference moves too much by rounding, at the largest tolerance that has any."""
+    said = [undecidable(row) for row in rows if row.undecidable]
+    return [tag("p", text) for text in dict.fromkeys(said)]

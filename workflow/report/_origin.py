@@ -1,0 +1,92 @@
+"""Where an archive comes from: its study, when and where it was run, and by what software."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from workflow.archive import ArchiveError, provenance
+from workflow.report._html import table, tag
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+_SHOWN = ("processor", "platform", "solver_version", "code_revision", "content_hash")
+
+
+def duration_of(archive: Path, damaged: bool = False) -> float:
+    """Return the simulated time of an archive's study, s."""
+    duration = _resolved(archive, damaged, "scene", "duration")
+    if not isinstance(duration, int | float) or not 0 < duration < float("inf"):
+        raise ArchiveError(
+            f"{archive}: its provenance is not as `workflow run` writes it: no duration of a study; restore a copy"
+        )
+    return float(duration)
+
+
+def methods_of(archive: Path, damaged: bool = False) -> dict[str, str]:
+    """Return the method of each scheme of an archive's study by its label; empty where provenance does not tell."""
+    schemes = _resolved(archive, damaged, "schemes")
+    told = schemes.items() if isinstance(schemes, dict) else ()
+    return {str(label): str(form["method"]) for label, form in told if isinstance(form, dict) and "method" in form}
+
+
+def frequency_of(archive: Path, damaged: bool = False) -> float:
+    """Return the load frequency of an archive's scene, Hz; NaN where there is none."""
+    frequency = _resolved(archive, damaged, "scene", "load", "frequency")
+    return float(frequency) if isinstance(frequency, int | float) else float("nan")
+
+
+def _resolved(archive: Path, damaged: bool, *path: str) -> Any:
+    """Return a value of the study as resolved, ``None`` where there is none."""
+    try:
+        found = json.loads(provenance(archive, damaged=damaged)["resolved"])
+        for key in path:
+            found = found[key]
+    except (ValueError, LookupError, TypeError, RecursionError):
+        return None
+    return found
+
+
+def origin(dataset: xr.Dataset, archive: Path, damaged: bool) -> list[str]:
+    """Return the section that says where an archive comes from."""
+    told = provenance(archive, damaged=damaged)
+    rows = [
+        ["written", str(dataset.attrs.get("history", "")).split(": ", 1)[0]],
+        ["computing time", _computing(dataset)],
+    ]
+    rows += [["run", _run(told["run"])]] if "run" in told else []
+    rows += [[name.replace("_", " "), told[name]] for name in _SHOWN if name in told]
+    rows += [["versions", _versions(told.get("versions", ""))]]
+    return [
+        tag("h2", "Where this comes from"),
+        table(["", ""], [row for row in rows if row[1]]),
+        tag("details", tag("summary", "The study as written"), tag("pre", told.get("study", ""))),
+    ]
+
+
+def _computing(dataset: xr.Dataset) -> str:
+    """Return the sum of the cases' times."""
+    seconds = np.asarray(dataset["wall_time"].values, dtype=float) if "wall_time" in dataset else np.zeros(0)
+    known = seconds[np.isfinite(seconds)]
+    return f"{known.sum():.3g} s, the sum over {known.size} cases, references aside" if known.size else ""
+
+
+def _run(text: str) -> str:
+    """Return what the last run of an archive tells of itself."""
+    try:
+        told = json.loads(text)
+        return f"{float(told['seconds']):.3g} s for {int(told['cases'])} cases on {told['where']}"
+    except (ValueError, LookupError, TypeError, RecursionError):
+        return ""
+
+
+def _versions(text: str) -> str:
+    try:
+        told = json.loads(text)
+    except (ValueError, RecursionError):
+        return ""
+    return ", ".join(f"{name} {version}" for name, version in told.items()) if isinstance(told, dict) else ""

@@ -1,0 +1,82 @@
+"""Two results of one case compared: to the bit, or within what rounding makes of that very case."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow.grid import Grid, Shaken, Solved, solve
+
+Values = Mapping[str, NDArray[Any]]
+
+TIMES = 10.0
+"""Other libraries may change a result by so many times what a change of all data by 1e-12 does: the latter is one
+direction of many, and roundings are made all along the way."""
+
+ROUNDED = 1e-14
+"""Added for what is itself relative: what rounding makes of an error, a residual or ``predictability``, which are
+small differences of large numbers, a hundred times over."""
+
+_SMALL = ("_error", "_residual", "predictability")
+"""Ends of the names of such variables."""
+
+MOTION = ("displacement", "velocity", "temperature", "impulse", "contact_force", "contact_impulse")
+"""Variables whose lost digits are told: all others follow from them."""
+
+
+def sensitivity(grid: Grid, outer: int, inner: NDArray[np.int64], solved: Solved) -> dict[str, float]:
+    """Return by how much each number of a case may differ elsewhere: it is run twice more with its data changed."""
+    reach = float(np.nanmax(np.abs(solved.values["displacement"]), initial=0.0))
+    spread: dict[str, float] = {}
+    for direction in (1, -1):
+        changed = solve(grid, outer, inner, Shaken(direction, reach)).values
+        for name, new in changed.items():
+            if new.dtype.kind == "f":
+                spread[name] = max(spread.get(name, 0.0), _largest_change(solved.values[name], new))
+    own = float(np.nan_to_num(solved.values.get("predictability", np.zeros(1)))[0])
+    allowed = {}
+    for name, change in spread.items():
+        reference = own if name.endswith("_error") or name == "predictability" else 0.0
+        allowed[name] = TIMES * (change + reference) + (ROUNDED if name.endswith(_SMALL) else 0.0)
+    return allowed
+
+
+def _largest_change(old: NDArray[Any], new: NDArray[Any]) -> float:
+    """Return the largest change of an entry; infinite where one of the two is no finite number."""
+    same = (old == new) | (np.isnan(old) & np.isnan(new))
+    with np.errstate(invalid="ignore"):
+        change = np.where(same, 0.0, np.abs(old - new))
+    return float(np.where(np.isnan(change), np.inf, change).max(initial=0.0))
+
+
+def differences(stored: Values, again: Values, allowed: Mapping[str, float] | None = None) -> Iterator[str]:
+    """Yield for each variable that differs where it does first, the stored and the new value.
+
+    ``allowed`` is what numbers may differ by, see :func:`sensitivity`; to the bit where it is not given.
+    """
+    for name, new in again.items():
+        old = stored[name]
+        same = (old == new) | (np.isnan(old) & np.isnan(new)) if old.dtype.kind == "f" else old == new
+        if allowed is not None and old.dtype.kind == "f":
+            single = 2.0**-23 * np.abs(new) if old.dtype.itemsize == 4 else 0.0  # stored in single precision
+            with np.errstate(invalid="ignore"):
+                same |= np.abs(old - new) <= allowed[name] + single
+            same |= np.isinf(allowed[name])
+        if not np.all(same):
+            at = int(np.argmax(~same.ravel()))
+            yield f"{name} is {old.ravel()[at].item()!r} in the archive, {new.ravel()[at].item()!r} now"
+
+
+def without_digits(again: Values, allowed: Mapping[str, float]) -> list[str]:
+    """Return which of the stored numbers of a case rounding changes by as much as they are."""
+    found = []
+    for name in MOTION:
+        if name in again:
+            values = again[name]
+            scale = float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
+            if scale > 0 and allowed[name] >= scale:
+                found.append(name)
+    return found

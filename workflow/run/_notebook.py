@@ -1,0 +1,65 @@
+"""The progress of a run in a notebook: one line with a bar that is drawn anew in its place."""
+
+from __future__ import annotations
+
+import html
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from importlib import import_module
+from typing import Any
+
+from workflow.run._outcome import Outcome
+from workflow.run._progress import Advance, in_words, repeating
+
+REDRAWN = 1.0
+"""Seconds after which the line is drawn anew."""
+
+
+def in_notebook() -> bool:
+    """Tell whether this process is the kernel of a notebook."""
+    ipython = sys.modules.get("IPython")
+    shell = None if ipython is None else ipython.get_ipython()
+    return hasattr(shell, "kernel")
+
+
+class NotebookLine:
+    """A line in the output of the cell that runs a study."""
+
+    def __init__(self, name: str) -> None:
+        display: Any = import_module("IPython.display").display
+        self._name, self._begun = name, time.monotonic()
+        self._advance: Advance | None = None
+        self._told = self._begun
+        self._handle: Any = display(self._shown(), raw=True, display_id=True)
+
+    def __call__(self, advance: Advance) -> None:
+        """Take how far the run is; what is drawn follows within :data:`REDRAWN`."""
+        self._advance, self._told = advance, time.monotonic()
+
+    def draw(self) -> None:
+        """Draw the line as it is now."""
+        with suppress(Exception):  # no run fails because its notebook was closed
+            self._handle.update(self._shown(), raw=True)
+
+    def end(self, outcome: Outcome) -> None:
+        """Replace the line by how the run ended."""
+        counts = ", ".join(f"{number} {name}" for name, number in outcome.counts.items())
+        text = f"{outcome.archive.name}: {sum(outcome.counts.values())} cases in {outcome.seconds:.1f} s ({counts})"
+        with suppress(Exception):
+            self._handle.update({"text/plain": text}, raw=True)
+
+    def _shown(self) -> dict[str, str]:
+        now = time.monotonic()
+        text = f"{self._name}: {in_words(self._advance, now - self._begun, now - self._told)}"
+        value = "" if self._advance is None else f' value="{self._advance.work:.4f}"'
+        return {"text/plain": text, "text/html": f'<progress max="1"{value}></progress> {html.escape(text)}'}
+
+
+@contextmanager
+def notebook_line(name: str) -> Iterator[NotebookLine]:
+    """Show a line while a run goes on."""
+    line = NotebookLine(name)
+    with repeating(line.draw, REDRAWN):
+        yield line

@@ -1,0 +1,125 @@
+"""What a run does before its tasks: it takes what is stored already, and lays out the directory of the shards."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from threading import Lock
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow.archive import (
+    COPIED,
+    SOFTWARE,
+    Layout,
+    Shards,
+    clear_parts,
+    describe,
+    find_shards,
+    is_kept,
+    keep_known,
+    parts_of,
+    provenance,
+    start_parts,
+)
+from workflow.grid import Grid, case_hashes, units_of
+from workflow.run._earlier import Hashes, Reuse, cells_there, clear_other_parts, known_cases
+from workflow.run._task import Job
+
+_HASHED_ASIDE = 100_000
+"""Cases that are hashed while tasks run; of more, both at once would hold more memory than either."""
+
+
+class CaseHashes:
+    """Hashes of all cases of a grid, computed once in a thread of their own from when they are first asked for."""
+
+    def __init__(self, grid: Grid) -> None:
+        self._grid = grid
+        self._once = Lock()
+        self._aside = ThreadPoolExecutor(1)
+        self._hashes: Future[Hashes] | None = None
+
+    def begin(self) -> Future[Hashes]:
+        """Begin to compute them, if nobody has."""
+        with self._once:
+            if self._hashes is None:
+                self._hashes = self._aside.submit(case_hashes, self._grid)
+            return self._hashes
+
+    def result(self) -> Hashes:
+        """Return them, ``(case, byte)``."""
+        return self.begin().result()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._aside.shutdown()
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A run that is ready for its tasks.
+
+    Attributes
+    ----------
+    job
+        What its tasks share.
+    done
+        Shards that an interrupted run has left.
+    there
+        For each unit whether its results are stored or are copied from an earlier archive.
+    resumed
+        Cases that are not computed anew.
+    """
+
+    job: Job
+    done: Shards
+    there: NDArray[np.bool_]
+    resumed: int
+
+    @property
+    def stored(self) -> int:
+        """Cases that are stored or copied whole."""
+        return int(np.sum(cells_there(self.job.layout, self.there)))
+
+
+def prepare(grid: Grid, archive: Path, hashes: CaseHashes, reuse: Reuse) -> Prepared:
+    """Take what an earlier archive and an interrupted run hold of a study, and begin the directory of its shards.
+
+    Raises
+    ------
+    ArchiveError
+        They hold another study, or cases that this one no longer asks for; they are damaged or cannot be written.
+    """
+    study, parts, units = grid.study, parts_of(archive), units_of(grid)
+    layout = describe(study, grid, units)
+    if layout.cells > _HASHED_ASIDE:
+        hashes.result()
+    known = known_cases(study, archive, layout, hashes.result(), reuse) if archive.exists() else None
+    if known is not None and np.any(known.cells >= 0):
+        layout = replace(layout, provenance={**layout.provenance, **_made_elsewhere(archive, layout)})
+    clear_other_parts(study, parts, layout, hashes.result, reuse.drop)
+    start_parts(parts, layout)
+    if known is not None and (reuse.retry or reuse.recompute) and not is_kept(parts, known):
+        clear_parts(parts)  # of a run that took other cases, or was killed when its archive was in place
+        start_parts(parts, layout)
+    keep_known(parts, known)
+    done = find_shards(parts, layout)
+    there = done.owner >= 0
+    if known is not None:
+        there |= known.copies(layout) >= 0
+    cells = cells_there(layout, there)
+    resumed = int(np.sum(cells if known is None else cells | (known.cells >= 0)))
+    return Prepared(Job(grid, units, layout, parts, known), done, there, resumed)
+
+
+def _made_elsewhere(archive: Path, layout: Layout) -> dict[str, str]:
+    """Return the attribute :data:`COPIED` where other software or another processor ran cases of an archive."""
+    texts = provenance(archive)
+    same = all(texts.get(name) == layout.provenance[name] for name in SOFTWARE)
+    return {} if same and COPIED not in texts else {COPIED: "cases that other software or another processor ran"}

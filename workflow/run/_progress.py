@@ -1,0 +1,210 @@
+"""How far a run is: cases stored and how they ended, the share of its computing time, the time left."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from threading import Event, Lock, Thread
+
+from workflow.grid import Task, compiling_seconds, task_seconds
+from workflow.run._task import Job, Stored, fresh_share
+
+
+@dataclass(frozen=True)
+class Advance:
+    """How far a run is.
+
+    Attributes
+    ----------
+    cases, stored
+        Cases of the study, and those whose results are stored.
+    endings
+        Number of stored cases that are not ok, by name of their status.
+    work
+        Share of the study's computing time that is done, by the estimate of ``workflow plan``.
+    elapsed
+        Seconds since the run began.
+    left
+        Seconds that the rest will take, estimated; NaN where nothing is known.
+    """
+
+    cases: int
+    stored: int
+    endings: Mapping[str, int]
+    work: float
+    elapsed: float
+    left: float
+
+
+Progress = Callable[[Advance], None]
+"""Hears how far a run is: when it begins to compute and whenever a task is stored, from any thread."""
+
+
+@dataclass(frozen=True)
+class Work:
+    """What a run has to compute.
+
+    Attributes
+    ----------
+    tasks
+        Estimated seconds of each task that is missing, by its number.
+    before
+        Estimated seconds of the tasks that were stored before.
+    threads
+        Threads that compute; 0 where that is not known.
+    compiling
+        Seconds that compiling takes before the first task can end.
+    """
+
+    tasks: Mapping[int, float]
+    before: float = 0.0
+    threads: int = 0
+    compiling: float = 0.0
+
+
+def work_of(job: Job, is_missing: Callable[[Task], bool], threads: int) -> Work:
+    """Return what a run has to compute, by the estimate of ``workflow plan``.
+
+    Parameters
+    ----------
+    job
+        The run.
+    is_missing
+        Tells whether a task has still to be computed.
+    threads
+        Threads that compute; 0 where that is not known.
+    """
+    from threadpoolctl import threadpool_limits
+
+    missing, before = {}, 0.0
+    with threadpool_limits(limits=1, user_api="blas"):  # structures are made here as tasks make them
+        for task, estimated in task_seconds(job.grid, job.units):
+            seconds = estimated * fresh_share(job, task)
+            if is_missing(task):
+                missing[task.number] = seconds
+            else:
+                before += seconds
+    return Work(missing, before, threads, compiling_seconds(job.grid, threads) if threads else 0.0)
+
+
+class Tally:
+    """Counts what tasks store and tells how far the run is.
+
+    Parameters
+    ----------
+    cases
+        Cases of the study.
+    work
+        What is to be computed.
+    begun
+        Time at which the run began, of ``clock``.
+    tell
+        What hears of it.
+    clock
+        Tells the time in seconds.
+    """
+
+    def __init__(
+        self, cases: int, work: Work, begun: float, tell: Progress, clock: Callable[[], float] = time.perf_counter
+    ) -> None:
+        self._cases, self._work, self._begun, self._tell, self._clock = cases, work, begun, tell, clock
+        self._computing = clock()
+        self._lock = Lock()
+        self._missing, self._done = sum(work.tasks.values()), 0.0
+        self._stored, self._endings = 0, Counter[str]()
+
+    def set(self, stored: int, endings: Mapping[str, int]) -> None:
+        """Take what is stored altogether, and tell of it."""
+        with self._lock:
+            self._stored, self._endings = stored, Counter(endings)
+            self._tell(self._advance())
+
+    def add(self, stored: Stored) -> None:
+        """Take what a task has stored, and tell of it."""
+        with self._lock:
+            self._stored += stored.cases
+            self._endings.update(stored.endings)
+            self._done += self._work.tasks.get(stored.task, 0.0)
+            self._tell(self._advance())
+
+    def _advance(self) -> Advance:
+        now = self._clock()
+        total = self._work.before + self._missing
+        work = (self._work.before + self._done) / total if total > 0 else self._stored / max(self._cases, 1)
+        done = self._done / self._missing if self._missing > 0 else 1.0
+        estimated = self._missing / self._work.threads if self._work.threads else math.nan
+        left = time_left(min(done, 1.0), now - self._computing, estimated, self._work.compiling)
+        return Advance(self._cases, self._stored, dict(self._endings), min(work, 1.0), now - self._begun, left)
+
+
+def time_left(done: float, spent: float, estimated: float, compiling: float = 0.0) -> float:
+    """Return the seconds that the rest of a run will take.
+
+    ``(1 − done) ((1 − done) estimated + spent)``: the estimate to begin with, and the more is done the more the speed
+    of what was done, which would be ``(1 − done) spent / done``.
+
+    Parameters
+    ----------
+    done
+        Share of the work that is done.
+    spent
+        Seconds that it took.
+    estimated
+        Seconds that all of it was estimated to take; NaN where that is not known.
+    compiling
+        Seconds of compilation beside, which belong to the time spent, not to the speed.
+    """
+    if math.isnan(estimated):
+        return (1 - done) * spent / done if done > 0 else math.nan
+    if done <= 0:
+        return max(estimated + compiling - spent, 0.0)
+    return (1 - done) * ((1 - done) * estimated + max(spent - compiling, 0.0))
+
+
+def in_words(advance: Advance | None, elapsed: float, waited: float = 0.0) -> str:
+    """Return how far a run is as one line.
+
+    Parameters
+    ----------
+    advance
+        What was told last; ``None`` where nothing was told yet.
+    elapsed
+        Seconds since the beginning.
+    waited
+        Seconds since it was told.
+    """
+    if advance is None:
+        return f"{clock_time(elapsed)} elapsed"
+    endings = "".join(f", {number} {name.replace('_', '-')}" for name, number in advance.endings.items() if number)
+    left = "" if math.isnan(advance.left) else f", {clock_time(max(advance.left - waited, 0.0))} left"
+    times = f"{math.floor(100 * advance.work)} %, {clock_time(elapsed)} elapsed{left}"
+    return f"{times}; {advance.stored} of {advance.cases} cases{endings}"
+
+
+def clock_time(seconds: float) -> str:
+    """Return a time in hours, minutes and seconds, ``0:07`` or ``1:02:30``."""
+    minutes, second = divmod(int(seconds), 60)
+    hours, minute = divmod(minutes, 60)
+    return f"{hours}:{minute:02d}:{second:02d}" if hours else f"{minute}:{second:02d}"
+
+
+@contextmanager
+def repeating(act: Callable[[], None], seconds: float) -> Iterator[None]:
+    """Do something again and again in a thread of its own, each time after so many seconds, until the context ends."""
+    ended = Event()
+
+    def repeat() -> None:
+        while not ended.wait(seconds):
+            act()
+
+    thread = Thread(target=repeat, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()

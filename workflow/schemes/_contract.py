@@ -1,0 +1,102 @@
+"""Results of a scheme checked against the table of variables: what leaves it is complete and possible."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow import variables
+from workflow.kernels import Array
+from workflow.models import Cases
+from workflow.schemes._interface import Results, Sampling, Status, complete_periods
+
+PERIODS = tuple(about.name for about in variables.select("period", "scheme"))
+
+
+class ContractError(ValueError):
+    """A scheme's results lack a variable, or one has another shape than its cases ask for."""
+
+
+def given(results: Results) -> dict[str, Array]:
+    """Return all arrays of results by the names that the table of variables gives them."""
+    periods = {name: getattr(results, name) for name in PERIODS}
+    return {**results.histories, **results.metrics, **periods}
+
+
+def checked(results: Results, cases: Cases, sampling: Sampling) -> Results:
+    """Return results whose cases are what the table of variables promises.
+
+    A case that ended ok with a value it cannot have (not finite, or negative where the table does not allow a
+    sign) or one that ended otherwise without a message becomes ``failed``, with NaN everywhere and a message
+    that names the variable.
+
+    Raises
+    ------
+    ContractError
+        A variable is missing, or does not have the shape of the cases.
+    """
+    arrays = given(results)
+    expected = [about for about in variables.select(None, "scheme") if about.shape != "flag"]
+    expected = [about for about in expected if about.condition != "balances" or sampling.balances]
+    for about in expected:
+        _check_shape(about, arrays.get(about.name), cases, sampling)
+    if results.status.shape != (cases.count,) or not np.isin(results.status, [int(s) for s in Status]).all():
+        raise ContractError("`status` is not one Status for each case")
+    counted = np.arange(1, results.period_impulse.shape[1] + 1) <= complete_periods(cases.frequency, sampling)[:, None]
+    wrong: dict[int, str] = {}
+    for about in expected:
+        possible = _possible(about, arrays[about.name], counted)
+        for case in np.flatnonzero((results.status == Status.OK) & ~possible):
+            wrong.setdefault(int(case), f"the scheme gave an impossible `{about.name}`: {about.meaning}")
+    for case in np.flatnonzero(results.status != Status.OK):
+        if not results.messages.get(int(case)):
+            wrong[int(case)] = f"the scheme ended a case as {Status(int(results.status[case])).name.lower()} in silence"
+    return _with_failed(results, wrong) if wrong else results
+
+
+def _check_shape(about: variables.Variable, values: Array | None, cases: Cases, sampling: Sampling) -> None:
+    """Raise where a variable is missing or has another shape than the table says."""
+    if values is None:
+        raise ContractError(f"the scheme gives no `{about.name}`: {about.meaning}")
+    sizes = {"history": (cases.count, sampling.count), "metric": (cases.count,)}
+    if about.shape == "period":
+        least = int(complete_periods(cases.frequency, sampling).max(initial=0))
+        sound = values.ndim == 2 and values.shape[0] == cases.count and values.shape[1] >= least
+        asked = f"({cases.count}, at least {least})"
+    else:
+        sound, asked = values.shape == sizes[about.shape], str(sizes[about.shape])
+    if not sound:
+        raise ContractError(f"the scheme gives `{about.name}` the shape {values.shape} where it is {asked}")
+
+
+def _possible(about: variables.Variable, values: Array, counted: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which cases have possible values, ``(case,)``; ``counted`` are their complete load periods."""
+    fine = np.ones(values.shape, bool) if about.gaps else np.isfinite(values)
+    if not about.signed:
+        fine &= ~(values < 0)
+    if about.shape == "period":
+        fine = fine[:, : counted.shape[1]] | ~counted
+    return np.asarray(fine.reshape(len(values), -1).all(axis=1))
+
+
+def _with_failed(results: Results, messages: dict[int, str]) -> Results:
+    """Return results in which some cases are failed: NaN everywhere and a message."""
+    lost = np.array(sorted(messages), dtype=np.int64)
+
+    def blank(values: Array) -> Array:
+        kept = np.array(values, dtype=np.float64)
+        kept[lost] = np.nan
+        return kept
+
+    status = results.status.copy()
+    status[lost] = Status.FAILED
+    return replace(
+        results,
+        histories={name: blank(values) for name, values in results.histories.items()},
+        metrics={name: blank(values) for name, values in results.metrics.items()},
+        **{name: blank(getattr(results, name)) for name in PERIODS},
+        status=status,
+        messages={**results.messages, **messages},
+    )

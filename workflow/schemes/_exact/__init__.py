@@ -1,0 +1,1 @@
+"""The exact solver: closed-form motion between certified events."""

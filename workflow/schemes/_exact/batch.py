@@ -1,0 +1,217 @@
+"""A batch of the event-driven scheme: each case is marched, and held regimes are shared by cases of one α."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow.kernels import elementwise
+from workflow.kernels.sums import product
+from workflow.models import Array, Cases, Structure
+from workflow.schemes._exact import block_table as block
+from workflow.schemes._exact import outcome
+from workflow.schemes._exact.energy_balance import EnergyBalance
+from workflow.schemes._exact.impacts import Case, Thresholds, Tip
+from workflow.schemes._exact.layout import TAYLOR_SPAN, Layout, Load, Memory, layout, memory
+from workflow.schemes._exact.march import march
+from workflow.schemes._exact.modal_system import Basis, analyse
+from workflow.schemes._exact.outcome import Budget
+from workflow.schemes._exact.phase_log import empty_log
+from workflow.schemes._exact.record import TALLY, Record
+from workflow.schemes._exact.regimes import regime_of
+from workflow.schemes._exact.response import SLOW_POLE
+from workflow.schemes._interface import HISTORIES, Results, Sampling, Status, complete_periods
+
+_PHASES = 1024
+"""Phases for which the log of the balances has room; a case with more is run again with eight times the room."""
+
+THRESHOLDS = Thresholds(height=1e-10, speed=1e-3, force=64.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Operator:
+    """What the cases of a batch share; ``budget`` is what one case may take."""
+
+    structure: Structure
+    basis: Basis
+    free: Layout
+    budget: Budget
+    thresholds: Thresholds = THRESHOLDS
+
+
+def make_operator(structure: Structure, budget: Budget) -> Operator:
+    """Diagonalise the structure with its tip free and held."""
+    basis = analyse(structure)
+    return Operator(structure, basis, layout(regime_of(basis.free)), budget)
+
+
+def run_batch(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
+    """Run all cases, one after the other."""
+    batch = _Batch(operator, cases, sampling)
+    for i in range(cases.count):
+        batch.run(i)
+    return batch.results()
+
+
+class _Batch:
+    """The cases of a batch and the arrays of their results."""
+
+    def __init__(self, operator: Operator, cases: Cases, sampling: Sampling):
+        count, basis = cases.count, operator.basis
+        self.operator, self.cases, self.sampling = operator, cases, sampling
+        self.times = sampling.times
+        self.periods = complete_periods(cases.frequency, sampling)
+        self.finite = np.all([_finite_rows(getattr(cases, name)) for name in cases.__dataclass_fields__], axis=0)
+        states = (
+            (basis.to_modes, cases.displacement),
+            (basis.to_modes, cases.velocity),
+            (basis.to_thermal, cases.temperature),
+        )
+        self.modal = np.concatenate([_times(matrix, values) for matrix, values in states], axis=1)
+        self.balance = EnergyBalance(operator.structure, basis) if sampling.balances else None
+        self.held: dict[float, tuple[Layout, bool]] = {}
+        self.memory: dict[tuple[int, bool], Memory] = {}
+        self.histories = np.full((count, len(HISTORIES), sampling.count), np.nan)
+        self.period_values = np.full((count, 3, int(self.periods.max(initial=0))), np.nan)
+        self.residuals = np.full((count, 2), np.nan)
+        self.tally = np.zeros(count, dtype=TALLY)
+        self.ended = np.full(count, outcome.INVALID)
+
+    def run(self, i: int) -> None:
+        """Run case ``i``."""
+        if not self.finite[i]:
+            return
+        try:
+            held, stiff = self._held(float(self.cases.alpha[i]))
+            self.ended[i] = outcome.STIFF if stiff else self._march(i, held)
+        except np.linalg.LinAlgError:
+            self.ended[i] = outcome.NO_SPECTRUM
+
+    def _held(self, alpha: float) -> tuple[Layout, bool]:
+        """Return the held regime at α, and whether a Taylor series would take more steps than the budget."""
+        if alpha not in self.held:
+            held = layout(regime_of(self.operator.basis.held, alpha))
+            steps = max(_taylor_steps(regime, self.sampling.duration) for regime in (self.operator.free, held))
+            self.held[alpha] = held, steps > self.operator.budget.steps
+        return self.held[alpha]
+
+    def _memory(self, regime: Layout, heated: bool) -> Memory:
+        """Return the memory that cases of a regime use one after the other."""
+        key = id(regime), heated
+        if key not in self.memory:
+            self.memory[key] = memory(regime, heated)
+        return self.memory[key]
+
+    def _march(self, i: int, held: Layout) -> int:
+        """March case ``i`` and return how it ended."""
+        cases, basis, balance = self.cases, self.operator.basis, self.balance
+        heated = bool(cases.alpha[i] != 0 or cases.heating[i].any() or cases.temperature[i].any())
+        heats, alpha = basis.heat_tip.size if heated else 0, float(cases.alpha[i])
+        case = self._case(i, heats)
+        n, phases, free = int(self.periods[i]), _PHASES, self.operator.free
+        memories = self._memory(free, heated), self._memory(held, heated)
+        ends = np.arange(1, n + 1) / float(cases.frequency[i]) if n else np.zeros(0)
+        while True:
+            self.tally[i] = np.zeros((), dtype=TALLY)
+            record = Record(self.times, ends, self.histories[i], self.period_values[i], case.load.gap, self.tally[i])
+            log = empty_log() if balance is None else balance.log(alpha, case.modal.size, phases)
+            ended = int(march(free, held, case, record, *memories, log))
+            if ended != outcome.LOG_FULL:
+                break
+            phases *= 8
+        if balance is not None and ended == outcome.COMPLETED:
+            impulse = float(self.histories[i, 3, -1])
+            self.residuals[i] = balance.residuals(log, self.tally[i], case.modal, case.load, alpha, impulse)
+        return ended
+
+    def _case(self, i: int, heats: int) -> Case:
+        """Return the conditions of case ``i``; a load of frequency 0 is constant."""
+        cases, basis, operator = self.cases, self.operator.basis, self.operator
+        frequency, mean, amplitude = float(cases.frequency[i]), float(cases.mean[i]), float(cases.amplitude[i])
+        if frequency == 0:
+            mean, amplitude = mean + amplitude * float(elementwise.sine_cosine(cases.phase[i])[0]), 0.0
+        load = Load(
+            mean,
+            amplitude,
+            2 * np.pi * frequency if amplitude else 0.0,
+            float(cases.phase[i]),
+            float(cases.gap[i]),
+            self.sampling.duration,
+            np.ascontiguousarray(cases.steady[i]),
+            np.ascontiguousarray(cases.heating[i]),
+        )
+        tip = Tip(
+            float(cases.e[i]),
+            float(cases.alpha[i]),
+            basis.mobility,
+            basis.warming,
+            basis.tip,
+            float(cases.gap[i] - cases.displacement[i, -1]),
+            float(cases.velocity[i, -1]),
+        )
+        modal = self.modal[i, : 2 * basis.tip.size + heats]
+        return Case(load, tip, modal, basis.closing[:heats], operator.budget, operator.thresholds)
+
+    def results(self) -> Results:
+        """Return the results of the batch."""
+        status = np.where(self.ended == outcome.COMPLETED, Status.OK, Status.FAILED).astype(np.int8)
+        histories = {name: self.histories[:, k].copy() for k, name in enumerate(HISTORIES)}
+        share = self.period_values[:, 2] * self.cases.frequency[:, None]
+        return Results(
+            histories=histories,
+            metrics=self._metrics(status == Status.OK, histories["displacement"]),
+            period_impulse=self.period_values[:, 0].copy(),
+            period_temperature=self.period_values[:, 1].copy(),
+            period_contact=share,
+            status=status,
+            messages=self._messages(),
+        )
+
+    def _metrics(self, completed: NDArray[np.bool_], displacement: Array) -> dict[str, Array]:
+        """Return the metrics; those of cases that did not complete are NaN, but for the steps that they took."""
+        names = ("impacts", "contact_time", "max_temperature", "thermal_closing", "releases")
+        metrics = {name: np.where(completed, self.tally[name], np.nan) for name in names}
+        metrics["steps"] = np.where(self.tally["steps"] > 0, self.tally["steps"], np.nan)
+        with np.errstate(invalid="ignore"):
+            beyond = np.max(displacement - self.cases.gap[:, None], axis=1)
+            metrics["max_penetration"] = np.maximum(0.0, beyond)
+        if self.balance is not None:
+            metrics |= {"energy_residual": self.residuals[:, 0].copy(), "heat_residual": self.residuals[:, 1].copy()}
+        return metrics
+
+    def _messages(self) -> dict[int, str]:
+        """Return what cases did that did not complete, or that were extrapolated."""
+        budget, messages = self.operator.budget, {}
+        for i, tally in enumerate(self.tally):
+            if self.ended[i] != outcome.COMPLETED:
+                messages[i] = outcome.failure(int(self.ended[i]), tally, budget, float(self.cases.e[i]))
+            elif tally["summed_speed"] > 0:
+                messages[i] = outcome.extrapolation(tally, budget)
+        return messages
+
+
+def _taylor_steps(regime: Layout, duration: float) -> float:
+    """Return the Taylor steps that the stiffest explicit block takes over the duration, 0 for none.
+
+    Explicit are overdamped blocks whose slow pole times the duration is below ``SLOW_POLE``. Their poles are separated
+    unless a thermal rate lies as near as quasi-static responses allow.
+    """
+    c, w2 = regime.block[block.DAMPING], regime.block[block.STIFFNESS]
+    half, slow = 0.5 * np.abs(c), np.sqrt(np.abs(w2))
+    root = np.sqrt(np.maximum(half**2 - w2, 0.0))
+    np.divide(w2, half + root, out=slow, where=root > 0)
+    explicit = (slow * duration < SLOW_POLE) & ((regime.block[block.RESONANT] > 0) | (c < 0))
+    return float(np.max(np.abs(c)[explicit], initial=0.0)) * duration / TAYLOR_SPAN
+
+
+def _finite_rows(values: Array) -> Array:
+    """Return whether all values of each case are finite."""
+    return np.asarray(np.isfinite(values).reshape(len(values), -1).all(axis=1))
+
+
+def _times(matrix: Array, states: Array) -> Array:
+    """Return matrix @ state of every case, summed in one order on every machine and for any number of cases."""
+    with np.errstate(all="ignore"):
+        return product(states, matrix.T)

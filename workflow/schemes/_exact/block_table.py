@@ -1,0 +1,60 @@
+"""Rows of the table of second-order blocks, ``(ROWS, column)``; column k holds the block η'' + c η' + ω² η = F.
+
+The force on a block is F(t) = F0 + Fc cos ψ + Fs sin ψ + Σ_j g_j ξ_j with ψ = Ω t + φ and the first-order states ξ_j.
+An *explicit* block keeps F and is advanced by Taylor series. Of every other block the particular solution is
+subtracted, so that what is left moves without a force. Outputs o (0: the signal, 1: the tip temperature) are linear in
+η and η': the row of output o lies 2 o below that of the signal.
+
+Columns are filled up to a multiple of 8 by blocks at rest that no output sees, so that vectorised loops have no
+remainder.
+"""
+
+from __future__ import annotations
+
+# the block
+DAMPING = 0  # c, 1/s
+STIFFNESS = 1  # ω², 1/s²
+OMEGA = 2  # ω, 1/s
+INVERSE_OMEGA = 3  # 1/ω, s; 0 where ω = 0
+HALF_DAMPING = 4  # c/2, 1/s
+NU = 5  # ν = √(ω² - c²/4), 1/s; 1 where the block does not oscillate
+RESONANT = 6  # 1 where a first-order state is near a pole of the block, see `Regime.resonant`
+EXPLICIT = 7  # 1 where the block keeps its force
+SPECIAL = 8  # list of the columns that are explicit or do not oscillate, `Response.specials` of them
+
+# outputs per η and η'
+SIGNAL_VALUE = 9
+SIGNAL_SLOPE = 10
+TEMPERATURE_VALUE = 11
+TEMPERATURE_SLOPE = 12
+UNFORCED_VALUE = 13  # SIGNAL_VALUE of blocks that are not explicit, else 0; likewise the three rows below
+UNFORCED_SLOPE = 14
+UNFORCED_TEMPERATURE_VALUE = 15
+UNFORCED_TEMPERATURE_SLOPE = 16
+SIGNAL_INTEGRAL = 17  # SIGNAL_VALUE/ω² of blocks that are not explicit, else 0: ∫η dt = -Δ(η' + c η)/ω²
+
+# loads
+FORCE = 18  # F0
+FORCE_COS = 19  # Fc
+FORCE_SIN = 20  # Fs
+SOURCE = 21  # β0 of η' = u + β0 + β1 sin ψ
+SOURCE_SIN = 22  # β1
+PARTICULAR = 23  # constant part of the particular solution that is subtracted
+PARTICULAR_COS = 24
+PARTICULAR_SIN = 25
+HEAT_JUMP_VALUE = 26  # jump of η per heat at the tip, 1/J; free tip only
+HEAT_JUMP_SLOPE = 27  # jump of η' per heat at the tip
+
+# scratch of one propagation over dt
+C = 28  # of η(dt) = C η + S η'
+S = 29
+WORK = 30
+POWER = 31
+EXPLICIT_INTEGRAL = 32  # ∫η dt of explicit blocks over the last propagation
+
+ROWS = 33
+
+
+def padded(size: int) -> int:
+    """Return the number of columns for so many blocks: the next multiple of 8."""
+    return 8 * ((size + 7) // 8)

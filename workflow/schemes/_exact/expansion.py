@@ -1,0 +1,215 @@
+"""Taylor expansion of an output of a motion, with bounds that hold for all later times.
+
+From a time on an output s is its Taylor polynomial of degree 3 with a remainder of at most |s''''| τ⁴/24. The fourth
+derivative is bounded by the amplitudes of the modes: the energy √(ω² s² + s'²) of a mode that moves freely never grows
+(by more than a known factor where modes grow). Fast modes of small amplitude are bounded as a group by their amplitude
+instead, so that steps may be much longer than their periods.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from workflow.kernels import elementary
+from workflow.kernels.compiled import part
+from workflow.models import Array
+from workflow.schemes._exact import block_table as block
+from workflow.schemes._exact import expansion_table as expansion
+from workflow.schemes._exact import first_table as first
+from workflow.schemes._exact import state_table as state
+from workflow.schemes._exact.explicit_blocks import explicit_force
+from workflow.schemes._exact.propagators import row_total
+from workflow.schemes._exact.response import CONSTANT, COS, SIGNAL, SIN, Response, load_phase
+
+SUM_ROUNDING = 4.0 * 2.220446049250313e-16
+"""Values of an output below this share of the sum of the magnitudes of its terms are rounding: four units in the last
+place."""
+
+_FAST = 2.5
+"""A mode with ω h above this is bounded by its amplitude: (ω h)⁴/24 exceeds 1 from 2.2 on."""
+
+
+class Expansion(NamedTuple):
+    """Memory of an expansion, rows as in :mod:`~workflow.schemes._exact.expansion_table`.
+
+    :func:`expand` fills the first and the last column of the sums, :func:`accumulate` those between.
+    """
+
+    sums: Array
+    """``(9, block + 1)``."""
+    terms: Array
+    """``(9, column)``; scratch."""
+    derivatives: Array
+    """Of the signal, ``(ORDER + 1,)``; scratch."""
+
+
+@part
+def expand(r: Response, y: Array, t: float, x: Expansion) -> None:
+    """Expand the signal at a state."""
+    expand_output(r, SIGNAL, y, t, x)
+
+
+@part
+def expand_output(r: Response, output: int, y: Array, t: float, x: Expansion) -> None:
+    """Expand an output, ``SIGNAL`` or ``TEMPERATURE``, at the state ``y`` of time ``t``."""
+    sums, d, n = x.sums, x.terms, r.blocks
+    cos, sin = load_phase(r, t)
+    _expand_slow_terms(r, output, y, cos, sin, sums)
+    for i in range(r.specials):
+        k = int(r.block[block.SPECIAL, i])
+        if r.block[block.EXPLICIT, k] != 0.0:
+            _expand_explicit(r, output, k, y, cos, sin, sums)
+    _expand_blocks(r.block, y, block.UNFORCED_VALUE + 2 * output, d)
+    for row in range(expansion.FOURTH + 1):
+        sums[row, n] = sums[row, 0] + row_total(d, row)
+    sums[expansion.SIZE, 0] += row_total(d, expansion.TAIL)
+    sums[expansion.TAIL, n], sums[expansion.TAIL_SLOPE, n] = 0.0, 0.0
+
+
+@part
+def _expand_slow_terms(r: Response, output: int, y: Array, cos: float, sin: float, sums: Array) -> None:
+    """Fill column 0 of the sums with what loads and first-order states show."""
+    f, w = r.first, r.omega
+    constant, a, b = r.outputs[output, CONSTANT], r.outputs[output, COS], r.outputs[output, SIN]
+    wave, turn, amplitude = a * cos + b * sin, b * cos - a * sin, abs(a) + abs(b)
+    s0, s1, s2, s3 = constant + wave, w * turn, -w * w * wave, -w * w * w * turn
+    fourth, size = amplitude * w * w * w * w, abs(constant) + amplitude
+    for j in range(r.firsts):
+        value, slope = f[first.SIGNAL_VALUE + 2 * output, j], f[first.SIGNAL_SLOPE + 2 * output, j]
+        mu = -f[first.RATE, j]
+        d1 = (value + slope * mu) * y[state.FIRST_SLOPE, j]
+        a0, a1 = value * y[state.FIRST, j], slope * y[state.FIRST_SLOPE, j]
+        s0 += a0 + a1
+        s1 += d1
+        s2 += mu * d1
+        s3 += mu * mu * d1
+        fourth += abs(mu * mu * mu * d1)
+        size += abs(a0) + abs(a1)
+    sums[expansion.D0, 0], sums[expansion.D1, 0], sums[expansion.D2, 0], sums[expansion.D3, 0] = s0, s1, s2, s3
+    sums[expansion.FOURTH, 0], sums[expansion.FOURTH_GROWTH, 0], sums[expansion.SIZE, 0] = fourth, 0.0, size
+
+
+@part
+def _expand_explicit(r: Response, output: int, k: int, y: Array, cos: float, sin: float, sums: Array) -> None:
+    """Add an explicit block to column 0 of the sums.
+
+    Its s'''' is bounded by the energy of its third derivative, which grows only by the third derivative of its force.
+    """
+    b, w = r.block, r.omega
+    f_cos, f_sin = b[block.FORCE_COS, k], b[block.FORCE_SIN, k]
+    f1, f2 = w * (f_sin * cos - f_cos * sin), -w * w * (f_cos * cos + f_sin * sin)
+    f3, f3_bound = w**3 * (f_cos * sin - f_sin * cos), w**3 * elementary.hypot(f_cos, f_sin)
+    f4_bound = w * f3_bound
+    for j in range(r.firsts):
+        g, mu = r.coupling[0, k, j] * y[state.FIRST_SLOPE, j], -r.first[first.RATE, j]
+        f1 += g
+        f2 += g * mu
+        f3 += g * mu * mu
+        f3_bound += abs(g) * mu * mu
+        f4_bound += abs(g * mu * mu * mu)
+    c, w2 = b[block.DAMPING, k], b[block.STIFFNESS, k]
+    value, slope = b[block.SIGNAL_VALUE + 2 * output, k], b[block.SIGNAL_SLOPE + 2 * output, k]
+    y0, y1 = y[state.VALUE, k], y[state.SLOPE, k]
+    y2 = -c * y1 - w2 * y0 + explicit_force(r, k, y, cos, sin)
+    y3 = -c * y2 - w2 * y1 + f1
+    y4 = -c * y3 - w2 * y2 + f2
+    y5 = -c * y4 - w2 * y3 + f3
+    fourth = abs(value) * np.sqrt(w2 * y3 * y3 + y4 * y4) + abs(slope) * np.sqrt(w2 * y4 * y4 + y5 * y5)
+    sums[expansion.D0, 0] += value * y0 + slope * y1
+    sums[expansion.D1, 0] += value * y1 + slope * y2
+    sums[expansion.D2, 0] += value * y2 + slope * y3
+    sums[expansion.D3, 0] += value * y3 + slope * y4
+    sums[expansion.FOURTH, 0] += fourth
+    sums[expansion.FOURTH_GROWTH, 0] += abs(value) * f3_bound + abs(slope) * f4_bound
+    sums[expansion.SIZE, 0] += abs(value * y0) + abs(slope * y1)
+
+
+@part
+def _expand_blocks(b: Array, y: Array, row: int, d: Array) -> None:
+    """Fill the terms of all blocks that move freely; ``row`` holds the output per η, the next one that per η'.
+
+    The energy √(ω² s² + s'²) is at most ω |s| + |s'|: within √2 of it, without a root.
+    """
+    for k in range(d.shape[1]):
+        curvature = -b[block.DAMPING, k] * y[state.SLOPE, k] - b[block.STIFFNESS, k] * y[state.VALUE, k]
+        d[expansion.D0, k] = b[row, k] * y[state.VALUE, k] + b[row + 1, k] * y[state.SLOPE, k]
+        d[expansion.D1, k] = b[row, k] * y[state.SLOPE, k] + b[row + 1, k] * curvature
+    for k in range(d.shape[1]):
+        c, w2 = b[block.DAMPING, k], b[block.STIFFNESS, k]
+        s0, s1 = d[expansion.D0, k], d[expansion.D1, k]
+        s2 = -c * s1 - w2 * s0
+        s3 = -c * s2 - w2 * s1
+        s4 = -c * s3 - w2 * s2
+        d[expansion.D2, k] = s2
+        d[expansion.D3, k] = s3
+        d[expansion.FOURTH, k] = b[block.OMEGA, k] * abs(s3) + abs(s4)
+        d[expansion.TAIL, k] = abs(s0) + b[block.INVERSE_OMEGA, k] * abs(s1)
+
+
+@part
+def accumulate(r: Response, x: Expansion) -> None:
+    """Fill the columns of the sums between the first and the last."""
+    b, sums, d = r.block, x.sums, x.terms
+    for k in range(d.shape[1]):
+        s0, s1 = d[expansion.D0, k], d[expansion.D1, k]
+        d[expansion.TAIL_SLOPE, k] = np.sqrt(b[block.STIFFNESS, k] * s0 * s0 + s1 * s1)
+    for k in range(r.blocks - 1):
+        sums[expansion.D0, k + 1] = sums[expansion.D0, k] + d[expansion.D0, k]
+        sums[expansion.D1, k + 1] = sums[expansion.D1, k] + d[expansion.D1, k]
+        sums[expansion.D2, k + 1] = sums[expansion.D2, k] + d[expansion.D2, k]
+        sums[expansion.D3, k + 1] = sums[expansion.D3, k] + d[expansion.D3, k]
+        sums[expansion.FOURTH, k + 1] = sums[expansion.FOURTH, k] + d[expansion.FOURTH, k]
+    for k in range(r.blocks - 1, -1, -1):
+        slope = d[expansion.TAIL_SLOPE, k]
+        sums[expansion.TAIL, k] = sums[expansion.TAIL, k + 1] + slope * b[block.INVERSE_OMEGA, k]
+        sums[expansion.TAIL_SLOPE, k] = sums[expansion.TAIL_SLOPE, k + 1] + slope
+
+
+@part
+def expanded_blocks(r: Response, h: float) -> int:
+    """Return how many of the slowest blocks to expand over a step h; the others are bounded as a group."""
+    k = r.blocks
+    while k > 0 and r.block[block.OMEGA, k - 1] * h > _FAST:
+        k -= 1
+    return k
+
+
+@part
+def growth_bound(x: float) -> float:
+    """Return a bound of e^x, at most what modes grow over a step."""
+    if x <= 0.0:
+        return 1.0
+    return 1.0 / (1.0 - x) if x < 0.25 else elementary.exp(x)
+
+
+class Bounds(NamedTuple):
+    """An expansion over (0, h], by the sums of one column."""
+
+    d0: float
+    d1: float
+    """s' h, s'' h²/2 and s''' h³/6."""
+    d2: float
+    d3: float
+    fourth: float
+    """Bound of the remainder, max |s''''| h⁴/24."""
+    tail: float
+    """Bound of |s| of the blocks that are not expanded."""
+    tail_slope: float
+    """Bound of |s'| of these, times h."""
+
+
+@part
+def bounds(r: Response, x: Expansion, k: int, h: float) -> Bounds:
+    """Return the bounds over a step ``h`` with the ``k`` slowest blocks expanded."""
+    sums, factor = x.sums, growth_bound(r.growth * h)
+    return Bounds(
+        sums[expansion.D0, k],
+        sums[expansion.D1, k] * h,
+        sums[expansion.D2, k] * h * h / 2.0,
+        sums[expansion.D3, k] * h * h * h / 6.0,
+        (sums[expansion.FOURTH, k] + sums[expansion.FOURTH_GROWTH, 0] * h) * factor * h**4 / 24.0,
+        sums[expansion.TAIL, k] * factor,
+        sums[expansion.TAIL_SLOPE, k] * factor * h,
+    )

@@ -1,0 +1,172 @@
+"""From contact event to contact event: one case of the event-driven scheme, start to end."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from workflow.kernels.compiled import part, rare, uncounted
+from workflow.schemes._exact import expansion_table as expansion
+from workflow.schemes._exact import outcome
+from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
+from workflow.schemes._exact.impacts import Case, impact
+from workflow.schemes._exact.layout import Layout, Memory
+from workflow.schemes._exact.motion import (
+    Motion,
+    Observed,
+    advance,
+    copy_state,
+    integral,
+    observe,
+    prepare,
+    warming_rate,
+)
+from workflow.schemes._exact.passage import Motions, enter_contact, fill_modal, release
+from workflow.schemes._exact.phase_log import Log, begin_phase, note_energy, note_phase
+from workflow.schemes._exact.record import Record, contact_time, next_due, note_temperature, record_step, write
+from workflow.schemes._exact.response import from_coordinates
+from workflow.schemes._exact.step import Start, certified_step
+
+_SAME_TIME = 16.0 * 2.220446049250313e-16
+"""Times nearer than this share of the duration are the same: a dozen roundings of sums of steps."""
+
+_LATE = 1e-9
+"""Samples are due at the end up to this share of the duration: it is a multiple of their interval up to that."""
+
+_FIRST_STEP = 0.1
+"""First step tried after an event, in times of the fastest pole; longer ones follow if it is certified."""
+
+
+@uncounted
+def march(
+    free: Layout, held: Layout, case: Case, record: Record, free_memory: Memory, held_memory: Memory, log: Log
+) -> int:
+    """Run one case and return how it ended, see :mod:`workflow.schemes._exact.outcome`; never raises."""
+    motions = Motions(
+        prepare(free, case.load, free_memory),
+        prepare(held, case.load, held_memory),
+        held.from_modal,
+        held.to_modal,
+        case.load.gap,
+    )
+    tally, T, audited = record.tally, case.load.duration, log.held.size > 0
+    ended, event, start, seen = _begin(motions, case, record, log)
+    while ended == outcome.RUNNING:
+        if event:
+            tally.events += 1
+            if tally.events > case.budget.events:
+                ended = outcome.OUT_OF_EVENTS
+                break
+            start, seen = _pass_event(motions, case, tally, seen)
+            if audited and not note_phase(log, motions, tally):
+                ended = outcome.LOG_FULL
+                break
+        if tally.time >= T:
+            ended = outcome.COMPLETED
+            break
+        tally.steps += 1
+        if tally.steps > case.budget.steps:
+            ended = outcome.OUT_OF_STEPS
+            break
+        h, event, seen = _step(motions.held if tally.held else motions.free, record, start, T, seen)
+        if not np.isfinite(h):
+            ended = outcome.NOT_FINITE
+            break
+        if not tally.held:
+            height = 0.25 * h * min(start.speed, -seen.signal_rate)  # of a flight from impact to impact, a parabola's
+            tally.length = max(tally.length, max(abs(record.gap - seen.signal), height))
+            if event:
+                tally.speed = -seen.signal_rate
+                event = tally.speed > 0.0
+        tally.time = T if h >= T - tally.time else tally.time + h
+        start = Start(0, -1.0, False, 2.0 * h)
+        if audited:
+            fill_modal(motions, tally.held != 0, tally.time)
+            note_energy(log, motions.free.coordinates, tally)
+    if ended == outcome.COMPLETED:
+        _finish(motions, case, record, log, seen)
+    return ended
+
+
+@rare
+def _begin(motions: Motions, case: Case, record: Record, log: Log) -> tuple[int, bool, Start, Observed]:
+    """Take the initial state; return how the case ended, if it did, whether it begins with an event, and how."""
+    free, tip, tally = motions.free, case.tip, record.tally
+    from_coordinates(free.r, case.modal, 0.0, free.now)
+    seen = observe(free.r, free.now, 0.0)
+    start = Start(0, -1.0, False, case.load.duration)
+    if not (np.isfinite(seen.signal) and np.isfinite(seen.signal_rate) and np.isfinite(seen.temperature)):
+        return outcome.NOT_FINITE, False, start, seen
+    tally.contact_begin = np.inf
+    tally.max_temperature = tally.period_temperature = seen.temperature
+    write(record, 0.0, Observed(tip.distance, -tip.speed, seen.temperature, 0.0), 0.0)
+    expand(free.r, free.now, 0.0, free.x)
+    tally.length = abs(record.gap) + abs(record.gap - tip.distance)
+    touches = abs(tip.distance) <= 4.0 * SUM_ROUNDING * (tally.length + free.x.sums[expansion.SIZE, 0])
+    if tip.distance < 0.0 and not touches:
+        return outcome.INSIDE_CASING, False, start, seen
+    if log.held.size > 0:
+        begin_phase(log, case.modal, tally)
+    event = touches and tip.speed >= 0.0
+    if touches:
+        tally.speed = tip.speed
+        start = Start(2 if event else 1, -1.0, False, case.load.duration)
+    return outcome.RUNNING, event, start, seen
+
+
+@part
+def _pass_event(motions: Motions, case: Case, tally: Any, seen: Observed) -> tuple[Start, Observed]:
+    """End a contact, or strike the tip and begin a contact if it stays; return how the next step begins."""
+    free, tip, t = motions.free, case.tip, tally.time
+    guess = _FIRST_STEP / free.r.fastest if free.r.fastest > 0.0 else case.load.duration
+    if tally.held:
+        release(motions, tally)
+        return Start(3, -1.0, False, guess), observe(free.r, free.now, t)
+    before, speed = tally.impulse, tip.e * tally.speed
+    stays, since = impact(motions, case, tally)
+    if tally.speed > 0.0:
+        seen = Observed(0.0, speed, seen.temperature, 0.0)
+        if free.r.firsts > 0:
+            temperature = seen.temperature + tip.alpha * (tally.impulse - before) * tip.warming
+            seen = Observed(0.0, speed, temperature, warming_rate(free.r, free.now))
+            note_temperature(tally, temperature)
+    if not stays:
+        return Start(1, speed, True, guess), seen
+    zeros = enter_contact(motions, case.thresholds.force, t)
+    if zeros < 0:
+        return Start(2, -1.0, False, guess), seen
+    tally.held, tally.contact_begin = 1, since
+    return Start(zeros, -1.0, True, guess), observe(motions.held.r, motions.held.now, t)
+
+
+@part
+def _step(m: Motion, record: Record, start: Start, T: float, seen: Observed) -> tuple[float, bool, Observed]:
+    """Take a certified step; return its length (NaN: none found), whether an event ends it, and its last outputs."""
+    tally, t, tolerance = record.tally, record.tally.time, _SAME_TIME * T
+    if not start.expanded:
+        expand(m.r, m.now, t, m.x)
+    h, event = certified_step(m, start, t, T - t, tolerance)
+    if not np.isfinite(h):
+        return h, False, seen
+    advance(m.r, m.now, t, h, m.after)
+    impulse = integral(m.r, m.now, m.after, t, h) if tally.held else 0.0
+    after = observe(m.r, m.after, t + h)
+    record_step(record, m, t, h, after, tolerance)
+    copy_state(m.after, m.now)
+    tally.impulse += impulse
+    return h, event, after
+
+
+@rare
+def _finish(motions: Motions, case: Case, record: Record, log: Log, seen: Observed) -> None:
+    """Write what is due at the end, after any event there."""
+    tally, modal, T = record.tally, motions.free.coordinates, case.load.duration
+    fill_modal(motions, tally.held != 0, tally.time)
+    for i in range(log.final.size):
+        log.final[i] = modal[i]
+    while next_due(record) <= T * (1.0 + _LATE):
+        write(record, T, seen, tally.impulse)
+    for j in range(case.closing.size):
+        tally.thermal_closing += case.closing[j] * modal[modal.size - case.closing.size + j]
+    tally.contact_time = contact_time(tally, T)

@@ -1,0 +1,218 @@
+"""The structure in modes, with its tip free and with its tip held: what both regimes of the exact solver are made of.
+
+    z'' + c z' + ω² z + G τ = φᵀ (f̄ + F e_n),   τ' + μ τ = χᵀ q + α χ_n λ
+
+F is the load on the tip beside the constant loads f̄. With the tip free, z are all modes; with the tip held, x_n = d,
+they are the modes of the other coordinates, and the force on the casing is
+
+    λ = f_n - M_ni v_i' - C_ni v_i - K_ni x_i - K_nn d - K12_n θ.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from workflow.kernels.singular import least_squares
+from workflow.kernels.sums import dot, product
+from workflow.models import (
+    Array,
+    Structure,
+    mechanical_modes,
+    modal_coupling,
+    static_tip_growth,
+    thermal_modes,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class ModalSystem:
+    """A structure with its tip free or held, in its modes z and the thermal modes τ.
+
+    Its signal, the event function whose fall through zero ends the regime, is the gap d - x_n [m] of a free tip and the
+    contact force λ [N] of a held one:
+
+        signal = signal_steady · f̄ + signal_tip F + signal_gap d - r · (z + a_K z') - k · τ.
+    """
+
+    frequency: Array
+    """ω, 1/s, ``(mode,)``."""
+    damping: Array
+    """c, 1/s, ``(mode,)``."""
+    coupling: Array
+    """G, ``(mode, thermal mode)``."""
+    rate: Array
+    """μ, 1/s, ``(thermal mode,)``."""
+    heat_tip: Array
+    """χ_n, ``(thermal mode,)``."""
+    reaction: Array
+    """r, ``(mode,)``."""
+    relaxation: float
+    """a_K, s."""
+    thermal_reaction: Array
+    """k, ``(thermal mode,)``."""
+    signal_steady: Array
+    """``(mechanical,)``."""
+    signal_tip: float
+    signal_gap: float
+    shapes: Array
+    """φ, ``(mechanical, mode)``, without the row of a held tip."""
+    heat_shapes: Array
+    """χ, ``(thermal, thermal mode)``."""
+    from_free: Array
+    """z per free mode y, ``(mode, free mode)``."""
+    from_free_gap: Array
+    """… and per gap, ``(mode,)``."""
+    to_free: Array
+    """y per z, ``(free mode, mode)``."""
+    to_free_gap: Array
+    """… and per gap, ``(free mode,)``."""
+
+    def without_heat(self) -> ModalSystem:
+        """Return the system without its thermal modes."""
+        return replace(
+            self,
+            coupling=self.coupling[:, :0],
+            rate=self.rate[:0],
+            heat_tip=self.heat_tip[:0],
+            thermal_reaction=self.thermal_reaction[:0],
+            heat_shapes=self.heat_shapes[:, :0],
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Basis:
+    """What all regimes of a structure share."""
+
+    to_modes: Array
+    """φᵀ M of the free modes."""
+    to_thermal: Array
+    """χᵀ C2."""
+    tip: Array
+    """φ_n, ``(mode,)``, 1/√kg."""
+    heat_tip: Array
+    """χ_n, ``(thermal mode,)``, 1/√(J/K)."""
+    closing: Array
+    """Quasi-static tip growth per τ, m, ``(thermal mode,)``."""
+    mobility: float
+    """Delassus operator of an impact, e_nᵀ M⁻¹ e_n, 1/kg."""
+    warming: float
+    """e_nᵀ C2⁻¹ e_n, K/J."""
+    free: ModalSystem
+    held: ModalSystem
+
+
+def analyse(structure: Structure) -> Basis:
+    """Diagonalise the structure with its tip free and with its tip held."""
+    mechanical, thermal = mechanical_modes(structure), thermal_modes(structure)
+    return Basis(
+        to_modes=product(mechanical.shapes.T, structure.mass),
+        to_thermal=product(thermal.shapes.T, structure.heat_capacity),
+        tip=mechanical.tip.copy(),
+        heat_tip=thermal.tip.copy(),
+        closing=product(static_tip_growth(structure), thermal.shapes),
+        mobility=dot(mechanical.tip, mechanical.tip),
+        warming=float(sum(float(tip) ** 2 for tip in thermal.tip)),
+        free=free_system(structure),
+        held=held_system(structure),
+    )
+
+
+def free_system(structure: Structure) -> ModalSystem:
+    """Return the structure with its tip free."""
+    mechanical, thermal = mechanical_modes(structure), thermal_modes(structure)
+    frequency, modes = mechanical.values, mechanical.values.size
+    return ModalSystem(
+        frequency=frequency,
+        damping=structure.damping.mass + structure.damping.stiffness * frequency**2,
+        coupling=modal_coupling(structure, mechanical, thermal),
+        rate=thermal.values,
+        heat_tip=thermal.tip,
+        reaction=mechanical.tip,
+        relaxation=0.0,
+        thermal_reaction=np.zeros(thermal.values.size),
+        signal_steady=np.zeros(modes),
+        signal_tip=0.0,
+        signal_gap=1.0,
+        shapes=mechanical.shapes,
+        heat_shapes=thermal.shapes,
+        from_free=np.eye(modes),
+        from_free_gap=np.zeros(modes),
+        to_free=np.eye(modes),
+        to_free_gap=np.zeros(modes),
+    )
+
+
+def held_system(structure: Structure) -> ModalSystem:
+    """Return the structure with its tip held at the gap."""
+    mechanical, thermal = mechanical_modes(structure), thermal_modes(structure)
+    whole = structure.matrices()
+    interior = replace(whole, mass=structure.mass[:-1, :-1].copy(), elongation=structure.elongation[:, :-1].copy())
+    modes = mechanical_modes(interior)
+    frequency, shapes = modes.values, modes.shapes
+    root = np.sqrt(structure.springs)
+    strain = root[:, None] * interior.elongation
+    tip_strain = root * structure.elongation[:, -1]
+    static = np.zeros(frequency.size)  # shape under a unit displacement of the tip, of minimum norm
+    if frequency.size:
+        static[:] = least_squares(strain, -tip_strain)
+    whole_strain = product(strain, static) + tip_strain
+    row = product(tip_strain, product(strain, shapes))  # K_ni φ
+    row[frequency == 0] = 0.0
+    inertia = product(structure.mass[-1, :-1], shapes)  # M_ni φ
+    coupling = modal_coupling(interior, modes, thermal)
+    force_steady = np.append(-product(shapes, inertia), 1.0)
+    to_modes = product(mechanical.shapes.T, structure.mass)
+    return ModalSystem(
+        frequency=frequency,
+        damping=structure.damping.mass + structure.damping.stiffness * frequency**2,
+        coupling=coupling,
+        rate=thermal.values,
+        heat_tip=thermal.tip,
+        reaction=row - inertia * frequency**2,
+        relaxation=structure.damping.stiffness,
+        thermal_reaction=product(structure.coupling_matrix[-1], thermal.shapes) - product(inertia, coupling),
+        signal_steady=force_steady,
+        signal_tip=1.0,
+        signal_gap=-dot(whole_strain, tip_strain),
+        shapes=shapes,
+        heat_shapes=thermal.shapes,
+        from_free=product(product(shapes.T, interior.mass), mechanical.shapes[:-1]),
+        from_free_gap=-product(shapes.T, product(interior.mass, static)),
+        to_free=product(to_modes[:, :-1], shapes),
+        to_free_gap=product(to_modes, np.append(static, 1.0)),
+    )
+
+
+def state_space(system: ModalSystem, alpha: float) -> tuple[Array, Array, Array]:
+    """Return the system as X' = A X + B w, signal = row · X + …, for X = [z, z', τ] and w = [f̄, q, F, d].
+
+    Returns A ``(N, N)``, the row ``(N,)`` and B ``(N, mechanical + thermal + 2)``. The friction heat α λ acts at α >
+    0, with the tip held only.
+    """
+    modes, mechanical, thermal = system.frequency.size, system.signal_steady.size, system.heat_shapes.shape[0]
+    size = 2 * modes + system.rate.size
+    z, u, tau = slice(0, modes), slice(modes, 2 * modes), slice(2 * modes, size)
+    row = np.concatenate([-system.reaction, -system.relaxation * system.reaction, -system.thermal_reaction])
+    warming = np.zeros(size)
+    warming[tau] = alpha * system.heat_tip
+    A = np.zeros((size, size))
+    A[z, u] = np.eye(modes)
+    A[u, z] = -np.diag(system.frequency**2)
+    A[u, u] = -np.diag(system.damping)
+    A[u, tau] = -system.coupling
+    A[tau, tau] = -np.diag(system.rate)
+    A += np.outer(warming, row)
+    B = np.outer(warming, signal_inputs(system))
+    B[u, : system.shapes.shape[0]] += system.shapes.T
+    if system.shapes.shape[0] == mechanical:  # F acts on a free tip as the last constant load does
+        B[u, -2] += system.shapes[-1]
+    B[tau, mechanical : mechanical + thermal] = system.heat_shapes.T
+    return A, row, B
+
+
+def signal_inputs(system: ModalSystem) -> Array:
+    """Return the signal per w = [f̄, q, F, d]."""
+    heating = np.zeros(system.heat_shapes.shape[0])
+    return np.concatenate([system.signal_steady, heating, [system.signal_tip, system.signal_gap]])

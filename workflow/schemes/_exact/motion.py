@@ -1,0 +1,181 @@
+"""Closed-form motion of one case in one regime: propagation, its outputs, and jumps at an impact."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from workflow.kernels.compiled import part, rare
+from workflow.models import Array
+from workflow.schemes._exact import block_table as block
+from workflow.schemes._exact import first_table as first
+from workflow.schemes._exact import state_table as state
+from workflow.schemes._exact.expansion import Expansion
+from workflow.schemes._exact.explicit_blocks import advance_explicit, explicit_force
+from workflow.schemes._exact.layout import Layout, Load, Memory
+from workflow.schemes._exact.propagators import block_propagators, first_propagators, stiff_block
+from workflow.schemes._exact.response import CONSTANT, COS, SIGNAL, SIN, TEMPERATURE, Response, load_phase, respond
+
+
+class Motion(NamedTuple):
+    """The motion of one case in one regime; states as in :mod:`~workflow.schemes._exact.state_table`."""
+
+    r: Response
+    x: Expansion
+    now: Array
+    """State at the beginning of the present step."""
+    after: Array
+    """State at its end."""
+    between: Array
+    """State at some time within it; scratch."""
+    coordinates: Array
+    """[η, u, ξ]; scratch."""
+
+
+class Observed(NamedTuple):
+    """Outputs of a state."""
+
+    signal: float
+    """Gap d - x_n of the free tip, m; contact force of the held tip, N."""
+    signal_rate: float
+    temperature: float
+    """Of the tip, K."""
+    warming: float
+    """Its rate, K/s."""
+
+
+@rare
+def prepare(regime: Layout, load: Load, memory: Memory) -> Any:
+    """Return the motion of a case in a regime, its state not yet set."""
+    r = respond(regime, load, memory)
+    x, states = Expansion(memory.sums, memory.terms, memory.derivatives), memory.states
+    return Motion(r, x, states[0], states[1], states[2], memory.coordinates)
+
+
+@part
+def copy_state(source: Array, target: Array) -> None:
+    """Copy a state."""
+    for row in range(state.ROWS):
+        for k in range(source.shape[1]):
+            target[row, k] = source[row, k]
+
+
+@part
+def advance(r: Response, y: Array, t: float, dt: float, out: Array) -> None:
+    """Fill ``out`` with the state at t + dt that follows from ``y`` at t."""
+    b, f = r.block, r.first
+    block_propagators(b, dt)
+    for i in range(r.specials):
+        k = int(b[block.SPECIAL, i])
+        if b[block.EXPLICIT, k] == 0.0:
+            b[block.C, k], b[block.S, k] = stiff_block(b[block.DAMPING, k], b[block.STIFFNESS, k], dt)
+    for k in range(b.shape[1]):
+        b[block.WORK, k] = -b[block.STIFFNESS, k] * b[block.S, k]
+    for k in range(b.shape[1]):
+        out[state.VALUE, k] = b[block.C, k] * y[state.VALUE, k] + b[block.S, k] * y[state.SLOPE, k]
+    for k in range(b.shape[1]):
+        slope = (b[block.C, k] - b[block.DAMPING, k] * b[block.S, k]) * y[state.SLOPE, k]
+        out[state.SLOPE, k] = slope + b[block.WORK, k] * y[state.VALUE, k]
+    for i in range(r.specials):
+        k = int(b[block.SPECIAL, i])
+        if b[block.EXPLICIT, k] != 0.0:
+            value, slope, area = advance_explicit(r, k, y, t, dt)
+            out[state.VALUE, k], out[state.SLOPE, k], b[block.EXPLICIT_INTEGRAL, k] = value, slope, area
+    if r.firsts > 0:
+        first_propagators(f, dt)
+        for j in range(f.shape[1]):
+            out[state.FIRST, j] = y[state.FIRST, j] + dt * y[state.FIRST_SLOPE, j] * f[first.PHI1, j]
+        for j in range(f.shape[1]):
+            out[state.FIRST_SLOPE, j] = y[state.FIRST_SLOPE, j] * f[first.DECAY, j]
+
+
+@part
+def integral(r: Response, y: Array, out: Array, t: float, dt: float) -> float:
+    """Return the integral of the signal from ``y`` at t to ``out`` at t + dt, the motion that was advanced last."""
+    b, f, area = r.block, r.first, 0.0
+    for i in range(r.specials):
+        k = int(b[block.SPECIAL, i])
+        if b[block.EXPLICIT, k] != 0.0:
+            change = out[state.VALUE, k] - y[state.VALUE, k]
+            area += b[block.SIGNAL_VALUE, k] * b[block.EXPLICIT_INTEGRAL, k] + b[block.SIGNAL_SLOPE, k] * change
+    for j in range(r.firsts):
+        step = y[state.FIRST_SLOPE, j] * dt
+        value, slope = f[first.SIGNAL_VALUE, j], f[first.SIGNAL_SLOPE, j]
+        area += value * dt * (y[state.FIRST, j] + step * f[first.PHI2, j]) + slope * step * f[first.PHI1, j]
+    for k in range(r.blocks):
+        change = out[state.VALUE, k] - y[state.VALUE, k]
+        slowed = out[state.SLOPE, k] - y[state.SLOPE, k] + b[block.DAMPING, k] * change
+        area += b[block.UNFORCED_SLOPE, k] * change - b[block.SIGNAL_INTEGRAL, k] * slowed
+    area += r.outputs[SIGNAL, CONSTANT] * dt
+    if r.omega > 0.0:
+        cos, sin = load_phase(r, t)
+        cos_after, sin_after = load_phase(r, t + dt)
+        area += r.outputs[SIGNAL, COS] * (sin_after - sin) / r.omega
+        area -= r.outputs[SIGNAL, SIN] * (cos_after - cos) / r.omega
+    return float(area)
+
+
+@part
+def observe(r: Response, y: Array, t: float) -> Observed:
+    """Return the outputs of a state."""
+    b, f, load = r.block, r.first, r.outputs
+    cos, sin = load_phase(r, t)
+    signal = load[SIGNAL, CONSTANT] + load[SIGNAL, COS] * cos + load[SIGNAL, SIN] * sin
+    rate = r.omega * (load[SIGNAL, SIN] * cos - load[SIGNAL, COS] * sin)
+    heat = load[TEMPERATURE, CONSTANT] + load[TEMPERATURE, COS] * cos + load[TEMPERATURE, SIN] * sin
+    warming = r.omega * (load[TEMPERATURE, SIN] * cos - load[TEMPERATURE, COS] * sin)
+    for j in range(r.firsts):
+        xi, slope = y[state.FIRST, j], y[state.FIRST_SLOPE, j]
+        signal += f[first.SIGNAL_VALUE, j] * xi + f[first.SIGNAL_SLOPE, j] * slope
+        rate += (f[first.SIGNAL_VALUE, j] - f[first.SIGNAL_SLOPE, j] * f[first.RATE, j]) * slope
+        heat += f[first.TEMPERATURE_VALUE, j] * xi + f[first.TEMPERATURE_SLOPE, j] * slope
+        warming += f[first.WARMING, j] * slope
+    seen, seen_rate = 0.0, 0.0
+    for k in range(r.blocks):
+        seen += b[block.SIGNAL_VALUE, k] * y[state.VALUE, k]
+        seen_rate += b[block.SIGNAL_VALUE, k] * y[state.SLOPE, k]
+    observed = Observed(signal + seen, rate + seen_rate, heat, warming)
+    return _observe_two_way(r, y, cos, sin, observed) if r.two_way else observed
+
+
+@part
+def _observe_two_way(r: Response, y: Array, cos: float, sin: float, known: Observed) -> Observed:
+    """Add what η' of blocks shows in the signal, and blocks in the tip temperature."""
+    b = r.block
+    for k in range(b.shape[1]):
+        b[block.WORK, k] = -b[block.DAMPING, k] * y[state.SLOPE, k] - b[block.STIFFNESS, k] * y[state.VALUE, k]
+    for i in range(r.specials):
+        k = int(b[block.SPECIAL, i])
+        if b[block.EXPLICIT, k] != 0.0:
+            b[block.WORK, k] += explicit_force(r, k, y, cos, sin)
+    signal, rate, heat, warming = 0.0, 0.0, 0.0, 0.0
+    for k in range(r.blocks):
+        value, slope, bend = y[state.VALUE, k], y[state.SLOPE, k], b[block.WORK, k]
+        signal += b[block.SIGNAL_SLOPE, k] * slope
+        rate += b[block.SIGNAL_SLOPE, k] * bend
+        heat += b[block.TEMPERATURE_VALUE, k] * value + b[block.TEMPERATURE_SLOPE, k] * slope
+        warming += b[block.TEMPERATURE_VALUE, k] * slope + b[block.TEMPERATURE_SLOPE, k] * bend
+    return Observed(known.signal + signal, known.signal_rate + rate, known.temperature + heat, known.warming + warming)
+
+
+@part
+def strike(r: Response, shape: Array, y: Array, p: float, heat: float) -> None:
+    """Apply an impulse p [N s] and a heat [J] at the free tip: v jumps by -p M⁻¹ e_n, θ by heat C2⁻¹ e_n.
+
+    ``shape`` is φ_n, ``(mode,)``.
+    """
+    b, f = r.block, r.first
+    for j in range(r.firsts):
+        y[state.FIRST, j] += heat * f[first.HEAT_JUMP_VALUE, j]
+        y[state.FIRST_SLOPE, j] += heat * f[first.HEAT_JUMP_SLOPE, j]
+    for k in range(r.blocks):
+        y[state.VALUE, k] += heat * b[block.HEAT_JUMP_VALUE, k]
+        y[state.SLOPE, k] += heat * b[block.HEAT_JUMP_SLOPE, k] - p * shape[k]
+
+
+@part
+def warming_rate(r: Response, y: Array) -> float:
+    """Return the rate of the tip temperature, K/s, in a regime where no block shows in it."""
+    total = 0.0
+    for j in range(r.firsts):
+        total += r.first[first.WARMING, j] * y[state.FIRST_SLOPE, j]
+    return total

@@ -1,0 +1,78 @@
+"""How a case ended, and the message about it."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from workflow.schemes._interface import EXTRAPOLATED
+
+
+class Budget(NamedTuple):
+    """Largest number of events and of certified steps of a case."""
+
+    events: int
+    steps: int
+
+
+COMPLETED = 0
+OUT_OF_EVENTS = 1
+OUT_OF_STEPS = 2
+INSIDE_CASING = 3
+NOT_FINITE = 4
+LOG_FULL = 5
+"""More phases than the log of the balances takes: the case is run again with a longer one."""
+RUNNING = 6
+INVALID = 7
+"""A value of the case is not finite."""
+NO_SPECTRUM = 8
+"""The eigenvalues of the held tip were not found."""
+STIFF = 9
+"""A block that cannot follow its load in closed form is damped so fast that its Taylor steps exceed the budget."""
+
+_NEARLY_ELASTIC = 0.99
+"""Restitution above which the message about the budget of events says how many impacts it takes to come to rest."""
+
+
+def failure(ended: int, tally: Any, budget: Budget, e: float) -> str:
+    """Return the message of a case that did not complete; ``tally`` is an element of an array of ``record.TALLY``."""
+    at = f"at t = {tally['time']:.6g} s"
+    speed = tally["speed"] if tally["impacts"] else 0.0
+    return {
+        INVALID: "a value of the case is not a finite number",
+        NO_SPECTRUM: "the eigenvalues of the held tip with friction heat were not found",
+        OUT_OF_EVENTS: f"stopped {at} after {budget.events} contact events, its budget; "
+        f"the last of {tally['impacts']} impacts had a speed of {speed:.3g} m/s; {_more_events(e)}",
+        OUT_OF_STEPS: f"stopped {at} after {budget.steps} steps between contact events, its budget; "
+        "raise the scheme's option `steps`",
+        STIFF: "a mode is damped too fast and moves too slowly for its load to be followed within the budget of "
+        f"{budget.steps} steps; raise the scheme's option `steps`, lower the damping, or use moreau",
+        INSIDE_CASING: "the tip starts beyond the casing: x_n(0) > d",
+        NOT_FINITE: f"the state left the finite numbers {at}",
+    }[ended]
+
+
+def extrapolation(tally: Any, budget: Budget) -> str:
+    """Return the message of a case in which impacts were summed up because the budget does not reach their end."""
+    leaves = (
+        f"; while it does not rest it is in no contact, and it leaves with at most {tally['leaving_speed']:.3g} m/s"
+    )
+    return (
+        f"{EXTRAPOLATED}impacts below {tally['summed_speed']:.3g} m/s, which lift the tip by at most "
+        f"{tally['summed_height']:.3g} m, were summed up: till they end there are more than are left of the "
+        f"{budget.events} of the option `events`" + (f"{leaves}, taken as 0" if tally["leaving_speed"] > 0 else "")
+    )
+
+
+def _more_events(e: float) -> str:
+    """Return what would get a case past its budget of contact events."""
+    if e == 1:
+        return (
+            "with e = 1 impacts of a pressed, damped tip follow each other ever faster without ever ending in contact: "
+            "the scheme's option `events` does not help, lower e"
+        )
+    if e > _NEARLY_ELASTIC:
+        return (
+            f"with e = {e:.9g} the speed of a bouncing tip falls to 37 % in about {1 / (1 - e):.2g} impacts, and to "
+            "rest it takes ten times as many and more: raise the scheme's option `events`, or lower e"
+        )
+    return "raise the scheme's option `events`"

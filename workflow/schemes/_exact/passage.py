@@ -1,0 +1,76 @@
+"""The two motions of a case, tip free and tip held, and the passage of the state from one to the other."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from workflow.kernels.compiled import part
+from workflow.models import Array
+from workflow.schemes._exact import expansion_table as expansion
+from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
+from workflow.schemes._exact.motion import Motion
+from workflow.schemes._exact.response import from_coordinates, to_coordinates
+
+
+class Motions(NamedTuple):
+    """Both motions of a case; coordinates of the free one are the modal ones [y, y', τ]."""
+
+    free: Motion
+    held: Motion
+    from_modal: Array
+    to_modal: Array
+    """See :class:`~workflow.schemes._exact.layout.Layout`, of the held regime."""
+    gap: float
+    """d, m."""
+
+
+@part
+def convert(matrix: Array, gap: float, source: Array, target: Array) -> None:
+    """Fill target = [source, gap] · matrix; rows of states that do not act are not read."""
+    last = matrix.shape[0] - 1
+    for i in range(target.size):
+        target[i] = matrix[last, i] * gap
+    for j in range(source.size):
+        for i in range(target.size):
+            target[i] += source[j] * matrix[j, i]
+
+
+@part
+def fill_modal(motions: Motions, held: bool, t: float) -> None:
+    """Fill the coordinates of the free motion with the present state of the motion with the tip held, or free."""
+    free = motions.free
+    if held:
+        to_coordinates(motions.held.r, motions.held.now, t, motions.held.coordinates)
+        convert(motions.to_modal, motions.gap, motions.held.coordinates, free.coordinates)
+    else:
+        to_coordinates(free.r, free.now, t, free.coordinates)
+
+
+@part
+def enter_contact(motions: Motions, threshold: float, t: float) -> int:
+    """Set the held motion from the free one; return the order of the zero of its force at t, -1 where nothing presses.
+
+    A force below ``threshold`` times the rounding of its terms is zero.
+    """
+    free, held = motions.free, motions.held
+    to_coordinates(free.r, free.now, t, free.coordinates)
+    convert(motions.from_modal, motions.gap, free.coordinates, held.coordinates)
+    from_coordinates(held.r, held.coordinates, t, held.now)
+    expand(held.r, held.now, t, held.x)
+    force, rate = held.x.sums[expansion.D0, held.r.blocks], held.x.sums[expansion.D1, held.r.blocks]
+    rounding = threshold * SUM_ROUNDING * held.x.sums[expansion.SIZE, 0]
+    if force > rounding:
+        return 0
+    return 1 if force >= -rounding and rate > 0.0 else -1
+
+
+@part
+def release(motions: Motions, tally: Any) -> None:
+    """End a contact: set the free motion from the held one."""
+    fill_modal(motions, True, tally.time)
+    from_coordinates(motions.free.r, motions.free.coordinates, tally.time, motions.free.now)
+    tally.contact_time += max(0.0, tally.time - tally.contact_begin)
+    tally.contact_begin, tally.held = np.inf, 0
+    tally.releases += 1

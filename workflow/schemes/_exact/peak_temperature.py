@@ -1,0 +1,148 @@
+"""Certified search for the largest tip temperature within a step.
+
+The temperature is expanded as the signal is (see :mod:`workflow.schemes._exact.expansion`): a Taylor
+polynomial of degree 3 with a bound of its remainder, fast modes of small amplitude bounded as a
+group. An interval needs no further search where the bounds prove one of these:
+
+- the temperature stays below the largest one known;
+- it only rises, only falls, or is convex: its largest value is at an end of the interval, and the
+  ends are evaluated;
+- it is concave: the largest value is at an end or where the rate is zero, which is then solved for.
+
+Otherwise the interval is halved.
+"""
+
+from __future__ import annotations
+
+from workflow.kernels.compiled import part, rare
+from workflow.schemes._exact import expansion_table as expansion
+from workflow.schemes._exact import first_table as first
+from workflow.schemes._exact import state_table as state
+from workflow.schemes._exact.expansion import (
+    SUM_ROUNDING,
+    accumulate,
+    bounds,
+    expand_output,
+    expanded_blocks,
+    growth_bound,
+)
+from workflow.schemes._exact.motion import Motion, advance, observe
+from workflow.schemes._exact.response import TEMPERATURE
+
+_SURE = 1e-12
+"""Share of the largest temperature that a later maximum may exceed it by without being searched for:
+a hundredth of the accuracy that is promised, 1e-10."""
+
+_SHORTEST = 1e-15
+"""Intervals below this share of the time are not halved any more: a few roundings of the time itself."""
+
+
+@part
+def peak_temperature(m: Motion, t: float, left: float, right: float, known: float) -> float:
+    """Return the larger of ``known`` and the largest tip temperature, K, between the times ``left`` and ``right``.
+
+    Both lie in a step from ``m.now`` at t. ``known`` is at least the temperature at both ends.
+    """
+    if m.r.cooling and _is_monotone(m, right - t):
+        return known
+    return _searched(m, t, left, right, known)
+
+
+@part
+def _is_monotone(m: Motion, span: float) -> bool:
+    """Whether the temperature certainly only rises or only falls over a step in which it is a sum of decaying terms.
+
+    Its rate is a sum of terms r exp(-μ τ), each between r and r max(0, 1 - μ τ).
+    """
+    f, low, high = m.r.first, 0.0, 0.0
+    for j in range(m.r.firsts):
+        rate = f[first.WARMING, j] * m.now[state.FIRST_SLOPE, j]
+        later = rate * max(0.0, 1.0 - f[first.RATE, j] * span)
+        low += min(rate, later)
+        high += max(rate, later)
+    return high <= 0.0 or low >= 0.0
+
+
+@rare
+def _searched(m: Motion, t: float, left: float, right: float, known: float) -> float:
+    """Search interval by interval, from the left to the right."""
+    at = left
+    while at < right:
+        advance(m.r, m.now, t, at - t, m.between)
+        expand_output(m.r, TEMPERATURE, m.between, at, m.x)
+        if not m.r.cooling:
+            accumulate(m.r, m.x)
+        known = max(known, m.x.sums[expansion.D0, m.r.blocks])
+        span = right - at
+        while span > _SHORTEST * right:
+            if _peaks_at_an_end(m, span, known):
+                break
+            bend = _bend(m, span)
+            if bend != 0:
+                known = _concave_peak(m, t, at, span, known) if bend < 0 else known
+                break
+            span *= 0.5
+        at = right if span >= right - at else at + max(span, _SHORTEST * right)
+    return known
+
+
+@part
+def _peaks_at_an_end(m: Motion, h: float, known: float) -> bool:
+    """Whether certainly no temperature on (0, h) exceeds both ends and ``known``: it rises, falls or stays below."""
+    s = bounds(m.r, m.x, m.r.blocks if m.r.cooling else expanded_blocks(m.r, h), h)
+    d1, d2, d3 = s.d1, s.d2, s.d3
+    c0, c1 = d1, d1 + 2.0 * d2 / 3.0
+    c2, c3 = d1 + 4.0 * d2 / 3.0 + d3, d1 + 2.0 * d2 + 3.0 * d3
+    if min(min(c0, c1), min(c2, c3 - 4.0 * s.fourth)) >= s.tail_slope:
+        return True
+    if max(max(c0, c1), max(c2, c3 + 4.0 * s.fourth)) <= -s.tail_slope:
+        return True
+    level = known + _SURE * abs(known) + SUM_ROUNDING * m.x.sums[expansion.SIZE, 0]
+    b2 = d1 / 2.0 + d2 / 6.0
+    b3 = 0.75 * d1 + d2 / 2.0 + d3 / 4.0
+    b4 = d1 + d2 + d3 + s.fourth
+    return bool(s.d0 + s.tail + max(max(0.0, d1 / 4.0), max(b2, max(b3, b4))) <= level)
+
+
+@part
+def _bend(m: Motion, h: float) -> int:
+    """Return the sign of the second derivative of the temperature on (0, h), 0 where it is not certain."""
+    sums, n = m.x.sums, m.r.blocks
+    fourth = (sums[expansion.FOURTH, n] + sums[expansion.FOURTH_GROWTH, 0] * h) * growth_bound(m.r.growth * h)
+    second, third = sums[expansion.D2, n], sums[expansion.D3, n]
+    b0, b1, b2 = second, second + third * h / 2.0, second + third * h
+    remainder = fourth * h * h / 2.0
+    if b0 < 0.0 and b1 < 0.0 and b2 + remainder < 0.0:
+        return -1
+    return 1 if b0 > 0.0 and b1 > 0.0 and b2 - remainder > 0.0 else 0
+
+
+@part
+def _concave_peak(m: Motion, t: float, at: float, h: float, known: float) -> float:
+    """Return the largest temperature on (at, at + h), where it is concave.
+
+    Newton's steps on the rate, kept between points where it is positive and negative: what is left of
+    the way to the last such point times the rate bounds what can still be gained.
+    """
+    sums, n = m.x.sums, m.r.blocks
+    rate, bend, third = sums[expansion.D1, n], sums[expansion.D2, n], sums[expansion.D3, n]
+    if rate <= 0.0:
+        return known
+    low, high, tau = 0.0, h, 0.0
+    for _ in range(100):
+        slope = bend + third * tau
+        tau = tau - rate / slope if slope < 0.0 else high
+        if not (low < tau < high):
+            tau = 0.5 * (low + high)
+        advance(m.r, m.now, t, at + tau - t, m.between)
+        seen = observe(m.r, m.between, at + tau)
+        known, rate = max(known, seen.temperature), seen.warming
+        if rate > 0.0:
+            low = tau
+            gain = rate * (high - tau)
+        else:
+            high = tau
+            gain = -rate * (tau - low)
+        if gain <= _SURE * abs(known) or high - low <= _SHORTEST * (at + h):
+            break
+    return known

@@ -1,0 +1,198 @@
+"""Propagators of all blocks and first-order states of a regime at once, written so that the compiler vectorises them.
+
+A block η'' + c η' + ω² η = 0 moves by
+
+    η(dt) = C η + S η',   η'(dt) = -ω² S η + (C - c S) η',
+    C = e^(-c dt/2) (cos ν dt + c/2 · sin(ν dt)/ν),   S = e^(-c dt/2) sin(ν dt)/ν,   ν² = ω² - c²/4,
+
+entire functions of ν²: rigid, critical and overdamped blocks take the same form by cosh and sinh.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workflow.kernels import elementary
+from workflow.kernels.compiled import inlined, part, rare
+from workflow.models import Array
+from workflow.schemes._exact import block_table as block
+from workflow.schemes._exact import first_table as first
+
+_ROUND = 6755399441055744.0
+"""1.5 · 2^52: adding and subtracting it rounds to the nearest integer."""
+_EXPONENT = 4503599627370496.0 + 1023.0
+"""2^52 + 1023: adding it to an integer q leaves q + 1023 in the lowest bits of the double."""
+_PI_A, _PI_B, _PI_C = 1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21
+"""π/2 in three parts (Cody and Waite), the first two of 33 bits: exact products up to 2^20."""
+_LN2_A, _LN2_B = 0.6931471803691238, 1.9082149292705877e-10
+"""ln 2 in two parts, the first of 32 bits."""
+_LARGEST_ANGLE = 1e6
+"""Angles beyond this are reduced by :mod:`workflow.kernels.elementary`; below it the products above are exact."""
+_SERIES = 0.3
+"""Largest |μ dt| for which φ2 is summed by its series in all columns."""
+
+
+@inlined
+def _phi2(x: float) -> float:
+    """Return φ2(x) = Σ x^k/(k+2)! to k = 11, for |x| up to 0.35: 0.35^12/14! < 1e-16."""
+    p = 1.6059043836821613e-10 * x + 2.08767569878681e-09
+    p = p * x + 2.505210838544172e-08
+    p = p * x + 2.755731922398589e-07
+    p = p * x + 2.7557319223985893e-06
+    p = p * x + 2.48015873015873e-05
+    p = p * x + 0.0001984126984126984
+    p = p * x + 0.001388888888888889
+    p = p * x + 0.008333333333333333
+    p = p * x + 0.041666666666666664
+    p = p * x + 0.16666666666666666
+    return p * x + 0.5
+
+
+@part
+def block_propagators(b: Array, dt: float) -> None:
+    """Fill the rows C and S of a table of blocks over a time ``dt`` [s], as if all of them oscillated.
+
+    Errors are a few units in the last place of 1.
+    """
+    largest = 0.0
+    for k in range(b.shape[1]):
+        if b[block.NU, k] > largest:
+            largest = b[block.NU, k]
+    if largest * abs(dt) > _LARGEST_ANGLE:
+        _large_propagators(b, dt)
+        return
+    _sines(b, dt)
+    _exponentials(b, dt)
+    for k in range(b.shape[1]):
+        shrink = b[block.WORK, k] * b[block.POWER, k]
+        s = shrink * b[block.S, k] / b[block.NU, k]
+        b[block.C, k] = shrink * b[block.C, k] + b[block.HALF_DAMPING, k] * s
+        b[block.S, k] = s
+
+
+@rare
+def _large_propagators(b: Array, dt: float) -> None:
+    """Fill the rows C and S where an angle ν dt is large."""
+    for k in range(b.shape[1]):
+        shrink = elementary.exp(-b[block.HALF_DAMPING, k] * dt)
+        sin, cos = elementary.sine_cosine(b[block.NU, k] * dt)
+        b[block.S, k] = shrink * sin / b[block.NU, k]
+        b[block.C, k] = shrink * cos + b[block.HALF_DAMPING, k] * b[block.S, k]
+
+
+@part
+def _sines(b: Array, dt: float) -> None:
+    """Fill the rows S with sin(ν dt) and C with cos(ν dt): reduction by multiples of π/2, then Taylor to r^16."""
+    for k in range(b.shape[1]):
+        a = b[block.NU, k] * dt
+        q = (a * 0.6366197723675814 + _ROUND) - _ROUND
+        r = ((a - q * _PI_A) - q * _PI_B) - q * _PI_C
+        z = r * r
+        s = -7.647163731819816e-13 * z + 1.6059043836821613e-10
+        s = s * z - 2.505210838544172e-08
+        s = s * z + 2.7557319223985893e-06
+        s = s * z - 0.0001984126984126984
+        s = s * z + 0.008333333333333333
+        s = s * z - 0.16666666666666666
+        s = r + r * z * s
+        c = 4.779477332387385e-14 * z - 1.1470745597729725e-11
+        c = c * z + 2.08767569878681e-09
+        c = c * z - 2.755731922398589e-07
+        c = c * z + 2.48015873015873e-05
+        c = c * z - 0.001388888888888889
+        c = c * z + 0.041666666666666664
+        c = 1.0 - (0.5 * z - z * z * c)
+        odd = q - 2.0 * ((0.5 * q - 0.25 + _ROUND) - _ROUND)
+        p, m = 0.5 * (q - odd), 0.5 * (q + odd)
+        sign_s = 1.0 - 2.0 * (p - 2.0 * ((0.5 * p - 0.25 + _ROUND) - _ROUND))
+        sign_c = 1.0 - 2.0 * (m - 2.0 * ((0.5 * m - 0.25 + _ROUND) - _ROUND))
+        b[block.S, k] = sign_s * (s * (1.0 - odd) + c * odd)
+        b[block.C, k] = sign_c * (c * (1.0 - odd) + s * odd)
+
+
+@part
+def _exponentials(b: Array, dt: float) -> None:
+    """Fill the rows WORK and POWER with e^r and 2^q of e^(-c dt/2) = 2^q e^r, clamped at e^±700."""
+    for k in range(b.shape[1]):
+        y = min(max(-b[block.HALF_DAMPING, k] * dt, -700.0), 700.0)
+        q = (y * 1.4426950408889634 + _ROUND) - _ROUND
+        r = (y - q * _LN2_A) - q * _LN2_B
+        b[block.WORK, k] = 1.0 + (r + r * r * _phi2(r))
+        bits = np.float64(q + _EXPONENT).view(np.int64) << 52
+        b[block.POWER, k] = np.int64(bits).view(np.float64)
+
+
+@rare
+def stiff_block(c: float, w2: float, dt: float) -> tuple[float, float]:
+    """Return C and S of one block that does not oscillate, ω² <= c²/4, of either sign of c."""
+    half = 0.5 * c
+    square = max(0.0, half * half - w2)
+    x = square * dt * dt
+    if x < 0.05:  # to x⁵/11!: below rounding
+        cosh = 1.0 + x / 2.0 * (1.0 + x / 12.0 * (1.0 + x / 30.0 * (1.0 + x / 56.0 * (1.0 + x / 90.0))))
+        sinh = 1.0 + x / 6.0 * (1.0 + x / 20.0 * (1.0 + x / 42.0 * (1.0 + x / 72.0 * (1.0 + x / 110.0))))
+        decay = elementary.exp(-half * dt)
+        S = dt * decay * sinh
+        return decay * cosh + half * S, S
+    root = np.sqrt(square)
+    if half >= 0.0:
+        slow, fast = -w2 / (half + root), -(half + root)
+    else:
+        slow, fast = -half + root, w2 / (root - half)
+    e_slow, e_fast = elementary.exp(slow * dt), elementary.exp(fast * dt)
+    S = (e_slow - e_fast) / (2.0 * root)
+    return 0.5 * (e_slow + e_fast) + half * S, S
+
+
+@part
+def first_propagator(x: float) -> tuple[float, float, float]:
+    """Return e^x, φ1 = (e^x - 1)/x and φ2 = (φ1 - 1)/x."""
+    if -0.5 < x < 0.5:
+        total, term = 0.5, 0.5  # Σ x^k/(k+2)!
+        for k in range(3, 18):
+            term *= x / k
+            total += term
+            if abs(term) < 1e-18:
+                break
+        phi1 = 1.0 + x * total
+        return 1.0 + x * phi1, phi1, total
+    e = elementary.exp(x)
+    phi1 = (e - 1.0) / x
+    return e, phi1, (phi1 - 1.0) / x
+
+
+@part
+def first_propagators(f: Array, dt: float) -> None:
+    """Fill the rows DECAY, PHI1 and PHI2 of a table of first-order states: e^x, φ1, φ2 of x = -rate dt."""
+    largest = 0.0
+    for j in range(f.shape[1]):
+        if abs(f[first.RATE, j]) > largest:
+            largest = abs(f[first.RATE, j])
+    if largest * abs(dt) > _SERIES:
+        for j in range(f.shape[1]):
+            f[first.DECAY, j], f[first.PHI1, j], f[first.PHI2, j] = first_propagator(-f[first.RATE, j] * dt)
+        return
+    for j in range(f.shape[1]):
+        x = -f[first.RATE, j] * dt
+        phi2 = _phi2(x)
+        phi1 = 1.0 + x * phi2
+        f[first.PHI2, j] = phi2
+        f[first.PHI1, j] = phi1
+        f[first.DECAY, j] = 1.0 + x * phi1
+
+
+@part
+def row_total(a: Array, row: int) -> float:
+    """Return the sum of a row of a table, in one fixed order."""
+    s0, s1, s2, s3, s4, s5, s6, s7 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for start in range(0, a.shape[1], 8):
+        k = np.uintp(start)  # unsigned: an index that cannot be negative needs no test for it
+        s0 += a[row, k]
+        s1 += a[row, k + np.uintp(1)]
+        s2 += a[row, k + np.uintp(2)]
+        s3 += a[row, k + np.uintp(3)]
+        s4 += a[row, k + np.uintp(4)]
+        s5 += a[row, k + np.uintp(5)]
+        s6 += a[row, k + np.uintp(6)]
+        s7 += a[row, k + np.uintp(7)]
+    return ((s0 + s1) + (s2 + s3)) + ((s4 + s5) + (s6 + s7))

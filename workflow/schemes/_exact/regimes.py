@@ -1,0 +1,183 @@
+"""The two regimes between contact events in real modal blocks that evolve alone: tip free, and tip held at the gap.
+
+    blocks        η' = u + β(t),   u' = -c u - ω² η + γ(t)   (+ g · ξ in one-way regimes)
+    first order   ξ' = -μ ξ + χ(t)
+
+so that a motion of any length costs one exponential per block. Without friction heat (tip free, or α = 0) regimes are
+one-way: blocks are mechanical modes and first-order states thermal modes, to which the blocks respond
+quasi-statically. With the tip held and α > 0 heat and motion act on each other: the matrix is that of α = 0 plus α
+times a rank-one term, blocks are its complex pairs of eigenvalues and first-order states its real ones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from workflow.kernels.complex_numbers import magnitude, times
+from workflow.kernels.sums import product
+from workflow.models import Array
+from workflow.schemes._exact.modal_system import ModalSystem, signal_inputs, state_space
+from workflow.schemes._exact.secular import general_spectrum, secular_spectrum
+
+
+class Regime(NamedTuple):
+    """A linear system in real modal blocks, its outputs, and how its coordinates follow from those of the free tip.
+
+    Coordinates are [η (block), u (block), ξ (first order)], N in all; modal coordinates are those of the free modes,
+    [y, y', τ]. Outputs are the signal, see :class:`~workflow.schemes._exact.modal_system.ModalSystem`, and the
+    temperature of the tip, K. Inputs are w = [constant loads, heating, tip load, gap].
+    """
+
+    damping: Array
+    """c of each block, 1/s, ``(block,)``."""
+    stiffness: Array
+    """ω² of each block, 1/s², ascending, ``(block,)``."""
+    rate: Array
+    """μ of each first-order state, 1/s, ``(first,)``."""
+    coupling: Array
+    """Force g on a block per first-order state, and a and b of the response η = a ξ + b ξ' to it,
+    ``(3, block, first)``: g, a, b; zero where heat and motion act on each other."""
+    resonant: Array
+    """1 where a block has no such response because a first-order state is near one of its poles, ``(block,)``."""
+    signal: Array
+    """Signal per coordinate, ``(N,)``."""
+    temperature: Array
+    """Tip temperature per coordinate, ``(N,)``."""
+    source: Array
+    """Sources [β, γ, χ] per input and, in the last row, the signal per input, ``(N + 1, mechanical + thermal + 2)``."""
+    from_modal: Array
+    """Coordinates from modal ones and, in the last row, the gap, ``(modal + 1, N)``: rows are inputs."""
+    to_modal: Array
+    """… and back, ``(N + 1, modal)``."""
+
+
+_NEAR_RESONANCE = 1e-3
+"""A block keeps its thermal force explicit where its denominator μ² - μ c + ω² is below this share
+of the *sum* of its terms: the quasi-static response would lose more than three of sixteen digits. A
+block as a whole becomes explicit, where the fixed-step schemes couple single pairs."""
+
+
+def quasi_static(frequency: Array, damping: Array, rate: Array, drive: Array) -> tuple[Array, Array, Array]:
+    """Return a, b of the response η = a τ + b τ' of blocks to first-order states, and where it fails.
+
+    p(-μ) = μ² - μ c + ω²;  a = drive/ω²,  b = -drive (c - μ)/(ω² p(-μ)).
+    """
+    if rate.size == 0 or frequency.size == 0:
+        return np.zeros_like(drive), np.zeros_like(drive), np.zeros(frequency.size)
+    omega2, c = frequency[:, None] ** 2, damping[:, None]
+    polynomial = rate**2 - rate * c + omega2
+    size = rate**2 + rate * c + omega2
+    forced = drive != 0
+    near = np.any(forced & (np.abs(polynomial) < _NEAR_RESONANCE * size), axis=1)
+    use = forced & ~near[:, None]
+    a, b = np.zeros_like(drive), np.zeros_like(drive)
+    np.divide(drive, omega2, out=a, where=use)
+    np.divide(-drive * (c - rate), omega2 * polynomial, out=b, where=use)
+    return a, b, near.astype(np.float64)
+
+
+def regime_of(system: ModalSystem, alpha: float = 0.0) -> Regime:
+    """Return the regime of a structure with its tip free (α = 0), or held at α [W/N]."""
+    regime = _one_way(system) if alpha == 0 else _two_way(linked(system), alpha)
+    return Regime(*(np.ascontiguousarray(values, dtype=np.float64) for values in regime))
+
+
+def _one_way(system: ModalSystem) -> Regime:
+    """Return the regime without friction heat: its blocks are the modes of the system."""
+    _, signal, source = state_space(system, 0.0)
+    a, b, resonant = quasi_static(system.frequency, system.damping, system.rate, -system.coupling)
+    from_modal, to_modal = passages(system, np.eye(signal.size), np.eye(signal.size))
+    return Regime(
+        damping=system.damping,
+        stiffness=system.frequency**2,
+        rate=system.rate,
+        coupling=np.stack([-system.coupling, a, b]),
+        resonant=resonant,
+        signal=signal,
+        temperature=np.concatenate([np.zeros(2 * system.frequency.size), system.heat_tip]),
+        source=np.concatenate([source, signal_inputs(system)[None]]),
+        from_modal=from_modal,
+        to_modal=to_modal,
+    )
+
+
+def passages(system: ModalSystem, inward: Array, outward: Array) -> tuple[Array, Array]:
+    """Return ``from_modal`` and ``to_modal`` of the coordinates q = inward X, X = outward q, X = [z, z', τ]."""
+    modes, free = system.from_free.shape
+    z, u, tau = slice(0, modes), slice(modes, 2 * modes), slice(2 * modes, None)
+    from_modal = np.concatenate(
+        [
+            product(inward[:, z], system.from_free).T,
+            product(inward[:, u], system.from_free).T,
+            inward[:, tau].T,
+            product(inward[:, z], system.from_free_gap)[None],
+        ]
+    )
+    to_modal = np.concatenate([product(system.to_free, outward[z]), product(system.to_free, outward[u]), outward[tau]])
+    gap = np.concatenate([system.to_free_gap, np.zeros(free + system.rate.size)])
+    return from_modal, np.concatenate([to_modal.T, gap[None]])
+
+
+_LINKED = 1e-13
+"""A mode is kept where its reaction at the tip exceeds this share of the largest: the rounding of
+shapes is some 1e-15, and the modes below it change λ by no more than this share."""
+
+
+def linked(held: ModalSystem) -> ModalSystem:
+    """Leave out the modes that do not press on the held tip.
+
+    Their shapes are free modes as well, with the tip at rest: no output depends on them. Among them are the rigid
+    motions of parts that are not linked to the tip, whose double eigenvalue 0 has but one eigenvector.
+    """
+    keep = np.abs(held.reaction) > _LINKED * np.abs(held.reaction).max(initial=0.0)
+    return replace(
+        held,
+        frequency=held.frequency[keep],
+        damping=held.damping[keep],
+        coupling=held.coupling[keep],
+        reaction=held.reaction[keep],
+        shapes=held.shapes[:, keep],
+        from_free=held.from_free[keep],
+        from_free_gap=held.from_free_gap[keep],
+        to_free=held.to_free[:, keep],
+    )
+
+
+def _two_way(held: ModalSystem, alpha: float) -> Regime:
+    """Return the regime of a held tip at α > 0: complex pairs of eigenvalues as blocks, real ones apart.
+
+    A pair s = σ ± iν with right and left eigenvectors x and ξ = l X has the real coordinates η = Re ξ
+    and u = Re(s ξ), so that η' = u, u' = 2σ u - |s|² η and X = 2 Re(x ξ).
+    """
+    A, row, source = state_space(held, alpha)
+    spectrum = secular_spectrum(held, alpha, A) or general_spectrum(A, row)
+    first = np.flatnonzero(spectrum.values.imag == 0)
+    pairs = np.flatnonzero(spectrum.values.imag > 0)
+    pairs = pairs[np.argsort(magnitude(spectrum.values[pairs]), kind="stable")]
+    s, left = spectrum.values[pairs], spectrum.left[pairs]
+    inward = np.concatenate([left.real, times(s[:, None], left).real, spectrum.left[first].real])
+
+    def outputs(vectors: Any) -> Array:
+        """Return values per η and u of pairs and per ξ from those per eigenvector."""
+        pair, ratio = vectors[..., pairs], s.real / s.imag
+        return np.concatenate(
+            [2 * (pair.real - pair.imag * ratio), 2 * pair.imag / s.imag, vectors[..., first].real], axis=-1
+        )
+
+    outward = outputs(spectrum.right)
+    from_modal, to_modal = passages(held, inward, outward)
+    return Regime(
+        damping=-2 * s.real,
+        stiffness=s.real**2 + s.imag**2,
+        rate=-spectrum.values[first].real,
+        coupling=np.zeros((3, pairs.size, first.size)),
+        resonant=np.zeros(pairs.size),
+        signal=outputs(spectrum.force),
+        temperature=product(held.heat_tip, outward[2 * held.frequency.size :]),
+        source=np.concatenate([product(inward, source), signal_inputs(held)[None]]),
+        from_modal=from_modal,
+        to_modal=to_modal,
+    )

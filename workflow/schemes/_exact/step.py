@@ -1,0 +1,200 @@
+"""A certified step: one on which the signal has no zero, or one that ends at its first zero."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from workflow.kernels import elementary
+from workflow.kernels.compiled import part
+from workflow.models import Array
+from workflow.schemes._exact import block_table as block
+from workflow.schemes._exact import expansion_table as expansion
+from workflow.schemes._exact import first_table as first
+from workflow.schemes._exact import state_table as state
+from workflow.schemes._exact.expansion import SUM_ROUNDING, accumulate, expand
+from workflow.schemes._exact.explicit_blocks import explicit_force
+from workflow.schemes._exact.layout import ORDER, TAYLOR_SPAN
+from workflow.schemes._exact.motion import Motion, advance
+from workflow.schemes._exact.propagators import row_total
+from workflow.schemes._exact.response import COS, SIGNAL, SIN, load_phase
+from workflow.schemes._exact.search import longest_without_zero, zero_crossing
+
+_HALF_THE_DIGITS = 1e-9
+"""A step of Newton's below this share of the zero is the last: its error is of the order of the square."""
+
+_LAST_PLACE = 1e-16
+"""Below half a unit in the last place of 1: a relative change this small changes nothing."""
+
+_NEGLIGIBLE = 1e-18
+"""Terms of a Taylor polynomial below this share of its first are left out, a hundredth of rounding."""
+
+
+class Start(NamedTuple):
+    """How a step begins."""
+
+    zeros: int
+    """Order of the zero that the signal has there, see :mod:`workflow.schemes._exact.search`."""
+    speed: float
+    """Rate of the signal where an impact law gives it, m/s; negative: not."""
+    expanded: bool
+    """Whether the expansion at the state is at hand."""
+    guess: float
+    """First length tried, s."""
+
+
+@part
+def certified_step(m: Motion, start: Start, t: float, left: float, tolerance: float) -> tuple[float, bool]:
+    """Return the length of a step from t, at most ``left``, and whether it ends at the first zero of the signal.
+
+    On the step there is no other zero. NaN where no step is found. Zeros up to ``tolerance`` past ``left`` count as
+    beyond. The expansion is used up.
+    """
+    sums, n, zeros = m.x.sums, m.r.blocks, start.zeros
+    if not np.isfinite(sums[expansion.SIZE, 0]):
+        return np.nan, False
+    if start.speed >= 0.0:
+        sums[expansion.D1, n] = start.speed
+    if zeros > 0 and sums[expansion.D0 + zeros, n] <= 0.0:
+        zeros = 0
+    if zeros == 0:
+        if sums[expansion.D0, n] <= 0.0 and sums[expansion.D1, n] < 0.0:
+            return 0.0, True
+        accumulate(m.r, m.x)
+    guess, end = zero_crossing(m.r, m.x, zeros, left)
+    if end > 0.0:
+        if zeros == 1 and m.r.fastest * end <= TAYLOR_SPAN:
+            h = _short_flight(m, t, sums[expansion.D1, n], guess)
+        else:
+            h = _refined_zero(m, t, guess, end)
+        return (left, False) if h > left + tolerance else (min(h, left), True)
+    h = longest_without_zero(m.r, m.x, zeros, start.guess, left)
+    return (h, False) if h > 0.0 else (np.nan, False)
+
+
+@part
+def _refined_zero(m: Motion, t: float, guess: float, end: float) -> float:
+    """Return the zero of the signal in (0, end], by expansions about ever better points."""
+    sums, n = m.x.sums, m.r.blocks
+    tau, low, high = guess, 0.0, end
+    for _ in range(30):
+        advance(m.r, m.now, t, tau, m.between)
+        expand(m.r, m.between, t + tau, m.x)
+        if sums[expansion.D0, n] > 0.0:
+            low = tau
+        else:
+            high = tau
+        step = _cubic_step(sums, n, 2.0 * end)
+        if not (low <= tau + step <= high):
+            step = 0.5 * (low + high) - tau
+            tau += step
+            if high - low <= _LAST_PLACE * (t + high):
+                return tau
+            continue
+        tau += step
+        remainder = sums[expansion.FOURTH, n] * step**4 / 24.0
+        if remainder <= 0.25 * SUM_ROUNDING * sums[expansion.SIZE, 0] or abs(step) <= _LAST_PLACE * (t + tau):
+            return tau
+    return tau
+
+
+@part
+def _cubic_step(sums: Array, n: int, otherwise: float) -> float:
+    """Return the zero of the cubic of column ``n`` by Newton's method; ``otherwise`` where it does not fall."""
+    s0, s1 = sums[expansion.D0, n], sums[expansion.D1, n]
+    s2, s3 = sums[expansion.D2, n] / 2.0, sums[expansion.D3, n] / 6.0
+    step = -s0 / s1 if s1 < 0.0 else otherwise
+    for _ in range(6):
+        rate = s1 + step * (2.0 * s2 + step * 3.0 * s3)
+        if rate >= 0.0:
+            break
+        change = (s0 + step * (s1 + step * (s2 + step * s3))) / rate
+        step -= change
+        if abs(change) <= 10.0 * _LAST_PLACE * abs(step):
+            break
+    return step
+
+
+@part
+def _short_flight(m: Motion, t: float, speed: float, guess: float) -> float:
+    """Return the duration of a flight that starts at zero gap with ``speed``, by its Taylor polynomial.
+
+    Solves gap(τ)/τ = 0, which keeps its digits however low the flight is.
+    """
+    derivatives = m.x.derivatives
+    order = _series_order(1.1 * m.r.fastest * guess)
+    _series(m, t, order, _series_order(1.1 * m.r.fastest_first * guess))
+    derivatives[1] = speed
+    factorial = 1.0
+    for n in range(1, order + 1):
+        factorial *= n
+        derivatives[n] /= factorial
+    tau = guess
+    for _ in range(20):
+        value, rate = 0.0, 0.0
+        for n in range(order, 0, -1):
+            rate = rate * tau + value
+            value = value * tau + derivatives[n]
+        step = -value / rate
+        tau += step
+        if abs(step) <= _HALF_THE_DIGITS * tau:
+            break
+    return tau
+
+
+@part
+def _series_order(span: float) -> int:
+    """Return the order of a Taylor polynomial over ``span``, pole times time."""
+    order, term = 1, span
+    while order < ORDER and term > _NEGLIGIBLE:
+        order += 1
+        term *= span / order
+    return max(order, 4)
+
+
+@part
+def _series(m: Motion, t: float, order: int, first_order: int) -> None:
+    """Fill the derivatives of the signal at the state of t up to ``order``; first-order states up to ``first_order``.
+
+    The terms of the expansion are used up.
+    """
+    r, derivatives, b, d = m.r, m.x.derivatives, m.r.block, m.x.terms
+    cos, sin = load_phase(r, t)
+    wave_cos, wave_sin = r.outputs[SIGNAL, COS], r.outputs[SIGNAL, SIN]
+    for n in range(order + 1):
+        derivatives[n] = wave_cos * cos + wave_sin * sin
+        wave_cos, wave_sin = r.omega * wave_sin, -r.omega * wave_cos
+    for j in range(r.firsts):
+        f, mu = r.first, r.first[first.RATE, j]
+        term = (f[first.SIGNAL_VALUE, j] - f[first.SIGNAL_SLOPE, j] * mu) * m.now[state.FIRST_SLOPE, j]
+        for n in range(1, first_order + 1):
+            derivatives[n] += term
+            term *= -mu
+    for n in range(order + 1):
+        derivatives[n] += row_total(d, expansion.D0)
+        for k in range(d.shape[1]):
+            s2 = -b[block.DAMPING, k] * d[expansion.D1, k] - b[block.STIFFNESS, k] * d[expansion.D0, k]
+            d[expansion.D0, k] = d[expansion.D1, k]
+            d[expansion.D1, k] = s2
+    for i in range(r.specials):
+        k = int(b[block.SPECIAL, i])
+        if b[block.EXPLICIT, k] != 0.0:
+            _explicit_series(m, k, cos, sin, order)
+
+
+@part
+def _explicit_series(m: Motion, k: int, cos: float, sin: float, order: int) -> None:
+    """Add the derivatives of an explicit block to those of the signal."""
+    r, y, b, w = m.r, m.now, m.r.block, m.r.omega
+    value, slope = y[state.VALUE, k], y[state.SLOPE, k]
+    f_cos, f_sin = b[block.FORCE_COS, k], b[block.FORCE_SIN, k]
+    force = explicit_force(r, k, y, cos, sin)
+    for n in range(order + 1):
+        m.x.derivatives[n] += b[block.SIGNAL_VALUE, k] * value + b[block.SIGNAL_SLOPE, k] * slope
+        value, slope = slope, force - b[block.DAMPING, k] * slope - b[block.STIFFNESS, k] * value
+        f_cos, f_sin = w * f_sin, -w * f_cos
+        force = f_cos * cos + f_sin * sin
+        for j in range(r.firsts):
+            decay = elementary.power(-r.first[first.RATE, j], n)
+            force += r.coupling[0, k, j] * y[state.FIRST_SLOPE, j] * decay

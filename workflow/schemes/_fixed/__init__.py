@@ -1,0 +1,1 @@
+"""What schemes with a fixed step share: modal coordinates, contact, marches, samples and balances."""

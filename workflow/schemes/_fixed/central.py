@@ -1,0 +1,164 @@
+"""Central differences with a contact force that is linear in the tip's motion: two schemes' common step.
+
+With half-step velocities w_k+½ = (x_k+1 - x_k)/h a mode steps by
+
+    (1 + hc/2) w_k+½ = (1 - hc/2) w_k-½ - hω² η_k - h G τ_k + φ_n (h f_k - p_k),   η_k+1 = η_k + h w_k+½,
+
+or, with damping at the velocity of the step before ("lagged"), by w_k+½ = (1 - hc) w_k-½ - …. The tip's
+velocity is the central one, v_k = (w_k-½ + w_k+½)/2, which is known one step later. So is the
+impulse: p_k = hλ_k spans half a step on either side of t_k, a step from t_k to t_k+1 holds
+(p_k + p_k+1)/2, and the samples satisfy the theorem of momentum. The first step starts from
+w_-½ = v_0 - (h/2) a_0 with the acceleration a_0 without contact: p_0 spans half a step and counts whole.
+
+Temperatures step by (τ_k+1 - τ_k)/h = -μ τ_k + χ_n α λ_k, or with μ τ_k+1 where heat is implicit: τ' = D τ.
+What a thermal mode drags along, η = R τ, is that of the difference equation: with m = (1 - D)/h
+
+    R = D Q,   Q = -G / (m² - c m (1 + D)/2 + ω² D)        (lagged: c m for c m (1 + D)/2).
+
+A sample's temperature holds half the heat of p_k, as its impulse holds half of p_k: what friction has
+brought in is αJ up to rounding.
+
+The contact law is p = max(0, a (x_n - d) + b w_k-½ + c w_free) where x_n - d exceeds a threshold, with
+w_free the tip's velocity w_k+½ without contact.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from workflow.kernels.complex_numbers import square_root
+from workflow.kernels.sums import product, total
+from workflow.models import Array, Structure
+from workflow.schemes._fixed.contact import TipStep
+from workflow.schemes._fixed.decoupled import Decoupled, dragged
+from workflow.schemes._fixed.modal_lanes import Coefficients, by_mode
+
+_NO_DECAY = 1e-30
+"""Stands for a thermal factor D of exactly 0, by which what enters is divided: nothing beside 1."""
+
+
+class Linear(NamedTuple):
+    """Impulse p = max(0, depth (x_n - d) + before w_k-½ + free w_free) where x_n - d > threshold.
+
+    ``holds``: an impulse puts the tip on the casing exactly, where rounding would leave it beside.
+    ``stiffness``: of a contact spring, N/m, whose energy is not lost; 0 where there is none.
+    Each number may be one of each case, ``(case,)``.
+    """
+
+    depth: Array | float
+    before: Array | float
+    free: Array | float
+    threshold: Array | float
+    holds: bool
+    stiffness: Array | float
+
+
+@dataclass(frozen=True)
+class Differences:
+    """How damping and heat are differenced."""
+
+    lagged: bool = False
+    implicit_heat: bool = False
+
+    def damped(self, h: float, damping: Array) -> tuple[Array, Array]:
+        """Return the inertia 1 + hc/2 of each mode, and the factor of w_k-½."""
+        if self.lagged:
+            return np.ones_like(damping), 1 - h * damping
+        inertia = 1 + h * damping / 2
+        return inertia, (1 - h * damping / 2) / inertia
+
+    def decay(self, h: float, rate: Array) -> Array:
+        """Return the factor D of each thermal mode."""
+        return np.asarray(1 / (1 + h * rate) if self.implicit_heat else 1 - h * rate)
+
+    def slope(self, h: float, rate: Array) -> Array:
+        """Return m = (1 - D)/h of each thermal mode, 1/s."""
+        return np.asarray(rate / (1 + h * rate) if self.implicit_heat else rate)
+
+    def amplification(self, frequency: Array, damping: Array, h: float) -> Any:
+        """Return the roots z of z² - (1 + k - (hω)²/i) z + k = 0, i inertia, k factor of w_k-½.
+
+        With q = (hω)²/(2i) the root is taken of ((1 - k)/2)² - q (1 + k - q): the square of half the sum less k
+        loses all digits of 1 - k, and the damped rigid mode of a free root seems to grow.
+        """
+        inertia, factor = self.damped(h, damping)
+        q = h * frequency * (h * frequency) / (2 * inertia)
+        lost = (1 - factor) / 2
+        half = (1 + factor) / 2 - q
+        root = square_root(lost * lost - q * (1 + factor - q))
+        return np.stack([half + root, half - root], axis=-1)
+
+    def largest_stable_step(self, frequency: Array, damping: Array, rate: Array) -> float:
+        """Return the step up to which no free mode grows: the least of 2/ω or 4/(c + √(c² + 4ω²)), and 2/μ."""
+        fastest = 2 * frequency
+        if self.lagged:
+            fastest = damping + np.sqrt(damping**2 + fastest**2)
+        limits = [float(np.max(fastest, initial=0.0)) / 4]
+        if not self.implicit_heat:
+            limits.append(float(np.max(rate, initial=0.0)) / 2)
+        return 1 / max(limits) if max(limits) > 0 else float("inf")
+
+
+@dataclass(frozen=True, eq=False)
+class Operator:
+    """What a batch shares: structure, step, differences and contact law, and what follows from them."""
+
+    structure: Structure
+    h: float
+    differences: Differences
+    modal: Decoupled
+    """With the response R of the difference equation instead of that of continuous time."""
+    lead: Array
+    """Q, ``(mode, thermal mode)``."""
+    law: Linear
+
+    def without_heat(self) -> Operator:
+        """Return the same without thermal states, for cases where none can act."""
+        return replace(self, modal=self.modal.without_heat(), lead=np.zeros((self.modal.frequency.size, 0)))
+
+    def coefficients(self) -> Coefficients:
+        """Return the step's coefficients."""
+        h, modal = self.h, self.modal
+        tip, mu = modal.tip, modal.rate
+        inertia, factor = self.differences.damped(h, modal.damping)
+        decay = self.differences.decay(h, mu)
+        enters = modal.heat_tip * (decay if self.differences.implicit_heat else 1.0)
+        slope = self.differences.slope(h, mu)
+        decay = np.where(decay == 0, _NO_DECAY, decay)
+        pull = -h * modal.frequency**2 / inertia
+        j, k = modal.pairs.T
+        return Coefficients(
+            modes=by_mode(
+                factor + h * pull,
+                pull,
+                tip**2 / inertia,
+                tip * product(self.lead, slope * enters),
+                -tip * product(self.lead, enters),
+            ),
+            heat_modes=by_mode(
+                decay, modal.heat_scale * enters / decay, -slope * modal.tip_response / modal.heat_scale
+            ),
+            pair_mode=j,
+            pair_heat=k,
+            pair_pull=-h * tip[j] * modal.coupling[j, k] / (inertia[j] * modal.heat_scale[k]),
+            tip=TipStep(h, 1.0, None, total(tip**2 / inertia), total(modal.heat_tip * enters)),
+            heat_counts=False,
+        )
+
+
+def delassus(modal: Decoupled, h: float, differences: Differences) -> float:
+    """Return W = e_nᵀ (M + h/2 C1)⁻¹ e_n, 1/kg: the tip's half-step velocity per unit impulse."""
+    inertia, _ = differences.damped(h, modal.damping)
+    return total(modal.tip**2 / inertia)
+
+
+def operator(structure: Structure, h: float, differences: Differences, modal: Decoupled, law: Linear) -> Operator:
+    """Return the operator of a decoupled structure."""
+    decay = differences.decay(h, modal.rate)
+    slope = differences.slope(h, modal.rate)
+    c, middle = modal.damping[:, None], 1.0 if differences.lagged else (1 + decay) / 2
+    lead, pairs = dragged(modal.coupling, slope**2, -c * (slope * middle), modal.frequency[:, None] ** 2 * decay)
+    return Operator(structure, h, differences, replace(modal, response=lead * decay, pairs=pairs), lead, law)

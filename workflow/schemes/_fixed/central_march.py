@@ -1,0 +1,194 @@
+"""Steps a batch by central differences: contact, how it starts, and how its cases ended.
+
+The equations stand in :mod:`workflow.schemes._fixed.central`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow.kernels import elementwise
+from workflow.kernels.compiled import defines, kernel
+from workflow.kernels.complex_numbers import magnitude
+from workflow.kernels.lanes import PACK
+from workflow.kernels.packs import (
+    Lane,
+    align_stack,
+    flag,
+    narrow,
+    of_lane,
+    pack,
+    raised,
+    some,
+    some_nonzero,
+    spread,
+    store,
+    where,
+)
+from workflow.models import Array, Cases, project
+from workflow.schemes._fixed.balance import Audit, audit_heat
+from workflow.schemes._fixed.central import Linear, Operator
+from workflow.schemes._fixed.central_balance import CentralBooks, account
+from workflow.schemes._fixed.contact import (
+    CASE_AHEAD,
+    CASE_ALPHA,
+    CASE_FIRST,
+    CASE_HALF,
+    CASE_HEAT,
+    CASE_IMPULSE,
+    CASE_LAST,
+    CASE_PRESSED,
+    End,
+    Free,
+    TipStep,
+    count_rebounds,
+    meet,
+    steps_from_tip,
+)
+from workflow.schemes._fixed.decoupled import Decoupled, Motion, start
+from workflow.schemes._fixed.march import Batch, case_rows, march, march_blocks, open_march
+from workflow.schemes._fixed.marks import TIP_DISPLACEMENT, TIP_GAP, TIP_TEMPERATURE, TIP_VELOCITY, Block
+from workflow.schemes._fixed.modal_lanes import Coefficients, State
+from workflow.schemes._fixed.outcome import ROUNDING, by_heat, effective_restitution
+from workflow.schemes._fixed.stepping import Now, collect, store_end, watch
+from workflow.schemes._fixed.tip_load import tip_load
+from workflow.schemes._interface import Results, Sampling, Status, schedule
+
+
+@defines(steps_from_tip, Linear)
+def _steps_from_own_rows(law: Linear) -> bool:
+    """Displacement and half-step velocity are kept in ``CASE_AHEAD`` and ``CASE_HALF``."""
+    return False
+
+
+@defines(meet, Linear)
+def meet_linearly(law: Linear, step: TipStep, free: Free, own: Array, tip: Array, lane: Lane) -> End:
+    """Return the tip at t_k and the impulse about it; the step from there on is closed with p_k."""
+    x, before, about = pack(own, (CASE_AHEAD, lane)), pack(own, (CASE_HALF, lane)), spread(0.0, lane)
+    after, temperature = free.velocity + step.inverse_mass * free.impulse, free.temperature
+    depth = x - free.gap
+    p = of_lane(law.depth, lane) * depth + of_lane(law.before, lane) * before + of_lane(law.free, lane) * after
+    presses = (depth > of_lane(law.threshold, lane)) & ~(p <= 0.0)  # a NaN presses
+    p = where(presses, p, 0.0)
+    pressed = some(presses)
+    engaged = pressed or raised(own, (CASE_PRESSED, lane))
+    ahead = x + step.h * after
+    if engaged:
+        latest = pack(own, (CASE_LAST, lane))
+        about = 0.5 * (latest + p)
+        after -= step.inverse_mass * p
+        ahead = x + step.h * after
+        touches, touched = p > 0.0, latest > 0.0
+        heat = pack(own, (CASE_ALPHA, lane)) * p
+        temperature += 0.5 * step.warming * heat
+        if law.holds:
+            ahead = where(touches, free.gap, ahead)
+        store(own, (CASE_LAST, lane), p)
+        store(own, (CASE_HEAT, lane), heat)
+        flag(own, (CASE_PRESSED, lane), pressed or some_nonzero(latest))  # the tip counts as touching for a step more
+        count_rebounds(touches & ~touched, touched & ~touches, before, after, own, lane)
+    store(own, (CASE_AHEAD, lane), ahead)
+    store(own, (CASE_HALF, lane), after)
+    store(own, (CASE_IMPULSE, lane), free.impulse - p)
+    return End(engaged, x, 0.5 * (before + after), temperature, about)
+
+
+@defines(open_march, Linear)
+def _open_march(law: Linear, step: TipStep, now: Now, state: State, block: Block, audit: Audit) -> None:
+    """Take the step at t = 0, whose p_0 spans half a step: it counts as the impulse of a whole one."""
+    own, tip, h = state.own, block.tip, step.h
+    for first in range(0, block.lanes, PACK):
+        lane = narrow(first)
+        impulse = h * tip_load(now.sine, now.leader, block.load, lane)
+        free = Free(pack(own, (CASE_FIRST, lane)), spread(0.0, lane), impulse, pack(tip, (TIP_GAP, lane)))
+        store_end(meet(law, step, free, own, tip, lane), tip, lane)
+        if audit.sums.shape[0] > 0:
+            account(True, h, of_lane(law.stiffness, lane), audit, own, tip, lane)
+            if audit.heat.shape[0] > 0:
+                audit_heat(h, audit, own, lane)
+        store(own, (CASE_LAST, lane), 2.0 * pack(own, (CASE_LAST, lane)))
+
+
+@kernel
+def _march(operator: Coefficients, law: Linear, state: State, block: Block, audit: Audit) -> None:
+    """Step a block of cases."""
+    align_stack()
+    march(operator, law, state, block, audit)
+
+
+def _half_step_before(modal: Decoupled, cases: Cases, h: float) -> Array:
+    """Return the modal w_-½ = v_0 - (h/2) a_0, with the acceleration without contact, ``(case, mode)``."""
+    velocity = project(modal.to_modes, cases.velocity)
+    force = cases.mean + cases.amplitude * elementwise.sine_cosine(cases.phase)[0]
+    acceleration = project(modal.shapes.T, cases.steady) + force[:, None] * modal.tip
+    acceleration -= modal.damping * velocity + modal.frequency**2 * project(modal.to_modes, cases.displacement)
+    acceleration -= project(modal.coupling, project(modal.to_thermal, cases.temperature))
+    return np.asarray(velocity - 0.5 * h * acceleration)
+
+
+def _first_free(operator: Operator, begun: Motion, kick: Array) -> tuple[Array, Array]:
+    """Return the remaining modal w_½ without tip load and contact, and that of the whole tip, ``(case,)``.
+
+    ``kick`` is w_-½ - v_0, ``(case, mode)``.
+    """
+    h, modal = operator.h, operator.modal
+    inertia, factor = operator.differences.damped(h, modal.damping)
+    slope = operator.differences.slope(h, modal.rate)
+    # what start() took off as dragged velocity is that of continuous time
+    remaining = begun.velocity - project(modal.response * modal.rate, begun.heat)
+    remaining += kick + project(operator.lead * slope, begun.heat)
+    free = factor * remaining - h * modal.frequency**2 / inertia * begun.position
+    for mode, heat in modal.pairs:
+        free[:, mode] -= h * modal.coupling[mode, heat] / inertia[mode] * begun.heat[:, heat]
+    row = np.concatenate([modal.tip, -slope * modal.tip_response])
+    whole = project(row[None, :], np.concatenate([free, begun.heat], axis=1))[:, 0] + begun.drift
+    return free, whole
+
+
+def _batch(operator: Operator, cases: Cases, begun: Motion, balances: bool) -> Batch:
+    """Return the cases at t = 0, with the velocities half a step before and after."""
+    h, modal = operator.h, operator.modal
+    half = _half_step_before(modal, cases, h)
+    free, free_tip = _first_free(operator, begun, half - project(modal.to_modes, cases.velocity))
+    own = case_rows(cases, begun)
+    own[CASE_AHEAD], own[CASE_FIRST] = cases.displacement[:, -1], free_tip
+    own[CASE_HALF] = project(modal.tip[None, :], half)[:, 0]
+    books = CentralBooks(operator, cases, begun.tip_force, half) if balances else None
+    speed, place = free * modal.tip, begun.position * modal.tip
+    return Batch(modal, begun, operator.coefficients(), operator.law, speed, place, own, books)
+
+
+def _run(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
+    """Step cases that all carry thermal states, or that all carry none."""
+    begun = start(operator.modal, cases)
+    watched = watch(cases, cases.mean + begun.tip_force, sampling, schedule(sampling, operator.h), operator.h)
+    batch = _batch(operator, cases, begun, sampling.balances)
+    closing = march_blocks(_march, batch, watched, sampling.duration)
+    # squared: a contact that grows can stop short of infinity where its energy is beyond it
+    finite = np.isfinite(watched.tip[[TIP_DISPLACEMENT, TIP_VELOCITY, TIP_TEMPERATURE]] ** 2).all(axis=0)
+    status, messages = _judge(operator, np.asarray(finite))
+    return collect(watched, closing, status, messages, {**effective_restitution(batch.own), **batch.balances})
+
+
+def _judge(operator: Operator, finite: NDArray[np.bool_]) -> tuple[NDArray[np.int8], dict[int, str]]:
+    """Decide what became of each case: by theory where it can be, else by its last state."""
+    h, modal, differences = operator.h, operator.modal, operator.differences
+    free = magnitude(differences.amplification(modal.frequency, modal.damping, h)).max(initial=0.0)
+    heat = np.abs(differences.decay(h, modal.rate)).max(initial=0.0)
+    growth = float(max(free, heat))
+    if growth > 1 + ROUNDING:
+        limit = differences.largest_stable_step(modal.frequency, modal.damping, modal.rate)
+        what = "free step" if free >= heat else "explicit heat step"
+        text = (
+            f"the {what} grows {growth:.6g}-fold at h = {h:.6g} s; central differences are stable up to {limit:.7g} s"
+        )
+        return np.full(finite.size, Status.DIVERGED, dtype=np.int8), dict.fromkeys(range(finite.size), text)
+    status = np.where(finite, Status.OK, Status.DIVERGED).astype(np.int8)
+    text = f"the energy left the finite numbers at h = {h:.6g} s"
+    return status, {int(case): text for case in np.flatnonzero(~finite)}
+
+
+def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
+    """Step a whole batch; thermal states are carried only in the cases where they can act."""
+    return by_heat(cases, lambda some, hot: _run(operator if hot else operator.without_heat(), some, sampling))

@@ -1,0 +1,105 @@
+"""The tip at the end of a step: what a contact law is given, what it returns, and what its type decides.
+
+A contact law is a named tuple of coefficients, each a number or an array ``(case,)`` that becomes ``(lane,)`` in a
+block. Its type chooses, when a kernel is compiled, how the functions of this module are defined
+(:func:`~workflow.kernels.compiled.defines`): for moreau's prox in :mod:`workflow.schemes.moreau`, for a force
+linear in the tip's motion in :mod:`workflow.schemes._fixed.central`, for a spring at the step's end in
+:mod:`workflow.schemes._fixed.spring`.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from workflow.kernels import Array
+from workflow.kernels.compiled import by_type, inlined
+from workflow.kernels.packs import Lane, Mask, Pack, pack, some, store, where
+
+CASE_ALPHA, CASE_DRIFT, CASE_WARMTH, CASE_WARMING = range(4)
+"""Rows of a block's cases ``(row, lane)``: α [W/N] and the known part of the tip's motion
+(:class:`~workflow.schemes._fixed.decoupled.Motion`)."""
+
+CASE_IMPULSE, CASE_HEAT, CASE_PRESSED = range(4, 7)
+"""Impulse of load less contact [N s] and friction heat [J] of the last step, and a flag of each pack that is raised
+where some lane was in contact: elsewhere there is no heat."""
+
+CASE_LAST, CASE_APPROACH, CASE_APPROACHED, CASE_SEPARATED = range(7, 11)
+"""The last force or impulse of contact, the velocity before the present contact, and sums over contacts that have
+ended of its square and of its product with the velocity after, (m/s)²."""
+
+CASE_AHEAD, CASE_HALF, CASE_FIRST = range(11, 14)
+"""Of central differences: x_n at the next step's end, the last half-step velocity, the first one without contact."""
+
+CASE_ROWS = CASE_FIRST + 1
+
+Law = Any
+"""A contact law: a named tuple of numbers and arrays."""
+
+
+class TipStep(NamedTuple):
+    """A step as the tip feels it."""
+
+    h: float
+    theta: float
+    """Weight of the step's end, in the load and in the tip's velocity."""
+    rest: float | None
+    """1 - θ, the weight of the step's beginning; ``None`` for θ = 1, whose kernels leave that out."""
+    inverse_mass: float
+    """Tip velocity per unit impulse, e_nᵀ Ŵ⁻¹ e_n, 1/kg."""
+    warming: float
+    """Tip temperature per unit heat, K/J."""
+
+
+class Free(NamedTuple):
+    """What a contact law is given: the tip at the step's end without load and contact, and what acts there."""
+
+    velocity: Pack
+    """m/s."""
+    temperature: Pack
+    """K."""
+    impulse: Pack
+    """Impulse of the load in the step, N s."""
+    gap: Pack
+    """Place of the casing, m."""
+
+
+class End(NamedTuple):
+    """What a contact law returns: the tip at the step's end."""
+
+    engaged: bool
+    """Whether some lane may be in contact or was so before: else no count of contact changes."""
+    displacement: Pack
+    velocity: Pack
+    temperature: Pack
+    impulse: Pack
+    """Impulse of contact in the step, N s, >= 0."""
+
+
+@by_type
+def meet(law: Law, step: TipStep, free: Free, own: Array, tip: Array, lane: Lane) -> End:
+    """Close a step: return the tip at its end and the impulse of contact.
+
+    Leaves in ``own`` the impulse of load and contact (``CASE_IMPULSE``), the friction heat α p (``CASE_HEAT``) and
+    whether the heat may be other than 0 (``CASE_PRESSED``), all of which the modes' next step begins with.
+    """
+    raise NotImplementedError
+
+
+@by_type
+def steps_from_tip(law: Law) -> bool:
+    """Tell whether :func:`meet` reads displacement and velocity of the tip at the step's beginning."""
+    return True
+
+
+@inlined
+def count_rebounds(begins: Mask, ended: Mask, before: Pack, after: Pack, own: Array, lane: Lane) -> None:
+    """Add contacts that have ended to the sums of :func:`restitution`.
+
+    ``before`` is the tip's velocity before contacts that begin, ``after`` that after contacts that have ended, m/s.
+    """
+    if not (some(begins) or some(ended)):
+        return
+    approach = where(begins, before, pack(own, (CASE_APPROACH, lane)))
+    store(own, (CASE_APPROACH, lane), approach)
+    store(own, (CASE_APPROACHED, lane), pack(own, (CASE_APPROACHED, lane)) + where(ended, approach * approach, 0.0))
+    store(own, (CASE_SEPARATED, lane), pack(own, (CASE_SEPARATED, lane)) - where(ended, approach * after, 0.0))

@@ -1,0 +1,249 @@
+"""Modal coordinates in which one free step of the structure needs no matrix product.
+
+The coupling of equations (1a) and (1b) is one-way, so each thermal mode τ' = -μ τ drags a
+mechanical response with it. In the first-order form X = [x, v, θ] that response is an eigenvector:
+
+    x = Σ φ_j η_j + Σ x_l τ_l,   v = Σ φ_j ζ_j - Σ μ_l x_l τ_l,
+    (μ² M - μ C1 + K1) x_l = -K12 χ_l,
+
+which leaves the pairs (η_j, ζ_j) and the τ_l uncoupled in any scheme that is a rational function
+of the free system, the θ-method among them. Only the tip is watched, so modes are scaled by their
+share in the tip and those without one drop out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow.kernels.sums import product, total
+from workflow.models import (
+    Array,
+    Cases,
+    Matrices,
+    Modes,
+    Structure,
+    mechanical_modes,
+    modal_coupling,
+    project,
+    thermal_modes,
+)
+
+_NEAR_RESONANCE = 1e-3
+"""A pair of modes stays coupled explicitly where its denominator μ² - μ c + ω² is below this share
+of the largest of its terms: the transformation then loses at most three of sixteen digits."""
+
+_LEAST_SHARE = 1e-30
+"""Share in the tip's temperature, of the largest, below which a thermal mode is given that share."""
+
+
+@dataclass(frozen=True, eq=False)
+class Decoupled:
+    """A structure in decoupled modal coordinates.
+
+    Attributes
+    ----------
+    frequency, damping
+        ω_j [rad/s] and c_j = a_M + a_K ω_j² [1/s], ``(mode,)``.
+    tip
+        φ_jn, 1/√kg, ``(mode,)``.
+    rate, heat_tip
+        μ_l [1/s] and χ_ln [1/√(J/K)], ``(thermal mode,)``.
+    coupling
+        G = φᵀ K12 χ, ``(mode, thermal mode)``.
+    response
+        φ_j-component of the dragged x_l, ``(mode, thermal mode)``; 0 for pairs near resonance.
+    pairs
+        Indices (mode, thermal mode) of the pairs near resonance, ``(pair, 2)``; normally none.
+    to_modes, to_thermal
+        φᵀ M and χᵀ C2, which take states to modal coordinates.
+    shapes, heat_shapes
+        φ and χ.
+    static_growth
+        Quasi-static tip displacement -e_nᵀ K1⁻¹ K12 χ_l of each thermal mode, ``(thermal mode,)``.
+    """
+
+    frequency: Array
+    damping: Array
+    tip: Array
+    rate: Array
+    heat_tip: Array
+    coupling: Array
+    response: Array
+    pairs: NDArray[np.int64]
+    to_modes: Array
+    to_thermal: Array
+    shapes: Array
+    heat_shapes: Array
+    static_growth: Array
+
+    @property
+    def heat_scale(self) -> Array:
+        """χ_ln by which kernels scale thermal modes, so that the tip's temperature is their sum, ``(thermal mode,)``.
+
+        A mode without a share there is scaled by :data:`_LEAST_SHARE` of the largest: nothing beside rounding.
+        """
+        least = _LEAST_SHARE * np.abs(self.heat_tip).max(initial=0.0)
+        return np.where(np.abs(self.heat_tip) > least, self.heat_tip, least)
+
+    @property
+    def tip_response(self) -> Array:
+        """Tip displacement that each thermal mode drags along, ``(thermal mode,)``."""
+        return product(self.tip, self.response)
+
+    def inertia(self, h: float, theta: float) -> Array:
+        """Return 1 + hθc + h²θ²ω² of each mode, the diagonal of Ŵ of a step of the θ-method."""
+        lever = h * theta
+        return np.asarray(1 + lever * self.damping + lever * lever * self.frequency**2)
+
+    def delassus(self, h: float, theta: float) -> tuple[float, float]:
+        """Return e_nᵀ Ŵ⁻¹ e_n and e_nᵀ Ŵ⁻¹ hθ K12 T̂⁻¹ e_n, the parts of the Delassus operator W, 1/kg."""
+        inertia = self.inertia(h, theta)
+        warm = self.heat_tip / (1 + h * theta * self.rate)
+        heat = total(self.tip * h * theta * product(self.coupling, warm) / inertia)
+        return total(self.tip**2 / inertia), heat
+
+    def without_heat(self) -> Decoupled:
+        """Return the same structure without thermal states, for cases where none can act."""
+        none = np.zeros((self.frequency.size, 0))
+        return Decoupled(
+            self.frequency,
+            self.damping,
+            self.tip,
+            np.zeros(0),
+            np.zeros(0),
+            none,
+            none,
+            np.zeros((0, 2), dtype=np.int64),
+            self.to_modes,
+            np.zeros((0, self.to_thermal.shape[1])),
+            self.shapes,
+            np.zeros((self.to_thermal.shape[1], 0)),
+            np.zeros(0),
+        )
+
+
+def dragged(coupling: Array, *terms: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Return -coupling / (sum of the terms), and the pairs near resonance, which have 0 there.
+
+    The terms are those of the denominator, which a scheme's own steps may alter.
+    """
+    parts = np.stack(np.broadcast_arrays(*terms))
+    denominator = total(parts, 0)
+    near = np.abs(denominator) <= _NEAR_RESONANCE * np.abs(parts).max(axis=0)
+    response = np.zeros_like(coupling)
+    response[~near] = -coupling[~near] / denominator[~near]
+    return response, np.argwhere(near & (coupling != 0))
+
+
+def decouple(structure: Structure) -> Decoupled:
+    """Return the structure in decoupled modal coordinates."""
+    mechanical, thermal = mechanical_modes(structure), thermal_modes(structure)
+    coupling = modal_coupling(structure, mechanical, thermal)
+    frequency, rate = mechanical.values, thermal.values
+    damping = structure.damping.mass + structure.damping.stiffness * frequency**2
+    response, pairs = dragged(coupling, rate**2, -rate * damping[:, None], frequency[:, None] ** 2)
+    return Decoupled(
+        frequency=frequency,
+        damping=damping,
+        tip=mechanical.tip,
+        rate=rate,
+        heat_tip=thermal.tip,
+        coupling=coupling,
+        response=response,
+        pairs=pairs,
+        to_modes=product(mechanical.shapes.T, structure.mass),
+        to_thermal=product(thermal.shapes.T, structure.heat_capacity),
+        shapes=mechanical.shapes,
+        heat_shapes=thermal.shapes,
+        static_growth=_static_growth(structure, mechanical, thermal, coupling),
+    )
+
+
+def _static_growth(structure: Structure, mechanical: Modes, thermal: Modes, coupling: Array) -> Array:
+    """Return -e_nᵀ K1⁻¹ K12 χ_l; of a reduced structure with a free root that of the structure it was made from.
+
+    There what the growth moves depends on the masses of the modes that were left out.
+    """
+    elastic = mechanical.values > 0
+    if isinstance(structure, Matrices) and structure.tip_growth is not None and not elastic.all():
+        return product(structure.tip_growth, thermal.shapes)
+    weights = mechanical.tip[elastic] / mechanical.values[elastic] ** 2
+    return product(-weights, coupling[elastic])
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Where the cases of a batch start, split in a known answer to constant loads and the rest.
+
+    The known part of the tip is affine in time: displacement offset + drift · t, velocity drift,
+    temperature warmth + warming · t.
+
+    Attributes
+    ----------
+    position, velocity, heat
+        Remaining modal states η_j, ζ_j, τ_l at t = 0, ``(case, mode)``.
+    drift, warmth, warming
+        Of the known part, ``(case,)``: m/s, K, K/s. Its offset follows from the tip's position.
+    closing, closing_rate
+        Quasi-static tip growth of the known temperatures, m and m/s, ``(case,)``.
+    tip_force
+        Constant force at the tip that moves rigid modes as the constant loads do, N, ``(case,)``.
+    """
+
+    position: Array
+    velocity: Array
+    heat: Array
+    drift: Array
+    warmth: Array
+    warming: Array
+    closing: Array
+    closing_rate: Array
+    tip_force: Array
+
+
+def start(modal: Decoupled, cases: Cases) -> Motion:
+    """Split the initial states and constant loads of a batch into known answer and modal rest.
+
+    Elastic and conducting modes rest at a static answer; an adiabatic mode warms steadily and
+    drags its mechanical response along; the constant load on rigid modes acts as a tip force.
+    """
+    elastic, conducting = modal.frequency > 0, modal.rate > 0
+    load = project(modal.shapes.T, cases.steady)
+    heating = project(modal.heat_shapes.T, cases.heating)
+
+    rigid_share = np.where(elastic, 0.0, modal.tip)
+    participation = total(rigid_share**2)
+    tip_force = np.zeros(cases.count)
+    if participation > 0:
+        tip_force = project(rigid_share[None, :], load)[:, 0] / participation
+    load = load - tip_force[:, None] * modal.tip
+
+    settled = np.where(conducting, heating / np.where(conducting, modal.rate, 1.0), 0.0)
+    warming = np.where(conducting, 0.0, heating)
+    steady_velocity = project(modal.response, warming)
+    stiffness = np.where(elastic, modal.frequency, 1.0) ** 2
+    rest = load - project(modal.coupling, settled) - modal.damping * steady_velocity
+    rest = np.where(elastic, rest / stiffness, 0.0)
+
+    heat = project(modal.to_thermal, cases.temperature) - settled
+    position = project(modal.to_modes, cases.displacement) - rest - project(modal.response, heat)
+    velocity = project(modal.to_modes, cases.velocity) - steady_velocity
+    velocity += project(modal.response * modal.rate, heat)
+
+    def at_tip(row: Array, states: Array) -> Array:
+        return project(row[None, :], states)[:, 0]
+
+    return Motion(
+        position=position,
+        velocity=velocity,
+        heat=heat,
+        drift=at_tip(modal.tip, steady_velocity),
+        warmth=at_tip(modal.heat_tip, settled),
+        warming=at_tip(modal.heat_tip, warming),
+        closing=at_tip(modal.static_growth, settled),
+        closing_rate=at_tip(modal.static_growth, warming),
+        tip_force=tip_force,
+    )

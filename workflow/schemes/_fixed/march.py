@@ -1,0 +1,184 @@
+"""The march of all schemes with a fixed step: blocks of cases, steps, samples, balances; contact by its law.
+
+A scheme gives its free step (:class:`~workflow.schemes._fixed.modal_lanes.Coefficients`) and its contact law
+(:mod:`workflow.schemes._fixed.contact`), whose type specialises the march when it is compiled. The kernel itself is
+the scheme's, so that numba's cache finds it::
+
+    @kernel
+    def _march(operator: Coefficients, law: Prox, state: State, block: Block, audit: Audit) -> None:
+        align_stack()
+        march(operator, law, state, block, audit)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from workflow.kernels.compiled import by_type, inlined
+from workflow.kernels.lanes import PACK, WIDE, fill_lanes, lane_rows
+from workflow.kernels.packs import Lane, broad, broadest, narrow, pack, wide
+from workflow.kernels.sums import product
+from workflow.models import Array, Cases
+from workflow.schemes._fixed.balance import Audit, audit_step, lay_out_audit
+from workflow.schemes._fixed.books import Books, no_audit
+from workflow.schemes._fixed.contact import (
+    CASE_ALPHA,
+    CASE_DRIFT,
+    CASE_ROWS,
+    CASE_WARMING,
+    CASE_WARMTH,
+    Free,
+    Law,
+    TipStep,
+    meet,
+    steps_from_tip,
+)
+from workflow.schemes._fixed.decoupled import Decoupled, Motion
+from workflow.schemes._fixed.marks import TIP_GAP, Block, take_marks
+from workflow.schemes._fixed.modal_lanes import (
+    Coefficients,
+    State,
+    by_mode,
+    has_known_motion,
+    lay_out,
+    step_freely,
+    store_heat,
+)
+from workflow.schemes._fixed.stepping import Now, Watch, block_lanes, blocks, count_end, observe, step_at, store_end
+from workflow.schemes._fixed.tip_load import start_load, tip_load, turn_load
+
+
+@by_type
+def open_march(law: Law, step: TipStep, now: Now, state: State, block: Block, audit: Audit) -> None:
+    """Do what a scheme does at t = 0: nothing where its contact law does not say otherwise."""
+
+
+@inlined
+def _step(operator: Coefficients, law: Law, now: Now, state: State, block: Block, lane: Lane) -> None:
+    """Take a pack of lanes through a step: free motion, load and contact, counts."""
+    tip, step = block.tip, operator.tip
+    velocity, temperature = step_freely(operator, now.known, now.t, state, lane)
+    gap = pack(tip, (TIP_GAP, lane))
+    impulse = step.h * tip_load(now.sine, now.leader, block.load, lane)
+    end = meet(law, step, Free(velocity, temperature, impulse, gap), state.own, tip, lane)
+    if now.stored:
+        store_end(end, tip, lane)
+    else:
+        count_end(end, steps_from_tip(law) or now.kept, now.kept, step.h, gap, tip, lane)
+
+
+@inlined
+def march(operator: Coefficients, law: Law, state: State, block: Block, audit: Audit) -> None:
+    """Step a block of cases; lanes never meet.
+
+    ``state.tau_before`` is left with τ at the beginning of the last step, ``state.tau`` with τ at its end.
+    """
+    load, tip, lanes, h, theta = block.load, block.tip, block.lanes, block.h, operator.tip.theta
+    lay_out(operator, state, load, tip)
+    lay_out_audit(audit)
+    in_broad, in_wide = lanes // broadest() * broadest(), lanes // WIDE * WIDE
+    audited, paired = audit.sums.shape[0] > 0, operator.pair_mode.size > 0
+    known, leader = has_known_motion(state.own, lanes), start_load(h, load, lanes)
+    open_march(law, operator.tip, step_at(0, theta, leader, known, True, block), state, block, audit)
+    for step in range(1, block.steps + 1):
+        turn_load(step, h, leader, load, lanes)
+        now = step_at(step, theta, leader, known, audited and audit.stored_end, block)
+        if paired or now.last:
+            store_heat(operator, state, state.tau_before, lanes)
+        for first in range(0, in_broad, broadest()):
+            _step(operator, law, now, state, block, broad(first))
+        for first in range(in_broad, in_wide, WIDE):
+            _step(operator, law, now, state, block, wide(first))
+        for first in range(in_wide, lanes, PACK):
+            _step(operator, law, now, state, block, narrow(first))
+        if audited:
+            audit_step(law, operator.tip, now, audit, state.own, block)
+        if now.stored:
+            observe(take_marks(step, block) if now.marked else h, tip, lanes)
+    store_heat(operator, state, state.tau, lanes)
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """All cases of a batch at t = 0, ready to be cut in blocks.
+
+    Attributes
+    ----------
+    modal, begun
+        The structure, and the cases' modal states with what is known of their motion.
+    operator, law
+        Free step and contact law; coefficients of the law that differ between cases are ``(case,)``.
+    speed, place
+        ζ and ξ of each mode, times its share in the tip, ``(case, mode)``.
+    own
+        Rows ``CASE_…``, ``(row, case)``; at the end what the last step left there.
+    books
+        Energy and heat balances, if they are asked for.
+    """
+
+    modal: Decoupled
+    begun: Motion
+    operator: Coefficients
+    law: Law
+    speed: Array
+    place: Array
+    own: Array
+    books: Books | None
+
+    @property
+    def balances(self) -> dict[str, Array]:
+        """The metrics that the balances give, ``(case,)``."""
+        return {} if self.books is None else self.books.residuals
+
+
+def case_rows(cases: Cases, begun: Motion) -> Array:
+    """Return the rows ``CASE_…`` at t = 0 as far as all schemes share them, ``(row, case)``."""
+    own = np.zeros((CASE_ROWS, cases.count))
+    own[CASE_ALPHA], own[CASE_DRIFT], own[CASE_WARMTH] = cases.alpha, begun.drift, begun.warmth
+    own[CASE_WARMING] = begun.warming
+    return own
+
+
+def law_lanes(law: Law) -> Law:
+    """Return a law whose coefficients ``(case,)`` are rows of lanes, which :func:`fill_law` fills."""
+    each = law._asdict().items()
+    return law._replace(**{name: lane_rows() for name, value in each if isinstance(value, np.ndarray)})
+
+
+def fill_law(lanes: Law, law: Law, part: slice) -> None:
+    """Put a law's coefficients of some cases in the lanes."""
+    for row, values in zip(lanes, law, strict=True):
+        if isinstance(values, np.ndarray):
+            fill_lanes(row, values[part])
+
+
+def march_blocks(kernel: Callable[..., None], batch: Batch, watched: Watch, duration: float) -> Array:
+    """Step all cases in blocks; return the quasi-static tip growth at the end, m, ``(case,)``."""
+    modal, begun, operator, books = batch.modal, batch.begun, batch.operator, batch.books
+    schedule, scale = watched.schedule, modal.heat_scale
+    motion, tau = by_mode(batch.speed.T, batch.place.T), (begun.heat * scale).T
+    lanes, before, law = lane_rows(tau.shape[0]), lane_rows(tau.shape[0]), law_lanes(batch.law)
+    paired = before if operator.heat_counts else lanes
+    state = State(lane_rows(CASE_ROWS), lane_rows(*motion.shape[:2]), lanes, before, paired)
+    audit = no_audit() if books is None else books.audit
+    closing = begun.closing + begun.closing_rate * duration
+    growth = modal.static_growth / scale
+    rows = 2 * motion.shape[0] + tau.shape[0] + (0 if books is None else books.rows)
+    for part, block in blocks(watched, block_lanes(rows)):
+        if books is not None:
+            books.open(part)
+        fill_law(law, batch.law, part)
+        fill_lanes(state.own, batch.own[:, part])
+        fill_lanes(state.motion, motion[..., part])
+        fill_lanes(state.tau, tau[..., part])
+        kernel(operator, law, state, block, audit)
+        if books is not None:
+            books.close(part, schedule.steps * watched.h)
+        count = part.stop - part.start
+        batch.own[:, part] = state.own[:, :count]
+        reached = state.tau_before + schedule.weight[-1] * (state.tau - state.tau_before)
+        closing[part] += product(growth, reached)[:count]
+    return closing

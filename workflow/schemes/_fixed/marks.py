@@ -1,0 +1,170 @@
+"""Samples and load periods: the steps in which they fall due, and the block of cases they belong to."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow.kernels.compiled import inlined, part
+from workflow.kernels.lanes import PACK
+from workflow.kernels.packs import Pack, fetch, narrow, pack, store
+from workflow.models import Array
+
+TIP_DISPLACEMENT, TIP_VELOCITY, TIP_TEMPERATURE, TIP_IMPULSE, TIP_GAP = range(5)
+"""Rows of a block's tip ``(row, lane)``: its state at the last step end, the sum of impulses and the clearance."""
+
+TIP_TOUCHING, TIP_IMPACTS, TIP_CONTACT_TIME, TIP_PENETRATION, TIP_HOTTEST = range(5, 10)
+"""What has been counted so far; the highest temperature is that of the load periods that have ended."""
+
+TIP_PERIOD_IMPULSE, TIP_PERIOD_CONTACT, TIP_PERIOD_HOTTEST = range(10, 13)
+"""Impulse and contact time at the beginning of the present load period, and its highest temperature."""
+
+TIP_NEW_DISPLACEMENT, TIP_NEW_VELOCITY, TIP_NEW_TEMPERATURE, TIP_STEP_IMPULSE = range(13, 17)
+"""The tip at the end of the present step and the impulse in it, stored for :func:`take_marks` and ``observe``."""
+
+TIP_ROWS = TIP_STEP_IMPULSE + 1
+
+NEVER = np.iinfo(np.int64).max
+
+WAITING = 8
+"""Samples that are kept until they fill a line of the cache, which is then written whole."""
+
+
+class Marks(NamedTuple):
+    """Steps in which a sample or the end of a load period falls due, and at which share of the step."""
+
+    sample_due: NDArray[np.int64]
+    sample_weight: Array
+    period_due: NDArray[np.int64]
+    period_weight: Array
+    """``(case, period)``."""
+    next_mark: NDArray[np.int64]
+    """The next step in which something falls due, the next sample, the next step that ends a load period, ``(3,)``."""
+    next_period: NDArray[np.int64]
+    """``(case,)``."""
+
+
+class Record(NamedTuple):
+    """Where samples and closed load periods are written."""
+
+    histories: Array
+    """Displacement, velocity, temperature and impulse, ``(case, 4, t)``: any range of cases lies in one piece,
+    so that kernels are compiled for one kind of array."""
+    samples: Array
+    """Samples not written yet, a row for each quantity and sample, ``(4 * WAITING, lane)``."""
+    periods: Array
+    """Impulse, largest temperature and contact time, ``(case, 3, period)``."""
+
+
+class Block(NamedTuple):
+    """Up to ``LANES`` consecutive cases that a kernel steps at once."""
+
+    load: Array
+    """``(row, lane)``, rows ``LOAD_…``."""
+    tip: Array
+    """``(row, lane)``, rows ``TIP_…``."""
+    marks: Marks
+    record: Record
+    lanes: int
+    """Lanes in use, whole packs; the cases come first, idle lanes last."""
+    steps: int
+    h: float
+
+
+@inlined
+def _between(before: float, after: float, share: float) -> float:
+    """Linear between step ends; a step end itself is taken exactly."""
+    return after if share == 1.0 else before + share * (after - before)
+
+
+@part
+def _close_periods(step: int, block: Block) -> None:
+    """Close the load periods that end within this step, and find the step in which the next one does."""
+    tip, h, periods = block.tip, block.h, block.record.periods
+    period_due, period_weight, next_period = block.marks.period_due, block.marks.period_weight, block.marks.next_period
+    first = NEVER
+    for lane in range(period_due.shape[0]):
+        while next_period[lane] < period_due.shape[1] and period_due[lane, next_period[lane]] == step:
+            k = next_period[lane]
+            share = period_weight[lane, k]
+            p = tip[TIP_STEP_IMPULSE, lane]
+            impulse = _between(tip[TIP_IMPULSE, lane], tip[TIP_IMPULSE, lane] + p, share)
+            reached = _between(tip[TIP_TEMPERATURE, lane], tip[TIP_NEW_TEMPERATURE, lane], share)
+            contact = tip[TIP_CONTACT_TIME, lane] + (share * h if p > 0.0 else 0.0)
+            periods[lane, 0, k] = impulse - tip[TIP_PERIOD_IMPULSE, lane]
+            periods[lane, 1, k] = max(tip[TIP_PERIOD_HOTTEST, lane], reached)
+            periods[lane, 2, k] = contact - tip[TIP_PERIOD_CONTACT, lane]
+            tip[TIP_HOTTEST, lane] = max(tip[TIP_HOTTEST, lane], periods[lane, 1, k])
+            tip[TIP_PERIOD_IMPULSE, lane] = impulse
+            tip[TIP_PERIOD_CONTACT, lane] = contact
+            tip[TIP_PERIOD_HOTTEST, lane] = reached
+            next_period[lane] = k + 1
+        if next_period[lane] < period_due.shape[1]:
+            first = min(first, period_due[lane, next_period[lane]])
+    block.marks.next_mark[2] = first
+
+
+@inlined
+def _sampled(before: Pack, after: Pack, share: float) -> Pack:
+    """Return :func:`_between` of each lane."""
+    return after if share == 1.0 else before + share * (after - before)
+
+
+@part
+def _sample(k: int, share: float, block: Block) -> None:
+    """Take sample k, which lies at a ``share`` of the step; write ``WAITING`` samples at a time.
+
+    Each sample fetches some of the cache lines that will be written: fetched all at once they would stall the kernel.
+    """
+    tip, waiting, histories = block.tip, block.record.samples, block.record.histories
+    slot = (k - 1) % WAITING
+    last = min(k - slot + WAITING, histories.shape[2]) - 1
+    for case in range(slot, histories.shape[0], WAITING):
+        for j in range(histories.shape[1]):
+            fetch(histories, (case, j, last))
+    for first in range(0, block.lanes, PACK):
+        lane = narrow(first)
+        for j in range(TIP_IMPULSE):
+            x = _sampled(pack(tip, (j, lane)), pack(tip, (TIP_NEW_DISPLACEMENT + j, lane)), share)
+            store(waiting, (j * WAITING + slot, lane), x)
+        impulse = pack(tip, (TIP_IMPULSE, lane))
+        after = impulse + pack(tip, (TIP_STEP_IMPULSE, lane))
+        store(waiting, (TIP_IMPULSE * WAITING + slot, lane), _sampled(impulse, after, share))
+    if slot == WAITING - 1 or k == histories.shape[2] - 1:
+        for case in range(histories.shape[0]):
+            for j in range(histories.shape[1]):
+                for i in range(slot + 1):
+                    histories[case, j, k - slot + i] = waiting[j * WAITING + i, case]
+
+
+@part
+def take_marks(step: int, block: Block) -> float:
+    """Write the samples and close the load periods that end within this step.
+
+    Returns the part of the step that counts, s: all but the last one count whole, the last up to
+    the duration, where the last sample lies; there the tip's new values are cut back to it.
+    """
+    tip, lanes, h, steps = block.tip, block.lanes, block.h, block.steps
+    next_mark = block.marks.next_mark
+    due, weight = block.marks.sample_due, block.marks.sample_weight
+    mark = steps
+    while next_mark[1] < due.size and due[next_mark[1]] == step:
+        _sample(next_mark[1], weight[next_mark[1]], block)
+        next_mark[1] += 1
+    if next_mark[1] < due.size:
+        mark = due[next_mark[1]]
+    if step == next_mark[2]:
+        _close_periods(step, block)
+    next_mark[0] = min(mark, next_mark[2])
+    share = weight[-1] if step == steps else 1.0
+    if share != 1.0:
+        for lane in range(lanes):
+            tip[TIP_NEW_DISPLACEMENT, lane] = _between(
+                tip[TIP_DISPLACEMENT, lane], tip[TIP_NEW_DISPLACEMENT, lane], share
+            )
+            tip[TIP_NEW_VELOCITY, lane] = _between(tip[TIP_VELOCITY, lane], tip[TIP_NEW_VELOCITY, lane], share)
+            tip[TIP_NEW_TEMPERATURE, lane] = _between(tip[TIP_TEMPERATURE, lane], tip[TIP_NEW_TEMPERATURE, lane], share)
+            tip[TIP_STEP_IMPULSE, lane] *= share
+    return share * h

@@ -1,0 +1,179 @@
+"""Free motion of all modes in one step, a pack of lanes at a time: what a fixed step does between contacts.
+
+A kernel runs over time, in a step over packs of lanes, and in a pack over its modes, whose sum stays
+in a register from mode to mode, in the same order for every lane. So nothing of a step is stored
+but the states. For calls within a step to cost nothing,
+
+- the number of lanes in a row of memory is asserted, see :mod:`workflow.kernels.lanes`, and so
+  are the numbers of a mode: the distance between rows is then a constant;
+- functions called in every step are inlined and count no references to arrays.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow.kernels.compiled import inlined, part
+from workflow.kernels.lanes import ROW
+from workflow.kernels.packs import Lane, Pack, pack, plus, raised, shared, spread, store
+from workflow.models import Array
+from workflow.schemes._fixed.contact import (
+    CASE_DRIFT,
+    CASE_HEAT,
+    CASE_IMPULSE,
+    CASE_PRESSED,
+    CASE_WARMING,
+    CASE_WARMTH,
+    TipStep,
+)
+
+MOTION_SPEED, MOTION_PLACE = range(2)
+"""Rows of a mode's motion: ζ and ξ."""
+
+MODE_DECAY, MODE_SPRING, MODE_IMPULSE, MODE_HEAT_SPEED, MODE_HEAT_PLACE = range(5)
+"""Coefficients of a mechanical mode: a and b of ζ' = a ζ + b ξ, ζ per unit impulse and per unit heat at the tip, ξ
+per unit heat."""
+
+HEAT_DECAY, HEAT_INPUT, HEAT_SPEED = range(3)
+"""Coefficients of a thermal mode, scaled to add its τ to the tip's temperature: τ' per τ, τ per unit
+heat at the tip, and what the mode adds to the tip's velocity."""
+
+
+class Coefficients(NamedTuple):
+    """One free step and one unit impulse in modal coordinates; the kernel's view of an operator."""
+
+    modes: Array
+    """``(mode, coefficient)``."""
+    heat_modes: Array
+    """``(thermal mode, coefficient)``."""
+    pair_mode: NDArray[np.int64]
+    pair_heat: NDArray[np.int64]
+    pair_pull: Array
+    """ζ' of a mode per τ of a thermal mode near resonance with it, ``(pair,)``."""
+    tip: TipStep
+    heat_counts: bool
+    """Whether τ at a step's end holds the heat of the contact in it; central differences add it with the next step."""
+
+
+class State(NamedTuple):
+    """Modal states of a block and what its cases have of their own."""
+
+    own: Array
+    """``(row, lane)``, rows ``CASE_…``."""
+    motion: Array
+    """``(mode, row, lane)``, rows ``MOTION_…``."""
+    tau: Array
+    """``(thermal mode, lane)``, without the heat of the last contact, which the next step adds."""
+    tau_before: Array
+    """τ at the beginning of the last step."""
+    tau_paired: Array
+    """Either of the two: the τ that pulls at modes near resonance."""
+
+
+def by_mode(*rows: Array) -> Array:
+    """Return arrays ``(mode, …)`` as one, ``(mode, row, …)``."""
+    return np.ascontiguousarray(np.stack(rows, axis=1))
+
+
+@inlined
+def lay_out(operator: Coefficients, state: State, load: Array, tip: Array) -> None:
+    """Assert how far apart rows lie, once before the first step, for all that is inlined after it.
+
+    The compiler knows distances then, instead of reading them for each pack of lanes.
+    """
+    assert operator.modes.shape[1] == MODE_HEAT_PLACE + 1
+    assert operator.heat_modes.shape[1] == HEAT_SPEED + 1
+    assert state.motion.shape[1] == MOTION_PLACE + 1
+    assert state.motion.shape[2] == ROW
+    assert state.tau.shape[1] == ROW
+    assert state.own.shape[1] == ROW
+    assert load.shape[1] == ROW
+    assert tip.shape[1] == ROW
+
+
+@inlined
+def _step_modes(modes: Array, h: float, state: State, velocity: Pack, heat: Pack | None, lane: Lane) -> Pack:
+    """Step the mechanical modes, and return the tip's velocity with theirs; ``heat`` is that of the last contact."""
+    motion, impulse = state.motion, pack(state.own, (CASE_IMPULSE, lane))
+    for j in range(motion.shape[0]):
+        before = pack(motion, (j, MOTION_SPEED, lane)) + shared(modes, (j, MODE_IMPULSE), lane) * impulse
+        before = plus(before, shared(modes, (j, MODE_HEAT_SPEED), lane), heat)
+        place = plus(pack(motion, (j, MOTION_PLACE, lane)), shared(modes, (j, MODE_HEAT_PLACE), lane), heat)
+        after = shared(modes, (j, MODE_DECAY), lane) * before + shared(modes, (j, MODE_SPRING), lane) * place
+        store(motion, (j, MOTION_SPEED, lane), after)
+        store(motion, (j, MOTION_PLACE, lane), place + h * before)
+        velocity += after
+    return velocity
+
+
+@inlined
+def _step_heat(
+    heat_modes: Array, tau: Array, velocity: Pack, temperature: Pack, heat: Pack | None, lane: Lane
+) -> tuple[Pack, Pack]:
+    """Step the thermal modes, and return velocity and temperature of the tip with theirs."""
+    for k in range(tau.shape[0]):
+        before = plus(pack(tau, (k, lane)), shared(heat_modes, (k, HEAT_INPUT), lane), heat)
+        after = shared(heat_modes, (k, HEAT_DECAY), lane) * before
+        store(tau, (k, lane), after)
+        velocity += shared(heat_modes, (k, HEAT_SPEED), lane) * after
+        temperature += after
+    return velocity, temperature
+
+
+@part
+def has_known_motion(own: Array, lanes: int) -> bool:
+    """Tell whether some lane has a known part of its motion, by heating or by a temperature of the surroundings."""
+    known = False
+    for lane in range(lanes):
+        known |= own[CASE_DRIFT, lane] != 0.0 or own[CASE_WARMTH, lane] != 0.0 or own[CASE_WARMING, lane] != 0.0
+    return known
+
+
+@inlined
+def _add_pairs(operator: Coefficients, state: State, velocity: Pack, lane: Lane) -> Pack:
+    """Add what thermal modes do to mechanical modes near resonance with them; return the tip's velocity with it."""
+    motion = state.motion
+    for pair in range(operator.pair_mode.size):
+        j, k = operator.pair_mode[pair], operator.pair_heat[pair]
+        pull = shared(operator.pair_pull, (pair,), lane) * pack(state.tau_paired, (k, lane))
+        store(motion, (j, MOTION_SPEED, lane), pack(motion, (j, MOTION_SPEED, lane)) + pull)
+        velocity += pull
+    return velocity
+
+
+@inlined
+def step_freely(operator: Coefficients, known: bool, t: float, state: State, lane: Lane) -> tuple[Pack, Pack]:
+    """Step all modes to t; return velocity and temperature of the tip there without load and contact.
+
+    They begin with impulse and heat of the step before; in most steps there is no heat in any lane.
+    ``known`` is what :func:`has_known_motion` returned.
+    """
+    own, tau, modes, heat_modes, h = state.own, state.tau, operator.modes, operator.heat_modes, operator.tip.h
+    velocity, temperature = spread(0.0, lane), spread(0.0, lane)
+    if tau.shape[0] == 0:
+        return _step_modes(modes, h, state, velocity, None, lane), temperature
+    if known:
+        velocity += pack(own, (CASE_DRIFT, lane))
+        temperature = pack(own, (CASE_WARMTH, lane)) + pack(own, (CASE_WARMING, lane)) * t
+    if raised(own, (CASE_PRESSED, lane)):
+        heat = pack(own, (CASE_HEAT, lane))
+        velocity, temperature = _step_heat(heat_modes, tau, velocity, temperature, heat, lane)
+        velocity = _step_modes(modes, h, state, velocity, heat, lane)
+    else:
+        velocity, temperature = _step_heat(heat_modes, tau, velocity, temperature, None, lane)
+        velocity = _step_modes(modes, h, state, velocity, None, lane)
+    if operator.pair_mode.size > 0:
+        velocity = _add_pairs(operator, state, velocity, lane)
+    return velocity, temperature
+
+
+@part
+def store_heat(operator: Coefficients, state: State, into: Array, lanes: int) -> None:
+    """Store τ as it is at the end of the last step, with the heat of the contact in it where that counts there."""
+    for k in range(into.shape[0]):
+        for lane in range(lanes):
+            heat = operator.heat_modes[k, HEAT_INPUT] * state.own[CASE_HEAT, lane]
+            into[k, lane] = state.tau[k, lane] + heat if operator.heat_counts else state.tau[k, lane]

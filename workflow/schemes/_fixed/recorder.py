@@ -1,0 +1,119 @@
+"""Recorder of a scheme that steps plain states: histories, counts, load periods and balances of a whole batch.
+
+A scheme that loops over its steps in NumPy hands the states at each step's end to :meth:`Recorder.record` and
+returns :meth:`Recorder.results`. Samples, impacts, contact time, load periods and maxima are counted by the
+kernels of the other fixed-step schemes (:mod:`~workflow.schemes._fixed.stepping`), so that all mean the same.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workflow.kernels import Array
+from workflow.kernels.compiled import kernel
+from workflow.kernels.lanes import LANES, lane_rows
+from workflow.models import Cases, Structure, project, static_tip_growth
+from workflow.schemes._fixed.marks import (
+    TIP_DISPLACEMENT,
+    TIP_NEW_DISPLACEMENT,
+    TIP_NEW_TEMPERATURE,
+    TIP_NEW_VELOCITY,
+    TIP_ROWS,
+    TIP_STEP_IMPULSE,
+    TIP_TEMPERATURE,
+    TIP_VELOCITY,
+    WAITING,
+    Block,
+    take_marks,
+)
+from workflow.schemes._fixed.plain_balance import PlainBalance, load_at
+from workflow.schemes._fixed.stepping import block_of, collect, observe, parts, watch
+from workflow.schemes._fixed.tip_load import LOAD_ROWS
+from workflow.schemes._interface import Results, Sampling, Status, schedule
+
+
+@kernel
+def _count(step: int, block: Block) -> None:
+    """Take the samples and close the load periods of a step, then count what its new tip state tells."""
+    span = block.h
+    if step == block.marks.next_mark[0]:
+        span = take_marks(step, block)
+    observe(span, block.tip, block.lanes)
+
+
+class Recorder:
+    """Records a batch that is stepped with a fixed h.
+
+    Parameters
+    ----------
+    structure
+        The structure that is stepped, full or reduced.
+    cases
+        The batch, in the structure's coordinates.
+    sampling
+        Samples asked for, and whether balances are.
+    h
+        Step, s.
+
+    Attributes
+    ----------
+    steps
+        Number of steps to take.
+    """
+
+    def __init__(self, structure: Structure, cases: Cases, sampling: Sampling, h: float) -> None:
+        self._cases, self._h = cases, h
+        self._watched = watch(cases, cases.mean, sampling, schedule(sampling, h), h)
+        self.steps = self._watched.schedule.steps
+        self._blocks = [
+            (part, block_of(self._watched, part, lane_rows(LOAD_ROWS), lane_rows(TIP_ROWS), lane_rows(4 * WAITING)))
+            for part in parts(cases.count, LANES)
+        ]
+        self._growth = static_tip_growth(structure)
+        self._balances = PlainBalance(structure, cases, h) if sampling.balances else None
+        self._step = 0
+        self._states = cases.displacement, cases.velocity, cases.temperature
+        self._before = self._states
+
+    def load(self, share: float = 1.0) -> Array:
+        """Return the tip load F0 + F1 sin(2π f t + φ) at a share of the step that is due, N, ``(case,)``."""
+        return load_at(self._cases, (self._step + share) * self._h)
+
+    def record(self, displacement: Array, velocity: Array, temperature: Array, impulse: Array) -> None:
+        """Record the end of a step.
+
+        Parameters
+        ----------
+        displacement, velocity
+            m and m/s, ``(case, mechanical)``; the tip is last.
+        temperature
+            K, ``(case, thermal)``; the tip is last.
+        impulse
+            Impulse p >= 0 of the casing on the tip in the step, N s, ``(case,)``.
+        """
+        self._step += 1
+        self._before, self._states = self._states, (displacement, velocity, temperature)
+        if self._balances is not None:
+            self._balances.add(self._before, self._states, impulse)
+        for part, block in self._blocks:
+            count = part.stop - part.start
+            block.tip[TIP_NEW_DISPLACEMENT, :count] = displacement[part, -1]
+            block.tip[TIP_NEW_VELOCITY, :count] = velocity[part, -1]
+            block.tip[TIP_NEW_TEMPERATURE, :count] = temperature[part, -1]
+            block.tip[TIP_STEP_IMPULSE, :count] = impulse[part]
+            _count(self._step, block)
+
+    def results(self) -> Results:
+        """Return what the batch gave; a case whose tip left the finite numbers is ``diverged``."""
+        watched = self._watched
+        for part, block in self._blocks:
+            watched.tip[:, part] = block.tip[:, : part.stop - part.start]
+        finite = np.isfinite(watched.tip[[TIP_DISPLACEMENT, TIP_VELOCITY, TIP_TEMPERATURE]]).all(axis=0)
+        status = np.where(finite, Status.OK, Status.DIVERGED).astype(np.int8)
+        text = f"the state left the finite numbers at h = {self._h:.6g} s"
+        before, after = self._before[2], self._states[2]
+        reached = before + watched.schedule.weight[-1] * (after - before)
+        closing = project(self._growth[None, :], reached)[:, 0]
+        balances = {} if self._balances is None else self._balances.residuals(self._states)
+        messages = {int(case): text for case in np.flatnonzero(~finite)}
+        return collect(watched, closing, status, messages, balances)

@@ -1,0 +1,178 @@
+"""Contact by a spring and a damper in a step of the θ-method, with an implicit force at the step's end.
+
+The impulse of a step is p = h (θ λ' + (1-θ) λ), both forces by the law λ = max(0, κ (x_n - d) + c v_n) where
+x_n > d. With the tip at (x_a, v_a) for λ' = 0 there are two branches:
+
+    apart      λ' = 0,                                            consistent where x_a <= d or λ' below is not > 0
+    in contact λ' = (κ (x_a - d) + c v_a) / (1 + hθW (hθκ + c)),  consistent where then x_n' > d
+
+The force jumps by c v_n at the casing: where neither is consistent (the damper alone would push the
+tip out again) λ' is what puts the tip on the casing, between the two.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from workflow.kernels.compiled import defines, inlined, kernel
+from workflow.kernels.lanes import PACK
+from workflow.kernels.packs import (
+    Lane,
+    Pack,
+    align_stack,
+    flag,
+    narrow,
+    of_lane,
+    pack,
+    raised,
+    some_nonzero,
+    store,
+    weighed,
+    where,
+)
+from workflow.models import Array, Cases, Structure
+from workflow.schemes._fixed.balance import SUM_ENERGY, SUM_SPENT, Audit, audit_step, audit_theta, store_energy
+from workflow.schemes._fixed.contact import (
+    CASE_ALPHA,
+    CASE_HEAT,
+    CASE_IMPULSE,
+    CASE_LAST,
+    CASE_PRESSED,
+    End,
+    Free,
+    TipStep,
+    count_rebounds,
+    meet,
+)
+from workflow.schemes._fixed.decoupled import Decoupled
+from workflow.schemes._fixed.march import march
+from workflow.schemes._fixed.marks import (
+    TIP_DISPLACEMENT,
+    TIP_GAP,
+    TIP_NEW_DISPLACEMENT,
+    TIP_NEW_VELOCITY,
+    TIP_VELOCITY,
+    Block,
+)
+from workflow.schemes._fixed.modal_lanes import Coefficients, State
+from workflow.schemes._fixed.outcome import by_heat, effective_restitution
+from workflow.schemes._fixed.stepping import Now, collect
+from workflow.schemes._fixed.theta_method import Contact, Operator, delassus, judge, step_modes
+from workflow.schemes._interface import Results, Sampling
+
+
+class Spring(NamedTuple):
+    """A contact spring κ [N/m] and damper c [N s/m] in a step; each number may be one of each case, ``(case,)``."""
+
+    stiffness: Array | float
+    damping: Array | float
+    delassus: Array | float
+    """W, 1/kg."""
+    share: Array | float
+    """1 / (1 + hθW (hθκ + c)), NaN where that is not > 0."""
+    reach: Array | float
+    """Force per depth that puts the tip on the casing, 1/(h²θ²W), N/m, infinite where no force does."""
+
+
+@defines(meet, Spring)
+def meet_spring(law: Spring, step: TipStep, free: Free, own: Array, tip: Array, lane: Lane) -> End:
+    """Return the tip at the step's end."""
+    h, theta = step.h, step.theta
+    x, v = pack(tip, (TIP_DISPLACEMENT, lane)), pack(tip, (TIP_VELOCITY, lane))
+    w, held = of_lane(law.delassus, lane), pack(own, (CASE_LAST, lane))
+    begun = h * (1.0 - theta) * held
+    apart = free.velocity + step.inverse_mass * free.impulse - w * begun
+    depth = x + h * weighed(theta, apart, step.rest, v) - free.gap
+    force = (of_lane(law.stiffness, lane) * depth + of_lane(law.damping, lane) * apart) * of_lane(law.share, lane)
+    most = depth * of_lane(law.reach, lane)
+    force = where(force > most, most, force)
+    force = where(depth > 0.0, force, 0.0)
+    force = where(force <= 0.0, 0.0, force)  # a NaN passes
+    p = begun + h * theta * force
+    after = apart - w * (h * theta * force)
+    store(own, (CASE_IMPULSE, lane), free.impulse - p)
+    pressed = some_nonzero(p) or some_nonzero(force)  # with θ = 0 a force acts from the next step on
+    engaged = pressed or raised(own, (CASE_PRESSED, lane))
+    if engaged:
+        touches, touched = force > 0.0, held > 0.0
+        store(own, (CASE_LAST, lane), force)
+        flag(own, (CASE_PRESSED, lane), pressed)
+        store(own, (CASE_HEAT, lane), pack(own, (CASE_ALPHA, lane)) * p)
+        count_rebounds(touches & ~touched, touched & ~touches, v, after, own, lane)
+    temperature = free.temperature + step.warming * pack(own, (CASE_HEAT, lane))
+    return End(engaged, x + h * weighed(theta, after, step.rest, v), after, temperature, p)
+
+
+@inlined
+def _audit_spring(stiffness: Pack, h: float, tip: Array, sums: Array, lane: Lane) -> None:
+    """Count the contact spring's energy ½ κ (x_n - d)², and take its work out of what is lost."""
+    gap = pack(tip, (TIP_GAP, lane))
+    depth_before, depth = pack(tip, (TIP_DISPLACEMENT, lane)) - gap, pack(tip, (TIP_NEW_DISPLACEMENT, lane)) - gap
+    depth_before, depth = where(depth_before > 0.0, depth_before, 0.0), where(depth > 0.0, depth, 0.0)
+    moved = 0.5 * h * (pack(tip, (TIP_VELOCITY, lane)) + pack(tip, (TIP_NEW_VELOCITY, lane)))
+    store(sums, (SUM_SPENT, lane), pack(sums, (SUM_SPENT, lane)) - 0.5 * stiffness * (depth_before + depth) * moved)
+    store_energy(pack(sums, (SUM_ENERGY, lane)) + 0.5 * stiffness * depth * depth, sums, lane)
+
+
+@defines(audit_step, Spring)
+def _audit(law: Spring, step: TipStep, now: Now, audit: Audit, own: Array, block: Block) -> None:
+    """Account for a step of the θ-method and for the contact spring."""
+    audit_theta(step, now, audit, own, block)
+    for first in range(0, block.lanes, PACK):
+        lane = narrow(first)
+        _audit_spring(of_lane(law.stiffness, lane), step.h, block.tip, audit.sums, lane)
+
+
+@kernel
+def _march(operator: Coefficients, law: Spring, state: State, block: Block, audit: Audit) -> None:
+    """Step a block of cases."""
+    align_stack()
+    march(operator, law, state, block, audit)
+
+
+@dataclass(frozen=True, eq=False)
+class SpringOperator:
+    """What a batch shares: structure, step [s], θ, modes, contact stiffness [N/m] and damping [N s/m]."""
+
+    structure: Structure
+    h: float
+    theta: float
+    modal: Decoupled
+    stiffness: float
+    damping: float
+
+    def without_heat(self) -> SpringOperator:
+        """Return the same without thermal states, for cases where none can act."""
+        return replace(self, modal=self.modal.without_heat())
+
+    def yielding(self, h: float, alpha: Array) -> Array:
+        """Return 1 + hθW (hθκ + c), ``(case,)``: contact has one solution where it is positive."""
+        w = delassus(self.modal, h, self.theta, alpha)
+        return np.asarray(1 + h * self.theta * w * (h * self.theta * self.stiffness + self.damping))
+
+    def law(self, alpha: Array) -> Spring:
+        """Return the contact law of cases, ``(case,)``."""
+        w, yielding = delassus(self.modal, self.h, self.theta, alpha), self.yielding(self.h, alpha)
+        share = np.where(yielding <= 0, np.nan, 1 / np.where(yielding <= 0, 1.0, yielding))
+        reach = self.h * self.h * self.theta * self.theta * w
+        reach = np.where(reach > 0, 1 / np.where(reach > 0, reach, 1.0), np.inf)
+        return Spring(self.stiffness, self.damping, w, share, reach)
+
+
+def _run(operator: SpringOperator, cases: Cases, sampling: Sampling) -> Results:
+    """Step cases that all carry thermal states, or that all carry none."""
+    modal, law = operator.modal, operator.law(cases.alpha)
+    free = Operator(operator.structure, operator.h, operator.theta, modal)
+    ended = step_modes(_march, free, modal, law, cases, sampling, spring=True)
+    contact = Contact(operator.yielding, "1 + hθW (hθκ + c)")
+    status, messages = judge(free, contact, cases, sampling.duration, ended.finite)
+    balances = {**effective_restitution(ended.own), **ended.balances}
+    return collect(ended.watched, ended.closing, status, messages, balances)
+
+
+def compute(operator: SpringOperator, cases: Cases, sampling: Sampling) -> Results:
+    """Step a whole batch; thermal states are carried only in the cases where they can act."""
+    return by_heat(cases, lambda some, hot: _run(operator if hot else operator.without_heat(), some, sampling))

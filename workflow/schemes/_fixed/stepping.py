@@ -1,0 +1,282 @@
+"""What every fixed-step scheme shares: counts of the tip's states, samples, load periods.
+
+A kernel advances its own states in blocks of up to ``LANES`` cases, one per lane. In each step it finds the tip
+at the step's end and the impulse in it, an ``End``. If a sample or the end of a load period is due, :func:`store_end`
+stores it, ``take_marks`` interpolates between the old state and the new one, and :func:`observe` counts the new one;
+else :func:`count_end` counts it at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow.kernels.compiled import inlined
+from workflow.kernels.lanes import PACK, cached_lanes, fill_lanes, lane_rows
+from workflow.kernels.packs import Lane, Pack, narrow, pack, some, some_nonzero, store, where
+from workflow.models import Array, Cases
+from workflow.schemes._fixed.contact import End
+from workflow.schemes._fixed.marks import (
+    NEVER,
+    TIP_CONTACT_TIME,
+    TIP_DISPLACEMENT,
+    TIP_GAP,
+    TIP_HOTTEST,
+    TIP_IMPACTS,
+    TIP_IMPULSE,
+    TIP_NEW_DISPLACEMENT,
+    TIP_NEW_TEMPERATURE,
+    TIP_NEW_VELOCITY,
+    TIP_PENETRATION,
+    TIP_PERIOD_HOTTEST,
+    TIP_ROWS,
+    TIP_STEP_IMPULSE,
+    TIP_TEMPERATURE,
+    TIP_TOUCHING,
+    TIP_VELOCITY,
+    WAITING,
+    Block,
+    Marks,
+    Record,
+)
+from workflow.schemes._fixed.tip_load import (
+    LOAD_AMPLITUDE,
+    LOAD_FREQUENCY,
+    LOAD_MEAN,
+    LOAD_PHASE,
+    LOAD_ROWS,
+    LOAD_WEIGHED_SINE,
+    weigh_load,
+)
+from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, complete_periods
+
+
+class Now(NamedTuple):
+    """A step, as its packs of lanes see it."""
+
+    t: float
+    """Time at its end, s."""
+    last: bool
+    marked: bool
+    """Whether a sample or the end of a load period falls due in it."""
+    stored: bool
+    """Whether the tip's state at its end is stored, for what falls due or for balances; ``observe`` counts it later."""
+    kept: bool
+    """Whether something falls due in the next step, which asks for the state at this one's end."""
+    sine: float
+    leader: int
+    """The sine of the load in it, as :func:`weigh_load` returned it, and the lane whose it is."""
+    known: bool
+    """Whether some lane has a known part of its motion."""
+
+
+@inlined
+def step_at(step: int, theta: float, leader: int, known: bool, stored: bool, block: Block) -> Now:
+    """Return a step, with the load at its two ends weighed by 1 - θ and θ; ``stored`` whatever falls due."""
+    sine = weigh_load(1.0 - theta, theta, LOAD_WEIGHED_SINE, leader, block.load, block.lanes)
+    mark, last = block.marks.next_mark[0], step == block.steps
+    return Now(step * block.h, last, step == mark, stored or step == mark, step + 1 == mark, sine, leader, known)
+
+
+@inlined
+def store_end(end: End, tip: Array, lane: Lane) -> None:
+    """Store the tip's state at the end of a step and the impulse in it for :func:`observe`."""
+    store(tip, (TIP_NEW_DISPLACEMENT, lane), end.displacement)
+    store(tip, (TIP_NEW_VELOCITY, lane), end.velocity)
+    store(tip, (TIP_NEW_TEMPERATURE, lane), end.temperature)
+    store(tip, (TIP_STEP_IMPULSE, lane), end.impulse)
+
+
+@inlined
+def count_end(end: End, moved: bool, kept: bool, span: float, gap: Pack, tip: Array, lane: Lane) -> None:
+    """Count the tip's state at the end of a step of ``span`` s and the impulse in it.
+
+    Displacement and velocity are stored as the tip's where the next step needs them (``moved``), the temperature where
+    something falls due in it (``kept``).
+    """
+    x, temperature, p = end.displacement, end.temperature, end.impulse
+    hottest = pack(tip, (TIP_PERIOD_HOTTEST, lane))
+    if moved:
+        store(tip, (TIP_DISPLACEMENT, lane), x)
+        store(tip, (TIP_VELOCITY, lane), end.velocity)
+    if kept:
+        store(tip, (TIP_TEMPERATURE, lane), temperature)
+    if some(temperature > hottest):
+        store(tip, (TIP_PERIOD_HOTTEST, lane), where(temperature > hottest, temperature, hottest))
+    if some(x > gap):
+        depth, deepest = x - gap, pack(tip, (TIP_PENETRATION, lane))
+        store(tip, (TIP_PENETRATION, lane), where(depth > deepest, depth, deepest))
+    if end.engaged:
+        touches, touched = where(p > 0.0, 1.0, 0.0), pack(tip, (TIP_TOUCHING, lane))
+        if some_nonzero(touches - touched):
+            store(tip, (TIP_IMPACTS, lane), pack(tip, (TIP_IMPACTS, lane)) + touches * (1.0 - touched))
+            store(tip, (TIP_TOUCHING, lane), touches)
+        store(tip, (TIP_CONTACT_TIME, lane), pack(tip, (TIP_CONTACT_TIME, lane)) + touches * span)
+        store(tip, (TIP_IMPULSE, lane), pack(tip, (TIP_IMPULSE, lane)) + p)
+
+
+@inlined
+def observe(span: float, tip: Array, lanes: int) -> None:
+    """Count what :func:`store_end` stored at the end of a step of ``span`` s."""
+    for first in range(0, lanes, PACK):
+        lane = narrow(first)
+        x, v = pack(tip, (TIP_NEW_DISPLACEMENT, lane)), pack(tip, (TIP_NEW_VELOCITY, lane))
+        end = End(True, x, v, pack(tip, (TIP_NEW_TEMPERATURE, lane)), pack(tip, (TIP_STEP_IMPULSE, lane)))
+        count_end(end, True, True, span, pack(tip, (TIP_GAP, lane)), tip, lane)
+
+
+@dataclass(frozen=True, eq=False)
+class Watch:
+    """Loads, tips, samples and load periods of a batch.
+
+    ``load`` and ``tip`` hold the rows ``LOAD_…`` and ``TIP_…`` of all cases, ``(row, case)``; those of the tip are of
+    t = 0, and of the end once a case's block is done.
+    """
+
+    cases: Cases
+    schedule: Schedule
+    interval: float
+    h: float
+    load: Array
+    tip: Array
+    record: Record
+    period_due: NDArray[np.int64]
+    period_weight: Array
+
+
+def watch(cases: Cases, mean: Array, sampling: Sampling, schedule: Schedule, h: float) -> Watch:
+    """Return the samples and load periods of a batch that is stepped with ``h``, and its tips at t = 0.
+
+    ``mean`` is the constant part of the tip force, N, ``(case,)``.
+    """
+    periods = complete_periods(cases.frequency, sampling)
+    longest = int(periods.max(initial=0))
+    ends = np.arange(1, longest + 1)
+    counted = ends <= periods[:, None]
+    position = np.zeros(counted.shape)
+    np.divide(ends / h, cases.frequency[:, None], out=position, where=counted)
+    nearest = np.round(position)
+    on_step = np.abs(position - nearest) <= 1e-9 * np.maximum(nearest, 1.0)  # as for the step count
+    weight = np.where(on_step, 1.0, position - np.floor(position))
+    due = np.where(on_step, nearest, np.ceil(position)).astype(np.int64)
+    due = np.where(counted, np.minimum(due, schedule.steps), NEVER)
+
+    load = np.zeros((LOAD_ROWS, cases.count))
+    for row, values in (
+        (LOAD_MEAN, mean),
+        (LOAD_AMPLITUDE, cases.amplitude),
+        (LOAD_FREQUENCY, cases.frequency),
+        (LOAD_PHASE, cases.phase),
+    ):
+        load[row] = values
+
+    tip = np.zeros((TIP_ROWS, cases.count))
+    for row, values in (
+        (TIP_DISPLACEMENT, cases.displacement[:, -1]),
+        (TIP_VELOCITY, cases.velocity[:, -1]),
+        (TIP_TEMPERATURE, cases.temperature[:, -1]),
+        (TIP_GAP, cases.gap),
+        (
+            TIP_PENETRATION,
+            np.fmax(0.0, cases.displacement[:, -1] - cases.gap) + 0.0,
+        ),  # of two zeros fmax returns either
+        (TIP_HOTTEST, cases.temperature[:, -1]),
+        (TIP_PERIOD_HOTTEST, cases.temperature[:, -1]),
+    ):
+        tip[row] = values
+
+    record = Record(
+        np.empty((cases.count, 4, schedule.due.size)),  # the march fills it; zeros would be fresh pages each time
+        lane_rows(4 * WAITING),
+        np.full((cases.count, 3, longest), np.nan),
+    )
+    record.histories[..., 0] = tip[[TIP_DISPLACEMENT, TIP_VELOCITY, TIP_TEMPERATURE, TIP_IMPULSE]].T
+    return Watch(cases, schedule, sampling.interval, h, load, tip, record, due, weight)
+
+
+def block_lanes(rows: int) -> int:
+    """Return the lanes of a block of so many ``rows`` beside those of load and tip."""
+    return cached_lanes(rows + TIP_ROWS + LOAD_ROWS)
+
+
+def blocks(watched: Watch, most: int) -> Iterator[tuple[slice, Block]]:
+    """Cut the batch into blocks of ``most`` cases, and copy the counts of each when the next one is asked for.
+
+    All blocks share one set of lane arrays, which stays in the processor's cache.
+    """
+    load, tip, samples = lane_rows(LOAD_ROWS), lane_rows(TIP_ROWS), watched.record.samples
+    for part in parts(watched.cases.count, most):
+        yield part, block_of(watched, part, load, tip, samples)
+        watched.tip[:, part] = tip[:, : part.stop - part.start]
+
+
+def parts(count: int, most: int) -> Iterator[slice]:
+    """Cut ``count`` cases into ranges of at most ``most``."""
+    for first in range(0, count, most):
+        yield slice(first, min(first + most, count))
+
+
+def block_of(watched: Watch, part: slice, load: Array, tip: Array, samples: Array) -> Block:
+    """Return a range of cases as a block whose rows lie in the given lane arrays."""
+    schedule, count = watched.schedule, part.stop - part.start
+    fill_lanes(load, watched.load[:, part])
+    fill_lanes(tip, watched.tip[:, part])
+    tip[TIP_GAP, count:] = np.inf
+    marks = Marks(
+        sample_due=schedule.due,
+        sample_weight=schedule.weight,
+        period_due=watched.period_due[part],
+        period_weight=watched.period_weight[part],
+        next_mark=np.ones(3, dtype=np.int64),  # the first step looks for the first mark
+        next_period=np.zeros(count, dtype=np.int64),
+    )
+    record = Record(watched.record.histories[part], samples, watched.record.periods[part])
+    return Block(load, tip, marks, record, -(-count // PACK) * PACK, schedule.steps, watched.h)
+
+
+def _blank_what_was_lost(watched: Watch, case: int) -> None:
+    """Put NaN in all samples and load periods of a case from its first non-finite sample on."""
+    histories, periods = watched.record.histories[case], watched.record.periods[case]
+    bad = ~np.isfinite(histories).all(axis=0)
+    first = int(np.argmax(bad)) if bad.any() else histories.shape[1] - 1
+    histories[:, first:] = np.nan
+    ends = np.arange(1, periods.shape[1] + 1)
+    periods[:, ends > watched.cases.frequency[case] * watched.interval * (first - 1)] = np.nan
+
+
+def collect(
+    watched: Watch,
+    thermal_closing: Array,
+    status: NDArray[np.int8],
+    messages: dict[int, str],
+    balances: dict[str, Array],
+) -> Results:
+    """Return the results of all blocks; a case that left the finite numbers has NaN from there on."""
+    tip, record = watched.tip, watched.record
+    metrics = {
+        "impacts": tip[TIP_IMPACTS],
+        "contact_time": tip[TIP_CONTACT_TIME],
+        "max_penetration": tip[TIP_PENETRATION],
+        "max_temperature": np.maximum(tip[TIP_HOTTEST], tip[TIP_PERIOD_HOTTEST]),
+        "thermal_closing": thermal_closing,
+        **balances,
+    }
+    lost = ~np.isfinite(tip[[TIP_DISPLACEMENT, TIP_VELOCITY, TIP_TEMPERATURE, TIP_IMPULSE]]).all(axis=0)
+    for values in metrics.values():
+        values[lost] = np.nan
+    for case in np.flatnonzero(lost):
+        _blank_what_was_lost(watched, int(case))
+    impulse, temperature, contact = record.periods.swapaxes(0, 1)
+    return Results(
+        histories=dict(zip(HISTORIES, record.histories.swapaxes(0, 1), strict=True)),
+        metrics={**metrics, "steps": np.full(watched.cases.count, float(watched.schedule.steps))},
+        period_impulse=impulse,
+        period_temperature=temperature,
+        period_contact=contact * watched.cases.frequency[:, None],
+        status=status,
+        messages=messages,
+    )

@@ -1,0 +1,126 @@
+"""The march of the θ-method over a long chain: passes along it, and contact at its tip in between."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from workflow.kernels.compiled import inlined
+from workflow.kernels.lanes import ROW, fill_lanes, lane_rows
+from workflow.kernels.packs import narrow, pack, spread
+from workflow.kernels.sums import total
+from workflow.models import Array, Cases
+from workflow.schemes._fixed.contact import CASE_ALPHA, CASE_HEAT, CASE_ROWS, Free, Law, TipStep, meet
+from workflow.schemes._fixed.march import fill_law, law_lanes
+from workflow.schemes._fixed.marks import (
+    TIP_GAP,
+    TIP_NEW_DISPLACEMENT,
+    TIP_NEW_VELOCITY,
+    TIP_STEP_IMPULSE,
+    Block,
+    take_marks,
+)
+from workflow.schemes._fixed.stepping import blocks, observe, store_end, watch
+from workflow.schemes._fixed.theta_method import Ended, Operator
+from workflow.schemes._fixed.tip_load import (
+    LOAD_AMPLITUDE,
+    LOAD_BALANCE_SINE,
+    LOAD_MEAN,
+    LOAD_WEIGHED_SINE,
+    start_load,
+    tip_load,
+    turn_load,
+    weigh_load,
+)
+from workflow.schemes._interface import Sampling, schedule
+from workflow.schemes._sweep.balance import ACCOUNT_ROWS, Account, account_step, open_account, residuals, weights
+from workflow.schemes._sweep.sweeps import (
+    NODE_LOAD_HEATING,
+    NODE_LOAD_ROWS,
+    NODE_LOAD_STEADY,
+    NODE_ROWS,
+    NODE_TAU,
+    NODE_V,
+    NODE_WARMED,
+    NODE_X,
+    STEP_HEAT_ANSWER,
+    STEP_INVERSE_PIVOT,
+    Nodes,
+    Swept,
+    eliminate_heat,
+    node_rows,
+    step_to_root,
+    step_to_tip,
+)
+
+
+@inlined
+def march_nodes(nodes: Nodes, law: Law, own: Array, block: Block, account: Account) -> None:
+    """Step the case in lane 0 along the nodes of its chain; the kernel that calls it is the scheme's."""
+    load, tip, lanes, h, theta = block.load, block.tip, block.lanes, block.h, nodes.theta
+    assert own.shape[1] == ROW
+    assert load.shape[1] == ROW
+    assert tip.shape[1] == ROW
+    audited, lane, last = account.weight.shape[0] > 0, narrow(0), nodes.tip
+    leader = start_load(h, load, lanes)
+    if audited:
+        open_account(nodes, account)
+    if nodes.heated:
+        eliminate_heat(nodes)
+    step = TipStep(h, theta, 1.0 - theta, nodes.step[STEP_INVERSE_PIVOT, last], nodes.step[STEP_HEAT_ANSWER, last])
+    for k in range(1, block.steps + 1):
+        velocity, temperature = step_to_tip(nodes)
+        turn_load(k, h, leader, load, lanes)
+        sine = weigh_load(1.0 - theta, theta, LOAD_WEIGHED_SINE, leader, load, lanes)
+        impulse, gap = h * tip_load(sine, leader, load, lane), pack(tip, (TIP_GAP, lane))
+        free = Free(spread(velocity, lane), spread(temperature, lane), impulse, gap)
+        store_end(meet(law, step, free, own, tip, lane), tip, lane)
+        heat = own[CASE_HEAT, 0]
+        step_to_root(nodes, tip[TIP_NEW_DISPLACEMENT, 0], tip[TIP_NEW_VELOCITY, 0], heat)
+        if audited:
+            sine = weigh_load(0.5, 0.5, LOAD_BALANCE_SINE, leader, load, lanes) + load[LOAD_BALANCE_SINE, 0]
+            taken = h * (load[LOAD_MEAN, 0] + load[LOAD_AMPLITUDE, 0] * sine) - tip[TIP_STEP_IMPULSE, 0]
+            account_step(nodes, account, heat, taken)
+        observe(take_marks(k, block) if k == block.marks.next_mark[0] else h, tip, lanes)
+
+
+def _fill(nodes: Nodes, cases: Cases, case: int) -> None:
+    """Put the initial state and the constant loads of a case in the rows of its nodes."""
+    inside, state, loads, h = slice(1, nodes.tip + 1), nodes.state, nodes.loads, nodes.h
+    state[:] = 0.0
+    state[NODE_X, inside], state[NODE_V, inside] = cases.displacement[case], cases.velocity[case]
+    state[NODE_TAU, inside] = cases.temperature[case]
+    loads[NODE_LOAD_STEADY, inside], loads[NODE_LOAD_HEATING, inside] = h * cases.steady[case], h * cases.heating[case]
+
+
+def sweep(
+    kernel: Callable[..., None], operator: Operator, law: Law, cases: Cases, sampling: Sampling, heated: bool
+) -> Ended:
+    """Step all cases, one by one, by a kernel of the scheme; ``heated`` where they carry temperatures."""
+    h, theta, swept = operator.h, operator.theta, operator.motion
+    assert isinstance(swept, Swept)
+    chain, last, plan = swept.chain, swept.chain.mechanical_size, schedule(sampling, h)
+    watched = watch(cases, cases.mean, sampling, plan, h)
+    step, lever = swept.coefficients(h, theta), h * theta + chain.damping.stiffness
+    nodes = Nodes(last, h, theta, lever, heated, step, node_rows(NODE_ROWS, last), node_rows(NODE_LOAD_ROWS, last))
+    account = Account(weights(chain) if sampling.balances else np.zeros((0, 0)), np.zeros(ACCOUNT_ROWS))
+    own, lanes, closing = lane_rows(CASE_ROWS), law_lanes(law), np.zeros(cases.count)
+    balances = {name: np.zeros(cases.count) for name in ("energy_residual", "heat_residual") if sampling.balances}
+    rows, inside = np.zeros((CASE_ROWS, cases.count)), slice(1, last + 1)
+    rows[CASE_ALPHA] = cases.alpha
+    for part, block in blocks(watched, most=1):
+        case = part.start
+        fill_law(lanes, law, part)
+        fill_lanes(own, rows[:, part])
+        _fill(nodes, cases, case)
+        kernel(nodes, lanes, own, block, account)
+        tau = nodes.state[NODE_TAU, inside]
+        if heated:
+            in_last_step = nodes.state[NODE_WARMED, inside] + own[CASE_HEAT, 0] * step[STEP_HEAT_ANSWER, inside]
+            closing[case] = total(swept.static_growth * (tau - (1 - plan.weight[-1]) * in_last_step))
+        if balances:
+            heating = plan.steps * h * total(cases.heating[case])
+            energy, heat = residuals(account.sums, chain, cases.temperature[case], tau, heating)
+            balances["energy_residual"][case], balances["heat_residual"][case] = energy, heat
+    return Ended(watched, closing, balances, rows)

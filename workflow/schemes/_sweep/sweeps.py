@@ -1,0 +1,276 @@
+"""One step of a long chain: elimination along its nodes instead of modes.
+
+A chain of n nodes has n modes whose shapes take n² numbers and n³ operations to find. Its matrices
+Ŵ = M + hθC1 + h²θ²K1 and T̂ = C2 + hθK2 are tridiagonal, so a step is also two passes along it.
+With increments δτ = τ' - τ, δv = v' - v
+
+    T̂ δτ = h (q - K2 τ) + α p e_n
+    Ŵ δv = h (f_θ - C1 v - K1 (x + hθ v) - K12 (τ + θ δτ)) - p e_n,   x' = x + h (v + θ δv),
+
+:func:`step_to_tip` finds δτ and eliminates the motion from the root to the tip, which gives the tip's free velocity;
+after contact :func:`step_to_root` finds δv and eliminates the next step's heat, as :func:`eliminate_heat`
+does the first one's. The contact's heat comes later than the elimination that feels it: its known
+answers, w = T̂⁻¹ e_n and g = hθ K12 w, are added in proportion.
+
+Pivots are sums of positive numbers, as in :mod:`workflow.models._path`. All numbers lie row by row, node
+beside node, so that a pass pulls no others through the cache than those it needs, and cases are stepped
+one by one: the states of several would push each other out of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple, TypeGuard
+
+import numpy as np
+
+from workflow.kernels.compiled import inlined, kernel
+from workflow.models import Array, Chain, Structure, frequency_range, rate_range, static_tip_growth
+
+NODE_X, NODE_V, NODE_TAU, NODE_WARMED, NODE_ELIMINATED, NODE_FORMER_V = range(6)
+"""Rows of a chain's state ``(row, node)``, node 0 being the root: x, v and τ at the step's beginning,
+then end; δτ without the contact's heat; what an elimination leaves at a node, of the heat on its way
+to the root, then of the motion on its way to the tip; v at the step's beginning, for balances.
+Heat and motion share a row as a pass waits longest for rows that it writes and has not read."""
+
+NODE_ROWS = NODE_FORMER_V + 1
+
+STEP_SPRING, STEP_EXPANSION, STEP_DAMPING = range(3)
+"""Coefficients of a node and the spring below it ``(row, node)``: h k, h k a ℓ/2 and h a_M m."""
+
+STEP_INVERSE_PIVOT, STEP_SHARE, STEP_HEAT_MOTION = range(3, 6)
+"""Of the elimination to the tip: the inverse pivot, the share that it hands to the node beyond and that the node later
+takes back from there, and the eliminated g over the pivot."""
+
+STEP_CONDUCTION, STEP_CONVECTION, STEP_HEAT_INVERSE_PIVOT, STEP_HEAT_SHARE, STEP_HEAT_ANSWER = range(6, 11)
+"""hκ, hb; of the elimination to the root, the inverse pivot and the share handed to the node before and taken back; and
+w, the temperatures per unit heat at the tip."""
+
+STEP_ROWS = STEP_HEAT_ANSWER + 1
+
+NODE_LOAD_STEADY, NODE_LOAD_HEATING = range(2)
+"""Rows of a case's constant loads in a step ``(row, node)``: h f [N s], h q [J]."""
+
+NODE_LOAD_ROWS = NODE_LOAD_HEATING + 1
+
+_LINE = 8
+"""Numbers of a cache line."""
+
+_FINDING_MODES, _SWEEP, _MODE = 5e-9, 4.6e-9, 0.6e-9
+"""Seconds to find the modes of a chain of n nodes, over n³, and of a step of one case per node in
+sweeps and per pair of modes in a batch, when sweeps were new. The choice shows in the last digits of
+results: it stays within a version of the solver, whatever has become faster since."""
+
+_TYPICAL_STEPS = 1e6
+"""Steps of all cases of a batch together for which an operator is chosen: ten cases of 1e5 steps."""
+
+
+def is_swept(structure: Structure) -> TypeGuard[Chain]:
+    """Tell whether a structure is stepped node by node: where its modes cost more than they save."""
+    if not isinstance(structure, Chain):
+        return False
+    n = structure.mechanical_size
+    return not structure.has_matrices or _FINDING_MODES * n**3 > (_SWEEP - _MODE) * n * _TYPICAL_STEPS
+
+
+def operator_name(structure: Structure) -> str:
+    """Return what a structure is stepped by, as ``plan`` says it."""
+    if is_swept(structure):
+        return f"sweeps along {structure.mechanical_size} nodes"
+    return f"{structure.mechanical_size} + {structure.thermal_size} modes"
+
+
+def node_rows(rows: int, nodes: int) -> Array:
+    """Return zeros ``(row, node)`` for the nodes 0 … ``nodes`` + 1 and some that nobody reads.
+
+    A row is an odd number of cache lines: rows a power of two apart fall upon each other in the cache.
+    """
+    return np.zeros((rows, _LINE * (-(-(nodes + 2) // _LINE) | 1)))
+
+
+@kernel
+def _factor(inertia: Array, joint: Array, capacity: Array, flow: Array, swell: Array, step: Array) -> None:
+    """Eliminate Ŵ from the root to the tip, T̂ from the tip to the root, and with them w and g.
+
+    ``inertia`` and ``capacity`` are what stands on the diagonals beside the joints ``joint`` and
+    ``flow``, of the nodes 0 … n + 1; ``swell`` is hθ k a ℓ/2.
+    """
+    last = inertia.size - 2
+    tied = joint[1]
+    for i in range(1, last + 1):
+        own = inertia[i] + tied
+        pivot = own + joint[i + 1]
+        step[STEP_INVERSE_PIVOT, i] = 1.0 / pivot
+        step[STEP_SHARE, i] = joint[i + 1] / pivot
+        tied = joint[i + 1] * own / pivot
+    tied = 0.0
+    for i in range(last, 0, -1):
+        own = capacity[i] + tied
+        pivot = own + flow[i]
+        step[STEP_HEAT_INVERSE_PIVOT, i] = 1.0 / pivot
+        step[STEP_HEAT_SHARE, i] = flow[i] / pivot
+        tied = flow[i] * own / pivot
+    gathered = 1.0
+    for i in range(last, 0, -1):
+        gathered *= 1.0 if i == last else step[STEP_HEAT_SHARE, i + 1]
+        step[STEP_HEAT_ANSWER, i] = gathered * step[STEP_HEAT_INVERSE_PIVOT, i]
+    for i in range(1, last + 1):
+        step[STEP_HEAT_ANSWER, i] += step[STEP_HEAT_SHARE, i] * step[STEP_HEAT_ANSWER, i - 1]
+    kick, force = 0.0, -swell[1] * step[STEP_HEAT_ANSWER, 1]
+    for i in range(1, last + 1):
+        beyond = -swell[i + 1] * (step[STEP_HEAT_ANSWER, i] + step[STEP_HEAT_ANSWER, i + 1]) if i < last else 0.0
+        kick = (force - beyond) + step[STEP_SHARE, i - 1] * kick
+        step[STEP_HEAT_MOTION, i] = kick * step[STEP_INVERSE_PIVOT, i]
+        force = beyond
+
+
+@dataclass(frozen=True, eq=False)
+class Swept:
+    """A chain as the sweeps see it: what :class:`~workflow.schemes._fixed.decoupled.Decoupled` is to modes."""
+
+    chain: Chain
+
+    @cached_property
+    def frequency(self) -> Array:
+        """Lowest and highest ω, rad/s: the free step of no mode between them grows if neither's does."""
+        return frequency_range(self.chain)
+
+    @property
+    def damping(self) -> Array:
+        """Damping c of the same modes, 1/s."""
+        return self.chain.damping.mass + self.chain.damping.stiffness * self.frequency**2
+
+    @cached_property
+    def rate(self) -> Array:
+        """Lowest and highest μ, 1/s."""
+        return rate_range(self.chain)
+
+    @cached_property
+    def static_growth(self) -> Array:
+        """Quasi-static tip displacement per nodal temperature, m/K."""
+        return static_tip_growth(self.chain)
+
+    def coefficients(self, h: float, theta: float) -> Array:
+        """Return the coefficients of a step, ``(row, node)``; those of the root and beyond the tip are 0."""
+        chain = self.chain
+
+        def padded(values: Array) -> Array:
+            return np.concatenate([[0.0], values, [0.0]])
+
+        step = node_rows(STEP_ROWS, chain.mechanical_size)
+        mass, spring, swell = padded(chain.masses), padded(chain.springs), padded(chain.springs * chain.free_expansion)
+        conduction, convection = padded(chain.conduction), padded(chain.convection)
+        every = slice(mass.size)
+        step[STEP_SPRING, every], step[STEP_EXPANSION, every], step[STEP_DAMPING, every] = (
+            h * spring,
+            h * swell / 2,
+            h * chain.damping.mass * mass,
+        )
+        step[STEP_CONDUCTION, every], step[STEP_CONVECTION, every] = h * conduction, h * convection
+        _factor(
+            mass * (1 + h * theta * chain.damping.mass),
+            h * theta * (chain.damping.stiffness + h * theta) * spring,
+            padded(chain.heat_capacities) + h * theta * convection,
+            h * theta * conduction,
+            h * theta * swell / 2,
+            step,
+        )
+        return step
+
+    def delassus(self, h: float, theta: float) -> tuple[float, float]:
+        """Return e_nᵀ Ŵ⁻¹ e_n and e_nᵀ Ŵ⁻¹ hθ K12 T̂⁻¹ e_n, the parts of the Delassus operator W, 1/kg."""
+        step, tip = self.coefficients(h, theta), self.chain.mechanical_size
+        return float(step[STEP_INVERSE_PIVOT, tip]), float(step[STEP_HEAT_MOTION, tip])
+
+
+class Nodes(NamedTuple):
+    """A chain and its step; the kernel's view of them."""
+
+    tip: int
+    """The last node; the root is node 0."""
+    h: float
+    theta: float
+    lever: float
+    """hθ + a_K, s."""
+    heated: bool
+    """Whether it carries temperatures."""
+    step: Array
+    """Coefficients, ``(row, node)``, rows ``STEP_…``."""
+    state: Array
+    """``(row, node)``, rows ``NODE_…``."""
+    loads: Array
+    """``(row, node)``, rows ``NODE_LOAD_…``."""
+
+
+@inlined
+def _eliminate_heat_at(
+    i: int, nodes: Nodes, here: float, below: float, flow: float, gathered: float
+) -> tuple[float, float]:
+    """Eliminate the heat balance of a node; return the flow to the node below, and the sum handed to it."""
+    step, heating = nodes.step, nodes.loads[NODE_LOAD_HEATING, i]
+    onward = step[STEP_CONDUCTION, i] * (here - below)
+    loss = step[STEP_CONVECTION, i] * here
+    return onward, (flow - onward) - loss + heating + step[STEP_HEAT_SHARE, i + 1] * gathered
+
+
+@inlined
+def eliminate_heat(nodes: Nodes) -> None:
+    """Eliminate the first step's heat balance from the tip to the root."""
+    state, flow, gathered = nodes.state, 0.0, 0.0
+    for i in range(nodes.tip, 0, -1):
+        flow, gathered = _eliminate_heat_at(i, nodes, state[NODE_TAU, i], state[NODE_TAU, i - 1], flow, gathered)
+        state[NODE_ELIMINATED, i] = gathered
+
+
+@inlined
+def step_to_tip(nodes: Nodes) -> tuple[float, float]:
+    """Find δτ without contact, eliminate the motion from the root to the tip.
+
+    Returns velocity and temperature of the tip without contact and tip load.
+    """
+    step, state, loads, tip, lever = nodes.step, nodes.state, nodes.loads, nodes.tip, nodes.lever
+    place = speed = warmed = warm = force = moved = 0.0
+    for i in range(1, tip + 1):
+        new_place, new_speed = state[NODE_X, i], state[NODE_V, i]
+        new_force = step[STEP_SPRING, i] * ((new_place - place) + lever * (new_speed - speed))
+        if nodes.heated:
+            warmed = state[NODE_ELIMINATED, i] * step[STEP_HEAT_INVERSE_PIVOT, i] + step[STEP_HEAT_SHARE, i] * warmed
+            state[NODE_WARMED, i] = warmed
+            new_warm = state[NODE_TAU, i] + nodes.theta * warmed
+            new_force -= step[STEP_EXPANSION, i] * (warm + new_warm)
+            warm = new_warm
+        if i > 1:
+            balance = (new_force - force) - step[STEP_DAMPING, i - 1] * speed + loads[NODE_LOAD_STEADY, i - 1]
+            moved = balance + step[STEP_SHARE, i - 2] * moved
+            state[NODE_ELIMINATED, i - 1] = moved
+        place, speed, force = new_place, new_speed, new_force
+    moved = loads[NODE_LOAD_STEADY, tip] - force - step[STEP_DAMPING, tip] * speed + step[STEP_SHARE, tip - 1] * moved
+    return speed + moved * step[STEP_INVERSE_PIVOT, tip], state[NODE_TAU, tip] + warmed
+
+
+@inlined
+def step_to_root(nodes: Nodes, place: float, speed: float, heat: float) -> None:
+    """Find the new state from the tip's new place and speed, and the heat it took in, to the root.
+
+    The next step's heat is eliminated on the way, a node behind.
+    """
+    step, state, tip = nodes.step, nodes.state, nodes.tip
+    moved = speed - state[NODE_V, tip]
+    state[NODE_X, tip], state[NODE_V, tip] = place, speed
+    flow = gathered = here = 0.0
+    if nodes.heated:
+        here = state[NODE_TAU, tip] + (state[NODE_WARMED, tip] + heat * step[STEP_HEAT_ANSWER, tip])
+        state[NODE_TAU, tip] = here
+    for i in range(tip - 1, -1, -1):
+        free = state[NODE_ELIMINATED, i] * step[STEP_INVERSE_PIVOT, i]
+        moved = step[STEP_SHARE, i] * moved + (free - heat * step[STEP_HEAT_MOTION, i])
+        before = state[NODE_V, i]
+        state[NODE_X, i] += nodes.h * (before + nodes.theta * moved)
+        state[NODE_V, i] = before + moved
+        if nodes.heated:
+            below = state[NODE_TAU, i] + (state[NODE_WARMED, i] + heat * step[STEP_HEAT_ANSWER, i])
+            state[NODE_TAU, i] = below
+            flow, gathered = _eliminate_heat_at(i + 1, nodes, here, below, flow, gathered)
+            state[NODE_ELIMINATED, i + 1] = gathered
+            here = below

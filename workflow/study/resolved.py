@@ -1,0 +1,111 @@
+"""Every value of a study as it is resolved: in SI with its unit, and whether the study gives it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from workflow import reduction
+from workflow.study.addresses import Address, scene_values, scheme_options, settings
+from workflow.study.mistakes import StudyError
+from workflow.study.settings import Cell, Output
+from workflow.study.source import compose
+from workflow.study.study import Study
+
+Origin = Literal["study", "axis", "default"]
+"""Where a value comes from: written once, varied by an axis or a zip, or left to its default."""
+
+
+@dataclass(frozen=True)
+class ResolvedValue:
+    """One value of a study, or the values of its axis, in SI."""
+
+    path: str
+    values: tuple[Any, ...]
+    unit: str
+    origin: Origin
+
+    @property
+    def told(self) -> str:
+        """The values as a line: a few of them, of many the ends."""
+        texts = [f"{value:.12g}" if isinstance(value, float) else str(value) for value in self.values]
+        few = texts if len(texts) <= 6 else [texts[0], texts[1], "…", f"{texts[-1]} ({len(texts)} values)"]
+        unit = "" if self.unit in ("", "1") else f" {self.unit}"
+        return ", ".join(few) + unit
+
+
+def resolved_values(study: Study, cell: Cell) -> tuple[ResolvedValue, ...]:
+    """Return the values of a study: scene, settings, scheme options and output; ``cell`` is one of its cases."""
+    axes = {axis.path: axis for dimension in study.dimensions for axis in dimension.axes}
+    single = {axis.path: axis for axis in study.scalars}
+    written = _written(study)
+    labels = {label: (choice.method,) for label, choice in study.schemes.items()}
+    addresses: dict[str, Address | None] = {**scene_values((cell.scene.model,))}
+    addresses |= {"scene.duration": None, **settings(tuple(labels), reduction.names()), **scheme_options(labels)}
+    found = []
+    for path, address in addresses.items():
+        unit = "s" if address is None else address.unit
+        if path in axes:
+            found.append(ResolvedValue(path, axes[path].values, unit, "axis"))
+            continue
+        values = single[path].values if path in single else _values_at(study, cell, path)
+        if values is not None:
+            found.append(ResolvedValue(path, values, unit, "study" if _is_written(written, path) else "default"))
+    return (*found, *_output(study.output, written))
+
+
+def _values_at(study: Study, cell: Cell, path: str) -> tuple[Any, ...] | None:
+    """Return the value of a path in a case as a tuple, ``None`` where it has none; a static start is told once."""
+    head, *words = path.split(".")
+    owner: Any = cell.scene
+    if head == "schemes":
+        label, *words = words
+        owner = study.schemes[label].options
+    elif words[0] == cell.scene.model:
+        owner, words = cell.scene.parameters, words[1:]
+    elif words[0] == "casing":
+        words = words[1:]
+    elif words[0] == "initial" and isinstance(cell.scene.initial, str):
+        return (cell.scene.initial,) if words[1] == "displacement" else None
+    for word in words:
+        owner = getattr(owner, word, None)
+    return owner if isinstance(owner, tuple) else (owner,)
+
+
+def _written(study: Study) -> Any:
+    try:
+        return compose(study.text, study.file).tree
+    except StudyError:  # a study that was made otherwise
+        return {}
+
+
+def _is_written(tree: Any, path: str) -> bool:
+    """Tell whether a study gives a value where it belongs or, of one value, among its axes."""
+    if isinstance(tree, Mapping) and isinstance(tree.get("axes"), Mapping) and path in tree["axes"]:
+        return True
+    for word in path.split("."):
+        if tree == "static":
+            return True
+        if not isinstance(tree, Mapping) or word not in tree:
+            return False
+        tree = tree[word]
+    return True
+
+
+def _output(output: Output, written: Any) -> list[ResolvedValue]:
+    values: dict[str, tuple[Any, ...]] = {
+        "interval": (output.interval,),
+        "histories": output.histories or ("none",),
+        "precision": (output.precision,),
+        "balances": (output.balances,),
+    }
+    return [
+        ResolvedValue(
+            f"output.{name}",
+            value,
+            "s" if name == "interval" else "",
+            "study" if _is_written(written, f"output.{name}") else "default",
+        )
+        for name, value in values.items()
+    ]

@@ -1,0 +1,274 @@
+"""Variables of an archive: one table of names, units, shapes and meanings, for physics and workflow alike.
+
+Schemes fill the variables of origin ``scheme`` (:class:`workflow.schemes.Results`), the workflow derives the
+others. What an archive declares, which names a study may not use for an axis, what a failed case is filled
+with and what results are checked against all come from this table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+Shape = Literal["history", "metric", "period", "flag"]
+"""``history``: (…, t); ``metric``: (…) float64; ``period``: (…, period) float64; ``flag``: (…) int8."""
+
+Origin = Literal["scheme", "workflow"]
+
+Condition = Literal["always", "balances", "reference", "scheme"]
+"""When an archive has the variable: always, with ``output.balances``, with a reference, if a scheme declares it."""
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One variable of an archive.
+
+    Attributes
+    ----------
+    name, unit, meaning
+        As in the archive; the unit in CF spelling, the meaning is its long name.
+    shape
+        See :data:`Shape`.
+    origin
+        Who gives it: the scheme, or the workflow from what schemes give.
+    condition
+        See :data:`Condition`.
+    signed
+        Whether a case that ended ok may have a negative value.
+    gaps
+        Whether a case that ended ok may have NaN or an infinite value.
+    comment
+        Definition, where the meaning leaves something open.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    shape: Shape = "metric"
+    origin: Origin = "workflow"
+    condition: Condition = "always"
+    signed: bool = False
+    gaps: bool = False
+    comment: str = ""
+
+
+_ENERGY = (
+    "(change of E - work of the loads + dissipation by damping + work against thermal forces + sum over impulses "
+    "p of p (v_n before + v_n after)/2) / max E, E = vMv/2 + xK1x/2; time-stepping schemes: midpoint values of "
+    "whole steps (central differences: values at the step ends), v_n at the step's ends, so that what the scheme "
+    "itself gives (+) or takes (-) remains; penalty: E holds the energy of its contact spring, whose force is no "
+    "loss; 0 where max E is 0; NaN where event_driven cannot integrate it at a reasonable cost"
+)
+
+_HEAT = (
+    "(change of the heat content - alpha times impulse - heating + conduction to the root and convection) / heat "
+    "turned over (the sum of the absolute values of alpha times impulse, heating, losses and initial content); "
+    "time-stepping schemes: midpoint values of whole steps; 0 where no heat is turned over"
+)
+
+_GROWTH = (
+    "eigenvalues, real or not, of the linear system with the tip held at the casing and heated by alpha times the "
+    "contact force; uncertain by 1e-12 of the largest modulus of an eigenvalue or by its last correction; of chains of "
+    "more than 2000 nodes the rightmost that the 12 lowest modes and the 60 nodes next to the tip lead to; NaN where "
+    "it was not found, which message then tells"
+)
+
+_PROJECTION = (
+    "largest of the relative norms lost by the basis: initial displacement in strain energy, initial velocity in "
+    "kinetic energy, initial temperature weighted by heat capacities, static displacement by constant loads in strain "
+    "energy, steady temperature by constant heating weighted by conductances; 0 for a full basis"
+)
+
+_LARGEST = (
+    "event_driven: over all instants, to 1e-10; time-stepping schemes: at the ends of steps and of load periods, "
+    "whatever the output interval; an instant between two load periods belongs to both"
+)
+
+_WALL_TIME = (
+    "time of the whole batch / batch_width, so it depends on the lengths of the axes within a batch: a few cases take "
+    "nearly as long as a full vector register of them; kernels compiled before; with its balances where "
+    "output.balances is on, without its reference"
+)
+
+_BATCH_WIDTH = (
+    "cases with the same operators that one call of the scheme computed; cases that share their results count once"
+)
+
+_PREDICTABILITY = (
+    "the larger of two changes of the sampled displacement: with the gap opened and with it closed by 1e-12 of a "
+    "length of the motion, the larger of abs(gap) and the largest abs(x_n); only opened where closing it would put "
+    "the start inside the casing"
+)
+
+_TOTAL = "0 where both are identically zero; missing where only the reference is, or failed: see message"
+
+_SCHEME_PART = (
+    "from the exact solution (event_driven) of the same reduced model, over the norm of the reference; the error is at "
+    "most this and the model's part together; missing where event_driven cannot run the reduced model: see message"
+)
+
+_MODEL_PART = (
+    "of the exact solution (event_driven) of the same reduced model from the reference, over the norm of the "
+    "reference; with another scheme as reference the error of that is part of it"
+)
+
+COMPARED = ("displacement", "temperature", "impulse")
+"""Histories that are compared with the reference's."""
+
+
+def _errors(name: str) -> Iterator[Variable]:
+    """Yield the error of a history against the reference, and its two parts."""
+    for part, meaning, comment in (
+        ("", f"relative L2 distance of the {name} from the reference", _TOTAL),
+        ("scheme_", f"part of the scheme in the error of the {name}", _SCHEME_PART),
+        ("model_", f"part of the reduced model in the error of the {name}", _MODEL_PART),
+    ):
+        yield Variable(f"{name}_{part}error", "1", meaning, condition="reference", gaps=True, comment=comment)
+
+
+TABLE = (
+    Variable("displacement", "m", "displacement of the blade tip towards the casing", "history", "scheme", signed=True),
+    Variable("velocity", "m s-1", "velocity of the blade tip towards the casing", "history", "scheme", signed=True),
+    Variable("temperature", "K", "temperature rise of the blade tip above the root", "history", "scheme", signed=True),
+    Variable("impulse", "N s", "impulse of the casing on the blade tip since the start", "history", "scheme"),
+    Variable("contact_force", "N", "contact force on the blade tip, mean over the preceding interval", "history"),
+    Variable("contact_impulse", "N s", "impulse of the casing on the blade tip over the duration"),
+    Variable(
+        "impacts",
+        "1",
+        "number of impacts",
+        origin="scheme",
+        comment=(
+            "event_driven: velocity jumps; impacts that accumulate have no number, a threshold of speed fixes how many "
+            "are followed one by one; time-stepping schemes: steps with an impulse after one without"
+        ),
+    ),
+    Variable("contact_time", "s", "time in contact", origin="scheme"),
+    Variable(
+        "max_penetration",
+        "m",
+        "largest penetration of the casing by the blade tip",
+        origin="scheme",
+        comment=(
+            "0 where the tip never passed the casing; time-stepping schemes: at the ends of steps; event_driven: the "
+            "rounding of its samples, its motion has no penetration"
+        ),
+    ),
+    Variable(
+        "max_temperature",
+        "K",
+        "largest temperature rise of the blade tip",
+        origin="scheme",
+        signed=True,
+        comment=_LARGEST,
+    ),
+    Variable(
+        "thermal_closing", "m", "quasi-static tip growth by the temperatures at the end", origin="scheme", signed=True
+    ),
+    Variable(
+        "critical_alpha",
+        "W N-1",
+        "heat coupling above which a tip in permanent contact runs away",
+        gaps=True,
+        comment=(
+            "static limit: infinite where the root is free or heat at the tip does not push it out; "
+            "with a light heat capacity a tip can flutter below it, see growth_rate"
+        ),
+    ),
+    Variable(
+        "growth_rate",
+        "s-1",
+        "largest real part of the eigenvalues of the structure with the tip in permanent contact",
+        signed=True,
+        gaps=True,
+        comment=_GROWTH,
+    ),
+    Variable(
+        "projection_residual",
+        "1",
+        "share of initial states and constant loads that the reduced basis cannot hold",
+        comment=_PROJECTION,
+    ),
+    Variable("steps", "1", "number of steps", origin="scheme"),
+    Variable(
+        "wall_time",
+        "s",
+        "computing time of the batch that the case ran in, divided by its number of cases",
+        comment=_WALL_TIME,
+    ),
+    Variable("batch_width", "1", "number of cases in the batch that the case ran in", comment=_BATCH_WIDTH),
+    Variable(
+        "energy_residual",
+        "1",
+        "residual of the mechanical energy balance, relative to the largest energy",
+        origin="scheme",
+        condition="balances",
+        signed=True,
+        gaps=True,
+        comment=_ENERGY,
+    ),
+    Variable(
+        "heat_residual",
+        "1",
+        "residual of the heat balance, relative to the heat turned over",
+        origin="scheme",
+        condition="balances",
+        signed=True,
+        gaps=True,
+        comment=_HEAT,
+    ),
+    *(part for name in COMPARED for part in _errors(name)),
+    Variable(
+        "predictability",
+        "1",
+        "relative L2 change of the reference's displacement when its gap changes by 1e-12",
+        condition="reference",
+        gaps=True,
+        comment=_PREDICTABILITY,
+    ),
+    Variable("period_impulse", "N s", "impulse of the casing in a load period", "period", "scheme"),
+    Variable("period_force", "N", "largest contact force in a load period, mean over an output interval", "period"),
+    Variable(
+        "period_temperature",
+        "K",
+        "largest temperature rise of the blade tip in a load period",
+        "period",
+        "scheme",
+        signed=True,
+        comment=_LARGEST,
+    ),
+    Variable("period_contact", "1", "share of a load period in contact", "period", "scheme"),
+    Variable("status", "1", "how the case ended", "flag", "scheme"),
+    Variable(
+        "runaway",
+        "1",
+        "whether a tip in permanent contact would run away",
+        "flag",
+        comment="alpha > 0 and growth_rate positive by more than its uncertainty; by heat alone or as flutter",
+    ),
+)
+"""Every variable but those that a scheme declares for itself in ``METRICS``."""
+
+STRUCTURAL = frozenset({"t", "period", "message", "message_length", "provenance"})
+"""Further names that an archive uses."""
+
+BY_NAME = {variable.name: variable for variable in TABLE}
+
+
+def of_scheme(name: str, unit: str, meaning: str) -> Variable:
+    """Return the variable that a scheme declares in its ``METRICS``."""
+    return Variable(name, unit, meaning, origin="scheme", condition="scheme", signed=True, gaps=True)
+
+
+def select(shape: Shape | None = None, origin: Origin | None = None, *conditions: Condition) -> Iterator[Variable]:
+    """Yield the variables of a shape, an origin and any of some conditions; what is left out selects all."""
+    for variable in TABLE:
+        fits = shape in (None, variable.shape) and origin in (None, variable.origin)
+        if fits and (not conditions or variable.condition in conditions):
+            yield variable
+
+
+def reserved_names(declared: frozenset[str] = frozenset()) -> frozenset[str]:
+    """Return the names that no axis of a study may have; ``declared`` are those of schemes' own metrics."""
+    return frozenset(BY_NAME) | STRUCTURAL | declared
