@@ -8,7 +8,9 @@ write the JSON Schema and to say what would have been right; physics itself only
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from dataclasses import MISSING, Field, dataclass, field
+from pathlib import Path
 from typing import Any, Literal
 
 Values = float | tuple[float, ...]
@@ -67,7 +69,7 @@ class File:
     Attributes
     ----------
     digest
-        SHA-256 of the content, hexadecimal.
+        SHA-256 of the content, hexadecimal; of several files that of their names and digests.
     name
         As the study writes it.
     place
@@ -81,10 +83,24 @@ class File:
 
 @dataclass(frozen=True)
 class Word:
-    """What a declared text means; ``file`` where it is the name of a file, relative to the study."""
+    """What a declared text means.
+
+    Attributes
+    ----------
+    description
+        One line for messages, the JSON Schema and the documentation.
+    file
+        Whether it is the name of a file, relative to the study.
+    files
+        Of the place that is named, all files that belong to it; ``None`` where it is one file by itself.
+    number
+        Whether numbers are welcome beside texts.
+    """
 
     description: str
     file: bool = False
+    files: Callable[[Path], tuple[Path, ...]] | None = None
+    number: bool = False
 
 
 def word(description: str, *, default: Any = MISSING) -> Any:
@@ -92,9 +108,18 @@ def word(description: str, *, default: Any = MISSING) -> Any:
     return field(default=default, metadata={"word": Word(description)})
 
 
-def file(description: str, *, default: Any = MISSING) -> Any:
-    """Declare a dataclass field of type :class:`File`; without ``default`` it is required."""
-    return field(default=default, metadata={"word": Word(description, file=True)})
+def label(description: str, *, default: Any = MISSING) -> Any:
+    """Declare a dataclass field of type ``str | int``: a label, or an index; without ``default`` it is required."""
+    return field(default=default, metadata={"word": Word(description, number=True)})
+
+
+def file(description: str, *, default: Any = MISSING, files: Callable[[Path], tuple[Path, ...]] | None = None) -> Any:
+    """Declare a dataclass field of type :class:`File`; without ``default`` it is required.
+
+    ``files`` returns all that belongs to the named place, which may be a directory: the content of each counts. It
+    raises ``ValueError`` where something is missing.
+    """
+    return field(default=default, metadata={"word": Word(description, file=True, files=files)})
 
 
 def word_of(declared: Field[Any]) -> Word | None:

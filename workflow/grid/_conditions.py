@@ -22,7 +22,7 @@ def conditions(cell: Cell, structure: Structure, varying: Mapping[str, Array], c
     cell
         Settings that all cases of the batch share.
     structure
-        The full structure, whose coordinates are the nodes.
+        The full structure; loads and initial states are given per node, or in the coordinates it was given in.
     varying
         Values of the axes along which the cases differ, by path, each ``(case,)``.
     count
@@ -33,7 +33,9 @@ def conditions(cell: Cell, structure: Structure, varying: Mapping[str, Array], c
     def of_case(path: str, value: float) -> Array:
         return np.array(np.broadcast_to(varying.get(path, np.float64(value)), (count,)), dtype=np.float64)
 
-    def of_node(path: str, value: Values, size: int = structure.mechanical_size) -> Array:
+    mechanical, thermal = structure.given_sizes
+
+    def of_node(path: str, value: Values, size: int = mechanical) -> Array:
         if path in varying:
             return np.repeat(np.asarray(varying[path], dtype=np.float64)[:, None], size, axis=1)
         return np.array(np.broadcast_to(np.asarray(value, dtype=np.float64), (count, size)))
@@ -42,12 +44,12 @@ def conditions(cell: Cell, structure: Structure, varying: Mapping[str, Array], c
     gap = of_case("scene.casing.gap", scene.gap)
     mean = of_case("scene.load.mean", load.mean)
     steady = of_node("scene.load.steady", load.steady)
-    heating = of_node(f"scene.{scene.model}.heating", heat_load(scene.parameters), structure.thermal_size)
+    heating = of_node(f"scene.{scene.model}.heating", heat_load(scene.parameters), thermal)
     initial = Initial() if scene.initial == "static" else scene.initial  # see at_rest
     displacement = of_node("scene.initial.displacement", initial.displacement)
     velocity = of_node("scene.initial.velocity", initial.velocity)
-    temperature = of_node("scene.initial.temperature", initial.temperature, structure.thermal_size)
-    return Cases(
+    temperature = of_node("scene.initial.temperature", initial.temperature, thermal)
+    cases = Cases(
         e=of_case("e", cell.e),
         alpha=of_case("alpha", cell.alpha),
         gap=gap,
@@ -61,6 +63,7 @@ def conditions(cell: Cell, structure: Structure, varying: Mapping[str, Array], c
         velocity=velocity,
         temperature=temperature,
     )
+    return cases if structure.coordinates is None else structure.coordinates.taken(cases)
 
 
 def heat_load(parameters: Any) -> Values:

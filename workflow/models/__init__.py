@@ -15,13 +15,14 @@ from workflow.models._bounds import FreeMotion, free_motion, quasi_static_temper
 from workflow.models._cases import Cases, project
 from workflow.models._chain import MOST_NODES_WITH_MATRICES, Chain, TooManyNodesError
 from workflow.models._equilibrium import NoEquilibriumError, static_equilibrium
+from workflow.models._from_matrices import GivenMatrices, UnusableMatricesError, structure_from_matrices
 from workflow.models._growth import Growth, InContact, growth, growth_rate, in_contact
 from workflow.models._long_chain import frequency_range, mechanical_path, rate_range, thermal_path
 from workflow.models._modes import Modes, mechanical_modes, modal_coupling, poles, thermal_modes
 from workflow.models._runaway import critical_alpha, static_tip_growth, tip_flexibility
 from workflow.models._spectrum import frequencies, rates
 from workflow.models._static import static_displacements, static_temperatures
-from workflow.models._structure import Matrices, Rayleigh, Structure
+from workflow.models._structure import Coordinates, Matrices, Rayleigh, Structure
 
 
 class Model(Protocol):
@@ -72,7 +73,9 @@ __all__ = [
     "Array",
     "Cases",
     "Chain",
+    "Coordinates",
     "FreeMotion",
+    "GivenMatrices",
     "Growth",
     "InContact",
     "Matrices",
@@ -82,6 +85,7 @@ __all__ = [
     "Rayleigh",
     "Structure",
     "TooManyNodesError",
+    "UnusableMatricesError",
     "critical_alpha",
     "fault",
     "free_motion",
@@ -105,6 +109,7 @@ __all__ = [
     "static_equilibrium",
     "static_temperatures",
     "static_tip_growth",
+    "structure_from_matrices",
     "thermal_modes",
     "thermal_path",
     "tip_flexibility",

@@ -76,7 +76,7 @@ class Chain(Structure):
         TooManyNodesError
             They would be too large.
         """
-        names = set(Matrices.__dataclass_fields__) - {"tip_growth"}
+        names = set(Matrices.__dataclass_fields__) - {"tip_growth", "coordinates"}
         return Matrices(**{name: getattr(self, name) for name in names})
 
     def _shifted(self, offset: int) -> Array:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from workflow.declare import quantity
 from workflow.kernels import Array
+from workflow.models._cases import Cases, project
 from workflow.models._dense import product
 
 
@@ -15,6 +16,45 @@ class Rayleigh:
 
     mass: float = quantity("1/s", "mass-proportional damping a_M", default=0.0, at_least=0)
     stiffness: float = quantity("s", "stiffness-proportional damping a_K", default=0.0, at_least=0)
+
+
+@dataclass(frozen=True, eq=False)
+class Coordinates:
+    """Coordinates that a structure was given in, where they are not its own.
+
+    Attributes
+    ----------
+    displacement_basis, displacement_projection
+        From own displacements to those given and back, ``(given, mechanical)`` and ``(mechanical, given)``.
+    temperature_basis, temperature_projection
+        The same for temperatures.
+    steady, heating
+        Constant loads [N] and heat loads [W] that come with the structure, ``(given,)``.
+    """
+
+    displacement_basis: Array
+    displacement_projection: Array
+    temperature_basis: Array
+    temperature_projection: Array
+    steady: Array
+    heating: Array
+
+    def taken(self, cases: Cases) -> Cases:
+        """Return cases that are given in these coordinates in those of the structure, with its own constant loads."""
+        return replace(
+            cases,
+            steady=project(self.displacement_basis.T, cases.steady + self.steady),
+            heating=project(self.temperature_basis.T, cases.heating + self.heating),
+            displacement=project(self.displacement_projection, cases.displacement),
+            velocity=project(self.displacement_projection, cases.velocity),
+            temperature=project(self.temperature_projection, cases.temperature),
+        )
+
+    @property
+    def condensed(self) -> tuple[int, int]:
+        """How many displacements and temperatures were eliminated: those without mass or heat capacity."""
+        mechanical, thermal = self.displacement_basis.shape, self.temperature_basis.shape
+        return mechanical[0] - mechanical[1], thermal[0] - thermal[1]
 
 
 class Structure:
@@ -50,9 +90,11 @@ class Structure:
     content
         Heat content Σ c_i θ_i over the nodes per thermal coordinate, shape (thermal,), J/K.
     grounded
-        Temperature difference across each conductor at a uniform temperature rise of 1 K: 1 where
+        Temperature difference across each conductor at a uniform temperature rise of 1 K: in a chain 1 where
         it leads to the root or the surroundings, 0 within the structure, shape (conductor,).
         Content and losses sum over the nodes in any basis.
+    coordinates
+        Coordinates that loads and initial states are given in, ``None`` where they are its own.
     """
 
     mass: Array
@@ -65,6 +107,14 @@ class Structure:
     content: Array
     grounded: Array
     damping: Rayleigh
+    coordinates: Coordinates | None = None
+
+    @property
+    def given_sizes(self) -> tuple[int, int]:
+        """Numbers of displacements and temperatures of the coordinates that cases are given in."""
+        if self.coordinates is None:
+            return self.mechanical_size, self.thermal_size
+        return self.coordinates.displacement_basis.shape[0], self.coordinates.temperature_basis.shape[0]
 
     def matrices(self) -> Matrices:
         """Return the same structure by its matrices."""
@@ -146,6 +196,8 @@ class Matrices(Structure):
     damping: Rayleigh = field(default_factory=Rayleigh)
     tip_growth: Array | None = None
     """Quasi-static tip displacement per temperature, m/K, ``(thermal,)``, where it is known from a fuller structure."""
+    coordinates: Coordinates | None = None
+    """Coordinates that cases are given in, where they are not its own."""
 
     def matrices(self) -> Matrices:
         """Return it as it is."""

@@ -7,17 +7,16 @@ one message.
 
 from __future__ import annotations
 
-import hashlib
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Literal, get_args
 
 from pydantic import ValidationError
 from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, core_schema
 
 from workflow.declare import File, Quantity, Word
+from workflow.study.files import read_file
 from workflow.study.mistakes import details, one_of, said, wrong
 from workflow.study.quantities import NUMBER, admissible, expected, read_quantity, udunits
 
@@ -141,27 +140,18 @@ class Text(Leaf):
 
     declared: Word
 
-    def read(self, value: Any, context: Mapping[str, Any]) -> str | File:
-        """Return the text, or the file with the digest of its content."""
+    def read(self, value: Any, context: Mapping[str, Any]) -> str | int | File:
+        """Return the text, the index, or the file with the digest of its content."""
+        if self.declared.number and isinstance(value, int | float) and not isinstance(value, bool):
+            return value if isinstance(value, int) else repr(value)
         if not isinstance(value, str) or not value or len(value) > LONGEST_TEXT or not value.isprintable():
             raise wrong(f"{said(value)} is not a line of text", f"write up to {LONGEST_TEXT} printable characters")
-        return read_file(value, Path(context.get("directory", "."))) if self.declared.file else value
+        return read_file(value, context, self.declared) if self.declared.file else value
 
     def schema(self) -> Schema:
         """Return type and length."""
-        return {"type": "string", "minLength": 1, "maxLength": LONGEST_TEXT}
-
-
-def read_file(name: str, directory: Path) -> File:
-    """Return a file that a study names, with the digest of its content."""
-    place = directory / name
-    try:
-        if not place.is_file():  # opening a pipe would wait for ever
-            raise wrong(f"{said(name)} is no file", f"name a file, relative to {directory}")
-        with place.open("rb") as opened:
-            return File(hashlib.file_digest(opened, "sha256").hexdigest(), name, str(place.absolute()))
-    except OSError as error:
-        raise wrong(f"{said(name)} cannot be read: {error.strerror}", "name a file that can be read") from None
+        text: Schema = {"type": "string", "minLength": 1, "maxLength": LONGEST_TEXT}
+        return {"anyOf": [text, {"type": "number"}]} if self.declared.number else text
 
 
 @dataclass(frozen=True)

@@ -250,6 +250,9 @@ class _Reader:
                 written, context={"directory": self.directory}
             )
             return (min(models.sizes(str(self.model), read)),)
+        except models.UnusableMatricesError as error:
+            self.source.report(("scene", str(self.model)), error.problem, error.remedy)
+            return None
         except Exception:  # whatever a model from outside raises: its mistakes are told where the scene is read
             return None
 

@@ -1,0 +1,145 @@
+"""Structures from matrices: the same as the chain they were taken from, in any coordinates."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from scenes import chain, heavy_chain
+from workflow.models import (
+    Array,
+    GivenMatrices,
+    Structure,
+    UnusableMatricesError,
+    critical_alpha,
+    growth_rate,
+    mechanical_modes,
+    structure_from_matrices,
+    thermal_modes,
+    tip_flexibility,
+)
+
+
+def given(structure: Structure, **other: Any) -> GivenMatrices:
+    """The matrices of a chain, its tip the contact."""
+    tip = np.zeros(structure.mechanical_size)
+    tip[-1] = 1.0
+    matrices = GivenMatrices(
+        mass=structure.mass,
+        stiffness=structure.stiffness_matrix,
+        coupling=structure.coupling_matrix,
+        heat_capacity=structure.heat_capacity,
+        conductance=structure.conductance_matrix,
+        contact=tip,
+        thermal_contact=tip,
+        steady=np.zeros(tip.size),
+        heating=np.zeros(tip.size),
+        damping=structure.damping,
+    )
+    return replace(matrices, **other)
+
+
+def turned(matrices: GivenMatrices, x: Array, theta: Array) -> GivenMatrices:
+    """The same structure in other coordinates, x_old = x · x_new and θ_old = theta · θ_new."""
+    return GivenMatrices(
+        mass=x.T @ matrices.mass @ x,
+        stiffness=x.T @ matrices.stiffness @ x,
+        coupling=x.T @ matrices.coupling @ theta,
+        heat_capacity=theta.T @ matrices.heat_capacity @ theta,
+        conductance=theta.T @ matrices.conductance @ theta,
+        contact=x.T @ matrices.contact,
+        thermal_contact=theta.T @ matrices.thermal_contact,
+        steady=x.T @ matrices.steady,
+        heating=theta.T @ matrices.heating,
+        damping=matrices.damping,
+    )
+
+
+def alike(one: Structure, other: Structure, rtol: float) -> None:
+    """Assert that what the tip feels is the same: modes, tip participations, α_c and growth rate."""
+    for modes in (mechanical_modes, thermal_modes):
+        a, b = modes(one), modes(other)
+        assert a.values == pytest.approx(b.values, rel=rtol, abs=rtol * b.values.max())
+        assert np.abs(a.tip) == pytest.approx(np.abs(b.tip), rel=1e3 * rtol)
+    assert tip_flexibility(one) == pytest.approx(tip_flexibility(other), rel=rtol)
+    assert critical_alpha(one) == pytest.approx(critical_alpha(other), rel=10 * rtol)
+    assert growth_rate(one, 5.0) == pytest.approx(growth_rate(other, 5.0), rel=1e3 * rtol)
+
+
+def test_matrices_of_a_chain_give_the_chain() -> None:
+    structure = heavy_chain()
+    found = structure_from_matrices(given(structure))
+    for name in ("stiffness_matrix", "coupling_matrix", "conductance_matrix", "mass", "heat_capacity"):
+        wanted = getattr(structure, name)
+        assert np.abs(getattr(found, name) - wanted).max() <= 1e-14 * np.abs(wanted).max(), name
+    assert found.content == pytest.approx(structure.content, rel=1e-15)
+    assert np.abs(found.loss_row - structure.loss_row).max() <= 1e-13 * structure.conductance_matrix.max()
+    alike(found, structure, 1e-12)
+
+
+def test_a_contact_may_be_any_vector() -> None:
+    """Displacements mixed by an integer matrix of determinant 1; heat shared by nodes whose mean is watched."""
+    structure = heavy_chain(nodes=6)
+    rng = np.random.default_rng(3)
+    mixed = np.triu(rng.integers(-2, 3, (6, 6)), 1) + np.eye(6)
+    matrices = turned(given(structure), mixed.T, np.eye(6))
+    found = structure_from_matrices(matrices)
+    alike(found, structure, 1e-11)
+    coordinates = found.coordinates
+    assert coordinates is not None
+    x = rng.normal(size=6)
+    assert coordinates.displacement_projection @ x @ np.eye(6)[:, -1] == pytest.approx(matrices.contact @ x)
+    there_and_back = coordinates.displacement_projection @ coordinates.displacement_basis
+    assert np.abs(there_and_back - np.eye(6)).max() < 1e-14
+    shares = np.array([0.0, 0, 0, 0.25, 0.25, 0.5])
+    shared = structure_from_matrices(given(structure, thermal_contact=shares))
+    assert thermal_modes(shared).values == pytest.approx(thermal_modes(structure).values, rel=1e-11)
+    assert shared.content.sum() == pytest.approx(structure.content.sum(), rel=1e-14)
+
+
+def test_a_free_root_stays_free() -> None:
+    structure = heavy_chain(nodes=8, stiffness=(0.0, *[2e7] * 7), conductance=(0.0, *[0.6] * 7), convection=0.0)
+    found = structure_from_matrices(given(structure))
+    assert mechanical_modes(found).values[0] == 0.0
+    assert thermal_modes(found).values[0] == 0.0
+    assert critical_alpha(found) == np.inf
+
+
+def with_massless(matrices: GivenMatrices) -> GivenMatrices:
+    """Without the mass of nodes 2 and 5, and the heat capacity of node 3."""
+    mass, capacity = matrices.mass.copy(), matrices.heat_capacity.copy()
+    mass[[2, 5]], capacity[3] = 0.0, 0.0
+    return replace(matrices, mass=mass, heat_capacity=capacity)
+
+
+def test_degrees_of_freedom_without_mass_or_heat_capacity_follow() -> None:
+    """Against masses and a capacity of 1e-9 of the others: every frequency but the two, every rate but the one."""
+    structure = heavy_chain(nodes=8)
+    found = structure_from_matrices(with_massless(given(structure)))
+    assert found.coordinates is not None
+    assert found.coordinates.condensed == (2, 1)
+    masses = np.where(np.isin(np.arange(8), (2, 5)), 2.5e-12, 2.5e-3)
+    light = heavy_chain(nodes=8, mass=tuple(masses), heat_capacity=(*[1.315] * 3, 1.315e-9, *[1.315] * 4))
+    assert mechanical_modes(found).values == pytest.approx(mechanical_modes(light).values[:6], rel=1e-8)
+    assert thermal_modes(found).values == pytest.approx(thermal_modes(light).values[:7], rel=1e-8)
+    assert critical_alpha(found) == pytest.approx(critical_alpha(structure), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        ({"stiffness": -np.eye(3)}, "stiffness is not positive semi-definite"),
+        ({"stiffness": np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, 1]])}, "stiffness is not positive semi-definite"),
+        ({"mass": np.diag([1.0, -1, 1])}, "mass is not positive definite"),
+        ({"mass": np.diag([1.0, 1, 0])}, "contact acts on degree of freedom 2"),
+        ({"mass": np.diag([1.0, 0, 1]), "stiffness": np.diag([1.0, 0, 1])}, "1 degrees of freedom have no inertia"),
+        ({"stiffness": np.zeros((3, 3))}, "coupling pushes what nothing holds"),
+    ],
+)
+def test_what_is_no_structure_is_refused(change: dict[str, Array], problem: str) -> None:
+    structure = chain(nodes=3, mass=1.0, stiffness=4.0, spacing=1.0, expansion=1e-5, conductance=1.0)
+    with pytest.raises(UnusableMatricesError, match=problem):
+        structure_from_matrices(given(structure, **change))

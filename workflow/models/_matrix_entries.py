@@ -1,0 +1,225 @@
+"""Entries of a file of matrices, checked and brought to SI: shapes, symmetry, numbers, labels, the contact."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from workflow.kernels import Array
+from workflow.models._from_matrices import GivenMatrices
+from workflow.models._matrix_files import LABELS, MATRICES, Entries, refuse
+from workflow.models._structure import Rayleigh
+
+MOST_DENSE = 2000
+"""Degrees of freedom of matrices that are kept as dense arrays, as of :data:`MOST_NODES_WITH_MATRICES`."""
+
+ASYMMETRY = 1e-10
+"""Share of the largest entry of a row and column by which a matrix may miss symmetry: that of assembly in another
+order, or of files with eleven digits. The mean of both halves is used."""
+
+_WHOLE = 1e-9
+"""By which shares may miss 1 in sum: rounding of many of them."""
+
+_TO_SI = {
+    "mass": 1e3,
+    "stiffness": 1e3,
+    "damping": 1e3,
+    "coupling": 1.0,
+    "heat_capacity": 1e-3,
+    "conductance": 1e-3,
+    "heating": 1e-3,
+}
+"""From t, N/mm, N s/mm, N/K, mJ/K, mW/K and mW."""
+
+
+def dense(name: str, value: Any) -> Array:
+    """Return a matrix or vector as a dense array of finite numbers."""
+    if hasattr(value, "toarray"):
+        if max(value.shape) > MOST_DENSE:
+            raise refuse(f"`{name}` has {value.shape[0]} rows", f"at most {MOST_DENSE} are kept")
+        value = value.toarray()
+    array = np.asarray(value)
+    if array.dtype.kind not in "fiub":
+        raise refuse(f"`{name}` holds no real numbers", "write real numbers")
+    array = array.astype(np.float64)
+    if not np.isfinite(array).all():
+        raise refuse(f"`{name}` has an entry that is not finite", "write finite numbers")
+    return array
+
+
+def square(name: str, value: Any, size: int | None = None) -> Array:
+    """Return a symmetric matrix, its two halves averaged."""
+    matrix = dense(name, value)
+    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not matrix.size:
+        raise refuse(f"`{name}` has the shape {matrix.shape}", "it must be square")
+    if size is not None and matrix.shape[0] != size:
+        raise refuse(f"`{name}` has {matrix.shape[0]} rows", f"it must have {size}, as the matrices beside it")
+    largest = np.abs(matrix).max(axis=1)
+    largest = np.maximum(largest, np.abs(matrix).max(axis=0))
+    apart = np.abs(matrix - matrix.T)
+    if np.any(apart > ASYMMETRY * np.maximum(largest[:, None], largest)):
+        row, column = np.unravel_index(np.argmax(apart), apart.shape)
+        raise refuse(
+            f"`{name}` is not symmetric: {matrix[row, column]:g} at ({row}, {column}), {matrix[column, row]:g} across",
+            "write both halves alike",
+        )
+    return np.asarray((matrix + matrix.T) / 2)
+
+
+def vector(name: str, value: Any, size: int) -> Array:
+    """Return a vector with an entry per degree of freedom."""
+    found = dense(name, value)
+    if found.size != size or found.ndim > 2 or (found.ndim == 2 and 1 not in found.shape):
+        raise refuse(f"`{name}` has the shape {found.shape}", f"it must have {size} entries, as the matrices have rows")
+    return found.ravel()
+
+
+def texts(name: str, value: Any, size: int) -> tuple[str, ...]:
+    """Return labels, one per degree of freedom, all different."""
+    found = tuple(str(text).strip() for text in np.asarray(value).astype(str).ravel())
+    if len(found) != size:
+        raise refuse(f"`{name}` has {len(found)} labels", f"write {size}, as the matrices have rows")
+    if len(set(found)) < size:
+        twice = next(label for label in found if found.count(label) > 1)
+        raise refuse(f"`{name}` has {twice[:40]!r} twice", "name each degree of freedom once")
+    return found
+
+
+def direction(chosen: str | int | None, name: str, entries: Entries, labels: Sequence[str], size: int) -> Array:
+    """Return the vector that a label, an index (from 0) or the name of a vector stands for.
+
+    Parameters
+    ----------
+    chosen
+        As the study has it; ``None`` stands for the entry ``name`` of the file, which may be an index or a label too.
+    name
+        What is looked for.
+    entries, labels
+        Of the file.
+    size
+        Number of degrees of freedom.
+    """
+    if chosen is None:
+        if name not in entries:
+            raise refuse(
+                f"`{name}` is given neither in the study nor in the file", "write a label, an index or a vector"
+            )
+        value = np.asarray(entries[name]) if not hasattr(entries[name], "toarray") else entries[name].toarray()
+        if value.size > 1 or (size == 1 and value.dtype.kind == "f"):
+            return _nonzero(name, vector(name, value, size))
+        chosen = int(value.ravel()[0]) if value.dtype.kind in "iu" else str(value.ravel()[0])
+    if isinstance(chosen, str):
+        if chosen in labels:
+            chosen = list(labels).index(chosen)
+        elif chosen in entries and chosen not in (*MATRICES, *LABELS):
+            return _nonzero(chosen, vector(chosen, entries[chosen], size))
+        else:
+            raise refuse(
+                f"`{name}: {chosen}` is neither a label nor a vector of the file", _known(entries, labels, size)
+            )
+    if not 0 <= chosen < size:
+        raise refuse(f"`{name}: {chosen}` is no index", f"write one from 0 to {size - 1}")
+    found = np.zeros(size)
+    found[chosen] = 1.0
+    return found
+
+
+def _known(entries: Entries, labels: Sequence[str], size: int) -> str:
+    vectors = [name for name in entries if name not in (*MATRICES, *LABELS)]
+    some = [f"`{text}`" for text in (*vectors, *labels[:5])]
+    return f"write {', '.join(some)}{', …' if len(labels) > 5 else ''} or an index from 0 to {size - 1}"
+
+
+def _nonzero(name: str, found: Array) -> Array:
+    if not np.any(found):
+        raise refuse(f"`{name}` is zero everywhere", "write what it acts on")
+    return found
+
+
+def in_si(entries: Entries, units: str) -> dict[str, Any]:
+    """Return entries in SI."""
+    if units == "SI":
+        return dict(entries)
+    return {name: value * _TO_SI[name] if name in _TO_SI else value for name, value in entries.items()}
+
+
+def given_matrices(
+    entries: Entries, contact: str | int | None, thermal_contact: str | int | None, damping: Rayleigh
+) -> GivenMatrices:
+    """Return the matrices of checked entries in SI.
+
+    Raises
+    ------
+    UnusableMatricesError
+        An entry is missing or wrong.
+    """
+    for name in ("mass", "stiffness"):
+        if name not in entries:
+            raise refuse(
+                f"it has no `{name}`", f"write `mass` and `stiffness`; it has {', '.join(entries) or 'nothing'}"
+            )
+    mass = square("mass", entries["mass"])
+    size = mass.shape[0]
+    stiffness = square("stiffness", entries["stiffness"], size)
+    labels = texts("labels", entries["labels"], size) if "labels" in entries else ()
+    normal = direction(contact, "contact", entries, labels, size)
+    heat = _heat(entries, labels, thermal_contact, normal)
+    return GivenMatrices(
+        mass=mass,
+        stiffness=stiffness,
+        contact=normal,
+        damping=damping,
+        steady=vector("steady", entries["steady"], size) if "steady" in entries else np.zeros(size),
+        **heat,
+    )
+
+
+def has_heat(entries: Entries) -> bool:
+    """Tell whether a file describes temperatures."""
+    return any(name in entries for name in ("heat_capacity", "conductance", "coupling"))
+
+
+def _heat(
+    entries: Entries, labels: Sequence[str], thermal_contact: str | int | None, contact: Array
+) -> dict[str, Array]:
+    """Return what is about temperatures; of a file without them a single one that moves nothing."""
+    size = contact.size
+    if not has_heat(entries):
+        one = np.ones((1, 1))
+        none = {"coupling": np.zeros((size, 1)), "conductance": 0 * one, "heating": np.zeros(1)}
+        return {"heat_capacity": one, "thermal_contact": np.ones(1), **none}
+    for name in ("heat_capacity", "conductance"):
+        if name not in entries:
+            raise refuse(
+                f"it has no `{name}`", "write both of heat_capacity and conductance, or neither and no coupling"
+            )
+    capacity = square("heat_capacity", entries["heat_capacity"])
+    count = capacity.shape[0]
+    coupling = np.zeros((size, count))
+    if "coupling" in entries:
+        coupling = dense("coupling", entries["coupling"])
+        if coupling.shape != (size, count):
+            remedy = f"it must have a row per displacement and a column per temperature, {(size, count)}"
+            raise refuse(f"`coupling` has the shape {coupling.shape}", remedy)
+    return {
+        "heat_capacity": capacity,
+        "conductance": square("conductance", entries["conductance"], count),
+        "coupling": coupling,
+        "thermal_contact": _thermal_contact(entries, labels, thermal_contact, contact, count),
+        "heating": vector("heating", entries["heating"], count) if "heating" in entries else np.zeros(count),
+    }
+
+
+def _thermal_contact(
+    entries: Entries, labels: Sequence[str], chosen: str | int | None, contact: Array, count: int
+) -> Array:
+    """Return the shares of the contact heat; where nobody says, those of a contact at one of as many temperatures."""
+    own = texts("thermal_labels", entries["thermal_labels"], count) if "thermal_labels" in entries else ()
+    if chosen is None and "thermal_contact" not in entries and count == contact.size and np.count_nonzero(contact) == 1:
+        return np.asarray(contact != 0, dtype=np.float64)
+    shares = direction(chosen, "thermal_contact", entries, own or (labels if len(labels) == count else ()), count)
+    if abs(shares.sum() - 1) > _WHOLE:
+        raise refuse(f"the shares of `thermal_contact` are {shares.sum():g} in sum", "they must be 1 in sum")
+    return shares

@@ -1,0 +1,118 @@
+"""Files of matrices: which reader reads what, and how much is read at most. Nothing in a file is executed.
+
+Every reader returns entries by name: dense arrays of NumPy, sparse ones of SciPy, labels as texts. Sizes are read
+before values, so that a file takes the memory that its matrices may have and no more, whatever it says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workflow.models._from_matrices import UnusableMatricesError
+
+MOST_BYTES = 2**30
+"""Of all entries of a file together: 1e5 degrees of freedom with 300 entries in each row of M and K1."""
+
+MOST_COORDINATES = 200_000
+"""Rows of a matrix."""
+
+MATRICES = ("mass", "stiffness", "damping", "coupling", "heat_capacity", "conductance")
+VECTORS = ("contact", "thermal_contact", "load", "steady", "heating", "tangent")
+LABELS = ("labels", "thermal_labels")
+
+Entries = Mapping[str, Any]
+"""Matrices, vectors and labels by name."""
+
+
+def refuse(problem: str, remedy: str) -> UnusableMatricesError:
+    """Return the error of a file that cannot be used."""
+    return UnusableMatricesError(problem, remedy)
+
+
+def too_large(name: str, shape: tuple[int, ...]) -> UnusableMatricesError:
+    """Return the error of an entry that is larger than any structure may be."""
+    told = " x ".join(map(str, shape))
+    return refuse(
+        f"`{name}` says it is {told}", f"at most {MOST_COORDINATES} rows and {MOST_BYTES >> 20} MB in all are read"
+    )
+
+
+def files_of(place: Path) -> tuple[Path, ...]:
+    """Return all files that belong to a place that a study names, sorted.
+
+    Raises
+    ------
+    ValueError
+        Nothing here can be read as matrices.
+    """
+    return (place,)
+
+
+def read_entries(place: Path) -> dict[str, Any]:
+    """Return the entries of a file or directory.
+
+    Raises
+    ------
+    UnusableMatricesError
+        It is damaged, too large, holds what is not read, or is of no kind that is known.
+    """
+    from workflow.models import _npz
+
+    readers = {".npz": _npz.read}
+    reader = readers.get(place.suffix.lower())
+    if reader is None:
+        raise refuse(f"`{place.name}` is of no kind that is known", f"name a file {', '.join(readers)}")
+    return combined(reader(place))
+
+
+_SPARSE = ("data", "indices", "indptr", "shape", "row", "col", "format")
+
+
+def combined(found: Entries) -> dict[str, Any]:
+    """Return entries with the parts of sparse matrices, ``mass.data`` and so on, put together."""
+    whole: dict[str, Any] = {}
+    parts: dict[str, dict[str, Any]] = {}
+    for key, value in found.items():
+        name = next(
+            (name for name in MATRICES if key[: len(name)] == name and key[len(name) : len(name) + 1] in "._"), ""
+        )
+        part = key[len(name) + 1 :]
+        if name and part in _SPARSE:
+            parts.setdefault(name, {})[part] = value
+        else:
+            whole[key] = value
+    for name, of in parts.items():
+        whole[name] = _sparse(name, of)
+    return whole
+
+
+def _sparse(name: str, of: dict[str, Any]) -> Any:
+    """Return a sparse matrix from the arrays of its compressed rows (columns with format ``csc``), or coordinates.
+
+    Raises
+    ------
+    UnusableMatricesError
+        They do not fit together.
+    """
+    from scipy import sparse  # imported here: reading a study needs none of it
+
+    try:
+        shape = tuple(int(length) for length in np.asarray(of["shape"]).ravel())
+        if len(shape) != 2 or not 0 < max(shape) <= MOST_COORDINATES:
+            raise too_large(name, shape)
+        if "row" in of:
+            return sparse.coo_array((of["data"], (of["row"], of["col"])), shape=shape).tocsr()
+        kind = str(np.asarray(of.get("format", "csr")).astype(str))
+        made = (sparse.csc_array if kind == "csc" else sparse.csr_array)(
+            (of["data"], of["indices"], of["indptr"]), shape=shape
+        )
+        made.check_format(full_check=True)
+        return made.tocsr()
+    except KeyError as missing:
+        raise refuse(f"`{name}` lacks {missing.args[0]}", "write data, indices, indptr and shape") from None
+    except (ValueError, TypeError, OverflowError) as error:
+        raise refuse(f"the parts of `{name}` do not fit together: {error}", "write it as scipy.sparse has it") from None

@@ -1,0 +1,36 @@
+"""Files that a study names, with the digest of their content."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from workflow.declare import File, Word
+from workflow.study.mistakes import said, wrong
+
+
+def read_file(name: str, context: Mapping[str, Any], declared: Word) -> File:
+    """Return a file that a study names, with the digest of its content, and of all that belongs to it."""
+    directory = Path(context.get("directory", "."))
+    place = directory / name
+    try:
+        several = declared.files is not None
+        if not (place.is_file() or (several and place.is_dir())):  # opening a pipe would wait for ever
+            raise wrong(f"{said(name)} is no file", f"name a file, relative to {directory}")
+        parts = (place,) if declared.files is None else declared.files(place)
+        digests = [_digest(part) for part in parts]
+    except OSError as error:
+        raise wrong(f"{said(name)} cannot be read: {error.strerror}", "name a file that can be read") from None
+    except ValueError as error:
+        raise wrong(f"{said(name)} cannot be used: {error}", "name a file with all that belongs to it") from None
+    if len(parts) == 1:
+        return File(digests[0], name, str(place.absolute()))
+    listed = "".join(f"{digest} {part.name}\n" for digest, part in zip(digests, parts, strict=True))
+    return File(hashlib.sha256(listed.encode()).hexdigest(), name, str(place.absolute()))
+
+
+def _digest(place: Path) -> str:
+    with place.open("rb") as opened:
+        return hashlib.file_digest(opened, "sha256").hexdigest()
