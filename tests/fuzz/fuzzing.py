@@ -104,6 +104,27 @@ def _archive(seed: int, directory: Path, sound: bytes) -> str:
     return fault
 
 
+def _matrices(seed: int, directory: Path, sound: Path) -> str:
+    """Mutate one file of one of the kinds that lie in a directory, and plan a study of it."""
+    import mutants
+
+    kinds = sorted(sound.iterdir())
+    kind = kinds[seed % len(kinds)]
+    files = sorted(kind.iterdir())
+    changed = files[seed // len(kinds) % len(files)]
+    place = directory / f"{seed}"
+    place.mkdir()
+    for path in files:
+        content = path.read_bytes()
+        (place / path.name).write_bytes(mutants.matrices(seed, content) if path == changed else content)
+    named = place if kind.name.startswith("directory") else place / files[0].name
+    path = directory / "study.yaml"
+    path.write_text(
+        f"study: s\nscene:\n  matrices: {{file: {named}, contact: 2}}\n  casing: {{gap: 1e-5}}\n  duration: 1e-3\n"
+    )
+    return _command("plan", str(path))
+
+
 def _deadly(seed: int) -> str:
     """Go wrong in a way of its own for each seed: what the watching is tested with."""
     match seed:
@@ -123,7 +144,7 @@ def main(kind: str, first: int, stop: int, *words: str) -> None:
     """Run the mutants of some seeds."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     sys.path[:0] = [str(Path(__file__).parents[1])]
-    sound = Path(words[0]).read_bytes() if words else b""
+    sound = Path(words[0]).read_bytes() if words and kind == "archive" else b""
     with tempfile.TemporaryDirectory() as name:
         for seed in range(first, stop):
             print(json.dumps({"seed": seed}), flush=True)
@@ -133,6 +154,8 @@ def main(kind: str, first: int, stop: int, *words: str) -> None:
                         fault = _study(seed, Path(name))
                     case "archive":
                         fault = _archive(seed, Path(name), sound)
+                    case "matrices":
+                        fault = _matrices(seed, Path(name), Path(words[0]))
                     case _:
                         fault = _deadly(seed)
             except MemoryError:

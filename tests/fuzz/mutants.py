@@ -141,6 +141,19 @@ def study(seed: int) -> bytes:
     return content
 
 
+def matrices(seed: int, sound: bytes) -> bytes:
+    """Return the bytes of a mutated file of matrices: as those of an archive, and numbers of texts exchanged."""
+    chance = random.Random(seed)
+    try:
+        text = sound.decode("ascii")
+    except UnicodeDecodeError:
+        return archive(seed, sound)
+    for _ in range(chance.choice((1, 1, 2, 5))):
+        text = chance.choice(MUTATIONS)(text, chance) or "\n"
+        text = text if _TOKEN.search(text) else "x 1\n"
+    return text.encode("utf-8", "surrogatepass")
+
+
 def archive(seed: int, sound: bytes) -> bytes:
     """Return the bytes of a mutated archive: bytes and bits changed, blocks moved, the end cut off."""
     chance = random.Random(seed)

@@ -1,4 +1,4 @@
-"""Mutated studies through ``plan``, mutated archives through ``show`` and ``open_archive``.
+"""Mutated studies and files of matrices through ``plan``, mutated archives through ``show`` and ``open_archive``.
 
 Never a traceback, a hang or a crash of the interpreter: what is wrong is told by its seed.
 """
@@ -11,6 +11,8 @@ import fuzzing
 import pytest
 from fuzzing import faults
 
+from matrix_files import WRITERS, matrices_of
+from scenes import heavy_chain
 from studies import ILL, SMALL, parsed
 from workflow.run import run_study
 
@@ -32,6 +34,31 @@ def test_a_few_mutated_archives(archives: list[str]) -> None:
     assert faults("archive", 0, 10, archives[0]) == []
 
 
+@pytest.fixture(scope="module")
+def matrices(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """A directory with a directory for each kind of file; names of those that are read as a whole say so."""
+    sound = tmp_path_factory.mktemp("matrices")
+    entries = matrices_of(heavy_chain(nodes=3))
+    for write in WRITERS:
+        place = sound / write.__name__
+        place.mkdir()
+        path = write(entries, place)
+        if path.is_dir():
+            path.rename(sound / f"directory_{path.name}")
+            place.rmdir()
+    calculix = sound / "calculix"
+    calculix.mkdir()
+    for name in ("mass", "stiffness"):
+        rows = [f"{i + 1} {j + 1} {entries[name][i, j]:.13e}\n" for j in range(3) for i in range(j + 1)]
+        (calculix / f"blade.{name[:3]}").write_text("".join(rows))
+    (calculix / "blade.dof").write_text("1.1\n2.1\n3.1\n")
+    return str(sound)
+
+
+def test_a_few_mutated_files_of_matrices(matrices: str) -> None:
+    assert faults("matrices", 0, 24, matrices) == []
+
+
 def test_a_fault_is_told_by_its_seed(monkeypatch: pytest.MonkeyPatch) -> None:
     """What watches is watched: a traceback, a hang and a crash are told, and the next seed is run."""
     monkeypatch.setattr(fuzzing, "LONGEST", 0.5)
@@ -47,6 +74,11 @@ def test_ten_thousand_mutated_studies() -> None:
     with ThreadPoolExecutor(2) as pool:
         found = pool.map(faults, ["study"] * 10, range(0, 10_000, 1000), range(1000, 11_000, 1000))
         assert [fault for some in found for fault in some] == []
+
+
+@pytest.mark.slow
+def test_two_hundred_mutated_files_of_matrices(matrices: str) -> None:
+    assert faults("matrices", 0, 200, matrices) == []
 
 
 @pytest.mark.slow

@@ -1,8 +1,8 @@
 """A structure from its matrices M, K1, K12, C2, K2 and a contact x_n = wᵀx, in whatever coordinates they come.
 
-What the equations are not in yet, they are brought to in two steps. Coordinates without mass follow the others,
-x_z = -K_zz⁻¹ (K_za x_a + K12_z θ), and are eliminated, those without heat capacity alike. Then the last coordinate is
-made the tip: with the largest |w_j|, y = (x without x_j, wᵀx) and
+What the equations are not in yet, they are brought to in two steps. Motions N without mass, M N = 0, follow the others
+statically, z = -(NᵀK1 N)⁻¹ Nᵀ (K1 x + K12 θ), and are eliminated, those without heat capacity alike. Then the last
+coordinate is made the tip: with the largest |w_j|, y = (x without x_j, wᵀx) and
 
     x = E y,   M ← Eᵀ M E,   K1 ← Eᵀ K1 E,   K12 ← Eᵀ K12 E_θ,   C2 ← E_θᵀ C2 E_θ,   K2 ← E_θᵀ K2 E_θ,
 
@@ -92,8 +92,6 @@ def structure_from_matrices(given: GivenMatrices) -> Matrices:
     )
     coordinates = Coordinates(basis, taken, heat_basis, heat_taken, given.steady, given.heating)
     mass, capacity = _congruent(given.mass, basis), _congruent(given.heat_capacity, heat_basis)
-    for matrix, name in ((mass, "mass"), (capacity, "heat_capacity")):
-        _check_definite(matrix, name)
     springs = _factored(_congruent(given.stiffness, basis), "stiffness")
     conductors = _factored(_congruent(given.conductance, heat_basis), "conductance")
     coupling = product(product(basis.T, given.coupling), heat_basis)
@@ -118,42 +116,62 @@ def _kept(inertia: Array, stiffness: Array, contact: Array, *names: str) -> tupl
 
     Shapes ``(given, kept)`` and ``(kept, given)``.
     """
-    size = inertia.shape[0]
-    carries = np.any(inertia != 0, axis=1)
-    kept, loose = np.flatnonzero(carries), np.flatnonzero(~carries)
-    if np.any(contact[loose] != 0):
-        where = int(loose[np.flatnonzero(contact[loose])[0]])
+    kept, loose, null = _without_inertia(inertia, names[0])
+    share = product(contact, null)
+    if np.abs(share).max(initial=0.0) > _UNBALANCED * np.abs(contact).max():
         raise UnusableMatricesError(
-            f"the contact acts on degree of freedom {where}, which has no {names[0].replace('_', ' ')}",
-            "choose one that has",
+            f"the contact moves without {names[0].replace('_', ' ')}: there is no impact law for it",
+            "choose a degree of freedom that has some",
         )
-    basis = np.zeros((size, kept.size))
-    tip = int(np.argmax(np.abs(contact[kept])))
     own = contact[kept]
-    columns = np.delete(np.arange(kept.size), tip)
-    basis[kept[columns], np.arange(kept.size - 1)] = 1.0
-    basis[kept[tip], :-1] = -own[columns] / own[tip]
-    basis[kept[tip], -1] = 1.0 / own[tip]
-    taken = np.zeros((kept.size, size))
-    taken[np.arange(kept.size - 1), kept[columns]] = 1.0
+    tip = int(np.argmax(np.abs(own)))
+    others = np.delete(np.arange(kept.size), tip)
+    into = np.zeros((inertia.shape[0], kept.size))
+    into[kept[others], np.arange(kept.size - 1)] = 1.0
+    into[kept[tip], :-1] = -own[others] / own[tip]
+    into[kept[tip], -1] = 1.0 / own[tip]
+    taken = np.zeros((kept.size, inertia.shape[0]))
+    taken[np.arange(kept.size - 1), kept[others]] = 1.0
+    taken[:-1, loose] = -null[kept[others]]
     taken[-1] = contact
     if loose.size:
-        held = _following(stiffness, loose, kept, names[1])
-        basis[loose] = product(held, basis[kept])
-    return basis, taken
+        into += product(null, _following(stiffness, null, into, names[1]))
+    return into, taken
 
 
-def _following(stiffness: Array, loose: NDArray[np.intp], kept: NDArray[np.intp], name: str) -> Array:
-    """Return -K_zz⁻¹ K_za, by which coordinates without inertia follow the others."""
-    own = stiffness[np.ix_(loose, loose)]
+def _without_inertia(inertia: Array, name: str) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
+    """Return the coordinates that are kept, the others, and the motions without inertia, ``(given, other)``.
+
+    A motion without inertia has 1 in one of the others, 0 in the rest of them. Mostly it is nothing else, with a row of
+    zeros in M; the incompatible modes of an element may share a mass, however, and then it is a difference of theirs.
+    """
+    found, _ = _pivots(inertia, name)
+    rank = found.upper.shape[0]
+    kept, loose = np.sort(found.order[:rank]), found.order[rank:]
+    null = np.zeros((inertia.shape[0], loose.size))
+    null[found.order[:rank]] = -_solved_upper(found.upper[:, :rank], found.upper[:, rank:])
+    scale = _scale(inertia)
+    null *= scale[loose] / scale[:, None]
+    null[loose, np.arange(loose.size)] = 1.0
+    return kept, loose, null
+
+
+def _solved_upper(upper: Array, right: Array) -> Array:
+    """Return R⁻¹ b of an upper triangular R, for each column of b."""
+    return solve_triangular(upper.T, right, transposed=True)
+
+
+def _following(stiffness: Array, null: Array, into: Array, name: str) -> Array:
+    """Return -(NᵀK N)⁻¹ NᵀK, by which motions N without inertia follow the others."""
+    pushed = product(null.T, stiffness)
     try:
-        root = cholesky(own)
+        root = cholesky(product(pushed, null))
     except np.linalg.LinAlgError:
         raise UnusableMatricesError(
-            f"{loose.size} degrees of freedom have no inertia, and {name} does not hold them",
+            f"{null.shape[1]} degrees of freedom have no inertia, and {name} does not hold them",
             "leave out what is neither held nor has inertia",
         ) from None
-    halfway = solve_triangular(root, stiffness[np.ix_(loose, kept)])
+    halfway = solve_triangular(root, product(pushed, into))
     return -solve_triangular(root, halfway, transposed=True)
 
 
@@ -161,15 +179,6 @@ def _congruent(matrix: Array, basis: Array) -> Array:
     """Return basisᵀ · matrix · basis, symmetric to the bit."""
     found = product(basis.T, product(matrix, basis))
     return np.asarray((found + found.T) / 2)
-
-
-def _check_definite(matrix: Array, name: str) -> None:
-    try:
-        cholesky(matrix)
-    except np.linalg.LinAlgError:
-        raise UnusableMatricesError(
-            f"{name} is not positive definite", f"{name} must be, but for rows and columns of zeros"
-        ) from None
 
 
 def _factored(matrix: Array, name: str) -> _Part:
@@ -180,18 +189,27 @@ def _factored(matrix: Array, name: str) -> _Part:
     UnusableMatricesError
         The matrix is indefinite.
     """
-    size = matrix.shape[0]
+    found, scale = _pivots(matrix, name)
+    deformation = np.zeros_like(found.upper)
+    deformation[:, found.order] = found.upper
+    return _Part(deformation * scale, found.order)
+
+
+def _scale(matrix: Array) -> Array:
     diagonal = np.diag(matrix)
-    scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-    least = 10 * size * np.finfo(float).eps  # rounding of assembled entries, as a rule of numpy.linalg.matrix_rank's
+    return np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+
+
+def _pivots(matrix: Array, name: str) -> tuple[semidefinite.Factor, Array]:
+    """Return the factor of a matrix scaled to a diagonal of ones, and the scale, ``(coordinate,)``."""
+    scale = _scale(matrix)
+    least = 10 * matrix.shape[0] * np.finfo(float).eps  # rounding of assembled entries, after numpy's matrix_rank
     found = _pivoted(matrix / scale / scale[:, None], least)
     if not found.rest <= _INDEFINITE * least:
         raise UnusableMatricesError(
             f"{name} is not positive semi-definite", "check signs and that it was assembled in full"
         )
-    deformation = np.zeros_like(found.upper)
-    deformation[:, found.order] = found.upper
-    return _Part(deformation * scale, found.order)
+    return found, scale
 
 
 def _pivoted(matrix: Array, least: float) -> semidefinite.Factor:

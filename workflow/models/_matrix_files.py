@@ -42,14 +42,27 @@ def too_large(name: str, shape: tuple[int, ...]) -> UnusableMatricesError:
 
 
 def files_of(place: Path) -> tuple[Path, ...]:
-    """Return all files that belong to a place that a study names, sorted.
+    """Return all files that belong to a place that a study names.
 
     Raises
     ------
     ValueError
-        Nothing here can be read as matrices.
+        One of them is missing.
     """
-    return (place,)
+    from workflow.models import _calculix, _directories
+
+    if place.is_dir():
+        found = _directories.parts(place)
+        if not found:
+            raise ValueError("it holds no file that is read, such as mass.mtx")
+        return found
+    if place.suffix.lower() not in _calculix.BESIDE:
+        return (place,)
+    several = tuple(place.with_suffix(suffix) for suffix in _calculix.BESIDE)
+    missing = [path.name for path in several if not path.is_file()]
+    if missing:
+        raise ValueError(f"{', '.join(missing)} is not beside it")
+    return several
 
 
 def read_entries(place: Path) -> dict[str, Any]:
@@ -60,13 +73,39 @@ def read_entries(place: Path) -> dict[str, Any]:
     UnusableMatricesError
         It is damaged, too large, holds what is not read, or is of no kind that is known.
     """
-    from workflow.models import _npz
+    from workflow.models import _calculix, _directories, _matlab, _npz, _output4
 
-    readers = {".npz": _npz.read}
+    if place.is_dir():
+        return _directories.read(place)
+    readers = {".npz": _npz.read, ".mat": _matlab.read, ".op4": _output4.read}
+    readers |= dict.fromkeys(_calculix.BESIDE, _calculix.read)
     reader = readers.get(place.suffix.lower())
     if reader is None:
-        raise refuse(f"`{place.name}` is of no kind that is known", f"name a file {', '.join(readers)}")
-    return combined(reader(place))
+        raise refuse(
+            f"`{place.name}` is of no kind that is known",
+            f"name a file {', '.join(readers)} or a directory of .mtx files",
+        )
+    try:
+        return combined(reader(place))
+    except OSError as error:
+        raise refuse(f"`{place.name}` cannot be read: {error.strerror}", "name a file that can be read") from None
+
+
+def checked_sparse(name: str, matrix: Any) -> Any:
+    """Return a sparse matrix by compressed rows, once its indices are known to lie within it.
+
+    Raises
+    ------
+    UnusableMatricesError
+        It is too large.
+    ValueError
+        They do not.
+    """
+    if max(matrix.shape) > MOST_COORDINATES:
+        raise too_large(name, matrix.shape)
+    if hasattr(matrix, "check_format"):
+        matrix.check_format(full_check=True)
+    return matrix.tocsr()
 
 
 _SPARSE = ("data", "indices", "indptr", "shape", "row", "col", "format")
@@ -110,8 +149,7 @@ def _sparse(name: str, of: dict[str, Any]) -> Any:
         made = (sparse.csc_array if kind == "csc" else sparse.csr_array)(
             (of["data"], of["indices"], of["indptr"]), shape=shape
         )
-        made.check_format(full_check=True)
-        return made.tocsr()
+        return checked_sparse(name, made)
     except KeyError as missing:
         raise refuse(f"`{name}` lacks {missing.args[0]}", "write data, indices, indptr and shape") from None
     except (ValueError, TypeError, OverflowError) as error:

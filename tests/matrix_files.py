@@ -1,0 +1,94 @@
+"""A structure written as every kind of file of matrices that is read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy import io, sparse
+
+from workflow.models import Structure
+
+
+def matrices_of(structure: Structure) -> dict[str, Any]:
+    """Return the matrices of a structure by the names of their entries."""
+    return {
+        "mass": structure.mass,
+        "stiffness": structure.stiffness_matrix,
+        "coupling": structure.coupling_matrix,
+        "heat_capacity": structure.heat_capacity,
+        "conductance": structure.conductance_matrix,
+    }
+
+
+def as_npz(entries: Mapping[str, Any], directory: Path) -> Path:
+    path = directory / "blade.npz"
+    np.savez(path, **entries)
+    return path
+
+
+def as_sparse_npz(entries: Mapping[str, Any], directory: Path) -> Path:
+    """Compressed rows for M and K1, coordinates for the others, compressed."""
+    parts: dict[str, Any] = {}
+    for name, matrix in entries.items():
+        if name in ("mass", "stiffness"):
+            made = sparse.csr_array(matrix)
+            parts |= {f"{name}.{part}": getattr(made, part) for part in ("data", "indices", "indptr", "shape")}
+        else:
+            spread = sparse.coo_array(matrix)
+            row, column = spread.coords
+            parts |= {
+                f"{name}_row": row,
+                f"{name}_col": column,
+                f"{name}_data": spread.data,
+                f"{name}_shape": spread.shape,
+            }
+    path = directory / "sparse.npz"
+    np.savez_compressed(path, **parts)
+    return path
+
+
+def as_mat(entries: Mapping[str, Any], directory: Path) -> Path:
+    """M sparse, the rest dense, compressed."""
+    path = directory / "blade.mat"
+    io.savemat(path, {**entries, "mass": sparse.csc_array(entries["mass"])}, do_compression=True)
+    return path
+
+
+def as_directory(entries: Mapping[str, Any], directory: Path) -> Path:
+    """Matrix Market: K1 by its lower half, C2 as a dense array, the rest by coordinates."""
+    path = directory / "blade"
+    path.mkdir(exist_ok=True)
+    for name, matrix in entries.items():
+        made = matrix if name == "heat_capacity" else sparse.coo_array(matrix)
+        symmetry = "symmetric" if name == "stiffness" else "general"
+        io.mmwrite(path / f"{name}.mtx", made, precision=17, symmetry=symmetry)
+    return path
+
+
+def as_harwell_boeing(entries: Mapping[str, Any], directory: Path) -> Path:
+    path = directory / "harwell"
+    path.mkdir(exist_ok=True)
+    for name, matrix in entries.items():
+        io.hb_write(path / f"{name}.rua", sparse.csc_array(matrix))
+    return path
+
+
+def as_output4(entries: Mapping[str, Any], directory: Path) -> Path:
+    from pyyeti.nastran import op4
+
+    path = directory / "blade.op4"
+    op4.write(str(path), {name[:8]: np.asarray(matrix) for name, matrix in entries.items()})
+    return path
+
+
+WRITERS: tuple[Callable[[Mapping[str, Any], Path], Path], ...] = (
+    as_npz,
+    as_sparse_npz,
+    as_mat,
+    as_directory,
+    as_harwell_boeing,
+    as_output4,
+)

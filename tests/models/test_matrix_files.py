@@ -1,0 +1,241 @@
+"""Files of matrices: every kind gives the same structure, and what is broken is refused within bounded memory."""
+
+from __future__ import annotations
+
+import os
+import struct
+import tracemalloc
+import zipfile
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from matrix_files import WRITERS, as_directory, as_mat, as_npz, matrices_of
+from scenes import heavy_chain
+from workflow.declare import File
+from workflow.models import Matrices, UnusableMatricesError, _matlab, load, mechanical_modes
+
+CALCULIX = Path(__file__).parent / "calculix"
+CHAIN = heavy_chain(nodes=5)
+ENTRIES = matrices_of(CHAIN)
+
+
+def assembled(path: Path, **parameters: Any) -> Matrices:
+    model = load("matrices")
+    found = model.assemble(model.Parameters(File("", path.name, str(path)), **{"contact": 4, **parameters}))
+    assert isinstance(found, Matrices)
+    return found
+
+
+@pytest.mark.parametrize("write", WRITERS, ids=lambda write: write.__name__)
+def test_every_kind_of_file_gives_the_same_structure(write: Callable[..., Path], tmp_path: Path) -> None:
+    found = assembled(write(ENTRIES, tmp_path))
+    for name, matrix in ENTRIES.items():
+        attribute = {"mass": "mass", "heat_capacity": "heat_capacity"}.get(name, f"{name}_matrix")
+        assert np.abs(getattr(found, attribute) - matrix).max() <= 1e-14 * np.abs(matrix).max(), name
+
+
+@pytest.mark.parametrize(("elements", "condensed"), [("c3d8", 0), ("c3d8i", 18)])
+def test_calculix_matrices_have_the_frequencies_it_printed(elements: str, condensed: int) -> None:
+    """CalculiX 2.20, matrices by MATRIXSTORAGE and frequencies [Hz] by ARPACK: to the seven digits it prints.
+
+    Of the nine incompatible modes of each of the three C3D8I elements six have no mass.
+    """
+    table = (CALCULIX / f"{elements}.frequencies.txt").read_text().splitlines()
+    rows = [line.split() for line in table if line.split()[:1] and line.split()[0].isdigit()]
+    printed = np.array([float(row[3]) for row in rows])
+    assert printed.size == 6
+    structure = assembled(CALCULIX / f"{elements}.sti", contact="16.3", units="mm-t-s")
+    assert structure.coordinates is not None
+    assert structure.coordinates.condensed[0] == condensed
+    found = mechanical_modes(structure).values[:6] / (2 * np.pi)
+    last_digit = 10.0 ** (np.floor(np.log10(printed)) - 6)
+    assert np.all(np.abs(found - printed) <= 0.5001 * last_digit)
+
+
+def test_units_of_a_file() -> None:
+    """t, mm and s: masses in t, stiffness in N/mm; a meter is 1000 mm, temperatures stay."""
+    scales = {"mass": 1e-3, "stiffness": 1e-3, "coupling": 1.0, "heat_capacity": 1e3, "conductance": 1e3}
+    model = load("matrices")
+    for name in ENTRIES:
+        assert name in scales
+    si, other = ENTRIES, {name: matrix * scales[name] for name, matrix in ENTRIES.items()}
+    from workflow.models._matrix_entries import in_si
+
+    back = in_si(other, "mm-t-s")
+    for name, matrix in si.items():
+        assert np.abs(back[name] - matrix).max() <= 1e-15 * np.abs(matrix).max()
+    assert model.Parameters.__dataclass_fields__["units"].default == "SI"
+
+
+def test_a_contact_is_a_label_an_index_or_a_vector(tmp_path: Path) -> None:
+    labels = np.array(["1.x", "2.x", "3.x", "4.x", "5.x"])
+    vector = np.array([0.0, 0, 0, 0, 1])
+    path = as_npz({**ENTRIES, "labels": labels, "normal": vector, "contact": np.array(4)}, tmp_path)
+    by_index = assembled(path).stiffness_matrix
+    for contact in ("5.x", "normal", None):
+        assert np.array_equal(assembled(path, contact=contact).stiffness_matrix, by_index)
+    for contact, problem in (
+        (5, "no index"),
+        (-1, "no index"),
+        ("6.x", "neither a label nor a vector"),
+        ("mass", "neither"),
+    ):
+        with pytest.raises(UnusableMatricesError, match=problem):
+            assembled(path, contact=contact)
+
+
+def changed(name: str, change: Callable[[Any], Any]) -> dict[str, Any]:
+    return {**ENTRIES, name: change(ENTRIES[name].copy())}
+
+
+def with_entry(matrix: Any, value: float) -> Any:
+    matrix[1, 2] = matrix[2, 1] = value
+    return matrix
+
+
+def half(matrix: Any) -> Any:
+    return np.triu(matrix)
+
+
+BROKEN = {
+    "not square": (changed("mass", lambda m: m[:, :4]), "must be square"),
+    "another size": (changed("stiffness", lambda m: m[:4, :4]), "must have 5"),
+    "not symmetric": (changed("stiffness", half), "not symmetric"),
+    "not finite": (changed("stiffness", lambda m: with_entry(m, np.nan)), "not finite"),
+    "infinite": (changed("mass", lambda m: with_entry(m, np.inf)), "not finite"),
+    "indefinite": (changed("stiffness", lambda m: -m), "not positive semi-definite"),
+    "negative mass": (changed("mass", lambda m: -m), "mass is not positive semi-definite"),
+    "wrong coupling": (changed("coupling", lambda m: m[:, :4]), "`coupling` has the shape"),
+    "no stiffness": ({name: ENTRIES[name] for name in ENTRIES if name != "stiffness"}, "no `stiffness`"),
+    "no conductance": ({name: ENTRIES[name] for name in ENTRIES if name != "conductance"}, "no `conductance`"),
+    "complex": (changed("mass", lambda m: m + 0j), "complex"),
+    "shares": ({**ENTRIES, "thermal_contact": np.full(5, 0.5)}, "2.5 in sum"),
+    "labels": ({**ENTRIES, "labels": np.array(["a", "b"])}, "2 labels"),
+    "label twice": ({**ENTRIES, "labels": np.array(list("abcda"))}, "twice"),
+}
+
+
+@pytest.mark.parametrize("kind", BROKEN)
+def test_what_is_no_structure_is_refused(kind: str, tmp_path: Path) -> None:
+    entries, problem = BROKEN[kind]
+    with pytest.raises(UnusableMatricesError, match=problem):
+        assembled(as_npz(entries, tmp_path))
+
+
+class Dangerous:
+    """What runs when it is unpickled."""
+
+    def __reduce__(self) -> Any:
+        return os.mkdir, ("executed",)
+
+
+def pickled(tmp_path: Path) -> Path:
+    path = tmp_path / "blade.npz"
+    np.savez(path, **{**ENTRIES, "mass": np.array([Dangerous()], dtype=object)})
+    return path
+
+
+def bomb(tmp_path: Path) -> Path:
+    """Eight gigabytes of zeros in eight megabytes, as its header says."""
+    path = tmp_path / "blade.npz"
+    header = b"\x93NUMPY\x01\x00" + (118).to_bytes(2, "little")
+    header += b"{'descr': '<f8', 'fortran_order': False, 'shape': (32768, 32768), }".ljust(117) + b"\n"
+    with (
+        zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive,
+        archive.open("mass.npy", "w", force_zip64=True) as entry,
+    ):
+        entry.write(header)
+        for _ in range(64):
+            entry.write(bytes(2**20))
+    return path
+
+
+def lying_npz(tmp_path: Path) -> Path:
+    """A header of more than is there."""
+    path = as_npz(ENTRIES, tmp_path)
+    with zipfile.ZipFile(path) as archive:
+        contents = {name: archive.read(name) for name in archive.namelist()}
+    contents["mass.npy"] = contents["mass.npy"].replace(b"(5, 5)", b"(9, 5)")
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, content in contents.items():
+            archive.writestr(name, content)
+    return path
+
+
+def lying_market(tmp_path: Path) -> Path:
+    path = as_directory(ENTRIES, tmp_path)
+    (path / "mass.mtx").write_text("%%MatrixMarket matrix coordinate real general\n5 5 100000000000\n1 1 1.0\n")
+    return path
+
+
+def huge_market(tmp_path: Path) -> Path:
+    path = as_directory(ENTRIES, tmp_path)
+    (path / "mass.mtx").write_text("%%MatrixMarket matrix coordinate real general\n4000000000 4000000000 1\n1 1 1.0\n")
+    return path
+
+
+def endless(name: str) -> Callable[[Path], Path]:
+    """A gigabyte without an end of line, that takes no room on the disk."""
+
+    def write(tmp_path: Path) -> Path:
+        path = tmp_path / name
+        if path.suffix == ".mtx":
+            path = as_directory(ENTRIES, tmp_path) / name
+        for suffix in (".mas", ".dof"):
+            path.with_suffix(suffix).write_text("1 1 1.0\n" if suffix == ".mas" else "1.1\n")
+        with path.open("wb") as opened:
+            opened.write(b"%%MatrixMarket matrix coordinate real general\n%" if path.suffix == ".mtx" else b"1 1 1.0")
+            opened.truncate(10**9)
+        return path.parent if path.suffix == ".mtx" else path
+
+    return write
+
+
+def compressed_mat(tmp_path: Path) -> Path:
+    """A compressed part that holds 80 MB of zeros, where 64 MB are allowed."""
+    path = as_mat(ENTRIES, tmp_path)
+    deflate = zlib.compressobj()
+    body = b"".join(deflate.compress(bytes(2**24)) for _ in range(5)) + deflate.flush()
+    path.write_bytes(path.read_bytes() + struct.pack("<II", 15, len(body)) + body)
+    return path
+
+
+def later_mat(tmp_path: Path) -> Path:
+    path = tmp_path / "blade.mat"
+    path.write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM" + bytes(600))
+    return path
+
+
+HOSTILE: dict[str, tuple[Callable[[Path], Path], str]] = {
+    "pickle": (pickled, "pickled Python objects"),
+    "zip bomb": (bomb, "at most"),
+    "NPZ header that lies": (lying_npz, "ends after"),
+    "Matrix Market header that lies": (lying_market, "cannot hold them"),
+    "Matrix Market header of a giant": (huge_market, "at most"),
+    "text that never ends": (endless("blade.sti"), "line without end"),
+    "head that never ends": (endless("mass.mtx"), "no sizes"),
+    "MATLAB bomb": (compressed_mat, "holds too much"),
+    "MATLAB 7.3": (later_mat, "-v7"),
+}
+
+
+@pytest.mark.parametrize("kind", HOSTILE)
+def test_hostile_files_are_refused_and_cost_nothing(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No memory beyond 50 MB, of Python and NumPy, and nothing executed."""
+    write, problem = HOSTILE[kind]
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(_matlab, "MOST_BYTES", 2**26)
+    path = write(tmp_path)
+    tracemalloc.start()
+    try:
+        with pytest.raises(UnusableMatricesError, match=problem):
+            assembled(path)
+        assert tracemalloc.get_traced_memory()[1] < 50 * 2**20
+    finally:
+        tracemalloc.stop()
+    assert not (tmp_path / "executed").exists()
