@@ -6,6 +6,7 @@ import datetime
 import hashlib
 import importlib.metadata
 import json
+import math
 import platform
 import sys
 from functools import cache
@@ -16,7 +17,7 @@ import numpy as np
 import workflow
 from workflow import variables
 from workflow.archive._layout import Coordinate, Layout, Variable
-from workflow.grid import Grid, Units, longest_period_count, metrics_of
+from workflow.grid import FRICTION, Grid, Units, alpha_of, longest_period_count, metrics_of
 from workflow.schemes import SOLVER_VERSION, Status
 from workflow.study import Axis, Study
 
@@ -126,6 +127,7 @@ def _coordinates(study: Study, grid: Grid, periods: int) -> tuple[Coordinate, ..
         _coordinate(axis, (dimension.name,)) for dimension in (*grid.outer, *grid.inner) for axis in dimension.axes
     ]
     found += [_coordinate(axis, ()) for axis in study.scalars]
+    found += [_made_by_friction(study, grid)] if study.scene.friction is not None else []
     taken = {coordinate.name for coordinate in found} | {name for name, _ in grid.dims}
     if "gap" not in taken:
         about = {"units": "m", "long_name": "tip clearance at rest, cold"}
@@ -137,6 +139,20 @@ def _coordinates(study: Study, grid: Grid, periods: int) -> tuple[Coordinate, ..
         number = {"units": "1", "long_name": "number of the load period"}
         found.append(Coordinate("period", ("period",), np.arange(1, periods + 1), number))
     return tuple(found)
+
+
+def _made_by_friction(study: Study, grid: Grid) -> Coordinate:
+    """Return α = heat_share · coefficient · sliding_speed along the dimensions that it varies with."""
+    dimensions = [d for d in (*grid.outer, *grid.inner) if any(axis.path.startswith(FRICTION) for axis in d.axes)]
+    shape = tuple(dimension.size for dimension in dimensions)
+    varying = {
+        axis.path: np.asarray(axis.values, dtype=np.float64)[index].ravel()
+        for dimension, index in zip(dimensions, np.indices(shape), strict=True)
+        for axis in dimension.axes
+    }
+    values = alpha_of(grid.settings(0), varying, math.prod(shape)).reshape(shape)
+    attrs = {"long_name": "heat coupling: heat_share x coefficient x sliding_speed", "units": "W N-1"}
+    return Coordinate("alpha", tuple(dimension.name for dimension in dimensions), values, attrs)
 
 
 def _declared(about: variables.Variable, dtype: str = "f8") -> Variable:

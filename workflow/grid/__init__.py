@@ -2,18 +2,21 @@
 
 from workflow.grid._ahead import compiling, is_compiling, lend_turns
 from workflow.grid._arrangement import Grid, arrange, fixes_operator, reads
+from workflow.grid._conditions import FRICTION, alpha_of
 from workflow.grid._costs import Part, handling_part, measured
 from workflow.grid._estimate import Time, compiling_seconds, estimate, measured_run, task_seconds
+from workflow.grid._frequencies import longest_period_count
 from workflow.grid._identity import case_hashes
 from workflow.grid._operators import reduced_structure, structure_of
 from workflow.grid._plan import Figures, Plan, plan, plan_study
 from workflow.grid._reference import solution_counts
 from workflow.grid._shaken import Shaken
-from workflow.grid._solve import Solved, longest_period_count, metrics_of, solve
+from workflow.grid._solve import Solved, metrics_of, solve
 from workflow.grid._tasks import Segment, Task, Units, bytes_per_case, seconds_per_case, tasks, units_of
 from workflow.grid._turns import Turns
 
 __all__ = [
+    "FRICTION",
     "Figures",
     "Grid",
     "Part",
@@ -25,6 +28,7 @@ __all__ = [
     "Time",
     "Turns",
     "Units",
+    "alpha_of",
     "arrange",
     "bytes_per_case",
     "case_hashes",

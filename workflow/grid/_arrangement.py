@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow import schemes
+from workflow.grid._conditions import FRICTION
 from workflow.schemes import Sampling
 from workflow.study import Cell, Dimension, SchemeChoice, Study
 
@@ -36,6 +37,8 @@ def reads(method: str, label: str, path: str) -> bool:
     """Tell whether a scheme's results depend on an axis."""
     if path in ("e", "h", "alpha"):
         return path in schemes.load(method).READS
+    if path.startswith(FRICTION):
+        return "alpha" in schemes.load(method).READS
     return not path.startswith("schemes.") or path.startswith(f"schemes.{label}.")
 
 
@@ -230,14 +233,5 @@ def _outermost_first(path: str) -> int:
 
 def _innermost_last(path: str) -> int:
     """Rank conditions by how finely they are mostly varied: the load frequency is swept, the start has a few values."""
-    order = {"e": 1, "scene.casing.gap": 2, "alpha": 3, "scene.load.frequency": 4}
-    return order.get(path, 0)
-
-
-def values_along(grid: Grid, path: str, otherwise: float) -> tuple[float, ...]:
-    """Return the values a study gives a number: those of its axis, else the one it has for all cases."""
-    for dimension in (*grid.outer, *grid.inner):
-        for axis in dimension.axes:
-            if axis.path == path:
-                return tuple(float(value) for value in axis.values)
-    return (otherwise,)
+    order = {"e": 1, "scene.casing.gap": 2, "alpha": 3, "scene.load.frequency": 4, "scene.speed": 4}
+    return 3 if path.startswith(FRICTION) else order.get(path, 0)

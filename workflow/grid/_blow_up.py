@@ -65,7 +65,7 @@ def mark_blown_up(cell: Cell, cases: Cases, results: Results, duration: float) -
     """
     ok = results.status == Status.OK
     told: dict[int, str] = {}
-    reach = _reach(results, cases.gap)
+    reach = _reach(results, cases)
     start = np.abs(results.histories["displacement"][:, 0])
     far = np.flatnonzero(ok & (reach > EXCESS * np.fmax(np.abs(cases.gap), start)))
     if far.size:
@@ -103,7 +103,7 @@ def _is_rounding(cell: Cell, cases: Cases, results: Results, case: int, duration
     the energy where that ratio is about 1e8.
     """
     flexibility, growth = _statics(cell.scene.model, cell.scene.parameters)
-    one, reach = cases.take(np.array([case])), float(_reach(results, cases.gap)[case])
+    one, reach = cases.take(np.array([case])), float(_reach(results, cases)[case])
     if np.isinf(flexibility):
         return reach <= _AT_REST * _free_flight(cell, one, duration)
     base = float(_accounted(cell, one, flexibility, growth, duration)[0])
@@ -117,30 +117,33 @@ def _free_flight(cell: Cell, case: Cases, duration: float) -> float:
     structure = structure_of(cell.scene.model, cell.scene.parameters)
     mass = structure.masses.sum() if isinstance(structure, Chain) else np.diag(structure.mass).sum()
     load = float(np.abs(case.mean[0]) + np.abs(case.amplitude[0]) + np.abs(case.steady[0]).sum())
+    load += float(case.load_harmonics.reach[0])
     return load * duration * duration / float(mass) + float(np.abs(case.velocity[0]).max()) * duration
 
 
-def _reach(results: Results, gap: Array) -> Array:
+def _reach(results: Results, cases: Cases) -> Array:
     """Return the largest known |x_n| of each case, m."""
     displacement, beyond = results.histories["displacement"], results.metrics["max_penetration"]
     sampled = np.fmax(np.fmax.reduce(displacement, axis=1), -np.fmin.reduce(displacement, axis=1))
-    return np.asarray(np.fmax(sampled, np.where(beyond > 0, np.abs(gap + beyond), 0.0)))
+    moved = cases.casing_harmonics.reach
+    return np.asarray(np.fmax(sampled, np.where(beyond > 0, np.abs(cases.gap + beyond) - moved, 0.0)))
 
 
 def _accounted(cell: Cell, cases: Cases, flexibility: float, growth: Array, duration: float) -> Array:
     """Return the largest length of what acts on each case without contact, m, ``(case,)``.
 
-    |gap|; S times the largest load, constant ones of all nodes added up; the quasi-static growth of the initial
-    temperatures and of what the heating brings in over the duration, each node's heat kept in it; and √(2 S E) with
-    the initial energy E, the largest |x_n| that an energy E can bring about.
+    |gap| and how far the casing moves from it; S times the largest load, constant ones of all nodes added up; the
+    quasi-static growth of the initial temperatures and of what the heating brings in over the duration, each node's
+    heat kept in it; and √(2 S E) with the initial energy E, the largest |x_n| that an energy E can bring about.
     """
     structure = structure_of(cell.scene.model, cell.scene.parameters)
     load = np.abs(cases.mean) + np.abs(cases.amplitude) + np.abs(cases.steady).sum(axis=1)
+    load, place = load + cases.load_harmonics.reach, np.abs(cases.gap) + cases.casing_harmonics.reach
     warm = np.abs((growth * cases.temperature).sum(axis=1))
     capacity = structure.heat_capacities if isinstance(structure, Chain) else np.diag(structure.heat_capacity)
     heated = (np.abs(growth) * np.abs(cases.heating) / capacity).sum(axis=1) * duration
     reached = np.sqrt(2 * flexibility * _energy(structure, cases))
-    return np.asarray(np.max([np.abs(cases.gap), flexibility * load, warm, heated, reached], axis=0))
+    return np.asarray(np.max([place, flexibility * load, warm, heated, reached], axis=0))
 
 
 def _energy(structure: Structure, cases: Cases) -> Array:

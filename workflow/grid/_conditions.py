@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from workflow.declare import Values
-from workflow.models import Array, Cases, Structure, static_equilibrium
-from workflow.study import Cell, Initial
+from workflow.models import Array, Cases, Harmonics, Structure, static_equilibrium
+from workflow.study import Cell, Initial, Scene
+
+FRICTION = "scene.friction."
+"""How the axes begin that make α."""
 
 
 def conditions(cell: Cell, structure: Structure, varying: Mapping[str, Array], count: int) -> Cases:
@@ -31,7 +34,7 @@ def conditions(cell: Cell, structure: Structure, varying: Mapping[str, Array], c
     scene = cell.scene
 
     def of_case(path: str, value: float) -> Array:
-        return np.array(np.broadcast_to(varying.get(path, np.float64(value)), (count,)), dtype=np.float64)
+        return spread(varying, path, value, count)
 
     mechanical, thermal = structure.given_sizes
 
@@ -51,7 +54,7 @@ def conditions(cell: Cell, structure: Structure, varying: Mapping[str, Array], c
     temperature = of_node("scene.initial.temperature", initial.temperature, thermal)
     cases = Cases(
         e=of_case("e", cell.e),
-        alpha=of_case("alpha", cell.alpha),
+        alpha=alpha_of(cell, varying, count),
         gap=gap,
         mean=mean,
         amplitude=of_case("scene.load.amplitude", load.amplitude),
@@ -62,8 +65,40 @@ def conditions(cell: Cell, structure: Structure, varying: Mapping[str, Array], c
         displacement=displacement,
         velocity=velocity,
         temperature=temperature,
+        load_harmonics=harmonics_of(scene, "load", varying, count),
+        casing_harmonics=harmonics_of(scene, "casing", varying, count),
     )
     return cases if structure.coordinates is None else structure.coordinates.taken(cases)
+
+
+def spread(varying: Mapping[str, Array], path: str, value: float, count: int) -> Array:
+    """Return a number of each case, ``(case,)``: the values along its axis, or one for all."""
+    return np.array(np.broadcast_to(varying.get(path, np.float64(value)), (count,)), dtype=np.float64)
+
+
+def alpha_of(cell: Cell, varying: Mapping[str, Array], count: int) -> Array:
+    """Return α of each case, W/N, ``(case,)``: heat_share · coefficient · sliding_speed where a scene has friction."""
+    friction = cell.scene.friction
+    if friction is None:
+        return spread(varying, "alpha", cell.alpha, count)
+    share, coefficient, speed = (
+        spread(varying, f"{FRICTION}{name}", getattr(friction, name), count)
+        for name in ("heat_share", "coefficient", "sliding_speed")
+    )
+    return share * coefficient * speed
+
+
+def harmonics_of(scene: Scene, group: Literal["load", "casing"], varying: Mapping[str, Array], count: int) -> Harmonics:
+    """Return the harmonics of load or casing of each case; an ``order`` is a multiple of ``scene.speed``."""
+    entries: Sequence[Any] = scene.load.harmonics if group == "load" else scene.casing.harmonics
+    speed = spread(varying, "scene.speed", scene.speed, count)
+    rows: dict[str, list[Array]] = {"amplitude": [], "frequency": [], "phase": []}
+    for k, entry in enumerate(entries):
+        for name, row in rows.items():
+            named = "order" if name == "frequency" and entry.order is not None else name
+            value = spread(varying, f"scene.{group}.harmonics.{k}.{named}", getattr(entry, named), count)
+            row.append(value * speed if named == "order" else value)
+    return Harmonics(*(np.array(row).reshape(len(entries), count).T for row in rows.values()))
 
 
 def heat_load(parameters: Any) -> Values:
@@ -76,6 +111,8 @@ def heat_load(parameters: Any) -> Values:
 def at_rest(structure: Structure, cases: Cases) -> Cases:
     """Return the cases started in equilibrium under their constant loads, each distinct one solved once.
 
+    A tip that rests on the casing, d(0), has its velocity ḋ(0).
+
     ``structure`` is the one they are run on, reduced or full, so that none of its modes swings.
 
     Raises
@@ -85,10 +122,13 @@ def at_rest(structure: Structure, cases: Cases) -> Cases:
     """
     load = cases.steady.copy()
     load[:, -1] += cases.mean
-    rows = np.column_stack([load, cases.heating, cases.gap])
+    casing = cases.casing_at(0.0)
+    rows = np.column_stack([load, cases.heating, casing])
     distinct, where = np.unique(rows, axis=0, return_inverse=True)
     size = load.shape[1]
     states = [static_equilibrium(structure, row[:size], row[size:-1], float(row[-1])) for row in distinct]
     displacement = np.stack([x for x, _ in states])[where.ravel()]
     temperature = np.stack([theta for _, theta in states])[where.ravel()]
-    return replace(cases, displacement=displacement, temperature=temperature)
+    velocity = np.zeros_like(displacement)
+    velocity[:, -1] = np.where(displacement[:, -1] == casing, cases.casing_velocity_at(0.0), 0.0)
+    return replace(cases, displacement=displacement, velocity=velocity, temperature=temperature)

@@ -42,7 +42,7 @@ class Part:
 
 def workload_of(cases: Cases, sampling: Sampling) -> Workload:
     """Return what decides how long a batch takes."""
-    return Workload(cases.e, cases.alpha, cases.heated, np.asarray(cases.frequency * sampling.duration))
+    return Workload(cases.e, cases.alpha, cases.heated, np.asarray(cases.period_frequency * sampling.duration))
 
 
 def batch_part(cell: Cell, structure: Structure, sampling: Sampling, workload: Workload) -> Part:

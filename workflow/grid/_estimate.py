@@ -15,10 +15,12 @@ from workflow.grid import _speed
 from workflow.grid._ahead import wanted_kernels
 from workflow.grid._arrangement import Grid, Indices
 from workflow.grid._compile import is_compiled
+from workflow.grid._conditions import alpha_of
 from workflow.grid._costs import Part, batch_part, beside_part, growth_part, handling_part, setup_part
+from workflow.grid._frequencies import longest_period_count, period_frequency
 from workflow.grid._operators import reduced, reduced_structure
 from workflow.grid._reference import exact_cell, reference_cell
-from workflow.grid._solve import REPEATS, SHORT, longest_period_count
+from workflow.grid._solve import REPEATS, SHORT
 from workflow.grid._tasks import Segment, Task, Units, tasks
 from workflow.grid._truth import BLOCK, distinct_shape
 from workflow.models import Array
@@ -206,13 +208,14 @@ class _Costs:
         def of_case(path: str, value: float) -> Array:
             return np.array(np.broadcast_to(values.get(path, np.float64(value)), (count,)), dtype=np.float64)
 
-        heated = of_case("alpha", cell.alpha) != 0
+        alpha = alpha_of(cell, values, count)
+        heated = alpha != 0
         start = 0.0 if isinstance(scene.initial, str) else scene.initial.temperature
         heating = getattr(scene.parameters, "heating", 0.0)
         for path, value in ((f"scene.{scene.model}.heating", heating), ("scene.initial.temperature", start)):
             heated |= np.any(values[path]) if path in values else bool(np.any(value))
-        periods = of_case("scene.load.frequency", scene.load.frequency) * self.grid.sampling.duration
-        workload = Workload(of_case("e", cell.e), of_case("alpha", cell.alpha), heated, periods)
+        periods = period_frequency(scene, values, count) * self.grid.sampling.duration
+        workload = Workload(of_case("e", cell.e), alpha, heated, periods)
         return workload, inner.size / count
 
     def _references(self, segment: Segment) -> float:

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from workflow import schemes
 from workflow.declare import plain
 from workflow.grid._arrangement import Grid
-from workflow.grid._conditions import heat_load
+from workflow.grid._conditions import FRICTION, alpha_of, harmonics_of, heat_load
 from workflow.grid._reference import exact_cell, reference_cell
 from workflow.reduction import DEFAULT
 from workflow.schemes import SOLVER_VERSION
-from workflow.study import Cell
+from workflow.study import Cell, Scene
 
 HASH_BYTES = 16
 """Of the SHA-256: two of 1e8 cases share their first 128 bits with a probability of 1e-23."""
@@ -61,8 +61,15 @@ def _shared(grid: Grid, outer: int, cell: Cell) -> dict[str, Any]:
         "interval": grid.sampling.interval,
         "run": _numerics(cell, _read(cell)),
         "reference": None if reference is None else _numerics(reference_cell(grid, outer), frozenset({"h"})),
+        **_widths(cell.scene),
         "lists": {path: value for path, value in _per_node(cell).items() if not isinstance(value, float)},
     }
+
+
+def _widths(scene: Scene) -> dict[str, Any]:
+    """Return the numbers of harmonics: they tell which number of a row is which."""
+    widths = len(scene.load.harmonics), len(scene.casing.harmonics)
+    return {"harmonics": widths} if any(widths) else {}
 
 
 def _read(cell: Cell) -> frozenset[str]:
@@ -94,6 +101,22 @@ def _per_node(cell: Cell) -> dict[str, Any]:
     return found
 
 
+def _is_summed_up(path: str) -> bool:
+    """Tell whether results depend on an axis through α or the harmonics alone."""
+    return path == "scene.speed" or path.startswith((FRICTION, "scene.load.harmonics.", "scene.casing.harmonics."))
+
+
+def _harmonic_columns(scene: Scene, varying: Any, count: int) -> dict[str, Any]:
+    """Return amplitude, frequency and phase of all harmonics by name, ``(case,)`` each; an order is not told apart."""
+    found: dict[str, Any] = {}
+    for group in ("load", "casing"):
+        harmonics = harmonics_of(scene, group, varying, count)
+        for name in ("amplitude", "frequency", "phase"):
+            columns = getattr(harmonics, name).T
+            found |= {f"scene.{group}.harmonics.{k}.{name}": column for k, column in enumerate(columns)}
+    return found
+
+
 def _rows(grid: Grid, outer: int, cell: Cell, varying: Any, count: int) -> NDArray[np.float64]:
     """Return the conditions of every case that are numbers, ``(case, condition)``; those not read are 0."""
     scene, reference = cell.scene, grid.study.reference
@@ -101,8 +124,9 @@ def _rows(grid: Grid, outer: int, cell: Cell, varying: Any, count: int) -> NDArr
     values: dict[str, Any] = {"scene.casing.gap": scene.gap}
     values |= {path: getattr(scene.load, path.rsplit(".", 1)[1]) for path in _CONDITIONS[1:]}
     values |= {path: value if isinstance(value, float) else 0.0 for path, value in _per_node(cell).items()}
-    values |= {"e": cell.e, "alpha": cell.alpha}
-    values |= varying
+    values |= {"e": cell.e}
+    values |= {path: value for path, value in varying.items() if not _is_summed_up(path)}
+    values |= {"alpha": alpha_of(cell, varying, count), **_harmonic_columns(scene, varying, count)}
     columns = [values[path] for path in sorted(set(values) - {"e", "alpha"})]
     columns += [values[name] if name in read else 0.0 for name in ("e", "alpha")]
     if reference is not None:

@@ -143,6 +143,7 @@ def projection_residual_of(cell: Cell, cases: Cases) -> Array:
 def run_batch(cell: Cell, cases: Cases, sampling: Sampling) -> Results:
     """Run cases, given on the nodes, on the structure and with the scheme of a cell."""
     scene, method = cell.scene, cell.scheme.method
+    schemes.refuse(schemes.load(method), cases)
     reduction = reduction_of(reduced(cell))
     operator = _operator(reduced(cell), method, cell.scheme.options, cell.h)
     projected = cases if reduction is None else reduction.project(cases)

@@ -8,8 +8,9 @@ from functools import lru_cache
 import numpy as np
 
 from workflow import models, schemes
-from workflow.grid._arrangement import Grid, Indices, arrange, values_along
+from workflow.grid._arrangement import Grid, Indices, arrange
 from workflow.grid._estimate import Time, estimate, result_bytes
+from workflow.grid._frequencies import fastest
 from workflow.grid._operators import Reduced, reduced, reduced_structure, structure_of, structure_on
 from workflow.grid._reference import solution_counts
 from workflow.grid._scene_cautions import scene_cautions
@@ -257,7 +258,7 @@ def _beware(grid: Grid, cell: Cell) -> list[_Caution]:
                 f"damps the first mode ({omega[0] / (2 * np.pi):.4g} Hz) more than its own {physical:.2g} of critical"
             )
             found.append(caution(f"{what}, numerically by", f"{numerical:.2g}", numerical))
-    frequency = max(values_along(grid, "scene.load.frequency", cell.scene.load.frequency))
+    frequency = fastest(grid)
     if frequency * cell.h * _COARSE > 1:
         per_period = 1 / (frequency * cell.h)
         found.append(caution("takes few steps per load period,", f"{per_period:.3g}", frequency * cell.h))

@@ -69,7 +69,7 @@ def _scenes(grid: Grid) -> Iterator[str]:
 
 def _clear(cases: Cases, reach: Array) -> Iterator[str]:
     """Yield the gaps at which no case's tip reaches the casing."""
-    reaches = reach >= cases.gap
+    reaches = reach >= cases.gap - cases.casing_harmonics.reach
     clear = [gap for gap in np.unique(cases.gap) if not np.any(reaches[cases.gap == gap])]
     if clear:
         most = float(reach[np.isin(cases.gap, clear)].max())

@@ -40,7 +40,9 @@ class Shaken:
         gap = cases.gap + share * np.maximum(np.abs(cases.gap), self.reach)
         displacement = cases.displacement * (1 + share)
         if displacement.shape[1]:
-            gap = np.maximum(gap, np.where(cases.displacement[:, -1] <= cases.gap, displacement[:, -1], gap))
+            begins, moved = cases.casing_at(0.0), cases.casing_harmonics.added(np.zeros(cases.count), 0.0)
+            least = displacement[:, -1] - moved
+            gap = np.maximum(gap, np.where(cases.displacement[:, -1] <= begins, least, gap))
         return replace(
             cases,
             gap=gap,
@@ -49,6 +51,7 @@ class Shaken:
             displacement=displacement,
             velocity=cases.velocity * (1 - share),
             temperature=cases.temperature * (1 + share),
+            load_harmonics=cases.load_harmonics.scaled(1 + share),
         )
 
 

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow import schemes, variables
-from workflow.grid._arrangement import Grid, Indices, values_along
+from workflow.grid._arrangement import Grid, Indices
 from workflow.grid._blow_up import mark_blown_up
 from workflow.grid._conditions import conditions
+from workflow.grid._frequencies import longest_period_count
 from workflow.grid._operators import compile_for, projection_residual_of, run_batch, runaway_of, structure_of
 from workflow.grid._reference import against_reference
 from workflow.grid._shaken import Shaken
@@ -130,7 +131,7 @@ def _contact(results: Results, cases: Cases, grid: Grid) -> dict[str, Array]:
         "contact_force": force,
         "contact_impulse": impulse[:, -1].copy(),
         "period_impulse": widened(results.period_impulse),
-        "period_force": _largest_per_period(force[:, 1:], cases.frequency, grid.sampling, periods),
+        "period_force": _largest_per_period(force[:, 1:], cases.period_frequency, grid.sampling, periods),
         "period_temperature": widened(results.period_temperature),
         "period_contact": widened(results.period_contact),
     }
@@ -155,12 +156,6 @@ def _largest_per_period(force: Array, frequency: Array, sampling: Sampling, peri
                 stop = first + 1
             largest[rows, k] = force[rows, first:stop].max(axis=1)
     return largest
-
-
-def longest_period_count(grid: Grid) -> int:
-    """Return the size of the dimension ``period``: the most complete load periods any case has."""
-    values = values_along(grid, "scene.load.frequency", grid.study.scene.load.frequency)
-    return int(complete_periods(np.array(values), grid.sampling).max())
 
 
 def scheme_metrics(study: Study) -> tuple[Variable, ...]:

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from workflow import schemes
 from workflow.grid._arrangement import Grid, Indices
+from workflow.grid._frequencies import longest_period_count
 from workflow.grid._operators import reduced_structure
-from workflow.grid._solve import longest_period_count
 
 SHORTEST, LONGEST = 0.1, 5.0
 """Seconds of work of a task but for the last ones: below, dask's cost of about 0.5 ms a task would show;

@@ -187,7 +187,7 @@ def _predictability(cell: Cell, cases: Cases, sampling: Sampling, displacement: 
     """
     trifle = PERTURBATION * np.maximum(np.abs(cases.gap), np.abs(displacement).max(axis=1))
     change = np.full(cases.count, np.nan)
-    outside = cases.displacement[:, -1] <= cases.gap - trifle
+    outside = cases.displacement[:, -1] <= cases.casing_at(0.0) - trifle
     may_close = np.ones(cases.count, dtype=bool) if cell.scene.initial == "static" else outside
     for which, sign in ((np.arange(cases.count), 1.0), (np.flatnonzero(may_close), -1.0)):
         if which.size:

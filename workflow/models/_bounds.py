@@ -25,7 +25,7 @@ class FreeMotion:
     static
         Displacement by the constant loads.
     harmonic
-        Amplitude of the steady answer to the harmonic load.
+        Amplitude of the steady answer to the harmonic load, amplitudes added up where it has more than one sinusoid.
     transient
         Bound of what the start adds: no mode gains energy by itself, so each stays below the amplitude it begins with.
     growth
@@ -58,23 +58,34 @@ def free_motion(structure: Structure, cases: Cases, duration: float) -> FreeMoti
         return FreeMotion(np.zeros(cases.count), infinite, infinite, infinite)
     elastic = omega > 0
     omega, tip, shapes = omega[elastic], tip[elastic], modes.shapes[:, elastic]
-    constant = cases.frequency == 0
-    mean = cases.mean + np.where(constant, cases.amplitude * np.sin(cases.phase), 0.0)
+    amplitudes, frequencies, phases = _sinusoids(cases)
+    constant = frequencies == 0
+    mean = cases.mean + np.where(constant, amplitudes * np.sin(phases), 0.0).sum(axis=0)
     static = (cases.steady @ shapes + mean[:, None] * tip) / omega**2
-    turning = 2 * np.pi * cases.frequency[:, None]
     damping = structure.damping.mass + structure.damping.stiffness * omega**2
-    amplitude = np.where(constant, 0.0, cases.amplitude)[:, None]
+    inertia = np.diag(structure.mass) if structure.mass.ndim == 2 else structure.mass
+    offset = (cases.displacement * inertia) @ shapes - static
+    speed = (cases.velocity * inertia) @ shapes
+    harmonic = np.zeros(cases.count)
     with np.errstate(divide="ignore", invalid="ignore"):
-        answer = amplitude * tip / (omega**2 - turning**2 + 1j * turning * damping)
-        answer = np.where(amplitude == 0, 0.0, answer)
-        begins = answer * np.exp(1j * cases.phase[:, None])
-        inertia = np.diag(structure.mass) if structure.mass.ndim == 2 else structure.mass
-        offset = (cases.displacement * inertia) @ shapes - static - begins.imag
-        speed = (cases.velocity * inertia) @ shapes - (1j * turning * begins).imag
+        for amplitude, frequency, phase in zip(np.where(constant, 0.0, amplitudes), frequencies, phases, strict=True):
+            acts, turning = amplitude[:, None], 2 * np.pi * frequency[:, None]
+            answer = acts * tip / (omega**2 - turning**2 + 1j * turning * damping)
+            answer = np.where(acts == 0, 0.0, answer)
+            begins = answer * np.exp(1j * phase[:, None])
+            offset, speed = offset - begins.imag, speed - (1j * turning * begins).imag
+            harmonic += np.abs(np.sum(tip * answer, axis=1))
         transient = np.sum(np.abs(tip) * np.hypot(offset, speed / omega), axis=1)
-        harmonic = np.abs(np.sum(tip * answer, axis=1))
     growth = 2 * _warmest(structure, cases, duration) @ np.abs(static_tip_growth(structure))
     return FreeMotion(np.sum(tip * static, axis=1), harmonic, transient, np.asarray(growth))
+
+
+def _sinusoids(cases: Cases) -> tuple[Array, Array, Array]:
+    """Return amplitude, frequency and phase of all sinusoids of the tip load, ``(sinusoid, case)`` each."""
+    first, more = (cases.amplitude, cases.frequency, cases.phase), cases.load_harmonics
+    rows = zip(first, (more.amplitude, more.frequency, more.phase), strict=True)
+    amplitude, frequency, phase = (np.vstack([one, others.T]) for one, others in rows)
+    return amplitude, frequency, phase
 
 
 def _warmest(structure: Structure, cases: Cases, duration: float) -> Array:
@@ -90,7 +101,8 @@ def quasi_static_temperature(structure: Structure, cases: Cases, free: FreeMotio
 
     The tip is taken to rub as if it had no mass: the contact force is what holds the free motion
     x̄ + D sin(Ωt) + growth back at the gap, averaged over a load period, λ̄ = mean[max(0, x̄ + g - d + D sin)]/S. It
-    heats the tip by α λ̄ and does not depend on e, as impulses balance the load whatever e is.
+    heats the tip by α λ̄ and does not depend on e, as impulses balance the load whatever e is. How far the casing moves
+    is added to D.
     """
     thermal = thermal_modes(structure)
     modes = mechanical_modes(structure)
@@ -98,7 +110,7 @@ def quasi_static_temperature(structure: Structure, cases: Cases, free: FreeMotio
     flexibility = float(np.sum((modes.tip[elastic] / modes.values[elastic]) ** 2))
     grows = static_tip_growth(structure) @ thermal.shapes
     step = duration / _STEPS
-    decay = np.exp(-thermal.values * step)
+    decay, swing = np.exp(-thermal.values * step), free.harmonic + cases.casing_harmonics.reach
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         gain = np.where(thermal.values > 0, -np.expm1(-thermal.values * step) / thermal.values, step)
         capacities = structure.heat_capacity.sum(axis=1)
@@ -107,7 +119,7 @@ def quasi_static_temperature(structure: Structure, cases: Cases, free: FreeMotio
         largest = np.abs(cases.temperature).max(axis=1, initial=0.0)
         for _ in range(_STEPS):
             beyond = free.static + amplitudes @ grows - cases.gap
-            force = _mean_positive(beyond, free.harmonic) / flexibility if np.isfinite(free.reach).all() else 0.0
+            force = _mean_positive(beyond, swing) / flexibility if np.isfinite(free.reach).all() else 0.0
             heat = heating + (cases.alpha * force)[:, None] * thermal.tip
             amplitudes = decay * amplitudes + gain * heat
             largest = np.fmax(largest, np.abs(amplitudes @ thermal.shapes.T).max(axis=1, initial=0.0))

@@ -1,4 +1,4 @@
-"""What differs between cases on one structure: contact law, clearance, loads, initial state."""
+"""What differs between cases on one structure: contact law, casing, loads, initial state."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.kernels import Array
+from workflow.kernels import Array, elementwise
+from workflow.models._harmonics import NO_HARMONICS, Harmonics
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +30,8 @@ class Cases:
         Initial state, m and m/s, shape ``(case, mechanical)``; the tip is last.
     temperature
         Initial temperature rises, K, shape ``(case, thermal)``; the tip is last.
+    load_harmonics, casing_harmonics
+        Harmonics beside F1 of the tip load, N, and of the casing's place beside d, m; none where left out.
     """
 
     e: Array
@@ -43,6 +46,14 @@ class Cases:
     displacement: Array
     velocity: Array
     temperature: Array
+    load_harmonics: Harmonics = NO_HARMONICS
+    casing_harmonics: Harmonics = NO_HARMONICS
+
+    def __post_init__(self) -> None:
+        """Give what has no harmonics a row for each case."""
+        for name in ("load_harmonics", "casing_harmonics"):
+            if getattr(self, name).width == 0:
+                object.__setattr__(self, name, NO_HARMONICS.spread(self.count))
 
     @property
     def count(self) -> int:
@@ -52,6 +63,39 @@ class Cases:
     def take(self, which: NDArray[Any] | slice) -> Cases:
         """Return the cases selected along the first axis."""
         return Cases(**{name: getattr(self, name)[which] for name in self.__dataclass_fields__})
+
+    def load_at(self, t: float) -> Array:
+        """Return the tip load f(t) = F0 + F1 sin(2π f t + φ) + Σ A_k sin(2π f_k t + φ_k), N, ``(case,)``."""
+        sine, _ = elementwise.sine_cosine(2 * np.pi * self.frequency * t + self.phase)
+        return self.load_harmonics.added(self.mean + self.amplitude * sine, t)
+
+    def casing_at(self, t: float) -> Array:
+        """Return the casing's place d(t) = d + Σ a_k sin(2π f_k t + φ_k), m, ``(case,)``."""
+        return self.casing_harmonics.added(self.gap, t)
+
+    def casing_velocity_at(self, t: float) -> Array:
+        """Return the casing's velocity ḋ(t) = Σ a_k 2π f_k cos(2π f_k t + φ_k), m/s, ``(case,)``."""
+        return self.casing_harmonics.rate_at(t)
+
+    @property
+    def period_frequency(self) -> Array:
+        """Frequency of the load periods that are counted, Hz, ``(case,)``; 0 where there are none.
+
+        That of F1 where F1 is not 0, else of the first load harmonic, else of the first casing harmonic.
+        """
+        for harmonics in (self.load_harmonics, self.casing_harmonics):
+            if harmonics.width:
+                return np.where(self.amplitude != 0, self.frequency, harmonics.frequency[:, 0])
+        return self.frequency
+
+    @property
+    def finite(self) -> NDArray[np.bool_]:
+        """Cases whose numbers are all finite."""
+        values = [getattr(self, name) for name in self.__dataclass_fields__]
+        rows = [row for value in values for row in (value.rows if isinstance(value, Harmonics) else (value,))]
+        return np.asarray(
+            np.all([np.isfinite(row).reshape(self.count, -1 if row.size else 0).all(axis=1) for row in rows], axis=0)
+        )
 
     @property
     def heated(self) -> NDArray[np.bool_]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from workflow import registry
 from workflow.models import Cases
-from workflow.schemes._contract import ContractError, checked
+from workflow.schemes._contract import ContractError, checked, refuse
 from workflow.schemes._fixed.recorder import Recorder
 from workflow.schemes._interface import (
     HISTORIES,
@@ -74,5 +74,6 @@ __all__ = [
     "load",
     "metrics",
     "names",
+    "refuse",
     "schedule",
 ]

@@ -10,13 +10,26 @@ from numpy.typing import NDArray
 from workflow import variables
 from workflow.kernels import Array
 from workflow.models import Cases
-from workflow.schemes._interface import Results, Sampling, Status, complete_periods
+from workflow.schemes._interface import Results, Sampling, Scheme, Status, complete_periods
 
 PERIODS = tuple(about.name for about in variables.select("period", "scheme"))
 
 
 class ContractError(ValueError):
     """A scheme's results lack a variable, or one has another shape than its cases ask for."""
+
+
+def refuse(scheme: Scheme, cases: Cases) -> None:
+    """Raise where a scheme does not take the harmonics of some cases, before it gives wrong results for them.
+
+    Raises
+    ------
+    ContractError
+        Their load or their casing has harmonics that the scheme would not see.
+    """
+    reason = scheme.cannot_take(cases.load_harmonics.width > 0, cases.casing_harmonics.width > 0)
+    if reason is not None:
+        raise ContractError(f"the scheme {reason}")
 
 
 def given(results: Results) -> dict[str, Array]:
@@ -44,7 +57,9 @@ def checked(results: Results, cases: Cases, sampling: Sampling) -> Results:
         _check_shape(about, arrays.get(about.name), cases, sampling)
     if results.status.shape != (cases.count,) or not np.isin(results.status, [int(s) for s in Status]).all():
         raise ContractError("`status` is not one Status for each case")
-    counted = np.arange(1, results.period_impulse.shape[1] + 1) <= complete_periods(cases.frequency, sampling)[:, None]
+    counted = (
+        np.arange(1, results.period_impulse.shape[1] + 1) <= complete_periods(cases.period_frequency, sampling)[:, None]
+    )
     wrong: dict[int, str] = {}
     for about in expected:
         possible = _possible(about, arrays[about.name], counted)
@@ -62,7 +77,7 @@ def _check_shape(about: variables.Variable, values: Array | None, cases: Cases, 
         raise ContractError(f"the scheme gives no `{about.name}`: {about.meaning}")
     sizes = {"history": (cases.count, sampling.count), "metric": (cases.count,)}
     if about.shape == "period":
-        least = int(complete_periods(cases.frequency, sampling).max(initial=0))
+        least = int(complete_periods(cases.period_frequency, sampling).max(initial=0))
         sound = values.ndim == 2 and values.shape[0] == cases.count and values.shape[1] >= least
         asked = f"({cases.count}, at least {least})"
     else:

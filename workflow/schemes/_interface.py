@@ -228,6 +228,9 @@ class Scheme:
         ``contact_stiffness_of(structure, options)``: stiffness of its contact spring, N/m, where it has one.
     rigid
         ``rigid(structure, h)``: options with which it approaches a rigid casing as h → 0, where not all do.
+    HARMONICS
+        What of ``load`` and ``casing`` may have harmonics in its cases: the load (``Recorder.load`` and
+        ``Cases.load_at`` have them) where it does not say; a casing that moves (``Cases.casing_at``) where it says so.
     about
         One line on the scheme; the first paragraph of the module's docstring where it does not say.
     """
@@ -247,6 +250,7 @@ class Scheme:
     batch_cost: Callable[[Structure, Any, Sampling, Workload], float] | None = None
     contact_stiffness_of: Callable[[Structure, Any], float] | None = None
     rigid: Callable[[Structure, float], Any] | None = None
+    HARMONICS: frozenset[str] = frozenset({"load"})
     about: str = ""
 
     @classmethod
@@ -259,6 +263,12 @@ class Scheme:
         """Return what a module offers."""
         offered = {f.name: vars(module)[f.name] for f in fields(cls) if f.name in vars(module)}
         return cls(**{"about": " ".join((module.__doc__ or "").split("\n\n")[0].split()), **offered})
+
+    def cannot_take(self, load: bool, casing: bool) -> str | None:
+        """Return why it refuses a scene with harmonics of load or casing, ``None`` where it takes them."""
+        if load and "load" not in self.HARMONICS:
+            return "does not take harmonics of the load"
+        return "does not take a casing that moves" if casing and "casing" not in self.HARMONICS else None
 
     def sweeps(self, structure: Structure) -> bool:
         """Tell whether it steps a structure node by node."""

@@ -29,6 +29,8 @@ METRICS = outcome.METRICS
 
 READS = frozenset({"h", "alpha"})
 
+HARMONICS: frozenset[str] = frozenset()
+
 TOGETHER = WIDE
 
 

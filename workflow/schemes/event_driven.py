@@ -30,6 +30,8 @@ from workflow.schemes._interface import Results, Sampling, Workload
 
 READS = frozenset({"e", "alpha"})
 
+HARMONICS: frozenset[str] = frozenset()
+
 
 @dataclass(frozen=True)
 class Options:

@@ -54,6 +54,8 @@ from workflow.schemes._sweep.balance import Account
 from workflow.schemes._sweep.march import march_nodes, sweep
 
 READS = frozenset({"e", "h", "alpha"})
+
+HARMONICS: frozenset[str] = frozenset()
 TOGETHER = WIDE
 is_swept, operator_name = sweeps.is_swept, sweeps.operator_name
 

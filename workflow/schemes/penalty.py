@@ -35,6 +35,8 @@ METRICS = outcome.METRICS
 
 READS = frozenset({"h", "alpha"})
 
+HARMONICS: frozenset[str] = frozenset()
+
 TOGETHER = WIDE
 
 _CENTRAL = Differences()

@@ -9,9 +9,10 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from workflow import models, schemes
 from workflow.declare import quantity_of, word_of
+from workflow.study.forms import MOST_ENTRIES
 from workflow.study.leaves import Choice, Reading, Text, is_whole
 from workflow.study.quantities import udunits
-from workflow.study.settings import Casing, Cell, Initial, Load, Scene
+from workflow.study.settings import Casing, CasingHarmonic, Cell, Friction, Initial, Load, LoadHarmonic, Scene
 
 DEFAULT_SCHEME = "moreau"
 MODES = ("mechanical_modes", "thermal_modes")
@@ -49,15 +50,31 @@ def setting_defaults() -> dict[str, Any]:
     return {"scheme": DEFAULT_SCHEME} | defaults
 
 
-def scene_values(names: tuple[str, ...]) -> dict[str, Address]:
-    """Return the scene values of some models by dotted path, without the duration."""
+def scene_values(names: tuple[str, ...], harmonics: tuple[int, int] = (0, 0)) -> dict[str, Address]:
+    """Return the scene values of some models by dotted path, without the duration.
+
+    ``harmonics`` are the numbers of harmonics of casing and load.
+    """
     groups: dict[str, type] = {name: models.load(name).Parameters for name in names if models.fault(name) is None}
     groups |= {"casing": Casing, "load": Load, "initial": Initial}
-    return {
+    groups |= {f"casing.harmonics.{k}": CasingHarmonic for k in range(harmonics[0])}
+    groups |= {f"load.harmonics.{k}": LoadHarmonic for k in range(harmonics[1])}
+    groups |= {"friction": Friction}
+    found = {f"scene.{name}": Address(value, about) for name, value, about in _values(Scene) if name == "speed"}
+    return found | {
         f"scene.{group}.{name}": Address(value, description)
         for group, declared in groups.items()
         for name, value, description in _values(declared)
     }
+
+
+def harmonic_counts(tree: Any) -> tuple[int, int]:
+    """Return how many harmonics of casing and load a study as written has."""
+    scene = tree.get("scene") if isinstance(tree, dict) else None
+    groups = [scene.get(group) if isinstance(scene, dict) else None for group in ("casing", "load")]
+    lists = [group.get("harmonics") if isinstance(group, dict) else None for group in groups]
+    casing, load = (min(len(entries), MOST_ENTRIES) if isinstance(entries, list) else 0 for entries in lists)
+    return casing, load
 
 
 def scheme_options(methods: Mapping[str, tuple[str, ...]]) -> dict[str, Address]:

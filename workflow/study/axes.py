@@ -255,16 +255,29 @@ class Arrangement:
 
 def coordinate_names(paths: Sequence[str], taken: set[str]) -> dict[str, str]:
     """Return a coordinate name for every path: its last word, or as many as make it unlike all others."""
-    depth = dict.fromkeys(paths, 1)
+    possible = {path: possible_names(path) for path in paths}
     while True:
-        names = {path: "_".join(path.split(".")[-depth[path] :]) for path in paths}
+        names = {path: possible[path][0] for path in paths}
         counts = Counter(names.values())
         unclear = [
-            path
-            for path in paths
-            if (counts[names[path]] > 1 or names[path] in taken) and depth[path] < path.count(".") + 1
+            path for path in paths if (counts[names[path]] > 1 or names[path] in taken) and len(possible[path]) > 1
         ]
         if not unclear:
             return names
         for path in unclear:
-            depth[path] += 1
+            del possible[path][0]
+
+
+def possible_names(path: str) -> list[str]:
+    """Return the names a coordinate may have, best first: the last word of its path, the last two, and so on.
+
+    None begins with an index: that of ``casing.harmonics.0.amplitude`` is ``harmonic_amplitude``, then
+    ``harmonic_amplitude_0``, then ``casing_harmonic_amplitude_0``.
+    """
+    words = path.split(".")
+    if len(words) < 3 or not words[-2].isdigit():
+        return ["_".join(words[k:]) for k in reversed(range(len(words)))]
+    *above, entries, index, word = words
+    name = f"{entries.removesuffix('s')}_{word}"
+    numbered = f"{name}_{index}"
+    return [name, numbered, *("_".join([*above[k:], numbered]) for k in reversed(range(len(above))))]

@@ -14,10 +14,10 @@ from workflow import models, schemes
 from workflow.study.addresses import Address, setting_defaults, settings
 from workflow.study.forms import ByShape, Form, annotated, entry_of, form, given, keys_form, summary
 from workflow.study.leaves import Axial, Choice, Line, Name
-from workflow.study.settings import Casing, Initial, Load, Output, Scene
+from workflow.study.settings import Casing, Friction, Initial, Load, Output, Scene
 
 LONGEST_TITLE = 1000
-_SCENE_KEYS = ("casing", "load", "initial", "duration")
+SCENE_KEYS = ("casing", "load", "initial", "duration", "speed", "friction")
 
 
 class _Study(Form):
@@ -25,14 +25,16 @@ class _Study(Form):
 
     moved: ClassVar[Mapping[str, str]] = {
         **dict.fromkeys(setting_defaults(), "write it under `axes`, as a value or a list"),
-        **dict.fromkeys((*_SCENE_KEYS, *models.names()), "write it under `scene`"),
+        **dict.fromkeys((*SCENE_KEYS, *models.names()), "write it under `scene`"),
     }
 
 
 class _Axes(Form):
     """What varies from case to case: each list is a dimension of the archive."""
 
-    model_config = ConfigDict(json_schema_extra={"patternProperties": {r"^schemes\.": {}}})
+    model_config = ConfigDict(
+        json_schema_extra={"patternProperties": {r"^(schemes|scene\.(casing|load)\.harmonics)\.": {}}}
+    )
 
     moved: ClassVar[Mapping[str, str]] = {
         "scene.duration": "all histories share one time axis: write one study per duration",
@@ -48,13 +50,15 @@ def scene_form() -> type[Form]:
 
 @cache
 def _scene_form(names: tuple[str, ...]) -> type[Form]:
-    duration = next(entry for entry in dataclasses.fields(Scene) if entry.name == "duration")
+    declared = {entry.name: entry for entry in dataclasses.fields(Scene)}
     initial = annotated(Any, ByShape((("state", form(Initial)),), word="static"))
     entries: dict[str, Any] = {
         "casing": (form(Casing), Field(description=summary(Casing))),
         "load": (form(Load), Field(default_factory=Load, description=summary(Load))),
         "initial": (initial, Field(default_factory=Initial, description=summary(Initial))),
-        "duration": entry_of(duration, float),
+        "duration": entry_of(declared["duration"], float),
+        "speed": entry_of(declared["speed"], float),
+        "friction": (form(Friction), Field(None, description=summary(Friction))),
     }
     for name in names:
         if models.fault(name) is not None:  # told by the reader where a study names it

@@ -59,7 +59,7 @@ def replaced(source: Source, settings: Mapping[str, Any], option: str = OPTION) 
         fault = _put(tree, place, _plain(value, name))
         if fault:
             raise StudyError([Mistake(name, None, "", *fault)])
-        new.named[place] = name
+        new.named[tuple(int(step) if str(step).isdigit() else step for step in place)] = name
     new.text = text_of(tree, source.text, {key: _plain(value, key) for key, value in settings.items()})
     return new
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
+from types import GenericAlias
 from typing import Annotated, Any, ClassVar, Literal, get_args, get_origin, get_type_hints
 
 from pydantic import (
     AfterValidator,
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
     TypeAdapter,
@@ -109,12 +111,29 @@ def _annotation(entry: dataclasses.Field[Any], hint: Any) -> tuple[Any, str]:
     if isinstance(hint, type) and dataclasses.is_dataclass(hint):
         return form(hint), summary(hint)
     if get_origin(hint) is tuple:
-        return Choice(get_args(get_args(hint)[0]), several=True), spoken(entry.name)
+        item = get_args(hint)[0]
+        if dataclasses.is_dataclass(item):
+            entries = annotated(GenericAlias(list, form(item)), BeforeValidator(_listed))
+            return annotated(entries, AfterValidator(tuple)), summary(item)
+        return Choice(get_args(item), several=True), spoken(entry.name)
     if get_origin(hint) is Literal:
         return Choice(get_args(hint)), spoken(entry.name)
     if hint is bool:
         return Flag(), str(entry.metadata.get("meaning", spoken(entry.name)))
     raise TypeError(f"{entry.name}: declare a quantity, a word, a file, a dataclass, a bool or a Literal, not {hint}")
+
+
+MOST_ENTRIES = 100
+"""Entries of a list of mappings."""
+
+
+def _listed(value: Any) -> Any:
+    """Refuse what is no list of a moderate length."""
+    if not isinstance(value, list):
+        raise wrong(f"{said(value)} is not a list", "write a list of `{key: value}` entries")
+    if len(value) > MOST_ENTRIES:
+        raise wrong(f"has {len(value)} entries", f"write at most {MOST_ENTRIES}")
+    return value
 
 
 def spoken(name: str) -> str:

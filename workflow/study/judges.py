@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from workflow import reduction, schemes
-from workflow.study.addresses import REDUCTION, Address
+from workflow.study.addresses import DEFAULT_SCHEME, REDUCTION, Address, harmonic_counts
 from workflow.study.axes import Axis
-from workflow.study.mistakes import Place
-from workflow.study.settings import Initial
+from workflow.study.mistakes import Place, place_of_path
+from workflow.study.settings import CasingHarmonic, Initial, Load
 from workflow.study.source import Source
 
 MOST_SAMPLES = 2_000_000
@@ -21,6 +24,12 @@ MOST_STEPS = 10**12
 
 LONGEST_STEP = 1e3
 """A step, in durations; one step of any length covers the duration, this leaves room and no overflow."""
+
+
+MOST_COMBINATIONS = 10**7
+"""Combinations of start and casing that are judged before a study runs."""
+
+_CASING_HARMONICS = "scene.casing.harmonics"
 
 
 def mapping(value: Any, *keys: str) -> dict[str, Any]:
@@ -59,9 +68,42 @@ class Written:
             for place, varied, _ in self.varied():
                 if varied == path:
                     return place
-            if tuple(path.split(".")) in self.source.lines:
-                return tuple(path.split("."))
-        return tuple(paths[-1].split("."))
+            if place_of_path(path) in self.source.lines:
+                return place_of_path(path)
+        return place_of_path(paths[-1])
+
+
+def judge_parts(written: Written) -> None:
+    """Report harmonics without one frequency, orders without a speed, an alpha beside the friction that makes it."""
+    _judge_friction(written)
+    for group in ("casing", "load"):
+        entries = mapping(written.tree, "scene", group).get("harmonics")
+        for k, entry in enumerate(entries if isinstance(entries, list) else ()):
+            if isinstance(entry, dict):
+                _judge_harmonic(written, f"scene.{group}.harmonics.{k}", entry)
+
+
+def _judge_harmonic(written: Written, path: str, entry: Mapping[str, Any]) -> None:
+    """Report one entry of ``harmonics`` that has no frequency, two, or an order of no speed."""
+    given = [name for name in ("frequency", "order") if name in entry]
+    if len(given) != 1:
+        problem = "has both `frequency` and `order`" if given else "has neither `frequency` nor `order`"
+        written.source.report(place_of_path(path), problem, "write one of the two")
+    elif given == ["order"] and "speed" not in mapping(written.tree, "scene"):
+        remedy = "write `speed` in the scene, e.g. `speed: 9000 rpm`, or `frequency` in the place of `order`"
+        written.source.report(
+            written.place_of((f"{path}.order",)), "is a multiple of a speed that is not given", remedy
+        )
+
+
+def _judge_friction(written: Written) -> None:
+    if "friction" not in mapping(written.tree, "scene"):
+        return
+    beside = [place for place, path, _ in written.varied() if path == "alpha"]
+    beside += [("reference", "alpha")] if "alpha" in mapping(written.tree, "reference") else []
+    for place in beside:
+        problem = "stands beside `scene.friction`, which makes it"
+        written.source.report(place, problem, "keep one of the two: alpha = heat_share · coefficient · sliding_speed")
 
 
 def can_be_used(source: Source, place: Place, fault: str | None) -> bool:
@@ -91,27 +133,62 @@ def _named(written: Written, setting: str) -> list[tuple[Place, Any]]:
     return [*found, (("reference", setting), mapping(written.tree, "reference").get(setting))]
 
 
+def judge_support(written: Written, methods: Mapping[str, Sequence[str]]) -> None:
+    """Report the schemes that do not take the harmonics of a scene; ``methods`` are what each label stands for."""
+    casing, load = harmonic_counts(written.tree)
+    used = [(place, name) for place, name in _named(written, "scheme") if isinstance(name, str)]
+    if not any(place[0] != "reference" for place, _ in used):
+        used.append((("scene", "casing" if casing else "load", "harmonics"), DEFAULT_SCHEME))
+    for place, name in used:
+        for method in methods.get(name, ()) if len(methods.get(name, ())) == 1 else ():
+            reason = None if schemes.fault(method) else schemes.load(method).cannot_take(load > 0, casing > 0)
+            if reason is not None:
+                remedy = "name another scheme, or leave `harmonics` out"
+                written.source.report(place, f"`{name}` {reason}", remedy)
+
+
 def judge_start(written: Written, scene: Mapping[str, Any], groups: Sequence[tuple[Axis, ...]]) -> None:
-    """Refuse a tip that starts inside the casing in any case."""
+    """Refuse a tip that starts inside the casing, beyond d(0), in any case."""
     initial, casing = scene.get("initial"), scene.get("casing")
     if not isinstance(initial, Initial) or casing is None:
         return
     tip = initial.displacement[-1] if isinstance(initial.displacement, tuple) else initial.displacement
     paths = ("scene.initial.displacement", "scene.casing.gap")
-    values: dict[str, tuple[Any, ...]] = {paths[0]: (tip,), paths[1]: (casing.gap,)}
-    together = False
-    for group in groups:
-        found = {axis.path: axis.values for axis in group if axis.path in paths}
-        together = together or len(found) == 2
-        values |= found
-    tips, gaps = values[paths[0]], values[paths[1]]
-    pairs = list(zip(tips, gaps, strict=True)) if together else [(max(tips), min(gaps))]
-    inside = [(x, gap) for x, gap in pairs if x > gap]
-    if inside:
-        x, gap = inside[0]
+    values = _combined(groups, lambda path: path in paths or path.startswith(f"{_CASING_HARMONICS}."))
+    if values is None:
+        return
+    tips, gaps = values.get(paths[0], np.float64(tip)), values.get(paths[1], np.float64(casing.gap))
+    place = gaps + sum(_begins(harmonic, k, values) for k, harmonic in enumerate(casing.harmonics))
+    tips, place, gaps = np.broadcast_arrays(tips, place, gaps)
+    inside = np.argmax(tips - place)
+    x, begins, gap = (float(found.ravel()[inside]) for found in (tips, place, gaps))
+    if x > begins:
         problem = f"the tip starts inside the casing, at {x:g} m with a gap of {gap:g} m"
+        problem += "" if begins == gap else f" and the casing at {begins:g} m"
         remedy = "start at or below the gap, or write `initial: static`"
         written.source.report(written.place_of(paths), problem, remedy)
+
+
+def _combined(groups: Sequence[tuple[Axis, ...]], matters: Callable[[str], bool]) -> dict[str, Any] | None:
+    """Return the values of some axes in all combinations, ``(combination,)``; ``None`` where they are too many."""
+    chosen = [group for group in groups if any(matters(axis.path) for axis in group)]
+    shape = tuple(len(group[0].values) for group in chosen)
+    if math.prod(shape) > MOST_COMBINATIONS:
+        return None
+    places = np.indices(shape).reshape(len(shape), math.prod(shape))
+    return {
+        axis.path: np.asarray(axis.values, dtype=np.float64)[index]
+        for group, index in zip(chosen, places, strict=True)
+        for axis in group
+        if matters(axis.path)
+    }
+
+
+def _begins(harmonic: CasingHarmonic, k: int, values: Mapping[str, Any]) -> Any:
+    """Return a sin φ of a harmonic of the casing, in all combinations of its axes."""
+    amplitude = values.get(f"{_CASING_HARMONICS}.{k}.amplitude", harmonic.amplitude)
+    phase = values.get(f"{_CASING_HARMONICS}.{k}.phase", harmonic.phase)
+    return amplitude * np.sin(phase)
 
 
 def judge_extent(
@@ -125,11 +202,11 @@ def judge_extent(
     if duration is None or load is None:
         return
     values = {axis.path: axis.values for group in groups for axis in group}
-    fastest = max(float(value) for value in values.get("scene.load.frequency", (load.frequency,)))
-    if duration * fastest > MOST_SAMPLES:
-        problem = f"gives {duration * fastest:.3g} load periods"
-        remedy = f"write a shorter duration, or a frequency up to {MOST_SAMPLES / duration:.3g} Hz"
-        written.source.report(written.place_of(("scene.load.frequency",)), problem, remedy)
+    for path, fastest in _frequencies(scene, load, values):
+        if duration * fastest > MOST_SAMPLES:
+            problem = f"gives {duration * fastest:.3g} load periods"
+            remedy = f"write a shorter duration, or a frequency up to {MOST_SAMPLES / duration:.3g} Hz"
+            written.source.report(written.place_of((path,)), problem, remedy)
     used = {method for label in values.get("scheme", ()) for method in methods.get(str(label), ())}
     if not any("h" in schemes.load(method).READS for method in used if schemes.fault(method) is None):
         return
@@ -140,3 +217,23 @@ def judge_extent(
     elif longest is not None and longest > LONGEST_STEP * duration:
         problem = f"{longest:g} s is far longer than the duration of {duration:g} s"
         written.source.report(written.place_of(("h",)), problem, f"write at most {duration:g} s")
+
+
+def _frequencies(
+    scene: Mapping[str, Any], load: Load, values: Mapping[str, tuple[Any, ...]]
+) -> Iterator[tuple[str, float]]:
+    """Yield path and largest value of the frequencies that load periods may be counted by."""
+
+    def largest(path: str, value: float) -> float:
+        return max(float(each) for each in values.get(path, (value,)))
+
+    yield "scene.load.frequency", largest("scene.load.frequency", load.frequency)
+    casing = scene.get("casing")
+    for group, harmonics in (("load", load.harmonics), ("casing", casing.harmonics if casing is not None else ())):
+        for harmonic in harmonics[:1]:
+            path = f"scene.{group}.harmonics.0."
+            if harmonic.order is None:
+                yield f"{path}frequency", largest(f"{path}frequency", harmonic.frequency or 0.0)
+            else:
+                speed = largest("scene.speed", scene.get("speed") or 0.0)
+                yield f"{path}order", speed * largest(f"{path}order", harmonic.order)

@@ -13,6 +13,11 @@ Place = tuple[str | int, ...]
 """Keys and positions that lead from the top of a study to an entry."""
 
 
+def place_of_path(path: str) -> Place:
+    """Return where a dotted path leads; words that are numbers count the entries of lists."""
+    return tuple(int(word) if word.isdigit() else word for word in path.split("."))
+
+
 @dataclass(frozen=True)
 class Mistake:
     """One mistake of a study.

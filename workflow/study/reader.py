@@ -15,9 +15,9 @@ from pydantic import TypeAdapter, ValidationError
 from pydantic_core import PydanticCustomError
 
 from workflow import models, reduction, schemes
-from workflow.study.addresses import MODES, Address, scene_values, scheme_options, settings
+from workflow.study.addresses import MODES, Address, harmonic_counts, scene_values, scheme_options, settings
 from workflow.study.axes import Arrangement, Axis, Dimension, expanded
-from workflow.study.document import study_form
+from workflow.study.document import SCENE_KEYS, study_form
 from workflow.study.edits import OPTION, plain_tree, replaced, text_of
 from workflow.study.forms import Form, entries_of, sound
 from workflow.study.forms import form as parameters_form
@@ -26,12 +26,14 @@ from workflow.study.judges import (
     Written,
     can_be_used,
     judge_extent,
+    judge_parts,
     judge_schemes,
     judge_start,
+    judge_support,
     mapping,
 )
 from workflow.study.leaves import Axial, Spread
-from workflow.study.mistakes import Place, StudyError, one_of, said
+from workflow.study.mistakes import Place, StudyError, one_of, place_of_path, said
 from workflow.study.settings import FULL, Output, Scene, SchemeChoice
 from workflow.study.source import Source, compose, read_text
 from workflow.study.study import Reference, Study
@@ -102,9 +104,10 @@ def _forms(
     methods: tuple[tuple[str, tuple[str, ...]], ...],
     labels: tuple[str, ...],
     bases: tuple[str, ...],
+    harmonics: tuple[int, int],
 ) -> tuple[dict[str, Address], type[Form]]:
     """Return what may vary and the form of a study, for some models, schemes and bases."""
-    addresses = settings(labels, bases) | scene_values(names) | scheme_options(dict(methods))
+    addresses = settings(labels, bases) | scene_values(names, harmonics) | scheme_options(dict(methods))
     return addresses, study_form(addresses, labels, bases)
 
 
@@ -117,7 +120,9 @@ class _Reader:
         self.model = self._model()
         self.labels = self._labels()
         names = (self.model,) if self.model else models.names()
-        self.addresses, self.form = _forms(names, tuple(self.labels.items()), tuple(self.labels), reduction.names())
+        self.addresses, self.form = _forms(
+            names, tuple(self.labels.items()), tuple(self.labels), reduction.names(), harmonic_counts(self.tree)
+        )
         path = f"scene.{self.model}.nodes"
         self.nodes = path if path in self.addresses else None
         self.directory = Path(source.file).parent
@@ -135,12 +140,16 @@ class _Reader:
         arrangement = Arrangement(self.source, self.addresses, self.nodes, self.counts, self._reserved())
         dimensions, scalars = arrangement.arrange(axes, zips)
         scene = entries["scene"]
+        if scene.get("friction") is not None:  # alpha is what it makes
+            scalars = tuple(axis for axis in scalars if axis.path != "alpha")
         reference = entries.get("reference")
         if reference is not None:
             reference = Reference(self._reference(reference, arrangement, dimensions))
         defined = entries["schemes"].items()
         choices = {label: SchemeChoice(label, method, options) for label, (method, options) in defined}
         groups = [*(dimension.axes for dimension in dimensions), *((axis,) for axis in scalars)]
+        judge_parts(self._written())
+        judge_support(self._written(), self.labels)
         judge_start(self._written(), scene, groups)
         judge_extent(self._written(), scene, groups, self.labels)
         output = self._output(entries["output"], scene.get("duration"))
@@ -151,14 +160,7 @@ class _Reader:
             title=entries["title"] or entries["study"],
             text=self.source.text,
             file=self.source.file,
-            scene=Scene(
-                str(self.model),
-                scene[str(self.model)],
-                scene["casing"].gap,
-                scene["load"],
-                scene["initial"],
-                scene["duration"],
-            ),
+            scene=Scene(str(self.model), scene[str(self.model)], **{key: scene[key] for key in SCENE_KEYS}),
             schemes=self._used(choices, dimensions, scalars, reference),
             dimensions=dimensions,
             scalars=scalars,
@@ -176,7 +178,7 @@ class _Reader:
             problem = f"is a second model beside `{found[0]}`"
             self.source.report(("scene", found[1]), problem, "keep one model per study")
         elif not found and isinstance(written, dict):
-            known = set(scene) & {"casing", "load", "initial", "duration"}
+            known = set(scene) & set(SCENE_KEYS)
             if len(known) == len(scene):  # an unknown key is told by itself
                 self.source.report(("scene",), "has no model", one_of("", models.names()))
         return (
@@ -214,7 +216,10 @@ class _Reader:
             *above, last = path.split(".")
             owner = self.tree
             for word in above:
-                owner = owner.setdefault(word, {}) if isinstance(owner, dict) else None
+                if isinstance(owner, list):  # the address is that of one of its entries
+                    owner = owner[int(word)]
+                else:
+                    owner = owner.setdefault(word, {}) if isinstance(owner, dict) else None
             if not above or above[0] != "scene":
                 continue
             if owner == "static":
@@ -222,7 +227,7 @@ class _Reader:
                 self.source.report(place, "varies a start that is `static`", remedy)
             elif isinstance(owner, dict) and last not in owner:
                 owner[last] = _first(content)
-                supplied.add(tuple(path.split(".")))
+                supplied.add(place_of_path(path))
         return supplied
 
     def _node_counts(self) -> tuple[int, ...] | None:

@@ -41,7 +41,9 @@ def resolved_values(study: Study, cell: Cell) -> tuple[ResolvedValue, ...]:
     single = {axis.path: axis for axis in study.scalars}
     written = _written(study)
     labels = {label: (choice.method,) for label, choice in study.schemes.items()}
-    addresses: dict[str, Address | None] = {**scene_values((cell.scene.model,))}
+    addresses: dict[str, Address | None] = {
+        **scene_values((cell.scene.model,), (len(cell.scene.casing.harmonics), len(cell.scene.load.harmonics)))
+    }
     addresses |= {"scene.duration": None, **settings(tuple(labels), reduction.names()), **scheme_options(labels)}
     found = []
     for path, address in addresses.items():
@@ -58,18 +60,20 @@ def resolved_values(study: Study, cell: Cell) -> tuple[ResolvedValue, ...]:
 def _values_at(study: Study, cell: Cell, path: str) -> tuple[Any, ...] | None:
     """Return the value of a path in a case as a tuple, ``None`` where it has none; a static start is told once."""
     head, *words = path.split(".")
+    if path == "alpha" or (path == "scene.speed" and not cell.scene.speed):
+        return None  # made by the scene's friction, and told by its factors; none
     owner: Any = cell.scene
     if head == "schemes":
         label, *words = words
         owner = study.schemes[label].options
     elif words[0] == cell.scene.model:
         owner, words = cell.scene.parameters, words[1:]
-    elif words[0] == "casing":
-        words = words[1:]
     elif words[0] == "initial" and isinstance(cell.scene.initial, str):
         return (cell.scene.initial,) if words[1] == "displacement" else None
     for word in words:
-        owner = getattr(owner, word, None)
+        owner = owner[int(word)] if isinstance(owner, tuple) else getattr(owner, word, None)
+    if owner is None:
+        return None
     return owner if isinstance(owner, tuple) else (owner,)
 
 
@@ -87,9 +91,10 @@ def _is_written(tree: Any, path: str) -> bool:
     for word in path.split("."):
         if tree == "static":
             return True
-        if not isinstance(tree, Mapping) or word not in tree:
+        step: Any = int(word) if isinstance(tree, list) else word
+        if not isinstance(tree, Mapping | list) or (isinstance(tree, Mapping) and step not in tree):
             return False
-        tree = tree[word]
+        tree = tree[step]
     return True
 
 

@@ -16,14 +16,35 @@ Precision = Literal["float64", "float32"]
 
 
 @dataclass(frozen=True)
+class LoadHarmonic:
+    """One more sinusoid A sin(2π f t + φ) of the load on the tip."""
+
+    amplitude: float = quantity("N", "amplitude of a harmonic of the load")
+    phase: float = quantity("rad", "phase of a harmonic of the load", default=0.0)
+    frequency: float | None = quantity("Hz", "frequency of a harmonic of the load", default=None, at_least=0)
+    order: float | None = quantity("1", "frequency of a harmonic of the load, over speed", default=None, at_least=0)
+
+
+@dataclass(frozen=True)
+class CasingHarmonic:
+    """One sinusoid a sin(2π f t + φ) of the casing's motion, away from the tip where it is positive."""
+
+    amplitude: float = quantity("m", "amplitude of a harmonic of the casing")
+    phase: float = quantity("rad", "phase of a harmonic of the casing", default=0.0)
+    frequency: float | None = quantity("Hz", "frequency of a harmonic of the casing", default=None, at_least=0)
+    order: float | None = quantity("1", "frequency of a harmonic of the casing, over speed", default=None, at_least=0)
+
+
+@dataclass(frozen=True)
 class Load:
-    """Load f(t) = F0 + F1 sin(2π f t + φ) on the tip [N], and a constant one on every node."""
+    """Load f(t) = F0 + F1 sin(2π f t + φ) + harmonics on the tip [N], and a constant one on every node."""
 
     mean: float = quantity("N", "constant part F0 of the load on the tip", default=0.0)
     amplitude: float = quantity("N", "amplitude F1 of the load on the tip", default=0.0)
     frequency: float = quantity("Hz", "frequency of the load on the tip", default=0.0, at_least=0)
     phase: float = quantity("rad", "phase of the load on the tip", default=0.0)
     steady: Values = quantity("N", "constant load per node", default=0.0, per="node")
+    harmonics: tuple[LoadHarmonic, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -40,6 +61,21 @@ class Casing:
     """The casing that the tip rubs on, e.g. ``casing: {gap: 20 um}``."""
 
     gap: float = quantity("m", "tip clearance at rest, cold; any sign")
+    harmonics: tuple[CasingHarmonic, ...] = ()
+
+
+@dataclass(frozen=True)
+class Friction:
+    """What makes the heat coupling: alpha = heat_share · coefficient · sliding_speed."""
+
+    coefficient: float = quantity("1", "friction coefficient between tip and casing", at_least=0)
+    sliding_speed: float = quantity("m/s", "speed at which the tip slides along the casing", at_least=0)
+    heat_share: float = quantity("1", "share of the friction heat that enters the blade", at_least=0, at_most=1)
+
+    @property
+    def alpha(self) -> float:
+        """Heat coupling α, W/N."""
+        return self.heat_share * self.coefficient * self.sliding_speed
 
 
 @dataclass(frozen=True)
@@ -52,20 +88,31 @@ class Scene:
         Name of the model, a module of ``workflow/models/``.
     parameters
         Instance of that module's ``Parameters``; lists are tuples.
-    gap
-        Tip clearance at rest, cold, m.
+    casing
+        Tip clearance and the casing's motion.
     load, initial
         Load and initial state; ``"static"`` is equilibrium under the constant loads.
     duration
         s.
+    speed
+        Revolutions per second, of which a harmonic's ``order`` is a multiple; 0 where none is given.
+    friction
+        What makes α, ``None`` where α is given as it is.
     """
 
     model: str
     parameters: Any
-    gap: float
+    casing: Casing
     load: Load
     initial: Initial | Literal["static"]
     duration: float = quantity("s", "duration of every case", above=0)
+    speed: float = quantity("Hz", "revolutions per second, of which an `order` is a multiple", default=0.0, at_least=0)
+    friction: Friction | None = None
+
+    @property
+    def gap(self) -> float:
+        """Tip clearance at rest, cold, m."""
+        return self.casing.gap
 
 
 @dataclass(frozen=True)

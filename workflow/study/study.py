@@ -107,7 +107,7 @@ class Study:
             scene,
             scheme,
             e=float(values["e"]),
-            alpha=float(values["alpha"]),
+            alpha=float(values["alpha"]) if scene.friction is None else scene.friction.alpha,
             h=float(values["h"]),
             reduction=str(values["reduction"]),
             mechanical_modes=_interior(scene, 0) if mechanical == FULL else int(mechanical),
@@ -125,10 +125,12 @@ class Study:
                 **({"license": self.license} if self.license else {}),
                 "scene": {
                     scene.model: plain(scene.parameters),
-                    "casing": {"gap": scene.gap},
-                    "load": dataclasses.asdict(scene.load),
+                    "casing": _without_empty(dataclasses.asdict(scene.casing), "harmonics"),
+                    "load": _without_empty(dataclasses.asdict(scene.load), "harmonics"),
                     "initial": initial,
                     "duration": scene.duration,
+                    **({"speed": scene.speed} if scene.speed else {}),
+                    **({} if scene.friction is None else {"friction": dataclasses.asdict(scene.friction)}),
                 },
                 "schemes": {
                     label: {"method": choice.method, **plain(choice.options)} for label, choice in self.schemes.items()
@@ -142,6 +144,11 @@ class Study:
         return resolved
 
 
+def _without_empty(values: dict[str, Any], key: str) -> dict[str, Any]:
+    """Return values without a key whose value is empty: studies that do not have it keep their identity."""
+    return {name: value for name, value in values.items() if name != key or value}
+
+
 def _interior(scene: Scene, kind: int) -> int:
     """Return the number of interior coordinates of a scene's structure, mechanical (0) or thermal (1)."""
     return models.sizes(scene.model, scene.parameters)[kind] - 1
@@ -149,14 +156,15 @@ def _interior(scene: Scene, kind: int) -> int:
 
 def _attributes(words: list[str], model: str) -> list[str]:
     """Return how the value of a dotted path below ``scene`` is reached in a :class:`Scene`."""
-    if words[0] == "casing":
-        return words[1:]
     return ["parameters", *words[1:]] if words[0] == model else words
 
 
 def _replaced(owner: Any, attributes: list[str], value: Value) -> Any:
     """Return a frozen dataclass with a value replaced, however deep it lies."""
     name, *deeper = attributes
+    if isinstance(owner, tuple):
+        place = int(name)
+        return (*owner[:place], _replaced(owner[place], deeper, value), *owner[place + 1 :])
     return dataclasses.replace(owner, **{name: _replaced(getattr(owner, name), deeper, value) if deeper else value})
 
 

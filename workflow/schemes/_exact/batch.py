@@ -62,8 +62,8 @@ class _Batch:
         count, basis = cases.count, operator.basis
         self.operator, self.cases, self.sampling = operator, cases, sampling
         self.times = sampling.times
-        self.periods = complete_periods(cases.frequency, sampling)
-        self.finite = np.all([_finite_rows(getattr(cases, name)) for name in cases.__dataclass_fields__], axis=0)
+        self.periods = complete_periods(cases.period_frequency, sampling)
+        self.finite = cases.finite
         states = (
             (basis.to_modes, cases.displacement),
             (basis.to_modes, cases.velocity),
@@ -204,11 +204,6 @@ def _taylor_steps(regime: Layout, duration: float) -> float:
     np.divide(w2, half + root, out=slow, where=root > 0)
     explicit = (slow * duration < SLOW_POLE) & ((regime.block[block.RESONANT] > 0) | (c < 0))
     return float(np.max(np.abs(c)[explicit], initial=0.0)) * duration / TAYLOR_SPAN
-
-
-def _finite_rows(values: Array) -> Array:
-    """Return whether all values of each case are finite."""
-    return np.asarray(np.isfinite(values).reshape(len(values), -1).all(axis=1))
 
 
 def _times(matrix: Array, states: Array) -> Array:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.kernels import elementwise
 from workflow.kernels.compiled import defines, kernel
 from workflow.kernels.complex_numbers import magnitude
 from workflow.kernels.lanes import PACK
@@ -120,7 +119,7 @@ def _march(operator: Coefficients, law: Linear, state: State, block: Block, audi
 def _half_step_before(modal: Decoupled, cases: Cases, h: float) -> Array:
     """Return the modal w_-½ = v_0 - (h/2) a_0, with the acceleration without contact, ``(case, mode)``."""
     velocity = project(modal.to_modes, cases.velocity)
-    force = cases.mean + cases.amplitude * elementwise.sine_cosine(cases.phase)[0]
+    force = cases.load_at(0.0)
     acceleration = project(modal.shapes.T, cases.steady) + force[:, None] * modal.tip
     acceleration -= modal.damping * velocity + modal.frequency**2 * project(modal.to_modes, cases.displacement)
     acceleration -= project(modal.coupling, project(modal.to_thermal, cases.temperature))

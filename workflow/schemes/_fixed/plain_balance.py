@@ -13,17 +13,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from workflow.kernels import Array, elementwise
+from workflow.kernels import Array
 from workflow.models import Cases, Structure, project
 
 States = tuple[Array, Array, Array]
 """Displacement and velocity ``(case, mechanical)``, temperature ``(case, thermal)``."""
-
-
-def load_at(cases: Cases, t: float) -> Array:
-    """Return the tip load F0 + F1 sin(2π f t + φ), N, ``(case,)``."""
-    sine, _ = elementwise.sine_cosine(2 * np.pi * cases.frequency * t + cases.phase)
-    return np.asarray(cases.mean + cases.amplitude * sine)
 
 
 def _dot(left: Array, right: Array) -> Array:
@@ -54,7 +48,7 @@ class PlainBalance:
     def add(self, before: States, after: States, impulse: Array) -> None:
         """Add a step from its states at both ends and the impulse p in it, N s, ``(case,)``."""
         h, cases = self._h, self._cases
-        begin, end = load_at(cases, self._step * h), load_at(cases, (self._step + 1) * h)
+        begin, end = cases.load_at(self._step * h), cases.load_at((self._step + 1) * h)
         self._step += 1
         v, temperature = 0.5 * (before[1] + after[1]), 0.5 * (before[2] + after[2])
         force = project(self._damping, v) + project(self._coupling, temperature) - cases.steady

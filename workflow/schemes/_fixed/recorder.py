@@ -26,7 +26,7 @@ from workflow.schemes._fixed.marks import (
     Block,
     take_marks,
 )
-from workflow.schemes._fixed.plain_balance import PlainBalance, load_at
+from workflow.schemes._fixed.plain_balance import PlainBalance
 from workflow.schemes._fixed.stepping import block_of, collect, observe, parts, watch
 from workflow.schemes._fixed.tip_load import LOAD_ROWS
 from workflow.schemes._interface import Results, Sampling, Status, schedule
@@ -76,8 +76,8 @@ class Recorder:
         self._before = self._states
 
     def load(self, share: float = 1.0) -> Array:
-        """Return the tip load F0 + F1 sin(2π f t + φ) at a share of the step that is due, N, ``(case,)``."""
-        return load_at(self._cases, (self._step + share) * self._h)
+        """Return the tip load f(t) with its harmonics at a share of the step that is due, N, ``(case,)``."""
+        return self._cases.load_at((self._step + share) * self._h)
 
     def record(self, displacement: Array, velocity: Array, temperature: Array, impulse: Array) -> None:
         """Record the end of a step.

@@ -153,12 +153,12 @@ def watch(cases: Cases, mean: Array, sampling: Sampling, schedule: Schedule, h: 
 
     ``mean`` is the constant part of the tip force, N, ``(case,)``.
     """
-    periods = complete_periods(cases.frequency, sampling)
+    periods = complete_periods(cases.period_frequency, sampling)
     longest = int(periods.max(initial=0))
     ends = np.arange(1, longest + 1)
     counted = ends <= periods[:, None]
     position = np.zeros(counted.shape)
-    np.divide(ends / h, cases.frequency[:, None], out=position, where=counted)
+    np.divide(ends / h, cases.period_frequency[:, None], out=position, where=counted)
     nearest = np.round(position)
     on_step = np.abs(position - nearest) <= 1e-9 * np.maximum(nearest, 1.0)  # as for the step count
     weight = np.where(on_step, 1.0, position - np.floor(position))
@@ -245,7 +245,7 @@ def _blank_what_was_lost(watched: Watch, case: int) -> None:
     first = int(np.argmax(bad)) if bad.any() else histories.shape[1] - 1
     histories[:, first:] = np.nan
     ends = np.arange(1, periods.shape[1] + 1)
-    periods[:, ends > watched.cases.frequency[case] * watched.interval * (first - 1)] = np.nan
+    periods[:, ends > watched.cases.period_frequency[case] * watched.interval * (first - 1)] = np.nan
 
 
 def collect(
@@ -276,7 +276,7 @@ def collect(
         metrics={**metrics, "steps": np.full(watched.cases.count, float(watched.schedule.steps))},
         period_impulse=impulse,
         period_temperature=temperature,
-        period_contact=contact * watched.cases.frequency[:, None],
+        period_contact=contact * watched.cases.period_frequency[:, None],
         status=status,
         messages=messages,
     )

@@ -1,0 +1,68 @@
+"""Frequencies of a study's loads and casing: how many load periods a case has, and how fast its scene changes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from functools import lru_cache
+
+import numpy as np
+
+from workflow.grid._arrangement import Grid, Indices
+from workflow.grid._conditions import harmonics_of, spread
+from workflow.models import Array
+from workflow.schemes import complete_periods
+from workflow.study import Cell, Scene
+
+_OF_HARMONICS = ("scene.speed", *(f"scene.load.{name}" for name in ("amplitude", "frequency")))
+_OF_HARMONICS += ("scene.load.harmonics.", "scene.casing.harmonics.")
+"""Beginnings of the axes that decide frequencies where a scene has harmonics."""
+
+
+def period_frequency(scene: Scene, varying: Mapping[str, Array], count: int) -> Array:
+    """Return the frequency of the load periods of each case, Hz, ``(case,)``: see ``Cases.period_frequency``."""
+    frequency = spread(varying, "scene.load.frequency", scene.load.frequency, count)
+    for group in ("load", "casing"):
+        harmonics = harmonics_of(scene, group, varying, count)
+        if harmonics.width:
+            amplitude = spread(varying, "scene.load.amplitude", scene.load.amplitude, count)
+            return np.where(amplitude != 0, frequency, harmonics.frequency[:, 0])
+    return frequency
+
+
+@lru_cache(maxsize=2)
+def longest_period_count(grid: Grid) -> int:
+    """Return the size of the dimension ``period``: the most complete load periods any case has."""
+    counts = [
+        complete_periods(period_frequency(cell.scene, varying, inner.size), grid.sampling).max()
+        for cell, varying, inner in _distinct(grid)
+    ]
+    return int(max(counts))
+
+
+@lru_cache(maxsize=2)
+def fastest(grid: Grid) -> float:
+    """Return the largest frequency of load and casing in any case, Hz."""
+    largest = 0.0
+    for cell, varying, inner in _distinct(grid):
+        rows = [spread(varying, "scene.load.frequency", cell.scene.load.frequency, inner.size)[:, None]]
+        rows += [harmonics_of(cell.scene, group, varying, inner.size).frequency for group in ("load", "casing")]
+        largest = max(largest, float(np.hstack(rows).max()))
+    return largest
+
+
+def _distinct(grid: Grid) -> Iterator[tuple[Cell, Mapping[str, Array], Indices]]:
+    """Yield settings and conditions of one case for each combination of what decides frequencies."""
+    scene = grid.study.scene
+    deciding = _OF_HARMONICS if scene.load.harmonics or scene.casing.harmonics else ("scene.load.frequency",)
+
+    def matters(path: str) -> bool:
+        return path.startswith(deciding)
+
+    sizes = [d.size if any(matters(axis.path) for axis in d.axes) else 1 for d in grid.inner]
+    inner = np.zeros(1, dtype=np.int64)
+    if grid.inner:
+        places = np.indices(sizes).reshape(len(sizes), -1)
+        inner = np.asarray(np.ravel_multi_index(tuple(places), grid.inner_shape), dtype=np.int64)
+    varying = grid.inner_values(inner)
+    for outer in np.unique(grid.alike(np.arange(grid.outer_count, dtype=np.int64), matters)).tolist():
+        yield grid.settings(outer), varying, inner
