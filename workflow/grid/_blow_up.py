@@ -23,7 +23,7 @@ import numpy as np
 from workflow import schemes
 from workflow.grid._arrangement import Indices
 from workflow.grid._operators import reduced_structure, runaway_of, structure_of
-from workflow.models import Array, Cases, Chain, Structure, static_tip_growth, tip_flexibility
+from workflow.models import Array, Cases, Chain, Sparse, Structure, static_tip_growth, tip_flexibility
 from workflow.schemes import Results, Status
 from workflow.study import Cell
 
@@ -115,6 +115,7 @@ def _is_rounding(cell: Cell, cases: Cases, results: Results, case: int, duration
 def _free_flight(cell: Cell, case: Cases, duration: float) -> float:
     """Return how far the loads of one case and its initial velocity would take the whole structure, m."""
     structure = structure_of(cell.scene.model, cell.scene.parameters)
+    assert not isinstance(structure, Sparse), "it is held"
     mass = structure.masses.sum() if isinstance(structure, Chain) else np.diag(structure.mass).sum()
     load = float(np.abs(case.mean[0]) + np.abs(case.amplitude[0]) + np.abs(case.steady[0]).sum())
     load += float(case.load_harmonics.reach[0])
@@ -140,14 +141,27 @@ def _accounted(cell: Cell, cases: Cases, flexibility: float, growth: Array, dura
     load = np.abs(cases.mean) + np.abs(cases.amplitude) + np.abs(cases.steady).sum(axis=1)
     load, place = load + cases.load_harmonics.reach, np.abs(cases.gap) + cases.casing_harmonics.reach
     warm = np.abs((growth * cases.temperature).sum(axis=1))
-    capacity = structure.heat_capacities if isinstance(structure, Chain) else np.diag(structure.heat_capacity)
+    capacity = _heat_capacities(structure)
     heated = (np.abs(growth) * np.abs(cases.heating) / capacity).sum(axis=1) * duration
     reached = np.sqrt(2 * flexibility * _energy(structure, cases))
     return np.asarray(np.max([place, flexibility * load, warm, heated, reached], axis=0))
 
 
+def _heat_capacities(structure: Structure) -> Array:
+    """Return the heat capacity of each temperature, J/K, ``(thermal,)``."""
+    if isinstance(structure, Chain):
+        return structure.heat_capacities
+    if isinstance(structure, Sparse):
+        return np.asarray(structure.thermal.inertia.diagonal())
+    return np.diag(structure.heat_capacity)
+
+
 def _energy(structure: Structure, cases: Cases) -> Array:
     """Return the initial energy vᵀMv/2 + xᵀK1x/2 of each case, J."""
+    if isinstance(structure, Sparse):
+        strained = cases.displacement * structure.elongations(cases.displacement.T).T
+        moving = cases.velocity * structure.inertia_forces(cases.velocity.T).T
+        return np.asarray(strained.sum(axis=1) + moving.sum(axis=1)) / 2
     if isinstance(structure, Chain):
         elongation = np.diff(cases.displacement, axis=1, prepend=0.0)
         kinetic = (structure.masses * cases.velocity**2).sum(axis=1)

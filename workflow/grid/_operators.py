@@ -20,6 +20,7 @@ from workflow.models import (
     Cases,
     Growth,
     InContact,
+    Sparse,
     Structure,
     critical_alpha,
     growth,
@@ -76,7 +77,10 @@ def reduction_of(by: Reduced) -> Reduction | None:
 def structure_on(by: Reduced) -> Structure:
     """Return the structure of a model as its basis leaves it."""
     reduction = reduction_of(by)
-    return structure_of(by.model, by.parameters) if reduction is None else reduction.structure
+    if reduction is not None:
+        return reduction.structure
+    structure = structure_of(by.model, by.parameters)
+    return structure.matrices() if isinstance(structure, Sparse) else structure
 
 
 def reduced_structure(cell: Cell) -> Structure:
@@ -140,13 +144,18 @@ def projection_residual_of(cell: Cell, cases: Cases) -> Array:
     return projection_residual(structure_of(cell.scene.model, cell.scene.parameters), reduction, cases)
 
 
+def on_basis(cell: Cell, cases: Cases) -> tuple[Structure, Cases]:
+    """Return the structure that a cell is run on, and cases given on the nodes in its coordinates."""
+    reduction = reduction_of(reduced(cell))
+    return reduced_structure(cell), cases if reduction is None else reduction.project(cases)
+
+
 def run_batch(cell: Cell, cases: Cases, sampling: Sampling) -> Results:
     """Run cases, given on the nodes, on the structure and with the scheme of a cell."""
     scene, method = cell.scene, cell.scheme.method
     schemes.refuse(schemes.load(method), cases)
-    reduction = reduction_of(reduced(cell))
     operator = _operator(reduced(cell), method, cell.scheme.options, cell.h)
-    projected = cases if reduction is None else reduction.project(cases)
+    _, projected = on_basis(cell, cases)
     if scene.initial == "static":
         projected = at_rest(reduced_structure(cell), projected)
     part = batch_part(cell, reduced_structure(cell), sampling, workload_of(cases, sampling))

@@ -9,12 +9,13 @@ import numpy as np
 from workflow import schemes
 from workflow.grid._arrangement import Grid, Indices
 from workflow.grid._conditions import at_rest, conditions
-from workflow.grid._operators import projection_residual_of, reduced_structure, structure_of
+from workflow.grid._operators import on_basis, projection_residual_of, reduced_structure, structure_of
 from workflow.models import (
     Array,
     Cases,
     Chain,
     NoEquilibriumError,
+    Sparse,
     free_motion,
     quasi_static_temperature,
     tip_flexibility,
@@ -55,6 +56,8 @@ def _scenes(grid: Grid) -> Iterator[str]:
             continue  # its modes are not at hand
         inner = _chosen(grid)
         cases = conditions(cell, structure, grid.inner_values(inner), inner.size)
+        if isinstance(structure, Sparse):
+            structure, cases = on_basis(cell, cases)
         if cell.scene.initial == "static":
             try:
                 cases = at_rest(structure, cases)

@@ -21,6 +21,8 @@ from workflow.models._harmonics import Harmonics
 from workflow.models._long_chain import frequency_range, mechanical_path, rate_range, thermal_path
 from workflow.models._modes import Modes, mechanical_modes, modal_coupling, poles, thermal_modes
 from workflow.models._runaway import critical_alpha, static_tip_growth, tip_flexibility
+from workflow.models._sparse import Sparse, TooManyCoordinatesError
+from workflow.models._sparse_from_matrices import structure_from_sparse
 from workflow.models._spectrum import frequencies, rates
 from workflow.models._static import static_displacements, static_temperatures
 from workflow.models._structure import Coordinates, Matrices, Rayleigh, Structure
@@ -85,7 +87,9 @@ __all__ = [
     "Modes",
     "NoEquilibriumError",
     "Rayleigh",
+    "Sparse",
     "Structure",
+    "TooManyCoordinatesError",
     "TooManyNodesError",
     "UnusableMatricesError",
     "critical_alpha",
@@ -112,6 +116,7 @@ __all__ = [
     "static_temperatures",
     "static_tip_growth",
     "structure_from_matrices",
+    "structure_from_sparse",
     "thermal_modes",
     "thermal_path",
     "tip_flexibility",

@@ -79,7 +79,7 @@ class _Part(NamedTuple):
 
 
 def structure_from_matrices(given: GivenMatrices) -> Matrices:
-    """Return the structure that matrices describe; its ``coordinates`` lead from theirs and back.
+    """Return the structure that dense matrices describe; its ``coordinates`` lead from theirs and back.
 
     Raises
     ------
@@ -108,6 +108,42 @@ def structure_from_matrices(given: GivenMatrices) -> Matrices:
         grounded=product(conductors.deformation, uniform),
         damping=given.damping,
         coordinates=coordinates,
+    )
+
+
+class Forms(NamedTuple):
+    """M, K1, K12, C2 and K2 of a structure whose tip is the last coordinate.
+
+    ``content`` and ``losses`` are the heat content [J/K] and the heat flow out of the structure [W/K] per temperature,
+    ``tip_growth`` the quasi-static displacement of the tip per temperature [m/K].
+    """
+
+    mass: Array
+    stiffness: Array
+    coupling: Array
+    heat_capacity: Array
+    conductance: Array
+    content: Array
+    losses: Array
+    tip_growth: Array
+
+
+def structure_of_forms(forms: Forms, damping: Rayleigh) -> Matrices:
+    """Return the structure of matrices whose tip is the last coordinate, such as forms Xᵀ K1 X of a fuller one."""
+    springs = _factored(_symmetric(forms.stiffness), "stiffness")
+    conductors = _factored(_symmetric(forms.conductance), "conductance")
+    return Matrices(
+        mass=_symmetric(forms.mass),
+        springs=np.ones(springs.deformation.shape[0]),
+        elongation=springs.deformation,
+        expansion=_expansion(springs, forms.coupling),
+        heat_capacity=_symmetric(forms.heat_capacity),
+        conductors=np.ones(conductors.deformation.shape[0]),
+        difference=conductors.deformation,
+        content=forms.content,
+        grounded=_expansion(conductors, -forms.losses[:, None])[:, 0],
+        damping=damping,
+        tip_growth=forms.tip_growth,
     )
 
 
@@ -177,8 +213,11 @@ def _following(stiffness: Array, null: Array, into: Array, name: str) -> Array:
 
 def _congruent(matrix: Array, basis: Array) -> Array:
     """Return basisᵀ · matrix · basis, symmetric to the bit."""
-    found = product(basis.T, product(matrix, basis))
-    return np.asarray((found + found.T) / 2)
+    return _symmetric(product(basis.T, product(matrix, basis)))
+
+
+def _symmetric(matrix: Array) -> Array:
+    return np.asarray((matrix + matrix.T) / 2)
 
 
 def _factored(matrix: Array, name: str) -> _Part:

@@ -6,18 +6,14 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from scipy.sparse import csc_array
 
 from workflow.kernels import Array
+from workflow.models._dense import MOST_PORTABLE
 from workflow.models._from_matrices import GivenMatrices
 from workflow.models._matrix_files import LABELS, MATRICES, Entries, refuse
+from workflow.models._sparse_entries import ASYMMETRY, is_large, sparse_matrix, sparse_square
 from workflow.models._structure import Rayleigh
-
-MOST_DENSE = 2000
-"""Degrees of freedom of matrices that are kept as dense arrays, as of :data:`MOST_NODES_WITH_MATRICES`."""
-
-ASYMMETRY = 1e-10
-"""Share of the largest entry of a row and column by which a matrix may miss symmetry: that of assembly in another
-order, or of files with eleven digits. The mean of both halves is used."""
 
 _WHOLE = 1e-9
 """By which shares may miss 1 in sum: rounding of many of them."""
@@ -37,8 +33,6 @@ _TO_SI = {
 def dense(name: str, value: Any) -> Array:
     """Return a matrix or vector as a dense array of finite numbers."""
     if hasattr(value, "toarray"):
-        if max(value.shape) > MOST_DENSE:
-            raise refuse(f"`{name}` has {value.shape[0]} rows", f"at most {MOST_DENSE} are kept")
         value = value.toarray()
     array = np.asarray(value)
     if array.dtype.kind not in "fiub":
@@ -49,8 +43,10 @@ def dense(name: str, value: Any) -> Array:
     return array
 
 
-def square(name: str, value: Any, size: int | None = None) -> Array:
-    """Return a symmetric matrix, its two halves averaged."""
+def square(name: str, value: Any, size: int | None = None) -> Any:
+    """Return a symmetric matrix, its two halves averaged; of many rows as a sparse one."""
+    if is_large(value):
+        return sparse_square(name, value, size)
     matrix = dense(name, value)
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not matrix.size:
         raise refuse(f"`{name}` has the shape {matrix.shape}", "it must be square")
@@ -197,9 +193,10 @@ def _heat(
             )
     capacity = square("heat_capacity", entries["heat_capacity"])
     count = capacity.shape[0]
-    coupling = np.zeros((size, count))
+    coupling: Any = csc_array((size, count)) if max(size, count) > MOST_PORTABLE else np.zeros((size, count))
     if "coupling" in entries:
-        coupling = dense("coupling", entries["coupling"])
+        written = entries["coupling"]
+        coupling = sparse_matrix("coupling", written) if is_large(written) else dense("coupling", written)
         if coupling.shape != (size, count):
             remedy = f"it must have a row per displacement and a column per temperature, {(size, count)}"
             raise refuse(f"`coupling` has the shape {coupling.shape}", remedy)

@@ -10,6 +10,7 @@ from workflow.models import _long_chain
 from workflow.models._chain import Chain
 from workflow.models._dense import product
 from workflow.models._modes import mechanical_modes, thermal_modes
+from workflow.models._sparse import Sparse
 from workflow.models._structure import Matrices, Structure
 
 _PARTICIPATES = 1e-9
@@ -25,6 +26,8 @@ def tip_flexibility(structure: Structure) -> float:
     """Return S = e_nᵀ K1⁻¹ e_n, the static compliance of the tip, m/N; ``inf`` for a free root."""
     if isinstance(structure, Chain):
         return _long_chain.tip_flexibility(structure)
+    if isinstance(structure, Sparse):
+        return 1 / structure.mechanical.tip_stiffness
     modes = mechanical_modes(structure)
     rigid = modes.values == 0
     if _tip_shares(modes.tip, rigid):
@@ -41,7 +44,7 @@ def static_tip_growth(structure: Structure) -> Array:
     """
     if isinstance(structure, Chain):
         return _long_chain.static_tip_growth(structure)
-    if isinstance(structure, Matrices) and structure.tip_growth is not None:
+    if isinstance(structure, Matrices | Sparse) and structure.tip_growth is not None:
         return structure.tip_growth
     modes = mechanical_modes(structure)
     elastic = modes.values > 0
@@ -58,6 +61,8 @@ def critical_alpha(structure: Structure) -> float:
     """
     if isinstance(structure, Chain):
         return _long_chain.critical_alpha(structure)
+    if isinstance(structure, Sparse):
+        return structure.critical_alpha
     flexibility = tip_flexibility(structure)
     if np.isinf(flexibility):
         return float("inf")

@@ -2,22 +2,39 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from workflow.kernels import Array
 from workflow.models._chain import Chain
 from workflow.models._long_chain import frequency_range, rate_range
 from workflow.models._modes import mechanical_modes, thermal_modes
+from workflow.models._sparse import Sparse
+from workflow.models._sparse_pair import SparsePair
 from workflow.models._structure import Structure
 
 
 def frequencies(structure: Structure) -> Array:
-    """Return ω of the modes, rad/s, ascending; of a chain without matrices the lowest and the highest."""
+    """Return ω of the modes, rad/s, ascending; of a chain without matrices the lowest and the highest.
+
+    Of sparse matrices the lowest and about the highest.
+    """
     if isinstance(structure, Chain) and not structure.has_matrices:
         return frequency_range(structure)
+    if isinstance(structure, Sparse):
+        return np.sqrt(_ends(structure.mechanical))
     return mechanical_modes(structure).values
 
 
 def rates(structure: Structure) -> Array:
-    """Return μ of the thermal modes, 1/s, ascending; of a chain without matrices the lowest and the highest."""
+    """Return μ of the thermal modes, 1/s, ascending; of long chains and sparse matrices as :func:`frequencies`."""
     if isinstance(structure, Chain) and not structure.has_matrices:
         return rate_range(structure)
+    if isinstance(structure, Sparse):
+        return _ends(structure.thermal)
     return thermal_modes(structure).values
+
+
+def _ends(pair: SparsePair) -> Array:
+    """Return the lowest and about the largest eigenvalue of a pair."""
+    lowest = float(pair.modes(1)[0][0])
+    return np.array([lowest, max(pair.largest(), lowest)])

@@ -16,6 +16,8 @@ from workflow.models._chain import Chain
 from workflow.models._long_chain import mechanical_path, thermal_path
 from workflow.models._modes import Modes, mechanical_modes, thermal_modes
 from workflow.models._path import Path
+from workflow.models._sparse import Sparse
+from workflow.models._sparse_pair import Answer
 from workflow.models._structure import Structure
 
 
@@ -23,6 +25,8 @@ def static_displacements(structure: Structure, loads: Array) -> Array:
     """Return K1⁻¹ f for every case, m, ``(case, mechanical)``, up to rigid motions; ``loads`` in N, alike."""
     if isinstance(structure, Chain):
         return _along(mechanical_path(structure), structure.masses, loads)
+    if isinstance(structure, Sparse):
+        return _each(structure.mechanical.answer_balanced, loads)
     modes = mechanical_modes(structure)
     return _by_modes(modes, modes.values**2, loads)
 
@@ -31,6 +35,8 @@ def static_temperatures(structure: Structure, heating: Array) -> Array:
     """Return K2⁻¹ q for every case, K, ``(case, thermal)``, up to even warming of adiabatic parts; ``heating`` in W."""
     if isinstance(structure, Chain):
         return _along(thermal_path(structure), structure.heat_capacities, heating)
+    if isinstance(structure, Sparse):
+        return _each(structure.thermal.answer_balanced, heating)
     modes = thermal_modes(structure)
     return _by_modes(modes, modes.values, heating)
 
@@ -40,6 +46,18 @@ def _by_modes(modes: Modes, stiffness: Array, loads: Array) -> Array:
     held = stiffness > 0
     shapes = np.ascontiguousarray(modes.shapes[:, held])
     return project(shapes, project(shapes.T, loads) / stiffness[held])
+
+
+def _each(answer: Answer, loads: Array) -> Array:
+    """Return the answers to loads, each distinct one that is not 0 solved once."""
+    known: dict[bytes, Array] = {}
+    answers = np.zeros_like(loads)
+    for case in np.flatnonzero(loads.any(axis=1)):
+        name = loads[case].tobytes()
+        if name not in known:
+            known[name] = answer(loads[case])
+        answers[case] = known[name]
+    return answers
 
 
 def _along(path: Path, inertia: Array, loads: Array) -> Array:

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from scipy.sparse import issparse
 
 from workflow.declare import quantity
 from workflow.kernels import Array
@@ -25,7 +29,8 @@ class Coordinates:
     Attributes
     ----------
     displacement_basis, displacement_projection
-        From own displacements to those given and back, ``(given, mechanical)`` and ``(mechanical, given)``.
+        From own displacements to those given and back, ``(given, mechanical)`` and ``(mechanical, given)``; sparse
+        arrays of SciPy where the structure has many coordinates.
     temperature_basis, temperature_projection
         The same for temperatures.
     steady, heating
@@ -43,11 +48,11 @@ class Coordinates:
         """Return cases that are given in these coordinates in those of the structure, with its own constant loads."""
         return replace(
             cases,
-            steady=project(self.displacement_basis.T, cases.steady + self.steady),
-            heating=project(self.temperature_basis.T, cases.heating + self.heating),
-            displacement=project(self.displacement_projection, cases.displacement),
-            velocity=project(self.displacement_projection, cases.velocity),
-            temperature=project(self.temperature_projection, cases.temperature),
+            steady=_brought(self.displacement_basis.T, cases.steady + self.steady),
+            heating=_brought(self.temperature_basis.T, cases.heating + self.heating),
+            displacement=_brought(self.displacement_projection, cases.displacement),
+            velocity=_brought(self.displacement_projection, cases.velocity),
+            temperature=_brought(self.temperature_projection, cases.temperature),
         )
 
     @property
@@ -55,6 +60,13 @@ class Coordinates:
         """How many displacements and temperatures were eliminated: those without mass or heat capacity."""
         mechanical, thermal = self.displacement_basis.shape, self.temperature_basis.shape
         return mechanical[0] - mechanical[1], thermal[0] - thermal[1]
+
+
+def _brought(matrix: Any, states: Array) -> Array:
+    """Return matrix · state for every case, the same bits whatever cases stand beside it; the matrix may be sparse."""
+    if not issparse(matrix):
+        return project(matrix, states)
+    return np.ascontiguousarray((matrix @ states.T).T)
 
 
 class Structure:
@@ -143,6 +155,22 @@ class Structure:
     def heat_contents(self, temperatures: Array) -> Array:
         """Return C2 θ, J, ``(thermal, …)``."""
         return product(self.heat_capacity, temperatures)
+
+    def strains(self, deformation: Array) -> bool:
+        """Tell whether elongations ``(spring,)`` strain a spring."""
+        return bool((self.springs * deformation).any())
+
+    def thermal_forces(self, temperatures: Array) -> Array:
+        """Return -K12 θ, N, ``(mechanical, …)``, for temperatures ``(thermal, …)``."""
+        return self.forces_of((self.springs * self.expansions(temperatures).T).T)
+
+    def strain_energies(self, displacement: Array) -> Array:
+        """Return terms whose sum is xᵀ K1 x, N m, for a displacement ``(mechanical,)``."""
+        return np.asarray(self.springs * self.elongations(displacement) ** 2)
+
+    def heat_losses(self, temperature: Array) -> Array:
+        """Return terms whose sum is θᵀ K2 θ, W K, for temperatures ``(thermal,)``."""
+        return np.asarray(self.conductors * self.differences(temperature) ** 2)
 
     @property
     def stiffness_matrix(self) -> Array:

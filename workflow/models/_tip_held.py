@@ -13,6 +13,8 @@ from workflow.models._dense import MOST_PORTABLE, least_squares, product
 from workflow.models._long_chain import mechanical_path, thermal_path
 from workflow.models._modes import Modes, mechanical_modes, singular_modes, thermal_modes
 from workflow.models._path import Path
+from workflow.models._sparse import Sparse, TooManyCoordinatesError
+from workflow.models._sparse_pair import SparsePair
 from workflow.models._structure import Structure
 
 MOST_ONE_BY_ONE = 100
@@ -25,6 +27,8 @@ def mechanical_constraint(structure: Structure) -> tuple[Array, Array]:
     Shapes ``(mechanical,)`` and ``(spring,)``. Parts that are not linked to the tip stay at zero (minimum norm).
     Where ψ moves the structure as a rigid body the elongation is exactly zero: rank decides, not rounding.
     """
+    if isinstance(structure, Sparse):
+        return structure.mechanical.constraint, structure.mechanical.forces_of_constraint
     if isinstance(structure, Chain):
         return mechanical_path(structure).unit_tip()
     return _least_squares(structure.springs, structure.elongation)
@@ -35,6 +39,8 @@ def thermal_constraint(structure: Structure) -> tuple[Array, Array]:
 
     As :func:`mechanical_constraint`; the differences are exactly zero where no heat leaves the tip's part.
     """
+    if isinstance(structure, Sparse):
+        return structure.thermal.constraint, structure.thermal.forces_of_constraint
     if isinstance(structure, Chain):
         warmth, differences = thermal_path(structure).unit_tip()
         return warmth, np.concatenate([differences, warmth])
@@ -54,6 +60,9 @@ def _least_squares(weights: Array, deformation: Array) -> tuple[Array, Array]:
 
 def held_modes(structure: Structure, kept: int | None = None) -> Modes:
     """Return the lowest modes with the tip held (all if not said), shapes ``(coordinate, mode)``, the tip's row 0."""
+    if isinstance(structure, Sparse):
+        squares, shapes = structure.mechanical.held_modes(_few(structure.mechanical, kept))
+        return Modes(np.sqrt(squares), shapes)
     if isinstance(structure, Chain) and kept is not None and _one_by_one(structure, kept):
         interior, inertia = mechanical_path(structure).without_tip(), structure.masses[:-1]
         modes = interior.modes(inertia, 0, kept - 1) if kept else Modes(np.zeros(0), np.zeros((inertia.size, 0)))
@@ -66,6 +75,8 @@ def held_modes(structure: Structure, kept: int | None = None) -> Modes:
 
 def held_thermal_modes(structure: Structure, kept: int | None = None) -> Modes:
     """Return the slowest thermal modes with the tip at 0 (all if not said), ``(coordinate, mode)``; values in 1/s."""
+    if isinstance(structure, Sparse):
+        return Modes(*structure.thermal.held_modes(_few(structure.thermal, kept)))
     if isinstance(structure, Chain) and kept is not None and _one_by_one(structure, kept):
         interior, capacities = thermal_path(structure).without_tip(), structure.heat_capacities[:-1]
         modes = interior.modes(capacities, 0, kept - 1) if kept else Modes(np.zeros(0), np.zeros((capacities.size, 0)))
@@ -81,6 +92,8 @@ def held_displacements(structure: Structure) -> Callable[[Array], Array]:
 
     Forces on a part that nothing holds are left out.
     """
+    if isinstance(structure, Sparse):
+        return structure.mechanical.answer_held
     if isinstance(structure, Chain):
         interior = mechanical_path(structure).without_tip()
         return lambda force: _solved(interior, force)
@@ -91,6 +104,8 @@ def held_displacements(structure: Structure) -> Callable[[Array], Array]:
 
 def held_temperatures(structure: Structure) -> Callable[[Array, float], Array]:
     """Return what gives (K2 + s C2)⁻¹ q with the tip at 0, K, ``(thermal,)``, by heat q, W, and s > 0, 1/s."""
+    if isinstance(structure, Sparse):
+        return structure.thermal.answer_held_shifted
     if isinstance(structure, Chain):
         interior, capacities = thermal_path(structure).without_tip(), structure.heat_capacities[:-1]
         return lambda heat, shift: _solved(Path(interior.ground + shift * capacities, interior.joint), heat)
@@ -110,6 +125,9 @@ def _divided(forces: Array, stiffness: Array) -> Array:
 
 def lowest_modes(structure: Structure, kept: int) -> Modes:
     """Return the lowest mechanical modes of the whole structure, the tip free, shapes ``(coordinate, mode)``."""
+    if isinstance(structure, Sparse):
+        squares, shapes = structure.mechanical.modes(kept)
+        return Modes(np.sqrt(squares), shapes)
     if isinstance(structure, Chain) and _one_by_one(structure, kept):
         return mechanical_path(structure).modes(structure.masses, 0, kept - 1)
     modes = mechanical_modes(structure)
@@ -118,11 +136,26 @@ def lowest_modes(structure: Structure, kept: int) -> Modes:
 
 def slowest_modes(structure: Structure, kept: int | None = None) -> Modes:
     """Return the slowest thermal modes of the whole structure (all if not said), shapes ``(coordinate, mode)``."""
+    if isinstance(structure, Sparse):
+        return Modes(*structure.thermal.modes(_few(structure.thermal, kept)))
     if isinstance(structure, Chain) and kept is not None and _one_by_one(structure, kept):
         modes = thermal_path(structure).modes(structure.heat_capacities, 0, kept - 1)
         return Modes(modes.values**2, modes.shapes)
     modes = thermal_modes(structure)
     return Modes(modes.values[:kept], modes.shapes[:, :kept])
+
+
+def _few(pair: SparsePair, kept: int | None) -> int:
+    """Return how many modes are asked for.
+
+    Raises
+    ------
+    TooManyCoordinatesError
+        All are.
+    """
+    if kept is None:
+        raise TooManyCoordinatesError(pair.size)
+    return kept
 
 
 def _one_by_one(chain: Chain, kept: int) -> bool:

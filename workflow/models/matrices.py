@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Literal
 
 from workflow.declare import File, file, label
+from workflow.models._dense import MOST_PORTABLE
 from workflow.models._from_matrices import structure_from_matrices
 from workflow.models._matrix_entries import given_matrices, in_si
 from workflow.models._matrix_files import files_of, read_entries
+from workflow.models._sparse import Sparse
+from workflow.models._sparse_from_matrices import structure_from_sparse
 from workflow.models._structure import Matrices, Rayleigh
 
 
@@ -35,14 +39,21 @@ class Parameters:
     damping: Rayleigh = field(default_factory=Rayleigh)
 
 
-def assemble(parameters: Parameters) -> Matrices:
-    """Return the structure of equations (1a) and (1b), its last coordinate the contact.
+def assemble(parameters: Parameters) -> Matrices | Sparse:
+    """Return the structure of equations (1a) and (1b), its last coordinate the contact; sparse above 300 coordinates.
 
     Raises
     ------
     UnusableMatricesError
         The file, or what the study chooses from it, is no structure.
     """
-    entries = in_si(read_entries(Path(parameters.file.place)), parameters.units)
+    return _assembled(parameters, parameters.file.place)
+
+
+@lru_cache(maxsize=1)
+def _assembled(parameters: Parameters, place: str) -> Matrices | Sparse:
+    """Keep the last structure: a large one takes seconds, and is asked for by who reads a study and who runs it."""
+    entries = in_si(read_entries(Path(place)), parameters.units)
     given = given_matrices(entries, parameters.contact, parameters.thermal_contact, parameters.damping)
-    return structure_from_matrices(given)
+    large = max(given.mass.shape[0], given.heat_capacity.shape[0]) > MOST_PORTABLE
+    return structure_from_sparse(given) if large else structure_from_matrices(given)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from workflow import registry
 from workflow.models import Array, Chain, Structure
+from workflow.models._sparse import MOST_REDUCED, Sparse, TooManyCoordinatesError
 from workflow.models._tip_held import MOST_ONE_BY_ONE
 from workflow.reduction._reduction import (
     NOTHING,
@@ -111,6 +112,8 @@ def reduce_structure(
         long = isinstance(structure, Chain) and not structure.has_matrices
         if long and (kept is None or kept > MOST_ONE_BY_ONE):
             raise ValueError(f"a chain of {size} nodes is kept full or reduced to at most {MOST_ONE_BY_ONE} modes")
+        if isinstance(structure, Sparse) and size > MOST_REDUCED + 1 and (kept is None or kept > MOST_REDUCED):
+            raise TooManyCoordinatesError(size)
     chosen = load(basis)
     mechanical = (
         unreduced(structure.elongations, structure.mechanical_size)

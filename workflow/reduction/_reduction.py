@@ -9,6 +9,8 @@ import numpy as np
 
 from workflow.models import Array, Cases, Matrices, Structure, project, static_tip_growth
 from workflow.models._dense import product
+from workflow.models._from_matrices import Forms, structure_of_forms
+from workflow.models._sparse import Sparse
 from workflow.models._tip_held import mechanical_constraint, thermal_constraint
 
 
@@ -115,6 +117,25 @@ def _projection(onto_interior: Array, constraint: Array) -> Array:
     return rows
 
 
+def quadratic_forms(structure: Sparse, mechanical: Vectors, thermal: Vectors, carried: Array | None) -> Matrices:
+    """Return Xᵀ M X, Xᵀ K1 X, Xᵀ (K12 Θ + K1 Γ), Θᵀ C2 Θ and Θᵀ K2 Θ as a structure."""
+    x, theta = mechanical.shapes, thermal.shapes
+    forces = -structure.thermal_forces(theta)
+    if carried is not None:
+        forces = forces + structure.elongations(carried)
+    forms = Forms(
+        mass=product(x.T, structure.inertia_forces(x)),
+        stiffness=product(x.T, mechanical.deformation),
+        coupling=product(x.T, forces),
+        heat_capacity=product(theta.T, structure.heat_contents(theta)),
+        conductance=product(theta.T, thermal.deformation),
+        content=product(structure.content, theta),
+        losses=product(structure.loss_row, theta),
+        tip_growth=product(static_tip_growth(structure), theta),
+    )
+    return structure_of_forms(forms, structure.damping)
+
+
 def unreduced(deformations: Callable[[Array], Array], size: int) -> Vectors:
     """Return a unit vector for every coordinate."""
     every = np.eye(size)
@@ -126,6 +147,15 @@ def galerkin(structure: Structure, mechanical: Vectors, thermal: Vectors, carrie
 
     Displacements Γ that temperatures carry, ``(node, thermal)``, relieve the springs: expansion Θ - elongation Γ.
     """
+    if isinstance(structure, Sparse):
+        return Reduction(
+            quadratic_forms(structure, mechanical, thermal, carried),
+            mechanical.shapes,
+            thermal.shapes,
+            mechanical.projection,
+            thermal.projection,
+            carried,
+        )
     x, theta = mechanical.shapes, thermal.shapes
     expansion = structure.expansions(theta)
     reduced = Matrices(

@@ -73,11 +73,11 @@ def _lost(full: Array, reduced: Array, basis: Array, squares: _Squares, beside: 
 
 
 def _strain(structure: Structure) -> _Squares:
-    return lambda x: structure.springs * structure.elongations(x) ** 2
+    return structure.strain_energies
 
 
 def _flux(structure: Structure) -> _Squares:
-    return lambda theta: structure.conductors * structure.differences(theta) ** 2
+    return structure.heat_losses
 
 
 def _kinetic(structure: Structure) -> _Squares:

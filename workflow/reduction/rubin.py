@@ -26,7 +26,7 @@ def mechanical(structure: Structure, count: int, known: Known) -> Vectors:
     """Return the lowest free modes relative to the constraint mode, and that."""
     constraint, elongation = mechanical_constraint(structure)
     modes = lowest_modes(structure, count + 1)  # one may be the constraint mode
-    strained = bool((structure.springs * elongation).any())
+    strained = structure.strains(elongation)
     shapes = modes.shapes if strained else np.column_stack([_elastic(structure), modes.shapes])
     return mechanical_vectors(structure, relative(shapes, constraint, structure.inertia_forces, count))
 

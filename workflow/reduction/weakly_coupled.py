@@ -29,7 +29,6 @@ __all__ = ["carried", "mechanical", "thermal"]
 def carried(structure: Structure, mechanical: Vectors, thermal: Vectors) -> Array:
     """Return Γ, m/K, ``(node, thermal)``."""
     answer = held_displacements(structure)
-    forces = structure.forces_of((structure.springs * structure.expansions(thermal.shapes).T).T)
-    static = np.column_stack([answer(force) for force in forces.T])
+    static = np.column_stack([answer(force) for force in structure.thermal_forces(thermal.shapes).T])
     modes = mechanical.shapes[:, :-1]
     return static - product(modes, product(structure.inertia_forces(modes).T, static))

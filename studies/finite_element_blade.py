@@ -1,0 +1,138 @@
+"""Matrices of a twisted compressor blade in three dimensions, made with scikit-fem: NPZ and Matrix Market.
+
+    python studies/finite_element_blade.py data/compressor_blade.npz              the matrices kept in data/
+    python studies/finite_element_blade.py fine.npz --elements 10 40 1            a finer mesh
+    python studies/finite_element_blade.py fine --elements 10 40 1                a directory of Matrix Market files
+
+The blade is of Ti-6Al-4V, 100 mm long, 40 mm wide, 2.4 mm thick in the middle and 0.8 mm at its edges, set at 20° to
+the engine's axis at the root and at 50° at the tip. Its root is clamped and cold; its surface loses heat to the air. It
+touches a conical casing with the leading edge of its tip. Elements are hexahedra with 27 nodes, for displacement and
+temperature alike, so that one of them through the thickness bends as it should.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+import scipy.io
+import scipy.sparse
+from skfem import Basis, BilinearForm, ElementHex2, ElementVector, FacetBasis, MeshHex
+from skfem.helpers import ddot, div, dot, eye, grad, sym_grad, trace
+
+LENGTH, WIDTH, THICKNESS, EDGE = 0.100, 0.040, 2.4e-3, 0.8e-3
+"""m; the thickness falls from the middle to the edges as a parabola."""
+
+STAGGER = np.radians([20.0, 50.0])
+"""Angle of the chord to the engine's axis, at the root and at the tip."""
+
+YOUNG, POISSON, DENSITY = 114e9, 0.33, 4430.0
+SPECIFIC_HEAT, CONDUCTIVITY, CONVECTION, EXPANSION = 560.0, 7.0, 400.0, 9.0e-6
+"""Of Ti-6Al-4V, SI; the convection of moderately fast air, W/m2/K."""
+
+CONE = np.radians(15.0)
+"""Angle of the casing to the engine's axis."""
+
+ELEMENTS = (2, 5, 1)
+"""Along the chord, the span and the thickness, of the matrices in data/."""
+
+
+def mesh(elements: tuple[int, int, int]) -> MeshHex:
+    """Return hexahedra on the twisted blade: x along the engine's axis, y across, z along the span."""
+    chord, span, thick = (np.linspace(0, 1, count + 1) for count in elements)
+    flat = MeshHex.init_tensor(chord, span, thick)
+    along, up, through = flat.p
+    half = (EDGE + (THICKNESS - EDGE) * 4 * along * (1 - along)) / 2
+    p, q, angle = (along - 0.5) * WIDTH, (2 * through - 1) * half, STAGGER[0] + (STAGGER[1] - STAGGER[0]) * up
+    place = np.array([p * np.cos(angle) - q * np.sin(angle), p * np.sin(angle) + q * np.cos(angle), up * LENGTH])
+    return MeshHex(place, flat.t)
+
+
+def matrices(elements: tuple[int, int, int]) -> dict[str, scipy.sparse.csr_matrix | np.ndarray]:
+    """Return the matrices without the clamped, cold root, and the vectors of the contact."""
+    body = mesh(elements)
+    moving = Basis(body, ElementVector(ElementHex2()), intorder=5)
+    warm = Basis(body, ElementHex2(), intorder=5)
+    skin = FacetBasis(body, ElementHex2(), facets=body.facets_satisfying(lambda x: x[2] > 1e-9, True), intorder=5)
+    second = YOUNG / (2 * (1 + POISSON))
+    first = YOUNG * POISSON / ((1 + POISSON) * (1 - 2 * POISSON))
+    swelling = EXPANSION * (3 * first + 2 * second)
+
+    strain = BilinearForm(lambda u, v, w: ddot(2 * second * sym_grad(u) + first * eye(trace(grad(u)), 3), sym_grad(v)))
+    whole = {
+        "mass": BilinearForm(lambda u, v, w: DENSITY * dot(u, v)).assemble(moving),
+        "stiffness": strain.assemble(moving),
+        "coupling": BilinearForm(lambda t, v, w: -swelling * t * div(v)).assemble(warm, moving),
+        "heat_capacity": BilinearForm(lambda t, s, w: DENSITY * SPECIFIC_HEAT * t * s).assemble(warm),
+        "conductance": BilinearForm(lambda t, s, w: CONDUCTIVITY * dot(grad(t), grad(s))).assemble(warm)
+        + BilinearForm(lambda t, s, w: CONVECTION * t * s).assemble(skin),
+    }
+    free, rises = (np.flatnonzero(basis.doflocs[2] > 1e-9) for basis in (moving, warm))
+    rows = {"mass": free, "stiffness": free, "coupling": free, "heat_capacity": rises, "conductance": rises}
+    columns = {**rows, "coupling": rises}
+    tidy = {name: _tidy(whole[name][rows[name]][:, columns[name]], name != "coupling") for name in whole}
+    return {**tidy, **_contact(moving, warm, free, rises)}
+
+
+def _tidy(matrix: scipy.sparse.csr_matrix, symmetric: bool) -> scipy.sparse.csr_matrix:
+    """Return a matrix symmetric to the bit, as assembling leaves it to rounding, without rounded zeros."""
+    matrix = (matrix + matrix.T) / 2 if symmetric else matrix
+    matrix = scipy.sparse.csr_matrix(matrix)
+    matrix.data[np.abs(matrix.data) < 1e-15 * np.abs(matrix.data).max()] = 0.0
+    matrix.eliminate_zeros()
+    matrix.sort_indices()
+    return matrix
+
+
+def _contact(moving: Basis, warm: Basis, free: np.ndarray, rises: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the casing's normal at the leading edge of the tip, and the temperature that takes the heat."""
+    angle = STAGGER[1]
+    corner = np.array([-np.cos(angle) * WIDTH / 2, -np.sin(angle) * WIDTH / 2, LENGTH])
+    at = np.linalg.norm(warm.doflocs - corner[:, None], axis=0).argmin()
+    there = np.linalg.norm(moving.doflocs - warm.doflocs[:, [at]], axis=0) < 1e-9
+    normal = np.zeros(moving.N)
+    normal[there] = [-np.sin(CONE), 0.0, np.cos(CONE)]
+    heat = np.zeros(warm.N)
+    heat[at] = 1.0
+    axes = np.array([f"{k // 3}.{'xyz'[k % 3]}" for k in range(moving.N)])
+    return {"contact": normal[free], "thermal_contact": heat[rises], "labels": axes[free]}
+
+
+def write_npz(found: dict, place: Path) -> None:
+    """Write all matrices into one file: entry NAME.data, NAME.indices, NAME.indptr, NAME.shape of each sparse one."""
+    entries = {}
+    for name, value in found.items():
+        if scipy.sparse.issparse(value):
+            parts = {part: getattr(value, part) for part in ("data", "indices", "indptr", "shape")}
+            entries |= {f"{name}.{part}": numbers for part, numbers in parts.items()}
+        else:
+            entries[name] = value
+    np.savez_compressed(place, **entries)
+
+
+def write_matrix_market(found: dict, place: Path) -> None:
+    """Write a directory with one file for each matrix and vector."""
+    place.mkdir(parents=True, exist_ok=True)
+    for name, value in found.items():
+        if name == "labels":
+            (place / "labels.txt").write_text("\n".join(value) + "\n")
+            continue
+        matrix = value if scipy.sparse.issparse(value) else value[:, None]
+        scipy.io.mmwrite(place / f"{name}.mtx", matrix, precision=17)
+
+
+def main() -> None:
+    """Write the matrices of a mesh to the place that is named."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("place", type=Path, help="FILE.npz, or a directory for Matrix Market files")
+    parser.add_argument("--elements", type=int, nargs=3, default=ELEMENTS, metavar=("CHORD", "SPAN", "THICKNESS"))
+    arguments = parser.parse_args()
+    found = matrices(tuple(arguments.elements))
+    write = write_npz if arguments.place.suffix == ".npz" else write_matrix_market
+    write(found, arguments.place)
+    print(f"{arguments.place}: {found['mass'].shape[0]} displacements, {found['heat_capacity'].shape[0]} temperatures")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,210 @@
+"""Structures of sparse matrices: what the chain gives that they were taken from, without an array of n x n numbers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.sparse import csc_array, diags_array
+
+from scenes import blade, cases, relative
+from workflow.models import (
+    GivenMatrices,
+    Sparse,
+    Structure,
+    TooManyCoordinatesError,
+    UnusableMatricesError,
+    critical_alpha,
+    frequencies,
+    growth_rate,
+    rates,
+    static_displacements,
+    static_temperatures,
+    static_tip_growth,
+    structure_from_sparse,
+    tip_flexibility,
+)
+from workflow.models._sparse_from_matrices import _sparse_structure
+from workflow.reduction import Known, names, projection_residual, reduce_structure
+
+NODES = 310
+
+
+def taken_from(structure: Structure, **other: Any) -> GivenMatrices:
+    """The sparse matrices of a structure."""
+    tip = np.zeros(structure.mechanical_size)
+    tip[-1] = 1.0
+    matrices = (
+        structure.mass,
+        structure.stiffness_matrix,
+        structure.coupling_matrix,
+        structure.heat_capacity,
+        structure.conductance_matrix,
+    )
+    none = np.zeros(tip.size)
+    found = GivenMatrices(*map(csc_array, matrices), tip, tip, none, none, structure.damping)
+    return replace(found, **other)
+
+
+@pytest.fixture(scope="module")
+def chain() -> Structure:
+    return blade(NODES)
+
+
+@pytest.fixture(scope="module")
+def sparse(chain: Structure) -> Sparse:
+    found = structure_from_sparse(taken_from(chain))
+    assert isinstance(found, Sparse)
+    return found
+
+
+def test_statics_are_those_of_the_chain(chain: Structure, sparse: Sparse) -> None:
+    assert tip_flexibility(sparse) == pytest.approx(tip_flexibility(chain), rel=1e-11)
+    assert critical_alpha(sparse) == pytest.approx(critical_alpha(chain), rel=1e-11)
+    assert relative(static_tip_growth(sparse), static_tip_growth(chain)) < 1e-11
+    loads = np.random.default_rng(1).normal(size=(2, NODES))
+    assert relative(static_displacements(sparse, loads), static_displacements(chain, loads)) < 1e-10
+    assert relative(static_temperatures(sparse, loads), static_temperatures(chain, loads)) < 1e-10
+    assert frequencies(sparse)[0] == pytest.approx(frequencies(chain)[0], rel=1e-9)
+    assert rates(sparse)[0] == pytest.approx(rates(chain)[0], rel=1e-11)
+    assert rates(sparse)[-1] == pytest.approx(rates(chain)[-1], rel=0.05)
+
+
+@pytest.mark.parametrize("basis", names())
+def test_every_basis_gives_the_reduced_chain(chain: Structure, sparse: Sparse, basis: str) -> None:
+    wanted, found = (reduce_structure(whole, 6, 8, basis, Known(0.3)) for whole in (chain, sparse))
+    shifted = basis == "krylov"  # its shifts end at the largest rate, of which sparse matrices tell a few percent less
+    for of in (frequencies, rates):
+        a, b = of(wanted.structure), of(found.structure)
+        finite = np.isfinite(a)
+        assert b[finite] == pytest.approx(a[finite], rel=1e-3 if shifted else 1e-9), of.__name__
+    assert critical_alpha(found.structure) == pytest.approx(critical_alpha(chain), rel=1e-10)
+    assert growth_rate(found.structure, 30.0) == pytest.approx(growth_rate(wanted.structure, 30.0), rel=1e-6)
+    losses = [reduction.structure.loss_row @ reduction.temperature_projection for reduction in (wanted, found)]
+    assert relative(losses[1], losses[0]) < (0.1 if shifted else 1e-9)
+    case = warm(chain)
+    lost = [projection_residual(whole, r, case)[0] for whole, r in ((chain, wanted), (sparse, found))]
+    assert lost[1] == pytest.approx(lost[0], rel=1e-2 if shifted else 1e-6)
+
+
+def warm(structure: Structure) -> Any:
+    """One case with a state and loads that no basis holds."""
+    along = np.linspace(0, 1, NODES)[None]
+    start = {"displacement": 1e-6 * along**2, "velocity": along, "temperature": 50 * np.sin(3 * along)}
+    return cases(structure, mean=np.ones(1), steady=1e-2 * along, heating=1e-3 * along, **start)
+
+
+def test_heat_that_cannot_leave(chain: Structure) -> None:
+    """The uniform temperature is the slowest mode, with the rate 0; contact heat then always runs away."""
+    insulated = chain.conductance_matrix - np.diag(chain.conductance_matrix.sum(axis=1))
+    found = structure_from_sparse(taken_from(chain, conductance=csc_array(insulated)))
+    assert isinstance(found, Sparse)
+    assert critical_alpha(found) == 0.0
+    reduced = reduce_structure(found, 2, 4).structure
+    assert rates(reduced)[0] == 0.0
+    assert np.abs(reduced.loss_row).max() <= 1e-12 * np.abs(insulated).max()
+
+
+def test_a_contact_may_be_a_vector(chain: Structure, sparse: Sparse) -> None:
+    """Displacements of the last three nodes turned among each other: the normal has three entries."""
+    turn = np.eye(NODES)
+    turn[-3:, -3:] = np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0]
+    given = taken_from(chain)
+    turned = replace(
+        given,
+        mass=csc_array(turn.T @ given.mass @ turn),
+        stiffness=csc_array(turn.T @ given.stiffness @ turn),
+        coupling=csc_array(turn.T @ given.coupling),
+        contact=turn.T @ given.contact,
+    )
+    found = structure_from_sparse(turned)
+    assert tip_flexibility(found) == pytest.approx(tip_flexibility(sparse), rel=1e-10)
+    assert critical_alpha(found) == pytest.approx(critical_alpha(sparse), rel=1e-10)
+    assert found.coordinates is not None
+    state = np.random.default_rng(4).normal(size=NODES)
+    there = found.coordinates.displacement_projection @ state
+    assert there[-1] == pytest.approx(turned.contact @ state)
+    assert relative(found.coordinates.displacement_basis @ there, state) < 1e-13
+
+
+def test_small_enough_it_can_be_kept_full(chain: Structure, sparse: Sparse) -> None:
+    """Its dense matrices are those of the chain; one of more coordinates says what it can be reduced to."""
+    assert frequencies(sparse.matrices()) == pytest.approx(frequencies(chain), rel=1e-8)
+    assert rates(sparse.matrices()) == pytest.approx(rates(chain), rel=1e-8)
+    large = structure_from_sparse(long_chain(2001))
+    with pytest.raises(TooManyCoordinatesError, match="`auto` with a `tolerance`"):
+        large.matrices()
+    with pytest.raises(TooManyCoordinatesError):
+        reduce_structure(large, 301, 4)
+
+
+def long_chain(nodes: int, **other: Any) -> GivenMatrices:
+    """Equal springs and masses, heat lost everywhere; no dense matrix is made."""
+    springs = diags_array(
+        [np.append(np.full(nodes - 1, 2.0), 1.0), *[np.full(nodes - 1, -1.0)] * 2], offsets=[0, -1, 1]
+    )
+    unit, tip = diags_array(np.ones(nodes)), np.zeros(nodes)
+    tip[-1] = 1.0
+    matrices = (unit, springs, -1e-5 * (springs - unit), unit, springs + 0.1 * unit)
+    return replace(GivenMatrices(*map(csc_array, matrices), tip, tip, 0 * tip, 0 * tip), **other)
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        (
+            {"mass": csc_array(diags_array(np.full(2001, -1.0)))},
+            "contact acts on what has no inertia, among displacements",
+        ),
+        (
+            {
+                "stiffness": csc_array(
+                    diags_array([np.full(2001, 1.0), np.full(2000, -1.0), np.full(2000, -1.0)], offsets=[0, 1, -1])
+                )
+            },
+            "stiffness is indefinite",
+        ),
+        ({"stiffness": csc_array(diags_array(np.append(np.ones(2000), 0.0)))}, "nothing holds the part"),
+    ],
+    ids=["mass", "indefinite", "loose"],
+)
+def test_what_is_no_structure_is_refused(change: dict[str, Any], problem: str) -> None:
+    with pytest.raises(UnusableMatricesError, match=problem):
+        structure_from_sparse(long_chain(2001, **change))
+
+
+def test_a_small_free_structure_is_dense(chain: Structure) -> None:
+    """Rank decides there what moves; sparse factorisations would not find it."""
+    free = chain.stiffness_matrix.copy()
+    free[0, 0] /= 2
+    given = taken_from(chain, stiffness=csc_array(free), coupling=csc_array((NODES, NODES)))
+    assert not isinstance(structure_from_sparse(given), Sparse)
+    assert tip_flexibility(structure_from_sparse(given)) == np.inf
+
+
+def test_one_temperature_stands_for_no_heat(chain: Structure) -> None:
+    """As files without heat are read: a single temperature that nothing cools and that moves nothing."""
+    one, none = csc_array(np.ones((1, 1))), np.zeros(1)
+    given = taken_from(chain, heat_capacity=one, conductance=0 * one, thermal_contact=np.ones(1), heating=none)
+    found = structure_from_sparse(replace(given, coupling=csc_array((NODES, 1))))
+    assert isinstance(found, Sparse)
+    assert critical_alpha(found) == np.inf
+    reduced = reduce_structure(found, 3, 0).structure
+    assert frequencies(reduced)[0] == pytest.approx(frequencies(found)[0], rel=1e-3)
+    assert rates(reduced) == pytest.approx([0.0])
+
+
+def test_massless_degrees_of_freedom_of_a_large_structure_follow() -> None:
+    """Every third node has no mass: as the dense structure of fewer nodes, from which they are condensed."""
+    masses = np.where(np.arange(NODES) % 3 == 1, 0.0, 1.0)
+    given = long_chain(NODES, mass=csc_array(diags_array(masses)))
+    large = _sparse_structure(given)
+    dense = structure_from_sparse(given)
+    assert not isinstance(dense, Sparse)
+    assert dense.coordinates is not None
+    assert dense.coordinates.condensed == (NODES // 3, 0)
+    for basis in ("craig_bampton", "rubin"):
+        wanted, found = (reduce_structure(whole, 4, 4, basis).structure for whole in (dense, large))
+        assert frequencies(found) == pytest.approx(frequencies(wanted), rel=1e-8)

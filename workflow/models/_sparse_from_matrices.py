@@ -1,0 +1,125 @@
+"""A sparse structure from matrices in whatever coordinates, its contact brought to the last one.
+
+As :mod:`workflow.models._from_matrices`, x = E y with y = (x without x_j, wᵀx), but E is the identity but for one row,
+and all products are sparse.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+from scipy.sparse import coo_array, csc_array, csr_array, issparse
+from threadpoolctl import threadpool_limits
+
+from workflow.kernels import Array
+from workflow.models._chain import MOST_NODES_WITH_MATRICES
+from workflow.models._from_matrices import (
+    GivenMatrices,
+    UnusableMatricesError,
+    structure_from_matrices,
+)
+from workflow.models._sparse import Sparse
+from workflow.models._sparse_pair import NotHeldError, SparsePair
+from workflow.models._structure import Coordinates, Matrices
+
+_SINGULAR = 1e-10
+"""Least pivot of an inertia scaled to a diagonal of ones above which it is definite: consistent masses have 1e-2."""
+
+MOST_SHARES = 300
+"""Degrees of freedom that a contact acts on: as many rows of the matrices are mixed with each other."""
+
+
+def structure_from_sparse(given: GivenMatrices) -> Matrices | Sparse:
+    """Return the structure of sparse matrices, by dense ones where it is small and not held, or has massless parts.
+
+    Raises
+    ------
+    UnusableMatricesError
+        They are no structure, or a large one that is not held.
+    """
+    size = max(given.mass.shape[0], given.heat_capacity.shape[0])
+    is_small = size <= MOST_NODES_WITH_MATRICES
+    if is_small and not (_is_definite(given.mass) and _is_definite(given.heat_capacity)):
+        return structure_from_matrices(dense_matrices(given))
+    try:
+        with threadpool_limits(limits=1, user_api="blas"):  # the same bits whoever factorises
+            return _sparse_structure(given)
+    except NotHeldError as error:
+        if not is_small:
+            raise UnusableMatricesError(
+                f"a structure of {size} degrees of freedom must be held and have definite matrices: {error}",
+                "hold it, or check signs and that it was assembled in full",
+            ) from None
+        return structure_from_matrices(dense_matrices(given))
+
+
+def _is_definite(inertia: Any) -> bool:
+    """Tell whether a small inertia is definite by more than rounding; motions without inertia are condensed else."""
+    matrix = inertia.toarray() if issparse(inertia) else inertia
+    diagonal = np.diag(matrix)
+    if not np.all(diagonal > 0):
+        return False
+    scale = 1 / np.sqrt(diagonal)
+    try:
+        return bool(np.diag(np.linalg.cholesky(matrix * scale * scale[:, None])).min() ** 2 > _SINGULAR)
+    except np.linalg.LinAlgError:
+        return False
+
+
+def dense_matrices(given: GivenMatrices) -> GivenMatrices:
+    """Return matrices as dense arrays."""
+    values = {each.name: getattr(given, each.name) for each in fields(given)}
+    return replace(given, **{name: value.toarray() for name, value in values.items() if issparse(value)})
+
+
+def _sparse_structure(given: GivenMatrices) -> Sparse:
+    basis, taken = _tip_last(given.contact, "contact")
+    heat_basis, heat_taken = _tip_last(given.thermal_contact, "thermal_contact")
+    mechanical = SparsePair(_congruent(given.stiffness, basis), _congruent(given.mass, basis))
+    thermal = SparsePair(_congruent(given.conductance, heat_basis), _congruent(given.heat_capacity, heat_basis))
+    for pair, kind in ((mechanical, "displacements"), (thermal, "temperatures")):
+        fault = pair.fault()
+        if fault is not None:
+            raise NotHeldError(f"{fault}, among {kind}")
+    if mechanical.tip_stiffness == 0:
+        raise NotHeldError("nothing holds the part that the contact acts on")
+    return Sparse(
+        mechanical=mechanical,
+        thermal=thermal,
+        coupling=csc_array(basis.T @ csc_array(given.coupling) @ heat_basis),
+        damping=given.damping,
+        coordinates=Coordinates(basis, taken, heat_basis, heat_taken, given.steady, given.heating),
+    )
+
+
+def _tip_last(contact: Array, name: str) -> tuple[csr_array, csr_array]:
+    """Return E and its inverse: from coordinates with the tip last to those given, and back."""
+    size, shares = contact.size, np.flatnonzero(contact)
+    if shares.size > MOST_SHARES:
+        raise UnusableMatricesError(
+            f"`{name}` acts on {shares.size} degrees of freedom",
+            f"it may act on up to {MOST_SHARES} of a structure of {size}",
+        )
+    tip = int(np.argmax(np.abs(contact)))
+    others = np.delete(np.arange(size), tip)
+    beside = shares[shares != tip]
+    place = np.empty(size, dtype=np.int64)
+    place[others], place[tip] = np.arange(size - 1), size - 1
+    rows = np.concatenate([others, np.full(beside.size, tip), [tip]])
+    columns = np.concatenate([place[others], place[beside], [size - 1]])
+    values = np.concatenate([np.ones(size - 1), -contact[beside] / contact[tip], [1 / contact[tip]]])
+    basis = csr_array(coo_array((values, (rows, columns)), shape=(size, size)))
+    rows = np.concatenate([place[others], np.full(shares.size, size - 1)])
+    values = np.concatenate([np.ones(size - 1), contact[shares]])
+    taken = csr_array(coo_array((values, (rows, np.concatenate([others, shares]))), shape=(size, size)))
+    return basis, taken
+
+
+def _congruent(matrix: Any, basis: csr_array) -> csc_array:
+    """Return basisᵀ · matrix · basis, symmetric to the bit."""
+    found = csc_array(basis.T @ csc_array(matrix) @ basis)
+    found = csc_array((found + found.T) / 2)
+    found.sort_indices()
+    return found
