@@ -1,4 +1,4 @@
-"""Structures and batches that several tests step: the scenes of DESIGN and of its references."""
+"""Structures and batches that several tests step: the heavy chain, the blade, others."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def chain(**parameters: Any) -> Structure:
 
 
 def heavy_chain(**parameters: Any) -> Structure:
-    """The chain that benchmarks use (DESIGN section 3)."""
+    """The chain that benchmarks use."""
     lumps = {
         "nodes": 20,
         "mass": 2.5e-3,
@@ -40,7 +40,7 @@ def siconos_chain() -> Structure:
 
 
 def blade(nodes: int = 20) -> Structure:
-    """The blade of DESIGN section 3."""
+    """The blade of the example study."""
     model = models.load("blade")
     return model.assemble(
         model.Parameters(

@@ -1,8 +1,8 @@
 """The hard cases: what each study of ``studies/hard`` must come to, on the archives kept in ``data/hard``.
 
 ``test_documents.py`` runs every one of these studies and holds the kept archives against it. The
-numbers here are exact solutions, limits by theory, or measurements of others (``tests/data``, the
-reference data of issue 4); where a number is a measurement, its bound says how near it must come.
+numbers here are exact solutions, limits by theory, or measurements of others (``tests/data``);
+where a number is a measurement, its bound says how near it must come.
 """
 
 from __future__ import annotations
@@ -360,7 +360,7 @@ def test_growth_about_the_critical_coupling() -> None:
 
 
 def test_flutter_below_the_critical_coupling() -> None:
-    """The largest real parts are +117 and +540 1/s (LAPACK, issue 13): the tip leaves the casing and hammers on it."""
+    """The largest real parts are +117 and +540 1/s (LAPACK): the tip leaves the casing and hammers on it."""
     archive = opened("flutter")
     assert set(statuses(archive)) == {OK}
     assert archive["critical_alpha"].values == pytest.approx(0.5)

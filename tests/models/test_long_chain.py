@@ -123,7 +123,7 @@ def test_a_long_chain_has_no_matrices_and_says_so() -> None:
 
 
 def test_critical_coupling_of_a_long_uniform_chain() -> None:
-    """Without convection α_c = 2κ/(k a ℓ n), DESIGN section 2."""
+    """Without convection α_c = 2κ/(k a ℓ n)."""
     n = 30_000
     structure = heavy_chain(nodes=n, convection=0.0, damping=Rayleigh())
     assert critical_alpha(structure) == pytest.approx(2 * 0.605 / (2.0e7 * 8.6e-6 * 2.5e-3 * n), rel=1e-10)

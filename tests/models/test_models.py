@@ -80,7 +80,7 @@ def test_runaway_decided_by_rank() -> None:
 
 
 def test_growth_rates_of_design() -> None:
-    """DESIGN: the blade at α = 30 grows by 3.3 1/s; issue figures: the light heavy chain by 1.608."""
+    """The blade at α = 30 grows by 3.3 1/s; the light heavy chain by 1.608."""
     assert growth_rate(blade(), 30.0) == pytest.approx(3.3, abs=0.05)
     light = heavy_chain(heat_capacity=1.315e-3)
     assert growth_rate(light, 1.1 * critical_alpha(light)) == pytest.approx(1.608, abs=5e-4)

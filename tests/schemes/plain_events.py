@@ -1,4 +1,4 @@
-"""An independent solution of DESIGN's equations: DOP853 in physical coordinates, with events.
+"""An independent solution of the equations of motion: DOP853 in physical coordinates, with events.
 
 It shares nothing with the scheme but the matrices of the structure: no modes, no closed forms. It
 stops where it can no longer tell events apart (accumulating impacts) and says how far it came.

@@ -1,4 +1,4 @@
-"""The θ-method of DESIGN section 2 with plain matrices: what the modal kernel must reproduce."""
+"""The θ-method of ARCHITECTURE with plain matrices: what the modal kernel must reproduce."""
 
 from __future__ import annotations
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from plain_bounces import follow
@@ -73,3 +75,60 @@ def test_contact_time_goes_on_steadily_towards_elastic_bounces() -> None:
     steps = -np.diff(times)
     expected = 2 * np.log(10.0) * 3 / 1e4  # two contacts, each rests where exp(γ t/3) has made up for 1/(1 - e)
     np.testing.assert_allclose(steps, expected, rtol=0.1)
+
+
+TOUCHING = [  # nodes, mass, stiffness, damping, load, frequency, phase, e: what rounding did to them took 10⁶ steps
+    (
+        1,
+        3.5486174233796e-3,
+        1409.3221831040019,
+        (100.0, 1e-4),
+        0.016691559005893048,
+        102.19761023773185,
+        5.467865925526087,
+        0.9995,
+    ),
+    (
+        4,
+        3.245398001943489e-4,
+        978391.283239058,
+        (100.0, 1e-6),
+        0.05811978493703326,
+        114.27059872123228,
+        3.5053059189835487,
+        0.99,
+    ),
+    (
+        6,
+        1.1842971517825544e-3,
+        114829.68279516882,
+        (1e4, 1e-6),
+        2.1374202019635637,
+        102.22207684921331,
+        2.206045059741541,
+        0.5,
+    ),
+    (
+        6,
+        1.7684290186896698e-3,
+        2839.102922619561,
+        (1e4, 1e-4),
+        0.02250587708192685,
+        108.45480602465254,
+        4.4959627172167815,
+        0.1,
+    ),
+]
+
+
+@pytest.mark.parametrize("scene", TOUCHING)
+def test_a_pressing_load_that_touches_zero(scene: tuple[Any, ...]) -> None:
+    """F0 (1 + sin ωt) with gap 0: the tip stays on its casing but for flights of the height of rounding."""
+    nodes, mass, stiffness, damping, load, frequency, phase, e = scene
+    structure = chain(nodes=nodes, mass=mass, stiffness=stiffness, damping=Rayleigh(*damping))
+    batch = cases(structure, e=e, mean=load, amplitude=load, frequency=frequency, phase=phase)
+    operator = event_driven.init(structure, 0.0, event_driven.Options(events=10_000))
+    found = event_driven.compute(operator, batch, sampling(4 / frequency, 0.1 / frequency))
+    assert found.status[0] == Status.OK
+    assert not found.messages
+    assert found.metrics["contact_time"][0] >= 0.99 * 4 / frequency

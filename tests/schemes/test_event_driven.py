@@ -1,4 +1,4 @@
-"""Physics of the event-driven scheme: exact solutions, the scenes of DESIGN, limits."""
+"""Physics of the event-driven scheme: exact solutions, the scenes of scenes.py, limits."""
 
 from __future__ import annotations
 
@@ -168,10 +168,10 @@ def test_clamped_bar_keeps_its_energy_and_presses_with_one_half() -> None:
     assert J[-1] == pytest.approx(0.5, abs=0.01)
 
 
-# --- the scenes of DESIGN ---------------------------------------------------------------------------
+# --- the heavy chain and the blade ------------------------------------------------------------------
 
 
-def test_blade_of_design() -> None:
+def test_blade_of_the_example() -> None:
     r = run(blade(), 2.0, 2001, alpha=30.0, gap=2e-5, amplitude=24.0, frequency=5.0)
     assert r.metrics["impacts"][0] == 10
     assert r.metrics["releases"][0] == 10

@@ -158,7 +158,7 @@ def test_clamped_bar_released_against_its_wall(theta: float, least: float, most:
 
 @pytest.mark.parametrize("nodes", [10, 20, 40, 80])
 def test_blade_against_its_exact_figures(nodes: int) -> None:
-    """DESIGN section 3: ten contacts in ten periods, impulse 0.106 to 0.365 N s, peaks 4.2 and 9.5 N."""
+    """Ten contacts in ten periods, impulse 0.106 to 0.365 N s, peaks 4.2 and 9.5 N."""
     structure = blade(nodes)
     found = step(structure, blade_rub(structure), 1e-5, sampling(2.0, 1e-3), theta=0.5)
     first, last = found.period_impulse[0, [0, -1]]

@@ -44,6 +44,10 @@ _STRIDE = 0.03
 """Steps of the differential equation, as a share of the time in which u would vanish: the error of the classical
 Runge-Kutta method is 0.03⁵/120 = 2e-10 per step."""
 
+_SLOW_CHANGE = 0.1
+"""The map holds while its first corrections q u and r u are below this: its error is their square. Where the force has
+just risen from zero they are not small."""
+
 _MOST = 1_000_000
 """Steps and bounces after which the iteration ends without a result: a million take a hundredth of a second."""
 
@@ -140,6 +144,8 @@ def settle(m: Motion, t: float, u: float, bounces: Bounces) -> tuple[float, floa
         force, rate = _at(s, tau)
         a, q, r = _coefficients(bounces, force, rate)
         if force <= 0.0 or u * u > 2.0 * a * bounces.height or begun + tau >= bounces.end:
+            break
+        if max(abs(q), abs(r)) * u > _SLOW_CHANGE:
             break
         flight, change = 2.0 * u / a, rate / force
         left = flight / (1.0 - e) if e < 1.0 else np.inf

@@ -11,7 +11,7 @@ from workflow.models import Array
 from workflow.schemes._exact import block_table as block
 from workflow.schemes._exact import expansion_table as expansion
 from workflow.schemes._exact.accumulation import Bounces, settle
-from workflow.schemes._exact.expansion import expand
+from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
 from workflow.schemes._exact.layout import Load
 from workflow.schemes._exact.motion import Motion, copy_state, strike
 from workflow.schemes._exact.outcome import Budget
@@ -92,17 +92,20 @@ def _end_of_bounces(motions: Motions, case: Case, tally: Any) -> float:
     """Stop a tip that has been struck if its bounces end soon; return when they do, NaN if they are not summed up.
 
     Where they are more than the events left they are summed up as well, with an infinite time if the contact force
-    falls before they end.
+    falls before they end. Flights no higher than the rounding of the tip's displacement are small whatever the largest
+    impact was: those of a tip that only the rounding of a force near zero has lifted.
     """
     tip, free, speed, thresholds = case.tip, motions.free, tally.speed, case.thresholds
     pressing = -free.x.sums[expansion.D2, free.r.blocks]
+    rounding = SUM_ROUNDING * free.x.sums[expansion.SIZE, 0]
     if speed >= thresholds.speed * tally.max_speed:
         tally.unsettled_speed = np.inf
-        return np.nan
+        if speed * speed > 2.0 * pressing * rounding:
+            return np.nan
     if speed >= tally.unsettled_speed or pressing <= 0.0:
         return np.nan
     left = case.budget.events - tally.events
-    height, most = speed * speed / (2.0 * pressing), thresholds.height * tally.length
+    height, most = speed * speed / (2.0 * pressing), max(thresholds.height * tally.length, rounding)
     if height >= most and not (left < tally.events and height < _LOOSE * most):
         return np.nan
     copy_state(free.now, free.between)

@@ -77,8 +77,8 @@ def march(
             height = 0.25 * h * min(start.speed, -seen.signal_rate)  # of a flight from impact to impact, a parabola's
             tally.length = max(tally.length, max(abs(record.gap - seen.signal), height))
             if event:
-                tally.speed = -seen.signal_rate
-                event = tally.speed > 0.0
+                tally.speed = max(0.0, -seen.signal_rate)
+                event = tally.speed > 0.0 or h == 0.0  # a tip that lies on the casing at this instant
         tally.time = T if h >= T - tally.time else tally.time + h
         start = Start(0, -1.0, False, 2.0 * h)
         if audited:
