@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from workflow.models import Cases, Structure
+
+Law = Callable[[float, float, float, float], float]
+"""From x_n, v_n, v_n without contact and W to the impulse of a step."""
 
 
 @dataclass(frozen=True)
@@ -26,10 +30,31 @@ class Trajectory:
 
 
 def march(structure: Structure, batch: Cases, h: float, theta: float, steps: int) -> Trajectory:
-    """Step the first case of a batch."""
+    """Step the first case of a batch, with Newton's law at velocity level."""
+    e, gap = batch.e[0], batch.gap[0]
+
+    def law(x: float, v: float, free: float, kick: float) -> float:
+        return max(0.0, (free + e * v) / kick) if x + h / 2 * v >= gap else 0.0
+
+    return _march(structure, batch, h, theta, steps, law)
+
+
+def march_by_place(structure: Structure, batch: Cases, h: float, theta: float, steps: int) -> Trajectory:
+    """Step the first case of a batch, with complementarity of place and impulse; for a tip without mass."""
+    gap = batch.gap[0]
+
+    def law(x: float, v: float, free: float, kick: float) -> float:
+        return max(0.0, (x + h * (theta * free + (1 - theta) * v) - gap) / (h * theta * kick))
+
+    found = _march(structure, batch, h, theta, steps, law)
+    found.displacement[1:, -1][found.impulse > 0] = gap  # up to rounding it is there
+    return found
+
+
+def _march(structure: Structure, batch: Cases, h: float, theta: float, steps: int, law: Law) -> Trajectory:
     M, C1, K1 = structure.mass, structure.damping_matrix, structure.stiffness_matrix
     K12, C2, K2 = structure.coupling_matrix, structure.heat_capacity, structure.conductance_matrix
-    e, alpha, gap = batch.e[0], batch.alpha[0], batch.gap[0]
+    alpha = batch.alpha[0]
     tip = np.zeros(structure.mechanical_size)
     tip[-1] = 1.0
     heat_tip = np.zeros(structure.thermal_size)
@@ -52,11 +77,9 @@ def march(structure: Structure, batch: Cases, h: float, theta: float, steps: int
         right = M @ v - h * (1 - theta) * C1 @ v - h * K1 @ (x + h * theta * (1 - theta) * v)
         right += h * load - h * K12 @ (theta * T_new + (1 - theta) * T)
         v_new = np.linalg.solve(W_hat, right)
-        if x[-1] + h / 2 * v[-1] >= gap:
-            p = max(0.0, (v_new[-1] + e * v[-1]) / kick[-1])
-            impulses[k] = p
-            v_new = v_new - p * kick
-            T_new = T_new + alpha * p * warm
+        p = impulses[k] = law(x[-1], v[-1], v_new[-1], kick[-1])
+        v_new = v_new - p * kick
+        T_new = T_new + alpha * p * warm
         x, v, T = x + h * (theta * v_new + (1 - theta) * v), v_new, T_new
         found.append((x, v, T))
     return Trajectory(*(np.array(states) for states in zip(*found, strict=True)), impulses)

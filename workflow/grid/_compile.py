@@ -18,7 +18,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -39,13 +39,15 @@ class Wanted:
     method: str
     options: Any
     nodes: int
+    massless_tip: bool = False
 
     @property
     def words(self) -> tuple[Any, ...]:
         """What tells it from others; numbers change no kernel, but that there is one for θ = 1."""
         options = ((field.name, getattr(self.options, field.name)) for field in fields(self.options))
         implicit = getattr(self.options, "theta", None) == 1.0
-        return (self.method, self.nodes, implicit, *(o for o in options if not isinstance(o[1], float)))
+        others = (option for option in options if not isinstance(option[1], float))
+        return (self.method, self.nodes, self.massless_tip, implicit, *others)
 
 
 LONGEST = 300.0
@@ -70,6 +72,8 @@ def _compile(wanted: Wanted) -> None:
     chain = models.load("chain")
     parameters = chain.Parameters(nodes, mass=1.0, stiffness=1.0, heat_capacity=1.0, spacing=1.0, expansion=1.0)
     structure = chain.assemble(parameters)
+    if wanted.massless_tip:
+        structure = replace(structure.matrices(), mass=np.zeros((nodes, nodes)))
     scheme = load(wanted.method)
     none, one, node = np.zeros(1), np.ones(1), np.zeros((1, nodes))
     cases = Cases(none, one, one, none, none, none, none, node, node, node, node, node)

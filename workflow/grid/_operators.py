@@ -115,9 +115,9 @@ def _critical_alpha(by: Reduced) -> float:
 
 def kernels_of(cell: Cell) -> Wanted:
     """Return what of its scheme must be compiled for a cell."""
-    scheme = schemes.load(cell.scheme.method)
-    swept = scheme.sweeps(reduced_structure(cell))
-    return Wanted(cell.scheme.method, cell.scheme.options, MOST_NODES_WITH_MATRICES + 1 if swept else 1)
+    scheme, structure = schemes.load(cell.scheme.method), reduced_structure(cell)
+    nodes = MOST_NODES_WITH_MATRICES + 1 if scheme.sweeps(structure) else 1
+    return Wanted(cell.scheme.method, cell.scheme.options, nodes, structure.has_massless_tip)
 
 
 def compile_for(cell: Cell) -> None:

@@ -25,6 +25,9 @@ _GROWS = 1e-12
 _COARSE = 20
 """Steps per load period below which a plan says so: implicit Euler then errs by about a sixth."""
 
+_RINGS = 0.9
+"""What a step leaves of a disturbance of a tip without mass, from which on a plan says that it rings."""
+
 _STRUCTURES_SHOWN = 8
 
 _LOOKED_AT = 5000
@@ -207,16 +210,19 @@ def _looked_at(computed: Indices) -> list[int]:
 
 @lru_cache(maxsize=64)
 def _free_modes(by: Reduced) -> tuple[Array, Array, Array]:
-    """Return ω, c and μ of a structure's modes, of a long chain those of the lowest and the highest."""
+    """Return ω, c and μ of a structure's modes, of a long chain those of the lowest and the highest.
+
+    The last ω is infinite where the tip has no mass, and its c says nothing.
+    """
     structure = structure_on(by)
     omega = frequencies(structure)
-    damping = structure.damping.mass + structure.damping.stiffness * omega**2
+    damping = structure.damping.mass + structure.damping.stiffness * np.where(np.isinf(omega), 0.0, omega) ** 2
     return omega, damping, rates(structure)
 
 
 @dataclass(frozen=True)
 class _Caution:
-    """One thing to beware of: ``what`` it is, for which scheme and step, and how much of it."""
+    """One thing to beware of: ``what`` it is, for which scheme and step, and how much of it (empty for any step)."""
 
     scheme: str
     what: str
@@ -232,6 +238,9 @@ def _beware(grid: Grid, cell: Cell) -> list[_Caution]:
     if isinstance(structure, Chain) and not structure.has_matrices and scheme.is_swept is None:
         what = f"fails, as only moreau steps more than {MOST_NODES_WITH_MATRICES} nodes, with"
         return [_Caution(cell.scheme.label, what, cell.h, f"{structure.mechanical_size} nodes", 0.0)]
+    refusal = scheme.refusal(structure, cell.scheme.options)
+    if refusal is not None:
+        return [_Caution(cell.scheme.label, f"fails with {cell.reduction}, as {refusal}", cell.h, "", 0.0)]
     if "h" not in scheme.READS or scheme.amplification is None or scheme.thermal_amplification is None:
         return []
     omega, damping, mu = _free_modes(reduced(cell))
@@ -245,12 +254,18 @@ def _beware(grid: Grid, cell: Cell) -> list[_Caution]:
     if growth > 1 + _GROWS:
         return [caution("diverges, its free step grows", f"{growth:.6g}-fold", growth)]
     found = []
+    ringing = free[np.isinf(omega)].max(initial=0.0)
+    if ringing >= _RINGS:
+        what = (
+            f"makes the tip ring, which {cell.reduction} leaves without mass (theta = 1 is advised): each step turns a"
+        )
+        found.append(caution(f"{what} disturbance over and leaves", f"{ringing:.3g} of it", ringing))
     if scheme.contact_limit is not None:
         limit = scheme.contact_limit(structure, cell.scheme.options)
         if cell.h > limit:
             measured = f"{limit:.6g} s (measured with contact that comes and goes)"
             found.append(caution("grows in contact, which is stable only up to", measured, -limit))
-    if omega[0] > 0:
+    if 0 < omega[0] < np.inf:
         physical = float(damping[0] / (2 * omega[0]))
         numerical = _first_mode_damping(scheme, omega[:1], damping[:1], cell) - physical
         if numerical > physical + _GROWS:
@@ -286,8 +301,9 @@ def _told(cautions: list[_Caution]) -> tuple[str, ...]:
         at = worst.setdefault((caution.scheme, kind), {})
         if caution.h not in at or caution.size > at[caution.h].size:
             at[caution.h] = caution
-    return tuple(
+    sentences = (
         f"{scheme} {max(at.values(), key=lambda c: c.size).what} "
-        + _listed([f"{caution.amount} at h = {h:g} s" for h, caution in sorted(at.items())])
+        + _listed([f"{caution.amount} at h = {h:g} s" for h, caution in sorted(at.items()) if caution.amount])
         for (scheme, _), at in worst.items()
     )
+    return tuple(sentence.rstrip() for sentence in sentences)

@@ -59,6 +59,11 @@ class Chain(Structure):
         return self.mechanical_size <= MOST_NODES_WITH_MATRICES
 
     @property
+    def has_massless_tip(self) -> bool:
+        """Never: every node has mass."""
+        return False
+
+    @property
     def mechanical_size(self) -> int:
         """Number of nodes."""
         return self.masses.size

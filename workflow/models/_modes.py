@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from workflow.kernels import Array
 from workflow.kernels.solving import cholesky, solve_triangular
+from workflow.kernels.sums import dot, total
 from workflow.models._dense import product, singular
 from workflow.models._structure import Structure
 
@@ -24,22 +25,34 @@ class Modes:
         exactly 0 for adiabatic modes. Shape ``(mode,)``.
     shapes
         Columns with shapesᵀ · inertia · shapes = 1, shape ``(coordinate, mode)``.
+    has_static
+        Whether the last column is the static deformation by a force on a tip without mass: its inertia is 0 and its
+        value the root of its stiffness, √(N/m), so that shapesᵀ · stiffness · shapes = values² holds for it too.
     """
 
     values: Array
     shapes: Array
+    has_static: bool = False
 
     @property
     def tip(self) -> Array:
         """Participation of the tip (the last coordinate) in each mode, shape ``(mode,)``."""
         return np.asarray(self.shapes[-1])
 
+    @property
+    def inertia(self) -> Array:
+        """shapesᵀ · inertia · shapes: 1, and 0 of a static deformation, shape ``(mode,)``."""
+        inertia = np.ones(self.values.size)
+        inertia[self.values.size - self.has_static :] = 0.0
+        return inertia
 
-def singular_modes(inertia: Array, deformation: Array) -> Modes:
+
+def singular_modes(inertia: Array, deformation: Array, rounded: float = 0.0) -> Modes:
     """Solve deformationᵀ deformation φ = s² inertia φ through singular values s.
 
     Singular values keep low frequencies of graded chains accurate to eps·ω_max/ω where the
-    eigenvalues of the squared matrix would only be so to eps·(ω_max/ω)².
+    eigenvalues of the squared matrix would only be so to eps·(ω_max/ω)². ``rounded`` is a value whose rounding the
+    deformation may hold, where that is larger than its own.
     """
     size = inertia.shape[0]
     if size == 0:
@@ -48,7 +61,7 @@ def singular_modes(inertia: Array, deformation: Array) -> Modes:
     scaled = solve_triangular(root, deformation.T).T
     values, vectors = singular(scaled)
     rounding = max(scaled.shape) * np.finfo(float).eps  # numpy.linalg.matrix_rank's own rule
-    values[values <= rounding * values.max(initial=0.0)] = 0.0
+    values[values <= rounding * values.max(initial=rounded)] = 0.0
     shapes = solve_triangular(root, vectors, transposed=True)
     return Modes(values[::-1].copy(), np.ascontiguousarray(shapes[:, ::-1]))
 
@@ -78,9 +91,30 @@ def magnitudes(values: NDArray[np.complex128]) -> Array:
 def mechanical_modes(structure: Structure) -> Modes:
     """Return the undamped mechanical modes: K1 φ = ω² M φ, φᵀ M φ = 1.
 
-    Rayleigh damping is diagonal in them, c = a_M + a_K ω².
+    Rayleigh damping is diagonal in them, c = a_M + a_K ω². Of a tip without mass the static deformation comes last.
     """
-    return singular_modes(structure.mass, np.sqrt(structure.springs)[:, None] * structure.elongation)
+    strain = np.sqrt(structure.springs)[:, None] * structure.elongation
+    if structure.has_massless_tip:
+        return _condensed_modes(structure.mass, strain)
+    return singular_modes(structure.mass, strain)
+
+
+def _condensed_modes(mass: Array, strain: Array) -> Modes:
+    """Return the modes of a structure whose tip has no mass, then the static deformation by a force on the tip.
+
+    In the modes the tip follows the others at rest, x_n = -K_nn⁻¹ K_ni x_i; that deformation is a unit displacement of
+    the tip alone, of stiffness K_nn. All are orthogonal in M, K1 and C1.
+    """
+    others, tip = strain[:, :-1], strain[:, -1]
+    stiffness, follows = dot(tip, tip), np.zeros(others.shape[1])
+    condensed = others
+    for _ in range(2):  # once more, so that rounding of the first pass goes too
+        share = product(condensed.T, tip) / stiffness
+        condensed, follows = condensed - tip[:, None] * share, follows - share
+    modes = singular_modes(mass[:-1, :-1], condensed, float(np.sqrt(total(others**2, 0)).max(initial=0.0)))
+    shapes = np.zeros((strain.shape[1], strain.shape[1]))
+    shapes[:-1, :-1], shapes[-1, :-1], shapes[-1, -1] = modes.shapes, product(follows, modes.shapes), 1.0
+    return Modes(np.append(modes.values, np.sqrt(stiffness)), shapes, has_static=True)
 
 
 def thermal_modes(structure: Structure) -> Modes:

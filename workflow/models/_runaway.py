@@ -19,7 +19,7 @@ the rounding of its shape (about 1e-14), well below any mode of a structure that
 
 
 def _tip_shares(tip: Array, null: Array) -> bool:
-    return bool(np.any(np.abs(tip[null]) > _PARTICIPATES * np.abs(tip).max()))
+    return bool(np.any(np.abs(tip[null]) > _PARTICIPATES * np.abs(tip).max(initial=0.0)))
 
 
 def tip_flexibility(structure: Structure) -> float:
@@ -30,7 +30,8 @@ def tip_flexibility(structure: Structure) -> float:
         return 1 / structure.mechanical.tip_stiffness
     modes = mechanical_modes(structure)
     rigid = modes.values == 0
-    if _tip_shares(modes.tip, rigid):
+    moving = modes.inertia > 0
+    if _tip_shares(modes.tip[moving], rigid[moving]):
         return float("inf")
     elastic = ~rigid
     return total((modes.tip[elastic] / modes.values[elastic]) ** 2)

@@ -66,6 +66,11 @@ class Sparse(Structure):
         return max(self.mechanical_size, self.thermal_size) <= MOST_NODES_WITH_MATRICES
 
     @property
+    def has_massless_tip(self) -> bool:
+        """Never: contact without mass is refused."""
+        return False
+
+    @property
     def mechanical_size(self) -> int:
         """Number of mechanical coordinates, the tip included."""
         return self.mechanical.size

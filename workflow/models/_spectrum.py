@@ -16,13 +16,14 @@ from workflow.models._structure import Structure
 def frequencies(structure: Structure) -> Array:
     """Return ω of the modes, rad/s, ascending; of a chain without matrices the lowest and the highest.
 
-    Of sparse matrices the lowest and about the highest.
+    Of sparse matrices the lowest and about the highest. The last one is infinite where the tip has no mass.
     """
     if isinstance(structure, Chain) and not structure.has_matrices:
         return frequency_range(structure)
     if isinstance(structure, Sparse):
         return np.sqrt(_ends(structure.mechanical))
-    return mechanical_modes(structure).values
+    modes = mechanical_modes(structure)
+    return np.where(modes.inertia > 0, modes.values, np.inf)
 
 
 def rates(structure: Structure) -> Array:

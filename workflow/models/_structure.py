@@ -198,6 +198,11 @@ class Structure:
         return product(self.conductors * self.grounded, self.difference)
 
     @property
+    def has_massless_tip(self) -> bool:
+        """Whether the tip has no mass, as some reductions leave it: M is singular, and contact has no impulses."""
+        return self.mechanical_size > 0 and not np.any(self.mass[-1])
+
+    @property
     def mechanical_size(self) -> int:
         """Number of mechanical coordinates, the tip included."""
         return int(self.mass.shape[0])

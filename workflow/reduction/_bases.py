@@ -14,7 +14,7 @@ from workflow.models._tip_held import held_modes, slowest_modes, thermal_constra
 Inertia = Callable[[Array], Array]
 """From vectors to inertia · vectors."""
 
-_DEPENDENT = 1e-8
+DEPENDENT = 1e-8
 """A vector whose part that is new, and vanishes at the tip, is below this share of it adds no direction: half of
 the digits, so that what is kept is known to the other half before it is made orthogonal again."""
 
@@ -103,7 +103,7 @@ class Orthonormal:
         for _ in range(2):  # once more, so that rounding of the first pass goes too
             new = new - product(found[:, :kept], product(found[:, :kept].T, self._inertia(new)))
         rest = np.sqrt(dot(new, self._inertia(new)))
-        if not rest > _DEPENDENT * size:
+        if not rest > DEPENDENT * size:
             return None
         found[:, kept] = new / rest
         self._kept += 1

@@ -82,11 +82,14 @@ class Vectors:
         shape ``(spring, coordinate)``.
     projection
         From states to coordinates, shape ``(coordinate, node)``.
+    has_massless_tip
+        Whether the tip's own vector has no inertia and the interior ones, in which all of it is, have the unit matrix.
     """
 
     shapes: Array
     deformation: Array
     projection: Array
+    has_massless_tip: bool = False
 
 
 def mechanical_vectors(structure: Structure, interior: Array) -> Vectors:
@@ -95,6 +98,25 @@ def mechanical_vectors(structure: Structure, interior: Array) -> Vectors:
     deformation = np.column_stack([structure.elongations(interior), elongation])
     projection = _projection(structure.inertia_forces(interior).T, constraint)
     return Vectors(np.column_stack([interior, constraint]), deformation, projection)
+
+
+def massless_vectors(structure: Structure, interior: Array, tip: Array, strain: Array, modes: Array) -> Vectors:
+    """Return interior displacements and the tip's vector, which is given no inertia.
+
+    Parameters
+    ----------
+    structure
+        The full structure.
+    interior
+        0 at the tip, ``(node, vector)``.
+    tip
+        1 at the tip and orthogonal to ``modes`` in M, ``(node,)``; ``strain`` is its elongation of the springs.
+    modes
+        Orthonormal in M, ``(node, vector)``: the interior vectors up to multiples of the tip's. They hold all inertia.
+    """
+    deformation = np.column_stack([structure.elongations(interior), strain])
+    projection = _projection(structure.inertia_forces(modes).T, tip)
+    return Vectors(np.column_stack([interior, tip]), deformation, projection, has_massless_tip=True)
 
 
 def thermal_vectors(structure: Structure, interior: Array) -> Vectors:
@@ -117,6 +139,15 @@ def _projection(onto_interior: Array, constraint: Array) -> Array:
     return rows
 
 
+def _mass(structure: Structure, mechanical: Vectors) -> Array:
+    """Return Xᵀ M X, or the unit matrix on the interior vectors where the tip has no mass."""
+    if mechanical.has_massless_tip:
+        mass = np.eye(mechanical.shapes.shape[1])
+        mass[-1, -1] = 0.0
+        return mass
+    return product(mechanical.shapes.T, structure.inertia_forces(mechanical.shapes))
+
+
 def quadratic_forms(structure: Sparse, mechanical: Vectors, thermal: Vectors, carried: Array | None) -> Matrices:
     """Return Xᵀ M X, Xᵀ K1 X, Xᵀ (K12 Θ + K1 Γ), Θᵀ C2 Θ and Θᵀ K2 Θ as a structure."""
     x, theta = mechanical.shapes, thermal.shapes
@@ -124,7 +155,7 @@ def quadratic_forms(structure: Sparse, mechanical: Vectors, thermal: Vectors, ca
     if carried is not None:
         forces = forces + structure.elongations(carried)
     forms = Forms(
-        mass=product(x.T, structure.inertia_forces(x)),
+        mass=_mass(structure, mechanical),
         stiffness=product(x.T, mechanical.deformation),
         coupling=product(x.T, forces),
         heat_capacity=product(theta.T, structure.heat_contents(theta)),
@@ -159,7 +190,7 @@ def galerkin(structure: Structure, mechanical: Vectors, thermal: Vectors, carrie
     x, theta = mechanical.shapes, thermal.shapes
     expansion = structure.expansions(theta)
     reduced = Matrices(
-        mass=product(x.T, structure.inertia_forces(x)),
+        mass=_mass(structure, mechanical),
         springs=structure.springs,
         elongation=mechanical.deformation,
         expansion=expansion if carried is None else expansion - structure.elongations(carried),

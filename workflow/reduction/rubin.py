@@ -27,7 +27,7 @@ def mechanical(structure: Structure, count: int, known: Known) -> Vectors:
     constraint, elongation = mechanical_constraint(structure)
     modes = lowest_modes(structure, count + 1)  # one may be the constraint mode
     strained = structure.strains(elongation)
-    shapes = modes.shapes if strained else np.column_stack([_elastic(structure), modes.shapes])
+    shapes = modes.shapes if strained else np.column_stack([elastic(structure), modes.shapes])
     return mechanical_vectors(structure, relative(shapes, constraint, structure.inertia_forces, count))
 
 
@@ -36,7 +36,7 @@ def thermal(structure: Structure, count: int, known: Known) -> Vectors:
     return thermal_vectors(structure, relative_thermal_modes(structure, count))
 
 
-def _elastic(structure: Structure) -> Array:
+def elastic(structure: Structure) -> Array:
     """Return the elastic displacement by a unit force on a tip that nothing holds, m/N, ``(node,)``."""
     modes: Modes = lowest_modes(structure, structure.mechanical_size)
     held = modes.values > 0

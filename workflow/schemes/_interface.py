@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import MISSING, dataclass, field, fields, replace
 from enum import IntEnum
 from fractions import Fraction
 from types import ModuleType
@@ -187,6 +187,15 @@ def _unknown_cost(structure: Structure, h: float, options: Any, sampling: Sampli
     return 1e-6 * (sampling.steps(h) + sampling.count)
 
 
+class MasslessTipError(ValueError):
+    """A scheme cannot step a structure whose tip has no mass."""
+
+
+def _needs_mass(options: Any) -> str | None:
+    """Return why a scheme that says nothing cannot step a tip without mass."""
+    return "the scheme does not say that it can step a structure whose reduction leaves the tip without mass"
+
+
 @dataclass(frozen=True)
 class Scheme:
     """What a module of ``workflow/schemes/`` offers; fields with a default may be left out.
@@ -199,7 +208,8 @@ class Scheme:
         Which of the axes ``e``, ``h``, ``alpha`` change its results (everything else of the scene does, and so do
         its own options). Cases that differ in other axes are computed once.
     init
-        ``init(structure, h, options)``: work that depends on the operator alone, done once per batch.
+        ``init(structure, h, options)``: work that depends on the operator alone, done once per batch. That of a module
+        is not called for a structure that :attr:`massless_tip` refuses: :class:`MasslessTipError` is raised.
     compute
         ``compute(operator, cases, sampling)`` runs a whole batch and returns :class:`Results`; it never raises for
         what a case does, and a case's numbers do not depend on its neighbours, bit for bit.
@@ -231,6 +241,9 @@ class Scheme:
     HARMONICS
         What of ``load`` and ``casing`` may have harmonics in its cases: the load (``Recorder.load`` and
         ``Cases.load_at`` have them) where it does not say; a casing that moves (``Cases.casing_at``) where it says so.
+    massless_tip
+        ``massless_tip(options)``: why it cannot step a structure whose tip has no mass, ``None`` where it can. A scheme
+        that does not say cannot.
     about
         One line on the scheme; the first paragraph of the module's docstring where it does not say.
     """
@@ -251,6 +264,7 @@ class Scheme:
     contact_stiffness_of: Callable[[Structure, Any], float] | None = None
     rigid: Callable[[Structure, float], Any] | None = None
     HARMONICS: frozenset[str] = frozenset({"load"})
+    massless_tip: Callable[[Any], str | None] = _needs_mass
     about: str = ""
 
     @classmethod
@@ -262,7 +276,19 @@ class Scheme:
     def of(cls, module: ModuleType) -> Scheme:
         """Return what a module offers."""
         offered = {f.name: vars(module)[f.name] for f in fields(cls) if f.name in vars(module)}
-        return cls(**{"about": " ".join((module.__doc__ or "").split("\n\n")[0].split()), **offered})
+        scheme = cls(**{"about": " ".join((module.__doc__ or "").split("\n\n")[0].split()), **offered})
+
+        def init(structure: Structure, h: float, options: Any) -> Any:
+            reason = scheme.refusal(structure, options)
+            if reason is not None:
+                raise MasslessTipError(reason)
+            return module.init(structure, h, options)
+
+        return replace(scheme, init=init)
+
+    def refusal(self, structure: Structure, options: Any) -> str | None:
+        """Return why it cannot step a structure, ``None`` where it can."""
+        return self.massless_tip(options) if structure.has_massless_tip else None
 
     def cannot_take(self, load: bool, casing: bool) -> str | None:
         """Return why it refuses a scene with harmonics of load or casing, ``None`` where it takes them."""

@@ -20,7 +20,7 @@ import numpy as np
 from workflow.kernels.lanes import WIDE
 from workflow.models import Array, Cases, Structure
 from workflow.schemes._fixed import central_march, outcome
-from workflow.schemes._fixed.central import Differences, Linear, Operator, delassus, operator
+from workflow.schemes._fixed.central import NEEDS_MASS, Differences, Linear, Operator, delassus, operator
 from workflow.schemes._fixed.costs import central_cost
 from workflow.schemes._fixed.decoupled import decouple
 from workflow.schemes._interface import Results, Sampling
@@ -66,6 +66,11 @@ def init(structure: Structure, h: float, options: Options) -> Operator:
 def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
     """Step a whole batch; ``e`` is not read."""
     return central_march.compute(operator, cases, sampling)
+
+
+def massless_tip(options: Options) -> str | None:
+    """Return why a tip without mass cannot be stepped."""
+    return NEEDS_MASS
 
 
 def amplification(frequency: Array, damping: Array, h: float, options: Options) -> Any:

@@ -51,6 +51,14 @@ def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
     return run_batch(operator, cases, sampling)
 
 
+def massless_tip(options: Options) -> str | None:
+    """Return why a tip without mass has no events."""
+    return (
+        "the reduction leaves the tip without mass: it has no impacts, from one to the next of which this scheme goes; "
+        "moreau and implicit penalty step it"
+    )
+
+
 def amplification(frequency: Array, damping: Array, h: float, options: Options) -> Any:
     """Return exp(s h) of the two poles s of each mode, complex, ``(mode, 2)``."""
     return elementwise.complex_exp(h * poles(frequency, damping))

@@ -7,9 +7,10 @@
     v_k+1 = v_free - Ŵ⁻¹ e_n p,   x_k+1 = x_k + h (θ v_k+1 + (1-θ) v_k)
 
 with v_free,n the tip's velocity without contact. Acary & Brogliato (2008), chapters 8 and 10; θ = 1 is the implicit
-Euler scheme of Thorin, Guérin and Legrand. A structure is stepped in its modes (:mod:`workflow.schemes._fixed`); a
-chain of so many nodes that its modes take longer to find than they save is swept node by node
-(:mod:`workflow.schemes._sweep.sweeps`).
+Euler scheme of Thorin, Guérin and Legrand. A tip that its reduction leaves without mass has no impacts: contact is a
+complementarity of place and impulse (:mod:`workflow.schemes._fixed.complementarity`), and e is not read. A structure is
+stepped in its modes (:mod:`workflow.schemes._fixed`); a chain of so many nodes that its modes take longer to find than
+they save is swept node by node (:mod:`workflow.schemes._sweep.sweeps`).
 """
 
 from __future__ import annotations
@@ -39,6 +40,7 @@ from workflow.kernels.packs import (
 from workflow.models import Array, Cases, Structure
 from workflow.schemes._fixed import theta_method
 from workflow.schemes._fixed.balance import Audit
+from workflow.schemes._fixed.complementarity import complementarity, march_without_mass
 from workflow.schemes._fixed.contact import CASE_ALPHA, CASE_HEAT, CASE_IMPULSE, CASE_PRESSED, End, Free, TipStep, meet
 from workflow.schemes._fixed.costs import sweep_cost, theta_cost
 from workflow.schemes._fixed.decoupled import decouple
@@ -47,7 +49,7 @@ from workflow.schemes._fixed.marks import TIP_DISPLACEMENT, TIP_VELOCITY, Block
 from workflow.schemes._fixed.modal_lanes import Coefficients, State
 from workflow.schemes._fixed.outcome import by_heat
 from workflow.schemes._fixed.stepping import collect
-from workflow.schemes._fixed.theta_method import Contact, Operator, delassus, judge, step_modes
+from workflow.schemes._fixed.theta_method import NEEDS_IMPLICIT, Contact, Operator, delassus, judge, step_modes
 from workflow.schemes._interface import Results, Sampling
 from workflow.schemes._sweep import sweeps
 from workflow.schemes._sweep.balance import Account
@@ -125,6 +127,9 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling, heated: bool) -> 
     law = Prox(cases.e, np.where(w <= 0, np.nan, 1 / np.where(w <= 0, 1.0, w)))
     if isinstance(motion, sweeps.Swept):
         ended = sweep(_march_nodes, operator, law, cases, sampling, heated)
+    elif operator.structure.has_massless_tip:
+        by_place, modal = complementarity(h, theta, w), motion if heated else motion.without_heat()
+        ended = step_modes(march_without_mass, operator, modal, by_place, cases, sampling)
     else:
         ended = step_modes(_march, operator, motion if heated else motion.without_heat(), law, cases, sampling)
     contact = Contact(lambda step, alpha: delassus(motion, step, theta, alpha), "W")
@@ -135,6 +140,11 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling, heated: bool) -> 
 def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
     """Step a whole batch; thermal states are carried only in the cases where they can act."""
     return by_heat(cases, lambda some, heated: _run(operator, some, sampling, heated))
+
+
+def massless_tip(options: Options) -> str | None:
+    """Return why a tip without mass cannot be stepped: it takes an implicit step."""
+    return None if options.theta > 0 else NEEDS_IMPLICIT
 
 
 def amplification(frequency: Array, damping: Array, h: float, options: Options) -> Any:

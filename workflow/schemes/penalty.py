@@ -24,7 +24,7 @@ from workflow.kernels.lanes import WIDE
 from workflow.kernels.sums import total
 from workflow.models import Array, Cases, Structure
 from workflow.schemes._fixed import central_march, outcome, spring, spring_limits, theta_method
-from workflow.schemes._fixed.central import Differences, Linear, delassus, operator
+from workflow.schemes._fixed.central import NEEDS_MASS, Differences, Linear, delassus, operator
 from workflow.schemes._fixed.central import Operator as CentralOperator
 from workflow.schemes._fixed.costs import central_cost
 from workflow.schemes._fixed.decoupled import Decoupled, decouple
@@ -130,6 +130,13 @@ def compute(operator: CentralOperator | SpringOperator, cases: Cases, sampling: 
     if isinstance(operator, CentralOperator):
         return central_march.compute(operator, cases, sampling)
     return spring.compute(operator, cases, sampling)
+
+
+def massless_tip(options: Options) -> str | None:
+    """Return why a tip without mass cannot be stepped: it takes an implicit step."""
+    if options.integration == "explicit":
+        return NEEDS_MASS
+    return None if options.theta > 0 else theta_method.NEEDS_IMPLICIT
 
 
 def amplification(frequency: Array, damping: Array, h: float, options: Options) -> Any:

@@ -54,8 +54,8 @@ AUDIT_MODE_ZETA, AUDIT_MODE_PLACE, AUDIT_MODE_IMPULSE, AUDIT_MODE_FORCE = range(
 """Coefficients of a mechanical mode: ζ' - ζ per ζ, per ωη, per tip impulse and per modal force. Steps are counted as
 increments, whose coefficients round relative to h."""
 
-AUDIT_MODE_TURN, AUDIT_MODE_DAMPING, AUDIT_MODE_TIP = range(4, 7)
-"""hω, c, φ_n."""
+AUDIT_MODE_TURN, AUDIT_MODE_DAMPING, AUDIT_MODE_TIP, AUDIT_MODE_MASS = range(4, 8)
+"""hω, c, φ_n, and 1, or 0 of the static deformation of a tip without mass."""
 
 AUDIT_HEAT_CHANGE, AUDIT_HEAT_INPUT, AUDIT_HEAT_LOSS = range(3)
 """Coefficients of a thermal mode: τ' - τ per τ and per unit heat at the tip; its heat loss, W."""
@@ -169,7 +169,7 @@ def store_energy(energy: Pack, sums: Array, lane: Lane) -> None:
 def _account(theta: float, h: float, balance_sine: float, audit: Audit, own: Array, load: Array, lane: Lane) -> None:
     """Step the mechanical modes and count the energy they have and spend."""
     modes, motion, sums = audit.modes, audit.motion, audit.sums
-    assert modes.shape[1] == AUDIT_MODE_TIP + 1
+    assert modes.shape[1] == AUDIT_MODE_MASS + 1
     pushed, velocity, energy = pack(own, (CASE_IMPULSE, lane)), spread(0.0, lane), spread(0.0, lane)
     spent = pack(sums, (SUM_SPENT, lane))
     for first in range(0, motion.shape[0], GROUP):
@@ -193,7 +193,7 @@ def _account(theta: float, h: float, balance_sine: float, audit: Audit, own: Arr
             store(motion, (j, AUDIT_PLACE, lane), place)
             store(motion, (j, AUDIT_FORCE, lane), force)
             velocity += shared(modes, (j, AUDIT_MODE_TIP), lane) * after
-            energy += after * after + place * place
+            energy += shared(modes, (j, AUDIT_MODE_MASS), lane) * (after * after) + place * place
             group += twice * (shared(modes, (j, AUDIT_MODE_DAMPING), lane) * twice - (force_before + force))
         spent += 0.25 * h * group
     middle = 0.5 * (pack(sums, (SUM_VELOCITY, lane)) + velocity)

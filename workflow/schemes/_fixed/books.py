@@ -12,7 +12,7 @@ from workflow.kernels.sums import product
 from workflow.models import Array, Cases, Structure, project
 from workflow.schemes._fixed.balance import (
     AUDIT_HEAT_LOSS,
-    AUDIT_MODE_TIP,
+    AUDIT_MODE_MASS,
     AUDIT_STEADY,
     GROUP,
     SUM_ENERGY,
@@ -64,6 +64,7 @@ class Books:
             h * modal.frequency,
             c,
             modal.tip,
+            modal.mass,
         )
         heat_modes = by_mode(-h * mu / slow, modal.heat_tip / slow, loss_row)
         coupling = np.zeros((modes.shape[0], mu.size))
@@ -76,7 +77,7 @@ class Books:
         self._motion = grouped(velocity.T, place.T, force.T, steady.T)
         self._heat = np.ascontiguousarray(tau.T)
         self._heating_in_step = (heating * (h / slow)).T[: None if heating.any() else 0]
-        energy = 0.5 * project(np.ones((1, c.size)), velocity**2 + place**2)[:, 0]
+        energy = 0.5 * project(np.ones((1, c.size)), modal.mass * velocity**2 + place**2)[:, 0]
         self._begun = np.zeros((SUM_ROWS, cases.count))
         self._begun[[SUM_ENERGY, SUM_FIRST_ENERGY, SUM_LARGEST_ENERGY]] = energy
         self._begun[SUM_VELOCITY] = project(modal.tip[None, :], velocity)[:, 0]
@@ -131,7 +132,7 @@ class Books:
 def no_audit() -> Audit:
     """Return what the kernel takes where no balances are asked for."""
     return Audit(
-        modes=np.zeros((0, AUDIT_MODE_TIP + 1)),
+        modes=np.zeros((0, AUDIT_MODE_MASS + 1)),
         heat_modes=np.zeros((0, AUDIT_HEAT_LOSS + 1)),
         coupling=np.zeros((0, 0, GROUP)),
         motion=lane_rows(0, AUDIT_STEADY + 1),

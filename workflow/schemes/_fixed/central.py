@@ -36,6 +36,12 @@ from workflow.schemes._fixed.contact import TipStep
 from workflow.schemes._fixed.decoupled import Decoupled, dragged
 from workflow.schemes._fixed.modal_lanes import Coefficients, by_mode
 
+NEEDS_MASS = (
+    "the reduction leaves the tip without mass: central differences divide by the mass that contact acts on; "
+    "moreau and implicit penalty step it"
+)
+"""Why central differences cannot step a tip without mass."""
+
 _NO_DECAY = 1e-30
 """Stands for a thermal factor D of exactly 0, by which what enters is divided: nothing beside 1."""
 

@@ -45,8 +45,9 @@ class Decoupled:
 
     Attributes
     ----------
-    frequency, damping
-        ω_j [rad/s] and c_j = a_M + a_K ω_j² [1/s], ``(mode,)``.
+    mass, frequency, damping
+        1, ω_j [rad/s] and c_j = a_M + a_K ω_j² [1/s], ``(mode,)``. Of a tip without mass the last mode is its static
+        deformation: 0, the root of its stiffness [√(N/m)] and a_K times the stiffness.
     tip
         φ_jn, 1/√kg, ``(mode,)``.
     rate, heat_tip
@@ -58,13 +59,14 @@ class Decoupled:
     pairs
         Indices (mode, thermal mode) of the pairs near resonance, ``(pair, 2)``; normally none.
     to_modes, to_thermal
-        φᵀ M and χᵀ C2, which take states to modal coordinates.
+        φ⁻¹ = φᵀ M and χ⁻¹ = χᵀ C2, which take states to modal coordinates.
     shapes, heat_shapes
         φ and χ.
     static_growth
         Quasi-static tip displacement -e_nᵀ K1⁻¹ K12 χ_l of each thermal mode, ``(thermal mode,)``.
     """
 
+    mass: Array
     frequency: Array
     damping: Array
     tip: Array
@@ -94,9 +96,9 @@ class Decoupled:
         return product(self.tip, self.response)
 
     def inertia(self, h: float, theta: float) -> Array:
-        """Return 1 + hθc + h²θ²ω² of each mode, the diagonal of Ŵ of a step of the θ-method."""
+        """Return m + hθc + h²θ²ω² of each mode, the diagonal of Ŵ of a step of the θ-method."""
         lever = h * theta
-        return np.asarray(1 + lever * self.damping + lever * lever * self.frequency**2)
+        return np.asarray(self.mass + lever * self.damping + lever * lever * self.frequency**2)
 
     def delassus(self, h: float, theta: float) -> tuple[float, float]:
         """Return e_nᵀ Ŵ⁻¹ e_n and e_nᵀ Ŵ⁻¹ hθ K12 T̂⁻¹ e_n, the parts of the Delassus operator W, 1/kg."""
@@ -109,6 +111,7 @@ class Decoupled:
         """Return the same structure without thermal states, for cases where none can act."""
         none = np.zeros((self.frequency.size, 0))
         return Decoupled(
+            self.mass,
             self.frequency,
             self.damping,
             self.tip,
@@ -143,9 +146,11 @@ def decouple(structure: Structure) -> Decoupled:
     mechanical, thermal = mechanical_modes(structure), thermal_modes(structure)
     coupling = modal_coupling(structure, mechanical, thermal)
     frequency, rate = mechanical.values, thermal.values
-    damping = structure.damping.mass + structure.damping.stiffness * frequency**2
-    response, pairs = dragged(coupling, rate**2, -rate * damping[:, None], frequency[:, None] ** 2)
+    mass = mechanical.inertia
+    damping = structure.damping.mass * mass + structure.damping.stiffness * frequency**2
+    response, pairs = dragged(coupling, rate**2 * mass[:, None], -rate * damping[:, None], frequency[:, None] ** 2)
     return Decoupled(
+        mass=mass,
         frequency=frequency,
         damping=damping,
         tip=mechanical.tip,
@@ -154,12 +159,21 @@ def decouple(structure: Structure) -> Decoupled:
         coupling=coupling,
         response=response,
         pairs=pairs,
-        to_modes=product(mechanical.shapes.T, structure.mass),
+        to_modes=_to_modes(structure, mechanical),
         to_thermal=product(thermal.shapes.T, structure.heat_capacity),
         shapes=mechanical.shapes,
         heat_shapes=thermal.shapes,
         static_growth=_static_growth(structure, mechanical, thermal, coupling),
     )
+
+
+def _to_modes(structure: Structure, modes: Modes) -> Array:
+    """Return what takes displacements to modal ones; the static deformation of a tip is what the modes leave of it."""
+    found = product(modes.shapes.T, structure.mass)
+    if modes.has_static:
+        found[-1] = -product(modes.tip[:-1], found[:-1])
+        found[-1, -1] += 1.0
+    return found
 
 
 def _static_growth(structure: Structure, mechanical: Modes, thermal: Modes, coupling: Array) -> Array:

@@ -5,7 +5,8 @@ With ξ = η - hθζ the pair (ζ, ξ) of a mode takes an impulse s (of the load
     ζ ← ζ + φ_n s / (1 + hθc + h²θ²ω²),   ζ' = a ζ + b ξ,   ξ' = ξ + h ζ,
     a = (1 - h(1-θ)c - h²θ(2-θ)ω²) / (1 + hθc + h²θ²ω²),   b = -hω² / (1 + hθc + h²θ²ω²),
 
-and a thermal mode steps by (1 + hθμ) τ' = (1 - h(1-θ)μ) τ + χ_n α p.
+and a thermal mode steps by (1 + hθμ) τ' = (1 - h(1-θ)μ) τ + χ_n α p. Of a tip without mass the 1 of its static
+deformation is 0, and its free step has the factor -(1-θ)/θ.
 """
 
 from __future__ import annotations
@@ -37,6 +38,10 @@ _MOST_GROWTH = 300.0
 1e24 for loads and units."""
 
 
+NEEDS_IMPLICIT = "the reduction leaves the tip without mass, which an explicit step (theta = 0) cannot move"
+"""Why an explicit θ-method cannot step a tip without mass."""
+
+
 @dataclass(frozen=True, eq=False)
 class Operator:
     """What a batch shares: structure, step h [s] and θ, and the structure as it is stepped."""
@@ -64,9 +69,12 @@ class Ended(NamedTuple):
 
 
 def amplification(frequency: Array, damping: Array, h: float, theta: float) -> Any:
-    """Return the eigenvalues (1 + (1-θ)hλ)/(1 - θhλ) of the free step of each mode."""
-    lam = poles(frequency, damping)
-    return over(1 + (1 - theta) * h * lam, 1 - theta * h * lam)
+    """Return the eigenvalues (1 + (1-θ)hλ)/(1 - θhλ) of the free step of each mode; -(1-θ)/θ where ω is infinite."""
+    infinite = np.isinf(frequency)
+    lam = poles(np.where(infinite, 0.0, frequency), np.where(infinite, 0.0, damping))
+    found = over(1 + (1 - theta) * h * lam, 1 - theta * h * lam)
+    found[infinite] = -(1 - theta) / theta if theta > 0 else -np.inf
+    return found
 
 
 def thermal_amplification(rate: Array, h: float, theta: float) -> Array:
@@ -90,7 +98,7 @@ def coefficients(modal: Decoupled, h: float, theta: float) -> Coefficients:
     j, k = modal.pairs.T
     return Coefficients(
         modes=by_mode(
-            (1 - h * (1 - theta) * c - h * h * theta * (2 - theta) * omega2) / inertia,
+            (modal.mass - h * (1 - theta) * c - h * h * theta * (2 - theta) * omega2) / inertia,
             -h * omega2 / inertia,
             tip**2 / inertia,
             tip * (thermal_kick + product(modal.response, mu * warm)),
@@ -143,15 +151,26 @@ def _growth(operator: Operator) -> float:
     motion, h, theta = operator.motion, operator.h, operator.theta
     if theta >= 0.5:
         return 1.0
-    free = magnitude(amplification(motion.frequency, motion.damping, h, theta)).max(initial=0.0)
+    free = magnitude(amplification(_natural(operator), motion.damping, h, theta)).max(initial=0.0)
     heat = np.abs(thermal_amplification(motion.rate, h, theta)).max(initial=0.0)
     return float(max(free, heat))
 
 
-def _largest_stable_step(motion: Decoupled | Swept, theta: float) -> float:
+def _natural(operator: Operator) -> Array:
+    """Return ω of the modes that are stepped, rad/s, the last one infinite where the tip has no mass."""
+    frequency = operator.motion.frequency.copy()
+    if operator.structure.has_massless_tip:
+        frequency[-1] = np.inf
+    return frequency
+
+
+def _largest_stable_step(operator: Operator) -> float:
     """Return the step up to which no free mode grows: 2 Re λ + (1-2θ) h |λ|² <= 0 for every λ."""
+    motion, theta = operator.motion, operator.theta
     if theta >= 0.5:
         return float("inf")
+    if operator.structure.has_massless_tip:
+        return 0.0
     lam = np.concatenate([poles(motion.frequency, motion.damping).ravel(), -motion.rate + 0j])
     lam = lam[lam != 0]
     return float(np.min(-2 * lam.real / ((1 - 2 * theta) * (lam.real**2 + lam.imag**2)), initial=np.inf))
@@ -211,7 +230,7 @@ def judge(
         status[case] = Status.DIVERGED
         messages[case] = f"the state left the finite numbers at h = {h:.6g} s"
         if growth > 1 + ROUNDING:
-            limit = _largest_stable_step(operator.motion, theta)
+            limit = _largest_stable_step(operator)
             messages[case] = f"the free step grows {growth:.6g}-fold at theta = {theta:g} and h = {h:.6g} s; " + (
                 f"it is stable up to h = {limit:.6g} s" if limit > 0 else "it is stable at no h"
             )

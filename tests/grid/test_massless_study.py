@@ -1,0 +1,74 @@
+"""A study that crosses schemes with bases that leave the tip without mass: what can run runs, the rest says why."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from studies import SCENE, parsed
+from workflow.grid import Grid, Solved, arrange, plan_study, solve
+from workflow.schemes import Status
+from workflow.study import Study
+
+CROSSED = """
+schemes:
+  euler: {method: moreau}
+  midpoint: {method: moreau, theta: 0.5}
+  spring: {method: penalty, integration: implicit}
+axes:
+  scheme: [euler, midpoint, spring, penalty, carpenter, event_driven]
+  reduction: [craig_bampton, macneal, massless]
+  h: [1e-5]
+  alpha: [5]
+zip: {model: {mechanical_modes: [1, full], thermal_modes: [1, full]}}
+reference: {scheme: event_driven, mechanical_modes: full, thermal_modes: full}
+output: {interval: 1 ms}
+"""
+ABLE = {"euler", "midpoint", "spring"}
+
+
+@pytest.fixture(scope="module")
+def study() -> Study:
+    return parsed(f"study: a\n{SCENE}{CROSSED}")
+
+
+def at(grid: Grid, **wanted: object) -> Solved:
+    """Return the case of some settings."""
+    for outer in range(grid.outer_count):
+        cell = grid.settings(outer)
+        if (cell.scheme.label, cell.reduction, cell.mechanical_modes) == tuple(wanted.values()):
+            return solve(grid, outer, np.arange(1))
+    raise KeyError(wanted)
+
+
+@pytest.mark.parametrize("scheme", ["euler", "spring", "penalty", "carpenter", "event_driven"])
+def test_a_scheme_that_cannot_fails_its_own_cases(study: Study, scheme: str) -> None:
+    found = at(arrange(study), scheme=scheme, reduction="massless", mechanical_modes=1)
+    if scheme in ABLE:
+        assert found.values["status"].tolist() == [Status.OK]
+        assert found.messages[0].startswith("scheme and model error: event_driven on the reduced model of the case:")
+        for name in ("displacement", "temperature", "impulse"):
+            assert found.values[f"{name}_error"][0] > 0
+            assert np.isnan([found.values[f"{name}_{part}_error"][0] for part in ("scheme", "model")]).all()
+    else:
+        assert found.values["status"].tolist() == [Status.FAILED]
+        assert "without mass" in found.messages[0]
+        assert "moreau" in found.messages[0]
+
+
+def test_all_modes_are_the_full_model_in_every_scheme(study: Study) -> None:
+    grid = arrange(study)
+    for basis in ("macneal", "massless"):
+        found = at(grid, scheme="carpenter", reduction=basis, mechanical_modes=3)
+        same = at(grid, scheme="carpenter", reduction="craig_bampton", mechanical_modes=3)
+        assert found.values["status"].tolist() == [Status.OK]
+        assert np.array_equal(found.values["displacement"], same.values["displacement"])
+
+
+def test_the_plan_says_so_beforehand(study: Study) -> None:
+    warnings = plan_study(study).warnings
+    assert sum("fails with m" in text for text in warnings) == 6
+    assert not any(text.startswith(scheme) and "fails" in text for text in warnings for scheme in ABLE)
+    ringing = [text for text in warnings if "makes the tip ring" in text]
+    assert [text.split()[0] for text in ringing] == ["midpoint", "midpoint"]
+    assert all("leaves 1 of it" in text and "theta = 1" in text for text in ringing)

@@ -1,0 +1,49 @@
+"""MacNeal: modes with the tip free and the residual flexibility of the tip, whose inertia is left out.
+
+Mechanical: x = Σ φ_j η_j + G_r e_n f with the lowest modes of the whole structure, K1 φ = ω² M φ, and what a force on
+the tip deforms beside them, G_r = K1⁻¹ - Σ φ_j φ_jᵀ/ω_j² over the modes kept. With g = e_nᵀ G_r e_n and ρ = G_r e_n/g,
+which is orthogonal to the modes in M and K1, f = (x_n - Σ φ_j,n η_j)/g keeps the tip as a coordinate:
+
+    x = Σ (φ_j - φ_j,n ρ) η_j + ρ x_n,   M = diag(1, …, 1, 0).
+
+It is :mod:`~workflow.reduction.rubin` without the inertia of ρ, so that the tip has no mass and contact no impacts, see
+:mod:`workflow.schemes.moreau`. Of a structure that moves as a rigid body that motion is the first mode. Where the modes
+kept hold all of the tip's flexibility (of a tip that is a free mass, say) there is no residual whose inertia could be
+left out, and rubin is what remains. Thermal: as craig_bampton. α_c is exact.
+
+Source: MacNeal, Computers & Structures 1 (1971) 581-601; Craig and Kurdila, Fundamentals of structural dynamics
+(2006), 17.6.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workflow.kernels.sums import dot
+from workflow.models import Structure
+from workflow.models._tip_held import lowest_modes, mechanical_constraint
+from workflow.reduction import rubin
+from workflow.reduction._bases import DEPENDENT, Orthonormal
+from workflow.reduction._reduction import Known, Vectors, massless_vectors
+from workflow.reduction.rubin import elastic, thermal
+
+__all__ = ["mechanical", "thermal"]
+
+
+def mechanical(structure: Structure, count: int, known: Known) -> Vectors:
+    """Return the lowest ``count`` free modes relative to ρ, and ρ without inertia."""
+    constraint, strain = mechanical_constraint(structure)
+    is_held = structure.strains(strain)
+    answer = constraint if is_held else elastic(structure)  # of the tip to a force on it, up to a factor
+    span = Orthonormal(structure.mechanical_size, count + 1, structure.inertia_forces)
+    if count > 0:
+        if not is_held:
+            span.add(constraint)
+        span.add_each(lowest_modes(structure, count).shapes)
+    left = span.add(answer) if is_held or count > 0 else None
+    if left is None or dot(left, structure.inertia_forces(answer)) * left[-1] <= DEPENDENT * answer[-1]:
+        return rubin.mechanical(structure, count, known)
+    modes, tip = span.all()[:, :count], left / left[-1]
+    interior = modes - np.outer(tip, modes[-1])
+    interior[-1] = 0.0
+    return massless_vectors(structure, interior, tip, structure.elongations(tip), modes)

@@ -1,0 +1,37 @@
+"""Massless: Craig–Bampton with the inertia of the tip put on the modes, so that the tip has none of its own.
+
+Mechanical: x = Σ φ_j η_j + ψ̃ x_n with the fixed-interface modes φ and, instead of the constraint mode ψ,
+
+    ψ̃ = ψ - Φ Φᵀ M ψ,   that is Ψ̃ = Ψ - Φ Φᵀ (M_ib + M_ii Ψ) in the interior (i) and 1 at the tip (b).
+
+With Φ it spans the same, and it is orthogonal to Φ in M. The inertia of ψ̃, which falls as modes are added, is left out:
+M = diag(1, …, 1, 0). Contact has no impacts then, see :mod:`workflow.schemes.moreau`. A free tip whose inertia no mode
+holds would be left with nothing to move it by: it keeps its mass, as with craig_bampton. Thermal: as craig_bampton.
+α_c is exact: S and K2⁻¹ e_n need the constraint modes only.
+
+Source: Monjaraz Tec, Gross, Krack, arXiv 2111.07693.
+"""
+
+from __future__ import annotations
+
+from workflow.kernels.sums import dot
+from workflow.models import Structure
+from workflow.models._dense import product
+from workflow.models._tip_held import mechanical_constraint
+from workflow.reduction._bases import DEPENDENT, fixed_interface_modes
+from workflow.reduction._reduction import Known, Vectors, massless_vectors, mechanical_vectors
+from workflow.reduction.craig_bampton import thermal
+
+__all__ = ["mechanical", "thermal"]
+
+
+def mechanical(structure: Structure, count: int, known: Known) -> Vectors:
+    """Return the lowest ``count`` fixed-interface modes, and ψ̃ without inertia."""
+    modes = fixed_interface_modes(structure, count)
+    constraint, strain = mechanical_constraint(structure)
+    inertia = structure.inertia_forces(constraint)
+    share = product(modes.T, inertia)
+    if not structure.strains(strain) and dot(share, share) <= DEPENDENT**2 * dot(constraint, inertia):
+        return mechanical_vectors(structure, modes)
+    tip = constraint - product(modes, share)
+    return massless_vectors(structure, modes, tip, strain - product(structure.elongations(modes), share), modes)
