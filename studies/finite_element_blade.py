@@ -34,7 +34,7 @@ SPECIFIC_HEAT, CONDUCTIVITY, CONVECTION, EXPANSION = 560.0, 7.0, 400.0, 9.0e-6
 CONE = np.radians(15.0)
 """Angle of the casing to the engine's axis."""
 
-ELEMENTS = (2, 5, 1)
+ELEMENTS = (4, 5, 1)
 """Along the chord, the span and the thickness, of the matrices in data/."""
 
 

@@ -21,7 +21,7 @@ from workflow.models._harmonics import Harmonics
 from workflow.models._long_chain import frequency_range, mechanical_path, rate_range, thermal_path
 from workflow.models._modes import Modes, mechanical_modes, modal_coupling, poles, thermal_modes
 from workflow.models._runaway import critical_alpha, static_tip_growth, tip_flexibility
-from workflow.models._sparse import Sparse, TooManyCoordinatesError
+from workflow.models._sparse import MOST_REDUCED, Sparse, TooManyCoordinatesError
 from workflow.models._sparse_from_matrices import structure_from_sparse
 from workflow.models._spectrum import frequencies, rates
 from workflow.models._static import static_displacements, static_temperatures
@@ -51,6 +51,12 @@ def sizes(name: str, parameters: Any) -> tuple[int, int]:
     """Return the numbers of mechanical and thermal coordinates of a model's structure, the tip's included."""
     structure = load(name).assemble(parameters)
     return structure.mechanical_size, structure.thermal_size
+
+
+def most_modes(name: str, parameters: Any) -> int | None:
+    """Return the most modes of each kind of a structure that is too large to be kept full, ``None`` of any other."""
+    structure = load(name).assemble(parameters)
+    return MOST_REDUCED if isinstance(structure, Sparse) and not structure.has_matrices else None
 
 
 def fault(name: str) -> str | None:
@@ -104,6 +110,7 @@ __all__ = [
     "mechanical_modes",
     "mechanical_path",
     "modal_coupling",
+    "most_modes",
     "names",
     "poles",
     "project",

@@ -112,7 +112,8 @@ def reduce_structure(
         long = isinstance(structure, Chain) and not structure.has_matrices
         if long and (kept is None or kept > MOST_ONE_BY_ONE):
             raise ValueError(f"a chain of {size} nodes is kept full or reduced to at most {MOST_ONE_BY_ONE} modes")
-        if isinstance(structure, Sparse) and size > MOST_REDUCED + 1 and (kept is None or kept > MOST_REDUCED):
+        large = isinstance(structure, Sparse) and not structure.has_matrices and size > MOST_REDUCED + 1
+        if large and (kept is None or kept > MOST_REDUCED):
             raise TooManyCoordinatesError(size)
     chosen = load(basis)
     mechanical = (

@@ -11,7 +11,7 @@ from typing import Any
 from workflow.study.addresses import MODES, Address, setting_defaults
 from workflow.study.leaves import Listed, Reading, Single, Spread
 from workflow.study.mistakes import Place, said
-from workflow.study.settings import FULL
+from workflow.study.settings import FULL, Sizes
 from workflow.study.source import Source
 
 Value = float | int | str
@@ -113,8 +113,8 @@ class Arrangement:
         What may vary.
     nodes
         Path of the model's number of nodes, ``None`` where the model is unknown.
-    counts
-        The numbers of nodes that the cases have, ``None`` where they are unknown.
+    sizes
+        How many nodes or coordinates the structures of the cases have.
     reserved
         Names of the archive's variables, which no axis takes.
     """
@@ -124,11 +124,11 @@ class Arrangement:
         source: Source,
         addresses: Mapping[str, Address],
         nodes: str | None,
-        counts: Sequence[int] | None,
+        sizes: Sizes,
         reserved: frozenset[str],
     ) -> None:
         self.reserved = reserved
-        self.source, self.addresses, self.nodes, self.counts = source, addresses, nodes, counts
+        self.source, self.addresses, self.nodes, self.sizes = source, addresses, nodes, sizes
         self.groups: list[_Group] = []
         self.singles: dict[str, Value] = {}
 
@@ -202,16 +202,22 @@ class Arrangement:
                 group.columns[path] = tuple(resolved)
             elif group is not None:
                 place = group.column(path)
-                values = [self.mode_count(place, modes, self.counts) for modes in group.columns[path]]
+                values = [self.mode_count(place, modes, self.sizes.of(path)) for modes in group.columns[path]]
                 group.columns[path] = tuple(values)
             else:
-                self.singles[path] = self.mode_count(("axes", path), self.singles.get(path, FULL), self.counts)
+                modes = self.singles.get(path, FULL)
+                self.singles[path] = self.mode_count(("axes", path), modes, self.sizes.of(path))
 
     def mode_count(self, place: Place, modes: Value, counts: Sequence[int] | None) -> Value:
         """Return a count of modes for cases with some numbers of nodes, of which ``full`` needs one."""
         if not counts:
             return modes
-        most = min(counts) - 1
+        most, limit = min(counts) - 1, self.sizes.most
+        if limit is not None and most > limit and (modes == FULL or int(modes) > limit):
+            asked = "is `full`" if modes == FULL else f"{said(modes)} is too many"
+            problem = f"{asked}, and a structure of {min(counts)} coordinates is too large for that"
+            self.source.report(place, problem, f"write at most {limit}, or `auto` with a `tolerance`")
+            return modes
         if modes == FULL:
             if len(set(counts)) == 1:
                 return most

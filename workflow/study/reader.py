@@ -11,16 +11,14 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from pydantic import TypeAdapter, ValidationError
-from pydantic_core import PydanticCustomError
+from pydantic import ValidationError
 
 from workflow import models, reduction, schemes
 from workflow.study.addresses import MODES, Address, harmonic_counts, scene_values, scheme_options, settings
-from workflow.study.axes import Arrangement, Axis, Dimension, expanded
+from workflow.study.axes import Arrangement, Axis, Dimension
 from workflow.study.document import SCENE_KEYS, study_form
 from workflow.study.edits import OPTION, plain_tree, replaced, text_of
 from workflow.study.forms import Form, entries_of, sound
-from workflow.study.forms import form as parameters_form
 from workflow.study.judges import (
     MOST_SAMPLES,
     Written,
@@ -32,9 +30,9 @@ from workflow.study.judges import (
     judge_support,
     mapping,
 )
-from workflow.study.leaves import Axial, Spread
 from workflow.study.mistakes import Place, StudyError, one_of, place_of_path, said
-from workflow.study.settings import FULL, Output, Scene, SchemeChoice
+from workflow.study.settings import FULL, Output, Scene, SchemeChoice, Sizes
+from workflow.study.sizes import assembled_sizes, node_sizes
 from workflow.study.source import Source, compose, read_text
 from workflow.study.study import Reference, Study
 from workflow.variables import reserved_names
@@ -126,18 +124,18 @@ class _Reader:
         path = f"scene.{self.model}.nodes"
         self.nodes = path if path in self.addresses else None
         self.directory = Path(source.file).parent
-        self.counts: tuple[int, ...] | None = None
+        self.sizes = Sizes()
 
     def study(self) -> Study:
         """Return the study; where there were mistakes, their list is what counts."""
         supplied = self._supply()
-        self.counts = self._node_counts()
+        self.sizes = self._sizes()
         entries = self._read(supplied)
         axes = self._in_order(entries["axes"], "axes")
         zips = {name: self._in_order(zipped, "zip", name) for name, zipped in entries["zip"].items()}
         self._judge_zips()
         judge_schemes(self._written())
-        arrangement = Arrangement(self.source, self.addresses, self.nodes, self.counts, self._reserved())
+        arrangement = Arrangement(self.source, self.addresses, self.nodes, self.sizes, self._reserved())
         dimensions, scalars = arrangement.arrange(axes, zips)
         scene = entries["scene"]
         if scene.get("friction") is not None:  # alpha is what it makes
@@ -230,40 +228,15 @@ class _Reader:
                 supplied.add(place_of_path(path))
         return supplied
 
-    def _node_counts(self) -> tuple[int, ...] | None:
-        """Return the numbers of nodes that the cases have, ``None`` where they cannot be read."""
-        if self.nodes is None:
-            return self._assembled_sizes() if self.model else None
-        reading = self.addresses[self.nodes].value
-        content = mapping(self.tree, "scene", str(self.model)).get("nodes")
-        for _, path, varied in self._written().varied():
-            content = varied if path == self.nodes else content
-        try:
-            read = Axial(reading).read(content, {})
-            if isinstance(read, Spread) and read.count > 10_000:
-                return None
-            return tuple(int(count) for count in expanded(read, whole=True))
-        except (ValidationError, PydanticCustomError, ValueError):
-            return None
-
-    def _assembled_sizes(self) -> tuple[int, ...] | None:
-        """Return the coordinates of the structure of a model without ``nodes``, ``None`` where it cannot be made."""
-        model = models.load(str(self.model))
-        written = mapping(self.tree, "scene", str(self.model))
-        try:
-            read = TypeAdapter(parameters_form(model.Parameters)).validate_python(
-                written, context={"directory": self.directory}
-            )
-            return (min(models.sizes(str(self.model), read)),)
-        except models.UnusableMatricesError as error:
-            self.source.report(("scene", str(self.model)), error.problem, error.remedy)
-            return None
-        except Exception:  # whatever a model from outside raises: its mistakes are told where the scene is read
-            return None
+    def _sizes(self) -> Sizes:
+        """Return how many nodes or coordinates the structures of the cases have."""
+        if self.nodes is not None:
+            return node_sizes(self._written(), str(self.model), self.nodes, self.addresses[self.nodes])
+        return assembled_sizes(self._written(), self.model, self.directory) if self.model else Sizes()
 
     def _read(self, supplied: set[Place]) -> dict[str, Any]:
         """Return what could be read of every section, and report what could not."""
-        context = {"nodes": self.counts, "directory": self.directory}
+        context = {"nodes": self.sizes.nodes, "directory": self.directory}
         empty: dict[str, Any] = {"scene": {}, "axes": {}, "zip": {}, "schemes": {}}
         faults: set[Place] = set()
         try:
@@ -301,7 +274,7 @@ class _Reader:
         varied = any(axis.path == self.nodes for dimension in dimensions for axis in dimension.axes)
         for path in MODES:
             if path in values and not (varied and values[path] == FULL):
-                values[path] = arrangement.mode_count(("reference", path), values[path], self.counts)
+                values[path] = arrangement.mode_count(("reference", path), values[path], self.sizes.of(path))
         return values
 
     def _used(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -162,3 +163,30 @@ class Output:
     histories: tuple[History, ...] = ("displacement", "temperature", "contact_force")
     precision: Precision = "float64"
     balances: bool = field(default=True, metadata={"meaning": _BALANCES})
+
+
+Counts = tuple[int, ...] | None
+"""Of the cases; ``None`` where they cannot be told."""
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Sizes of the structures of a study.
+
+    Attributes
+    ----------
+    nodes
+        Numbers of nodes; of a model without them the smaller of its numbers of coordinates.
+    coordinates
+        Numbers of mechanical and of thermal coordinates, by the setting of their modes.
+    most
+        Most modes of each kind where a structure is too large to be kept full, else ``None``.
+    """
+
+    nodes: Counts = None
+    coordinates: Mapping[str, Counts] | None = None
+    most: int | None = None
+
+    def of(self, path: str) -> Counts:
+        """Return the numbers of coordinates that a setting of modes chooses from."""
+        return self.nodes if self.coordinates is None else self.coordinates[path]

@@ -1,0 +1,57 @@
+"""What a study may keep of structures of many degrees of freedom, and of unequal numbers of both kinds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.sparse import csr_array, diags_array
+
+from workflow.study import Study, StudyError, read_study
+
+
+def study_of(place: Path, **axes: Any) -> dict[str, Any]:
+    scene = {"matrices": {"file": str(place)}, "casing": {"gap": 1e-5}, "duration": 0.1}
+    return {"study": "sizes", "scene": scene, "axes": {"h": 1e-4, **axes}}
+
+
+def kept(study: Study) -> dict[str, Any]:
+    found = {axis.path: axis.values[0] for axis in study.scalars}
+    return {kind: found[f"{kind}_modes"] for kind in ("mechanical", "thermal")}
+
+
+def written(place: Path, nodes: int, temperatures: int) -> Path:
+    """A chain of some nodes, and another one of temperatures that moves nothing."""
+
+    def line(size: int) -> csr_array:
+        return csr_array(diags_array([np.full(size, 2.0), *[np.full(size - 1, -1.0)] * 2], offsets=[0, -1, 1]))
+
+    entries = {
+        "mass": csr_array(diags_array(np.ones(nodes))),
+        "stiffness": line(nodes),
+        "heat_capacity": csr_array(diags_array(np.ones(temperatures))),
+        "conductance": line(temperatures),
+    }
+    parts = {
+        f"{name}.{part}": getattr(matrix, part)
+        for name, matrix in entries.items()
+        for part in ("data", "indices", "indptr", "shape")
+    }
+    np.savez(place, contact=nodes - 1, thermal_contact=temperatures - 1, **parts)
+    return place
+
+
+def test_full_is_every_mode_of_its_own_kind(tmp_path: Path) -> None:
+    assert kept(read_study(study_of(written(tmp_path / "unequal.npz", 7, 4)))) == {"mechanical": 6, "thermal": 3}
+    with pytest.raises(StudyError, match="`4` is more than the 3 interior modes"):
+        read_study(study_of(tmp_path / "unequal.npz", mechanical_modes=4, thermal_modes=4))
+
+
+@pytest.mark.parametrize("asked", ["full", 301])
+def test_too_much_of_a_large_structure_is_refused_with_what_would_do(tmp_path: Path, asked: int | str) -> None:
+    place = written(tmp_path / "large.npz", 2001, 5)
+    with pytest.raises(StudyError, match="write at most 300, or `auto` with a `tolerance`"):
+        read_study(study_of(place, mechanical_modes=asked))
+    assert kept(read_study(study_of(place, mechanical_modes=300))) == {"mechanical": 300, "thermal": 4}

@@ -1,0 +1,47 @@
+"""How many nodes or coordinates the structures of a study have, and how many modes they can keep."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import TypeAdapter, ValidationError
+from pydantic_core import PydanticCustomError
+
+from workflow import models
+from workflow.study.addresses import MODES, Address
+from workflow.study.axes import expanded
+from workflow.study.forms import form as parameters_form
+from workflow.study.judges import Written, mapping
+from workflow.study.leaves import Axial, Spread
+from workflow.study.settings import Sizes
+
+
+def node_sizes(written: Written, model: str, path: str, address: Address) -> Sizes:
+    """Return the numbers of nodes that the cases have, given in the scene or varied at ``path``."""
+    content = mapping(written.tree, "scene", model).get("nodes")
+    for _, varied, values in written.varied():
+        content = values if varied == path else content
+    try:
+        read = Axial(address.value).read(content, {})
+        if isinstance(read, Spread) and read.count > 10_000:
+            return Sizes()
+        return Sizes(tuple(int(count) for count in expanded(read, whole=True)))
+    except (ValidationError, PydanticCustomError, ValueError):
+        return Sizes()
+
+
+def assembled_sizes(written: Written, model: str, directory: Path) -> Sizes:
+    """Return the coordinates of the structure of a model without ``nodes``; a structure that is none is reported."""
+    form = parameters_form(models.load(model).Parameters)
+    try:
+        read = TypeAdapter(form).validate_python(
+            mapping(written.tree, "scene", model), context={"directory": directory}
+        )
+        both = models.sizes(model, read)
+        coordinates = {path: (size,) for path, size in zip(MODES, both, strict=True)}
+        return Sizes((min(both),), coordinates, models.most_modes(model, read))
+    except models.UnusableMatricesError as error:
+        written.source.report(("scene", model), error.problem, error.remedy)
+    except Exception:  # whatever a model from outside raises: its mistakes are told where the scene is read
+        pass
+    return Sizes()
