@@ -31,6 +31,8 @@ class Quantity:
         Bounds: ``value > above``, ``value >= at_least``, ``value <= at_most``.
     per
         ``"node"`` or ``"spring"`` where a list of ``nodes`` values is welcome beside a scalar.
+    later
+        Whether it was declared when archives without it were there: at its default it enters no identity.
     """
 
     unit: str
@@ -39,6 +41,7 @@ class Quantity:
     at_least: float | None = None
     at_most: float | None = None
     per: Literal["node", "spring"] | None = None
+    later: bool = False
 
 
 def quantity(
@@ -50,9 +53,10 @@ def quantity(
     at_least: float | None = None,
     at_most: float | None = None,
     per: Literal["node", "spring"] | None = None,
+    later: bool = False,
 ) -> Any:
     """Declare a dataclass field as a :class:`Quantity`; without ``default`` it is required."""
-    declared = Quantity(unit, description, above, at_least, at_most, per)
+    declared = Quantity(unit, description, above, at_least, at_most, per, later)
     return field(default=default, metadata={"quantity": declared})
 
 
@@ -128,10 +132,16 @@ def word_of(declared: Field[Any]) -> Word | None:
     return found
 
 
+def _silent(declared: Any, entry: Field[Any]) -> bool:
+    quantity = quantity_of(entry)
+    return quantity is not None and quantity.later and getattr(declared, entry.name) == entry.default
+
+
 def plain(declared: Any) -> Any:
     """Return declared values as nested dictionaries: what results depend on, of a file its content alone."""
     if isinstance(declared, File):
         return {"sha256": declared.digest}
     if dataclasses.is_dataclass(declared):
-        return {entry.name: plain(getattr(declared, entry.name)) for entry in dataclasses.fields(declared)}
+        entries = {entry.name: entry for entry in dataclasses.fields(declared)}
+        return {name: plain(getattr(declared, name)) for name, entry in entries.items() if not _silent(declared, entry)}
     return declared

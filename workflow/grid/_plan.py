@@ -216,7 +216,7 @@ def _free_modes(by: Reduced) -> tuple[Array, Array, Array]:
     """
     structure = structure_on(by)
     omega = frequencies(structure)
-    damping = structure.damping.mass + structure.damping.stiffness * np.where(np.isinf(omega), 0.0, omega) ** 2
+    damping = structure.damping.of_modes(np.where(np.isinf(omega), 0.0, omega))
     return omega, damping, rates(structure)
 
 

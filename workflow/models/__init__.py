@@ -14,6 +14,13 @@ from workflow.kernels import Array
 from workflow.models._bounds import FreeMotion, free_motion, quasi_static_temperature
 from workflow.models._cases import Cases, project
 from workflow.models._chain import MOST_NODES_WITH_MATRICES, Chain, TooManyNodesError
+from workflow.models._damping import (
+    CoupledDampingError,
+    couples_free_modes,
+    free_damping,
+    held_damping,
+    is_rayleigh,
+)
 from workflow.models._equilibrium import NoEquilibriumError, static_equilibrium
 from workflow.models._from_matrices import GivenMatrices, UnusableMatricesError, structure_from_matrices
 from workflow.models._growth import Growth, InContact, growth, growth_rate, in_contact
@@ -83,6 +90,7 @@ __all__ = [
     "Cases",
     "Chain",
     "Coordinates",
+    "CoupledDampingError",
     "FreeMotion",
     "GivenMatrices",
     "Growth",
@@ -98,14 +106,18 @@ __all__ = [
     "TooManyCoordinatesError",
     "TooManyNodesError",
     "UnusableMatricesError",
+    "couples_free_modes",
     "critical_alpha",
     "fault",
+    "free_damping",
     "free_motion",
     "frequencies",
     "frequency_range",
     "growth",
     "growth_rate",
+    "held_damping",
     "in_contact",
+    "is_rayleigh",
     "load",
     "mechanical_modes",
     "mechanical_path",

@@ -62,7 +62,7 @@ def free_motion(structure: Structure, cases: Cases, duration: float) -> FreeMoti
     constant = frequencies == 0
     mean = cases.mean + np.where(constant, amplitudes * np.sin(phases), 0.0).sum(axis=0)
     static = (cases.steady @ shapes + mean[:, None] * tip) / omega**2
-    damping = structure.damping.mass + structure.damping.stiffness * omega**2
+    damping = structure.damping.of_modes(omega)
     inertia = np.diag(structure.mass) if structure.mass.ndim == 2 else structure.mass
     offset = (cases.displacement * inertia) @ shapes - static
     speed = (cases.velocity * inertia) @ shapes

@@ -18,10 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.kernels import Array
+from workflow.kernels.eigen import eigenvalues
 from workflow.models._chain import Chain
 from workflow.models._characteristic import Complexes, first_orders
+from workflow.models._damping import held_damping, is_rayleigh
 from workflow.models._dense import product
-from workflow.models._modes import poles
+from workflow.models._modes import Modes, poles
 from workflow.models._structure import Structure
 from workflow.models._tip_held import held_modes, mechanical_constraint, slowest_modes
 
@@ -46,6 +48,8 @@ class ContactClosed:
         Whether an interior mode is rigid: it has the eigenvalues 0 and -a_M.
     lumps
         m, k, a ℓ, c, κ, b of a chain, ``(6, node)``; empty for other structures.
+    damping, drag
+        φᵀ C1 φ [1/s] and φᵀ C1 ψ [√kg/s], where damping is not Rayleigh's: then λ = g τ - L η'' - drag η'. Else empty.
     """
 
     modes: Array
@@ -55,9 +59,19 @@ class ContactClosed:
     stiffness_damping: float
     has_rigid: bool
     lumps: Array
+    damping: Array
+    drag: Array
+
+    @property
+    def is_coupled(self) -> bool:
+        """Whether damping couples the modes: then the characteristic function does not hold."""
+        return self.drag.size > 0
 
     def poles(self) -> Complexes:
         """Return the eigenvalues without contact heat, 1/s: both roots of each mode, then -μ."""
+        if self.is_coupled:
+            modes = self.modes.shape[1]
+            return np.concatenate([eigenvalues(self.matrix(0.0)[: 2 * modes, : 2 * modes]), -self.heat[0] + 0j])
         found = poles(np.sqrt(self.modes[0]), self.modes[1])
         return np.concatenate([found.ravel(), -self.heat[0] + 0j])
 
@@ -85,10 +99,14 @@ class ContactClosed:
         A[diagonal, diagonal + modes] = omega
         A[diagonal + modes, diagonal] = -omega
         A[diagonal + modes, diagonal + modes] = -damping
+        if self.is_coupled:
+            A[speed, speed] = -self.damping
         A[speed, heat] = -self.coupling
         force = np.zeros(2 * modes + heats)  # λ, the rate of η' inserted: c - a_M = a_K ω²
         force[place] = participation * omega
         force[speed] = participation * self.stiffness_damping * omega2
+        if self.is_coupled:
+            force[speed] = product(participation, self.damping) - self.drag
         force[heat] = static
         for j in range(modes):
             force[heat] += participation[j] * self.coupling[j]
@@ -103,12 +121,14 @@ def contact_closed(structure: Structure, few: int | None = None) -> ContactClose
     elastic = mechanical.values > 0
     omega2, shapes = mechanical.values[elastic] ** 2, np.ascontiguousarray(mechanical.shapes[:, elastic])
     constraint, elongation = mechanical_constraint(structure)
+    rayleigh = is_rayleigh(structure)
+    damping = np.zeros((0, 0)) if rayleigh else held_damping(structure, Modes(mechanical.values[elastic], shapes))
     forces = (structure.springs * structure.expansions(thermal.shapes).T).T
     return ContactClosed(
         modes=np.stack(
             [
                 omega2,
-                structure.damping.mass + structure.damping.stiffness * omega2,
+                structure.damping.mass + structure.damping.stiffness * omega2 if rayleigh else np.diag(damping),
                 product(shapes.T, structure.inertia_forces(constraint)),
             ]
         ),
@@ -117,7 +137,9 @@ def contact_closed(structure: Structure, few: int | None = None) -> ContactClose
         mass_damping=structure.damping.mass,
         stiffness_damping=structure.damping.stiffness,
         has_rigid=bool(np.any(~elastic)),
-        lumps=_lumps(structure),
+        lumps=_lumps(structure) if rayleigh else np.zeros((6, 0)),
+        damping=np.zeros((0, 0)) if rayleigh else damping,
+        drag=np.zeros(0) if rayleigh else product(shapes.T, product(structure.damping_matrix, constraint)),
     )
 
 

@@ -55,8 +55,8 @@ class GivenMatrices:
         Shares of the contact heat that the temperatures take, ``(temperature,)``, 1 in sum; θ_n is the mean so weighed.
     steady, heating
         Constant loads [N] and heat loads [W], ``(displacement,)`` and ``(temperature,)``.
-    damping
-        Of the modes, or by Rayleigh's coefficients.
+    damping, damper
+        Of the modes, or by Rayleigh's coefficients; and C1 as a matrix [N s/m], ``(displacement, displacement)``.
     """
 
     mass: Array
@@ -69,6 +69,7 @@ class GivenMatrices:
     steady: Array
     heating: Array
     damping: Rayleigh = field(default_factory=Rayleigh)
+    damper: Array | None = None
 
 
 class _Part(NamedTuple):
@@ -107,6 +108,7 @@ def structure_from_matrices(given: GivenMatrices) -> Matrices:
         content=product(capacity, uniform),
         grounded=product(conductors.deformation, uniform),
         damping=given.damping,
+        damper=None if given.damper is None else _congruent(given.damper, basis),
         coordinates=coordinates,
     )
 

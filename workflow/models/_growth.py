@@ -111,7 +111,7 @@ def in_contact(structure: Structure) -> InContact:
         tip = contact_closed(structure.last(_NEXT_TO_THE_TIP))
         return InContact(system, (_Trial(system, none, none, none, False), _Trial(tip, none, none, none, False)))
     system = contact_closed(structure)
-    if system.poles().size <= _ALL_STATES:
+    if system.is_coupled or system.poles().size <= _ALL_STATES:
         return InContact(system, (_Trial(system, none, none, none, True),))
     return InContact(system, (_strongest(system),))
 
@@ -137,6 +137,8 @@ def growth(prepared: InContact, alpha: float) -> Growth:
     it is the rightmost eigenvalue among those that its 12 lowest modes and its last 60 nodes lead to.
     """
     system = prepared.system
+    if system.is_coupled:
+        return _of_all(system, alpha)
     rigid = 0.0 if system.has_rigid else -np.inf
     if alpha == 0.0:
         poles = system.poles()
@@ -146,6 +148,14 @@ def growth(prepared: InContact, alpha: float) -> Growth:
     rate, last, _ = max(found, key=lambda one: -np.inf if np.isnan(one[0]) else one[0])
     largest = max(largest for _, _, largest in found)
     return Growth(rate if np.isnan(rate) else max(rate, rigid), max(_UNCERTAIN * largest, last))
+
+
+def _of_all(system: ContactClosed, alpha: float) -> Growth:
+    """Return the growth rate where damping couples the modes, from all eigenvalues, which are not improved."""
+    found = eigenvalues(system.matrix(alpha))
+    largest = float(magnitudes(found).max(initial=0.0))
+    rate = max(float(found.real.max(initial=-np.inf)), 0.0 if system.has_rigid else -np.inf)
+    return Growth(rate, _UNCERTAIN * largest)
 
 
 def _rightmost(system: ContactClosed, trial: _Trial, alpha: float, alone: bool) -> tuple[float, float, float]:

@@ -162,7 +162,11 @@ def given_matrices(
     labels = texts("labels", entries["labels"], size) if "labels" in entries else ()
     normal = direction(contact, "contact", entries, labels, size)
     heat = _heat(entries, labels, thermal_contact, normal)
+    damper = square("damping", entries["damping"], size) if "damping" in entries else None
+    if damper is not None and damping != Rayleigh():
+        raise refuse("it has a `damping`, and the study has one too", "keep one of them")
     return GivenMatrices(
+        damper=damper,
         mass=mass,
         stiffness=stiffness,
         contact=normal,

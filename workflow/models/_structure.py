@@ -16,10 +16,18 @@ from workflow.models._dense import product
 
 @dataclass(frozen=True)
 class Rayleigh:
-    """Rayleigh damping C1 = a_M M + a_K K1."""
+    """Rayleigh damping C1 = a_M M + a_K K1, or a damping ratio of every mode with the tip free."""
 
     mass: float = quantity("1/s", "mass-proportional damping a_M", default=0.0, at_least=0)
     stiffness: float = quantity("s", "stiffness-proportional damping a_K", default=0.0, at_least=0)
+    ratio: float = quantity(
+        "1", "damping ratio of every mode with the tip free, instead of both", default=0.0, at_least=0, later=True
+    )
+
+    def of_modes(self, frequency: Array, inertia: Array | float = 1.0) -> Array:
+        """Return c = a_M m + a_K ω² + 2 ζ ω m of modes with the tip free, ω in rad/s; m is 1, 0 of a static one."""
+        found = self.mass * inertia + self.stiffness * frequency**2
+        return np.asarray(found if self.ratio == 0 else found + 2 * self.ratio * frequency * inertia)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +100,9 @@ class Structure:
     expansion
         Free thermal elongation of each spring, shape (spring, thermal), m/K.
     damping
-        Rayleigh coefficients of C1 = a_M M + a_K K1.
+        Rayleigh coefficients of C1 = a_M M + a_K K1, or a damping ratio of the modes with the tip free.
+    damper
+        What C1 has beside that, shape (mechanical, mechanical), N s/m; ``None`` for nothing.
     heat_capacity
         C2, shape (thermal, thermal), J/K.
     conductors
@@ -119,6 +129,7 @@ class Structure:
     content: Array
     grounded: Array
     damping: Rayleigh
+    damper: Array | None = None
     coordinates: Coordinates | None = None
 
     @property
@@ -185,7 +196,9 @@ class Structure:
     @property
     def damping_matrix(self) -> Array:
         """C1, N s/m."""
-        return self.damping.mass * self.mass + self.damping.stiffness * self.stiffness_matrix
+        from workflow.models._damping import damping_matrix  # imported here: a damping ratio needs the modes
+
+        return damping_matrix(self)
 
     @property
     def conductance_matrix(self) -> Array:
@@ -229,6 +242,7 @@ class Matrices(Structure):
     damping: Rayleigh = field(default_factory=Rayleigh)
     tip_growth: Array | None = None
     """Quasi-static tip displacement per temperature, m/K, ``(thermal,)``, where it is known from a fuller structure."""
+    damper: Array | None = None
     coordinates: Coordinates | None = None
     """Coordinates that cases are given in, where they are not its own."""
 

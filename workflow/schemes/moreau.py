@@ -37,8 +37,8 @@ from workflow.kernels.packs import (
     weighed,
     where,
 )
-from workflow.models import Array, Cases, Structure
-from workflow.schemes._fixed import theta_method
+from workflow.models import Array, Cases, Structure, couples_free_modes
+from workflow.schemes._fixed import dense, theta_method
 from workflow.schemes._fixed.balance import Audit
 from workflow.schemes._fixed.complementarity import complementarity, march_without_mass
 from workflow.schemes._fixed.contact import CASE_ALPHA, CASE_HEAT, CASE_IMPULSE, CASE_PRESSED, End, Free, TipStep, meet
@@ -59,7 +59,7 @@ READS = frozenset({"e", "h", "alpha"})
 
 HARMONICS: frozenset[str] = frozenset()
 TOGETHER = WIDE
-is_swept, operator_name = sweeps.is_swept, sweeps.operator_name
+is_swept = sweeps.is_swept
 
 
 @dataclass(frozen=True)
@@ -114,8 +114,17 @@ def _march_nodes(nodes: sweeps.Nodes, law: Prox, own: Array, block: Block, accou
     march_nodes(nodes, law, own, block, account)
 
 
-def init(structure: Structure, h: float, options: Options) -> Operator:
-    """Diagonalise the structure once for a batch, or leave a long chain as it is."""
+def operator_name(structure: Structure) -> str:
+    """Return what a structure is stepped by, as ``plan`` says it."""
+    return dense.operator_name(structure) if couples_free_modes(structure) else sweeps.operator_name(structure)
+
+
+def init(structure: Structure, h: float, options: Options) -> Operator | dense.DenseOperator:
+    """Diagonalise the structure once for a batch; a long chain and coupled modes are left as they are."""
+    if couples_free_modes(structure):
+        if structure.has_massless_tip:
+            raise ValueError("damping couples the modes of a tip without mass: choose a basis that keeps its mass")
+        return dense.init(structure, float(h), float(options.theta))
     motion = sweeps.Swept(structure) if is_swept(structure) else decouple(structure)
     return Operator(structure, float(h), float(options.theta), motion)
 
@@ -137,8 +146,10 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling, heated: bool) -> 
     return collect(ended.watched, ended.closing, status, messages, ended.balances)
 
 
-def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
+def compute(operator: Operator | dense.DenseOperator, cases: Cases, sampling: Sampling) -> Results:
     """Step a whole batch; thermal states are carried only in the cases where they can act."""
+    if isinstance(operator, dense.DenseOperator):
+        return dense.compute(operator, cases, sampling)
     return by_heat(cases, lambda some, heated: _run(operator, some, sampling, heated))
 
 
@@ -159,4 +170,6 @@ def thermal_amplification(rate: Array, h: float, options: Options) -> Array:
 
 def cost(structure: Structure, h: float, options: Options, sampling: Sampling) -> float:
     """Return estimated seconds per heated case, see :mod:`workflow.schemes._fixed.costs`."""
+    if couples_free_modes(structure):
+        return dense.cost(structure, h, sampling)
     return (sweep_cost if is_swept(structure) else theta_cost)(structure, h, sampling)

@@ -147,6 +147,14 @@ def judge_support(written: Written, methods: Mapping[str, Sequence[str]]) -> Non
                 written.source.report(place, f"`{name}` {reason}", remedy)
 
 
+def judge_damping(written: Written, model: str | None) -> None:
+    """Refuse a damping ratio beside Rayleigh's coefficients."""
+    found = mapping(written.tree, "scene", str(model), "damping")
+    if "ratio" in found and len(found) > 1:
+        place: Place = ("scene", str(model), "damping", "ratio")
+        written.source.report(place, "stands beside other damping", "write the ratio alone, or mass and stiffness")
+
+
 def judge_start(written: Written, scene: Mapping[str, Any], groups: Sequence[tuple[Axis, ...]]) -> None:
     """Refuse a tip that starts inside the casing, beyond d(0), in any case."""
     initial, casing = scene.get("initial"), scene.get("casing")

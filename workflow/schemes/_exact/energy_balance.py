@@ -175,7 +175,8 @@ def _form(regime: _Regime, load: Load) -> Form:
     whole[:size, size] += B[:, -2] * load.mean + B[:, -1] * load.gap
     whole[:size, size + 2] = B[:, -2] * load.amplitude
     whole[size + 1, size + 2], whole[size + 2, size + 1] = -omega, omega
-    power[v, v] = np.diag(regime.system.damping)
+    damping = regime.system.damping
+    power[v, v] = damping if regime.system.is_coupled else np.diag(damping)
     power[v, tau] = regime.system.coupling
     power[v, size] = -(product(B[v, :mechanical], load.steady) + B[v, -2] * load.mean)
     power[v, size + 2] = -B[v, -2] * load.amplitude

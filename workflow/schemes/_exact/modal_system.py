@@ -18,7 +18,11 @@ from workflow.kernels.singular import least_squares
 from workflow.kernels.sums import dot, product
 from workflow.models import (
     Array,
+    Modes,
     Structure,
+    free_damping,
+    held_damping,
+    is_rayleigh,
     mechanical_modes,
     modal_coupling,
     static_tip_growth,
@@ -33,13 +37,13 @@ class ModalSystem:
     Its signal, the event function whose fall through zero ends the regime, is the gap d - x_n [m] of a free tip and the
     contact force λ [N] of a held one:
 
-        signal = signal_steady · f̄ + signal_tip F + signal_gap d - r · (z + a_K z') - k · τ.
+        signal = signal_steady · f̄ + signal_tip F + signal_gap d - r · z - r' · z' - k · τ.
     """
 
     frequency: Array
     """ω, 1/s, ``(mode,)``."""
     damping: Array
-    """c, 1/s, ``(mode,)``."""
+    """c, 1/s, ``(mode,)``; with the tip held ``(mode, mode)`` where damping is not Rayleigh's."""
     coupling: Array
     """G, ``(mode, thermal mode)``."""
     rate: Array
@@ -48,6 +52,8 @@ class ModalSystem:
     """χ_n, ``(thermal mode,)``."""
     reaction: Array
     """r, ``(mode,)``."""
+    reaction_slope: Array
+    """r', s, ``(mode,)``: a_K r for Rayleigh's damping."""
     relaxation: float
     """a_K, s."""
     thermal_reaction: Array
@@ -68,6 +74,11 @@ class ModalSystem:
     """y per z, ``(free mode, mode)``."""
     to_free_gap: Array
     """… and per gap, ``(free mode,)``."""
+
+    @property
+    def is_coupled(self) -> bool:
+        """Whether damping may couple the modes."""
+        return self.damping.ndim == 2
 
     def without_heat(self) -> ModalSystem:
         """Return the system without its thermal modes."""
@@ -125,11 +136,12 @@ def free_system(structure: Structure) -> ModalSystem:
     frequency, modes = mechanical.values, mechanical.values.size
     return ModalSystem(
         frequency=frequency,
-        damping=structure.damping.mass + structure.damping.stiffness * frequency**2,
+        damping=free_damping(structure, mechanical),
         coupling=modal_coupling(structure, mechanical, thermal),
         rate=thermal.values,
         heat_tip=thermal.tip,
         reaction=mechanical.tip,
+        reaction_slope=np.zeros(modes),
         relaxation=0.0,
         thermal_reaction=np.zeros(thermal.values.size),
         signal_steady=np.zeros(modes),
@@ -164,13 +176,16 @@ def held_system(structure: Structure) -> ModalSystem:
     coupling = modal_coupling(interior, modes, thermal)
     force_steady = np.append(-product(shapes, inertia), 1.0)
     to_modes = product(mechanical.shapes.T, structure.mass)
+    reaction = row - inertia * frequency**2
+    damping, slope = _held_damping(structure, modes, reaction, inertia)
     return ModalSystem(
         frequency=frequency,
-        damping=structure.damping.mass + structure.damping.stiffness * frequency**2,
+        damping=damping,
         coupling=coupling,
         rate=thermal.values,
         heat_tip=thermal.tip,
-        reaction=row - inertia * frequency**2,
+        reaction=reaction,
+        reaction_slope=slope,
         relaxation=structure.damping.stiffness,
         thermal_reaction=product(structure.coupling_matrix[-1], thermal.shapes) - product(inertia, coupling),
         signal_steady=force_steady,
@@ -185,6 +200,14 @@ def held_system(structure: Structure) -> ModalSystem:
     )
 
 
+def _held_damping(structure: Structure, modes: Modes, reaction: Array, inertia: Array) -> tuple[Array, Array]:
+    """Return c of the modes of a held tip, and the reaction per z', C_ni φ - M_ni φ c; a_K r for Rayleigh's damping."""
+    if is_rayleigh(structure):
+        return structure.damping.of_modes(modes.values), structure.damping.stiffness * reaction
+    damping = held_damping(structure, Modes(modes.values, np.vstack([modes.shapes, np.zeros(modes.values.size)])))
+    return damping, product(structure.damping_matrix[-1, :-1], modes.shapes) - product(inertia, damping)
+
+
 def state_space(system: ModalSystem, alpha: float) -> tuple[Array, Array, Array]:
     """Return the system as X' = A X + B w, signal = row · X + …, for X = [z, z', τ] and w = [f̄, q, F, d].
 
@@ -194,13 +217,13 @@ def state_space(system: ModalSystem, alpha: float) -> tuple[Array, Array, Array]
     modes, mechanical, thermal = system.frequency.size, system.signal_steady.size, system.heat_shapes.shape[0]
     size = 2 * modes + system.rate.size
     z, u, tau = slice(0, modes), slice(modes, 2 * modes), slice(2 * modes, size)
-    row = np.concatenate([-system.reaction, -system.relaxation * system.reaction, -system.thermal_reaction])
+    row = np.concatenate([-system.reaction, -system.reaction_slope, -system.thermal_reaction])
     warming = np.zeros(size)
     warming[tau] = alpha * system.heat_tip
     A = np.zeros((size, size))
     A[z, u] = np.eye(modes)
     A[u, z] = -np.diag(system.frequency**2)
-    A[u, u] = -np.diag(system.damping)
+    A[u, u] = -system.damping if system.is_coupled else -np.diag(system.damping)
     A[u, tau] = -system.coupling
     A[tau, tau] = -np.diag(system.rate)
     A += np.outer(warming, row)

@@ -15,12 +15,13 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from workflow.kernels.complex_numbers import magnitude, times
+from workflow.kernels.complex_numbers import magnitude, over, times
 from workflow.kernels.sums import product
 from workflow.models import Array
 from workflow.schemes._exact.modal_system import ModalSystem, signal_inputs, state_space
-from workflow.schemes._exact.secular import general_spectrum, secular_spectrum
+from workflow.schemes._exact.secular import coupled_spectrum, general_spectrum, secular_spectrum
 
 
 class Regime(NamedTuple):
@@ -81,7 +82,10 @@ def quasi_static(frequency: Array, damping: Array, rate: Array, drive: Array) ->
 
 def regime_of(system: ModalSystem, alpha: float = 0.0) -> Regime:
     """Return the regime of a structure with its tip free (α = 0), or held at α [W/N]."""
-    regime = _one_way(system) if alpha == 0 else _two_way(linked(system), alpha)
+    if alpha > 0:
+        regime = _two_way(linked(system), alpha)
+    else:
+        regime = _coupled(system) if system.is_coupled else _one_way(system)
     return Regime(*(np.ascontiguousarray(values, dtype=np.float64) for values in regime))
 
 
@@ -133,17 +137,95 @@ def linked(held: ModalSystem) -> ModalSystem:
     motions of parts that are not linked to the tip, whose double eigenvalue 0 has but one eigenvector.
     """
     keep = np.abs(held.reaction) > _LINKED * np.abs(held.reaction).max(initial=0.0)
+    return _some(held, keep | ~_alone(held) if held.is_coupled else keep)
+
+
+def _some(held: ModalSystem, keep: NDArray[np.bool_]) -> ModalSystem:
+    """Return the system of some of its modes."""
     return replace(
         held,
         frequency=held.frequency[keep],
-        damping=held.damping[keep],
+        damping=held.damping[np.ix_(keep, keep)] if held.is_coupled else held.damping[keep],
         coupling=held.coupling[keep],
         reaction=held.reaction[keep],
+        reaction_slope=held.reaction_slope[keep],
         shapes=held.shapes[:, keep],
         from_free=held.from_free[keep],
         from_free_gap=held.from_free_gap[keep],
         to_free=held.to_free[:, keep],
     )
+
+
+def _alone(held: ModalSystem) -> NDArray[np.bool_]:
+    """Return which modes damping couples to no other, ``(mode,)``."""
+    beside = np.abs(held.damping - np.diag(np.diag(held.damping)))
+    return np.asarray(np.all(beside <= _LINKED * np.abs(held.damping).max(initial=0.0), axis=1))
+
+
+def _coupled(held: ModalSystem) -> Regime:
+    """Return the regime of a tip held without friction heat whose modes damping couples: pairs of poles as blocks.
+
+    Poles s₁, s₂ with left eigenvectors l₁, l₂ and right ones x₁, x₂ have the coordinates η = ξ₁ + ξ₂ and
+    u = s₁ ξ₁ + s₂ ξ₂, ξ = l X: η' = u, u' = (s₁ + s₂) u - s₁ s₂ η and
+
+        X = ((s₁ x₂ - s₂ x₁) η + (x₁ - x₂) u)/(s₁ - s₂).
+
+    Complex poles are paired with their conjugates, real ones with each other, the slowest with the fastest. Rigid
+    modes, whose pole 0 is a double one, stay blocks, and first-order states are thermal modes.
+
+    Raises
+    ------
+    ValueError
+        Poles coincide, or one is a thermal rate.
+    """
+    A, row, source = state_space(held, 0.0)
+    modes, heats, size = held.frequency.size, held.rate.size, row.size
+    rigid = (held.frequency == 0) & _alone(held)
+    moving = np.flatnonzero(~rigid)
+    own = np.concatenate([moving, modes + moving, np.arange(2 * modes, size)])
+    spectrum = coupled_spectrum(_some(held, ~rigid), 0.0, A[np.ix_(own, own)])
+    if spectrum is None:
+        raise ValueError("with the tip held, damping leaves poles that coincide: event_driven cannot tell them apart")
+    one, other = _partners(spectrum.values[: spectrum.values.size - heats])
+    s, t = spectrum.values[one], np.where(one == other, spectrum.values[other].conj(), spectrum.values[other])
+    left = [spectrum.left[one], np.where((one == other)[:, None], spectrum.left[other].conj(), spectrum.left[other])]
+    right = [
+        spectrum.right.T[one],
+        np.where((one == other)[:, None], spectrum.right.T[other].conj(), spectrum.right.T[other]),
+    ]
+    apart = (s - t)[:, None]
+    still, count = int(rigid.sum()), modes
+    inward, outward = np.zeros((size, size)), np.zeros((size, size))
+    for k, mode in enumerate(np.flatnonzero(rigid)):
+        inward[k, mode] = inward[count + k, modes + mode] = outward[mode, k] = outward[modes + mode, count + k] = 1.0
+    inward[still:count, own] = (left[0] + left[1]).real
+    inward[count + still : 2 * count, own] = (times(s[:, None], left[0]) + times(t[:, None], left[1])).real
+    inward[2 * count :, own] = spectrum.left[spectrum.values.size - heats :].real
+    outward[own, still:count] = over(times(s[:, None], right[1]) - times(t[:, None], right[0]), apart).real.T
+    outward[own, count + still : 2 * count] = over(right[0] - right[1], apart).real.T
+    outward[own, 2 * count :] = spectrum.right[:, spectrum.values.size - heats :].real
+    from_modal, to_modal = passages(held, inward, outward)
+    return Regime(
+        damping=np.concatenate([np.diag(held.damping)[rigid], -(s + t).real]),
+        stiffness=np.concatenate([np.zeros(still), times(s, t).real]),
+        rate=held.rate,
+        coupling=np.zeros((3, count, heats)),
+        resonant=np.zeros(count),
+        signal=product(row, outward),
+        temperature=product(held.heat_tip, outward[2 * modes :]),
+        source=np.concatenate([product(inward, source), signal_inputs(held)[None]]),
+        from_modal=from_modal,
+        to_modal=to_modal,
+    )
+
+
+def _partners(values: Any) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the two poles of each block, ascending by their product; twice the same for a complex pair."""
+    pair, real = np.flatnonzero(values.imag > 0), np.flatnonzero(values.imag == 0)
+    real = real[np.argsort(magnitude(values[real]), kind="stable")]
+    one, other = np.concatenate([pair, real[: real.size // 2]]), np.concatenate([pair, real[::-1][: real.size // 2]])
+    order = np.argsort(magnitude(values[one]) * magnitude(values[other]), kind="stable")
+    return one[order], other[order]
 
 
 def _two_way(held: ModalSystem, alpha: float) -> Regime:

@@ -14,6 +14,7 @@ which spoils the slow thermal ones. It serves as a first guess; Newton's method 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -24,6 +25,7 @@ from workflow.kernels.compiled import kernel
 from workflow.kernels.complex_numbers import complex_product, magnitude, over, square_root, times
 from workflow.kernels.eigen import eigenvalues, eigenvectors
 from workflow.kernels.elementary import hypot, quotient
+from workflow.kernels.solving import solve
 from workflow.kernels.sums import product, total
 from workflow.models import Array
 from workflow.schemes._exact.modal_system import ModalSystem
@@ -78,6 +80,8 @@ def general_spectrum(A: Array, force: Array) -> Spectrum:
 def secular_spectrum(held: ModalSystem, alpha: float, A: Array) -> Spectrum | None:
     """Return the spectrum of D + α u wᵀ, ``None`` where it cannot be trusted."""
     modes, mu = held.frequency.size, held.rate
+    if held.is_coupled:
+        return coupled_spectrum(held, alpha, A)
     omega2, c = held.frequency**2, held.damping
     split = 2 * square_root((c / 2) ** 2 - omega2 + 0j)
     polynomial = mu**2 - mu * c[:, None] + omega2[:, None]
@@ -90,15 +94,65 @@ def secular_spectrum(held: ModalSystem, alpha: float, A: Array) -> Spectrum | No
         return None
     response = -held.coupling / polynomial  # z = η + Q τ
     matrix = _rank_one(held, alpha, split, response)
-    residue = times(alpha * matrix.u, matrix.w)
+
+    def states(right: Complex, left: Complex) -> tuple[Complex, Complex]:
+        return (
+            _right_states(matrix.d, mu, response, right),
+            _left_states(matrix.d, c, mu, response, left),
+        )
+
+    return _spectrum(matrix, modes, A, states)
+
+
+_States = Callable[[Complex, Complex], tuple[Complex, Complex]]
+"""From right and left eigenvectors in the coordinates in which D is diagonal, in rows, to those in X."""
+
+
+def _spectrum(matrix: _RankOne, modes: int, A: Array, states: _States) -> Spectrum | None:
+    """Return the spectrum of D + α u wᵀ, ``None`` where it cannot be trusted."""
+    residue = times(matrix.alpha * matrix.u, matrix.w)
     for guesses in (_slow_and_fast, None):
         zeros = _zeros(residue, matrix.d, guesses(residue, matrix.d, modes) if guesses else eigenvalues(A))
         if zeros is not None:
             with np.errstate(all="ignore"):  # what is not finite is not orthogonal
-                spectrum = _vectors(held, matrix, response, *zeros)
+                spectrum = _vectors(matrix, states, *zeros)
             if spectrum is not None:
                 return spectrum
     return None
+
+
+def coupled_spectrum(held: ModalSystem, alpha: float, A: Array) -> Spectrum | None:
+    """Return the spectrum where damping couples the modes, ``None`` where it cannot be trusted.
+
+    The eigenvectors V of the mechanical part alone are those of a general matrix. A thermal mode drags the response R
+    along, (A_m + μ) R = -A_mτ, so that D holds the poles and the rates in the coordinates of [[V, R], [0, 1]]. Without
+    friction heat that is the spectrum: poles first, then rates in their order.
+    """
+    size, mu = 2 * held.frequency.size, held.rate
+    inner = A[:size, :size]
+    response = np.zeros((size, mu.size))
+    try:
+        values, right, left = eigenvectors(inner)
+        for j in range(mu.size):
+            response[:, j] = solve(inner + mu[j] * np.eye(size), -A[:size, size + j])
+    except np.linalg.LinAlgError:
+        return None
+    whole, inverse = (np.eye(size + mu.size, dtype=np.complex128) for _ in range(2))
+    whole[:size, :size], whole[:size, size:] = right, response
+    inverse[:size, :size], inverse[:size, size:] = left, -complex_product(left, response)
+    row = np.concatenate([-held.reaction, -held.reaction_slope, -held.thermal_reaction])
+    force = complex_product(row, whole)
+    d = np.concatenate([values, -mu + 0j])
+    if alpha == 0:
+        keep = d.imag >= 0
+        return Spectrum(d[keep], whole[:, keep], inverse[keep], force[keep])
+    warming = np.concatenate([np.zeros(size), held.heat_tip])
+    matrix = _RankOne(alpha, d, complex_product(inverse, warming), force)
+
+    def states(right: Complex, left: Complex) -> tuple[Complex, Complex]:
+        return complex_product(right, whole.T), complex_product(left, inverse)
+
+    return _spectrum(matrix, size // 2, A, states)
 
 
 def _rank_one(held: ModalSystem, alpha: float, split: Complex, response: Array) -> _RankOne:
@@ -126,9 +180,7 @@ def _slow_and_fast(residue: Complex, d: Complex, modes: int) -> Complex:
     return np.concatenate([poles, eigenvalues(slow)])
 
 
-def _vectors(
-    held: ModalSystem, matrix: _RankOne, response: Array, origin: NDArray[np.intp], delta: Complex
-) -> Spectrum | None:
+def _vectors(matrix: _RankOne, states: _States, origin: NDArray[np.intp], delta: Complex) -> Spectrum | None:
     """Return the eigenvectors (s - D)⁻¹ u and wᵀ (s - D)⁻¹ in X, ``None`` where they are not orthogonal.
 
     They are scaled to 1 at the nearest pole, so that an eigenvalue that does not move keeps its own.
@@ -139,8 +191,7 @@ def _vectors(
     np.fill_diagonal(products, 0.0)
     if not np.all(magnitude(products) <= _ORTHOGONAL * sizes):
         return None
-    right = _right_states(matrix.d, held.rate, response, right)
-    left = _left_states(matrix.d, held.damping, held.rate, response, left)
+    right, left = states(right, left)
     real = values.imag == 0
     for vectors in (right, left, force):
         vectors[real] = vectors[real].real

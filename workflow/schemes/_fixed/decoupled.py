@@ -25,6 +25,7 @@ from workflow.models import (
     Matrices,
     Modes,
     Structure,
+    free_damping,
     mechanical_modes,
     modal_coupling,
     project,
@@ -147,7 +148,7 @@ def decouple(structure: Structure) -> Decoupled:
     coupling = modal_coupling(structure, mechanical, thermal)
     frequency, rate = mechanical.values, thermal.values
     mass = mechanical.inertia
-    damping = structure.damping.mass * mass + structure.damping.stiffness * frequency**2
+    damping = free_damping(structure, mechanical)
     response, pairs = dragged(coupling, rate**2 * mass[:, None], -rate * damping[:, None], frequency[:, None] ** 2)
     return Decoupled(
         mass=mass,

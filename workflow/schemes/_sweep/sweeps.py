@@ -26,7 +26,15 @@ from typing import NamedTuple, TypeGuard
 import numpy as np
 
 from workflow.kernels.compiled import inlined, kernel
-from workflow.models import Array, Chain, Structure, frequency_range, rate_range, static_tip_growth
+from workflow.models import (
+    Array,
+    Chain,
+    Structure,
+    frequency_range,
+    is_rayleigh,
+    rate_range,
+    static_tip_growth,
+)
 
 NODE_X, NODE_V, NODE_TAU, NODE_WARMED, NODE_ELIMINATED, NODE_FORMER_V = range(6)
 """Rows of a chain's state ``(row, node)``, node 0 being the root: x, v and τ at the step's beginning,
@@ -68,7 +76,7 @@ _TYPICAL_STEPS = 1e6
 
 def is_swept(structure: Structure) -> TypeGuard[Chain]:
     """Tell whether a structure is stepped node by node: where its modes cost more than they save."""
-    if not isinstance(structure, Chain):
+    if not isinstance(structure, Chain) or not is_rayleigh(structure):
         return False
     n = structure.mechanical_size
     return not structure.has_matrices or _FINDING_MODES * n**3 > (_SWEEP - _MODE) * n * _TYPICAL_STEPS

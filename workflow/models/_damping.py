@@ -1,0 +1,81 @@
+"""Damping C1 in modes: Rayleigh's, a ratio ζ of every mode with the tip free, or a matrix of its own.
+
+    C1 = a_M M + a_K K1 + M Φ diag(2 ζ ω) Φᵀ M + D
+
+with Φ the modes of the structure with its tip free, φᵀ M φ = 1; rigid ones have ω = 0. With the tip free all but D are
+diagonal in modes, with the tip held only Rayleigh's two are. A reduced structure has the ratio in its own modes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workflow.kernels import Array
+from workflow.models._dense import product
+from workflow.models._modes import Modes, mechanical_modes
+from workflow.models._structure import Structure
+
+_COUPLED = 1e-12
+"""Share of the largest modal damping below which that between two modes is rounding of a matrix that is diagonal."""
+
+
+class CoupledDampingError(ValueError):
+    """Damping couples the modes of a free tip, in which a scheme steps."""
+
+    def __init__(self) -> None:
+        super().__init__("the damping matrix couples the modes of the structure: of the schemes only moreau takes it")
+
+
+def damping_matrix(structure: Structure) -> Array:
+    """Return C1, N s/m, ``(mechanical, mechanical)``."""
+    whole = structure.damping.mass * structure.mass + structure.damping.stiffness * structure.stiffness_matrix
+    if structure.damping.ratio != 0:
+        modes = mechanical_modes(structure)
+        moved = product(structure.mass, modes.shapes)
+        whole = whole + product(moved, ((2 * structure.damping.ratio) * modes.values * modes.inertia * moved).T)
+    return whole if structure.damper is None else whole + structure.damper
+
+
+def free_damping(structure: Structure, modes: Modes) -> Array:
+    """Return c of each mode with the tip free, 1/s, ``(mode,)``.
+
+    Raises
+    ------
+    CoupledDampingError
+        Damping couples them.
+    """
+    found = structure.damping.of_modes(modes.values, modes.inertia)
+    if structure.damper is None:
+        return found
+    own = product(modes.shapes.T, product(structure.damper, modes.shapes))
+    if is_diagonal(own):
+        return np.asarray(found + np.diag(own))
+    raise CoupledDampingError
+
+
+def held_damping(structure: Structure, modes: Modes) -> Array:
+    """Return φᵀ C1 φ of the modes with the tip held, 1/s, ``(mode, mode)``.
+
+    Shapes have the row of the tip, which is 0.
+    """
+    found = product(modes.shapes.T, product(damping_matrix(structure), modes.shapes))
+    return np.asarray((found + found.T) / 2)
+
+
+def is_rayleigh(structure: Structure) -> bool:
+    """Tell whether damping is diagonal in the modes of any support: a_M M + a_K K1 alone."""
+    return structure.damper is None and structure.damping.ratio == 0
+
+
+def couples_free_modes(structure: Structure) -> bool:
+    """Tell whether damping couples the modes with the tip free."""
+    if structure.damper is None:
+        return False
+    shapes = mechanical_modes(structure).shapes
+    return not is_diagonal(product(shapes.T, product(structure.damper, shapes)))
+
+
+def is_diagonal(matrix: Array) -> bool:
+    """Tell whether what is beside the diagonal of a damping matrix is rounding."""
+    beside = np.abs(matrix - np.diag(np.diag(matrix)))
+    return bool(np.all(beside <= _COUPLED * np.abs(np.diag(matrix)).max(initial=0.0)))
