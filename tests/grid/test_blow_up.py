@@ -68,6 +68,32 @@ def test_a_tip_that_is_thrown_far_off_is_not_ok_without_balances_either() -> Non
     assert "the tip moved" in found.messages[0]
 
 
+TRAPPED = """
+study: a
+scene:
+  chain: {nodes: 4, mass: 1.0e-3, stiffness: 1.0e6, damping: {mass: 10}, spacing: 1.0e-2, expansion: 1.0e-5,
+          heat_capacity: 1.0e-2, conductance: 0}
+  casing: {gap: 1.0e-6}
+  load: {amplitude: 10, frequency: 200}
+  duration: 2
+schemes: {stiff: {method: penalty, stiffness: 1.0e7}}
+axes: {scheme: stiff, h: STEP, alpha: 8}
+output: {interval: 50 ms, histories: [], balances: false}
+"""
+
+
+def test_heat_that_cannot_leave_excuses_no_blow_up() -> None:
+    """α_c = 0: a growth of e²⁰ hid a tip that was 2e8 m from its casing; below the limit the case is a runaway."""
+    created = solved(TRAPPED.replace("STEP", "1.4e-5"))
+    assert created.values["critical_alpha"][0] == 0
+    assert created.values["max_penetration"][0] > 1e8
+    assert created.values["status"][0] == Status.DIVERGED
+    sound = solved(TRAPPED.replace("STEP", "5.0e-6"))
+    assert sound.values["runaway"][0]
+    assert sound.values["thermal_closing"][0] > 1e6 * 1e-6
+    assert sound.values["status"][0] == Status.OK
+
+
 def test_the_same_case_says_the_same_again() -> None:
     text = HEAVY.format(h=3.16e-6, balances="false")
     assert solved(text).messages == solved(text).messages

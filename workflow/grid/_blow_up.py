@@ -4,8 +4,9 @@ Two rules, both about what no motion of the model can do:
 
 - With balances: ``energy_residual`` above :data:`CREATED`, energy was created. What a scheme dissipates is negative
   and never counts.
-- With or without balances, where K1 is regular: the largest |x_n| exceeds :data:`EXCESS` times the largest
-  length that the case accounts for (:func:`_accounted`, :func:`_with_growth`).
+- With or without balances, where K1 is regular: the largest |x_n| exceeds both :data:`EXCESS` times the largest
+  length that the case accounts for without contact (:func:`_accounted`) and twice the growth by friction heat
+  (:func:`_farthest`).
 
 The largest |x_n| is that of the samples and of gap + ``max_penetration``, which fixed-step schemes take over all
 steps. It is a lower bound: a motion that blows up between two samples shows in the penetration, as it comes back to
@@ -41,6 +42,11 @@ EXCESS = 1000.0
 """Largest |x_n| over the length that a case accounts for, above which it has diverged: a resonance at a damping
 ratio of 5e-4 amplifies a load by as much."""
 
+GROWTH = 2.0
+"""Largest |x_n| over the growth by friction heat, above which a case has diverged: the casing keeps a pressed tip
+from growing at all, and where friction suddenly heats a tip that then leaves it overshoots its growth by as much again.
+Runaways of all schemes were below 0.5, contact springs beyond their limit above 2.7."""
+
 
 @lru_cache(maxsize=16)
 def _statics(model: str, parameters: Any) -> tuple[float, Array]:
@@ -64,7 +70,7 @@ def mark_blown_up(cell: Cell, cases: Cases, results: Results, duration: float) -
         s.
     """
     ok = results.status == Status.OK
-    told: dict[int, str] = {}
+    blown: dict[int, str] = {}
     reach = _reach(results, cases)
     start = np.abs(results.histories["displacement"][:, 0])
     far = np.flatnonzero(ok & (reach > EXCESS * np.fmax(np.abs(cases.gap), start)))
@@ -72,26 +78,26 @@ def mark_blown_up(cell: Cell, cases: Cases, results: Results, duration: float) -
         flexibility, growth = _statics(cell.scene.model, cell.scene.parameters)
         if np.isfinite(flexibility):
             base = np.fmax(_accounted(cell, cases.take(far), flexibility, growth, duration), start[far])
-            length = _with_growth(cell, cases.take(far), results, far, growth[-1], base, duration)
-            told |= {
-                int(case): f"the tip moved {reach[case]:.3g} m, more than {EXCESS:g} times the {most:.3g} m that gap, "
-                f"start, loads and heat account for{_advice(cell)}"
-                for case, most in zip(far, length, strict=True)
-                if reach[case] > EXCESS * most
+            farthest = _farthest(cell, cases.take(far), results, far, growth[-1], base, duration)
+            blown |= {
+                int(case): f"the tip moved {reach[case]:.3g} m; {EXCESS:g} times what gap, start, loads and heating "
+                f"account for, or {GROWTH:g} times the growth by friction heat, is {most:.3g} m{_advice(cell)}"
+                for case, most in zip(far, farthest, strict=True)
+                if reach[case] > most
             }
     residual = results.metrics.get("energy_residual")
     if residual is not None:
-        told |= {
+        blown |= {
             int(case): f"energy was created: its balance has a residual of {residual[case]:+.3g} times the largest "
             f"energy, above {CREATED:+g}{_advice(cell)}"
             for case in np.flatnonzero(ok & (residual > CREATED))
             if not _is_rounding(cell, cases, results, int(case), duration)
         }
-    if not told:
+    if not blown:
         return results
     status = results.status.copy()
-    status[list(told)] = Status.DIVERGED
-    return replace(results, status=status, messages={**results.messages, **told})
+    status[list(blown)] = Status.DIVERGED
+    return replace(results, status=status, messages={**results.messages, **blown})
 
 
 def _is_rounding(cell: Cell, cases: Cases, results: Results, case: int, duration: float) -> bool:
@@ -171,21 +177,22 @@ def _energy(structure: Structure, cases: Cases) -> Array:
     return np.asarray((kinetic + (structure.springs * elongation**2).sum(axis=1)) / 2)
 
 
-def _with_growth(
+def _farthest(
     cell: Cell, cases: Cases, results: Results, which: Indices, tip_growth: float, base: Array, duration: float
 ) -> Array:
-    """Return ``base`` or the largest quasi-static growth by friction heat, whichever is larger, m, ``(case,)``.
+    """Return how far the tip may move, m, ``(case,)``: EXCESS · ``base``, or GROWTH times the growth by friction heat.
 
-    The growth is that at the end, or that of the tip node at its largest temperature. It counts up to EXCESS · base ·
-    exp(g · duration) with the growth rate g of the tip in contact, if positive: where a scheme creates energy it
-    creates heat too, which is no measure of what the model can do.
+    The growth is quasi-static: that at the end, or that of the tip node at its largest temperature. It counts up to
+    EXCESS² · ``base`` · exp(g · duration) with the growth rate g of the tip in contact, if positive: where a scheme
+    creates energy it creates heat too, which is no measure of what the model can do.
     """
     closing = np.abs(results.metrics["thermal_closing"][which])
     sampled = np.abs(results.histories["temperature"][which])
     hottest = np.fmax(np.abs(results.metrics["max_temperature"][which]), np.fmax.reduce(sampled, axis=1))
     rate = np.array([runaway_of(cell, float(alpha))[1] for alpha in cases.alpha])
-    most = EXCESS * base * np.exp(np.fmax(rate, 0.0) * duration)
-    return np.asarray(np.fmax(base, np.fmin(np.fmax(closing, abs(tip_growth) * hottest), most)))
+    most = EXCESS**2 * base * np.exp(np.fmax(rate, 0.0) * duration)
+    growth = np.fmax(closing, abs(tip_growth) * hottest)
+    return np.asarray(np.fmax(EXCESS * base, np.fmin(GROWTH * growth, most)))
 
 
 def _advice(cell: Cell) -> str:
