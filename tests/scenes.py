@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from workflow import models, schemes
-from workflow.models import Cases, Rayleigh, Structure
+from workflow.models import Cases, Harmonics, Rayleigh, Structure
 from workflow.schemes import Results, Sampling
 
 
@@ -60,7 +60,10 @@ def blade(nodes: int = 20) -> Structure:
 
 
 def cases(structure: Structure, count: int = 1, **values: Any) -> Cases:
-    """Return a batch; scalars are spread over cases and nodes, lists of cases are taken as they are."""
+    """Return a batch; scalars are spread over cases and nodes, lists of cases are taken as they are.
+
+    Harmonics are lists of [amplitude, frequency, phase], each a scalar or one value per case.
+    """
 
     def of_case(name: str) -> np.ndarray:
         return np.array(np.broadcast_to(np.asarray(values.get(name, 0.0), dtype=float), (count,)))
@@ -68,9 +71,14 @@ def cases(structure: Structure, count: int = 1, **values: Any) -> Cases:
     def of_node(name: str, size: int) -> np.ndarray:
         return np.array(np.broadcast_to(np.asarray(values.get(name, 0.0), dtype=float), (count, size)))
 
+    def sinusoids(name: str) -> Harmonics:
+        rows = [[np.broadcast_to(value, (count,)) for value in one] for one in values.get(name, [])]
+        return Harmonics(*np.array(rows, dtype=float).reshape(len(rows), 3, count).transpose(1, 2, 0))
+
     n, m = structure.mechanical_size, structure.thermal_size
     names = ("e", "alpha", "gap", "mean", "amplitude", "frequency", "phase")
-    unknown = set(values) - {*names, "steady", "heating", "displacement", "velocity", "temperature"}
+    harmonics = ("load_harmonics", "casing_harmonics")
+    unknown = set(values) - {*names, *harmonics, "steady", "heating", "displacement", "velocity", "temperature"}
     if unknown:
         raise TypeError(f"no such condition: {unknown}")
     return Cases(
@@ -80,6 +88,7 @@ def cases(structure: Structure, count: int = 1, **values: Any) -> Cases:
         displacement=of_node("displacement", n),
         velocity=of_node("velocity", n),
         temperature=of_node("temperature", m),
+        **{name: sinusoids(name) for name in harmonics},
     )
 
 

@@ -1,4 +1,4 @@
-"""An independent solution of the equations of motion: DOP853 in physical coordinates, with events.
+"""An independent solution of the equations of motion, on a casing in motion: DOP853 in physical coordinates.
 
 It shares nothing with the scheme but the matrices of the structure: no modes, no closed forms. It
 stops where it can no longer tell events apart (accumulating impacts) and says how far it came.
@@ -36,17 +36,30 @@ class Reference:
         self.Mii_inv = np.linalg.inv(self.M[:-1, :-1])
         self.e, self.alpha, self.gap = (float(v[0]) for v in (cases.e, cases.alpha, cases.gap))
         self.cases = cases
+        loads, casing = cases.load_harmonics, cases.casing_harmonics
+        self.loads = [(cases.amplitude[0], cases.frequency[0], cases.phase[0])]
+        self.loads += list(zip(loads.amplitude[0], loads.frequency[0], loads.phase[0], strict=True))
+        self.moves = list(zip(casing.amplitude[0], casing.frequency[0], casing.phase[0], strict=True))
+        turning = max(2 * np.pi * f for _, f, _ in self.loads + self.moves)
         fastest = (
             np.sqrt(np.abs(np.linalg.eigvals(self.Minv @ self.K)).max())
             + np.abs(np.linalg.eigvals(self.Minv @ self.C)).max()
         )
-        self.max_step = 0.25 / max(fastest, 2 * np.pi * float(cases.frequency[0]), 1.0)
+        self.max_step = 0.25 / max(fastest, turning, 1.0)
 
     def force(self, t: float) -> np.ndarray:
-        c = self.cases
-        f = c.steady[0].copy()
-        f[-1] += c.mean[0] + c.amplitude[0] * np.sin(2 * np.pi * c.frequency[0] * t + c.phase[0])
+        f = self.cases.steady[0].copy()
+        f[-1] += self.cases.mean[0] + sum(a * np.sin(2 * np.pi * w * t + phi) for a, w, phi in self.loads)
         return f
+
+    def casing(self, t: float) -> np.ndarray:
+        """Return d, d' and d''."""
+        found = np.array([self.gap, 0.0, 0.0])
+        for a, f, phi in self.moves:
+            w = 2 * np.pi * f
+            psi = w * t + phi
+            found += a * np.sin(psi), a * w * np.cos(psi), -a * w * w * np.sin(psi)
+        return found
 
     def split(self, y):
         nm = self.nm
@@ -56,7 +69,8 @@ class Reference:
         x, v, theta = self.split(y)
         internal = self.force(t) - self.C @ v - self.K @ x - self.K12 @ theta
         a = np.zeros(self.nm)
-        a[:-1] = self.Mii_inv @ internal[:-1]
+        a[-1] = self.casing(t)[2]
+        a[:-1] = self.Mii_inv @ (internal[:-1] - self.M[:-1, -1] * a[-1])
         return float(internal[-1] - self.M[-1] @ a), a
 
     def rate(self, held: bool):
@@ -75,7 +89,7 @@ class Reference:
         return fun
 
     def signal(self, held: bool, t, y) -> float:
-        return self.contact_force(t, y)[0] if held else self.gap - float(self.split(y)[0][-1])
+        return self.contact_force(t, y)[0] if held else float(self.casing(t)[0] - self.split(y)[0][-1])
 
     def solve(self, times: np.ndarray, most_impacts: int = 50) -> Solution:
         c, nm, nt = self.cases, self.nm, self.nt
@@ -85,8 +99,8 @@ class Reference:
         hottest = y[hot]
         out[0] = y[nm - 1], y[hot], 0.0, hottest
         k, t, impacts, held = 1, 0.0, 0, False
-        fresh = y[nm - 1] >= self.gap  # starts at the gap
-        just = fresh and y[2 * nm - 1] >= 0
+        fresh = y[nm - 1] >= self.casing(0.0)[0]  # starts at the casing
+        just = fresh and y[2 * nm - 1] >= self.casing(0.0)[1]
         last_event = -np.inf
         end = times[-1]
         while t < end:
@@ -98,8 +112,9 @@ class Reference:
                 if held:
                     held = False
                 else:
-                    v = y[2 * nm - 1]
-                    y[nm - 1] = self.gap
+                    place, moving, _ = self.casing(t)
+                    v = y[2 * nm - 1] - moving
+                    y[nm - 1] = place
                     w = self.Minv[:, -1]
                     p = (1 + self.e) * max(v, 0.0) / w[-1]
                     impacts += v > 0
@@ -110,7 +125,7 @@ class Reference:
                     y[-1] += p
                     hottest = max(hottest, y[hot])
                     if self.e == 0 or v <= 0:
-                        y[2 * nm - 1] = 0.0
+                        y[2 * nm - 1] = moving
                         held = self.contact_force(t, y)[0] > 0
                 fresh = True
             solver = DOP853(self.rate(held), t, y, end, rtol=1e-12, atol=1e-14, max_step=self.max_step)

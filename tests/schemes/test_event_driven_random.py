@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from plain_events import Reference
 
 from scenes import cases, chain, heavy_chain, relative, sampling
-from workflow.models import Cases, Rayleigh, Structure
+from workflow.models import Cases, Harmonics, Rayleigh, Structure
 from workflow.reduction import reduce_structure
 from workflow.schemes import Sampling, event_driven
 
@@ -63,26 +63,46 @@ def scene(rng: np.random.Generator) -> tuple[Structure, Cases]:
     return structure, case
 
 
-def compare(seed: int) -> int:
+def moving_scene(rng: np.random.Generator) -> tuple[Structure, Cases]:
+    """Return such a scene with one to three harmonics each in the casing and in the load."""
+    structure, case = scene(rng)
+
+    def sinusoids(size: float) -> Harmonics:
+        shape = 1, int(rng.integers(1, 4))
+        return Harmonics(size * rng.uniform(0.1, 1, shape), rng.uniform(0.05, 0.8, shape), rng.uniform(0, 6, shape))
+
+    case = replace(case, load_harmonics=sinusoids(1.0), casing_harmonics=sinusoids(0.2))
+    place = case.casing_at(0.0)[0]
+    touches = rng.random() < 0.15
+    case.displacement[0, -1] = place if touches else place - abs(rng.normal(0, 0.5))
+    if touches and rng.random() < 0.5:
+        case.velocity[0, -1] = case.casing_velocity_at(0.0)[0]
+    return structure, case
+
+
+def compare(seed: int, moving: bool = False, over: Sampling = TIMES) -> int:
     """Compare one scene as far as it can be predicted and return its number of impacts."""
-    structure, case = scene(np.random.default_rng(seed))
+    structure, case = (moving_scene if moving else scene)(np.random.default_rng(seed))
+    accuracy = 1e-9 if moving else 1e-8
     operator = event_driven.init(structure, 0.0, event_driven.Options(events=1000))
-    results = event_driven.compute(operator, case, TIMES)
-    moved = np.where(case.displacement[:, -1] == case.gap, 0.0, 1e-12 * np.maximum(np.abs(case.gap), 0.1))
-    nearby = event_driven.compute(operator, replace(case, gap=case.gap + moved), TIMES)
-    reference = Reference(structure, case).solve(TIMES.times)
-    known = TIMES.times < reference.reached - 1e-9
+    results = event_driven.compute(operator, case, replace(over, balances=moving))
+    moved = np.where(case.displacement[:, -1] == case.casing_at(0.0), 0.0, 1e-12 * np.maximum(np.abs(case.gap), 0.1))
+    nearby = event_driven.compute(operator, replace(case, gap=case.gap + moved), over)
+    reference = Reference(structure, case).solve(over.times)
+    known = over.times < reference.reached - 1e-9
     apart = ~(np.abs(nearby.histories["displacement"][0] - results.histories["displacement"][0]) < 3e-11)
     known &= np.cumsum(apart) == 0
     for name in ("displacement", "temperature", "impulse"):
         ours, theirs = results.histories[name][0, known], getattr(reference, name)[known]
         scale = max(float(np.linalg.norm(theirs)), 1e-3)
-        assert np.linalg.norm(ours - theirs) <= 1e-8 * scale, (seed, name)
+        assert np.linalg.norm(ours - theirs) <= accuracy * scale, (seed, name)
+    for name in ("energy_residual", "heat_residual") if moving else ():
+        assert abs(results.metrics[name][0]) <= 1e-9, (seed, name)
     last = int(np.flatnonzero(known)[-1])
     if last > 0:  # run to there with no sample between: the largest temperature knows of none
-        end = float(TIMES.times[last])
+        end = float(over.times[last])
         ours = event_driven.compute(operator, case, Sampling(end, end, 2)).metrics["max_temperature"][0]
-        assert abs(ours - reference.hottest[last]) <= 1e-8 * max(abs(reference.hottest[last]), 1e-3), seed
+        assert abs(ours - reference.hottest[last]) <= accuracy * max(abs(reference.hottest[last]), 1e-3), seed
     return reference.impacts
 
 
@@ -90,6 +110,16 @@ def compare(seed: int) -> int:
 @settings(max_examples=30, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 def test_random_scenes(seed: int) -> None:
     compare(seed)
+
+
+def test_random_scenes_in_motion() -> None:
+    """The casing moves and the load has harmonics."""
+    assert sum(compare(seed, moving=True, over=sampling(4.0, 0.1)) for seed in range(10)) > 10
+
+
+@pytest.mark.slow
+def test_two_hundred_random_scenes_in_motion() -> None:
+    assert sum(compare(seed, moving=True) for seed in range(1000, 1200)) > 1000
 
 
 @pytest.mark.slow

@@ -13,17 +13,22 @@ from workflow.schemes import _exact
 TABLES = {
     "block_table": ("block", {"b", "r.block", "free.r.block", "memory.block", "regime.block"}),
     "first_table": ("first", {"f", "r.first", "memory.first", "m.r.first"}),
+    "wave_table": ("wave", {"w", "waves", "r.waves", "load.waves", "memory.waves"}),
     "state_table": ("state", {"y", "out", "m.now"}),
     "expansion_table": ("expansion", {"sums", "d", "x.sums", "m.x.sums", "held.x.sums", "free.x.sums"}),
 }
 """The name under which modules import a table, and the arrays that are laid out by it."""
 
+SIZES = {"ROWS", "COLUMNS", "WAVE", "GIVEN"}
+"""Numbers of rows or columns: of all, of each wave, of those that a case gives."""
+
 
 @pytest.mark.parametrize("name", TABLES)
 def test_rows_have_places_of_their_own(name: str) -> None:
     table = vars(import_module(f"workflow.schemes._exact.{name}"))
-    rows = {word: value for word, value in table.items() if word.isupper() and word != "ROWS"}
-    assert sorted(rows.values()) == list(range(table["ROWS"]))
+    rows = {word: value for word, value in table.items() if word.isupper() and word not in SIZES}
+    size = table.get("ROWS", 0) + table.get("COLUMNS", 0) + table.get("WAVE", 0)
+    assert sorted(rows.values()) == list(range(size))
 
 
 def test_a_row_is_used_on_its_own_table_only() -> None:

@@ -1,15 +1,16 @@
 """Event-driven scheme: the exact solution of the model, from contact event to contact event.
 
-Between events the structure is linear and its load harmonic, so its motion is known in closed form:
+Between events the structure is linear, its load and the place d(t) of its casing are finite sums of sinusoids, so its
+motion is known in closed form:
 
     M x'' + C1 x' + K1 x + K12 θ = f(t) - λ e_n,   C2 θ' + K2 θ = q + α λ e_n
 
-with the tip free (λ = 0) or held at the gap (x_n = d, λ the reaction). A flight ends where the gap d - x_n falls
-through zero, a contact where λ does. At an impact with v_n⁻ > 0
+with the tip free (λ = 0) or held on the casing (x_n = d(t), λ the reaction). A flight ends where the gap d - x_n falls
+through zero, a contact where λ does. At an impact with u⁻ > 0, u = v_n - d',
 
-    v_n⁺ = -e v_n⁻,   p = (1 + e) v_n⁻ / (e_nᵀ M⁻¹ e_n),   θ⁺ = θ⁻ + α p C2⁻¹ e_n;
+    u⁺ = -e u⁻,   p = (1 + e) u⁻ / (e_nᵀ M⁻¹ e_n),   θ⁺ = θ⁻ + α p C2⁻¹ e_n;
 
-a tip that is pressed on the casing with v_n = 0 begins a contact, and impacts that accumulate are summed up
+a tip that is pressed on the casing with u = 0 begins a contact, and impacts that accumulate are summed up
 (:mod:`workflow.schemes._exact.accumulation`). No event is missed: each step is certified by bounds of the Taylor
 remainder (:mod:`workflow.schemes._exact.search`). What remains is rounding. There is no step size: ``h`` is not read.
 """
@@ -30,7 +31,7 @@ from workflow.schemes._interface import Results, Sampling, Workload
 
 READS = frozenset({"e", "alpha"})
 
-HARMONICS: frozenset[str] = frozenset()
+HARMONICS = frozenset({"load", "casing"})
 
 
 @dataclass(frozen=True)

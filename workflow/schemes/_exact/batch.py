@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.kernels import elementwise
 from workflow.kernels.sums import product
 from workflow.models import Array, Cases, Structure
 from workflow.schemes._exact import block_table as block
 from workflow.schemes._exact import outcome
+from workflow.schemes._exact.conditions import load_of, penetration, tip_of
 from workflow.schemes._exact.energy_balance import EnergyBalance
-from workflow.schemes._exact.impacts import Case, Thresholds, Tip
-from workflow.schemes._exact.layout import TAYLOR_SPAN, Layout, Load, Memory, layout, memory
+from workflow.schemes._exact.impacts import Case, Thresholds
+from workflow.schemes._exact.layout import TAYLOR_SPAN, Layout, Memory, layout, memory
 from workflow.schemes._exact.march import march
 from workflow.schemes._exact.modal_system import Basis, analyse
 from workflow.schemes._exact.outcome import Budget
@@ -62,7 +62,8 @@ class _Batch:
         count, basis = cases.count, operator.basis
         self.operator, self.cases, self.sampling = operator, cases, sampling
         self.times = sampling.times
-        self.periods = complete_periods(cases.period_frequency, sampling)
+        self.frequency = cases.period_frequency
+        self.periods = complete_periods(self.frequency, sampling)
         self.finite = cases.finite
         states = (
             (basis.to_modes, cases.displacement),
@@ -72,7 +73,7 @@ class _Batch:
         self.modal = np.concatenate([_times(matrix, values) for matrix, values in states], axis=1)
         self.balance = EnergyBalance(operator.structure, basis) if sampling.balances else None
         self.held: dict[float, tuple[Layout, bool]] = {}
-        self.memory: dict[tuple[int, bool], Memory] = {}
+        self.memory: dict[tuple[int, bool, int], Memory] = {}
         self.histories = np.full((count, len(HISTORIES), sampling.count), np.nan)
         self.period_values = np.full((count, 3, int(self.periods.max(initial=0))), np.nan)
         self.residuals = np.full((count, 2), np.nan)
@@ -97,11 +98,11 @@ class _Batch:
             self.held[alpha] = held, steps > self.operator.budget.steps
         return self.held[alpha]
 
-    def _memory(self, regime: Layout, heated: bool) -> Memory:
-        """Return the memory that cases of a regime use one after the other."""
-        key = id(regime), heated
+    def _memory(self, regime: Layout, heated: bool, waves: int) -> Memory:
+        """Return the memory that cases of a regime with so many waves use one after the other."""
+        key = id(regime), heated, waves
         if key not in self.memory:
-            self.memory[key] = memory(regime, heated)
+            self.memory[key] = memory(regime, heated, waves)
         return self.memory[key]
 
     def _march(self, i: int, held: Layout) -> int:
@@ -109,13 +110,17 @@ class _Batch:
         cases, basis, balance = self.cases, self.operator.basis, self.balance
         heated = bool(cases.alpha[i] != 0 or cases.heating[i].any() or cases.temperature[i].any())
         heats, alpha = basis.heat_tip.size if heated else 0, float(cases.alpha[i])
-        case = self._case(i, heats)
+        load = load_of(cases, i, self.sampling.duration)
+        modal = self.modal[i, : 2 * basis.tip.size + heats]
+        tip, operator = tip_of(cases, i, basis, load), self.operator
+        case = Case(load, tip, modal, basis.closing[:heats], operator.budget, operator.thresholds)
         n, phases, free = int(self.periods[i]), _PHASES, self.operator.free
-        memories = self._memory(free, heated), self._memory(held, heated)
-        ends = np.arange(1, n + 1) / float(cases.frequency[i]) if n else np.zeros(0)
+        waves = load.waves.shape[0]
+        memories = self._memory(free, heated, waves), self._memory(held, heated, waves)
+        ends = np.arange(1, n + 1) / float(self.frequency[i]) if n else np.zeros(0)
         while True:
             self.tally[i] = np.zeros((), dtype=TALLY)
-            record = Record(self.times, ends, self.histories[i], self.period_values[i], case.load.gap, self.tally[i])
+            record = Record(self.times, ends, self.histories[i], self.period_values[i], self.tally[i])
             log = empty_log() if balance is None else balance.log(alpha, case.modal.size, phases)
             ended = int(march(free, held, case, record, *memories, log))
             if ended != outcome.LOG_FULL:
@@ -123,42 +128,14 @@ class _Batch:
             phases *= 8
         if balance is not None and ended == outcome.COMPLETED:
             impulse = float(self.histories[i, 3, -1])
-            self.residuals[i] = balance.residuals(log, self.tally[i], case.modal, case.load, alpha, impulse)
+            self.residuals[i] = balance.residuals(log, self.tally[i], modal, load, alpha, impulse)
         return ended
-
-    def _case(self, i: int, heats: int) -> Case:
-        """Return the conditions of case ``i``; a load of frequency 0 is constant."""
-        cases, basis, operator = self.cases, self.operator.basis, self.operator
-        frequency, mean, amplitude = float(cases.frequency[i]), float(cases.mean[i]), float(cases.amplitude[i])
-        if frequency == 0:
-            mean, amplitude = mean + amplitude * float(elementwise.sine_cosine(cases.phase[i])[0]), 0.0
-        load = Load(
-            mean,
-            amplitude,
-            2 * np.pi * frequency if amplitude else 0.0,
-            float(cases.phase[i]),
-            float(cases.gap[i]),
-            self.sampling.duration,
-            np.ascontiguousarray(cases.steady[i]),
-            np.ascontiguousarray(cases.heating[i]),
-        )
-        tip = Tip(
-            float(cases.e[i]),
-            float(cases.alpha[i]),
-            basis.mobility,
-            basis.warming,
-            basis.tip,
-            float(cases.gap[i] - cases.displacement[i, -1]),
-            float(cases.velocity[i, -1]),
-        )
-        modal = self.modal[i, : 2 * basis.tip.size + heats]
-        return Case(load, tip, modal, basis.closing[:heats], operator.budget, operator.thresholds)
 
     def results(self) -> Results:
         """Return the results of the batch."""
         status = np.where(self.ended == outcome.COMPLETED, Status.OK, Status.FAILED).astype(np.int8)
         histories = {name: self.histories[:, k].copy() for k, name in enumerate(HISTORIES)}
-        share = self.period_values[:, 2] * self.cases.frequency[:, None]
+        share = self.period_values[:, 2] * self.frequency[:, None]
         return Results(
             histories=histories,
             metrics=self._metrics(status == Status.OK, histories["displacement"]),
@@ -174,9 +151,7 @@ class _Batch:
         names = ("impacts", "contact_time", "max_temperature", "thermal_closing", "releases")
         metrics = {name: np.where(completed, self.tally[name], np.nan) for name in names}
         metrics["steps"] = np.where(self.tally["steps"] > 0, self.tally["steps"], np.nan)
-        with np.errstate(invalid="ignore"):
-            beyond = np.max(displacement - self.cases.gap[:, None], axis=1)
-            metrics["max_penetration"] = np.maximum(0.0, beyond)
+        metrics["max_penetration"] = penetration(self.cases, displacement, self.times)
         if self.balance is not None:
             metrics |= {"energy_residual": self.residuals[:, 0].copy(), "heat_residual": self.residuals[:, 1].copy()}
         return metrics

@@ -1,12 +1,13 @@
 """Rows of the table of second-order blocks, ``(ROWS, column)``; column k holds the block η'' + c η' + ω² η = F.
 
-The force on a block is F(t) = F0 + Fc cos ψ + Fs sin ψ + Σ_j g_j ξ_j with ψ = Ω t + φ and the first-order states ξ_j.
+The force on a block is F(t) = F0 + Σ (Fc cos ψ + Fs sin ψ) + Σ_j g_j ξ_j: a constant, the waves of phase ψ = Ω t + φ
+(:mod:`~workflow.schemes._exact.wave_table`) and the first-order states ξ_j.
 An *explicit* block keeps F and is advanced by Taylor series. Of every other block the particular solution is
 subtracted, so that what is left moves without a force. Outputs o (0: the signal, 1: the tip temperature) are linear in
 η and η': the row of output o lies 2 o below that of the signal.
 
 Columns are filled up to a multiple of 8 by blocks at rest that no output sees, so that vectorised loops have no
-remainder.
+remainder. The rows of wave i lie ``i * WAVE`` below those named here.
 """
 
 from __future__ import annotations
@@ -35,24 +36,29 @@ SIGNAL_INTEGRAL = 17  # SIGNAL_VALUE/ω² of blocks that are not explicit, else 
 
 # loads
 FORCE = 18  # F0
-FORCE_COS = 19  # Fc
-FORCE_SIN = 20  # Fs
-SOURCE = 21  # β0 of η' = u + β0 + β1 sin ψ
-SOURCE_SIN = 22  # β1
-PARTICULAR = 23  # constant part of the particular solution that is subtracted
-PARTICULAR_COS = 24
-PARTICULAR_SIN = 25
-HEAT_JUMP_VALUE = 26  # jump of η per heat at the tip, 1/J; free tip only
-HEAT_JUMP_SLOPE = 27  # jump of η' per heat at the tip
+SOURCE = 19  # β of η' = u + β + Σ (βc cos ψ + βs sin ψ)
+PARTICULAR = 20  # constant part of the particular solution that is subtracted
+HEAT_JUMP_VALUE = 21  # jump of η per heat at the tip, 1/J; free tip only
+HEAT_JUMP_SLOPE = 22  # jump of η' per heat at the tip
 
 # scratch of one propagation over dt
-C = 28  # of η(dt) = C η + S η'
-S = 29
-WORK = 30
-POWER = 31
-EXPLICIT_INTEGRAL = 32  # ∫η dt of explicit blocks over the last propagation
+C = 23  # of η(dt) = C η + S η'
+S = 24
+WORK = 25
+POWER = 26
+EXPLICIT_INTEGRAL = 27  # ∫η dt of explicit blocks over the last propagation
 
-ROWS = 33
+ROWS = 28
+
+# each wave
+FORCE_COS = 28  # Fc
+FORCE_SIN = 29  # Fs
+SOURCE_COS = 30  # βc
+SOURCE_SIN = 31  # βs
+PARTICULAR_COS = 32  # its part of the particular solution
+PARTICULAR_SIN = 33
+
+WAVE = 6
 
 
 def padded(size: int) -> int:

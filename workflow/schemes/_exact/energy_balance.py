@@ -4,9 +4,10 @@
     heat_residual   = (ΔQ + ∫L dt - α J - ∫q dt)/(∫|L| dt + α J + |∫q dt| + Σ|Q(0)|),   Q = cᵀ θ,
 
 with D the power that leaves the energy and L the heat loss (:mod:`workflow.schemes._exact.phase_integrals`), J the
-impulse and E_lost what impacts take, p (v⁻ + v⁺)/2; the held tip does no work. The largest E is taken over the ends
-of all steps. Modes that the held tip does not feel are left out where a contact with friction heat begins (see
-:func:`~workflow.schemes._exact.regimes.linked`): their energy is part of E_lost.
+impulse and E_lost what impacts take, p (v⁻ + v⁺)/2. A tip that is held on a casing in motion does the work λ d', which
+is part of D. The largest E is taken over the ends of all steps. Modes that the held tip does not feel are left out
+where a contact with friction heat begins (see :func:`~workflow.schemes._exact.regimes.linked`): their energy is part
+of E_lost.
 """
 
 from __future__ import annotations
@@ -18,13 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.kernels.compiled import kernel
-from workflow.kernels.complex_numbers import complex_product, magnitude, over
+from workflow.kernels.complex_numbers import complex_product, magnitude, over, times
 from workflow.kernels.eigen import eigenvalues, eigenvectors
 from workflow.kernels.elementary import hypot, quotient
 from workflow.kernels.sums import dot, norm, product, total
 from workflow.models import Array, Structure
+from workflow.schemes._exact import wave_table as wave
 from workflow.schemes._exact.layout import Load
-from workflow.schemes._exact.modal_system import Basis, ModalSystem, state_space
+from workflow.schemes._exact.modal_system import Basis, ModalSystem, signal_inputs, state_space
 from workflow.schemes._exact.phase_integrals import SLOW_EXPONENT, Complex, EigenForm, Form, integrate
 from workflow.schemes._exact.phase_log import Log
 from workflow.schemes._exact.regimes import linked, passages
@@ -96,7 +98,9 @@ class _Regime:
     source: Array
     """See :func:`~workflow.schemes._exact.modal_system.state_space`."""
     entry: Array
-    """X from [y, y', τ] and, in the last row, the gap, ``(modal + 1, N)``."""
+    """X from [y, y', τ] and, in the last rows, d and d', ``(modal + 2, N)``."""
+    row: Array
+    """Signal per X, ``(N,)``."""
     loss: Array
     """Heat loss per X, W, ``(N,)``."""
     poles: _Poles
@@ -158,71 +162,112 @@ class EnergyBalance:
             system = self._basis.free if alpha is None else self._basis.held
             system = linked(system) if alpha else system
             system = system if heated else system.without_heat()
-            A, _, source = state_space(system, alpha or 0.0)
+            A, row, source = state_space(system, alpha or 0.0)
             entry, _ = passages(system, np.eye(len(A)), np.eye(len(A)))
             loss = np.concatenate([np.zeros(2 * system.frequency.size), self._loss[: system.rate.size]])
-            self._known[key] = _Regime(system, A, source, entry, loss, _poles(A, system, alpha or 0.0))
+            self._known[key] = _Regime(system, A, source, entry, row, loss, _poles(A, system, alpha or 0.0))
         return self._known[key]
 
 
 def _form(regime: _Regime, load: Load) -> Form:
     """Return the power form of a regime under the loads of a case."""
-    modes, size, omega = regime.system.frequency.size, regime.A.shape[0], load.omega
-    v, tau, B, mechanical = slice(modes, 2 * modes), slice(2 * modes, size), regime.source, load.steady.size
-    whole, power = np.zeros((size + 3, size + 3)), np.zeros((size + 3, size + 3))
-    whole[:size, :size] = regime.A
-    whole[:size, size] = product(B[:, :mechanical], load.steady) + product(B[:, mechanical:-2], load.heating)
-    whole[:size, size] += B[:, -2] * load.mean + B[:, -1] * load.gap
-    whole[:size, size + 2] = B[:, -2] * load.amplitude
-    whole[size + 1, size + 2], whole[size + 2, size + 1] = -omega, omega
+    waves = load.waves if load.waves.size else np.zeros((1, wave.GIVEN))
+    modes, size = regime.system.frequency.size, regime.A.shape[0]
+    v, B, width = slice(modes, 2 * modes), regime.source, size + 1 + 2 * waves.shape[0]
+    whole, power = np.zeros((width, width)), np.zeros((width, width))
+    whole[:size, :size], whole[:size, size:] = regime.A, _driven(B, load, waves)
+    cosine, sine = np.arange(size + 1, width, 2), np.arange(size + 2, width, 2)
+    whole[cosine, sine], whole[sine, cosine] = -waves[:, wave.OMEGA], waves[:, wave.OMEGA]
     damping = regime.system.damping
     power[v, v] = damping if regime.system.is_coupled else np.diag(damping)
-    power[v, tau] = regime.system.coupling
-    power[v, size] = -(product(B[v, :mechanical], load.steady) + B[v, -2] * load.mean)
-    power[v, size + 2] = -B[v, -2] * load.amplitude
-    responses = _responses(regime.poles, whole, load)
+    power[v, 2 * modes : size] = regime.system.coupling
+    power[v, size] = -(product(B[v, : load.steady.size], load.steady) + B[v, -4] * load.mean)
+    power[v, size + 2 :: 2] = -np.outer(B[v, -4], waves[:, wave.LOAD])
+    moved = _casing_power(regime, load, waves)
+    responses = _responses(regime.poles, whole[:size], load, waves)
+    eigen = None if responses is None else _eigen_form((power[v] / 2, moved), regime, responses, load, waves)
+    power += np.outer(*moved)
     return Form(
+        waves=waves,
         entry=regime.entry,
         whole=whole,
         power=(power + power.T) / 2,
-        loss=np.concatenate([regime.loss, np.zeros(3)]),
-        fastest=max(regime.poles.fastest, omega),
-        eigen=None if responses is None else _eigen_form(power[v] / 2, regime, responses, load),
+        loss=np.concatenate([regime.loss, np.zeros(width - size)]),
+        fastest=max(regime.poles.fastest, float(waves[:, wave.OMEGA].max())),
+        eigen=eigen,
     )
 
 
-def _eigen_form(half: Array, regime: _Regime, responses: Complex, load: Load) -> EigenForm:
-    """Return the form in the eigenvectors; the power is ``half`` in the rows of velocities plus its transpose."""
-    poles, loss = regime.poles, regime.loss
+def _driven(B: Array, load: Load, waves: Array) -> Array:
+    """Return B w per 1, and cos ψ and sin ψ of each wave, ``(row, 1 + 2 wave)``; w as in :func:`state_space`."""
+    mechanical, (omega, _, push, amplitude) = load.steady.size, waves.T
+    driven = np.zeros((B.shape[0], 1 + 2 * waves.shape[0]))
+    driven[:, 0] = product(B[:, :mechanical], load.steady) + product(B[:, mechanical:-4], load.heating)
+    driven[:, 0] += B[:, -4] * load.mean + B[:, -3] * load.gap
+    driven[:, 1::2] = np.outer(B[:, -2], omega * amplitude)
+    driven[:, 2::2] = np.outer(B[:, -4], push) + np.outer(B[:, -3], amplitude)
+    driven[:, 2::2] -= np.outer(B[:, -1], omega * omega * amplitude)
+    return driven
+
+
+def _casing_power(regime: _Regime, load: Load, waves: Array) -> tuple[Array, Array]:
+    """Return d' of a held tip and what it is multiplied by in the power, each per Y, ``(Y,)``."""
+    system, size, modes = regime.system, regime.A.shape[0], regime.system.frequency.size
+    speed, force = np.zeros(size + 1 + 2 * waves.shape[0]), np.zeros(size + 1 + 2 * waves.shape[0])
+    if not system.dragged.any():
+        return speed, force
+    speed[size + 1 :: 2] = waves[:, wave.OMEGA] * waves[:, wave.CASING]
+    force[:size], force[size:] = regime.row, _driven(signal_inputs(system)[None], load, waves)[0]
+    force[modes : 2 * modes] -= 2 * system.gap_source[:, 1]
+    force[2 * modes : size] += system.dragged_coupling
+    force[size] -= dot(system.dragged, load.steady) + load.mean
+    force[size + 2 :: 2] -= waves[:, wave.LOAD]
+    return speed, force + system.dragged_damping * speed
+
+
+def _columns(poles: _Poles, responses: Complex) -> Complex:
+    """Return Y per pole and wave, ``(Y, Y)``: pairs, their conjugates, reals, 1, exp iψ and exp -iψ of each wave."""
     pairs, size = poles.pairs, poles.right.shape[0]
     pair, real = poles.right[:, :pairs], poles.right[:, pairs:]
-    wave = responses[1] * -0.5j
-    # columns of the motion: pairs, their conjugates, reals, and 1, exp iψ, exp -iψ
-    columns = np.zeros((size + 3, size + 3), dtype=np.complex128)
-    columns[:size] = np.concatenate(
-        [pair, pair.conj(), real, np.stack([responses[0], wave, wave.conj()], axis=1)], axis=1
-    )
-    columns[size, -3] = 1.0
-    columns[size + 1, -2:] = 0.5
-    columns[size + 2, -2:] = -0.5j, 0.5j
-    s, loaded = poles.values, 1j * load.omega
-    values = np.concatenate([s[:pairs], s[:pairs].conj(), s[pairs:], [0.0, loaded, -loaded]])
-    modes = half.shape[0]
+    columns = np.zeros(2 * (size + 2 * responses.shape[0] - 1,), dtype=np.complex128)
+    columns[:size, : size + 1] = np.concatenate([pair, pair.conj(), real, responses[0, :, None]], axis=1)
+    columns[:size, size + 1 :: 2] = responses[1:].T * -0.5j
+    columns[:size, size + 2 :: 2] = columns[:size, size + 1 :: 2].conj()
+    columns[size, size] = 1.0
+    for row in range(size + 1, columns.shape[0], 2):
+        columns[row, row : row + 2] = 0.5
+        columns[row + 1, row : row + 2] = -0.5j, 0.5j
+    return columns
+
+
+def _eigen_form(halves: Any, regime: _Regime, responses: Complex, load: Load, waves: Array) -> EigenForm:
+    """Return the form in the eigenvectors.
+
+    ``halves`` are half the power in the rows of velocities, whose transpose is the rest, and the two factors of the
+    casing's.
+    """
+    (half, (speed, force)), poles, loss = halves, regime.poles, regime.loss
+    s, pairs, size, modes = poles.values, poles.pairs, poles.right.shape[0], half.shape[0]
+    columns, turning = _columns(poles, responses), 1j * waves[:, wave.OMEGA]
+    values = np.concatenate([s[:pairs], s[:pairs].conj(), s[pairs:], [0.0], np.stack([turning, -turning], 1).ravel()])
     one_sided = complex_product(columns[modes : 2 * modes].T, complex_product(half, columns))
+    if speed.any():
+        one_sided += times(complex_product(speed, columns)[:, None], complex_product(force / 2, columns))
     q = one_sided + one_sided.T
     sums = values[:, None] + values
     quadratic, near = _integrated(q, values, SLOW_EXPONENT / load.duration)
     slow = np.argwhere(near & (np.triu(q) != 0))
     twice = np.where(slow[:, 0] == slow[:, 1], 1.0, 2.0)
     weight = np.asarray(twice * q[slow[:, 0], slow[:, 1]], dtype=np.complex128)
-    for _ in range(2):  # from [Z, conj Z, …, exp iψ, exp -iψ] to [Re Z, Im Z, …, cos ψ, sin ψ]
+    turns = slice(size + 1, None, 2), slice(size + 2, None, 2)
+    for _ in range(2):  # from [Z, conj Z, …, exp iψ, exp -iψ, …] to [Re Z, Im Z, …, cos ψ, sin ψ, …]
         quadratic = quadratic.T.copy()
-        for one, other in ((slice(0, pairs), slice(pairs, 2 * pairs)), (slice(-2, -1), slice(-1, None))):
+        for one, other in ((slice(0, pairs), slice(pairs, 2 * pairs)), turns):
             a, b = quadratic[one] + quadratic[other], 1j * (quadratic[one] - quadratic[other])
             quadratic[one], quadratic[other] = a, b
-    left = poles.left
-    weights = complex_product(loss, poles.right)
-    response = np.stack([responses[0].real, responses[1].imag, responses[1].real])
+    left, weights = poles.left, complex_product(loss, poles.right)
+    response = np.zeros((1 + 2 * waves.shape[0], size))
+    response[0], response[1::2], response[2::2] = responses[0].real, responses[1:].imag, responses[1:].real
     return EigenForm(
         pairs=s[:pairs],
         reals=s[pairs:].real,
@@ -252,22 +297,26 @@ def _integrated(q: Complex, values: Complex, slowest: float) -> tuple[Complex, N
     return integrated, near
 
 
-def _responses(poles: _Poles, whole: Array, load: Load) -> Complex | None:
-    """Return the responses to b and w exp iψ, ``(2, n)``; ``None`` where they resonate or there are no eigenvectors."""
-    size = poles.right.shape[0]
+def _responses(poles: _Poles, driven: Array, load: Load, waves: Array) -> Complex | None:
+    """Return the responses to the constant load and to (w_s + i w_c) exp iψ of each wave, ``(1 + wave, n)``.
+
+    ``driven`` are the rows of X in Y'. ``None`` where they resonate or there are no eigenvectors.
+    """
+    size, pairs = poles.right.shape[0], poles.pairs
     if poles.values.size == 0:
         return None
-    responses = np.zeros((2, size), dtype=np.complex128)
-    conjugate, pairs = poles.values[: poles.pairs].conj(), poles.pairs
-    for row, (column, pole) in enumerate(((size, 0.0), (size + 2, 1j * load.omega))):
-        share, distance = complex_product(poles.left, whole[:size, column]), pole - poles.values
-        other = pole - conjugate
-        driven = magnitude(share) > 1e-15 * magnitude(share).max(initial=0.0)
-        close = magnitude(distance) * load.duration < _RESONANCE
-        close[:pairs] |= magnitude(other) * load.duration < _RESONANCE
-        if np.any(driven & close):
+    responses = np.zeros((1 + waves.shape[0], size), dtype=np.complex128)
+    sources = np.concatenate([driven[:, size, None], driven[:, size + 2 :: 2] + 1j * driven[:, size + 1 :: 2]], axis=1)
+    for row, pole in enumerate(np.concatenate([[0.0], 1j * waves[:, wave.OMEGA]])):
+        distance, other = pole - poles.values, pole - poles.values[:pairs].conj()
+        share = complex_product(poles.left, sources[:, row])
+        mirrored = complex_product(poles.left[:pairs], sources[:, row].conj()).conj()
+        least = 1e-15 * max(magnitude(share).max(initial=0.0), magnitude(mirrored).max(initial=0.0))
+        moves, sways = magnitude(share) > least, magnitude(mirrored) > least
+        near, far = (magnitude(gap) * load.duration < _RESONANCE for gap in (distance, other))
+        if np.any(moves & near) or np.any(sways & far):
             return None
-        responses[row] = complex_product(poles.right, over(np.where(driven, share, 0), np.where(driven, distance, 1)))
-        share = np.where(driven, share, 0)[:pairs].conj()
-        responses[row] += complex_product(poles.right[:, :pairs].conj(), over(share, np.where(share != 0, other, 1)))
+        responses[row] = complex_product(poles.right, over(np.where(moves, share, 0), np.where(moves, distance, 1)))
+        terms = over(np.where(sways, mirrored, 0), np.where(sways, other, 1))
+        responses[row] += complex_product(poles.right[:, :pairs].conj(), terms)
     return responses

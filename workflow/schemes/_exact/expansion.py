@@ -19,9 +19,11 @@ from workflow.schemes._exact import block_table as block
 from workflow.schemes._exact import expansion_table as expansion
 from workflow.schemes._exact import first_table as first
 from workflow.schemes._exact import state_table as state
+from workflow.schemes._exact import wave_table as wave
 from workflow.schemes._exact.explicit_blocks import explicit_force
 from workflow.schemes._exact.propagators import row_total
-from workflow.schemes._exact.response import CONSTANT, COS, SIGNAL, SIN, Response, load_phase
+from workflow.schemes._exact.response import SIGNAL, Response
+from workflow.schemes._exact.waves import wave_phase
 
 SUM_ROUNDING = 4.0 * 2.220446049250313e-16
 """Values of an output below this share of the sum of the magnitudes of its terms are rounding: four units in the last
@@ -55,12 +57,11 @@ def expand(r: Response, y: Array, t: float, x: Expansion) -> None:
 def expand_output(r: Response, output: int, y: Array, t: float, x: Expansion) -> None:
     """Expand an output, ``SIGNAL`` or ``TEMPERATURE``, at the state ``y`` of time ``t``."""
     sums, d, n = x.sums, x.terms, r.blocks
-    cos, sin = load_phase(r, t)
-    _expand_slow_terms(r, output, y, cos, sin, sums)
+    _expand_slow_terms(r, output, y, t, sums)
     for i in range(r.specials):
         k = int(r.block[block.SPECIAL, i])
         if r.block[block.EXPLICIT, k] != 0.0:
-            _expand_explicit(r, output, k, y, cos, sin, sums)
+            _expand_explicit(r, output, k, y, t, sums)
     _expand_blocks(r.block, y, block.UNFORCED_VALUE + 2 * output, d)
     for row in range(expansion.FOURTH + 1):
         sums[row, n] = sums[row, 0] + row_total(d, row)
@@ -69,13 +70,22 @@ def expand_output(r: Response, output: int, y: Array, t: float, x: Expansion) ->
 
 
 @part
-def _expand_slow_terms(r: Response, output: int, y: Array, cos: float, sin: float, sums: Array) -> None:
-    """Fill column 0 of the sums with what loads and first-order states show."""
-    f, w = r.first, r.omega
-    constant, a, b = r.outputs[output, CONSTANT], r.outputs[output, COS], r.outputs[output, SIN]
-    wave, turn, amplitude = a * cos + b * sin, b * cos - a * sin, abs(a) + abs(b)
-    s0, s1, s2, s3 = constant + wave, w * turn, -w * w * wave, -w * w * w * turn
-    fourth, size = amplitude * w * w * w * w, abs(constant) + amplitude
+def _expand_slow_terms(r: Response, output: int, y: Array, t: float, sums: Array) -> None:
+    """Fill column 0 of the sums with what loads, casing and first-order states show."""
+    f = r.first
+    s0, s1, s2, s3 = r.outputs[output], 0.0, 0.0, 0.0
+    fourth, size = 0.0, abs(r.outputs[output])
+    for i in range(r.waves.shape[0]):
+        w = r.waves[i, wave.OMEGA]
+        cos, sin = wave_phase(r.waves, i, t)
+        a, b = r.waves[i, wave.SIGNAL_COS + 2 * output], r.waves[i, wave.SIGNAL_SIN + 2 * output]
+        seen, turn, amplitude = a * cos + b * sin, b * cos - a * sin, abs(a) + abs(b)
+        s0 += seen
+        s1 += w * turn
+        s2 += -w * w * seen
+        s3 += -w * w * w * turn
+        fourth += amplitude * w * w * w * w
+        size += amplitude
     for j in range(r.firsts):
         value, slope = f[first.SIGNAL_VALUE + 2 * output, j], f[first.SIGNAL_SLOPE + 2 * output, j]
         mu = -f[first.RATE, j]
@@ -92,16 +102,22 @@ def _expand_slow_terms(r: Response, output: int, y: Array, cos: float, sin: floa
 
 
 @part
-def _expand_explicit(r: Response, output: int, k: int, y: Array, cos: float, sin: float, sums: Array) -> None:
+def _expand_explicit(r: Response, output: int, k: int, y: Array, t: float, sums: Array) -> None:
     """Add an explicit block to column 0 of the sums.
 
     Its s'''' is bounded by the energy of its third derivative, which grows only by the third derivative of its force.
     """
-    b, w = r.block, r.omega
-    f_cos, f_sin = b[block.FORCE_COS, k], b[block.FORCE_SIN, k]
-    f1, f2 = w * (f_sin * cos - f_cos * sin), -w * w * (f_cos * cos + f_sin * sin)
-    f3, f3_bound = w**3 * (f_cos * sin - f_sin * cos), w**3 * elementary.hypot(f_cos, f_sin)
-    f4_bound = w * f3_bound
+    b, f1, f2, f3, f3_bound, f4_bound = r.block, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(r.waves.shape[0]):
+        w = r.waves[i, wave.OMEGA]
+        cos, sin = wave_phase(r.waves, i, t)
+        f_cos, f_sin = b[block.FORCE_COS + i * block.WAVE, k], b[block.FORCE_SIN + i * block.WAVE, k]
+        amplitude = w**3 * elementary.hypot(f_cos, f_sin)
+        f1 += w * (f_sin * cos - f_cos * sin)
+        f2 += -w * w * (f_cos * cos + f_sin * sin)
+        f3 += w**3 * (f_cos * sin - f_sin * cos)
+        f3_bound += amplitude
+        f4_bound += w * amplitude
     for j in range(r.firsts):
         g, mu = r.coupling[0, k, j] * y[state.FIRST_SLOPE, j], -r.first[first.RATE, j]
         f1 += g
@@ -112,7 +128,7 @@ def _expand_explicit(r: Response, output: int, k: int, y: Array, cos: float, sin
     c, w2 = b[block.DAMPING, k], b[block.STIFFNESS, k]
     value, slope = b[block.SIGNAL_VALUE + 2 * output, k], b[block.SIGNAL_SLOPE + 2 * output, k]
     y0, y1 = y[state.VALUE, k], y[state.SLOPE, k]
-    y2 = -c * y1 - w2 * y0 + explicit_force(r, k, y, cos, sin)
+    y2 = -c * y1 - w2 * y0 + explicit_force(r, k, y, t)
     y3 = -c * y2 - w2 * y1 + f1
     y4 = -c * y3 - w2 * y2 + f2
     y5 = -c * y4 - w2 * y3 + f3

@@ -1,6 +1,6 @@
 """Blocks that keep their force, advanced by Taylor series: no division, so they hold for every ω² and c.
 
-A block η'' + c η' + ω² η = F(t) takes steps of at most ``TAYLOR_SPAN`` over its fastest pole, that of the load and of
+A block η'' + c η' + ω² η = F(t) takes steps of at most ``TAYLOR_SPAN`` over its fastest pole, those of the waves and of
 the first-order states that act on it. Where these are many because the block is overdamped, its fast pole s is
 separated from the slow one s': p = η' - s' η obeys p' = s p + F and q = η' - s η obeys q' = s' q + F. The fast p
 follows its load in closed form, p = P + e^(s t) (p - P)(0), where a force exp(a t) has the response exp(a t)/(a - s);
@@ -8,8 +8,6 @@ the slow q takes Taylor steps of its own size.
 """
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numpy as np
 
@@ -19,9 +17,11 @@ from workflow.models import Array
 from workflow.schemes._exact import block_table as block
 from workflow.schemes._exact import first_table as first
 from workflow.schemes._exact import state_table as state
+from workflow.schemes._exact import wave_table as wave
 from workflow.schemes._exact.layout import ORDER, TAYLOR_SPAN
 from workflow.schemes._exact.propagators import first_propagator
-from workflow.schemes._exact.response import Response
+from workflow.schemes._exact.response import Response, forced
+from workflow.schemes._exact.waves import wave_phase
 
 _MANY_STEPS = 16
 """Taylor steps from which on the poles of a block are separated where they can be: that costs about as much."""
@@ -31,54 +31,74 @@ _SEPARABLE = 0.1875
 
 
 @part
-def explicit_force(r: Response, k: int, y: Array, cos: float, sin: float) -> float:
-    """Return the force on an explicit block in the state ``y``; ``cos`` and ``sin`` are those of ψ."""
-    force = r.block[block.FORCE, k] + r.block[block.FORCE_COS, k] * cos + r.block[block.FORCE_SIN, k] * sin
+def explicit_force(r: Response, k: int, y: Array, t: float) -> float:
+    """Return the force on an explicit block in the state ``y`` of time t."""
+    force = r.block[block.FORCE, k]
+    for i in range(r.waves.shape[0]):
+        cos, sin = wave_phase(r.waves, i, t)
+        row = i * block.WAVE
+        force = force + r.block[block.FORCE_COS + row, k] * cos + r.block[block.FORCE_SIN + row, k] * sin
     for j in range(r.firsts):
         force += r.coupling[0, k, j] * y[state.FIRST, j]
     return float(force)
 
 
-class _Force(NamedTuple):
-    """A derivative of the force on a block at one time; that by the first-order states lies in the row PHI2."""
-
-    value: float
-    cos: float
-    """Coefficients of cos ψ and sin ψ, and these."""
-    sin: float
-    cos_psi: float
-    sin_psi: float
+@part
+def begin_derivatives(r: Response, k: int, t: float) -> None:
+    """Keep the waves of the force on a block at a time, for :func:`next_derivative`."""
+    w = r.waves
+    for i in range(w.shape[0]):
+        sin, cos = elementary.sine_cosine(w[i, wave.OMEGA] * t + w[i, wave.PHASE])
+        w[i, wave.COS_BEGUN], w[i, wave.SIN_BEGUN] = cos, sin
+        w[i, wave.FORCE_COS] = r.block[block.FORCE_COS + i * block.WAVE, k]
+        w[i, wave.FORCE_SIN] = r.block[block.FORCE_SIN + i * block.WAVE, k]
 
 
 @part
-def _force_at(r: Response, k: int, y: Array, t: float, step: int, h: float) -> _Force:
-    """Return the force on a block a number of steps ``h`` after the state ``y`` of time ``t``."""
-    f_cos, f_sin = r.block[block.FORCE_COS, k], r.block[block.FORCE_SIN, k]
-    sin, cos = elementary.sine_cosine(r.omega * (t + step * h) + r.load_phase)
-    force = r.block[block.FORCE, k] + f_cos * cos + f_sin * sin
+def next_derivative(w: Array) -> float:
+    """Return the next derivative of the waves of a force."""
+    value = 0.0
+    for i in range(w.shape[0]):
+        f_cos, f_sin = w[i, wave.OMEGA] * w[i, wave.FORCE_SIN], -w[i, wave.OMEGA] * w[i, wave.FORCE_COS]
+        value += f_cos * w[i, wave.COS_BEGUN] + f_sin * w[i, wave.SIN_BEGUN]
+        w[i, wave.FORCE_COS], w[i, wave.FORCE_SIN] = f_cos, f_sin
+    return value
+
+
+@part
+def _force_at(r: Response, k: int, y: Array, t: float, step: int, h: float) -> float:
+    """Return the force on a block a number of steps ``h`` after the state ``y`` of time ``t``.
+
+    Its derivatives by the first-order states begin in the row PHI2.
+    """
+    force, w = r.block[block.FORCE, k], r.waves
+    begin_derivatives(r, k, t + step * h)
+    for i in range(w.shape[0]):
+        cos, sin = w[i, wave.COS_BEGUN], w[i, wave.SIN_BEGUN]
+        force = force + w[i, wave.FORCE_COS] * cos + w[i, wave.FORCE_SIN] * sin
     for j in range(r.firsts):
         decay, phi1, _ = first_propagator(-r.first[first.RATE, j] * step * h)
         force += r.coupling[0, k, j] * (y[state.FIRST, j] + y[state.FIRST_SLOPE, j] * step * h * phi1)
         r.first[first.PHI2, j] = r.coupling[0, k, j] * y[state.FIRST_SLOPE, j] * decay
-    return _Force(force, f_cos, f_sin, cos, sin)
+    return float(force)
 
 
 @part
-def _derivative(r: Response, force: _Force) -> _Force:
+def _derivative(r: Response) -> float:
     """Return the next derivative of a force."""
-    f_cos, f_sin = r.omega * force.sin, -r.omega * force.cos
-    value = f_cos * force.cos_psi + f_sin * force.sin_psi
+    value = next_derivative(r.waves)
     for j in range(r.firsts):
         value += r.first[first.PHI2, j]
         r.first[first.PHI2, j] *= -r.first[first.RATE, j]
-    return _Force(value, f_cos, f_sin, force.cos_psi, force.sin_psi)
+    return value
 
 
 @part
 def _steps(r: Response, k: int, fastest: float, dt: float) -> int:
     """Return the number of Taylor steps over ``dt`` for a bound of the block's own poles."""
-    if r.block[block.FORCE_COS, k] != 0.0 or r.block[block.FORCE_SIN, k] != 0.0:
-        fastest = max(fastest, r.omega)
+    for i in range(r.waves.shape[0]):
+        if forced(r.block, k, i):
+            fastest = max(fastest, r.waves[i, wave.OMEGA])
     for j in range(r.firsts):
         if r.coupling[0, k, j] != 0.0:
             fastest = max(fastest, abs(r.first[first.RATE, j]))
@@ -101,12 +121,12 @@ def advance_explicit(r: Response, k: int, y: Array, t: float, dt: float) -> tupl
         value += h * slope
         scale = 1.0  # h^(n-2)/(n-2)!
         for n in range(2, ORDER + 2):
-            low, high = high, force.value - c * high - w2 * low
+            low, high = high, force - c * high - w2 * low
             slope += high * scale * h / (n - 1)
             value += high * scale * h * h / (n * (n - 1))
             area += high * scale * h * h * h / (n * (n - 1) * (n + 1))
             scale *= h / (n - 1)
-            force = _derivative(r, force)
+            force = _derivative(r)
     return value, slope, area
 
 
@@ -127,11 +147,11 @@ def _advance_separated(r: Response, k: int, y: Array, t: float, dt: float) -> tu
         term, scale = q, h
         q_area += q * h
         for n in range(1, ORDER + 1):
-            term = slow * term + force.value
+            term = slow * term + force
             q += term * scale
             scale *= h / (n + 1)
             q_area += term * scale
-            force = _derivative(r, force)
+            force = _derivative(r)
     value_new = (q - p_new) / (slow - s)
     return value_new, p_new + slow * value_new, (q_area - (p_new - p - impulse) / s) / (slow - s)
 
@@ -139,17 +159,18 @@ def _advance_separated(r: Response, k: int, y: Array, t: float, dt: float) -> tu
 @rare
 def _fast_response(r: Response, k: int, s: float, y: Array, t: float, dt: float) -> tuple[float, float, float]:
     """Return P at the beginning and at the end, and ∫F dt."""
-    wave = r.omega
-    force, f_cos, f_sin = r.block[block.FORCE, k], r.block[block.FORCE_COS, k], r.block[block.FORCE_SIN, k]
-    share = 1.0 / (s * s + wave * wave)  # of (f_cos - i f_sin)/(iΩ - s) exp iψ
-    a_cos, a_sin = -share * (s * f_cos + wave * f_sin), share * (wave * f_cos - s * f_sin)
-    sin, cos = elementary.sine_cosine(wave * t + r.load_phase)
-    sin_after, cos_after = elementary.sine_cosine(wave * (t + dt) + r.load_phase)
-    before = a_cos * cos + a_sin * sin - force / s
-    after = a_cos * cos_after + a_sin * sin_after - force / s
-    impulse = force * dt
-    if wave > 0.0:
-        impulse += (f_cos * (sin_after - sin) - f_sin * (cos_after - cos)) / wave
+    b, before = r.block, -r.block[block.FORCE, k] / s
+    after, impulse = before, r.block[block.FORCE, k] * dt
+    for i in range(r.waves.shape[0]):
+        w, f_cos = r.waves[i, wave.OMEGA], b[block.FORCE_COS + i * block.WAVE, k]
+        f_sin = b[block.FORCE_SIN + i * block.WAVE, k]
+        share = 1.0 / (s * s + w * w)  # of (f_cos - i f_sin)/(iΩ - s) exp iψ
+        a_cos, a_sin = -share * (s * f_cos + w * f_sin), share * (w * f_cos - s * f_sin)
+        cos, sin = wave_phase(r.waves, i, t)
+        cos_after, sin_after = wave_phase(r.waves, i, t + dt)
+        before += a_cos * cos + a_sin * sin
+        after += a_cos * cos_after + a_sin * sin_after
+        impulse += (f_cos * (sin_after - sin) - f_sin * (cos_after - cos)) / w
     for j in range(r.firsts):
         g, mu = r.coupling[0, k, j], r.first[first.RATE, j]
         if g != 0.0:

@@ -1,4 +1,4 @@
-"""An impact of the tip by Newton's law, v⁺ = -e v⁻, and whether the tip then flies or stays on the casing."""
+"""An impact of the tip by Newton's law for the gap, g'⁺ = -e g'⁻, and whether it then flies or stays in contact."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
 from workflow.schemes._exact.layout import Load
 from workflow.schemes._exact.motion import Motion, copy_state, strike
 from workflow.schemes._exact.outcome import Budget
-from workflow.schemes._exact.passage import Motions, enter_contact
+from workflow.schemes._exact.passage import Motions, casing, enter_contact
 
 
 class Thresholds(NamedTuple):
@@ -44,9 +44,11 @@ class Tip(NamedTuple):
     shape: Array
     """φ_n, ``(mode,)``, 1/√kg."""
     distance: float
-    """d - x_n(0), m."""
+    """d(0) - x_n(0), m."""
     speed: float
-    """v_n(0), m/s."""
+    """v_n(0) - d'(0), m/s."""
+    reach: float
+    """|d0| and the amplitudes of the casing, m."""
 
 
 class Case(NamedTuple):
@@ -69,7 +71,10 @@ than the threshold, 1e-7 of the displacement scale: the message of the case says
 
 @part
 def impact(motions: Motions, case: Case, tally: Any) -> tuple[bool, float]:
-    """Strike the free tip with ``tally.speed``; return whether it stays on the casing, and since when."""
+    """Strike the free tip with the speed ``tally.speed`` of approach; return whether it stays in contact, since when.
+
+    The energy that the impulse takes is p (v⁻ + v⁺)/2, v = d' - g'.
+    """
     tip, free, speed = case.tip, motions.free, tally.speed
     p = (1.0 + tip.e) * speed / tip.mobility
     tally.max_speed = max(tally.max_speed, speed)
@@ -83,7 +88,8 @@ def impact(motions: Motions, case: Case, tally: Any) -> tuple[bool, float]:
     if speed > 0.0:
         tally.impacts += 1
         tally.impulse += p
-        tally.spent += p * (speed - 0.5 * p * tip.mobility)
+        _, casing_speed = casing(motions, tally.time)
+        tally.spent += p * (speed - 0.5 * p * tip.mobility + casing_speed)
     return stays, since
 
 

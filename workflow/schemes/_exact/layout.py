@@ -14,6 +14,7 @@ from workflow.schemes._exact import block_table as block
 from workflow.schemes._exact import expansion_table as expansion
 from workflow.schemes._exact import first_table as first
 from workflow.schemes._exact import state_table as state
+from workflow.schemes._exact import wave_table as wave
 from workflow.schemes._exact.regimes import Regime
 
 ORDER = 18
@@ -24,18 +25,14 @@ TAYLOR_SPAN = 0.6
 
 
 class Load(NamedTuple):
-    """Loads of one case; the tip load is F0 + F1 sin(Ω t + φ), positive towards the casing."""
+    """Loads and casing of one case: F0 + Σ A sin ψ on the tip, positive towards the casing, at d = d0 + Σ a sin ψ."""
 
     mean: float
     """F0, N."""
-    amplitude: float
-    """F1, N."""
-    omega: float
-    """Ω, rad/s; 0 without a harmonic load."""
-    phase: float
-    """φ, rad."""
+    waves: Array
+    """Ω, φ, A and a of each wave, ``(wave, GIVEN)``, see :mod:`workflow.schemes._exact.wave_table`."""
     gap: float
-    """d, m."""
+    """d0, m."""
     duration: float
     """End of the case, s."""
     steady: Array
@@ -140,26 +137,26 @@ class Memory(NamedTuple):
     states: Array
     """Three states of motion, ``(3, 4, column)``."""
     outputs: Array
-    """Of signal and tip temperature what loads alone give: coefficients of 1, cos ψ, sin ψ, ``(2, 3)``."""
-    phase: Array
-    """Last time at which the phase of the load was asked for, and cos ψ, sin ψ there, ``(3,)``."""
+    """Of signal and tip temperature what constant loads alone give, ``(2,)``."""
+    waves: Array
+    """See :mod:`workflow.schemes._exact.wave_table`."""
     sums: Array
     terms: Array
     derivatives: Array
     """See :class:`~workflow.schemes._exact.expansion.Expansion`."""
 
 
-def memory(regime: Layout, heated: bool) -> Memory:
-    """Return memory for a regime."""
+def memory(regime: Layout, heated: bool, waves: int) -> Memory:
+    """Return memory for a regime under so many waves."""
     firsts = regime.firsts if heated else 0
     columns, wide = block.padded(regime.blocks), block.padded(firsts)
     return Memory(
-        block=np.zeros((block.ROWS, columns)),
-        first=np.zeros((first.ROWS, wide)),
+        block=np.zeros((block.ROWS + block.WAVE * waves, columns)),
+        first=np.zeros((first.ROWS + first.WAVE * waves, wide)),
         coordinates=np.zeros(2 * regime.blocks + firsts),
         states=np.zeros((3, state.ROWS, max(columns, wide))),
-        outputs=np.zeros((2, 3)),
-        phase=np.zeros(3),
+        outputs=np.zeros(2),
+        waves=np.zeros((waves, wave.COLUMNS)),
         sums=np.zeros((expansion.ROWS, regime.blocks + 1)),
         terms=np.zeros((expansion.ROWS, columns)),
         derivatives=np.zeros(ORDER + 1),

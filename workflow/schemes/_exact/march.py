@@ -48,7 +48,6 @@ def march(
         prepare(held, case.load, held_memory),
         held.from_modal,
         held.to_modal,
-        case.load.gap,
     )
     tally, T, audited = record.tally, case.load.duration, log.held.size > 0
     ended, event, start, seen = _begin(motions, case, record, log)
@@ -75,7 +74,7 @@ def march(
             break
         if not tally.held:
             height = 0.25 * h * min(start.speed, -seen.signal_rate)  # of a flight from impact to impact, a parabola's
-            tally.length = max(tally.length, max(abs(record.gap - seen.signal), height))
+            tally.length = max(tally.length, max(abs(seen.place - seen.signal), height))
             if event:
                 tally.speed = max(0.0, -seen.signal_rate)
                 event = tally.speed > 0.0 or h == 0.0  # a tip that lies on the casing at this instant
@@ -100,9 +99,9 @@ def _begin(motions: Motions, case: Case, record: Record, log: Log) -> tuple[int,
         return outcome.NOT_FINITE, False, start, seen
     tally.contact_begin = np.inf
     tally.max_temperature = tally.period_temperature = seen.temperature
-    write(record, 0.0, Observed(tip.distance, -tip.speed, seen.temperature, 0.0), 0.0)
+    write(record, 0.0, Observed(tip.distance, -tip.speed, seen.temperature, 0.0, seen.place, seen.speed), 0.0)
     expand(free.r, free.now, 0.0, free.x)
-    tally.length = abs(record.gap) + abs(record.gap - tip.distance)
+    tally.length = tip.reach + abs(seen.place - tip.distance)
     touches = abs(tip.distance) <= 4.0 * SUM_ROUNDING * (tally.length + free.x.sums[expansion.SIZE, 0])
     if tip.distance < 0.0 and not touches:
         return outcome.INSIDE_CASING, False, start, seen
@@ -126,10 +125,10 @@ def _pass_event(motions: Motions, case: Case, tally: Any, seen: Observed) -> tup
     before, speed = tally.impulse, tip.e * tally.speed
     stays, since = impact(motions, case, tally)
     if tally.speed > 0.0:
-        seen = Observed(0.0, speed, seen.temperature, 0.0)
+        seen = Observed(0.0, speed, seen.temperature, 0.0, seen.place, seen.speed)
         if free.r.firsts > 0:
             temperature = seen.temperature + tip.alpha * (tally.impulse - before) * tip.warming
-            seen = Observed(0.0, speed, temperature, warming_rate(free.r, free.now))
+            seen = Observed(0.0, speed, temperature, warming_rate(free.r, free.now), seen.place, seen.speed)
             note_temperature(tally, temperature)
     if not stays:
         return Start(1, speed, True, guess), seen

@@ -1,16 +1,18 @@
 """The structure in modes, with its tip free and with its tip held: what both regimes of the exact solver are made of.
 
-    z'' + c z' + ω² z + G τ = φᵀ (f̄ + F e_n),   τ' + μ τ = χᵀ q + α χ_n λ
+    z'' + c z' + ω² z + G τ = φᵀ (f̄ + F e_n) - b d'' - b' d',   τ' + μ τ = χᵀ q + α χ_n λ
 
-F is the load on the tip beside the constant loads f̄. With the tip free, z are all modes; with the tip held, x_n = d,
-they are the modes of the other coordinates, and the force on the casing is
+F is the load on the tip beside the constant loads f̄. With the tip free, z are all modes and b = 0; with the tip held,
+x_n = d(t), they are the modes of the other coordinates relative to the static shape ψ under a unit displacement of the
+tip, x_i = ψ d + φ z, b = φᵀ (M_in + M_ii ψ), b' likewise by C1, and the force on the casing is
 
-    λ = f_n - M_ni v_i' - C_ni v_i - K_ni x_i - K_nn d - K12_n θ.
+    λ = f_n - M_ni x_i'' - C_ni x_i' - K_ni x_i - M_nn d'' - C_nn d' - K_nn d - K12_n θ.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -35,9 +37,9 @@ class ModalSystem:
     """A structure with its tip free or held, in its modes z and the thermal modes τ.
 
     Its signal, the event function whose fall through zero ends the regime, is the gap d - x_n [m] of a free tip and the
-    contact force λ [N] of a held one:
+    contact force λ [N] of a held one, of which d' and d'' are the casing's velocity and acceleration:
 
-        signal = signal_steady · f̄ + signal_tip F + signal_gap d - r · z - r' · z' - k · τ.
+        signal = signal_steady · f̄ + signal_tip F + signal_gap · [d, d', d''] - r · z - r' · z' - k · τ.
     """
 
     frequency: Array
@@ -61,7 +63,16 @@ class ModalSystem:
     signal_steady: Array
     """``(mechanical,)``."""
     signal_tip: float
-    signal_gap: float
+    signal_gap: Array
+    """``(3,)``."""
+    gap_source: Array
+    """Forces on z'' per d, d' and d'' of the casing of a held tip: 0, -b', -b, ``(mode, 3)``."""
+    dragged: Array
+    """s, displacement per d of a held tip, ``(mechanical,)``; 0 with the tip free."""
+    dragged_damping: float
+    """sᵀ C1 s, N s/m."""
+    dragged_coupling: Array
+    """sᵀ K12 χ, ``(thermal mode,)``."""
     shapes: Array
     """φ, ``(mechanical, mode)``, without the row of a held tip."""
     heat_shapes: Array
@@ -88,6 +99,7 @@ class ModalSystem:
             rate=self.rate[:0],
             heat_tip=self.heat_tip[:0],
             thermal_reaction=self.thermal_reaction[:0],
+            dragged_coupling=self.dragged_coupling[:0],
             heat_shapes=self.heat_shapes[:, :0],
         )
 
@@ -146,7 +158,11 @@ def free_system(structure: Structure) -> ModalSystem:
         thermal_reaction=np.zeros(thermal.values.size),
         signal_steady=np.zeros(modes),
         signal_tip=0.0,
-        signal_gap=1.0,
+        signal_gap=np.array([1.0, 0.0, 0.0]),
+        gap_source=np.zeros((modes, 3)),
+        dragged=np.zeros(modes),
+        dragged_damping=0.0,
+        dragged_coupling=np.zeros(thermal.values.size),
         shapes=mechanical.shapes,
         heat_shapes=thermal.shapes,
         from_free=np.eye(modes),
@@ -173,6 +189,7 @@ def held_system(structure: Structure) -> ModalSystem:
     row = product(tip_strain, product(strain, shapes))  # K_ni φ
     row[frequency == 0] = 0.0
     inertia = product(structure.mass[-1, :-1], shapes)  # M_ni φ
+    dragged = np.append(static, 1.0)  # s
     coupling = modal_coupling(interior, modes, thermal)
     force_steady = np.append(-product(shapes, inertia), 1.0)
     to_modes = product(mechanical.shapes.T, structure.mass)
@@ -190,13 +207,15 @@ def held_system(structure: Structure) -> ModalSystem:
         thermal_reaction=product(structure.coupling_matrix[-1], thermal.shapes) - product(inertia, coupling),
         signal_steady=force_steady,
         signal_tip=1.0,
-        signal_gap=-dot(whole_strain, tip_strain),
+        dragged=dragged,
+        dragged_coupling=product(product(structure.coupling_matrix.T, dragged), thermal.shapes),
+        **_by_casing(structure, dragged, shapes, dot(whole_strain, tip_strain)),
         shapes=shapes,
         heat_shapes=thermal.shapes,
         from_free=product(product(shapes.T, interior.mass), mechanical.shapes[:-1]),
         from_free_gap=-product(shapes.T, product(interior.mass, static)),
         to_free=product(to_modes[:, :-1], shapes),
-        to_free_gap=product(to_modes, np.append(static, 1.0)),
+        to_free_gap=product(to_modes, dragged),
     )
 
 
@@ -208,10 +227,28 @@ def _held_damping(structure: Structure, modes: Modes, reaction: Array, inertia: 
     return damping, product(structure.damping_matrix[-1, :-1], modes.shapes) - product(inertia, damping)
 
 
-def state_space(system: ModalSystem, alpha: float) -> tuple[Array, Array, Array]:
-    """Return the system as X' = A X + B w, signal = row · X + …, for X = [z, z', τ] and w = [f̄, q, F, d].
+def _by_casing(structure: Structure, dragged: Array, shapes: Array, stiffness: float) -> dict[str, Any]:
+    """Return what place, velocity and acceleration of the casing do to a held tip; ``stiffness`` is sᵀ K1 s."""
+    momentum, inertia = product(structure.mass, dragged), product(structure.mass[-1, :-1], shapes)
+    if is_rayleigh(structure):  # K1 s is 0 but at the tip
+        damped = structure.damping.mass * momentum
+        damped[-1] += structure.damping.stiffness * stiffness
+    else:
+        damped = product(structure.damping_matrix, dragged)
+    source = np.zeros((shapes.shape[1], 3))
+    source[:, 1], source[:, 2] = -product(shapes.T, damped[:-1]), -product(shapes.T, momentum[:-1])
+    rate, acceleration = damped[-1] + dot(inertia, source[:, 1]), momentum[-1] + dot(inertia, source[:, 2])
+    return {
+        "signal_gap": np.array([-stiffness, -rate, -acceleration]),
+        "gap_source": source,
+        "dragged_damping": dot(dragged, damped),
+    }
 
-    Returns A ``(N, N)``, the row ``(N,)`` and B ``(N, mechanical + thermal + 2)``. The friction heat α λ acts at α >
+
+def state_space(system: ModalSystem, alpha: float) -> tuple[Array, Array, Array]:
+    """Return the system as X' = A X + B w, signal = row · X + …, for X = [z, z', τ] and w = [f̄, q, F, d, d', d''].
+
+    Returns A ``(N, N)``, the row ``(N,)`` and B ``(N, mechanical + thermal + 4)``. The friction heat α λ acts at α >
     0, with the tip held only.
     """
     modes, mechanical, thermal = system.frequency.size, system.signal_steady.size, system.heat_shapes.shape[0]
@@ -230,12 +267,13 @@ def state_space(system: ModalSystem, alpha: float) -> tuple[Array, Array, Array]
     B = np.outer(warming, signal_inputs(system))
     B[u, : system.shapes.shape[0]] += system.shapes.T
     if system.shapes.shape[0] == mechanical:  # F acts on a free tip as the last constant load does
-        B[u, -2] += system.shapes[-1]
+        B[u, -4] += system.shapes[-1]
+    B[u, -3:] += system.gap_source
     B[tau, mechanical : mechanical + thermal] = system.heat_shapes.T
     return A, row, B
 
 
 def signal_inputs(system: ModalSystem) -> Array:
-    """Return the signal per w = [f̄, q, F, d]."""
+    """Return the signal per w = [f̄, q, F, d, d', d'']."""
     heating = np.zeros(system.heat_shapes.shape[0])
-    return np.concatenate([system.signal_steady, heating, [system.signal_tip, system.signal_gap]])
+    return np.concatenate([system.signal_steady, heating, [system.signal_tip], system.signal_gap])

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from workflow.kernels.compiled import part, rare
+from workflow.kernels.compiled import inlined, part, rare
 from workflow.models import Array
 from workflow.schemes._exact import block_table as block
 from workflow.schemes._exact import first_table as first
 from workflow.schemes._exact import state_table as state
+from workflow.schemes._exact import wave_table as wave
 from workflow.schemes._exact.expansion import Expansion
 from workflow.schemes._exact.explicit_blocks import advance_explicit, explicit_force
 from workflow.schemes._exact.layout import Layout, Load, Memory
 from workflow.schemes._exact.propagators import block_propagators, first_propagators, stiff_block
-from workflow.schemes._exact.response import CONSTANT, COS, SIGNAL, SIN, TEMPERATURE, Response, load_phase, respond
+from workflow.schemes._exact.response import SIGNAL, TEMPERATURE, Response, respond
+from workflow.schemes._exact.waves import wave_phase
 
 
 class Motion(NamedTuple):
@@ -41,6 +43,10 @@ class Observed(NamedTuple):
     """Of the tip, K."""
     warming: float
     """Its rate, K/s."""
+    place: float
+    """d of the casing, m."""
+    speed: float
+    """d' of the casing, m/s."""
 
 
 @rare
@@ -105,24 +111,21 @@ def integral(r: Response, y: Array, out: Array, t: float, dt: float) -> float:
         change = out[state.VALUE, k] - y[state.VALUE, k]
         slowed = out[state.SLOPE, k] - y[state.SLOPE, k] + b[block.DAMPING, k] * change
         area += b[block.UNFORCED_SLOPE, k] * change - b[block.SIGNAL_INTEGRAL, k] * slowed
-    area += r.outputs[SIGNAL, CONSTANT] * dt
-    if r.omega > 0.0:
-        cos, sin = load_phase(r, t)
-        cos_after, sin_after = load_phase(r, t + dt)
-        area += r.outputs[SIGNAL, COS] * (sin_after - sin) / r.omega
-        area -= r.outputs[SIGNAL, SIN] * (cos_after - cos) / r.omega
+    area += r.outputs[SIGNAL] * dt
+    for i in range(r.waves.shape[0]):
+        omega = r.waves[i, wave.OMEGA]
+        cos, sin = wave_phase(r.waves, i, t)
+        cos_after, sin_after = wave_phase(r.waves, i, t + dt)
+        area += r.waves[i, wave.SIGNAL_COS] * (sin_after - sin) / omega
+        area -= r.waves[i, wave.SIGNAL_SIN] * (cos_after - cos) / omega
     return float(area)
 
 
 @part
 def observe(r: Response, y: Array, t: float) -> Observed:
     """Return the outputs of a state."""
-    b, f, load = r.block, r.first, r.outputs
-    cos, sin = load_phase(r, t)
-    signal = load[SIGNAL, CONSTANT] + load[SIGNAL, COS] * cos + load[SIGNAL, SIN] * sin
-    rate = r.omega * (load[SIGNAL, SIN] * cos - load[SIGNAL, COS] * sin)
-    heat = load[TEMPERATURE, CONSTANT] + load[TEMPERATURE, COS] * cos + load[TEMPERATURE, SIN] * sin
-    warming = r.omega * (load[TEMPERATURE, SIN] * cos - load[TEMPERATURE, COS] * sin)
+    b, f = r.block, r.first
+    signal, rate, heat, warming, place, speed = _observe_waves(r, t)
     for j in range(r.firsts):
         xi, slope = y[state.FIRST, j], y[state.FIRST_SLOPE, j]
         signal += f[first.SIGNAL_VALUE, j] * xi + f[first.SIGNAL_SLOPE, j] * slope
@@ -133,12 +136,29 @@ def observe(r: Response, y: Array, t: float) -> Observed:
     for k in range(r.blocks):
         seen += b[block.SIGNAL_VALUE, k] * y[state.VALUE, k]
         seen_rate += b[block.SIGNAL_VALUE, k] * y[state.SLOPE, k]
-    observed = Observed(signal + seen, rate + seen_rate, heat, warming)
-    return _observe_two_way(r, y, cos, sin, observed) if r.two_way else observed
+    observed = Observed(signal + seen, rate + seen_rate, heat, warming, place, speed)
+    return _observe_two_way(r, y, t, observed) if r.two_way else observed
+
+
+@inlined
+def _observe_waves(r: Response, t: float) -> Observed:
+    """Return the casing, and what loads alone give of the outputs."""
+    waves, signal, heat, place = r.waves, r.outputs[SIGNAL], r.outputs[TEMPERATURE], r.gap
+    rate, warming, speed = 0.0, 0.0, 0.0
+    for i in range(waves.shape[0]):
+        omega = waves[i, wave.OMEGA]
+        cos, sin = wave_phase(waves, i, t)
+        signal = signal + waves[i, wave.SIGNAL_COS] * cos + waves[i, wave.SIGNAL_SIN] * sin
+        rate += omega * (waves[i, wave.SIGNAL_SIN] * cos - waves[i, wave.SIGNAL_COS] * sin)
+        heat = heat + waves[i, wave.TEMPERATURE_COS] * cos + waves[i, wave.TEMPERATURE_SIN] * sin
+        warming += omega * (waves[i, wave.TEMPERATURE_SIN] * cos - waves[i, wave.TEMPERATURE_COS] * sin)
+        place += waves[i, wave.CASING] * sin
+        speed += omega * (waves[i, wave.CASING] * cos)
+    return Observed(signal, rate, heat, warming, place, speed)
 
 
 @part
-def _observe_two_way(r: Response, y: Array, cos: float, sin: float, known: Observed) -> Observed:
+def _observe_two_way(r: Response, y: Array, t: float, known: Observed) -> Observed:
     """Add what η' of blocks shows in the signal, and blocks in the tip temperature."""
     b = r.block
     for k in range(b.shape[1]):
@@ -146,7 +166,7 @@ def _observe_two_way(r: Response, y: Array, cos: float, sin: float, known: Obser
     for i in range(r.specials):
         k = int(b[block.SPECIAL, i])
         if b[block.EXPLICIT, k] != 0.0:
-            b[block.WORK, k] += explicit_force(r, k, y, cos, sin)
+            b[block.WORK, k] += explicit_force(r, k, y, t)
     signal, rate, heat, warming = 0.0, 0.0, 0.0, 0.0
     for k in range(r.blocks):
         value, slope, bend = y[state.VALUE, k], y[state.SLOPE, k], b[block.WORK, k]
@@ -154,7 +174,14 @@ def _observe_two_way(r: Response, y: Array, cos: float, sin: float, known: Obser
         rate += b[block.SIGNAL_SLOPE, k] * bend
         heat += b[block.TEMPERATURE_VALUE, k] * value + b[block.TEMPERATURE_SLOPE, k] * slope
         warming += b[block.TEMPERATURE_VALUE, k] * slope + b[block.TEMPERATURE_SLOPE, k] * bend
-    return Observed(known.signal + signal, known.signal_rate + rate, known.temperature + heat, known.warming + warming)
+    return Observed(
+        known.signal + signal,
+        known.signal_rate + rate,
+        known.temperature + heat,
+        known.warming + warming,
+        known.place,
+        known.speed,
+    )
 
 
 @part

@@ -12,6 +12,7 @@ from workflow.schemes._exact import expansion_table as expansion
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
 from workflow.schemes._exact.motion import Motion
 from workflow.schemes._exact.response import from_coordinates, to_coordinates
+from workflow.schemes._exact.waves import casing_at
 
 
 class Motions(NamedTuple):
@@ -22,19 +23,23 @@ class Motions(NamedTuple):
     from_modal: Array
     to_modal: Array
     """See :class:`~workflow.schemes._exact.layout.Layout`, of the held regime."""
-    gap: float
-    """d, m."""
 
 
 @part
-def convert(matrix: Array, gap: float, source: Array, target: Array) -> None:
-    """Fill target = [source, gap] · matrix; rows of states that do not act are not read."""
-    last = matrix.shape[0] - 1
+def convert(matrix: Array, casing: tuple[float, float], source: Array, target: Array) -> None:
+    """Fill target = [source, d, d'] · matrix; rows of states that do not act are not read."""
+    (place, speed), last = casing, matrix.shape[0] - 1
     for i in range(target.size):
-        target[i] = matrix[last, i] * gap
+        target[i] = matrix[last - 1, i] * place + matrix[last, i] * speed
     for j in range(source.size):
         for i in range(target.size):
             target[i] += source[j] * matrix[j, i]
+
+
+@part
+def casing(motions: Motions, t: float) -> tuple[float, float]:
+    """Return place and velocity of the casing, m and m/s."""
+    return casing_at(motions.free.r.waves, motions.free.r.gap, t)
 
 
 @part
@@ -43,7 +48,7 @@ def fill_modal(motions: Motions, held: bool, t: float) -> None:
     free = motions.free
     if held:
         to_coordinates(motions.held.r, motions.held.now, t, motions.held.coordinates)
-        convert(motions.to_modal, motions.gap, motions.held.coordinates, free.coordinates)
+        convert(motions.to_modal, casing(motions, t), motions.held.coordinates, free.coordinates)
     else:
         to_coordinates(free.r, free.now, t, free.coordinates)
 
@@ -56,7 +61,7 @@ def enter_contact(motions: Motions, threshold: float, t: float) -> int:
     """
     free, held = motions.free, motions.held
     to_coordinates(free.r, free.now, t, free.coordinates)
-    convert(motions.from_modal, motions.gap, free.coordinates, held.coordinates)
+    convert(motions.from_modal, casing(motions, t), free.coordinates, held.coordinates)
     from_coordinates(held.r, held.coordinates, t, held.now)
     expand(held.r, held.now, t, held.x)
     force, rate = held.x.sums[expansion.D0, held.r.blocks], held.x.sums[expansion.D1, held.r.blocks]

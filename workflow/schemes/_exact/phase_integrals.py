@@ -1,16 +1,21 @@
 """Integrals of power and heat loss over the phases of the event-driven scheme, for the balances.
 
 In a phase between two events the state X = [y, y', τ] (tip free, free modes) or [z, z', τ] (tip
-held, held modes) obeys X' = A X + b + w sin ψ, ψ = Ω t + φ. The power that leaves the energy,
+held, held modes) obeys X' = A X + b + Σ (w_c cos ψ + w_s sin ψ), ψ = Ω t + φ of each wave. The power
+that leaves the energy,
 
     D = Σ c_j v_j² + vᵀ G τ - fᵀv,   v = y' or z',
+
+to which a casing that moves a held tip, x = s d + φ z with sᵀ K1 φ = 0, adds
+
+    D = d' (2 b' · z' + sᵀ C1 s d' + sᵀ K12 θ - sᵀ f + λ),
 
 and the heat loss L(τ) are integrated over the phase from the state in which it began:
 
 - in the eigenvectors of A, X = Σ U_m Z_m exp(s_m t), constant and harmonic responses among the
   columns of U, so that ∫D dt = Σ Q_mk Z_m Z_k ∫exp((s_m + s_k) t) dt and ∫L dt likewise;
 - where eigenvectors are ill-conditioned or a response to the loads resonates (rigid and critical modes,
-  resonance, heat without outlet), with the propagator E(h) of Y = [X, 1, cos ψ, sin ψ] over
+  resonance, heat without outlet), with the propagator E(h) of Y = [X, 1, cos ψ, sin ψ, …] over
   h = 2^k h_0, E(2h) = E(h)², and the form G(h) = ∫EᵀWE dt, D = YᵀWY, which doubles likewise:
   G(2h) = G(h) + E(h)ᵀ G(h) E(h). It needs no eigenvectors, and takes any phase in few products.
 
@@ -74,11 +79,11 @@ class EigenForm(NamedTuple):
     inward: Array
     """[Re Z, Im Z] of pairs and Z of real poles per X less its response to the loads, ``(n, 2 pair + real)``."""
     response: Array
-    """Response to the loads: coefficients of 1, cos ψ and sin ψ, ``(3, n)``."""
+    """Response to the loads: coefficients of 1, and of cos ψ and sin ψ of each wave, ``(1 + 2 wave, n)``."""
     quadratic: Array
-    """∫D dt is the form of this at the end less that at the beginning, of [Re Z, Im Z, Z, 1, cos ψ, sin ψ]."""
+    """∫D dt is the form of this at the end less that at the beginning, of [Re Z, Im Z, Z, 1, cos ψ, sin ψ, …]."""
     slow: NDArray[np.int64]
-    """Pairs of columns left out of it, ``(pair, 2)``, in the order pairs, conjugates, reals, 0, ±iΩ."""
+    """Pairs of columns left out of it, ``(pair, 2)``, in the order pairs, conjugates, reals, 0, ±iΩ of each wave."""
     slow_weight: Complex
     slow_value: Complex
     """Q_mk + Q_km (half on the diagonal) and s_m + s_k of such pairs, ``(pair,)``."""
@@ -86,20 +91,22 @@ class EigenForm(NamedTuple):
     loss_reals: Array
     """L per Z of pairs (twice, of which the real part counts) and of real poles."""
     loss_load: Array
-    """L of the response to the loads, ``(3,)``."""
+    """L of the response to the loads, ``(1 + 2 wave,)``."""
 
 
 class Form(NamedTuple):
     """A regime of one case with its power form."""
 
+    waves: Array
+    """Ω, φ, A and a of each wave, ``(wave, 4)``."""
     entry: Array
-    """X from [y, y', τ] and, in the last row, the gap, ``(modal + 1, n)``."""
+    """X from [y, y', τ] and, in the last rows, d and d', ``(modal + 2, n)``."""
     whole: Array
-    """Y' = whole · Y, ``(n + 3, n + 3)``."""
+    """Y' = whole · Y, ``(Y, Y)`` with n + 1 + 2 waves entries of Y."""
     power: Array
-    """W, symmetric, ``(n + 3, n + 3)``."""
+    """W, symmetric, ``(Y, Y)``."""
     loss: Array
-    """L per Y, ``(n + 3,)``."""
+    """L per Y, ``(Y,)``."""
     fastest: float
     """Largest pole, 1/s."""
     eigen: EigenForm | None
@@ -108,21 +115,24 @@ class Form(NamedTuple):
 
 def integrate(form: Form, load: Load, state: Array, begun: Array, span: Array) -> tuple[Array, Array]:
     """Return ∫D dt and ∫L dt over phases that begin in modal states ``(phase, modal)``, each ``(phase,)``."""
-    x = product(state, form.entry[:-1]) + form.entry[-1] * load.gap
-    psi = load.omega * begun + load.phase
+    omega, phase, _, amplitude = form.waves.T
+    psi = omega * begun[:, None] + phase
     wave = _wave(psi)
+    place, speed = load.gap + product(wave[:, 2::2], amplitude), product(wave[:, 1::2], omega * amplitude)
+    x = product(state, form.entry[:-2]) + form.entry[-2] * place[:, None] + form.entry[-1] * speed[:, None]
     if form.eigen is None:
         return _by_doubling(form, np.concatenate([x, wave], axis=1), span)
-    return _by_poles(form.eigen, load.omega, x, wave, _wave(psi + load.omega * span), span)
+    return _by_poles(form.eigen, omega, x, wave, _wave(psi + omega * span[:, None]), span)
 
 
 def _wave(psi: Array) -> Array:
-    """Return 1, cos ψ and sin ψ, ``(phase, 3)``."""
-    sin, cos = elementwise.sine_cosine(psi)
-    return np.column_stack([np.ones(psi.size), cos, sin])
+    """Return 1, and cos ψ and sin ψ of each wave, ``(phase, 1 + 2 wave)``, from ψ ``(phase, wave)``."""
+    found = np.ones((psi.shape[0], 1 + 2 * psi.shape[1]))
+    found[:, 2::2], found[:, 1::2] = elementwise.sine_cosine(psi)
+    return found
 
 
-def _by_poles(form: EigenForm, omega: float, x: Array, wave: Array, final: Array, span: Array) -> tuple[Array, Array]:
+def _by_poles(form: EigenForm, omega: Array, x: Array, wave: Array, final: Array, span: Array) -> tuple[Array, Array]:
     """Integrate in the eigenvectors."""
     pairs, time = form.pairs.size, span[:, None]
     z = product(x - product(wave, form.response), form.inward)
@@ -136,17 +146,20 @@ def _by_poles(form: EigenForm, omega: float, x: Array, wave: Array, final: Array
     spent = total(product(end, form.quadratic) * end - product(begin, form.quadratic) * begin, 1)
     pair = a + 1j * b
     if form.slow_weight.size:
-        turn = (wave[:, 1] + 1j * wave[:, 2])[:, None]
-        every = np.concatenate([pair, pair.conj(), real, np.ones_like(time), turn, turn.conj()], axis=1)
+        turn = np.repeat(wave[:, 1::2] + 1j * wave[:, 2::2], 2, axis=1)
+        turn[:, 1::2] = turn[:, 1::2].conj()
+        every = np.concatenate([pair, pair.conj(), real, np.ones_like(time), turn], axis=1)
         products = times(every[:, form.slow[:, 0]], every[:, form.slow[:, 1]])
         spent += total(times(times(form.slow_weight, products), _mean(form.slow_value * time)).real, 1) * span
     with np.errstate(divide="ignore", invalid="ignore"):
         exact = np.where(form.reals == 0, 1.0, grown / np.where(form.reals == 0, 1.0, form.reals * time))
         turned = form.pairs * time
         mean = np.where(magnitude(turned) < SLOW_EXPONENT, _mean(turned), over(turning - 1, turned))
-    waves = np.column_stack([span, span * wave[:, 1], span * wave[:, 2]])
-    if omega > 0:
-        waves[:, 1:] = np.column_stack([final[:, 2] - wave[:, 2], wave[:, 1] - final[:, 1]]) / omega
+    waves = time * wave
+    moving = np.flatnonzero(omega > 0)
+    cosine, sine = 1 + 2 * moving, 2 + 2 * moving
+    waves[:, cosine] = (final[:, sine] - wave[:, sine]) / omega[moving]
+    waves[:, sine] = (wave[:, cosine] - final[:, cosine]) / omega[moving]
     lost = total(times(times(form.loss_pairs, pair), mean).real, 1) + total(form.loss_reals * real * exact, 1)
     return spent, lost * span + product(waves, form.loss_load)
 

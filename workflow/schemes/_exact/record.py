@@ -30,7 +30,7 @@ TALLY = np.dtype(
         ("impacts", "i8"),  # velocity jumps
         ("releases", "i8"),  # contacts that have ended
         ("max_speed", "f8"),  # largest impact speed, m/s
-        ("length", "f8"),  # largest distance from the gap, plus |d| at the start: scale of displacements, m
+        ("length", "f8"),  # largest |x_n|, plus those of the casing at the start: scale of displacements, m
         ("unsettled_speed", "f8"),  # half the impact speed at which bounces were last found not to end, m/s
         ("summed_speed", "f8"),  # of impacts summed up because the budget does not reach their end: largest speed, m/s
         ("summed_height", "f8"),  # … largest height above the casing, m
@@ -61,8 +61,6 @@ class Record(NamedTuple):
     """m, m/s, K, N s, ``(4, t)``."""
     periods: Array
     """Impulse [N s], largest tip temperature [K], time in contact [s] of load periods, ``(3, period)``."""
-    gap: float
-    """d, m."""
     tally: Any
     """One element of an array of :data:`TALLY`."""
 
@@ -98,8 +96,8 @@ def write(record: Record, t: float, seen: Observed, impulse: float) -> None:
     due = record.times[sample] if sample < record.times.size else np.inf
     end = record.period_ends[period] if period < record.period_ends.size else np.inf
     if due <= end:
-        histories[_DISPLACEMENT, sample] = record.gap if tally.held else record.gap - seen.signal
-        histories[_VELOCITY, sample] = 0.0 if tally.held else -seen.signal_rate
+        histories[_DISPLACEMENT, sample] = seen.place if tally.held else seen.place - seen.signal
+        histories[_VELOCITY, sample] = seen.speed if tally.held else -(seen.signal_rate - seen.speed)
         histories[_TEMPERATURE, sample] = seen.temperature
         histories[_IMPULSE, sample] = impulse
         tally.next_sample += 1

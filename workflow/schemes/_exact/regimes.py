@@ -29,7 +29,8 @@ class Regime(NamedTuple):
 
     Coordinates are [η (block), u (block), ξ (first order)], N in all; modal coordinates are those of the free modes,
     [y, y', τ]. Outputs are the signal, see :class:`~workflow.schemes._exact.modal_system.ModalSystem`, and the
-    temperature of the tip, K. Inputs are w = [constant loads, heating, tip load, gap].
+    temperature of the tip, K. Inputs are w = [constant loads, heating, tip load, d, d', d''], d the place
+    of the casing.
     """
 
     damping: Array
@@ -48,11 +49,11 @@ class Regime(NamedTuple):
     temperature: Array
     """Tip temperature per coordinate, ``(N,)``."""
     source: Array
-    """Sources [β, γ, χ] per input and, in the last row, the signal per input, ``(N + 1, mechanical + thermal + 2)``."""
+    """Sources [β, γ, χ] per input and, in the last row, the signal per input, ``(N + 1, mechanical + thermal + 4)``."""
     from_modal: Array
-    """Coordinates from modal ones and, in the last row, the gap, ``(modal + 1, N)``: rows are inputs."""
+    """Coordinates from modal ones and, in the last rows, d and d', ``(modal + 2, N)``: rows are inputs."""
     to_modal: Array
-    """… and back, ``(N + 1, modal)``."""
+    """… and back, ``(N + 2, modal)``."""
 
 
 _NEAR_RESONANCE = 1e-3
@@ -118,11 +119,13 @@ def passages(system: ModalSystem, inward: Array, outward: Array) -> tuple[Array,
             product(inward[:, u], system.from_free).T,
             inward[:, tau].T,
             product(inward[:, z], system.from_free_gap)[None],
+            product(inward[:, u], system.from_free_gap)[None],
         ]
     )
     to_modal = np.concatenate([product(system.to_free, outward[z]), product(system.to_free, outward[u]), outward[tau]])
-    gap = np.concatenate([system.to_free_gap, np.zeros(free + system.rate.size)])
-    return from_modal, np.concatenate([to_modal.T, gap[None]])
+    gap = np.zeros((2, 2 * free + system.rate.size))
+    gap[0, :free] = gap[1, free : 2 * free] = system.to_free_gap
+    return from_modal, np.concatenate([to_modal.T, gap])
 
 
 _LINKED = 1e-13
@@ -149,6 +152,7 @@ def _some(held: ModalSystem, keep: NDArray[np.bool_]) -> ModalSystem:
         coupling=held.coupling[keep],
         reaction=held.reaction[keep],
         reaction_slope=held.reaction_slope[keep],
+        gap_source=held.gap_source[keep],
         shapes=held.shapes[:, keep],
         from_free=held.from_free[keep],
         from_free_gap=held.from_free_gap[keep],

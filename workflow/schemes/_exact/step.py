@@ -13,13 +13,14 @@ from workflow.schemes._exact import block_table as block
 from workflow.schemes._exact import expansion_table as expansion
 from workflow.schemes._exact import first_table as first
 from workflow.schemes._exact import state_table as state
+from workflow.schemes._exact import wave_table as wave
 from workflow.schemes._exact.expansion import SUM_ROUNDING, accumulate, expand
-from workflow.schemes._exact.explicit_blocks import explicit_force
+from workflow.schemes._exact.explicit_blocks import begin_derivatives, explicit_force, next_derivative
 from workflow.schemes._exact.layout import ORDER, TAYLOR_SPAN
 from workflow.schemes._exact.motion import Motion, advance
 from workflow.schemes._exact.propagators import row_total
-from workflow.schemes._exact.response import COS, SIGNAL, SIN, load_phase
 from workflow.schemes._exact.search import longest_without_zero, zero_crossing
+from workflow.schemes._exact.waves import wave_phase
 
 _HALF_THE_DIGITS = 1e-9
 """A step of Newton's below this share of the zero is the last: its error is of the order of the square."""
@@ -160,11 +161,15 @@ def _series(m: Motion, t: float, order: int, first_order: int) -> None:
     The terms of the expansion are used up.
     """
     r, derivatives, b, d = m.r, m.x.derivatives, m.r.block, m.x.terms
-    cos, sin = load_phase(r, t)
-    wave_cos, wave_sin = r.outputs[SIGNAL, COS], r.outputs[SIGNAL, SIN]
     for n in range(order + 1):
-        derivatives[n] = wave_cos * cos + wave_sin * sin
-        wave_cos, wave_sin = r.omega * wave_sin, -r.omega * wave_cos
+        derivatives[n] = 0.0
+    for i in range(r.waves.shape[0]):
+        omega = r.waves[i, wave.OMEGA]
+        cos, sin = wave_phase(r.waves, i, t)
+        wave_cos, wave_sin = r.waves[i, wave.SIGNAL_COS], r.waves[i, wave.SIGNAL_SIN]
+        for n in range(order + 1):
+            derivatives[n] += wave_cos * cos + wave_sin * sin
+            wave_cos, wave_sin = omega * wave_sin, -omega * wave_cos
     for j in range(r.firsts):
         f, mu = r.first, r.first[first.RATE, j]
         term = (f[first.SIGNAL_VALUE, j] - f[first.SIGNAL_SLOPE, j] * mu) * m.now[state.FIRST_SLOPE, j]
@@ -180,21 +185,20 @@ def _series(m: Motion, t: float, order: int, first_order: int) -> None:
     for i in range(r.specials):
         k = int(b[block.SPECIAL, i])
         if b[block.EXPLICIT, k] != 0.0:
-            _explicit_series(m, k, cos, sin, order)
+            _explicit_series(m, k, t, order)
 
 
 @part
-def _explicit_series(m: Motion, k: int, cos: float, sin: float, order: int) -> None:
+def _explicit_series(m: Motion, k: int, t: float, order: int) -> None:
     """Add the derivatives of an explicit block to those of the signal."""
-    r, y, b, w = m.r, m.now, m.r.block, m.r.omega
+    r, y, b, waves = m.r, m.now, m.r.block, m.r.waves
     value, slope = y[state.VALUE, k], y[state.SLOPE, k]
-    f_cos, f_sin = b[block.FORCE_COS, k], b[block.FORCE_SIN, k]
-    force = explicit_force(r, k, y, cos, sin)
+    force = explicit_force(r, k, y, t)
+    begin_derivatives(r, k, t)
     for n in range(order + 1):
         m.x.derivatives[n] += b[block.SIGNAL_VALUE, k] * value + b[block.SIGNAL_SLOPE, k] * slope
         value, slope = slope, force - b[block.DAMPING, k] * slope - b[block.STIFFNESS, k] * value
-        f_cos, f_sin = w * f_sin, -w * f_cos
-        force = f_cos * cos + f_sin * sin
+        force = next_derivative(waves)
         for j in range(r.firsts):
             decay = elementary.power(-r.first[first.RATE, j], n)
             force += r.coupling[0, k, j] * y[state.FIRST_SLOPE, j] * decay

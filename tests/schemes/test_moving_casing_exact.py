@@ -1,0 +1,169 @@
+"""The event-driven scheme on a casing in motion and under harmonics of the load: closed forms and equivalences."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scenes import cases, chain, heavy_chain, relative, sampling, step
+from workflow.models import Cases, Rayleigh, Structure
+from workflow.schemes import Results, Sampling, Status, event_driven
+
+TURN = 2 * np.pi
+
+
+def run(structure: Structure, batch: Cases, over: Sampling) -> Results:
+    found = step(structure, batch, 0.0, replace(over, balances=True), "event_driven")
+    assert (found.status == Status.OK).all()
+    assert np.abs(found.metrics["energy_residual"]).max() <= 1e-9
+    assert np.abs(found.metrics["heat_residual"]).max() <= 1e-9
+    return found
+
+
+def lump(mass: float, stiffness: float, damping: Rayleigh, **heat: float) -> Structure:
+    return chain(nodes=1, mass=mass, stiffness=stiffness, damping=damping, spacing=1.0, **heat)
+
+
+# --- a pressed tip ------------------------------------------------------------------------------------
+
+
+def test_a_pressed_tip_follows_the_casing_for_a_thousand_periods() -> None:
+    structure = heavy_chain(nodes=5)
+    places = [[3e-5, 20.0, 0.3], [1e-5, 60.0, 1.0], [4e-6, 740.0, 2.0]]
+    over, gap = sampling(50.0, 1.25e-2), -1e-3
+    tip = gap + sum(a * np.sin(phase) for a, _, phase in places)
+    moving = sum(a * TURN * f * np.cos(phase) for a, f, phase in places)
+    start = np.linspace(0.2, 1.0, 5)
+    batch = cases(
+        structure,
+        gap=gap,
+        mean=1e5,
+        displacement=start * tip,
+        velocity=start * moving,
+        casing_harmonics=places,
+        load_harmonics=[[100.0, 33.0, 0.0]],
+    )
+    found = run(structure, batch, over)
+    t = over.times
+    place = gap + sum(a * np.sin(TURN * f * t + phase) for a, f, phase in places)
+    speed = sum(a * TURN * f * np.cos(TURN * f * t + phase) for a, f, phase in places)
+    assert np.abs(found.histories["displacement"][0] - place).max() <= 1e-15
+    assert np.abs(found.histories["velocity"][0] - speed).max() <= 1e-12 * np.abs(speed).max()
+    assert found.metrics["contact_time"][0] == 50.0
+    assert found.metrics["impacts"][0] == 0
+    assert found.metrics["max_penetration"][0] <= 1e-18
+
+
+def test_the_force_of_a_pressed_lump() -> None:
+    """λ = f - m d'' - c d' - k d, and the impulse its integral."""
+    m, k, c, gap = 0.3, 40.0, 1.7, 0.02
+    structure = lump(m, k, Rayleigh(c / m / 2, c / k / 2))
+    places, loads = [[0.01, 0.7, 0.4], [0.002, 2.1, 5.0]], [[1.0, 0.4, 1.0], [0.5, 2.1, 2.0]]
+    tip = gap + sum(a * np.sin(phase) for a, _, phase in places)
+    moving = sum(a * TURN * f * np.cos(phase) for a, f, phase in places)
+    start = {"displacement": tip, "velocity": moving, "casing_harmonics": places, "load_harmonics": loads}
+    over = sampling(8.0, 0.01)
+    found = run(structure, cases(structure, gap=gap, mean=9.0, **start), over)
+    impulse, t = (9.0 - k * gap) * over.times, over.times
+    for a, f, phase in loads:
+        impulse += a * (np.cos(phase) - np.cos(TURN * f * t + phase)) / (TURN * f)
+    for a, f, phase in places:
+        w, psi = TURN * f, TURN * f * t + phase
+        impulse -= a * ((k - m * w * w) * (np.cos(phase) - np.cos(psi)) / w + c * (np.sin(psi) - np.sin(phase)))
+    np.testing.assert_allclose(found.histories["impulse"][0], impulse, rtol=1e-13, atol=1e-13)
+
+
+# --- a lump on a casing that moves is one under a load --------------------------------------------------
+
+
+@pytest.mark.parametrize("e", [0.0, 0.5, 0.9, 1.0])
+@pytest.mark.parametrize("alpha", [0.0, 2.0])
+def test_a_lump_on_a_moving_casing_is_one_under_a_load(e: float, alpha: float) -> None:
+    """Its gap obeys the same equation where - m d'' - c d' - k d is a load; impacts that accumulate included."""
+    m, c, k, gap = 1.0, 0.3, 9.0, 0.1
+    structure = lump(m, k, Rayleigh(c, 0.0), expansion=0.01, heat_capacity=2.0, conductance=0.7)
+    places, loads = [[0.05, 0.23, 0.4], [0.02, 0.71, 5.0]], [[2.0, 0.1, 0.7], [1.0, 0.37, 1.0]]
+    tip = -0.2 + sum(a * np.sin(phase) for a, _, phase in places)
+    moving = sum(a * TURN * f * np.cos(phase) for a, f, phase in places)
+    equal = []
+    for a, f, phase in places:
+        answer = -a * complex(k - m * (TURN * f) ** 2, c * TURN * f)
+        equal.append([abs(answer), f, phase + np.angle(answer)])
+    over, rub = sampling(20.0, 0.05), {"e": e, "alpha": alpha, "gap": gap, "mean": 3.0}
+    on_casing = cases(
+        structure, displacement=tip, velocity=moving, load_harmonics=loads, casing_harmonics=places, **rub
+    )
+    under_load = cases(structure, displacement=-0.2, load_harmonics=loads + equal, **rub)
+    found, same = run(structure, on_casing, over), run(structure, under_load, over)
+    place = gap + sum(a * np.sin(TURN * f * over.times + phase) for a, f, phase in places)
+    gaps = place - found.histories["displacement"], gap - same.histories["displacement"]
+    assert same.metrics["contact_time"][0] > 0.3 or e == 1.0
+    assert same.metrics["impacts"][0] > 1
+    assert relative(*gaps) <= 1e-9
+    for name in ("impulse", "temperature") if alpha else ("impulse",):
+        assert relative(found.histories[name], same.histories[name]) <= 1e-9
+    for name in ("contact_time", "max_temperature"):
+        assert found.metrics[name][0] == pytest.approx(same.metrics[name][0], rel=1e-9)
+    if e in (0.0, 1.0):  # else how many are counted depends on where the rest is summed up
+        assert found.metrics["impacts"][0] == same.metrics["impacts"][0]
+
+
+# --- single load and casing sinusoids in other words ----------------------------------------------------
+
+
+def test_a_harmonic_is_the_sinusoid_of_the_load() -> None:
+    structure = heavy_chain(nodes=5)
+    rub = {"e": 0.5, "alpha": 20.0, "gap": 1e-5}
+    over = sampling(0.1, 1e-3)
+    one = run(structure, cases(structure, amplitude=100.0, frequency=20.0, phase=0.2, **rub), over)
+    harmonics = [[60.0, 20.0, 0.2], [0.0, 500.0, 0.0], [40.0, 20.0, 0.2]]
+    other = run(structure, cases(structure, load_harmonics=harmonics, **rub), over)
+    for name in ("displacement", "temperature", "impulse"):
+        assert relative(other.histories[name], one.histories[name]) <= 1e-11
+    np.testing.assert_allclose(other.period_impulse, one.period_impulse, rtol=1e-11)
+
+
+def test_harmonics_that_stand_still_are_constants() -> None:
+    structure = heavy_chain(nodes=5)
+    rub = {"e": 0.5, "alpha": 20.0, "amplitude": 100.0, "frequency": 20.0}
+    over = sampling(0.1, 1e-3)
+    one = run(structure, cases(structure, gap=1e-5, mean=3.0, **rub), over)
+    still = {"load_harmonics": [[2.0, 0.0, np.pi / 2]], "casing_harmonics": [[4e-6, 0.0, np.pi / 6]]}
+    other = run(structure, cases(structure, gap=8e-6, mean=1.0, **still, **rub), over)
+    for name in ("displacement", "temperature", "impulse"):
+        assert relative(other.histories[name], one.histories[name]) <= 1e-10
+
+
+# --- accumulation -----------------------------------------------------------------------------------
+
+
+def test_thresholds_do_not_matter_on_a_moving_casing() -> None:
+    structure = heavy_chain(nodes=5)
+    places = [[4e-6, 40.0, 0.1], [1e-6, 300.0, 2.0]]
+    batch = cases(
+        structure, 3, e=[0.0, 0.5, 0.9], alpha=20.0, gap=1e-5, amplitude=100.0, frequency=20.0, casing_harmonics=places
+    )
+    operator, over = event_driven.init(structure, 1e-4, event_driven.Options()), sampling(0.2, 1e-3)
+    base = event_driven.compute(operator, batch, over)
+    assert (base.metrics["contact_time"] > 0.01).all()
+    given = operator.thresholds
+    for factor in (0.1, 10.0):
+        varied = replace(operator, thresholds=given._replace(height=factor * given.height, speed=factor * given.speed))
+        other = event_driven.compute(varied, batch, over)
+        for name in ("displacement", "temperature", "impulse"):
+            assert relative(other.histories[name], base.histories[name]) <= 1e-9
+
+
+def test_a_static_start_on_a_moving_casing_is_a_contact() -> None:
+    """Place and velocity of the casing up to rounding are those of a tip that touches it."""
+    structure = heavy_chain(nodes=5)
+    places = [[4e-6, 40.0, 0.1], [1e-6, 300.0, 2.0]]
+    batch = cases(structure, 3, e=0.9, gap=-1e-5, mean=10.0, casing_harmonics=places)
+    for case, turned in enumerate((1.0, 1 + 2e-16, 1 - 2e-16)):
+        batch.displacement[case] = np.linspace(0.2, 1.0, 5) * batch.casing_at(0.0)[0] * turned
+        batch.velocity[case, -1] = batch.casing_velocity_at(0.0)[0] * turned
+    found = run(structure, batch, sampling(0.05, 1e-3))
+    assert (found.metrics["impacts"] == 0).all()
+    assert (found.metrics["contact_time"] == 0.05).all()

@@ -1,0 +1,84 @@
+"""Conditions of one case of a batch as the march takes them: sinusoids that act become its waves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from workflow.kernels import elementwise
+from workflow.models import Array, Cases
+from workflow.schemes._exact import wave_table as wave
+from workflow.schemes._exact.impacts import Tip
+from workflow.schemes._exact.layout import Load
+from workflow.schemes._exact.modal_system import Basis
+
+_LOAD, _CASING = 0, 1
+"""What a sinusoid belongs to."""
+
+_ROUNDING = 4.0 * 2.220446049250313e-16
+"""A tip whose velocity is that of the casing up to this share of what both add up moves with it: four roundings."""
+
+
+def load_of(cases: Cases, i: int, duration: float) -> Load:
+    """Return loads and casing of case ``i``: a sinusoid of frequency 0 is a constant, one of amplitude 0 nothing."""
+    constants, waves = [float(cases.mean[i]), float(cases.gap[i])], []
+    for which, amplitude, frequency, phase in _sinusoids(cases, i):
+        if frequency == 0:
+            constants[which] += amplitude * float(elementwise.sine_cosine(phase)[0])
+        else:
+            acts = (amplitude, 0.0) if which == _LOAD else (0.0, amplitude)
+            waves.append((2 * np.pi * frequency, phase, *acts))
+    return Load(
+        constants[_LOAD],
+        np.array(waves).reshape(-1, wave.GIVEN),
+        constants[_CASING],
+        duration,
+        np.ascontiguousarray(cases.steady[i]),
+        np.ascontiguousarray(cases.heating[i]),
+    )
+
+
+def _sinusoids(cases: Cases, i: int) -> Iterator[tuple[int, float, float, float]]:
+    """Return what a sinusoid belongs to, amplitude, frequency and phase of those that are not 0."""
+    if cases.amplitude[i] != 0:
+        yield _LOAD, float(cases.amplitude[i]), float(cases.frequency[i]), float(cases.phase[i])
+    for which, more in ((_LOAD, cases.load_harmonics), (_CASING, cases.casing_harmonics)):
+        for k in range(more.width):
+            if more.amplitude[i, k] != 0:
+                yield which, float(more.amplitude[i, k]), float(more.frequency[i, k]), float(more.phase[i, k])
+
+
+def tip_of(cases: Cases, i: int, basis: Basis, load: Load) -> Tip:
+    """Return contact law, impact data and start of case ``i``."""
+    place, velocity, reach, turning = load.gap, 0.0, abs(load.gap), 0.0
+    for omega, phase, _, amplitude in load.waves:
+        if amplitude != 0:
+            sin, cos = elementwise.sine_cosine(phase)
+            place += float(amplitude * sin)
+            velocity += float(omega * (amplitude * cos))
+            reach, turning = reach + abs(float(amplitude)), turning + abs(float(omega * amplitude))
+    speed = float(cases.velocity[i, -1]) - velocity
+    return Tip(
+        float(cases.e[i]),
+        float(cases.alpha[i]),
+        basis.mobility,
+        basis.warming,
+        basis.tip,
+        place - float(cases.displacement[i, -1]),
+        0.0 if abs(speed) <= _ROUNDING * turning else speed,
+        reach,
+    )
+
+
+def penetration(cases: Cases, displacement: Array, times: Array) -> Array:
+    """Return how far the samples of each case ``(case, t)`` lie beyond the casing at most, m, in the march's order."""
+    place = np.repeat(cases.gap[:, None], times.size if cases.casing_harmonics.width else 1, axis=1)
+    for i in np.flatnonzero(cases.casing_harmonics.acting):
+        load = load_of(cases, int(i), float(times[-1]))
+        place[i] = load.gap
+        for omega, phase, _, amplitude in load.waves:
+            if amplitude != 0:
+                place[i] += amplitude * elementwise.sine_cosine(omega * times + phase)[0]
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.maximum(0.0, np.max(displacement - place, axis=1)))
