@@ -166,6 +166,17 @@ def test_a_part_that_is_not_linked_to_the_tip() -> None:
     assert against_reference(structure, cases(structure, alpha=0.5, gap=0.1, **start, **load)) <= 1e-10
 
 
+@pytest.mark.parametrize("alpha", [0.0, 0.5])
+def test_a_damping_ratio_on_a_moving_casing(alpha: float) -> None:
+    """Damping couples the modes of the held tip, which feel the casing's velocity by it."""
+    structure = chain(
+        nodes=3, mass=1.0, stiffness=2.0, damping=Rayleigh(ratio=0.1), spacing=1.0, expansion=0.1, conductance=0.5
+    )
+    moves = {"casing_harmonics": [[0.1, 0.2, 1.0], [0.03, 0.5, 0.0]], "load_harmonics": [[0.5, 0.1, 0.0]]}
+    case = cases(structure, alpha=alpha, gap=0.1, mean=1.0, displacement=0.1, **moves)
+    assert against_reference(structure, case) <= 1e-10
+
+
 @pytest.mark.parametrize("e", [0.0, 0.6, 1.0])
 def test_a_reduced_model(e: float) -> None:
     full = chain(
