@@ -33,6 +33,14 @@ def test_a_gap_in_metres_cannot_be_reached() -> None:
     assert told.startswith("the tip cannot reach the casing at gap = 20 m: without contact it stays below 2.4e-05 m")
 
 
+@pytest.mark.filterwarnings("ignore:overflow")
+def test_a_reach_that_overflows_is_no_reach_that_falls_short() -> None:
+    """2e308 N is beyond the numbers: the bound of the motion is inf - inf, which said that the tip stays clear."""
+    huge = BLADE.replace("amplitude: 24", "mean: 1.0e+308, amplitude: 1.0e+308")
+    lines = warnings(huge + "axes: {scheme: event_driven}\n")
+    assert not [line for line in lines if "nan" in line or "cannot reach" in line]
+
+
 def test_only_gaps_that_no_case_reaches_are_told() -> None:
     axes = "axes: {scheme: event_driven, scene.casing.gap: [20 um, 40 um, 1 mm], scene.load.amplitude: [24, 60]}\n"
     (told,) = [line for line in warnings(BLADE + axes) if "cannot reach" in line]

@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -47,12 +47,24 @@ Settings = Annotated[
 def read(path: Path, settings: list[str] | None = None) -> Study:
     """Read a study from its YAML, or from the archive that came of it, with some values replaced."""
     from workflow.archive import study_text
-    from workflow.study import parse_study, read_study, setting
+    from workflow.study import parse_study, read_study
 
-    given = dict(setting(words) for words in settings or ())
+    given = _settings(settings or [])
     if _is_hdf5(path):
         return parse_study(study_text(path), path.name, given)
     return read_study(path, given)
+
+
+def _settings(texts: list[str]) -> dict[str, Any]:
+    """Return the values given with ``-s`` by key; refuse a key that is given twice."""
+    from workflow.study import setting
+
+    pairs = [setting(text) for text in texts]
+    given = dict(pairs)
+    twice = sorted({key for key, _ in pairs if sum(key == other for other, _ in pairs) > 1})
+    if twice:
+        raise typer.BadParameter(f"-s {', '.join(twice)}: is given more than once; give one value for each key")
+    return given
 
 
 def _is_hdf5(path: Path) -> bool:

@@ -48,6 +48,11 @@ class Reuse:
         bool, typer.Option("--drop", help="Leave out stored cases and histories that the study no longer asks for.")
     ] = False
 
+    def check(self) -> None:
+        """Refuse two of them that ask for different things."""
+        if self.retry and self.recompute:
+            raise typer.BadParameter("--retry and --recompute exclude each other: --recompute runs all cases again")
+
 
 @grouped
 def run(
@@ -62,6 +67,7 @@ def run(
 ) -> None:
     """Run a study; what an interrupted run or an earlier archive of it holds is kept and the rest is run."""
     where.check()
+    reuse.check()
     with told():
         from workflow.run import ClusterError, ReuseOptions, run_study
 

@@ -71,8 +71,8 @@ def _scenes(grid: Grid) -> Iterator[str]:
 
 
 def _clear(cases: Cases, reach: Array) -> Iterator[str]:
-    """Yield the gaps at which no case's tip reaches the casing."""
-    reaches = reach >= cases.gap - cases.casing_harmonics.reach
+    """Yield the gaps at which no case's tip reaches the casing; a bound that is not a number is none."""
+    reaches = ~(reach < cases.gap - cases.casing_harmonics.reach)
     clear = [gap for gap in np.unique(cases.gap) if not np.any(reaches[cases.gap == gap])]
     if clear:
         most = float(reach[np.isin(cases.gap, clear)].max())
@@ -84,7 +84,7 @@ def _clear(cases: Cases, reach: Array) -> Iterator[str]:
 
 def _hot(cases: Cases, warmest: Array) -> Iterator[str]:
     """Yield the hottest case where it leaves what a linear model can mean."""
-    hottest = int(np.argmax(warmest))
+    hottest = int(np.argmax(np.nan_to_num(warmest, nan=-np.inf, posinf=np.inf)))
     if not warmest[hottest] > LINEAR:
         return
     many = int(np.sum(warmest > LINEAR))

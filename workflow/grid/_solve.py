@@ -100,7 +100,8 @@ def _solve_distinct(grid: Grid, outer: int, inner: Indices, shaken: Shaken | Non
     }
     messages = dict(results.messages)
     for case in np.flatnonzero(np.isnan(values["growth_rate"])):
-        messages.setdefault(int(case), "growth_rate: the eigenvalues of the tip in contact did not converge")
+        said = [messages[int(case)]] if int(case) in messages else []
+        messages[int(case)] = "; ".join([*said, "growth_rate: the eigenvalues of the tip in contact did not converge"])
     return Solved(values, messages)
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from workflow.schemes._interface import EXTRAPOLATED
 
 
@@ -35,7 +37,7 @@ _NEARLY_ELASTIC = 0.99
 
 def failure(ended: int, tally: Any, budget: Budget, e: float) -> str:
     """Return the message of a case that did not complete; ``tally`` is an element of an array of ``record.TALLY``."""
-    at = f"at t = {tally['time']:.6g} s"
+    at = f"at t = {tally['time']:.6g} s" if np.isfinite(tally["time"]) else "in its first steps"
     speed = tally["speed"] if tally["impacts"] else 0.0
     return {
         INVALID: "a value of the case is not a finite number",
