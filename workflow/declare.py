@@ -17,6 +17,10 @@ Values = float | tuple[float, ...]
 """A scalar for every node (or spring), or one value per node (or spring), root to tip."""
 
 
+Rows = tuple[tuple[float, ...], ...]
+"""Rows of a table."""
+
+
 @dataclass(frozen=True)
 class Quantity:
     """What one declared value means and which values are admissible.
@@ -78,11 +82,14 @@ class File:
         As the study writes it.
     place
         Where it lies now.
+    parts
+        Places of all files that its content is.
     """
 
     digest: str
     name: str = field(compare=False)
     place: str = field(compare=False)
+    parts: tuple[str, ...] = field(default=(), compare=False)
 
 
 @dataclass(frozen=True)
@@ -99,12 +106,15 @@ class Word:
         Of the place that is named, all files that belong to it; ``None`` where it is one file by itself.
     number
         Whether numbers are welcome beside texts.
+    columns
+        Where rows of numbers are welcome instead of a file, name and unit of each column; none for any number of them.
     """
 
     description: str
     file: bool = False
     files: Callable[[Path], tuple[Path, ...]] | None = None
     number: bool = False
+    columns: tuple[tuple[str, str], ...] | None = None
 
 
 def word(description: str, *, default: Any = MISSING) -> Any:
@@ -124,6 +134,11 @@ def file(description: str, *, default: Any = MISSING, files: Callable[[Path], tu
     raises ``ValueError`` where something is missing.
     """
     return field(default=default, metadata={"word": Word(description, file=True, files=files)})
+
+
+def rows(description: str, columns: tuple[tuple[str, str], ...] = (), *, default: Any = MISSING) -> Any:
+    """Declare a field of type ``File | Rows``: a file, or rows of numbers with some columns, or with any."""
+    return field(default=default, metadata={"word": Word(description, file=True, columns=columns)})
 
 
 def word_of(declared: Field[Any]) -> Word | None:

@@ -106,7 +106,7 @@ def test_equilibrium_free_pressed_and_none() -> None:
 
 
 def test_models_are_the_files_of_their_directory() -> None:
-    assert models.names() == ("blade", "chain", "matrices")
+    assert models.names() == ("blade", "chain", "matrices", "modes")
     with pytest.raises(KeyError):
         models.load("_structure")
 

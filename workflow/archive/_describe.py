@@ -19,7 +19,7 @@ from workflow import variables
 from workflow.archive._layout import Coordinate, Layout, Variable
 from workflow.grid import FRICTION, Grid, Units, alpha_of, longest_period_count, metrics_of
 from workflow.schemes import SOLVER_VERSION, Status
-from workflow.study import Axis, Study
+from workflow.study import Axis, Study, packed
 
 SOFTWARE = ("code_revision", "processor", "versions")
 """Texts of the provenance group that tell whether two runs must agree bit for bit."""
@@ -79,6 +79,7 @@ def describe(study: Study, grid: Grid, units: Units) -> Layout:
         },
         provenance={
             "study": study.text,
+            **_attached(study),
             "resolved": json.dumps(study.resolved(), sort_keys=True),
             "solver_version": str(SOLVER_VERSION),
             "versions": json.dumps(versions(), sort_keys=True),
@@ -88,6 +89,11 @@ def describe(study: Study, grid: Grid, units: Units) -> Layout:
         },
         key=study_key(study),
     )
+
+
+def _attached(study: Study) -> dict[str, str]:
+    files = packed(study)
+    return {"files": files} if files else {}
 
 
 @cache

@@ -103,8 +103,8 @@ def _texts(group: Any) -> dict[str, str]:
     return found | {name: as_text(item[()].tobytes()) for name, item in group.items() if item.dtype == "S1"}
 
 
-def study_text(path: str | Path) -> str:
-    """Return the study as written that an archive came of.
+def study_text(path: str | Path) -> tuple[str, str]:
+    """Return the study as written that an archive came of, and the files that came with it, as one text.
 
     Raises
     ------
@@ -114,7 +114,7 @@ def study_text(path: str | Path) -> str:
     texts = provenance(path)
     if "study" not in texts:
         raise ArchiveError(f"{path}: its provenance is not as `workflow run` writes it: no study; restore a copy")
-    return texts["study"]
+    return texts["study"], texts.get("files", "")
 
 
 def statuses(path: str | Path, *, damaged: bool = False) -> NDArray[np.int8]:

@@ -47,11 +47,12 @@ Settings = Annotated[
 def read(path: Path, settings: list[str] | None = None) -> Study:
     """Read a study from its YAML, or from the archive that came of it, with some values replaced."""
     from workflow.archive import study_text
-    from workflow.study import parse_study, read_study
+    from workflow.study import parse_study, read_study, unpacked
 
     given = _settings(settings or [])
     if _is_hdf5(path):
-        return parse_study(study_text(path), path.name, given)
+        text, files = study_text(path)
+        return parse_study(text, path.name, given, attached=unpacked(files))
     return read_study(path, given)
 
 

@@ -55,6 +55,8 @@ class GivenMatrices:
         Shares of the contact heat that the temperatures take, ``(temperature,)``, 1 in sum; θ_n is the mean so weighed.
     steady, heating
         Constant loads [N] and heat loads [W], ``(displacement,)`` and ``(temperature,)``.
+    even_rise
+        Temperatures at an even rise of 1 K, ``(temperature,)``: 1 each where ``None``. Balances of heat weigh with it.
     damping, damper
         Of the modes, or by Rayleigh's coefficients; and C1 as a matrix [N s/m], ``(displacement, displacement)``.
     """
@@ -70,6 +72,7 @@ class GivenMatrices:
     heating: Array
     damping: Rayleigh = field(default_factory=Rayleigh)
     damper: Array | None = None
+    even_rise: Array | None = None
 
 
 class _Part(NamedTuple):
@@ -96,7 +99,8 @@ def structure_from_matrices(given: GivenMatrices) -> Matrices:
     springs = _factored(_congruent(given.stiffness, basis), "stiffness")
     conductors = _factored(_congruent(given.conductance, heat_basis), "conductance")
     coupling = product(product(basis.T, given.coupling), heat_basis)
-    uniform = np.ones(heat_basis.shape[1])
+    even = np.ones(given.heat_capacity.shape[0]) if given.even_rise is None else given.even_rise
+    uniform = product(heat_taken, even)
     return Matrices(
         mass=mass,
         springs=np.ones(springs.deformation.shape[0]),

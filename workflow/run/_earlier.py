@@ -31,7 +31,7 @@ from workflow.archive import (
 )
 from workflow.grid import arrange, case_hashes, units_of
 from workflow.schemes import SOLVER_VERSION
-from workflow.study import Study, StudyError, parse_study
+from workflow.study import Study, StudyError, parse_study, unpacked
 
 Hashes = NDArray[np.uint8]
 
@@ -241,7 +241,7 @@ def _unasked_parts(layout: Layout, done: Shards, hashes: Hashes) -> tuple[int, i
 def _hashes_of(texts: Mapping[str, str]) -> Hashes | None:
     """Return the hashes that the cases of a stored study have in this version, ``None`` if it cannot be read."""
     try:
-        return case_hashes(arrange(parse_study(texts["study"], "study")))
+        return case_hashes(arrange(parse_study(texts["study"], "study", attached=unpacked(texts.get("files", "")))))
     except (StudyError, LookupError, ValueError, TypeError):
         return None
 

@@ -32,7 +32,7 @@ from workflow.grid import Grid, arrange, case_hashes, seconds_per_case, solve, s
 from workflow.run._compare import differences, sensitivity, without_digits
 from workflow.run._outcome import labels_of_case
 from workflow.schemes import SOLVER_VERSION, Status
-from workflow.study import StudyError, parse_study
+from workflow.study import StudyError, parse_study, unpacked
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -88,7 +88,7 @@ def verify(path: Path, sample: int = SAMPLE) -> Iterator[Check]:
     if not same_version:
         return
     try:
-        study = parse_study(texts["study"], path.name)
+        study = parse_study(texts["study"], path.name, attached=unpacked(texts.get("files", "")))
         grid = arrange(study)
     except (StudyError, KeyError) as error:
         yield Check("study", False, f"cannot be read from the archive: {error}")

@@ -13,7 +13,7 @@ from workflow.archive import ArchiveError, code_revision, read_known, read_layou
 from workflow.grid import Segment, Task, arrange, units_of
 from workflow.run._task import Job, Stored, store_task
 from workflow.schemes import SOLVER_VERSION
-from workflow.study import parse_study
+from workflow.study import parse_study, unpacked
 
 SmallTask = tuple[int, tuple[tuple[int, int, int], ...]]
 """Number of a task, and ``outer, first, units`` of its segments."""
@@ -132,7 +132,7 @@ def _made(session: Session) -> Job:
         layout = read_layout(session.parts)
     except (ClusterError, ArchiveError) as error:
         raise ClusterError(f"worker {worker.address}: {error}") from None
-    study = parse_study(layout.provenance["study"], "study")
+    study = parse_study(layout.provenance["study"], "study", attached=unpacked(layout.provenance.get("files", "")))
     if study_key(study) != session.key:
         raise ClusterError(f"worker {worker.address}: {session.parts} does not hold the study of this run")
     grid = arrange(study)

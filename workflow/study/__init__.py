@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from workflow.study.attached import packed, unpacked
 from workflow.study.axes import Axis, Dimension
 from workflow.study.edits import setting
 from workflow.study.mistakes import Mistake, StudyError
@@ -27,9 +28,11 @@ __all__ = [
     "Study",
     "StudyError",
     "json_schema",
+    "packed",
     "parse_study",
     "read_study",
     "resolved_values",
     "setting",
     "udunits",
+    "unpacked",
 ]

@@ -14,7 +14,7 @@ from workflow.study.mistakes import said, wrong
 def read_file(name: str, context: Mapping[str, Any], declared: Word) -> File:
     """Return a file that a study names, with the digest of its content, and of all that belongs to it."""
     directory = Path(context.get("directory", "."))
-    place = directory / name
+    place = Path(context.get("attached", {}).get(name, directory / name))
     try:
         several = declared.files is not None
         if not (place.is_file() or (several and place.is_dir())):  # opening a pipe would wait for ever
@@ -25,10 +25,11 @@ def read_file(name: str, context: Mapping[str, Any], declared: Word) -> File:
         raise wrong(f"{said(name)} cannot be read: {error.strerror}", "name a file that can be read") from None
     except ValueError as error:
         raise wrong(f"{said(name)} cannot be used: {error}", "name a file with all that belongs to it") from None
+    places = tuple(str(part.absolute()) for part in parts)
     if len(parts) == 1:
-        return File(digests[0], name, str(place.absolute()))
+        return File(digests[0], name, str(place.absolute()), places)
     listed = "".join(f"{digest} {part.name}\n" for digest, part in zip(digests, parts, strict=True))
-    return File(hashlib.sha256(listed.encode()).hexdigest(), name, str(place.absolute()))
+    return File(hashlib.sha256(listed.encode()).hexdigest(), name, str(place.absolute()), places)
 
 
 def _digest(place: Path) -> str:

@@ -15,7 +15,7 @@ from typing import Any, Literal, get_args
 from pydantic import ValidationError
 from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, core_schema
 
-from workflow.declare import File, Quantity, Word
+from workflow.declare import File, Quantity, Rows, Word
 from workflow.study.files import read_file
 from workflow.study.mistakes import details, one_of, said, wrong
 from workflow.study.quantities import NUMBER, admissible, expected, read_quantity, udunits
@@ -140,8 +140,10 @@ class Text(Leaf):
 
     declared: Word
 
-    def read(self, value: Any, context: Mapping[str, Any]) -> str | int | File:
-        """Return the text, the index, or the file with the digest of its content."""
+    def read(self, value: Any, context: Mapping[str, Any]) -> str | int | File | Rows:
+        """Return the text, the index, the rows, or the file with the digest of its content."""
+        if self.declared.columns is not None and isinstance(value, list):
+            return read_each(value, self._row)
         if self.declared.number and isinstance(value, int | float) and not isinstance(value, bool):
             return value if isinstance(value, int) else repr(value)
         if not isinstance(value, str) or not value or len(value) > LONGEST_TEXT or not value.isprintable():
@@ -151,7 +153,26 @@ class Text(Leaf):
     def schema(self) -> Schema:
         """Return type and length."""
         text: Schema = {"type": "string", "minLength": 1, "maxLength": LONGEST_TEXT}
+        if self.declared.columns is not None:
+            cell: Schema = {"anyOf": [{"type": "number"}, {"type": "string"}]}
+            forms: list[Schema] = [{"type": "array", "items": cell}]
+            if self.declared.columns:
+                names = [name for name, _ in self.declared.columns]
+                forms.append({"type": "object", "properties": dict.fromkeys(names, cell), "required": names})
+            return {"anyOf": [text, {"type": "array", "items": {"anyOf": forms}}]}
         return {"anyOf": [text, {"type": "number"}]} if self.declared.number else text
+
+    def _row(self, row: Any) -> tuple[float, ...]:
+        """Return a row of a table: values in the order of its columns, or by their names."""
+        columns = self.declared.columns or ()
+        names = [name for name, _ in columns]
+        if isinstance(row, dict) and columns and set(row) == set(names):
+            row = [row[name] for name in names]
+        if not isinstance(row, list) or not row or (columns and len(row) != len(columns)):
+            raise wrong("is no row of the table", f"write {', '.join(names) or 'numbers'}, as a list")
+        units = columns or [("number", "1")] * len(row)
+        reads = iter([Reading(Quantity(unit, name)) for name, unit in units])
+        return read_each(row, lambda entry: next(reads).scalar(entry))
 
 
 @dataclass(frozen=True)

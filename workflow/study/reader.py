@@ -62,7 +62,13 @@ def read_study(source: str | Path | Mapping[str, Any], settings: Mapping[str, An
     return parse_study(read_text(source), str(source), settings)
 
 
-def parse_study(text: str, file: str, settings: Mapping[str, Any] | None = None, option: str = OPTION) -> Study:
+def parse_study(
+    text: str,
+    file: str,
+    settings: Mapping[str, Any] | None = None,
+    option: str = OPTION,
+    attached: Mapping[str, Path] | None = None,
+) -> Study:
     """Read a study from its text.
 
     Parameters
@@ -74,6 +80,8 @@ def parse_study(text: str, file: str, settings: Mapping[str, Any] | None = None,
         own ``text`` has them.
     option
         What names these values in messages, before their key.
+    attached
+        Places of files that came with the text, by the names that it gives them.
 
     Raises
     ------
@@ -83,7 +91,7 @@ def parse_study(text: str, file: str, settings: Mapping[str, Any] | None = None,
     source = compose(text, file)
     if settings:
         source = replaced(source, settings, option)
-    reader = _Reader(source)
+    reader = _Reader(source, attached or {})
     study = reader.study()
     if source.mistakes:
         raise StudyError(source.mistakes)
@@ -113,7 +121,7 @@ def _forms(
 class _Reader:
     """Reads one study, section by section; a mistake in one hides none in another."""
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: Source, attached: Mapping[str, Path]) -> None:
         self.source = source
         self.tree = source.tree
         self.model = self._model()
@@ -124,7 +132,7 @@ class _Reader:
         )
         path = f"scene.{self.model}.nodes"
         self.nodes = path if path in self.addresses else None
-        self.directory = Path(source.file).parent
+        self.where: dict[str, Any] = {"directory": Path(source.file).parent, "attached": attached}
         self.sizes = Sizes()
 
     def study(self) -> Study:
@@ -167,6 +175,7 @@ class _Reader:
             reference=reference,
             output=output,
             license=entries["license"],
+            attached=self.where["attached"],
         )
 
     def _model(self) -> str | None:
@@ -234,11 +243,11 @@ class _Reader:
         """Return how many nodes or coordinates the structures of the cases have."""
         if self.nodes is not None:
             return node_sizes(self._written(), str(self.model), self.nodes, self.addresses[self.nodes])
-        return assembled_sizes(self._written(), self.model, self.directory) if self.model else Sizes()
+        return assembled_sizes(self._written(), self.model, self.where) if self.model else Sizes()
 
     def _read(self, supplied: set[Place]) -> dict[str, Any]:
         """Return what could be read of every section, and report what could not."""
-        context = {"nodes": self.sizes.nodes, "directory": self.directory}
+        context = {"nodes": self.sizes.nodes, **self.where}
         empty: dict[str, Any] = {"scene": {}, "axes": {}, "zip": {}, "schemes": {}}
         faults: set[Place] = set()
         try:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Mapping
+from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 from pydantic_core import PydanticCustomError
@@ -30,13 +31,11 @@ def node_sizes(written: Written, model: str, path: str, address: Address) -> Siz
         return Sizes()
 
 
-def assembled_sizes(written: Written, model: str, directory: Path) -> Sizes:
+def assembled_sizes(written: Written, model: str, where: Mapping[str, Any]) -> Sizes:
     """Return the coordinates of the structure of a model without ``nodes``; a structure that is none is reported."""
     form = parameters_form(models.load(model).Parameters)
     try:
-        read = TypeAdapter(form).validate_python(
-            mapping(written.tree, "scene", model), context={"directory": directory}
-        )
+        read = TypeAdapter(form).validate_python(mapping(written.tree, "scene", model), context=where)
         both = models.sizes(model, read)
         coordinates = {path: (size,) for path, size in zip(MODES, both, strict=True)}
         return Sizes((min(both),), coordinates, models.most_modes(model, read))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from workflow import models
@@ -45,6 +46,8 @@ class Study:
         What the archive keeps.
     license
         Under which the archive may be used, empty where the study states none.
+    attached
+        Places of files that came with the study's text, by the names that it gives them.
     """
 
     name: str
@@ -58,6 +61,7 @@ class Study:
     reference: Reference | None
     output: Output
     license: str = ""
+    attached: Mapping[str, Path] = field(default_factory=dict)
 
     @property
     def samples(self) -> int:
@@ -80,7 +84,7 @@ class Study:
         """
         from workflow.study.reader import parse_study
 
-        return parse_study(self.text, self.file, settings, "with_")
+        return parse_study(self.text, self.file, settings, "with_", self.attached)
 
     def cell(self, values: Mapping[str, Value]) -> Cell:
         """Return the settings of a case.

@@ -1,0 +1,137 @@
+"""Tables of modes: the structure they were taken from, as far as its tip feels it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from scenes import cases, heavy_chain, relative, sampling, step
+from studies import written
+from workflow.models import (
+    Array,
+    Rayleigh,
+    Structure,
+    UnusableMatricesError,
+    critical_alpha,
+    growth_rate,
+    load,
+    mechanical_modes,
+    modal_coupling,
+    thermal_modes,
+    tip_flexibility,
+)
+from workflow.study import StudyError, read_study
+
+CHAIN = heavy_chain(nodes=6)
+
+
+def tables(structure: Structure) -> tuple[Array, Array, Array]:
+    """Modes, thermal modes and coupling of a structure as rows of numbers."""
+    mechanical, thermal = mechanical_modes(structure), thermal_modes(structure)
+    damping = structure.damping.of_modes(mechanical.values)
+    ratio = np.divide(damping, 2 * mechanical.values, out=np.zeros_like(damping), where=mechanical.values > 0)
+    table = np.column_stack([mechanical.values / (2 * np.pi), ratio, mechanical.tip])
+    return table, np.column_stack([thermal.values, thermal.tip]), modal_coupling(structure, mechanical, thermal)
+
+
+def as_rows(table: Array) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(map(float, row)) for row in table)
+
+
+def made(*given: Array) -> Structure:
+    model = load("modes")
+    return model.assemble(model.Parameters(*(as_rows(table) for table in given)))
+
+
+def test_all_modes_of_a_chain_are_the_chain() -> None:
+    found = made(*tables(CHAIN))
+    assert tip_flexibility(found) == pytest.approx(tip_flexibility(CHAIN), rel=1e-11)
+    assert critical_alpha(found) == pytest.approx(critical_alpha(CHAIN), rel=1e-10)
+    assert growth_rate(found, 3.0) == pytest.approx(growth_rate(CHAIN, 3.0), rel=1e-8)
+
+
+@pytest.mark.parametrize("damping", [Rayleigh(10.0, 2e-7), Rayleigh(ratio=0.02)], ids=["rayleigh", "ratio"])
+@pytest.mark.parametrize("scheme", ["moreau", "carpenter", "event_driven"])
+def test_they_rub_as_the_chain_does(scheme: str, damping: Rayleigh) -> None:
+    structure = heavy_chain(nodes=6, damping=damping)
+    found = made(*tables(structure))
+    rub = {"alpha": 5.0, "gap": 5e-5, "amplitude": 400.0, "frequency": 200.0}
+    over = sampling(0.005, 5e-5)
+    one, other = (step(s, cases(s, **rub), 1e-5, over, scheme) for s in (structure, found))
+    assert one.metrics["impacts"][0] > 0
+    for name in ("displacement", "temperature", "impulse"):
+        assert relative(other.histories[name][0], one.histories[name][0]) < 1e-8, name
+
+
+def test_a_rigid_mode_is_one() -> None:
+    free = heavy_chain(nodes=4, stiffness=(0.0, 2e7, 2e7, 2e7))
+    found = made(tables(free)[0])
+    assert mechanical_modes(found).values[0] == 0.0
+    assert critical_alpha(found) == np.inf
+
+
+STUDY = """
+study: table
+scene:
+  modes: {modes}
+  casing: {{gap: 5.0e-5}}
+  load: {{amplitude: 100, frequency: 20}}
+  duration: 0.01
+"""
+
+
+def test_tables_stand_in_a_study_or_in_files(tmp_path: Path) -> None:
+    table, heat, coupling = tables(CHAIN)
+    order = [2, 0, 1]  # columns of a file come in any order
+    names = np.array(["frequency", "damping_ratio", "tip"])[order]
+    np.savetxt(tmp_path / "modes.csv", table[:, order], delimiter=",", header=",".join(names), comments="", fmt="%.17g")
+    np.savetxt(tmp_path / "heat.csv", heat, delimiter=",", header="rate,tip", comments="", fmt="%.17g")
+    np.savetxt(tmp_path / "coupling.csv", coupling, delimiter=",", fmt="%.17g")
+    rows = [f"{{frequency: {f!r} Hz, damping_ratio: {z!r}, tip: {t!r}}}" for f, z, t in as_rows(table)]
+    inline = f"{{table: [{', '.join(rows)}], heat: {[list(row) for row in as_rows(heat)]}, "
+    inline += f"coupling: {[list(row) for row in as_rows(coupling)]}}}"
+    files = "{table: modes.csv, heat: heat.csv, coupling: coupling.csv}"
+    model, found = load("modes"), []
+    for text in (files, inline):
+        study = read_study(written(STUDY.format(modes=text), tmp_path))
+        found.append(model.assemble(study.scene.parameters))
+    assert np.array_equal(found[0].stiffness_matrix, found[1].stiffness_matrix)
+    assert np.array_equal(found[0].coupling_matrix, found[1].coupling_matrix)
+
+
+@pytest.mark.parametrize(
+    ("modes", "problem"),
+    [
+        ("{table: [[1000, 0.01, 0]]}", "`tip` has a value"),
+        ("{table: [[-1, 0.01, 1]]}", "`frequency` has a value"),
+        ("{table: [[1000, 0.01]]}", "is no row of the table"),
+        ("{table: [{frequency: 1000, damping_ratio: 0.01}]}", "is no row of the table"),
+        ("{table: [[1000, 0.01, one]]}", "`one` is not"),
+        ("{table: []}", "has 0 rows"),
+        ("{table: none.csv}", "is no file"),
+        ("{table: [[1000, 0.01, 1]], coupling: [[1]]}", "without `heat`"),
+        ("{table: [[1000, 0.01, 1]], heat: [[1, 1]], coupling: [[1, 2]]}", "1 rows of 2"),
+        ("{table: bad.csv}", "has the columns"),
+        ("{table: worse.csv}", "no number"),
+    ],
+)
+def test_what_is_no_table_is_refused(modes: str, problem: str, tmp_path: Path) -> None:
+    (tmp_path / "bad.csv").write_text("frequency,tip\n1,2\n")
+    (tmp_path / "worse.csv").write_text("frequency,tip,damping_ratio\n1,2,x\n")
+    with pytest.raises(StudyError) as raised:
+        read_study(written(STUDY.format(modes=modes), tmp_path))
+    assert problem in str(raised.value)
+
+
+def test_reduced_it_keeps_its_ratios() -> None:
+    table, heat, coupling = tables(CHAIN)
+    table[:, 1] = 0.01
+    structure: Any = made(table, heat, coupling)
+    assert structure.damping == Rayleigh(ratio=0.01)
+    table[0, 1] = 0.02
+    assert made(table, heat, coupling).damper is not None
+    with pytest.raises(UnusableMatricesError, match="different number of columns"):
+        made(table[:, :2])

@@ -1,0 +1,171 @@
+"""Studies of structures from files: the built-in ones exported and read back, and archives that need no file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+from typer.testing import CliRunner
+
+from matrix_files import as_directory, as_npz, matrices_of
+from scenes import blade, heavy_chain
+from studies import written
+from workflow.archive import provenance
+from workflow.cli import app
+from workflow.models import Rayleigh, Structure
+from workflow.run import run_study
+from workflow.study import StudyError, read_study
+
+STUDY = """
+study: rub
+scene:
+  {model}
+  casing: {{gap: {gap}}}
+  load: {{amplitude: {amplitude}, frequency: {frequency}}}
+  duration: {duration}
+axes:
+  scheme: [{schemes}]
+  alpha: [0, {alpha}]
+  h: [1e-5]
+  e: [0, 0.5]
+zip:
+  model: {{mechanical_modes: [3, full], thermal_modes: [12, full]}}
+"""
+HEAVY = """chain: {nodes: 20, mass: 2.5e-3, stiffness: 2.0e7, damping: DAMPING, spacing: 2.5e-3,
+          expansion: 8.6e-6, heat_capacity: 1.315, conductance: 0.605, convection: 0.02}"""
+BLADE = """blade: {nodes: 20, length: 40 mm, width: 30 mm, thickness: 1 mm, density: 4430, specific_heat: 560,
+          conductivity: 7.0, convection: 400, expansion: 9.0e-6, tip_stiffness: 1.0e6, damping: DAMPING}"""
+RAYLEIGH = "{mass: 10, stiffness: 2.0e-7}"
+RUBS = {
+    "chain": (HEAVY, {"gap": 5e-5, "amplitude": 100, "frequency": 20, "duration": 0.1, "alpha": 0.5}),
+    "blade": (BLADE, {"gap": 2e-5, "amplitude": 24, "frequency": 5, "duration": 0.2, "alpha": 30}),
+}
+ALL = "moreau, carpenter, penalty, event_driven"
+
+
+def ran(directory: Path, name: str, model: str, rub: Mapping[str, Any], schemes: str = ALL) -> xr.Dataset:
+    study = written(STUDY.format(model=model, schemes=schemes, **rub), directory, f"{name}.yaml")
+    return run_study(read_study(study), directory / f"{name}.nc").dataset.load()
+
+
+def apart(found: xr.Dataset, wanted: xr.Dataset) -> float:
+    """Largest difference of a variable, over its largest value along time; balances are rounding and left out."""
+    worst = 0.0
+    for name in (
+        "displacement",
+        "temperature",
+        "contact_force",
+        "contact_impulse",
+        "max_temperature",
+        "critical_alpha",
+    ):
+        axis = tuple(k for k, dim in enumerate(wanted[name].dims) if dim == "t")
+        off, size = np.abs(found[name].values - wanted[name].values), np.abs(wanted[name].values)
+        off, size = (off.max(axis), size.max(axis)) if axis else (off, size)
+        worst = max(worst, float(np.max(np.divide(off, size, out=np.zeros_like(off), where=off > 0))))
+    return worst
+
+
+def compared(directory: Path, kind: str, structure: Structure, damping: str, schemes: str) -> None:
+    model, rub = RUBS[kind]
+    entries = matrices_of(structure)
+    as_npz(entries, directory)
+    wanted = ran(directory, "built_in", model.replace("DAMPING", damping), rub, schemes)
+    assert float(wanted["impacts"].min()) > 0
+    for name, words in (("npz", "file: blade.npz, contact: 19"), ("text", "file: blade, contact: 19")):
+        as_directory(entries, directory)
+        found = ran(directory, name, f"matrices: {{{words}, damping: {damping}}}", rub, schemes)
+        assert apart(found, wanted) < 1e-10
+        assert np.array_equal(found["impacts"], wanted["impacts"])
+
+
+def test_the_chain_read_back_rubs_as_it_does(tmp_path: Path) -> None:
+    compared(tmp_path, "chain", heavy_chain(), RAYLEIGH, "moreau, event_driven")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["chain", "blade"])
+@pytest.mark.parametrize("damping", [RAYLEIGH, "{ratio: 0.01}"])
+def test_built_in_structures_read_back_in_every_scheme(kind: str, damping: str, tmp_path: Path) -> None:
+    compared(tmp_path, kind, heavy_chain() if kind == "chain" else blade(), damping, ALL)
+
+
+def test_units_of_a_file_change_nothing(tmp_path: Path) -> None:
+    """t, N/mm, N/K, mJ/K and mW/K against SI, the labels and the loads of the file with them."""
+    scales = {
+        "mass": 1e-3,
+        "stiffness": 1e-3,
+        "coupling": 1.0,
+        "heat_capacity": 1e3,
+        "conductance": 1e3,
+        "heating": 1e3,
+    }
+    labels = np.array([f"{node}.x" for node in range(1, 21)])
+    loads = {"steady": np.linspace(0, 1, 20), "heating": np.full(20, 1e-2), "labels": labels}
+    si = {**matrices_of(heavy_chain()), **loads}
+    rub, found = RUBS["chain"][1], []
+    for units, factor in (("SI", dict.fromkeys(scales, 1.0)), ("mm-t-s", scales)):
+        entries = {name: value * factor[name] if name in factor else value for name, value in si.items()}
+        as_npz(entries, tmp_path)
+        model = f"matrices: {{file: blade.npz, contact: 20.x, units: {units}, damping: {{ratio: 0.01}}}}"
+        found.append(ran(tmp_path, units, model, rub, "moreau"))
+    assert apart(found[1], found[0]) < 1e-11
+    assert not np.allclose(found[0]["temperature"].isel(t=-1), 0.0)
+
+
+def test_an_archive_repeats_its_study_without_the_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "there").mkdir()
+    as_directory(matrices_of(heavy_chain(nodes=4)), tmp_path / "there")
+    model = "matrices: {file: there/blade, contact: 3}"
+    rub = {**RUBS["chain"][1], "duration": 0.01, "amplitude": 400}
+    text = (
+        STUDY.format(model=model, schemes="moreau", **rub)
+        .replace("[3, full]", "[1, full]")
+        .replace("[12, full]", "[2, full]")
+    )
+    written(text, tmp_path)
+    run_study(read_study(tmp_path / "study.yaml"), "first.nc")
+    (tmp_path / "there").rename(tmp_path / "gone")
+    with pytest.raises(StudyError, match="is no file"):
+        read_study(tmp_path / "study.yaml")
+    for command in (
+        ["run", "first.nc", "-o", "second.nc"],
+        ["verify", "first.nc"],
+        ["plan", "first.nc", "-s", "axes.e=[0]"],
+    ):
+        result = CliRunner().invoke(app, command)
+        assert result.exit_code == 0, result.output
+    assert provenance("first.nc")["content_hash"] == provenance("second.nc")["content_hash"]
+
+
+def test_another_content_is_another_case(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    written(
+        "study: s\nscene:\n  matrices: {file: blade.npz, contact: 3}\n  casing: {gap: 1e-5}\n  duration: 1e-3\n",
+        tmp_path,
+    )
+    keys = []
+    for damping in (Rayleigh(), Rayleigh(mass=1.0)):
+        structure = heavy_chain(nodes=4, damping=damping)
+        as_npz({**matrices_of(structure), "damping": structure.damping_matrix}, tmp_path)
+        keys.append(read_study("study.yaml").resolved()["scene"]["matrices"]["file"])
+    assert keys[0] != keys[1]
+
+
+def test_a_file_that_is_no_structure_is_told_with_its_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    entries = matrices_of(heavy_chain(nodes=4))
+    as_npz({**entries, "stiffness": -entries["stiffness"]}, tmp_path)
+    written(
+        "study: s\nscene:\n  matrices: {file: blade.npz, contact: 9.x}\n  casing: {gap: 1e-5}\n  duration: 1e-3\n",
+        tmp_path,
+    )
+    result = CliRunner().invoke(app, ["plan", "study.yaml"])
+    assert result.exit_code == 2
+    assert "study.yaml:3: scene.matrices:" in result.stderr
+    assert "Traceback" not in result.output

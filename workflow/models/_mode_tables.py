@@ -1,0 +1,97 @@
+"""Tables of modes: rows from a CSV file, or as a study has them."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from workflow.declare import File, Rows
+from workflow.kernels import Array
+from workflow.models._from_matrices import UnusableMatricesError
+
+COLUMNS = (("frequency", "Hz"), ("damping_ratio", "1"), ("tip", "1/kg**0.5"))
+HEAT_COLUMNS = (("rate", "1/s"), ("tip", "(K/J)**0.5"))
+
+MOST_MODES = 2000
+_MOST_BYTES = 2**25
+
+
+def read_table(given: File | Rows, columns: Sequence[tuple[str, str]]) -> Array:
+    """Return a table with a row for each mode and the columns in this order, ``(mode, column)``.
+
+    The head of a CSV file names them in any order.
+
+    Raises
+    ------
+    UnusableMatricesError
+        A column is missing, unknown or twice, or a value is no number.
+    """
+    names = [name for name, _ in columns]
+    if not isinstance(given, File):
+        table = _table("the table", given)
+        if table.shape[1] != len(names):
+            raise UnusableMatricesError("the table has a different number of columns", f"write {', '.join(names)}")
+        return table
+    head, *lines = _lines(given)
+    found = [word.strip() for word in head]
+    if sorted(found) != sorted(names):
+        raise UnusableMatricesError(
+            f"`{given.name}` has the columns {', '.join(found)[:80]}", f"write {', '.join(names)}"
+        )
+    order = [found.index(name) for name in names]
+    return _table(f"`{given.name}`", _numbers(given, lines))[:, order]
+
+
+def read_matrix(given: File | Rows, shape: tuple[int, int]) -> Array:
+    """Return a matrix of numbers from a CSV file without a head, or from rows.
+
+    Raises
+    ------
+    UnusableMatricesError
+        It has another shape.
+    """
+    name = f"`{given.name}`" if isinstance(given, File) else "the coupling"
+    matrix = _table(name, _numbers(given, _lines(given)) if isinstance(given, File) else given)
+    if matrix.shape != shape:
+        remedy = f"write {shape[0]}, one for each mode, of {shape[1]} numbers, one for each thermal mode"
+        raise UnusableMatricesError(f"{name} has {matrix.shape[0]} rows of {matrix.shape[1]}", remedy)
+    return matrix
+
+
+def _lines(file: File) -> list[list[str]]:
+    """Return the cells of a file that are not empty lines."""
+    path = Path(file.place)
+    if path.stat().st_size > _MOST_BYTES:
+        raise UnusableMatricesError(f"`{file.name}` has {path.stat().st_size >> 20} MB", f"at most {_MOST_BYTES >> 20}")
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as opened:
+            lines = [line for line in csv.reader(opened) if any(cell.strip() for cell in line)]
+    except (csv.Error, UnicodeDecodeError) as error:
+        raise UnusableMatricesError(
+            f"`{file.name}` is no CSV file: {error}", "write values with commas between"
+        ) from None
+    if not lines:
+        raise UnusableMatricesError(f"`{file.name}` is empty", "write a row for each mode")
+    return lines
+
+
+def _numbers(file: File, lines: list[list[str]]) -> Rows:
+    try:
+        return tuple(tuple(float(cell) for cell in line) for line in lines)
+    except ValueError as error:
+        raise UnusableMatricesError(f"`{file.name}` has a value that is no number: {error}", "write numbers") from None
+
+
+def _table(name: str, values: Rows) -> Array:
+    """Return rows as an array, all of one length and finite."""
+    if not 0 < len(values) <= MOST_MODES:
+        raise UnusableMatricesError(f"{name} has {len(values)} rows", f"write 1 to {MOST_MODES}")
+    if len({len(row) for row in values}) > 1 or not values[0]:
+        raise UnusableMatricesError(f"{name} has rows of different lengths", "write as many values in each")
+    if not all(math.isfinite(value) for row in values for value in row):
+        raise UnusableMatricesError(f"{name} has a value that is not finite", "write finite numbers")
+    return np.array(values, dtype=np.float64)
