@@ -13,6 +13,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from workflow import models, reduction, schemes, variables
 from workflow.declare import quantity_of, word_of
+from workflow.study.addresses import TOLERANCE, settings
 from workflow.study.settings import Casing, Cell, Initial, Load, Output, Scene
 
 FILE = Path(__file__).with_name("REFERENCE.md")
@@ -106,6 +107,7 @@ def key_tables() -> Iterator[str]:
     for title, declared, path in groups:
         rows = [row for row in keys(declared, path) if declared is not Scene or row[0] == "scene.duration"]
         rows = [row for row in rows if declared is not Cell or is_setting(_field(Cell, row[0]))]
+        rows += [tolerance()] if declared is Cell else []
         if rows:
             yield f"### {title}"
             yield ""
@@ -114,6 +116,12 @@ def key_tables() -> Iterator[str]:
     yield "### Bases, values of `reduction`"
     yield ""
     yield from table([(f"`{name}`", about_basis(name)) for name in reduction.names()], "basis", "what it is")
+
+
+def tolerance() -> tuple[str, str, str, str]:
+    """Return the row of the one setting without a default."""
+    about = settings((), ())[TOLERANCE]
+    return TOLERANCE, about.unit, "none", f"{about.description}; needed where a count of modes is `auto`"
 
 
 def is_setting(entry: dataclasses.Field[Any]) -> bool:
@@ -131,7 +139,13 @@ def _field(declared: Any, name: str) -> dataclasses.Field[Any]:
 
 
 SHAPES = {"history": "(…, t)", "metric": "(…)", "period": "(…, period)", "flag": "(…), int8"}
-WHEN = {"always": "", "balances": "with `output.balances`", "reference": "with a `reference`", "scheme": ""}
+WHEN = {
+    "always": "",
+    "balances": "with `output.balances`",
+    "reference": "with a `reference`",
+    "scheme": "",
+    "auto": "with `auto`",
+}
 
 
 def variable_table() -> Iterator[str]:

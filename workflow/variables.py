@@ -16,8 +16,9 @@ Shape = Literal["history", "metric", "period", "flag"]
 
 Origin = Literal["scheme", "workflow"]
 
-Condition = Literal["always", "balances", "reference", "scheme"]
-"""When an archive has the variable: always, with ``output.balances``, with a reference, if a scheme declares it."""
+Condition = Literal["always", "balances", "reference", "scheme", "auto"]
+"""When an archive has the variable: always, with ``output.balances``, with a reference, if a scheme declares it,
+where a tolerance decides a count of modes."""
 
 
 @dataclass(frozen=True)
@@ -99,6 +100,15 @@ _PREDICTABILITY = (
     "the larger of two changes of the sampled displacement: with the gap opened and with it closed by 1e-12 of a "
     "length of the motion, the larger of abs(gap) and the largest abs(x_n); only opened where closing it would put "
     "the start inside the casing"
+)
+
+_BASIS_ERROR = (
+    "larger of the relative L2 errors of displacement and temperature of the reduced model in the hardest case of the "
+    "study, event_driven against the full model (of more than 300 coordinates: against 100 + 100 vectors; what "
+    "event_driven refuses: moreau, theta = 1, at the shortest step); hardest: "
+    "largest alpha, smallest gap, load frequency of the largest answer, largest magnitude of all else that varies; "
+    "the text choices of the provenance group names it; missing where the study gives both counts, or that case did "
+    "not end ok"
 )
 
 _TOTAL = "0 where both are identically zero; missing where only the reference is, or failed: see message"
@@ -189,6 +199,23 @@ TABLE = (
         "1",
         "share of initial states and constant loads that the reduced basis cannot hold",
         comment=_PROJECTION,
+    ),
+    Variable(
+        "mechanical_modes_used",
+        "1",
+        "mechanical vectors of the case's reduced model beside the tip's own",
+        condition="auto",
+    ),
+    Variable(
+        "thermal_modes_used", "1", "thermal vectors of the case's reduced model beside the tip's own", condition="auto"
+    ),
+    Variable(
+        "basis_error",
+        "1",
+        "error of the reduced model whose counts of modes the tolerance decided",
+        condition="auto",
+        gaps=True,
+        comment=_BASIS_ERROR,
     ),
     Variable("steps", "1", "number of steps", origin="scheme"),
     Variable(

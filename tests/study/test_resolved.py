@@ -25,6 +25,15 @@ def found(text: str) -> dict[str, ResolvedValue]:
     return {value.path: value for value in resolved_values(study, cell)}
 
 
+def test_counts_that_a_tolerance_decides_are_told_as_they_are_written() -> None:
+    axes = "axes: {scheme: [half, event_driven], mechanical_modes: [1, auto], thermal_modes: auto, tolerance: 0.01}"
+    values = found(TEXT[: TEXT.index("axes:")] + axes)
+    assert values["mechanical_modes"].told == "1, auto"
+    assert values["thermal_modes"] == ResolvedValue("thermal_modes", ("auto",), "1", "study")
+    assert values["tolerance"] == ResolvedValue("tolerance", (0.01,), "1", "study")
+    assert "tolerance" not in found(TEXT)
+
+
 def test_values_units_and_origins() -> None:
     values = found(TEXT)
     assert values["scene.casing.gap"] == ResolvedValue("scene.casing.gap", (2e-5,), "m", "study")

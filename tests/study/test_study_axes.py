@@ -112,6 +112,21 @@ def test_full_follows_the_nodes() -> None:
     assert columns["thermal_modes"] == (1, 4)
 
 
+def test_auto_is_stored_as_minus_one_beside_its_tolerance() -> None:
+    study = chain("axes: {mechanical_modes: auto}\nzip: {model: {thermal_modes: [1, auto], tolerance: [0.1, 1e-3]}}")
+    [dimension] = study.dimensions
+    assert {axis.name: axis.values for axis in dimension.axes} == {"thermal_modes": (1, -1), "tolerance": (0.1, 1e-3)}
+    assert [axis.values for axis in study.scalars if axis.path == "mechanical_modes"] == [(-1,)]
+    assert study.is_auto
+    assert not chain("axes: {tolerance: 0.1}").is_auto
+    assert "tolerance" not in {axis.path for axis in chain("axes: {e: 0}").scalars}
+
+
+def test_auto_needs_no_count_of_nodes() -> None:
+    study = chain("axes: {scene.chain.nodes: [2, 5], mechanical_modes: auto, thermal_modes: auto, tolerance: 0.1}")
+    assert [dimension.name for dimension in study.dimensions] == ["nodes"]
+
+
 def test_a_full_reference_is_resolved_in_every_case() -> None:
     study = chain("axes: {scene.chain.nodes: [2, 5], mechanical_modes: 0}\nreference: {mechanical_modes: full}")
     assert study.reference is not None

@@ -9,10 +9,13 @@ from workflow.analysis._cases import (
     failures,
     finest,
     labels_of,
+    mode_counts,
     runaways,
     shown_dim,
+    value_text,
 )
 from workflow.analysis._compare import compare
+from workflow.analysis._decided import Decided, decided
 from workflow.analysis._effects import Hidden, effect, hidden
 from workflow.analysis._motion import contact_loss, energy_kept, growth, impact_speeds
 from workflow.analysis._phases import contact_phases
@@ -44,6 +47,7 @@ __all__ = [
     "SENSELESS",
     "TARGETS",
     "Choice",
+    "Decided",
     "Failures",
     "Hidden",
     "Line",
@@ -58,6 +62,7 @@ __all__ = [
     "compare",
     "contact_loss",
     "contact_phases",
+    "decided",
     "effect",
     "energy_kept",
     "exact",
@@ -70,6 +75,7 @@ __all__ = [
     "impact_speeds",
     "labels_of",
     "lines",
+    "mode_counts",
     "numerical_dims",
     "observed_order",
     "ranges",
@@ -83,6 +89,7 @@ __all__ = [
     "telling",
     "total_error",
     "undecidable",
+    "value_text",
     "winners",
     "work_precision",
 ]

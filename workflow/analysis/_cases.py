@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from workflow.run import status_name
 from workflow.schemes import Status
+from workflow.study import AUTO, CHOSEN, MODES
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -41,6 +42,26 @@ def exact(value: object) -> str:
     return next((text for digits in range(4, 17) if float(text := f"{value:.{digits}g}") == value), repr(float(value)))
 
 
+def is_auto(coordinate: xr.DataArray, value: object) -> bool:
+    """Tell whether a count of modes is that of which a tolerance decides."""
+    return str(coordinate.name) in MODES and value == CHOSEN
+
+
+def value_text(coordinate: xr.DataArray, value: object) -> str:
+    """Return a value of a coordinate as a study writes it, see :func:`exact`."""
+    return AUTO if is_auto(coordinate, value) else exact(value)
+
+
+def mode_counts(dataset: xr.Dataset, name: str) -> NDArray[np.float64]:
+    """Return the counts of modes along their dimension, of `auto` the largest that was used."""
+    coordinate = dataset[name]
+    counts = np.asarray(coordinate.values, dtype=np.float64).copy()
+    for place in map(tuple, np.argwhere(counts == CHOSEN).tolist()):
+        used = dataset[f"{name}_used"].isel(dict(zip(coordinate.dims, place, strict=True)))
+        counts[place] = float(used.max())
+    return counts
+
+
 def labels_of(dataset: xr.Dataset, dim: str, named: bool = True, rounded: bool = False) -> list[str]:
     """Return a label for each value of a dimension, zipped coordinates side by side.
 
@@ -67,7 +88,9 @@ def _labels(coordinate: xr.DataArray, named: bool, rounded: bool) -> list[str]:
     before = f"{coordinate.name} ".replace("_", " ") if named else ""
     after = "" if unit == "1" else f" {unit}"
     numbers = rounded and np.issubdtype(coordinate.dtype, np.floating)
-    return [before + (f"{value:.4g}" if numbers else exact(value)) + after for value in coordinate.values]
+    return [
+        before + (f"{value:.4g}" if numbers else value_text(coordinate, value)) + after for value in coordinate.values
+    ]
 
 
 _MOST_GROUPS = 1000
@@ -143,7 +166,7 @@ def finest(dataset: xr.Dataset) -> dict[str, int]:
     place = dict.fromkeys(case_dims(dataset), 0)
     for name, largest in (("h", False), ("thermal_modes", True), ("mechanical_modes", True), ("alpha", True)):
         if name in dataset.coords and dataset[name].ndim == 1:
-            values = np.asarray(dataset[name].values)
+            values = mode_counts(dataset, name) if name in MODES else np.asarray(dataset[name].values)
             place[str(dataset[name].dims[0])] = int(np.argmax(values) if largest else np.argmin(values))
     return place
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 MEASURED = {"contact_impulse": "impulse_error", "max_temperature": "temperature_error"}
 """Metrics whose change along an axis is weighed, and the error it is weighed against."""
 
-NUMERICAL = ("scheme", "h", "reduction", "mechanical_modes", "thermal_modes")
+NUMERICAL = ("scheme", "h", "reduction", "mechanical_modes", "thermal_modes", "tolerance")
 """Coordinates that change the computation, not the scene."""
 
 

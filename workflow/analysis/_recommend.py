@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.analysis._cases import case_dims
+from workflow.analysis._cases import case_dims, is_auto
 from workflow.schemes import Status
+from workflow.study import MODES
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -88,6 +89,8 @@ class Choice:
         Its worst case.
     step_matters
         Whether its cases differ along ``h`` at all; the exact scheme's do not.
+    used
+        Counts of modes that its tolerance decided, by the name of their setting; the largest of the scene's cases.
     """
 
     settings: dict[str, Any]
@@ -96,6 +99,7 @@ class Choice:
     share: float
     worst: Worst
     step_matters: bool
+    used: dict[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -242,6 +246,7 @@ class Table:
             float(within.mean()),
             self._worst(row),
             self._step_matters(row),
+            self._used(row),
         )
 
     def _values(self, dims: Sequence[str], place: int, scalars: bool = False) -> dict[str, Any]:
@@ -255,6 +260,12 @@ class Table:
                 value = coordinate.values if fixed else coordinate.values[at[str(coordinate.dims[0])]]
                 found[str(name)] = value.item() if hasattr(value, "item") else value
         return found
+
+    def _used(self, row: int) -> dict[str, int]:
+        """Return the counts of modes that a choice used where it leaves them to its tolerance."""
+        settings = self._values(self.rows, row, scalars=True)
+        names = [name for name in MODES if name in settings and is_auto(self.dataset[name], settings[name])]
+        return {name: int(np.nanmax(self._array(f"{name}_used")[row])) for name in names}
 
     def _worst(self, row: int) -> Worst:
         """Return the worst case of a choice: one without an error, else the one with the largest."""

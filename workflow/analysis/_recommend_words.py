@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 from workflow.analysis._recommend import Choice, Recommendation, Worst
+from workflow.study import AUTO, MODES
 
 SETTINGS = ("scheme", "h", "mechanical_modes", "thermal_modes", "reduction")
 """Settings that stand in every answer; ``None`` where the archive does not have one."""
@@ -25,7 +26,9 @@ def named_choice(choice: Choice) -> str:
         words.append(f"h = {h:.6g} s" if choice.step_matters else "whatever h")
     modes = settings.pop("mechanical_modes", None), settings.pop("thermal_modes", None)
     if None not in modes:
-        words.append(f"{modes[0]} + {modes[1]} modes")
+        counts = [choice.used.get(name, count) for name, count in zip(MODES, modes, strict=True)]
+        written = [AUTO if name in choice.used else count for name, count in zip(MODES, modes, strict=True)]
+        words.append(f"{counts[0]} + {counts[1]} modes" + (f" ({written[0]} + {written[1]})" if choice.used else ""))
     reduction = settings.pop("reduction", None)
     if reduction is not None:
         words.append(str(reduction))
@@ -85,6 +88,7 @@ def as_json(found: Recommendation) -> dict[str, Any]:
     return {
         "tolerance": found.tolerance,
         **{name: settings.get(name) for name in SETTINGS},
+        **({} if chosen is None else _used(chosen)),
         "options": {name: value for name, value in settings.items() if name not in SETTINGS},
         "cost": None if chosen is None else finite(chosen.cost),
         "cost_per_second": None if chosen is None else finite(chosen.cost_per_second),
@@ -100,11 +104,17 @@ def as_json(found: Recommendation) -> dict[str, Any]:
 def _choice(choice: Choice) -> dict[str, Any]:
     return {
         **choice.settings,
+        **_used(choice),
         "cost": finite(choice.cost),
         "share": choice.share,
         "worst": _worst(choice.worst),
         "limited_by": choice.worst.limited_by,
     }
+
+
+def _used(choice: Choice) -> dict[str, Any]:
+    """Return `auto` for counts of modes that a tolerance decided, and the counts beside them."""
+    return dict.fromkeys(choice.used, AUTO) | {f"{name}_used": count for name, count in choice.used.items()}
 
 
 def _worst(worst: Worst) -> dict[str, Any]:
@@ -172,6 +182,8 @@ def _nearest(choice: Choice | None, tolerance: float) -> str:
     worst, h = choice.worst, choice.settings.get("h")
     if worst.limited_by == "step" and h is not None and choice.step_matters:
         return text + f"Add smaller steps: at order one about h = {h * tolerance / worst.scheme_error:.1g} s."
+    if worst.limited_by == "basis" and choice.used:
+        return text + "Add a smaller tolerance of `auto`."
     if worst.limited_by == "basis":
         return text + "Add more modes, or `full`."
     if worst.limited_by == "status":

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.analysis._cases import case_dims, finest
+from workflow.analysis._cases import case_dims, finest, mode_counts
 from workflow.analysis._recommend import COMPARED, Choice, numerical_dims
 from workflow.schemes import Status
 
@@ -177,5 +177,5 @@ def _most_modes(dataset: xr.Dataset, exact: NDArray[np.bool_]) -> int:
     modes = np.zeros(exact.size)
     for name in ("mechanical_modes", "thermal_modes"):
         if name in dataset.coords and dataset[name].dims == dataset["scheme"].dims:
-            modes += np.asarray(dataset[name].values, dtype=float)
+            modes += mode_counts(dataset, name)
     return int(np.argmax(np.where(exact, modes, -np.inf)))

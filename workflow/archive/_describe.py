@@ -16,10 +16,10 @@ import numpy as np
 
 import workflow
 from workflow import variables
-from workflow.archive._layout import Coordinate, Layout, Variable
-from workflow.grid import FRICTION, Grid, Units, alpha_of, longest_period_count, metrics_of
+from workflow.archive._layout import Attributes, Coordinate, Layout, Variable
+from workflow.grid import FRICTION, Grid, Units, alpha_of, choices_text, longest_period_count, metrics_of
 from workflow.schemes import SOLVER_VERSION, Status
-from workflow.study import Axis, Study, packed
+from workflow.study import AUTO, CHOSEN, MODES, Axis, Study, packed
 
 SOFTWARE = ("code_revision", "processor", "versions")
 """Texts of the provenance group that tell whether two runs must agree bit for bit."""
@@ -84,6 +84,7 @@ def describe(study: Study, grid: Grid, units: Units) -> Layout:
             "solver_version": str(SOLVER_VERSION),
             "versions": json.dumps(versions(), sort_keys=True),
             "code_revision": code_revision(),
+            **({"choices": choices_text(grid.choices)} if grid.choices else {}),
             "platform": platform.platform(),
             "processor": processor(),
         },
@@ -124,7 +125,11 @@ def _version(package: str) -> str:
 def _coordinate(axis: Axis, dims: tuple[str, ...]) -> Coordinate:
     kind = object if any(isinstance(value, str) for value in axis.values) else None
     values = np.asarray(axis.values, dtype=kind)
-    attrs = {"long_name": axis.description, "study_path": axis.path} | ({} if kind is object else {"units": axis.unit})
+    attrs: Attributes = {"long_name": axis.description, "study_path": axis.path}
+    if kind is None:
+        attrs = {**attrs, "units": axis.unit}
+    if axis.path in MODES and CHOSEN in axis.values:
+        attrs = {**attrs, "flag_values": [CHOSEN], "flag_meanings": AUTO}
     return Coordinate(axis.name, dims, values if dims else values.reshape(()), attrs)
 
 

@@ -27,7 +27,9 @@ def plan(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON.")] = False,
 ) -> None:
-    """Say what a study comes to: cases, batches, time, size, structures, warnings. Runs nothing.
+    """Say what a study comes to: cases, batches, time, size, structures, warnings. Runs no case.
+
+    Where counts of modes are `auto` they are decided here as in a run, by trials of the study's hardest case.
 
     With an archive: how many cases it holds, how many are missing, how many the study no longer asks for.
     """
@@ -76,6 +78,7 @@ def _lines(plan: Plan) -> Iterator[str]:
     yield f"  stored       metrics{''.join(f', {name}' for name in plan.stored)}"
     yield f"  size         at most {_size(plan.bytes)} before compression"
     yield from map(_structure, plan.structures)
+    yield from (f"  auto         {choice}" for choice in plan.choices)
     yield from (f"  {operator}" for operator in plan.operators)
     yield from (f"  beware: {warning}" for warning in plan.warnings)
 

@@ -43,6 +43,7 @@ def _lines(archive: Path, dataset: xr.Dataset) -> Iterator[str]:
         yield f"damaged: {dataset.attrs['damaged']}; any value may be wrong"
     yield f"{archive}: {dataset.attrs.get('title', 'without a title')}"
     yield from _coordinates(dataset)
+    yield from _decided(dataset)
     yield from _statuses(dataset)
 
 
@@ -80,7 +81,7 @@ def _plain(value: Any) -> Any:
 
 
 def _coordinates(dataset: xr.Dataset) -> Iterator[str]:
-    from workflow.analysis import case_dims, exact, labels_of
+    from workflow.analysis import case_dims, exact, labels_of, value_text
 
     for dim in case_dims(dataset):
         values = labels_of(dataset, dim, named=False)
@@ -89,10 +90,21 @@ def _coordinates(dataset: xr.Dataset) -> Iterator[str]:
     for name in dataset.coords:
         if dataset[name].ndim == 0:
             unit = str(dataset[name].attrs.get("units", "1")).removeprefix("1")
-            yield f"  {name} = {exact(dataset[name].item())} {unit}".rstrip()
+            yield f"  {name} = {value_text(dataset[name], dataset[name].item())} {unit}".rstrip()
     if "t" in dataset.sizes:
         t = dataset["t"].values
         yield f"  t: {t.size} samples to {exact(t[-1])} s"
+
+
+def _decided(dataset: xr.Dataset) -> Iterator[str]:
+    from workflow.analysis import decided
+
+    found = decided(dataset)
+    for one in found[:VALUES_SHOWN]:
+        modes = f"{one.mechanical_modes} + {one.thermal_modes} modes"
+        yield f"  auto: {modes} for {one.where}, basis error {one.error:.2g}"
+    if len(found) > VALUES_SHOWN:
+        yield f"  auto: … {len(found)} in all"
 
 
 def _statuses(dataset: xr.Dataset) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from workflow.grid._ahead import compiling, is_compiling, lend_turns
 from workflow.grid._arrangement import Grid, arrange, fixes_operator, reads
+from workflow.grid._choice import Choice, choices_text, read_choices
 from workflow.grid._conditions import FRICTION, alpha_of
 from workflow.grid._costs import Part, handling_part, measured
 from workflow.grid._estimate import Time, compiling_seconds, estimate, measured_run, task_seconds
@@ -17,6 +18,7 @@ from workflow.grid._turns import Turns
 
 __all__ = [
     "FRICTION",
+    "Choice",
     "Figures",
     "Grid",
     "Part",
@@ -32,6 +34,7 @@ __all__ = [
     "arrange",
     "bytes_per_case",
     "case_hashes",
+    "choices_text",
     "compiling",
     "compiling_seconds",
     "estimate",
@@ -45,6 +48,7 @@ __all__ = [
     "metrics_of",
     "plan",
     "plan_study",
+    "read_choices",
     "reads",
     "reduced_structure",
     "seconds_per_case",

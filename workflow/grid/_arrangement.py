@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -12,19 +12,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow import schemes
+from workflow.grid._choice import Choice, choose
 from workflow.grid._conditions import FRICTION
+from workflow.grid._trials import EXACT, Setting
 from workflow.schemes import Sampling
-from workflow.study import Cell, Dimension, SchemeChoice, Study
+from workflow.study import CHOSEN, Axis, Cell, Dimension, SchemeChoice, Study
 
 Indices = NDArray[np.int64]
-
-EXACT = "event_driven"
-"""The scheme that splits an error: its solution of a case's own reduced model has no error of a step."""
 
 _SETTINGS_KEPT = 256
 """Outer indices whose settings a grid keeps: several tasks of each thread."""
 
-_OPERATOR_AXES = frozenset({"scheme", "h", "reduction", "mechanical_modes", "thermal_modes"})
+TOLERANCE = "tolerance"
+
+_OPERATOR_AXES = frozenset({"scheme", "h", "reduction", "mechanical_modes", "thermal_modes", TOLERANCE})
 
 
 def fixes_operator(path: str, model: str) -> bool:
@@ -53,6 +54,8 @@ class Grid:
     study: Study
     outer: tuple[Dimension, ...]
     inner: tuple[Dimension, ...]
+    decided: Mapping[int, Choice] = field(default_factory=dict)
+    """Counts of modes that were decided elsewhere, as :attr:`choices` has them."""
 
     @property
     def dims(self) -> tuple[tuple[str, int], ...]:
@@ -104,10 +107,52 @@ class Grid:
         return lru_cache(maxsize=_SETTINGS_KEPT)(lambda outer: self._settings(outer, {}))
 
     def _settings(self, outer: int, replaced: Mapping[str, Any]) -> Cell:
+        values = self._values(outer)
+        chosen = self.choice(outer)
+        counts = {} if chosen is None else chosen.counts
+        return self.study.cell({**values, **counts, **replaced})
+
+    def _values(self, outer: int) -> dict[str, Any]:
+        """Return the values of the first case of an outer index, by path."""
         values = dict(self.base)
         for dimension, index in zip(self.outer, _unravelled(outer, self.outer_shape), strict=True):
             values.update({axis.path: axis.values[int(index)] for axis in dimension.axes})
-        return self.study.cell({**values, **replaced})
+        return values
+
+    def value(self, outer: int, path: str) -> Any:
+        """Return the value of a setting for the first case of an outer index."""
+        return self._values(outer)[path]
+
+    def choice(self, outer: int) -> Choice | None:
+        """Return the counts of modes that the tolerance of an outer index decides, ``None`` where the study does."""
+        if not self.study.is_auto:
+            return None
+        values = self._values(outer)
+        if CHOSEN not in (values["mechanical_modes"], values["thermal_modes"]):
+            return None
+        first = int(self.alike(np.array([outer]), _decides)[0])
+        if first not in self.decided:
+            cell = self.study.cell(self._values(first))
+            setting = Setting(cell, self.inner, replace(self.sampling, balances=False), self.shortest)
+            return choose(setting, (cell.mechanical_modes, cell.thermal_modes), float(values["tolerance"]))
+        return self.decided[first]
+
+    @cached_property
+    def choices(self) -> dict[int, Choice]:
+        """Counts of modes that tolerances decide, by the first outer index that each belongs to."""
+        if not self.study.is_auto:
+            return {}
+        first = np.unique(self.alike(np.arange(self.outer_count, dtype=np.int64), _decides))
+        found = {int(outer): self.choice(int(outer)) for outer in first}
+        return {outer: choice for outer, choice in found.items() if choice is not None}
+
+    @cached_property
+    def shortest(self) -> float:
+        """Shortest time that steps resolve, s; the samples where no scheme of the study has steps."""
+        stepping = any("h" in schemes.load(choice.method).READS for choice in self.study.schemes.values())
+        axes = (axis for dimension in (*self.outer, *self.inner) for axis in dimension.axes)
+        steps = next((axis.values for axis in axes if axis.path == "h"), (self.base["h"],))
+        return float(min(map(float, steps))) if stepping else self.sampling.interval
 
     def inner_values(self, inner: Indices) -> Mapping[str, NDArray[np.float64]]:
         """Return the values of the axes that vary within a batch, each ``(case,)``, by path."""
@@ -119,7 +164,11 @@ class Grid:
 
     def unread(self, dimension: Dimension, scheme: SchemeChoice) -> bool:
         """Tell whether a scheme's results do not depend on a dimension."""
-        return not any(reads(scheme.method, scheme.label, axis.path) for axis in dimension.axes)
+        return not any(reads(scheme.method, scheme.label, axis.path) for axis in dimension.axes if self._acts(axis))
+
+    def _acts(self, axis: Axis) -> bool:
+        """Tell whether an axis can change results: not a tolerance that decides no count."""
+        return axis.path != TOLERANCE or self.study.is_auto
 
     def uncompared(self, dimension: Dimension, scheme: SchemeChoice) -> bool:
         """Tell whether the reference of its cases, where there is one, is the same all along a dimension.
@@ -133,7 +182,7 @@ class Grid:
         return not any(
             reads(method, truth.label, axis.path)
             for axis in dimension.axes
-            if axis.path not in replaced
+            if axis.path not in replaced and self._acts(axis)
             for method in (truth.method, EXACT)
         )
 
@@ -211,8 +260,13 @@ def _unravelled(index: Any, shape: tuple[int, ...]) -> tuple[Any, ...]:
     return np.unravel_index(index, shape) if shape else ()
 
 
-def arrange(study: Study) -> Grid:
-    """Order a study's dimensions: operators outermost, then conditions.
+def _decides(path: str) -> bool:
+    """Tell whether counts that a tolerance decides may differ along an axis."""
+    return path not in ("scheme", "h") and not path.startswith("schemes.")
+
+
+def arrange(study: Study, decided: Mapping[int, Choice] | None = None) -> Grid:
+    """Order a study's dimensions: operators outermost, then conditions; ``decided`` as :attr:`Grid.choices`.
 
     The order depends on what varies, neither on how many values it has nor on its place in the file: an axis that
     grows leaves the archive's dimensions as they are. Conditions that are mostly varied finely lie innermost.
@@ -222,12 +276,12 @@ def arrange(study: Study) -> Grid:
     inner = [d for d in study.dimensions if d not in outer]
     outer.sort(key=lambda d: (min(_outermost_first(axis.path) for axis in d.axes), d.name))
     inner.sort(key=lambda d: (max(_innermost_last(axis.path) for axis in d.axes), d.name))
-    return Grid(study, tuple(outer), tuple(inner))
+    return Grid(study, tuple(outer), tuple(inner), decided or {})
 
 
 def _outermost_first(path: str) -> int:
     """Rank scheme before structure before its basis before its modes before the step."""
-    order = {"scheme": 0, "reduction": 2, "mechanical_modes": 3, "thermal_modes": 3, "h": 4}
+    order = {"scheme": 0, "reduction": 2, "mechanical_modes": 3, "thermal_modes": 3, TOLERANCE: 3, "h": 4}
     return order.get(path, 1)
 
 

@@ -33,7 +33,8 @@ def case_hashes(grid: Grid) -> NDArray[np.uint8]:
     """Return the hash of every case in archive order, ``(case, HASH_BYTES)``.
 
     It covers the solver's version, model, conditions, duration and sampling, the scheme with its
-    options, those of e, h and α that it reads, basis and mode counts, and the reference in the same way: values
+    options, those of e, h and α that it reads, basis and mode counts (those that a tolerance decided, with the error
+    that was found), and the reference in the same way: values
     in SI, to the bit. Labels, titles, the place in the grid and what else is stored do not enter.
     """
     found = np.empty((grid.outer_count, grid.inner_count, HASH_BYTES), np.uint8)
@@ -54,7 +55,7 @@ def case_hashes(grid: Grid) -> NDArray[np.uint8]:
 
 def _shared(grid: Grid, outer: int, cell: Cell) -> dict[str, Any]:
     """Return what the cases of an outer index have in common and no condition of :func:`_rows` holds."""
-    reference = grid.study.reference
+    reference, choice = grid.study.reference, grid.choice(outer)
     return {
         "solver": SOLVER_VERSION,
         "duration": grid.sampling.duration,
@@ -62,6 +63,7 @@ def _shared(grid: Grid, outer: int, cell: Cell) -> dict[str, Any]:
         "run": _numerics(cell, _read(cell)),
         "reference": None if reference is None else _numerics(reference_cell(grid, outer), frozenset({"h"})),
         **_widths(cell.scene),
+        **({} if choice is None else {"basis_error": choice.error.hex()}),
         "lists": {path: value for path, value in _per_node(cell).items() if not isinstance(value, float)},
     }
 

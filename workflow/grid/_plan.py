@@ -9,6 +9,7 @@ import numpy as np
 
 from workflow import models, schemes
 from workflow.grid._arrangement import Grid, Indices, arrange
+from workflow.grid._choice_words import choice_cautions, choice_lines
 from workflow.grid._estimate import Time, estimate, result_bytes
 from workflow.grid._frequencies import fastest
 from workflow.grid._operators import Reduced, reduced, reduced_structure, structure_of, structure_on
@@ -88,6 +89,8 @@ class Plan:
         Names of the histories that are stored, metrics not told; none for metrics alone.
     structures
         Figures of the first distinct structures.
+    choices
+        Counts of modes that a tolerance decides, for which structures, and the error found.
     operators
         What the schemes step the first distinct structures by, where there is a choice.
     warnings
@@ -109,6 +112,7 @@ class Plan:
     bytes: int
     stored: tuple[str, ...]
     structures: tuple[Figures, ...]
+    choices: tuple[str, ...]
     operators: tuple[str, ...]
     warnings: tuple[str, ...]
 
@@ -130,7 +134,7 @@ def figures(label: str, cell: Cell) -> Figures:
 
 
 def plan_study(study: Study) -> Plan:
-    """Return what a study comes to; runs nothing."""
+    """Return what a study comes to; runs nothing but the trials by which tolerances decide counts of modes."""
     grid = arrange(study)
     return plan(grid, units_of(grid))
 
@@ -183,8 +187,9 @@ def _plan(grid: Grid, units: Units) -> Plan:
         structures=tuple(
             figures(f"{model}, {models.sizes(model, cell.scene.parameters)[0]} nodes", cell) for cell in shown
         ),
+        choices=choice_lines(grid),
         operators=_operators(grid, computed),
-        warnings=idle + scene_cautions(grid) + _told(cautions),
+        warnings=idle + tuple(choice_cautions(grid)) + scene_cautions(grid) + _told(cautions),
     )
 
 

@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from workflow import schemes
-from workflow.grid._arrangement import EXACT, Grid, Indices
+from workflow.grid._arrangement import Grid, Indices
 from workflow.grid._distance import norms, relative
+from workflow.grid._trials import EXACT
 from workflow.grid._truth import Truth, distinct_shape, only_what_is_read, truths
 from workflow.models import Array
 from workflow.schemes import Status

@@ -48,12 +48,22 @@ def solve(grid: Grid, outer: int, inner: Indices, shaken: Shaken | None = None) 
     canonical, place = np.unique(grid.canonical_inner(cell, inner), return_inverse=True)
     solved = _solve_or_tell(grid, outer, canonical, shaken)
     where = place.ravel()
-    values = {name: found[where] for name, found in solved.values.items()}
+    values = {name: found[where] for name, found in solved.values.items()} | _basis(grid, outer, inner.size)
     with np.errstate(all="ignore"):
         errors, told = against_reference(grid, outer, inner, values)
     own = {k: solved.messages[int(source)] for k, source in enumerate(where) if int(source) in solved.messages}
     both = {k: "; ".join(text[k] for text in (told, own) if k in text) for k in {*told, *own}}
     return Solved({**values, **errors}, both)
+
+
+def _basis(grid: Grid, outer: int, count: int) -> dict[str, Array]:
+    """Return counts of vectors and their error, ``(case,)`` each, where a tolerance decides some of a study."""
+    if not grid.study.is_auto:
+        return {}
+    cell, choice = grid.settings(outer), grid.choice(outer)
+    used = {f"{path}_used": getattr(cell, path) for path in ("mechanical_modes", "thermal_modes")}
+    found = {**used, "basis_error": np.nan if choice is None else choice.error}
+    return {name: np.full(count, float(value)) for name, value in found.items()}
 
 
 def _solve_or_tell(grid: Grid, outer: int, inner: Indices, shaken: Shaken | None) -> Solved:
@@ -168,6 +178,7 @@ def scheme_metrics(study: Study) -> tuple[Variable, ...]:
 def metrics_of(study: Study) -> tuple[Variable, ...]:
     """Return all metrics of a study's archive, in its order."""
     conditions: list[Condition] = ["always"]
+    conditions += ["auto"] if study.is_auto else []
     conditions += ["balances"] if study.output.balances else []
     conditions += ["reference"] if study.reference is not None else []
     return (*variables.select("metric", None, *conditions), *scheme_metrics(study))
@@ -179,7 +190,7 @@ def _failed(grid: Grid, text: str) -> Solved:
     values: dict[str, NDArray[Any]] = {
         about.name: np.full(nan[about.shape], np.nan)
         for about in (*variables.select("history"), *metrics_of(grid.study), *variables.select("period"))
-        if about.condition != "reference"
+        if about.condition not in ("reference", "auto")
     }
     values |= {"status": np.full(1, Status.FAILED, dtype=np.int8), "runaway": np.zeros(1, dtype=np.int8)}
     return Solved(values, {0: text})

@@ -12,6 +12,7 @@ from workflow.analysis import (
     RULE,
     Line,
     case_dims,
+    decided,
     effect,
     exact,
     failures,
@@ -19,6 +20,7 @@ from workflow.analysis import (
     hidden,
     labels_of,
     lines,
+    mode_counts,
     runaways,
     standings,
     winners,
@@ -32,6 +34,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _METRICS = ("contact_impulse", "impacts", "max_temperature", "max_penetration")
+_DECIDED_SHOWN = 40
 _FAILURES_SHOWN = 20
 
 TERMS = (
@@ -79,6 +82,7 @@ def cases(dataset: xr.Dataset) -> list[str]:
         found.append(table(["status", "cases", "the first of them", "what it did"], rows))
         if len(told) > _FAILURES_SHOWN:
             found.append(tag("p", f"… and {len(told) - _FAILURES_SHOWN} more messages."))
+    found += _decided(dataset)
     dims = [
         [dim, str(dataset.sizes[dim]), "; ".join(labels_of(dataset, dim, named=False)[:8])]
         for dim in case_dims(dataset)
@@ -86,6 +90,15 @@ def cases(dataset: xr.Dataset) -> list[str]:
     if dims:
         found.append(table(["dimension", "size", "values"], dims))
     return found
+
+
+def _decided(dataset: xr.Dataset) -> list[str]:
+    """Tell which counts of modes tolerances decided, and the errors found with them."""
+    rows = [
+        [one.where, f"{one.mechanical_modes} + {one.thermal_modes}", _percent(one.error)]
+        for one in decided(dataset)[:_DECIDED_SHOWN]
+    ]
+    return [table(["modes that the tolerance decided for", "modes", "error in the hardest case"], rows)] if rows else []
 
 
 def effects(dataset: xr.Dataset) -> list[str]:
@@ -249,7 +262,7 @@ def _model_dim(dataset: xr.Dataset) -> str | None:
 
 def _fewest_modes(dataset: xr.Dataset, dim: str) -> int:
     names = [n for n in ("mechanical_modes", "thermal_modes") if n in dataset.coords and dataset[n].dims == (dim,)]
-    return int(np.argmin(sum(np.asarray(dataset[name].values, dtype=float) for name in names)))
+    return int(np.argmin(sum(mode_counts(dataset, name) for name in names)))
 
 
 def scene_pictures(dataset: xr.Dataset) -> list[str]:

@@ -28,8 +28,9 @@ from workflow.archive import (
     read_layout,
     statuses,
     stored_hashes,
+    study_key,
 )
-from workflow.grid import arrange, case_hashes, units_of
+from workflow.grid import Choice, arrange, case_hashes, read_choices, units_of
 from workflow.schemes import SOLVER_VERSION
 from workflow.study import Study, StudyError, parse_study, unpacked
 
@@ -131,9 +132,12 @@ def known_cases(study: Study, archive: Path, layout: Layout, hashes: Hashes, reu
         if unasked:
             none = "holds another study of the same name: none of its cases is"
             which = none if unasked == cases else f"{unasked} of its {cases} cases are not"
+            was, now = stored_choices(texts), stored_choices(layout.provenance)
+            other = set(was.values()) - set(now.values())
+            decided = ", as its tolerance decides `auto` by another hardest case" if other else ""
             raise ArchiveError(
-                f"{archive}: {which} asked for by this study as it is now: {unasked} stored cases would be lost; "
-                "--drop leaves them out, -o chooses another archive"
+                f"{archive}: {which} asked for by this study as it is now{decided}: {unasked} stored cases would be "
+                "lost; --drop leaves them out, -o chooses another archive"
             )
     if reuse.recompute:
         return Known(archive, np.full(layout.cells, -1, dtype=np.int64))
@@ -241,9 +245,27 @@ def _unasked_parts(layout: Layout, done: Shards, hashes: Hashes) -> tuple[int, i
 def _hashes_of(texts: Mapping[str, str]) -> Hashes | None:
     """Return the hashes that the cases of a stored study have in this version, ``None`` if it cannot be read."""
     try:
-        return case_hashes(arrange(parse_study(texts["study"], "study", attached=unpacked(texts.get("files", "")))))
+        study = parse_study(texts["study"], "study", attached=unpacked(texts.get("files", "")))
+        return case_hashes(arrange(study, stored_choices(texts)))
     except (StudyError, LookupError, ValueError, TypeError):
         return None
+
+
+def stored_choices(texts: Mapping[str, str]) -> dict[int, Choice]:
+    """Return the counts of modes that tolerances decided, from the texts of an archive or of an unfinished run.
+
+    None where they cannot be read: they are decided anew then.
+    """
+    try:
+        return read_choices(texts.get("choices", "{}"))
+    except (ValueError, LookupError, TypeError, AttributeError):
+        return {}
+
+
+def begun_choices(study: Study, parts: Path) -> dict[int, Choice]:
+    """Return the counts of modes that an unfinished run of a study began with; none where there is no such run."""
+    left = _unfinished(parts)
+    return stored_choices(left.provenance) if left is not None and left.key == study_key(study) else {}
 
 
 def _unfinished(parts: Path) -> Layout | None:

@@ -28,8 +28,9 @@ from workflow.archive import (
     study_key,
     versions,
 )
-from workflow.grid import Grid, arrange, case_hashes, seconds_per_case, solve, structure_of, units_of
+from workflow.grid import Choice, Grid, arrange, case_hashes, seconds_per_case, solve, structure_of, units_of
 from workflow.run._compare import differences, sensitivity, without_digits
+from workflow.run._earlier import stored_choices
 from workflow.run._outcome import labels_of_case
 from workflow.schemes import SOLVER_VERSION, Status
 from workflow.study import StudyError, parse_study, unpacked
@@ -39,6 +40,10 @@ if TYPE_CHECKING:
 
 SAMPLE = 12
 """Cases that are run again unless another number is asked for."""
+
+_SAME = 0.01
+"""Relative difference of a reduced model's errors up to which they are one: rounding of LAPACK in structures of more
+than 300 coordinates changes them by far less, another count by far more."""
 
 SECONDS = 60.0
 """Estimated seconds of the sample; a case that takes longer alone is not in it, unless all do."""
@@ -89,12 +94,14 @@ def verify(path: Path, sample: int = SAMPLE) -> Iterator[Check]:
         return
     try:
         study = parse_study(texts["study"], path.name, attached=unpacked(texts.get("files", "")))
-        grid = arrange(study)
+        grid = arrange(study, stored_choices(texts))
     except (StudyError, KeyError) as error:
         yield Check("study", False, f"cannot be read from the archive: {error}")
         return
     try:
         yield _identity(path, grid, texts)
+        if grid.decided:
+            yield _choices(grid)
         yield from _repeat(path, grid, texts, sample)
     except Exception as error:  # what a changed byte makes of the libraries
         yield Check("values", False, f"cannot be compared: {error}")
@@ -146,6 +153,22 @@ def _identity(path: Path, grid: Grid, texts: dict[str, str]) -> Check:
     if others.any():
         return Check("cases", False, f"{np.sum(others)} of {len(hashes)} are not those of the study")
     return Check("cases", True, f"all {len(hashes)} are those of the study")
+
+
+def _choices(grid: Grid) -> Check:
+    """Decide counts of modes anew that tolerances decided, and compare them and their errors with those stored."""
+    again = arrange(grid.study).choices
+    wrong = [outer for outer, stored in grid.decided.items() if outer not in again or not _agree(stored, again[outer])]
+    if wrong or len(again) != len(grid.decided):
+        return Check("choices", False, f"{len(wrong)} of {len(again)} counts of modes are decided otherwise now")
+    return Check("choices", True, f"all {len(again)} counts of modes are decided again as they were")
+
+
+def _agree(stored: Choice, again: Choice) -> bool:
+    """Tell whether two choices are one: the same counts, and the same error but for another library's rounding."""
+    return stored.counts == again.counts and bool(
+        np.isclose(stored.error, again.error, rtol=_SAME, atol=0, equal_nan=True)
+    )
 
 
 def _repeat(path: Path, grid: Grid, texts: dict[str, str], sample: int) -> Iterator[Check]:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from workflow.archive import ArchiveError, code_revision, read_known, read_layout, study_key
-from workflow.grid import Segment, Task, arrange, units_of
+from workflow.grid import Segment, Task, arrange, read_choices, units_of
 from workflow.run._task import Job, Stored, store_task
 from workflow.schemes import SOLVER_VERSION
 from workflow.study import parse_study, unpacked
@@ -135,7 +135,7 @@ def _made(session: Session) -> Job:
     study = parse_study(layout.provenance["study"], "study", attached=unpacked(layout.provenance.get("files", "")))
     if study_key(study) != session.key:
         raise ClusterError(f"worker {worker.address}: {session.parts} does not hold the study of this run")
-    grid = arrange(study)
+    grid = arrange(study, read_choices(layout.provenance.get("choices", "{}")))
     parts = Path(session.parts)
     return Job(grid, units_of(grid), layout, parts, read_known(parts))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from workflow.study.addresses import MODES
 from workflow.study.attached import packed, unpacked
 from workflow.study.axes import Axis, Dimension
 from workflow.study.edits import setting
@@ -10,10 +11,13 @@ from workflow.study.quantities import udunits
 from workflow.study.reader import parse_study, read_study
 from workflow.study.resolved import ResolvedValue, resolved_values
 from workflow.study.schema import json_schema
-from workflow.study.settings import Cell, Initial, Load, Output, Scene, SchemeChoice
+from workflow.study.settings import AUTO, CHOSEN, Cell, Initial, Load, Output, Scene, SchemeChoice
 from workflow.study.study import Reference, Study
 
 __all__ = [
+    "AUTO",
+    "CHOSEN",
+    "MODES",
     "Axis",
     "Cell",
     "Dimension",

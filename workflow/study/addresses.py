@@ -8,15 +8,27 @@ from dataclasses import dataclass
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from workflow import models, schemes
-from workflow.declare import quantity_of, word_of
+from workflow.declare import Quantity, quantity_of, word_of
 from workflow.study.forms import MOST_ENTRIES
 from workflow.study.leaves import Choice, Reading, Text, is_whole
 from workflow.study.quantities import udunits
-from workflow.study.settings import Casing, CasingHarmonic, Cell, Friction, Initial, Load, LoadHarmonic, Scene
+from workflow.study.settings import (
+    AUTO,
+    FULL,
+    Casing,
+    CasingHarmonic,
+    Cell,
+    Friction,
+    Initial,
+    Load,
+    LoadHarmonic,
+    Scene,
+)
 
 DEFAULT_SCHEME = "moreau"
 MODES = ("mechanical_modes", "thermal_modes")
 REDUCTION = "reduction"
+TOLERANCE = "tolerance"
 
 
 @dataclass(frozen=True)
@@ -37,15 +49,17 @@ def settings(labels: tuple[str, ...], bases: tuple[str, ...]) -> dict[str, Addre
     found: dict[str, Address] = {}
     for name, value, description in _values(Cell):
         if isinstance(value, Reading):
-            value = dataclasses.replace(value, full=name in MODES)
+            value = dataclasses.replace(value, words=(FULL, AUTO) if name in MODES else ())
         if name == REDUCTION:
             value = Choice(bases)
         found[name] = Address(value, description)
+    about = "largest relative error that the reduced model of `auto` leaves; tolerance of a recommendation"
+    found[TOLERANCE] = Address(Reading(Quantity("1", about, above=0.0)), about)
     return {"scheme": Address(Choice(labels, labels=True), "time integration scheme")} | found
 
 
 def setting_defaults() -> dict[str, Any]:
-    """Return what the settings are where a study does not say."""
+    """Return what the settings are where a study does not say; `tolerance` has no default."""
     defaults = {entry.name: entry.default for entry in dataclasses.fields(Cell) if quantity_of(entry) or word_of(entry)}
     return {"scheme": DEFAULT_SCHEME} | defaults
 

@@ -11,7 +11,7 @@ from typing import Any
 from workflow.study.addresses import MODES, Address, setting_defaults
 from workflow.study.leaves import Listed, Reading, Single, Spread
 from workflow.study.mistakes import Place, said
-from workflow.study.settings import FULL, Sizes
+from workflow.study.settings import AUTO, CHOSEN, FULL, Sizes
 from workflow.study.source import Source
 
 Value = float | int | str
@@ -210,6 +210,8 @@ class Arrangement:
 
     def mode_count(self, place: Place, modes: Value, counts: Sequence[int] | None) -> Value:
         """Return a count of modes for cases with some numbers of nodes, of which ``full`` needs one."""
+        if modes == AUTO:
+            return CHOSEN
         if not counts:
             return modes
         most, limit = min(counts) - 1, self.sizes.most

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from workflow import reduction, schemes
-from workflow.study.addresses import DEFAULT_SCHEME, REDUCTION, Address, harmonic_counts
+from workflow.study.addresses import DEFAULT_SCHEME, MODES, REDUCTION, TOLERANCE, Address, harmonic_counts
 from workflow.study.axes import Axis
 from workflow.study.mistakes import Place, place_of_path
-from workflow.study.settings import CasingHarmonic, Initial, Load
+from workflow.study.settings import AUTO, CasingHarmonic, Initial, Load
 from workflow.study.source import Source
 
 MOST_SAMPLES = 2_000_000
@@ -125,6 +125,17 @@ def judge_schemes(written: Written) -> None:
     for place, name in (*named, *_named(written, "scheme")):
         if isinstance(name, str) and name in schemes.names():
             can_be_used(written.source, place, schemes.fault(name))
+
+
+def judge_auto(written: Written) -> None:
+    """Refuse `auto` without a tolerance, which has no default."""
+    varied = written.varied()
+    if any(path == TOLERANCE for _, path, _ in varied):
+        return
+    for place, path, content in varied:
+        if path in MODES and AUTO in flat(content):
+            remedy = "write e.g. `tolerance: 1e-3` under `axes`"
+            written.source.report(place, "is `auto` without a `tolerance`", remedy)
 
 
 def _named(written: Written, setting: str) -> list[tuple[Place, Any]]:

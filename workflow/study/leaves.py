@@ -194,13 +194,13 @@ class Flag(Leaf):
 class Reading(Leaf):
     """A quantity: a number in SI or ``number unit``; where declared, a list per node or spring.
 
-    ``full`` admits that word beside a count. The context's ``nodes`` holds the counts of nodes
+    ``words`` are admitted beside a number: ``full``, ``auto``. The context's ``nodes`` holds the counts of nodes
     that the study's cases have, for the lengths of lists.
     """
 
     declared: Quantity
     whole: bool = False
-    full: bool = False
+    words: tuple[str, ...] = ()
 
     def read(self, value: Any, context: Mapping[str, Any]) -> Any:
         """Return the value in SI, a tuple where a list was given."""
@@ -216,10 +216,11 @@ class Reading(Leaf):
 
     def scalar(self, value: Any) -> Any:
         """Return a single value in SI."""
-        if self.full and isinstance(value, str):
-            if value == "full":
+        if self.words and isinstance(value, str):
+            if value in self.words:
                 return value
-            raise wrong(f"{said(value)} is not a number of modes", "write a whole number or `full`")
+            listed = " or ".join(["a whole number", *(f"`{word}`" for word in self.words)])
+            raise wrong(f"{said(value)} is not a number of modes", f"write {listed}")
         return read_quantity(value, self.declared, self.whole)
 
     def schema(self) -> Schema:
@@ -232,8 +233,8 @@ class Reading(Leaf):
         number: Schema = {"type": "integer" if self.whole else "number"}
         number |= {word: bound for word, bound in bounds.items() if bound is not None}
         forms: list[Schema] = [number]
-        if self.full:
-            forms.append({"const": "full"})
+        if self.words:
+            forms += [{"const": word} for word in self.words]
         elif not self.whole:
             forms.append({"type": "string", "pattern": rf"^\s*{NUMBER}\s*[^\s0-9].*$|^\s*{NUMBER}\s*$"})
         if self.declared.per is not None:

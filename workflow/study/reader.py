@@ -23,6 +23,7 @@ from workflow.study.judges import (
     MOST_SAMPLES,
     Written,
     can_be_used,
+    judge_auto,
     judge_damping,
     judge_extent,
     judge_parts,
@@ -144,6 +145,7 @@ class _Reader:
         zips = {name: self._in_order(zipped, "zip", name) for name, zipped in entries["zip"].items()}
         self._judge_zips()
         judge_schemes(self._written())
+        judge_auto(self._written())
         judge_damping(self._written(), self.model)
         arrangement = Arrangement(self.source, self.addresses, self.nodes, self.sizes, self._reserved())
         dimensions, scalars = arrangement.arrange(axes, zips)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from workflow import reduction
-from workflow.study.addresses import Address, scene_values, scheme_options, settings
+from workflow.study.addresses import MODES, TOLERANCE, Address, scene_values, scheme_options, settings
 from workflow.study.mistakes import StudyError
-from workflow.study.settings import Cell, Output
+from workflow.study.settings import AUTO, CHOSEN, Cell, Output
 from workflow.study.source import compose
 from workflow.study.study import Study
 
@@ -49,12 +49,20 @@ def resolved_values(study: Study, cell: Cell) -> tuple[ResolvedValue, ...]:
     for path, address in addresses.items():
         unit = "s" if address is None else address.unit
         if path in axes:
-            found.append(ResolvedValue(path, axes[path].values, unit, "axis"))
+            found.append(ResolvedValue(path, _in_words(path, axes[path].values), unit, "axis"))
+            continue
+        if path == TOLERANCE and path not in single:
             continue
         values = single[path].values if path in single else _values_at(study, cell, path)
         if values is not None:
-            found.append(ResolvedValue(path, values, unit, "study" if _is_written(written, path) else "default"))
+            origin: Origin = "study" if _is_written(written, path) else "default"
+            found.append(ResolvedValue(path, _in_words(path, values), unit, origin))
     return (*found, *_output(study.output, written))
+
+
+def _in_words(path: str, values: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Return values as a study writes them: `auto` for a count that its tolerance decides."""
+    return tuple(AUTO if path in MODES and value == CHOSEN else value for value in values)
 
 
 def _values_at(study: Study, cell: Cell, path: str) -> tuple[Any, ...] | None:

@@ -12,6 +12,9 @@ from workflow.declare import Values, quantity, word
 FULL = "full"
 """Not reduced; stored as the number of interior modes, one fewer than the model has nodes."""
 
+AUTO, CHOSEN = "auto", -1
+"""As many vectors as `tolerance` asks for; stored as -1."""
+
 History = Literal["displacement", "velocity", "temperature", "impulse", "contact_force"]
 Precision = Literal["float64", "float32"]
 

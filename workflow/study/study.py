@@ -10,8 +10,9 @@ from typing import Any
 
 from workflow import models
 from workflow.declare import plain
+from workflow.study.addresses import MODES
 from workflow.study.axes import Axis, Dimension, Value
-from workflow.study.settings import FULL, Cell, Output, Scene, SchemeChoice
+from workflow.study.settings import CHOSEN, FULL, Cell, Output, Scene, SchemeChoice
 
 
 @dataclass(frozen=True)
@@ -68,6 +69,12 @@ class Study:
         """Number of common samples, the initial state included."""
         return round(self.scene.duration / self.output.interval) + 1
 
+    @property
+    def is_auto(self) -> bool:
+        """Whether it leaves a count of modes to its tolerance in some case."""
+        axes = (*self.scalars, *(axis for dimension in self.dimensions for axis in dimension.axes))
+        return any(CHOSEN in axis.values for axis in axes if axis.path in MODES)
+
     def with_(self, settings: Mapping[str, Any]) -> Study:
         """Return this study with some values replaced; its text has them too.
 
@@ -87,7 +94,7 @@ class Study:
         return parse_study(self.text, self.file, settings, "with_", self.attached)
 
     def cell(self, values: Mapping[str, Value]) -> Cell:
-        """Return the settings of a case.
+        """Return the settings of a case; counts of modes that its tolerance decides are :data:`CHOSEN`.
 
         Parameters
         ----------

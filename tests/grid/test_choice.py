@@ -1,0 +1,242 @@
+"""Counts of modes that a tolerance decides: the fewest that meet it in the hardest case, and what they depend on."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from quick import hashes_of
+from random_scenes import random_scene
+from scenes import relative
+from studies import SCENE, parsed
+from workflow import schemes
+from workflow.analysis import decided, labels_of, mode_counts, recommend, recommendation_json, sentence
+from workflow.archive import open_archive
+from workflow.grid import Choice, _trials, arrange, choices_text, plan_study, read_choices, solve, structure_of
+from workflow.grid._choice import _fewest, _smallest
+from workflow.grid._conditions import conditions
+from workflow.grid._operators import run_batch
+from workflow.grid._trials import hardest_case
+from workflow.models import Cases
+from workflow.reduction import Known, reduce_structure
+from workflow.run import holdings, run_study, verify
+from workflow.schemes import Results, Sampling
+from workflow.study import Cell, Study
+
+AUTO = "mechanical_modes: auto, thermal_modes: auto"
+
+
+def study(axes: str, more: str = "") -> Study:
+    """A chain of four nodes that is run exactly."""
+    return parsed(f"study: a\n{SCENE}axes: {{scheme: event_driven, {axes}}}\noutput: {{interval: 1 ms}}\n{more}\n")
+
+
+def errors_by_count(asked: Study) -> dict[tuple[int, int], float]:
+    """Return the larger error of displacement and temperature of every reduced model of a study's first case."""
+    grid = arrange(asked)
+    cell, exact = grid.settings(0), schemes.load("event_driven")
+    full = structure_of(cell.scene.model, cell.scene.parameters)
+    cases = conditions(cell, full, grid.inner_values(np.zeros(1, dtype=np.int64)), 1)
+
+    def run(mechanical: int, thermal: int) -> dict[str, np.ndarray]:
+        found = reduce_structure(full, mechanical, thermal, cell.reduction, Known(cell.scene.duration))
+        operator = exact.init(found.structure, 0.0, exact.Options())
+        return exact.compute(operator, found.project(cases), replace(grid.sampling, balances=False)).histories
+
+    size = full.mechanical_size
+    truth = run(size - 1, size - 1)
+    return {
+        (m, t): max(relative(found[name], truth[name]) for name in ("displacement", "temperature"))
+        for m in range(size)
+        for t in range(size)
+        for found in [run(m, t)]
+    }
+
+
+@pytest.mark.parametrize("basis", ["craig_bampton", "krylov"])
+def test_the_fewest_vectors_that_meet_the_tolerance_are_taken(basis: str) -> None:
+    asked = study(f"alpha: 20, e: 0.5, {AUTO}, reduction: {basis}, tolerance: [0.1, 1e-2, 1e-3]")
+    errors = errors_by_count(asked)
+    for outer, tolerance in enumerate((0.1, 1e-2, 1e-3)):
+        [choice] = {arrange(asked).choice(outer)}
+        assert choice is not None
+        counts = choice.mechanical_modes, choice.thermal_modes
+        assert sum(counts) == min(sum(pair) for pair, error in errors.items() if error <= tolerance)
+        assert choice.error == pytest.approx(errors[counts], rel=1e-3, abs=1e-9)
+        assert choice.error <= tolerance
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(20))
+def test_counts_are_within_two_vectors_of_the_fewest_in_random_scenes(seed: int) -> None:
+    """Loads near resonance, heated, initially warm and graded chains, each in every basis, at three tolerances."""
+    asked = parsed(random_scene(seed))
+    grid, errors = arrange(asked), errors_by_count(asked)
+    for outer, tolerance in enumerate((1e-2, 1e-3, 1e-4)):
+        choice = grid.choice(outer)
+        assert choice is not None
+        counts = choice.mechanical_modes, choice.thermal_modes
+        assert errors[counts] <= tolerance
+        assert sum(counts) <= min(sum(pair) for pair, error in errors.items() if error <= tolerance) + 2
+
+
+def test_an_uneven_error_is_searched_past_its_bumps() -> None:
+    """Of 3, 5 and 8 vectors that meet 1, between others that do not, 3 are found from anywhere above; 0 is hopeless."""
+    error = {0: 9.0, 1: 2.0, 2: 1.5, 3: 0.9, 4: 1.2, 5: 0.8, 6: 1.4, 7: 1.1, 8: 0.9, 9: 0.5}.__getitem__
+    for first in range(3, 10):
+        assert _fewest(error, first, 0, 9, 1.0) == 3
+
+
+def test_errors_of_both_kinds_add_up() -> None:
+    def error(mechanical: int, thermal: int) -> float:
+        return 2.0**-mechanical + 4.0**-thermal
+
+    sums = {(m, t): m + t for m in range(20) for t in range(20) if error(m, t) <= 1e-3}
+    found = _smallest(error, (0, 0), (0, 0), (19, 19), 1e-3)
+    assert error(*found) <= 1e-3
+    assert sum(found) == min(sums.values())
+
+
+def test_a_count_that_is_given_stays_and_may_stand_in_the_way() -> None:
+    """Two thermal modes alone err by more than the tolerance: mechanical ones are chosen that add no more than it."""
+    asked = study("alpha: 20, mechanical_modes: auto, thermal_modes: 1, tolerance: 1e-3")
+    [choice] = arrange(asked).choices.values()
+    assert choice.thermal_modes == 1
+    assert 1e-3 < choice.error < errors_by_count(asked)[3, 1] + 1e-3
+    [caution] = [text for text in plan_study(asked).warnings if text.startswith("tolerance")]
+    assert "miss it" in caution
+
+
+def test_the_hardest_case_is_taken_dimension_by_dimension() -> None:
+    asked = study(
+        "alpha: [0, 5], e: [0.9, 0], scene.initial.temperature: [-3, 2], scene.load.phase: [1, 2], "
+        f"scene.load.frequency: [20, 5000, 4000], {AUTO}, tolerance: 0.1",
+        "zip: {rub: {scene.casing.gap: [1e-5, 2e-5, 1e-5], scene.load.amplitude: [1, 5, 2]}}",
+    )
+    grid = arrange(asked)
+    cell = asked.cell({**grid.base})
+    structure = structure_of(cell.scene.model, cell.scene.parameters)
+    near = 5000  # natural frequencies 2.2, 6.4 and 9.8 kHz: the tip answers most in between where none is near
+    found = hardest_case(grid.inner, structure)
+    answers = {f: abs(_receptance(structure, 2 * math.pi * f)) for f in (20, 5000, 4000)}
+    assert max(answers, key=lambda f: answers[f]) == found.pop("scene.load.frequency") != near
+    assert found == {
+        "alpha": 5,
+        "e": 0.9,
+        "scene.initial.temperature": -3,
+        "scene.load.phase": 1,
+        "scene.casing.gap": 1e-5,
+        "scene.load.amplitude": 2,
+    }
+
+
+def _receptance(structure: object, omega: float) -> complex:
+    dynamic = structure.stiffness_matrix - omega**2 * structure.mass + 1j * omega * structure.damping_matrix  # type: ignore[attr-defined]
+    unit = np.eye(dynamic.shape[0])[-1]
+    return complex(np.linalg.solve(dynamic, unit)[-1])
+
+
+BASE = f"alpha: [0, 20], {AUTO}, tolerance: 1e-2"
+
+
+def test_an_easier_case_leaves_the_others_and_a_harder_one_tells_them_apart() -> None:
+    was = set(hashes_of(study(BASE)))
+    easier = set(hashes_of(study(BASE.replace("[0, 20]", "[0, 10, 20]"))))
+    harder = set(hashes_of(study(BASE.replace("[0, 20]", "[0, 20, 50]"))))
+    assert was < easier
+    assert not was & harder
+
+
+def test_a_count_that_was_chosen_is_another_case_than_one_that_was_given() -> None:
+    """Its archive holds counts and error; with another tolerance that leads to the same it is the same case."""
+    [choice] = arrange(study(BASE)).choices.values()
+    given = f"alpha: [0, 20], mechanical_modes: {choice.mechanical_modes}, thermal_modes: {choice.thermal_modes}"
+    assert not set(hashes_of(study(given))) & set(hashes_of(study(BASE)))
+    assert hashes_of(study(BASE.replace("1e-2", "1.0001e-2"))) == hashes_of(study(BASE))
+
+
+def test_a_tolerance_that_decides_nothing_changes_no_case() -> None:
+    assert hashes_of(study("alpha: 20, tolerance: 1e-3")) == hashes_of(study("alpha: 20"))
+    plan = plan_study(study("alpha: 20, tolerance: [1e-2, 1e-3]"))
+    assert plan.unique == 1
+    assert any("tolerance changes nothing" in text for text in plan.warnings)
+
+
+def test_counts_do_not_depend_on_scheme_and_options() -> None:
+    grid = arrange(
+        study(BASE.replace("alpha", "h: [1e-4, 1e-5], alpha"), "").with_({"axes.scheme": ["moreau", "event_driven"]})
+    )
+    assert [name for name, _ in grid.dims] == ["scheme", "h", "alpha"]
+    assert len(grid.choices) == 1
+    assert len({(grid.settings(k).mechanical_modes, grid.settings(k).thermal_modes) for k in range(4)}) == 1
+
+
+def test_a_hardest_case_that_fails_leaves_what_transfer_functions_ask_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_trials, "_EVENTS", 1)
+    asked = study(f"alpha: 20.5, {AUTO}, tolerance: 1e-2")
+    [choice] = arrange(asked).choices.values()
+    assert math.isnan(choice.error)
+    assert "not confirmed" in choice.against
+    assert any("transfer functions" in text for text in plan_study(asked).warnings)
+    assert np.isnan(solve(arrange(asked), 0, np.arange(1)).values["basis_error"]).all()
+
+
+def test_what_the_exact_scheme_refuses_is_tried_by_implicit_euler(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refusing(cell: Cell, cases: Cases, sampling: Sampling) -> Results:
+        if cell.scheme.method == "event_driven":
+            raise ValueError("not this structure")
+        return run_batch(cell, cases, sampling)
+
+    monkeypatch.setattr(_trials, "run_batch", refusing)
+    asked = study(f"alpha: 20.25, h: 1e-4, {AUTO}, tolerance: 1e-2").with_({"axes.scheme": "moreau"})
+    [choice] = arrange(asked).choices.values()
+    assert choice.error <= 1e-2
+    assert choice.against == "confirmed by moreau (theta = 1, h = 0.0001 s) against the full model"
+
+
+def test_choices_are_read_as_they_are_written() -> None:
+    choices = {0: Choice(3, 4, 1e-3 / 7, (("alpha", 5.0),), "as it is"), 7: Choice(1, 2, math.nan, (), "failed")}
+    found = read_choices(choices_text(choices))
+    assert found[0] == choices[0]
+    assert math.isnan(found[7].error)
+
+
+def test_an_archive_holds_counts_and_error_and_can_be_extended(tmp_path: Path) -> None:
+    text = BASE.replace("1e-2", "[0.1, 1e-2]")
+    reference = "reference: {mechanical_modes: full, thermal_modes: full}"
+    path = tmp_path / "a.nc"
+    run_study(study(text, reference), path, threads=1)
+    choices = list(arrange(study(text)).choices.values())
+    with open_archive(path) as found:
+        assert found.mechanical_modes.item() == -1
+        assert found.mechanical_modes.attrs["flag_values"] == -1
+        assert found.mechanical_modes.attrs["flag_meanings"] == "auto"
+        assert found.thermal_modes_used.isel(alpha=1).values.tolist() == [choice.thermal_modes for choice in choices]
+        assert (found.basis_error <= found.tolerance).all()
+        assert (found.displacement_error <= found.tolerance).all()
+        assert (found.temperature_error <= found.tolerance).all()
+        assert [one.mechanical_modes for one in decided(found)] == [choice.mechanical_modes for choice in choices]
+        assert mode_counts(found, "mechanical_modes") == max(choice.mechanical_modes for choice in choices)
+        answer = recommend(found, 0.05)
+        assert "(auto + auto)" in sentence(answer)
+        told = recommendation_json(answer)
+        assert told["mechanical_modes"] == "auto"
+        assert told["thermal_modes_used"] == choices[1].thermal_modes
+        assert labels_of(found, "tolerance") == ["tolerance 0.1", "tolerance 0.01"]
+    assert all(check.holds for check in verify(path, sample=2))
+    more = study(text.replace("[0, 20]", "[0, 10, 20]"), reference)
+    assert (holdings(more, path).stored, holdings(more, path).missing) == (4, 2)
+
+
+def test_a_workers_grid_takes_the_counts_that_the_run_decided() -> None:
+    asked = study(BASE)
+    other = {0: Choice(2, 3, 0.5, (), "elsewhere")}
+    grid = arrange(asked, other)
+    assert (grid.settings(0).mechanical_modes, grid.settings(0).thermal_modes) == (2, 3)
+    values = solve(grid, 0, np.arange(2)).values
+    assert values["mechanical_modes_used"].tolist() == [2.0, 2.0]
+    assert values["basis_error"].tolist() == [0.5, 0.5]

@@ -1,0 +1,172 @@
+"""Counts of modes that a tolerance decides: the smallest reduced model whose tip meets it, confirmed in time.
+
+What decides is the larger of the relative errors of the tip's displacement and temperature in the hardest case of a
+study (:mod:`workflow.grid._trials`). Counts begin where the tip's transfer functions put them
+(:mod:`workflow.reduction._transfer`). Then the fewest vectors of each kind beside the most of the other are sought, and
+from there the smallest sum of both that meets the tolerance. Errors do not fall evenly with the count, so smaller
+ones are tried until they are three times too large.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
+from math import isnan, nan
+
+from threadpoolctl import threadpool_limits
+
+from workflow.grid._trials import Setting, Trials, trials_of
+from workflow.study import CHOSEN
+
+Counts = tuple[int, int]
+"""Mechanical and thermal vectors beside the tip's own."""
+
+_HOPELESS = 3.0
+"""An error over the tolerance from which still smaller models are not tried: errors of neighbouring counts differ by
+up to a factor of two (heavy chain of 100 nodes: 1.4e-3 with 8 mechanical modes, 9.8e-4 with 5)."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Counts that a tolerance decides.
+
+    Attributes
+    ----------
+    mechanical_modes, thermal_modes
+        The counts.
+    error
+        Larger of the relative L2 errors of the tip's displacement and temperature in the hardest case, 1; NaN where
+        that has no exact solution.
+    hardest
+        Path and value of every axis of the hardest case.
+    against
+        What the error was measured against, in words.
+    """
+
+    mechanical_modes: int
+    thermal_modes: int
+    error: float
+    hardest: tuple[tuple[str, float], ...]
+    against: str
+
+    @property
+    def is_confirmed(self) -> bool:
+        """Whether an error was found."""
+        return not isnan(self.error)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """The counts by their path in a study."""
+        return {"mechanical_modes": self.mechanical_modes, "thermal_modes": self.thermal_modes}
+
+
+@lru_cache(maxsize=4096)
+def choose(setting: Setting, wanted: Counts, tolerance: float) -> Choice:
+    """Return the counts of the smallest reduced model that meets a tolerance.
+
+    Where a count that is given stands in its way, or rounding, the model that adds no more than the tolerance to what
+    is then left; without an exact solution of the hardest case the counts that the transfer functions ask for.
+
+    Parameters
+    ----------
+    setting
+        What the trials depend on.
+    wanted
+        Counts of the study, :data:`CHOSEN` where the tolerance decides.
+    tolerance
+        Largest relative error.
+    """
+    with threadpool_limits(limits=1, user_api="blas"):
+        trials = trials_of(replace(setting, cell=replace(setting.cell, mechanical_modes=CHOSEN, thermal_modes=CHOSEN)))
+        least, most = _ends(wanted, trials.most)
+        asked = trials.begin(tolerance)
+        first = _within(asked, least, most)
+        counts = first if trials.failure else _smallest(trials.error, first, least, most, tolerance)
+        error = float("nan") if trials.failure else trials.error(*counts)
+    return Choice(*counts, error, tuple(trials.hardest.items()), _against(trials))
+
+
+def choices_text(choices: Mapping[int, Choice]) -> str:
+    """Return choices by outer index as JSON; an error that is NaN as null."""
+    found = {outer: asdict(choice) | {"hardest": dict(choice.hardest)} for outer, choice in choices.items()}
+    for entry in found.values():
+        entry["error"] = None if isnan(entry["error"]) else entry["error"]
+    return json.dumps(found, sort_keys=True, allow_nan=False)
+
+
+def read_choices(text: str) -> dict[int, Choice]:
+    """Return choices from what :func:`choices_text` has made of them."""
+    return {
+        int(outer): Choice(
+            entry["mechanical_modes"],
+            entry["thermal_modes"],
+            nan if entry["error"] is None else entry["error"],
+            tuple(entry["hardest"].items()),
+            entry["against"],
+        )
+        for outer, entry in json.loads(text).items()
+    }
+
+
+def _ends(wanted: Counts, most: Counts) -> tuple[Counts, Counts]:
+    """Return the smallest and the largest counts that may be chosen: of a given one itself."""
+    least = 0 if wanted[0] == CHOSEN else wanted[0], 0 if wanted[1] == CHOSEN else wanted[1]
+    largest = most[0] if wanted[0] == CHOSEN else wanted[0], most[1] if wanted[1] == CHOSEN else wanted[1]
+    return least, largest
+
+
+def _within(counts: Counts, least: Counts, most: Counts) -> Counts:
+    return min(max(counts[0], least[0]), most[0]), min(max(counts[1], least[1]), most[1])
+
+
+def _against(trials: Trials) -> str:
+    if trials.failure:
+        return f"not confirmed, as the hardest case by {trials.by} did not end ok: {trials.failure}"
+    model = "the full model" if trials.is_full else f"the model of {trials.most[0]} + {trials.most[1]} vectors"
+    return f"confirmed by {trials.by} against {model}"
+
+
+def _smallest(
+    error: Callable[[int, int], float], first: Counts, least: Counts, most: Counts, tolerance: float
+) -> Counts:
+    """Return the counts of the smallest sum that meet a tolerance, begun at ``first``."""
+    floor = error(*most)
+    allowed = tolerance if floor <= tolerance else tolerance + floor
+    mechanical = _fewest(lambda count: error(count, most[1]), first[0], least[0], most[0], allowed)
+    thermal = _fewest(lambda count: error(most[0], count), first[1], least[1], most[1], allowed)
+    best = most
+    for count in range(mechanical, most[0] + 1):
+        if count + thermal >= sum(best):
+            break
+        beside = _first(lambda other, count=count: error(count, other) <= allowed, thermal, thermal, most[1])  # type: ignore[misc]
+        if beside is not None and count + beside < sum(best):
+            best = count, beside
+    return best
+
+
+def _fewest(error: Callable[[int], float], first: int, least: int, most: int, allowed: float) -> int:
+    """Return the smallest count that meets a tolerance, among those above which the error is not hopeless."""
+    found = _first(lambda count: error(count) <= allowed, first, least, most)
+    best = count = most if found is None else found
+    while count > least and error(count) <= _HOPELESS * allowed:
+        count -= 1
+        best = count if error(count) <= allowed else best
+    return best
+
+
+def _first(meets: Callable[[int], bool], first: int, least: int, most: int) -> int | None:
+    """Return a count from ``first`` on that meets something and whose predecessor does not, ``None`` if none does."""
+    below, count, stride = first - 1, first, 1
+    while not meets(count):
+        if count == most:
+            return None
+        below, count, stride = count, min(count + stride, most), 2 * stride
+    while count - below > 1:
+        middle = (below + count) // 2
+        if meets(middle):
+            count = middle
+        else:
+            below = middle
+    return count

@@ -1,0 +1,226 @@
+"""Trials of reduced models in time: the hardest case of a study, run exactly, and how far fewer vectors are from it.
+
+The hardest case is taken dimension by dimension, without running any: the largest heat coupling, the smallest gap, the
+load frequency at which the tip answers most, and the largest magnitude of everything else (load, restitution,
+temperatures, velocities) but phases; of axes that vary together alpha decides first, then the gap, then the frequency,
+then the others by name, and of equals the first. It is run by `event_driven` on the full structure; one of more than
+300 coordinates is reduced to 100 + 100 vectors of the same basis. What `event_driven` refuses is run by `moreau` with
+θ = 1 at the study's shortest step, full and reduced alike.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from workflow import schemes
+from workflow.grid._conditions import conditions
+from workflow.grid._distance import relative_distance
+from workflow.grid._operators import compile_for, reduced, reduction_of, run_batch, structure_of, structure_on
+from workflow.kernels.sums import total
+from workflow.models import Array, Cases, Structure, mechanical_modes
+from workflow.models._dense import MOST_PORTABLE
+from workflow.models._tip_held import MOST_ONE_BY_ONE
+from workflow.reduction import Reduction, reduce_structure
+from workflow.reduction._transfer import Excitation, counts_asked_for
+from workflow.schemes import Results, Sampling, Status
+from workflow.study import Cell, Dimension, SchemeChoice
+
+EXACT = "event_driven"
+"""The scheme that splits errors and runs trials: its solution of a reduced model has no error of a step."""
+
+_FREQUENCY = "scene.load.frequency"
+_ORDER = ("alpha", "scene.casing.gap", _FREQUENCY)
+_WIDTH = 0.01
+"""Damping ratio with which the answers of load frequencies are ranked, so that none is infinite."""
+
+_EVENTS, _STEPS = 20_000, 200_000
+"""Budget of an exact trial, seconds of a structure of 20 nodes: what needs more is not tried some twenty times."""
+
+_KEPT = 8
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What trials depend on.
+
+    Attributes
+    ----------
+    cell
+        Settings that all cases share; scheme, step and counts of modes are those of the trials.
+    inner
+        Dimensions along which its cases differ.
+    sampling
+        Common sampling of all histories.
+    shortest
+        Shortest time that steps or samples resolve, s.
+    """
+
+    cell: Cell
+    inner: tuple[Dimension, ...]
+    sampling: Sampling
+    shortest: float
+
+
+class Trials:
+    """The exact solution of the hardest case, and the errors of reduced models against it, each found once.
+
+    Attributes
+    ----------
+    most
+        Counts of vectors of the model that errors are measured against, n - 1 where that is the full one.
+    hardest
+        Values of the axes of the hardest case, by path.
+    failure
+        Why that case has no solution to measure by, empty where it has one.
+    """
+
+    def __init__(self, setting: Setting) -> None:
+        self._cell, self._sampling, self._shortest = _exact(setting), setting.sampling, setting.shortest
+        structure = structure_of(setting.cell.scene.model, setting.cell.scene.parameters)
+        self.most = _most(structure.mechanical_size), _most(structure.thermal_size)
+        self.is_full = self.most == (structure.mechanical_size - 1, structure.thermal_size - 1)
+        self.hardest = hardest_case(setting.inner, structure_on(reduced(self._with(*self.most))))
+        varying = {path: np.array([value]) for path, value in self.hardest.items()}
+        self._cases = conditions(setting.cell, structure, varying, 1)
+        self._errors: dict[tuple[int, int], float] = {}
+        try:
+            self._run(0, 0)
+            self._truth, self.failure = _judged(self._run(*self.most))
+        except Exception:  # whatever refuses the scene or the basis
+            self._cell = _stepped(setting)
+            self._truth, self.failure = self._solved(*self.most)
+
+    @property
+    def by(self) -> str:
+        """The scheme that runs the trials, in words."""
+        method = self._cell.scheme.method
+        return method if self._cell.h == 0 else f"{method} (theta = 1, h = {self._cell.h:g} s)"
+
+    def begin(self, tolerance: float) -> tuple[int, int]:
+        """Return the counts that the tip's transfer functions ask for."""
+        by = reduced(self._with(*self.most))
+        structure, richest = structure_on(by), reduction_of(by)
+        cases = self._cases if richest is None else richest.project(self._cases)
+
+        def reduce(mechanical: int, thermal: int) -> Reduction:
+            return reduce_structure(structure, mechanical, thermal, by.basis, by.known)
+
+        return counts_asked_for(structure, reduce, self._excitation(structure, cases), tolerance, self.most)
+
+    def _excitation(self, structure: Structure, cases: Cases) -> Excitation:
+        """Return what the hardest case excites: the tip itself, and where they are not 0 its loads and start."""
+        steady, heating, warmth = cases.steady[0], cases.heating[0], structure.heat_contents(cases.temperature[0])
+        return Excitation(
+            duration=self._sampling.duration,
+            shortest=self._shortest,
+            frequency=float(cases.frequency[0]),
+            forces=np.column_stack([_tip(structure.mechanical_size), steady]),
+            heats=np.column_stack([_tip(structure.thermal_size), heating, warmth]),
+        )
+
+    def error(self, mechanical: int, thermal: int) -> float:
+        """Return the larger of the relative L2 errors of displacement and temperature; infinite where there is none."""
+        counts = mechanical, thermal
+        if counts not in self._errors:
+            self._errors[counts] = 0.0 if counts == self.most else self._error(*self._solved(*counts))
+        return self._errors[counts]
+
+    def _error(self, found: Results | None, failure: str) -> float:
+        if found is None or self._truth is None:
+            return float("inf")
+        errors = [
+            float(relative_distance(found.histories[name], self._truth.histories[name])[0])
+            for name in ("displacement", "temperature")
+        ]
+        return float("inf") if np.isnan(errors).any() else max(errors)
+
+    def _with(self, mechanical: int, thermal: int) -> Cell:
+        return replace(self._cell, mechanical_modes=mechanical, thermal_modes=thermal)
+
+    def _solved(self, mechanical: int, thermal: int) -> tuple[Results | None, str]:
+        """Return the solution with some counts, or ``None`` and why there is none."""
+        try:
+            return _judged(self._run(mechanical, thermal))
+        except Exception as error:  # whatever a model or basis raises
+            return None, f"{type(error).__name__}: {error}"
+
+    def _run(self, mechanical: int, thermal: int) -> Results:
+        cell = self._with(mechanical, thermal)
+        compile_for(cell)
+        with np.errstate(all="ignore"):
+            return run_batch(cell, self._cases, self._sampling)
+
+
+def _judged(results: Results) -> tuple[Results | None, str]:
+    """Return results that ended ok, or ``None`` and how they ended."""
+    if results.status[0] != Status.OK:
+        return None, results.messages.get(0, "it did not end ok")
+    return results, ""
+
+
+def _exact(setting: Setting) -> Cell:
+    """Return the settings with the exact scheme, within a budget."""
+    scheme = SchemeChoice(EXACT, EXACT, schemes.load(EXACT).Options(events=_EVENTS, steps=_STEPS))
+    return replace(setting.cell, scheme=scheme, h=0.0)
+
+
+def _stepped(setting: Setting) -> Cell:
+    """Return the settings with implicit Euler at the shortest step, for what the exact scheme refuses."""
+    scheme = SchemeChoice("moreau", "moreau", schemes.load("moreau").Options())
+    return replace(setting.cell, scheme=scheme, h=setting.shortest)
+
+
+@lru_cache(maxsize=_KEPT)
+def trials_of(setting: Setting) -> Trials:
+    """Return the trials of a setting, which all tolerances share."""
+    return Trials(setting)
+
+
+def hardest_case(inner: tuple[Dimension, ...], structure: Structure) -> dict[str, float]:
+    """Return the values of the axes of the hardest case, by path; see the module."""
+    found: dict[str, float] = {}
+    for dimension in inner:
+        axes = sorted(dimension.axes, key=lambda axis: (_rank(axis.path), axis.path))
+        keys = [_severity(axis.path, np.asarray(axis.values, dtype=np.float64), structure) for axis in axes]
+        worst = int(np.lexsort([-key for key in reversed(keys)])[0])
+        found |= {axis.path: float(axis.values[worst]) for axis in dimension.axes}
+    return found
+
+
+def _rank(path: str) -> int:
+    return _ORDER.index(path) if path in _ORDER else len(_ORDER)
+
+
+def _severity(path: str, values: Array, structure: Structure) -> Array:
+    """Return how hard each value of an axis makes a case; larger is harder."""
+    if path == "scene.casing.gap":
+        return -values
+    if path.endswith(".phase"):
+        return np.zeros_like(values)
+    if path == _FREQUENCY:
+        modes, omega = mechanical_modes(structure), 2 * np.pi * values
+        return np.array([_answer(modes.values, modes.tip, float(w)) for w in omega])
+    return np.abs(values)
+
+
+def _answer(omega: Array, tip: Array, w: float) -> float:
+    """Return the squared tip displacement by a unit force of angular frequency ``w``, m²/N²; rigid modes left out."""
+    elastic = omega > 0
+    square, share = omega[elastic] ** 2, tip[elastic] ** 2
+    real, imaginary = square - w * w, 2 * _WIDTH * omega[elastic] * w
+    size = real * real + imaginary * imaginary
+    return total(share * real / size) ** 2 + total(share * imaginary / size) ** 2
+
+
+def _most(size: int) -> int:
+    """Return the largest count of vectors that is tried of a structure of some coordinates."""
+    return size - 1 if size <= MOST_PORTABLE else MOST_ONE_BY_ONE
+
+
+def _tip(size: int) -> Array:
+    unit = np.zeros(size)
+    unit[-1] = 1.0
+    return unit
