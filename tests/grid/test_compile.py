@@ -32,7 +32,7 @@ from workflow import schemes
 from workflow.grid._compile import Wanted, compile_scheme, compiled_ahead
 
 def wanted(method):
-    return Wanted(method, schemes.load(method).Options(), 1)
+    return Wanted(method, schemes.load(method).Options(), 1, balances=False)
 """
 
 TOGETHER = """
@@ -63,7 +63,7 @@ with compiled_ahead([wanted("moreau"), wanted("event_driven")], 1):
 
 
 def wanted(method: str) -> Wanted:
-    return Wanted(method, schemes.load(method).Options(), 1)
+    return Wanted(method, schemes.load(method).Options(), 1, balances=False)
 
 
 @pytest.fixture
@@ -214,7 +214,7 @@ def test_what_is_compiled_needs_no_process(unnoted: Path, monkeypatch: pytest.Mo
 
 def test_of_numbers_among_the_options_only_a_theta_of_1_has_a_kernel_of_its_own() -> None:
     moreau, penalty = schemes.load("moreau"), schemes.load("penalty")
-    words = [Wanted("moreau", moreau.Options(theta=theta), 1).words for theta in (0.5, 0.7, 1.0)]
+    words = [Wanted("moreau", moreau.Options(theta=theta), 1, True).words for theta in (0.5, 0.7, 1.0)]
     assert words[0] == words[1] != words[2]
-    kinds = [Wanted("penalty", penalty.Options(integration=kind), 1).words for kind in ("explicit", "implicit")]
+    kinds = [Wanted("penalty", penalty.Options(integration=kind), 1, True).words for kind in ("explicit", "implicit")]
     assert kinds[0] != kinds[1]

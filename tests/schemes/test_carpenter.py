@@ -223,38 +223,13 @@ def test_samples_keep_momentum_and_heat() -> None:
     assert 5.0 * found["temperature"] == pytest.approx(0.7 * found["impulse"], abs=1e-12)
 
 
-def test_energy_balance_as_defined() -> None:
-    """On plain matrices: power at the step ends, by halves at first and last, against the change of E."""
+@pytest.mark.parametrize("options", OPTIONS)
+def test_energy_of_the_relative_motion_closes(options: dict[str, str]) -> None:
+    """Whatever acts, and however damping and heat are differenced."""
     structure, h = heavy_chain(), 1e-5
-    batch = everything_acts(structure)
-    path = plain_carpenter.march(structure, batch, h, 2000)
-    (found,) = step(structure, batch, h, audited(sampling(2e-2, 2e-2)), "carpenter", heat="explicit").metrics[
-        "energy_residual"
-    ]
-    v, energy, t = path.velocity, path.energy(structure), h * np.arange(2001)
-    f = np.tile(batch.steady[0], (t.size, 1))
-    f[:, -1] += batch.mean[0] + batch.amplitude[0] * np.sin(2 * np.pi * batch.frequency[0] * t + batch.phase[0])
-    cold = path.temperature - batch.alpha[0] * path.impulse[:, None] * (np.arange(20) == 19) / 2 / 1.315
-    cold[0] = path.temperature[0]
-    power = -np.einsum("ti,ti->t", f, v) + np.einsum("ti,ij,tj->t", v, structure.damping_matrix, v)
-    power += np.einsum("ti,ij,tj->t", v, structure.coupling_matrix, cold) + path.impulse / h * v[:, -1]
-    expected = (energy[-1] - energy[0] + h * np.sum((power[1:] + power[:-1]) / 2)) / energy.max()
-    assert found == pytest.approx(expected, abs=1e-9)
-
-
-def test_energy_residual_swings_and_does_not_drift() -> None:
-    """A share of (ωh)² of the energy: a quarter at half the step, and no more after ten times as long."""
-    structure = chain(nodes=5, mass=1.0, stiffness=1.0)
-    batch = cases(structure, gap=9.0, displacement=np.arange(1, 6) / 5)
-
-    def residual(h: float, duration: float) -> float:
-        over = [audited(sampling(duration * (1 + k / 16), duration * (1 + k / 16))) for k in range(8)]
-        return max(abs(float(step(structure, batch, h, o, "carpenter").metrics["energy_residual"][0])) for o in over)
-
-    coarse, fine, late = residual(0.2, 80.0), residual(0.1, 80.0), residual(0.2, 800.0)
-    print(f"{coarse:.2e}, half the step {fine:.2e}, ten times as long {late:.2e}")
-    assert 3 < coarse / fine < 5
-    assert late < 1.5 * coarse < 0.02
+    found = step(structure, everything_acts(structure), h, audited(sampling(2e-2, 2e-2)), "carpenter", **options)
+    assert found.metrics["impacts"][0] > 0
+    assert abs(found.metrics["energy_residual"][0]) < 1e-12
 
 
 @pytest.mark.parametrize(("heat", "sign"), [("explicit", 1), ("implicit", -1)])

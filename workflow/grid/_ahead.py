@@ -37,11 +37,11 @@ def wanted_kernels(grid: Grid) -> Iterator[Wanted]:
     labels = [value for dim in grid.outer for axis in dim.axes if axis.path == "scheme" for value in axis.values]
     for label in labels or [grid.base["scheme"]]:
         with suppress(Exception):
-            yield kernels_of(grid.settings(0, {"scheme": label}))
+            yield kernels_of(grid.settings(0, {"scheme": label}), grid.sampling.balances)
     if grid.study.reference is not None:
         with suppress(Exception):
-            truth = kernels_of(reference_cell(grid, 0))
+            truth = kernels_of(reference_cell(grid, 0), balances=False)
             yield truth
-            exact = kernels_of(exact_cell(grid, 0))
+            exact = kernels_of(exact_cell(grid, 0), balances=False)
             if exact.method != truth.method:
                 yield exact

@@ -34,11 +34,12 @@ from workflow.schemes import Sampling, load
 
 @dataclass(frozen=True)
 class Wanted:
-    """A scheme with options, on a small structure of a kind: what decides which kernels there are."""
+    """A scheme with options, on a small structure of a kind, with balances or without: what decides on its kernels."""
 
     method: str
     options: Any
     nodes: int
+    balances: bool
     massless_tip: bool = False
 
     @property
@@ -47,7 +48,7 @@ class Wanted:
         options = ((field.name, getattr(self.options, field.name)) for field in fields(self.options))
         implicit = getattr(self.options, "theta", None) == 1.0
         others = (option for option in options if not isinstance(option[1], float))
-        return (self.method, self.nodes, self.massless_tip, implicit, *others)
+        return (self.method, self.nodes, self.balances, self.massless_tip, implicit, *others)
 
 
 LONGEST = 300.0
@@ -77,8 +78,9 @@ def _compile(wanted: Wanted) -> None:
     scheme = load(wanted.method)
     none, one, node = np.zeros(1), np.ones(1), np.zeros((1, nodes))
     cases = Cases(none, one, one, none, none, none, none, node, node, node, node, node)
+    over = Sampling(1.0, 0.5, 3, balances=wanted.balances)
     with timed(1.0, f"{'loading' if is_compiled(wanted) else 'compiling'} {wanted.method}"):
-        scheme.compute(scheme.init(structure, 0.5, wanted.options), cases, Sampling(1.0, 0.5, 3, balances=True))
+        scheme.compute(scheme.init(structure, 0.5, wanted.options), cases, over)
     note = _note(wanted)
     if note is not None:
         with suppress(OSError):

@@ -113,16 +113,16 @@ def _critical_alpha(by: Reduced) -> float:
     return critical_alpha(structure_on(by))
 
 
-def kernels_of(cell: Cell) -> Wanted:
-    """Return what of its scheme must be compiled for a cell."""
+def kernels_of(cell: Cell, balances: bool) -> Wanted:
+    """Return what of its scheme must be compiled for a cell, with balances or without."""
     scheme, structure = schemes.load(cell.scheme.method), reduced_structure(cell)
     nodes = MOST_NODES_WITH_MATRICES + 1 if scheme.sweeps(structure) else 1
-    return Wanted(cell.scheme.method, cell.scheme.options, nodes, structure.has_massless_tip)
+    return Wanted(cell.scheme.method, cell.scheme.options, nodes, balances, structure.has_massless_tip)
 
 
-def compile_for(cell: Cell) -> None:
+def compile_for(cell: Cell, balances: bool) -> None:
     """Have the kernels of a cell compiled, so that no case's wall time holds that."""
-    compile_scheme(kernels_of(cell), waiting)
+    compile_scheme(kernels_of(cell, balances), waiting)
 
 
 def runaway_of(cell: Cell, alpha: float) -> tuple[float, float, bool]:

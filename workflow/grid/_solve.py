@@ -90,7 +90,7 @@ def _solve_distinct(grid: Grid, outer: int, inner: Indices, shaken: Shaken | Non
     structure = structure_of(cell.scene.model, cell.scene.parameters)
     cases = conditions(cell, structure, grid.inner_values(inner), inner.size)
     cases = cases if shaken is None else shaken.cases(cases)
-    compile_for(cell)
+    compile_for(cell, grid.sampling.balances)
     results, seconds = _timed(grid, cell, cases)
     results = mark_blown_up(cell, cases, results, grid.sampling.duration)
     distinct, where = np.unique(cases.alpha, return_inverse=True)

@@ -159,7 +159,7 @@ def _compute(grid: Grid, cell: Cell, shape: tuple[int, ...], own: Indices, pertu
     varying = {path: values for path, values in grid.inner_values(inner).items() if path not in replaced}
     structure = structure_of(cell.scene.model, cell.scene.parameters)
     cases = conditions(cell, structure, varying, own.size)
-    compile_for(cell)
+    compile_for(cell, balances=False)
     sampling = replace(grid.sampling, balances=False)
     results = _run(cell, cases, sampling)
     histories = {name: results.histories[name] for name in COMPARED}

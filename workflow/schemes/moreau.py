@@ -102,7 +102,7 @@ def meet_by_prox(law: Prox, step: TipStep, free: Free, own: Array, tip: Array, l
 
 
 @kernel
-def _march(operator: Coefficients, law: Prox, state: State, block: Block, audit: Audit) -> None:
+def _march(operator: Coefficients, law: Prox, state: State, block: Block, audit: Audit | None) -> None:
     """Step a block of cases."""
     align_stack()
     march(operator, law, state, block, audit)

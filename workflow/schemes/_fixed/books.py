@@ -1,42 +1,69 @@
-"""Balances of a batch: their states and coefficients before the march, the residuals after it.
+"""Balances of a batch: their coefficients and sums before the march, the residuals after it.
 
 What is summed, and why, stands in :mod:`workflow.schemes._fixed.balance`.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from workflow.kernels.lanes import fill_lanes, lane_rows
-from workflow.kernels.sums import product
+from workflow.kernels.sums import product, total
 from workflow.models import Array, Cases, Structure, project
 from workflow.schemes._fixed.balance import (
-    AUDIT_HEAT_LOSS,
-    AUDIT_MODE_MASS,
-    AUDIT_STEADY,
-    GROUP,
+    SUM_DRAGGED,
     SUM_ENERGY,
-    SUM_FIRST_ENERGY,
     SUM_FRICTION_HEAT,
+    SUM_KNOWN_LOSS,
+    SUM_KNOWN_RISE,
     SUM_LARGEST_ENERGY,
     SUM_LOSS_RATE,
     SUM_LOST,
+    SUM_RELATIVE,
     SUM_ROWS,
     SUM_SPENT,
     SUM_TURNED_OVER,
-    SUM_VELOCITY,
     Audit,
+    Former,
 )
-from workflow.schemes._fixed.decoupled import Decoupled
-from workflow.schemes._fixed.modal_lanes import by_mode
+from workflow.schemes._fixed.contact import CASE_HEAT
+from workflow.schemes._fixed.decoupled import Decoupled, Motion
+from workflow.schemes._fixed.modal_lanes import HEAT_SPEED, Coefficients, State, by_mode
+
+REST = 1e-12
+"""A tip that is slower than this share of what the tip load could give it within the run is at rest: a few thousand
+roundings of that."""
+
+LEAST_SHARE = 1e-14
+"""Share of a mode in the tip, of the largest, below which it has none but by the rounding of its shape."""
 
 
-def grouped(*rows: Array) -> Array:
-    """Return arrays ``(mode, …)`` as one, ``(mode, row, …)``, with zeros for modes that fill up the last group."""
-    count = rows[0].shape[0]
-    padded = np.zeros((-(-count // GROUP) * GROUP, len(rows), *rows[0].shape[1:]))
-    padded[:count] = by_mode(*rows)
-    return padded
+class Terms(NamedTuple):
+    """How a scheme's free step enters its balance, by mode ``(mode,)``, and its states where it begins."""
+
+    theta: float
+    """Weight of a step's end in velocities that do work."""
+    kinetic: Array
+    """2E per ζ²."""
+    inertia: Array
+    """Modal impulse per change of ζ."""
+    heat_speed: Array
+    """Work of a unit of friction heat per ζ_θ."""
+    heat_place: Array
+    """a, what a unit of friction heat adds to η; its work per η_θ is ω²a."""
+    dragged: float
+    """Velocity of the tip that a unit of friction heat drags along in its step."""
+    warm: Array
+    """τ at a step's end per friction heat in it, ``(thermal mode,)``."""
+    velocity: Array
+    """ζ where the balance begins, ``(case, mode)``."""
+    place: Array
+    """η - hθζ there, ``(case, mode)``."""
+    opens: bool
+    """Whether the march begins at the end of a step, whose beginning that is."""
 
 
 class Books:
@@ -50,59 +77,32 @@ class Books:
         Of the blocks that are closed, ``(case,)``.
     """
 
-    def __init__(self, structure: Structure, modal: Decoupled, cases: Cases, tip_force: Array, h: float, theta: float):
-        omega2, c, mu = modal.frequency**2, modal.damping, modal.rate
-        inertia = modal.inertia(h, theta)
-        slow = 1 + h * theta * mu
-        warmth_row = product(structure.content, modal.heat_shapes) if mu.size else np.zeros(0)
-        loss_row = product(structure.loss_row, modal.heat_shapes) if mu.size else np.zeros(0)
-        modes = grouped(
-            -(h * c + h * h * theta * omega2) / inertia,
-            -h * modal.frequency / inertia,
-            modal.tip / inertia,
-            h / inertia,
-            h * modal.frequency,
-            c,
-            modal.tip,
-            modal.mass,
+    def __init__(
+        self, structure: Structure, modal: Decoupled, free: Coefficients, cases: Cases, begun: Motion, terms: Terms
+    ):
+        heated = modal.rate.size > 0
+        loss = product(structure.loss_row, modal.heat_shapes) if heated else np.zeros(0)
+        self._content = product(structure.content, modal.heat_shapes) if heated else np.zeros(0)
+        self._scale, self._counts, self._begun_heat, self._warming = (
+            modal.heat_scale,
+            free.heat_counts,
+            begun.heat,
+            begun.warming_modes,
         )
-        heat_modes = by_mode(-h * mu / slow, modal.heat_tip / slow, loss_row)
-        coupling = np.zeros((modes.shape[0], mu.size))
-        coupling[: omega2.size] = modal.coupling
-        place = modal.frequency * project(modal.to_modes, cases.displacement)
-        velocity = project(modal.to_modes, cases.velocity)
-        tau, heating = project(modal.to_thermal, cases.temperature), project(modal.heat_shapes.T, cases.heating)
-        steady = project(modal.shapes.T, cases.steady) - tip_force[:, None] * modal.tip
-        force = steady - project(modal.coupling, tau)
-        self._motion = grouped(velocity.T, place.T, force.T, steady.T)
-        self._heat = np.ascontiguousarray(tau.T)
-        self._heating_in_step = (heating * (h / slow)).T[: None if heating.any() else 0]
-        energy = 0.5 * project(np.ones((1, c.size)), modal.mass * velocity**2 + place**2)[:, 0]
-        self._begun = np.zeros((SUM_ROWS, cases.count))
-        self._begun[[SUM_ENERGY, SUM_FIRST_ENERGY, SUM_LARGEST_ENERGY]] = energy
-        self._begun[SUM_VELOCITY] = project(modal.tip[None, :], velocity)[:, 0]
-        self._begun[SUM_LOSS_RATE] = project(loss_row[None, :], tau)[:, 0]
-        self._content = warmth_row
-        self._contained = project(warmth_row[None, :], tau)[:, 0]
-        self._initial = project(np.abs(warmth_row)[None, :], np.abs(tau))[:, 0]
-        self._heating = project(warmth_row[None, :], heating)[:, 0]
-        self.audit = Audit(
-            modes=modes,
-            heat_modes=heat_modes,
-            coupling=np.ascontiguousarray(coupling.reshape(modes.shape[0] // GROUP, GROUP, mu.size).swapaxes(1, 2)),
-            motion=lane_rows(*self._motion.shape[:2]),
-            heat=lane_rows(self._heat.shape[0]),
-            heating=lane_rows(self._heating_in_step.shape[0]),
-            sums=lane_rows(SUM_ROWS),
-            stored_end=False,
-        )
+        self.audit = _audit(modal, free, loss, terms)
+        self._speed = (terms.velocity * modal.tip).T
+        self._sums = _sums(modal, free, loss, begun, terms)
+        self._initial = project(np.abs(self._content)[None, :], np.abs(begun.heat + begun.settled))[:, 0]
+        heating = project(modal.heat_shapes.T, cases.heating)
+        self._heating = project(self._content[None, :], heating)[:, 0]
+        self._tip, self._pushed = modal.tip, largest_load(cases, begun)
         self.energy_residual, self.heat_residual = np.zeros(cases.count), np.zeros(cases.count)
 
     @property
     def rows(self) -> int:
         """Rows of lanes that balances add to a step's."""
-        modes, rows, _ = self.audit.motion.shape
-        return int(modes * rows + self.audit.heat.shape[0] + self.audit.heating.shape[0] + SUM_ROWS)
+        former = self.audit.former
+        return SUM_ROWS + int(self.audit.pulled.shape[0]) + (0 if former is None else int(former.speed.shape[0]))
 
     @property
     def residuals(self) -> dict[str, Array]:
@@ -110,37 +110,96 @@ class Books:
         return {"energy_residual": self.energy_residual, "heat_residual": self.heat_residual}
 
     def open(self, part: slice) -> None:
-        """Put the initial states of some cases in the lanes."""
-        fill_lanes(self.audit.motion, self._motion[..., part])
-        fill_lanes(self.audit.heat, self._heat[..., part])
-        fill_lanes(self.audit.heating, self._heating_in_step[..., part])
-        fill_lanes(self.audit.sums, self._begun[:, part])
+        """Put what some cases begin with in the lanes."""
+        fill_lanes(self.audit.sums, self._sums[:, part])
+        self.audit.pulled[:] = 0.0
+        if self.audit.former is not None:
+            fill_lanes(self.audit.former.speed, self._speed[:, part])
 
-    def close(self, part: slice, elapsed: float) -> None:
+    def close(self, part: slice, state: State, elapsed: float) -> None:
         """Take the balances of the lanes after ``elapsed`` seconds."""
         count = part.stop - part.start
         sums = self.audit.sums[:, :count]
-        change = sums[SUM_ENERGY] - sums[SUM_FIRST_ENERGY] + sums[SUM_SPENT]
-        self.energy_residual[part] = share(change, sums[SUM_LARGEST_ENERGY])
-        content = product(self._content, self.audit.heat)[:count]
+        change = sums[SUM_ENERGY] - self._sums[SUM_ENERGY, part] + sums[SUM_SPENT]
+        rest = rest_energy(self._tip, elapsed * self._pushed[part])
+        self.energy_residual[part] = share(change, np.maximum(sums[SUM_LARGEST_ENERGY], rest))
+        friction = sums[SUM_FRICTION_HEAT] - (0.0 if self._counts else state.own[CASE_HEAT, :count])
+        warmed = state.tau[:, :count].T / self._scale - self._begun_heat[part] + elapsed * self._warming[part]
         heating = elapsed * self._heating[part]
-        change = content - self._contained[part] - sums[SUM_FRICTION_HEAT] - heating + sums[SUM_LOST]
-        turned = sums[SUM_FRICTION_HEAT] + np.abs(heating) + sums[SUM_TURNED_OVER] + self._initial[part]
+        change = project(self._content[None, :], warmed)[:, 0] - friction - heating + sums[SUM_LOST]
+        turned = friction + np.abs(heating) + sums[SUM_TURNED_OVER] + self._initial[part]
         self.heat_residual[part] = share(change, turned)
 
 
-def no_audit() -> Audit:
-    """Return what the kernel takes where no balances are asked for."""
+def _audit(modal: Decoupled, free: Coefficients, loss: Array, terms: Terms) -> Audit:
+    """Return the coefficients of a batch, and room for its sums."""
+    theta, h, tip, omega2, a = terms.theta, free.tip.h, modal.tip, modal.frequency**2, terms.heat_place
+    share = _inverse_square(tip)
     return Audit(
-        modes=np.zeros((0, AUDIT_MODE_MASS + 1)),
-        heat_modes=np.zeros((0, AUDIT_HEAT_LOSS + 1)),
-        coupling=np.zeros((0, 0, GROUP)),
-        motion=lane_rows(0, AUDIT_STEADY + 1),
-        heat=lane_rows(0),
-        heating=lane_rows(0),
-        sums=lane_rows(0),
-        stored_end=False,
+        modes=by_mode(
+            h * modal.damping * share,
+            ((1 - theta) * h * omega2 * a - terms.heat_speed) * tip * share,
+            -omega2 * a * tip * share,
+            -h * theta * omega2 * a * tip * share,
+            0.5 * terms.kinetic * share,
+            0.5 * omega2 * share,
+        ),
+        losses=loss / modal.heat_scale,
+        former=None if theta == 1.0 else Former(lane_rows(tip.size), theta, 1.0 - theta),
+        pulled=lane_rows(free.pair_mode.size),
+        pair_work=(terms.inertia * share)[free.pair_mode],
+        sums=lane_rows(SUM_ROWS),
+        lever=h * theta,
+        dragged=terms.dragged,
+        warm_loss=total(loss * terms.warm),
+        own_work=(1 - theta) * total(np.where(share > 0, omega2 * a * a, 0.0)),
     )
+
+
+def _sums(modal: Decoupled, free: Coefficients, loss: Array, begun: Motion, terms: Terms) -> Array:
+    """Return the sums of a batch where its balance begins, ``(row, case)``."""
+    felt, h = np.where(felt_modes(modal.tip), 1.0, 0.0), free.tip.h
+    eta = terms.place + h * terms.theta * terms.velocity
+
+    def over(row: Array, states: Array) -> Array:
+        return project(row[None, :], states)[:, 0]
+
+    sums = np.zeros((SUM_ROWS, terms.velocity.shape[0]))
+    squares = terms.velocity**2
+    energy = 0.5 * (over(felt * terms.kinetic, squares) + over(felt * modal.frequency**2, eta**2))
+    sums[[SUM_ENERGY, SUM_LARGEST_ENERGY]] = energy
+    if not terms.opens:  # the first step of the march counts what a step that ends at t = 0 spends
+        sums[SUM_SPENT] = -over(h * felt * modal.damping, squares)
+    sums[SUM_RELATIVE] = over(modal.tip, terms.velocity)
+    sums[SUM_DRAGGED] = over(free.heat_modes[:, HEAT_SPEED] * modal.heat_scale, begun.heat) + begun.drift
+    sums[SUM_KNOWN_LOSS], sums[SUM_KNOWN_RISE] = over(loss, begun.settled), over(loss, begun.warming_modes)
+    sums[SUM_LOSS_RATE] = over(loss, begun.heat) + sums[SUM_KNOWN_LOSS]
+    return sums
+
+
+def felt_modes(tip: Array) -> NDArray[np.bool_]:
+    """Return which modes have a share in the tip, ``(mode,)``."""
+    return np.asarray(np.abs(tip) > LEAST_SHARE * np.abs(tip).max(initial=0.0))
+
+
+def _inverse_square(tip: Array) -> Array:
+    """Return 1/φ_n² of each mode, 0 for those without a share in the tip."""
+    felt = felt_modes(tip)
+    return np.where(felt, 1 / np.where(felt, tip, 1.0) ** 2, 0.0)
+
+
+def largest_load(cases: Cases, begun: Motion) -> Array:
+    """Return a bound of the load at the tip, N, ``(case,)``."""
+    swing = np.abs(cases.amplitude) + cases.load_harmonics.reach
+    return np.asarray(np.abs(cases.mean + begun.tip_force) + swing)
+
+
+def rest_energy(tip: Array, push: Array) -> Array:
+    """Return the energy below which the tip is at rest, J: what :data:`REST` times an impulse ``push`` gives it.
+
+    Where load and contact force cancel at a gap of 0 nothing else moves, and energy and residual are both rounding.
+    """
+    return np.asarray(0.5 * total(tip**2) * (REST * push) ** 2)
 
 
 def share(part: Array, whole: Array) -> Array:

@@ -32,8 +32,9 @@ import numpy as np
 from workflow.kernels.complex_numbers import square_root
 from workflow.kernels.sums import product, total
 from workflow.models import Array, Structure
+from workflow.schemes._fixed.books import Terms
 from workflow.schemes._fixed.contact import TipStep
-from workflow.schemes._fixed.decoupled import Decoupled, dragged
+from workflow.schemes._fixed.decoupled import Decoupled, Motion, dragged
 from workflow.schemes._fixed.modal_lanes import Coefficients, by_mode
 
 NEEDS_MASS = (
@@ -153,6 +154,32 @@ class Operator:
             tip=TipStep(h, 1.0, None, total(tip**2 / inertia), total(modal.heat_tip * enters)),
             heat_counts=False,
         )
+
+
+def terms(operator: Operator, begun: Motion, before: Array) -> Terms:
+    """Return how the step enters its balance, from the remaining modal w_-½, ``before``, ``(case, mode)``.
+
+    The step conserves w² (1 - (ωh)²/4) + ω² (η_k + η_k+1)²/4, which is w² + ω² η_k η_k+1; lagged damping spends
+    hc v_k w_k-½ = hc v_k² - hc (w_k+½² - w_k-½²)/4.
+    """
+    h, modal, differences = operator.h, operator.modal, operator.differences
+    inertia, _ = differences.damped(h, modal.damping)
+    enters = modal.heat_tip * (differences.decay(h, modal.rate) if differences.implicit_heat else 1.0)
+    slope, drags = differences.slope(h, modal.rate) * enters, product(modal.tip, operator.lead)
+    place = -product(operator.lead, enters)
+    kinetic = 1 - (h * modal.frequency) ** 2 / 4 - (h * modal.damping / 2 if differences.lagged else 0.0)
+    return Terms(
+        theta=0.5,
+        kinetic=kinetic,
+        inertia=inertia,
+        heat_speed=inertia * product(operator.lead, slope) + h * modal.frequency**2 * place / 2,
+        heat_place=place,
+        dragged=-total(drags * slope),
+        warm=np.zeros_like(modal.rate),
+        velocity=before,
+        place=begun.position - h * before,
+        opens=True,
+    )
 
 
 def delassus(modal: Decoupled, h: float, differences: Differences) -> float:

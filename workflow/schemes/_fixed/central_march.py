@@ -13,6 +13,7 @@ from workflow.kernels.complex_numbers import magnitude
 from workflow.kernels.lanes import PACK
 from workflow.kernels.packs import (
     Lane,
+    Pack,
     align_stack,
     flag,
     narrow,
@@ -26,9 +27,9 @@ from workflow.kernels.packs import (
     where,
 )
 from workflow.models import Array, Cases, project
-from workflow.schemes._fixed.balance import Audit, audit_heat
-from workflow.schemes._fixed.central import Linear, Operator
-from workflow.schemes._fixed.central_balance import CentralBooks, account
+from workflow.schemes._fixed.balance import Audit, account
+from workflow.schemes._fixed.books import Books
+from workflow.schemes._fixed.central import Linear, Operator, terms
 from workflow.schemes._fixed.contact import (
     CASE_AHEAD,
     CASE_ALPHA,
@@ -42,7 +43,9 @@ from workflow.schemes._fixed.contact import (
     Free,
     TipStep,
     count_rebounds,
+    driven,
     meet,
+    spring_gain,
     steps_from_tip,
 )
 from workflow.schemes._fixed.decoupled import Decoupled, Motion, start
@@ -93,24 +96,48 @@ def meet_linearly(law: Linear, step: TipStep, free: Free, own: Array, tip: Array
     return End(engaged, x, 0.5 * (before + after), temperature, about)
 
 
+@defines(driven, Linear)
+def _half_step_velocity(law: Linear, step: TipStep, end: End, own: Array, lane: Lane) -> Pack:
+    """Return w_k+½: where the law puts the tip on the casing, that which takes it there."""
+    half = pack(own, (CASE_HALF, lane))
+    if not law.holds:
+        return half
+    held = (pack(own, (CASE_AHEAD, lane)) - end.displacement) * (1.0 / step.h)
+    return where(pack(own, (CASE_LAST, lane)) > 0.0, held, half)
+
+
+@defines(spring_gain, Linear)
+def _spring_gain(law: Linear, step: TipStep, end: End, gap: Pack, own: Array, tip: Array, lane: Lane) -> Pack:
+    """Return κ δ_k (s_k+1 - s_k-1)/2, with the depth δ and the distance s from the casing.
+
+    That is the change of κ δ_k δ_k+1 / 2 less the work of κ δ_k over (x_k+1 - x_k-1)/2: 0 while contact lasts.
+    """
+    depth = end.displacement - gap
+    if not some(depth > 0.0):
+        return spread(0.0, lane)
+    ahead = pack(own, (CASE_AHEAD, lane)) - gap
+    behind = ahead - 2.0 * step.h * end.velocity
+    parted = where(behind < 0.0, behind, 0.0) - where(ahead < 0.0, ahead, 0.0)
+    return 0.5 * of_lane(law.stiffness, lane) * where(depth > 0.0, depth, 0.0) * parted
+
+
 @defines(open_march, Linear)
-def _open_march(law: Linear, step: TipStep, now: Now, state: State, block: Block, audit: Audit) -> None:
+def _open_march(law: Linear, step: TipStep, now: Now, state: State, block: Block, audit: Audit | None) -> None:
     """Take the step at t = 0, whose p_0 spans half a step: it counts as the impulse of a whole one."""
     own, tip, h = state.own, block.tip, step.h
     for first in range(0, block.lanes, PACK):
         lane = narrow(first)
         impulse = h * tip_load(now.sine, now.leader, block.load, lane)
-        free = Free(pack(own, (CASE_FIRST, lane)), spread(0.0, lane), impulse, pack(tip, (TIP_GAP, lane)))
-        store_end(meet(law, step, free, own, tip, lane), tip, lane)
-        if audit.sums.shape[0] > 0:
-            account(True, h, of_lane(law.stiffness, lane), audit, own, tip, lane)
-            if audit.heat.shape[0] > 0:
-                audit_heat(h, audit, own, lane)
+        gap = pack(tip, (TIP_GAP, lane))
+        free = Free(pack(own, (CASE_FIRST, lane)), spread(0.0, lane), impulse, gap)
+        end = meet(law, step, free, own, tip, lane)
+        account(audit, law, step, end, gap, own, tip, lane)
+        store_end(end, tip, lane)
         store(own, (CASE_LAST, lane), 2.0 * pack(own, (CASE_LAST, lane)))
 
 
 @kernel
-def _march(operator: Coefficients, law: Linear, state: State, block: Block, audit: Audit) -> None:
+def _march(operator: Coefficients, law: Linear, state: State, block: Block, audit: Audit | None) -> None:
     """Step a block of cases."""
     align_stack()
     march(operator, law, state, block, audit)
@@ -126,18 +153,22 @@ def _half_step_before(modal: Decoupled, cases: Cases, h: float) -> Array:
     return np.asarray(velocity - 0.5 * h * acceleration)
 
 
-def _first_free(operator: Operator, begun: Motion, kick: Array) -> tuple[Array, Array]:
-    """Return the remaining modal w_½ without tip load and contact, and that of the whole tip, ``(case,)``.
+def _relative_before(operator: Operator, cases: Cases, begun: Motion) -> Array:
+    """Return the remaining modal w_-½, relative to what heat drags along, ``(case, mode)``."""
+    modal, slope = operator.modal, operator.differences.slope(operator.h, operator.modal.rate)
+    half = _half_step_before(modal, cases, operator.h)
+    # what start() took off as dragged velocity is that of continuous time
+    remaining = begun.velocity - project(modal.response * modal.rate, begun.heat)
+    remaining += half - project(modal.to_modes, cases.velocity)
+    return np.asarray(remaining + project(operator.lead * slope, begun.heat))
 
-    ``kick`` is w_-½ - v_0, ``(case, mode)``.
-    """
+
+def _first_free(operator: Operator, begun: Motion, before: Array) -> tuple[Array, Array]:
+    """Return the remaining modal w_½ without tip load and contact, and that of the whole tip, ``(case,)``."""
     h, modal = operator.h, operator.modal
     inertia, factor = operator.differences.damped(h, modal.damping)
     slope = operator.differences.slope(h, modal.rate)
-    # what start() took off as dragged velocity is that of continuous time
-    remaining = begun.velocity - project(modal.response * modal.rate, begun.heat)
-    remaining += kick + project(operator.lead * slope, begun.heat)
-    free = factor * remaining - h * modal.frequency**2 / inertia * begun.position
+    free = factor * before - h * modal.frequency**2 / inertia * begun.position
     for mode, heat in modal.pairs:
         free[:, mode] -= h * modal.coupling[mode, heat] / inertia[mode] * begun.heat[:, heat]
     row = np.concatenate([modal.tip, -slope * modal.tip_response])
@@ -147,15 +178,16 @@ def _first_free(operator: Operator, begun: Motion, kick: Array) -> tuple[Array, 
 
 def _batch(operator: Operator, cases: Cases, begun: Motion, balances: bool) -> Batch:
     """Return the cases at t = 0, with the velocities half a step before and after."""
-    h, modal = operator.h, operator.modal
-    half = _half_step_before(modal, cases, h)
-    free, free_tip = _first_free(operator, begun, half - project(modal.to_modes, cases.velocity))
+    h, modal, free = operator.h, operator.modal, operator.coefficients()
+    before = _relative_before(operator, cases, begun)
+    speed, free_tip = _first_free(operator, begun, before)
     own = case_rows(cases, begun)
     own[CASE_AHEAD], own[CASE_FIRST] = cases.displacement[:, -1], free_tip
-    own[CASE_HALF] = project(modal.tip[None, :], half)[:, 0]
-    books = CentralBooks(operator, cases, begun.tip_force, half) if balances else None
-    speed, place = free * modal.tip, begun.position * modal.tip
-    return Batch(modal, begun, operator.coefficients(), operator.law, speed, place, own, books)
+    own[CASE_HALF] = project(modal.tip[None, :], _half_step_before(modal, cases, h))[:, 0]
+    books = None
+    if balances:
+        books = Books(operator.structure, modal, free, cases, begun, terms(operator, begun, before))
+    return Batch(modal, begun, free, operator.law, speed * modal.tip, begun.position * modal.tip, own, books)
 
 
 def _run(operator: Operator, cases: Cases, sampling: Sampling) -> Results:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from workflow.kernels import Array
 from workflow.kernels.compiled import by_type, inlined
-from workflow.kernels.packs import Lane, Mask, Pack, pack, some, store, where
+from workflow.kernels.packs import Lane, Mask, Pack, pack, some, spread, store, where
 
 CASE_ALPHA, CASE_DRIFT, CASE_WARMTH, CASE_WARMING = range(4)
 """Rows of a block's cases ``(row, lane)``: α [W/N] and the known part of the tip's motion
@@ -89,6 +89,21 @@ def meet(law: Law, step: TipStep, free: Free, own: Array, tip: Array, lane: Lane
 def steps_from_tip(law: Law) -> bool:
     """Tell whether :func:`meet` reads displacement and velocity of the tip at the step's beginning."""
     return True
+
+
+@by_type
+def driven(law: Law, step: TipStep, end: End, own: Array, lane: Lane) -> Pack:
+    """Return the velocity that the contact law gives the tip at the end of a step, with which impulses do work, m/s."""
+    return end.velocity
+
+
+@by_type
+def spring_gain(law: Law, step: TipStep, end: End, gap: Pack, own: Array, tip: Array, lane: Lane) -> Pack:
+    """Return the energy that a contact spring holds more at the end of a step than its force has taken in it, J.
+
+    ``tip`` still holds the tip at the step's beginning; depths are relative to the casing at the same instant.
+    """
+    return spread(0.0, lane)
 
 
 @inlined

@@ -202,6 +202,8 @@ class Motion:
         Remaining modal states η_j, ζ_j, τ_l at t = 0, ``(case, mode)``.
     drift, warmth, warming
         Of the known part, ``(case,)``: m/s, K, K/s. Its offset follows from the tip's position.
+    settled, warming_modes
+        Modal temperatures of the known part, and their rise, ``(case, thermal mode)``.
     closing, closing_rate
         Quasi-static tip growth of the known temperatures, m and m/s, ``(case,)``.
     tip_force
@@ -214,6 +216,8 @@ class Motion:
     drift: Array
     warmth: Array
     warming: Array
+    settled: Array
+    warming_modes: Array
     closing: Array
     closing_rate: Array
     tip_force: Array
@@ -258,6 +262,8 @@ def start(modal: Decoupled, cases: Cases) -> Motion:
         drift=at_tip(modal.tip, steady_velocity),
         warmth=at_tip(modal.heat_tip, settled),
         warming=at_tip(modal.heat_tip, warming),
+        settled=settled,
+        warming_modes=warming,
         closing=at_tip(modal.static_growth, settled),
         closing_rate=at_tip(modal.static_growth, warming),
         tip_force=tip_force,

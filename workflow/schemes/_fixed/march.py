@@ -5,7 +5,7 @@ A scheme gives its free step (:class:`~workflow.schemes._fixed.modal_lanes.Coeff
 the scheme's, so that numba's cache finds it::
 
     @kernel
-    def _march(operator: Coefficients, law: Prox, state: State, block: Block, audit: Audit) -> None:
+    def _march(operator: Coefficients, law: Prox, state: State, block: Block, audit: Audit | None) -> None:
         align_stack()
         march(operator, law, state, block, audit)
 """
@@ -22,8 +22,8 @@ from workflow.kernels.lanes import PACK, WIDE, fill_lanes, lane_rows
 from workflow.kernels.packs import Lane, broad, broadest, narrow, pack, wide
 from workflow.kernels.sums import product
 from workflow.models import Array, Cases
-from workflow.schemes._fixed.balance import Audit, audit_step, lay_out_audit
-from workflow.schemes._fixed.books import Books, no_audit
+from workflow.schemes._fixed.balance import Audit, account, account_heat, lay_out_audit
+from workflow.schemes._fixed.books import Books
 from workflow.schemes._fixed.contact import (
     CASE_ALPHA,
     CASE_DRIFT,
@@ -42,8 +42,10 @@ from workflow.schemes._fixed.modal_lanes import (
     Coefficients,
     State,
     by_mode,
+    close_balance,
     has_known_motion,
     lay_out,
+    note_energy,
     step_freely,
     store_heat,
 )
@@ -52,26 +54,30 @@ from workflow.schemes._fixed.tip_load import start_load, tip_load, turn_load
 
 
 @by_type
-def open_march(law: Law, step: TipStep, now: Now, state: State, block: Block, audit: Audit) -> None:
+def open_march(law: Law, step: TipStep, now: Now, state: State, block: Block, audit: Audit | None) -> None:
     """Do what a scheme does at t = 0: nothing where its contact law does not say otherwise."""
 
 
 @inlined
-def _step(operator: Coefficients, law: Law, now: Now, state: State, block: Block, lane: Lane) -> None:
+def _step(
+    operator: Coefficients, law: Law, now: Now, state: State, block: Block, audit: Audit | None, lane: Lane
+) -> None:
     """Take a pack of lanes through a step: free motion, load and contact, counts."""
     tip, step = block.tip, operator.tip
-    velocity, temperature = step_freely(operator, now.known, now.t, state, lane)
+    velocity, temperature = step_freely(operator, now.known, now.t, state, audit, lane)
     gap = pack(tip, (TIP_GAP, lane))
     impulse = step.h * tip_load(now.sine, now.leader, block.load, lane)
     end = meet(law, step, Free(velocity, temperature, impulse, gap), state.own, tip, lane)
-    if now.stored:
+    account(audit, law, step, end, gap, state.own, tip, lane)
+    account_heat(audit, step.h, now.t, state.own, lane)
+    if now.marked:
         store_end(end, tip, lane)
     else:
         count_end(end, steps_from_tip(law) or now.kept, now.kept, step.h, gap, tip, lane)
 
 
 @inlined
-def march(operator: Coefficients, law: Law, state: State, block: Block, audit: Audit) -> None:
+def march(operator: Coefficients, law: Law, state: State, block: Block, audit: Audit | None) -> None:
     """Step a block of cases; lanes never meet.
 
     ``state.tau_before`` is left with τ at the beginning of the last step, ``state.tau`` with τ at its end.
@@ -80,24 +86,24 @@ def march(operator: Coefficients, law: Law, state: State, block: Block, audit: A
     lay_out(operator, state, load, tip)
     lay_out_audit(audit)
     in_broad, in_wide = lanes // broadest() * broadest(), lanes // WIDE * WIDE
-    audited, paired = audit.sums.shape[0] > 0, operator.pair_mode.size > 0
+    paired = operator.pair_mode.size > 0
     known, leader = has_known_motion(state.own, lanes), start_load(h, load, lanes)
-    open_march(law, operator.tip, step_at(0, theta, leader, known, True, block), state, block, audit)
+    open_march(law, operator.tip, step_at(0, theta, leader, known, block), state, block, audit)
     for step in range(1, block.steps + 1):
         turn_load(step, h, leader, load, lanes)
-        now = step_at(step, theta, leader, known, audited and audit.stored_end, block)
+        now = step_at(step, theta, leader, known, block)
         if paired or now.last:
             store_heat(operator, state, state.tau_before, lanes)
         for first in range(0, in_broad, broadest()):
-            _step(operator, law, now, state, block, broad(first))
+            _step(operator, law, now, state, block, audit, broad(first))
         for first in range(in_broad, in_wide, WIDE):
-            _step(operator, law, now, state, block, wide(first))
+            _step(operator, law, now, state, block, audit, wide(first))
         for first in range(in_wide, lanes, PACK):
-            _step(operator, law, now, state, block, narrow(first))
-        if audited:
-            audit_step(law, operator.tip, now, audit, state.own, block)
-        if now.stored:
-            observe(take_marks(step, block) if now.marked else h, tip, lanes)
+            _step(operator, law, now, state, block, audit, narrow(first))
+        note_energy(audit, step, block.steps, operator, state, lanes)
+        if now.marked:
+            observe(take_marks(step, block), tip, lanes)
+    close_balance(audit, operator, state, lanes)
     store_heat(operator, state, state.tau, lanes)
 
 
@@ -163,7 +169,7 @@ def march_blocks(kernel: Callable[..., None], batch: Batch, watched: Watch, dura
     lanes, before, law = lane_rows(tau.shape[0]), lane_rows(tau.shape[0]), law_lanes(batch.law)
     paired = before if operator.heat_counts else lanes
     state = State(lane_rows(CASE_ROWS), lane_rows(*motion.shape[:2]), lanes, before, paired)
-    audit = no_audit() if books is None else books.audit
+    audit = None if books is None else books.audit
     closing = begun.closing + begun.closing_rate * duration
     growth = modal.static_growth / scale
     rows = 2 * motion.shape[0] + tau.shape[0] + (0 if books is None else books.rows)
@@ -176,7 +182,7 @@ def march_blocks(kernel: Callable[..., None], batch: Batch, watched: Watch, dura
         fill_lanes(state.tau, tau[..., part])
         kernel(operator, law, state, block, audit)
         if books is not None:
-            books.close(part, schedule.steps * watched.h)
+            books.close(part, state, schedule.steps * watched.h)
         count = part.stop - part.start
         batch.own[:, part] = state.own[:, :count]
         reached = state.tau_before + schedule.weight[-1] * (state.tau - state.tau_before)

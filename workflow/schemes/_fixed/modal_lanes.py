@@ -16,10 +16,21 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.kernels.compiled import inlined, part
-from workflow.kernels.lanes import ROW
-from workflow.kernels.packs import Lane, Pack, pack, plus, raised, shared, spread, store
+from workflow.kernels.compiled import by_type, defines, inlined, part
+from workflow.kernels.lanes import PACK, ROW
+from workflow.kernels.packs import Lane, Pack, narrow, pack, plus, raised, shared, spread, store
 from workflow.models import Array
+from workflow.schemes._fixed.balance import (
+    Audit,
+    energy_of,
+    keep_dragged,
+    keep_energy,
+    keep_pull,
+    keep_spent,
+    lose,
+    spend,
+    spend_pair,
+)
 from workflow.schemes._fixed.contact import (
     CASE_DRIFT,
     CASE_HEAT,
@@ -32,6 +43,9 @@ from workflow.schemes._fixed.contact import (
 
 MOTION_SPEED, MOTION_PLACE = range(2)
 """Rows of a mode's motion: ζ and ξ."""
+
+SELDOM, LOOKS = 16, 128
+"""The largest energy is looked for in every sixteenth step, in short runs at least so many times or in every step."""
 
 MODE_DECAY, MODE_SPRING, MODE_IMPULSE, MODE_HEAT_SPEED, MODE_HEAT_PLACE = range(5)
 """Coefficients of a mechanical mode: a and b of ζ' = a ζ + b ξ, ζ per unit impulse and per unit heat at the tip, ξ
@@ -95,31 +109,50 @@ def lay_out(operator: Coefficients, state: State, load: Array, tip: Array) -> No
 
 
 @inlined
-def _step_modes(modes: Array, h: float, state: State, velocity: Pack, heat: Pack | None, lane: Lane) -> Pack:
+def _ended(modes: Array, motion: Array, j: int, impulse: Pack, heat: Pack | None, lane: Lane) -> tuple[Pack, Pack]:
+    """Return ζ and ξ of mode j at the end of the last step, whose ``impulse`` and ``heat`` are not in its state yet."""
+    speed = pack(motion, (j, MOTION_SPEED, lane)) + shared(modes, (j, MODE_IMPULSE), lane) * impulse
+    place = plus(pack(motion, (j, MOTION_PLACE, lane)), shared(modes, (j, MODE_HEAT_PLACE), lane), heat)
+    return plus(speed, shared(modes, (j, MODE_HEAT_SPEED), lane), heat), place
+
+
+@inlined
+def _step_modes(
+    modes: Array, h: float, state: State, velocity: Pack, heat: Pack | None, audit: Audit | None, lane: Lane
+) -> Pack:
     """Step the mechanical modes, and return the tip's velocity with theirs; ``heat`` is that of the last contact."""
-    motion, impulse = state.motion, pack(state.own, (CASE_IMPULSE, lane))
+    motion, impulse, spent = state.motion, pack(state.own, (CASE_IMPULSE, lane)), spread(0.0, lane)
     for j in range(motion.shape[0]):
-        before = pack(motion, (j, MOTION_SPEED, lane)) + shared(modes, (j, MODE_IMPULSE), lane) * impulse
-        before = plus(before, shared(modes, (j, MODE_HEAT_SPEED), lane), heat)
-        place = plus(pack(motion, (j, MOTION_PLACE, lane)), shared(modes, (j, MODE_HEAT_PLACE), lane), heat)
+        before, place = _ended(modes, motion, j, impulse, heat, lane)
         after = shared(modes, (j, MODE_DECAY), lane) * before + shared(modes, (j, MODE_SPRING), lane) * place
         store(motion, (j, MOTION_SPEED, lane), after)
         store(motion, (j, MOTION_PLACE, lane), place + h * before)
         velocity += after
+        spent = spend(audit, j, before, place, heat, spent, lane)
+    keep_spent(audit, spent, state.own, lane)
     return velocity
 
 
 @inlined
 def _step_heat(
-    heat_modes: Array, tau: Array, velocity: Pack, temperature: Pack, heat: Pack | None, lane: Lane
+    heat_modes: Array,
+    tau: Array,
+    velocity: Pack,
+    temperature: Pack,
+    heat: Pack | None,
+    audit: Audit | None,
+    lane: Lane,
 ) -> tuple[Pack, Pack]:
     """Step the thermal modes, and return velocity and temperature of the tip with theirs."""
+    loss = spread(0.0, lane)
     for k in range(tau.shape[0]):
         before = plus(pack(tau, (k, lane)), shared(heat_modes, (k, HEAT_INPUT), lane), heat)
         after = shared(heat_modes, (k, HEAT_DECAY), lane) * before
         store(tau, (k, lane), after)
         velocity += shared(heat_modes, (k, HEAT_SPEED), lane) * after
         temperature += after
+        loss = lose(audit, k, after, loss, lane)
+    keep_dragged(audit, velocity, loss, lane)
     return velocity, temperature
 
 
@@ -133,41 +166,99 @@ def has_known_motion(own: Array, lanes: int) -> bool:
 
 
 @inlined
-def _add_pairs(operator: Coefficients, state: State, velocity: Pack, lane: Lane) -> Pack:
+def _spend_pairs(operator: Coefficients, state: State, audit: Audit | None, lane: Lane) -> None:
+    """Count what thermal modes near resonance with mechanical ones did in the last step."""
+    impulse, heat = pack(state.own, (CASE_IMPULSE, lane)), pack(state.own, (CASE_HEAT, lane))
+    for pair in range(operator.pair_mode.size):
+        j = operator.pair_mode[pair]
+        speed, _ = _ended(operator.modes, state.motion, j, impulse, heat, lane)
+        spend_pair(audit, pair, j, speed, lane)
+
+
+@inlined
+def _add_pairs(operator: Coefficients, state: State, velocity: Pack, audit: Audit | None, lane: Lane) -> Pack:
     """Add what thermal modes do to mechanical modes near resonance with them; return the tip's velocity with it."""
     motion = state.motion
     for pair in range(operator.pair_mode.size):
         j, k = operator.pair_mode[pair], operator.pair_heat[pair]
         pull = shared(operator.pair_pull, (pair,), lane) * pack(state.tau_paired, (k, lane))
+        keep_pull(audit, pair, pull, lane)
         store(motion, (j, MOTION_SPEED, lane), pack(motion, (j, MOTION_SPEED, lane)) + pull)
         velocity += pull
     return velocity
 
 
 @inlined
-def step_freely(operator: Coefficients, known: bool, t: float, state: State, lane: Lane) -> tuple[Pack, Pack]:
+def step_freely(
+    operator: Coefficients, known: bool, t: float, state: State, audit: Audit | None, lane: Lane
+) -> tuple[Pack, Pack]:
     """Step all modes to t; return velocity and temperature of the tip there without load and contact.
 
     They begin with impulse and heat of the step before; in most steps there is no heat in any lane.
     ``known`` is what :func:`has_known_motion` returned.
     """
     own, tau, modes, heat_modes, h = state.own, state.tau, operator.modes, operator.heat_modes, operator.tip.h
-    velocity, temperature = spread(0.0, lane), spread(0.0, lane)
+    velocity, temperature, paired = spread(0.0, lane), spread(0.0, lane), operator.pair_mode.size > 0
     if tau.shape[0] == 0:
-        return _step_modes(modes, h, state, velocity, None, lane), temperature
+        return _step_modes(modes, h, state, velocity, None, audit, lane), temperature
     if known:
         velocity += pack(own, (CASE_DRIFT, lane))
         temperature = pack(own, (CASE_WARMTH, lane)) + pack(own, (CASE_WARMING, lane)) * t
+    if paired:
+        _spend_pairs(operator, state, audit, lane)
     if raised(own, (CASE_PRESSED, lane)):
         heat = pack(own, (CASE_HEAT, lane))
-        velocity, temperature = _step_heat(heat_modes, tau, velocity, temperature, heat, lane)
-        velocity = _step_modes(modes, h, state, velocity, heat, lane)
+        velocity, temperature = _step_heat(heat_modes, tau, velocity, temperature, heat, audit, lane)
+        velocity = _step_modes(modes, h, state, velocity, heat, audit, lane)
     else:
-        velocity, temperature = _step_heat(heat_modes, tau, velocity, temperature, None, lane)
-        velocity = _step_modes(modes, h, state, velocity, None, lane)
-    if operator.pair_mode.size > 0:
-        velocity = _add_pairs(operator, state, velocity, lane)
+        velocity, temperature = _step_heat(heat_modes, tau, velocity, temperature, None, audit, lane)
+        velocity = _step_modes(modes, h, state, velocity, None, audit, lane)
+    if paired:
+        velocity = _add_pairs(operator, state, velocity, audit, lane)
     return velocity, temperature
+
+
+@by_type
+def note_energy(audit: Audit | None, step: int, steps: int, operator: Coefficients, state: State, lanes: int) -> None:
+    """Keep the energy at the end of some steps."""
+
+
+@defines(note_energy, Audit)
+def _note_energy(audit: Audit, step: int, steps: int, operator: Coefficients, state: State, lanes: int) -> None:
+    if step % min(SELDOM, steps // LOOKS + 1) == 0:
+        _take_energy(audit, operator, state, lanes)
+
+
+@part
+def _take_energy(audit: Audit, operator: Coefficients, state: State, lanes: int) -> None:
+    """Keep the energy at the end of the last step."""
+    for first in range(0, lanes, PACK):
+        lane = narrow(first)
+        impulse, heat = pack(state.own, (CASE_IMPULSE, lane)), pack(state.own, (CASE_HEAT, lane))
+        energy = spread(0.0, lane)
+        for j in range(state.motion.shape[0]):
+            speed, place = _ended(operator.modes, state.motion, j, impulse, heat, lane)
+            energy += energy_of(audit, j, speed, place, lane)
+        keep_energy(audit, energy, lane)
+
+
+@by_type
+def close_balance(audit: Audit | None, operator: Coefficients, state: State, lanes: int) -> None:
+    """Count what the modes spent in the last step, and the energy at its end."""
+
+
+@defines(close_balance, Audit)
+def _close_balance(audit: Audit, operator: Coefficients, state: State, lanes: int) -> None:
+    _take_energy(audit, operator, state, lanes)
+    for first in range(0, lanes, PACK):
+        lane = narrow(first)
+        impulse, heat = pack(state.own, (CASE_IMPULSE, lane)), pack(state.own, (CASE_HEAT, lane))
+        _spend_pairs(operator, state, audit, lane)
+        spent = spread(0.0, lane)
+        for j in range(state.motion.shape[0]):
+            speed, place = _ended(operator.modes, state.motion, j, impulse, heat, lane)
+            spent = spend(audit, j, speed, place, heat, spent, lane)
+        keep_spent(audit, spent, state.own, lane)
 
 
 @part

@@ -1,75 +1,94 @@
 """Energy and heat of a scheme that steps plain states, summed over whole steps.
 
-With midpoint values x_m = (x + x')/2 of a step and F̄ the mean of the tip load at its two ends, the sum over the
-steps of
-
-    - F̄ v_n,m h - f̄ᵀ v_m h + v_mᵀ C1 v_m h + v_mᵀ K12 θ_m h + p (v_n + v_n')/2
-
-and ΔE, E = ½ vᵀM v + ½ xᵀK1 x, over the largest E at a step end, is the energy residual; the change of the heat
-content less αJ and heating plus the losses, over the heat turned over, is the heat residual.
+The states at the ends of a step are taken to the coordinates of :mod:`workflow.schemes._fixed.balance`, relative to
+what heat and constant loads drag along. The energy residual is the sum of the left side of its equation with θ = 1/2,
+over the largest E at a step end; the change of the heat content less αJ and heating plus the losses, over the heat
+turned over, is the heat residual.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from workflow.kernels import Array
+from workflow.kernels.sums import product, total
 from workflow.models import Cases, Structure, project
+from workflow.schemes._fixed.books import felt_modes, largest_load, rest_energy, share
+from workflow.schemes._fixed.decoupled import decouple, start
 
 States = tuple[Array, Array, Array]
 """Displacement and velocity ``(case, mechanical)``, temperature ``(case, thermal)``."""
 
 
-def _dot(left: Array, right: Array) -> Array:
-    """Return Σ left · right of each case, added in the order of the coordinates, ``(case,)``."""
-    total = np.zeros(left.shape[0])
-    for column in range(left.shape[1]):
-        total += left[:, column] * right[:, column]
-    return total
+class _Motion(NamedTuple):
+    """The relative motion at a step end: ωη and ζ, ``(case, mode)``, and τ, ``(case, thermal mode)``."""
+
+    stretch: Array
+    zeta: Array
+    tau: Array
+
+    @property
+    def energy(self) -> Array:
+        """J, ``(case,)``."""
+        return 0.5 * total(self.stretch**2 + self.zeta**2, 1)
 
 
 class PlainBalance:
     """Sums of a batch, ``(case,)`` each."""
 
     def __init__(self, structure: Structure, cases: Cases, h: float) -> None:
-        self._cases, self._h, self._step = cases, h, 0
-        self._mass, self._stiffness = structure.mass, structure.stiffness_matrix
-        self._damping, self._coupling = structure.damping_matrix, structure.coupling_matrix
+        self._modal, self._cases, self._h, self._step = decouple(structure), cases, h, 0
+        self._begun = start(self._modal, cases)
+        self._felt = felt_modes(self._modal.tip)
         self._content, self._losses = structure.content[None, :], structure.loss_row[None, :]
-        self._first = self._energy((cases.displacement, cases.velocity, cases.temperature))
-        self._largest = self._first.copy()
+        self._before = self._first = self._relative((cases.displacement, cases.velocity, cases.temperature))
+        self._largest = self._first.energy
         self._spent, self._lost, self._turned, self._heat = np.zeros((4, cases.count))
 
-    def _energy(self, states: States) -> Array:
-        """Return E = ½ vᵀM v + ½ xᵀK1 x, J."""
-        x, v, _ = states
-        return 0.5 * (_dot(v, project(self._mass, v)) + _dot(x, project(self._stiffness, x)))
+    def _relative(self, states: States) -> _Motion:
+        """Return the relative motion in the modes with a share in the tip."""
+        modal, begun, cases, t = self._modal, self._begun, self._cases, self._step * self._h
+        drift, response = project(modal.response, begun.warming_modes), modal.response
+        rest = project(modal.to_modes, cases.displacement) - begun.position - project(response, begun.heat)
+        tau = project(modal.to_thermal, states[2]) - begun.settled - t * begun.warming_modes
+        eta = project(modal.to_modes, states[0]) - rest - t * drift - project(response, tau)
+        zeta = project(modal.to_modes, states[1]) - drift + project(response * modal.rate, tau)
+        return _Motion((modal.frequency * eta)[:, self._felt], zeta[:, self._felt], tau)
+
+    def _spend(self, after: _Motion, impulse: Array, heat: Array) -> Array:
+        """Return the energy spent in a step by damping, load and contact, and heat, J."""
+        modal, felt, before, h = self._modal, self._felt, self._before, self._h
+        zeta, stretch = (0.5 * (a + b) for a, b in ((before.zeta, after.zeta), (before.stretch, after.stretch)))
+        drags = product(modal.response, modal.heat_tip)[felt] * modal.frequency[felt]
+        pushes = product(modal.response, modal.rate * modal.heat_tip)[felt]
+        near = np.where(modal.response == 0, modal.coupling, 0.0)[felt]
+        work = h * modal.damping[felt] * zeta + h * project(near, 0.5 * (before.tau + after.tau))
+        work -= impulse[:, None] * modal.tip[felt] + heat[:, None] * pushes
+        return np.asarray(total(zeta * work + heat[:, None] * drags * stretch, 1))
 
     def add(self, before: States, after: States, impulse: Array) -> None:
         """Add a step from its states at both ends and the impulse p in it, N s, ``(case,)``."""
-        h, cases = self._h, self._cases
-        begin, end = cases.load_at(self._step * h), cases.load_at((self._step + 1) * h)
+        h, cases, begun = self._h, self._cases, self._begun
+        load = 0.5 * (cases.load_at(self._step * h) + cases.load_at((self._step + 1) * h)) + begun.tip_force
         self._step += 1
-        v, temperature = 0.5 * (before[1] + after[1]), 0.5 * (before[2] + after[2])
-        force = project(self._damping, v) + project(self._coupling, temperature) - cases.steady
-        self._spent += h * (_dot(v, force) - 0.5 * (begin + end) * v[:, -1]) + impulse * v[:, -1]
-        loss = h * project(self._losses, temperature)[:, 0]
+        ended, heat = self._relative(after), cases.alpha * impulse
+        self._spent += self._spend(ended, h * load - impulse, heat)
+        loss = h * project(self._losses, 0.5 * (before[2] + after[2]))[:, 0]
         self._lost += loss
         self._turned += np.abs(loss)
-        self._heat += cases.alpha * impulse
-        self._largest = np.maximum(self._largest, self._energy(after))
+        self._heat += heat
+        self._largest = np.maximum(self._largest, ended.energy)
+        self._before = ended
 
     def residuals(self, last: States) -> dict[str, Array]:
         """Return ``energy_residual`` and ``heat_residual``; 0 where there is no energy, or no heat turned over."""
-        cases, ones = self._cases, np.ones_like(self._cases.heating)
-        change = self._energy(last) - self._first + self._spent
-        heating = self._step * self._h * _dot(cases.heating, ones)
+        cases, elapsed = self._cases, self._step * self._h
+        change = self._before.energy - self._first.energy + self._spent
+        whole = np.maximum(self._largest, rest_energy(self._modal.tip, elapsed * largest_load(cases, self._begun)))
+        heating = elapsed * total(cases.heating, 1)
         initial = self._content * cases.temperature
-        gained = _dot(self._content * last[2] - initial, ones) - self._heat - heating + self._lost
-        turned = self._heat + np.abs(heating) + self._turned + _dot(np.abs(initial), ones)
-        return {"energy_residual": _ratio(change, self._largest), "heat_residual": _ratio(gained, turned)}
-
-
-def _ratio(part: Array, whole: Array) -> Array:
-    """Return part / whole, 0 where the whole is 0."""
-    return np.where(whole == 0, 0.0, part / np.where(whole == 0, 1.0, whole))
+        gained = total(self._content * last[2] - initial, 1) - self._heat - heating + self._lost
+        turned = self._heat + np.abs(heating) + self._turned + total(np.abs(initial), 1)
+        return {"energy_residual": share(change, whole), "heat_residual": share(gained, turned)}

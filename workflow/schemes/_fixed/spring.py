@@ -17,24 +17,24 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workflow.kernels.compiled import defines, inlined, kernel
-from workflow.kernels.lanes import PACK
+from workflow.kernels.compiled import defines, kernel
 from workflow.kernels.packs import (
     Lane,
     Pack,
     align_stack,
     flag,
-    narrow,
     of_lane,
     pack,
     raised,
+    some,
     some_nonzero,
+    spread,
     store,
     weighed,
     where,
 )
 from workflow.models import Array, Cases, Structure
-from workflow.schemes._fixed.balance import SUM_ENERGY, SUM_SPENT, Audit, audit_step, audit_theta, store_energy
+from workflow.schemes._fixed.balance import Audit
 from workflow.schemes._fixed.contact import (
     CASE_ALPHA,
     CASE_HEAT,
@@ -46,20 +46,14 @@ from workflow.schemes._fixed.contact import (
     TipStep,
     count_rebounds,
     meet,
+    spring_gain,
 )
 from workflow.schemes._fixed.decoupled import Decoupled
 from workflow.schemes._fixed.march import march
-from workflow.schemes._fixed.marks import (
-    TIP_DISPLACEMENT,
-    TIP_GAP,
-    TIP_NEW_DISPLACEMENT,
-    TIP_NEW_VELOCITY,
-    TIP_VELOCITY,
-    Block,
-)
+from workflow.schemes._fixed.marks import TIP_DISPLACEMENT, TIP_VELOCITY, Block
 from workflow.schemes._fixed.modal_lanes import Coefficients, State
 from workflow.schemes._fixed.outcome import by_heat, effective_restitution
-from workflow.schemes._fixed.stepping import Now, collect
+from workflow.schemes._fixed.stepping import collect
 from workflow.schemes._fixed.theta_method import Contact, Operator, delassus, judge, step_modes
 from workflow.schemes._interface import Results, Sampling
 
@@ -106,28 +100,24 @@ def meet_spring(law: Spring, step: TipStep, free: Free, own: Array, tip: Array, 
     return End(engaged, x + h * weighed(theta, after, step.rest, v), after, temperature, p)
 
 
-@inlined
-def _audit_spring(stiffness: Pack, h: float, tip: Array, sums: Array, lane: Lane) -> None:
-    """Count the contact spring's energy ½ κ (x_n - d)², and take its work out of what is lost."""
-    gap = pack(tip, (TIP_GAP, lane))
-    depth_before, depth = pack(tip, (TIP_DISPLACEMENT, lane)) - gap, pack(tip, (TIP_NEW_DISPLACEMENT, lane)) - gap
-    depth_before, depth = where(depth_before > 0.0, depth_before, 0.0), where(depth > 0.0, depth, 0.0)
-    moved = 0.5 * h * (pack(tip, (TIP_VELOCITY, lane)) + pack(tip, (TIP_NEW_VELOCITY, lane)))
-    store(sums, (SUM_SPENT, lane), pack(sums, (SUM_SPENT, lane)) - 0.5 * stiffness * (depth_before + depth) * moved)
-    store_energy(pack(sums, (SUM_ENERGY, lane)) + 0.5 * stiffness * depth * depth, sums, lane)
+@defines(spring_gain, Spring)
+def _spring_gain(law: Spring, step: TipStep, end: End, gap: Pack, own: Array, tip: Array, lane: Lane) -> Pack:
+    """Return κ δ_θ (s' - s) - (θ - 1/2) κ (δ' - δ)², with the depths δ and the distances s from the casing.
 
-
-@defines(audit_step, Spring)
-def _audit(law: Spring, step: TipStep, now: Now, audit: Audit, own: Array, block: Block) -> None:
-    """Account for a step of the θ-method and for the contact spring."""
-    audit_theta(step, now, audit, own, block)
-    for first in range(0, block.lanes, PACK):
-        lane = narrow(first)
-        _audit_spring(of_lane(law.stiffness, lane), step.h, block.tip, audit.sums, lane)
+    That is Δ(κ δ²/2) - κ δ_θ Δ(δ - s), with the depth at a step's ends weighed as the force is.
+    """
+    began, ended = pack(tip, (TIP_DISPLACEMENT, lane)) - gap, end.displacement - gap
+    if not (some(began > 0.0) or some(ended > 0.0)):
+        return spread(0.0, lane)
+    before, after = where(began > 0.0, began, 0.0), where(ended > 0.0, ended, 0.0)
+    parted = (after - ended) - (before - began)
+    mean = step.theta * after + (1.0 - step.theta) * before
+    change = after - before
+    return of_lane(law.stiffness, lane) * (mean * parted - (step.theta - 0.5) * change * change)
 
 
 @kernel
-def _march(operator: Coefficients, law: Spring, state: State, block: Block, audit: Audit) -> None:
+def _march(operator: Coefficients, law: Spring, state: State, block: Block, audit: Audit | None) -> None:
     """Step a block of cases."""
     align_stack()
     march(operator, law, state, block, audit)
@@ -166,7 +156,7 @@ def _run(operator: SpringOperator, cases: Cases, sampling: Sampling) -> Results:
     """Step cases that all carry thermal states, or that all carry none."""
     modal, law = operator.modal, operator.law(cases.alpha)
     free = Operator(operator.structure, operator.h, operator.theta, modal)
-    ended = step_modes(_march, free, modal, law, cases, sampling, spring=True)
+    ended = step_modes(_march, free, modal, law, cases, sampling)
     contact = Contact(operator.yielding, "1 + hθW (hθκ + c)")
     status, messages = judge(free, contact, cases, sampling.duration, ended.finite)
     balances = {**effective_restitution(ended.own), **ended.balances}

@@ -62,9 +62,8 @@ class Now(NamedTuple):
     """Time at its end, s."""
     last: bool
     marked: bool
-    """Whether a sample or the end of a load period falls due in it."""
-    stored: bool
-    """Whether the tip's state at its end is stored, for what falls due or for balances; ``observe`` counts it later."""
+    """Whether a sample or the end of a load period falls due in it: the tip's state at its end is stored then, and
+    ``observe`` counts it later."""
     kept: bool
     """Whether something falls due in the next step, which asks for the state at this one's end."""
     sine: float
@@ -75,11 +74,11 @@ class Now(NamedTuple):
 
 
 @inlined
-def step_at(step: int, theta: float, leader: int, known: bool, stored: bool, block: Block) -> Now:
-    """Return a step, with the load at its two ends weighed by 1 - θ and θ; ``stored`` whatever falls due."""
+def step_at(step: int, theta: float, leader: int, known: bool, block: Block) -> Now:
+    """Return a step, with the load at its two ends weighed by 1 - θ and θ."""
     sine = weigh_load(1.0 - theta, theta, LOAD_WEIGHED_SINE, leader, block.load, block.lanes)
     mark, last = block.marks.next_mark[0], step == block.steps
-    return Now(step * block.h, last, step == mark, stored or step == mark, step + 1 == mark, sine, leader, known)
+    return Now(step * block.h, last, step == mark, step + 1 == mark, sine, leader, known)
 
 
 @inlined

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from workflow.kernels.complex_numbers import magnitude, over
 from workflow.kernels.sums import product, total
 from workflow.models import Array, Cases, Structure, poles
-from workflow.schemes._fixed.books import Books
+from workflow.schemes._fixed.books import Books, Terms
 from workflow.schemes._fixed.contact import Law, TipStep
-from workflow.schemes._fixed.decoupled import Decoupled, start
+from workflow.schemes._fixed.decoupled import Decoupled, Motion, start
 from workflow.schemes._fixed.march import Batch, case_rows, march_blocks
 from workflow.schemes._fixed.marks import TIP_DISPLACEMENT, TIP_TEMPERATURE
 from workflow.schemes._fixed.modal_lanes import Coefficients, by_mode
@@ -119,6 +119,24 @@ def coefficients(modal: Decoupled, h: float, theta: float) -> Coefficients:
     )
 
 
+def _terms(modal: Decoupled, h: float, theta: float, begun: Motion) -> Terms:
+    """Return how the step enters its balance."""
+    warm = modal.heat_tip / (1 + h * theta * modal.rate)
+    near = np.where(modal.response == 0, modal.coupling, 0.0)
+    return Terms(
+        theta=theta,
+        kinetic=np.ones_like(modal.frequency),
+        inertia=modal.inertia(h, theta),
+        heat_speed=product(modal.response, modal.rate * modal.heat_tip) - h * theta * product(near, warm),
+        heat_place=-product(modal.response, modal.heat_tip),
+        dragged=-total(modal.rate * modal.tip_response * warm),
+        warm=warm,
+        velocity=begun.velocity,
+        place=begun.position - h * theta * begun.velocity,
+        opens=False,
+    )
+
+
 def step_modes(
     kernel: Callable[..., None],
     operator: Operator,
@@ -126,21 +144,16 @@ def step_modes(
     law: Law,
     cases: Cases,
     sampling: Sampling,
-    *,
-    spring: bool = False,
 ) -> Ended:
-    """Step cases in modes by a kernel of the scheme; ``modal`` has thermal states or has not.
-
-    ``spring``: the balances count the energy of a contact spring.
-    """
+    """Step cases in modes by a kernel of the scheme; ``modal`` has thermal states or has not."""
     h, theta, begun = operator.h, operator.theta, start(modal, cases)
     watched = watch(cases, cases.mean + begun.tip_force, sampling, schedule(sampling, h), h)
-    books = Books(operator.structure, modal, cases, begun.tip_force, h, theta) if sampling.balances else None
-    if books is not None and spring:
-        books.audit = books.audit._replace(stored_end=True)
     zeta = begun.velocity * modal.tip
     xi = begun.position * modal.tip - h * theta * zeta
     free = coefficients(modal, h, theta)
+    books = None
+    if sampling.balances:
+        books = Books(operator.structure, modal, free, cases, begun, _terms(modal, h, theta, begun))
     batch = Batch(modal, begun, free, law, zeta, xi, case_rows(cases, begun), books)
     closing = march_blocks(kernel, batch, watched, sampling.duration)
     return Ended(watched, closing, batch.balances, batch.own)

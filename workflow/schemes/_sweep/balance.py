@@ -1,7 +1,12 @@
-"""Energy and heat of a chain that is stepped node by node: the sums of :mod:`workflow.schemes._fixed.balance`.
+"""Energy and heat of a chain that is stepped node by node, whose modes are not known.
 
-The scheme's own states give the energy: no second set is stepped. The initial heat content, which scales
-the heat residual, is summed over nodes (``_fixed.balance`` sums over modes).
+With midpoint values x_m = (x + x')/2 of a step and F̄ the mean of the tip load at its two ends, the sum over the
+steps of
+
+    - F̄ v_n,m h - f̄ᵀ v_m h + v_mᵀ C1 v_m h + v_mᵀ K12 θ_m h + p (v_n + v_n')/2
+
+and ΔE, with E = ½ vᵀM v + ½ xᵀK1 x of the whole motion, over the largest E at a step end, is the energy residual. Heat
+is counted as in :mod:`workflow.schemes._fixed.balance`, the initial content by nodes.
 """
 
 from __future__ import annotations
