@@ -57,11 +57,12 @@ class Variable:
 _ENERGY = (
     "(change of E + dissipation by damping - work of tip load, contact and friction heat) / max E: what the scheme "
     "itself gives (+) or takes (-). Steps in modes: E is the energy of the motion relative to what heat and constant "
-    "loads drag along, of all modes with a share in the tip; velocities that do work are means of a step's ends as "
-    "the scheme weighs them, that of the tip is the contact law's; what a contact spring gives as contact begins "
-    "or ends counts; max E is at least what 1e-12 of the impulse of the tip load would give the tip. Chains stepped node by node "
-    "and event_driven: E = vMv/2 + xK1x/2 of the whole motion, with the work of all loads and against thermal forces "
-    "(steps: midpoint values). 0 where max E is 0; NaN where event_driven cannot integrate it at a reasonable cost"
+    "loads drag along, of all modes with a share in the tip; what does work does it at the mean velocity of a step's "
+    "ends, that of the tip as the contact law gives it; what a contact spring gives as contact begins or ends "
+    "counts; max E is at least what 1e-12 of the impulse of the tip load would give "
+    "the tip. Chains stepped node by node and event_driven: E = vMv/2 + xK1x/2 of the whole motion, with the work of "
+    "all loads and against thermal forces (steps: midpoint values). 0 where max E is 0; NaN where event_driven cannot "
+    "integrate it at a reasonable cost"
 )
 
 _HEAT = (

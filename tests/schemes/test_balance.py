@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,8 +18,8 @@ from workflow.reduction import reduce_structure
 from workflow.schemes import Results, Sampling, Status, carpenter, moreau
 from workflow.schemes._exact import energy_balance
 from workflow.schemes._fixed import modal_lanes, theta_method
-from workflow.schemes._fixed.books import LEAST_SHARE
-from workflow.schemes._fixed.decoupled import decouple, start
+from workflow.schemes._fixed.books import felt_modes
+from workflow.schemes._fixed.decoupled import Decoupled, decouple, start
 from workflow.schemes._fixed.theta_method import coefficients as theta_method_coefficients
 from workflow.schemes._fixed.theta_method import delassus
 
@@ -36,11 +36,19 @@ def of_moreau(structure: Structure, batch: Cases, h: float, duration: float, the
     return step(structure, batch, h, audited(sampling(duration, duration)), theta=theta)
 
 
-def relative_motion(structure: Structure, batch: Cases, h: float, path: Trajectory) -> tuple[np.ndarray, np.ndarray]:
-    """ωη and ζ of the first case at every step end, relative to what heat and constant loads drag along.
+@dataclass(frozen=True)
+class Relative:
+    """Motion of the first case at every step end relative to what heat and constant loads drag along."""
 
-    Modes without a share in the tip are left out.
-    """
+    modal: Decoupled
+    felt: np.ndarray
+    eta: np.ndarray
+    zeta: np.ndarray
+    tip_force: float
+
+
+def relative_motion(structure: Structure, batch: Cases, h: float, path: Trajectory) -> Relative:
+    """Return η and ζ ``(step end, mode)`` in the modes with a share in the tip."""
     modal = decouple(structure)
     begun = start(modal, batch)
     assert modal.pairs.size == 0
@@ -50,8 +58,8 @@ def relative_motion(structure: Structure, batch: Cases, h: float, path: Trajecto
     rest = batch.displacement @ modal.to_modes.T - begun.position - begun.heat @ modal.response.T
     eta = path.displacement @ modal.to_modes.T - rest - t * steady - tau @ modal.response.T
     zeta = path.velocity @ modal.to_modes.T - steady + tau @ (modal.response * modal.rate).T
-    felt = np.abs(modal.tip) > LEAST_SHARE * np.abs(modal.tip).max()
-    return modal.frequency[felt] * eta[:, felt], zeta[:, felt]
+    felt = felt_modes(modal.tip)
+    return Relative(modal, felt, eta[:, felt], zeta[:, felt], float(begun.tip_force[0]))
 
 
 def looked_at(energy: np.ndarray) -> np.ndarray:
@@ -61,10 +69,27 @@ def looked_at(energy: np.ndarray) -> np.ndarray:
 
 
 def left_over(structure: Structure, batch: Cases, h: float, path: Trajectory, theta: float) -> float:
-    """What a step of the θ-method does to energy by itself, -(θ - 1/2) Σ (Δζ² + ω² Δη²), over the largest energy."""
-    stretch, zeta = relative_motion(structure, batch, h, path)
-    energy = 0.5 * (stretch**2 + zeta**2).sum(axis=1)
-    given = -(theta - 0.5) * (np.diff(stretch, axis=0) ** 2 + np.diff(zeta, axis=0) ** 2).sum()
+    """What a step of the θ-method does to energy by itself, over the largest energy.
+
+    By θ-weighted velocities it takes (θ - 1/2) (Δζ² + ω² Δη²) of each mode; what damping, load and contact, and heat
+    take more by midpoint values is taken off.
+    """
+    motion = relative_motion(structure, batch, h, path)
+    modal, felt, zeta, eta = motion.modal, motion.felt, motion.zeta, motion.eta
+    omega2, step = modal.frequency[felt] ** 2, theta - 0.5
+    dz, de = np.diff(zeta, axis=0), np.diff(eta, axis=0)
+    mean = (zeta[1:] + zeta[:-1]) / 2
+    given = -step * (dz**2 + omega2 * de**2).sum()
+    t = h * np.arange(len(zeta))
+    load = batch.mean[0] + batch.amplitude[0] * np.sin(2 * np.pi * batch.frequency[0] * t + batch.phase[0])
+    load = theta * load[1:] + (1 - theta) * load[:-1] + motion.tip_force
+    given += h * (modal.damping[felt] * (mean**2 - (mean + step * dz) ** 2)).sum()
+    given += ((h * load - path.impulse) * (dz @ modal.tip[felt])).sum() * step
+    heat = batch.alpha[0] * path.impulse
+    drags = -(modal.response @ modal.heat_tip)[felt]
+    pushes = (modal.response @ (modal.rate * modal.heat_tip))[felt]
+    given += step * (heat * (dz @ pushes + de @ (omega2 * drags))).sum()
+    energy = 0.5 * (zeta**2 + omega2 * eta**2).sum(axis=1)
     return float(given / looked_at(energy).max())
 
 

@@ -41,7 +41,16 @@ from workflow.models import Array, Cases, Structure, couples_free_modes
 from workflow.schemes._fixed import dense, theta_method
 from workflow.schemes._fixed.balance import Audit
 from workflow.schemes._fixed.complementarity import complementarity, march_without_mass
-from workflow.schemes._fixed.contact import CASE_ALPHA, CASE_HEAT, CASE_IMPULSE, CASE_PRESSED, End, Free, TipStep, meet
+from workflow.schemes._fixed.contact import (
+    CASE_ALPHA,
+    CASE_HEAT,
+    CASE_IMPULSE,
+    CASE_PRESSED,
+    End,
+    Free,
+    TipStep,
+    meet,
+)
 from workflow.schemes._fixed.costs import sweep_cost, theta_cost
 from workflow.schemes._fixed.decoupled import decouple
 from workflow.schemes._fixed.march import march

@@ -2,17 +2,20 @@
 
 The energy is that of the motion relative to what heat and constant loads drag along, of all modes with a share in the
 tip. In decoupled coordinates (:mod:`workflow.schemes._fixed.decoupled`) no product with a coupling matrix is left: with
-the impulse S = h F_θ - p of a step, its friction heat Q = α p, a = -R χ_n, b = R μ χ_n and (·)_θ = θ end + (1-θ) begin,
-a step of the θ-method obeys, mode by mode and exactly,
+the impulse S = h F_θ - p of a step, its friction heat Q = α p, a = -R χ_n, b = R μ χ_n, E = (ζ² + ω² η²)/2 and midpoint
+values (·)_m = (end + begin)/2, the energy residual is the sum over modes and steps of
 
-    ΔE + hc ζ_θ² - S φ_n ζ_θ - Q (b ζ_θ + ω² a η_θ) + h ζ_θ Σ G τ_θ = -(θ - 1/2) (Δζ² + ω² Δη²),   E = (ζ² + ω² η²)/2,
+    ΔE + hc ζ_m² - S φ_n ζ_m - Q (b ζ_m + ω² a η_m) + h ζ_m Σ G τ_θ,
 
-where Σ runs over thermal modes near resonance. The energy residual is the sum of the left side over modes and steps:
-what the scheme gives (+) or takes (-) by itself. In it Σ φ_n ζ is the tip's velocity relative to the dragged one. That
-is taken from the contact law (:func:`driven`), not from the modes: an impulse that does not bring about what its law
-says is seen. Central differences conserve E = (w² + ω² η_k η_k+1)/2 with w = w_k+½; their step from w_k-½ to w_k+½ is
-the same equation with v_k = (w_k-½ + w_k+½)/2 for ζ_θ, and leaves nothing. What a contact spring gains where contact
-begins and ends is added by its contact law (:func:`spring_gain`).
+where Σ runs over thermal modes near resonance: what the scheme gives (+) or takes (-) by itself, rounding for θ = 1/2.
+In it Σ φ_n ζ is the tip's velocity relative to the dragged one. That is taken from the contact law (:func:`driven`),
+not from the modes: an impulse that does not bring about what its law says is seen. Central differences conserve
+E = (w² + ω² η_k η_k+1)/2 with w = w_k+½; their step from w_k-½ to w_k+½ is the same equation with v_k for ζ_m and
+(η_k + η_k+1)/2 for η_m, and leaves nothing. What a contact law gives beside its impulse, a contact spring where contact
+begins and ends, is added (:func:`contact_gain`).
+
+The mean velocity is that of the power of an impact, p (v + v')/2, whatever θ is. With θ-weighted velocities the sum is
+-(θ - 1/2) (Δζ² + ω² Δη²) exactly, but that takes the jump of each impact for the scheme's doing.
 
 A mode's velocity at the end of a step is known when the next one begins, which adds the impulse to it: damping and
 friction heat are counted then, and for the last step by :func:`~workflow.schemes._fixed.modal_lanes.close_balance`.
@@ -35,11 +38,11 @@ from workflow.kernels.compiled import by_type, defines, inlined
 from workflow.kernels.lanes import ROW
 from workflow.kernels.packs import Lane, Pack, magnitude, pack, plus, shared, store, where
 from workflow.models import Array
-from workflow.schemes._fixed.contact import CASE_HEAT, CASE_IMPULSE, End, Law, TipStep, driven, spring_gain
+from workflow.schemes._fixed.contact import CASE_HEAT, CASE_IMPULSE, End, Law, TipStep, contact_gain, driven
 
-AUDIT_DAMPING, AUDIT_HEAT_MEAN, AUDIT_HEAT_PLACE, AUDIT_HEAT_SPEED = range(4)
-"""Coefficients of a mechanical mode, all over φ_n²: hc, and -1 times the work of a unit of friction heat per ζ_θ, and
-per ξ and ζ at the step's end."""
+AUDIT_DAMPING, AUDIT_HEAT_FORMER, AUDIT_HEAT_SPEED, AUDIT_HEAT_PLACE = range(4)
+"""Coefficients of a mechanical mode, all over φ_n²: hc/4, and -1 times the work of a unit of friction heat per ζ at the
+step's beginning, and per ζ and ξ at its end."""
 
 AUDIT_KINETIC, AUDIT_ELASTIC = range(4, 6)
 """Energy per ζ² and per η²."""
@@ -61,16 +64,6 @@ SUM_LOST, SUM_TURNED_OVER, SUM_FRICTION_HEAT = range(9, 12)
 SUM_ROWS = SUM_FRICTION_HEAT + 1
 
 
-class Former(NamedTuple):
-    """What a θ other than 1 needs of a step's beginning."""
-
-    speed: Array
-    """ζ of each mode, ``(mode, lane)``."""
-    theta: float
-    rest: float
-    """Weights of a step's end and beginning in velocities that do work."""
-
-
 class Audit(NamedTuple):
     """Coefficients and sums of a block; kernels are given ``None`` in its place where no balances are asked for."""
 
@@ -78,11 +71,12 @@ class Audit(NamedTuple):
     """``(mode, coefficient)``, rows ``AUDIT_…``."""
     losses: Array
     """Heat loss per τ of a thermal mode, W, ``(thermal mode,)``."""
-    former: Former | None
+    former: Array
+    """ζ of each mode at the last step's beginning, ``(mode, lane)``."""
     pulled: Array
     """What thermal modes added to ζ of modes near resonance in the last step, ``(pair, lane)``."""
     pair_work: Array
-    """Work of a unit of that per ζ_θ, ``(pair,)``."""
+    """Work of a unit of that per ζ_m, ``(pair,)``."""
     sums: Array
     """``(row, lane)``, rows ``SUM_…``."""
     lever: float
@@ -108,38 +102,6 @@ def _lay_out_audit(audit: Audit) -> None:
 
 
 @by_type
-def mean(former: Former | None, end: Pack, begin: Pack) -> Pack:
-    """Return θ end + (1-θ) begin."""
-    return end
-
-
-@defines(mean, Former)
-def _mean(former: Former, end: Pack, begin: Pack) -> Pack:
-    return former.theta * end + former.rest * begin
-
-
-@by_type
-def mean_speed(former: Former | None, j: int, speed: Pack, lane: Lane) -> Pack:
-    """Return ζ_θ of mode j in a step that ended with ζ = ``speed``."""
-    return speed
-
-
-@defines(mean_speed, Former)
-def _mean_speed(former: Former, j: int, speed: Pack, lane: Lane) -> Pack:
-    return mean(former, speed, pack(former.speed, (j, lane)))
-
-
-@by_type
-def keep_speed(former: Former | None, j: int, speed: Pack, lane: Lane) -> None:
-    """Keep ζ of mode j for the next step."""
-
-
-@defines(keep_speed, Former)
-def _keep_speed(former: Former, j: int, speed: Pack, lane: Lane) -> None:
-    store(former.speed, (j, lane), speed)
-
-
-@by_type
 def spend(audit: Audit | None, j: int, speed: Pack, place: Pack, heat: Pack | None, spent: Pack, lane: Lane) -> Pack:
     """Add what mode j spent in a step that ended with ζ, ξ = ``speed``, ``place`` and had friction ``heat``."""
     return spent
@@ -147,13 +109,14 @@ def spend(audit: Audit | None, j: int, speed: Pack, place: Pack, heat: Pack | No
 
 @defines(spend, Audit)
 def _spend(audit: Audit, j: int, speed: Pack, place: Pack, heat: Pack | None, spent: Pack, lane: Lane) -> Pack:
-    modes, middle = audit.modes, mean_speed(audit.former, j, speed, lane)
-    keep_speed(audit.former, j, speed, lane)
-    spent += shared(modes, (j, AUDIT_DAMPING), lane) * middle * middle
+    modes, former = audit.modes, pack(audit.former, (j, lane))
+    store(audit.former, (j, lane), speed)
+    twice = speed + former
+    spent += shared(modes, (j, AUDIT_DAMPING), lane) * twice * twice
     on_heat = (
-        shared(modes, (j, AUDIT_HEAT_MEAN), lane) * middle
-        + shared(modes, (j, AUDIT_HEAT_PLACE), lane) * place
+        shared(modes, (j, AUDIT_HEAT_FORMER), lane) * former
         + shared(modes, (j, AUDIT_HEAT_SPEED), lane) * speed
+        + shared(modes, (j, AUDIT_HEAT_PLACE), lane) * place
     )
     return plus(spent, on_heat, heat)
 
@@ -178,7 +141,8 @@ def spend_pair(audit: Audit | None, pair: int, j: int, speed: Pack, lane: Lane) 
 @defines(spend_pair, Audit)
 def _spend_pair(audit: Audit, pair: int, j: int, speed: Pack, lane: Lane) -> None:
     sums, work = audit.sums, shared(audit.pair_work, (pair,), lane) * pack(audit.pulled, (pair, lane))
-    store(sums, (SUM_SPENT, lane), pack(sums, (SUM_SPENT, lane)) - work * mean_speed(audit.former, j, speed, lane))
+    mean = 0.5 * (speed + pack(audit.former, (j, lane)))
+    store(sums, (SUM_SPENT, lane), pack(sums, (SUM_SPENT, lane)) - work * mean)
 
 
 @by_type
@@ -224,9 +188,10 @@ def account(
 def _account(audit: Audit, law: Law, step: TipStep, end: End, gap: Pack, own: Array, tip: Array, lane: Lane) -> None:
     sums, heat = audit.sums, pack(own, (CASE_HEAT, lane))
     relative = driven(law, step, end, own, lane) - pack(sums, (SUM_DRAGGED, lane)) - audit.dragged * heat
-    work = pack(own, (CASE_IMPULSE, lane)) * mean(audit.former, relative, pack(sums, (SUM_RELATIVE, lane)))
+    before = pack(sums, (SUM_RELATIVE, lane))
+    work = pack(own, (CASE_IMPULSE, lane)) * (0.5 * (relative + before))
     store(sums, (SUM_RELATIVE, lane), relative)
-    gained = spring_gain(law, step, end, gap, own, tip, lane)
+    gained = contact_gain(law, step, end, relative - before, gap, own, tip, lane)
     store(sums, (SUM_SPENT, lane), pack(sums, (SUM_SPENT, lane)) + (gained - work))
 
 

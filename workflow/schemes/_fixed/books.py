@@ -27,7 +27,6 @@ from workflow.schemes._fixed.balance import (
     SUM_SPENT,
     SUM_TURNED_OVER,
     Audit,
-    Former,
 )
 from workflow.schemes._fixed.contact import CASE_HEAT
 from workflow.schemes._fixed.decoupled import Decoupled, Motion
@@ -44,16 +43,16 @@ LEAST_SHARE = 1e-14
 class Terms(NamedTuple):
     """How a scheme's free step enters its balance, by mode ``(mode,)``, and its states where it begins."""
 
-    theta: float
-    """Weight of a step's end in velocities that do work."""
+    lever: float
+    """η less the kernel's ξ, per ζ, s."""
     kinetic: Array
     """2E per ζ²."""
     inertia: Array
     """Modal impulse per change of ζ."""
     heat_speed: Array
-    """Work of a unit of friction heat per ζ_θ."""
+    """Work of a unit of friction heat per ζ_m."""
     heat_place: Array
-    """a, what a unit of friction heat adds to η; its work per η_θ is ω²a."""
+    """a, what a unit of friction heat adds to η; its work per η_m is ω²a."""
     dragged: float
     """Velocity of the tip that a unit of friction heat drags along in its step."""
     warm: Array
@@ -61,7 +60,7 @@ class Terms(NamedTuple):
     velocity: Array
     """ζ where the balance begins, ``(case, mode)``."""
     place: Array
-    """η - hθζ there, ``(case, mode)``."""
+    """ξ there, ``(case, mode)``."""
     opens: bool
     """Whether the march begins at the end of a step, whose beginning that is."""
 
@@ -95,14 +94,13 @@ class Books:
         self._initial = project(np.abs(self._content)[None, :], np.abs(begun.heat + begun.settled))[:, 0]
         heating = project(modal.heat_shapes.T, cases.heating)
         self._heating = project(self._content[None, :], heating)[:, 0]
-        self._tip, self._pushed = modal.tip, largest_load(cases, begun)
+        self._mobility, self._pushed = total(modal.mass * modal.tip**2), largest_load(cases, begun)
         self.energy_residual, self.heat_residual = np.zeros(cases.count), np.zeros(cases.count)
 
     @property
     def rows(self) -> int:
         """Rows of lanes that balances add to a step's."""
-        former = self.audit.former
-        return SUM_ROWS + int(self.audit.pulled.shape[0]) + (0 if former is None else int(former.speed.shape[0]))
+        return SUM_ROWS + int(self.audit.pulled.shape[0] + self.audit.former.shape[0])
 
     @property
     def residuals(self) -> dict[str, Array]:
@@ -113,15 +111,14 @@ class Books:
         """Put what some cases begin with in the lanes."""
         fill_lanes(self.audit.sums, self._sums[:, part])
         self.audit.pulled[:] = 0.0
-        if self.audit.former is not None:
-            fill_lanes(self.audit.former.speed, self._speed[:, part])
+        fill_lanes(self.audit.former, self._speed[:, part])
 
     def close(self, part: slice, state: State, elapsed: float) -> None:
         """Take the balances of the lanes after ``elapsed`` seconds."""
         count = part.stop - part.start
         sums = self.audit.sums[:, :count]
         change = sums[SUM_ENERGY] - self._sums[SUM_ENERGY, part] + sums[SUM_SPENT]
-        rest = rest_energy(self._tip, elapsed * self._pushed[part])
+        rest = rest_energy(self._mobility, elapsed * self._pushed[part])
         self.energy_residual[part] = share(change, np.maximum(sums[SUM_LARGEST_ENERGY], rest))
         friction = sums[SUM_FRICTION_HEAT] - (0.0 if self._counts else state.own[CASE_HEAT, :count])
         warmed = state.tau[:, :count].T / self._scale - self._begun_heat[part] + elapsed * self._warming[part]
@@ -133,33 +130,33 @@ class Books:
 
 def _audit(modal: Decoupled, free: Coefficients, loss: Array, terms: Terms) -> Audit:
     """Return the coefficients of a batch, and room for its sums."""
-    theta, h, tip, omega2, a = terms.theta, free.tip.h, modal.tip, modal.frequency**2, terms.heat_place
-    share = _inverse_square(tip)
+    theta, h, tip, pull = free.tip.theta, free.tip.h, modal.tip, modal.frequency**2 * terms.heat_place
+    share, half = _inverse_square(tip), 0.5 * terms.heat_speed
     return Audit(
         modes=by_mode(
-            h * modal.damping * share,
-            ((1 - theta) * h * omega2 * a - terms.heat_speed) * tip * share,
-            -omega2 * a * tip * share,
-            -h * theta * omega2 * a * tip * share,
+            0.25 * h * modal.damping * share,
+            (0.5 * h * (1 - theta) * pull - half) * tip * share,
+            (-0.5 * h * theta * pull - half) * tip * share,
+            -pull * tip * share,
             0.5 * terms.kinetic * share,
-            0.5 * omega2 * share,
+            0.5 * modal.frequency**2 * share,
         ),
         losses=loss / modal.heat_scale,
-        former=None if theta == 1.0 else Former(lane_rows(tip.size), theta, 1.0 - theta),
+        former=lane_rows(tip.size),
         pulled=lane_rows(free.pair_mode.size),
         pair_work=(terms.inertia * share)[free.pair_mode],
         sums=lane_rows(SUM_ROWS),
-        lever=h * theta,
+        lever=terms.lever,
         dragged=terms.dragged,
         warm_loss=total(loss * terms.warm),
-        own_work=(1 - theta) * total(np.where(share > 0, omega2 * a * a, 0.0)),
+        own_work=0.5 * total(np.where(share > 0, pull * terms.heat_place, 0.0)),
     )
 
 
 def _sums(modal: Decoupled, free: Coefficients, loss: Array, begun: Motion, terms: Terms) -> Array:
     """Return the sums of a batch where its balance begins, ``(row, case)``."""
     felt, h = np.where(felt_modes(modal.tip), 1.0, 0.0), free.tip.h
-    eta = terms.place + h * terms.theta * terms.velocity
+    eta = terms.place + terms.lever * terms.velocity
 
     def over(row: Array, states: Array) -> Array:
         return project(row[None, :], states)[:, 0]
@@ -194,12 +191,14 @@ def largest_load(cases: Cases, begun: Motion) -> Array:
     return np.asarray(np.abs(cases.mean + begun.tip_force) + swing)
 
 
-def rest_energy(tip: Array, push: Array) -> Array:
+def rest_energy(mobility: float, push: Array) -> Array:
     """Return the energy below which the tip is at rest, J: what :data:`REST` times an impulse ``push`` gives it.
+
+    ``mobility`` is its velocity per impulse, 1/kg.
 
     Where load and contact force cancel at a gap of 0 nothing else moves, and energy and residual are both rounding.
     """
-    return np.asarray(0.5 * total(tip**2) * (REST * push) ** 2)
+    return np.asarray(0.5 * mobility * (REST * push) ** 2)
 
 
 def share(part: Array, whole: Array) -> Array:

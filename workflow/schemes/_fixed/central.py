@@ -169,10 +169,10 @@ def terms(operator: Operator, begun: Motion, before: Array) -> Terms:
     place = -product(operator.lead, enters)
     kinetic = 1 - (h * modal.frequency) ** 2 / 4 - (h * modal.damping / 2 if differences.lagged else 0.0)
     return Terms(
-        theta=0.5,
+        lever=h / 2,
         kinetic=kinetic,
         inertia=inertia,
-        heat_speed=inertia * product(operator.lead, slope) + h * modal.frequency**2 * place / 2,
+        heat_speed=inertia * product(operator.lead, slope),
         heat_place=place,
         dragged=-total(drags * slope),
         warm=np.zeros_like(modal.rate),

@@ -42,10 +42,10 @@ from workflow.schemes._fixed.contact import (
     End,
     Free,
     TipStep,
+    contact_gain,
     count_rebounds,
     driven,
     meet,
-    spring_gain,
     steps_from_tip,
 )
 from workflow.schemes._fixed.decoupled import Decoupled, Motion, start
@@ -106,8 +106,10 @@ def _half_step_velocity(law: Linear, step: TipStep, end: End, own: Array, lane: 
     return where(pack(own, (CASE_LAST, lane)) > 0.0, held, half)
 
 
-@defines(spring_gain, Linear)
-def _spring_gain(law: Linear, step: TipStep, end: End, gap: Pack, own: Array, tip: Array, lane: Lane) -> Pack:
+@defines(contact_gain, Linear)
+def _spring_gain(
+    law: Linear, step: TipStep, end: End, change: Pack, gap: Pack, own: Array, tip: Array, lane: Lane
+) -> Pack:
     """Return κ δ_k (s_k+1 - s_k-1)/2, with the depth δ and the distance s from the casing.
 
     That is the change of κ δ_k δ_k+1 / 2 less the work of κ δ_k over (x_k+1 - x_k-1)/2: 0 while contact lasts.

@@ -21,6 +21,7 @@ import numpy as np
 from workflow.kernels.compiled import defines, kernel
 from workflow.kernels.packs import (
     Lane,
+    Pack,
     align_stack,
     flag,
     of_lane,
@@ -35,7 +36,17 @@ from workflow.kernels.packs import (
 )
 from workflow.models import Array
 from workflow.schemes._fixed.balance import Audit
-from workflow.schemes._fixed.contact import CASE_ALPHA, CASE_HEAT, CASE_IMPULSE, CASE_PRESSED, End, Free, TipStep, meet
+from workflow.schemes._fixed.contact import (
+    CASE_ALPHA,
+    CASE_HEAT,
+    CASE_IMPULSE,
+    CASE_PRESSED,
+    End,
+    Free,
+    TipStep,
+    contact_gain,
+    meet,
+)
 from workflow.schemes._fixed.march import march
 from workflow.schemes._fixed.marks import TIP_DISPLACEMENT, TIP_VELOCITY, Block
 from workflow.schemes._fixed.modal_lanes import Coefficients, State
@@ -77,8 +88,18 @@ def meet_by_place(law: Complementarity, step: TipStep, free: Free, own: Array, t
     return End(engaged, place, after, temperature, p)
 
 
+@defines(contact_gain, Complementarity)
+def _static_gain(
+    law: Complementarity, step: TipStep, end: End, change: Pack, gap: Pack, own: Array, tip: Array, lane: Lane
+) -> Pack:
+    """Return -(θ - 1/2) S Δv: without mass no impact changes the velocity, impulses work at v_θ as they act."""
+    return (0.5 - step.theta) * (pack(own, (CASE_IMPULSE, lane)) * change)
+
+
 @kernel
-def march_without_mass(operator: Coefficients, law: Complementarity, state: State, block: Block, audit: Audit) -> None:
+def march_without_mass(
+    operator: Coefficients, law: Complementarity, state: State, block: Block, audit: Audit | None
+) -> None:
     """Step a block of cases."""
     align_stack()
     march(operator, law, state, block, audit)

@@ -98,10 +98,13 @@ def driven(law: Law, step: TipStep, end: End, own: Array, lane: Lane) -> Pack:
 
 
 @by_type
-def spring_gain(law: Law, step: TipStep, end: End, gap: Pack, own: Array, tip: Array, lane: Lane) -> Pack:
-    """Return the energy that a contact spring holds more at the end of a step than its force has taken in it, J.
+def contact_gain(
+    law: Law, step: TipStep, end: End, change: Pack, gap: Pack, own: Array, tip: Array, lane: Lane
+) -> Pack:
+    """Return what the balance of a step takes for created, J, beside the work of its impulse at the mean velocity.
 
-    ``tip`` still holds the tip at the step's beginning; depths are relative to the casing at the same instant.
+    Of a contact spring that is what it holds more than its force has taken. ``change`` is that of the tip's relative
+    velocity; ``tip`` still holds the tip at the step's beginning, ``gap`` is that at its end.
     """
     return spread(0.0, lane)
 

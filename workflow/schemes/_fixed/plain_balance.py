@@ -23,16 +23,13 @@ States = tuple[Array, Array, Array]
 
 
 class _Motion(NamedTuple):
-    """The relative motion at a step end: ωη and ζ, ``(case, mode)``, and τ, ``(case, thermal mode)``."""
+    """The relative motion at a step end: ωη, ζ ``(case, mode)``, τ ``(case, thermal mode)``, energy ``(case,)``."""
 
     stretch: Array
     zeta: Array
     tau: Array
 
-    @property
-    def energy(self) -> Array:
-        """J, ``(case,)``."""
-        return 0.5 * total(self.stretch**2 + self.zeta**2, 1)
+    energy: Array
 
 
 class PlainBalance:
@@ -55,14 +52,15 @@ class PlainBalance:
         tau = project(modal.to_thermal, states[2]) - begun.settled - t * begun.warming_modes
         eta = project(modal.to_modes, states[0]) - rest - t * drift - project(response, tau)
         zeta = project(modal.to_modes, states[1]) - drift + project(response * modal.rate, tau)
-        return _Motion((modal.frequency * eta)[:, self._felt], zeta[:, self._felt], tau)
+        stretch, zeta = (modal.frequency * eta)[:, self._felt], zeta[:, self._felt]
+        return _Motion(stretch, zeta, tau, 0.5 * total(stretch**2 + modal.mass[self._felt] * zeta**2, 1))
 
     def _spend(self, after: _Motion, impulse: Array, heat: Array) -> Array:
         """Return the energy spent in a step by damping, load and contact, and heat, J."""
         modal, felt, before, h = self._modal, self._felt, self._before, self._h
         zeta, stretch = (0.5 * (a + b) for a, b in ((before.zeta, after.zeta), (before.stretch, after.stretch)))
         drags = product(modal.response, modal.heat_tip)[felt] * modal.frequency[felt]
-        pushes = product(modal.response, modal.rate * modal.heat_tip)[felt]
+        pushes = (modal.mass * product(modal.response, modal.rate * modal.heat_tip))[felt]
         near = np.where(modal.response == 0, modal.coupling, 0.0)[felt]
         work = h * modal.damping[felt] * zeta + h * project(near, 0.5 * (before.tau + after.tau))
         work -= impulse[:, None] * modal.tip[felt] + heat[:, None] * pushes
@@ -86,7 +84,10 @@ class PlainBalance:
         """Return ``energy_residual`` and ``heat_residual``; 0 where there is no energy, or no heat turned over."""
         cases, elapsed = self._cases, self._step * self._h
         change = self._before.energy - self._first.energy + self._spent
-        whole = np.maximum(self._largest, rest_energy(self._modal.tip, elapsed * largest_load(cases, self._begun)))
+        whole = np.maximum(
+            self._largest,
+            rest_energy(total(self._modal.mass * self._modal.tip**2), elapsed * largest_load(cases, self._begun)),
+        )
         heating = elapsed * total(cases.heating, 1)
         initial = self._content * cases.temperature
         gained = total(self._content * last[2] - initial, 1) - self._heat - heating + self._lost

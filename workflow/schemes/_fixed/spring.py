@@ -44,9 +44,9 @@ from workflow.schemes._fixed.contact import (
     End,
     Free,
     TipStep,
+    contact_gain,
     count_rebounds,
     meet,
-    spring_gain,
 )
 from workflow.schemes._fixed.decoupled import Decoupled
 from workflow.schemes._fixed.march import march
@@ -100,20 +100,18 @@ def meet_spring(law: Spring, step: TipStep, free: Free, own: Array, tip: Array, 
     return End(engaged, x + h * weighed(theta, after, step.rest, v), after, temperature, p)
 
 
-@defines(spring_gain, Spring)
-def _spring_gain(law: Spring, step: TipStep, end: End, gap: Pack, own: Array, tip: Array, lane: Lane) -> Pack:
-    """Return κ δ_θ (s' - s) - (θ - 1/2) κ (δ' - δ)², with the depths δ and the distances s from the casing.
-
-    That is Δ(κ δ²/2) - κ δ_θ Δ(δ - s), with the depth at a step's ends weighed as the force is.
-    """
+@defines(contact_gain, Spring)
+def _spring_gain(
+    law: Spring, step: TipStep, end: End, change: Pack, gap: Pack, own: Array, tip: Array, lane: Lane
+) -> Pack:
+    """Return Δ(κ δ²/2) - h κ δ_θ (v + v')/2 with the depths δ, 0 where the tip is not beyond the casing."""
     began, ended = pack(tip, (TIP_DISPLACEMENT, lane)) - gap, end.displacement - gap
     if not (some(began > 0.0) or some(ended > 0.0)):
         return spread(0.0, lane)
     before, after = where(began > 0.0, began, 0.0), where(ended > 0.0, ended, 0.0)
-    parted = (after - ended) - (before - began)
-    mean = step.theta * after + (1.0 - step.theta) * before
-    change = after - before
-    return of_lane(law.stiffness, lane) * (mean * parted - (step.theta - 0.5) * change * change)
+    moved = 0.5 * step.h * (pack(tip, (TIP_VELOCITY, lane)) + end.velocity)
+    worked = (step.theta * after + (1.0 - step.theta) * before) * moved
+    return of_lane(law.stiffness, lane) * (0.5 * (after * after - before * before) - worked)
 
 
 @kernel

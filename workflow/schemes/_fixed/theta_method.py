@@ -124,10 +124,10 @@ def _terms(modal: Decoupled, h: float, theta: float, begun: Motion) -> Terms:
     warm = modal.heat_tip / (1 + h * theta * modal.rate)
     near = np.where(modal.response == 0, modal.coupling, 0.0)
     return Terms(
-        theta=theta,
-        kinetic=np.ones_like(modal.frequency),
+        lever=h * theta,
+        kinetic=modal.mass,
         inertia=modal.inertia(h, theta),
-        heat_speed=product(modal.response, modal.rate * modal.heat_tip) - h * theta * product(near, warm),
+        heat_speed=modal.mass * product(modal.response, modal.rate * modal.heat_tip) - h * theta * product(near, warm),
         heat_place=-product(modal.response, modal.heat_tip),
         dragged=-total(modal.rate * modal.tip_response * warm),
         warm=warm,
