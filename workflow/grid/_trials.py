@@ -149,7 +149,7 @@ class Trials:
 
     def _run(self, mechanical: int, thermal: int) -> Results:
         cell = self._with(mechanical, thermal)
-        compile_for(cell)
+        compile_for(cell, self._sampling.balances)
         with np.errstate(all="ignore"):
             return run_batch(cell, self._cases, self._sampling)
 
