@@ -28,6 +28,11 @@ DEFAULT = 0.01
 DECIDABLE = 0.1
 """Share of the tolerance that a case's predictability must not exceed for its error to be a scheme's own."""
 
+SPREAD = 0.25
+"""Costs that differ by less than this share are named as alike. A convention: on an idle machine neighbouring choices
+near the cost of a call differ by 1 to 17 % (``data/work_precision_blade.nc``); three runs of
+``studies/first_blade.yaml`` beside other work, four processes a core, differed by a factor of 2.3 in the median."""
+
 
 class NoReferenceError(ValueError):
     """An archive holds no errors: its study has no reference."""
@@ -114,6 +119,9 @@ class Recommendation:
         The cheapest choice within it; ``None`` where none is.
     next
         The dearest of the cheaper ones, all of which fail; without a choice the one that comes nearest.
+    alike
+        Other choices within the tolerance whose cost exceeds that of the choice by less than :data:`SPREAD`: another
+        run of the study may find one of them the cheapest. Largest step first, then fewest modes.
     undecidable
         Cases of the scene whose predictability exceeds a tenth of the tolerance, by their coordinates.
     """
@@ -121,6 +129,7 @@ class Recommendation:
     tolerance: float
     choice: Choice | None
     next: Choice | None
+    alike: tuple[Choice, ...]
     undecidable: tuple[dict[str, Any], ...]
 
 
@@ -160,7 +169,23 @@ def recommend(dataset: xr.Dataset, tolerance: float | str | None = None) -> Reco
         wanted,
         table.choice(good[0], within[good[0]]) if good else None,
         None if nearest is None else table.choice(nearest, within[nearest]),
+        _alike([table.choice(k, within[k]) for k in good if table.cost[k] <= (1 + SPREAD) * table.cost[good[0]]]),
         table.unpredictable(DECIDABLE * wanted),
+    )
+
+
+def _alike(choices: list[Choice]) -> tuple[Choice, ...]:
+    """Return choices but the first, largest step and fewest modes first; those that differ by an idle step are one."""
+    distinct: dict[tuple[Any, ...], Choice] = {}
+    for choice in choices:
+        idle = () if choice.step_matters else ("h",)
+        distinct.setdefault(tuple(sorted((k, v) for k, v in choice.settings.items() if k not in idle)), choice)
+    modes = ("mechanical_modes", "thermal_modes")
+    return tuple(
+        sorted(
+            list(distinct.values())[1:],
+            key=lambda one: (-one.settings.get("h", 0.0), sum(one.settings.get(name, 0) for name in modes)),
+        )
     )
 
 

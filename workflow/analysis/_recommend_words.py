@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from workflow.analysis._recommend import Choice, Recommendation, Worst
+from workflow.analysis._recommend import SPREAD, Choice, Recommendation, Worst
 from workflow.study import AUTO, MODES
 
 SETTINGS = ("scheme", "h", "mechanical_modes", "thermal_modes", "reduction")
 """Settings that stand in every answer; ``None`` where the archive does not have one."""
+
+ALIKE = 2
+"""Choices of about the same cost that are named; of more the number is."""
 
 NAMED = 5
 """Undecidable cases that are named; of more the number is."""
@@ -52,6 +55,10 @@ def sentence(found: Recommendation) -> str:
         f"{_cost(found.choice)}; its largest error is {percent(worst.error)} ({worst.variable}, "
         f"{named_case(worst.case)}), {_limit(worst)}."
     )
+    if found.alike:
+        named = "; ".join(f"{named_choice(one)} ({_cost(one)})" for one in found.alike[:ALIKE])
+        more = f"; and {len(found.alike) - ALIKE} more" if len(found.alike) > ALIKE else ""
+        text += f" Of the same cost within {100 * SPREAD:.0f} %: {named}{more}."
     if found.next is not None:
         text += f" The next cheaper one, {named_choice(found.next)} ({_cost(found.next)}), {_failure(found.next)}."
     return text
@@ -96,6 +103,7 @@ def as_json(found: Recommendation) -> dict[str, Any]:
         "share": None if chosen is None else chosen.share,
         "limited_by": None if chosen is None else chosen.worst.limited_by,
         "next": None if found.next is None else _choice(found.next),
+        "alike": [_choice(one) for one in found.alike],
         "undecidable": list(found.undecidable),
         "sentence": sentence(found),
     }
