@@ -163,6 +163,8 @@ def test_tip_temperature_by_thermal_vectors(
         ("rubin", 200, 8, 4.4e-5),  # 4.17e-5
         ("krylov", 200, 8, 2e-8),  # 1.9e-8
         ("krylov", 20, 8, 1e-9),  # 7.7e-10
+        ("macneal", 200, 8, 7.2e-4),  # 6.8e-4, and no less with more: contact without mass has another law
+        ("massless", 200, 8, 1.7e-3),  # 1.59e-3
     ],
 )
 def test_tip_displacement_by_mechanical_vectors(
