@@ -28,7 +28,7 @@ def test_what_balanced_truncation_can_do(vectors: int) -> None:
     """Its error is a law for all bases from below: the first Hankel singular value that is left out.
 
     Over all frequencies it is the best to be had. Bases here need right static answers (α_c) and right ones within the
-    duration of a case: above 1/duration krylov is a thousand times better.
+    duration of a case: above 1/duration krylov is a hundred times better and more.
     """
     from pymor.core.logger import set_log_levels
     from pymor.models.iosys import LTIModel
@@ -52,4 +52,4 @@ def test_what_balanced_truncation_can_do(vectors: int) -> None:
     assert errors["balanced"].max() < 2 * least[vectors:].sum()
     acting = FREQUENCIES > 1 / DURATION
     rivals = min(errors[name][acting].max() for name in others)
-    assert errors["krylov"][acting].max() < 1e-3 * rivals
+    assert errors["krylov"][acting].max() < 1e-2 * rivals
