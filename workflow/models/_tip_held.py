@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from workflow.models._path import Path
 from workflow.models._sparse import Sparse, TooManyCoordinatesError
 from workflow.models._sparse_pair import SparsePair
 from workflow.models._structure import Structure
+
+_STRUCTURES = 4
+"""Structures whose modes are kept: a study reduces one of them by many bases and counts, then the next one."""
 
 MOST_ONE_BY_ONE = 100
 """Modes of a long chain that are found one by one: each costs a pass or two along it, and room for its shape."""
@@ -67,8 +71,7 @@ def held_modes(structure: Structure, kept: int | None = None) -> Modes:
         interior, inertia = mechanical_path(structure).without_tip(), structure.masses[:-1]
         modes = interior.modes(inertia, 0, kept - 1) if kept else Modes(np.zeros(0), np.zeros((inertia.size, 0)))
     else:
-        strain = np.sqrt(structure.springs)[:, None] * structure.elongation
-        modes = singular_modes(structure.mass[:-1, :-1], strain[:, :-1])
+        modes = _all_held(structure)
     shapes = modes.shapes[:, :kept]
     return Modes(modes.values[:kept], np.vstack([shapes, np.zeros(shapes.shape[1])]))
 
@@ -81,8 +84,7 @@ def held_thermal_modes(structure: Structure, kept: int | None = None) -> Modes:
         interior, capacities = thermal_path(structure).without_tip(), structure.heat_capacities[:-1]
         modes = interior.modes(capacities, 0, kept - 1) if kept else Modes(np.zeros(0), np.zeros((capacities.size, 0)))
     else:
-        flow = np.sqrt(structure.conductors)[:, None] * structure.difference
-        modes = singular_modes(structure.heat_capacity[:-1, :-1], flow[:, :-1])
+        modes = _all_held_thermal(structure)
     shapes = modes.shapes[:, :kept]
     return Modes(modes.values[:kept] ** 2, np.vstack([shapes, np.zeros(shapes.shape[1])]))
 
@@ -130,7 +132,7 @@ def lowest_modes(structure: Structure, kept: int) -> Modes:
         return Modes(np.sqrt(squares), shapes)
     if isinstance(structure, Chain) and _one_by_one(structure, kept):
         return mechanical_path(structure).modes(structure.masses, 0, kept - 1)
-    modes = mechanical_modes(structure)
+    modes = _all(structure)
     return Modes(modes.values[:kept], modes.shapes[:, :kept])
 
 
@@ -141,8 +143,30 @@ def slowest_modes(structure: Structure, kept: int | None = None) -> Modes:
     if isinstance(structure, Chain) and kept is not None and _one_by_one(structure, kept):
         modes = thermal_path(structure).modes(structure.heat_capacities, 0, kept - 1)
         return Modes(modes.values**2, modes.shapes)
-    modes = thermal_modes(structure)
+    modes = _all_thermal(structure)
     return Modes(modes.values[:kept], modes.shapes[:, :kept])
+
+
+@lru_cache(maxsize=_STRUCTURES)
+def _all(structure: Structure) -> Modes:
+    return mechanical_modes(structure)
+
+
+@lru_cache(maxsize=_STRUCTURES)
+def _all_thermal(structure: Structure) -> Modes:
+    return thermal_modes(structure)
+
+
+@lru_cache(maxsize=_STRUCTURES)
+def _all_held(structure: Structure) -> Modes:
+    strain = np.sqrt(structure.springs)[:, None] * structure.elongation
+    return singular_modes(structure.mass[:-1, :-1], strain[:, :-1])
+
+
+@lru_cache(maxsize=_STRUCTURES)
+def _all_held_thermal(structure: Structure) -> Modes:
+    flow = np.sqrt(structure.conductors)[:, None] * structure.difference
+    return singular_modes(structure.heat_capacity[:-1, :-1], flow[:, :-1])
 
 
 def _few(pair: SparsePair, kept: int | None) -> int:
