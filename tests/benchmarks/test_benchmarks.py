@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 
+import bench_bases
 import bench_event_driven
 import bench_limits
 import bench_moreau
@@ -13,6 +14,12 @@ import bench_rivals
 import bench_table
 import bench_workflow
 import pytest
+
+
+def test_bases_are_told_of() -> None:
+    lines = bench_bases.text(sizes=(20,), steps=700).splitlines()[2:-1]
+    assert len(lines) == 2 * len(bench_bases.reduction.names())
+    assert all(float(line.split("|")[7]) < 1e-12 for line in lines)  # α_c
 
 
 def test_event_driven_prints_its_lines(capsys: pytest.CaptureFixture[str]) -> None:

@@ -478,3 +478,20 @@ def test_who_stays_stable() -> None:
     assert told["clamped_bar"]["implicit_euler"].verdicts == ("wrong",)
     assert told["preloaded"]["penalty"].verdicts == ("accurate", "diverged")
     assert told["light_tip"]["carpenter"].stable == "1e-08 s"
+
+
+def test_unfit_bases() -> None:
+    """Heat of a short rub needs krylov, a resonance the modes themselves, central differences a tip with mass."""
+    archive = opened("unfit_bases")
+    slow, resonant = (archive.sel(frequency=f) for f in archive["frequency"].values)
+    heat = slow["temperature_model_error"].sel(scheme="implicit_euler")
+    assert heat.sel(reduction=["craig_bampton", "rubin"]).min() > 0.3
+    assert heat.sel(reduction="krylov") < 2e-4
+    impulse = resonant["impulse_error"].sel(scheme="carpenter")
+    assert impulse.sel(reduction="krylov") > 0.9
+    assert impulse.sel(reduction=["craig_bampton", "rubin"]).max() < 0.3
+    for basis in ("macneal", "massless"):
+        assert set(statuses(archive, reduction=basis, scheme="implicit_euler")) == {OK}
+        assert set(statuses(archive, reduction=basis, scheme="carpenter")) == {int(Status.FAILED)}
+        messages = archive["message"].sel(reduction=basis)
+        assert all("without mass" in str(message) for message in messages.values.ravel())

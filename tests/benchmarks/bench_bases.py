@@ -1,0 +1,94 @@
+"""What each basis is worth: ``python tests/benchmarks/bench_bases.py``; ``--write`` keeps the table in ARCHITECTURE.md.
+
+The heavy chain in 20 and in 200 nodes of the same totals rubs for 0.1 s, stepped by ``moreau``. Errors are those of the
+tip against the full model under the same scheme, so that no error of the scheme is in them.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from scenes import cases, chain, relative, sampling
+from workflow import reduction, schemes
+from workflow.models import Cases, Rayleigh, Structure, critical_alpha, frequencies
+from workflow.reduction import Known, reduce_structure
+from workflow.schemes import HISTORIES, Results
+
+DOCUMENT = Path(__file__).parents[2] / "ARCHITECTURE.md"
+BEGIN, END = "<!-- bases -->\n", "<!-- end of bases -->\n"
+
+H, ALPHA, DURATION = 1e-5, 0.5, 0.1
+COUNTS = ((3, 12), (8, 6))
+"""Mechanical and thermal vectors beside the tip's own."""
+
+
+def heavy(nodes: int) -> Structure:
+    """Return the heavy chain in so many nodes."""
+    share = nodes / 20
+    return chain(
+        nodes=nodes, mass=2.5e-3 / share, stiffness=2.0e7 * share, damping=Rayleigh(10.0, 2.0e-7),
+        spacing=2.5e-3 / share, expansion=8.6e-6, heat_capacity=1.315 / share, conductance=0.605 * share,
+        convection=0.02 / share,
+    )  # fmt: skip
+
+
+def rub(structure: Structure) -> Cases:
+    """Return the heavy chain's scene."""
+    return cases(structure, 1, alpha=ALPHA, gap=5e-5, amplitude=100.0, frequency=20.0)
+
+
+def stepped(structure: Structure, batch: Cases, steps: int) -> tuple[Results, float]:
+    """Return results and the least seconds of five runs."""
+    scheme = schemes.load("moreau")
+    operator = scheme.init(structure, H, scheme.Options())
+    seconds = []
+    for _ in range(5):
+        begun = time.thread_time()
+        found = scheme.compute(operator, batch, sampling(steps * H, steps * H / 100))
+        seconds.append(time.thread_time() - begun)
+    return found, min(seconds)
+
+
+def spectral_radius(structure: Structure, theta: float) -> float:
+    """Return the largest factor of the mechanical free step."""
+    scheme, omega = schemes.load("moreau"), frequencies(structure)
+    damping = structure.damping.mass + structure.damping.stiffness * np.where(np.isinf(omega), 0.0, omega) ** 2
+    assert scheme.amplification is not None
+    return float(np.abs(scheme.amplification(omega, damping, H, scheme.Options(theta=theta))).max())
+
+
+def rows(sizes: tuple[int, ...], steps: int) -> Iterator[str]:
+    """Yield the table, a line for each chain, basis and count."""
+    yield "| nodes | basis | vectors | displacement | temperature | impulse | α_c | ρ, θ = 1 | ρ, θ = ½ | cost |\n"
+    yield "|---|---|---|---|---|---|---|---|---|---|\n"
+    for nodes in sizes:
+        whole = heavy(nodes)
+        exact, full_seconds = stepped(whole, rub(whole), steps)
+        for mechanical, thermal in COUNTS:
+            for name in reduction.names():
+                found = reduce_structure(whole, mechanical, thermal, name, Known(DURATION))
+                run, seconds = stepped(found.structure, found.project(rub(whole)), steps)
+                errors = {of: relative(run.histories[of], exact.histories[of]) for of in HISTORIES}
+                off = abs(critical_alpha(found.structure) / critical_alpha(whole) - 1)
+                radii = [spectral_radius(found.structure, theta) for theta in (1.0, 0.5)]
+                told = [f"{errors[of]:.1e}" for of in ("displacement", "temperature", "impulse")]
+                told += [f"{off:.0e}", *(f"{radius:.5f}" for radius in radii), f"{seconds / full_seconds:.2f}"]
+                yield f"| {nodes} | `{name}` | {mechanical} + {thermal} | {' | '.join(told)} |\n"
+
+
+def text(sizes: tuple[int, ...] = (20, 200), steps: int = round(DURATION / H)) -> str:
+    """Return the table and what it is of."""
+    return "".join(rows(sizes, steps)) + "\n"
+
+
+if __name__ == "__main__":
+    table = text()
+    print(table)
+    if "--write" in sys.argv:
+        before, rest = DOCUMENT.read_text(encoding="utf-8").split(BEGIN)
+        DOCUMENT.write_text(before + BEGIN + table + END + rest.split(END)[1], encoding="utf-8")
