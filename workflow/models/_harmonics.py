@@ -66,17 +66,17 @@ class Harmonics:
         """Return a constant and the sum at a time, added in the order of the harmonics, ``(case,)``."""
         total = np.array(constant)
         for k in range(self.width):
-            total += self.amplitude[:, k] * self._turned(k, t)[0]
+            total += self.amplitude[:, k] * self.sine_cosine(k, t)[0]
         return total
 
     def rate_at(self, t: float) -> Array:
         """Return the derivative Σ a_k 2π f_k cos(2π f_k t + φ_k) of the sum by time, ``(case,)``."""
         total = np.zeros(self.amplitude.shape[0])
         for k in range(self.width):
-            total += self.amplitude[:, k] * self.angular[:, k] * self._turned(k, t)[1]
+            total += self.amplitude[:, k] * self.angular[:, k] * self.sine_cosine(k, t)[1]
         return total
 
-    def _turned(self, k: int, t: float) -> tuple[Array, Array]:
+    def sine_cosine(self, k: int, t: float) -> tuple[Array, Array]:
         """Return sine and cosine of 2π f_k t + φ_k, the same bits on every processor."""
         return elementwise.sine_cosine(2 * np.pi * (self.frequency[:, k] * t) + self.phase[:, k])
 

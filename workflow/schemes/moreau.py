@@ -25,6 +25,7 @@ from workflow.kernels.compiled import defines, kernel
 from workflow.kernels.lanes import WIDE
 from workflow.kernels.packs import (
     Lane,
+    Pack,
     align_stack,
     flag,
     of_lane,
@@ -49,12 +50,14 @@ from workflow.schemes._fixed.contact import (
     End,
     Free,
     TipStep,
+    contact_gain,
     meet,
 )
 from workflow.schemes._fixed.costs import sweep_cost, theta_cost
 from workflow.schemes._fixed.decoupled import decouple
+from workflow.schemes._fixed.drive import began, casing_gain, relative, settled, wall
 from workflow.schemes._fixed.march import march
-from workflow.schemes._fixed.marks import TIP_DISPLACEMENT, TIP_VELOCITY, Block
+from workflow.schemes._fixed.marks import Block
 from workflow.schemes._fixed.modal_lanes import Coefficients, State
 from workflow.schemes._fixed.outcome import by_heat
 from workflow.schemes._fixed.stepping import collect
@@ -66,7 +69,7 @@ from workflow.schemes._sweep.march import march_nodes, sweep
 
 READS = frozenset({"e", "h", "alpha"})
 
-HARMONICS: frozenset[str] = frozenset()
+HARMONICS = frozenset({"load", "casing"})
 TOGETHER = WIDE
 is_swept = sweeps.is_swept
 
@@ -92,9 +95,10 @@ def meet_by_prox(law: Prox, step: TipStep, free: Free, own: Array, tip: Array, l
     After an impulse the velocity is -e v_n,k to the bit, not to the rounding of v_free - W p: a tip
     at rest on its casing keeps its place and stays active for any number of steps.
     """
-    x, v, p = pack(tip, (TIP_DISPLACEMENT, lane)), pack(tip, (TIP_VELOCITY, lane)), spread(0.0, lane)
-    after, temperature = free.velocity + step.inverse_mass * free.impulse, free.temperature
-    active = x + 0.5 * step.h * v >= free.gap
+    x, v = began(free.drive, tip, lane)
+    p, temperature = spread(0.0, lane), free.temperature
+    after = relative(free.drive, free.velocity + step.inverse_mass * free.impulse, lane)
+    active = x + 0.5 * step.h * v >= wall(free.drive, free.gap, lane)
     engaged = some(active) or raised(own, (CASE_PRESSED, lane))
     if engaged:
         kept = of_lane(law.restitution, lane) * v
@@ -107,7 +111,17 @@ def meet_by_prox(law: Prox, step: TipStep, free: Free, own: Array, tip: Array, l
         flag(own, (CASE_PRESSED, lane), some_nonzero(p))
         temperature += step.warming * heat
     store(own, (CASE_IMPULSE, lane), free.impulse - p)
-    return End(engaged, x + step.h * weighed(step.theta, after, step.rest, v), after, temperature, p)
+    x += step.h * weighed(step.theta, after, step.rest, v)
+    x, v = settled(free.drive, x, after, free.gap, lane)
+    return End(engaged, x, v, temperature, p)
+
+
+@defines(contact_gain, Prox)
+def _casing_gain(
+    law: Prox, step: TipStep, end: End, change: Pack, free: Free, own: Array, tip: Array, lane: Lane
+) -> Pack:
+    """Return what a casing that moves takes beside the work of the impulse at the mean of its velocities."""
+    return casing_gain(free.drive, step.theta, end.impulse, lane)
 
 
 @kernel

@@ -35,7 +35,7 @@ METRICS = outcome.METRICS
 
 READS = frozenset({"h", "alpha"})
 
-HARMONICS: frozenset[str] = frozenset()
+HARMONICS = frozenset({"load", "casing"})
 
 TOGETHER = WIDE
 

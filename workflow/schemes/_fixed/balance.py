@@ -38,7 +38,7 @@ from workflow.kernels.compiled import by_type, defines, inlined
 from workflow.kernels.lanes import ROW
 from workflow.kernels.packs import Lane, Pack, magnitude, pack, plus, shared, store, where
 from workflow.models import Array
-from workflow.schemes._fixed.contact import CASE_HEAT, CASE_IMPULSE, End, Law, TipStep, contact_gain, driven
+from workflow.schemes._fixed.contact import CASE_HEAT, CASE_IMPULSE, End, Free, Law, TipStep, contact_gain, driven
 
 AUDIT_DAMPING, AUDIT_HEAT_FORMER, AUDIT_HEAT_SPEED, AUDIT_HEAT_PLACE = range(4)
 """Coefficients of a mechanical mode, all over φ_n²: hc/4, and -1 times the work of a unit of friction heat per ζ at the
@@ -179,19 +179,19 @@ def _keep_dragged(audit: Audit, velocity: Pack, loss: Pack, lane: Lane) -> None:
 
 @by_type
 def account(
-    audit: Audit | None, law: Law, step: TipStep, end: End, gap: Pack, own: Array, tip: Array, lane: Lane
+    audit: Audit | None, law: Law, step: TipStep, end: End, free: Free, own: Array, tip: Array, lane: Lane
 ) -> None:
     """Count the work of load and contact in a step that contact has closed."""
 
 
 @defines(account, Audit)
-def _account(audit: Audit, law: Law, step: TipStep, end: End, gap: Pack, own: Array, tip: Array, lane: Lane) -> None:
+def _account(audit: Audit, law: Law, step: TipStep, end: End, free: Free, own: Array, tip: Array, lane: Lane) -> None:
     sums, heat = audit.sums, pack(own, (CASE_HEAT, lane))
     relative = driven(law, step, end, own, lane) - pack(sums, (SUM_DRAGGED, lane)) - audit.dragged * heat
     before = pack(sums, (SUM_RELATIVE, lane))
     work = pack(own, (CASE_IMPULSE, lane)) * (0.5 * (relative + before))
     store(sums, (SUM_RELATIVE, lane), relative)
-    gained = contact_gain(law, step, end, relative - before, gap, own, tip, lane)
+    gained = contact_gain(law, step, end, relative - before, free, own, tip, lane)
     store(sums, (SUM_SPENT, lane), pack(sums, (SUM_SPENT, lane)) + (gained - work))
 
 

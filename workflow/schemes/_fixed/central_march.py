@@ -49,6 +49,7 @@ from workflow.schemes._fixed.contact import (
     steps_from_tip,
 )
 from workflow.schemes._fixed.decoupled import Decoupled, Motion, start
+from workflow.schemes._fixed.drive import drive_of, gap_ahead, relative, relative_before, with_harmonics
 from workflow.schemes._fixed.march import Batch, case_rows, march, march_blocks, open_march
 from workflow.schemes._fixed.marks import TIP_DISPLACEMENT, TIP_GAP, TIP_TEMPERATURE, TIP_VELOCITY, Block
 from workflow.schemes._fixed.modal_lanes import Coefficients, State
@@ -69,8 +70,9 @@ def meet_linearly(law: Linear, step: TipStep, free: Free, own: Array, tip: Array
     """Return the tip at t_k and the impulse about it; the step from there on is closed with p_k."""
     x, before, about = pack(own, (CASE_AHEAD, lane)), pack(own, (CASE_HALF, lane)), spread(0.0, lane)
     after, temperature = free.velocity + step.inverse_mass * free.impulse, free.temperature
-    depth = x - free.gap
-    p = of_lane(law.depth, lane) * depth + of_lane(law.before, lane) * before + of_lane(law.free, lane) * after
+    depth, approach = x - free.gap, relative_before(free.drive, before, lane)
+    leaving = relative(free.drive, after, lane)
+    p = of_lane(law.depth, lane) * depth + of_lane(law.before, lane) * approach + of_lane(law.free, lane) * leaving
     presses = (depth > of_lane(law.threshold, lane)) & ~(p <= 0.0)  # a NaN presses
     p = where(presses, p, 0.0)
     pressed = some(presses)
@@ -85,11 +87,12 @@ def meet_linearly(law: Linear, step: TipStep, free: Free, own: Array, tip: Array
         heat = pack(own, (CASE_ALPHA, lane)) * p
         temperature += 0.5 * step.warming * heat
         if law.holds:
-            ahead = where(touches, free.gap, ahead)
+            ahead = where(touches, gap_ahead(free.drive, free.gap, step.h, lane), ahead)
         store(own, (CASE_LAST, lane), p)
         store(own, (CASE_HEAT, lane), heat)
         flag(own, (CASE_PRESSED, lane), pressed or some_nonzero(latest))  # the tip counts as touching for a step more
-        count_rebounds(touches & ~touched, touched & ~touches, before, after, own, lane)
+        leaving = relative(free.drive, after, lane)
+        count_rebounds(touches & ~touched, touched & ~touches, approach, leaving, own, lane)
     store(own, (CASE_AHEAD, lane), ahead)
     store(own, (CASE_HALF, lane), after)
     store(own, (CASE_IMPULSE, lane), free.impulse - p)
@@ -108,17 +111,18 @@ def _half_step_velocity(law: Linear, step: TipStep, end: End, own: Array, lane: 
 
 @defines(contact_gain, Linear)
 def _spring_gain(
-    law: Linear, step: TipStep, end: End, change: Pack, gap: Pack, own: Array, tip: Array, lane: Lane
+    law: Linear, step: TipStep, end: End, change: Pack, free: Free, own: Array, tip: Array, lane: Lane
 ) -> Pack:
     """Return κ δ_k (s_k+1 - s_k-1)/2, with the depth δ and the distance s from the casing.
 
     That is the change of κ δ_k δ_k+1 / 2 less the work of κ δ_k over (x_k+1 - x_k-1)/2: 0 while contact lasts.
     """
-    depth = end.displacement - gap
+    depth = end.displacement - free.gap
     if not some(depth > 0.0):
         return spread(0.0, lane)
-    ahead = pack(own, (CASE_AHEAD, lane)) - gap
-    behind = ahead - 2.0 * step.h * end.velocity
+    ahead = pack(own, (CASE_AHEAD, lane)) - gap_ahead(free.drive, free.gap, step.h, lane)
+    moved = relative(free.drive, end.velocity, lane) + relative_before(free.drive, end.velocity, lane)
+    behind = ahead - step.h * moved
     parted = where(behind < 0.0, behind, 0.0) - where(ahead < 0.0, ahead, 0.0)
     return 0.5 * of_lane(law.stiffness, lane) * where(depth > 0.0, depth, 0.0) * parted
 
@@ -129,11 +133,10 @@ def _open_march(law: Linear, step: TipStep, now: Now, state: State, block: Block
     own, tip, h = state.own, block.tip, step.h
     for first in range(0, block.lanes, PACK):
         lane = narrow(first)
-        impulse = h * tip_load(now.sine, now.leader, block.load, lane)
-        gap = pack(tip, (TIP_GAP, lane))
-        free = Free(pack(own, (CASE_FIRST, lane)), spread(0.0, lane), impulse, gap)
+        impulse = h * with_harmonics(block.drive, tip_load(now.sine, now.leader, block.load, lane), lane)
+        free = Free(pack(own, (CASE_FIRST, lane)), spread(0.0, lane), impulse, pack(tip, (TIP_GAP, lane)), block.drive)
         end = meet(law, step, free, own, tip, lane)
-        account(audit, law, step, end, gap, own, tip, lane)
+        account(audit, law, step, end, free, own, tip, lane)
         store_end(end, tip, lane)
         store(own, (CASE_LAST, lane), 2.0 * pack(own, (CASE_LAST, lane)))
 
@@ -195,7 +198,8 @@ def _batch(operator: Operator, cases: Cases, begun: Motion, balances: bool) -> B
 def _run(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
     """Step cases that all carry thermal states, or that all carry none."""
     begun = start(operator.modal, cases)
-    watched = watch(cases, cases.mean + begun.tip_force, sampling, schedule(sampling, operator.h), operator.h)
+    drive, _ = drive_of(cases, operator.h, theta=0.0)
+    watched = watch(cases, cases.mean + begun.tip_force, sampling, schedule(sampling, operator.h), operator.h, drive)
     batch = _batch(operator, cases, begun, sampling.balances)
     closing = march_blocks(_march, batch, watched, sampling.duration)
     # squared: a contact that grows can stop short of infinity where its energy is beyond it

@@ -90,7 +90,7 @@ def meet_by_place(law: Complementarity, step: TipStep, free: Free, own: Array, t
 
 @defines(contact_gain, Complementarity)
 def _static_gain(
-    law: Complementarity, step: TipStep, end: End, change: Pack, gap: Pack, own: Array, tip: Array, lane: Lane
+    law: Complementarity, step: TipStep, end: End, change: Pack, free: Free, own: Array, tip: Array, lane: Lane
 ) -> Pack:
     """Return -(θ - 1/2) S Δv: without mass no impact changes the velocity, impulses work at v_θ as they act."""
     return (0.5 - step.theta) * (pack(own, (CASE_IMPULSE, lane)) * change)

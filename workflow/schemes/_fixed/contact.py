@@ -36,6 +36,20 @@ Law = Any
 """A contact law: a named tuple of numbers and arrays."""
 
 
+class Drive(NamedTuple):
+    """Harmonics of the load and a casing that moves (:mod:`workflow.schemes._fixed.drive`), of all cases or a block.
+
+    Kernels are given ``None`` in its place where a scene has neither.
+    """
+
+    load: Array
+    """Harmonics of the load, ``(harmonic, row, lane)``."""
+    casing: Array
+    """Harmonics of the casing, ``(harmonic, row, lane)``."""
+    state: Array
+    """What they do in a step, ``(row, lane)``."""
+
+
 class TipStep(NamedTuple):
     """A step as the tip feels it."""
 
@@ -60,7 +74,9 @@ class Free(NamedTuple):
     impulse: Pack
     """Impulse of the load in the step, N s."""
     gap: Pack
-    """Place of the casing, m."""
+    """Place of the casing at the step's end, m; at its beginning for central differences."""
+    drive: Drive | None
+    """The casing's motion, where it has one."""
 
 
 class End(NamedTuple):
@@ -99,12 +115,12 @@ def driven(law: Law, step: TipStep, end: End, own: Array, lane: Lane) -> Pack:
 
 @by_type
 def contact_gain(
-    law: Law, step: TipStep, end: End, change: Pack, gap: Pack, own: Array, tip: Array, lane: Lane
+    law: Law, step: TipStep, end: End, change: Pack, free: Free, own: Array, tip: Array, lane: Lane
 ) -> Pack:
     """Return what the balance of a step takes for created, J, beside the work of its impulse at the mean velocity.
 
     Of a contact spring that is what it holds more than its force has taken. ``change`` is that of the tip's relative
-    velocity; ``tip`` still holds the tip at the step's beginning, ``gap`` is that at its end.
+    velocity; ``tip`` still holds the tip at the step's beginning.
     """
     return spread(0.0, lane)
 

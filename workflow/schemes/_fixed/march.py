@@ -37,6 +37,7 @@ from workflow.schemes._fixed.contact import (
     steps_from_tip,
 )
 from workflow.schemes._fixed.decoupled import Decoupled, Motion
+from workflow.schemes._fixed.drive import cut_gap, turn_drive, with_harmonics
 from workflow.schemes._fixed.marks import TIP_GAP, Block, take_marks
 from workflow.schemes._fixed.modal_lanes import (
     Coefficients,
@@ -66,9 +67,10 @@ def _step(
     tip, step = block.tip, operator.tip
     velocity, temperature = step_freely(operator, now.known, now.t, state, audit, lane)
     gap = pack(tip, (TIP_GAP, lane))
-    impulse = step.h * tip_load(now.sine, now.leader, block.load, lane)
-    end = meet(law, step, Free(velocity, temperature, impulse, gap), state.own, tip, lane)
-    account(audit, law, step, end, gap, state.own, tip, lane)
+    impulse = step.h * with_harmonics(block.drive, tip_load(now.sine, now.leader, block.load, lane), lane)
+    free = Free(velocity, temperature, impulse, gap, block.drive)
+    end = meet(law, step, free, state.own, tip, lane)
+    account(audit, law, step, end, free, state.own, tip, lane)
     account_heat(audit, step.h, now.t, state.own, lane)
     if now.marked:
         store_end(end, tip, lane)
@@ -88,9 +90,11 @@ def march(operator: Coefficients, law: Law, state: State, block: Block, audit: A
     in_broad, in_wide = lanes // broadest() * broadest(), lanes // WIDE * WIDE
     paired = operator.pair_mode.size > 0
     known, leader = has_known_motion(state.own, lanes), start_load(h, load, lanes)
+    turn_drive(block.drive, 0, h, theta, tip, lanes)
     open_march(law, operator.tip, step_at(0, theta, leader, known, block), state, block, audit)
     for step in range(1, block.steps + 1):
         turn_load(step, h, leader, load, lanes)
+        turn_drive(block.drive, step, h, theta, tip, lanes)
         now = step_at(step, theta, leader, known, block)
         if paired or now.last:
             store_heat(operator, state, state.tau_before, lanes)
@@ -102,7 +106,10 @@ def march(operator: Coefficients, law: Law, state: State, block: Block, audit: A
             _step(operator, law, now, state, block, audit, narrow(first))
         note_energy(audit, step, block.steps, operator, state, lanes)
         if now.marked:
-            observe(take_marks(step, block), tip, lanes)
+            span = take_marks(step, block)
+            if now.last:
+                cut_gap(block.drive, span / h, tip, lanes)
+            observe(span, tip, lanes)
     close_balance(audit, operator, state, lanes)
     store_heat(operator, state, state.tau, lanes)
 

@@ -11,6 +11,7 @@ from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lanes import PACK
 from workflow.kernels.packs import Pack, fetch, narrow, pack, store
 from workflow.models import Array
+from workflow.schemes._fixed.contact import Drive
 
 TIP_DISPLACEMENT, TIP_VELOCITY, TIP_TEMPERATURE, TIP_IMPULSE, TIP_GAP = range(5)
 """Rows of a block's tip ``(row, lane)``: its state at the last step end, the sum of impulses and the clearance."""
@@ -67,6 +68,7 @@ class Block(NamedTuple):
     """``(row, lane)``, rows ``TIP_…``."""
     marks: Marks
     record: Record
+    drive: Drive | None
     lanes: int
     """Lanes in use, whole packs; the cases come first, idle lanes last."""
     steps: int

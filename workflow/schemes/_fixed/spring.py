@@ -28,7 +28,6 @@ from workflow.kernels.packs import (
     raised,
     some,
     some_nonzero,
-    spread,
     store,
     weighed,
     where,
@@ -49,6 +48,7 @@ from workflow.schemes._fixed.contact import (
     meet,
 )
 from workflow.schemes._fixed.decoupled import Decoupled
+from workflow.schemes._fixed.drive import began, casing_gain, gap_before, relative, relative_before, settled, wall
 from workflow.schemes._fixed.march import march
 from workflow.schemes._fixed.marks import TIP_DISPLACEMENT, TIP_VELOCITY, Block
 from workflow.schemes._fixed.modal_lanes import Coefficients, State
@@ -75,11 +75,11 @@ class Spring(NamedTuple):
 def meet_spring(law: Spring, step: TipStep, free: Free, own: Array, tip: Array, lane: Lane) -> End:
     """Return the tip at the step's end."""
     h, theta = step.h, step.theta
-    x, v = pack(tip, (TIP_DISPLACEMENT, lane)), pack(tip, (TIP_VELOCITY, lane))
+    x, v = began(free.drive, tip, lane)
     w, held = of_lane(law.delassus, lane), pack(own, (CASE_LAST, lane))
     begun = h * (1.0 - theta) * held
-    apart = free.velocity + step.inverse_mass * free.impulse - w * begun
-    depth = x + h * weighed(theta, apart, step.rest, v) - free.gap
+    apart = relative(free.drive, free.velocity + step.inverse_mass * free.impulse - w * begun, lane)
+    depth = x + h * weighed(theta, apart, step.rest, v) - wall(free.drive, free.gap, lane)
     force = (of_lane(law.stiffness, lane) * depth + of_lane(law.damping, lane) * apart) * of_lane(law.share, lane)
     most = depth * of_lane(law.reach, lane)
     force = where(force > most, most, force)
@@ -97,21 +97,27 @@ def meet_spring(law: Spring, step: TipStep, free: Free, own: Array, tip: Array, 
         store(own, (CASE_HEAT, lane), pack(own, (CASE_ALPHA, lane)) * p)
         count_rebounds(touches & ~touched, touched & ~touches, v, after, own, lane)
     temperature = free.temperature + step.warming * pack(own, (CASE_HEAT, lane))
-    return End(engaged, x + h * weighed(theta, after, step.rest, v), after, temperature, p)
+    x, v = settled(free.drive, x + h * weighed(theta, after, step.rest, v), after, free.gap, lane)
+    return End(engaged, x, v, temperature, p)
 
 
 @defines(contact_gain, Spring)
 def _spring_gain(
-    law: Spring, step: TipStep, end: End, change: Pack, gap: Pack, own: Array, tip: Array, lane: Lane
+    law: Spring, step: TipStep, end: End, change: Pack, free: Free, own: Array, tip: Array, lane: Lane
 ) -> Pack:
-    """Return Δ(κ δ²/2) - h κ δ_θ (v + v')/2 with the depths δ, 0 where the tip is not beyond the casing."""
-    began, ended = pack(tip, (TIP_DISPLACEMENT, lane)) - gap, end.displacement - gap
-    if not (some(began > 0.0) or some(ended > 0.0)):
-        return spread(0.0, lane)
-    before, after = where(began > 0.0, began, 0.0), where(ended > 0.0, ended, 0.0)
-    moved = 0.5 * step.h * (pack(tip, (TIP_VELOCITY, lane)) + end.velocity)
-    worked = (step.theta * after + (1.0 - step.theta) * before) * moved
-    return of_lane(law.stiffness, lane) * (0.5 * (after * after - before * before) - worked)
+    """Return Δ(κ δ²/2) - h κ δ_θ (v + v')/2 with the depths δ, 0 where the tip is not beyond the casing.
+
+    Velocities are relative to the casing where that moves; its power is added.
+    """
+    drive, casing = free.drive, casing_gain(free.drive, step.theta, end.impulse, lane)
+    begins = pack(tip, (TIP_DISPLACEMENT, lane)) - gap_before(drive, free.gap, lane)
+    ended = end.displacement - free.gap
+    if not (some(begins > 0.0) or some(ended > 0.0)):
+        return casing
+    before, after = where(begins > 0.0, begins, 0.0), where(ended > 0.0, ended, 0.0)
+    speeds = relative_before(drive, pack(tip, (TIP_VELOCITY, lane)), lane) + relative(drive, end.velocity, lane)
+    worked = (step.theta * after + (1.0 - step.theta) * before) * (0.5 * step.h * speeds)
+    return casing + of_lane(law.stiffness, lane) * (0.5 * (after * after - before * before) - worked)
 
 
 @kernel

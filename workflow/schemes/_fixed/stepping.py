@@ -19,7 +19,8 @@ from workflow.kernels.compiled import inlined
 from workflow.kernels.lanes import PACK, cached_lanes, fill_lanes, lane_rows
 from workflow.kernels.packs import Lane, Pack, narrow, pack, some, some_nonzero, store, where
 from workflow.models import Array, Cases
-from workflow.schemes._fixed.contact import End
+from workflow.schemes._fixed.contact import Drive, End
+from workflow.schemes._fixed.drive import drive_lanes, fill_drive
 from workflow.schemes._fixed.marks import (
     NEVER,
     TIP_CONTACT_TIME,
@@ -142,16 +143,21 @@ class Watch:
     h: float
     load: Array
     tip: Array
+    drive: Drive | None
+    """Harmonics of load and casing, ``(…, case)``."""
     record: Record
     period_due: NDArray[np.int64]
     period_weight: Array
 
 
-def watch(cases: Cases, mean: Array, sampling: Sampling, schedule: Schedule, h: float) -> Watch:
+def watch(
+    cases: Cases, mean: Array, sampling: Sampling, schedule: Schedule, h: float, drive: Drive | None = None
+) -> Watch:
     """Return the samples and load periods of a batch that is stepped with ``h``, and its tips at t = 0.
 
     ``mean`` is the constant part of the tip force, N, ``(case,)``.
     """
+    casing = cases.casing_at(0.0)
     periods = complete_periods(cases.period_frequency, sampling)
     longest = int(periods.max(initial=0))
     ends = np.arange(1, longest + 1)
@@ -178,10 +184,10 @@ def watch(cases: Cases, mean: Array, sampling: Sampling, schedule: Schedule, h: 
         (TIP_DISPLACEMENT, cases.displacement[:, -1]),
         (TIP_VELOCITY, cases.velocity[:, -1]),
         (TIP_TEMPERATURE, cases.temperature[:, -1]),
-        (TIP_GAP, cases.gap),
+        (TIP_GAP, casing),
         (
             TIP_PENETRATION,
-            np.fmax(0.0, cases.displacement[:, -1] - cases.gap) + 0.0,
+            np.fmax(0.0, cases.displacement[:, -1] - casing) + 0.0,
         ),  # of two zeros fmax returns either
         (TIP_HOTTEST, cases.temperature[:, -1]),
         (TIP_PERIOD_HOTTEST, cases.temperature[:, -1]),
@@ -194,7 +200,7 @@ def watch(cases: Cases, mean: Array, sampling: Sampling, schedule: Schedule, h: 
         np.full((cases.count, 3, longest), np.nan),
     )
     record.histories[..., 0] = tip[[TIP_DISPLACEMENT, TIP_VELOCITY, TIP_TEMPERATURE, TIP_IMPULSE]].T
-    return Watch(cases, schedule, sampling.interval, h, load, tip, record, due, weight)
+    return Watch(cases, schedule, sampling.interval, h, load, tip, drive, record, due, weight)
 
 
 def block_lanes(rows: int) -> int:
@@ -208,8 +214,10 @@ def blocks(watched: Watch, most: int) -> Iterator[tuple[slice, Block]]:
     All blocks share one set of lane arrays, which stays in the processor's cache.
     """
     load, tip, samples = lane_rows(LOAD_ROWS), lane_rows(TIP_ROWS), watched.record.samples
+    drive = drive_lanes(watched.drive)
     for part in parts(watched.cases.count, most):
-        yield part, block_of(watched, part, load, tip, samples)
+        fill_drive(drive, watched.drive, part)
+        yield part, block_of(watched, part, load, tip, samples)._replace(drive=drive)
         watched.tip[:, part] = tip[:, : part.stop - part.start]
 
 
@@ -234,7 +242,7 @@ def block_of(watched: Watch, part: slice, load: Array, tip: Array, samples: Arra
         next_period=np.zeros(count, dtype=np.int64),
     )
     record = Record(watched.record.histories[part], samples, watched.record.periods[part])
-    return Block(load, tip, marks, record, -(-count // PACK) * PACK, schedule.steps, watched.h)
+    return Block(load, tip, marks, record, None, -(-count // PACK) * PACK, schedule.steps, watched.h)
 
 
 def _blank_what_was_lost(watched: Watch, case: int) -> None:

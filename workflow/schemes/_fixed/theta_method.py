@@ -24,6 +24,7 @@ from workflow.models import Array, Cases, Structure, poles
 from workflow.schemes._fixed.books import Books, Terms
 from workflow.schemes._fixed.contact import Law, TipStep
 from workflow.schemes._fixed.decoupled import Decoupled, Motion, start
+from workflow.schemes._fixed.drive import drive_of
 from workflow.schemes._fixed.march import Batch, case_rows, march_blocks
 from workflow.schemes._fixed.marks import TIP_DISPLACEMENT, TIP_TEMPERATURE
 from workflow.schemes._fixed.modal_lanes import Coefficients, by_mode
@@ -146,14 +147,16 @@ def step_modes(
     sampling: Sampling,
 ) -> Ended:
     """Step cases in modes by a kernel of the scheme; ``modal`` has thermal states or has not."""
-    h, theta, begun = operator.h, operator.theta, start(modal, cases)
-    watched = watch(cases, cases.mean + begun.tip_force, sampling, schedule(sampling, h), h)
+    h, theta = operator.h, operator.theta
+    drive, stepped = drive_of(cases, h, theta)
+    begun = start(modal, stepped)
+    watched = watch(cases, cases.mean + begun.tip_force, sampling, schedule(sampling, h), h, drive)
     zeta = begun.velocity * modal.tip
     xi = begun.position * modal.tip - h * theta * zeta
     free = coefficients(modal, h, theta)
     books = None
     if sampling.balances:
-        books = Books(operator.structure, modal, free, cases, begun, _terms(modal, h, theta, begun))
+        books = Books(operator.structure, modal, free, stepped, begun, _terms(modal, h, theta, begun))
     batch = Batch(modal, begun, free, law, zeta, xi, case_rows(cases, begun), books)
     closing = march_blocks(kernel, batch, watched, sampling.duration)
     return Ended(watched, closing, batch.balances, batch.own)

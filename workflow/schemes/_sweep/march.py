@@ -12,6 +12,7 @@ from workflow.kernels.packs import narrow, pack, spread
 from workflow.kernels.sums import total
 from workflow.models import Array, Cases
 from workflow.schemes._fixed.contact import CASE_ALPHA, CASE_HEAT, CASE_ROWS, Free, Law, TipStep, meet
+from workflow.schemes._fixed.drive import cut_gap, drive_of, middle_harmonics, turn_drive, with_harmonics
 from workflow.schemes._fixed.march import fill_law, law_lanes
 from workflow.schemes._fixed.marks import (
     TIP_GAP,
@@ -64,6 +65,7 @@ def march_nodes(nodes: Nodes, law: Law, own: Array, block: Block, account: Accou
     assert tip.shape[1] == ROW
     audited, lane, last = account.weight.shape[0] > 0, narrow(0), nodes.tip
     leader = start_load(h, load, lanes)
+    turn_drive(block.drive, 0, h, theta, tip, lanes)
     if audited:
         open_account(nodes, account)
     if nodes.heated:
@@ -72,17 +74,23 @@ def march_nodes(nodes: Nodes, law: Law, own: Array, block: Block, account: Accou
     for k in range(1, block.steps + 1):
         velocity, temperature = step_to_tip(nodes)
         turn_load(k, h, leader, load, lanes)
+        turn_drive(block.drive, k, h, theta, tip, lanes)
         sine = weigh_load(1.0 - theta, theta, LOAD_WEIGHED_SINE, leader, load, lanes)
-        impulse, gap = h * tip_load(sine, leader, load, lane), pack(tip, (TIP_GAP, lane))
-        free = Free(spread(velocity, lane), spread(temperature, lane), impulse, gap)
+        impulse = h * with_harmonics(block.drive, tip_load(sine, leader, load, lane), lane)
+        gap = pack(tip, (TIP_GAP, lane))
+        free = Free(spread(velocity, lane), spread(temperature, lane), impulse, gap, block.drive)
         store_end(meet(law, step, free, own, tip, lane), tip, lane)
         heat = own[CASE_HEAT, 0]
         step_to_root(nodes, tip[TIP_NEW_DISPLACEMENT, 0], tip[TIP_NEW_VELOCITY, 0], heat)
         if audited:
             sine = weigh_load(0.5, 0.5, LOAD_BALANCE_SINE, leader, load, lanes) + load[LOAD_BALANCE_SINE, 0]
-            taken = h * (load[LOAD_MEAN, 0] + load[LOAD_AMPLITUDE, 0] * sine) - tip[TIP_STEP_IMPULSE, 0]
+            pushing = load[LOAD_MEAN, 0] + load[LOAD_AMPLITUDE, 0] * sine + middle_harmonics(block.drive, 0)
+            taken = h * pushing - tip[TIP_STEP_IMPULSE, 0]
             account_step(nodes, account, heat, taken)
-        observe(take_marks(k, block) if k == block.marks.next_mark[0] else h, tip, lanes)
+        span = take_marks(k, block) if k == block.marks.next_mark[0] else h
+        if k == block.steps:
+            cut_gap(block.drive, span / h, tip, lanes)
+        observe(span, tip, lanes)
 
 
 def _fill(nodes: Nodes, cases: Cases, case: int) -> None:
@@ -101,7 +109,8 @@ def sweep(
     h, theta, swept = operator.h, operator.theta, operator.motion
     assert isinstance(swept, Swept)
     chain, last, plan = swept.chain, swept.chain.mechanical_size, schedule(sampling, h)
-    watched = watch(cases, cases.mean, sampling, plan, h)
+    drive, stepped = drive_of(cases, h, theta)
+    watched = watch(cases, cases.mean, sampling, plan, h, drive)
     step, lever = swept.coefficients(h, theta), h * theta + chain.damping.stiffness
     nodes = Nodes(last, h, theta, lever, heated, step, node_rows(NODE_ROWS, last), node_rows(NODE_LOAD_ROWS, last))
     account = Account(weights(chain) if sampling.balances else np.zeros((0, 0)), np.zeros(ACCOUNT_ROWS))
@@ -113,7 +122,7 @@ def sweep(
         case = part.start
         fill_law(lanes, law, part)
         fill_lanes(own, rows[:, part])
-        _fill(nodes, cases, case)
+        _fill(nodes, stepped, case)
         kernel(nodes, lanes, own, block, account)
         tau = nodes.state[NODE_TAU, inside]
         if heated:
