@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import plain_casing
 from plain_moreau import Trajectory
 
 from workflow.models import Cases, Structure
@@ -17,13 +18,12 @@ def march(
     """
     M, C1, K1 = structure.mass, structure.damping_matrix, structure.stiffness_matrix
     K12, C2, K2 = structure.coupling_matrix, structure.heat_capacity, structure.conductance_matrix
-    alpha, gap = batch.alpha[0], batch.gap[0]
+    alpha = batch.alpha[0]
     tip, heat_tip = np.eye(structure.mechanical_size)[-1], np.eye(structure.thermal_size)[-1]
     ahead = M / h**2 if lagged else M / h**2 + C1 / (2 * h)
 
     def force(t: float) -> np.ndarray:
-        swing = batch.amplitude[0] * np.sin(2 * np.pi * batch.frequency[0] * t + batch.phase[0])
-        return (batch.mean[0] + swing) * tip + batch.steady[0]
+        return plain_casing.load(batch, t) * tip + batch.steady[0]
 
     x, v, T = batch.displacement[0], batch.velocity[0], batch.temperature[0]
     a = np.linalg.solve(M, force(0.0) - C1 @ v - K1 @ x - K12 @ T)
@@ -34,7 +34,7 @@ def march(
         right = right - C1 @ (x - x_before) / h if lagged else right + C1 @ x_before / (2 * h)
         x_free = np.linalg.solve(ahead, right)
         give = np.linalg.solve(ahead, tip)
-        force_n = max(0.0, (x_free[-1] - gap) / give[-1])
+        force_n = max(0.0, (x_free[-1] - plain_casing.place(batch, (k + 1) * h)) / give[-1])
         x_after = x_free - force_n * give
         enters = np.linalg.solve(C2 + h * K2 if implicit else C2, heat_tip)
         heat = alpha * h * force_n * enters

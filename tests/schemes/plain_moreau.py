@@ -6,10 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import plain_casing
 
 from workflow.models import Cases, Structure
 
-Law = Callable[[float, float, float, float], float]
+Law = Callable[[int, float, float, float, float], float]
 """From x_n, v_n, v_n without contact and W to the impulse of a step."""
 
 
@@ -31,23 +32,26 @@ class Trajectory:
 
 def march(structure: Structure, batch: Cases, h: float, theta: float, steps: int) -> Trajectory:
     """Step the first case of a batch, with Newton's law at velocity level."""
-    e, gap = batch.e[0], batch.gap[0]
+    e = batch.e[0]
 
-    def law(x: float, v: float, free: float, kick: float) -> float:
-        return max(0.0, (free + e * v) / kick) if x + h / 2 * v >= gap else 0.0
+    def law(k: int, x: float, v: float, free: float, kick: float) -> float:
+        before, ahead = (plain_casing.velocity(batch, step * h, h, theta) for step in (k, k + 1))
+        u = v - before
+        return max(0.0, (free - ahead + e * u) / kick) if x + h / 2 * u >= plain_casing.place(batch, k * h) else 0.0
 
     return _march(structure, batch, h, theta, steps, law)
 
 
 def march_by_place(structure: Structure, batch: Cases, h: float, theta: float, steps: int) -> Trajectory:
     """Step the first case of a batch, with complementarity of place and impulse; for a tip without mass."""
-    gap = batch.gap[0]
+    place = np.array([plain_casing.place(batch, k * h) for k in range(steps + 1)])
 
-    def law(x: float, v: float, free: float, kick: float) -> float:
-        return max(0.0, (x + h * (theta * free + (1 - theta) * v) - gap) / (h * theta * kick))
+    def law(k: int, x: float, v: float, free: float, kick: float) -> float:
+        return max(0.0, (x + h * (theta * free + (1 - theta) * v) - place[k + 1]) / (h * theta * kick))
 
     found = _march(structure, batch, h, theta, steps, law)
-    found.displacement[1:, -1][found.impulse > 0] = gap  # up to rounding it is there
+    pressed = found.impulse > 0
+    found.displacement[1:, -1][pressed] = place[1:][pressed]  # up to rounding it is there
     return found
 
 
@@ -61,8 +65,7 @@ def _march(structure: Structure, batch: Cases, h: float, theta: float, steps: in
     heat_tip[-1] = 1.0
 
     def force(t: float) -> np.ndarray:
-        swing = batch.amplitude[0] * np.sin(2 * np.pi * batch.frequency[0] * t + batch.phase[0])
-        return (batch.mean[0] + swing) * tip + batch.steady[0]
+        return plain_casing.load(batch, t) * tip + batch.steady[0]
 
     W_hat = M + h * theta * C1 + h**2 * theta**2 * K1
     T_hat = C2 + h * theta * K2
@@ -77,7 +80,7 @@ def _march(structure: Structure, batch: Cases, h: float, theta: float, steps: in
         right = M @ v - h * (1 - theta) * C1 @ v - h * K1 @ (x + h * theta * (1 - theta) * v)
         right += h * load - h * K12 @ (theta * T_new + (1 - theta) * T)
         v_new = np.linalg.solve(W_hat, right)
-        p = impulses[k] = law(x[-1], v[-1], v_new[-1], kick[-1])
+        p = impulses[k] = law(k, x[-1], v[-1], v_new[-1], kick[-1])
         v_new = v_new - p * kick
         T_new = T_new + alpha * p * warm
         x, v, T = x + h * (theta * v_new + (1 - theta) * v), v_new, T_new

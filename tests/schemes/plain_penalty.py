@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import plain_casing
 from plain_moreau import Trajectory
 
 from workflow.models import Cases, Structure
@@ -15,7 +16,7 @@ def explicit(structure: Structure, batch: Cases, h: float, steps: int, stiffness
     """
     M, C1, K1 = structure.mass, structure.damping_matrix, structure.stiffness_matrix
     K12, C2, K2 = structure.coupling_matrix, structure.heat_capacity, structure.conductance_matrix
-    alpha, gap = batch.alpha[0], batch.gap[0]
+    alpha = batch.alpha[0]
     tip, heat_tip = np.eye(structure.mechanical_size)[-1], np.eye(structure.thermal_size)[-1]
 
     x, v, T = batch.displacement[0], batch.velocity[0], batch.temperature[0]
@@ -27,11 +28,13 @@ def explicit(structure: Structure, batch: Cases, h: float, steps: int, stiffness
         right = _force(batch, tip, k * h) - K1 @ x - K12 @ T + M @ (2 * x - x_before) / h**2 + C1 @ x_before / (2 * h)
         x_after = np.linalg.solve(left, right)
         force_n = 0.0
+        behind, gap, ahead = (plain_casing.place(batch, (k + i) * h) for i in (-1, 0, 1))
         if x[-1] > gap:  # the damper takes the central velocity, which the force itself changes
             wall = damping / (2 * h) * np.outer(tip, tip)
-            pressed = right - stiffness * (x[-1] - gap) * tip + wall @ x_before
+            pressed = right - stiffness * (x[-1] - gap) * tip + wall @ (x_before + (ahead - behind) * tip)
             x_pressed = np.linalg.solve(left + wall, pressed)
-            force_n = stiffness * (x[-1] - gap) + damping * (x_pressed[-1] - x_before[-1]) / (2 * h)
+            moved = (x_pressed[-1] - x_before[-1]) - (ahead - behind)
+            force_n = stiffness * (x[-1] - gap) + damping * moved / (2 * h)
             force_n, x_after = (force_n, x_pressed) if force_n > 0 else (0.0, x_after)
         heat = alpha * h * force_n * np.linalg.solve(C2, heat_tip)
         found.append((x, (x_after - x_before) / (2 * h) if k else v, T + heat / 2 if k else T))
@@ -47,7 +50,7 @@ def implicit(
     """Step the first case of a batch by the θ-method; ``impulse`` holds the steps' impulses."""
     M, C1, K1 = structure.mass, structure.damping_matrix, structure.stiffness_matrix
     K12, C2, K2 = structure.coupling_matrix, structure.heat_capacity, structure.conductance_matrix
-    alpha, gap = batch.alpha[0], batch.gap[0]
+    alpha = batch.alpha[0]
     tip, heat_tip = np.eye(structure.mechanical_size)[-1], np.eye(structure.thermal_size)[-1]
     W_hat, T_hat = M + h * theta * C1 + h**2 * theta**2 * K1, C2 + h * theta * K2
     warm = np.linalg.solve(T_hat, heat_tip)
@@ -65,10 +68,11 @@ def implicit(
         begun, per = h * (1 - theta) * held, h * theta * kick
         v_apart = v_free - begun * kick
         x_apart, x_per = x + h * (theta * v_apart + (1 - theta) * v), h * theta * per
-        depth, force = x_apart[-1] - gap, 0.0
-        if depth > 0 and stiffness * depth + damping * v_apart[-1] > 0:
+        depth, force = x_apart[-1] - plain_casing.place(batch, (k + 1) * h), 0.0
+        parting = v_apart[-1] - plain_casing.velocity(batch, (k + 1) * h, h, theta)
+        if depth > 0 and stiffness * depth + damping * parting > 0:
             law = np.array([[1.0, -stiffness, -damping], [x_per[-1], 1.0, 0.0], [per[-1], 0.0, 1.0]])
-            force, left, _ = np.linalg.solve(law, [0.0, depth, v_apart[-1]])
+            force, left, _ = np.linalg.solve(law, [0.0, depth, parting])
             if left < 0:  # neither branch: the tip stays on the casing
                 force = depth / x_per[-1]
         p = begun + h * theta * force
@@ -80,5 +84,4 @@ def implicit(
 
 
 def _force(batch: Cases, tip: np.ndarray, t: float) -> np.ndarray:
-    swing = batch.amplitude[0] * np.sin(2 * np.pi * batch.frequency[0] * t + batch.phase[0])
-    return np.asarray((batch.mean[0] + swing) * tip + batch.steady[0])
+    return np.asarray(plain_casing.load(batch, t) * tip + batch.steady[0])

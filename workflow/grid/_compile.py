@@ -28,7 +28,7 @@ import numpy as np
 from workflow import models
 from workflow.grid._speed import timed
 from workflow.kernels.cache import directory_of, is_lasting
-from workflow.models import Cases
+from workflow.models import Cases, Harmonics
 from workflow.schemes import Sampling, load
 
 
@@ -41,14 +41,17 @@ class Wanted:
     nodes: int
     balances: bool
     massless_tip: bool = False
+    harmonics: bool = False
+    """Whether load or casing have harmonics."""
 
     @property
     def words(self) -> tuple[Any, ...]:
         """What tells it from others; numbers change no kernel, but that there is one for θ = 1."""
         options = ((field.name, getattr(self.options, field.name)) for field in fields(self.options))
         implicit = getattr(self.options, "theta", None) == 1.0
+        driven = ("harmonics",) if self.harmonics else ()
         others = (option for option in options if not isinstance(option[1], float))
-        return (self.method, self.nodes, self.balances, self.massless_tip, implicit, *others)
+        return (self.method, self.nodes, self.balances, self.massless_tip, implicit, *driven, *others)
 
 
 LONGEST = 300.0
@@ -77,7 +80,8 @@ def _compile(wanted: Wanted) -> None:
         structure = replace(structure.matrices(), mass=np.zeros((nodes, nodes)))
     scheme = load(wanted.method)
     none, one, node = np.zeros(1), np.ones(1), np.zeros((1, nodes))
-    cases = Cases(none, one, one, none, none, none, none, node, node, node, node, node)
+    casing = Harmonics(*np.zeros((3, 1, int(wanted.harmonics))))
+    cases = Cases(none, one, one, none, none, none, none, node, node, node, node, node, casing_harmonics=casing)
     over = Sampling(1.0, 0.5, 3, balances=wanted.balances)
     with timed(1.0, f"{'loading' if is_compiled(wanted) else 'compiling'} {wanted.method}"):
         scheme.compute(scheme.init(structure, 0.5, wanted.options), cases, over)

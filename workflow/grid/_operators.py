@@ -117,7 +117,8 @@ def kernels_of(cell: Cell, balances: bool) -> Wanted:
     """Return what of its scheme must be compiled for a cell, with balances or without."""
     scheme, structure = schemes.load(cell.scheme.method), reduced_structure(cell)
     nodes = MOST_NODES_WITH_MATRICES + 1 if scheme.sweeps(structure) else 1
-    return Wanted(cell.scheme.method, cell.scheme.options, nodes, balances, structure.has_massless_tip)
+    driven = bool(cell.scene.load.harmonics or cell.scene.casing.harmonics)
+    return Wanted(cell.scheme.method, cell.scheme.options, nodes, balances, structure.has_massless_tip, driven)
 
 
 def compile_for(cell: Cell, balances: bool) -> None:

@@ -15,6 +15,7 @@ from workflow.kernels.lanes import LANES, lane_rows
 from workflow.models import Cases, Structure, project, static_tip_growth
 from workflow.schemes._fixed.marks import (
     TIP_DISPLACEMENT,
+    TIP_GAP,
     TIP_NEW_DISPLACEMENT,
     TIP_NEW_TEMPERATURE,
     TIP_NEW_VELOCITY,
@@ -95,8 +96,10 @@ class Recorder:
         self._before, self._states = self._states, (displacement, velocity, temperature)
         if self._balances is not None:
             self._balances.add(self._before, self._states, impulse)
+        casing = self._cases.casing_at(self._step * self._h)
         for part, block in self._blocks:
             count = part.stop - part.start
+            block.tip[TIP_GAP, :count] = casing[part]
             block.tip[TIP_NEW_DISPLACEMENT, :count] = displacement[part, -1]
             block.tip[TIP_NEW_VELOCITY, :count] = velocity[part, -1]
             block.tip[TIP_NEW_TEMPERATURE, :count] = temperature[part, -1]

@@ -1,0 +1,31 @@
+"""Load and casing with their harmonics as DESIGN section 2 writes them: for the schemes with plain matrices."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workflow.models import Cases
+
+
+def load(batch: Cases, t: float) -> float:
+    """f(t) of the first case."""
+    more = batch.load_harmonics
+    swing = batch.amplitude[0] * np.sin(2 * np.pi * batch.frequency[0] * t + batch.phase[0])
+    turned = np.sin(2 * np.pi * more.frequency[0] * t + more.phase[0])
+    return float(batch.mean[0] + swing + np.sum(more.amplitude[0] * turned))
+
+
+def place(batch: Cases, t: float) -> float:
+    """d(t) of the first case."""
+    moves = batch.casing_harmonics
+    turned = np.sin(2 * np.pi * moves.frequency[0] * t + moves.phase[0])
+    return float(batch.gap[0] + np.sum(moves.amplitude[0] * turned))
+
+
+def velocity(batch: Cases, t: float, h: float, theta: float) -> float:
+    """V(t) = Σ Im[g a e^{i(ωt + φ)}], g = (e^{iωh} - 1) / (h (1 - θ + θ e^{iωh})), of the first case."""
+    moves = batch.casing_harmonics
+    omega = 2 * np.pi * moves.frequency[0]
+    turn = np.exp(1j * omega * h)
+    g = (turn - 1) / (h * (1 - theta + theta * turn))
+    return float(np.sum(np.imag(g * moves.amplitude[0] * np.exp(1j * (omega * t + moves.phase[0])))))
