@@ -14,6 +14,7 @@ from workflow.analysis._cases import (
     shown_dim,
     value_text,
 )
+from workflow.analysis._casing import casing_motion
 from workflow.analysis._compare import compare
 from workflow.analysis._decided import Decided, decided
 from workflow.analysis._effects import Hidden, effect, hidden
@@ -59,6 +60,7 @@ __all__ = [
     "Winner",
     "Worst",
     "case_dims",
+    "casing_motion",
     "compare",
     "contact_loss",
     "contact_phases",

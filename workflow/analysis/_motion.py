@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from workflow.analysis._casing import casing_motion
+
 if TYPE_CHECKING:
     import xarray as xr
 
@@ -44,7 +46,7 @@ def energy_kept(case: xr.Dataset, energy: float) -> float:
 
 
 def impact_speeds(case: xr.Dataset) -> Array:
-    """Return the speeds at which the tip meets its casing, m/s, one for each contact phase.
+    """Return the speeds at which the tip meets its casing, relative to it, m/s, one for each contact phase.
 
     From the last sample before a contact: its velocity, carried on to the casing with the
     acceleration of the interval before. The error is of second order in the output interval.
@@ -55,12 +57,15 @@ def impact_speeds(case: xr.Dataset) -> Array:
         One case with the histories ``displacement``, ``velocity`` and ``contact_force``.
     """
     x, v = (np.asarray(case[name].values, dtype=float) for name in ("displacement", "velocity"))
+    motion = casing_motion(case)
+    place = np.full(x.shape, float(case["gap"])) if motion is None else motion[0]
+    v = v if motion is None else v - motion[1]
     interval = float(case["t"][1] - case["t"][0])
     touched = np.asarray(case["contact_force"].values) > 0
     first = np.flatnonzero(touched[2:] & ~touched[1:-1] & ~touched[:-2]) + 2
     before = first - 1
     acceleration = (v[before] - v[before - 1]) / interval
-    room = np.maximum(float(case["gap"]) - x[before], 0.0)
+    room = np.maximum(place[before] - x[before], 0.0)
     squared = v[before] ** 2 + 2 * acceleration * room
     speeds = np.sqrt(np.maximum(squared, 0.0))
     return np.asarray(speeds[speeds > 0])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import datetime
 import hashlib
 import importlib.metadata
@@ -138,10 +139,12 @@ def _coordinates(study: Study, grid: Grid, periods: int) -> tuple[Coordinate, ..
         _coordinate(axis, (dimension.name,)) for dimension in (*grid.outer, *grid.inner) for axis in dimension.axes
     ]
     found += [_coordinate(axis, ()) for axis in study.scalars]
+    moves = _motion_of_casing(study)
+    found = [dataclasses.replace(one, attrs={**one.attrs, **moves}) if one.name == "gap" else one for one in found]
     found += [_made_by_friction(study, grid)] if study.scene.friction is not None else []
     taken = {coordinate.name for coordinate in found} | {name for name, _ in grid.dims}
     if "gap" not in taken:
-        about = {"units": "m", "long_name": "tip clearance at rest, cold"}
+        about = {"units": "m", "long_name": "tip clearance at rest, cold", **moves}
         found.append(Coordinate("gap", (), np.asarray(study.scene.gap), about))
     if study.output.histories:
         time = {"units": "s", "long_name": "time since the start"}
@@ -150,6 +153,12 @@ def _coordinates(study: Study, grid: Grid, periods: int) -> tuple[Coordinate, ..
         number = {"units": "1", "long_name": "number of the load period"}
         found.append(Coordinate("period", ("period",), np.arange(1, periods + 1), number))
     return tuple(found)
+
+
+def _motion_of_casing(study: Study) -> dict[str, str]:
+    """Return what the coordinate ``gap`` says of the casing's motion about it: nothing where it stays there."""
+    harmonics = [dataclasses.asdict(entry) for entry in study.scene.casing.harmonics]
+    return {"casing_harmonics": json.dumps(harmonics), "speed": repr(study.scene.speed)} if harmonics else {}
 
 
 def _made_by_friction(study: Study, grid: Grid) -> Coordinate:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.analysis import case_dims
+from workflow.analysis import case_dims, casing_motion
 from workflow.plots._thinned import BUCKETS, Pack, levels, thinned, thinned_times
 from workflow.plots._units import scaled
 
@@ -106,6 +106,10 @@ def _entry(
     entry["frequency"] = float(one["frequency"]) if "frequency" in one.coords else frequency
     if "gap" in one.coords:
         entry["gap"] = float(one["gap"])
+        motion = casing_motion(one) if names else None
+        if motion is not None:
+            steps, low, high = levels(thinned(motion[0], buckets))
+            entry["casing"] = {**pack.add(steps), "low": low, "high": high}
     if not ok and "message" in one:
         entry["message"] = str(one["message"].values)[:_SAID]
     return entry

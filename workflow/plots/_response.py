@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from workflow.analysis import contact_phases, finest, labels_of, shown_dim
+from workflow.analysis import casing_motion, contact_phases, finest, labels_of, shown_dim
 from workflow.plots._style import COLOURS, GREY, trim
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 SHADE = "#0072B2"
@@ -75,12 +76,7 @@ def tip_response(curves: list[Curve], title: str = "", phases_of: int | None = N
             values = np.asarray(curve.case[name].values) * scale
             panel.plot(t, values, curve.style, color=curve.colour, lw=curve.width, label=curve.label)
         if name == "displacement":
-            for gap in sorted({float(curve.case["gap"]) for curve in curves if "gap" in curve.case.coords}):
-                panel.axhline(gap * scale, color="black", lw=0.8, ls=":")
-                panel.annotate(
-                    f"gap {gap * scale:.4g} {unit}", (1.0, gap * scale), xycoords=("axes fraction", "data"),
-                    ha="right", va="bottom", fontsize=8, xytext=(-3, 2), textcoords="offset points",
-                )  # fmt: skip
+            _draw_casing(panel, curves, scale, unit)
         panel.set_ylabel(f"{about} [{unit}]")
         panel.margins(x=0)
         trim(panel)
@@ -92,6 +88,27 @@ def tip_response(curves: list[Curve], title: str = "", phases_of: int | None = N
     if title:
         figure.suptitle(title, fontsize=11)
     return figure
+
+
+def _draw_casing(panel: Axes, curves: list[Curve], scale: float, unit: str) -> None:
+    """Draw where the casing of each case is: a line at the gap, or its motion, each once."""
+    drawn: dict[tuple[float, bytes], None] = {}
+    for curve in curves:
+        if "gap" not in curve.case.coords:
+            continue
+        gap, motion = float(curve.case["gap"]), casing_motion(curve.case)
+        key = (gap, b"" if motion is None else motion[0].tobytes())
+        if key in drawn:
+            continue
+        drawn[key] = None
+        if motion is None:
+            panel.axhline(gap * scale, color="black", lw=0.8, ls=":")
+        else:
+            panel.plot(curve.case["t"].values, motion[0] * scale, color="black", lw=0.8, ls=":", label="casing")
+        panel.annotate(
+            f"gap {gap * scale:.4g} {unit}", (1.0, gap * scale), xycoords=("axes fraction", "data"),
+            ha="right", va="bottom", fontsize=8, xytext=(-3, 2), textcoords="offset points",
+        )  # fmt: skip
 
 
 def abstract_figure(archive: xr.Dataset) -> Figure:

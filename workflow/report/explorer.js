@@ -105,7 +105,10 @@
     const lengths = about.cases.histories.find((history) => history.name === "displacement");
     const gap = entry?.gap ?? about.cases.entries[partner]?.gap;
     const drawGap = lengths && gap != null;
-    if (lengths) fill("gap", drawGap ? { t: span, gap: [gap * lengths.factor, gap * lengths.factor] } : { t: [], gap: [] });
+    const casing = entry?.casing ?? about.cases.entries[partner]?.casing;
+    const line = casing ? { t: times, gap: curve(casing, lengths.factor) }
+      : drawGap ? { t: span, gap: [gap * lengths.factor, gap * lengths.factor] } : { t: [], gap: [] };
+    if (lengths) fill("gap", line);
     const held = Object.keys(about.cases.entries).length;
     const without = `This page holds the histories of ${held} of ${status.length} cases, and not of this one: `
       + "the line below reads them from the archive. ";
