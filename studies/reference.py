@@ -14,7 +14,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 from workflow import models, reduction, schemes, variables
 from workflow.declare import quantity_of, word_of
 from workflow.study.addresses import TOLERANCE, settings
-from workflow.study.settings import Casing, Cell, Initial, Load, Output, Scene
+from workflow.study.settings import Casing, CasingHarmonic, Cell, Friction, Initial, Load, LoadHarmonic, Output, Scene
 
 FILE = Path(__file__).with_name("REFERENCE.md")
 
@@ -25,15 +25,16 @@ Written by `python studies/reference.py` from the declarations that the program 
 ## Keys of a study
 
 A number is SI; a string is `number unit`. α is friction heat that enters the blade per contact force and second,
-friction coefficient × sliding speed × share of the heat: W/N, which is m/s. Values marked “list” take a scalar or one
-value for each node or spring, root to tip.
+friction coefficient × sliding speed × share of the heat: W/N, which is m/s. A study gives it as `alpha`, or as
+`scene.friction` with these three numbers: then it is the coordinate `alpha` along their dimensions. Values marked
+“list” take a scalar or one value for each node or spring, root to tip.
 """
 
 TOP = (
     ("study", "identifier; also the default name of the archive"),
     ("title", "one line on what the study shows"),
     ("license", "licence of the archive; none is written where it is left out"),
-    ("scene", "one model, `casing`, `load`, `initial`, `duration`"),
+    ("scene", "one model, `casing`, `load`, `initial`, `duration`, `speed`, `friction`"),
     ("schemes", "label: method and its options; a bare method name needs no entry"),
     ("axes", "settings of a case and values of the scene or of schemes by dotted path: a value, a list, "
      "`{lin: [first, last, count]}` or `{log: [first, last, count]}`; each list is a dimension"),
@@ -61,6 +62,13 @@ def keys(declared: Any, path: str) -> Iterator[tuple[str, str, str, str]]:
             yield place, "file" if word.file else "text", default(entry), word.description
         elif isinstance(hint, type) and dataclasses.is_dataclass(hint):
             yield from keys(hint, f"{place}.")
+        elif get_origin(hint) is tuple and dataclasses.is_dataclass(get_args(hint)[0]):
+            yield (
+                place,
+                "",
+                default(entry),
+                "list of mappings, see below; any number of an entry by its position may vary",
+            )
         else:
             yield place, "", default(entry), choices(entry, hint)
 
@@ -98,14 +106,23 @@ def key_tables() -> Iterator[str]:
     groups += [(f"Model `{n}`, under `scene.{n}`", models.load(n).Parameters, f"scene.{n}.") for n in models.names()]
     groups += [
         ("Casing", Casing, "scene.casing."),
+        (
+            "Entries of `casing.harmonics`, each with `frequency` or `order`",
+            CasingHarmonic,
+            "scene.casing.harmonics.0.",
+        ),
         ("Load", Load, "scene.load."),
+        ("Entries of `load.harmonics`, each with `frequency` or `order`", LoadHarmonic, "scene.load.harmonics.0."),
+        ("Friction, where it makes α; not beside `alpha`", Friction, "scene.friction."),
         ("Initial state; or `initial: static`, at rest under the constant loads", Initial, "scene.initial."),
-        ("Duration", Scene, "scene."),
+        ("Duration and speed", Scene, "scene."),
     ]
     groups += [(f"Options of `{n}`", schemes.load(n).Options, "schemes.LABEL.") for n in schemes.names()]
     groups.append(("Output", Output, "output."))
     for title, declared, path in groups:
-        rows = [row for row in keys(declared, path) if declared is not Scene or row[0] == "scene.duration"]
+        rows = [
+            row for row in keys(declared, path) if declared is not Scene or row[0] in ("scene.duration", "scene.speed")
+        ]
         rows = [row for row in rows if declared is not Cell or is_setting(_field(Cell, row[0]))]
         rows += [tolerance()] if declared is Cell else []
         if rows:

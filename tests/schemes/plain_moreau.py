@@ -11,7 +11,7 @@ import plain_casing
 from workflow.models import Cases, Structure
 
 Law = Callable[[int, float, float, float, float], float]
-"""From x_n, v_n, v_n without contact and W to the impulse of a step."""
+"""From the step, x_n, v_n, v_n without contact and W to its impulse."""
 
 
 @dataclass(frozen=True)

@@ -55,11 +55,11 @@ def check_moreau(theta: float, e: float) -> None:
 
 
 def test_moreau_is_the_plain_scheme() -> None:
-    check_moreau(1.0, 0.5)
+    check_moreau(0.5, 0.5)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("theta", [0.5, 0.7])
+@pytest.mark.parametrize("theta", [0.7, 1.0])
 def test_moreau_is_the_plain_scheme_for_other_weights(theta: float) -> None:
     check_moreau(theta, 0.8)
 
@@ -103,12 +103,12 @@ def follows(periods: int, theta: float) -> float:
 
 def test_a_pressed_tip_follows_the_casing() -> None:
     """Rounding of the time: eps t ḋ, 2e-16 · 20 s · 3.5e-3 m/s after 1000 periods."""
-    assert follows(1000, 1.0) < 2e-17
+    assert follows(1000, 0.5) < 2e-17
 
 
 @pytest.mark.slow
-def test_a_pressed_tip_follows_the_casing_at_midpoints() -> None:
-    assert follows(1000, 0.5) < 2e-17
+def test_a_pressed_tip_follows_the_casing_with_implicit_euler() -> None:
+    assert follows(1000, 1.0) < 2e-17
 
 
 def test_a_case_is_alone_as_in_a_batch() -> None:
@@ -117,10 +117,10 @@ def test_a_case_is_alone_as_in_a_batch() -> None:
     batch = cases(structure, 21, e=rng.uniform(0, 1, 21), gap=1e-5, amplitude=rng.uniform(10, 30, 21), frequency=40.0)
     rows = rng.uniform(0, 5e-6, (21, 2)), rng.uniform(20, 300, (21, 2)), rng.uniform(-3, 3, (21, 2))
     batch = replace(batch, casing_harmonics=Harmonics(*rows))
-    found = step(structure, batch, 1e-4, sampling(0.1, 1e-3))
+    found = step(structure, batch, 1e-4, sampling(0.1, 1e-3), theta=0.5)
     assert np.all(found.metrics["impacts"] > 1)
     for case in (0, 7, 20):
-        single = step(structure, alone(batch, case), 1e-4, sampling(0.1, 1e-3))
+        single = step(structure, alone(batch, case), 1e-4, sampling(0.1, 1e-3), theta=0.5)
         assert same_bits(single, taken(found, slice(case, case + 1)))
 
 
@@ -130,14 +130,14 @@ def test_a_harmonic_of_the_load_is_the_load_that_has_it_as_its_own() -> None:
     own = replace(batch, amplitude=np.full(1, 30.0), frequency=np.full(1, 70.0), phase=np.full(1, 0.4))
     more = replace(batch, load_harmonics=harmonics((30.0, 70.0, 0.4)))
     over = sampling(0.1, 1e-3)
-    one, other = (step(structure, each, 1e-4, over) for each in (own, more))
+    one, other = (step(structure, each, 1e-4, over, theta=0.5) for each in (own, more))
     assert one.metrics["impacts"] > 1
     for name, values in one.histories.items():
         assert np.abs(values - other.histories[name]).max() <= 1e-12 * np.abs(values).max()  # roundings of 1000 steps
 
 
 def test_the_force_of_a_pressed_tip_is_what_its_casing_asks_for() -> None:
-    """J = ∫ (F0 + f - m d̈ - c ḋ - k d) dt of a mass held on its casing, with the order of implicit Euler."""
+    """J = ∫ (F0 + f - m d̈ - c ḋ - k d) dt of a mass held on its casing: errors of second order."""
     mass, stiffness, damping = 0.01, 1e4, 0.02
     structure = chain(nodes=1, mass=mass, stiffness=stiffness, damping=Rayleigh(damping / mass, 0.0))
     batch = cases(structure, gap=1e-5, mean=20.0)
@@ -149,11 +149,11 @@ def test_the_force_of_a_pressed_tip_is_what_its_casing_asks_for() -> None:
     pushed = 20.0 * t + 3.0 * (np.cos(0.2) - np.cos(load_turn * t + 0.2)) / load_turn
     exact = pushed - stiffness * moved - damping * (batch.casing_at(t) - begins)
     exact = exact - mass * (batch.casing_velocity_at(t) - speed)
-    found = [step(structure, batch, h, sampling(t, t)) for h in (1e-5, 5e-6)]
+    found = [step(structure, batch, h, sampling(t, t), theta=0.5) for h in (4e-5, 2e-5)]
     errors = [abs(float(each.histories["impulse"][0, -1] / exact[0] - 1)) for each in found]
     assert all(each.metrics["impacts"] == 1 for each in found)
     assert errors[0] < 2e-5
-    assert errors[0] / errors[1] == pytest.approx(2.0, rel=0.05)
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.05)
 
 
 def bounced(h: float, e: float = 0.5, frequency: float = 10.0) -> tuple[float, float, float]:
@@ -171,7 +171,7 @@ def bounced(h: float, e: float = 0.5, frequency: float = 10.0) -> tuple[float, f
     begins = -amplitude * np.sin(phase)  # the load, downwards, is towards the casing
     batch = cases(structure, e=e, mean=GRAVITY, displacement=begins, velocity=-leaving)
     batch = replace(batch, casing_harmonics=harmonics((-amplitude, frequency, phase)))
-    found = step(structure, batch, h, sampling(4.5 * period, period / 2))
+    found = step(structure, batch, h, sampling(4.5 * period, period / 2), theta=0.5)
     highest = -found.histories["displacement"][0, 1::2] + begins
     impulse = found.histories["impulse"][0, -1]
     errors = impulse / (4 * GRAVITY * period) - 1, highest / (leaving**2 / (2 * GRAVITY)) - 1
