@@ -198,4 +198,23 @@ def test_sweeps_step_as_modes_do(theta: float) -> None:
     assert np.all(modes.metrics["impacts"] > 0)
     for name, values in modes.histories.items():
         assert np.abs(values - nodes.histories[name]).max() <= 1e-9 * np.abs(values).max()
-    assert nodes.metrics["energy_residual"] == pytest.approx(modes.metrics["energy_residual"], abs=1e-9)
+    if theta == 0.5:  # no energy is created; with another θ the two count different energies
+        assert np.abs([modes.metrics["energy_residual"], nodes.metrics["energy_residual"]]).max() < 1e-9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("method", "options", "largest"),
+    [
+        ("moreau", {"theta": 0.5}, 1e-11),
+        ("carpenter", {}, 1e-11),
+        ("penalty", {"stiffness": 1e8, "damping": 50.0, "integration": "implicit", "theta": 0.5}, 5e-2),
+    ],
+)
+def test_the_casing_s_power_is_in_the_balance_of_energy(method: str, options: dict[str, Any], largest: float) -> None:
+    """At θ = ½ and for central differences nothing is created; a spring gives or takes where contact begins and ends."""
+    structure, h = heavy_chain(), 5e-6
+    batch = moving(everything_acts(structure, e=0.6))
+    found = step(structure, batch, h, replace(sampling(1e-2, h), balances=True), method, **options)
+    assert np.all(found.metrics["impacts"] > 5)
+    assert np.abs(found.metrics["energy_residual"]).max() < largest
