@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import plain_carpenter
@@ -212,7 +213,7 @@ def test_sweeps_step_as_modes_do(theta: float) -> None:
     ],
 )
 def test_the_casing_s_power_is_in_the_balance_of_energy(method: str, options: dict[str, Any], largest: float) -> None:
-    """At θ = ½ and for central differences nothing is created; a spring gives or takes where contact begins and ends."""
+    """Nothing is created at θ = ½ and by central differences; a spring gives or takes as contact begins and ends."""
     structure, h = heavy_chain(), 5e-6
     batch = moving(everything_acts(structure, e=0.6))
     found = step(structure, batch, h, replace(sampling(1e-2, h), balances=True), method, **options)
