@@ -91,23 +91,22 @@ def tip_response(curves: list[Curve], title: str = "", phases_of: int | None = N
 
 
 def _draw_casing(panel: Axes, curves: list[Curve], scale: float, unit: str) -> None:
-    """Draw where the casing of each case is: a line at the gap, or its motion, each once."""
-    drawn: dict[tuple[float, bytes], None] = {}
+    """Draw where the casing of each case is: a line at the gap, its motion dotted in the colour of the case."""
+    stays: dict[float, bool] = {}
     for curve in curves:
         if "gap" not in curve.case.coords:
             continue
         gap, motion = float(curve.case["gap"]), casing_motion(curve.case)
-        key = (gap, b"" if motion is None else motion[0].tobytes())
-        if key in drawn:
-            continue
-        drawn[key] = None
-        if motion is None:
+        stays[gap] = stays.get(gap, False) or motion is None
+        if motion is not None:
+            panel.plot(curve.case["t"].values, motion[0] * scale, color=curve.colour, lw=0.9, ls=":")
+    for gap in sorted(stays):
+        if stays[gap]:
             panel.axhline(gap * scale, color="black", lw=0.8, ls=":")
-        else:
-            panel.plot(curve.case["t"].values, motion[0] * scale, color="black", lw=0.8, ls=":", label="casing")
         panel.annotate(
-            f"gap {gap * scale:.4g} {unit}", (1.0, gap * scale), xycoords=("axes fraction", "data"),
-            ha="right", va="bottom", fontsize=8, xytext=(-3, 2), textcoords="offset points",
+            f"gap {gap * scale:.4g} {unit}" + ("" if stays[gap] else ", casing dotted"), (1.0, gap * scale),
+            xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=8, xytext=(-3, 2),
+            textcoords="offset points",
         )  # fmt: skip
 
 
