@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from studies import SCENE, parsed
 from workflow import models, schemes, variables
 from workflow.archive import open_archive
 from workflow.grid import arrange, case_hashes, solve
-from workflow.models import Structure
+from workflow.models import Harmonics, Structure
 from workflow.run import run_study
 from workflow.schemes import Sampling, Status
 from workflow.study import StudyError, read_study
@@ -90,6 +91,18 @@ def test_it_runs_in_a_default_study_with_every_variable(recipe: str) -> None:
     for about in variables.TABLE:
         if about.condition in ("always", "balances"):
             assert about.name in found, about.name
+
+
+def test_it_sees_harmonics_of_the_load_and_is_refused_a_casing_that_moves(recipe: str) -> None:
+    batch = rubs(4)
+    harmonics = Harmonics(*(np.full((4, 1), value) for value in (100.0, 50.0, 0.0)))
+    more = replace(batch, amplitude=np.zeros(4), load_harmonics=harmonics)
+    one, other = (step(short_chain(), each, 1e-5, OVER, recipe).histories for each in (batch, more))
+    assert relative(other["displacement"], one["displacement"]) < 1e-12  # 0 + F sin for F sin, over 3000 steps
+    text = f"study: a\n{SCENE}axes: {{scheme: [{recipe}]}}\n"
+    parsed(text.replace("frequency: 50 Hz", "harmonics: [{amplitude: 1, frequency: 50 Hz}]"))
+    with pytest.raises(StudyError, match=f"`{recipe}` does not take a casing that moves; name another scheme"):
+        parsed(text.replace("gap: 50 um", "gap: 50 um, harmonics: [{amplitude: 1 um, frequency: 50 Hz}]"))
 
 
 BROKEN = {

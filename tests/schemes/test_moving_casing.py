@@ -15,6 +15,7 @@ from test_carpenter import agree, everything_acts, running_sum
 
 from scenes import alone, cases, chain, heavy_chain, same_bits, sampling, step, taken
 from workflow.models import Cases, Harmonics, Rayleigh, Structure, static_equilibrium
+from workflow.reduction import reduce_structure
 from workflow.schemes import moreau
 from workflow.schemes._sweep.sweeps import Swept
 
@@ -219,3 +220,18 @@ def test_the_casing_s_power_is_in_the_balance_of_energy(method: str, options: di
     found = step(structure, batch, h, replace(sampling(1e-2, h), balances=True), method, **options)
     assert np.all(found.metrics["impacts"] > 5)
     assert np.abs(found.metrics["energy_residual"]).max() < largest
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("theta", [0.5, 1.0])
+def test_a_tip_without_mass_is_the_plain_scheme(theta: float) -> None:
+    """x_{k+1} = d_{k+1} where the tip would end beyond the casing."""
+    whole, h = heavy_chain(), 1e-5
+    reduction = reduce_structure(whole, 3, 5, "massless")
+    batch = reduction.project(moving(cases(whole, gap=2e-5, amplitude=100.0, frequency=200.0, alpha=0.5)))
+    path = plain_moreau.march_by_place(reduction.structure, batch, h, theta, 1000)
+    assert np.sum(path.impulse > 0) > 50
+    found = step(reduction.structure, batch, h, sampling(1e-2, h), theta=theta)
+    impulse = np.concatenate([[0.0], np.cumsum(path.impulse)])
+    for name, values in (("displacement", path.displacement[:, -1]), ("impulse", impulse)):
+        assert np.abs(found.histories[name][0] - values).max() < 1e-9 * np.abs(values).max()
