@@ -235,3 +235,20 @@ def test_a_tip_without_mass_is_the_plain_scheme(theta: float) -> None:
     impulse = np.concatenate([[0.0], np.cumsum(path.impulse)])
     for name, values in (("displacement", path.displacement[:, -1]), ("impulse", impulse)):
         assert np.abs(found.histories[name][0] - values).max() < 1e-9 * np.abs(values).max()
+
+
+@pytest.mark.slow
+def test_the_casing_s_power_is_that_of_its_way() -> None:
+    """A tip that its spring presses on the casing: the residual is ΔE + Σ p (d_{k+1} - d_k)/h over the largest E."""
+    mass, stiffness, h = 0.01, 1e4, 1e-4
+    structure = chain(nodes=1, mass=mass, stiffness=stiffness)
+    batch = replace(cases(structure, gap=-1e-3), casing_harmonics=harmonics((1e-4, 50.0, 0.3)))
+    batch = replace(batch, displacement=batch.casing_at(0.0)[:, None], velocity=batch.casing_velocity_at(0.0)[:, None])
+    found = step(structure, batch, h, replace(sampling(0.1, h), balances=True), theta=1.0)
+    place = np.array([plain_casing.place(batch, k * h) for k in range(1001)])
+    velocity = np.array([plain_casing.velocity(batch, k * h, h, 1.0) for k in range(1001)])
+    energy = 0.5 * (mass * velocity**2 + stiffness * place**2)
+    taken_by_casing = np.sum(np.diff(found.histories["impulse"][0]) * np.diff(place)) / h
+    residual = (energy[-1] - energy[0] + taken_by_casing) / energy.max()
+    assert found.metrics["contact_time"] == pytest.approx(0.1, rel=1e-12)
+    assert found.metrics["energy_residual"] == pytest.approx(residual, abs=1e-11)

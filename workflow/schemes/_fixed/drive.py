@@ -278,6 +278,17 @@ def _casing_gain(drive: Drive, theta: float, impulse: Pack, lane: Lane) -> Pack:
 
 
 @by_type
+def casing_gain_of(drive: Drive | None, theta: float, impulse: float, lane: int) -> float:
+    """Return :func:`casing_gain` of one lane."""
+    return 0.0
+
+
+@defines(casing_gain_of, Drive)
+def _casing_gain_of(drive: Drive, theta: float, impulse: float, lane: int) -> float:
+    return float((theta - 0.5) * impulse * (drive.state[DRIVE_SPEED, lane] - drive.state[DRIVE_SPEED_BEFORE, lane]))
+
+
+@by_type
 def gap_before(drive: Drive | None, gap: Pack, lane: Lane) -> Pack:
     """Return the casing's place at the step's beginning."""
     return gap

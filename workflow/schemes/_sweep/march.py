@@ -12,7 +12,14 @@ from workflow.kernels.packs import narrow, pack, spread
 from workflow.kernels.sums import total
 from workflow.models import Array, Cases
 from workflow.schemes._fixed.contact import CASE_ALPHA, CASE_HEAT, CASE_ROWS, Free, Law, TipStep, meet
-from workflow.schemes._fixed.drive import cut_gap, drive_of, middle_harmonics, turn_drive, with_harmonics
+from workflow.schemes._fixed.drive import (
+    casing_gain_of,
+    cut_gap,
+    drive_of,
+    middle_harmonics,
+    turn_drive,
+    with_harmonics,
+)
 from workflow.schemes._fixed.march import fill_law, law_lanes
 from workflow.schemes._fixed.marks import (
     TIP_GAP,
@@ -35,7 +42,15 @@ from workflow.schemes._fixed.tip_load import (
     weigh_load,
 )
 from workflow.schemes._interface import Sampling, schedule
-from workflow.schemes._sweep.balance import ACCOUNT_ROWS, Account, account_step, open_account, residuals, weights
+from workflow.schemes._sweep.balance import (
+    ACCOUNT_ROWS,
+    ACCOUNT_SPENT,
+    Account,
+    account_step,
+    open_account,
+    residuals,
+    weights,
+)
 from workflow.schemes._sweep.sweeps import (
     NODE_LOAD_HEATING,
     NODE_LOAD_ROWS,
@@ -87,6 +102,7 @@ def march_nodes(nodes: Nodes, law: Law, own: Array, block: Block, account: Accou
             pushing = load[LOAD_MEAN, 0] + load[LOAD_AMPLITUDE, 0] * sine + middle_harmonics(block.drive, 0)
             taken = h * pushing - tip[TIP_STEP_IMPULSE, 0]
             account_step(nodes, account, heat, taken)
+            account.sums[ACCOUNT_SPENT] += casing_gain_of(block.drive, theta, tip[TIP_STEP_IMPULSE, 0], 0)
         span = take_marks(k, block) if k == block.marks.next_mark[0] else h
         if k == block.steps:
             cut_gap(block.drive, span / h, tip, lanes)
