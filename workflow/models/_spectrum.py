@@ -7,10 +7,11 @@ import numpy as np
 from workflow.kernels import Array
 from workflow.models._chain import Chain
 from workflow.models._long_chain import frequency_range, rate_range
-from workflow.models._modes import mechanical_modes, thermal_modes
+from workflow.models._modes import mechanical_modes
 from workflow.models._sparse import Sparse
 from workflow.models._sparse_pair import SparsePair
 from workflow.models._structure import Structure
+from workflow.models._tip_held import every_thermal_mode
 
 
 def frequencies(structure: Structure) -> Array:
@@ -32,7 +33,7 @@ def rates(structure: Structure) -> Array:
         return rate_range(structure)
     if isinstance(structure, Sparse):
         return _ends(structure.thermal)
-    return thermal_modes(structure).values
+    return every_thermal_mode(structure).values
 
 
 def _ends(pair: SparsePair) -> Array:

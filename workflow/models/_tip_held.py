@@ -143,7 +143,7 @@ def slowest_modes(structure: Structure, kept: int | None = None) -> Modes:
     if isinstance(structure, Chain) and kept is not None and _one_by_one(structure, kept):
         modes = thermal_path(structure).modes(structure.heat_capacities, 0, kept - 1)
         return Modes(modes.values**2, modes.shapes)
-    modes = _all_thermal(structure)
+    modes = every_thermal_mode(structure)
     return Modes(modes.values[:kept], modes.shapes[:, :kept])
 
 
@@ -153,7 +153,8 @@ def _all(structure: Structure) -> Modes:
 
 
 @lru_cache(maxsize=_STRUCTURES)
-def _all_thermal(structure: Structure) -> Modes:
+def every_thermal_mode(structure: Structure) -> Modes:
+    """Return all thermal modes of the whole structure, found once for a few structures."""
     return thermal_modes(structure)
 
 
