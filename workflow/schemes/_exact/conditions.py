@@ -52,12 +52,12 @@ def _sinusoids(cases: Cases, i: int) -> Iterator[tuple[int, float, float, float]
 def tip_of(cases: Cases, i: int, basis: Basis, load: Load) -> Tip:
     """Return contact law, impact data and start of case ``i``."""
     place, velocity, reach, turning = load.gap, 0.0, abs(load.gap), 0.0
-    for omega, phase, _, amplitude in load.waves:
+    for omega, phase, _, amplitude in load.waves.tolist() if cases.casing_harmonics.width else ():
         if amplitude != 0:
             sin, cos = elementwise.sine_cosine(phase)
             place += float(amplitude * sin)
             velocity += float(omega * (amplitude * cos))
-            reach, turning = reach + abs(float(amplitude)), turning + abs(float(omega * amplitude))
+            reach, turning = reach + abs(amplitude), turning + abs(omega * amplitude)
     speed = float(cases.velocity[i, -1]) - velocity
     return Tip(
         float(cases.e[i]),

@@ -127,7 +127,7 @@ def _clear(regime: Layout, load: Load, memory: Memory) -> None:
     for i in range(memory.waves.shape[0]):
         for column in range(wave.COLUMNS):
             memory.waves[i, column] = load.waves[i, column] if column < wave.GIVEN else 0.0
-        memory.waves[i, wave.TIME] = np.nan
+        memory.waves[i, wave.TIME] = memory.waves[i, wave.TIME_BEFORE] = np.nan
 
 
 @rare

@@ -12,21 +12,24 @@ LOAD = 2  # A, N
 CASING = 3  # a, m
 GIVEN = 4  # number of the columns above
 
-# cos ψ and sin ψ at the last time asked for, s; NaN where none was
+# cos ψ and sin ψ at the last time asked for, s, and at the one before; NaN where none was
 TIME = 4
 COS = 5
 SIN = 6
+TIME_BEFORE = 7
+COS_BEFORE = 8
+SIN_BEFORE = 9
 
 # what the wave alone gives of the outputs: coefficients of cos ψ and sin ψ
-SIGNAL_COS = 7
-SIGNAL_SIN = 8
-TEMPERATURE_COS = 9
-TEMPERATURE_SIN = 10
+SIGNAL_COS = 10
+SIGNAL_SIN = 11
+TEMPERATURE_COS = 12
+TEMPERATURE_SIN = 13
 
 # scratch of a Taylor series: a derivative of the force on an explicit block, and cos ψ and sin ψ where it begins
-FORCE_COS = 11
-FORCE_SIN = 12
-COS_BEGUN = 13
-SIN_BEGUN = 14
+FORCE_COS = 14
+FORCE_SIN = 15
+COS_BEGUN = 16
+SIN_BEGUN = 17
 
-COLUMNS = 15
+COLUMNS = 18

@@ -10,14 +10,18 @@ from workflow.schemes._exact import wave_table as wave
 
 @part
 def _turn(waves: Array, i: int, t: float) -> None:
-    """Put cosine and sine of the phase Ω t + φ of a wave into its table."""
-    waves[i, wave.TIME] = t
-    waves[i, wave.SIN], waves[i, wave.COS] = elementary.sine_cosine(waves[i, wave.OMEGA] * t + waves[i, wave.PHASE])
+    """Put cosine and sine of the phase Ω t + φ of a wave into its table; those of the last time become those before."""
+    cos, sin = waves[i, wave.COS_BEFORE], waves[i, wave.SIN_BEFORE]
+    if waves[i, wave.TIME_BEFORE] != t:
+        sin, cos = elementary.sine_cosine(waves[i, wave.OMEGA] * t + waves[i, wave.PHASE])
+    waves[i, wave.TIME_BEFORE] = waves[i, wave.TIME]
+    waves[i, wave.COS_BEFORE], waves[i, wave.SIN_BEFORE] = waves[i, wave.COS], waves[i, wave.SIN]
+    waves[i, wave.TIME], waves[i, wave.COS], waves[i, wave.SIN] = t, cos, sin
 
 
 @inlined
 def wave_phase(waves: Array, i: int, t: float) -> tuple[float, float]:
-    """Return cosine and sine of the phase of a wave; those of the last time asked for are kept."""
+    """Return cosine and sine of the phase of a wave; those of the last two times asked for are kept."""
     if waves[i, wave.TIME] != t:
         _turn(waves, i, t)
     return waves[i, wave.COS], waves[i, wave.SIN]
