@@ -121,7 +121,7 @@ def at_rest(structure: Structure, cases: Cases) -> Cases:
         The constant loads of a case move the structure for ever.
     """
     load = cases.steady.copy()
-    load[:, -1] += cases.mean
+    load += cases.mean[:, None] * structure.load_direction
     casing = cases.casing_at(0.0)
     rows = np.column_stack([load, cases.heating, casing])
     distinct, where = np.unique(rows, axis=0, return_inverse=True)

@@ -185,12 +185,21 @@ def _plan(grid: Grid, units: Units) -> Plan:
         bytes=result_bytes(grid),
         stored=tuple(grid.study.output.histories),
         structures=tuple(
-            figures(f"{model}, {models.sizes(model, cell.scene.parameters)[0]} nodes", cell) for cell in shown
+            figures(f"{model}, {models.sizes(model, cell.scene.parameters)[0]} nodes{_condensed(cell)}", cell)
+            for cell in shown
         ),
         choices=choice_lines(grid),
         operators=_operators(grid, computed),
         warnings=idle + tuple(choice_cautions(grid)) + scene_cautions(grid) + _told(cautions),
     )
+
+
+def _condensed(cell: Cell) -> str:
+    """Return how many degrees of freedom follow the others, having no mass or heat capacity; empty for none."""
+    coordinates = structure_of(cell.scene.model, cell.scene.parameters).coordinates
+    counts = (0, 0) if coordinates is None else coordinates.condensed
+    kinds = zip(counts, ("without mass", "without heat capacity"), strict=True)
+    return "".join(f" + {count} {kind}, condensed" for count, kind in kinds if count)
 
 
 def _operators(grid: Grid, computed: Indices) -> tuple[str, ...]:
@@ -245,7 +254,8 @@ def _beware(grid: Grid, cell: Cell) -> list[_Caution]:
         return [_Caution(cell.scheme.label, what, cell.h, f"{structure.mechanical_size} nodes", 0.0)]
     refusal = scheme.refusal(structure, cell.scheme.options)
     if refusal is not None:
-        return [_Caution(cell.scheme.label, f"fails with {cell.reduction}, as {refusal}", cell.h, "", 0.0)]
+        basis = f" with {cell.reduction}" if structure.has_massless_tip else ""
+        return [_Caution(cell.scheme.label, f"fails{basis}, as {refusal}", cell.h, "", 0.0)]
     if "h" not in scheme.READS or scheme.amplification is None or scheme.thermal_amplification is None:
         return []
     omega, damping, mu = _free_modes(reduced(cell))

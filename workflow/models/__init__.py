@@ -20,6 +20,7 @@ from workflow.models._damping import (
     free_damping,
     held_damping,
     is_rayleigh,
+    needs_matrices,
 )
 from workflow.models._equilibrium import NoEquilibriumError, static_equilibrium
 from workflow.models._from_matrices import GivenMatrices, UnusableMatricesError, structure_from_matrices
@@ -124,6 +125,7 @@ __all__ = [
     "modal_coupling",
     "most_modes",
     "names",
+    "needs_matrices",
     "poles",
     "project",
     "quasi_static_temperature",

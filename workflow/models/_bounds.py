@@ -61,16 +61,17 @@ def free_motion(structure: Structure, cases: Cases, duration: float) -> FreeMoti
     amplitudes, frequencies, phases = _sinusoids(cases)
     constant = frequencies == 0
     mean = cases.mean + np.where(constant, amplitudes * np.sin(phases), 0.0).sum(axis=0)
-    static = (cases.steady @ shapes + mean[:, None] * tip) / omega**2
+    drive = tip if structure.load is None else structure.load @ shapes
+    static = (cases.steady @ shapes + mean[:, None] * drive) / omega**2
     damping = structure.damping.of_modes(omega)
-    inertia = np.diag(structure.mass) if structure.mass.ndim == 2 else structure.mass
-    offset = (cases.displacement * inertia) @ shapes - static
-    speed = (cases.velocity * inertia) @ shapes
+    momenta = structure.inertia_forces(shapes)
+    offset = cases.displacement @ momenta - static
+    speed = cases.velocity @ momenta
     harmonic = np.zeros(cases.count)
     with np.errstate(divide="ignore", invalid="ignore"):
         for amplitude, frequency, phase in zip(np.where(constant, 0.0, amplitudes), frequencies, phases, strict=True):
             acts, turning = amplitude[:, None], 2 * np.pi * frequency[:, None]
-            answer = acts * tip / (omega**2 - turning**2 + 1j * turning * damping)
+            answer = acts * drive / (omega**2 - turning**2 + 1j * turning * damping)
             answer = np.where(acts == 0, 0.0, answer)
             begins = answer * np.exp(1j * phase[:, None])
             offset, speed = offset - begins.imag, speed - (1j * turning * begins).imag

@@ -81,7 +81,7 @@ class Chain(Structure):
         TooManyNodesError
             They would be too large.
         """
-        names = set(Matrices.__dataclass_fields__) - {"tip_growth", "damper", "coordinates"}
+        names = set(Matrices.__dataclass_fields__) - {"tip_growth", "load", "damper", "coordinates"}
         return Matrices(**{name: getattr(self, name) for name in names})
 
     def _shifted(self, offset: int) -> Array:

@@ -75,6 +75,11 @@ def couples_free_modes(structure: Structure) -> bool:
     return not is_diagonal(product(shapes.T, product(structure.damper, shapes)))
 
 
+def needs_matrices(structure: Structure) -> bool:
+    """Tell whether a structure cannot be stepped in modes scaled by the tip."""
+    return structure.load is not None or couples_free_modes(structure)
+
+
 def is_diagonal(matrix: Array) -> bool:
     """Tell whether what is beside the diagonal of a damping matrix is rounding."""
     beside = np.abs(matrix - np.diag(np.diag(matrix)))

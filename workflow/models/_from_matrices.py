@@ -29,6 +29,10 @@ _UNBALANCED = 1e-8
 """Share of a thermal force that may act on a rigid body: half of the digits of a file that has them all."""
 
 
+COLD = 1e30
+"""Heat capacity [J/K] of a structure that nobody describes temperatures of: it stays cold, whatever heat it takes."""
+
+
 class UnusableMatricesError(ValueError):
     """Matrices that are no structure: ``problem`` and ``remedy`` in the words of a study."""
 
@@ -55,6 +59,8 @@ class GivenMatrices:
         Shares of the contact heat that the temperatures take, ``(temperature,)``, 1 in sum; θ_n is the mean so weighed.
     steady, heating
         Constant loads [N] and heat loads [W], ``(displacement,)`` and ``(temperature,)``.
+    load
+        Direction along which the load acts, ``(displacement,)``; the contact's where ``None``.
     even_rise
         Temperatures at an even rise of 1 K, ``(temperature,)``: 1 each where ``None``. Balances of heat weigh with it.
     damping, damper
@@ -72,6 +78,7 @@ class GivenMatrices:
     heating: Array
     damping: Rayleigh = field(default_factory=Rayleigh)
     damper: Array | None = None
+    load: Array | None = None
     even_rise: Array | None = None
 
 
@@ -113,8 +120,19 @@ def structure_from_matrices(given: GivenMatrices) -> Matrices:
         grounded=product(conductors.deformation, uniform),
         damping=given.damping,
         damper=None if given.damper is None else _congruent(given.damper, basis),
+        load=_elsewhere(given.load, basis),
         coordinates=coordinates,
     )
+
+
+def _elsewhere(load: Array | None, basis: Array) -> Array | None:
+    """Return the direction of a load in the structure's coordinates, ``None`` where it is that of the contact."""
+    if load is None:
+        return None
+    found = product(basis.T, load)
+    tip = np.zeros(found.size)
+    tip[-1] = 1.0
+    return None if np.abs(found - tip).max() <= _UNBALANCED * np.abs(found).max() else found
 
 
 class Forms(NamedTuple):

@@ -10,7 +10,7 @@ from scipy.sparse import csc_array
 
 from workflow.kernels import Array
 from workflow.models._dense import MOST_PORTABLE
-from workflow.models._from_matrices import GivenMatrices
+from workflow.models._from_matrices import COLD, GivenMatrices
 from workflow.models._matrix_files import LABELS, MATRICES, Entries, refuse
 from workflow.models._sparse_entries import ASYMMETRY, is_large, sparse_matrix, sparse_square
 from workflow.models._structure import Rayleigh
@@ -162,11 +162,13 @@ def given_matrices(
     labels = texts("labels", entries["labels"], size) if "labels" in entries else ()
     normal = direction(contact, "contact", entries, labels, size)
     heat = _heat(entries, labels, thermal_contact, normal)
+    _check_tangent(entries, normal)
     damper = square("damping", entries["damping"], size) if "damping" in entries else None
     if damper is not None and damping != Rayleigh():
         raise refuse("it has a `damping`, and the study has one too", "keep one of them")
     return GivenMatrices(
         damper=damper,
+        load=_nonzero("load", vector("load", entries["load"], size)) if "load" in entries else None,
         mass=mass,
         stiffness=stiffness,
         contact=normal,
@@ -174,6 +176,16 @@ def given_matrices(
         steady=vector("steady", entries["steady"], size) if "steady" in entries else np.zeros(size),
         **heat,
     )
+
+
+def _check_tangent(entries: Entries, normal: Array) -> None:
+    """Check the direction of friction, which must not be that of the contact."""
+    if "tangent" not in entries:
+        return
+    tangent = _nonzero("tangent", vector("tangent", entries["tangent"], normal.size))
+    along = abs(tangent @ normal) / (np.linalg.norm(tangent) * np.linalg.norm(normal))
+    if along > 1 - ASYMMETRY:
+        raise refuse("`tangent` is the direction of the contact", "write the direction in which the casing slides")
 
 
 def has_heat(entries: Entries) -> bool:
@@ -184,12 +196,12 @@ def has_heat(entries: Entries) -> bool:
 def _heat(
     entries: Entries, labels: Sequence[str], thermal_contact: str | int | None, contact: Array
 ) -> dict[str, Array]:
-    """Return what is about temperatures; of a file without them a single one that moves nothing."""
+    """Return what is about temperatures; of a file without them a single one that stays 0 and moves nothing."""
     size = contact.size
     if not has_heat(entries):
         one = np.ones((1, 1))
         none = {"coupling": np.zeros((size, 1)), "conductance": 0 * one, "heating": np.zeros(1)}
-        return {"heat_capacity": one, "thermal_contact": np.ones(1), **none}
+        return {"heat_capacity": COLD * one, "thermal_contact": np.ones(1), **none}
     for name in ("heat_capacity", "conductance"):
         if name not in entries:
             raise refuse(

@@ -41,10 +41,10 @@ def structure_from_sparse(given: GivenMatrices) -> Matrices | Sparse:
     """
     size = max(given.mass.shape[0], given.heat_capacity.shape[0])
     is_small = size <= MOST_NODES_WITH_MATRICES
-    if given.damper is not None:
+    if given.damper is not None or given.load is not None:
         if not is_small:
-            problem = f"`damping` is a matrix of a structure of {size} degrees of freedom"
-            raise UnusableMatricesError(problem, "give a damping ratio, or mass and stiffness, in the study instead")
+            problem = f"a structure of {size} degrees of freedom has a `damping` or a `load` of its own"
+            raise UnusableMatricesError(problem, "give damping in the study, and a load that acts on the contact")
         return structure_from_matrices(dense_matrices(given))
     if is_small and not (_is_definite(given.mass) and _is_definite(given.heat_capacity)):
         return structure_from_matrices(dense_matrices(given))

@@ -101,6 +101,8 @@ class Structure:
         Free thermal elongation of each spring, shape (spring, thermal), m/K.
     damping
         Rayleigh coefficients of C1 = a_M M + a_K K1, or a damping ratio of the modes with the tip free.
+    load
+        Direction b along which the load F0 + F1 sin(2π f t + φ) acts, shape (mechanical,); ``None`` for the tip, e_n.
     damper
         What C1 has beside that, shape (mechanical, mechanical), N s/m; ``None`` for nothing.
     heat_capacity
@@ -129,8 +131,18 @@ class Structure:
     content: Array
     grounded: Array
     damping: Rayleigh
+    load: Array | None = None
     damper: Array | None = None
     coordinates: Coordinates | None = None
+
+    @property
+    def load_direction(self) -> Array:
+        """b, (mechanical,): e_n where the load acts on the tip."""
+        if self.load is not None:
+            return self.load
+        tip = np.zeros(self.mechanical_size)
+        tip[-1] = 1.0
+        return tip
 
     @property
     def given_sizes(self) -> tuple[int, int]:
@@ -242,6 +254,7 @@ class Matrices(Structure):
     damping: Rayleigh = field(default_factory=Rayleigh)
     tip_growth: Array | None = None
     """Quasi-static tip displacement per temperature, m/K, ``(thermal,)``, where it is known from a fuller structure."""
+    load: Array | None = None
     damper: Array | None = None
     coordinates: Coordinates | None = None
     """Coordinates that cases are given in, where they are not its own."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workflow.declare import File, Rows, rows
-from workflow.models._from_matrices import GivenMatrices, UnusableMatricesError, structure_from_matrices
+from workflow.models._from_matrices import COLD, GivenMatrices, UnusableMatricesError, structure_from_matrices
 from workflow.models._mode_tables import COLUMNS, HEAT_COLUMNS, read_matrix, read_table
 from workflow.models._structure import Matrices, Rayleigh
 
@@ -55,7 +55,7 @@ def assemble(parameters: Parameters) -> Matrices:
     _check(np.any(tip != 0), "tip", "other than 0 in some mode")
     if parameters.heat is None and parameters.coupling is not None:
         raise UnusableMatricesError("`coupling` is given without `heat`", "give both, or neither")
-    one = ((0.0, 1.0),)  # a single temperature that nothing warms but the contact, and that moves nothing
+    one = ((0.0, 1 / float(np.sqrt(COLD))),)
     rate, heat_tip = read_table(one if parameters.heat is None else parameters.heat, HEAT_COLUMNS).T
     _check(np.all(rate >= 0), "rate", "at least 0")
     _check(np.any(heat_tip != 0), "tip", "other than 0 in some thermal mode")

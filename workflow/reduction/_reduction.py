@@ -200,6 +200,7 @@ def galerkin(structure: Structure, mechanical: Vectors, thermal: Vectors, carrie
         content=product(structure.content, theta),
         grounded=structure.grounded,
         damping=structure.damping,
+        load=None if structure.load is None else product(x.T, structure.load),
         damper=None if structure.damper is None else product(x.T, product(structure.damper, x)),
         tip_growth=product(static_tip_growth(structure), theta),
     )

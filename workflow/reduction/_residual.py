@@ -33,7 +33,7 @@ def projection_residual(structure: Structure, reduction: Reduction, cases: Cases
     """
     small = reduction.project(cases)
     loads = cases.steady.copy()
-    loads[:, -1] += cases.mean
+    loads += cases.mean[:, None] * structure.load_direction
     carried = 0.0 if reduction.carried is None else project(reduction.carried, small.temperature)
     displacements = (
         (cases.displacement, small.displacement, carried),

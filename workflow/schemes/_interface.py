@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.models import Array, Cases, Structure
+from workflow.models import Array, Cases, Structure, couples_free_modes
 
 HISTORIES = ("displacement", "velocity", "temperature", "impulse")
 """Tip histories that every scheme samples, each of shape ``(case, t)``."""
@@ -244,6 +244,9 @@ class Scheme:
     massless_tip
         ``massless_tip(options)``: why it cannot step a structure whose tip has no mass, ``None`` where it can. A scheme
         that does not say cannot.
+    GENERAL
+        What it takes beside the common: ``damping`` by a matrix that couples modes, a ``load`` elsewhere than on the
+        tip.
     about
         One line on the scheme; the first paragraph of the module's docstring where it does not say.
     """
@@ -264,6 +267,7 @@ class Scheme:
     contact_stiffness_of: Callable[[Structure, Any], float] | None = None
     rigid: Callable[[Structure, float], Any] | None = None
     HARMONICS: frozenset[str] = frozenset({"load"})
+    GENERAL: frozenset[str] = frozenset()
     massless_tip: Callable[[Any], str | None] = _needs_mass
     about: str = ""
 
@@ -288,6 +292,10 @@ class Scheme:
 
     def refusal(self, structure: Structure, options: Any) -> str | None:
         """Return why it cannot step a structure, ``None`` where it can."""
+        if structure.load is not None and "load" not in self.GENERAL:
+            return "its load does not act on the tip: of the schemes only moreau and event_driven take it"
+        if "damping" not in self.GENERAL and couples_free_modes(structure):
+            return "its damping matrix couples its modes: of the schemes only moreau takes it"
         return self.massless_tip(options) if structure.has_massless_tip else None
 
     def cannot_take(self, load: bool, casing: bool) -> str | None:

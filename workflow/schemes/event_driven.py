@@ -30,6 +30,7 @@ from workflow.schemes._exact.outcome import Budget
 from workflow.schemes._interface import Results, Sampling, Workload
 
 READS = frozenset({"e", "alpha"})
+GENERAL = frozenset({"load"})
 
 HARMONICS = frozenset({"load", "casing"})
 

@@ -38,7 +38,7 @@ from workflow.kernels.packs import (
     weighed,
     where,
 )
-from workflow.models import Array, Cases, Structure, couples_free_modes
+from workflow.models import Array, Cases, Structure, needs_matrices
 from workflow.schemes._fixed import dense, theta_method
 from workflow.schemes._fixed.balance import Audit
 from workflow.schemes._fixed.complementarity import complementarity, march_without_mass
@@ -68,6 +68,7 @@ from workflow.schemes._sweep.balance import Account
 from workflow.schemes._sweep.march import march_nodes, sweep
 
 READS = frozenset({"e", "h", "alpha"})
+GENERAL = frozenset({"damping", "load"})
 
 HARMONICS = frozenset({"load", "casing"})
 TOGETHER = WIDE
@@ -139,12 +140,12 @@ def _march_nodes(nodes: sweeps.Nodes, law: Prox, own: Array, block: Block, accou
 
 def operator_name(structure: Structure) -> str:
     """Return what a structure is stepped by, as ``plan`` says it."""
-    return dense.operator_name(structure) if couples_free_modes(structure) else sweeps.operator_name(structure)
+    return dense.operator_name(structure) if needs_matrices(structure) else sweeps.operator_name(structure)
 
 
 def init(structure: Structure, h: float, options: Options) -> Operator | dense.DenseOperator:
     """Diagonalise the structure once for a batch; a long chain and coupled modes are left as they are."""
-    if couples_free_modes(structure):
+    if needs_matrices(structure):
         if structure.has_massless_tip:
             raise ValueError("damping couples the modes of a tip without mass: choose a basis that keeps its mass")
         return dense.init(structure, float(h), float(options.theta))
@@ -193,6 +194,6 @@ def thermal_amplification(rate: Array, h: float, options: Options) -> Array:
 
 def cost(structure: Structure, h: float, options: Options, sampling: Sampling) -> float:
     """Return estimated seconds per heated case, see :mod:`workflow.schemes._fixed.costs`."""
-    if couples_free_modes(structure):
+    if needs_matrices(structure):
         return dense.cost(structure, h, sampling)
     return (sweep_cost if is_swept(structure) else theta_cost)(structure, h, sampling)

@@ -220,8 +220,9 @@ def _casing_power(regime: _Regime, load: Load, waves: Array) -> tuple[Array, Arr
     force[:size], force[size:] = regime.row, _driven(signal_inputs(system)[None], load, waves)[0]
     force[modes : 2 * modes] -= 2 * system.gap_source[:, 1]
     force[2 * modes : size] += system.dragged_coupling
-    force[size] -= dot(system.dragged, load.steady) + load.mean
-    force[size + 2 :: 2] -= waves[:, wave.LOAD]
+    pushed = dot(system.dragged, system.load)
+    force[size] -= dot(system.dragged, load.steady) + pushed * load.mean
+    force[size + 2 :: 2] -= pushed * waves[:, wave.LOAD]
     return speed, force + system.dragged_damping * speed
 
 

@@ -63,6 +63,8 @@ class ModalSystem:
     signal_steady: Array
     """``(mechanical,)``."""
     signal_tip: float
+    load: Array
+    """Direction in which F acts, ``(mechanical,)``."""
     signal_gap: Array
     """``(3,)``."""
     gap_source: Array
@@ -158,6 +160,7 @@ def free_system(structure: Structure) -> ModalSystem:
         thermal_reaction=np.zeros(thermal.values.size),
         signal_steady=np.zeros(modes),
         signal_tip=0.0,
+        load=structure.load_direction,
         signal_gap=np.array([1.0, 0.0, 0.0]),
         gap_source=np.zeros((modes, 3)),
         dragged=np.zeros(modes),
@@ -206,7 +209,8 @@ def held_system(structure: Structure) -> ModalSystem:
         relaxation=structure.damping.stiffness,
         thermal_reaction=product(structure.coupling_matrix[-1], thermal.shapes) - product(inertia, coupling),
         signal_steady=force_steady,
-        signal_tip=1.0,
+        signal_tip=1.0 if structure.load is None else dot(force_steady, structure.load),
+        load=structure.load_direction,
         dragged=dragged,
         dragged_coupling=product(product(structure.coupling_matrix.T, dragged), thermal.shapes),
         **_by_casing(structure, dragged, shapes, dot(whole_strain, tip_strain)),
@@ -266,8 +270,7 @@ def state_space(system: ModalSystem, alpha: float) -> tuple[Array, Array, Array]
     A += np.outer(warming, row)
     B = np.outer(warming, signal_inputs(system))
     B[u, : system.shapes.shape[0]] += system.shapes.T
-    if system.shapes.shape[0] == mechanical:  # F acts on a free tip as the last constant load does
-        B[u, -4] += system.shapes[-1]
+    B[u, -4] += product(system.shapes.T, system.load[: system.shapes.shape[0]])  # as constant loads in its direction do
     B[u, -3:] += system.gap_source
     B[tau, mechanical : mechanical + thermal] = system.heat_shapes.T
     return A, row, B

@@ -1,4 +1,4 @@
-"""The θ-method by dense matrices, where damping couples the modes of the free tip: moreau's step in plain states.
+"""The θ-method by dense matrices, where damping couples the modes of the free tip or the load does not act on it.
 
 With X = [x, v, θ] a free step is X' = A X + b, one matrix for the whole structure; a step of a case costs the square of
 the number of its states instead of a few operations for each mode.
@@ -95,10 +95,11 @@ def _marched(operator: DenseOperator, cases: Cases, sampling: Sampling) -> Resul
     inverse_mass = np.where(kick[:, -1] > 0, 1 / np.where(kick[:, -1] > 0, kick[:, -1], 1.0), np.nan)
     heat = h * project(operator.warming, cases.heating)
     push = h * project(operator.mobility, cases.steady - theta * project(structure.coupling_matrix, heat))
+    answer = product(operator.mobility, structure.load_direction)
     states = np.concatenate([cases.displacement, cases.velocity, cases.temperature], axis=1)
     for _ in range(recorder.steps):
         load = theta * recorder.load(1.0) + (1 - theta) * recorder.load(0.0)
-        drive = push + (h * load)[:, None] * operator.mobility[:, -1]
+        drive = push + (h * load)[:, None] * answer
         after = project(operator.step, states)
         after[:, n : 2 * n] += drive
         after[:, 2 * n :] += heat
@@ -137,4 +138,5 @@ def cost(structure: Structure, h: float, sampling: Sampling) -> float:
 def operator_name(structure: Structure) -> str:
     """Return what a structure is stepped by, as ``plan`` says it."""
     states = 2 * structure.mechanical_size + structure.thermal_size
-    return f"a dense matrix of {states} states, as damping couples the modes: {states * states} products a step"
+    reason = "the load does not act on the tip" if structure.damper is None else "damping couples the modes"
+    return f"a dense matrix of {states} states, as {reason}: {states * states} products a step"

@@ -12,7 +12,8 @@ import numpy as np
 from workflow.kernels import Array
 from workflow.kernels.compiled import kernel
 from workflow.kernels.lanes import LANES, lane_rows
-from workflow.models import Cases, Structure, project, static_tip_growth
+from workflow.models import Cases, Structure, needs_matrices, project, static_tip_growth
+from workflow.schemes._fixed.dense_balance import DenseBalance
 from workflow.schemes._fixed.marks import (
     TIP_DISPLACEMENT,
     TIP_GAP,
@@ -71,7 +72,8 @@ class Recorder:
             for part in parts(cases.count, LANES)
         ]
         self._growth = static_tip_growth(structure)
-        self._balances = PlainBalance(structure, cases, h) if sampling.balances else None
+        kept_by = DenseBalance if needs_matrices(structure) else PlainBalance
+        self._balances = kept_by(structure, cases, h) if sampling.balances else None
         self._step = 0
         self._states = cases.displacement, cases.velocity, cases.temperature
         self._before = self._states
