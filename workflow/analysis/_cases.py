@@ -94,7 +94,7 @@ def _labels(coordinate: xr.DataArray, named: bool, rounded: bool) -> list[str]:
 
 
 _MOST_GROUPS = 1000
-"""Different messages that are told apart."""
+"""Largest number of different messages that are counted one by one."""
 
 _BLOCK = 4096
 """Cases whose messages are read at a time: of the longest messages 64 MB, four bytes a character."""
@@ -141,9 +141,9 @@ def _messages(dataset: xr.Dataset, wanted: NDArray[np.bool_]) -> Iterator[tuple[
     for block in _blocks(wanted.shape):
         places = np.argwhere(wanted[block])
         if len(places):
-            told = np.asarray(dataset["message"].isel(dict(zip(dataset["status"].dims, block, strict=True))).values)
+            texts = np.asarray(dataset["message"].isel(dict(zip(dataset["status"].dims, block, strict=True))).values)
             for place in places.tolist():
-                yield tuple(b.start + k for b, k in zip(block, place, strict=True)), str(told[tuple(place)])
+                yield tuple(b.start + k for b, k in zip(block, place, strict=True)), str(texts[tuple(place)])
 
 
 def _blocks(shape: tuple[int, ...]) -> Iterator[tuple[slice, ...]]:

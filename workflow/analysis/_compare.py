@@ -16,7 +16,7 @@ _SAME_INSTANT = 1e-9
 interval to the same share."""
 
 _NOT_RESULTS = frozenset({"wall_time", "batch_width"})
-"""Variables that tell of the computation, not of the blade."""
+"""Variables that describe the computation, not the blade."""
 
 
 def compare(dataset: xr.Dataset, other: xr.Dataset) -> xr.Dataset:

@@ -1,4 +1,4 @@
-"""Which axes matter, and whether their effect can be told from the error of the schemes."""
+"""Which axes matter, and whether their effect exceeds the error of the schemes."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def effect(dataset: xr.Dataset, variable: str, dim: str) -> float:
 
 @dataclass(frozen=True)
 class Hidden:
-    """An axis of the scene whose effect on a metric some schemes cannot tell from their error.
+    """An axis of the scene whose effect on a metric is below the error of some schemes.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What the tip's histories tell beyond the metrics: work of the contact, growth, impact speeds."""
+"""Quantities derived from the tip's histories: work of the contact, growth, impact speeds."""
 
 from __future__ import annotations
 

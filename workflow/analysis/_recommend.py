@@ -87,7 +87,7 @@ class Choice:
     cost
         Mean wall time of its cases, s.
     cost_per_second
-        The same per simulated second; NaN where the archive does not tell its duration.
+        The same per simulated second; NaN where the archive does not hold its duration.
     share
         Share of its cases whose error is within the tolerance.
     worst
@@ -338,7 +338,7 @@ class Table:
 
 
 def simulated_seconds(dataset: xr.Dataset) -> float:
-    """Return the duration of an archive's cases, s; NaN where it does not tell."""
+    """Return the duration of an archive's cases, s; NaN where the archive does not hold it."""
     if "duration" in dataset.attrs:
         return float(dataset.attrs["duration"])
     return float(dataset["t"].values[-1]) if "t" in dataset.coords else float("nan")

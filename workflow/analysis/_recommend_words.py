@@ -152,7 +152,7 @@ def _number(value: Any) -> str:
 
 
 def _cost(choice: Choice) -> str:
-    """Return what a choice costs, per simulated second where the archive tells its duration."""
+    """Return what a choice costs, per simulated second where the archive holds its duration."""
     seconds, per = (choice.cost_per_second, " per simulated second")
     if math.isnan(seconds):
         seconds, per = choice.cost, " per case"

@@ -16,7 +16,7 @@ from workflow.archive._shard import LEVEL
 
 CONVENTIONS = "CF-1.11"
 FORMAT_NAME = "archive_format"
-"""Global attribute that tells an archive of ours, and which version of it, from any other NetCDF file."""
+"""Global attribute that marks a NetCDF file as an archive of this package, with its version."""
 
 LENGTH = "message_length"
 
@@ -144,10 +144,10 @@ def _write_characters(made: Any, layout: Layout, encoded: Mapping[int, bytes], l
     by_block: dict[int, list[int]] = defaultdict(list)
     for cell in encoded:
         by_block[layout.stored.block_of(cell)[0]].append(cell)
-    for number, told in sorted(by_block.items()):
+    for number, in_block in sorted(by_block.items()):
         cells, offset = layout.stored.cells_of(number), layout.stored.offset_of(number)
         block = np.zeros(len(cells), dtype=f"S{length}")
-        for cell in told:
+        for cell in in_block:
             block[cell - cells.start] = encoded[cell]
         ends = zip(offset, layout.stored.lengths, layout.shape, strict=True)
         place = tuple(slice(first, min(first + size, most)) for first, size, most in ends)

@@ -23,7 +23,7 @@ from workflow.schemes import SOLVER_VERSION, Status
 from workflow.study import AUTO, CHOSEN, MODES, Axis, Study, packed
 
 SOFTWARE = ("code_revision", "processor", "versions")
-"""Texts of the provenance group that tell whether two runs must agree bit for bit."""
+"""Texts of the provenance group that decide whether two runs must agree bit for bit."""
 
 COPIED = "copied"
 """Text of the provenance group of an archive that was extended: some of its cases were run elsewhere."""

@@ -161,7 +161,7 @@ def _join(layout: Layout, shards: Shards, stored: Mapping[str, Any]) -> None:
 
 
 def _copy_known(source: Any, archive: Any, layout: Layout, variable: Variable, copies: NDArray[np.int64]) -> None:
-    """Copy the chunks of units from an earlier archive, where each begins with the cell ``copies`` tells."""
+    """Copy the chunks of units from an earlier archive, where each begins with the cell that ``copies`` gives."""
     shape = source.shape[: source.ndim - len(layout.tail(variable))]
     tails = list(_tails(layout, variable))
     for unit in np.flatnonzero(copies >= 0).tolist():

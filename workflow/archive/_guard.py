@@ -58,14 +58,14 @@ def try_out(path: Path, work: Callable[[Path], str], longest: float | None = Non
     """
     if is_vouched_for(path):
         return ""
-    ended, told = _tried(work, path, LONGEST if longest is None else longest, *identity(path))
+    ended, answer = _tried(work, path, LONGEST if longest is None else longest, *identity(path))
     if ended != _SOUND:
-        raise ArchiveError(told) if ended == _REFUSED else unreadable(path, RuntimeError(told))
-    return told
+        raise ArchiveError(answer) if ended == _REFUSED else unreadable(path, RuntimeError(answer))
+    return answer
 
 
 def identity(path: Path) -> tuple[int, ...]:
-    """Return what tells a file from another one, and from itself after a change: nobody can set its last number back.
+    """Return what identifies a file in its present state: nobody can set its last number back.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def _tried(work: Callable[[Path], str], path: Path, longest: float, *_unchanged:
         reading, writing = os.pipe()
         child = os.fork()
         if child == 0:
-            faulthandler.disable()  # how it ends is told by the parent
+            faulthandler.disable()  # the parent reports how it ends
             os.write(writing, _told(work, path))
             os._exit(0)
         os.close(writing)

@@ -26,7 +26,7 @@ KNOWN = "known.npy"
 _OTHERWISE = "--recompute runs all cases again and replaces it, -o chooses another archive"
 
 _FILE = 2
-"""Numbers that tell the file."""
+"""Numbers that identify the file."""
 
 
 @dataclass(frozen=True, eq=False)

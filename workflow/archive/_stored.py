@@ -61,7 +61,7 @@ def cut_of(status: Any) -> Cut | None:
 def holds(file: Any, variable: Variable, layout: Layout) -> bool:
     """Tell whether a file has a variable as exactly as it is wanted, along ``t`` to its end.
 
-    One that is optional, or told per load period, is missing in all of the cases of a file without it.
+    One that is optional, or given per load period, is missing in all of the cases of a file without it.
     """
     stored = file.get(variable.name)
     if stored is None:

@@ -64,7 +64,7 @@ def _judge_memory() -> None:
 
 
 def _last_resort(error: Exception) -> int:
-    """Tell an error that no command has told, and return the exit status."""
+    """Print an error that no command has handled; return the exit status."""
     if hasattr(error, "format_message"):
         _tell_usage(error)
         return int(getattr(error, "exit_code", WRONG))
@@ -123,7 +123,7 @@ def _innermost(error: BaseException) -> str:
 
 
 @contextmanager
-def told() -> Iterator[None]:
+def errors_in_words() -> Iterator[None]:
     """Turn what a user can mend into one clear message and the exit status of a wrong call."""
     from workflow.archive import ArchiveError
     from workflow.study import StudyError

@@ -74,16 +74,16 @@ def _discard_views() -> None:
         archive.discard_views()
 
 
-def saying(told: Callable[[], str]) -> AbstractContextManager[None]:
-    """Have a signal within this context say what ``told`` returns, one clean line."""
+def saying(message: Callable[[], str]) -> AbstractContextManager[None]:
+    """Print what ``message`` returns, one clean line, if a signal ends the process within this context."""
     from contextlib import contextmanager
 
     @contextmanager
     def context() -> Iterator[None]:
-        _SAID.append(told)
+        _SAID.append(message)
         try:
             yield
         finally:
-            _SAID.remove(told)
+            _SAID.remove(message)
 
     return context()

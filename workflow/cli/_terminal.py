@@ -72,7 +72,7 @@ def write(text: str) -> None:
 
 
 def complain(line: str) -> None:
-    """Print one line on the standard error, cleaned; where that is closed there is nobody to tell."""
+    """Print one line on the standard error, cleaned; nothing where that is closed."""
     with suppress(OSError, ValueError, AttributeError):
         print(clean(line), file=sys.stderr, flush=True)
 

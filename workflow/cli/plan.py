@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from workflow.cli._failures import told
+from workflow.cli._failures import errors_in_words
 from workflow.cli._terminal import say
 from workflow.cli._words import Settings, StudyFile, named, read
 
@@ -33,7 +33,7 @@ def plan(
 
     With an archive: how many cases it holds, how many are missing, how many the study no longer asks for.
     """
-    with told():
+    with errors_in_words():
         from workflow.grid import arrange, units_of
         from workflow.grid import plan as make_plan
         from workflow.run import holdings
@@ -95,9 +95,9 @@ def _structure(figures: Figures) -> str:
 
 def _time(time: Time) -> str:
     several = f"{time.threads} threads ({_duration(time.core_seconds)} of one core)"
-    told = f"about {_duration(time.seconds)} on {several if time.threads > 1 else 'one core'}"
+    duration = f"about {_duration(time.seconds)} on {several if time.threads > 1 else 'one core'}"
     compiling = f", + {_duration(time.compiling)} compiling once" if time.compiling else ""
-    return told + compiling + ("" if time.measured else "; not measured on this machine")
+    return duration + compiling + ("" if time.measured else "; not measured on this machine")
 
 
 def _duration(seconds: float) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from workflow.cli._failures import NOT_OK, WRONG, told
+from workflow.cli._failures import NOT_OK, WRONG, errors_in_words
 from workflow.cli._terminal import complain, console, say, write
 from workflow.cli._words import ArchiveFile, unwarned
 
@@ -32,7 +32,7 @@ def recommend(archive: ArchiveFile, tolerance: Tolerance = None, as_json: AsJson
 
     Exit status: 0 answered, 1 nothing in the archive meets it, 2 the archive has no reference.
     """
-    with told(), unwarned():
+    with errors_in_words(), unwarned():
         from workflow.analysis import NoReferenceError
         from workflow.analysis import recommend as choose
         from workflow.archive import open_archive

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from workflow.cli._failures import told
+from workflow.cli._failures import errors_in_words
 from workflow.cli._terminal import say
 from workflow.cli._words import Damaged, named, unwarned
 
@@ -21,7 +21,7 @@ def report(
     damaged: Damaged = False,
 ) -> None:
     """Write figures and tables of one archive or several as one self-contained HTML page."""
-    with told(), unwarned():
+    with errors_in_words(), unwarned():
         from workflow.report import write_report
 
         written = write_report([named(archive) for archive in archives], output, damaged=damaged)

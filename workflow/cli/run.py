@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from workflow.cli._failures import NOT_OK, WRONG, told
+from workflow.cli._failures import NOT_OK, WRONG, errors_in_words
 from workflow.cli._groups import grouped
 from workflow.cli._progress import Follower, following
 from workflow.cli._stop import saying
@@ -68,7 +68,7 @@ def run(
     """Run a study; what an interrupted run or an earlier archive of it holds is kept and the rest is run."""
     where.check()
     reuse.check()
-    with told():
+    with errors_in_words():
         from workflow.run import ClusterError, ReuseOptions, run_study
 
         asked = read(study, settings)

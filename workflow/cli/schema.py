@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from workflow.cli._failures import told
+from workflow.cli._failures import errors_in_words
 from workflow.cli._terminal import say, write
 
 
@@ -18,7 +18,7 @@ def schema(
     ] = None,
 ) -> None:
     """Write the JSON Schema of a study, for editors."""
-    with told():
+    with errors_in_words():
         from workflow.study import json_schema
 
         text = json.dumps(json_schema(), indent=2, ensure_ascii=False)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from workflow.cli._failures import told
+from workflow.cli._failures import errors_in_words
 from workflow.cli._terminal import say
 from workflow.cli._words import Damaged, unwarned
 
@@ -28,7 +28,7 @@ def show(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON, one line for each archive.")] = False,
 ) -> None:
     """Say what archives hold: dimensions, statuses, what failed and why."""
-    with told(), unwarned():
+    with errors_in_words(), unwarned():
         from workflow.archive import open_archive
 
         for archive in archives:

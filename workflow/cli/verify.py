@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from workflow.cli._failures import NOT_OK, told
+from workflow.cli._failures import NOT_OK, errors_in_words
 from workflow.cli._terminal import say
 from workflow.cli._words import ArchiveFile
 
@@ -17,7 +17,7 @@ def verify(
 ) -> None:
     """Check an archive's bytes and hashes, then run a sample of its cases again and compare."""
     whole = True
-    with told():
+    with errors_in_words():
         from workflow.run import verify as checks_of
 
         for check in checks_of(archive, sample):

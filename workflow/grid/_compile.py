@@ -46,7 +46,7 @@ class Wanted:
 
     @property
     def words(self) -> tuple[Any, ...]:
-        """What tells it from others; numbers change no kernel, but that there is one for θ = 1."""
+        """What kernels depend on: names and types of options, not their numbers, except whether θ = 1."""
         options = ((field.name, getattr(self.options, field.name)) for field in fields(self.options))
         implicit = getattr(self.options, "theta", None) == 1.0
         driven = ("harmonics",) if self.harmonics else ()
@@ -103,7 +103,7 @@ def is_compiled(wanted: Wanted) -> bool:
 
 
 def _note(wanted: Wanted) -> Path | None:
-    """Return the file that tells that a scheme's kernels are in the cache; ``None`` without a lasting one."""
+    """Return the file whose presence says that a scheme's kernels are in the cache; ``None`` without a lasting one."""
     import llvmlite.binding
 
     directory = directory_of(type(wanted.options).__module__) if is_lasting() else None

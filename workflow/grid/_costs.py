@@ -76,10 +76,10 @@ def _packed_seconds(each: float, steps: int, workload: Workload) -> float:
 
 
 def _scene_digest(cell: Cell) -> str:
-    """Return what tells scenes apart in which the number of contact events differs."""
+    """Return a hash of what the number of contact events of a scene depends on."""
     scene = cell.scene
-    told = repr((scene.model, scene.parameters, scene.load, scene.initial, scene.duration))
-    return hashlib.sha256(told.encode()).hexdigest()[:12]
+    key = repr((scene.model, scene.parameters, scene.load, scene.initial, scene.duration))
+    return hashlib.sha256(key.encode()).hexdigest()[:12]
 
 
 def setup_part(method: str, structure: Structure) -> Part:

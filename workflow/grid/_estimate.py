@@ -47,7 +47,7 @@ MOST_LOOKED_AT = 20_000
 
 @dataclass(frozen=True)
 class Time:
-    """How long a study will take, as ``run`` tells its seconds.
+    """How long a study will take, in seconds of wall time as ``run`` prints them.
 
     Attributes
     ----------

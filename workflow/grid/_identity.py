@@ -69,7 +69,7 @@ def _shared(grid: Grid, outer: int, cell: Cell) -> dict[str, Any]:
 
 
 def _widths(scene: Scene) -> dict[str, Any]:
-    """Return the numbers of harmonics: they tell which number of a row is which."""
+    """Return the numbers of harmonics: they name the numbers of a row."""
     widths = len(scene.load.harmonics), len(scene.casing.harmonics)
     return {"harmonics": widths} if any(widths) else {}
 
@@ -109,7 +109,7 @@ def _is_summed_up(path: str) -> bool:
 
 
 def _harmonic_columns(scene: Scene, varying: Any, count: int) -> dict[str, Any]:
-    """Return amplitude, frequency and phase of all harmonics by name, ``(case,)`` each; an order is not told apart."""
+    """Return amplitude, frequency and phase of all harmonics by name, ``(case,)`` each; an order counts as its frequency."""
     found: dict[str, Any] = {}
     for group in ("load", "casing"):
         harmonics = harmonics_of(scene, group, varying, count)

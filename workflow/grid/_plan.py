@@ -21,7 +21,7 @@ from workflow.schemes import Scheme
 from workflow.study import Cell, ResolvedValue, Study, resolved_values
 
 _GROWS = 1e-12
-"""Growth of a free step that is told: below, a million steps grow by less than a millionth."""
+"""Growth of a free step above which a warning is printed: below, a million steps grow by less than a millionth."""
 
 _COARSE = 20
 """Steps per load period below which a plan says so: implicit Euler then errs by about a sixth."""
@@ -86,7 +86,7 @@ class Plan:
     bytes
         Size of the results before compression.
     stored
-        Names of the histories that are stored, metrics not told; none for metrics alone.
+        Names of the histories that are stored, without metrics; none for metrics alone.
     structures
         Figures of the first distinct structures.
     choices

@@ -59,16 +59,16 @@ def against_reference(
 
 def _messages(truth: Truth, exact: Truth, errors: Mapping[str, Array], ok: Array) -> dict[int, str]:
     """Say of each ok case which errors cannot be formed, and why."""
-    told: dict[int, str] = {}
+    remarks: dict[int, str] = {}
     for case in map(int, np.flatnonzero(ok)):
         zero = [name for name in COMPARED if np.isnan(errors[f"{name}_error"][case])]
         if case in truth.failures:
-            told[case] = f"{REFERENCE}{truth.failures[case]}"
+            remarks[case] = f"{REFERENCE}{truth.failures[case]}"
         elif zero:
-            told[case] = f"{REFERENCE}its {' and '.join(zero)} is identically zero, that of the case is not"
+            remarks[case] = f"{REFERENCE}its {' and '.join(zero)} is identically zero, that of the case is not"
         elif case in exact.failures:
-            told[case] = f"{PARTS}{EXACT} on the reduced model of the case: {exact.failures[case]}"
-    return told
+            remarks[case] = f"{PARTS}{EXACT} on the reduced model of the case: {exact.failures[case]}"
+    return remarks
 
 
 def reference_cell(grid: Grid, outer: int) -> Cell:

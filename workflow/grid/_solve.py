@@ -50,9 +50,9 @@ def solve(grid: Grid, outer: int, inner: Indices, shaken: Shaken | None = None) 
     where = place.ravel()
     values = {name: found[where] for name, found in solved.values.items()} | _basis(grid, outer, inner.size)
     with np.errstate(all="ignore"):
-        errors, told = against_reference(grid, outer, inner, values)
+        errors, remarks = against_reference(grid, outer, inner, values)
     own = {k: solved.messages[int(source)] for k, source in enumerate(where) if int(source) in solved.messages}
-    both = {k: "; ".join(text[k] for text in (told, own) if k in text) for k in {*told, *own}}
+    both = {k: "; ".join(text[k] for text in (remarks, own) if k in text) for k in {*remarks, *own}}
     return Solved({**values, **errors}, both)
 
 
@@ -67,7 +67,7 @@ def _basis(grid: Grid, outer: int, count: int) -> dict[str, Array]:
 
 
 def _solve_or_tell(grid: Grid, outer: int, inner: Indices, shaken: Shaken | None) -> Solved:
-    """Run distinct cases; where something raises one by one, and what then raises tells."""
+    """Run distinct cases; if a batch raises, each case runs alone and the one that raises is ``failed``."""
     try:
         with np.errstate(all="ignore"):  # a case that leaves the numbers says so by its status
             return _solve_distinct(grid, outer, inner, shaken)
@@ -185,7 +185,7 @@ def metrics_of(study: Study) -> tuple[Variable, ...]:
 
 
 def _failed(grid: Grid, text: str) -> Solved:
-    """Return one case that raised: NaN everywhere, flags told."""
+    """Return one case that raised: NaN everywhere, flags unset, with the error as its message."""
     nan = {"history": (1, grid.sampling.count), "metric": (1,), "period": (1, longest_period_count(grid))}
     values: dict[str, NDArray[Any]] = {
         about.name: np.full(nan[about.shape], np.nan)

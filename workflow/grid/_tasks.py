@@ -198,7 +198,7 @@ def tasks(grid: Grid, units: Units) -> Iterator[Task]:
     gathered: list[Segment] = []
     number, work, cases, spent = 0, 0.0, 0, 0.0
 
-    def told() -> Task:
+    def finished() -> Task:
         return Task(number, tuple(gathered), work, cases)
 
     for outer, each, least in zip(grid.places, map(float, seconds), -(-at_once // units.chunk), strict=True):
@@ -210,7 +210,7 @@ def tasks(grid: Grid, units: Units) -> Iterator[Task]:
             begin = SETTING_UP if first == 0 else 0.0
             room, fitting = (fair - work - begin) / (each * units.chunk), (most_cases - cases) // units.chunk
             if gathered and (work >= 0.9 * fair or room < 0.5 * few or fitting < 1):
-                yield told()
+                yield finished()
                 number, gathered, work, cases, spent = number + 1, [], 0.0, 0, spent + work
                 continue
             taken = min(units.count - first, few * max(1, round(min(room, units.count) / few)), fitting)
@@ -218,7 +218,7 @@ def tasks(grid: Grid, units: Units) -> Iterator[Task]:
             size = units.cases(first, taken)[0].size
             work, cases, first = work + begin + size * each, cases + size, first + taken
     if gathered:
-        yield told()
+        yield finished()
 
 
 def _power_of_two_below(value: float) -> int:

@@ -23,7 +23,7 @@ from workflow.study import Cell
 from workflow.variables import COMPARED
 
 PERTURBATION = 1e-12
-"""Change of the gap, as a share of a length of the motion, whose effect tells how far a reference can be predicted."""
+"""Change of the gap, as a share of a length of the motion, by whose effect ``predictability`` is defined."""
 
 BLOCK = 64
 """Cases that are computed at a time: a couple of kernel blocks, and a few milliseconds."""

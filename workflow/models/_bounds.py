@@ -1,4 +1,4 @@
-"""What a structure can do at most, told before anything is stepped: how far its tip reaches, how hot it becomes."""
+"""Bounds of a motion, before anything is stepped: how far its tip reaches, how hot it becomes."""
 
 from __future__ import annotations
 

@@ -82,19 +82,19 @@ def shown_part(dataset: xr.Dataset, found: Sequence[Telling]) -> Shown:
     while np.prod([min(n, most[dim]) for dim, n in zip(dims, shape, strict=True)]) > MOST_CASES:
         longest = max(dims, key=lambda dim: min(dataset.sizes[dim], most[dim]))
         most[longest] = min(dataset.sizes[longest], most[longest]) // 2
-    kept, told, first = {}, [], finest(dataset)
+    kept, remarks, first = {}, [], finest(dataset)
     for k, (dim, size) in enumerate(zip(dims, shape, strict=True)):
         if size > most[dim]:
             even = np.linspace(0, size - 1, most[dim]).round().astype(int)
             kept[dim] = np.unique([*even, first[dim], *(int(place[k]) for place in places)])
-            told.append(f"{dim.replace('_', ' ')}: {len(kept[dim])} of its {size} values")
+            remarks.append(f"{dim.replace('_', ' ')}: {len(kept[dim])} of its {size} values")
     part = dataset.isel(kept)
     moved = [
         [int(np.searchsorted(kept[dim], place[k])) if dim in kept else int(place[k]) for k, dim in enumerate(dims)]
         for place in places
     ]
     cases = tuple(int(np.ravel_multi_index(place, part["status"].shape)) if place else 0 for place in moved)
-    return Shown(part, cases, tuple(told))
+    return Shown(part, cases, tuple(remarks))
 
 
 def page_data(

@@ -104,9 +104,9 @@ def _name_steps(panel: Any, stepping: Sequence[Line]) -> None:
     line = stepping[0]
     for h, x, y in zip(line.h, line.seconds, line.errors["impulse_error"], strict=True):
         if abs(np.log10(h) - round(np.log10(h))) < 1e-6 and np.isfinite(y) and _FLOOR < y < _CEILING:
-            told = panel.annotate(f"h = {h:.0e} s", (x, y), xytext=(-5, -9), textcoords="offset points", fontsize=7.5)
-            told.set(color=COLOURS[0], ha="right", in_layout=False)
-            told.set_bbox({"facecolor": "white", "alpha": 0.75, "lw": 0, "pad": 0.8})
+            note = panel.annotate(f"h = {h:.0e} s", (x, y), xytext=(-5, -9), textcoords="offset points", fontsize=7.5)
+            note.set(color=COLOURS[0], ha="right", in_layout=False)
+            note.set_bbox({"facecolor": "white", "alpha": 0.75, "lw": 0, "pad": 0.8})
 
 
 def convergence(found: Sequence[Line], title: str = "") -> Figure:
@@ -177,6 +177,6 @@ def _slopes(panel: Any, stepping: Sequence[Line], name: str) -> None:
     for slope, style in ((1, "--"), (2, ":")):
         y = float(np.exp(np.median(np.log(error)))) * (ends / middle) ** slope
         panel.plot(ends, y, style, color=GREY, lw=1.0, zorder=0)
-        told = panel.annotate(f"slope {slope}", (ends[1], y[1]), fontsize=7.5, color=GREY, ha="right", va="bottom")
-        told.set_in_layout(False)
+        note = panel.annotate(f"slope {slope}", (ends[1], y[1]), fontsize=7.5, color=GREY, ha="right", va="bottom")
+        note.set_in_layout(False)
     panel.set_ylim(low, high)

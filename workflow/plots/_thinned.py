@@ -66,7 +66,7 @@ def rounded(values: NDArray[np.float64]) -> NDArray[np.float32]:
 
 
 class Pack:
-    """Arrays one after the other in one compressed block, each told by a plain entry of JSON."""
+    """Arrays one after the other in one compressed block, each described by a plain entry of JSON."""
 
     def __init__(self) -> None:
         self._compressor = zlib.compressobj(9)

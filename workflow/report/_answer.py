@@ -1,4 +1,4 @@
-"""The first block of a report: the cheapest choice that meets a tolerance, or why the archive cannot tell."""
+"""The first block of a report: the cheapest choice that meets a tolerance, or why the archive holds no answer."""
 
 from __future__ import annotations
 
@@ -48,11 +48,11 @@ def answer(dataset: xr.Dataset) -> Answer:
     try:
         asked = recommend(dataset)
     except (NoReferenceError, ValueError) as error:
-        told = (
+        explanation = (
             f"Which method, which step: {error}. Add `reference: {{scheme: event_driven}}` to the study and run it "
             "again."
         )
-        return Answer([tag("section", tag("h2", "Answer"), tag("p", told), kind="answer")], None, False)
+        return Answer([tag("section", tag("h2", "Answer"), tag("p", explanation), kind="answer")], None, False)
     others = sorted({*SHOWN, asked.tolerance}, reverse=True)
     rows = [asked if other == asked.tolerance else recommend(dataset, other) for other in others]
     body = [

@@ -28,10 +28,10 @@ def duration_of(archive: Path, damaged: bool = False) -> float:
 
 
 def methods_of(archive: Path, damaged: bool = False) -> dict[str, str]:
-    """Return the method of each scheme of an archive's study by its label; empty where provenance does not tell."""
+    """Return the method of each scheme of an archive's study by its label; empty where provenance does not hold it."""
     schemes = _resolved(archive, damaged, "schemes")
-    told = schemes.items() if isinstance(schemes, dict) else ()
-    return {str(label): str(form["method"]) for label, form in told if isinstance(form, dict) and "method" in form}
+    stored = schemes.items() if isinstance(schemes, dict) else ()
+    return {str(label): str(form["method"]) for label, form in stored if isinstance(form, dict) and "method" in form}
 
 
 def frequency_of(archive: Path, damaged: bool = False) -> float:
@@ -53,18 +53,18 @@ def _resolved(archive: Path, damaged: bool, *path: str) -> Any:
 
 def origin(dataset: xr.Dataset, archive: Path, damaged: bool) -> list[str]:
     """Return the section that says where an archive comes from."""
-    told = provenance(archive, damaged=damaged)
+    stored = provenance(archive, damaged=damaged)
     rows = [
         ["written", str(dataset.attrs.get("history", "")).split(": ", 1)[0]],
         ["computing time", _computing(dataset)],
     ]
-    rows += [["run", _run(told["run"])]] if "run" in told else []
-    rows += [[name.replace("_", " "), told[name]] for name in _SHOWN if name in told]
-    rows += [["versions", _versions(told.get("versions", ""))]]
+    rows += [["run", _run(stored["run"])]] if "run" in stored else []
+    rows += [[name.replace("_", " "), stored[name]] for name in _SHOWN if name in stored]
+    rows += [["versions", _versions(stored.get("versions", ""))]]
     return [
         tag("h2", "Where this comes from"),
         table(["", ""], [row for row in rows if row[1]]),
-        tag("details", tag("summary", "The study as written"), tag("pre", told.get("study", ""))),
+        tag("details", tag("summary", "The study as written"), tag("pre", stored.get("study", ""))),
     ]
 
 
@@ -78,15 +78,15 @@ def _computing(dataset: xr.Dataset) -> str:
 def _run(text: str) -> str:
     """Return what the last run of an archive tells of itself."""
     try:
-        told = json.loads(text)
-        return f"{float(told['seconds']):.3g} s for {int(told['cases'])} cases on {told['where']}"
+        stored = json.loads(text)
+        return f"{float(stored['seconds']):.3g} s for {int(stored['cases'])} cases on {stored['where']}"
     except (ValueError, LookupError, TypeError, RecursionError):
         return ""
 
 
 def _versions(text: str) -> str:
     try:
-        told = json.loads(text)
+        stored = json.loads(text)
     except (ValueError, RecursionError):
         return ""
-    return ", ".join(f"{name} {version}" for name, version in told.items()) if isinstance(told, dict) else ""
+    return ", ".join(f"{name} {version}" for name, version in stored.items()) if isinstance(stored, dict) else ""

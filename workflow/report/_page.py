@@ -81,9 +81,9 @@ def _refuse_overwriting(archives: Sequence[Path], written: Path, picture: Path |
     for archive in archives:
         places = [archive, written] + ([picture] if picture is not None else [])
         if len({os.path.realpath(place) for place in places}) < len(places):
-            told = f", the page and the picture {picture}" if picture is not None else " and the page"
+            others = f", the page and the picture {picture}" if picture is not None else " and the page"
             raise ArchiveError(
-                f"{written}: the archive {archive}{told} would be one file; "
+                f"{written}: the archive {archive}{others} would be one file; "
                 f"choose another page with -o, e.g. {archive.stem}-report.html"
             )
 

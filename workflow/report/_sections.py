@@ -76,12 +76,12 @@ def cases(dataset: xr.Dataset) -> list[str]:
                 "oscillation grows, at the growth_rate. That is physics, not a failure.",
             )
         )
-    told = failures(dataset)
-    if told:
-        rows = [[f.status, str(f.cases), f.first, f.message] for f in told[:_FAILURES_SHOWN]]
+    entries = failures(dataset)
+    if entries:
+        rows = [[f.status, str(f.cases), f.first, f.message] for f in entries[:_FAILURES_SHOWN]]
         found.append(table(["status", "cases", "the first of them", "what it did"], rows))
-        if len(told) > _FAILURES_SHOWN:
-            found.append(tag("p", f"… and {len(told) - _FAILURES_SHOWN} more messages."))
+        if len(entries) > _FAILURES_SHOWN:
+            found.append(tag("p", f"… and {len(entries) - _FAILURES_SHOWN} more messages."))
     found += _decided(dataset)
     dims = [
         [dim, str(dataset.sizes[dim]), "; ".join(labels_of(dataset, dim, named=False)[:8])]
@@ -118,18 +118,18 @@ def effects(dataset: xr.Dataset) -> list[str]:
 
 
 def _hidden(dataset: xr.Dataset) -> list[str]:
-    told = []
+    entries = []
     for one in hidden(dataset):
         who = "; ".join(f"{scheme} at {steps}" for scheme, steps in one.within.items())
         about = "every time-stepping scheme at every h" if one.everywhere else who
-        told.append(
+        entries.append(
             tag(
                 "li",
                 f"{one.dim} changes the {one.metric.replace('_', ' ')} by {_percent(one.effect)} in the most accurate "
                 f"computation, no more than the median error of {about}.",
             )
         )
-    return [tag("p", "Axes whose effect lies below the error:"), tag("ul", *told)] if told else []
+    return [tag("p", "Axes whose effect lies below the error:"), tag("ul", *entries)] if entries else []
 
 
 def standing(dataset: xr.Dataset) -> list[str]:

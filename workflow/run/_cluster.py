@@ -54,7 +54,7 @@ def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     from dask import config
 
     for name in _LOGGERS:
-        logging.getLogger(name).setLevel(logging.CRITICAL + 1)  # what went wrong is told here, once
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)  # what went wrong is reported here, once
     if scheduler is None:
         preload = [*config.get("distributed.worker.preload", []), _IGNORE_INTERRUPTS]
         with (

@@ -24,7 +24,7 @@ _SMALL = ("_error", "_residual", "predictability")
 """Ends of the names of such variables."""
 
 MOTION = ("displacement", "velocity", "temperature", "impulse", "contact_force", "contact_impulse")
-"""Variables whose lost digits are told: all others follow from them."""
+"""Variables whose lost digits are reported: all others follow from them."""
 
 
 def sensitivity(grid: Grid, outer: int, inner: NDArray[np.int64], solved: Solved) -> dict[str, float]:

@@ -74,7 +74,7 @@ def _counted(status: NDArray[Any]) -> dict[str, int]:
 
 
 def labels_of_case(dataset: xr.Dataset, cell: int) -> str:
-    """Return the coordinates that tell a case, given by its number, from the others."""
+    """Return the coordinates that identify a case, given by its number."""
     dims, case = dataset["status"].dims, _case(dataset, cell)
     return ", ".join(
         f"{name} = {case[name].item()}" for dim in dims for name in dataset.coords if dataset[name].dims == (dim,)

@@ -92,7 +92,7 @@ def work_of(job: Job, is_missing: Callable[[Task], bool], threads: int) -> Work:
 
 
 class Tally:
-    """Counts what tasks store and tells how far the run is.
+    """Counts what tasks store and reports how far the run is.
 
     Parameters
     ----------
@@ -118,13 +118,13 @@ class Tally:
         self._stored, self._endings = 0, Counter[str]()
 
     def set(self, stored: int, endings: Mapping[str, int]) -> None:
-        """Take what is stored altogether, and tell of it."""
+        """Take what is stored altogether, and report it."""
         with self._lock:
             self._stored, self._endings = stored, Counter(endings)
             self._tell(self._advance())
 
     def add(self, stored: Stored) -> None:
-        """Take what a task has stored, and tell of it."""
+        """Take what a task has stored, and report it."""
         with self._lock:
             self._stored += stored.cases
             self._endings.update(stored.endings)
@@ -171,11 +171,11 @@ def in_words(advance: Advance | None, elapsed: float, waited: float = 0.0) -> st
     Parameters
     ----------
     advance
-        What was told last; ``None`` where nothing was told yet.
+        The last report; ``None`` before the first.
     elapsed
         Seconds since the beginning.
     waited
-        Seconds since it was told.
+        Seconds since that report.
     """
     if advance is None:
         return f"{clock_time(elapsed)} elapsed"

@@ -36,7 +36,7 @@ class Where:
 
     @property
     def words(self) -> str:
-        """What computes, as an archive tells it: no addresses."""
+        """What computes, as stored in an archive: no addresses."""
         if self.scheduler is not None:
             return "the workers of a dask scheduler"
         kind = "thread" if self.here else "worker process"

@@ -134,7 +134,7 @@ def _has_work(study: Study, archive: Path, reuse: Reuse) -> bool:
 
 
 def _with_record(prepared: Prepared, where: Where, seconds: float) -> Layout:
-    """Return an archive's layout whose provenance tells how long its last run took, for how many cases, and where."""
+    """Return an archive's layout whose provenance says how long its last run took, for how many cases, and where."""
     layout = prepared.job.layout
     record = {"seconds": round(seconds, 3), "cases": layout.cells - prepared.stored, "where": where.words}
     return replace(layout, provenance={**layout.provenance, "run": json.dumps(record)})

@@ -36,7 +36,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Stored:
-    """What a task tells of what it has stored, no arrays: its number, cases, and those that are not ok by status."""
+    """What a task reports of what it has stored, no arrays: its number, cases, and those that are not ok by status."""
 
     task: int
     cases: int
@@ -64,7 +64,7 @@ def store_task(job: Job, task: Task, computing: AbstractContextManager[Any] = _A
     """Compute a task, within ``computing``, and store it, in every place its results belong to.
 
     A shard that this very task has stored before is left as it is: repeating a task whose worker died
-    between storing and telling does no harm and costs nothing.
+    between storing and reporting does no harm and costs nothing.
     """
     solved: dict[Segment, tuple[Arrays, dict[int, str]]] = {}
     cases, endings = 0, Counter[str]()
@@ -128,11 +128,11 @@ def _filled(
     arrays = blank(layout, segment.units)
     messages: dict[int, str] = {}
 
-    def fill(where: NDArray[np.bool_], values: Arrays, told: dict[int, str]) -> None:
+    def fill(where: NDArray[np.bool_], values: Arrays, texts: dict[int, str]) -> None:
         into = places[where]
         for name, array in arrays.items():
             array.reshape(segment.units * units.chunk, *array.shape[2:])[into] = values[name]
-        messages.update({int(into[k]): text for k, text in told.items()})
+        messages.update({int(into[k]): text for k, text in texts.items()})
 
     if fresh.any():
         fill(fresh, *fresh_ones(inner[fresh]))
@@ -186,5 +186,5 @@ def _joined(
     first = group[0][0]
     runs = [(start, *solved[segment]) for start, segment in group]
     arrays = {name: np.concatenate([run[1][name] for run in runs]) for name in runs[0][1]}
-    messages = {(start - first) * chunk + place: text for start, _, told in runs for place, text in told.items()}
+    messages = {(start - first) * chunk + place: text for start, _, texts in runs for place, text in texts.items()}
     return arrays, messages

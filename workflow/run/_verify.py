@@ -108,7 +108,7 @@ def verify(path: Path, sample: int = SAMPLE) -> Iterator[Check]:
 
 
 def _opened(path: Path) -> xr.Dataset:
-    """Open an archive whether or not its bytes have changed: that has been told before."""
+    """Open an archive whether or not its bytes have changed: an earlier check has reported that."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
         return open_archive(path, damaged=True)
@@ -148,7 +148,7 @@ def _identity(path: Path, grid: Grid, texts: dict[str, str]) -> Check:
         return Check("cases", False, "the study in the archive is not the one it was made from")
     stored = stored_hashes(path)
     if stored.shape != hashes.shape:
-        return Check("cases", False, f"{len(stored)} are told apart, the study has {len(hashes)}")
+        return Check("cases", False, f"{len(stored)} are distinct, the study has {len(hashes)}")
     others = np.any(stored != hashes, axis=1)
     if others.any():
         return Check("cases", False, f"{np.sum(others)} of {len(hashes)} are not those of the study")

@@ -79,10 +79,10 @@ def join(session: Session, dask_worker: Any) -> str:
         It has other software, or does not share the directory of the shards.
     """
     other = [(name, mine, wanted) for (name, mine), (_, wanted) in zip(software(), session.software, strict=True)]
-    told = ", ".join(f"{name} {mine} instead of {wanted}" for name, mine, wanted in other if mine != wanted)
-    if told:
+    differences = ", ".join(f"{name} {mine} instead of {wanted}" for name, mine, wanted in other if mine != wanted)
+    if differences:
         raise ClusterError(
-            f"the worker has other software than this run: {told}; install the same version for both, "
+            f"the worker has other software than this run: {differences}; install the same version for both, "
             "start its workers anew and give the command again"
         )
     try:

@@ -77,6 +77,6 @@ def unpacked(text: str) -> Mapping[str, Path]:
             whole = place / Path(name).name
             found[name] = whole if whole.is_file() else place
     except (ValueError, TypeError, AttributeError, binascii.Error, zlib.error, RecursionError, OSError) as error:
-        told = Mistake("study", None, "", f"the files that came with it cannot be read: {error}", "restore a copy")
-        raise StudyError([told]) from None
+        mistake = Mistake("study", None, "", f"the files that came with it cannot be read: {error}", "restore a copy")
+        raise StudyError([mistake]) from None
     return found

@@ -183,8 +183,8 @@ class Arrangement:
             seen |= set(read)
             sizes = {path: len(values) for path, values in read.items()}
             if len(set(sizes.values())) > 1:
-                told = ", ".join(f"{path} has {size}" for path, size in sizes.items())
-                self.source.report(place, f"has axes of different length: {told}", "give each as many values")
+                listed = ", ".join(f"{path} has {size}" for path, size in sizes.items())
+                self.source.report(place, f"has axes of different length: {listed}", "give each as many values")
             elif read:
                 self.groups.append(_Group(place, read, name))
 
@@ -234,8 +234,8 @@ class Arrangement:
         rows = list(zip(*group.columns.values(), strict=True))
         if len(set(rows)) < len(rows):
             twice = next(row for row, count in Counter(rows).items() if count > 1)
-            told = ", ".join(f"{value:g}" if isinstance(value, float) else str(value) for value in twice)
-            self.source.report(group.place, f"has `{told}` twice", "keep values distinct")
+            listed = ", ".join(f"{value:g}" if isinstance(value, float) else str(value) for value in twice)
+            self.source.report(group.place, f"has `{listed}` twice", "keep values distinct")
 
     def _named(self) -> tuple[tuple[Dimension, ...], tuple[Axis, ...]]:
         """Return dimensions and scalars under the names of their coordinates."""

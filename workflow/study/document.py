@@ -61,7 +61,7 @@ def _scene_form(names: tuple[str, ...]) -> type[Form]:
         "friction": (form(Friction), Field(None, description=summary(Friction))),
     }
     for name in names:
-        if models.fault(name) is not None:  # told by the reader where a study names it
+        if models.fault(name) is not None:  # reported by the reader where a study names it
             entries[name] = Any, Field(None, description="a model that cannot be used")
             continue
         model = models.load(name)
@@ -81,7 +81,7 @@ def _scheme_form(names: tuple[str, ...]) -> Any:
 
 def _method_form(name: str) -> Any:
     """Return the annotation that reads ``{method: ..., options}`` as method and options."""
-    if schemes.fault(name) is not None:  # told by the reader where a study names it
+    if schemes.fault(name) is not None:  # reported by the reader where a study names it
         return annotated(Any, AfterValidator(lambda _: (name, None)))
     options = schemes.load(name).Options
     method = annotated(Any, Choice((name,))), Field(description=schemes.load(name).about)

@@ -150,7 +150,7 @@ def summary(described: object) -> str:
 class ByShape:
     """Chooses the branch of a union by shape: by the word under ``key``, or a bare ``word``.
 
-    Tags stand in angle brackets, which no key of a study has, so that they can be told from keys
+    Tags stand in angle brackets, which no key of a study has, so that they differ from keys
     in the place of an error.
     """
 

@@ -190,7 +190,7 @@ class _Reader:
             self.source.report(("scene", found[1]), problem, "keep one model per study")
         elif not found and isinstance(written, dict):
             known = set(scene) & set(SCENE_KEYS)
-            if len(known) == len(scene):  # an unknown key is told by itself
+            if len(known) == len(scene):  # an unknown key is reported by itself
                 self.source.report(("scene",), "has no model", one_of("", models.names()))
         return (
             found[0]
@@ -266,7 +266,7 @@ class _Reader:
         return empty | sound(self.form, self.tree, faults, context)
 
     def _follows(self, place: Place) -> bool:
-        """Whether a mistake follows from another: an axis over a model that is told to be unknown."""
+        """Whether a mistake follows from another: an axis over a model that is reported as unknown."""
         path = str(place[-1]) if place[:1] in (("axes",), ("zip",)) else ""
         group = path.split(".")[1] if path.startswith("scene.") else ""
         return self.model is None and group in mapping(self.tree, "scene") and path not in self.addresses

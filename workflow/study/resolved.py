@@ -66,10 +66,10 @@ def _in_words(path: str, values: tuple[Any, ...]) -> tuple[Any, ...]:
 
 
 def _values_at(study: Study, cell: Cell, path: str) -> tuple[Any, ...] | None:
-    """Return the value of a path in a case as a tuple, ``None`` where it has none; a static start is told once."""
+    """Return the value of a path in a case as a tuple, ``None`` where it has none; a static start is given once."""
     head, *words = path.split(".")
     if path == "alpha" or (path == "scene.speed" and not cell.scene.speed):
-        return None  # made by the scene's friction, and told by its factors; none
+        return None  # made by the scene's friction, and given by its factors; none
     owner: Any = cell.scene
     if head == "schemes":
         label, *words = words

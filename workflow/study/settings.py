@@ -169,7 +169,7 @@ class Output:
 
 
 Counts = tuple[int, ...] | None
-"""Of the cases; ``None`` where they cannot be told."""
+"""Of the cases; ``None`` where they are not known."""
 
 
 @dataclass(frozen=True)

@@ -41,6 +41,6 @@ def assembled_sizes(written: Written, model: str, where: Mapping[str, Any]) -> S
         return Sizes((min(both),), coordinates, models.most_modes(model, read))
     except models.UnusableMatricesError as error:
         written.source.report(("scene", model), error.problem, error.remedy)
-    except Exception:  # whatever a model from outside raises: its mistakes are told where the scene is read
+    except Exception:  # whatever a model from outside raises: its mistakes are reported where the scene is read
         pass
     return Sizes()

@@ -189,7 +189,9 @@ def _coupled(held: ModalSystem) -> Regime:
     own = np.concatenate([moving, modes + moving, np.arange(2 * modes, size)])
     spectrum = coupled_spectrum(_some(held, ~rigid), 0.0, A[np.ix_(own, own)])
     if spectrum is None:
-        raise ValueError("with the tip held, damping leaves poles that coincide: event_driven cannot tell them apart")
+        raise ValueError(
+            "with the tip held, damping leaves poles that coincide: event_driven cannot separate them apart"
+        )
     one, other = _partners(spectrum.values[: spectrum.values.size - heats])
     s, t = spectrum.values[one], np.where(one == other, spectrum.values[other].conj(), spectrum.values[other])
     left = [spectrum.left[one], np.where((one == other)[:, None], spectrum.left[other].conj(), spectrum.left[other])]
