@@ -21,9 +21,9 @@ A mode's velocity at the end of a step is known when the next one begins, which 
 friction heat are counted then, and for the last step by :func:`~workflow.schemes._fixed.modal_lanes.close_balance`.
 
 The heat residual compares the change of the content H = Σ c_i θ_i with αJ + ∫Σq - ∫L(θ) dt, the loss
-L = κ_1 θ_1 + Σ b_i θ_i by the mean of a step's ends. A full model leaves -(θ - 1/2) h [L(end) - L(0)]; a reduced one
-adds what its basis loses: no combination of its equations gives the sum over the nodes unless a uniform temperature
-lies in the basis. Σq is taken as far as the basis holds a uniform temperature.
+L = κ_1 θ_1 + Σ b_i θ_i by the mean of a step's ends, counted for :data:`SPAN` steps at once. A full model leaves
+-(θ - 1/2) h [L(end) - L(0)]; a reduced one adds what its basis loses: no combination of its equations gives the sum over
+the nodes unless a uniform temperature lies in the basis. Σq is taken as far as the basis holds a uniform temperature.
 
 The balances run over whole steps: from t = 0 to the end of the last step, which lies at the duration
 or, where the duration is no multiple of h, up to one step beyond it; those of central differences are h/2 longer at
@@ -34,11 +34,21 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from workflow.kernels.compiled import by_type, defines, inlined
-from workflow.kernels.lanes import ROW
-from workflow.kernels.packs import Lane, Pack, magnitude, pack, plus, shared, store, where
+from workflow.kernels.compiled import by_type, defines, inlined, part
+from workflow.kernels.lanes import PACK, ROW
+from workflow.kernels.packs import Lane, Pack, magnitude, narrow, pack, plus, raised, shared, spread, store, where
 from workflow.models import Array
-from workflow.schemes._fixed.contact import CASE_HEAT, CASE_IMPULSE, End, Free, Law, TipStep, contact_gain, driven
+from workflow.schemes._fixed.contact import (
+    CASE_HEAT,
+    CASE_IMPULSE,
+    CASE_PRESSED,
+    End,
+    Free,
+    Law,
+    TipStep,
+    contact_gain,
+    driven,
+)
 
 AUDIT_DAMPING, AUDIT_HEAT_FORMER, AUDIT_HEAT_SPEED, AUDIT_HEAT_PLACE = range(4)
 """Coefficients of a mechanical mode, all over φ_n²: hc/4, and -1 times the work of a unit of friction heat per ζ at the
@@ -54,12 +64,14 @@ SUM_RELATIVE, SUM_DRAGGED = range(3, 5)
 """Velocity of the tip relative to the dragged one at the last step's end; the dragged one without the heat of this
 step [m/s]."""
 
-SUM_FREE_LOSS, SUM_LOSS_RATE, SUM_KNOWN_LOSS, SUM_KNOWN_RISE = range(5, 9)
-"""Heat loss of the thermal modes without the heat of this step, all of it at the last step's end, of temperatures that
-constant loads settle [W], and its rise as they warm [W/s]."""
+SUM_KNOWN_LOSS, SUM_KNOWN_RISE = range(5, 7)
+"""Heat loss of temperatures that constant loads settle [W], and its rise as they warm [W/s]."""
 
-SUM_LOST, SUM_TURNED_OVER, SUM_FRICTION_HEAT = range(9, 12)
-"""Heat lost, turned over by loss, and taken in by friction [J]."""
+SUM_LOST, SUM_LOST_BEFORE, SUM_TURNED_OVER, SUM_FRICTION_HEAT = range(7, 11)
+"""Heat lost in the present span of steps and before it, turned over by loss, and taken in by friction [J]."""
+
+SPAN = 8
+"""Steps whose heat loss is counted at once: what temperatures at their beginning and friction heat in them lose."""
 
 SUM_ROWS = SUM_FRICTION_HEAT + 1
 
@@ -70,7 +82,9 @@ class Audit(NamedTuple):
     modes: Array
     """``(mode, coefficient)``, rows ``AUDIT_…``."""
     losses: Array
-    """Heat loss per τ of a thermal mode, W, ``(thermal mode,)``."""
+    """Heat that a unit of τ loses in so many steps, of which the first row is one, J, ``(steps, thermal mode)``."""
+    heat_losses: Array
+    """Share of friction heat that is lost in so many steps after its own, from none, ``(steps,)``."""
     former: Array
     """ζ of each mode at the last step's beginning, ``(mode, lane)``."""
     pulled: Array
@@ -83,8 +97,6 @@ class Audit(NamedTuple):
     """η - ξ per ζ, s."""
     dragged: float
     """Velocity of the tip that a unit of friction heat drags along in its step."""
-    warm_loss: float
-    """Heat loss at a step's end per friction heat in it, 1/s."""
     own_work: float
     """Energy that friction heat spends on what it drags along itself, per heat squared, 1/J."""
 
@@ -122,15 +134,13 @@ def _spend(audit: Audit, j: int, speed: Pack, place: Pack, heat: Pack | None, sp
 
 
 @by_type
-def keep_spent(audit: Audit | None, spent: Pack, own: Array, lane: Lane) -> None:
-    """Add what all modes spent in a step, whose friction heat is still in ``own``, to the sums."""
+def keep_spent(audit: Audit | None, spent: Pack, lane: Lane) -> None:
+    """Add what all modes spent in a step to the sums."""
 
 
 @defines(keep_spent, Audit)
-def _keep_spent(audit: Audit, spent: Pack, own: Array, lane: Lane) -> None:
-    sums, heat = audit.sums, pack(own, (CASE_HEAT, lane))
-    store(sums, (SUM_SPENT, lane), pack(sums, (SUM_SPENT, lane)) + (spent + audit.own_work * (heat * heat)))
-    store(sums, (SUM_FRICTION_HEAT, lane), pack(sums, (SUM_FRICTION_HEAT, lane)) + heat)
+def _keep_spent(audit: Audit, spent: Pack, lane: Lane) -> None:
+    store(audit.sums, (SUM_SPENT, lane), pack(audit.sums, (SUM_SPENT, lane)) + spent)
 
 
 @by_type
@@ -156,25 +166,13 @@ def _keep_pull(audit: Audit, pair: int, pull: Pack, lane: Lane) -> None:
 
 
 @by_type
-def lose(audit: Audit | None, k: int, tau: Pack, loss: Pack, lane: Lane) -> Pack:
-    """Add the heat loss of thermal mode k at a step's end."""
-    return loss
-
-
-@defines(lose, Audit)
-def _lose(audit: Audit, k: int, tau: Pack, loss: Pack, lane: Lane) -> Pack:
-    return loss + shared(audit.losses, (k,), lane) * tau
-
-
-@by_type
-def keep_dragged(audit: Audit | None, velocity: Pack, loss: Pack, lane: Lane) -> None:
-    """Keep the tip's dragged velocity and the heat loss at a step's end, without the friction heat in the step."""
+def keep_dragged(audit: Audit | None, velocity: Pack, lane: Lane) -> None:
+    """Keep the tip's dragged velocity at a step's end, without the friction heat in the step."""
 
 
 @defines(keep_dragged, Audit)
-def _keep_dragged(audit: Audit, velocity: Pack, loss: Pack, lane: Lane) -> None:
+def _keep_dragged(audit: Audit, velocity: Pack, lane: Lane) -> None:
     store(audit.sums, (SUM_DRAGGED, lane), velocity)
-    store(audit.sums, (SUM_FREE_LOSS, lane), loss)
 
 
 @by_type
@@ -196,19 +194,37 @@ def _account(audit: Audit, law: Law, step: TipStep, end: End, free: Free, own: A
 
 
 @by_type
-def account_heat(audit: Audit | None, h: float, t: float, own: Array, lane: Lane) -> None:
-    """Count the heat lost in a step that ends at t."""
+def account_heat(audit: Audit | None, step: int, steps: int, own: Array, lane: Lane) -> None:
+    """Count the friction heat of a step, what it works on the motion that it drags along, and its loss in this span."""
 
 
 @defines(account_heat, Audit)
-def _account_heat(audit: Audit, h: float, t: float, own: Array, lane: Lane) -> None:
-    sums = audit.sums
-    loss = pack(sums, (SUM_FREE_LOSS, lane)) + audit.warm_loss * pack(own, (CASE_HEAT, lane))
-    loss += pack(sums, (SUM_KNOWN_LOSS, lane)) + t * pack(sums, (SUM_KNOWN_RISE, lane))
-    lost = 0.5 * h * (pack(sums, (SUM_LOSS_RATE, lane)) + loss)
-    store(sums, (SUM_LOSS_RATE, lane), loss)
-    store(sums, (SUM_LOST, lane), pack(sums, (SUM_LOST, lane)) + lost)
-    store(sums, (SUM_TURNED_OVER, lane), pack(sums, (SUM_TURNED_OVER, lane)) + magnitude(lost))
+def _account_heat(audit: Audit, step: int, steps: int, own: Array, lane: Lane) -> None:
+    if raised(own, (CASE_PRESSED, lane)):
+        sums, heat = audit.sums, pack(own, (CASE_HEAT, lane))
+        lost = shared(audit.heat_losses, (min(SPAN - step % SPAN, steps - step),), lane) * heat
+        store(sums, (SUM_LOST, lane), pack(sums, (SUM_LOST, lane)) + lost)
+        store(sums, (SUM_FRICTION_HEAT, lane), pack(sums, (SUM_FRICTION_HEAT, lane)) + heat)
+        store(sums, (SUM_SPENT, lane), pack(sums, (SUM_SPENT, lane)) + audit.own_work * (heat * heat))
+
+
+@part
+def lose_heat(audit: Audit, step: int, steps: int, h: float, tau: Array, lanes: int) -> None:
+    """Close a span of steps, and count what the temperatures at its end lose in the next one, if there is one."""
+    sums, ahead = audit.sums, min(SPAN, steps - step)
+    for first in range(0, lanes, PACK):
+        lane = narrow(first)
+        lost = pack(sums, (SUM_LOST, lane))
+        store(sums, (SUM_LOST_BEFORE, lane), pack(sums, (SUM_LOST_BEFORE, lane)) + lost)
+        store(sums, (SUM_TURNED_OVER, lane), pack(sums, (SUM_TURNED_OVER, lane)) + magnitude(lost))
+        lost = spread(0.0, lane)
+        if ahead > 0:
+            middle = (step + 0.5 * ahead) * h
+            lost = pack(sums, (SUM_KNOWN_LOSS, lane)) + middle * pack(sums, (SUM_KNOWN_RISE, lane))
+            lost = (ahead * h) * lost
+            for k in range(tau.shape[0]):
+                lost += shared(audit.losses, (ahead - 1, k), lane) * pack(tau, (k, lane))
+        store(sums, (SUM_LOST, lane), lost)
 
 
 @inlined

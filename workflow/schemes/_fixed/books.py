@@ -14,14 +14,14 @@ from workflow.kernels.lanes import fill_lanes, lane_rows
 from workflow.kernels.sums import product, total
 from workflow.models import Array, Cases, Structure, project
 from workflow.schemes._fixed.balance import (
+    SPAN,
     SUM_DRAGGED,
     SUM_ENERGY,
     SUM_FRICTION_HEAT,
     SUM_KNOWN_LOSS,
     SUM_KNOWN_RISE,
     SUM_LARGEST_ENERGY,
-    SUM_LOSS_RATE,
-    SUM_LOST,
+    SUM_LOST_BEFORE,
     SUM_RELATIVE,
     SUM_ROWS,
     SUM_SPENT,
@@ -55,8 +55,12 @@ class Terms(NamedTuple):
     """a, what a unit of friction heat adds to η; its work per η_m is ω²a."""
     dragged: float
     """Velocity of the tip that a unit of friction heat drags along in its step."""
+    decay: Array
+    """τ at a step's end per τ at its beginning, ``(thermal mode,)``."""
     warm: Array
     """τ at a step's end per friction heat in it, ``(thermal mode,)``."""
+    warm_next: Array
+    """τ a step later per friction heat, ``(thermal mode,)``."""
     velocity: Array
     """ζ where the balance begins, ``(case, mode)``."""
     place: Array
@@ -123,7 +127,7 @@ class Books:
         friction = sums[SUM_FRICTION_HEAT] - (0.0 if self._counts else state.own[CASE_HEAT, :count])
         warmed = state.tau[:, :count].T / self._scale - self._begun_heat[part] + elapsed * self._warming[part]
         heating = elapsed * self._heating[part]
-        change = project(self._content[None, :], warmed)[:, 0] - friction - heating + sums[SUM_LOST]
+        change = project(self._content[None, :], warmed)[:, 0] - friction - heating + sums[SUM_LOST_BEFORE]
         turned = friction + np.abs(heating) + sums[SUM_TURNED_OVER] + self._initial[part]
         self.heat_residual[part] = share(change, turned)
 
@@ -141,16 +145,33 @@ def _audit(modal: Decoupled, free: Coefficients, loss: Array, terms: Terms) -> A
             0.5 * terms.kinetic * share,
             0.5 * modal.frequency**2 * share,
         ),
-        losses=loss / modal.heat_scale,
+        losses=_lost(loss / modal.heat_scale, terms.decay, h)[1:],
+        heat_losses=_heat_lost(loss, terms, h),
         former=lane_rows(tip.size),
         pulled=lane_rows(free.pair_mode.size),
         pair_work=(terms.inertia * share)[free.pair_mode],
         sums=lane_rows(SUM_ROWS),
         lever=terms.lever,
         dragged=terms.dragged,
-        warm_loss=total(loss * terms.warm),
         own_work=0.5 * total(np.where(share > 0, pull * terms.heat_place, 0.0)),
     )
+
+
+def _lost(rate: Array, decay: Array, h: float) -> Array:
+    """Return what a unit of τ loses in 0 … SPAN steps by the mean of their ends, J, ``(steps, thermal mode)``."""
+    lost = np.zeros((SPAN + 1, rate.size))
+    for step in range(SPAN):
+        lost[step + 1] = lost[step] + 0.5 * h * rate * (1 + decay)
+        rate = rate * decay
+    return lost
+
+
+def _heat_lost(loss: Array, terms: Terms, h: float) -> Array:
+    """Return the share of a friction heat that is lost in its own step and 0 … SPAN steps after it, ``(steps,)``."""
+    own = 0.5 * h * total(loss * terms.warm)
+    later = _lost(loss * terms.warm_next, terms.decay, h)
+    first = own + 0.5 * h * total(loss * (terms.warm + terms.warm_next))
+    return np.concatenate([[own], [first + total(row) for row in later[:-1]]])
 
 
 def _sums(modal: Decoupled, free: Coefficients, loss: Array, begun: Motion, terms: Terms) -> Array:
@@ -170,7 +191,6 @@ def _sums(modal: Decoupled, free: Coefficients, loss: Array, begun: Motion, term
     sums[SUM_RELATIVE] = over(modal.tip, terms.velocity)
     sums[SUM_DRAGGED] = over(free.heat_modes[:, HEAT_SPEED] * modal.heat_scale, begun.heat) + begun.drift
     sums[SUM_KNOWN_LOSS], sums[SUM_KNOWN_RISE] = over(loss, begun.settled), over(loss, begun.warming_modes)
-    sums[SUM_LOSS_RATE] = over(loss, begun.heat) + sums[SUM_KNOWN_LOSS]
     return sums
 
 

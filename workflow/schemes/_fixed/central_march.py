@@ -27,7 +27,7 @@ from workflow.kernels.packs import (
     where,
 )
 from workflow.models import Array, Cases, project
-from workflow.schemes._fixed.balance import Audit, account
+from workflow.schemes._fixed.balance import Audit, account, account_heat
 from workflow.schemes._fixed.books import Books
 from workflow.schemes._fixed.central import Linear, Operator, terms
 from workflow.schemes._fixed.contact import (
@@ -137,6 +137,7 @@ def _open_march(law: Linear, step: TipStep, now: Now, state: State, block: Block
         free = Free(pack(own, (CASE_FIRST, lane)), spread(0.0, lane), impulse, pack(tip, (TIP_GAP, lane)), block.drive)
         end = meet(law, step, free, own, tip, lane)
         account(audit, law, step, end, free, own, tip, lane)
+        account_heat(audit, 0, block.steps, own, lane)
         store_end(end, tip, lane)
         store(own, (CASE_LAST, lane), 2.0 * pack(own, (CASE_LAST, lane)))
 

@@ -46,7 +46,7 @@ from workflow.schemes._fixed.modal_lanes import (
     close_balance,
     has_known_motion,
     lay_out,
-    note_energy,
+    look,
     step_freely,
     store_heat,
 )
@@ -71,7 +71,7 @@ def _step(
     free = Free(velocity, temperature, impulse, gap, block.drive)
     end = meet(law, step, free, state.own, tip, lane)
     account(audit, law, step, end, free, state.own, tip, lane)
-    account_heat(audit, step.h, now.t, state.own, lane)
+    account_heat(audit, now.step, block.steps, state.own, lane)
     if now.marked:
         store_end(end, tip, lane)
     else:
@@ -92,6 +92,7 @@ def march(operator: Coefficients, law: Law, state: State, block: Block, audit: A
     known, leader = has_known_motion(state.own, lanes), start_load(h, load, lanes)
     turn_drive(block.drive, 0, h, theta, tip, lanes)
     open_march(law, operator.tip, step_at(0, theta, leader, known, block), state, block, audit)
+    look(audit, 0, block.steps, operator, state, lanes)
     for step in range(1, block.steps + 1):
         turn_load(step, h, leader, load, lanes)
         turn_drive(block.drive, step, h, theta, tip, lanes)
@@ -104,7 +105,7 @@ def march(operator: Coefficients, law: Law, state: State, block: Block, audit: A
             _step(operator, law, now, state, block, audit, wide(first))
         for first in range(in_wide, lanes, PACK):
             _step(operator, law, now, state, block, audit, narrow(first))
-        note_energy(audit, step, block.steps, operator, state, lanes)
+        look(audit, step, block.steps, operator, state, lanes)
         if now.marked:
             span = take_marks(step, block)
             if now.last:

@@ -21,13 +21,14 @@ from workflow.kernels.lanes import PACK, ROW
 from workflow.kernels.packs import Lane, Pack, narrow, pack, plus, raised, shared, spread, store
 from workflow.models import Array
 from workflow.schemes._fixed.balance import (
+    SPAN,
     Audit,
     energy_of,
     keep_dragged,
     keep_energy,
     keep_pull,
     keep_spent,
-    lose,
+    lose_heat,
     spend,
     spend_pair,
 )
@@ -129,7 +130,7 @@ def _step_modes(
         store(motion, (j, MOTION_PLACE, lane), place + h * before)
         velocity += after
         spent = spend(audit, j, before, place, heat, spent, lane)
-    keep_spent(audit, spent, state.own, lane)
+    keep_spent(audit, spent, lane)
     return velocity
 
 
@@ -144,15 +145,13 @@ def _step_heat(
     lane: Lane,
 ) -> tuple[Pack, Pack]:
     """Step the thermal modes, and return velocity and temperature of the tip with theirs."""
-    loss = spread(0.0, lane)
     for k in range(tau.shape[0]):
         before = plus(pack(tau, (k, lane)), shared(heat_modes, (k, HEAT_INPUT), lane), heat)
         after = shared(heat_modes, (k, HEAT_DECAY), lane) * before
         store(tau, (k, lane), after)
         velocity += shared(heat_modes, (k, HEAT_SPEED), lane) * after
         temperature += after
-        loss = lose(audit, k, after, loss, lane)
-    keep_dragged(audit, velocity, loss, lane)
+    keep_dragged(audit, velocity, lane)
     return velocity, temperature
 
 
@@ -219,14 +218,16 @@ def step_freely(
 
 
 @by_type
-def note_energy(audit: Audit | None, step: int, steps: int, operator: Coefficients, state: State, lanes: int) -> None:
-    """Keep the energy at the end of some steps."""
+def look(audit: Audit | None, step: int, steps: int, operator: Coefficients, state: State, lanes: int) -> None:
+    """Keep the energy at the end of some steps, and count the heat lost in the steps after some."""
 
 
-@defines(note_energy, Audit)
-def _note_energy(audit: Audit, step: int, steps: int, operator: Coefficients, state: State, lanes: int) -> None:
+@defines(look, Audit)
+def _look(audit: Audit, step: int, steps: int, operator: Coefficients, state: State, lanes: int) -> None:
     if step % min(SELDOM, steps // LOOKS + 1) == 0:
         _take_energy(audit, operator, state, lanes)
+    if step % SPAN == 0 or step == steps:
+        lose_heat(audit, step, steps, operator.tip.h, state.tau, lanes)
 
 
 @part
@@ -258,7 +259,7 @@ def _close_balance(audit: Audit, operator: Coefficients, state: State, lanes: in
         for j in range(state.motion.shape[0]):
             speed, place = _ended(operator.modes, state.motion, j, impulse, heat, lane)
             spent = spend(audit, j, speed, place, heat, spent, lane)
-        keep_spent(audit, spent, state.own, lane)
+        keep_spent(audit, spent, lane)
 
 
 @part

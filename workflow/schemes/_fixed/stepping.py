@@ -59,6 +59,7 @@ from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, 
 class Now(NamedTuple):
     """A step, as its packs of lanes see it."""
 
+    step: int
     t: float
     """Time at its end, s."""
     last: bool
@@ -79,7 +80,7 @@ def step_at(step: int, theta: float, leader: int, known: bool, block: Block) -> 
     """Return a step, with the load at its two ends weighed by 1 - θ and θ."""
     sine = weigh_load(1.0 - theta, theta, LOAD_WEIGHED_SINE, leader, block.load, block.lanes)
     mark, last = block.marks.next_mark[0], step == block.steps
-    return Now(step * block.h, last, step == mark, step + 1 == mark, sine, leader, known)
+    return Now(step, step * block.h, last, step == mark, step + 1 == mark, sine, leader, known)
 
 
 @inlined

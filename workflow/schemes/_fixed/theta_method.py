@@ -123,6 +123,7 @@ def coefficients(modal: Decoupled, h: float, theta: float) -> Coefficients:
 def _terms(modal: Decoupled, h: float, theta: float, begun: Motion) -> Terms:
     """Return how the step enters its balance."""
     warm = modal.heat_tip / (1 + h * theta * modal.rate)
+    decay = thermal_amplification(modal.rate, h, theta)
     near = np.where(modal.response == 0, modal.coupling, 0.0)
     return Terms(
         lever=h * theta,
@@ -131,7 +132,9 @@ def _terms(modal: Decoupled, h: float, theta: float, begun: Motion) -> Terms:
         heat_speed=modal.mass * product(modal.response, modal.rate * modal.heat_tip) - h * theta * product(near, warm),
         heat_place=-product(modal.response, modal.heat_tip),
         dragged=-total(modal.rate * modal.tip_response * warm),
+        decay=decay,
         warm=warm,
+        warm_next=decay * warm,
         velocity=begun.velocity,
         place=begun.position - h * theta * begun.velocity,
         opens=False,
