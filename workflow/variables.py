@@ -67,7 +67,8 @@ _ENERGY = (
 
 _HEAT = (
     "(change of the heat content - alpha times impulse - heating + conduction to the root and convection) / heat "
-    "turned over (the sum of the absolute values of alpha times impulse, heating, losses and initial content); "
+    "turned over (the sum of the absolute values of alpha times impulse, heating, losses, eight steps together, and "
+    "initial content); "
     "time-stepping schemes: midpoint values of whole steps; 0 where no heat is turned over"
 )
 

@@ -22,8 +22,8 @@ friction heat are counted then, and for the last step by :func:`~workflow.scheme
 
 The heat residual compares the change of the content H = Σ c_i θ_i with αJ + ∫Σq - ∫L(θ) dt, the loss
 L = κ_1 θ_1 + Σ b_i θ_i by the mean of a step's ends, counted for :data:`SPAN` steps at once. A full model leaves
--(θ - 1/2) h [L(end) - L(0)]; a reduced one adds what its basis loses: no combination of its equations gives the sum over
-the nodes unless a uniform temperature lies in the basis. Σq is taken as far as the basis holds a uniform temperature.
+-(θ - 1/2) h [L(end) - L(0)]; a reduced one adds what its basis loses: no combination of its equations gives the sum
+over the nodes unless a uniform temperature lies in the basis. Σq is taken as far as the basis holds one.
 
 The balances run over whole steps: from t = 0 to the end of the last step, which lies at the duration
 or, where the duration is no multiple of h, up to one step beyond it; those of central differences are h/2 longer at
