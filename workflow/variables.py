@@ -107,12 +107,11 @@ _PREDICTABILITY = (
 )
 
 _BASIS_ERROR = (
-    "larger of the relative L2 errors of displacement and temperature of the reduced model in the hardest case of the "
-    "study, event_driven against the full model (of more than 300 coordinates: against 100 + 100 vectors; what "
-    "event_driven refuses: moreau, theta = 1, at the shortest step); hardest: "
-    "largest alpha, smallest gap, load frequency of the largest answer, largest magnitude of all else that varies; "
-    "the text choices of the provenance group names it; missing where the study gives both counts, or that case did "
-    "not end ok"
+    "larger of the relative L2 errors of displacement and temperature of the reduced model in the worst corner of the "
+    "scene, event_driven against the full model (of more than 300 coordinates: against 100 + 100 vectors; what "
+    "event_driven refuses: moreau, theta = 1, at the shortest step); a corner takes the hardest or mildest value of "
+    "each dimension (alpha, gap, answer at the load frequency, magnitude of all else), 16 at most; the text choices of "
+    "the provenance group names the worst; missing where the study gives both counts, or no corner ended ok"
 )
 
 _TOTAL = "0 where both are identically zero; missing where only the reference is, or failed: see message"

@@ -27,7 +27,7 @@ class Decided:
     mechanical_modes, thermal_modes
         Vectors beside the tip's own.
     error
-        Error in the study's hardest case, 1.
+        Error in the worst corner of the scene, 1.
     """
 
     where: str

@@ -29,7 +29,7 @@ def plan(
 ) -> None:
     """Say what a study comes to: cases, batches, time, size, structures, warnings. Runs no case.
 
-    Where counts of modes are `auto` they are decided here as in a run, by trials of the study's hardest case.
+    Where counts of modes are `auto` they are decided here as in a run, by trials at the corners of the scene.
 
     With an archive: how many cases it holds, how many are missing, how many the study no longer asks for.
     """

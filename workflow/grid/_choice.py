@@ -1,7 +1,7 @@
 """Counts of modes that a tolerance decides: the smallest reduced model whose tip meets it, confirmed in time.
 
-What decides is the larger of the relative errors of the tip's displacement and temperature in the hardest case of a
-study (:mod:`workflow.grid._trials`). Counts begin where the tip's transfer functions put them
+What decides is the larger of the relative errors of the tip's displacement and temperature in the hardest corner of a
+study's scene (:mod:`workflow.grid._trials`). Counts begin where the tip's transfer functions put them
 (:mod:`workflow.reduction._transfer`). Then the fewest vectors of each kind beside the most of the other are sought, and
 from there the smallest sum of both that meets the tolerance. Errors do not fall evenly with the count, so smaller
 ones are tried until they are three times too large.
@@ -37,10 +37,10 @@ class Choice:
     mechanical_modes, thermal_modes
         The counts.
     error
-        Larger of the relative L2 errors of the tip's displacement and temperature in the hardest case, 1; NaN where
-        that has no exact solution.
+        Larger of the relative L2 errors of the tip's displacement and temperature in the hardest corner, 1; NaN
+        where none ended ok.
     hardest
-        Path and value of every axis of the hardest case.
+        Path and value of every axis of the corner with that error.
     against
         What the error was measured against, in words.
     """
@@ -67,7 +67,7 @@ def choose(setting: Setting, wanted: Counts, tolerance: float) -> Choice:
     """Return the counts of the smallest reduced model that meets a tolerance.
 
     Where a count that is given stands in its way, or rounding, the model that adds no more than the tolerance to what
-    is then left; without an exact solution of the hardest case the counts that the transfer functions ask for.
+    is then left; where no corner ends ok the counts that the transfer functions ask for.
 
     Parameters
     ----------
@@ -83,9 +83,29 @@ def choose(setting: Setting, wanted: Counts, tolerance: float) -> Choice:
         least, most = _ends(wanted, trials.most)
         asked = trials.begin(tolerance)
         first = _within(asked, least, most)
-        counts = first if trials.failure else _smallest(trials.error, first, least, most, tolerance)
-        error = float("nan") if trials.failure else trials.error(*counts)
-    return Choice(*counts, error, tuple(trials.hardest.items()), _against(trials))
+        counts = first if trials.failure else _confirmed(trials, first, least, most, tolerance)
+        errors = [float("nan")] if trials.failure else trials.errors(*counts, trials.sound)
+        worst = errors.index(max(errors))
+    hardest = trials.corners[0 if trials.failure else trials.sound[worst]]
+    return Choice(*counts, errors[worst], tuple(hardest.items()), _against(trials))
+
+
+def _confirmed(trials: Trials, first: Counts, least: Counts, most: Counts, tolerance: float) -> Counts:
+    """Return the smallest counts that meet a tolerance in all corners: decided by few, and by what then misses it."""
+    floor = max(trials.errors(*most, trials.sound))
+    allowed = tolerance if floor <= tolerance else tolerance + floor
+    deciding = [trials.sound[0]]
+    while True:
+
+        def error(mechanical: int, thermal: int) -> float:
+            return max(trials.errors(mechanical, thermal, deciding))
+
+        first = _smallest(error, first, least, most, allowed)
+        errors = trials.errors(*first, trials.sound)
+        worst = trials.sound[errors.index(max(errors))]
+        if max(errors) <= allowed or worst in deciding:
+            return first
+        deciding.append(worst)
 
 
 def choices_text(choices: Mapping[int, Choice]) -> str:
@@ -123,17 +143,15 @@ def _within(counts: Counts, least: Counts, most: Counts) -> Counts:
 
 def _against(trials: Trials) -> str:
     if trials.failure:
-        return f"not confirmed, as the hardest case by {trials.by} did not end ok: {trials.failure}"
+        return f"not confirmed, as no corner of the scene ended ok by {trials.by}: {trials.failure}"
     model = "the full model" if trials.is_full else f"the model of {trials.most[0]} + {trials.most[1]} vectors"
-    return f"confirmed by {trials.by} against {model}"
+    lost = len(trials.corners) - len(trials.sound)
+    but = f", without {lost} of {len(trials.corners)} corners of the scene that did not end ok" if lost else ""
+    return f"confirmed by {trials.by} against {model}{but}"
 
 
-def _smallest(
-    error: Callable[[int, int], float], first: Counts, least: Counts, most: Counts, tolerance: float
-) -> Counts:
-    """Return the counts of the smallest sum that meet a tolerance, begun at ``first``."""
-    floor = error(*most)
-    allowed = tolerance if floor <= tolerance else tolerance + floor
+def _smallest(error: Callable[[int, int], float], first: Counts, least: Counts, most: Counts, allowed: float) -> Counts:
+    """Return the counts of the smallest sum whose error is allowed, begun at ``first``."""
     mechanical = _fewest(lambda count: error(count, most[1]), first[0], least[0], most[0], allowed)
     thermal = _fewest(lambda count: error(most[0], count), first[1], least[1], most[1], allowed)
     best = most

@@ -45,5 +45,5 @@ def _found(choice: Choice) -> str:
     if not choice.is_confirmed:
         return choice.against
     case = ", ".join(f"{path.removeprefix('scene.')} = {value:.6g}" for path, value in choice.hardest)
-    where = f"in the hardest case ({case})" if case else "in the only case"
+    where = f"in the worst corner ({case})" if case else "in the only case"
     return f"error {choice.error:.2g} {where}, {choice.against}"

@@ -1,17 +1,20 @@
-"""Trials of reduced models in time: the hardest case of a study, run exactly, and how far fewer vectors are from it.
+"""Trials of reduced models in time: corners of a study's scene, run exactly, and how far fewer vectors are from them.
 
-The hardest case is taken dimension by dimension, without running any: the largest heat coupling, the smallest gap, the
-load frequency at which the tip answers most, and the largest magnitude of everything else (load, restitution,
-temperatures, velocities) but phases; of axes that vary together alpha decides first, then the gap, then the frequency,
-then the others by name, and of equals the first. It is run by `event_driven` on the full structure; one of more than
-300 coordinates is reduced to 100 + 100 vectors of the same basis. What `event_driven` refuses is run by `moreau` with
-θ = 1 at the study's shortest step, full and reduced alike.
+A corner takes of each dimension the hardest or the mildest value: the largest or smallest heat coupling, the smallest
+or largest gap, the load frequency at which the tip answers most or least, the largest or smallest magnitude of
+everything else but phases; of axes that vary together alpha decides first, then the gap, then the frequency, then the
+others by name, and of equals the first. Of more than 16 corners those are taken that have the fewest mild or the fewest
+hard values. They are run by `event_driven` on the full structure; one of more than 300 coordinates is reduced to
+100 + 100 vectors of the same basis. What `event_driven` refuses is run by `moreau` with θ = 1 at the study's shortest
+step, full and reduced alike. A corner that does not end ok so is left out.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import product
 
 import numpy as np
 
@@ -39,6 +42,9 @@ _WIDTH = 0.01
 _EVENTS, _STEPS = 20_000, 200_000
 """Budget of an exact trial, seconds of a structure of 20 nodes: what needs more is not tried some twenty times."""
 
+_CORNERS = 16
+"""Corners that are tried: those of four dimensions."""
+
 _KEPT = 8
 
 
@@ -65,16 +71,18 @@ class Setting:
 
 
 class Trials:
-    """The exact solution of the hardest case, and the errors of reduced models against it, each found once.
+    """Solutions of the corners of a study, and the errors of reduced models against them, each found once.
 
     Attributes
     ----------
     most
         Counts of vectors of the model that errors are measured against, n - 1 where that is the full one.
-    hardest
-        Values of the axes of the hardest case, by path.
+    corners
+        Values of the axes of each corner, by path; the first has the hardest value of each dimension.
+    sound
+        Corners that ended ok.
     failure
-        Why that case has no solution to measure by, empty where it has one.
+        Why no corner did, empty where some did.
     """
 
     def __init__(self, setting: Setting) -> None:
@@ -82,16 +90,21 @@ class Trials:
         structure = structure_of(setting.cell.scene.model, setting.cell.scene.parameters)
         self.most = _most(structure.mechanical_size), _most(structure.thermal_size)
         self.is_full = self.most == (structure.mechanical_size - 1, structure.thermal_size - 1)
-        self.hardest = hardest_case(setting.inner, structure_on(reduced(self._with(*self.most))))
-        varying = {path: np.array([value]) for path, value in self.hardest.items()}
-        self._cases = conditions(setting.cell, structure, varying, 1)
-        self._errors: dict[tuple[int, int], float] = {}
+        self.corners = corners_of(setting.inner, structure_on(reduced(self._with(*self.most))))
+        varying = {path: np.array([corner[path] for corner in self.corners]) for path in self.corners[0]}
+        self._cases = conditions(setting.cell, structure, varying, len(self.corners))
+        self._errors: dict[tuple[int, int, int], float] = {}
+        every = range(len(self.corners))
         try:
-            self._run(0, 0)
-            self._truth, self.failure = _judged(self._run(*self.most))
+            self._run(0, 0, (0,))
+            truth: Results | None = self._run(*self.most, every)
         except Exception:  # whatever refuses the scene or the basis
             self._cell = _stepped(setting)
-            self._truth, self.failure = self._solved(*self.most)
+            truth, self.failure = self._tried(*self.most, every)
+        self._truth = truth
+        self.sound = () if truth is None else tuple(int(k) for k in np.flatnonzero(truth.status == Status.OK))
+        if truth is not None:
+            self.failure = "" if self.sound else truth.messages.get(0, "it did not end ok")
 
     @property
     def by(self) -> str:
@@ -111,7 +124,7 @@ class Trials:
         return counts_asked_for(structure, reduce, self._excitation(structure, cases), tolerance, self.most)
 
     def _excitation(self, structure: Structure, cases: Cases) -> Excitation:
-        """Return what the hardest case excites: the tip itself, and where they are not 0 its loads and start."""
+        """Return what the first corner excites: the tip itself, and where they are not 0 its loads and start."""
         steady, heating, warmth = cases.steady[0], cases.heating[0], structure.heat_contents(cases.temperature[0])
         return Excitation(
             duration=self._sampling.duration,
@@ -121,44 +134,41 @@ class Trials:
             heats=np.column_stack([_tip(structure.thermal_size), heating, warmth]),
         )
 
-    def error(self, mechanical: int, thermal: int) -> float:
-        """Return the larger of the relative L2 errors of displacement and temperature; infinite where there is none."""
+    def errors(self, mechanical: int, thermal: int, corners: Sequence[int]) -> list[float]:
+        """Return of each corner the larger relative L2 error of displacement and temperature; infinite without one."""
         counts = mechanical, thermal
-        if counts not in self._errors:
-            self._errors[counts] = 0.0 if counts == self.most else self._error(*self._solved(*counts))
-        return self._errors[counts]
+        unknown = [k for k in corners if (*counts, k) not in self._errors]
+        if unknown:
+            found = [0.0] * len(unknown) if counts == self.most else self._found(mechanical, thermal, unknown)
+            self._errors |= {(*counts, k): error for k, error in zip(unknown, found, strict=True)}
+        return [self._errors[*counts, k] for k in corners]
 
-    def _error(self, found: Results | None, failure: str) -> float:
-        if found is None or self._truth is None:
-            return float("inf")
-        errors = [
-            float(relative_distance(found.histories[name], self._truth.histories[name])[0])
-            for name in ("displacement", "temperature")
-        ]
-        return float("inf") if np.isnan(errors).any() else max(errors)
+    def _found(self, mechanical: int, thermal: int, corners: Sequence[int]) -> list[float]:
+        results, _ = self._tried(mechanical, thermal, corners)
+        if results is None or self._truth is None:
+            return [float("inf")] * len(corners)
+        largest = np.zeros(len(corners))
+        for name in ("displacement", "temperature"):
+            truth = self._truth.histories[name][list(corners)]
+            largest = np.maximum(largest, relative_distance(results.histories[name], truth))
+        lost = np.isnan(largest) | (results.status != Status.OK)
+        return [float(error) for error in np.where(lost, np.inf, largest)]
 
     def _with(self, mechanical: int, thermal: int) -> Cell:
         return replace(self._cell, mechanical_modes=mechanical, thermal_modes=thermal)
 
-    def _solved(self, mechanical: int, thermal: int) -> tuple[Results | None, str]:
-        """Return the solution with some counts, or ``None`` and why there is none."""
+    def _tried(self, mechanical: int, thermal: int, corners: Sequence[int]) -> tuple[Results | None, str]:
+        """Return solutions with some counts, or ``None`` and why there are none."""
         try:
-            return _judged(self._run(mechanical, thermal))
+            return self._run(mechanical, thermal, corners), ""
         except Exception as error:  # whatever a model or basis raises
             return None, f"{type(error).__name__}: {error}"
 
-    def _run(self, mechanical: int, thermal: int) -> Results:
+    def _run(self, mechanical: int, thermal: int, corners: Sequence[int]) -> Results:
         cell = self._with(mechanical, thermal)
         compile_for(cell, self._sampling.balances)
         with np.errstate(all="ignore"):
-            return run_batch(cell, self._cases, self._sampling)
-
-
-def _judged(results: Results) -> tuple[Results | None, str]:
-    """Return results that ended ok, or ``None`` and how they ended."""
-    if results.status[0] != Status.OK:
-        return None, results.messages.get(0, "it did not end ok")
-    return results, ""
+            return run_batch(cell, self._cases.take(np.asarray(corners)), self._sampling)
 
 
 def _exact(setting: Setting) -> Cell:
@@ -179,15 +189,29 @@ def trials_of(setting: Setting) -> Trials:
     return Trials(setting)
 
 
-def hardest_case(inner: tuple[Dimension, ...], structure: Structure) -> dict[str, float]:
-    """Return the values of the axes of the hardest case, by path; see the module."""
-    found: dict[str, float] = {}
-    for dimension in inner:
-        axes = sorted(dimension.axes, key=lambda axis: (_rank(axis.path), axis.path))
-        keys = [_severity(axis.path, np.asarray(axis.values, dtype=np.float64), structure) for axis in axes]
-        worst = int(np.lexsort([-key for key in reversed(keys)])[0])
-        found |= {axis.path: float(axis.values[worst]) for axis in dimension.axes}
-    return found
+def corners_of(inner: tuple[Dimension, ...], structure: Structure) -> list[dict[str, float]]:
+    """Return the values of the axes of each corner, by path; see the module."""
+    ends = [_ends(dimension, structure) for dimension in inner]
+    places = sorted(product(*(range(len(end)) for end in ends)), key=lambda mild: _unlike(mild, len(ends)))
+    return [_values(inner, [end[k] for end, k in zip(ends, place, strict=True)]) for place in places[:_CORNERS]]
+
+
+def _unlike(mild: tuple[int, ...], count: int) -> tuple[int, tuple[int, ...]]:
+    """Rank corners by how few values differ from all hard, or all mild."""
+    return min(sum(mild), count - sum(mild)), mild
+
+
+def _values(inner: tuple[Dimension, ...], places: Sequence[int]) -> dict[str, float]:
+    pairs = zip(inner, places, strict=True)
+    return {axis.path: float(axis.values[k]) for dimension, k in pairs for axis in dimension.axes}
+
+
+def _ends(dimension: Dimension, structure: Structure) -> list[int]:
+    """Return the places of the hardest and of the mildest value of a dimension."""
+    axes = sorted(dimension.axes, key=lambda axis: (_rank(axis.path), axis.path))
+    keys = [_severity(axis.path, np.asarray(axis.values, dtype=np.float64), structure) for axis in axes]
+    order = np.lexsort([-key for key in reversed(keys)])
+    return [int(order[0]), int(order[-1])] if order.size > 1 else [0]
 
 
 def _rank(path: str) -> int:

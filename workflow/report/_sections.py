@@ -98,7 +98,7 @@ def _decided(dataset: xr.Dataset) -> list[str]:
         [one.where, f"{one.mechanical_modes} + {one.thermal_modes}", _percent(one.error)]
         for one in decided(dataset)[:_DECIDED_SHOWN]
     ]
-    return [table(["modes that the tolerance decided for", "modes", "error in the hardest case"], rows)] if rows else []
+    return [table(["modes that the tolerance decided for", "modes", "error in the worst corner"], rows)] if rows else []
 
 
 def effects(dataset: xr.Dataset) -> list[str]:

@@ -134,7 +134,7 @@ def known_cases(study: Study, archive: Path, layout: Layout, hashes: Hashes, reu
             which = none if unasked == cases else f"{unasked} of its {cases} cases are not"
             was, now = stored_choices(texts), stored_choices(layout.provenance)
             other = set(was.values()) - set(now.values())
-            decided = ", as its tolerance decides `auto` by another hardest case" if other else ""
+            decided = ", as its tolerance decides `auto` by other cases" if other else ""
             raise ArchiveError(
                 f"{archive}: {which} asked for by this study as it is now{decided}: {unasked} stored cases would be "
                 "lost; --drop leaves them out, -o chooses another archive"
