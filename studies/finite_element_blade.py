@@ -50,7 +50,7 @@ def mesh(elements: tuple[int, int, int]) -> MeshHex:
 
 
 def matrices(elements: tuple[int, int, int]) -> dict[str, scipy.sparse.csr_matrix | np.ndarray]:
-    """Return the matrices without the clamped, cold root, and the vectors of the contact."""
+    """Return the matrices without the clamped, cold root, the vectors of the contact, and the nodes' places [m]."""
     body = mesh(elements)
     moving = Basis(body, ElementVector(ElementHex2()), intorder=5)
     warm = Basis(body, ElementHex2(), intorder=5)
@@ -72,7 +72,7 @@ def matrices(elements: tuple[int, int, int]) -> dict[str, scipy.sparse.csr_matri
     rows = {"mass": free, "stiffness": free, "coupling": free, "heat_capacity": rises, "conductance": rises}
     columns = {**rows, "coupling": rises}
     tidy = {name: _tidy(whole[name][rows[name]][:, columns[name]], name != "coupling") for name in whole}
-    return {**tidy, **_contact(moving, warm, free, rises)}
+    return {**tidy, **_contact(moving, warm, free, rises), "places": warm.doflocs[:, rises]}
 
 
 def _tidy(matrix: scipy.sparse.csr_matrix, symmetric: bool) -> scipy.sparse.csr_matrix:
@@ -106,7 +106,7 @@ def write_npz(found: dict, place: Path) -> None:
         if scipy.sparse.issparse(value):
             parts = {part: getattr(value, part) for part in ("data", "indices", "indptr", "shape")}
             entries |= {f"{name}.{part}": numbers for part, numbers in parts.items()}
-        else:
+        elif name != "places":
             entries[name] = value
     np.savez_compressed(place, **entries)
 
@@ -115,6 +115,8 @@ def write_matrix_market(found: dict, place: Path) -> None:
     """Write a directory with one file for each matrix and vector."""
     place.mkdir(parents=True, exist_ok=True)
     for name, value in found.items():
+        if name == "places":
+            continue
         if name == "labels":
             (place / "labels.txt").write_text("\n".join(value) + "\n")
             continue
