@@ -109,7 +109,7 @@ def _is_summed_up(path: str) -> bool:
 
 
 def _harmonic_columns(scene: Scene, varying: Any, count: int) -> dict[str, Any]:
-    """Return amplitude, frequency and phase of all harmonics by name, ``(case,)`` each; an order counts as its frequency."""
+    """Return amplitude, frequency and phase of all harmonics by name, ``(case,)`` each; orders as frequencies."""
     found: dict[str, Any] = {}
     for group in ("load", "casing"):
         harmonics = harmonics_of(scene, group, varying, count)
