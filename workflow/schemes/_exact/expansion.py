@@ -75,10 +75,11 @@ def _expand_slow_terms(r: Response, output: int, y: Array, t: float, sums: Array
     f = r.first
     s0, s1, s2, s3 = r.outputs[output], 0.0, 0.0, 0.0
     fourth, size = 0.0, abs(r.outputs[output])
+    column = np.uintp(wave.SIGNAL_COS + 2 * output)  # unsigned: it needs no test for a negative index
     for i in range(r.waves.shape[0]):
         w = r.waves[i, wave.OMEGA]
         cos, sin = wave_phase(r.waves, i, t)
-        a, b = r.waves[i, wave.SIGNAL_COS + 2 * output], r.waves[i, wave.SIGNAL_SIN + 2 * output]
+        a, b = r.waves[i, column], r.waves[i, column + np.uintp(1)]
         seen, turn, amplitude = a * cos + b * sin, b * cos - a * sin, abs(a) + abs(b)
         s0 += seen
         s1 += w * turn
