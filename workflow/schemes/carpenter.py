@@ -1,9 +1,9 @@
 """Central differences with forward-increment Lagrange multipliers: no penetration at the next step's end.
 
 Carpenter, Taylor, Katona, IJNME 32 (1991) 103–128. The multiplier λ_k of the step at t_k is the least
-that keeps x_n,k+1 <= d, its impulse p_k = hλ_k:
+that keeps x_n,k+1 <= d, on a casing that moves d_k+1, its impulse p_k = hλ_k:
 
-    p_k = max(0, (x_n,k - d)/h + w_free) / W,   W = e_nᵀ (M + h/2 C1)⁻¹ e_n,
+    p_k = max(0, (x_n,k - d_k+1)/h + w_free) / W,   W = e_nᵀ (M + h/2 C1)⁻¹ e_n,
 
 with w_free the tip's velocity from t_k to t_k+1 without contact. There is no restitution
 coefficient: a single mass reaches the casing in one step, loses its velocity in the next and leaves

@@ -1,6 +1,6 @@
 """Regularised contact: a spring and a damper that act where the tip has passed the casing.
 
-    λ = max(0, κ (x_n - d) + c v_n)  where x_n > d,  else 0.
+    λ = max(0, κ (x_n - d) + c (v_n - ḋ))  where x_n > d,  else 0.
 
 ``explicit`` steps by central differences with v_n,k = (x_n,k+1 - x_n,k-1)/2h, stable below h = 2/ω_max
 (:mod:`workflow.schemes._fixed.central`); with the tip in contact ω_max is that of the structure with κ at its
