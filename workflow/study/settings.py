@@ -142,7 +142,7 @@ class Cell:
     thermal_modes: int = quantity("1", "thermal vectors kept beside the tip's own", default=FULL, at_least=0)
 
 
-_BALANCES = "whether to keep energy_residual and heat_residual; they take a step half as long again at most"
+_BALANCES = "whether to keep energy_residual and heat_residual; a step takes about half as long again with them"
 
 
 @dataclass(frozen=True)
@@ -159,7 +159,7 @@ class Output:
         Type of the histories.
     balances
         Whether energy and heat balances are kept, metrics ``energy_residual`` and ``heat_residual``.
-        A step takes half as long again at most with them.
+        A step takes about half as long again with them.
     """
 
     interval: float = quantity("s", "sampling of all histories; default: duration/1000", above=0)
