@@ -30,7 +30,7 @@ scene:
 axes:
   scheme: [{schemes}]
   alpha: [0, {alpha}]
-  h: [1e-5]
+  h: [{h}]
   e: [0, 0.5]
 zip:
   model: {{mechanical_modes: [3, full], thermal_modes: [12, full]}}
@@ -41,8 +41,8 @@ BLADE = """blade: {nodes: 20, length: 40 mm, width: 30 mm, thickness: 1 mm, dens
           conductivity: 7.0, convection: 400, expansion: 9.0e-6, tip_stiffness: 1.0e6, damping: DAMPING}"""
 RAYLEIGH = "{mass: 10, stiffness: 2.0e-7}"
 RUBS = {
-    "chain": (HEAVY, {"gap": 5e-5, "amplitude": 100, "frequency": 20, "duration": 0.1, "alpha": 0.5}),
-    "blade": (BLADE, {"gap": 2e-5, "amplitude": 24, "frequency": 5, "duration": 0.2, "alpha": 30}),
+    "chain": (HEAVY, {"gap": 5e-5, "amplitude": 100, "frequency": 20, "duration": 0.1, "alpha": 0.5, "h": 1e-5}),
+    "blade": (BLADE, {"gap": 2e-5, "amplitude": 24, "frequency": 5, "duration": 0.1, "alpha": 30, "h": 5e-7}),
 }
 ALL = "moreau, carpenter, penalty, event_driven"
 
