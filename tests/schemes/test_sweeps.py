@@ -9,9 +9,10 @@ import pytest
 from plain_moreau import Trajectory, march
 
 from scenes import alone, cases, chain, heavy_chain, same_bits, sampling, step, taken
-from workflow.models import Cases, Chain, Rayleigh, _tip_held, static_equilibrium
+from workflow.models import Array, Cases, Chain, Rayleigh, _tip_held, static_equilibrium
 from workflow.reduction import reduce_structure
 from workflow.schemes import Results, Sampling, Status, moreau
+from workflow.schemes._fixed.decoupled import decouple, start
 from workflow.schemes._sweep.sweeps import Swept, node_rows
 
 
@@ -55,6 +56,20 @@ def whole_balance(structure: Chain, batch: Cases, h: float, path: Trajectory) ->
     return float((energy[-1] - energy[0] + h * spent + np.sum(p * v[:, -1])) / energy.max())
 
 
+def modal_rounding(structure: Chain, batch: Cases, contact_impulse: Array, steps: int, elapsed: float) -> Array:
+    """Bound of what rounding gives the heat residual of modes, ``(case,)``.
+
+    In each step a mode's temperature, less the one that heating settles at, is multiplied by a factor: two sums, a
+    quotient and the product round it by at most 4 · eps/2. The heat that this loses is compared with the heat turned
+    over, which in a run much shorter than 1/μ is a small share of what the settled temperatures contain.
+    """
+    modal = decouple(structure)
+    contained = np.abs(start(modal, batch).heat * (structure.content @ modal.heat_shapes)).sum(axis=1)
+    turned = batch.alpha * contact_impulse + elapsed * batch.heating.sum(axis=1)
+    relative = np.divide(contained, turned, out=np.zeros_like(turned), where=turned > 0)
+    return np.asarray(2 * np.finfo(float).eps * steps * (1 + relative))
+
+
 @pytest.mark.parametrize("theta", [0.5, 0.7, 1.0])
 @pytest.mark.parametrize("nodes", [1, 2, 20, 60, 200])
 def test_sweeps_step_as_modes_do(nodes: int, theta: float) -> None:
@@ -74,7 +89,8 @@ def test_sweeps_step_as_modes_do(nodes: int, theta: float) -> None:
         assert (
             abs(found.metrics["energy_residual"][case] - whole_balance(structure, alone(batch, case), h, path)) < 1e-9
         )
-    assert np.abs(found.metrics["heat_residual"] - modal.metrics["heat_residual"]).max() < 1e-11
+    difference = np.abs(found.metrics["heat_residual"] - modal.metrics["heat_residual"])
+    assert np.all(difference <= modal_rounding(structure, batch, modal.histories["impulse"][:, -1], 1011, 1011 * h))
 
 
 @pytest.mark.parametrize("theta", [0.0, 0.4, 0.5, 1.0])
