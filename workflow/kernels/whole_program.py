@@ -71,8 +71,20 @@ class _Whole(JITCodeLibrary):
             for other in library._linking_libraries:
                 self.add_linking_library(other)
 
+    def _link_left_out(self) -> None:
+        """Link parts that are called, but that LLVM's linker left out as nothing that was linked before called them.
+
+        That happens where the first caller of a part was itself left out, its own call having been optimised away.
+        """
+        modules = [library._get_module_for_linking() for library in self._linking_libraries]
+        defined = {f.name: module for module in modules for f in module.functions if not f.is_declaration}
+        while absent := [f.name for f in self._final_module.functions if f.is_declaration and f.name in defined]:
+            for name in absent:
+                self._final_module.link_in(defined[name], preserve=True)
+
     def _optimize_final_module(self) -> None:
         """Optimise, knowing that what was linked has no callers elsewhere."""
+        self._link_left_out()
         for function in self._final_module.functions:
             if not function.is_declaration and function.linkage == Linkage.linkonce_odr:
                 function.linkage = "internal"

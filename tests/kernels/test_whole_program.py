@@ -1,0 +1,51 @@
+"""Kernels compiled with their parts as one program: a part is linked whoever calls it first."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from workflow.kernels.compiled import by_type, defines, inlined, kernel
+
+
+class Never(NamedTuple):
+    value: float
+
+
+@by_type
+def turns(law: Any) -> int:
+    return 1
+
+
+@defines(turns, Never)
+def no_turns(law: Never) -> int:
+    return 0
+
+
+@inlined
+def shared_by_both(x: float) -> float:
+    return x + 1.0
+
+
+@inlined
+def called_first(x: float) -> float:
+    return 2.0 * shared_by_both(x)
+
+
+@inlined
+def called_later(x: float) -> float:
+    return 3.0 * shared_by_both(x)
+
+
+@kernel
+def both(law: Any, x: float) -> float:
+    result = 0.0
+    for _ in range(0, turns(law), 1):
+        result += called_first(x)
+    for _ in range(int(x)):
+        result += called_later(x)
+    return result
+
+
+def test_a_part_is_linked_where_its_first_caller_is_left_out() -> None:
+    """Without it the kernel would call nothing at an address of 0."""
+    assert both(Never(0.0), 2.0) == 18.0
