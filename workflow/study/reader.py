@@ -119,6 +119,14 @@ def _forms(
     return addresses, study_form(addresses, labels, bases)
 
 
+def _entry(owner: Any, word: str) -> Any:
+    """Return what a mapping or a list holds under a word of a path; a mapping gets what it lacks."""
+    if isinstance(owner, dict):
+        return owner.setdefault(word, {})
+    held = isinstance(owner, list) and word.isdecimal() and int(word) < len(owner)
+    return owner[int(word)] if held else None
+
+
 class _Reader:
     """Reads one study, section by section; a mistake in one hides none in another."""
 
@@ -227,10 +235,7 @@ class _Reader:
             *above, last = path.split(".")
             owner = self.tree
             for word in above:
-                if isinstance(owner, list):  # the address is that of one of its entries
-                    owner = owner[int(word)]
-                else:
-                    owner = owner.setdefault(word, {}) if isinstance(owner, dict) else None
+                owner = _entry(owner, word)
             if not above or above[0] != "scene":
                 continue
             if owner == "static":
