@@ -99,6 +99,7 @@ class Books:
         heating = project(modal.heat_shapes.T, cases.heating)
         self._heating = project(self._content[None, :], heating)[:, 0]
         self._mobility, self._pushed = total(modal.mass * modal.tip**2), largest_load(cases, begun)
+        self._massless = massless_energy(modal, free.tip.h, terms.velocity)
         self.energy_residual, self.heat_residual = np.zeros(cases.count), np.zeros(cases.count)
 
     @property
@@ -122,7 +123,7 @@ class Books:
         count = part.stop - part.start
         sums = self.audit.sums[:, :count]
         change = sums[SUM_ENERGY] - self._sums[SUM_ENERGY, part] + sums[SUM_SPENT]
-        rest = rest_energy(self._mobility, elapsed * self._pushed[part])
+        rest = rest_energy(self._mobility, elapsed * self._pushed[part]) + self._massless[part]
         self.energy_residual[part] = share(change, np.maximum(sums[SUM_LARGEST_ENERGY], rest))
         friction = sums[SUM_FRICTION_HEAT] - (0.0 if self._counts else state.own[CASE_HEAT, :count])
         warmed = state.tau[:, :count].T / self._scale - self._begun_heat[part] + elapsed * self._warming[part]
@@ -219,6 +220,15 @@ def rest_energy(mobility: float, push: Array) -> Array:
     Where load and contact force cancel at a gap of 0 nothing else moves, and energy and residual are both rounding.
     """
     return np.asarray(0.5 * mobility * (REST * push) ** 2)
+
+
+def massless_energy(modal: Decoupled, h: float, velocity: Array) -> Array:
+    """Return the strain energy of what a mode without mass moves in a step at its first velocity, J, ``(case,)``.
+
+    Of a massless tip that begins with a velocity and no displacement all other energy is rounding.
+    """
+    massless = modal.mass == 0
+    return 0.5 * project((h * modal.frequency[massless])[None, :] ** 2, velocity[:, massless] ** 2)[:, 0]
 
 
 def share(part: Array, whole: Array) -> Array:
