@@ -19,7 +19,10 @@ from workflow.grid import arrange, units_of
 from workflow.run import _verify, run_study, verify
 from workflow.study import parse_study
 
-KEPT = sorted((Path(__file__).parents[2] / "data").rglob("*.nc"))
+KEPT = [
+    pytest.param(path, marks=pytest.mark.slow if path.stem == "scaling" else ())  # up to 100 000 nodes
+    for path in sorted((Path(__file__).parents[2] / "data").rglob("*.nc"))
+]
 
 STUDY = quick(
     {"alpha": [0.0, 5.0, 1e9], "scheme": ["moreau", "half"]}, schemes={"half": {"method": "moreau", "theta": 0.5}}
