@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -12,6 +13,8 @@ from workflow.cli._terminal import complain, console, say, write
 from workflow.cli._words import ArchiveFile, unwarned
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from workflow.analysis import Recommendation
 
 Tolerance = Annotated[
@@ -48,9 +51,22 @@ def recommend(archive: ArchiveFile, tolerance: Tolerance = None, as_json: AsJson
             except ValueError as error:
                 complain(str(error))
                 raise typer.Exit(WRONG) from None
+            for caution in _cautions(dataset):
+                complain(f"{archive}: {caution}")
         _write_json(asked, table) if as_json else _write_text(asked, table)
         if asked.choice is None:
             raise typer.Exit(NOT_OK)
+
+
+def _cautions(dataset: xr.Dataset) -> Iterator[str]:
+    """Yield why an answer may mean less than it says: cases that are not run, no contact at all."""
+    from workflow.schemes import Status
+
+    missing = int((dataset["status"] == Status.NOT_RUN).sum())
+    if missing:
+        yield f"{missing} of {dataset['status'].size} cases are not run yet"
+    if "contact_impulse" in dataset and not dataset["contact_impulse"].fillna(1).any():
+        yield "no case touches its casing, so only free motion is compared"
 
 
 def _write_json(asked: Recommendation, table: list[Recommendation]) -> None:
