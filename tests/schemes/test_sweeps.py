@@ -168,7 +168,7 @@ def test_a_long_chain_runs_full_and_reduced() -> None:
         convection=0.4 / n,
     )
     assert moreau.operator_name(full) == "sweeps along 3000 nodes"
-    assert moreau.operator_name(heavy_chain()) == "20 + 20 modes"
+    assert moreau.operator_name(heavy_chain()) == "20 + 20 modes with the tip's own"
     push = np.zeros(n)
     push[-1] = 60.0
     x, theta = static_equilibrium(full, push, np.zeros(n), 5e-5)

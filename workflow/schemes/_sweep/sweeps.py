@@ -86,7 +86,7 @@ def operator_name(structure: Structure) -> str:
     """Return what a structure is stepped by, as ``plan`` says it."""
     if is_swept(structure):
         return f"sweeps along {structure.mechanical_size} nodes"
-    return f"{structure.mechanical_size} + {structure.thermal_size} modes"
+    return f"{structure.mechanical_size} + {structure.thermal_size} modes with the tip's own"
 
 
 def node_rows(rows: int, nodes: int) -> Array:
