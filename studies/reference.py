@@ -82,9 +82,10 @@ def choices(entry: dataclasses.Field[Any], hint: Any) -> str:
 
 
 def default(entry: dataclasses.Field[Any]) -> str:
-    """Return the default of a value, `required` where it has none."""
+    """Return the default of a value, `required` where it has none and its description tells none."""
     if entry.default is dataclasses.MISSING:
-        return "required"
+        quantity = quantity_of(entry)
+        return (quantity.description.partition("default: ")[2] if quantity else "") or "required"
     value = entry.default
     if isinstance(value, bool):
         return str(value).lower()
@@ -147,8 +148,8 @@ def is_setting(entry: dataclasses.Field[Any]) -> bool:
 
 
 def about_basis(name: str) -> str:
-    """Return the first line of a basis's docstring."""
-    return str(import_module(reduction.load(name).mechanical.__module__).__doc__).split("\n\n")[0].replace("\n", " ")
+    """Return the first paragraph of the docstring of a basis."""
+    return str(import_module(f"{reduction.__name__}.{name}").__doc__).split("\n\n")[0].replace("\n", " ")
 
 
 def _field(declared: Any, name: str) -> dataclasses.Field[Any]:

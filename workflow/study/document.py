@@ -138,7 +138,10 @@ def study_form(addresses: Mapping[str, Address], labels: tuple[str, ...], bases:
     zips: Any = GenericAlias(dict, (annotated(str, Name("the dimension")), axes_form(addresses, zipped=True)))
     choices: Any = GenericAlias(dict, (annotated(str, Name("the scheme")), scheme_form()))
     entries: dict[str, Any] = {
-        "study": (annotated(Any, Name("the study")), Field(description="name of the study and of its archive")),
+        "study": (
+            annotated(Any, Name("the study (its `title` takes a sentence)")),
+            Field(description="name of the study and of its archive"),
+        ),
         "title": (annotated(Any, Line(LONGEST_TITLE)), Field("", description="one line on what the study shows")),
         "license": (
             annotated(Any, Line(LONGEST_TITLE)),
