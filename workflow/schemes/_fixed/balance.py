@@ -16,6 +16,8 @@ begins and ends, is added (:func:`contact_gain`).
 
 The mean velocity is that of the power of an impact, p (v + v')/2, whatever θ is. With θ-weighted velocities the sum is
 -(θ - 1/2) (Δζ² + ω² Δη²) exactly, but that takes the jump of each impact for the scheme's doing.
+The load counts as the step weighs it, F_θ: a slow motion under it leaves -2 (θ - 1/2) h ∫ k v² dt, one half of which is
+F_θ against the mean of the load at the step's ends, by which sweeps and full matrices count.
 
 A mode's velocity at the end of a step is known when the next one begins, which adds the impulse to it: damping and
 friction heat are counted then, and for the last step by :func:`~workflow.schemes._fixed.modal_lanes.close_balance`.
