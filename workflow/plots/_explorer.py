@@ -99,8 +99,9 @@ def _histories(histories: Sequence[dict[str, Any]]) -> Any:
 def _controls(description: dict[str, Any], axes: Sequence[dict[str, Any]]) -> Any:
     """Return menus for the metric and the axes of the map, and a slider for each axis."""
     from bokeh.layouts import column
-    from bokeh.models import CategoricalSlider, Select
+    from bokeh.models import CategoricalSlider, InlineStyleSheet, Select
 
+    wrapped = InlineStyleSheet(css=".bk-slider-title { white-space: normal; overflow-wrap: anywhere; }")
     names = [(axis["name"], axis["title"]) for axis in axes]
     first, second = map_axes(description)
     metrics = [("status", "status")] + [(metric["name"], metric["title"]) for metric in description["metrics"]]
@@ -121,6 +122,7 @@ def _controls(description: dict[str, Any], axes: Sequence[dict[str, Any]]) -> An
                 title=axis["title"] + unit,
                 categories=axis["texts"],
                 value=axis["texts"][0],
+                stylesheets=[wrapped],
             )
         )
     for widget in made:
