@@ -15,6 +15,7 @@ from workflow.grid._blow_up import mark_blown_up
 from workflow.grid._conditions import conditions
 from workflow.grid._frequencies import longest_period_count
 from workflow.grid._operators import compile_for, projection_residual_of, run_batch, runaway_of, structure_of
+from workflow.grid._reason import reason_of
 from workflow.grid._reference import against_reference
 from workflow.grid._shaken import Shaken
 from workflow.models import Array, Cases
@@ -73,7 +74,7 @@ def _solve_or_tell(grid: Grid, outer: int, inner: Indices, shaken: Shaken | None
             return _solve_distinct(grid, outer, inner, shaken)
     except Exception as error:  # whatever a model or scheme raises is that case's result
         if inner.size == 1:
-            return _failed(grid, f"{type(error).__name__}: {error}")
+            return _failed(grid, reason_of(error))
         return _joined([_solve_or_tell(grid, outer, inner[k : k + 1], shaken) for k in range(inner.size)])
 
 

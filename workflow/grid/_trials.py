@@ -22,6 +22,7 @@ from workflow import schemes
 from workflow.grid._conditions import conditions
 from workflow.grid._distance import relative_distance
 from workflow.grid._operators import compile_for, reduced, reduction_of, run_batch, structure_of, structure_on
+from workflow.grid._reason import reason_of
 from workflow.kernels.sums import total
 from workflow.models import Array, Cases, Structure, mechanical_modes
 from workflow.models._dense import MOST_PORTABLE
@@ -162,7 +163,7 @@ class Trials:
         try:
             return self._run(mechanical, thermal, corners), ""
         except Exception as error:  # whatever a model or basis raises
-            return None, f"{type(error).__name__}: {error}"
+            return None, reason_of(error)
 
     def _run(self, mechanical: int, thermal: int, corners: Sequence[int]) -> Results:
         cell = self._with(mechanical, thermal)

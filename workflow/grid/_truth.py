@@ -16,6 +16,7 @@ from workflow.grid._blow_up import mark_blown_up
 from workflow.grid._conditions import conditions
 from workflow.grid._distance import relative_distance
 from workflow.grid._operators import compile_for, run_batch, structure_of
+from workflow.grid._reason import reason_of
 from workflow.grid._turns import waiting
 from workflow.models import Array, Cases
 from workflow.schemes import Results, Sampling, Status
@@ -140,7 +141,7 @@ def _computed_or_lost(grid: Grid, cell: Cell, shape: tuple[int, ...], own: Indic
         if own.size > 1:
             return _joined([_computed_or_lost(grid, cell, shape, own[k : k + 1], perturbed) for k in range(own.size)])
         lost = np.full((1, grid.sampling.count), np.nan)
-        return Truth(dict.fromkeys(COMPARED, lost), np.full(1, np.nan), {0: f"{type(error).__name__}: {error}"})
+        return Truth(dict.fromkeys(COMPARED, lost), np.full(1, np.nan), {0: reason_of(error)})
 
 
 def _joined(alone: list[Truth]) -> Truth:

@@ -13,6 +13,7 @@ from workflow.schemes._contract import ContractError, checked, refuse
 from workflow.schemes._fixed.recorder import Recorder
 from workflow.schemes._interface import (
     HISTORIES,
+    RefusedStructureError,
     Results,
     Sampling,
     Schedule,
@@ -62,6 +63,7 @@ __all__ = [
     "Cases",
     "ContractError",
     "Recorder",
+    "RefusedStructureError",
     "Results",
     "Sampling",
     "Schedule",

@@ -187,8 +187,8 @@ def _unknown_cost(structure: Structure, h: float, options: Any, sampling: Sampli
     return 1e-6 * (sampling.steps(h) + sampling.count)
 
 
-class MasslessTipError(ValueError):
-    """A scheme cannot step a structure whose tip has no mass."""
+class RefusedStructureError(ValueError):
+    """A scheme cannot step a structure; the text says why."""
 
 
 def _needs_mass(options: Any) -> str | None:
@@ -209,7 +209,7 @@ class Scheme:
         its own options). Cases that differ in other axes are computed once.
     init
         ``init(structure, h, options)``: work that depends on the operator alone, done once per batch. That of a module
-        is not called for a structure that :attr:`massless_tip` refuses: :class:`MasslessTipError` is raised.
+        is not called for a structure that :attr:`massless_tip` refuses: :class:`RefusedStructureError` is raised.
     compute
         ``compute(operator, cases, sampling)`` runs a whole batch and returns :class:`Results`; it never raises for
         what a case does, and a case's numbers do not depend on its neighbours, bit for bit.
@@ -285,7 +285,7 @@ class Scheme:
         def init(structure: Structure, h: float, options: Any) -> Any:
             reason = scheme.refusal(structure, options)
             if reason is not None:
-                raise MasslessTipError(reason)
+                raise RefusedStructureError(reason)
             return module.init(structure, h, options)
 
         return replace(scheme, init=init)
