@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from workflow.declare import Values
-from workflow.models import Array, Cases, Harmonics, Structure, static_equilibrium
+from workflow.models import Array, Cases, Harmonics, Structure, distinct_rows, static_equilibrium
 from workflow.study import Cell, Initial, Scene
 
 FRICTION = "scene.friction."
@@ -123,12 +123,10 @@ def at_rest(structure: Structure, cases: Cases) -> Cases:
     load = cases.steady.copy()
     load += cases.mean[:, None] * structure.load_direction
     casing = cases.casing_at(0.0)
-    rows = np.column_stack([load, cases.heating, casing])
-    distinct, where = np.unique(rows, axis=0, return_inverse=True)
-    size = load.shape[1]
-    states = [static_equilibrium(structure, row[:size], row[size:-1], float(row[-1])) for row in distinct]
-    displacement = np.stack([x for x, _ in states])[where.ravel()]
-    temperature = np.stack([theta for _, theta in states])[where.ravel()]
+    first, which = distinct_rows(load, cases.heating, casing[:, None])
+    states = [static_equilibrium(structure, load[k], cases.heating[k], float(casing[k])) for k in first]
+    displacement = np.stack([x for x, _ in states])[which]
+    temperature = np.stack([theta for _, theta in states])[which]
     velocity = np.zeros_like(displacement)
     velocity[:, -1] = np.where(displacement[:, -1] == casing, cases.casing_velocity_at(0.0), 0.0)
     return replace(cases, displacement=displacement, velocity=velocity, temperature=temperature)

@@ -12,7 +12,7 @@ from typing import Any, Protocol, cast
 from workflow import registry
 from workflow.kernels import Array
 from workflow.models._bounds import FreeMotion, free_motion, quasi_static_temperature
-from workflow.models._cases import Cases, project
+from workflow.models._cases import Cases, distinct_rows, project
 from workflow.models._chain import MOST_NODES_WITH_MATRICES, Chain, TooManyNodesError
 from workflow.models._damping import (
     CoupledDampingError,
@@ -109,6 +109,7 @@ __all__ = [
     "UnusableMatricesError",
     "couples_free_modes",
     "critical_alpha",
+    "distinct_rows",
     "fault",
     "free_damping",
     "free_motion",

@@ -104,6 +104,21 @@ class Cases:
         return np.asarray((self.alpha != 0) | warm)
 
 
+def distinct_rows(*tables: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return where each distinct row of tables side by side comes first, and which of these every row equals.
+
+    Tables are ``(row, …)``. Columns that do not vary, of most studies all, are passed over.
+    """
+    table = np.column_stack([each[:, (each != each[:1]).any(axis=0)] for each in tables])
+    if table.size == 0:
+        return np.zeros(min(len(table), 1), dtype=np.intp), np.zeros(len(table), dtype=np.intp)
+    order = np.lexsort(table.T)
+    is_new = np.append(True, (np.diff(table[order], axis=0) != 0).any(axis=1))
+    which = np.empty(len(table), dtype=np.intp)
+    which[order] = np.cumsum(is_new) - 1
+    return order[is_new], which
+
+
 def project(matrix: Array, states: Array) -> Array:
     """Return ``matrix @ state`` for every case, the same bits whatever cases stand beside it.
 

@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from workflow.kernels import Array
-from workflow.models._cases import project
+from workflow.models._cases import distinct_rows, project
 from workflow.models._chain import Chain
 from workflow.models._long_chain import mechanical_path, thermal_path
 from workflow.models._modes import Modes, mechanical_modes, thermal_modes
@@ -62,14 +62,14 @@ def _each(answer: Answer, loads: Array) -> Array:
 
 def _along(path: Path, inertia: Array, loads: Array) -> Array:
     """Return the answers of a chain, each distinct load solved once."""
-    distinct, where = np.unique(loads, axis=0, return_inverse=True)
-    answers = np.zeros_like(distinct)
-    for row, load in enumerate(distinct):
+    first, which = distinct_rows(loads)
+    answers = np.zeros_like(loads[first])
+    for row, load in enumerate(loads[first]):
         if np.any(load):
             answer = path.solve(_balanced(path, inertia, load))
             assert answer is not None, "a balanced load moves no part for ever"
             answers[row] = answer
-    return np.asarray(answers[where.ravel()])
+    return np.asarray(answers[which])
 
 
 def _balanced(path: Path, inertia: Array, load: Array) -> Array:

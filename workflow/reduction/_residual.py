@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from workflow.models import Array, Cases, Structure, project, static_displacements, static_temperatures
+from workflow.models import Array, Cases, Structure, distinct_rows, project, static_displacements, static_temperatures
 from workflow.reduction._reduction import Reduction
 
 
@@ -31,9 +31,16 @@ def projection_residual(structure: Structure, reduction: Reduction, cases: Cases
     cases
         The cases in the coordinates of the full structure.
     """
+    first, which = distinct_rows(
+        *(cases.displacement, cases.velocity, cases.temperature, cases.steady, cases.mean[:, None], cases.heating)
+    )
+    return _residual(structure, reduction, cases.take(first))[which]
+
+
+def _residual(structure: Structure, reduction: Reduction, cases: Cases) -> Array:
+    """Return the projection residual of cases that are distinct."""
     small = reduction.project(cases)
-    loads = cases.steady.copy()
-    loads += cases.mean[:, None] * structure.load_direction
+    loads = cases.steady + cases.mean[:, None] * structure.load_direction
     carried = 0.0 if reduction.carried is None else project(reduction.carried, small.temperature)
     displacements = (
         (cases.displacement, small.displacement, carried),
