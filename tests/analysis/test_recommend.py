@@ -18,6 +18,7 @@ from terminal import workflow
 from workflow.analysis import (
     NoReferenceError,
     recommend,
+    recommendation_cautions,
     recommendation_json,
     recommendation_row,
     sentence,
@@ -25,7 +26,6 @@ from workflow.analysis import (
 )
 from workflow.analysis._recommend import SPREAD
 from workflow.archive import open_archive
-from workflow.cli.recommend import _cautions
 from workflow.run import run_study
 from workflow.schemes import Status
 
@@ -293,8 +293,8 @@ def test_a_basis_is_part_of_the_choice(tmp_path: Path) -> None:
 def test_an_answer_without_contact_or_with_cases_not_run_is_cautioned() -> None:
     status = xr.DataArray([Status.OK, Status.OK])
     free, touched = xr.DataArray([0.0, 0.0]), xr.DataArray([0.0, 1e-3])
-    assert list(_cautions(xr.Dataset({"status": status, "contact_impulse": touched}))) == []
-    (said,) = _cautions(xr.Dataset({"status": status, "contact_impulse": free}))
+    assert list(recommendation_cautions(xr.Dataset({"status": status, "contact_impulse": touched}))) == []
+    (said,) = recommendation_cautions(xr.Dataset({"status": status, "contact_impulse": free}))
     assert "free motion" in said
     waiting = xr.Dataset({"status": xr.DataArray([Status.OK, Status.NOT_RUN]), "contact_impulse": touched})
-    assert list(_cautions(waiting)) == ["1 of 2 cases are not run yet"]
+    assert list(recommendation_cautions(waiting)) == ["1 of 2 cases are not run yet"]

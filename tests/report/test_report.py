@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import html
+import json
 import os
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
+from quick import quick
 from studies import SCENE, parsed
 from workflow.analysis import recommend, sentence
 from workflow.archive import ArchiveError, open_archive
@@ -140,3 +142,13 @@ def test_a_report_begins_with_the_answer_and_says_where_it_comes_from(archives: 
     assert "no `reference`" in write_report(archives[1], tmp_path / "b.html").page.read_text(encoding="utf-8")
     for told in ("computing time", "processor", " threads", "written", "numba", "Effective e: ", "Energy residual: "):
         assert told in text, told
+
+
+def test_an_answer_without_contact_is_cautioned_on_the_page_and_in_json(tmp_path: Path) -> None:
+    archive = tmp_path / "free.nc"
+    run_study(
+        quick({"e": None, "alpha": 0.0}, scene={"casing.gap": 1.0}, reference={"scheme": "event_driven"}), archive
+    )
+    assert "Beware: no case touches its casing" in write_report(archive).page.read_text(encoding="utf-8")
+    told = CliRunner().invoke(app, ["recommend", str(archive), "--json"]).stdout
+    assert json.loads(told)["cautions"] == ["no case touches its casing, so only free motion is compared"]

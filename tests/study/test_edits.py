@@ -45,6 +45,16 @@ def test_a_study_is_read_from_a_path_a_text_and_a_mapping(tmp_path: Path) -> Non
         assert read_study(other).resolved() == study.resolved()
 
 
+def test_numbers_that_a_yaml_1_1_loader_leaves_as_texts_are_numbers() -> None:
+    scene = {"chain": {"nodes": 2, "mass": "1e-3", "stiffness": ["2.0e7", 1], "heat_capacity": 1}}
+    scene |= {"casing": {"gap": "1 um"}, "duration": "1.e-1"}
+    study = read_study({"study": "a", "title": "1e6", "scene": scene, "axes": {"h": ["1e-6", "2E-6"]}})
+    assert study.title == "1e6"
+    assert study.scene.duration == 0.1
+    assert study.scene.parameters.stiffness == (2e7, 1)
+    assert read_study(study.text).resolved() == study.resolved()
+
+
 @pytest.mark.parametrize(
     ("key", "value", "told"),
     [

@@ -48,6 +48,8 @@ def test_numbers_come_back_bit_for_bit(number: float) -> None:
         ("400 W·m^-2·K^-1", "W/m**2/K", 400.0),
         ("30 m/s", "W/N", 30.0),
         ("1e-6", "1", 1e-6),
+        ("1%", "1", 0.01),
+        ("0.1 %", "1", 0.001),
     ],
 )
 def test_units(written: str, unit: str, value: float) -> None:
@@ -56,7 +58,15 @@ def test_units(written: str, unit: str, value: float) -> None:
 
 @pytest.mark.parametrize(
     ("written", "unit"),
-    [("5 rad/s", "Hz"), ("300 rpm/s", "Hz"), ("5 deg/s", "Hz"), ("1 N m", "J/K"), ("2 m", "1"), ("1 dB", "1")]
+    [
+        ("5 rad/s", "Hz"),
+        ("300 rpm/s", "Hz"),
+        ("5 deg/s", "Hz"),
+        ("1 N m", "J/K"),
+        ("2 m", "1"),
+        ("1 dB", "1"),
+        ("1 %", "m"),
+    ]
     + [(f"1 {text}", "m") for text in ("m**999", "m**-1e9", "m m", "m; m", "m+m", "(m)", "m//m", "m" * 50, "5", "m 2")]
     + [(text, "m") for text in ("", "m", "nan m", "inf m", "0x1 m", "1_0 m", "1e9999 m", "9**9**9 m", "1 2 m", "٣ m")],
 )

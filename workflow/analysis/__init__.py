@@ -34,6 +34,7 @@ from workflow.analysis._precision import (
 from workflow.analysis._recommend import Choice, NoReferenceError, Recommendation, Worst, numerical_dims, recommend
 from workflow.analysis._recommend_words import COLUMNS as RECOMMENDATION_COLUMNS
 from workflow.analysis._recommend_words import as_json as recommendation_json
+from workflow.analysis._recommend_words import cautions as recommendation_cautions
 from workflow.analysis._recommend_words import row as recommendation_row
 from workflow.analysis._recommend_words import sentence, undecidable
 from workflow.analysis._standing import ACCURATE, RULE, Range, Standing, ranges, standings
@@ -82,6 +83,7 @@ __all__ = [
     "observed_order",
     "ranges",
     "recommend",
+    "recommendation_cautions",
     "recommendation_json",
     "recommendation_row",
     "runaways",

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from workflow.analysis._recommend import SPREAD, Choice, Recommendation, Worst
+from workflow.schemes import Status
 from workflow.study import AUTO, MODES
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 SETTINGS = ("scheme", "h", "mechanical_modes", "thermal_modes", "reduction")
 """Settings that stand in every answer; ``None`` where the archive does not have one."""
@@ -75,6 +79,17 @@ def undecidable(found: Recommendation) -> str:
         f"Undecidable at {percent(found.tolerance)}, as a change of the gap by rounding moves their reference by more "
         f"than a tenth of that: {named}{more}."
     )
+
+
+def cautions(dataset: xr.Dataset) -> tuple[str, ...]:
+    """Return why a recommendation may mean less than it says: cases that are not run, no contact at all."""
+    said = []
+    missing = int((dataset["status"] == Status.NOT_RUN).sum())
+    if missing:
+        said.append(f"{missing} of {dataset['status'].size} cases are not run yet")
+    if "contact_impulse" in dataset and not dataset["contact_impulse"].fillna(1).any():
+        said.append("no case touches its casing, so only free motion is compared")
+    return tuple(said)
 
 
 def row(found: Recommendation) -> tuple[str, ...]:

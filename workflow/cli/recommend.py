@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -13,8 +12,6 @@ from workflow.cli._terminal import complain, console, say, write
 from workflow.cli._words import ArchiveFile, unwarned
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from workflow.analysis import Recommendation
 
 Tolerance = Annotated[
@@ -36,7 +33,7 @@ def recommend(archive: ArchiveFile, tolerance: Tolerance = None, as_json: AsJson
     Exit status: 0 answered, 1 nothing in the archive meets it, 2 the archive has no reference.
     """
     with errors_in_words(), unwarned():
-        from workflow.analysis import NoReferenceError
+        from workflow.analysis import NoReferenceError, recommendation_cautions
         from workflow.analysis import recommend as choose
         from workflow.archive import open_archive
 
@@ -51,28 +48,19 @@ def recommend(archive: ArchiveFile, tolerance: Tolerance = None, as_json: AsJson
             except ValueError as error:
                 complain(str(error))
                 raise typer.Exit(WRONG) from None
-            for caution in _cautions(dataset):
-                complain(f"{archive}: {caution}")
-        _write_json(asked, table) if as_json else _write_text(asked, table)
+            cautions = recommendation_cautions(dataset)
+        for caution in cautions:
+            complain(f"{archive}: {caution}")
+        _write_json(asked, table, cautions) if as_json else _write_text(asked, table)
         if asked.choice is None:
             raise typer.Exit(NOT_OK)
 
 
-def _cautions(dataset: xr.Dataset) -> Iterator[str]:
-    """Yield why an answer may mean less than it says: cases that are not run, no contact at all."""
-    from workflow.schemes import Status
-
-    missing = int((dataset["status"] == Status.NOT_RUN).sum())
-    if missing:
-        yield f"{missing} of {dataset['status'].size} cases are not run yet"
-    if "contact_impulse" in dataset and not dataset["contact_impulse"].fillna(1).any():
-        yield "no case touches its casing, so only free motion is compared"
-
-
-def _write_json(asked: Recommendation, table: list[Recommendation]) -> None:
+def _write_json(asked: Recommendation, table: list[Recommendation], cautions: tuple[str, ...]) -> None:
     from workflow.analysis import recommendation_json
 
-    found = {**recommendation_json(asked), "table": [recommendation_json(other) for other in table]}
+    found = {**recommendation_json(asked), "cautions": list(cautions)}
+    found |= {"table": [recommendation_json(other) for other in table]}
     write(json.dumps(found, indent=2, ensure_ascii=False, allow_nan=False))
 
 

@@ -11,6 +11,7 @@ from workflow.analysis import (
     NoReferenceError,
     Recommendation,
     recommend,
+    recommendation_cautions,
     recommendation_row,
     sentence,
     undecidable,
@@ -58,6 +59,7 @@ def answer(dataset: xr.Dataset) -> Answer:
     body = [
         tag("h2", "Answer"),
         tag("p", sentence(asked), kind="quoted"),
+        *(tag("p", f"Beware: {caution}.") for caution in recommendation_cautions(dataset)),
         *_undecidable(rows),
         table(RECOMMENDATION_COLUMNS, [recommendation_row(row) for row in rows]),
         tag(

@@ -5,14 +5,22 @@ from __future__ import annotations
 import copy
 import io
 import json
+import re
 from collections.abc import Mapping
 from typing import Any
 
 from workflow.study.mistakes import Mistake, Place, StudyError
+from workflow.study.quantities import NUMBER
 from workflow.study.source import Source, compose
 
 OPTION = "-s"
 """How replaced values are named in messages, unless another word is given: the option of the command line."""
+
+
+TEXTS = ("study", "title", "license")
+"""Sections of a study that are words whatever they look like."""
+
+_POWER = re.compile(rf"(?=.*[eE]){NUMBER}")
 
 
 def setting(words: str) -> tuple[str, Any]:
@@ -93,12 +101,23 @@ def _round_trip(written: str, settings: Mapping[str, Any]) -> str:
 def plain_tree(content: Mapping[str, Any]) -> Any:
     """Return a study given as a mapping as the plain values that its text would have.
 
+    A YAML 1.1 loader such as PyYAML leaves ``1e-6`` and ``2.0e7`` as texts: they become the numbers of YAML 1.2.
+
     Raises
     ------
     StudyError
         It holds a value that YAML does not have.
     """
-    return _plain(content, "study")
+    return {key: value if key in TEXTS else _numbers(value) for key, value in _plain(content, "study").items()}
+
+
+def _numbers(value: Any) -> Any:
+    """Return a tree with its texts that are numbers with an exponent as numbers."""
+    if isinstance(value, dict):
+        return {key: _numbers(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_numbers(item) for item in value]
+    return float(value) if isinstance(value, str) and _POWER.fullmatch(value) else value
 
 
 def _place(key: str) -> Place:

@@ -65,6 +65,9 @@ COMMON: dict[str, Unit] = {
 """What pint says of the names that nearly all studies make do with: it takes half a second to load."""
 
 
+_PERCENT: Unit = (Decimal("0.01"), {})
+
+
 class UnitError(ValueError):
     """A unit that cannot be read; the message says why."""
 
@@ -221,7 +224,7 @@ def _converted(text: str, declared: Quantity, kind: str, remedy: str) -> float:
     if "°" in unit:
         raise wrong(f"the unit {said(unit)} has an offset", remedy)
     try:
-        worth, roots = parse_unit(unit) if unit else (Decimal(1), {})
+        worth, roots = _PERCENT if unit == "%" else parse_unit(unit) if unit else (Decimal(1), {})
     except UnitError as problem:
         raise wrong(str(problem), remedy) from None
     target, target_roots = parse_unit(declared.unit)
