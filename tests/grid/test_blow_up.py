@@ -68,6 +68,15 @@ def test_a_tip_that_is_thrown_far_off_is_not_ok_without_balances_either() -> Non
     assert "the tip moved" in found.messages[0]
 
 
+def test_a_contact_spring_beyond_its_limit_is_judged_by_its_energy_without_balances_too() -> None:
+    """The tip moves by a hundred times its gap: an error of 157, and far from what a resonance could do."""
+    found = solved(HEAVY.format(h=2.5e-6, balances="false"))
+    assert found.values["displacement_error"][0] > 100
+    assert found.values["status"][0] == Status.DIVERGED
+    assert found.messages[0].startswith("energy was created")
+    assert "energy_residual" not in found.values
+
+
 TRAPPED = """
 study: a
 scene:

@@ -3,7 +3,8 @@
 Two rules, both about what no motion of the model can do:
 
 - With balances: ``energy_residual`` above :data:`CREATED`, energy was created. What a scheme dissipates is negative
-  and never counts.
+  and never counts. A contact spring beyond the step up to which it holds is judged by its balance in any case:
+  where the study has none, the cases that touch are run once more with it.
 - With or without balances, where K1 is regular: the largest |x_n| exceeds both :data:`EXCESS` times the largest
   length that the case accounts for without contact (:func:`_accounted`) and twice the growth by friction heat
   (:func:`_farthest`).
@@ -15,17 +16,19 @@ the casing, or in the last sample. A running maximum in the march would cost eve
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workflow import schemes
 from workflow.grid._arrangement import Indices
-from workflow.grid._operators import reduced_structure, runaway_of, structure_of
+from workflow.grid._operators import compile_for, reduced_structure, run_batch, runaway_of, structure_of
 from workflow.models import Array, Cases, Chain, Sparse, Structure, static_tip_growth, tip_flexibility
-from workflow.schemes import Results, Status
+from workflow.schemes import Results, Sampling, Status
 from workflow.study import Cell
 
 CREATED = 1.0
@@ -55,7 +58,7 @@ def _statics(model: str, parameters: Any) -> tuple[float, Array]:
     return tip_flexibility(structure), static_tip_growth(structure)
 
 
-def mark_blown_up(cell: Cell, cases: Cases, results: Results, duration: float) -> Results:
+def mark_blown_up(cell: Cell, cases: Cases, results: Results, sampling: Sampling) -> Results:
     """Return the results with ``diverged`` and a message for every ok case that blew up.
 
     Parameters
@@ -66,9 +69,10 @@ def mark_blown_up(cell: Cell, cases: Cases, results: Results, duration: float) -
         Their conditions on the nodes of the full structure.
     results
         What the scheme gave for them.
-    duration
-        s.
+    sampling
+        What it was called with.
     """
+    duration = sampling.duration
     ok = results.status == Status.OK
     blown: dict[int, str] = {}
     reach = _reach(results, cases)
@@ -85,7 +89,7 @@ def mark_blown_up(cell: Cell, cases: Cases, results: Results, duration: float) -
                 for case, most in zip(far, farthest, strict=True)
                 if reach[case] > most
             }
-    residual = results.metrics.get("energy_residual")
+    residual = _energy_residual(cell, cases, results, ok & ~np.isin(np.arange(cases.count), list(blown)), sampling)
     if residual is not None:
         blown |= {
             int(case): f"energy was created: its balance has a residual of {residual[case]:+.3g} times the largest "
@@ -98,6 +102,26 @@ def mark_blown_up(cell: Cell, cases: Cases, results: Results, duration: float) -
     status = results.status.copy()
     status[list(blown)] = Status.DIVERGED
     return replace(results, status=status, messages={**results.messages, **blown})
+
+
+def _energy_residual(
+    cell: Cell, cases: Cases, results: Results, asked: NDArray[np.bool_], sampling: Sampling
+) -> Array | None:
+    """Return the energy residual of each case, NaN where it is not known; ``None`` where none is asked for.
+
+    A contact spring creates energy long before the tip is thrown far off: with steps four times those up to which it
+    holds, errors of 150 came with displacements of a hundred times what the scene accounts for.
+    """
+    if sampling.balances:
+        return results.metrics["energy_residual"]
+    touching = np.flatnonzero(asked & (results.metrics["impacts"] > 0))
+    if not touching.size or cell.h <= _contact_limit(cell):
+        return None
+    compile_for(cell, balances=True)
+    again = run_batch(cell, cases.take(touching), replace(sampling, balances=True))
+    residual = np.full(cases.count, np.nan)
+    residual[touching] = again.metrics["energy_residual"]
+    return residual
 
 
 def _is_rounding(cell: Cell, cases: Cases, results: Results, case: int, duration: float) -> bool:
@@ -197,8 +221,13 @@ def _farthest(
 
 def _advice(cell: Cell) -> str:
     """Return up to which step a scheme with a contact spring holds, where it has a limit."""
+    limit = _contact_limit(cell)
+    return "" if np.isinf(limit) else f"; with contact that comes and goes the scheme holds up to h = {limit:.4g} s"
+
+
+def _contact_limit(cell: Cell) -> float:
+    """Return the step up to which a scheme holds while contact comes and goes, s; infinite where it has no limit."""
     scheme = schemes.load(cell.scheme.method)
     if scheme.contact_limit is None:
-        return ""
-    limit = scheme.contact_limit(reduced_structure(cell), cell.scheme.options)
-    return "" if np.isinf(limit) else f"; with contact that comes and goes the scheme holds up to h = {limit:.4g} s"
+        return math.inf
+    return scheme.contact_limit(reduced_structure(cell), cell.scheme.options)

@@ -93,7 +93,7 @@ def _solve_distinct(grid: Grid, outer: int, inner: Indices, shaken: Shaken | Non
     cases = cases if shaken is None else shaken.cases(cases)
     compile_for(cell, grid.sampling.balances)
     results, seconds = _timed(grid, cell, cases)
-    results = mark_blown_up(cell, cases, results, grid.sampling.duration)
+    results = mark_blown_up(cell, cases, results, grid.sampling)
     distinct, where = np.unique(cases.alpha, return_inverse=True)
     critical, growth, runaway = np.transpose([runaway_of(cell, float(alpha)) for alpha in distinct])[:, where]
     values: dict[str, NDArray[Any]] = {

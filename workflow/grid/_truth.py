@@ -176,7 +176,7 @@ def _compute(grid: Grid, cell: Cell, shape: tuple[int, ...], own: Indices, pertu
 
 
 def _run(cell: Cell, cases: Cases, sampling: Sampling) -> Results:
-    return mark_blown_up(cell, cases, run_batch(cell, cases, sampling), sampling.duration)
+    return mark_blown_up(cell, cases, run_batch(cell, cases, sampling), sampling)
 
 
 def _predictability(cell: Cell, cases: Cases, sampling: Sampling, displacement: Array) -> Array:
