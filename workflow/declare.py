@@ -84,12 +84,16 @@ class File:
         Where it lies now.
     parts
         Places of all files that its content is.
+    shaken
+        Share by which a model changes the numbers that it reads from it, to see what rounding makes of results; 0 in
+        every study.
     """
 
     digest: str
     name: str = field(compare=False)
     place: str = field(compare=False)
     parts: tuple[str, ...] = field(default=(), compare=False)
+    shaken: float = 0.0
 
 
 @dataclass(frozen=True)

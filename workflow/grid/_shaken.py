@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from workflow.declare import File
 from workflow.models import Cases
 from workflow.study import Cell
 
@@ -56,11 +57,16 @@ class Shaken:
 
 
 def _changed(value: Any, share: float) -> Any:
-    """Return numbers changed by a share of them, neighbours in opposite directions; counts and words as they are."""
+    """Return numbers changed by a share of them, neighbours in opposite directions; counts and words as they are.
+
+    Numbers in a file are changed by the model that reads them.
+    """
     if isinstance(value, float):
         return value * (1 + share)
     if isinstance(value, tuple):
         return tuple(_changed(item, share if k % 2 == 0 else -share) for k, item in enumerate(value))
+    if isinstance(value, File):
+        return replace(value, shaken=share)
     if is_dataclass(value) and not isinstance(value, type):
         named = [field.name for field in fields(value) if field.init]
         found = {name: _changed(getattr(value, name), share if k % 2 == 0 else -share) for k, name in enumerate(named)}

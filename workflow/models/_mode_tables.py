@@ -43,7 +43,7 @@ def read_table(given: File | Rows, columns: Sequence[tuple[str, str]]) -> Array:
             f"`{given.name}` has the columns {', '.join(found)[:80]}", f"write {', '.join(names)}"
         )
     order = [found.index(name) for name in names]
-    return _table(f"`{given.name}`", _numbers(given, lines))[:, order]
+    return _shaken(given, _table(f"`{given.name}`", _numbers(given, lines))[:, order])
 
 
 def read_matrix(given: File | Rows, shape: tuple[int, int]) -> Array:
@@ -59,7 +59,12 @@ def read_matrix(given: File | Rows, shape: tuple[int, int]) -> Array:
     if matrix.shape != shape:
         remedy = f"write {shape[0]}, one for each mode, of {shape[1]} numbers, one for each thermal mode"
         raise UnusableMatricesError(f"{name} has {matrix.shape[0]} rows of {matrix.shape[1]}", remedy)
-    return matrix
+    return _shaken(given, matrix) if isinstance(given, File) else matrix
+
+
+def _shaken(file: File, table: Array) -> Array:
+    """Return numbers of a file changed by its share, neighbours in a row in opposite directions."""
+    return np.asarray(table * (1 + file.shaken * (-1.0) ** np.arange(table.shape[1])))
 
 
 def _lines(file: File) -> list[list[str]]:

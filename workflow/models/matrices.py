@@ -12,6 +12,7 @@ from workflow.models._dense import MOST_PORTABLE
 from workflow.models._from_matrices import structure_from_matrices
 from workflow.models._matrix_entries import given_matrices, in_si
 from workflow.models._matrix_files import files_of, read_entries
+from workflow.models._shaken_entries import shaken
 from workflow.models._sparse import Sparse
 from workflow.models._sparse_from_matrices import structure_from_sparse
 from workflow.models._structure import Matrices, Rayleigh
@@ -54,6 +55,8 @@ def assemble(parameters: Parameters) -> Matrices | Sparse:
 def _assembled(parameters: Parameters, place: str) -> Matrices | Sparse:
     """Keep the last structure: a large one takes seconds, and is asked for by who reads a study and who runs it."""
     entries = in_si(read_entries(Path(place)), parameters.units)
+    if parameters.file.shaken != 0:
+        entries = shaken(entries, parameters.file.shaken)
     given = given_matrices(entries, parameters.contact, parameters.thermal_contact, parameters.damping)
     large = max(given.mass.shape[0], given.heat_capacity.shape[0]) > MOST_PORTABLE
     return structure_from_sparse(given) if large else structure_from_matrices(given)

@@ -1,0 +1,45 @@
+"""Matrices changed by what rounding may change, to see how much of a result another processor can repeat.
+
+A matrix is changed by a share as a whole and each of its entries by a rounding,
+
+    a_ij ← a_ij (1 ± share ± ε s_i s_j),   s_i = 1 or -1 at random, the same on every run,
+
+so that it stays symmetric. The first moves all frequencies alike. The second does to low frequencies and static answers
+what a factorisation does that is exact for a matrix beside the given one: to a share ε times its condition number.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.sparse import diags_array, issparse
+
+from workflow.models._matrix_files import MATRICES, VECTORS, Entries
+
+ROUNDED = float(np.finfo(float).eps)
+"""Change of an entry against its neighbours."""
+
+
+def shaken(entries: Entries, share: float) -> dict[str, Any]:
+    """Return entries of a file with matrices and vectors changed by a share, of either sign; labels as they are."""
+    found = dict(entries)
+    for k, name in enumerate(MATRICES):
+        if name in found:
+            own = share if k % 2 == 0 else -share
+            found[name] = _changed(found[name], 1 + own, float(np.copysign(ROUNDED, own)))
+    for name in VECTORS:
+        if name in found and np.asarray(found[name]).dtype.kind == "f":
+            found[name] = found[name] * (1 + share * _signs(np.size(found[name])).reshape(np.shape(found[name])))
+    return found
+
+
+def _changed(matrix: Any, factor: float, rounded: float) -> Any:
+    rows, columns = (_signs(length) for length in np.shape(matrix))
+    if not issparse(matrix):
+        return matrix * (factor + rounded * np.multiply.outer(rows, columns))
+    return matrix * factor + diags_array(rows * rounded) @ matrix @ diags_array(columns)
+
+
+def _signs(size: int) -> Any:
+    return np.random.default_rng(size).choice([-1.0, 1.0], size)
