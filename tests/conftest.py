@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import signal
 
 import pytest
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+"""Before NumPy is imported, here and in all processes that tests start: threads of BLAS that wait for each other's core
+take most of the time of a plain scheme's small products."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -16,3 +21,28 @@ def pytest_configure() -> None:
     """Let commands under test be interrupted: jobs in the background of a shell ignore Ctrl-C, and so would they."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Compile what most tests need, once, before the workers begin: else each of them would compile it."""
+    config = session.config
+    of_all_tests = config.args_source is pytest.Config.ArgsSource.TESTPATHS and not config.option.collectonly
+    if of_all_tests and config.option.numprocesses and not hasattr(config, "workerinput"):
+        from workflow import schemes
+        from workflow.grid._compile import Wanted, compile_scheme, compiled_ahead
+
+        chosen = {
+            "event_driven": [{}],
+            "moreau": [{"theta": 1.0}, {"theta": 0.5}],
+            "carpenter": [{}],
+            "penalty": [{"integration": "explicit"}, {"integration": "implicit"}],
+        }
+        wanted = [
+            Wanted(method, schemes.load(method).Options(**options), 1, balances)
+            for method, some in chosen.items()
+            for options in some
+            for balances in (False, True)
+        ]
+        with compiled_ahead(wanted, 1):  # all but the first method in another process, which begins with the second
+            for each in (wanted[0], *reversed(wanted[1:])):
+                compile_scheme(each)

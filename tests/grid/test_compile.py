@@ -99,6 +99,7 @@ def alive(process: int) -> bool:
         return False
 
 
+@pytest.mark.slow  # it compiles the largest kernel
 def test_kernels_are_compiled_once_and_those_of_a_helper_are_loaded(tmp_path: Path) -> None:
     """With nothing compiled: no function for two types of arguments, and none that a helper compiles."""
     told = subprocess.run(

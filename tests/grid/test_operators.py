@@ -14,9 +14,10 @@ def test_a_reduction_does_not_depend_on_the_threads_of_blas() -> None:
     text = "study: a\n" + SCENE.replace("nodes: 4", "nodes: 200") + "axes: {mechanical_modes: 20, thermal_modes: 50}\n"
     grid = arrange(parsed(text))
     _operators.reduction_of.cache_clear()
-    units_of(grid)
-    cell = grid.settings(0)
-    kept = _operators.reduction_of(_operators.reduced(cell))
+    with threadpool_limits(limits=2, user_api="blas"):
+        units_of(grid)
+        cell = grid.settings(0)
+        kept = _operators.reduction_of(_operators.reduced(cell))
     with threadpool_limits(limits=1, user_api="blas"):
         alone = reduce_structure(_operators.structure_of(cell.scene.model, cell.scene.parameters), 20, 50)
     assert _operators.reduction_of.cache_info().misses == 1

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import fcntl
 import importlib
+import math
 import os
 import shutil
 import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -17,28 +19,31 @@ import workflow
 from workflow.kernels import cache, sources
 
 RUN = """
-import sys, numpy as np
+import sys
 sys.path.insert(0, {package!r})
-from workflow import models, schemes
-from workflow.kernels import cache
+from pathlib import Path
+from workflow.kernels import cache, elementwise, sources
 from workflow.schemes import moreau
-from workflow.models import Cases
-chain = models.load("chain")
-structure = chain.assemble(chain.Parameters(nodes=1, mass=1.0, stiffness=1.0, heat_capacity=1.0))
-one, node = np.ones(1), np.zeros((1, 1))
-cases = Cases(0 * one, 0 * one, 9 * one, one, 0 * one, 0 * one, 0 * one, node, node, node, node, node)
-found = moreau.compute(moreau.init(structure, 0.5, moreau.Options()), cases, schemes.Sampling(1.0, 0.5, 3))
-hits = sum(moreau._march.dispatcher.stats.cache_hits.values())
-print(found.histories["displacement"][0, -1], hits, cache.root())
+value = float(elementwise.exp(1.0))
+hits = sum(elementwise._exp.dispatcher.stats.cache_hits.values())
+print(value, hits, cache.root(), sources.digest("workflow.schemes.moreau", Path({package!r}, "sources.json")))
 """
+"""A kernel that compiles in a second, and the digest of one that takes ten."""
 
 
-def run(package: Path, **environment: str) -> tuple[float, int, Path]:
-    told = subprocess.run(
+class Ran(NamedTuple):
+    value: float
+    hits: int
+    root: Path
+    moreau: str
+
+
+def run(package: Path, **environment: str) -> Ran:
+    value, hits, root, moreau = subprocess.run(
         [sys.executable, "-c", RUN.format(package=str(package))],
         capture_output=True, text=True, check=True, cwd=package, env={**os.environ, **environment},
     ).stdout.split()  # fmt: skip
-    return float(told[0]), int(told[1]), Path(told[2])
+    return Ran(float(value), int(hits), Path(root), moreau)
 
 
 @pytest.fixture
@@ -56,21 +61,23 @@ def edit(package: Path, module: str, before: str, after: str) -> None:
 
 
 def test_a_change_in_an_inlined_module_is_noticed(copied: Path) -> None:
-    value, hits, _ = run(copied)
-    again, found, _ = run(copied)
-    assert (hits, found) == (0, 1)
-    assert again == value
+    before = run(copied)
+    again = run(copied)
+    assert (before.hits, again.hits) == (0, 1)
+    assert again.value == before.value
+    edit(copied, "kernels/elementary", "return float(_scaled(1.0 +", "return float(_scaled(2.0 +")
     edit(copied, "schemes/_fixed/tip_load", "return mean + (amplitude", "return 2.0 * mean + (amplitude")
-    twice, hits, _ = run(copied)
-    assert hits == 0
-    assert twice == pytest.approx(2 * value, rel=1e-12)
+    changed = run(copied)
+    assert changed.hits == 0
+    assert changed.value == pytest.approx(before.value + 2.0, rel=1e-12)  # e = 2 (1 + r)
+    assert changed.moreau != before.moreau
 
 
-def test_docstrings_comments_and_other_schemes_compile_nothing_anew(copied: Path) -> None:
-    value, _, root = run(copied)
-    before = {path: path.stat().st_mtime_ns for path in root.rglob("*.nb?")}
-    edit(copied, "schemes/_fixed/tip_load", '"""', '"""Another word, on more lines.\n\n')
-    edit(copied, "schemes/moreau", '"""', '"""Another word. ')
+def test_docstrings_comments_and_other_modules_compile_nothing_anew(copied: Path) -> None:
+    first = run(copied)
+    before = {path: path.stat().st_mtime_ns for path in first.root.rglob("*.nb?")}
+    for module in ("schemes/_fixed/tip_load", "schemes/moreau", "kernels/elementary", "kernels/elementwise"):
+        edit(copied, module, '"""', '"""Another word, on more lines.\n\n')
     edit(copied, "kernels/sums", "from __future__", "# a comment\nfrom __future__")
     edit(
         copied,
@@ -78,17 +85,17 @@ def test_docstrings_comments_and_other_schemes_compile_nothing_anew(copied: Path
         "from __future__ import annotations",
         "from __future__ import annotations; _NEW = 1",
     )
-    assert run(copied)[:2] == (value, 1)
-    assert {path: path.stat().st_mtime_ns for path in root.rglob("*.nb?")} == before
+    assert run(copied) == first._replace(hits=1)
+    assert {path: path.stat().st_mtime_ns for path in first.root.rglob("*.nb?")} == before
 
 
 def test_directories_of_older_sources_are_removed(copied: Path) -> None:
     """But not within a day, nor while a process has them, nor what is not of this program."""
-    _, _, root = run(copied)
-    (own,) = root.glob("workflow.schemes.moreau-*")
+    root = run(copied).root
+    (own,) = root.glob("workflow.kernels.elementwise-*")
     older, held, new, others = (
-        root / f"workflow.schemes.{name}"
-        for name in ("moreau-0123456789abcdef", "moreau-" + "1" * 16, "moreau-" + "2" * 16, "other")
+        root / f"workflow.kernels.{name}"
+        for name in ("elementwise-0123456789abcdef", "elementwise-" + "1" * 16, "elementwise-" + "2" * 16, "other")
     )
     for directory in (older, held, new, others):
         shutil.copytree(own, directory)
@@ -96,7 +103,7 @@ def test_directories_of_older_sources_are_removed(copied: Path) -> None:
         os.utime(directory / cache._LOCK, (1, 1))
     with (held / cache._LOCK).open() as file:
         fcntl.flock(file, fcntl.LOCK_SH)
-        assert run(copied)[1] == 1
+        assert run(copied).hits == 1
     assert [each.is_dir() for each in (own, older, held, new, others)] == [True, False, True, True, True]
     os.utime(own / cache._LOCK, (1, 1))
     run(copied)
@@ -150,8 +157,8 @@ def test_nothing_writable_means_a_temporary_cache(copied: Path) -> None:
     (copied / "home").write_text("")
     cache = copied / "workflow" / "kernels" / "__pycache__"
     cache.write_text("")
-    value, hits, directory = run(copied, XDG_CACHE_HOME=str(copied / "home"), PYTHONDONTWRITEBYTECODE="1")
-    assert hits == 0
-    assert copied not in directory.parents
-    assert value > 0
-    shutil.rmtree(directory)
+    ran = run(copied, XDG_CACHE_HOME=str(copied / "home"), PYTHONDONTWRITEBYTECODE="1")
+    assert ran.hits == 0
+    assert copied not in ran.root.parents
+    assert ran.value == pytest.approx(math.e)
+    shutil.rmtree(ran.root)
