@@ -135,6 +135,8 @@ def test_a_terminal_that_knows_ascii_only(tmp_path: Path) -> None:
         assert told.returncode == 0, told.stderr
         assert told.stdout.isascii()
     assert "Schaufel sp\\xfcrt 5 um..." in command("plan", study, **plain).stdout
+    told = command("show", "spürt.nc", **plain).stderr
+    assert "its name is UTF-8, but this process reads names as ascii; set PYTHONUTF8=1" in told
 
 
 @pytest.mark.parametrize("megabytes", [300, 600])

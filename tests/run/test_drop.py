@@ -30,11 +30,12 @@ NARROWED: dict[str, tuple[dict[str, Any], int]] = {
 
 
 def refused(study: Study, archive: Path, text: str, **flags: bool) -> None:
-    before = archive.read_bytes() if archive.exists() else None
+    before, begun = archive.read_bytes() if archive.exists() else None, parts_of(archive).exists()
     with pytest.raises(ArchiveError, match=text) as caught:
         run_study(study, archive, threads=1, **flags)
     assert {"--drop", "-o"} <= set(str(caught.value).replace(",", "").split())
     assert (archive.read_bytes() if archive.exists() else None) == before
+    assert parts_of(archive).exists() == begun  # a run that is refused leaves nothing behind
 
 
 @pytest.mark.parametrize("what", NARROWED)
@@ -168,7 +169,9 @@ def test_the_command_line(tmp_path: Path) -> None:
     assert "3 stored, 0 missing, 6 no longer asked for" in planned.output
     told = json.loads(call(app, ["plan", narrowed, "-o", archive, "--json"]).output)
     assert told["archive"] == {"stored": 3, "missing": 0, "dropped": 6, "note": ""}
-    assert call(app, ["run", narrowed, "-o", archive, "--drop"]).exit_code == 0
+    assert "3 cases in" in (done := call(app, ["run", narrowed, "-o", archive, "--drop"])).output
+    assert ", all of them stored before" in done.output
+    assert "nothing to do, all 3" in call(app, ["run", narrowed, "-o", archive, "--drop"]).output
     assert "3 stored, 0 missing, 0 no longer asked for" in call(app, ["plan", narrowed, "-o", archive]).output
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import stat
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -34,9 +35,7 @@ def usable(path: str | Path) -> Path:
         str(path).encode()
         kind = stat.S_IFMT(path.stat().st_mode)
     except UnicodeEncodeError:
-        raise ArchiveError(
-            f"{path}: its name is not UTF-8, which NetCDF files need; rename it, or choose another archive with -o"
-        ) from None
+        raise ArchiveError(f"{path}: {_unlike_utf8(path)}, or choose another archive with -o") from None
     except (FileNotFoundError, NotADirectoryError):
         return path
     except (OSError, ValueError) as error:  # ValueError: a null character
@@ -44,6 +43,16 @@ def usable(path: str | Path) -> Path:
     if kind not in (stat.S_IFREG, stat.S_IFDIR):
         raise ArchiveError(f"{path}: a pipe or a device, not a file; name a file")
     return path
+
+
+def _unlike_utf8(path: Path) -> str:
+    """Say why a path is no text: its bytes are none, or Python was told of another encoding than theirs."""
+    try:
+        os.fsencode(path).decode()
+    except UnicodeDecodeError:
+        return "its name is not UTF-8, which NetCDF files need; rename it"
+    encoding = sys.getfilesystemencoding()
+    return f"its name is UTF-8, but this process reads names as {encoding}; set PYTHONUTF8=1 or a UTF-8 locale"
 
 
 def require_directory(parts: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import fcntl
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
@@ -19,6 +19,8 @@ HOLDER = "holder"
 def holding(parts: Path) -> Iterator[None]:
     """Hold the directory of an archive's shards, which is made if need be; the system lets go at a crash.
 
+    Where nothing else has come into it, as of a run that is refused, it goes again.
+
     Raises
     ------
     ArchiveError
@@ -28,7 +30,13 @@ def holding(parts: Path) -> Iterator[None]:
         file.truncate(0)
         file.write(f"process {os.getpid()}")
         file.flush()
-        yield
+        try:
+            yield
+        finally:
+            with suppress(OSError):
+                if [each.name for each in parts.iterdir()] == [HOLDER]:
+                    (parts / HOLDER).unlink()
+                    parts.rmdir()
 
 
 def _locked(parts: Path) -> IO[str]:

@@ -26,7 +26,7 @@ TRACEBACK = "WORKFLOW_TRACEBACK"
 """Environment variable that has a defect's traceback printed."""
 
 _PLACE = {errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOSPC, errno.EDQUOT, errno.ENOENT, errno.ENOTDIR}
-_PLACE |= {errno.EISDIR, errno.ENAMETOOLONG, errno.ELOOP, errno.EFBIG}
+_PLACE |= {errno.EISDIR, errno.ELOOP, errno.EFBIG}
 """What another place cures."""
 
 _NO_MEMORY = ("cannot allocate memory", "failed to map segment", "can't start new thread", "unable to allocate")
@@ -150,5 +150,6 @@ def errors_in_words() -> Iterator[None]:
             raise
         where = f"{error.filename}: " if error.filename else ""
         advice = "; choose a place that can be written" if error.errno in _PLACE else ""
+        advice = "; choose a shorter name" if error.errno == errno.ENAMETOOLONG else advice
         complain(f"{where}{(error.strerror or str(error)).lower()}{advice}")
         raise typer.Exit(WRONG) from None

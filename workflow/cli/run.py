@@ -102,10 +102,11 @@ def _reached(advance: Advance) -> str:
 def _tell(outcome: Outcome) -> None:
     cases = sum(outcome.counts.values())
     counts = ", ".join(f"{number} {name}" for name, number in outcome.counts.items())
-    if outcome.resumed == cases:
+    if not outcome.written:
         say(f"{outcome.archive}: nothing to do, all {cases} cases are there ({counts})")
     else:
-        before = f", {outcome.resumed} of them stored before" if outcome.resumed else ""
+        known = "all" if outcome.resumed == cases else outcome.resumed
+        before = f", {known} of them stored before" if outcome.resumed else ""
         say(f"{outcome.archive}: {cases} cases in {outcome.seconds:.1f} s{before} ({counts})")
     if outcome.without_error:
         say(f"  {outcome.without_error} of the ok cases have an error against the reference that cannot be formed")

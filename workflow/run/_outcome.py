@@ -32,7 +32,7 @@ class Outcome:
     seconds
         Wall time of this run.
     resumed
-        Cases that an earlier, interrupted run had stored; all of them where there was nothing to do.
+        Cases that were stored before; all of them where there was nothing to do.
     """
 
     archive: Path
@@ -42,6 +42,8 @@ class Outcome:
     resumed: int
     without_error: int = 0
     """Cases that are ok and have an error against the reference that cannot be formed."""
+    written: bool = True
+    """Whether this run wrote the archive: it did not where there was nothing to do."""
 
     @cached_property
     def dataset(self) -> xr.Dataset:
@@ -88,12 +90,16 @@ def _case(dataset: xr.Dataset, cell: int) -> xr.Dataset:
 
 
 def summarise(archive: Path, resumed: int | None) -> Outcome:
-    """Read from an archive how its cases ended; the seconds of the run are left to fill in."""
+    """Read from an archive how its cases ended; the seconds of the run are left to fill in.
+
+    ``resumed`` is ``None`` where there was nothing to do.
+    """
     status, without_error = endings(archive)
     telling = np.flatnonzero((status != Status.OK).ravel() | without_error.ravel())[:SHOWN].tolist()
     failures = _told(archive, telling) if telling else ()
     before = status.size if resumed is None else resumed
-    return Outcome(archive, _counted(status), failures, 0.0, before, int(np.sum(without_error)))
+    missing = int(np.sum(without_error))
+    return Outcome(archive, _counted(status), failures, 0.0, before, missing, written=resumed is not None)
 
 
 def _told(archive: Path, cells: list[int]) -> tuple[tuple[str, str], ...]:
