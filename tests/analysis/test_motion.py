@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from studies import parsed
-from workflow.analysis import contact_loss, growth, impact_speeds
+from workflow.analysis import contact_loss, growth, impact_speeds, impulse_growth
 from workflow.archive import open_archive
 from workflow.run import run_study
 
@@ -50,3 +50,12 @@ def test_growth_of_an_exponential() -> None:
     t = np.linspace(0, 2, 101)
     case = xr.Dataset({"temperature": ("t", 5 * np.exp(3 * t) + np.exp(-20 * t))}, coords={"t": t})
     assert growth(case, "temperature") == pytest.approx(3.0, rel=1e-9)
+
+
+def test_growth_of_the_impulse_is_of_the_last_complete_period_over_the_first() -> None:
+    nan = np.nan
+    impulse = [[2.0, 3.0, 5.0], [2.0, 3.0, nan], [2.0, nan, nan], [0.0, 1.0, 2.0], [nan, nan, nan]]
+    found = impulse_growth(xr.Dataset({"period_impulse": (("case", "period"), impulse)}))
+    assert found == pytest.approx([2.5, 1.5, nan, nan, nan], nan_ok=True)
+    assert impulse_growth(xr.Dataset({"period_impulse": (("case", "period"), [[1.0]])})) is None
+    assert impulse_growth(xr.Dataset()) is None

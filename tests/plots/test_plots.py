@@ -9,7 +9,17 @@ import pytest
 import xarray as xr
 
 from workflow.analysis import ERRORS, Line
-from workflow.plots import convergence, growth_against_prediction, impact_speed_map, overview, save, work_precision
+from workflow.plots import (
+    convergence,
+    growth_against_prediction,
+    impact_speed_map,
+    map_dims,
+    middle,
+    overview,
+    save,
+    scene_maps,
+    work_precision,
+)
 
 H = np.logspace(-7, -3, 9)
 
@@ -126,3 +136,49 @@ def test_an_overview_leaves_out_what_is_not_ok() -> None:
     lost = archive.copy(deep=True)
     lost["status"][:, 0] = 1
     assert len(overview(lost).axes) == 1  # the finest is lost in every scheme: whatever is ok
+
+
+def scene(values: int) -> xr.Dataset:
+    """Three loads; the tip touches where the load is above the gap, for a share of the period that grows with α."""
+    coords = {
+        "amplitude": [4.0, 5.0, 6.0],
+        "gap": np.linspace(1e-6, 9e-6, values),
+        "alpha": np.linspace(0, 5, values + 1),
+    }
+    load, gap, alpha = np.meshgrid(*coords.values(), indexing="ij")
+    dims, touches = tuple(coords), load > 1e6 * gap
+    impulse = np.where(touches, load - 1e6 * gap, 0.0)
+    data = {
+        "status": (dims, np.zeros(load.shape, np.int8)),
+        "contact_impulse": (dims, impulse),
+        "period_impulse": ((*dims, "period"), np.stack([impulse, impulse * (1 + alpha), impulse * np.nan], axis=-1)),
+        "period_contact": ((*dims, "period"), np.stack([touches * 0.1, touches * alpha / 5, alpha * np.nan], axis=-1)),
+        "impacts": (dims, 4.0 * touches),
+        "max_temperature": (dims, impulse * alpha),
+        "critical_alpha": (dims, np.full(load.shape, 2.75)),
+    }
+    dataset = xr.Dataset(data, coords=coords)
+    dataset["gap"].attrs["units"], dataset["alpha"].attrs["units"] = "m", "W N-1"
+    return dataset
+
+
+def test_maps_of_a_scene(tmp_path: Path) -> None:
+    dataset = scene(8)
+    dims = map_dims(dataset)
+    assert dims == ("alpha", "gap")
+    figure = scene_maps(dataset, dims, middle(dataset, dims))
+    growth, share, impacts, hot = (panel for panel in figure.axes if panel.get_title())
+    assert (impacts.get_xlabel(), impacts.get_ylabel()) == ("alpha [W/N]", "gap [µm]")
+    touches = dataset["gap"].values < 5e-6
+    drawn = {panel: np.ma.filled(panel.collections[0].get_array(), np.nan) for panel in (growth, share, impacts, hot)}
+    for panel, expected in ((growth, 1 + dataset["alpha"]), (share, dataset["alpha"] / 5)):
+        assert np.allclose(drawn[panel][touches], expected.values)
+        assert np.isnan(drawn[panel][~touches]).all()
+    assert np.nanmax(drawn[hot]) == 5 * (5 - 1)
+    assert any(line.get_xdata()[0] == 2.75 for line in hot.get_lines())
+    assert save(figure, tmp_path / "a.png").stat().st_size > 10_000
+
+
+def test_maps_need_two_long_axes_and_load_periods() -> None:
+    assert map_dims(scene(3)) is None
+    assert map_dims(scene(4).drop_vars("period_impulse")) is None

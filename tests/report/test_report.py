@@ -67,6 +67,18 @@ def test_a_report_draws_growth_in_permanent_contact(archives: list[Path], tmp_pa
     assert "Speed against error" not in text
 
 
+def test_a_report_of_exact_cases_draws_maps_and_asks_for_no_step(tmp_path: Path) -> None:
+    study = "study: rub\n" + SCENE + "axes: {scheme: event_driven, e: {lin: [0, 0.6, 4]}, alpha: {lin: [0, 2, 5]}}\n"
+    study += "output: {interval: 1 ms, histories: [], balances: false}\n"
+    run_study(parsed(study), tmp_path / "rub.nc")
+    written = write_report(tmp_path / "rub.nc")
+    text = written.page.read_text(encoding="utf-8")
+    assert "there is no step to choose" in text
+    assert "maps of the scene over two axes" in text
+    assert written.figure is not None
+    assert "impulse growth" in text
+
+
 def test_several_archives_share_a_page(archives: list[Path], tmp_path: Path) -> None:
     written = write_report(archives, tmp_path / "joint.html")
     text = written.page.read_text(encoding="utf-8")

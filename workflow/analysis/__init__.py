@@ -18,7 +18,7 @@ from workflow.analysis._casing import casing_motion
 from workflow.analysis._compare import compare
 from workflow.analysis._decided import Decided, decided
 from workflow.analysis._effects import Hidden, effect, hidden
-from workflow.analysis._motion import contact_loss, energy_kept, growth, impact_speeds
+from workflow.analysis._motion import contact_loss, energy_kept, growth, impact_speeds, impulse_growth
 from workflow.analysis._phases import contact_phases
 from workflow.analysis._precision import (
     ERRORS,
@@ -38,7 +38,7 @@ from workflow.analysis._recommend_words import cautions as recommendation_cautio
 from workflow.analysis._recommend_words import row as recommendation_row
 from workflow.analysis._recommend_words import sentence, undecidable
 from workflow.analysis._standing import ACCURATE, RULE, Range, Standing, ranges, standings
-from workflow.analysis._telling import Telling, exact_partners, telling, total_error
+from workflow.analysis._telling import Telling, exact_partners, is_exact, telling, total_error
 from workflow.analysis._work import work_precision
 
 __all__ = [
@@ -76,6 +76,8 @@ __all__ = [
     "has_lines",
     "hidden",
     "impact_speeds",
+    "impulse_growth",
+    "is_exact",
     "labels_of",
     "lines",
     "mode_counts",

@@ -115,9 +115,7 @@ def failures(dataset: xr.Dataset) -> list[Failures]:
     dims = case_dims(dataset)
     status = np.asarray(dataset["status"].values)
     groups: dict[tuple[int, str], tuple[tuple[int, ...], int]] = {}
-    for index, message in _messages(dataset, status != Status.NOT_RUN):
-        if status[index] == Status.OK and not message:
-            continue
+    for index, message in _said(dataset, status):
         said = (int(status[index]), message)
         if said not in groups and len(groups) >= _MOST_GROUPS:
             said = (said[0], "… another message")
@@ -136,14 +134,14 @@ def failures(dataset: xr.Dataset) -> list[Failures]:
     return sorted(found, key=lambda group: -group.cases)
 
 
-def _messages(dataset: xr.Dataset, wanted: NDArray[np.bool_]) -> Iterator[tuple[tuple[int, ...], str]]:
-    """Yield place and message of some cases, a bounded number of them read at a time."""
-    for block in _blocks(wanted.shape):
-        places = np.argwhere(wanted[block])
-        if len(places):
-            texts = np.asarray(dataset["message"].isel(dict(zip(dataset["status"].dims, block, strict=True))).values)
-            for place in places.tolist():
-                yield tuple(b.start + k for b, k in zip(block, place, strict=True)), str(texts[tuple(place)])
+def _said(dataset: xr.Dataset, status: NDArray[np.int8]) -> Iterator[tuple[tuple[int, ...], str]]:
+    """Yield place and message of cases that are not ok or have something to say, a bounded number read at a time."""
+    for block in _blocks(status.shape):
+        states = status[block]
+        texts = np.asarray(dataset["message"].isel(dict(zip(dataset["status"].dims, block, strict=True))).values)
+        speaks = (states != Status.NOT_RUN.value) & ((states != Status.OK.value) | (texts != ""))
+        for place in np.argwhere(speaks).tolist():
+            yield tuple(b.start + k for b, k in zip(block, place, strict=True)), str(texts[tuple(place)])
 
 
 def _blocks(shape: tuple[int, ...]) -> Iterator[tuple[slice, ...]]:

@@ -135,6 +135,12 @@ def _same(value: Any, wanted: Any) -> bool:
     return bool(value == wanted)
 
 
+def is_exact(dataset: xr.Dataset, methods: Mapping[str, str]) -> bool:
+    """Tell whether all cases are of the scheme :data:`EXACT`; ``methods`` as in :func:`exact_partners`."""
+    labels = map(str, np.atleast_1d(dataset["scheme"].values)) if "scheme" in dataset.coords else ()
+    return {methods.get(label, label) for label in labels} == {EXACT}
+
+
 def exact_partners(dataset: xr.Dataset, methods: Mapping[str, str]) -> NDArray[np.int64]:
     """Return, for each case, the number of the case that is the exact solution of its scene; -1 where there is none.
 

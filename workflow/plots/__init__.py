@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from workflow.plots._axes import metric_by_axis
 from workflow.plots._explorer import MARKS, explorer
+from workflow.plots._maps import map_dims, middle, scene_maps
 from workflow.plots._page_data import Shown, page_data, shown_part
 from workflow.plots._precision import convergence, work_precision
 from workflow.plots._response import Curve, abstract_figure, overview, tip_response
@@ -20,10 +21,13 @@ __all__ = [
     "explorer",
     "growth_against_prediction",
     "impact_speed_map",
+    "map_dims",
     "metric_by_axis",
+    "middle",
     "overview",
     "page_data",
     "save",
+    "scene_maps",
     "shown_part",
     "tip_response",
     "work_precision",

@@ -131,12 +131,15 @@ def _controls(description: dict[str, Any], axes: Sequence[dict[str, Any]]) -> An
 
 
 def map_axes(description: dict[str, Any]) -> tuple[str, str]:
-    """Return the names of the axes of the map at first: scheme and h where they have three values, else the longest."""
+    """Return the names of the axes of the map at first: scheme and h where they have three values, else the longest.
+
+    Of two axes h or α lies across.
+    """
     sizes = {axis["name"]: len(axis["texts"]) for axis in description["dims"] if len(axis["texts"]) > 1}
     ranked = sorted(sizes, key=lambda name: (name not in ("h", "scheme") or sizes[name] < 3, -sizes[name]))
     first = ranked[0]
     second = next((name for name in ranked[1:]), "")
-    return ("h", "scheme") if {first, second} == {"h", "scheme"} else (first, second)
+    return (second, first) if second == "alpha" or (first, second) == ("scheme", "h") else (first, second)
 
 
 def _map(status_names: Sequence[str]) -> Any:

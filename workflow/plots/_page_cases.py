@@ -28,6 +28,9 @@ TITLES = {
 
 MOST_BUCKETS = 8 * BUCKETS
 
+MOST_READ = 64 * 2**20
+"""Bytes of an archive that are read at once."""
+
 _CHARACTERS = 2.2
 """Characters of a page that a point of a history takes, measured on oscillating ones."""
 
@@ -58,6 +61,7 @@ def append_cases(
         "kept": bool(names),
     }
     status, written = np.asarray(part["status"].values).ravel(), 0
+    part = _read(part, names)
     for case in order:
         if len(described["entries"]) >= MOST or pack.size + written > room:
             break
@@ -66,6 +70,14 @@ def append_cases(
         written += len(str(entry))
     described["thinned"] = part.sizes["t"] > 2 * buckets if names else False
     return described
+
+
+def _read(part: xr.Dataset, histories: list[str]) -> xr.Dataset:
+    """Return what an entry needs of an archive; numbers are read at once where they are few, else case by case."""
+    numbers = part[["status", *histories, *(name for name in ("period_impulse", "growth_rate") if name in part)]]
+    if sum(array.nbytes for array in numbers.values()) <= MOST_READ:
+        numbers = numbers.load()
+    return numbers.assign(message=part["message"]) if "message" in part else numbers
 
 
 def _buckets(part: xr.Dataset, names: int, room: int) -> int:

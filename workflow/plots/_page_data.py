@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.analysis import Telling, case_dims, exact_partners, finest, numerical_dims, total_error
-from workflow.plots._page_cases import append_cases
+from workflow.analysis import Telling, case_dims, exact_partners, finest, impulse_growth, numerical_dims, total_error
+from workflow.plots._page_cases import MOST_READ, append_cases
 from workflow.plots._thinned import Pack, rounded
 from workflow.plots._units import coordinate_texts, readable, scaled, selector
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 MOST_VALUES = 2000
 """Values of an axis that a page holds; of a longer one evenly spread ones."""
 
-MOST_CASES = 120_000
+MOST_CASES = 250_000
 
 _FIRST = (
     "error",
@@ -29,6 +30,8 @@ _FIRST = (
     "model_error",
     "max_temperature",
     "contact_impulse",
+    "impulse_growth",
+    "runaway",
     "impacts",
     "max_penetration",
     "displacement_error",
@@ -42,13 +45,20 @@ _FIRST = (
 )
 """Metrics that come first where not all fit."""
 
-_DERIVED = {"error": "", "scheme_error": "scheme_", "model_error": "model_"}
-"""Largest errors of any history, and which part of the errors they are of."""
+_DERIVED: dict[str, Callable[[xr.Dataset], NDArray[Any] | None]] = {
+    "error": total_error,
+    "scheme_error": partial(total_error, part="scheme_"),
+    "model_error": partial(total_error, part="model_"),
+    "impulse_growth": impulse_growth,
+}
+"""What a page derives from the variables of an archive; ``None`` where it lacks them."""
 
 _EXPLAINED = {
     "error": "largest relative L2 distance of displacement, temperature and impulse from the reference",
     "scheme_error": "largest part of the scheme in the errors: against the exact solution of the same reduced model",
     "model_error": "largest part of the reduced model in the errors: its exact solution against the reference",
+    "impulse_growth": "impulse of the last complete load period over that of the first",
+    "runaway": "1: in permanent contact the tip grows without bound; it need not touch",
     "energy_residual": "energy that the scheme itself creates (+) or takes (−), as a share of the largest energy",
     "effective_restitution": "speed after over speed before an impact, which a scheme without e gives by itself",
 }
@@ -81,20 +91,28 @@ def shown_part(dataset: xr.Dataset, found: Sequence[Telling]) -> Shown:
     most = dict.fromkeys(dims, MOST_VALUES)
     while np.prod([min(n, most[dim]) for dim, n in zip(dims, shape, strict=True)]) > MOST_CASES:
         longest = max(dims, key=lambda dim: min(dataset.sizes[dim], most[dim]))
-        most[longest] = min(dataset.sizes[longest], most[longest]) // 2
+        most[longest] = 7 * min(dataset.sizes[longest], most[longest]) // 8
     kept, remarks, first = {}, [], finest(dataset)
     for k, (dim, size) in enumerate(zip(dims, shape, strict=True)):
         if size > most[dim]:
             even = np.linspace(0, size - 1, most[dim]).round().astype(int)
             kept[dim] = np.unique([*even, first[dim], *(int(place[k]) for place in places)])
             remarks.append(f"{dim.replace('_', ' ')}: {len(kept[dim])} of its {size} values")
-    part = dataset.isel(kept)
+    part = _part(dataset, kept)
     moved = [
         [int(np.searchsorted(kept[dim], place[k])) if dim in kept else int(place[k]) for k, dim in enumerate(dims)]
         for place in places
     ]
     cases = tuple(int(np.ravel_multi_index(place, part["status"].shape)) if place else 0 for place in moved)
     return Shown(part, cases, tuple(remarks))
+
+
+def _part(dataset: xr.Dataset, kept: Mapping[str, NDArray[np.int64]]) -> xr.Dataset:
+    """Return the kept places of an archive; variables that are small are read whole: scattered reads take longer."""
+    if not kept:
+        return dataset
+    small = [name for name, array in dataset.data_vars.items() if array.dtype.kind != "O" and array.nbytes <= MOST_READ]
+    return dataset.isel(kept).assign({name: dataset[name].compute().isel(kept) for name in small})
 
 
 def page_data(
@@ -181,11 +199,12 @@ def _metrics(part: xr.Dataset, pack: Pack, ok: NDArray[np.bool_], room: int) -> 
     """Take in the metrics of all cases, the most useful first, while there is room; return those left out too."""
     dims = part["status"].dims
     there = [str(name) for name in part.data_vars if part[name].dims == dims and part[name].dtype.kind == "f"]
+    there += ["runaway"] if "runaway" in part else []
     ranked = [name for name in _FIRST if name in there or name in _DERIVED]
     taken, left = [], []
     for name in [*ranked, *(name for name in there if name not in ranked)]:
         derived = name in _DERIVED
-        values = total_error(part, _DERIVED[name]) if derived else np.asarray(part[name].values, dtype=float)
+        values = _DERIVED[name](part) if derived else np.asarray(part[name].values, dtype=float)
         if values is None or not np.isfinite(values).any():
             continue
         small = rounded(np.where(ok, values.ravel(), np.nan))

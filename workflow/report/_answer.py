@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -10,6 +11,7 @@ from workflow.analysis import (
     Choice,
     NoReferenceError,
     Recommendation,
+    is_exact,
     recommend,
     recommendation_cautions,
     recommendation_row,
@@ -44,14 +46,17 @@ class Answer:
     met: bool
 
 
-def answer(dataset: xr.Dataset) -> Answer:
-    """Return the answer of an archive at its study's tolerance, with a table of others."""
+def answer(dataset: xr.Dataset, methods: Mapping[str, str]) -> Answer:
+    """Return the answer of an archive at its study's tolerance, with a table of others; ``methods`` by scheme."""
     try:
         asked = recommend(dataset)
     except (NoReferenceError, ValueError) as error:
         explanation = (
-            f"Which method, which step: {error}. Add `reference: {{scheme: event_driven}}` to the study and run it "
-            "again."
+            "Every case is the exact solution of its model (event_driven): there is no step to choose. By how much the "
+            "model errs the archive does not say: its study has no `reference`."
+            if is_exact(dataset, methods)
+            else f"Which method, which step: {error}. Add `reference: {{scheme: event_driven}}` to the study and run "
+            "it again."
         )
         return Answer([tag("section", tag("h2", "Answer"), tag("p", explanation), kind="answer")], None, False)
     others = sorted({*SHOWN, asked.tolerance}, reverse=True)

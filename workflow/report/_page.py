@@ -37,7 +37,7 @@ class Written:
 def write_report(archive: Path | Sequence[Path], page_path: Path | None = None, *, damaged: bool = False) -> Written:
     """Write the report of an archive: ``ARCHIVE.html``, and its main figure as ``ARCHIVE.png``.
 
-    The main figure is the tip's response, or speed against error where no histories are kept.
+    The main figure is the tip's response; where no histories are kept speed against error, or maps of the scene.
 
     Several archives give one page, ``report.html``: who stays stable and accurate in all of them, then
     a section for each.
@@ -93,27 +93,28 @@ def _write_single(archive: Path, written: Path, damaged: bool) -> Written:
     _refuse_overwriting([archive], written, picture)
     with open_archive(archive, damaged=damaged) as dataset:
         figure = overview(dataset) if any(name in dataset for name in _RESPONSES) and sections.any_ok(dataset) else None
-        precision = sections.precision(dataset, duration_of(archive, damaged))
-        figure = figure or (precision.figure if precision is not None else None)
+        precision, maps = sections.precision(dataset, duration_of(archive, damaged)), sections.maps(dataset)
+        figure = figure or precision.figure or maps.figure
         figure_path = save(figure, picture) if figure is not None and picture is not None else None
-        found = answer(dataset)
+        methods, frequency = methods_of(archive, damaged), frequency_of(archive, damaged)
+        found = answer(dataset, methods)
         head = [
             tag("h1", _title(dataset, archive)),
             tag("p", str(dataset.attrs.get("summary", "")), kind="muted"),
             *_damage(dataset),
             *found.body,
+            *maps.body,
         ]
         rest = [
             *sections.cases(dataset),
             *sections.scene_pictures(dataset),
             *sections.standing(dataset),
-            *(precision.body if precision is not None else []),
+            *precision.body,
             *sections.effects(dataset),
             *sections.errors(dataset),
             *origin(dataset, archive, damaged),
         ]
         room = PAGE_BYTES - sum(len(part.encode()) for part in [*head, *rest]) - _MARGIN
-        methods, frequency = methods_of(archive, damaged), frequency_of(archive, damaged)
         shown = interactive(dataset, archive.name, found.choice, methods, frequency, room)
     commit(written, page(archive.name, [*head, *shown.body, *rest], shown.scripts).encode())
     return Written(written, figure_path)
@@ -136,14 +137,13 @@ def _write_joint(archives: Sequence[Path], written: Path, damaged: bool) -> Writ
                 )  # fmt: skip
                 new.append(k == 0 and number > 0)
             parts += [tag("h2", name), tag("p", f"{title}.")]
-            parts += _damage(dataset) + answer(dataset).body
+            parts += _damage(dataset) + answer(dataset, methods_of(archive, damaged)).body
             if any(one in dataset for one in _RESPONSES) and sections.any_ok(dataset):
                 parts.append(image(overview(dataset), "tip response"))
             parts += sections.scene_pictures(dataset)
             parts += sections.standing(dataset)[3:]
             if dataset.sizes.get("h", 1) > 4:
-                precision = sections.precision(dataset, duration_of(archive, damaged))
-                parts += precision.body if precision is not None else []
+                parts += sections.precision(dataset, duration_of(archive, damaged)).body
     head = [
         "study", "scheme", "ok", "stable up to", "accurate up to", "error at the smallest h", "at the largest stable h",
         "energy residual", "penetration / gap", "verdict, from small h to large",

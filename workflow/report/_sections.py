@@ -25,7 +25,16 @@ from workflow.analysis import (
     standings,
     winners,
 )
-from workflow.plots import convergence, growth_against_prediction, impact_speed_map, metric_by_axis, work_precision
+from workflow.plots import (
+    convergence,
+    growth_against_prediction,
+    impact_speed_map,
+    map_dims,
+    metric_by_axis,
+    middle,
+    scene_maps,
+    work_precision,
+)
 from workflow.report._html import image, short, table, tag
 from workflow.run import status_counts
 
@@ -36,6 +45,16 @@ if TYPE_CHECKING:
 _METRICS = ("contact_impulse", "impacts", "max_temperature", "max_penetration")
 _DECIDED_SHOWN = 40
 _FAILURES_SHOWN = 20
+_LABELS_SHOWN = 8
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A section and its main figure, ``None`` where there is nothing to draw."""
+
+    body: list[str]
+    figure: Figure | None
+
 
 TERMS = (
     "Energy residual: energy that the scheme itself creates (+) or takes (−), what loads, damping, heat and impacts do "
@@ -83,13 +102,15 @@ def cases(dataset: xr.Dataset) -> list[str]:
         if len(entries) > _FAILURES_SHOWN:
             found.append(tag("p", f"… and {len(entries) - _FAILURES_SHOWN} more messages."))
     found += _decided(dataset)
-    dims = [
-        [dim, str(dataset.sizes[dim]), "; ".join(labels_of(dataset, dim, named=False)[:8])]
-        for dim in case_dims(dataset)
-    ]
+    dims = [[dim, str(dataset.sizes[dim]), _listed(labels_of(dataset, dim, named=False))] for dim in case_dims(dataset)]
     if dims:
         found.append(table(["dimension", "size", "values"], dims))
     return found
+
+
+def _listed(labels: list[str]) -> str:
+    """Return labels side by side, of many the first and the last."""
+    return "; ".join(labels if len(labels) <= _LABELS_SHOWN else [*labels[: _LABELS_SHOWN - 2], "…", labels[-1]])
 
 
 def _decided(dataset: xr.Dataset) -> list[str]:
@@ -99,6 +120,25 @@ def _decided(dataset: xr.Dataset) -> list[str]:
         for one in decided(dataset)[:_DECIDED_SHOWN]
     ]
     return [table(["modes that the tolerance decided for", "modes", "error in the worst corner"], rows)] if rows else []
+
+
+def maps(dataset: xr.Dataset) -> Drawn:
+    """Draw maps of a scene over two axes, of archives that hold load periods and no errors."""
+    dims = map_dims(dataset)
+    if dims is None or "impulse_error" in dataset or not any_ok(dataset):
+        return Drawn([], None)
+    figure = scene_maps(dataset, dims, middle(dataset, dims))
+    about = (
+        "In the middle of all other axes; the map below moves through all of them. Grey: the tip never touches its "
+        "casing, or the case is not ok. Dashed: the critical coupling, above which a tip in permanent contact runs "
+        "away."
+    )
+    body: list[str] = [
+        tag("h2", "Maps"),
+        tag("p", about, kind="muted"),
+        image(figure, "maps of the scene over two axes"),
+    ]
+    return Drawn(body, figure)
 
 
 def effects(dataset: xr.Dataset) -> list[str]:
@@ -194,18 +234,10 @@ def errors(dataset: xr.Dataset) -> list[str]:
     return [tag("h2", "Errors"), about, table(head, rows)]
 
 
-@dataclass(frozen=True)
-class Precision:
-    """The section on speed against error and its main figure."""
-
-    body: list[str]
-    figure: Figure
-
-
-def precision(dataset: xr.Dataset, duration: float) -> Precision | None:
+def precision(dataset: xr.Dataset, duration: float) -> Drawn:
     """Draw speed against error where an archive has both, and name the fastest."""
     if "impulse_error" not in dataset or dataset.sizes.get("h", 1) < 3 or not any_ok(dataset):
-        return None
+        return Drawn([], None)
     model = _model_dim(dataset)
     place = finest(dataset)
     found = lines(dataset, duration)
@@ -233,7 +265,7 @@ def precision(dataset: xr.Dataset, duration: float) -> Precision | None:
         tag("p", "Who reaches an error of the impulse in the least time:"),
         _fastest(found),
     ]
-    return Precision(body, figure)
+    return Drawn(body, figure)
 
 
 def _fastest(found: list[Line]) -> str:

@@ -1,0 +1,157 @@
+"""Maps of a scene over two of its axes: how the impulse grows, who stays pressed, how often and how hot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow.analysis import case_dims, impulse_growth
+from workflow.plots._style import COLOURS
+from workflow.plots._units import readable, scaled
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+LEAST_VALUES = 4
+"""Values of an axis from which on a map along it says more than a table."""
+
+MARGIN = 30.0
+"""Largest over least positive value from which on colours are logarithmic."""
+
+
+class Panel(NamedTuple):
+    """A map: its title, with the unit, the values ``(up, across)``, NaN where the tip never touches, and contours."""
+
+    title: str
+    values: NDArray[np.float64]
+    has_contours: bool = True
+
+
+def map_dims(archive: xr.Dataset) -> tuple[str, str] | None:
+    """Return the dimensions across and up of the maps of an archive, ``None`` where they would say little.
+
+    They are the two longest numerical axes of the scene; α lies across.
+    """
+    numbers = [dim for dim in case_dims(archive) if dim in archive.coords and archive[dim].dtype.kind == "f"]
+    long = [dim for dim in numbers if dim != "h" and archive.sizes[dim] >= LEAST_VALUES]
+    first = sorted(long, key=lambda dim: (-archive.sizes[dim], dim))[:2]
+    if len(first) < 2 or "period_impulse" not in archive:
+        return None
+    across, up = sorted(first, key=lambda dim: dim != "alpha")
+    return across, up
+
+
+def middle(archive: xr.Dataset, dims: tuple[str, str]) -> dict[str, int]:
+    """Return the middle place along all other dimensions of the cases."""
+    return {dim: archive.sizes[dim] // 2 for dim in case_dims(archive) if dim not in dims}
+
+
+def scene_maps(archive: xr.Dataset, dims: tuple[str, str], place: Mapping[str, int]) -> Figure:
+    """Draw four maps over the dimensions across and up, at one place along all others.
+
+    Impulse of the last load period over that of the first; share of the last period in contact; impacts; largest
+    temperature rise. Grey: no contact, or not ok. A dashed line is the critical coupling, above which a tip in
+    permanent contact runs away.
+
+    Parameters
+    ----------
+    archive
+        An archive with load periods.
+    dims
+        Its dimensions across and up, numbers both.
+    place
+        Positions along the other dimensions of its cases.
+    """
+    from matplotlib.figure import Figure
+
+    across, up = dims
+    cut = archive.isel(dict(place)).transpose(up, across, ...)
+    (x, x_label), (y, y_label) = _axis(cut, across), _axis(cut, up)
+    figure = Figure(figsize=(10.5, 8.0), layout="constrained")
+    grid = figure.subplots(2, 2, sharex=True, sharey=True)
+    for axes, panel in zip(grid.flat, _panels(cut), strict=True):
+        figure.colorbar(_draw(axes, x, y, panel), ax=axes)
+        for critical in _critical(cut) if across == "alpha" else ():
+            axes.axvline(critical, color=COLOURS[1], ls="--", lw=1.4)
+    for below, beside in zip(grid[1], grid[:, 0], strict=True):
+        below.set_xlabel(x_label)
+        beside.set_ylabel(y_label)
+    figure.suptitle(_said(archive, place), fontsize=10)
+    return figure
+
+
+def _draw(axes: Any, x: NDArray[np.float64], y: NDArray[np.float64], panel: Panel) -> Any:
+    """Draw one map and return what its colours are of."""
+    from matplotlib import colormaps
+
+    norm, levels = _norm(panel.values)
+    values = np.clip(panel.values, norm.vmin, None)
+    mesh = axes.pcolormesh(x, y, values, cmap=colormaps["cividis"], norm=norm, shading="nearest")
+    if panel.has_contours and len(levels):
+        lines = axes.contour(x, y, values, levels=levels, colors="white", linewidths=0.8)
+        axes.clabel(lines, fmt="%g", fontsize=8)
+    axes.set_title(panel.title, fontsize=10)
+    axes.set_facecolor("#dddddd")
+    return mesh
+
+
+def _panels(cut: xr.Dataset) -> list[Panel]:
+    """Return the four maps of a cut ``(up, across)``, NaN where a tip never touches."""
+    ok = np.asarray(cut["status"].values) == 0
+    touches = ok & (np.asarray(cut["contact_impulse"].values) > 0)
+
+    def shown(values: Any) -> NDArray[np.float64]:
+        return np.where(touches, np.asarray(values, dtype=np.float64), np.nan)
+
+    periods = np.isfinite(cut["period_impulse"].values).sum(axis=-1)
+    last = np.take_along_axis(cut["period_contact"].values, np.maximum(periods - 1, 0)[..., None], axis=-1)[..., 0]
+    growth = impulse_growth(cut)
+    return [
+        Panel("growth of the impulse: last load period over the first", shown(np.nan if growth is None else growth)),
+        Panel("share of the last load period in contact; 1: has run away", shown(last)),
+        Panel("impacts", shown(cut["impacts"].values), has_contours=False),
+        Panel("largest temperature rise of the tip [K]", shown(cut["max_temperature"].values)),
+    ]
+
+
+def _axis(cut: xr.Dataset, dim: str) -> tuple[NDArray[np.float64], str]:
+    """Return the values of an axis in a readable unit, and its label."""
+    unit, factor = scaled(str(cut[dim].attrs.get("units", "1")), cut[dim].values)
+    return cut[dim].values * factor, dim.replace("_", " ") + (f" [{unit}]" if unit else "")
+
+
+def _critical(cut: xr.Dataset) -> NDArray[np.float64]:
+    """Return the critical couplings of a cut that lie within its α."""
+    found, alpha = np.unique(np.round(cut["critical_alpha"].values, 12)), cut["alpha"].values
+    return np.asarray(found[(found >= alpha.min()) & (found <= alpha.max())])
+
+
+def _norm(values: NDArray[np.float64]) -> tuple[Any, NDArray[np.float64]]:
+    """Return how values become colours, logarithmic over three decades where they span much, and levels between."""
+    from matplotlib.colors import LogNorm, Normalize
+    from matplotlib.ticker import LogLocator, MaxNLocator
+
+    some = values[np.isfinite(values)]
+    positive = some[some > 0]
+    if not positive.size or positive.max() <= MARGIN * positive.min():
+        norm: Any = Normalize(*((some.min(), some.max()) if some.size else (0.0, 1.0)))
+        levels = MaxNLocator(6).tick_values(norm.vmin, norm.vmax)
+    else:
+        norm = LogNorm(max(float(positive.min()), 1e-3 * float(positive.max())), float(positive.max()))
+        levels = LogLocator(subs=(1.0, 2.0, 5.0)).tick_values(norm.vmin, norm.vmax)
+    return norm, levels[(levels > norm.vmin) & (levels < norm.vmax * (1 - 1e-9))]  # no line on an edge
+
+
+def _said(archive: xr.Dataset, place: Mapping[str, int]) -> str:
+    """Return where along the other dimensions the maps lie."""
+    words = []
+    for dim, k in place.items():
+        if archive.sizes[dim] > 1 and dim in archive.coords:
+            unit, value = readable(str(archive[dim].attrs.get("units", "1"))), archive[dim].values[k]
+            shown = f"{value:.4g}" if archive[dim].dtype.kind == "f" else str(value)
+            words.append(f"{dim.replace('_', ' ')} = {shown} {unit}".strip())
+    return ", ".join(words)
