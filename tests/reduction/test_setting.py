@@ -91,7 +91,7 @@ def test_full_is_not_reduced_on_either_side(fewer: str) -> None:
 
 def test_plan_names_it() -> None:
     plan = plan_study(parsed(study("axes: {mechanical_modes: 1}")))
-    assert [v.told for v in plan.scene if v.path == "reduction"] == ["craig_bampton"]
+    assert [v.text for v in plan.scene if v.path == "reduction"] == ["craig_bampton"]
 
 
 @pytest.mark.parametrize("place", ["axes: {{reduction: {}}}", "reference: {{reduction: {}}}"])

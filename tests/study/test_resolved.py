@@ -28,7 +28,7 @@ def found(text: str) -> dict[str, ResolvedValue]:
 def test_counts_that_a_tolerance_decides_are_told_as_they_are_written() -> None:
     axes = "axes: {scheme: [half, event_driven], mechanical_modes: [1, auto], thermal_modes: auto, tolerance: 0.01}"
     values = found(TEXT[: TEXT.index("axes:")] + axes)
-    assert values["mechanical_modes"].told == "1, auto"
+    assert values["mechanical_modes"].text == "1, auto"
     assert values["thermal_modes"] == ResolvedValue("thermal_modes", ("auto",), "1", "study")
     assert values["tolerance"] == ResolvedValue("tolerance", (0.01,), "1", "study")
     assert "tolerance" not in found(TEXT)
@@ -61,6 +61,6 @@ def test_a_static_start_is_told_once() -> None:
 
 def test_a_line_of_values() -> None:
     values = found(TEXT)
-    assert values["scene.chain.mass"].told == "0.002, 0.003 kg"
-    assert values["mechanical_modes"].told == "0, 1"
-    assert ResolvedValue("a", tuple(map(float, range(10))), "m", "axis").told == "0, 1, …, 9 (10 values) m"
+    assert values["scene.chain.mass"].text == "0.002, 0.003 kg"
+    assert values["mechanical_modes"].text == "0, 1"
+    assert ResolvedValue("a", tuple(map(float, range(10))), "m", "axis").text == "0, 1, …, 9 (10 values) m"

@@ -100,18 +100,18 @@ def _medians(dataset: xr.Dataset, error: str, dims: list[str]) -> dict[tuple[int
 
 
 def _within(dataset: xr.Dataset, dims: list[str], blurred: dict[tuple[int, ...], bool]) -> dict[str, str]:
-    """Tell for each scheme from which step on it is blurred."""
+    """Return from which step on each scheme is blurred."""
     labels = {dim: labels_of(dataset, dim, named=False) for dim in dims}
     by_scheme: dict[str, dict[int, bool]] = {}
     for at, blur in blurred.items():
         here = dict(zip(dims, at, strict=True))
         name = labels["scheme"][here["scheme"]] if "scheme" in here else "the scheme"
         by_scheme.setdefault(name, {})[here.get("h", 0)] = blur
-    told = {}
+    steps_of = {}
     for name, steps in by_scheme.items():
         if all(steps.values()):
-            told[name] = "every h"
+            steps_of[name] = "every h"
         elif any(steps.values()):
             h = np.asarray(dataset["h"].values)
-            told[name] = f"h = {exact(min(h[k] for k, blur in steps.items() if blur))} s and more"
-    return told
+            steps_of[name] = f"h = {exact(min(h[k] for k, blur in steps.items() if blur))} s and more"
+    return steps_of

@@ -71,8 +71,8 @@ def observed_order(dataset: xr.Dataset, error: str = "impulse_error") -> xr.Data
         errors = errors.where(errors > UNPREDICTABLE * dataset["predictability"].fillna(0.0))
     errors = errors.transpose(..., dim)
     orders = slope(np.asarray(dataset["h"].values, dtype=float), np.asarray(errors.values, dtype=float))
-    told = {"units": "1", "long_name": f"observed order of the {error.replace('_', ' ')} in h"}
-    return errors.isel({dim: 0}, drop=True).copy(data=orders).rename("observed_order").assign_attrs(told)
+    attributes = {"units": "1", "long_name": f"observed order of the {error.replace('_', ' ')} in h"}
+    return errors.isel({dim: 0}, drop=True).copy(data=orders).rename("observed_order").assign_attrs(attributes)
 
 
 def slope(h: Array, errors: Array) -> Array:
@@ -224,7 +224,7 @@ class Winner:
 
 def winners(found: list[Line], name: str = "impulse_error") -> list[Winner]:
     """Return who reaches each of :data:`TARGETS` in the least time."""
-    nan, told = float("nan"), []
+    nan, fastest = float("nan"), []
     for target in TARGETS:
         best = []
         for line in found:
@@ -237,14 +237,14 @@ def winners(found: list[Line], name: str = "impulse_error") -> list[Winner]:
                 )
         best.sort()
         if not best:
-            told.append(Winner(target, "", nan, nan, nan, "", nan))
+            fastest.append(Winner(target, "", nan, nan, nan, "", nan))
             continue
         seconds, scheme, h, error, exact = best[0]
         second = best[1] if len(best) > 1 else None
-        told.append(
+        fastest.append(
             Winner(
                 target, scheme, nan if exact else h, error, seconds,
                 second[1] if second else "", second[0] / seconds if second else nan,
             )
         )  # fmt: skip
-    return told
+    return fastest

@@ -68,7 +68,7 @@ def _lines(plan: Plan) -> Iterator[str]:
     width = max(len(value.path) for value in plan.scene)
     for value in plan.scene:
         origin = {"study": "", "axis": "   (varied)", "default": "   (default)"}[value.origin]
-        yield f"  {value.path:{width}}  {value.told}{origin}"
+        yield f"  {value.path:{width}}  {value.text}{origin}"
     yield "  dimensions   " + (" × ".join(f"{name} {size}" for name, size in dims) or "none, a single case")
     yield f"  cases        {plan.cases}, of which {plan.unique} are computed"
     if plan.references:

@@ -206,13 +206,13 @@ def _operators(grid: Grid, computed: Indices) -> tuple[str, ...]:
     """Return what the first distinct structures are stepped by, where a scheme has a choice."""
     names, model = ("scheme", "reduction", "mechanical_modes", "thermal_modes"), grid.study.scene.model
     places = np.unique(grid.alike(computed, lambda path: path in names or path.startswith(f"scene.{model}.")))
-    told: dict[str, None] = {}
+    operators: dict[str, None] = {}
     for outer in places[:_STRUCTURES_SHOWN]:
         cell = grid.settings(int(outer))
         scheme = schemes.load(cell.scheme.method)
         if scheme.operator_name is not None:
-            told[f"{cell.scheme.method}: {scheme.operator_name(reduced_structure(cell))}"] = None
-    return tuple(told)
+            operators[f"{cell.scheme.method}: {scheme.operator_name(reduced_structure(cell))}"] = None
+    return tuple(operators)
 
 
 def _looked_at(computed: Indices) -> list[int]:

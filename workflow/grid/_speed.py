@@ -177,16 +177,16 @@ def processor_name() -> str:
 def _read(path: Path) -> Sums:
     """Return what a file holds; nothing where it is missing, damaged or another machine's."""
     try:
-        told = json.loads(path.read_text(encoding="utf-8"))
-        if told["format"] != FORMAT or told["machine"] != _machine():
+        content = json.loads(path.read_text(encoding="utf-8"))
+        if content["format"] != FORMAT or content["machine"] != _machine():
             return {}
-        return {str(key): (float(model), float(measured)) for key, (model, measured) in told["parts"].items()}
+        return {str(key): (float(model), float(measured)) for key, (model, measured) in content["parts"].items()}
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return {}
 
 
 def _write(path: Path, sums: Sums) -> None:
-    told = {"format": FORMAT, "machine": _machine(), "parts": sums}
+    content = {"format": FORMAT, "machine": _machine(), "parts": sums}
     with tempfile.NamedTemporaryFile("w", dir=path.parent, suffix=".tmp", delete=False, encoding="utf-8") as file:
-        json.dump(told, file)
+        json.dump(content, file)
     os.replace(file.name, path)

@@ -104,8 +104,8 @@ def _head(path: Path) -> tuple[int, int, int]:
     if not lines[0].startswith("%%MatrixMarket "):
         raise ValueError("it does not begin with %%MatrixMarket")
     words = lines[0].split()
-    told = next((line for line in lines[1:-1] if line.strip() and not line.startswith("%")), "")
-    sizes = [int(word) for word in told.split()]
+    size_line = next((line for line in lines[1:-1] if line.strip() and not line.startswith("%")), "")
+    sizes = [int(word) for word in size_line.split()]
     if "array" in words and len(sizes) == 2:
         return sizes[0], sizes[1], sizes[0] * sizes[1] // (1 if "general" in words else 3)
     if "coordinate" not in words or len(sizes) != 3 or min(sizes) < 0:

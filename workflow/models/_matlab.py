@@ -61,8 +61,8 @@ def read(place: Path) -> dict[str, Any]:
         MatReadError,
         MemoryError,
     ) as error:
-        told = " ".join(str(error).split())[:100]
-        raise refuse(f"`{place.name}` is damaged: {told}", "save it anew, with -v7") from None
+        reason = " ".join(str(error).split())[:100]
+        raise refuse(f"`{place.name}` is damaged: {reason}", "save it anew, with -v7") from None
     return {name: _plain(name, found[name]) for name in names if name in found}
 
 

@@ -35,9 +35,9 @@ def refuse(problem: str, remedy: str) -> UnusableMatricesError:
 
 def too_large(name: str, shape: tuple[int, ...]) -> UnusableMatricesError:
     """Return the error of an entry that is larger than any structure may be."""
-    told = " x ".join(map(str, shape))
+    size = " x ".join(map(str, shape))
     return refuse(
-        f"`{name}` says it is {told}", f"at most {MOST_COORDINATES} rows and {MOST_BYTES >> 20} MB in all are read"
+        f"`{name}` says it is {size}", f"at most {MOST_COORDINATES} rows and {MOST_BYTES >> 20} MB in all are read"
     )
 
 

@@ -78,8 +78,8 @@ def impact_speed_map(archive: xr.Dataset, quantile: float = 0.9) -> Figure:
         for k, e in enumerate(archive["e"].values):
             chosen = half.sel(gap=gap, e=e) if "gap" in half.dims else half.sel(e=e)
             speeds = [impact_speeds(chosen.sel(frequency=f)) for f in frequency]
-            told = np.array([np.quantile(one, quantile) if one.size else np.nan for one in speeds])
-            panel.plot(frequency, told, marker=MARKERS[k], color=COLOURS[k], ms=4, lw=1.3, label=f"e = {e:g}")
+            quantiles = np.array([np.quantile(one, quantile) if one.size else np.nan for one in speeds])
+            panel.plot(frequency, quantiles, marker=MARKERS[k], color=COLOURS[k], ms=4, lw=1.3, label=f"e = {e:g}")
         panel.set(title=f"gap {gap * 1e6:.3g} µm", xlabel="load frequency [Hz]")
         trim(panel)
     panels[0].set_ylabel("impact speed [m/s]")

@@ -196,21 +196,21 @@ def _repeat(path: Path, grid: Grid, texts: dict[str, str], sample: int) -> Itera
         for cell in cells:
             outer, inner = divmod(cell, grid.inner_count)
             solved = solve(grid, outer, np.array([inner]))
-            stored, told = known.take(layout, np.array([cell]))
+            stored, messages = known.take(layout, np.array([cell]))
             where = labels_of_case(dataset, cell) or "the case"
             again = {v.name: solved.values[v.name].astype(v.dtype) for v in layout.variables if v.name not in LEFT_OUT}
-            told_apart = list(differences(stored, again))
+            unlike = list(differences(stored, again))
             may_differ = bool(other) or _is_large(grid, outer)
-            if may_differ and told_apart:
+            if may_differ and unlike:
                 large = large if other else [_LAPACK]
                 allowed = sensitivity(grid, outer, np.array([inner]), solved)
-                told_apart = list(differences(stored, again, allowed))
+                unlike = list(differences(stored, again, allowed))
                 lost = without_digits(again, allowed)
                 blurred += [f"{where} ({', '.join(lost)})"] if lost else []
-            differ += [f"{where}: {text}" for text in told_apart]
+            differ += [f"{where}: {text}" for text in unlike]
             said = kept_message(solved.messages.get(0, ""))
-            if told.get(0, "") != said and not may_differ:
-                differ.append(f"{where}: message {told.get(0)!r} stored, {said!r} now")
+            if messages.get(0, "") != said and not may_differ:
+                differ.append(f"{where}: message {messages.get(0)!r} stored, {said!r} now")
     reasons = [f"other {', '.join(other)}"] if other else large
     how = f"within what rounding makes of each ({reasons[0]})" if reasons else "bit for bit"
     if not differ:

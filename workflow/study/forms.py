@@ -39,11 +39,11 @@ class Form(BaseModel):
         try:
             return handler(value)
         except ValidationError as error:
-            found = error.errors(include_url=False)
-            unknown = [str(line["loc"][-1]) for line in found if line["type"] == "extra_forbidden"]
+            errors = error.errors(include_url=False)
+            unknown = [str(line["loc"][-1]) for line in errors if line["type"] == "extra_forbidden"]
             meant = {nearest(key, cls.model_fields) for key in unknown}  # misspelt is not missing, too
-            told = [line for line in found if line["type"] != "missing" or line["loc"][-1] not in meant]
-            lines = [cls._explained(line) for line in told]
+            own = [line for line in errors if line["type"] != "missing" or line["loc"][-1] not in meant]
+            lines = [cls._explained(line) for line in own]
             raise ValidationError.from_exception_data(cls.__name__, lines) from None
 
     @classmethod
@@ -51,19 +51,19 @@ class Form(BaseModel):
         place, value, last = line["loc"], line["input"], str(line["loc"][-1] if line["loc"] else "")
         match line["type"]:
             case "study":
-                told = wrong(**line["ctx"])
+                mistake = wrong(**line["ctx"])
             case "missing":
                 meaning = cls.model_fields[last].description
-                told = wrong("is missing", f"write it: {meaning}")
+                mistake = wrong("is missing", f"write it: {meaning}")
             case "extra_forbidden" if last in cls.moved:
-                told = wrong("does not belong here", cls.moved[last])
+                mistake = wrong("does not belong here", cls.moved[last])
             case "extra_forbidden":
-                told = wrong(f"{said(last)} is not known here", one_of(last, cls.model_fields))
+                mistake = wrong(f"{said(last)} is not known here", one_of(last, cls.model_fields))
             case _ if value is None:
-                told = wrong("has nothing in it", "write `key: value` entries, or leave it out")
+                mistake = wrong("has nothing in it", "write `key: value` entries, or leave it out")
             case _:
-                told = wrong(f"{said(value)} is not a mapping", "write `key: value` entries, or leave it out")
-        return details(told, place, value)
+                mistake = wrong(f"{said(value)} is not a mapping", "write `key: value` entries, or leave it out")
+        return details(mistake, place, value)
 
 
 def annotated(annotation: Any, metadata: Any) -> Any:
@@ -170,8 +170,8 @@ class ByShape:
             raise wrong(f"`{self.key}` is missing", one_of("", names))
         if self.key is not None and value[self.key] not in names:
             chosen = value[self.key]
-            told = wrong(f"{said(chosen)} is no {self.key}", one_of(str(chosen), names))
-            raise ValidationError.from_exception_data("branch", [details(told, (self.key,), chosen)])
+            mistake = wrong(f"{said(chosen)} is no {self.key}", one_of(str(chosen), names))
+            raise ValidationError.from_exception_data("branch", [details(mistake, (self.key,), chosen)])
         return value
 
     def _tag(self, value: Any) -> str:

@@ -27,7 +27,7 @@ class ResolvedValue:
     origin: Origin
 
     @property
-    def told(self) -> str:
+    def text(self) -> str:
         """The values as a line: a few of them, of many the ends."""
         texts = [f"{value:.12g}" if isinstance(value, float) else str(value) for value in self.values]
         few = texts if len(texts) <= 6 else [texts[0], texts[1], "…", f"{texts[-1]} ({len(texts)} values)"]
