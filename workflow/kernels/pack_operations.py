@@ -110,6 +110,7 @@ for _name, _operations in {
     "fadd": (operator.add, operator.iadd),
     "fsub": (operator.sub, operator.isub),
     "fmul": (operator.mul, operator.imul),
+    "fdiv": (operator.truediv, operator.itruediv),
 }.items():
     for _operation in _operations:
         _define(_operation, _PackType, lambda builder, a, b, name=_name: getattr(builder, name)(a, b))

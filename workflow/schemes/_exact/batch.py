@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from workflow.kernels.compiled import kernel
 from workflow.kernels.sums import product
 from workflow.models import Array, Cases, Structure
 from workflow.schemes._exact import block_table as block
@@ -22,6 +23,7 @@ from workflow.schemes._exact.phase_log import empty_log
 from workflow.schemes._exact.record import TALLY, Record
 from workflow.schemes._exact.regimes import regime_of
 from workflow.schemes._exact.response import SLOW_POLE
+from workflow.schemes._exact.two_way import HeldRegimes
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Status, complete_periods
 
 _PHASES = 1024
@@ -48,10 +50,10 @@ def make_operator(structure: Structure, budget: Budget) -> Operator:
 
 
 def run_batch(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
-    """Run all cases, one after the other."""
+    """Run all cases, one after the other; those of one α follow each other and share its regime."""
     batch = _Batch(operator, cases, sampling)
-    for i in range(cases.count):
-        batch.run(i)
+    for i in np.argsort(cases.alpha, kind="stable"):
+        batch.run(int(i))
     return batch.results()
 
 
@@ -72,8 +74,10 @@ class _Batch:
         )
         self.modal = np.concatenate([_times(matrix, values) for matrix, values in states], axis=1)
         self.balance = EnergyBalance(operator.structure, basis) if sampling.balances else None
-        self.held: dict[float, tuple[Layout, bool]] = {}
-        self.memory: dict[tuple[int, bool, int], Memory] = {}
+        self.regimes = HeldRegimes(basis.held)
+        self.stiff = _taylor_steps(operator.free.block, sampling.duration) > operator.budget.steps
+        self.held: tuple[float, Layout, bool] | None = None
+        self.memory: dict[tuple[int, int, bool, int, bool], Memory] = {}
         self.histories = np.full((count, len(HISTORIES), sampling.count), np.nan)
         self.period_values = np.full((count, 3, int(self.periods.max(initial=0))), np.nan)
         self.residuals = np.full((count, 2), np.nan)
@@ -92,15 +96,15 @@ class _Batch:
 
     def _held(self, alpha: float) -> tuple[Layout, bool]:
         """Return the held regime at α, and whether a Taylor series would take more steps than the budget."""
-        if alpha not in self.held:
-            held = layout(regime_of(self.operator.basis.held, alpha))
-            steps = max(_taylor_steps(regime, self.sampling.duration) for regime in (self.operator.free, held))
-            self.held[alpha] = held, steps > self.operator.budget.steps
-        return self.held[alpha]
+        if self.held is None or self.held[0] != alpha:
+            held = self.regimes.at(alpha)
+            stiff = _taylor_steps(held.block, self.sampling.duration) > self.operator.budget.steps
+            self.held = alpha, held, stiff or self.stiff
+        return self.held[1:]
 
     def _memory(self, regime: Layout, heated: bool, waves: int) -> Memory:
-        """Return the memory that cases of a regime with so many waves use one after the other."""
-        key = id(regime), heated, waves
+        """Return the memory that cases of regimes of one size use one after the other."""
+        key = regime.blocks, regime.firsts, heated, waves, regime is self.operator.free
         if key not in self.memory:
             self.memory[key] = memory(regime, heated, waves)
         return self.memory[key]
@@ -167,18 +171,22 @@ class _Batch:
         return messages
 
 
-def _taylor_steps(regime: Layout, duration: float) -> float:
-    """Return the Taylor steps that the stiffest explicit block takes over the duration, 0 for none.
+@kernel
+def _taylor_steps(b: Array, duration: float) -> float:
+    """Return the Taylor steps that the stiffest explicit block of a table takes over the duration, 0 for none.
 
     Explicit are overdamped blocks whose slow pole times the duration is below ``SLOW_POLE``. Their poles are separated
     unless a thermal rate lies as near as quasi-static responses allow.
     """
-    c, w2 = regime.block[block.DAMPING], regime.block[block.STIFFNESS]
-    half, slow = 0.5 * np.abs(c), np.sqrt(np.abs(w2))
-    root = np.sqrt(np.maximum(half**2 - w2, 0.0))
-    np.divide(w2, half + root, out=slow, where=root > 0)
-    explicit = (slow * duration < SLOW_POLE) & ((regime.block[block.RESONANT] > 0) | (c < 0))
-    return float(np.max(np.abs(c)[explicit], initial=0.0)) * duration / TAYLOR_SPAN
+    fastest = 0.0
+    for k in range(b.shape[1]):
+        c, w2 = b[block.DAMPING, k], b[block.STIFFNESS, k]
+        half = 0.5 * abs(c)
+        root = np.sqrt(max(half * half - w2, 0.0))
+        slow = w2 / (half + root) if root > 0.0 else np.sqrt(abs(w2))
+        if slow * duration < SLOW_POLE and (b[block.RESONANT, k] > 0.0 or c < 0.0):
+            fastest = max(fastest, abs(c))
+    return fastest * duration / TAYLOR_SPAN
 
 
 def _times(matrix: Array, states: Array) -> Array:

@@ -26,11 +26,11 @@ from workflow.kernels.sums import dot, norm, product, total
 from workflow.models import Array, Structure
 from workflow.schemes._exact import wave_table as wave
 from workflow.schemes._exact.layout import Load
-from workflow.schemes._exact.modal_system import Basis, ModalSystem, signal_inputs, state_space
+from workflow.schemes._exact.modal_system import Basis, ModalSystem, passages, signal_inputs, state_space
 from workflow.schemes._exact.phase_integrals import SLOW_EXPONENT, Complex, EigenForm, Form, integrate
 from workflow.schemes._exact.phase_log import Log
-from workflow.schemes._exact.regimes import linked, passages
-from workflow.schemes._exact.secular import secular_spectrum
+from workflow.schemes._exact.regimes import linked
+from workflow.schemes._exact.spectrum import secular_spectrum
 
 ILL_CONDITIONED = 1e3
 """Condition of the eigenvectors above which they are not used: the integrals lose its square."""
@@ -163,10 +163,21 @@ class EnergyBalance:
             system = linked(system) if alpha else system
             system = system if heated else system.without_heat()
             A, row, source = state_space(system, alpha or 0.0)
-            entry, _ = passages(system, np.eye(len(A)), np.eye(len(A)))
+            entry = _from_modal(system)
             loss = np.concatenate([np.zeros(2 * system.frequency.size), self._loss[: system.rate.size]])
             self._known[key] = _Regime(system, A, source, entry, row, loss, _poles(A, system, alpha or 0.0))
         return self._known[key]
+
+
+def _from_modal(system: ModalSystem) -> Array:
+    """Return X from [y, y', τ] and, in the last rows, d and d', ``(modal + 2, N)``."""
+    entry, heats = passages(system)[0], system.rate.size
+    free, modes = entry.shape[0] - 1, entry.shape[1]
+    whole = np.zeros((2 * free + heats + 2, 2 * modes + heats))
+    whole[:free, :modes] = whole[free : 2 * free, modes : 2 * modes] = entry[:-1]
+    whole[2 * free : -2, 2 * modes :] = np.eye(heats)
+    whole[-2, :modes] = whole[-1, modes : 2 * modes] = entry[-1]
+    return whole
 
 
 def _form(regime: _Regime, load: Load) -> Form:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from workflow.kernels.compiled import kernel
 from workflow.models import Array
 from workflow.schemes._exact import block_table as block
 from workflow.schemes._exact import expansion_table as expansion
@@ -52,8 +53,10 @@ class Layout(NamedTuple):
     """See :mod:`workflow.schemes._exact.first_table`."""
     coupling: Array
     source: Array
-    from_modal: Array
-    to_modal: Array
+    inward: Array
+    outward: Array
+    entry: Array
+    exit: Array
     """All see :class:`~workflow.schemes._exact.regimes.Regime`."""
     growth: float
     """Largest rate at which a block may grow, 1/s, not negative."""
@@ -69,58 +72,52 @@ class Layout(NamedTuple):
     """Whether blocks show in the tip temperature."""
 
 
+@kernel
 def layout(g: Regime) -> Layout:
     """Pack a regime."""
-    b, f = _block_table(g), _first_table(g)
-    warms = bool(b[[block.TEMPERATURE_VALUE, block.TEMPERATURE_SLOPE]].any())
+    blocks, firsts = g.damping.size, g.rate.size
+    b, f = np.zeros((block.ROWS, 8 * ((blocks + 7) // 8))), np.zeros((first.ROWS, 8 * ((firsts + 7) // 8)))
+    growth, first_growth, fastest, fastest_first, warms, two_way = 0.0, 0.0, 0.0, 0.0, False, False
+    filled = max(1.0, g.stiffness[blocks - 1]) if blocks > 0 else 1.0
+    for k in range(b.shape[1]):
+        b[block.STIFFNESS, k] = g.stiffness[k] if k < blocks else filled
+        b[block.OMEGA, k], b[block.NU, k] = np.sqrt(b[block.STIFFNESS, k]), 1.0
+        if b[block.OMEGA, k] > 0.0:
+            b[block.INVERSE_OMEGA, k] = 1.0 / b[block.OMEGA, k]
+    for k in range(blocks):
+        c = g.damping[k]
+        b[block.DAMPING, k], b[block.HALF_DAMPING, k], b[block.RESONANT, k] = c, 0.5 * c, g.resonant[k]
+        b[block.SIGNAL_VALUE, k], b[block.SIGNAL_SLOPE, k] = g.signal[k], g.signal[blocks + k]
+        b[block.TEMPERATURE_VALUE, k], b[block.TEMPERATURE_SLOPE, k] = g.temperature[k], g.temperature[blocks + k]
+        if g.stiffness[k] > 0.25 * c * c:
+            b[block.NU, k] = np.sqrt(g.stiffness[k] - 0.25 * c * c)
+        growth, fastest = max(growth, -c), max(fastest, b[block.OMEGA, k], abs(c))
+        warms |= g.temperature[k] != 0.0 or g.temperature[blocks + k] != 0.0
+        two_way |= g.signal[blocks + k] != 0.0
+    for j in range(firsts):
+        mu, warmth = g.rate[j], g.temperature[2 * blocks + j]
+        f[first.RATE, j], f[first.SIGNAL_VALUE, j], f[first.TEMPERATURE_VALUE, j] = mu, g.signal[2 * blocks + j], warmth
+        # C2⁻¹ e_n in thermal modes of unit norm: χ_n
+        f[first.HEAT_JUMP_VALUE, j], f[first.HEAT_JUMP_SLOPE, j] = warmth, -mu * warmth
+        first_growth, fastest_first = max(first_growth, -mu), max(fastest_first, abs(mu))
     return Layout(
-        blocks=g.damping.size,
-        firsts=g.rate.size,
-        block=b,
-        first=f,
-        coupling=g.coupling,
-        source=g.source,
-        from_modal=g.from_modal,
-        to_modal=g.to_modal,
-        growth=float(np.max(-g.damping, initial=0.0)),
-        first_growth=float(np.max(-g.rate, initial=0.0)),
-        fastest=float(np.max(np.maximum(np.sqrt(g.stiffness), np.abs(g.damping)), initial=0.0)),
-        fastest_first=float(np.max(np.abs(g.rate), initial=0.0)),
-        two_way=warms or bool(b[block.SIGNAL_SLOPE].any()),
-        warms=warms,
+        blocks,
+        firsts,
+        b,
+        f,
+        g.coupling,
+        g.source,
+        g.inward,
+        g.outward,
+        g.entry,
+        g.exit,
+        growth,
+        first_growth,
+        fastest,
+        fastest_first,
+        two_way or warms,
+        warms,
     )
-
-
-def _block_table(g: Regime) -> Array:
-    """Return the rows of the blocks that do not depend on loads."""
-    blocks = g.damping.size
-    b = np.zeros((block.ROWS, block.padded(blocks)))
-    b[block.STIFFNESS] = max(1.0, float(g.stiffness[-1])) if blocks else 1.0
-    b[block.STIFFNESS, :blocks] = g.stiffness
-    b[block.DAMPING, :blocks], b[block.RESONANT, :blocks] = g.damping, g.resonant
-    b[block.SIGNAL_VALUE, :blocks], b[block.SIGNAL_SLOPE, :blocks] = g.signal[: 2 * blocks].reshape(2, -1)
-    b[block.TEMPERATURE_VALUE, :blocks], b[block.TEMPERATURE_SLOPE, :blocks] = g.temperature[: 2 * blocks].reshape(
-        2, -1
-    )
-    part = 0.25 * g.damping * g.damping
-    b[block.NU] = 1.0
-    np.sqrt(g.stiffness - part, out=b[block.NU, :blocks], where=g.stiffness > part)
-    b[block.HALF_DAMPING] = 0.5 * b[block.DAMPING]
-    b[block.OMEGA] = np.sqrt(b[block.STIFFNESS])
-    np.divide(1.0, b[block.OMEGA], out=b[block.INVERSE_OMEGA], where=b[block.OMEGA] > 0)
-    return b
-
-
-def _first_table(g: Regime) -> Array:
-    """Return the rows of the first-order states that do not depend on loads."""
-    states, columns = 2 * g.damping.size, slice(0, g.rate.size)
-    f = np.zeros((first.ROWS, block.padded(g.rate.size)))
-    f[first.RATE, columns] = g.rate
-    f[first.SIGNAL_VALUE, columns] = g.signal[states:]
-    f[first.TEMPERATURE_VALUE, columns] = g.temperature[states:]
-    f[first.HEAT_JUMP_VALUE, columns] = g.temperature[states:]  # C2⁻¹ e_n in thermal modes of unit norm: χ_n
-    f[first.HEAT_JUMP_SLOPE, columns] = -g.rate * g.temperature[states:]
-    return f
 
 
 class Memory(NamedTuple):
@@ -134,6 +131,8 @@ class Memory(NamedTuple):
     """Tables of the layout, completed by what the loads of the case decide."""
     coordinates: Array
     """[η, u, ξ], ``(N,)``."""
+    modal: Array
+    """[z, z', τ] of the modes of the regime, ``(N,)``."""
     states: Array
     """Three states of motion, ``(3, 4, column)``."""
     outputs: Array
@@ -154,6 +153,7 @@ def memory(regime: Layout, heated: bool, waves: int) -> Memory:
         block=np.zeros((block.ROWS + block.WAVE * waves, columns)),
         first=np.zeros((first.ROWS + first.WAVE * waves, wide)),
         coordinates=np.zeros(2 * regime.blocks + firsts),
+        modal=np.zeros(regime.inward.shape[0] if heated else 2 * regime.entry.shape[1]),
         states=np.zeros((3, state.ROWS, max(columns, wide))),
         outputs=np.zeros(2),
         waves=np.zeros((waves, wave.COLUMNS)),

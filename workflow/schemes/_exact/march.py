@@ -22,7 +22,7 @@ from workflow.schemes._exact.motion import (
     prepare,
     warming_rate,
 )
-from workflow.schemes._exact.passage import Motions, enter_contact, fill_modal, release
+from workflow.schemes._exact.passage import Motions, Passage, enter_contact, fill_modal, release
 from workflow.schemes._exact.phase_log import Log, begin_phase, note_energy, note_phase
 from workflow.schemes._exact.record import Record, contact_time, next_due, note_temperature, record_step, write
 from workflow.schemes._exact.response import from_coordinates
@@ -46,8 +46,7 @@ def march(
     motions = Motions(
         prepare(free, case.load, free_memory),
         prepare(held, case.load, held_memory),
-        held.from_modal,
-        held.to_modal,
+        Passage(held.inward, held.outward, held.entry, held.exit, held_memory.modal),
     )
     tally, T, audited = record.tally, case.load.duration, log.held.size > 0
     ended, event, start, seen = _begin(motions, case, record, log)

@@ -280,3 +280,13 @@ def signal_inputs(system: ModalSystem) -> Array:
     """Return the signal per w = [f̄, q, F, d, d', d'']."""
     heating = np.zeros(system.heat_shapes.shape[0])
     return np.concatenate([system.signal_steady, heating, [system.signal_tip], system.signal_gap])
+
+
+def passages(system: ModalSystem) -> tuple[Array, Array]:
+    """Return z per free mode and, in the last row, per gap, ``(free mode + 1, mode)``, and back, ``(mode + 1, …)``.
+
+    Velocities follow alike from velocities and the rate of the gap; rows are what is given.
+    """
+    inward = np.concatenate([system.from_free, system.from_free_gap[:, None]], axis=1)
+    outward = np.concatenate([system.to_free, system.to_free_gap[:, None]], axis=1)
+    return np.ascontiguousarray(inward.T), np.ascontiguousarray(outward.T)

@@ -15,25 +15,48 @@ from workflow.schemes._exact.response import from_coordinates, to_coordinates
 from workflow.schemes._exact.waves import casing_at
 
 
+class Passage(NamedTuple):
+    """From the modes of the free tip to the coordinates of the held regime, and back, by the modes of the held tip."""
+
+    inward: Array
+    outward: Array
+    entry: Array
+    exit: Array
+    """All see :class:`~workflow.schemes._exact.layout.Layout`, of the held regime."""
+    modal: Array
+    """[z, z', τ] of the held tip; scratch."""
+
+
 class Motions(NamedTuple):
     """Both motions of a case; coordinates of the free one are the modal ones [y, y', τ]."""
 
     free: Motion
     held: Motion
-    from_modal: Array
-    to_modal: Array
-    """See :class:`~workflow.schemes._exact.layout.Layout`, of the held regime."""
+    passage: Passage
 
 
 @part
-def convert(matrix: Array, casing: tuple[float, float], source: Array, target: Array) -> None:
-    """Fill target = [source, d, d'] · matrix; rows of states that do not act are not read."""
-    (place, speed), last = casing, matrix.shape[0] - 1
+def _multiply(matrix: Array, source: Array, target: Array) -> None:
+    """Fill target = source · matrix; rows and columns of states that do not act are not read."""
     for i in range(target.size):
-        target[i] = matrix[last - 1, i] * place + matrix[last, i] * speed
+        target[i] = 0.0
     for j in range(source.size):
         for i in range(target.size):
             target[i] += source[j] * matrix[j, i]
+
+
+@part
+def _change_modes(matrix: Array, casing: tuple[float, float], source: Array, target: Array) -> None:
+    """Fill places and velocities of modes from those of the other tip and of the casing; thermal modes are the same."""
+    (place, speed), (given, asked) = casing, (matrix.shape[0] - 1, matrix.shape[1])
+    for i in range(asked):
+        target[i], target[asked + i] = matrix[given, i] * place, matrix[given, i] * speed
+    for j in range(given):
+        for i in range(asked):
+            target[i] += source[j] * matrix[j, i]
+            target[asked + i] += source[given + j] * matrix[j, i]
+    for i in range(2 * asked, target.size):
+        target[i] = source[2 * given - 2 * asked + i]
 
 
 @part
@@ -43,12 +66,20 @@ def casing(motions: Motions, t: float) -> tuple[float, float]:
 
 
 @part
+def leave(motions: Motions, t: float, modal: Array) -> None:
+    """Fill [y, y', τ] from the coordinates of the held motion."""
+    passage = motions.passage
+    _multiply(passage.outward, motions.held.coordinates, passage.modal)
+    _change_modes(passage.exit, casing(motions, t), passage.modal, modal)
+
+
+@part
 def fill_modal(motions: Motions, held: bool, t: float) -> None:
     """Fill the coordinates of the free motion with the present state of the motion with the tip held, or free."""
     free = motions.free
     if held:
         to_coordinates(motions.held.r, motions.held.now, t, motions.held.coordinates)
-        convert(motions.to_modal, casing(motions, t), motions.held.coordinates, free.coordinates)
+        leave(motions, t, free.coordinates)
     else:
         to_coordinates(free.r, free.now, t, free.coordinates)
 
@@ -61,7 +92,8 @@ def enter_contact(motions: Motions, threshold: float, t: float) -> int:
     """
     free, held = motions.free, motions.held
     to_coordinates(free.r, free.now, t, free.coordinates)
-    convert(motions.from_modal, casing(motions, t), free.coordinates, held.coordinates)
+    _change_modes(motions.passage.entry, casing(motions, t), free.coordinates, motions.passage.modal)
+    _multiply(motions.passage.inward, motions.passage.modal, held.coordinates)
     from_coordinates(held.r, held.coordinates, t, held.now)
     expand(held.r, held.now, t, held.x)
     force, rate = held.x.sums[expansion.D0, held.r.blocks], held.x.sums[expansion.D1, held.r.blocks]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from workflow.kernels.compiled import part, rare
 from workflow.models import Array
-from workflow.schemes._exact.passage import Motions, casing, convert, fill_modal
+from workflow.schemes._exact.passage import Motions, fill_modal, leave
 
 
 class Log(NamedTuple):
@@ -69,6 +69,6 @@ def note_phase(log: Log, motions: Motions, tally: Any) -> bool:
         fill_modal(motions, False, tally.time)
     begin_phase(log, modal, tally)
     if tally.held and log.reduced:
-        convert(motions.to_modal, casing(motions, tally.time), motions.held.coordinates, log.final)
+        leave(motions, tally.time, log.final)
         tally.spent += note_energy(log, modal, tally) - note_energy(log, log.final, tally)
     return True

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from workflow.kernels.complex_numbers import magnitude, over, times
 from workflow.kernels.sums import product
 from workflow.models import Array
-from workflow.schemes._exact.modal_system import ModalSystem, signal_inputs, state_space
-from workflow.schemes._exact.secular import coupled_spectrum, general_spectrum, secular_spectrum
+from workflow.schemes._exact.modal_system import ModalSystem, passages, signal_inputs, state_space
+from workflow.schemes._exact.spectrum import coupled_spectrum, general_spectrum, secular_spectrum
 
 
 class Regime(NamedTuple):
@@ -49,11 +49,16 @@ class Regime(NamedTuple):
     temperature: Array
     """Tip temperature per coordinate, ``(N,)``."""
     source: Array
-    """Sources [β, γ, χ] per input and, in the last row, the signal per input, ``(N + 1, mechanical + thermal + 4)``."""
-    from_modal: Array
-    """Coordinates from modal ones and, in the last rows, d and d', ``(modal + 2, N)``: rows are inputs."""
-    to_modal: Array
-    """… and back, ``(N + 2, modal)``."""
+    """Sources [β, γ, χ] and, in the column after theirs, the signal, ``(mechanical + thermal + 4, N + 1)``: rows are
+    inputs."""
+    inward: Array
+    """Coordinates from X = [z, z', τ] of its own modes, ``(N, N)``: rows are X. Columns beyond N fill up packs, as in
+    ``source``."""
+    outward: Array
+    """… and back, ``(N, N)``: rows are coordinates."""
+    entry: Array
+    exit: Array
+    """z from free modes and back, see :func:`~workflow.schemes._exact.modal_system.passages`."""
 
 
 _NEAR_RESONANCE = 1e-3
@@ -94,7 +99,7 @@ def _one_way(system: ModalSystem) -> Regime:
     """Return the regime without friction heat: its blocks are the modes of the system."""
     _, signal, source = state_space(system, 0.0)
     a, b, resonant = quasi_static(system.frequency, system.damping, system.rate, -system.coupling)
-    from_modal, to_modal = passages(system, np.eye(signal.size), np.eye(signal.size))
+    entry, back = passages(system)
     return Regime(
         damping=system.damping,
         stiffness=system.frequency**2,
@@ -103,29 +108,12 @@ def _one_way(system: ModalSystem) -> Regime:
         resonant=resonant,
         signal=signal,
         temperature=np.concatenate([np.zeros(2 * system.frequency.size), system.heat_tip]),
-        source=np.concatenate([source, signal_inputs(system)[None]]),
-        from_modal=from_modal,
-        to_modal=to_modal,
+        source=np.concatenate([source, signal_inputs(system)[None]]).T,
+        inward=np.eye(signal.size),
+        outward=np.eye(signal.size),
+        entry=entry,
+        exit=back,
     )
-
-
-def passages(system: ModalSystem, inward: Array, outward: Array) -> tuple[Array, Array]:
-    """Return ``from_modal`` and ``to_modal`` of the coordinates q = inward X, X = outward q, X = [z, z', τ]."""
-    modes, free = system.from_free.shape
-    z, u, tau = slice(0, modes), slice(modes, 2 * modes), slice(2 * modes, None)
-    from_modal = np.concatenate(
-        [
-            product(inward[:, z], system.from_free).T,
-            product(inward[:, u], system.from_free).T,
-            inward[:, tau].T,
-            product(inward[:, z], system.from_free_gap)[None],
-            product(inward[:, u], system.from_free_gap)[None],
-        ]
-    )
-    to_modal = np.concatenate([product(system.to_free, outward[z]), product(system.to_free, outward[u]), outward[tau]])
-    gap = np.zeros((2, 2 * free + system.rate.size))
-    gap[0, :free] = gap[1, free : 2 * free] = system.to_free_gap
-    return from_modal, np.concatenate([to_modal.T, gap])
 
 
 _LINKED = 1e-13
@@ -210,7 +198,7 @@ def _coupled(held: ModalSystem) -> Regime:
     outward[own, still:count] = over(times(s[:, None], right[1]) - times(t[:, None], right[0]), apart).real.T
     outward[own, count + still : 2 * count] = over(right[0] - right[1], apart).real.T
     outward[own, 2 * count :] = spectrum.right[:, spectrum.values.size - heats :].real
-    from_modal, to_modal = passages(held, inward, outward)
+    entry, back = passages(held)
     return Regime(
         damping=np.concatenate([np.diag(held.damping)[rigid], -(s + t).real]),
         stiffness=np.concatenate([np.zeros(still), times(s, t).real]),
@@ -219,9 +207,11 @@ def _coupled(held: ModalSystem) -> Regime:
         resonant=np.zeros(count),
         signal=product(row, outward),
         temperature=product(held.heat_tip, outward[2 * modes :]),
-        source=np.concatenate([product(inward, source), signal_inputs(held)[None]]),
-        from_modal=from_modal,
-        to_modal=to_modal,
+        source=np.concatenate([product(inward, source), signal_inputs(held)[None]]).T,
+        inward=inward.T,
+        outward=outward.T,
+        entry=entry,
+        exit=back,
     )
 
 
@@ -256,7 +246,7 @@ def _two_way(held: ModalSystem, alpha: float) -> Regime:
         )
 
     outward = outputs(spectrum.right)
-    from_modal, to_modal = passages(held, inward, outward)
+    entry, back = passages(held)
     return Regime(
         damping=-2 * s.real,
         stiffness=s.real**2 + s.imag**2,
@@ -265,7 +255,9 @@ def _two_way(held: ModalSystem, alpha: float) -> Regime:
         resonant=np.zeros(pairs.size),
         signal=outputs(spectrum.force),
         temperature=product(held.heat_tip, outward[2 * held.frequency.size :]),
-        source=np.concatenate([product(inward, source), signal_inputs(held)[None]]),
-        from_modal=from_modal,
-        to_modal=to_modal,
+        source=np.concatenate([product(inward, source), signal_inputs(held)[None]]).T,
+        inward=inward.T,
+        outward=outward.T,
+        entry=entry,
+        exit=back,
     )

@@ -135,12 +135,12 @@ def _source(regime: Layout, load: Load, row: int, heated: bool) -> float:
     """Return the constant source of a coordinate; in the last row that of the signal."""
     steady, heating = load.steady.size, load.heating.size
     at = steady + heating
-    source = regime.source[row, at] * load.mean + regime.source[row, at + 1] * load.gap
+    source = regime.source[at, row] * load.mean + regime.source[at + 1, row] * load.gap
     for i in range(steady):
-        source += regime.source[row, i] * load.steady[i]
+        source += regime.source[i, row] * load.steady[i]
     if heated:
         for i in range(heating):
-            source += regime.source[row, steady + i] * load.heating[i]
+            source += regime.source[steady + i, row] * load.heating[i]
     return float(source)
 
 
@@ -148,8 +148,8 @@ def _source(regime: Layout, load: Load, row: int, heated: bool) -> float:
 def _wave_source(regime: Layout, load: Load, row: int, i: int) -> tuple[float, float]:
     """Return the coefficients of cos ψ and sin ψ of wave ``i`` in a source, by its load, d, d' and d''."""
     at, omega = load.steady.size + load.heating.size, load.waves[i, wave.OMEGA]
-    push, place = regime.source[row, at], regime.source[row, at + 1]
-    speed, acceleration = regime.source[row, at + 2], regime.source[row, at + 3]
+    push, place = regime.source[at, row], regime.source[at + 1, row]
+    speed, acceleration = regime.source[at + 2, row], regime.source[at + 3, row]
     amplitude = load.waves[i, wave.CASING]
     sin = push * load.waves[i, wave.LOAD] + (place - acceleration * omega * omega) * amplitude
     return speed * omega * amplitude, sin

@@ -1,0 +1,76 @@
+"""The held regime with friction heat: its blocks are those of the structure's own matrix, at every α."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from test_event_driven_random import scene
+
+from scenes import heavy_chain
+from workflow.models import Structure
+from workflow.reduction import reduce_structure
+from workflow.schemes._exact import block_table as block
+from workflow.schemes._exact import first_table as first
+from workflow.schemes._exact import two_way
+from workflow.schemes._exact.layout import Layout
+from workflow.schemes._exact.modal_system import analyse, state_space
+from workflow.schemes._exact.regimes import linked
+from workflow.schemes._exact.two_way import HeldRegimes
+
+
+def apart(structure: Structure, alpha: float, regime: Layout) -> tuple[float, float]:
+    """Return how far coordinates are from invertible, and from what A makes of them, relative to the largest."""
+    A, row, _ = state_space(linked(analyse(structure).held), alpha)
+    size, blocks = row.size, regime.blocks
+    moves = np.zeros((size, size))  # q' = moves q
+    moves[:blocks, blocks : 2 * blocks] = np.eye(blocks)
+    moves[blocks : 2 * blocks, :blocks] = -np.diag(regime.block[block.STIFFNESS, :blocks])
+    moves[blocks : 2 * blocks, blocks : 2 * blocks] = -np.diag(regime.block[block.DAMPING, :blocks])
+    moves[2 * blocks :, 2 * blocks :] = -np.diag(regime.first[first.RATE, : regime.firsts])
+    inward, outward = regime.inward[:, :size], regime.outward
+    inverse = np.abs(outward @ inward - np.eye(size)) / (np.abs(outward) @ np.abs(inward)).max()
+    wrong = A @ outward.T - outward.T @ moves
+    size_of = np.abs(A) @ np.abs(outward.T) + np.abs(outward.T) @ np.abs(moves)
+    signal = np.concatenate([regime.block[block.SIGNAL_VALUE, :blocks], regime.block[block.SIGNAL_SLOPE, :blocks]])
+    signal = np.append(signal, regime.first[first.SIGNAL_VALUE, : regime.firsts])
+    force = np.abs(outward @ row - signal) / (np.abs(outward) @ np.abs(row)).max()
+    return float(inverse.max()), float(
+        max((np.abs(wrong).max(1) / np.maximum(size_of.max(1), 1e-300)).max(), force.max())
+    )
+
+
+@pytest.mark.parametrize("alpha", [1e-6, 1.0, 50.0])
+@pytest.mark.parametrize("reduced", [False, True])
+def test_coordinates_are_those_of_the_matrix(alpha: float, reduced: bool) -> None:
+    structure = reduce_structure(heavy_chain(), 3, 12).structure if reduced else heavy_chain()
+    regime = HeldRegimes(analyse(structure).held).at(alpha)
+    assert regime.blocks == structure.mechanical_size - 1
+    inverse, wrong = apart(structure, alpha, regime)
+    assert inverse < 1e-11  # rounding of velocities, 1e5 times the places
+    assert wrong < 1e-12
+
+
+def test_random_structures_by_either_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Strong friction heat of order one: where the poles are no start, the eigenvalues of the general solver are."""
+    begun = []
+    guesses_of = two_way.guesses_of
+    monkeypatch.setattr(two_way, "guesses_of", lambda A: begun.append(len(A)) or guesses_of(A))
+    for seed in range(60):
+        structure, case = scene(np.random.default_rng(seed))
+        held = HeldRegimes(analyse(structure).held)
+        if case.alpha[0] > 0 and held._two_way is not None and structure.thermal_size > 1:
+            inverse, wrong = apart(structure, 10 * case.alpha[0], held.at(10 * float(case.alpha[0])))
+            assert inverse < 1e-9
+            assert wrong < 1e-9
+    assert begun
+
+
+def test_a_regime_depends_on_its_own_alpha_alone() -> None:
+    regimes = HeldRegimes(analyse(heavy_chain()).held)
+    once = regimes.at(50.0)
+    regimes.at(0.3)
+    again = regimes.at(50.0)
+    for name in ("block", "first", "outward"):
+        assert getattr(once, name).tobytes() == getattr(again, name).tobytes()
+    size = once.outward.shape[0]
+    assert once.inward[:, :size].tobytes() == again.inward[:, :size].tobytes()

@@ -1,0 +1,247 @@
+"""Eigenvalues and eigenvectors of the held tip in the states X = [z, z', τ] of its modes and thermal modes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow.kernels.compiled import kernel, part
+from workflow.kernels.complex_numbers import complex_of, complex_product, magnitude, over, square_root
+from workflow.kernels.eigen import eigenvalues, eigenvectors
+from workflow.kernels.packs import Lane, narrow, pack, store
+from workflow.kernels.solving import solve
+from workflow.kernels.sums import product
+from workflow.models import Array
+from workflow.schemes._exact import secular
+from workflow.schemes._exact import zeros as row
+from workflow.schemes._exact.modal_system import ModalSystem
+from workflow.schemes._exact.zeros import RankOne, Scratch, rank_one, scratch
+
+Complex = NDArray[np.complex128]
+
+_CRITICAL = 1e-4
+"""Two poles of a block nearer than this, relatively, leave fewer than twelve digits in their own
+eigenvectors: then the general solver does no worse."""
+
+_NONE = np.zeros((2, 0))
+
+
+@dataclass(frozen=True, eq=False)
+class Spectrum:
+    """Eigenvalues with imaginary part >= 0 of the held tip, X' = A X + …, X = [z, z', τ]."""
+
+    values: Complex
+    """1/s, ``(eigenvalue,)``."""
+    right: Complex
+    """Right eigenvectors, ``(N, eigenvalue)``."""
+    left: Complex
+    """Left eigenvectors, ``(eigenvalue, N)``, left · right = 1."""
+    force: Complex
+    """Contact force per right eigenvector, ``(eigenvalue,)``."""
+
+
+class Uncoupled(NamedTuple):
+    """The held tip in uncoupled modes at every α, in the coordinates z = ζ + ζ* + Q τ in which D is diagonal."""
+
+    matrix: RankOne
+    damping: Array
+    """c of the modes, 1/s, ``(mode,)``."""
+    split: Array
+    """Inverse of the difference of the two poles of a mode, s, ``(2, mode)``."""
+    response: Array
+    """Q, ``(mode, thermal mode)``."""
+    lag: Array
+    """Q μ."""
+
+
+def uncoupled(held: ModalSystem) -> Uncoupled | None:
+    """Return the system where damping couples no modes, no two poles are near each other and none is 0."""
+    if held.is_coupled:
+        return None
+    c, mu, omega2 = held.damping, held.rate, held.frequency**2
+    split = 2 * square_root((c / 2) ** 2 - omega2 + 0j)
+    polynomial = mu**2 - mu * c[:, None] + omega2[:, None]
+    size = mu**2 + mu * c[:, None] + omega2[:, None]
+    if (
+        np.any(held.frequency == 0)
+        or np.any(magnitude(split) <= _CRITICAL * (held.frequency + c))
+        or np.any(np.abs(polynomial) <= _CRITICAL * size)
+    ):
+        return None
+    response = -held.coupling / polynomial
+    matrix, inverse = _matrix(held, split, response), over(1.0, split)
+    return Uncoupled(matrix, c, np.array([inverse.real, inverse.imag]), response, response * mu)
+
+
+def _matrix(held: ModalSystem, split: Complex, response: Array) -> RankOne:
+    """Return the matrix; ``split`` is the difference of the two poles of each mode, ``response`` Q of z = η + Q τ."""
+    modes, c, mu, aK = held.frequency.size, held.damping, held.rate, held.relaxation
+    root, omega2 = split / 2, held.frequency**2
+    upper, lower = -c / 2 + root, -c / 2 - root
+    overdamped = (root.imag == 0) & (c > 0)
+    upper[overdamped] = omega2[overdamped] / lower[overdamped]  # no cancellation
+    warming = held.heat_tip
+    u0, u1 = -product(response, warming), product(response, mu * warming)
+    d = np.concatenate([upper, lower, -mu + 0j])
+    block_u = np.tile(u1, 2) + (d[: 2 * modes] + np.tile(c, 2)) * np.tile(u0, 2)
+    u = np.concatenate([over(block_u, np.concatenate([split, -split])), warming])
+    thermal_w = -held.thermal_reaction - product(held.reaction, response) * (1 - aK * mu)
+    w = np.concatenate([-np.tile(held.reaction, 2) * (1 + aK * d[: 2 * modes]), thermal_w])
+    return rank_one(d, u, w, mu.size)
+
+
+@part
+def _right_states(held: Uncoupled, right: Array, lane: Lane) -> None:
+    """Turn right eigenvectors into those in X: z = η + Q τ, z' = ζ - Q μ τ."""
+    (modes, heats), d = held.response.shape, held.matrix.d
+    for m in range(modes):
+        low = modes + m
+        a, a_im, b, b_im = (
+            pack(right, (0, m, lane)),
+            pack(right, (1, m, lane)),
+            pack(right, (0, low, lane)),
+            pack(right, (1, low, lane)),
+        )
+        z, z_im = a + b, a_im + b_im
+        v = (d[0, m] * a - d[1, m] * a_im) + (d[0, low] * b - d[1, low] * b_im)
+        v_im = (d[0, m] * a_im + d[1, m] * a) + (d[0, low] * b_im + d[1, low] * b)
+        for j in range(heats):
+            tau, tau_im = pack(right, (0, 2 * modes + j, lane)), pack(right, (1, 2 * modes + j, lane))
+            z, z_im = z + held.response[m, j] * tau, z_im + held.response[m, j] * tau_im
+            v, v_im = v - held.lag[m, j] * tau, v_im - held.lag[m, j] * tau_im
+        store(right, (0, m, lane), z)
+        store(right, (1, m, lane), z_im)
+        store(right, (0, low, lane), v)
+        store(right, (1, low, lane), v_im)
+
+
+@part
+def _left_states(held: Uncoupled, left: Array, lane: Lane) -> None:
+    """Turn left eigenvectors into those per X: the inverse of :func:`_right_states`, transposed."""
+    (modes, heats), d, split = held.response.shape, held.matrix.d, held.split
+    for m in range(modes):
+        low, c = modes + m, held.damping[m]
+        a, a_im, b, b_im = (
+            pack(left, (0, m, lane)),
+            pack(left, (1, m, lane)),
+            pack(left, (0, low, lane)),
+            pack(left, (1, low, lane)),
+        )
+        a, a_im = a * split[0, m] - a_im * split[1, m], a * split[1, m] + a_im * split[0, m]
+        b, b_im = b * split[0, m] - b_im * split[1, m], b * split[1, m] + b_im * split[0, m]
+        store(left, (0, m, lane), (a * (d[0, m] + c) - a_im * d[1, m]) - (b * (d[0, low] + c) - b_im * d[1, low]))
+        store(left, (1, m, lane), (a * d[1, m] + a_im * (d[0, m] + c)) - (b * d[1, low] + b_im * (d[0, low] + c)))
+        store(left, (0, low, lane), a - b)
+        store(left, (1, low, lane), a_im - b_im)
+    for j in range(2 * modes, 2 * modes + heats):
+        tau, tau_im = pack(left, (0, j, lane)), pack(left, (1, j, lane))
+        for m in range(modes):
+            lag, at = held.lag[m, j - 2 * modes], held.response[m, j - 2 * modes]
+            tau = tau + (lag * pack(left, (0, modes + m, lane)) - at * pack(left, (0, m, lane)))
+            tau_im = tau_im + (lag * pack(left, (1, modes + m, lane)) - at * pack(left, (1, m, lane)))
+        store(left, (0, j, lane), tau)
+        store(left, (1, j, lane), tau_im)
+
+
+@part
+def solve_uncoupled(held: Uncoupled, alpha: float, guesses: Array, work: Scratch) -> tuple[int, int]:
+    """Find zeros and eigenvectors in X, see :func:`~workflow.schemes._exact.secular.solve`."""
+    pairs, count = secular.solve(held.matrix, alpha, guesses, work)
+    for first in range(0, count, 8):
+        _right_states(held, work.right, narrow(first))
+        _left_states(held, work.left, narrow(first))
+    return pairs, count
+
+
+@kernel
+def _solve_matrix(matrix: RankOne, alpha: float, guesses: Array, work: Scratch) -> tuple[int, int]:
+    return secular.solve(matrix, alpha, guesses, work)
+
+
+@kernel
+def _solve_system(held: Uncoupled, alpha: float, guesses: Array, work: Scratch) -> tuple[int, int]:
+    return solve_uncoupled(held, alpha, guesses, work)
+
+
+def general_spectrum(A: Array, force: Array) -> Spectrum:
+    """Return the spectrum by the general solver."""
+    values, right, left = eigenvectors(A)
+    keep = values.imag >= 0
+    right = right[:, keep]
+    return Spectrum(values[keep], right, left[keep], complex_product(force, right))
+
+
+def guesses_of(A: Array) -> Array:
+    """Return eigenvalues with imaginary part >= 0 by the general solver, ``(2, eigenvalue)``."""
+    values = eigenvalues(A)
+    kept = values[values.imag >= 0]
+    return np.array([kept.real, kept.imag])
+
+
+def secular_spectrum(held: ModalSystem, alpha: float, A: Array) -> Spectrum | None:
+    """Return the spectrum of D + α u wᵀ, ``None`` where it cannot be trusted."""
+    if held.is_coupled:
+        return coupled_spectrum(held, alpha, A)
+    system = uncoupled(held)
+    found = None if system is None else _spectrum(_solve_system, system, alpha, A)
+    return None if found is None else _rounded(found)
+
+
+def _spectrum(solver: Any, system: Any, alpha: float, A: Array) -> Spectrum | None:
+    """Return what a solver finds, from the poles or from the eigenvalues of the general solver."""
+    work = scratch(A.shape[0])
+    _, count = solver(system, float(alpha), _NONE, work)
+    if count == 0 and A.size:
+        _, count = solver(system, float(alpha), guesses_of(A), work)
+    if count == 0 and A.size:
+        return None
+    t = work.lanes[:, :count]
+    values = complex_of(t[row.D] + t[row.SHIFT], t[row.D_IM] + t[row.SHIFT_IM])
+    right, left = (complex_of(side[0, :, :count], side[1, :, :count]) for side in (work.right, work.left))
+    force = complex_of(t[row.FORCE], t[row.FORCE_IM])
+    return Spectrum(values, right, left.T, force)
+
+
+def _rounded(found: Spectrum) -> Spectrum:
+    """Return a spectrum in X whose real eigenvalues have real vectors."""
+    real = found.values.imag == 0
+    right, left, force = found.right.copy(), found.left.copy(), found.force.copy()
+    right.imag[:, real], left.imag[real], force.imag[real] = 0.0, 0.0, 0.0
+    return Spectrum(found.values, right, left, force)
+
+
+def coupled_spectrum(held: ModalSystem, alpha: float, A: Array) -> Spectrum | None:
+    """Return the spectrum where damping couples the modes, ``None`` where it cannot be trusted.
+
+    The eigenvectors V of the mechanical part alone are those of a general matrix. A thermal mode drags the response R
+    along, (A_m + μ) R = -A_mτ, so that D holds the poles and the rates in the coordinates of [[V, R], [0, 1]]. Without
+    friction heat that is the spectrum: poles first, then rates in their order.
+    """
+    size, mu = 2 * held.frequency.size, held.rate
+    inner = A[:size, :size]
+    response = np.zeros((size, mu.size))
+    try:
+        values, right, left = eigenvectors(inner)
+        for j in range(mu.size):
+            response[:, j] = solve(inner + mu[j] * np.eye(size), -A[:size, size + j])
+    except np.linalg.LinAlgError:
+        return None
+    whole, inverse = (np.eye(size + mu.size, dtype=np.complex128) for _ in range(2))
+    whole[:size, :size], whole[:size, size:] = right, response
+    inverse[:size, :size], inverse[:size, size:] = left, -complex_product(left, response)
+    row = np.concatenate([-held.reaction, -held.reaction_slope, -held.thermal_reaction])
+    force = complex_product(row, whole)
+    d = np.concatenate([values, -mu + 0j])
+    if alpha == 0:
+        keep = d.imag >= 0
+        return Spectrum(d[keep], whole[:, keep], inverse[keep], force[keep])
+    warming = np.concatenate([np.zeros(size), held.heat_tip])
+    found = _spectrum(_solve_matrix, rank_one(d, complex_product(inverse, warming), force, mu.size), alpha, A)
+    if found is None:
+        return None
+    return Spectrum(
+        found.values, complex_product(whole, found.right), complex_product(found.left, inverse), found.force
+    )
