@@ -163,6 +163,7 @@ WHEN = {
     "reference": "with a `reference`",
     "scheme": "",
     "auto": "with `auto`",
+    "auto reference": "with `auto` in the `reference`",
 }
 
 

@@ -16,7 +16,7 @@ Shape = Literal["history", "metric", "period", "flag"]
 
 Origin = Literal["scheme", "workflow"]
 
-Condition = Literal["always", "balances", "reference", "scheme", "auto"]
+Condition = Literal["always", "balances", "reference", "scheme", "auto", "auto reference"]
 """When an archive has the variable: always, with ``output.balances``, with a reference, if a scheme declares it,
 where a tolerance decides a count of modes."""
 
@@ -112,6 +112,12 @@ _BASIS_ERROR = (
     "event_driven refuses: moreau, theta = 1, at the shortest step); a corner takes the hardest or mildest value of "
     "each dimension (alpha, gap, answer at the load frequency, magnitude of all else), 16 at most; the text choices of "
     "the provenance group names the worst; missing where the study gives both counts, or no corner ended ok"
+)
+
+_REFINEMENT = (
+    "relative L2 change of displacement or temperature, the larger, in the worst corner of the scene: by twice as many "
+    "mechanical vectors plus by twice as many thermal ones, event_driven; of up to 300 coordinates the error against "
+    "the full model; counts and corner stand in the text choices of the provenance group"
 )
 
 _TOTAL = "0 where both are identically zero; missing where only the reference is, or failed: see message"
@@ -249,6 +255,14 @@ TABLE = (
         comment=_HEAT,
     ),
     *(part for name in COMPARED for part in _errors(name)),
+    Variable(
+        "reference_basis_error",
+        "1",
+        "change of the reference when its basis, which a tolerance decided, is refined",
+        condition="auto reference",
+        gaps=True,
+        comment=_REFINEMENT,
+    ),
     Variable(
         "predictability",
         "1",

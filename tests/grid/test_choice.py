@@ -16,7 +16,17 @@ from studies import SCENE, parsed
 from workflow import schemes
 from workflow.analysis import decided, labels_of, mode_counts, recommend, recommendation_json, sentence
 from workflow.archive import open_archive
-from workflow.grid import Choice, _trials, arrange, choices_text, plan_study, read_choices, solve, structure_of
+from workflow.grid import (
+    Choice,
+    Decided,
+    _trials,
+    arrange,
+    choices_text,
+    plan_study,
+    read_choices,
+    solve,
+    structure_of,
+)
 from workflow.grid._choice import _fewest, _smallest
 from workflow.grid._conditions import conditions
 from workflow.grid._operators import run_batch
@@ -104,7 +114,7 @@ def test_errors_of_both_kinds_add_up() -> None:
 def test_a_count_that_is_given_stays_and_may_stand_in_the_way() -> None:
     """Two thermal modes alone err by more than the tolerance: mechanical ones are chosen that add no more than it."""
     asked = study("alpha: 20, mechanical_modes: auto, thermal_modes: 1, tolerance: 1e-3")
-    [choice] = arrange(asked).choices.values()
+    [choice] = arrange(asked).choices.cases.values()
     assert choice.thermal_modes == 1
     assert 1e-3 < choice.error < errors_by_count(asked)[3, 1] + 1e-3
     [caution] = [text for text in plan_study(asked).warnings if text.startswith("tolerance")]
@@ -170,7 +180,7 @@ def test_a_case_within_the_corners_leaves_the_others_and_one_beyond_tells_them_a
 
 def test_a_count_that_was_chosen_is_another_case_than_one_that_was_given() -> None:
     """Its archive holds counts and error; with another tolerance that leads to the same it is the same case."""
-    [choice] = arrange(study(BASE)).choices.values()
+    [choice] = arrange(study(BASE)).choices.cases.values()
     given = f"alpha: [0, 20], mechanical_modes: {choice.mechanical_modes}, thermal_modes: {choice.thermal_modes}"
     assert not set(hashes_of(study(given))) & set(hashes_of(study(BASE)))
     assert hashes_of(study(BASE.replace("1e-2", "1.0001e-2"))) == hashes_of(study(BASE))
@@ -188,14 +198,14 @@ def test_counts_do_not_depend_on_scheme_and_options() -> None:
         study(BASE.replace("alpha", "h: [1e-4, 1e-5], alpha"), "").with_({"axes.scheme": ["moreau", "event_driven"]})
     )
     assert [name for name, _ in grid.dims] == ["scheme", "h", "alpha"]
-    assert len(grid.choices) == 1
+    assert len(grid.choices.cases) == 1
     assert len({(grid.settings(k).mechanical_modes, grid.settings(k).thermal_modes) for k in range(4)}) == 1
 
 
 def test_a_hardest_case_that_fails_leaves_what_transfer_functions_ask_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_trials, "_EVENTS", 1)
     asked = study(f"alpha: 20.5, {AUTO}, tolerance: 1e-2")
-    [choice] = arrange(asked).choices.values()
+    [choice] = arrange(asked).choices.cases.values()
     assert math.isnan(choice.error)
     assert "not confirmed" in choice.against
     assert any("transfer functions" in text for text in plan_study(asked).warnings)
@@ -210,14 +220,17 @@ def test_what_the_exact_scheme_refuses_is_tried_by_implicit_euler(monkeypatch: p
 
     monkeypatch.setattr(_trials, "run_batch", refusing)
     asked = study(f"alpha: 20.25, h: 1e-4, {AUTO}, tolerance: 1e-2").with_({"axes.scheme": "moreau"})
-    [choice] = arrange(asked).choices.values()
+    [choice] = arrange(asked).choices.cases.values()
     assert choice.error <= 1e-2
     assert choice.against == "confirmed by moreau (theta = 1, h = 0.0001 s) against the full model"
 
 
 def test_choices_are_read_as_they_are_written() -> None:
     choices = {0: Choice(3, 4, 1e-3 / 7, (("alpha", 5.0),), "as it is"), 7: Choice(1, 2, math.nan, (), "failed")}
-    found = read_choices(choices_text(choices))
+    references = {3: choices[0]}
+    read = read_choices(choices_text(Decided(choices, references)))
+    assert read.references == references
+    found = read.cases
     assert found[0] == choices[0]
     assert math.isnan(found[7].error)
 
@@ -227,7 +240,7 @@ def test_an_archive_holds_counts_and_error_and_can_be_extended(tmp_path: Path) -
     reference = "reference: {mechanical_modes: full, thermal_modes: full}"
     path = tmp_path / "a.nc"
     run_study(study(text, reference), path, threads=1)
-    choices = list(arrange(study(text)).choices.values())
+    choices = list(arrange(study(text)).choices.cases.values())
     with open_archive(path) as found:
         assert found.mechanical_modes.item() == -1
         assert found.mechanical_modes.attrs["flag_values"] == -1
@@ -251,7 +264,7 @@ def test_an_archive_holds_counts_and_error_and_can_be_extended(tmp_path: Path) -
 
 def test_a_workers_grid_takes_the_counts_that_the_run_decided() -> None:
     asked = study(BASE)
-    other = {0: Choice(2, 3, 0.5, (), "elsewhere")}
+    other = Decided({0: Choice(2, 3, 0.5, (), "elsewhere")})
     grid = arrange(asked, other)
     assert (grid.settings(0).mechanical_modes, grid.settings(0).thermal_modes) == (2, 3)
     values = solve(grid, 0, np.arange(2)).values

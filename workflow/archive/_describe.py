@@ -85,7 +85,7 @@ def describe(study: Study, grid: Grid, units: Units) -> Layout:
             "solver_version": str(SOLVER_VERSION),
             "versions": json.dumps(versions(), sort_keys=True),
             "code_revision": code_revision(),
-            **({"choices": choices_text(grid.choices)} if grid.choices else {}),
+            **({"choices": choices_text(grid.choices)} if any(grid.choices) else {}),
             "platform": platform.platform(),
             "processor": processor(),
         },

@@ -2,7 +2,7 @@
 
 from workflow.grid._ahead import compiling, is_compiling, lend_turns
 from workflow.grid._arrangement import Grid, arrange, fixes_operator, reads
-from workflow.grid._choice import Choice, choices_text, read_choices
+from workflow.grid._choice import Choice, Decided, choices_text, read_choices
 from workflow.grid._conditions import FRICTION, alpha_of
 from workflow.grid._costs import Part, handling_part, measured
 from workflow.grid._estimate import Time, compiling_seconds, estimate, measured_run, task_seconds
@@ -19,6 +19,7 @@ from workflow.grid._turns import Turns
 __all__ = [
     "FRICTION",
     "Choice",
+    "Decided",
     "Figures",
     "Grid",
     "Part",

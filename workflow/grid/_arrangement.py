@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow import schemes
-from workflow.grid._choice import Choice, choose
+from workflow.grid._choice import Choice, Decided, choose
 from workflow.grid._conditions import FRICTION
+from workflow.grid._refined import refine
 from workflow.grid._trials import EXACT, Setting
 from workflow.schemes import Sampling
 from workflow.study import CHOSEN, Axis, Cell, Dimension, SchemeChoice, Study
@@ -54,7 +55,7 @@ class Grid:
     study: Study
     outer: tuple[Dimension, ...]
     inner: tuple[Dimension, ...]
-    decided: Mapping[int, Choice] = field(default_factory=dict)
+    decided: Decided = field(default_factory=Decided)
     """Counts of modes that were decided elsewhere, as :attr:`choices` has them."""
 
     @property
@@ -131,20 +132,43 @@ class Grid:
         if CHOSEN not in (values["mechanical_modes"], values["thermal_modes"]):
             return None
         first = int(self.alike(np.array([outer]), _decides)[0])
-        if first not in self.decided:
+        if first not in self.decided.cases:
             cell = self.study.cell(self._values(first))
             setting = Setting(cell, self.inner, replace(self.sampling, balances=False), self.shortest)
             return choose(setting, (cell.mechanical_modes, cell.thermal_modes), float(values["tolerance"]))
-        return self.decided[first]
+        return self.decided.cases[first]
+
+    def reference_choice(self, outer: int) -> Choice | None:
+        """Return the counts of modes of an outer index's reference that its tolerance decides, ``None`` without one."""
+        reference = self.study.reference
+        if reference is None or not reference.is_auto:
+            return None
+        replaced = reference.values
+        first = int(self.alike(np.array([outer]), self._decides_reference)[0])
+        if first not in self.decided.references:
+            cell = self.study.cell({**self._values(first), **replaced})
+            kept = [replace(d, axes=tuple(a for a in d.axes if a.path not in replaced)) for d in self.inner]
+            inner = tuple(dimension for dimension in kept if dimension.axes)
+            setting = Setting(cell, inner, replace(self.sampling, balances=False), self.shortest)
+            return refine(setting, (cell.mechanical_modes, cell.thermal_modes), float(replaced[TOLERANCE]))
+        return self.decided.references[first]
+
+    def _decides_reference(self, path: str) -> bool:
+        assert self.study.reference is not None
+        return _decides(path) and path not in self.study.reference.values
 
     @cached_property
-    def choices(self) -> dict[int, Choice]:
+    def choices(self) -> Decided:
         """Counts of modes that tolerances decide, by the first outer index that each belongs to."""
-        if not self.study.is_auto:
-            return {}
-        first = np.unique(self.alike(np.arange(self.outer_count, dtype=np.int64), _decides))
-        found = {int(outer): self.choice(int(outer)) for outer in first}
-        return {outer: choice for outer, choice in found.items() if choice is not None}
+        return Decided(
+            self._all_of(self.choice, _decides) if self.study.is_auto else {},
+            self._all_of(self.reference_choice, self._decides_reference) if self.study.reference is not None else {},
+        )
+
+    def _all_of(self, choice: Callable[[int], Choice | None], matters: Callable[[str], bool]) -> dict[int, Choice]:
+        first = np.unique(self.alike(np.arange(self.outer_count, dtype=np.int64), matters))
+        found = {int(outer): choice(int(outer)) for outer in first}
+        return {outer: chosen for outer, chosen in found.items() if chosen is not None}
 
     @cached_property
     def shortest(self) -> float:
@@ -265,7 +289,7 @@ def _decides(path: str) -> bool:
     return path not in ("scheme", "h") and not path.startswith("schemes.")
 
 
-def arrange(study: Study, decided: Mapping[int, Choice] | None = None) -> Grid:
+def arrange(study: Study, decided: Decided | None = None) -> Grid:
     """Order a study's dimensions: operators outermost, then conditions; ``decided`` as :attr:`Grid.choices`.
 
     The order depends on what varies, neither on how many values it has nor on its place in the file: an axis that
@@ -276,7 +300,7 @@ def arrange(study: Study, decided: Mapping[int, Choice] | None = None) -> Grid:
     inner = [d for d in study.dimensions if d not in outer]
     outer.sort(key=lambda d: (min(_outermost_first(axis.path) for axis in d.axes), d.name))
     inner.sort(key=lambda d: (max(_innermost_last(axis.path) for axis in d.axes), d.name))
-    return Grid(study, tuple(outer), tuple(inner), decided or {})
+    return Grid(study, tuple(outer), tuple(inner), decided or Decided())
 
 
 def _outermost_first(path: str) -> int:

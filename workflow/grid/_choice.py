@@ -14,6 +14,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from math import isnan, nan
+from types import MappingProxyType
+from typing import NamedTuple
 
 from threadpoolctl import threadpool_limits
 
@@ -22,6 +24,9 @@ from workflow.study import CHOSEN
 
 Counts = tuple[int, int]
 """Mechanical and thermal vectors beside the tip's own."""
+
+_REFERENCE = "reference "
+"""What the key of a reference's choice begins with, before its outer index."""
 
 _HOPELESS = 3.0
 """An error over the tolerance from which still smaller models are not tried: errors of neighbouring counts differ by
@@ -80,7 +85,7 @@ def choose(setting: Setting, wanted: Counts, tolerance: float) -> Choice:
     """
     with threadpool_limits(limits=1, user_api="blas"):
         trials = trials_of(replace(setting, cell=replace(setting.cell, mechanical_modes=CHOSEN, thermal_modes=CHOSEN)))
-        least, most = _ends(wanted, trials.most)
+        least, most = ends(wanted, trials.most)
         asked = trials.begin(tolerance)
         first = _within(asked, least, most)
         counts = first if trials.failure else _confirmed(trials, first, least, most, tolerance)
@@ -108,29 +113,43 @@ def _confirmed(trials: Trials, first: Counts, least: Counts, most: Counts, toler
         deciding.append(worst)
 
 
-def choices_text(choices: Mapping[int, Choice]) -> str:
+class Decided(NamedTuple):
+    """Counts of modes that tolerances decide, of cases and of references, by the first outer index they belong to."""
+
+    cases: Mapping[int, Choice] = MappingProxyType({})
+    references: Mapping[int, Choice] = MappingProxyType({})
+
+
+def choices_text(decided: Decided) -> str:
     """Return choices by outer index as JSON; an error that is NaN as null."""
-    found = {outer: asdict(choice) | {"hardest": dict(choice.hardest)} for outer, choice in choices.items()}
+    every = {str(outer): choice for outer, choice in decided.cases.items()}
+    every |= {f"{_REFERENCE}{outer}": choice for outer, choice in decided.references.items()}
+    found = {key: asdict(choice) | {"hardest": dict(choice.hardest)} for key, choice in every.items()}
     for entry in found.values():
         entry["error"] = None if isnan(entry["error"]) else entry["error"]
     return json.dumps(found, sort_keys=True, allow_nan=False)
 
 
-def read_choices(text: str) -> dict[int, Choice]:
+def read_choices(text: str) -> Decided:
     """Return choices from what :func:`choices_text` has made of them."""
-    return {
-        int(outer): Choice(
+    found = {
+        key: Choice(
             entry["mechanical_modes"],
             entry["thermal_modes"],
             nan if entry["error"] is None else entry["error"],
             tuple(entry["hardest"].items()),
             entry["against"],
         )
-        for outer, entry in json.loads(text).items()
+        for key, entry in json.loads(text).items()
     }
+    of_references = {key for key in found if key.startswith(_REFERENCE)}
+    return Decided(
+        {int(key): choice for key, choice in found.items() if key not in of_references},
+        {int(key.removeprefix(_REFERENCE)): choice for key, choice in found.items() if key in of_references},
+    )
 
 
-def _ends(wanted: Counts, most: Counts) -> tuple[Counts, Counts]:
+def ends(wanted: Counts, most: Counts) -> tuple[Counts, Counts]:
     """Return the smallest and the largest counts that may be chosen: of a given one itself."""
     least = 0 if wanted[0] == CHOSEN else wanted[0], 0 if wanted[1] == CHOSEN else wanted[1]
     largest = most[0] if wanted[0] == CHOSEN else wanted[0], most[1] if wanted[1] == CHOSEN else wanted[1]
@@ -143,7 +162,8 @@ def _within(counts: Counts, least: Counts, most: Counts) -> Counts:
 
 def _against(trials: Trials) -> str:
     if trials.failure:
-        return f"not confirmed, as no corner of the scene ended ok by {trials.by}: {trials.failure}"
+        why = f"no corner of the scene ended ok by {trials.by}: {trials.failure}"
+        return f"as transfer functions ask for, not confirmed: {why}"
     model = "the full model" if trials.is_full else f"the model of {trials.most[0]} + {trials.most[1]} vectors"
     lost = len(trials.corners) - len(trials.sound)
     but = f", without {lost} of {len(trials.corners)} corners of the scene that did not end ok" if lost else ""

@@ -7,31 +7,43 @@ from collections.abc import Iterator
 from workflow import models
 from workflow.grid._arrangement import TOLERANCE, Grid
 from workflow.grid._choice import Choice
+from workflow.grid._reference import reference_cell
+from workflow.study import Cell
 
 _SHOWN = 8
+
+_MISSED = "more of the modes that `auto` may choose change less than the tolerance"
 
 
 def choice_lines(grid: Grid) -> tuple[str, ...]:
     """Return a line for each count that a tolerance decides, of many the first and how many more there are."""
-    lines = [f"{_for(grid, outer)}: {_counts(choice)}, {_found(choice)}" for outer, choice in grid.choices.items()]
+    lines = [f"{name}: {_counts(choice)}, {_found(choice)}" for name, _, choice in _all(grid)]
     more = (f"and {len(lines) - _SHOWN} more",) if len(lines) > _SHOWN else ()
     return (*lines[:_SHOWN], *more)
 
 
 def choice_cautions(grid: Grid) -> Iterator[str]:
     """Yield the counts with which a tolerance is missed, or with which nobody knows."""
-    for outer, choice in grid.choices.items():
-        tolerance = float(grid.value(outer, TOLERANCE))
+    for name, tolerance, choice in _all(grid):
         if not choice.is_confirmed:
-            yield f"{_for(grid, outer)}: {_counts(choice)} as transfer functions ask for, {choice.against}"
+            yield f"{name}: {_counts(choice)}, {choice.against}"
         elif choice.error > tolerance:
-            why = "more of the modes that `auto` may choose change less than the tolerance"
-            yield f"{_for(grid, outer)}: {_counts(choice)} miss it with {choice.error:.2g}; {why}"
+            yield f"{name}: {_counts(choice)} miss it with {choice.error:.2g}; {_MISSED}"
 
 
-def _for(grid: Grid, outer: int) -> str:
+def _all(grid: Grid) -> Iterator[tuple[str, float, Choice]]:
+    """Yield what each choice is for, its tolerance, and the choice."""
+    for outer, choice in grid.choices.cases.items():
+        tolerance = float(grid.value(outer, TOLERANCE))
+        yield _for(grid.settings(outer), tolerance), tolerance, choice
+    for outer, choice in grid.choices.references.items():
+        assert grid.study.reference is not None
+        tolerance = float(grid.study.reference.values[TOLERANCE])
+        yield f"reference, {_for(reference_cell(grid, outer), tolerance)}", tolerance, choice
+
+
+def _for(cell: Cell, tolerance: float) -> str:
     """Return for which tolerance, basis and structure a choice is."""
-    cell, tolerance = grid.settings(outer), float(grid.value(outer, TOLERANCE))
     size = models.sizes(cell.scene.model, cell.scene.parameters)[0]
     return f"tolerance {tolerance:g}, {cell.reduction}, {size} nodes"
 

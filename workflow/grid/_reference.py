@@ -49,6 +49,9 @@ def against_reference(
     truth = truths(grid, ours, inner, perturbed=True)
     exact = truth if theirs == ours else truths(grid, theirs, inner, perturbed=False)
     errors: dict[str, Array] = {"predictability": truth.predictability}
+    chosen = grid.reference_choice(outer)
+    if chosen is not None:
+        errors["reference_basis_error"] = np.full(inner.size, chosen.error)
     for name in COMPARED:
         size = norms(truth.histories[name])
         errors[f"{name}_error"] = relative(norms(found[name] - truth.histories[name]), size)
@@ -74,7 +77,9 @@ def _messages(truth: Truth, exact: Truth, errors: Mapping[str, Array], ok: Array
 def reference_cell(grid: Grid, outer: int) -> Cell:
     """Return the settings of a reference, those that its scheme does not read the same for all."""
     values = dict(grid.study.reference.values) if grid.study.reference is not None else {}
-    return only_what_is_read(grid.settings(outer, values))
+    chosen = grid.reference_choice(outer)
+    counts = {} if chosen is None else chosen.counts
+    return only_what_is_read(grid.settings(outer, {**values, **counts}))
 
 
 def exact_cell(grid: Grid, outer: int) -> Cell:

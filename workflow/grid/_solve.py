@@ -182,6 +182,7 @@ def metrics_of(study: Study) -> tuple[Variable, ...]:
     conditions += ["auto"] if study.is_auto else []
     conditions += ["balances"] if study.output.balances else []
     conditions += ["reference"] if study.reference is not None else []
+    conditions += ["auto reference"] if study.reference is not None and study.reference.is_auto else []
     return (*variables.select("metric", None, *conditions), *scheme_metrics(study))
 
 
@@ -191,7 +192,7 @@ def _failed(grid: Grid, text: str) -> Solved:
     values: dict[str, NDArray[Any]] = {
         about.name: np.full(nan[about.shape], np.nan)
         for about in (*variables.select("history"), *metrics_of(grid.study), *variables.select("period"))
-        if about.condition not in ("reference", "auto")
+        if about.condition not in ("reference", "auto", "auto reference")
     }
     values |= {"status": np.full(1, Status.FAILED, dtype=np.int8), "runaway": np.zeros(1, dtype=np.int8)}
     return Solved(values, {0: text})

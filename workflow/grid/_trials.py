@@ -43,6 +43,9 @@ _WIDTH = 0.01
 _EVENTS, _STEPS = 20_000, 200_000
 """Budget of an exact trial, seconds of a structure of 20 nodes: what needs more is not tried some twenty times."""
 
+COMPARED = ("displacement", "temperature")
+"""Histories that decide."""
+
 _CORNERS = 16
 """Corners that are tried: those of four dimensions."""
 
@@ -87,7 +90,7 @@ class Trials:
     """
 
     def __init__(self, setting: Setting) -> None:
-        self._cell, self._sampling, self._shortest = _exact(setting), setting.sampling, setting.shortest
+        self._cell, self._sampling, self._shortest = exactly(setting), setting.sampling, setting.shortest
         structure = structure_of(setting.cell.scene.model, setting.cell.scene.parameters)
         self.most = _most(structure.mechanical_size), _most(structure.thermal_size)
         self.is_full = self.most == (structure.mechanical_size - 1, structure.thermal_size - 1)
@@ -100,7 +103,7 @@ class Trials:
             self._run(0, 0, (0,))
             truth: Results | None = self._run(*self.most, every)
         except Exception:  # whatever refuses the scene or the basis
-            self._cell = _stepped(setting)
+            self._cell = stepped(setting)
             truth, self.failure = self._tried(*self.most, every)
         self._truth = truth
         self.sound = () if truth is None else tuple(int(k) for k in np.flatnonzero(truth.status == Status.OK))
@@ -149,7 +152,7 @@ class Trials:
         if results is None or self._truth is None:
             return [float("inf")] * len(corners)
         largest = np.zeros(len(corners))
-        for name in ("displacement", "temperature"):
+        for name in COMPARED:
             truth = self._truth.histories[name][list(corners)]
             largest = np.maximum(largest, relative_distance(results.histories[name], truth))
         lost = np.isnan(largest) | (results.status != Status.OK)
@@ -172,13 +175,13 @@ class Trials:
             return run_batch(cell, self._cases.take(np.asarray(corners)), self._sampling)
 
 
-def _exact(setting: Setting) -> Cell:
+def exactly(setting: Setting) -> Cell:
     """Return the settings with the exact scheme, within a budget."""
     scheme = SchemeChoice(EXACT, EXACT, schemes.load(EXACT).Options(events=_EVENTS, steps=_STEPS))
     return replace(setting.cell, scheme=scheme, h=0.0)
 
 
-def _stepped(setting: Setting) -> Cell:
+def stepped(setting: Setting) -> Cell:
     """Return the settings with implicit Euler at the shortest step, for what the exact scheme refuses."""
     scheme = SchemeChoice("moreau", "moreau", schemes.load("moreau").Options())
     return replace(setting.cell, scheme=scheme, h=setting.shortest)

@@ -30,7 +30,7 @@ from workflow.archive import (
     stored_hashes,
     study_key,
 )
-from workflow.grid import Choice, arrange, case_hashes, read_choices, units_of
+from workflow.grid import Decided, arrange, case_hashes, read_choices, units_of
 from workflow.schemes import SOLVER_VERSION
 from workflow.study import Study, StudyError, parse_study, unpacked
 
@@ -133,7 +133,7 @@ def known_cases(study: Study, archive: Path, layout: Layout, hashes: Hashes, reu
             none = "holds another study of the same name: none of its cases is"
             which = none if unasked == cases else f"{unasked} of its {cases} cases are not"
             was, now = stored_choices(texts), stored_choices(layout.provenance)
-            other = set(was.values()) - set(now.values())
+            other = any(set(a.values()) - set(b.values()) for a, b in zip(was, now, strict=True))
             decided = ", as its tolerance decides `auto` by other cases" if other else ""
             raise ArchiveError(
                 f"{archive}: {which} asked for by this study as it is now{decided}: {unasked} stored cases would be "
@@ -251,7 +251,7 @@ def _hashes_of(texts: Mapping[str, str]) -> Hashes | None:
         return None
 
 
-def stored_choices(texts: Mapping[str, str]) -> dict[int, Choice]:
+def stored_choices(texts: Mapping[str, str]) -> Decided:
     """Return the counts of modes that tolerances decided, from the texts of an archive or of an unfinished run.
 
     None where they cannot be read: they are decided anew then.
@@ -259,13 +259,13 @@ def stored_choices(texts: Mapping[str, str]) -> dict[int, Choice]:
     try:
         return read_choices(texts.get("choices", "{}"))
     except (ValueError, LookupError, TypeError, AttributeError):
-        return {}
+        return Decided()
 
 
-def begun_choices(study: Study, parts: Path) -> dict[int, Choice]:
+def begun_choices(study: Study, parts: Path) -> Decided:
     """Return the counts of modes that an unfinished run of a study began with; none where there is no such run."""
     left = _unfinished(parts)
-    return stored_choices(left.provenance) if left is not None and left.key == study_key(study) else {}
+    return stored_choices(left.provenance) if left is not None and left.key == study_key(study) else Decided()
 
 
 def _unfinished(parts: Path) -> Layout | None:

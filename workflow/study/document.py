@@ -13,8 +13,8 @@ from pydantic import AfterValidator, ConfigDict, Field, create_model
 from workflow import models, schemes
 from workflow.study.addresses import TOLERANCE, Address, setting_defaults, settings
 from workflow.study.forms import ByShape, Form, annotated, entry_of, form, given, keys_form, summary
-from workflow.study.leaves import Axial, Choice, Leaf, Line, Name, Reading
-from workflow.study.settings import AUTO, Casing, Friction, Initial, Load, Output, Scene
+from workflow.study.leaves import Axial, Choice, Line, Name
+from workflow.study.settings import Casing, Friction, Initial, Load, Output, Scene
 
 LONGEST_TITLE = 1000
 SCENE_KEYS = ("casing", "load", "initial", "duration", "speed", "friction")
@@ -108,19 +108,11 @@ def axes_form(addresses: Mapping[str, Address], zipped: bool = False) -> type[Fo
 def reference_form(labels: tuple[str, ...], bases: tuple[str, ...]) -> Any:
     """Return the annotation that reads ``reference`` as the settings that it names."""
     entries: dict[str, Any] = {
-        name: (annotated(Any, _without_auto(address.value)), Field(None, description=address.description))
+        name: (annotated(Any, address.value), Field(None, description=address.description))
         for name, address in settings(labels, bases).items()
-        if name != TOLERANCE
     }
     doc = "Settings of the solution that errors are measured against; the rest stays the case's own."
     return annotated(create_model("reference", __base__=Form, __doc__=doc, **entries), AfterValidator(given))
-
-
-def _without_auto(value: Leaf) -> Leaf:
-    """Return the reading of a setting of the reference, whose counts of modes are given."""
-    if not isinstance(value, Reading):
-        return value
-    return dataclasses.replace(value, words=tuple(word for word in value.words if word != AUTO))
 
 
 @cache

@@ -128,7 +128,15 @@ def judge_schemes(written: Written) -> None:
 
 
 def judge_auto(written: Written) -> None:
-    """Refuse `auto` without a tolerance, which has no default."""
+    """Refuse `auto` without a tolerance, which has no default, and one of the reference that decides nothing."""
+    reference = mapping(written.tree, "reference")
+    asked = next((path for path in MODES if reference.get(path) == AUTO), None)
+    if asked is not None and TOLERANCE not in reference:
+        remedy = "write e.g. `tolerance: 1e-8` beside it"
+        written.source.report(("reference", asked), "is `auto` without a `tolerance`", remedy)
+    if asked is None and TOLERANCE in reference:
+        remedy = f"write `auto` for {' and '.join(MODES)} of the reference, or leave it out"
+        written.source.report(("reference", TOLERANCE), "decides nothing", remedy)
     varied = written.varied()
     if any(path == TOLERANCE for _, path, _ in varied):
         return

@@ -24,6 +24,11 @@ class Reference:
 
     values: Mapping[str, Value]
 
+    @property
+    def is_auto(self) -> bool:
+        """Whether its tolerance decides a count of modes."""
+        return any(self.values.get(path) == CHOSEN for path in MODES)
+
 
 @dataclass(frozen=True)
 class Study:
