@@ -12,9 +12,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from hostile import ESCAPES
 from studies import ILL, SMALL, written
 from workflow import schemes
 from workflow.cli import app
+from workflow.cli._terminal import write_json
 
 
 def workflow(*words: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -124,6 +126,15 @@ def test_plan_as_json_holds_what_the_text_says(tmp_path: Path) -> None:
     assert gap["unit"] == "m"
     assert any("damps the first mode" in warning for warning in plan["warnings"])
     assert plan["archive"] is None
+
+
+def test_json_keeps_texts_whole_and_holds_nothing_that_a_terminal_obeys(capsys: pytest.CaptureFixture[str]) -> None:
+    value = {"sentence": f"µ {ESCAPES}", "table": [1.5, None]}
+    write_json(value, indent=2)
+    told = capsys.readouterr().out
+    assert json.loads(told) == value
+    assert "µ" in told
+    assert not re.search("[\x00-\x09\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]", told)
 
 
 def test_schema_is_json(tmp_path: Path) -> None:

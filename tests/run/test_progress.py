@@ -124,6 +124,8 @@ def test_words() -> None:
     unknown = Advance(5, 0, {}, 0.0, 61.0, float("nan"))
     assert in_words(unknown, 61.0) == "0 %, 1:01 elapsed; 0 of 5 cases"
     assert in_words(Advance(5, 4, {}, 0.8, 61.0, 2.0), 64.0, 3.0) == "80 %, 1:04 elapsed, 0:00 left; 4 of 5 cases"
+    late = in_words(Advance(5, 4, {}, 0.8, 61.0, 2.0), 121.0, 60.0)
+    assert late == "80 %, 2:01 elapsed, longer than estimated; 4 of 5 cases"
 
 
 def test_something_is_repeated_until_the_end() -> None:

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import codecs
 import io
+import json
 import os
 import re
 import sys
 from contextlib import suppress
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -69,6 +70,18 @@ def write(text: str) -> None:
         if not isinstance(error, BrokenPipeError):
             error.filename = "standard output"
             raise
+
+
+def write_json(value: Any, indent: int | None = None) -> None:
+    """Print a value as JSON; characters that a terminal obeys stand as their codes, so that none of the text is lost.
+
+    Raises
+    ------
+    OSError
+        The standard output cannot be written to.
+    """
+    lines = json.dumps(value, indent=indent, ensure_ascii=False, allow_nan=False).split("\n")
+    write("\n".join(_OBEYED.sub(lambda found: f"\\u{ord(found[0]):04x}", line) for line in lines))
 
 
 def complain(line: str) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from workflow.cli._failures import errors_in_words
-from workflow.cli._terminal import say
+from workflow.cli._terminal import say, write_json
 from workflow.cli._words import Settings, StudyFile, named, read
 
 if TYPE_CHECKING:
@@ -43,7 +42,7 @@ def plan(
         made = make_plan(grid, units_of(grid))
         held = None if output is None else holdings(asked, named(output))
         if as_json:
-            say(json.dumps({**_plain(made), "archive": _plain(held)}, ensure_ascii=False))
+            write_json({**_plain(made), "archive": _plain(held)})
             return
         for line in _lines(made):
             say(line)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from workflow.cli._failures import NOT_OK, WRONG, errors_in_words
-from workflow.cli._terminal import complain, console, say, write
+from workflow.cli._terminal import complain, console, say, write_json
 from workflow.cli._words import ArchiveFile, unwarned
 
 if TYPE_CHECKING:
@@ -61,7 +60,7 @@ def _write_json(asked: Recommendation, table: list[Recommendation], cautions: tu
 
     found = {**recommendation_json(asked), "cautions": list(cautions)}
     found |= {"table": [recommendation_json(other) for other in table]}
-    write(json.dumps(found, indent=2, ensure_ascii=False, allow_nan=False))
+    write_json(found, indent=2)
 
 
 def _write_text(asked: Recommendation, table: list[Recommendation]) -> None:

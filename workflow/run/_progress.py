@@ -165,6 +165,10 @@ def time_left(done: float, spent: float, estimated: float, compiling: float = 0.
     return (1 - done) * ((1 - done) * estimated + max(spent - compiling, 0.0))
 
 
+_OVERDUE = 10.0
+"""Seconds beyond the time left after which it is no longer said to be 0."""
+
+
 def in_words(advance: Advance | None, elapsed: float, waited: float = 0.0) -> str:
     """Return how far a run is as one line.
 
@@ -181,6 +185,7 @@ def in_words(advance: Advance | None, elapsed: float, waited: float = 0.0) -> st
         return f"{clock_time(elapsed)} elapsed"
     endings = "".join(f", {number} {name.replace('_', '-')}" for name, number in advance.endings.items() if number)
     left = "" if math.isnan(advance.left) else f", {clock_time(max(advance.left - waited, 0.0))} left"
+    left = ", longer than estimated" if waited - advance.left > _OVERDUE else left
     times = f"{math.floor(100 * advance.work)} %, {clock_time(elapsed)} elapsed{left}"
     return f"{times}; {advance.stored} of {advance.cases} cases{endings}"
 
