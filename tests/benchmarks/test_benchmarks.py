@@ -94,6 +94,7 @@ def test_the_kept_table_is_what_the_script_prints(capsys: pytest.CaptureFixture[
     }
 
 
+@pytest.mark.slow  # five processes
 def test_plan_prints_its_lines(capsys: pytest.CaptureFixture[str]) -> None:
     bench_plan.main(["abstract figure"])
     told = capsys.readouterr().out.splitlines()[1]

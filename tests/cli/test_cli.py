@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import re
@@ -19,14 +20,22 @@ from workflow.cli import app
 from workflow.cli._terminal import write_json
 
 
-def workflow(*words: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+def typed(*words: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """Run a command as a shell does, in a process of its own."""
     command = [sys.executable, "-m", "workflow", *map(str, words)]
     return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=120)
 
 
+def workflow(*words: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """Run a command in this process, which has imported already what it needs."""
+    with contextlib.chdir(cwd):
+        ran = CliRunner().invoke(app, [str(word) for word in words])
+    return subprocess.CompletedProcess(words, ran.exit_code, ran.stdout, ran.stderr)
+
+
 def test_run_show_report(tmp_path: Path) -> None:
     study = written(SMALL, tmp_path)
-    ran = workflow("run", study, cwd=tmp_path)
+    ran = typed("run", study, cwd=tmp_path)
     assert ran.returncode == 0, ran.stderr
     assert "small.nc: 60 cases" in ran.stdout
     assert "60 ok" in ran.stdout
@@ -51,7 +60,7 @@ def test_run_show_report(tmp_path: Path) -> None:
 
 
 def test_failed_cases_exit_with_one(tmp_path: Path) -> None:
-    ran = workflow("run", written(ILL, tmp_path), "-o", "out.nc", "--threads", "1", cwd=tmp_path)
+    ran = typed("run", written(ILL, tmp_path), "-o", "out.nc", "--threads", "1", cwd=tmp_path)
     assert ran.returncode == 1
     assert "4 ok, 4 ill_posed" in ran.stdout
     assert "largest admissible h" in ran.stdout

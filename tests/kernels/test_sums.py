@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from processors import on_every_processor
 from workflow.kernels.complex_numbers import complex_product, complex_total, magnitude, over, square_root, times
 from workflow.kernels.sums import dot, norm, product, total
 
@@ -122,14 +123,6 @@ found += [times(z, w), over(z, w), magnitude(z), square_root(z)]
 print(hashlib.sha256(b"".join(np.ascontiguousarray(x).tobytes() for x in found)).hexdigest())
 """
 
-PROCESSORS = [
-    {"OPENBLAS_CORETYPE": "Haswell"},
-    {"OPENBLAS_CORETYPE": "Nehalem"},
-    {"NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL AVX512_SPR"},
-    {"NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR"},
-    {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA"},
-]
-
 
 def hash_under(settings: dict[str, str]) -> str:
     command = [sys.executable, "-W", "ignore", "-c", HASH]
@@ -138,7 +131,12 @@ def hash_under(settings: dict[str, str]) -> str:
     ).stdout.strip()
 
 
-def test_bits_are_the_same_on_every_processor() -> None:
-    here = hash_under({})
+@pytest.fixture(scope="module")
+def here() -> str:
+    return hash_under({})
+
+
+@on_every_processor
+def test_bits_are_the_same_on_every_processor(settings: dict[str, str], here: str) -> None:
     assert len(here) == hashlib.sha256().digest_size * 2
-    assert {hash_under(settings) for settings in PROCESSORS} == {here}
+    assert hash_under(settings) == here

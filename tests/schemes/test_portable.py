@@ -8,6 +8,8 @@ import sys
 
 import pytest
 
+from processors import on_every_processor
+
 RUN = """
 import hashlib, numpy as np
 from workflow import models, schemes
@@ -46,15 +48,6 @@ digest.update(spoken.encode())
 print(digest.hexdigest())
 """
 
-PROCESSORS = [
-    {"OPENBLAS_CORETYPE": "SkylakeX"},
-    {"OPENBLAS_CORETYPE": "Haswell"},
-    {"OPENBLAS_CORETYPE": "Nehalem"},
-    {"NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL AVX512_SPR"},
-    {"NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR"},
-    {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA"},
-]
-
 
 def hash_under(settings: dict[str, str]) -> str:
     command = [sys.executable, "-W", "ignore", "-c", RUN]
@@ -67,6 +60,6 @@ def here() -> str:
     return hash_under({})
 
 
-@pytest.mark.parametrize("settings", PROCESSORS, ids=lambda s: " ".join(f"{k}={v}" for k, v in s.items()))
+@on_every_processor
 def test_bits_are_the_same_on_every_processor(settings: dict[str, str], here: str) -> None:
     assert hash_under(settings) == here

@@ -1,0 +1,27 @@
+"""Environments in which a process computes as on another x86-64 processor: libraries leave out what it does not offer.
+
+All of them at once is the oldest processor; one by one they tell which library a difference comes from.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+_ONE_BY_ONE = [
+    {"OPENBLAS_CORETYPE": "SkylakeX"},
+    {"OPENBLAS_CORETYPE": "Haswell"},
+    {"OPENBLAS_CORETYPE": "Nehalem"},
+    {"NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL AVX512_SPR"},
+    {"NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR"},
+    {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA"},
+]
+_OLDEST = {name: value for settings in _ONE_BY_ONE for name, value in settings.items()}
+
+on_every_processor = pytest.mark.parametrize(
+    "settings",
+    [
+        pytest.param(_OLDEST, id="oldest"),
+        *(pytest.param(each, id=" ".join(each.values()), marks=pytest.mark.slow) for each in _ONE_BY_ONE),
+    ],
+)
+"""Decorator of a test that takes ``settings``, variables of the environment."""
