@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from workflow.kernels import Array
 from workflow.kernels.compiled import inlined, part, uncounted
 from workflow.kernels.complex_numbers import Complex, complex_of
+from workflow.kernels.elementary import quotient
 from workflow.kernels.hessenberg import Hessenberg, hessenberg
 from workflow.kernels.schur import schur
 from workflow.kernels.solving import inverse
@@ -74,18 +75,6 @@ def eigenvalues(matrix: ArrayLike) -> Complex:
     return _values(_schur_form(matrix, False).matrix)
 
 
-@part
-def _over(x: float, y: float, a: float, b: float) -> tuple[float, float]:
-    """Return (x + iy)/(a + ib)."""
-    if abs(a) >= abs(b):
-        ratio = b / a
-        size = a + b * ratio
-        return (x + y * ratio) / size, (y - x * ratio) / size
-    ratio = a / b
-    size = a * ratio + b
-    return (x * ratio + y) / size, (y * ratio - x) / size
-
-
 @inlined
 def _pole(form: Array, k: int) -> Any:
     """Return the imaginary part of the eigenvalues of the block of rows k - 1 and k."""
@@ -118,6 +107,12 @@ def _rest(form: Array, row: int, first: int, last: int, side: int, x: Array) -> 
     return rest
 
 
+@inlined
+def _put(entry: complex, i: int, x: Array) -> None:
+    """Put an entry of an eigenvector in its row of real and imaginary parts."""
+    x[0, i], x[1, i] = entry.real, entry.imag
+
+
 @part
 def _extend(form: Array, i: int, last: int, value: tuple[float, float], smallest: float, x: Array) -> int:
     """Find the entries of an eigenvector in the block that ends in row i; return the row above the block."""
@@ -126,17 +121,17 @@ def _extend(form: Array, i: int, last: int, value: tuple[float, float], smallest
     if i == 0 or form[i, i - 1] == 0.0:
         if abs(away) + pole < smallest:
             away = smallest
-        x[0, i], x[1, i] = _over(p, q, away, -pole)
+        _put(quotient(complex(p, q), complex(away, -pole)), i, x)
         return i - 1
     top_p, top_q = _rest(form, i - 1, i + 1, last, 0, x), _rest(form, i - 1, i + 1, last, 1, x)
     above, below, other = form[i - 1, i], form[i, i - 1], _pole(form, i)
     # the determinant (away - i pole)² + other² as a product of differences, which lose nothing
     shifted = smallest if abs(away) + abs(other - pole) < smallest else away
     u, v = shifted * shifted + (other - pole) * (other + pole), -2.0 * shifted * pole
-    x[0, i - 1], x[1, i - 1] = _over(
-        top_p * away + top_q * pole - above * p, top_q * away - top_p * pole - above * q, u, v
-    )
-    x[0, i], x[1, i] = _over(p * away + q * pole - below * top_p, q * away - p * pole - below * top_q, u, v)
+    upper = complex(top_p * away + top_q * pole - above * p, top_q * away - top_p * pole - above * q)
+    lower = complex(p * away + q * pole - below * top_p, q * away - p * pole - below * top_q)
+    _put(quotient(upper, complex(u, v)), i - 1, x)
+    _put(quotient(lower, complex(u, v)), i, x)
     return i - 2
 
 

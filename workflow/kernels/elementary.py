@@ -20,18 +20,21 @@ import numpy as np
 
 from workflow.kernels.compiled import inlined, part, rare
 
-_ROUND = 6755399441055744.0
+TO_INTEGER = 6755399441055744.0
 """1.5 · 2^52: adding and subtracting it rounds to the nearest integer."""
 
-_LOG2_E = 1.4426950408889634
-_LN2_A, _LN2_B = 0.6931471803691238, 1.9082149292705877e-10
-"""ln 2 in two parts, the first of 32 bits: its products with integers up to 2^21 are exact."""
+LOG2_E = 1.4426950408889634
+LN2_HIGH, LN2_LOW = 0.6931471803691238, 1.9082149292705877e-10
+"""ln 2 = high + low + 1e-26. ``LN2_HIGH`` is ln 2 cut after 32 bits, so that its product with an integer up to 2^21 has
+at most 53 bits and is exact; ``LN2_LOW`` is what is left, rounded."""
 
-_TWO_OVER_PI = 0.6366197723675814
-_PI_A, _PI_B, _PI_C, _PI_D = 1.5707963267341256, 6.077100506303966e-11, 2.0222662487111665e-21, 8.4784276603689e-32
-"""π/2 in four parts, the first three of 33 bits: their products with integers up to 2^20 are exact."""
+TWO_OVER_PI = 0.6366197723675814
+HALF_PI_1, HALF_PI_2 = 1.5707963267341256, 6.077100506303966e-11
+_HALF_PI_3, _HALF_PI_4 = 2.0222662487111665e-21, 8.4784276603689e-32
+"""π/2 as a sum of four parts, to 7e-49. Each of the first three is π/2, less the parts before it, cut after at most 33
+bits, so that its product with an integer up to 2^20 is exact; the last is what is left, rounded."""
 _HALF_PI, _HALF_PI_REST = 1.5707963267948966, 6.123233995736766e-17
-"""π/2 as a sum of two numbers."""
+"""π/2 rounded, and its rounding: the factor of a fraction of a quarter turn, to 1.5e-33."""
 _LARGEST_TURN = 1.6e6
 """About 2^20 · π/2: larger arguments of sine and cosine are reduced by the bits of 2/π."""
 
@@ -127,8 +130,8 @@ def _curved(r: float) -> float:
 @inlined
 def _less_doublings(x: float) -> tuple[int, float, float]:
     """Return q, r and rest of x = q ln 2 + r + rest, where q is the nearest integer."""
-    q = (x * _LOG2_E + _ROUND) - _ROUND
-    high, low = x - q * _LN2_A, q * _LN2_B
+    q = (x * LOG2_E + TO_INTEGER) - TO_INTEGER
+    high, low = x - q * LN2_HIGH, q * LN2_LOW
     r = high - low
     return int(q), r, (high - r) - low
 
@@ -192,7 +195,7 @@ def log(x: float) -> float:
     p = p * z + 2.0 / 5.0
     p = p * z + 2.0 / 3.0
     half = 0.5 * f * f
-    return float(k * _LN2_A - ((half - (s * (half + p * z) + k * _LN2_B)) - f))
+    return float(k * LN2_HIGH - ((half - (s * (half + p * z) + k * LN2_LOW)) - f))
 
 
 @rare
@@ -236,10 +239,10 @@ def _less_turns_of_large(x: float) -> tuple[int, float, float]:
 @inlined
 def _less_turns(x: float) -> tuple[int, float, float]:
     """Return q, r and rest of x = q π/2 + r + rest, |x| up to 1.6e6: products with q are exact but the last."""
-    q = (x * _TWO_OVER_PI + _ROUND) - _ROUND
-    r, first = _sum(x - q * _PI_A, -(q * _PI_B))
-    r, second = _sum(r, -(q * _PI_C))
-    last = (first + second) - q * _PI_D
+    q = (x * TWO_OVER_PI + TO_INTEGER) - TO_INTEGER
+    r, first = _sum(x - q * HALF_PI_1, -(q * HALF_PI_2))
+    r, second = _sum(r, -(q * _HALF_PI_3))
+    last = (first + second) - q * _HALF_PI_4
     whole = r + last
     return int(q), whole, (r - whole) + last
 

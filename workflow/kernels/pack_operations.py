@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable
-from typing import Any, cast
+from typing import Any, TypeVar, cast
 
 from llvmlite import ir
 from numba import config, types
@@ -30,6 +30,8 @@ from numba.extending import lower_builtin, register_model
 
 from workflow.kernels import packs
 from workflow.kernels.lanes import PACK, WIDE
+
+F = TypeVar("F", bound=Callable[..., Any])
 
 _chosen = cast(Any, config).CPU_FEATURES
 _FEATURES = get_host_cpu_features() if _chosen is None else _chosen
@@ -138,11 +140,30 @@ _define_alike(operator.and_, _MaskType, 2, "and_")
 _define_alike(operator.invert, _MaskType, 1, "not_")
 
 
+def _implements(operation: Callable[..., Any]) -> Callable[[F], F]:
+    """Have numba use what a function builds where a kernel calls an operation, as :func:`numba.extending.intrinsic`.
+
+    An intrinsic would be an object of its own, and importing it would import numba.
+    """
+
+    def add(build: F) -> F:
+        template = make_intrinsic_template(operation, build, operation.__name__)
+        infer(template)
+        infer_global(operation, types.Function(template))
+        return build
+
+    return add
+
+
 def _lane(width):
     def lane(context, first):
         return _LaneType(width)(types.intp), lambda context, builder, sig, args: args[0]
 
     return lane
+
+
+for _declared, _width in ((packs.narrow, PACK), (packs.wide, WIDE), (packs.broad, BROAD)):
+    _implements(_declared)(_lane(_width))
 
 
 def _address(context, builder, kinds, rows, at):
@@ -156,6 +177,7 @@ def _address(context, builder, kinds, rows, at):
     return cgutils.get_item_pointer2(context, builder, array.data, shape, strides, kinds[0].layout, places)
 
 
+@_implements(packs.pack)
 def _pack(context, rows, at):
     kind = _PackType(at[-1].width)
 
@@ -166,6 +188,7 @@ def _pack(context, rows, at):
     return kind(rows, at), build
 
 
+@_implements(packs.store)
 def _store(context, rows, at, numbers):
     def build(context, builder, sig, args):
         address = builder.bitcast(_address(context, builder, sig.args, *args[:2]), numbers.numbers.as_pointer())
@@ -175,6 +198,7 @@ def _store(context, rows, at, numbers):
     return types.none(rows, at, numbers), build
 
 
+@_implements(packs.shared)
 def _shared(context, array, at, lane):
     def build(context, builder, sig, args):
         number = builder.load(_address(context, builder, sig.args, *args[:2]))
@@ -184,6 +208,7 @@ def _shared(context, array, at, lane):
     return _PackType(lane.width)(array, at, lane), build
 
 
+@_implements(packs.of_lane)
 def _of_lane(context, value, lane):
     if not isinstance(value, types.Array):
         return _spread_out(context, value, lane)
@@ -196,6 +221,7 @@ def _of_lane(context, value, lane):
     return _PackType(lane.width)(value, lane), build
 
 
+@_implements(packs.where)
 def _where(context, condition, this, other):
     def build(context, builder, sig, args):
         return builder.select(args[0], *_as_packs(builder, sig.args[1:], args[1:], condition.width))
@@ -203,6 +229,7 @@ def _where(context, condition, this, other):
     return _PackType(condition.width)(condition, this, other), build
 
 
+@_implements(packs.some)
 def _some(context, condition):
     def build(context, builder, sig, args):
         bits = ir.IntType(condition.width)
@@ -211,6 +238,7 @@ def _some(context, condition):
     return types.boolean(condition), build
 
 
+@_implements(packs.some_nonzero)
 def _some_nonzero(context, numbers):
     def build(context, builder, sig, args):
         bits, zero = ir.IntType(numbers.width), ir.Constant(numbers.numbers, [0.0] * numbers.width)
@@ -220,6 +248,7 @@ def _some_nonzero(context, numbers):
     return types.boolean(numbers), build
 
 
+@_implements(packs.raised)
 def _raised(context, rows, at):
     def build(context, builder, sig, args):
         bits = ir.IntType(64)
@@ -229,6 +258,7 @@ def _raised(context, rows, at):
     return types.boolean(rows, at), build
 
 
+@_implements(packs.flag)
 def _flag(context, rows, at, up):
     def build(context, builder, sig, args):
         bits = ir.IntType(64)
@@ -239,6 +269,7 @@ def _flag(context, rows, at, up):
     return types.none(rows, at, up), build
 
 
+@_implements(packs.align_stack)
 def _align_stack(context):
     def build(context, builder, sig, args):
         builder.function.attributes.add("nounwind")  # alone, the next one is not written down
@@ -248,23 +279,7 @@ def _align_stack(context):
     return types.none(), build
 
 
-def _weighed(context, weight, after, rest, before):
-    def build(context, builder, sig, args):
-        if rest is types.none:
-            return args[1]
-        first, last = (builder.fmul(_spread(builder, args[k], after.width), args[k + 1]) for k in (0, 2))
-        return builder.fadd(first, last)
-
-    return after(weight, after, rest, before), build
-
-
-def _plus(context, numbers, weight, others):
-    def build(context, builder, sig, args):
-        return args[0] if others is types.none else builder.fadd(args[0], builder.fmul(args[1], args[2]))
-
-    return numbers(numbers, weight, others), build
-
-
+@_implements(packs.fetch)
 def _fetch(context, array, at):
     def build(context, builder, sig, args):
         address, number = _address(context, builder, sig.args, *args), ir.IntType(32)
@@ -276,6 +291,7 @@ def _fetch(context, array, at):
     return types.none(array, at), build
 
 
+@_implements(packs.magnitude)
 def _magnitude(context, numbers):
     def build(context, builder, sig, args):
         kind = ir.FunctionType(numbers.numbers, [numbers.numbers])
@@ -286,6 +302,7 @@ def _magnitude(context, numbers):
     return numbers(numbers), build
 
 
+@_implements(packs.spread)
 def _spread_out(context, number, lane):
     def build(context, builder, sig, args):
         return _spread(builder, args[0], lane.width)
@@ -293,43 +310,9 @@ def _spread_out(context, number, lane):
     return _PackType(lane.width)(types.float64, lane), build
 
 
+@_implements(packs.broadest)
 def _broadest(context):
     def build(context, builder, sig, args):
         return ir.Constant(cgutils.intp_t, BROAD)
 
     return types.intp(), build
-
-
-def _implement(operation: Callable[..., Any], build: Callable[..., Any]) -> None:
-    """Have numba use what :func:`build` makes where a kernel calls an operation, as :func:`numba.extending.intrinsic`.
-
-    An intrinsic would be an object of its own, and importing it would import numba.
-    """
-    template = make_intrinsic_template(operation, build, operation.__name__)
-    infer(template)
-    infer_global(operation, types.Function(template))
-
-
-_BUILDS: dict[Callable[..., Any], Callable[..., Any]] = {
-    packs.align_stack: _align_stack,
-    packs.broad: _lane(BROAD),
-    packs.broadest: _broadest,
-    packs.fetch: _fetch,
-    packs.flag: _flag,
-    packs.magnitude: _magnitude,
-    packs.narrow: _lane(PACK),
-    packs.of_lane: _of_lane,
-    packs.pack: _pack,
-    packs.plus: _plus,
-    packs.raised: _raised,
-    packs.shared: _shared,
-    packs.some: _some,
-    packs.some_nonzero: _some_nonzero,
-    packs.spread: _spread_out,
-    packs.store: _store,
-    packs.weighed: _weighed,
-    packs.where: _where,
-    packs.wide: _lane(WIDE),
-}
-for _declared, _build in _BUILDS.items():
-    _implement(_declared, _build)

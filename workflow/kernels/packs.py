@@ -20,7 +20,7 @@ from __future__ import annotations
 from typing import NoReturn, Protocol
 
 from workflow.kernels import Array
-from workflow.kernels.compiled import when_loaded
+from workflow.kernels.compiled import inlined, when_loaded
 
 
 @when_loaded
@@ -146,14 +146,16 @@ def some_nonzero(numbers: Pack) -> bool:
     _only_in_kernels()
 
 
+@inlined
 def weighed(weight: float, after: Pack, rest: float | None, before: Pack) -> Pack:
-    """Return ``weight * after + rest * before``, or ``after`` alone where the rest is ``None``: a kernel of its own."""
-    _only_in_kernels()
+    """Return ``weight * after + rest * before``, or ``after`` alone where the rest is ``None``, known when compiled."""
+    return after if rest is None else weight * after + rest * before
 
 
+@inlined
 def plus(numbers: Pack, weight: Pack, others: Pack | None) -> Pack:
     """Return ``numbers + weight * others``, or the numbers alone where the others are ``None``, known when compiled."""
-    _only_in_kernels()
+    return numbers if others is None else numbers + weight * others
 
 
 def magnitude(numbers: Pack) -> Pack:

@@ -27,7 +27,15 @@ from numba.extending import register_model
 TESTED = ("0.68",)
 """Minor versions of numba that this module was tested with."""
 
-_TRANSLATION = ("TranslateByteCode", "FixupArgs", "IRProcessing", "GenericRewrites", "ReconstructSSA")
+_TRANSLATION = (
+    "TranslateByteCode",
+    "FixupArgs",
+    "IRProcessing",
+    "RewriteSemanticConstants",
+    "DeadBranchPrune",  # what an argument of None leaves out
+    "GenericRewrites",
+    "ReconstructSSA",
+)
 _LOWERING = ("AnnotateTypes", "NativeLowering", "NoPythonBackend")
 
 

@@ -14,18 +14,15 @@ import numpy as np
 
 from workflow.kernels import elementary
 from workflow.kernels.compiled import inlined, part, rare
+from workflow.kernels.elementary import HALF_PI_1, HALF_PI_2, LN2_HIGH, LN2_LOW, LOG2_E, TO_INTEGER, TWO_OVER_PI
 from workflow.models import Array
 from workflow.schemes._exact import block_table as block
 from workflow.schemes._exact import first_table as first
 
-_ROUND = 6755399441055744.0
-"""1.5 · 2^52: adding and subtracting it rounds to the nearest integer."""
 _EXPONENT = 4503599627370496.0 + 1023.0
 """2^52 + 1023: adding it to an integer q leaves q + 1023 in the lowest bits of the double."""
-_PI_A, _PI_B, _PI_C = 1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21
-"""π/2 in three parts (Cody and Waite), the first two of 33 bits: exact products up to 2^20."""
-_LN2_A, _LN2_B = 0.6931471803691238, 1.9082149292705877e-10
-"""ln 2 in two parts, the first of 32 bits."""
+_HALF_PI_REST = 2.0222662487959506e-21
+"""π/2 less ``HALF_PI_1`` and ``HALF_PI_2``, rounded."""
 _LARGEST_ANGLE = 1e6
 """Angles beyond this are reduced by :mod:`workflow.kernels.elementary`; below it the products above are exact."""
 _SERIES = 0.3
@@ -85,8 +82,8 @@ def _sines(b: Array, dt: float) -> None:
     """Fill the rows S with sin(ν dt) and C with cos(ν dt): reduction by multiples of π/2, then Taylor to r^16."""
     for k in range(b.shape[1]):
         a = b[block.NU, k] * dt
-        q = (a * 0.6366197723675814 + _ROUND) - _ROUND
-        r = ((a - q * _PI_A) - q * _PI_B) - q * _PI_C
+        q = (a * TWO_OVER_PI + TO_INTEGER) - TO_INTEGER
+        r = ((a - q * HALF_PI_1) - q * HALF_PI_2) - q * _HALF_PI_REST
         z = r * r
         s = -7.647163731819816e-13 * z + 1.6059043836821613e-10
         s = s * z - 2.505210838544172e-08
@@ -102,10 +99,10 @@ def _sines(b: Array, dt: float) -> None:
         c = c * z - 0.001388888888888889
         c = c * z + 0.041666666666666664
         c = 1.0 - (0.5 * z - z * z * c)
-        odd = q - 2.0 * ((0.5 * q - 0.25 + _ROUND) - _ROUND)
+        odd = q - 2.0 * ((0.5 * q - 0.25 + TO_INTEGER) - TO_INTEGER)
         p, m = 0.5 * (q - odd), 0.5 * (q + odd)
-        sign_s = 1.0 - 2.0 * (p - 2.0 * ((0.5 * p - 0.25 + _ROUND) - _ROUND))
-        sign_c = 1.0 - 2.0 * (m - 2.0 * ((0.5 * m - 0.25 + _ROUND) - _ROUND))
+        sign_s = 1.0 - 2.0 * (p - 2.0 * ((0.5 * p - 0.25 + TO_INTEGER) - TO_INTEGER))
+        sign_c = 1.0 - 2.0 * (m - 2.0 * ((0.5 * m - 0.25 + TO_INTEGER) - TO_INTEGER))
         b[block.S, k] = sign_s * (s * (1.0 - odd) + c * odd)
         b[block.C, k] = sign_c * (c * (1.0 - odd) + s * odd)
 
@@ -115,8 +112,8 @@ def _exponentials(b: Array, dt: float) -> None:
     """Fill the rows WORK and POWER with e^r and 2^q of e^(-c dt/2) = 2^q e^r, clamped at e^±700."""
     for k in range(b.shape[1]):
         y = min(max(-b[block.HALF_DAMPING, k] * dt, -700.0), 700.0)
-        q = (y * 1.4426950408889634 + _ROUND) - _ROUND
-        r = (y - q * _LN2_A) - q * _LN2_B
+        q = (y * LOG2_E + TO_INTEGER) - TO_INTEGER
+        r = (y - q * LN2_HIGH) - q * LN2_LOW
         b[block.WORK, k] = 1.0 + (r + r * r * _phi2(r))
         bits = np.float64(q + _EXPONENT).view(np.int64) << 52
         b[block.POWER, k] = np.int64(bits).view(np.float64)

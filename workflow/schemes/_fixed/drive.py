@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.kernels import elementary, elementwise
-from workflow.kernels.compiled import by_type, defines, inlined, part
+from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lanes import PACK, ROW, fill_lanes, lane_rows
 from workflow.kernels.packs import Lane, Pack, narrow, pack, spread, store
 from workflow.models import Array, Cases, Harmonics
@@ -147,13 +147,11 @@ def _turn_waves(waves: Array, lane: Lane) -> None:
         store(waves, (k, WAVE_COSINE, lane), c * turn_c - s * turn_s)
 
 
-@by_type
+@inlined
 def turn_drive(drive: Drive | None, step: int, h: float, theta: float, tip: Array, lanes: int) -> None:
     """Move loads and casing to the end of a step, t = step h; ``tip`` is given the casing's place there."""
-
-
-@defines(turn_drive, Drive)
-def _turn_drive(drive: Drive, step: int, h: float, theta: float, tip: Array, lanes: int) -> None:
+    if drive is None:
+        return
     load, casing, state = drive.load, drive.casing, drive.state
     assert load.shape[1] == WAVE_ROWS
     assert load.shape[2] == ROW
@@ -186,137 +184,87 @@ def _turn_drive(drive: Drive, step: int, h: float, theta: float, tip: Array, lan
         store(tip, (TIP_GAP, lane), place)
 
 
-@by_type
+@inlined
 def with_harmonics(drive: Drive | None, load: Pack, lane: Lane) -> Pack:
     """Return the load at the tip in a step with its harmonics, N."""
-    return load
+    return load if drive is None else load + pack(drive.state, (DRIVE_LOAD, lane))
 
 
-@defines(with_harmonics, Drive)
-def _with_harmonics(drive: Drive, load: Pack, lane: Lane) -> Pack:
-    return load + pack(drive.state, (DRIVE_LOAD, lane))
-
-
-@by_type
+@inlined
 def middle_harmonics(drive: Drive | None, lane: int) -> float:
     """Return the mean of the load's harmonics at both ends of a step, N."""
-    return 0.0
+    return 0.0 if drive is None else float(drive.state[DRIVE_LOAD_MIDDLE, lane])
 
 
-@defines(middle_harmonics, Drive)
-def _middle_harmonics(drive: Drive, lane: int) -> float:
-    return float(drive.state[DRIVE_LOAD_MIDDLE, lane])
-
-
-@by_type
+@inlined
 def began(drive: Drive | None, tip: Array, lane: Lane) -> tuple[Pack, Pack]:
     """Return place and velocity of the tip at the step's beginning: r and u where the casing moves."""
-    return pack(tip, (TIP_DISPLACEMENT, lane)), pack(tip, (TIP_VELOCITY, lane))
-
-
-@defines(began, Drive)
-def _began(drive: Drive, tip: Array, lane: Lane) -> tuple[Pack, Pack]:
+    if drive is None:
+        return pack(tip, (TIP_DISPLACEMENT, lane)), pack(tip, (TIP_VELOCITY, lane))
     return pack(drive.state, (DRIVE_APART, lane)), pack(drive.state, (DRIVE_PARTING, lane))
 
 
-@by_type
+@inlined
 def wall(drive: Drive | None, gap: Pack, lane: Lane) -> Pack:
     """Return where the casing is for what :func:`began` returns."""
-    return gap
+    return gap if drive is None else spread(0.0, lane)
 
 
-@defines(wall, Drive)
-def _wall(drive: Drive, gap: Pack, lane: Lane) -> Pack:
-    return spread(0.0, lane)
-
-
-@by_type
+@inlined
 def relative(drive: Drive | None, velocity: Pack, lane: Lane) -> Pack:
     """Return a velocity at the step's end, relative to the casing where that moves."""
-    return velocity
+    return velocity if drive is None else velocity - pack(drive.state, (DRIVE_SPEED, lane))
 
 
-@defines(relative, Drive)
-def _relative(drive: Drive, velocity: Pack, lane: Lane) -> Pack:
-    return velocity - pack(drive.state, (DRIVE_SPEED, lane))
-
-
-@by_type
+@inlined
 def relative_before(drive: Drive | None, velocity: Pack, lane: Lane) -> Pack:
     """Return a velocity at the step's beginning, relative to the casing where that moves."""
-    return velocity
+    return velocity if drive is None else velocity - pack(drive.state, (DRIVE_SPEED_BEFORE, lane))
 
 
-@defines(relative_before, Drive)
-def _relative_before(drive: Drive, velocity: Pack, lane: Lane) -> Pack:
-    return velocity - pack(drive.state, (DRIVE_SPEED_BEFORE, lane))
-
-
-@by_type
+@inlined
 def settled(drive: Drive | None, place: Pack, velocity: Pack, gap: Pack, lane: Lane) -> tuple[Pack, Pack]:
     """Return place and velocity of the tip at the step's end from those relative to the casing, which are kept."""
-    return place, velocity
-
-
-@defines(settled, Drive)
-def _settled(drive: Drive, place: Pack, velocity: Pack, gap: Pack, lane: Lane) -> tuple[Pack, Pack]:
+    if drive is None:
+        return place, velocity
     store(drive.state, (DRIVE_APART, lane), place)
     store(drive.state, (DRIVE_PARTING, lane), velocity)
     return gap + place, pack(drive.state, (DRIVE_SPEED, lane)) + velocity
 
 
-@by_type
+@inlined
 def casing_gain(drive: Drive | None, theta: float, impulse: Pack, lane: Lane) -> Pack:
     """Return p (θ - 1/2) (V' - V), what the casing takes beside p (V + V')/2: its power is -p (d' - d)/h."""
-    return spread(0.0, lane)
-
-
-@defines(casing_gain, Drive)
-def _casing_gain(drive: Drive, theta: float, impulse: Pack, lane: Lane) -> Pack:
+    if drive is None:
+        return spread(0.0, lane)
     change = pack(drive.state, (DRIVE_SPEED, lane)) - pack(drive.state, (DRIVE_SPEED_BEFORE, lane))
     return (theta - 0.5) * (impulse * change)
 
 
-@by_type
+@inlined
 def casing_gain_of(drive: Drive | None, theta: float, impulse: float, lane: int) -> float:
     """Return :func:`casing_gain` of one lane."""
-    return 0.0
-
-
-@defines(casing_gain_of, Drive)
-def _casing_gain_of(drive: Drive, theta: float, impulse: float, lane: int) -> float:
+    if drive is None:
+        return 0.0
     return float((theta - 0.5) * impulse * (drive.state[DRIVE_SPEED, lane] - drive.state[DRIVE_SPEED_BEFORE, lane]))
 
 
-@by_type
+@inlined
 def gap_before(drive: Drive | None, gap: Pack, lane: Lane) -> Pack:
     """Return the casing's place at the step's beginning."""
-    return gap
+    return gap if drive is None else pack(drive.state, (DRIVE_GAP_BEFORE, lane))
 
 
-@defines(gap_before, Drive)
-def _gap_before(drive: Drive, gap: Pack, lane: Lane) -> Pack:
-    return pack(drive.state, (DRIVE_GAP_BEFORE, lane))
-
-
-@by_type
+@inlined
 def gap_ahead(drive: Drive | None, gap: Pack, h: float, lane: Lane) -> Pack:
     """Return the casing's place a step after ``gap``, for central differences."""
-    return gap
+    return gap if drive is None else gap + h * pack(drive.state, (DRIVE_SPEED, lane))
 
 
-@defines(gap_ahead, Drive)
-def _gap_ahead(drive: Drive, gap: Pack, h: float, lane: Lane) -> Pack:
-    return gap + h * pack(drive.state, (DRIVE_SPEED, lane))
-
-
-@by_type
+@inlined
 def cut_gap(drive: Drive | None, share: float, tip: Array, lanes: int) -> None:
     """Take the casing back to a share of the last step."""
-
-
-@defines(cut_gap, Drive)
-def _cut_gap(drive: Drive, share: float, tip: Array, lanes: int) -> None:
-    for lane in range(lanes):
-        before = drive.state[DRIVE_GAP_BEFORE, lane]
-        tip[TIP_GAP, lane] = before + share * (tip[TIP_GAP, lane] - before)
+    if drive is not None:
+        for lane in range(lanes):
+            before = drive.state[DRIVE_GAP_BEFORE, lane]
+            tip[TIP_GAP, lane] = before + share * (tip[TIP_GAP, lane] - before)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lanes import PACK
-from workflow.kernels.packs import Pack, fetch, narrow, pack, store
+from workflow.kernels.packs import fetch, narrow, pack, store
 from workflow.models import Array
 from workflow.schemes._fixed.contact import Drive
 
@@ -76,8 +76,8 @@ class Block(NamedTuple):
 
 
 @inlined
-def _between(before: float, after: float, share: float) -> float:
-    """Linear between step ends; a step end itself is taken exactly."""
+def _between(before: Any, after: Any, share: float) -> Any:
+    """Return a number, or a pack, at a share of a step by linear interpolation; the step's end itself exactly."""
     return after if share == 1.0 else before + share * (after - before)
 
 
@@ -108,12 +108,6 @@ def _close_periods(step: int, block: Block) -> None:
     block.marks.next_mark[2] = first
 
 
-@inlined
-def _sampled(before: Pack, after: Pack, share: float) -> Pack:
-    """Return :func:`_between` of each lane."""
-    return after if share == 1.0 else before + share * (after - before)
-
-
 @part
 def _sample(k: int, share: float, block: Block) -> None:
     """Take sample k, which lies at a ``share`` of the step; write ``WAITING`` samples at a time.
@@ -129,11 +123,11 @@ def _sample(k: int, share: float, block: Block) -> None:
     for first in range(0, block.lanes, PACK):
         lane = narrow(first)
         for j in range(TIP_IMPULSE):
-            x = _sampled(pack(tip, (j, lane)), pack(tip, (TIP_NEW_DISPLACEMENT + j, lane)), share)
+            x = _between(pack(tip, (j, lane)), pack(tip, (TIP_NEW_DISPLACEMENT + j, lane)), share)
             store(waiting, (j * WAITING + slot, lane), x)
         impulse = pack(tip, (TIP_IMPULSE, lane))
         after = impulse + pack(tip, (TIP_STEP_IMPULSE, lane))
-        store(waiting, (TIP_IMPULSE * WAITING + slot, lane), _sampled(impulse, after, share))
+        store(waiting, (TIP_IMPULSE * WAITING + slot, lane), _between(impulse, after, share))
     if slot == WAITING - 1 or k == histories.shape[2] - 1:
         for case in range(histories.shape[0]):
             for j in range(histories.shape[1]):
@@ -163,10 +157,9 @@ def take_marks(step: int, block: Block) -> float:
     share = weight[-1] if step == steps else 1.0
     if share != 1.0:
         for lane in range(lanes):
-            tip[TIP_NEW_DISPLACEMENT, lane] = _between(
-                tip[TIP_DISPLACEMENT, lane], tip[TIP_NEW_DISPLACEMENT, lane], share
-            )
-            tip[TIP_NEW_VELOCITY, lane] = _between(tip[TIP_VELOCITY, lane], tip[TIP_NEW_VELOCITY, lane], share)
-            tip[TIP_NEW_TEMPERATURE, lane] = _between(tip[TIP_TEMPERATURE, lane], tip[TIP_NEW_TEMPERATURE, lane], share)
+            for row in range(TIP_IMPULSE):
+                tip[TIP_NEW_DISPLACEMENT + row, lane] = _between(
+                    tip[row, lane], tip[TIP_NEW_DISPLACEMENT + row, lane], share
+                )
             tip[TIP_STEP_IMPULSE, lane] *= share
     return share * h

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.kernels.compiled import by_type, defines, inlined, part
+from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lanes import PACK, ROW
 from workflow.kernels.packs import Lane, Pack, narrow, pack, plus, raised, shared, spread, store
 from workflow.models import Array
@@ -217,13 +217,11 @@ def step_freely(
     return velocity, temperature
 
 
-@by_type
+@inlined
 def look(audit: Audit | None, step: int, steps: int, operator: Coefficients, state: State, lanes: int) -> None:
     """Keep the energy at the end of some steps, and count the heat lost in the steps after some."""
-
-
-@defines(look, Audit)
-def _look(audit: Audit, step: int, steps: int, operator: Coefficients, state: State, lanes: int) -> None:
+    if audit is None:
+        return
     if step % min(SELDOM, steps // LOOKS + 1) == 0:
         _take_energy(audit, operator, state, lanes)
     if step % SPAN == 0 or step == steps:
@@ -243,13 +241,11 @@ def _take_energy(audit: Audit, operator: Coefficients, state: State, lanes: int)
         keep_energy(audit, energy, lane)
 
 
-@by_type
+@inlined
 def close_balance(audit: Audit | None, operator: Coefficients, state: State, lanes: int) -> None:
     """Count what the modes spent in the last step, and the energy at its end."""
-
-
-@defines(close_balance, Audit)
-def _close_balance(audit: Audit, operator: Coefficients, state: State, lanes: int) -> None:
+    if audit is None:
+        return
     _take_energy(audit, operator, state, lanes)
     for first in range(0, lanes, PACK):
         lane = narrow(first)

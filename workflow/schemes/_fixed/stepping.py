@@ -172,28 +172,14 @@ def watch(
     due = np.where(counted, np.minimum(due, schedule.steps), NEVER)
 
     load = np.zeros((LOAD_ROWS, cases.count))
-    for row, values in (
-        (LOAD_MEAN, mean),
-        (LOAD_AMPLITUDE, cases.amplitude),
-        (LOAD_FREQUENCY, cases.frequency),
-        (LOAD_PHASE, cases.phase),
-    ):
-        load[row] = values
+    given = (mean, cases.amplitude, cases.frequency, cases.phase)
+    load[[LOAD_MEAN, LOAD_AMPLITUDE, LOAD_FREQUENCY, LOAD_PHASE]] = given
 
     tip = np.zeros((TIP_ROWS, cases.count))
-    for row, values in (
-        (TIP_DISPLACEMENT, cases.displacement[:, -1]),
-        (TIP_VELOCITY, cases.velocity[:, -1]),
-        (TIP_TEMPERATURE, cases.temperature[:, -1]),
-        (TIP_GAP, casing),
-        (
-            TIP_PENETRATION,
-            np.fmax(0.0, cases.displacement[:, -1] - casing) + 0.0,
-        ),  # of two zeros fmax returns either
-        (TIP_HOTTEST, cases.temperature[:, -1]),
-        (TIP_PERIOD_HOTTEST, cases.temperature[:, -1]),
-    ):
-        tip[row] = values
+    tip[TIP_DISPLACEMENT], tip[TIP_VELOCITY] = cases.displacement[:, -1], cases.velocity[:, -1]
+    tip[[TIP_TEMPERATURE, TIP_HOTTEST, TIP_PERIOD_HOTTEST]] = cases.temperature[:, -1]
+    tip[TIP_GAP] = casing
+    tip[TIP_PENETRATION] = np.fmax(0.0, tip[TIP_DISPLACEMENT] - casing) + 0.0  # of two zeros fmax returns either
 
     record = Record(
         np.empty((cases.count, 4, schedule.due.size)),  # the march fills it; zeros would be fresh pages each time
