@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
-from studies import parsed
-from workflow.grid import arrange, plan, units_of
+from matrix_files import as_npz, matrices_of
+from scenes import heavy_chain
+from studies import parsed, written
+from workflow.grid import arrange, plan, plan_study, units_of
+from workflow.models import static_tip_growth
+from workflow.models._tip_held import thermal_constraint
+from workflow.study import read_study
 
 BLADE = """
 study: a
@@ -78,3 +85,22 @@ def test_what_a_basis_cannot_hold_is_told(modes: str, lost: bool) -> None:
     text = BLADE + f"axes: {{scheme: event_driven, mechanical_modes: {modes}, thermal_modes: {modes}}}\n"
     told = [line for line in warnings(text, heat) if "projection_residual" in line]
     assert bool(told) == lost
+
+
+def test_heat_that_moves_the_tip_away_is_told(tmp_path: Path) -> None:
+    """K12 of the wrong sign: every alpha is stable, which looks like a sound structure."""
+    entries = matrices_of(heavy_chain(nodes=4))
+    axes = "axes: {scheme: event_driven, alpha: ALPHA}"
+    text = (
+        "study: a\nscene:\n  matrices: {file: blade.npz, contact: 3}\n  casing: {gap: 20 um}\n"
+        "  load: {amplitude: 400, frequency: 5 Hz}\n  duration: 0.1 s\n"
+    )
+    told = {}
+    for sign in (1, -1):
+        as_npz({**entries, "coupling": sign * entries["coupling"]}, tmp_path)
+        for alpha in (0, 1):
+            study = read_study(written(text + axes.replace("ALPHA", str(alpha)), tmp_path))
+            told[sign, alpha] = [line for line in plan_study(study).warnings if "away from the casing" in line]
+    assert [len(lines) for lines in told.values()] == [0, 0, 0, 1]
+    growth = static_tip_growth(heavy_chain(nodes=4)) @ thermal_constraint(heavy_chain(nodes=4))[0]
+    assert f"{growth:.3g} m for each kelvin" in told[-1, 1][0]

@@ -16,10 +16,14 @@ from workflow.models import (
     Chain,
     NoEquilibriumError,
     Sparse,
+    Structure,
     free_motion,
     quasi_static_temperature,
+    rounding_of_flexibility,
+    static_tip_growth,
     tip_flexibility,
 )
+from workflow.models._tip_held import thermal_constraint
 from workflow.reduction import DEFAULT
 from workflow.study import Cell
 
@@ -28,6 +32,12 @@ LINEAR = 1000.0
 
 LOST = 1e-3
 """Share of initial states and constant loads that a basis may lose without a word, see ``projection_residual``."""
+
+ROUNDED = 1e-6
+"""Share of the tip's stiffness that roundings of a file's entries may change without a word."""
+
+_CANCELLED = 1e-9
+"""Share of the largest term below which a sum of terms of both signs is rounding."""
 
 MOST_CASES, MOST_STRUCTURES, MOST_BASES = 500, 8, 64
 """Cases of an outer index, structures and bases that are looked at; of more cases a regular choice."""
@@ -56,6 +66,8 @@ def _scenes(grid: Grid) -> Iterator[str]:
             continue  # its modes are not at hand
         inner = _chosen(grid)
         cases = conditions(cell, structure, grid.inner_values(inner), inner.size)
+        if structure.coordinates is not None:
+            yield from _from_files(structure, cases)
         if isinstance(structure, Sparse):
             structure, cases = on_basis(cell, cases)
         if cell.scene.initial == "static":
@@ -68,6 +80,25 @@ def _scenes(grid: Grid) -> Iterator[str]:
             warmest = quasi_static_temperature(structure, cases, free, grid.sampling.duration)
         yield from _clear(cases, free.reach)
         yield from _hot(cases, warmest)
+
+
+def _from_files(structure: Structure, cases: Cases) -> Iterator[str]:
+    """Yield what matrices of a file may hold otherwise than meant: which way heat moves the tip, and its stiffness."""
+    shares = static_tip_growth(structure) * thermal_constraint(structure)[0]
+    closing = float(shares.sum())
+    if cases.alpha.max() > 0 and closing < -_CANCELLED * np.abs(shares).max():
+        yield (
+            f"friction heat moves the tip away from the casing, {-closing:.3g} m for each kelvin at the tip, and no "
+            "alpha is critical; where heat should close the gap, check the sign of `coupling` (equation 1a has K12 θ "
+            "on the left) and the direction of `contact`"
+        )
+    if np.isfinite(tip_flexibility(structure)):
+        lost = rounding_of_flexibility(structure)
+        if lost > ROUNDED:
+            yield (
+                f"`stiffness` holds the tip's static stiffness to about {lost:.1g}: entries that are far larger are "
+                "rounded in the file; join what near-rigid links hold together, or make them softer"
+            )
 
 
 def _clear(cases: Cases, reach: Array) -> Iterator[str]:

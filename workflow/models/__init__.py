@@ -32,7 +32,7 @@ from workflow.models._runaway import critical_alpha, static_tip_growth, tip_flex
 from workflow.models._sparse import MOST_REDUCED, Sparse, TooManyCoordinatesError
 from workflow.models._sparse_from_matrices import structure_from_sparse
 from workflow.models._spectrum import frequencies, rates
-from workflow.models._static import static_displacements, static_temperatures
+from workflow.models._static import rounding_of_flexibility, static_displacements, static_temperatures
 from workflow.models._structure import Coordinates, Matrices, Rayleigh, Structure
 
 
@@ -132,6 +132,7 @@ __all__ = [
     "quasi_static_temperature",
     "rate_range",
     "rates",
+    "rounding_of_flexibility",
     "sizes",
     "static_displacements",
     "static_equilibrium",

@@ -9,6 +9,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
+from scipy.sparse import coo_array
 
 from workflow.kernels import Array
 from workflow.models._cases import distinct_rows, project
@@ -39,6 +40,22 @@ def static_temperatures(structure: Structure, heating: Array) -> Array:
         return _each(structure.thermal.answer_balanced, heating)
     modes = thermal_modes(structure)
     return _by_modes(modes, modes.values, heating)
+
+
+def rounding_of_flexibility(structure: Structure) -> float:
+    """Return about by which share the roundings of the entries of K1 change S = e_nᵀ K1⁻¹ e_n, 1.
+
+    With u = K1⁻¹ e_n a change of the entries changes S by -uᵀ δK1 u; half a unit in the last place of each, added as
+    independent ones: ε/2 √(Σ (u_i K_ij u_j)²)/S. It is large where an entry is far larger than what it must hold of S.
+    """
+    tip = np.zeros((1, structure.mechanical_size))
+    tip[0, -1] = 1.0
+    answer = static_displacements(structure, tip)[0]
+    stiffness = structure.mechanical.stiffness if isinstance(structure, Sparse) else structure.stiffness_matrix
+    entries = coo_array(stiffness)
+    row, column = entries.coords
+    energies = answer[row] * entries.data * answer[column]
+    return float(np.finfo(float).eps / 2 * np.linalg.norm(energies) / abs(answer[-1]))
 
 
 def _by_modes(modes: Modes, stiffness: Array, loads: Array) -> Array:
