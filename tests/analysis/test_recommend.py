@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import shlex
 from pathlib import Path
 from typing import Any
 
@@ -240,6 +241,16 @@ STUDY = f"""study: small
 reference: {{scheme: event_driven}}
 output: {{histories: []}}
 """
+
+
+def test_what_is_advised_without_a_reference_gives_an_answer(tmp_path: Path) -> None:
+    (tmp_path / "small.yaml").write_text(STUDY.replace("reference: {scheme: event_driven}\n", ""))
+    assert workflow("run", "small.yaml", cwd=tmp_path).returncode == 0
+    told = workflow("recommend", "small.nc", cwd=tmp_path)
+    assert told.returncode == 2
+    command = shlex.split(told.stderr.split("e.g. ")[1])
+    assert workflow(*command[1:], cwd=tmp_path).returncode == 0
+    assert workflow("recommend", command[-1], cwd=tmp_path).returncode == 0
 
 
 def test_the_command_answers(tmp_path: Path) -> None:

@@ -72,6 +72,7 @@ def test_it_is_as_it_was_written(kept: Path, version: str) -> None:
     assert "bytes    ok" in text
     assert "content  ok" in text
     assert f"version {version}, this is {NOW}" in text
+    assert "as it was written, by another version of the solver" in text
 
 
 def test_it_is_shown_and_reported(kept: Path, tmp_path: Path) -> None:

@@ -120,6 +120,16 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
         subprocess.run(["umount", "-l", disk], check=True)
 
 
+def test_a_full_disk_is_said_with_the_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(descriptor: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(_files.os, "fsync", full)
+    with pytest.raises(OSError, match=r"page\.html"):
+        _files.commit(tmp_path / "page.html", b"a page")
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_disk_that_is_really_full(small_disk: Path, expected: str) -> None:
     text, archive = written(STUDY.text, small_disk), small_disk / "a.nc"
     status, told = workflow("run", text, "-o", archive, "--threads", "1")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -42,7 +44,7 @@ def recommend(archive: ArchiveFile, tolerance: Tolerance = None, as_json: AsJson
                 others = sorted({*SHOWN, asked.tolerance}, reverse=True)
                 table = [asked if other == asked.tolerance else choose(dataset, other) for other in others]
             except NoReferenceError as error:
-                complain(f"{archive}: {error}; add `reference: {{scheme: event_driven}}` and run it again")
+                complain(f"{archive}: {error}; run it with one to another archive, e.g. {_with_reference(archive)}")
                 raise typer.Exit(WRONG) from None
             except ValueError as error:
                 complain(str(error))
@@ -53,6 +55,12 @@ def recommend(archive: ArchiveFile, tolerance: Tolerance = None, as_json: AsJson
         _write_json(asked, table, cautions) if as_json else _write_text(asked, table)
         if asked.choice is None:
             raise typer.Exit(NOT_OK)
+
+
+def _with_reference(archive: Path) -> str:
+    """Return the command that runs an archive's study with the exact solution as its reference."""
+    words = ("workflow", "run", str(archive), "-s", "reference={scheme: event_driven}")
+    return shlex.join((*words, "-o", f"{archive.stem}_errors.nc"))
 
 
 def _write_json(asked: Recommendation, table: list[Recommendation], cautions: tuple[str, ...]) -> None:

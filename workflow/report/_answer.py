@@ -55,8 +55,8 @@ def answer(dataset: xr.Dataset, methods: Mapping[str, str]) -> Answer:
             "Every case is the exact solution of its model (event_driven): there is no step to choose. By how much the "
             "model errs the archive does not say: its study has no `reference`."
             if is_exact(dataset, methods)
-            else f"Which method, which step: {error}. Add `reference: {{scheme: event_driven}}` to the study and run "
-            "it again."
+            else f"Which method, which step: {error}. Run the study with `reference: {{scheme: event_driven}}` to "
+            "another archive, with -o."
         )
         return Answer([tag("section", tag("h2", "Answer"), tag("p", explanation), kind="answer")], None, False)
     others = sorted({*SHOWN, asked.tolerance}, reverse=True)
