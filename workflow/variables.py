@@ -59,9 +59,10 @@ _ENERGY = (
     "itself gives (+) or takes (-). Steps in modes: E is the energy of the motion relative to what heat and constant "
     "loads drag along, of all modes with a share in the tip; what does work does it at the mean velocity of a step's "
     "ends, that of the tip as the contact law gives it; what a contact spring gives as contact begins or ends "
-    "counts; max E is at least what 1e-12 of the impulse of the tip load would give "
-    "the tip. Chains stepped node by node and event_driven: E = vMv/2 + xK1x/2 of the whole motion, with the work of "
-    "all loads and against thermal forces (steps: midpoint values). 0 where max E is 0; NaN where event_driven cannot "
+    "counts; the load counts as the step takes it; max E is at least what 1e-12 of the impulse of the tip load would "
+    "give the tip. Chains stepped node by node and event_driven: E = vMv/2 + xK1x/2 of the whole motion, with the work "
+    "of all loads and against thermal forces (steps: midpoint values of the motion). 0 where max E is 0; NaN where "
+    "event_driven cannot "
     "integrate it at a reasonable cost"
 )
 

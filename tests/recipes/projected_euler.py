@@ -40,12 +40,13 @@ def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
     for _ in range(recorder.steps):
         force = cases.steady - project(structure.damping_matrix, v) - project(structure.stiffness_matrix, x)
         force = force - project(structure.coupling_matrix, temperature)
-        force[:, -1] += recorder.load()
+        load = recorder.load()
+        force[:, -1] += load
         free = v + h * project(mobility, force)
         p = np.maximum(0.0, (free[:, -1] - (cases.gap - x[:, -1]) / h) / mobility[-1, -1])
         heat = h * (cases.heating - project(structure.conductance_matrix, temperature))
         heat[:, -1] += cases.alpha * p
         v = free - p[:, None] * mobility[:, -1]
         x, temperature = x + h * v, temperature + project(warming, heat)
-        recorder.record(x, v, temperature, p)
+        recorder.record(x, v, temperature, p, load)
     return recorder.results()

@@ -17,11 +17,12 @@ from workflow.models import Cases, Rayleigh, Structure
 from workflow.reduction import reduce_structure
 from workflow.schemes import Results, Sampling, Status, carpenter, moreau
 from workflow.schemes._exact import energy_balance
-from workflow.schemes._fixed import modal_lanes, theta_method
+from workflow.schemes._fixed import dense, modal_lanes, recorder, theta_method
 from workflow.schemes._fixed.books import felt_modes
 from workflow.schemes._fixed.decoupled import Decoupled, decouple, start
 from workflow.schemes._fixed.theta_method import coefficients as theta_method_coefficients
 from workflow.schemes._fixed.theta_method import delassus
+from workflow.schemes._sweep.sweeps import Swept
 
 BALANCES = ("energy_residual", "heat_residual")
 STABLE = 1e-5
@@ -65,7 +66,7 @@ def relative_motion(structure: Structure, batch: Cases, h: float, path: Trajecto
 def looked_at(energy: np.ndarray) -> np.ndarray:
     """The energies of which a balance takes the largest."""
     steps = energy.size - 1
-    return energy[np.append(np.arange(0, steps, min(16, steps // 128 + 1)), steps)]
+    return energy[np.append(np.arange(0, steps, min(modal_lanes.SELDOM, steps // modal_lanes.LOOKS + 1)), steps)]
 
 
 def left_over(structure: Structure, batch: Cases, h: float, path: Trajectory, theta: float) -> float:
@@ -232,6 +233,25 @@ def test_a_theta_below_one_half_creates_energy() -> None:
         structure, replace(batch, mean=np.full(1, 2.0), steady=np.ones((1, 20))), 1e-5, 0.02, 0.45
     ).metrics
     assert found["energy_residual"][0] == pytest.approx(1.2557, abs=2e-3)
+
+
+@pytest.mark.parametrize("theta", [0.7, 1.0])
+def test_every_representation_counts_alike(theta: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Modes, nodes, plain states and full matrices, where no heat makes their energies different ones."""
+    structure, h, over = heavy_chain(), 1e-4, audited(sampling(0.012, 0.012))  # fewer steps than looks: all are taken
+    batch = cases(structure, 3, e=[0.0, 0.5, 0.9], gap=5e-5, mean=60.0, amplitude=100.0, frequency=50.0)
+
+    def dense_states() -> np.ndarray:
+        return dense.compute(dense.init(structure, h, theta), batch, over).metrics["energy_residual"]
+
+    modes = step(structure, batch, h, over, theta=theta).metrics
+    nodes = moreau.compute(moreau.Operator(structure, h, theta, Swept(structure)), batch, over).metrics
+    found = [nodes["energy_residual"], dense_states()]
+    monkeypatch.setattr(recorder, "needs_matrices", lambda structure: True)
+    found.append(dense_states())
+    assert modes["impacts"].min() > 0
+    assert np.abs(modes["energy_residual"]).min() > 0.01
+    assert np.abs(np.array(found) - modes["energy_residual"]).max() < 1e-12
 
 
 def wrong_impulse(batch: Cases, structure: Structure, share: float) -> float:

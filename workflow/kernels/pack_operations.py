@@ -302,6 +302,15 @@ def _magnitude(context, numbers):
     return numbers(numbers), build
 
 
+@_implements(packs.fused)
+def _fused(context, factor, other, number):
+    def build(context, builder, sig, args):
+        kind = ir.FunctionType(number.numbers, [number.numbers] * 3)
+        return builder.call(cgutils.get_or_insert_function(builder.module, kind, f"llvm.fma.v{number.width}f64"), args)
+
+    return number(factor, other, number), build
+
+
 @_implements(packs.spread)
 def _spread_out(context, number, lane):
     def build(context, builder, sig, args):

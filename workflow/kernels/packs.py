@@ -158,6 +158,11 @@ def plus(numbers: Pack, weight: Pack, others: Pack | None) -> Pack:
     return numbers if others is None else numbers + weight * others
 
 
+def fused(factor: Pack, other: Pack, number: Pack) -> Pack:
+    """Return ``factor * other + number``, rounded once: the same bits everywhere, slow where no instruction does it."""
+    _only_in_kernels()
+
+
 def magnitude(numbers: Pack) -> Pack:
     """Return the numbers without their signs."""
     _only_in_kernels()

@@ -16,8 +16,8 @@ begins and ends, is added (:func:`contact_gain`).
 
 The mean velocity is that of the power of an impact, p (v + v')/2, whatever θ is. With θ-weighted velocities the sum is
 -(θ - 1/2) (Δζ² + ω² Δη²) exactly, but that takes the jump of each impact for the scheme's doing.
-The load counts as the step weighs it, F_θ: a slow motion under it leaves -2 (θ - 1/2) h ∫ k v² dt, one half of which is
-F_θ against the mean of the load at the step's ends, by which sweeps and full matrices count.
+The load counts as the step weighs it, F_θ, in every representation of a structure: a slow motion under it leaves
+-2 (θ - 1/2) h ∫ k v² dt, one half of which is F_θ against the mean of the load at the step's ends.
 
 A mode's velocity at the end of a step is known when the next one begins, which adds the impulse to it: damping and
 friction heat are counted then, and for the last step by :func:`~workflow.schemes._fixed.modal_lanes.close_balance`.
@@ -36,9 +36,21 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from workflow.kernels.compiled import by_type, defines, inlined, part
-from workflow.kernels.lanes import PACK, ROW
-from workflow.kernels.packs import Lane, Pack, magnitude, narrow, pack, plus, raised, shared, spread, store, where
+from workflow.kernels.compiled import inlined
+from workflow.kernels.lanes import ROW
+from workflow.kernels.packs import (
+    Lane,
+    Pack,
+    fused,
+    magnitude,
+    pack,
+    plus,
+    raised,
+    shared,
+    spread,
+    store,
+    where,
+)
 from workflow.models import Array
 from workflow.schemes._fixed.contact import (
     CASE_HEAT,
@@ -52,11 +64,11 @@ from workflow.schemes._fixed.contact import (
     driven,
 )
 
-AUDIT_DAMPING, AUDIT_HEAT_FORMER, AUDIT_HEAT_SPEED, AUDIT_HEAT_PLACE = range(4)
+AUDIT_DAMPING, AUDIT_HEAT_SPEED, AUDIT_HEAT_PLACE = range(3)
 """Coefficients of a mechanical mode, all over φ_n²: hc/4, and -1 times the work of a unit of friction heat per ζ at the
-step's beginning, and per ζ and ξ at its end."""
+step's beginning and per ξ at its end without the heat."""
 
-AUDIT_KINETIC, AUDIT_ELASTIC = range(4, 6)
+AUDIT_KINETIC, AUDIT_ELASTIC = range(3, 5)
 """Energy per ζ² and per η²."""
 
 SUM_SPENT, SUM_ENERGY, SUM_LARGEST_ENERGY = range(3)
@@ -93,148 +105,140 @@ class Audit(NamedTuple):
     """What thermal modes added to ζ of modes near resonance in the last step, ``(pair, lane)``."""
     pair_work: Array
     """Work of a unit of that per ζ_m, ``(pair,)``."""
+    pair_heat: Array
+    """-1 times the work of a unit of friction heat per unit of that, ``(pair,)``."""
     sums: Array
     """``(row, lane)``, rows ``SUM_…``."""
     lever: float
     """η - ξ per ζ, s."""
     dragged: float
     """Velocity of the tip that a unit of friction heat drags along in its step."""
-    own_work: float
-    """Energy that friction heat spends on what it drags along itself, per heat squared, 1/J."""
+    heat_on_impulse: float
+    """-1 times the work of a unit of friction heat per impulse in its step, 1/(N s)."""
+    heat_on_heat: float
+    """-1 times the work of a unit of friction heat per heat in its step, 1/J."""
 
 
-@by_type
+@inlined
 def lay_out_audit(audit: Audit | None) -> None:
     """Assert how far apart rows lie, as :func:`~workflow.schemes._fixed.modal_lanes.lay_out` does for a march."""
-
-
-@defines(lay_out_audit, Audit)
-def _lay_out_audit(audit: Audit) -> None:
+    if audit is None:
+        return
     assert audit.modes.shape[1] == AUDIT_ELASTIC + 1
     assert audit.pulled.shape[1] == ROW
     assert audit.sums.shape[1] == ROW
 
 
-@by_type
-def spend(audit: Audit | None, j: int, speed: Pack, place: Pack, heat: Pack | None, spent: Pack, lane: Lane) -> Pack:
-    """Add what mode j spent in a step that ended with ζ, ξ = ``speed``, ``place`` and had friction ``heat``."""
-    return spent
-
-
-@defines(spend, Audit)
-def _spend(audit: Audit, j: int, speed: Pack, place: Pack, heat: Pack | None, spent: Pack, lane: Lane) -> Pack:
-    modes, former = audit.modes, pack(audit.former, (j, lane))
+@inlined
+def spend(audit: Audit | None, j: int, speed: Pack, spent: Pack, lane: Lane) -> Pack:
+    """Add what damping of mode j took in a step that ended with ζ = ``speed``, and keep that for the next one."""
+    if audit is None:
+        return spent
+    twice = speed + pack(audit.former, (j, lane))
     store(audit.former, (j, lane), speed)
-    twice = speed + former
-    spent += shared(modes, (j, AUDIT_DAMPING), lane) * twice * twice
-    on_heat = (
-        shared(modes, (j, AUDIT_HEAT_FORMER), lane) * former
-        + shared(modes, (j, AUDIT_HEAT_SPEED), lane) * speed
-        + shared(modes, (j, AUDIT_HEAT_PLACE), lane) * place
-    )
-    return plus(spent, on_heat, heat)
+    return fused(shared(audit.modes, (j, AUDIT_DAMPING), lane) * twice, twice, spent)
 
 
-@by_type
-def keep_spent(audit: Audit | None, spent: Pack, lane: Lane) -> None:
+@inlined
+def spend_on_heat(audit: Audit | None, j: int, place: Pack, on_heat: Pack, lane: Lane) -> Pack:
+    """Add what a unit of friction heat in a step takes from mode j, which ended with ξ = ``place`` but for that heat.
+
+    The impulse's share in it is the same in all steps (:func:`keep_spent`). To be called before :func:`spend`.
+    """
+    if audit is None:
+        return on_heat
+    on_heat = fused(shared(audit.modes, (j, AUDIT_HEAT_SPEED), lane), pack(audit.former, (j, lane)), on_heat)
+    return fused(shared(audit.modes, (j, AUDIT_HEAT_PLACE), lane), place, on_heat)
+
+
+@inlined
+def keep_spent(audit: Audit | None, spent: Pack, on_heat: Pack, impulse: Pack, heat: Pack | None, lane: Lane) -> None:
     """Add what all modes spent in a step to the sums."""
+    if audit is None:
+        return
+    on_heat = plus(on_heat + audit.heat_on_impulse * impulse, spread(audit.heat_on_heat, lane), heat)
+    store(audit.sums, (SUM_SPENT, lane), plus(pack(audit.sums, (SUM_SPENT, lane)) + spent, on_heat, heat))
 
 
-@defines(keep_spent, Audit)
-def _keep_spent(audit: Audit, spent: Pack, lane: Lane) -> None:
-    store(audit.sums, (SUM_SPENT, lane), pack(audit.sums, (SUM_SPENT, lane)) + spent)
-
-
-@by_type
-def spend_pair(audit: Audit | None, pair: int, j: int, speed: Pack, lane: Lane) -> None:
+@inlined
+def spend_pair(audit: Audit | None, pair: int, j: int, speed: Pack, heat: Pack, lane: Lane) -> None:
     """Count the work of a thermal mode near resonance with mode j in a step that ended with ζ = ``speed``."""
+    if audit is None:
+        return
+    sums, pulled, mean = audit.sums, pack(audit.pulled, (pair, lane)), 0.5 * (speed + pack(audit.former, (j, lane)))
+    on_heat = shared(audit.pair_heat, (pair,), lane) * heat
+    spent = (on_heat - shared(audit.pair_work, (pair,), lane) * mean) * pulled
+    store(sums, (SUM_SPENT, lane), pack(sums, (SUM_SPENT, lane)) + spent)
 
 
-@defines(spend_pair, Audit)
-def _spend_pair(audit: Audit, pair: int, j: int, speed: Pack, lane: Lane) -> None:
-    sums, work = audit.sums, shared(audit.pair_work, (pair,), lane) * pack(audit.pulled, (pair, lane))
-    mean = 0.5 * (speed + pack(audit.former, (j, lane)))
-    store(sums, (SUM_SPENT, lane), pack(sums, (SUM_SPENT, lane)) - work * mean)
-
-
-@by_type
+@inlined
 def keep_pull(audit: Audit | None, pair: int, pull: Pack, lane: Lane) -> None:
     """Keep what a thermal mode adds to ζ of a mode near resonance with it."""
-
-
-@defines(keep_pull, Audit)
-def _keep_pull(audit: Audit, pair: int, pull: Pack, lane: Lane) -> None:
+    if audit is None:
+        return
     store(audit.pulled, (pair, lane), pull)
 
 
-@by_type
+@inlined
 def keep_dragged(audit: Audit | None, velocity: Pack, lane: Lane) -> None:
     """Keep the tip's dragged velocity at a step's end, without the friction heat in the step."""
-
-
-@defines(keep_dragged, Audit)
-def _keep_dragged(audit: Audit, velocity: Pack, lane: Lane) -> None:
+    if audit is None:
+        return
     store(audit.sums, (SUM_DRAGGED, lane), velocity)
 
 
-@by_type
+@inlined
 def account(
     audit: Audit | None, law: Law, step: TipStep, end: End, free: Free, own: Array, tip: Array, lane: Lane
 ) -> None:
     """Count the work of load and contact in a step that contact has closed."""
-
-
-@defines(account, Audit)
-def _account(audit: Audit, law: Law, step: TipStep, end: End, free: Free, own: Array, tip: Array, lane: Lane) -> None:
-    sums, heat = audit.sums, pack(own, (CASE_HEAT, lane))
-    relative = driven(law, step, end, own, lane) - pack(sums, (SUM_DRAGGED, lane)) - audit.dragged * heat
-    before = pack(sums, (SUM_RELATIVE, lane))
-    work = pack(own, (CASE_IMPULSE, lane)) * (0.5 * (relative + before))
+    if audit is None:
+        return
+    sums, impulse = audit.sums, pack(own, (CASE_IMPULSE, lane))
+    before, relative = pack(sums, (SUM_RELATIVE, lane)), driven(law, step, end, own, lane)
+    relative -= pack(sums, (SUM_DRAGGED, lane))
+    if raised(own, (CASE_PRESSED, lane)):
+        relative -= audit.dragged * pack(own, (CASE_HEAT, lane))
     store(sums, (SUM_RELATIVE, lane), relative)
-    gained = contact_gain(law, step, end, relative - before, free, own, tip, lane)
-    store(sums, (SUM_SPENT, lane), pack(sums, (SUM_SPENT, lane)) + (gained - work))
+    spent = pack(sums, (SUM_SPENT, lane)) + contact_gain(law, step, end, relative - before, free, own, tip, lane)
+    store(sums, (SUM_SPENT, lane), fused(impulse, -0.5 * (relative + before), spent))
 
 
-@by_type
+@inlined
 def account_heat(audit: Audit | None, step: int, steps: int, own: Array, lane: Lane) -> None:
-    """Count the friction heat of a step, what it works on the motion that it drags along, and its loss in this span."""
-
-
-@defines(account_heat, Audit)
-def _account_heat(audit: Audit, step: int, steps: int, own: Array, lane: Lane) -> None:
+    """Count the friction heat of a step, and its loss in this span."""
+    if audit is None:
+        return
     if raised(own, (CASE_PRESSED, lane)):
         sums, heat = audit.sums, pack(own, (CASE_HEAT, lane))
         lost = shared(audit.heat_losses, (min(SPAN - step % SPAN, steps - step),), lane) * heat
         store(sums, (SUM_LOST, lane), pack(sums, (SUM_LOST, lane)) + lost)
         store(sums, (SUM_FRICTION_HEAT, lane), pack(sums, (SUM_FRICTION_HEAT, lane)) + heat)
-        store(sums, (SUM_SPENT, lane), pack(sums, (SUM_SPENT, lane)) + audit.own_work * (heat * heat))
-
-
-@part
-def lose_heat(audit: Audit, step: int, steps: int, h: float, tau: Array, lanes: int) -> None:
-    """Close a span of steps, and count what the temperatures at its end lose in the next one, if there is one."""
-    sums, ahead = audit.sums, min(SPAN, steps - step)
-    for first in range(0, lanes, PACK):
-        lane = narrow(first)
-        lost = pack(sums, (SUM_LOST, lane))
-        store(sums, (SUM_LOST_BEFORE, lane), pack(sums, (SUM_LOST_BEFORE, lane)) + lost)
-        store(sums, (SUM_TURNED_OVER, lane), pack(sums, (SUM_TURNED_OVER, lane)) + magnitude(lost))
-        lost = spread(0.0, lane)
-        if ahead > 0:
-            middle = (step + 0.5 * ahead) * h
-            lost = pack(sums, (SUM_KNOWN_LOSS, lane)) + middle * pack(sums, (SUM_KNOWN_RISE, lane))
-            lost = (ahead * h) * lost
-            for k in range(tau.shape[0]):
-                lost += shared(audit.losses, (ahead - 1, k), lane) * pack(tau, (k, lane))
-        store(sums, (SUM_LOST, lane), lost)
 
 
 @inlined
-def energy_of(audit: Audit, j: int, speed: Pack, place: Pack, lane: Lane) -> Pack:
-    """Return the energy of mode j from ζ and ξ."""
-    eta = place + audit.lever * speed
+def lose_heat(audit: Audit, step: int, steps: int, h: float, tau: Array, lane: Lane) -> None:
+    """Close a span of steps, and count what the temperatures at its end lose in the next one, if there is one."""
+    sums, ahead = audit.sums, min(SPAN, steps - step)
+    lost = pack(sums, (SUM_LOST, lane))
+    store(sums, (SUM_LOST_BEFORE, lane), pack(sums, (SUM_LOST_BEFORE, lane)) + lost)
+    store(sums, (SUM_TURNED_OVER, lane), pack(sums, (SUM_TURNED_OVER, lane)) + magnitude(lost))
+    lost = spread(0.0, lane)
+    if ahead > 0:
+        middle = (step + 0.5 * ahead) * h
+        lost = pack(sums, (SUM_KNOWN_LOSS, lane)) + middle * pack(sums, (SUM_KNOWN_RISE, lane))
+        lost = (ahead * h) * lost
+        for k in range(tau.shape[0]):
+            lost = fused(shared(audit.losses, (ahead - 1, k), lane), pack(tau, (k, lane)), lost)
+    store(sums, (SUM_LOST, lane), lost)
+
+
+@inlined
+def with_energy(audit: Audit, j: int, speed: Pack, place: Pack, energy: Pack, lane: Lane) -> Pack:
+    """Add the energy of mode j from ζ and ξ."""
+    eta = fused(spread(audit.lever, lane), speed, place)
     kinetic, elastic = shared(audit.modes, (j, AUDIT_KINETIC), lane), shared(audit.modes, (j, AUDIT_ELASTIC), lane)
-    return kinetic * speed * speed + elastic * eta * eta
+    return fused(elastic * eta, eta, fused(kinetic * speed, speed, energy))
 
 
 @inlined

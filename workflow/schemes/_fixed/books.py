@@ -70,14 +70,12 @@ class Terms(NamedTuple):
 
 
 class Books:
-    """The balances of a batch: :meth:`open` them for a block, :meth:`close` them after it.
+    """The balances of a batch: :meth:`open` them for a block, :meth:`close` them after it, read :meth:`residuals`.
 
     Attributes
     ----------
     audit
         What the kernel takes; all blocks share its arrays.
-    energy_residual, heat_residual
-        Of the blocks that are closed, ``(case,)``.
     """
 
     def __init__(
@@ -100,17 +98,12 @@ class Books:
         self._heating = project(self._content[None, :], heating)[:, 0]
         self._mobility, self._pushed = total(modal.mass * modal.tip**2), largest_load(cases, begun)
         self._massless = massless_energy(modal, free.tip.h, terms.velocity)
-        self.energy_residual, self.heat_residual = np.zeros(cases.count), np.zeros(cases.count)
+        self._ended, self._ended_heat = np.zeros_like(self._sums), np.zeros_like(begun.heat)
 
     @property
     def rows(self) -> int:
         """Rows of lanes that balances add to a step's."""
         return SUM_ROWS + int(self.audit.pulled.shape[0] + self.audit.former.shape[0])
-
-    @property
-    def residuals(self) -> dict[str, Array]:
-        """The metrics that the balances give."""
-        return {"energy_residual": self.energy_residual, "heat_residual": self.heat_residual}
 
     def open(self, part: slice) -> None:
         """Put what some cases begin with in the lanes."""
@@ -118,31 +111,41 @@ class Books:
         self.audit.pulled[:] = 0.0
         fill_lanes(self.audit.former, self._speed[:, part])
 
-    def close(self, part: slice, state: State, elapsed: float) -> None:
-        """Take the balances of the lanes after ``elapsed`` seconds."""
+    def close(self, part: slice, state: State) -> None:
+        """Keep what the lanes of some cases ended with."""
         count = part.stop - part.start
-        sums = self.audit.sums[:, :count]
-        change = sums[SUM_ENERGY] - self._sums[SUM_ENERGY, part] + sums[SUM_SPENT]
-        rest = rest_energy(self._mobility, elapsed * self._pushed[part]) + self._massless[part]
-        self.energy_residual[part] = share(change, np.maximum(sums[SUM_LARGEST_ENERGY], rest))
-        friction = sums[SUM_FRICTION_HEAT] - (0.0 if self._counts else state.own[CASE_HEAT, :count])
-        warmed = state.tau[:, :count].T / self._scale - self._begun_heat[part] + elapsed * self._warming[part]
-        heating = elapsed * self._heating[part]
+        self._ended[:, part] = self.audit.sums[:, :count]
+        self._ended_heat[part] = state.tau[:, :count].T
+        if not self._counts:
+            self._ended[SUM_FRICTION_HEAT, part] -= state.own[CASE_HEAT, :count]
+
+    def residuals(self, elapsed: float) -> dict[str, Array]:
+        """Return the metrics that the balances give after ``elapsed`` seconds, ``(case,)``."""
+        sums = self._ended
+        change = sums[SUM_ENERGY] - self._sums[SUM_ENERGY] + sums[SUM_SPENT]
+        rest = rest_energy(self._mobility, elapsed * self._pushed) + self._massless
+        energy = share(change, np.maximum(sums[SUM_LARGEST_ENERGY], rest))
+        warmed = self._ended_heat / self._scale - self._begun_heat + elapsed * self._warming
+        friction, heating = sums[SUM_FRICTION_HEAT], elapsed * self._heating
         change = project(self._content[None, :], warmed)[:, 0] - friction - heating + sums[SUM_LOST_BEFORE]
-        turned = friction + np.abs(heating) + sums[SUM_TURNED_OVER] + self._initial[part]
-        self.heat_residual[part] = share(change, turned)
+        turned = friction + np.abs(heating) + sums[SUM_TURNED_OVER] + self._initial
+        return {"energy_residual": energy, "heat_residual": share(change, turned)}
 
 
 def _audit(modal: Decoupled, free: Coefficients, loss: Array, terms: Terms) -> Audit:
     """Return the coefficients of a batch, and room for its sums."""
     theta, h, tip, pull = free.tip.theta, free.tip.h, modal.tip, modal.frequency**2 * terms.heat_place
     share, half = _inverse_square(tip), 0.5 * terms.heat_speed
+    begin = (0.5 * h * (1 - theta) * pull - half) * tip * share
+    end = (-0.5 * h * theta * pull - half) * tip * share
+    place = -pull * tip * share
+    decay, spring, impulse, heat_speed, heat_place = free.modes.T
+    own = 0.5 * total(np.where(share > 0, pull * terms.heat_place, 0.0))
     return Audit(
         modes=by_mode(
             0.25 * h * modal.damping * share,
-            (0.5 * h * (1 - theta) * pull - half) * tip * share,
-            (-0.5 * h * theta * pull - half) * tip * share,
-            -pull * tip * share,
+            begin + end * (decay - h * spring),
+            place + end * spring,
             0.5 * terms.kinetic * share,
             0.5 * modal.frequency**2 * share,
         ),
@@ -151,10 +154,12 @@ def _audit(modal: Decoupled, free: Coefficients, loss: Array, terms: Terms) -> A
         former=lane_rows(tip.size),
         pulled=lane_rows(free.pair_mode.size),
         pair_work=(terms.inertia * share)[free.pair_mode],
+        pair_heat=end[free.pair_mode],
         sums=lane_rows(SUM_ROWS),
         lever=terms.lever,
         dragged=terms.dragged,
-        own_work=0.5 * total(np.where(share > 0, pull * terms.heat_place, 0.0)),
+        heat_on_impulse=total(end * impulse),
+        heat_on_heat=own + total(end * heat_speed + place * heat_place),
     )
 
 

@@ -202,11 +202,11 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
     drive, _ = drive_of(cases, operator.h, theta=0.0)
     watched = watch(cases, cases.mean + begun.tip_force, sampling, schedule(sampling, operator.h), operator.h, drive)
     batch = _batch(operator, cases, begun, sampling.balances)
-    closing = march_blocks(_march, batch, watched, sampling.duration)
+    closing, balances = march_blocks(_march, batch, watched, sampling.duration)
     # squared: a contact that grows can stop short of infinity where its energy is beyond it
     finite = np.isfinite(watched.tip[[TIP_DISPLACEMENT, TIP_VELOCITY, TIP_TEMPERATURE]] ** 2).all(axis=0)
     status, messages = _judge(operator, np.asarray(finite))
-    return collect(watched, closing, status, messages, {**effective_restitution(batch.own), **batch.balances})
+    return collect(watched, closing, status, messages, {**effective_restitution(batch.own), **balances})
 
 
 def _judge(operator: Operator, finite: NDArray[np.bool_]) -> tuple[NDArray[np.int8], dict[int, str]]:

@@ -21,13 +21,13 @@ _CASE = 1.5e-6
 def _in_modes(tip: float, structure: Structure, h: float, sampling: Sampling) -> float:
     """Return the seconds of a case stepped in modes; a step takes ``tip`` seconds beside its modes.
 
-    A step takes 0.09 ns for each mechanical and 0.05 ns for each thermal mode. Balances add 0.5 ns, 0.25 and 0.05 ns
-    for each mechanical and thermal mode and 0.02 ns for each pair of them.
+    A step takes 0.09 ns for each mechanical and 0.05 ns for each thermal mode. Balances add 0.3 ns, and 0.06 ns for
+    each mechanical mode.
     """
     modes, heats = structure.mechanical_size, structure.thermal_size
     step = tip + 0.9e-10 * modes + 0.5e-10 * heats
     if sampling.balances:
-        step += 0.5e-9 + 0.25e-9 * modes + 0.05e-9 * heats + 0.02e-9 * modes * heats
+        step += 0.3e-9 + 0.6e-10 * modes
     return sampling.steps(h) * step + sampling.count * _SAMPLE + _CASE
 
 

@@ -112,7 +112,7 @@ def _marched(operator: DenseOperator, cases: Cases, sampling: Sampling) -> Resul
         after[:, 2 * n :] += (cases.alpha * p)[:, None] * operator.warming[:, -1]
         after[:, :n] = states[:, :n] + h * (theta * after[:, n : 2 * n] + (1 - theta) * states[:, n : 2 * n])
         states = after
-        recorder.record(states[:, :n], states[:, n : 2 * n], states[:, 2 * n :], p)
+        recorder.record(states[:, :n], states[:, n : 2 * n], states[:, 2 * n :], p, load)
     return _judged(operator, kick[:, -1], recorder.results())
 
 

@@ -1,9 +1,9 @@
 """Energy and heat of a scheme that steps plain states of a structure that modes do not separate.
 
-With midpoint values x_m = (x + x')/2 of a step and F̄ the mean of the load at its two ends, in the direction b, the sum
-over the steps of
+With midpoint values x_m = (x + x')/2 of a step and F_θ the load as the step takes it, in the direction b, the sum over
+the steps of
 
-    - F̄ bᵀv_m h - f̄ᵀ v_m h + v_mᵀ C1 v_m h + v_mᵀ K12 θ_m h + p (v_n + v_n')/2
+    - F_θ bᵀv_m h - f̄ᵀ v_m h + v_mᵀ C1 v_m h + v_mᵀ K12 θ_m h + p (v_n + v_n')/2
 
 and ΔE, E = ½ vᵀM v + ½ xᵀK1 x, over the largest E at a step end, is the energy residual; the change of the heat
 content less αJ and heating plus the losses, over the heat turned over, is the heat residual.
@@ -46,15 +46,14 @@ class DenseBalance:
         x, v, _ = states
         return 0.5 * (_dot(v, project(self._mass, v)) + _dot(x, project(self._stiffness, x)))
 
-    def add(self, before: States, after: States, impulse: Array) -> None:
-        """Add a step from its states at both ends and the impulse p in it, N s, ``(case,)``."""
+    def add(self, before: States, after: States, impulse: Array, load: Array) -> None:
+        """Add a step from its states at both ends, the impulse p and the load F_θ in it, N s and N, ``(case,)``."""
         h, cases = self._h, self._cases
-        begin, end = cases.load_at(self._step * h), cases.load_at((self._step + 1) * h)
         self._step += 1
         v, temperature = 0.5 * (before[1] + after[1]), 0.5 * (before[2] + after[2])
         force = project(self._damping, v) + project(self._coupling, temperature) - cases.steady
         driven = project(self._direction, v)[:, 0]
-        self._spent += h * (_dot(v, force) - 0.5 * (begin + end) * driven) + impulse * v[:, -1]
+        self._spent += h * (_dot(v, force) - load * driven) + impulse * v[:, -1]
         loss = h * project(self._losses, temperature)[:, 0]
         self._lost += loss
         self._turned += np.abs(loss)

@@ -36,14 +36,13 @@ WAVE_AMPLITUDE, WAVE_FREQUENCY, WAVE_PHASE, WAVE_SPEED_SINE, WAVE_SPEED_COSINE =
 
 WAVE_ROWS = WAVE_SPEED_COSINE + 1
 
-DRIVE_LOAD, DRIVE_LOAD_END, DRIVE_LOAD_MIDDLE = range(3)
-"""Rows of a block's drive ``(row, lane)``: harmonics of the load, N, weighed by 1 - θ and θ, at the step's end, and the
-mean of its two ends."""
+DRIVE_LOAD, DRIVE_LOAD_END = range(2)
+"""Rows of a block's drive ``(row, lane)``: harmonics of the load, N, weighed by 1 - θ and θ and at the step's end."""
 
-DRIVE_MEAN_GAP, DRIVE_GAP_BEFORE, DRIVE_SPEED_BEFORE, DRIVE_SPEED = range(3, 7)
+DRIVE_MEAN_GAP, DRIVE_GAP_BEFORE, DRIVE_SPEED_BEFORE, DRIVE_SPEED = range(2, 6)
 """d without harmonics and at the step's beginning, m; V at its beginning and end, m/s."""
 
-DRIVE_APART, DRIVE_PARTING = range(7, 9)
+DRIVE_APART, DRIVE_PARTING = range(6, 8)
 """r and u at the last step's end."""
 
 DRIVE_ROWS = DRIVE_PARTING + 1
@@ -176,7 +175,6 @@ def turn_drive(drive: Drive | None, step: int, h: float, theta: float, tip: Arra
             speed += pack(casing, (k, WAVE_SPEED_SINE, lane)) * s + pack(casing, (k, WAVE_SPEED_COSINE, lane)) * c
         before = pack(state, (DRIVE_LOAD_END, lane))
         store(state, (DRIVE_LOAD, lane), theta * force + (1.0 - theta) * before)
-        store(state, (DRIVE_LOAD_MIDDLE, lane), 0.5 * (before + force))
         store(state, (DRIVE_LOAD_END, lane), force)
         store(state, (DRIVE_GAP_BEFORE, lane), pack(tip, (TIP_GAP, lane)))
         store(state, (DRIVE_SPEED_BEFORE, lane), pack(state, (DRIVE_SPEED, lane)))
@@ -188,12 +186,6 @@ def turn_drive(drive: Drive | None, step: int, h: float, theta: float, tip: Arra
 def with_harmonics(drive: Drive | None, load: Pack, lane: Lane) -> Pack:
     """Return the load at the tip in a step with its harmonics, N."""
     return load if drive is None else load + pack(drive.state, (DRIVE_LOAD, lane))
-
-
-@inlined
-def middle_harmonics(drive: Drive | None, lane: int) -> float:
-    """Return the mean of the load's harmonics at both ends of a step, N."""
-    return 0.0 if drive is None else float(drive.state[DRIVE_LOAD_MIDDLE, lane])
 
 
 @inlined

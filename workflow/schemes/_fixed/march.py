@@ -142,11 +142,6 @@ class Batch:
     own: Array
     books: Books | None
 
-    @property
-    def balances(self) -> dict[str, Array]:
-        """The metrics that the balances give, ``(case,)``."""
-        return {} if self.books is None else self.books.residuals
-
 
 def case_rows(cases: Cases, begun: Motion) -> Array:
     """Return the rows ``CASE_…`` at t = 0 as far as all schemes share them, ``(row, case)``."""
@@ -169,8 +164,10 @@ def fill_law(lanes: Law, law: Law, part: slice) -> None:
             fill_lanes(row, values[part])
 
 
-def march_blocks(kernel: Callable[..., None], batch: Batch, watched: Watch, duration: float) -> Array:
-    """Step all cases in blocks; return the quasi-static tip growth at the end, m, ``(case,)``."""
+def march_blocks(
+    kernel: Callable[..., None], batch: Batch, watched: Watch, duration: float
+) -> tuple[Array, dict[str, Array]]:
+    """Step all cases in blocks; return the quasi-static tip growth at the end, m, and the balances, ``(case,)``."""
     modal, begun, operator, books = batch.modal, batch.begun, batch.operator, batch.books
     schedule, scale = watched.schedule, modal.heat_scale
     motion, tau = by_mode(batch.speed.T, batch.place.T), (begun.heat * scale).T
@@ -190,9 +187,9 @@ def march_blocks(kernel: Callable[..., None], batch: Batch, watched: Watch, dura
         fill_lanes(state.tau, tau[..., part])
         kernel(operator, law, state, block, audit)
         if books is not None:
-            books.close(part, state, schedule.steps * watched.h)
+            books.close(part, state)
         count = part.stop - part.start
         batch.own[:, part] = state.own[:, :count]
         reached = state.tau_before + schedule.weight[-1] * (state.tau - state.tau_before)
         closing[part] += product(growth, reached)[:count]
-    return closing
+    return closing, {} if books is None else books.residuals(schedule.steps * watched.h)

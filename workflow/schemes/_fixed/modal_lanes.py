@@ -17,20 +17,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.kernels.compiled import inlined, part
-from workflow.kernels.lanes import PACK, ROW
-from workflow.kernels.packs import Lane, Pack, narrow, pack, plus, raised, shared, spread, store
+from workflow.kernels.lanes import PACK, ROW, WIDE
+from workflow.kernels.packs import Lane, Pack, narrow, pack, plus, raised, shared, spread, store, wide
 from workflow.models import Array
 from workflow.schemes._fixed.balance import (
     SPAN,
     Audit,
-    energy_of,
     keep_dragged,
     keep_energy,
     keep_pull,
     keep_spent,
     lose_heat,
     spend,
+    spend_on_heat,
     spend_pair,
+    with_energy,
 )
 from workflow.schemes._fixed.contact import (
     CASE_DRIFT,
@@ -45,8 +46,8 @@ from workflow.schemes._fixed.contact import (
 MOTION_SPEED, MOTION_PLACE = range(2)
 """Rows of a mode's motion: ζ and ξ."""
 
-SELDOM, LOOKS = 16, 128
-"""The largest energy is looked for in every sixteenth step, in short runs at least so many times or in every step."""
+SELDOM, LOOKS = 32, 128
+"""The largest energy is looked for in every so many steps, in short runs at least so many times or in every step."""
 
 MODE_DECAY, MODE_SPRING, MODE_IMPULSE, MODE_HEAT_SPEED, MODE_HEAT_PLACE = range(5)
 """Coefficients of a mechanical mode: a and b of ζ' = a ζ + b ξ, ζ per unit impulse and per unit heat at the tip, ξ
@@ -122,15 +123,17 @@ def _step_modes(
     modes: Array, h: float, state: State, velocity: Pack, heat: Pack | None, audit: Audit | None, lane: Lane
 ) -> Pack:
     """Step the mechanical modes, and return the tip's velocity with theirs; ``heat`` is that of the last contact."""
-    motion, impulse, spent = state.motion, pack(state.own, (CASE_IMPULSE, lane)), spread(0.0, lane)
+    motion, impulse = state.motion, pack(state.own, (CASE_IMPULSE, lane))
+    spent, on_heat = spread(0.0, lane), spread(0.0, lane)
     for j in range(motion.shape[0]):
+        on_heat = spend_on_heat(audit, j, pack(motion, (j, MOTION_PLACE, lane)), on_heat, lane)
         before, place = _ended(modes, motion, j, impulse, heat, lane)
         after = shared(modes, (j, MODE_DECAY), lane) * before + shared(modes, (j, MODE_SPRING), lane) * place
         store(motion, (j, MOTION_SPEED, lane), after)
         store(motion, (j, MOTION_PLACE, lane), place + h * before)
         velocity += after
-        spent = spend(audit, j, before, place, heat, spent, lane)
-    keep_spent(audit, spent, lane)
+        spent = spend(audit, j, before, spent, lane)
+    keep_spent(audit, spent, on_heat, impulse, heat, lane)
     return velocity
 
 
@@ -171,7 +174,7 @@ def _spend_pairs(operator: Coefficients, state: State, audit: Audit | None, lane
     for pair in range(operator.pair_mode.size):
         j = operator.pair_mode[pair]
         speed, _ = _ended(operator.modes, state.motion, j, impulse, heat, lane)
-        spend_pair(audit, pair, j, speed, lane)
+        spend_pair(audit, pair, j, speed, heat, lane)
 
 
 @inlined
@@ -223,22 +226,38 @@ def look(audit: Audit | None, step: int, steps: int, operator: Coefficients, sta
     if audit is None:
         return
     if step % min(SELDOM, steps // LOOKS + 1) == 0:
-        _take_energy(audit, operator, state, lanes)
+        _take_energies(audit, operator, state, lanes)
     if step % SPAN == 0 or step == steps:
-        lose_heat(audit, step, steps, operator.tip.h, state.tau, lanes)
+        _lose_heat(audit, step, steps, operator.tip.h, state.tau, lanes)
 
 
 @part
-def _take_energy(audit: Audit, operator: Coefficients, state: State, lanes: int) -> None:
+def _lose_heat(audit: Audit, step: int, steps: int, h: float, tau: Array, lanes: int) -> None:
+    in_wide = lanes // WIDE * WIDE
+    for first in range(0, in_wide, WIDE):
+        lose_heat(audit, step, steps, h, tau, wide(first))
+    for first in range(in_wide, lanes, PACK):
+        lose_heat(audit, step, steps, h, tau, narrow(first))
+
+
+@part
+def _take_energies(audit: Audit, operator: Coefficients, state: State, lanes: int) -> None:
+    in_wide = lanes // WIDE * WIDE
+    for first in range(0, in_wide, WIDE):
+        _take_energy(audit, operator, state, wide(first))
+    for first in range(in_wide, lanes, PACK):
+        _take_energy(audit, operator, state, narrow(first))
+
+
+@inlined
+def _take_energy(audit: Audit, operator: Coefficients, state: State, lane: Lane) -> None:
     """Keep the energy at the end of the last step."""
-    for first in range(0, lanes, PACK):
-        lane = narrow(first)
-        impulse, heat = pack(state.own, (CASE_IMPULSE, lane)), pack(state.own, (CASE_HEAT, lane))
-        energy = spread(0.0, lane)
-        for j in range(state.motion.shape[0]):
-            speed, place = _ended(operator.modes, state.motion, j, impulse, heat, lane)
-            energy += energy_of(audit, j, speed, place, lane)
-        keep_energy(audit, energy, lane)
+    impulse, heat = pack(state.own, (CASE_IMPULSE, lane)), pack(state.own, (CASE_HEAT, lane))
+    energy = spread(0.0, lane)
+    for j in range(state.motion.shape[0]):
+        speed, place = _ended(operator.modes, state.motion, j, impulse, heat, lane)
+        energy = with_energy(audit, j, speed, place, energy, lane)
+    keep_energy(audit, energy, lane)
 
 
 @inlined
@@ -246,16 +265,17 @@ def close_balance(audit: Audit | None, operator: Coefficients, state: State, lan
     """Count what the modes spent in the last step, and the energy at its end."""
     if audit is None:
         return
-    _take_energy(audit, operator, state, lanes)
+    _take_energies(audit, operator, state, lanes)
     for first in range(0, lanes, PACK):
         lane = narrow(first)
         impulse, heat = pack(state.own, (CASE_IMPULSE, lane)), pack(state.own, (CASE_HEAT, lane))
         _spend_pairs(operator, state, audit, lane)
-        spent = spread(0.0, lane)
+        spent, on_heat = spread(0.0, lane), spread(0.0, lane)
         for j in range(state.motion.shape[0]):
-            speed, place = _ended(operator.modes, state.motion, j, impulse, heat, lane)
-            spent = spend(audit, j, speed, place, heat, spent, lane)
-        keep_spent(audit, spent, lane)
+            on_heat = spend_on_heat(audit, j, pack(state.motion, (j, MOTION_PLACE, lane)), on_heat, lane)
+            speed, _ = _ended(operator.modes, state.motion, j, impulse, heat, lane)
+            spent = spend(audit, j, speed, spent, lane)
+        keep_spent(audit, spent, on_heat, impulse, heat, lane)
 
 
 @part

@@ -66,13 +66,12 @@ class PlainBalance:
         work -= impulse[:, None] * modal.tip[felt] + heat[:, None] * pushes
         return np.asarray(total(zeta * work + heat[:, None] * drags * stretch, 1))
 
-    def add(self, before: States, after: States, impulse: Array) -> None:
-        """Add a step from its states at both ends and the impulse p in it, N s, ``(case,)``."""
-        h, cases, begun = self._h, self._cases, self._begun
-        load = 0.5 * (cases.load_at(self._step * h) + cases.load_at((self._step + 1) * h)) + begun.tip_force
+    def add(self, before: States, after: States, impulse: Array, load: Array) -> None:
+        """Add a step from its states at both ends, the impulse p and the load F_θ in it, N s and N, ``(case,)``."""
+        h, cases = self._h, self._cases
         self._step += 1
         ended, heat = self._relative(after), cases.alpha * impulse
-        self._spent += self._spend(ended, h * load - impulse, heat)
+        self._spent += self._spend(ended, h * (load + self._begun.tip_force) - impulse, heat)
         loss = h * project(self._losses, 0.5 * (before[2] + after[2]))[:, 0]
         self._lost += loss
         self._turned += np.abs(loss)

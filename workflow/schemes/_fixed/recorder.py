@@ -82,7 +82,9 @@ class Recorder:
         """Return the tip load f(t) with its harmonics at a share of the step that is due, N, ``(case,)``."""
         return self._cases.load_at((self._step + share) * self._h)
 
-    def record(self, displacement: Array, velocity: Array, temperature: Array, impulse: Array) -> None:
+    def record(
+        self, displacement: Array, velocity: Array, temperature: Array, impulse: Array, load: Array | None = None
+    ) -> None:
         """Record the end of a step.
 
         Parameters
@@ -93,11 +95,16 @@ class Recorder:
             K, ``(case, thermal)``; the tip is last.
         impulse
             Impulse p >= 0 of the casing on the tip in the step, N s, ``(case,)``.
+        load
+            The tip load as the step has taken it, by which balances count its work, N, ``(case,)``; without it the mean
+            of :meth:`load` at both ends.
         """
-        self._step += 1
-        self._before, self._states = self._states, (displacement, velocity, temperature)
+        before, after = self._states, (displacement, velocity, temperature)
         if self._balances is not None:
-            self._balances.add(self._before, self._states, impulse)
+            taken = 0.5 * (self.load(0.0) + self.load(1.0)) if load is None else load
+            self._balances.add(before, after, impulse, taken)
+        self._step += 1
+        self._before, self._states = before, after
         casing = self._cases.casing_at(self._step * self._h)
         for part, block in self._blocks:
             count = part.stop - part.start

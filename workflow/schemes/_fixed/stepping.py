@@ -50,7 +50,6 @@ from workflow.schemes._fixed.tip_load import (
     LOAD_MEAN,
     LOAD_PHASE,
     LOAD_ROWS,
-    LOAD_WEIGHED_SINE,
     weigh_load,
 )
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, complete_periods
@@ -78,7 +77,7 @@ class Now(NamedTuple):
 @inlined
 def step_at(step: int, theta: float, leader: int, known: bool, block: Block) -> Now:
     """Return a step, with the load at its two ends weighed by 1 - θ and θ."""
-    sine = weigh_load(1.0 - theta, theta, LOAD_WEIGHED_SINE, leader, block.load, block.lanes)
+    sine = weigh_load(1.0 - theta, theta, leader, block.load, block.lanes)
     mark, last = block.marks.next_mark[0], step == block.steps
     return Now(step, step * block.h, last, step == mark, step + 1 == mark, sine, leader, known)
 

@@ -161,8 +161,8 @@ def step_modes(
     if sampling.balances:
         books = Books(operator.structure, modal, free, stepped, begun, _terms(modal, h, theta, begun))
     batch = Batch(modal, begun, free, law, zeta, xi, case_rows(cases, begun), books)
-    closing = march_blocks(kernel, batch, watched, sampling.duration)
-    return Ended(watched, closing, batch.balances, batch.own)
+    closing, balances = march_blocks(kernel, batch, watched, sampling.duration)
+    return Ended(watched, closing, balances, batch.own)
 
 
 def _growth(operator: Operator) -> float:

@@ -19,10 +19,10 @@ LOAD_MEAN, LOAD_AMPLITUDE, LOAD_FREQUENCY, LOAD_PHASE = range(4)
 LOAD_SINE_BEFORE, LOAD_SINE, LOAD_COSINE, LOAD_TURN_SINE, LOAD_TURN_COSINE = range(4, 9)
 """Its sine at the beginning of the step, sine and cosine at its end, sine and cosine of the angle of a step."""
 
-LOAD_WEIGHED_SINE, LOAD_BALANCE_SINE = range(9, 11)
-"""Weighed sines where lanes differ in frequency or phase: the one that acts, and one of the balances."""
+LOAD_WEIGHED_SINE = 9
+"""The weighed sine where lanes differ in frequency or phase."""
 
-LOAD_ROWS = LOAD_BALANCE_SINE + 1
+LOAD_ROWS = LOAD_WEIGHED_SINE + 1
 
 
 @part
@@ -64,20 +64,20 @@ def turn_load(step: int, h: float, leader: int, load: Array, lanes: int) -> None
 
 
 @inlined
-def weigh_load(before: float, after: float, row: int, leader: int, load: Array, lanes: int) -> float:
+def weigh_load(before: float, after: float, leader: int, load: Array, lanes: int) -> float:
     """Weigh the sine at the step's beginning and end.
 
-    Returns that of all lanes where they have a ``leader``; else 0, and each lane has its own in ``row``.
+    Returns that of all lanes where they have a ``leader``; else 0, and each lane has its own in ``LOAD_WEIGHED_SINE``.
     """
     if leader >= 0:
         return float(before * load[LOAD_SINE_BEFORE, leader] + after * load[LOAD_SINE, leader])
     for lane in range(lanes):
-        load[row, lane] = before * load[LOAD_SINE_BEFORE, lane] + after * load[LOAD_SINE, lane]
+        load[LOAD_WEIGHED_SINE, lane] = before * load[LOAD_SINE_BEFORE, lane] + after * load[LOAD_SINE, lane]
     return 0.0
 
 
 @inlined
 def tip_load(sine: float, leader: int, load: Array, lane: Lane) -> Pack:
-    """Return the load at the tip, N, for what :func:`weigh_load` returned for ``LOAD_WEIGHED_SINE``, ``sine``."""
+    """Return the load at the tip, N, for what :func:`weigh_load` returned, ``sine``."""
     mean, amplitude = pack(load, (LOAD_MEAN, lane)), pack(load, (LOAD_AMPLITUDE, lane))
     return mean + (amplitude * sine if leader >= 0 else amplitude * pack(load, (LOAD_WEIGHED_SINE, lane)))

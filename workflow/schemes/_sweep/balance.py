@@ -1,9 +1,8 @@
 """Energy and heat of a chain that is stepped node by node, whose modes are not known.
 
-With midpoint values x_m = (x + x')/2 of a step and F̄ the mean of the tip load at its two ends, the sum over the
-steps of
+With midpoint values x_m = (x + x')/2 of a step and F_θ the tip load as the step takes it, the sum over the steps of
 
-    - F̄ v_n,m h - f̄ᵀ v_m h + v_mᵀ C1 v_m h + v_mᵀ K12 θ_m h + p (v_n + v_n')/2
+    - F_θ v_n,m h - f̄ᵀ v_m h + v_mᵀ C1 v_m h + v_mᵀ K12 θ_m h + p (v_n + v_n')/2
 
 and ΔE, with E = ½ vᵀM v + ½ xᵀK1 x of the whole motion, over the largest E at a step end, is the energy residual. Heat
 is counted as in :mod:`workflow.schemes._fixed.balance`, the initial content by nodes.
@@ -82,7 +81,7 @@ def open_account(nodes: Nodes, account: Account) -> None:
 def account_step(nodes: Nodes, account: Account, heat: float, impulse: float) -> None:
     """Count a step that is done, and keep its velocities for the next one.
 
-    ``impulse`` is that of the tip load at midpoint less that of contact, N s; ``heat`` is that of contact, J.
+    ``impulse`` is that of the tip load less that of contact, N s; ``heat`` is that of contact, J.
     """
     step, state, weight, sums, h = nodes.step, nodes.state, account.weight, account.sums, nodes.h
     energy = spent = steady = lost = 0.0

@@ -11,12 +11,11 @@ from workflow.kernels.lanes import ROW, fill_lanes, lane_rows
 from workflow.kernels.packs import narrow, pack, spread
 from workflow.kernels.sums import total
 from workflow.models import Array, Cases
-from workflow.schemes._fixed.contact import CASE_ALPHA, CASE_HEAT, CASE_ROWS, Free, Law, TipStep, meet
+from workflow.schemes._fixed.contact import CASE_ALPHA, CASE_HEAT, CASE_IMPULSE, CASE_ROWS, Free, Law, TipStep, meet
 from workflow.schemes._fixed.drive import (
     casing_gain_of,
     cut_gap,
     drive_of,
-    middle_harmonics,
     turn_drive,
     with_harmonics,
 )
@@ -32,10 +31,6 @@ from workflow.schemes._fixed.marks import (
 from workflow.schemes._fixed.stepping import blocks, observe, store_end, watch
 from workflow.schemes._fixed.theta_method import Ended, Operator
 from workflow.schemes._fixed.tip_load import (
-    LOAD_AMPLITUDE,
-    LOAD_BALANCE_SINE,
-    LOAD_MEAN,
-    LOAD_WEIGHED_SINE,
     start_load,
     tip_load,
     turn_load,
@@ -90,7 +85,7 @@ def march_nodes(nodes: Nodes, law: Law, own: Array, block: Block, account: Accou
         velocity, temperature = step_to_tip(nodes)
         turn_load(k, h, leader, load, lanes)
         turn_drive(block.drive, k, h, theta, tip, lanes)
-        sine = weigh_load(1.0 - theta, theta, LOAD_WEIGHED_SINE, leader, load, lanes)
+        sine = weigh_load(1.0 - theta, theta, leader, load, lanes)
         impulse = h * with_harmonics(block.drive, tip_load(sine, leader, load, lane), lane)
         gap = pack(tip, (TIP_GAP, lane))
         free = Free(spread(velocity, lane), spread(temperature, lane), impulse, gap, block.drive)
@@ -98,10 +93,7 @@ def march_nodes(nodes: Nodes, law: Law, own: Array, block: Block, account: Accou
         heat = own[CASE_HEAT, 0]
         step_to_root(nodes, tip[TIP_NEW_DISPLACEMENT, 0], tip[TIP_NEW_VELOCITY, 0], heat)
         if audited:
-            sine = weigh_load(0.5, 0.5, LOAD_BALANCE_SINE, leader, load, lanes) + load[LOAD_BALANCE_SINE, 0]
-            pushing = load[LOAD_MEAN, 0] + load[LOAD_AMPLITUDE, 0] * sine + middle_harmonics(block.drive, 0)
-            taken = h * pushing - tip[TIP_STEP_IMPULSE, 0]
-            account_step(nodes, account, heat, taken)
+            account_step(nodes, account, heat, own[CASE_IMPULSE, 0])
             account.sums[ACCOUNT_SPENT] += casing_gain_of(block.drive, theta, tip[TIP_STEP_IMPULSE, 0], 0)
         span = take_marks(k, block) if k == block.marks.next_mark[0] else h
         if k == block.steps:
