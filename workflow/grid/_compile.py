@@ -26,7 +26,8 @@ from typing import Any
 import numpy as np
 
 from workflow import models
-from workflow.grid._speed import timed
+from workflow.grid._costs import Part, compiling_part, measured
+from workflow.grid._speed import remember
 from workflow.kernels.cache import directory_of, is_lasting
 from workflow.models import Cases, Harmonics
 from workflow.schemes import Sampling, load
@@ -83,12 +84,22 @@ def _compile(wanted: Wanted) -> None:
     casing = Harmonics(*np.zeros((3, 1, int(wanted.harmonics))))
     cases = Cases(none, one, one, none, none, none, none, node, node, node, node, node, casing_harmonics=casing)
     over = Sampling(1.0, 0.5, 3, balances=wanted.balances)
-    with timed(1.0, f"{'loading' if is_compiled(wanted) else 'compiling'} {wanted.method}"):
+    with measured(_part(wanted)):
         scheme.compute(scheme.init(structure, 0.5, wanted.options), cases, over)
     note = _note(wanted)
     if note is not None:
         with suppress(OSError):
             note.touch()
+
+
+def _part(wanted: Wanted) -> Part:
+    """Return loading compiled kernels, compiling the first of a scheme, or compiling others that share much with it."""
+    if is_compiled(wanted):
+        return Part(1.0, (f"loading {wanted.method}",))
+    note = _note(wanted)
+    if note is not None and any(note.parent.glob("*.nbi")):
+        return replace(compiling_part(wanted.method), keys=("compiling more",))
+    return compiling_part(wanted.method)
 
 
 def at_work() -> list[Future[None]]:
@@ -197,4 +208,5 @@ def main() -> None:
     gc.disable()  # a tenth of the time of a compiler that leaves little garbage; this process does nothing else
     for wanted in schemes:
         compile_scheme(wanted)
+    remember()
     os._exit(0)  # without waiting for the pipe

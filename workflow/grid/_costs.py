@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workflow import schemes
-from workflow.grid._speed import timed
+from workflow.grid._speed import SLOWEST, timed
 from workflow.kernels.lanes import LANES, PACK
 from workflow.models import Cases, Structure
 from workflow.schemes import Sampling, Workload
@@ -28,6 +29,11 @@ COLD = 0.65
 _DENSE = 300
 """States of a structure up to which its growth rate comes from all of them."""
 
+COMPILING = {"event_driven": 25.0}
+"""Seconds that compiling the kernel of a scheme takes; :data:`COMPILING_OTHERS` for the others."""
+
+COMPILING_OTHERS = 10.0
+
 BESIDE_TASKS = 0.4
 """Seconds of a run beside its tasks: libraries loaded, archive gathered and read back."""
 
@@ -38,11 +44,13 @@ class Part:
 
     seconds: float
     keys: tuple[str, ...]
+    is_guess: bool = False
+    """Whether the model knows nothing of the part: it is measured however far from the model it is."""
 
 
 def workload_of(cases: Cases, sampling: Sampling) -> Workload:
     """Return what decides how long a batch takes."""
-    return Workload(cases.e, cases.alpha, cases.heated, np.asarray(cases.period_frequency * sampling.duration))
+    return Workload(cases.e, cases.alpha, cases.heated, cases.fastest_frequency * sampling.duration)
 
 
 def batch_part(cell: Cell, structure: Structure, sampling: Sampling, workload: Workload) -> Part:
@@ -54,6 +62,8 @@ def batch_part(cell: Cell, structure: Structure, sampling: Sampling, workload: W
         seconds = scheme.batch_cost(structure, choice.options, sampling, workload)
         return Part(float(seconds), (f"{sized}/{_scene_digest(cell)}", sized, general))
     each = scheme.cost(structure, cell.h, choice.options, sampling)
+    if scheme.has_unknown_cost:
+        return Part(each * workload.e.size, (sized, general), is_guess=True)
     if scheme.TOGETHER == 1 or scheme.sweeps(structure):
         return Part(each * workload.e.size, (f"{sized} alone", f"{general} alone"))
     return Part(_packed_seconds(each, sampling.steps(cell.h), workload), (sized, general))
@@ -90,6 +100,11 @@ def setup_part(method: str, structure: Structure) -> Part:
     return Part(6e-4 + 1.2e-7 * states**2, (f"set up {method}",))
 
 
+def compiling_part(method: str, kernels: int = 1) -> Part:
+    """Return what compiling some kernels of a scheme costs."""
+    return Part(kernels * COMPILING.get(method, COMPILING_OTHERS), (f"compiling {method}",), is_guess=True)
+
+
 def growth_part(structure: Structure) -> Part:
     """Return what the growth rate at one α costs: the eigenvalues of a structure, of a large one those of few modes."""
     states = 2 * structure.mechanical_size + structure.thermal_size
@@ -115,5 +130,6 @@ def beside_part(cases: int, size: int) -> Part:
 @contextmanager
 def measured(part: Part) -> Iterator[None]:
     """Measure a part of a run."""
-    with timed(part.seconds, *part.keys) if part.seconds > 0 else nullcontext():
+    slowest = math.inf if part.is_guess else SLOWEST
+    with timed(part.seconds, *part.keys, slowest=slowest) if part.seconds > 0 else nullcontext():
         yield

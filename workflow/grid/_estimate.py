@@ -5,6 +5,7 @@ from __future__ import annotations
 import heapq
 import os
 import time
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
@@ -16,8 +17,8 @@ from workflow.grid._ahead import wanted_kernels
 from workflow.grid._arrangement import Grid, Indices
 from workflow.grid._compile import is_compiled
 from workflow.grid._conditions import alpha_of
-from workflow.grid._costs import Part, batch_part, beside_part, growth_part, handling_part, setup_part
-from workflow.grid._frequencies import longest_period_count, period_frequency
+from workflow.grid._costs import Part, batch_part, beside_part, compiling_part, growth_part, handling_part, setup_part
+from workflow.grid._frequencies import fastest_frequency, longest_period_count
 from workflow.grid._operators import reduced, reduced_structure
 from workflow.grid._reference import exact_cell, reference_cell
 from workflow.grid._solve import REPEATS, SHORT
@@ -29,11 +30,6 @@ from workflow.study import Cell
 
 REFERENCE_RUNS = 3
 """Runs of a reference: itself, and with its gap opened and closed by a trifle."""
-
-COMPILING = {"event_driven": 25.0}
-"""Seconds that compiling a scheme takes once, where none was measured; :data:`COMPILING_OTHERS` for the others."""
-
-COMPILING_OTHERS = 10.0
 
 LOADING = 0.05
 """Seconds that loading a scheme's compiled kernels takes."""
@@ -131,13 +127,19 @@ def compiling_seconds(grid: Grid, threads: int) -> float:
 
 def _kernels(grid: Grid, known: _speed.Speeds, threads: int) -> tuple[float, float]:
     """Return the seconds that loading compiled kernels takes, and compiling those that are not."""
-    loading, compiling = 0.0, []
-    for method, there in {wanted.method: is_compiled(wanted) for wanted in wanted_kernels(grid)}.items():
-        if there:
-            loading += known.ratio(f"loading {method}") or LOADING
-        else:
-            compiling.append(known.ratio(f"compiling {method}") or COMPILING.get(method, COMPILING_OTHERS))
+    kernels = {wanted.words: (wanted.method, is_compiled(wanted)) for wanted in wanted_kernels(grid)}.values()
+    loading = sum(
+        known.ratio(f"loading {method}") or LOADING for method in {method for method, there in kernels if there}
+    )
+    missing = Counter(method for method, there in kernels if not there)
+    compiling = [_known_seconds(compiling_part(method, number), known) for method, number in missing.items()]
     return loading, max(sum(compiling) / threads, max(compiling, default=0.0))
+
+
+def _known_seconds(part: Part, known: _speed.Speeds) -> float:
+    """Return the seconds of a part at the speed of this machine."""
+    ratio = known.ratio(*part.keys)
+    return part.seconds * (1.0 if ratio is None else ratio)
 
 
 @dataclass
@@ -162,8 +164,7 @@ class _Costs:
 
     def seconds(self, part: Part) -> float:
         """Return the seconds of a part at the speed of this machine."""
-        ratio = self.known.ratio(*part.keys)
-        return part.seconds * (1.0 if ratio is None else ratio)
+        return _known_seconds(part, self.known)
 
     def of(self, segment: Segment) -> float:
         """Return the seconds of a segment: its batch, its references and growth rates if they are new, its handling."""
@@ -214,7 +215,7 @@ class _Costs:
         heating = getattr(scene.parameters, "heating", 0.0)
         for path, value in ((f"scene.{scene.model}.heating", heating), ("scene.initial.temperature", start)):
             heated |= np.any(values[path]) if path in values else bool(np.any(value))
-        periods = period_frequency(scene, values, count) * self.grid.sampling.duration
+        periods = fastest_frequency(scene, values, count) * self.grid.sampling.duration
         workload = Workload(of_case("e", cell.e), alpha, heated, periods)
         return workload, inner.size / count
 

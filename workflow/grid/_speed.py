@@ -24,7 +24,7 @@ from pathlib import Path
 import workflow
 from workflow.schemes import SOLVER_VERSION
 
-FORMAT = 1
+FORMAT = 2
 
 MOST_SECONDS = 30.0
 """Model seconds of a part that the file holds at most: the latest runs weigh most."""
@@ -70,7 +70,7 @@ class Speeds:
 
 
 @contextmanager
-def timed(model: float, *keys: str) -> Iterator[None]:
+def timed(model: float, *keys: str, slowest: float = SLOWEST) -> Iterator[None]:
     """Measure what this thread does within, less the parts measured inside it; nothing where it raises.
 
     Parameters
@@ -79,6 +79,8 @@ def timed(model: float, *keys: str) -> Iterator[None]:
         Seconds by the fixed model.
     keys
         The part's names, the most specific first.
+    slowest
+        How many times the model's seconds, and :data:`UNEXPECTED` more, it may take and still count.
     """
     begun = time.thread_time()
     _OWN.inside.append(0.0)
@@ -91,7 +93,7 @@ def timed(model: float, *keys: str) -> Iterator[None]:
     own = spent - _OWN.inside.pop()
     if _OWN.inside:
         _OWN.inside[-1] += spent
-    if own <= SLOWEST * model + UNEXPECTED:
+    if own <= slowest * model + UNEXPECTED:
         add(model, own, *keys)
 
 

@@ -110,7 +110,7 @@ class Workload:
     heated
         Whether thermal states can act, see :attr:`workflow.models.Cases.heated`.
     periods
-        Load periods within the duration.
+        Periods of the fastest sinusoid of load and casing within the duration.
     """
 
     e: Array
@@ -270,6 +270,11 @@ class Scheme:
     GENERAL: frozenset[str] = frozenset()
     massless_tip: Callable[[Any], str | None] = _needs_mass
     about: str = ""
+
+    @property
+    def has_unknown_cost(self) -> bool:
+        """Whether it gives no estimate of its own."""
+        return self.cost is _unknown_cost
 
     @classmethod
     def required(cls) -> tuple[str, ...]:
