@@ -1,7 +1,7 @@
 """Damaged files are tried in a process of their own before this one opens them.
 
-HDF5 trusts what it reads in heaps without checksums: of a few hundred files with flipped bytes one sent
-it round for ever, and some left it in a state in which the next file crashed the interpreter.
+HDF5 does not check what it reads in heaps: of a few hundred files with flipped bytes one made it loop for ever,
+and some left it in a state in which the next file crashed the interpreter.
 """
 
 from __future__ import annotations
@@ -86,17 +86,17 @@ def _tried(work: Callable[[Path], str], path: Path, longest: float, *_unchanged:
         child = os.fork()
         if child == 0:
             faulthandler.disable()  # the parent reports how it ends
-            os.write(writing, _told(work, path))
+            os.write(writing, _outcome(work, path))
             os._exit(0)
         os.close(writing)
     try:
         wait = select.poll()
-        wait.register(reading)  # the child says something, or its end closes the pipe
+        wait.register(reading)  # the child writes its answer, or its end closes the pipe
         ended = bool(wait.poll(1e3 * longest))
         if not ended:
             os.kill(child, signal.SIGKILL)
-        said = os.read(reading, select.PIPE_BUF) if ended else b""
-    except BaseException:  # Ctrl-C: a child that goes round within HDF5 does not hear of it
+        answer = os.read(reading, select.PIPE_BUF) if ended else b""
+    except BaseException:  # Ctrl-C: a child that loops within HDF5 does not notice it
         os.kill(child, signal.SIGKILL)
         raise
     finally:
@@ -104,17 +104,14 @@ def _tried(work: Callable[[Path], str], path: Path, longest: float, *_unchanged:
         _, status = os.waitpid(child, 0)
     if not ended:
         return _DAMAGED, "opening it comes to no end"
-    if not said:
+    if not answer:
         how = f"with {signal.Signals(os.WTERMSIG(status)).name}" if os.WIFSIGNALED(status) else "the process"
         return _DAMAGED, f"opening it ends {how}"
-    return said[0], said[1:].decode(errors="replace")
+    return answer[0], answer[1:].decode(errors="replace")
 
 
-def _told(work: Callable[[Path], str], path: Path) -> bytes:
-    """Do the work in the child and return how it ended and what it gave or what was wrong.
-
-    No more than is written at once.
-    """
+def _outcome(work: Callable[[Path], str], path: Path) -> bytes:
+    """Do the work in the child; return how it ended, one byte, and its text or the error's, cut to one write."""
     try:
         return bytes([_SOUND]) + work(path).encode()[:4000]
     except ArchiveError as error:

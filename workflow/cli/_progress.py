@@ -22,22 +22,22 @@ _BAR = 12
 
 
 class Follower:
-    """Hears how far a run is and says it in words, from the moment it is made."""
+    """Keeps the last progress of a run, for a line that says it in words; its time counts from when it is made."""
 
     def __init__(self) -> None:
         self.advance: Advance | None = None
-        self._begun = self._told = time.monotonic()
+        self._begun = self._updated = time.monotonic()
 
     def __call__(self, advance: Advance) -> None:
         """Take how far the run is."""
-        self.advance, self._told = advance, time.monotonic()
+        self.advance, self._updated = advance, time.monotonic()
 
     def line(self) -> str:
         """Return how far the run is at this moment."""
         from workflow.run import in_words
 
         now = time.monotonic()
-        return in_words(self.advance, now - self._begun, now - self._told)
+        return in_words(self.advance, now - self._begun, now - self._updated)
 
 
 @contextmanager
@@ -47,7 +47,7 @@ def following(follower: Follower, name: str, quiet: bool) -> Iterator[None]:
     Parameters
     ----------
     follower
-        Hears of it.
+        Keeps the progress that the run reports.
     name
         Of the archive, which begins each line where there is no terminal.
     quiet

@@ -49,7 +49,7 @@ class _Own(threading.local):
 
 
 _OWN = _Own()
-"""What this thread has a turn of."""
+"""The turns of which this thread has one."""
 
 
 @contextmanager

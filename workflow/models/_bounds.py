@@ -25,7 +25,7 @@ class FreeMotion:
     static
         Displacement by the constant loads.
     harmonic
-        Amplitude of the steady answer to the harmonic load, amplitudes added up where it has more than one sinusoid.
+        Amplitude of the steady-state response to the harmonic load, of several sinusoids the sum of their amplitudes.
     transient
         Bound of what the start adds: no mode gains energy by itself, so each stays below the amplitude it begins with.
     growth
@@ -71,11 +71,11 @@ def free_motion(structure: Structure, cases: Cases, duration: float) -> FreeMoti
     with np.errstate(divide="ignore", invalid="ignore"):
         for amplitude, frequency, phase in zip(np.where(constant, 0.0, amplitudes), frequencies, phases, strict=True):
             acts, turning = amplitude[:, None], 2 * np.pi * frequency[:, None]
-            answer = acts * drive / (omega**2 - turning**2 + 1j * turning * damping)
-            answer = np.where(acts == 0, 0.0, answer)
-            begins = answer * np.exp(1j * phase[:, None])
+            response = acts * drive / (omega**2 - turning**2 + 1j * turning * damping)
+            response = np.where(acts == 0, 0.0, response)
+            begins = response * np.exp(1j * phase[:, None])
             offset, speed = offset - begins.imag, speed - (1j * turning * begins).imag
-            harmonic += np.abs(np.sum(tip * answer, axis=1))
+            harmonic += np.abs(np.sum(tip * response, axis=1))
         transient = np.sum(np.abs(tip) * np.hypot(offset, speed / omega), axis=1)
     growth = 2 * _warmest(structure, cases, duration) @ np.abs(static_tip_growth(structure))
     return FreeMotion(np.sum(tip * static, axis=1), harmonic, transient, np.asarray(growth))

@@ -76,7 +76,7 @@ def _computing(dataset: xr.Dataset) -> str:
 
 
 def _run(text: str) -> str:
-    """Return what the last run of an archive tells of itself."""
+    """Return seconds, cases and machine of the last run of an archive, as it stored them."""
     try:
         stored = json.loads(text)
         return f"{float(stored['seconds']):.3g} s for {int(stored['cases'])} cases on {stored['where']}"

@@ -92,7 +92,7 @@ def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
 
 @contextmanager
 def _while_it_lives(scheduler: str) -> Iterator[None]:
-    """Say of a connection that breaks that the scheduler is gone; files that cannot be written have an error number."""
+    """Raise for a broken connection that the scheduler is gone; errors of files, which have a number, pass."""
     try:
         yield
     except OSError as error:
@@ -105,7 +105,7 @@ def _while_it_lives(scheduler: str) -> Iterator[None]:
 
 
 def run_on_cluster(job: Job, missing: Iterator[Task], stored: Callable[[Stored], None], client: Any) -> None:
-    """Run tasks, a bounded number of them at a time; ``stored`` hears of each when its shards are safe.
+    """Run tasks, a bounded number of them at a time; ``stored`` is called with each when its shards are written.
 
     dask blames a worker's death on every task that the worker had been given. A task that has been
     blamed too often is therefore tried again alone, when all others are done; one that then kills its
@@ -154,7 +154,7 @@ def _results(client: Any, session: Session, tasks: Iterator[Task], limit: int) -
 
 
 def _patiently(wait: Callable[[float], Any], client: Any) -> Any:
-    """Return what a wait of so many seconds returns in the end, as long as there are workers that could end it.
+    """Return what ``wait`` returns, called with a few seconds again and again as long as there are workers.
 
     Raises
     ------

@@ -26,7 +26,7 @@ _LOOP, _TERM = 5e-5, 4e-9
 
 @dataclass(frozen=True, eq=False)
 class DenseOperator:
-    """The free step and the answers to an impulse.
+    """The free step and the responses to an impulse.
 
     Attributes
     ----------
@@ -95,11 +95,11 @@ def _marched(operator: DenseOperator, cases: Cases, sampling: Sampling) -> Resul
     inverse_mass = np.where(kick[:, -1] > 0, 1 / np.where(kick[:, -1] > 0, kick[:, -1], 1.0), np.nan)
     heat = h * project(operator.warming, cases.heating)
     push = h * project(operator.mobility, cases.steady - theta * project(structure.coupling_matrix, heat))
-    answer = product(operator.mobility, structure.load_direction)
+    response = product(operator.mobility, structure.load_direction)
     states = np.concatenate([cases.displacement, cases.velocity, cases.temperature], axis=1)
     for _ in range(recorder.steps):
         load = theta * recorder.load(1.0) + (1 - theta) * recorder.load(0.0)
-        drive = push + (h * load)[:, None] * answer
+        drive = push + (h * load)[:, None] * response
         after = project(operator.step, states)
         after[:, n : 2 * n] += drive
         after[:, 2 * n :] += heat

@@ -36,7 +36,7 @@ from workflow.schemes._interface import Results, Sampling, Status, schedule
 
 @kernel
 def _count(step: int, block: Block) -> None:
-    """Take the samples and close the load periods of a step, then count what its new tip state tells."""
+    """Take the samples and close the load periods of a step, then count impact, contact and maxima at its end."""
     span = block.h
     if step == block.marks.next_mark[0]:
         span = take_marks(step, block)
