@@ -13,8 +13,8 @@ H = np.logspace(-6, -3, 7)
 
 def line(scheme: str, error: np.ndarray, seconds: np.ndarray, ok: np.ndarray | None = None, known: float = 0.0) -> Line:
     good = np.ones(H.size, dtype=bool) if ok is None else ok
-    told = np.where(good, error, np.nan)
-    return Line(scheme, H, dict.fromkeys(ERRORS, told), seconds, told, told, good, known)
+    kept = np.where(good, error, np.nan)
+    return Line(scheme, H, dict.fromkeys(ERRORS, kept), seconds, kept, kept, good, known)
 
 
 @pytest.mark.parametrize("order", [0.5, 1.0, 2.0])
@@ -42,15 +42,15 @@ def test_winners_are_the_fastest_that_are_good_enough() -> None:
     slow = line("slow", 0.1 * H, 5e-3 / H)  # 1e-7 to 1e-4
     fast = line("fast", 10 * H, 1e-3 / H)  # 1e-5 to 1e-2
     exact = line("exact", np.zeros(H.size), np.full(H.size, 5e3))
-    told = {w.target: w for w in winners([slow, fast, exact])}
-    assert list(told) == list(TARGETS)
-    assert (told[1e-2].scheme, told[1e-2].h) == ("fast", pytest.approx(1e-3))
-    assert told[1e-2].runner_up == "slow"
-    assert told[1e-2].times == pytest.approx(5.0)
-    assert (told[1e-3].scheme, told[1e-3].h) == ("slow", pytest.approx(1e-3))
-    assert (told[1e-6].scheme, told[1e-6].runner_up) == ("slow", "exact")
-    assert (told[1e-9].scheme, told[1e-9].runner_up) == ("exact", "")
-    assert np.isnan(told[1e-9].h)
+    best = {w.target: w for w in winners([slow, fast, exact])}
+    assert list(best) == list(TARGETS)
+    assert (best[1e-2].scheme, best[1e-2].h) == ("fast", pytest.approx(1e-3))
+    assert best[1e-2].runner_up == "slow"
+    assert best[1e-2].times == pytest.approx(5.0)
+    assert (best[1e-3].scheme, best[1e-3].h) == ("slow", pytest.approx(1e-3))
+    assert (best[1e-6].scheme, best[1e-6].runner_up) == ("slow", "exact")
+    assert (best[1e-9].scheme, best[1e-9].runner_up) == ("exact", "")
+    assert np.isnan(best[1e-9].h)
     assert [w.scheme for w in winners([fast])] == ["fast", "fast", "", ""]
 
 
@@ -77,11 +77,11 @@ def study(e_matters: float) -> xr.Dataset:
 
 
 def test_an_axis_below_the_error_is_named() -> None:
-    told = [one for one in hidden(study(1.5e-3)) if one.metric == "contact_impulse"]
-    assert [one.dim for one in told] == ["e"]
-    assert told[0].effect == pytest.approx(0.9 * 1.5e-3 / (1.5 + 0.9 * 1.5e-3))
-    assert told[0].within == {"rough": "h = 0.001 s and more"}
-    assert not told[0].everywhere
+    effects = [one for one in hidden(study(1.5e-3)) if one.metric == "contact_impulse"]
+    assert [one.dim for one in effects] == ["e"]
+    assert effects[0].effect == pytest.approx(0.9 * 1.5e-3 / (1.5 + 0.9 * 1.5e-3))
+    assert effects[0].within == {"rough": "h = 0.001 s and more"}
+    assert not effects[0].everywhere
     nothing = [one for one in hidden(study(0.0)) if one.metric == "contact_impulse"]
     assert nothing[0].effect == 0.0
     assert nothing[0].within == {"rough": "every h"}
@@ -118,7 +118,7 @@ def orders() -> xr.Dataset:
     )
 
 
-def test_observed_orders_of_known_errors() -> None:
+def test_observed_orders_of_effects() -> None:
     found = observed_order(orders())
     assert found.dims == ("scheme", "alpha")
     assert found.values == pytest.approx(np.array([[1.0, 1.0], [np.nan, np.nan]]), nan_ok=True)

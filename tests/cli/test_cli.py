@@ -46,9 +46,9 @@ def test_run_show_report(tmp_path: Path) -> None:
     assert shown.returncode == 0
     assert "alpha (5): 0 W N-1; 5 W N-1" in shown.stdout
     assert "status: 60 ok" in shown.stdout
-    told = workflow("report", "small.nc", cwd=tmp_path)
-    assert told.returncode == 0, told.stderr
-    assert {"figure small.png", "page   small.html"} == set(told.stdout.splitlines())
+    done = workflow("report", "small.nc", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert {"figure small.png", "page   small.html"} == set(done.stdout.splitlines())
     assert (tmp_path / "small.png").stat().st_size > 10_000
     page = (tmp_path / "small.html").read_text(encoding="utf-8")
     assert page.count("data:image/png;base64,") == 3
@@ -75,9 +75,9 @@ def test_failed_cases_exit_with_one(tmp_path: Path) -> None:
 @pytest.mark.parametrize("command", ["run", "report"])
 def test_a_path_that_names_no_file_is_refused(command: str, path: str, tmp_path: Path) -> None:
     words = ["run", str(written(ILL, tmp_path)), "-o", path] if command == "run" else ["report", path]
-    told = CliRunner().invoke(app, words)
-    assert told.exit_code == 2
-    assert told.output == f"{path or '.'}: a directory, not an archive; name a file\n"
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 2
+    assert done.output == f"{path or '.'}: a directory, not an archive; name a file\n"
 
 
 FAILED_REFERENCE = """
@@ -116,18 +116,18 @@ def test_a_reference_that_failed_is_told_everywhere(tmp_path: Path) -> None:
 
 def test_plan_runs_nothing(tmp_path: Path) -> None:
     study = written(SMALL, tmp_path)
-    told = workflow("plan", study, cwd=tmp_path)
-    assert told.returncode == 0
-    assert "60, of which 60 are computed" in told.stdout
-    assert "critical alpha" in told.stdout
-    assert "beware: moreau damps the first mode" in told.stdout
+    done = workflow("plan", study, cwd=tmp_path)
+    assert done.returncode == 0
+    assert "60, of which 60 are computed" in done.stdout
+    assert "critical alpha" in done.stdout
+    assert "beware: moreau damps the first mode" in done.stdout
     assert list(tmp_path.iterdir()) == [study]
 
 
 def test_plan_as_json_holds_what_the_text_says(tmp_path: Path) -> None:
-    told = workflow("plan", written(SMALL, tmp_path), "--json", cwd=tmp_path)
-    assert told.returncode == 0
-    plan = json.loads(told.stdout)
+    done = workflow("plan", written(SMALL, tmp_path), "--json", cwd=tmp_path)
+    assert done.returncode == 0
+    plan = json.loads(done.stdout)
     assert (plan["cases"], plan["unique"]) == (60, 60)
     assert plan["time"]["seconds"] > 0
     assert {value["origin"] for value in plan["scene"]} == {"study", "axis", "default"}
@@ -147,11 +147,11 @@ def test_json_keeps_texts_whole_and_holds_nothing_that_a_terminal_obeys(capsys: 
 
 
 def test_schema_is_json(tmp_path: Path) -> None:
-    told = workflow("schema", cwd=tmp_path)
-    assert told.returncode == 0
-    assert json.loads(told.stdout)["properties"]["scene"]
+    done = workflow("schema", cwd=tmp_path)
+    assert done.returncode == 0
+    assert json.loads(done.stdout)["properties"]["scene"]
     assert workflow("schema", "-o", "study.schema.json", cwd=tmp_path).returncode == 0
-    assert json.loads((tmp_path / "study.schema.json").read_text()) == json.loads(told.stdout)
+    assert json.loads((tmp_path / "study.schema.json").read_text()) == json.loads(done.stdout)
 
 
 @pytest.mark.parametrize(
@@ -177,10 +177,10 @@ def test_wrong_calls_exit_with_two_and_one_clear_message(words: tuple[str, ...],
     written(SMALL, tmp_path, "right.yaml")
     written("study: a\nscene: {}\n", tmp_path, "wrong.yaml")
     before = sorted(tmp_path.rglob("*"))
-    told = workflow(*words, cwd=tmp_path)
-    assert told.returncode == 2, told.stdout
-    assert message in told.stderr
-    assert "Traceback" not in told.stderr
+    done = workflow(*words, cwd=tmp_path)
+    assert done.returncode == 2, done.stdout
+    assert message in done.stderr
+    assert "Traceback" not in done.stderr
     assert sorted(tmp_path.rglob("*")) == before
 
 
@@ -189,10 +189,10 @@ def test_a_directory_that_cannot_be_written(tmp_path: Path) -> None:
     study = written(SMALL, tmp_path)
     closed = tmp_path / "closed"
     closed.mkdir(mode=0o500)
-    told = workflow("run", study, "-o", "closed/a.nc", cwd=tmp_path)
-    assert told.returncode == 2
-    assert "closed" in told.stderr
-    assert "Traceback" not in told.stderr
+    done = workflow("run", study, "-o", "closed/a.nc", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "closed" in done.stderr
+    assert "Traceback" not in done.stderr
 
 
 def test_every_scheme_offers_what_plan_and_run_ask() -> None:
@@ -209,9 +209,9 @@ def test_a_report_never_overwrites_its_archive(page: str, tmp_path: Path) -> Non
     assert workflow("run", study, "-o", archive, cwd=tmp_path).returncode == 0
     before = (tmp_path / archive).read_bytes()
     words = ("report", archive) if page == "small.png" else ("report", archive, "-o", page)
-    told = workflow(*words, cwd=tmp_path)
-    assert told.returncode == 2
-    assert "would be one file" in told.stderr
+    done = workflow(*words, cwd=tmp_path)
+    assert done.returncode == 2
+    assert "would be one file" in done.stderr
     assert (tmp_path / archive).read_bytes() == before
 
 
@@ -227,10 +227,10 @@ def test_a_damaged_chunk_is_told(name: str, tmp_path: Path) -> None:
     with open(archive, "r+b") as file:
         file.seek(place.byte_offset + place.size // 2)
         file.write(b"\x00\xff\x00\xff")
-    told = workflow("report", archive, cwd=tmp_path)
-    assert told.returncode == 2
-    assert "damaged" in told.stderr
-    assert "Traceback" not in told.stderr
+    done = workflow("report", archive, cwd=tmp_path)
+    assert done.returncode == 2
+    assert "damaged" in done.stderr
+    assert "Traceback" not in done.stderr
 
 
 def test_a_study_changed_after_an_interrupted_run(tmp_path: Path) -> None:
@@ -240,9 +240,9 @@ def test_a_study_changed_after_an_interrupted_run(tmp_path: Path) -> None:
 
     grid = arrange(parsed(SMALL))
     start_parts(parts_of(tmp_path / "small.nc"), describe(parsed(SMALL), grid, units_of(grid)))
-    told = workflow("run", written(SMALL.replace("50 um", "40 um"), tmp_path), cwd=tmp_path)
-    assert told.returncode == 2
-    assert "small.nc.parts: holds unfinished results of another study" in told.stderr
+    done = workflow("run", written(SMALL.replace("50 um", "40 um"), tmp_path), cwd=tmp_path)
+    assert done.returncode == 2
+    assert "small.nc.parts: holds unfinished results of another study" in done.stderr
 
 
 def test_settings_replace_values_and_are_stored(tmp_path: Path) -> None:
@@ -250,8 +250,8 @@ def test_settings_replace_values_and_are_stored(tmp_path: Path) -> None:
 
     study = written(SMALL, tmp_path)
     words = ["-s", "scene.casing.gap=10 um", "-s", "axes.e=[0, 0.5]", "-s", "axes.alpha=[0]"]
-    told = CliRunner().invoke(app, ["run", str(study), *words, "-q", "-o", str(tmp_path / "a.nc")])
-    assert (told.exit_code, told.output) == (0, "")
+    done = CliRunner().invoke(app, ["run", str(study), *words, "-q", "-o", str(tmp_path / "a.nc")])
+    assert (done.exit_code, done.output) == (0, "")
     text = provenance(tmp_path / "a.nc")["study"]
     assert "10 um" in text
     assert "50 um" not in text

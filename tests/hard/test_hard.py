@@ -202,8 +202,8 @@ def test_the_free_step_grows_by_its_formula() -> None:
 @pytest.mark.parametrize("name", ["free_step", "carpenter_limit"])
 def test_plan_warns_of_what_will_diverge(name: str) -> None:
     grid = arrange(read_study(STUDIES / f"{name}.yaml"))
-    told = plan(grid, units_of(grid)).warnings
-    assert any("diverges, its free step grows" in warning for warning in told)
+    judged = plan(grid, units_of(grid)).warnings
+    assert any("diverges, its free step grows" in warning for warning in judged)
 
 
 def test_carpenter_s_limits_and_figures_on_the_siconos_chain() -> None:
@@ -422,13 +422,13 @@ def test_velocity_level_contact_keeps_its_penetration() -> None:
 
 def test_a_step_without_a_unique_solution() -> None:
     archive = opened("ill_posed")
-    told = {tuple(np.round([float(c["h"]), float(c["alpha"])], 9)): c for c in _moreau(archive)}
-    bad = {at for at, case in told.items() if int(case["status"]) == ILL_POSED}
+    judged = {tuple(np.round([float(c["h"]), float(c["alpha"])], 9)): c for c in _moreau(archive)}
+    bad = {at for at, case in judged.items() if int(case["status"]) == ILL_POSED}
     assert bad == {(1e-5, 1e6), (1e-4, 1e6)}
-    message = str(told[(1e-5, 1e6)]["message"].item())
+    message = str(judged[(1e-5, 1e6)]["message"].item())
     assert "8.81351e-06 s is the limit" in message
     assert "largest admissible h is 4.40676e-06 s" in message
-    fine = told[(1e-6, 1e6)]
+    fine = judged[(1e-6, 1e6)]
     assert int(fine["status"]) == OK
     assert int(fine["runaway"]) == 1
     exact = archive.sel(scheme="event_driven", h=1e-6, alpha=1e6)
@@ -465,20 +465,20 @@ def test_no_interior_modes() -> None:
 
 def test_who_stays_stable() -> None:
     """The joint table's own words for the studies whose outcome is a word."""
-    told = {
+    judged = {
         name: {row.scheme: row for row in ranges(opened(name))}
         for name in ("all_steps", "clamped_bar", "carpenter_limit", "preloaded", "light_tip")
     }
-    assert told["all_steps"]["implicit_euler"].stable == "every h"
-    assert told["all_steps"]["carpenter"].stable == "1e-05 s"
-    assert told["all_steps"]["carpenter"].accurate == "1e-05 s"
-    assert told["carpenter_limit"]["central"].stable == "0.00010028 s"
-    assert told["carpenter_limit"]["lagged"].stable == "9.07e-05 s"
-    assert told["clamped_bar"]["theta_045"].verdicts == ("diverged",)
-    assert told["clamped_bar"]["midpoint"].verdicts == ("accurate",)
-    assert told["clamped_bar"]["implicit_euler"].verdicts == ("wrong",)
-    assert told["preloaded"]["penalty"].verdicts == ("accurate", "diverged")
-    assert told["light_tip"]["carpenter"].stable == "1e-08 s"
+    assert judged["all_steps"]["implicit_euler"].stable == "every h"
+    assert judged["all_steps"]["carpenter"].stable == "1e-05 s"
+    assert judged["all_steps"]["carpenter"].accurate == "1e-05 s"
+    assert judged["carpenter_limit"]["central"].stable == "0.00010028 s"
+    assert judged["carpenter_limit"]["lagged"].stable == "9.07e-05 s"
+    assert judged["clamped_bar"]["theta_045"].verdicts == ("diverged",)
+    assert judged["clamped_bar"]["midpoint"].verdicts == ("accurate",)
+    assert judged["clamped_bar"]["implicit_euler"].verdicts == ("wrong",)
+    assert judged["preloaded"]["penalty"].verdicts == ("accurate", "diverged")
+    assert judged["light_tip"]["carpenter"].stable == "1e-08 s"
 
 
 def test_unfit_bases() -> None:

@@ -93,9 +93,9 @@ def test_the_command_takes_several_archives(
     archives: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    told = CliRunner().invoke(app, ["report", *map(str, archives), "-o", "all.html"])
-    assert told.exit_code == 0, told.output
-    assert told.stdout.splitlines() == ["page   all.html"]
+    done = CliRunner().invoke(app, ["report", *map(str, archives), "-o", "all.html"])
+    assert done.exit_code == 0, done.output
+    assert done.stdout.splitlines() == ["page   all.html"]
     missing = CliRunner().invoke(app, ["report", str(archives[0]), "none.nc", "-o", "other.html"])
     assert missing.exit_code == 2
     assert "none.nc: no such archive" in missing.stderr
@@ -152,8 +152,8 @@ def test_a_report_begins_with_the_answer_and_says_where_it_comes_from(archives: 
     assert text.index(html.escape(sentence(asked))) < text.index("Map of the cases") < text.index("Who stays stable")
     assert 'class="accurate"' in text  # the exact scheme, though a model of one mode errs
     assert "no `reference`" in write_report(archives[1], tmp_path / "b.html").page.read_text(encoding="utf-8")
-    for told in ("computing time", "processor", " threads", "written", "numba", "Effective e: ", "Energy residual: "):
-        assert told in text, told
+    for word in ("computing time", "processor", " threads", "written", "numba", "Effective e: ", "Energy residual: "):
+        assert word in text, word
 
 
 def test_an_answer_without_contact_is_cautioned_on_the_page_and_in_json(tmp_path: Path) -> None:
@@ -162,5 +162,5 @@ def test_an_answer_without_contact_is_cautioned_on_the_page_and_in_json(tmp_path
         quick({"e": None, "alpha": 0.0}, scene={"casing.gap": 1.0}, reference={"scheme": "event_driven"}), archive
     )
     assert "Beware: no case touches its casing" in write_report(archive).page.read_text(encoding="utf-8")
-    told = CliRunner().invoke(app, ["recommend", str(archive), "--json"]).stdout
-    assert json.loads(told)["cautions"] == ["no case touches its casing, so only free motion is compared"]
+    done = CliRunner().invoke(app, ["recommend", str(archive), "--json"]).stdout
+    assert json.loads(done)["cautions"] == ["no case touches its casing, so only free motion is compared"]

@@ -26,39 +26,39 @@ def many_tasks(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_every_case_is_told_with_its_ending(tmp_path: Path, many_tasks: None) -> None:
-    told: list[Advance] = []
-    run_study(parsed(ILL), tmp_path / "ill.nc", progress=told.append)
-    first, last = told[0], told[-1]
+    reported: list[Advance] = []
+    run_study(parsed(ILL), tmp_path / "ill.nc", progress=reported.append)
+    first, last = reported[0], reported[-1]
     assert (first.stored, first.cases, first.work, first.endings) == (0, 8, 0.0, {})
     assert (last.stored, last.cases, last.endings) == (8, 8, {"ill_posed": 4})
     assert last.work == pytest.approx(1)
     assert last.left == pytest.approx(0, abs=1e-9)
     for name in ("stored", "work", "elapsed"):
-        values = [getattr(advance, name) for advance in told]
+        values = [getattr(advance, name) for advance in reported]
         assert values == sorted(values)
-    assert all(advance.left >= 0 for advance in told)
+    assert all(advance.left >= 0 for advance in reported)
 
 
 def test_work_counts_what_cases_cost(tmp_path: Path, many_tasks: None) -> None:
     """Two steps, one a hundredth of the other: half of the cases are a small part of the work."""
-    told: list[Advance] = []
+    reported: list[Advance] = []
     axes = {"h": [1e-4, 1e-6], "e": [0.0, 0.5], "alpha": [0.0]}
     study = quick(axes, scene={"duration": 0.4}, output={"histories": [], "interval": 4e-3})
-    run_study(study, tmp_path / "a.nc", 1, told.append)
-    half = next(advance for advance in told if advance.stored >= 2)
+    run_study(study, tmp_path / "a.nc", 1, reported.append)
+    half = next(advance for advance in reported if advance.stored >= 2)
     assert half.stored == 2
     assert half.work < 0.25
 
 
 def test_a_case_that_diverged_is_called_that(tmp_path: Path) -> None:
-    told: list[Advance] = []
+    reported: list[Advance] = []
     schemes = {"unstable": {"method": "moreau", "theta": 0.3}}
     study = quick({"scheme": ["moreau", "unstable"], "e": None, "alpha": [0.0, 5.0]}, schemes=schemes)
-    outcome = run_study(study, tmp_path / "a.nc", 1, told.append)
+    outcome = run_study(study, tmp_path / "a.nc", 1, reported.append)
     assert outcome.counts == {"ok": 2, "diverged": 2}
-    assert told[-1].endings == {"diverged": 2}
-    assert in_words(told[-1], 1.0).endswith("4 of 4 cases, 2 diverged")
-    assert "failed" not in in_words(told[-1], 1.0)
+    assert reported[-1].endings == {"diverged": 2}
+    assert in_words(reported[-1], 1.0).endswith("4 of 4 cases, 2 diverged")
+    assert "failed" not in in_words(reported[-1], 1.0)
 
 
 def test_a_run_that_goes_on_begins_where_it_stopped(tmp_path: Path, many_tasks: None) -> None:
@@ -71,38 +71,38 @@ def test_a_run_that_goes_on_begins_where_it_stopped(tmp_path: Path, many_tasks: 
 
     with pytest.raises(StopError):
         run_study(parsed(ILL), tmp_path / "ill.nc", 1, stop)
-    told: list[Advance] = []
-    run_study(parsed(ILL), tmp_path / "ill.nc", 1, told.append)
-    assert told[0].stored == 4
-    assert told[0].endings == {"ill_posed": 2}
-    assert 0 < told[0].work < 1
-    assert told[-1].endings == {"ill_posed": 4}
-    assert told[-1].work == pytest.approx(1)
+    reported: list[Advance] = []
+    run_study(parsed(ILL), tmp_path / "ill.nc", 1, reported.append)
+    assert reported[0].stored == 4
+    assert reported[0].endings == {"ill_posed": 2}
+    assert 0 < reported[0].work < 1
+    assert reported[-1].endings == {"ill_posed": 4}
+    assert reported[-1].work == pytest.approx(1)
 
 
 def test_an_extended_study_counts_only_what_is_new(tmp_path: Path, many_tasks: None) -> None:
     run_study(parsed(SMALL), tmp_path / "small.nc")
-    told: list[Advance] = []
+    reported: list[Advance] = []
     study = parsed(SMALL).with_({"axes.h": [1e-4, 2e-4, 4e-4]})
-    run_study(study, tmp_path / "small.nc", 1, told.append)
-    assert told[-1].stored == told[-1].cases == 90
-    assert told[-1].work == pytest.approx(1)
+    run_study(study, tmp_path / "small.nc", 1, reported.append)
+    assert reported[-1].stored == reported[-1].cases == 90
+    assert reported[-1].work == pytest.approx(1)
 
 
 def test_a_tally_tells_shares_and_times() -> None:
-    now, told = [10.0], []
+    now, reported = [10.0], []
     work = Work({3: 6.0, 4: 2.0}, before=2.0, threads=2)
-    tally = Tally(100, work, 5.0, told.append, lambda: now[0])
+    tally = Tally(100, work, 5.0, reported.append, lambda: now[0])
     tally.set(20, {})
     now[0] = 14.0
     tally.add(Stored(3, 60, {"diverged": 2}))
     now[0] = 15.0
     tally.add(Stored(4, 20, {"diverged": 1, "failed": 1}))
-    assert [advance.stored for advance in told] == [20, 80, 100]
-    assert [advance.work for advance in told] == pytest.approx([0.2, 0.8, 1.0])
-    assert [advance.elapsed for advance in told] == [5.0, 9.0, 10.0]
-    assert [advance.left for advance in told] == pytest.approx([4.0, 0.25 * (0.25 * 4.0 + 4.0), 0.0])
-    assert told[-1].endings == {"diverged": 3, "failed": 1}
+    assert [advance.stored for advance in reported] == [20, 80, 100]
+    assert [advance.work for advance in reported] == pytest.approx([0.2, 0.8, 1.0])
+    assert [advance.elapsed for advance in reported] == [5.0, 9.0, 10.0]
+    assert [advance.left for advance in reported] == pytest.approx([4.0, 0.25 * (0.25 * 4.0 + 4.0), 0.0])
+    assert reported[-1].endings == {"diverged": 3, "failed": 1}
 
 
 def test_the_time_left_goes_from_the_estimate_to_the_speed() -> None:

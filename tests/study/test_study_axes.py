@@ -255,8 +255,8 @@ def test_any_text_is_refused_in_words(text: str) -> None:
 @given(st.sampled_from(BLADE.splitlines()), st.text(max_size=8), st.integers(0, 30))
 def test_any_edit_is_accepted_or_refused(line: str, noise: str, position: int) -> None:
     edited = line[:position] + noise + line[position:]
-    told = refusal(BLADE.replace(line, edited, 1))
-    assert told is None or told.startswith("f:")
+    message = refusal(BLADE.replace(line, edited, 1))
+    assert message is None or message.startswith("f:")
 
 
 def refusal(text: str) -> str | None:
@@ -285,14 +285,14 @@ def test_any_odd_value_anywhere_is_accepted_or_refused(data: st.DataObject) -> N
                 break
         if isinstance(owner, dict):
             owner[place[-1]] = copy.deepcopy(data.draw(ODD))
-    told = refusal(json.dumps(source.tree))
-    assert told is None or told.startswith("f:")
+    message = refusal(json.dumps(source.tree))
+    assert message is None or message.startswith("f:")
 
 
 def test_importing_needs_no_solver() -> None:
     code = "import sys, workflow.study; print([m for m in ('numba', 'dask', 'xarray', 'pint') if m in sys.modules])"
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert told.stdout.strip() == "[]"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
 
 
 def test_schema_follows_the_declarations() -> None:
