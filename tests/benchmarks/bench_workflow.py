@@ -3,22 +3,26 @@
 Durable overhead per case (wall time less the kernels' own, results on the disk) with threads and with
 local dask workers, side by side with xyzpy where it is installed; runs with nothing to do; opening and
 slicing; a value added to an axis; memory; what a whole run of the heavy chain takes beside its kernels;
-``plan``; and what a user waits for at the command line, the first run with nothing compiled included.
+``plan``; and what a user waits for at the command line, the first run with nothing compiled included, also in
+processor time over that of the imports alone and of a loop of NumPy.
 """
 
 from __future__ import annotations
 
 import os
+import resource
 import shutil
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr
 from io import StringIO
 from pathlib import Path
 from statistics import median
+
+import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -173,6 +177,36 @@ def commands(runs: int) -> Iterator[tuple[str, float]]:
         )
 
 
+def processor_seconds(words: Sequence[str | Path], **environment: str) -> float:
+    """Return the processor seconds of a process and of all that it starts: they depend little on other load."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    here = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]), **environment}
+    subprocess.run([sys.executable, *map(str, words)], check=True, capture_output=True, env=here)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def numpy_loop(steps: int = 100_000) -> float:
+    """Return the processor seconds of so many products of a 60 × 60 matrix with a vector, in a loop of Python's."""
+    matrix, state = np.eye(60), np.ones(60)
+    begun = time.process_time()
+    for _ in range(steps):
+        state = matrix @ state
+    return time.process_time() - begun
+
+
+def first_runs() -> Iterator[tuple[str, float, float, float]]:
+    """Yield a run's name, its processor seconds, and these over those of the imports and of :func:`numpy_loop`."""
+    imports, loop = processor_seconds(["-c", "import numba, xarray, scipy"]), numpy_loop()
+    with scratch() as directory:
+        archive = directory / "a.nc"
+        for what in ("nothing compiled", "later"):
+            run = ["-m", "workflow", "run", BLADE, "-o", archive]
+            seconds = processor_seconds(run, NUMBA_CACHE_DIR=str(directory / "kernels"))
+            archive.unlink()
+            yield f"workflow run studies/blade.yaml, {what}, processor time", seconds, seconds / imports, seconds / loop
+
+
 def memory(cases: int, kind: dict[str, str]) -> float:
     """Return the largest resident memory of a run in a process of its own, MiB."""
     with scratch() as directory:
@@ -272,6 +306,8 @@ def main(
     print(f"whole run, {heavy} cases of the heavy chain: {wall:.3g} s, {ratio}")
     for words, seconds in commands(runs) if processes else ():
         print(f"{words}: {seconds:.3g} s")
+    for what, seconds, imports, loop in first_runs() if processes else ():
+        print(f"{what}: {seconds:.3g} s, {imports:.3g} x `import numba, xarray, scipy`, {loop:.3g} x 100 000 products")
 
 
 if __name__ == "__main__":

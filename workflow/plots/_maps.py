@@ -22,6 +22,9 @@ LEAST_VALUES = 4
 MARGIN = 30.0
 """Largest over least positive value from which on colours are logarithmic."""
 
+_EDGE = 1e-3
+"""Share of the range of a map next to its ends in which no contour is drawn."""
+
 
 class Panel(NamedTuple):
     """A map: its title, with the unit, the values ``(up, across)``, NaN where the tip never touches, and contours."""
@@ -143,7 +146,8 @@ def _norm(values: NDArray[np.float64]) -> tuple[Any, NDArray[np.float64]]:
     else:
         norm = LogNorm(max(float(positive.min()), 1e-3 * float(positive.max())), float(positive.max()))
         levels = LogLocator(subs=(1.0, 2.0, 5.0)).tick_values(norm.vmin, norm.vmax)
-    return norm, levels[(levels > norm.vmin) & (levels < norm.vmax * (1 - 1e-9))]  # no line on an edge
+    edge = _EDGE * (norm.vmax - norm.vmin)
+    return norm, levels[(levels > norm.vmin + edge) & (levels < norm.vmax - edge)]
 
 
 def _said(archive: xr.Dataset, place: Mapping[str, int]) -> str:
