@@ -76,7 +76,7 @@ def cases(structure: Structure, count: int = 1, **values: Any) -> Cases:
         return Harmonics(*np.array(rows, dtype=float).reshape(len(rows), 3, count).transpose(1, 2, 0))
 
     n, m = structure.mechanical_size, structure.thermal_size
-    names = ("e", "alpha", "gap", "mean", "amplitude", "frequency", "phase")
+    names = ("e", "alpha", "gap", "mean", "amplitude", "frequency", "phase", "friction")
     harmonics = ("load_harmonics", "casing_harmonics")
     unknown = set(values) - {*names, *harmonics, "steady", "heating", "displacement", "velocity", "temperature"}
     if unknown:

@@ -112,6 +112,8 @@ class Word:
         Whether numbers are welcome beside texts.
     columns
         Where rows of numbers are welcome instead of a file, name and unit of each column; none for any number of them.
+    later
+        Whether it was added later, so that its default does not count among what results depend on.
     """
 
     description: str
@@ -119,6 +121,7 @@ class Word:
     files: Callable[[Path], tuple[Path, ...]] | None = None
     number: bool = False
     columns: tuple[tuple[str, str], ...] | None = None
+    later: bool = False
 
 
 def word(description: str, *, default: Any = MISSING) -> Any:
@@ -126,9 +129,9 @@ def word(description: str, *, default: Any = MISSING) -> Any:
     return field(default=default, metadata={"word": Word(description)})
 
 
-def label(description: str, *, default: Any = MISSING) -> Any:
+def label(description: str, *, default: Any = MISSING, later: bool = False) -> Any:
     """Declare a dataclass field of type ``str | int``: a label, or an index; without ``default`` it is required."""
-    return field(default=default, metadata={"word": Word(description, number=True)})
+    return field(default=default, metadata={"word": Word(description, number=True, later=later)})
 
 
 def file(description: str, *, default: Any = MISSING, files: Callable[[Path], tuple[Path, ...]] | None = None) -> Any:
@@ -152,8 +155,8 @@ def word_of(declared: Field[Any]) -> Word | None:
 
 
 def _silent(declared: Any, entry: Field[Any]) -> bool:
-    quantity = quantity_of(entry)
-    return quantity is not None and quantity.later and getattr(declared, entry.name) == entry.default
+    about = quantity_of(entry) or word_of(entry)
+    return about is not None and about.later and getattr(declared, entry.name) == entry.default
 
 
 def plain(declared: Any) -> Any:

@@ -33,7 +33,7 @@ def march(
         right = force(k * h) - K1 @ x - K12 @ T + M @ (2 * x - x_before) / h**2
         right = right - C1 @ (x - x_before) / h if lagged else right + C1 @ x_before / (2 * h)
         x_free = np.linalg.solve(ahead, right)
-        give = np.linalg.solve(ahead, tip)
+        give = np.linalg.solve(ahead, plain_casing.direction(structure, batch))
         force_n = max(0.0, (x_free[-1] - plain_casing.place(batch, (k + 1) * h)) / give[-1])
         x_after = x_free - force_n * give
         enters = np.linalg.solve(C2 + h * K2 if implicit else C2, heat_tip)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workflow.models import Cases
+from workflow.models import Cases, Structure
 
 
 def load(batch: Cases, t: float) -> float:
@@ -29,3 +29,9 @@ def velocity(batch: Cases, t: float, h: float, theta: float) -> float:
     turn = np.exp(1j * omega * h)
     g = (turn - 1) / (h * (1 - theta + theta * turn))
     return float(np.sum(np.imag(g * moves.amplitude[0] * np.exp(1j * (omega * t + moves.phase[0])))))
+
+
+def direction(structure: Structure, batch: Cases) -> np.ndarray:
+    """The direction e_n - µ t against which a contact force pushes the first case."""
+    found = np.eye(structure.mechanical_size)[-1]
+    return found if structure.tangent is None else found - batch.friction[0] * structure.tangent

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import plain_casing
 from scipy.integrate import DOP853
 from scipy.optimize import brentq, minimize_scalar
 
@@ -33,7 +34,9 @@ class Reference:
         self.K12, self.C2, self.K2 = s.coupling_matrix, s.heat_capacity, s.conductance_matrix
         self.nm, self.nt = s.mechanical_size, s.thermal_size
         self.Minv, self.C2inv = np.linalg.inv(self.M), np.linalg.inv(self.C2)
-        self.Mii_inv = np.linalg.inv(self.M[:-1, :-1])
+        self.along = plain_casing.direction(s, cases)
+        self.kick = self.Minv @ self.along
+        self.held_inv = np.linalg.inv(np.column_stack([self.M[:, :-1], self.along]))  # of [a_i, λ]
         self.e, self.alpha, self.gap = (float(v[0]) for v in (cases.e, cases.alpha, cases.gap))
         self.cases = cases
         loads, casing = cases.load_harmonics, cases.casing_harmonics
@@ -68,10 +71,9 @@ class Reference:
     def contact_force(self, t: float, y: np.ndarray) -> tuple[float, np.ndarray]:
         x, v, theta = self.split(y)
         internal = self.force(t) - self.C @ v - self.K @ x - self.K12 @ theta
-        a = np.zeros(self.nm)
-        a[-1] = self.casing(t)[2]
-        a[:-1] = self.Mii_inv @ (internal[:-1] - self.M[:-1, -1] * a[-1])
-        return float(internal[-1] - self.M[-1] @ a), a
+        a = self.held_inv @ (internal - self.M[:, -1] * self.casing(t)[2])
+        force, a[-1] = float(a[-1]), self.casing(t)[2]
+        return force, a
 
     def rate(self, held: bool):
         def fun(t, y):
@@ -115,7 +117,7 @@ class Reference:
                     place, moving, _ = self.casing(t)
                     v = y[2 * nm - 1] - moving
                     y[nm - 1] = place
-                    w = self.Minv[:, -1]
+                    w = self.kick
                     p = (1 + self.e) * max(v, 0.0) / w[-1]
                     impacts += v > 0
                     if impacts > most_impacts:

@@ -70,7 +70,7 @@ def _march(structure: Structure, batch: Cases, h: float, theta: float, steps: in
     W_hat = M + h * theta * C1 + h**2 * theta**2 * K1
     T_hat = C2 + h * theta * K2
     warm = np.linalg.solve(T_hat, heat_tip)
-    kick = np.linalg.solve(W_hat, tip + alpha * h * theta * K12 @ warm)
+    kick = np.linalg.solve(W_hat, plain_casing.direction(structure, batch) + alpha * h * theta * K12 @ warm)
     x, v, T = batch.displacement[0], batch.velocity[0], batch.temperature[0]
     found = [(x, v, T)]
     impulses = np.zeros(steps)

@@ -19,6 +19,7 @@ def explicit(structure: Structure, batch: Cases, h: float, steps: int, stiffness
     alpha = batch.alpha[0]
     tip, heat_tip = np.eye(structure.mechanical_size)[-1], np.eye(structure.thermal_size)[-1]
 
+    along = plain_casing.direction(structure, batch)
     x, v, T = batch.displacement[0], batch.velocity[0], batch.temperature[0]
     a = np.linalg.solve(M, _force(batch, tip, 0.0) - C1 @ v - K1 @ x - K12 @ T)
     x_before = x - h * v + h**2 / 2 * a
@@ -30,8 +31,8 @@ def explicit(structure: Structure, batch: Cases, h: float, steps: int, stiffness
         force_n = 0.0
         behind, gap, ahead = (plain_casing.place(batch, (k + i) * h) for i in (-1, 0, 1))
         if x[-1] > gap:  # the damper takes the central velocity, which the force itself changes
-            wall = damping / (2 * h) * np.outer(tip, tip)
-            pressed = right - stiffness * (x[-1] - gap) * tip + wall @ (x_before + (ahead - behind) * tip)
+            wall = damping / (2 * h) * np.outer(along, tip)
+            pressed = right - stiffness * (x[-1] - gap) * along + wall @ (x_before + (ahead - behind) * tip)
             x_pressed = np.linalg.solve(left + wall, pressed)
             moved = (x_pressed[-1] - x_before[-1]) - (ahead - behind)
             force_n = stiffness * (x[-1] - gap) + damping * moved / (2 * h)
@@ -54,7 +55,7 @@ def implicit(
     tip, heat_tip = np.eye(structure.mechanical_size)[-1], np.eye(structure.thermal_size)[-1]
     W_hat, T_hat = M + h * theta * C1 + h**2 * theta**2 * K1, C2 + h * theta * K2
     warm = np.linalg.solve(T_hat, heat_tip)
-    kick = np.linalg.solve(W_hat, tip + alpha * h * theta * K12 @ warm)
+    kick = np.linalg.solve(W_hat, plain_casing.direction(structure, batch) + alpha * h * theta * K12 @ warm)
     x, v, T, held = batch.displacement[0], batch.velocity[0], batch.temperature[0], 0.0
     found, impulses = [(x, v, T)], []
     for k in range(steps):

@@ -82,6 +82,24 @@ def test_the_impact_of_a_bar(scheme: str, tmp_path: Path) -> None:
     assert 10 - impulse[-1] / 10 == pytest.approx(-10.0, abs=0.3)  # the tip loses the energy of half a cell
 
 
+def test_an_impact_on_a_casing_that_slides(tmp_path: Path) -> None:
+    """p = (1 + e) u / nᵀM⁻¹(n - µt), with M⁻¹ of [[1, m], [m, 1]]; -e u at once, whatever µ."""
+    found = truth("sliding_impact", tmp_path)
+    known = 1.6 * 2 * (1 - 0.4**2) / (1 + 0.4 * found["coefficient"].values)
+    impulse = found["contact_impulse"].transpose("scheme", "h", "coefficient", ...).values.reshape(2, 2, 3)
+    np.testing.assert_allclose(impulse[0], np.broadcast_to(known, (2, 3)), rtol=1e-13)
+    apart = np.abs(impulse[1] / known - 1)
+    assert apart.max() < 1e-8
+
+
+def test_a_mass_pressed_on_a_casing_that_slides(tmp_path: Path) -> None:
+    found = truth("sliding_rest", tmp_path)
+    known = (5 - 1.0 + 0.09) / (1 - 0.3 * found["coefficient"].values)
+    np.testing.assert_allclose(found["displacement"].values, 0.01, rtol=1e-14)
+    impulse = found["contact_impulse"].transpose("scheme", "coefficient", ...).values.reshape(2, 3)
+    np.testing.assert_allclose(impulse, np.broadcast_to(2 * known, (2, 3)), rtol=1e-12)
+
+
 def test_siconos_step_by_step(tmp_path: Path) -> None:
     found = truth("siconos_chain", tmp_path)
     for k, file in enumerate(("theta1_e0", "theta0.5_e0.8")):

@@ -208,15 +208,18 @@ def _farthest(
 
     The growth is quasi-static: that at the end, or that of the tip node at its largest temperature. It counts up to
     EXCESS² · ``base`` · exp(g · duration) with the growth rate g of the tip in contact, if positive: where a scheme
-    creates energy it creates heat too, which is no measure of what the model can do.
+    creates energy it creates heat too, which is no measure of what the model can do. Friction along a tangent may drive
+    a pressed tip without heat: then EXCESS · ``base`` · exp(g · duration) is allowed.
     """
     closing = np.abs(results.metrics["thermal_closing"][which])
     sampled = np.abs(results.histories["temperature"][which])
     hottest = np.fmax(np.abs(results.metrics["max_temperature"][which]), np.fmax.reduce(sampled, axis=1))
-    rate = np.array([runaway_of(cell, float(alpha))[1] for alpha in cases.alpha])
-    most = EXCESS**2 * base * np.exp(np.fmax(rate, 0.0) * duration)
+    laws = zip(cases.alpha.tolist(), cases.friction.tolist(), strict=True)
+    rate = np.array([runaway_of(cell, alpha, friction)[1] for alpha, friction in laws])
+    grown = EXCESS * base * np.exp(np.fmax(rate, 0.0) * duration)
     growth = np.fmax(closing, abs(tip_growth) * hottest)
-    return np.asarray(np.fmax(EXCESS * base, np.fmin(GROWTH * growth, most)))
+    by_heat = np.fmax(EXCESS * base, np.fmin(GROWTH * growth, EXCESS * grown))
+    return np.asarray(np.where(cases.friction > 0, np.fmax(by_heat, grown), by_heat))
 
 
 def _advice(cell: Cell) -> str:

@@ -44,13 +44,15 @@ class Wanted:
     massless_tip: bool = False
     harmonics: bool = False
     """Whether load or casing have harmonics."""
+    slides: bool = False
+    """Whether friction acts along a tangent."""
 
     @property
     def words(self) -> tuple[Any, ...]:
         """What kernels depend on: names and types of options, not their numbers, except whether θ = 1."""
         options = ((field.name, getattr(self.options, field.name)) for field in fields(self.options))
         implicit = getattr(self.options, "theta", None) == 1.0
-        driven = ("harmonics",) if self.harmonics else ()
+        driven = (*(("harmonics",) if self.harmonics else ()), *(("sliding",) if self.slides else ()))
         others = (option for option in options if not isinstance(option[1], float))
         return (self.method, self.nodes, self.balances, self.massless_tip, implicit, *driven, *others)
 
@@ -79,10 +81,13 @@ def _compile(wanted: Wanted) -> None:
     structure = chain.assemble(parameters)
     if wanted.massless_tip:
         structure = replace(structure.matrices(), mass=np.zeros((nodes, nodes)))
+    if wanted.slides:
+        structure = replace(structure.matrices(), tangent=np.ones(nodes))
     scheme = load(wanted.method)
     none, one, node = np.zeros(1), np.ones(1), np.zeros((1, nodes))
     casing = Harmonics(*np.zeros((3, 1, int(wanted.harmonics))))
     cases = Cases(none, one, one, none, none, none, none, node, node, node, node, node, casing_harmonics=casing)
+    cases = replace(cases, friction=np.full(1, 0.5 * wanted.slides))
     over = Sampling(1.0, 0.5, 3, balances=wanted.balances)
     with measured(_part(wanted)):
         scheme.compute(scheme.init(structure, 0.5, wanted.options), cases, over)

@@ -67,6 +67,7 @@ def conditions(cell: Cell, structure: Structure, varying: Mapping[str, Array], c
         temperature=temperature,
         load_harmonics=harmonics_of(scene, "load", varying, count),
         casing_harmonics=harmonics_of(scene, "casing", varying, count),
+        friction=friction_of(cell, structure, varying, count),
     )
     return cases if structure.coordinates is None else structure.coordinates.taken(cases)
 
@@ -86,6 +87,13 @@ def alpha_of(cell: Cell, varying: Mapping[str, Array], count: int) -> Array:
         for name in ("heat_share", "coefficient", "sliding_speed")
     )
     return share * coefficient * speed
+
+
+def friction_of(cell: Cell, structure: Structure, varying: Mapping[str, Array], count: int) -> Array:
+    """Return µ of each case, 1, ``(case,)``; 0 without a direction of sliding or without friction."""
+    if structure.tangent is None or cell.scene.friction is None:
+        return np.zeros(count)
+    return spread(varying, f"{FRICTION}coefficient", cell.scene.friction.coefficient, count)
 
 
 def harmonics_of(scene: Scene, group: Literal["load", "casing"], varying: Mapping[str, Array], count: int) -> Harmonics:
@@ -123,8 +131,9 @@ def at_rest(structure: Structure, cases: Cases) -> Cases:
     load = cases.steady.copy()
     load += cases.mean[:, None] * structure.load_direction
     casing = cases.casing_at(0.0)
-    first, which = distinct_rows(load, cases.heating, casing[:, None])
-    states = [static_equilibrium(structure, load[k], cases.heating[k], float(casing[k])) for k in first]
+    first, which = distinct_rows(load, cases.heating, casing[:, None], cases.friction[:, None])
+    laws = list(zip(casing.tolist(), cases.friction.tolist(), strict=True))
+    states = [static_equilibrium(structure, load[k], cases.heating[k], *laws[k]) for k in first]
     displacement = np.stack([x for x, _ in states])[which]
     temperature = np.stack([theta for _, theta in states])[which]
     velocity = np.zeros_like(displacement)

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from workflow import schemes
 from workflow.declare import plain
 from workflow.grid._arrangement import Grid
-from workflow.grid._conditions import FRICTION, alpha_of, harmonics_of, heat_load
+from workflow.grid._conditions import FRICTION, alpha_of, friction_of, harmonics_of, heat_load
+from workflow.grid._operators import structure_of
 from workflow.grid._reference import exact_cell, reference_cell
 from workflow.reduction import DEFAULT
 from workflow.schemes import SOLVER_VERSION
@@ -104,7 +105,7 @@ def _per_node(cell: Cell) -> dict[str, Any]:
 
 
 def _is_summed_up(path: str) -> bool:
-    """Tell whether results depend on an axis through α or the harmonics alone."""
+    """Tell whether results depend on an axis through α, µ or the harmonics alone."""
     return path == "scene.speed" or path.startswith((FRICTION, "scene.load.harmonics.", "scene.casing.harmonics."))
 
 
@@ -129,6 +130,10 @@ def _rows(grid: Grid, outer: int, cell: Cell, varying: Any, count: int) -> NDArr
     values |= {"e": cell.e}
     values |= {path: value for path, value in varying.items() if not _is_summed_up(path)}
     values |= {"alpha": alpha_of(cell, varying, count), **_harmonic_columns(scene, varying, count)}
+    if scene.friction is not None:
+        structure = structure_of(scene.model, scene.parameters)
+        slides = structure.tangent is not None
+        values |= {"friction": friction_of(cell, structure, varying, count)} if slides else {}
     columns = [values[path] for path in sorted(set(values) - {"e", "alpha"})]
     columns += [values[name] if name in read else 0.0 for name in ("e", "alpha")]
     if reference is not None:

@@ -103,14 +103,14 @@ def _in_contact(by: Reduced) -> InContact:
 
 
 @lru_cache(maxsize=4096)
-def _growth(by: Reduced, alpha: float) -> Growth:
+def _growth(by: Reduced, alpha: float, friction: float) -> Growth:
     with measured(growth_part(structure_on(by))):
-        return growth(_in_contact(by), alpha)
+        return growth(_in_contact(by), alpha, friction)
 
 
 @lru_cache(maxsize=_OPERATORS_KEPT)
-def _critical_alpha(by: Reduced) -> float:
-    return critical_alpha(structure_on(by))
+def _critical_alpha(by: Reduced, friction: float) -> float:
+    return critical_alpha(structure_on(by), friction)
 
 
 def kernels_of(cell: Cell, balances: bool) -> Wanted:
@@ -118,7 +118,8 @@ def kernels_of(cell: Cell, balances: bool) -> Wanted:
     scheme, structure = schemes.load(cell.scheme.method), reduced_structure(cell)
     nodes = MOST_NODES_WITH_MATRICES + 1 if scheme.sweeps(structure) else 1
     driven = bool(cell.scene.load.harmonics or cell.scene.casing.harmonics)
-    return Wanted(cell.scheme.method, cell.scheme.options, nodes, balances, structure.has_massless_tip, driven)
+    slides = structure.tangent is not None and cell.scene.friction is not None
+    return Wanted(cell.scheme.method, cell.scheme.options, nodes, balances, structure.has_massless_tip, driven, slides)
 
 
 def compile_for(cell: Cell, balances: bool) -> None:
@@ -126,15 +127,16 @@ def compile_for(cell: Cell, balances: bool) -> None:
     compile_scheme(kernels_of(cell, balances), waiting)
 
 
-def runaway_of(cell: Cell, alpha: float) -> tuple[float, float, bool]:
-    """Return critical coupling and growth rate at ``alpha`` of the structure a cell is run on, and whether it grows.
+def runaway_of(cell: Cell, alpha: float, friction: float) -> tuple[float, float, bool]:
+    """Return critical coupling and growth rate at α and µ of the structure a cell is run on, and whether it grows.
 
     Above the critical coupling a real eigenvalue is positive for certain, however small it is beside the largest
     (1 - α G(s) is negative at 0 and 1 at infinity).
     """
     by = reduced(cell)
-    found, critical = _growth(by, alpha), _critical_alpha(by)
-    return critical, found.rate, alpha > 0 and (found.is_positive or alpha > critical * (1 + _AT_CRITICAL))
+    found, critical = _growth(by, alpha, friction), _critical_alpha(by, friction)
+    acts = alpha > 0 or friction > 0
+    return critical, found.rate, acts and (found.is_positive or alpha > critical * (1 + _AT_CRITICAL))
 
 
 def projection_residual_of(cell: Cell, cases: Cases) -> Array:

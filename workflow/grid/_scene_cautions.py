@@ -17,6 +17,7 @@ from workflow.models import (
     NoEquilibriumError,
     Sparse,
     Structure,
+    critical_friction,
     free_motion,
     quasi_static_temperature,
     rounding_of_flexibility,
@@ -80,6 +81,7 @@ def _scenes(grid: Grid) -> Iterator[str]:
             warmest = quasi_static_temperature(structure, cases, free, grid.sampling.duration)
         yield from _clear(cases, free.reach)
         yield from _hot(cases, warmest)
+        yield from _jams(structure, cases)
 
 
 def _from_files(structure: Structure, cases: Cases) -> Iterator[str]:
@@ -124,6 +126,23 @@ def _hot(cases: Cases, warmest: Array) -> Iterator[str]:
         f"temperatures {most} (alpha = {cases.alpha[hottest]:g} W/N, gap = {cases.gap[hottest]:g} m; quasi-static "
         f"estimate), beyond the {LINEAR:g} K that a linear model can mean, in {many} of {warmest.size} conditions"
     )
+
+
+def _jams(structure: Structure, cases: Cases) -> Iterator[str]:
+    """Yield friction coefficients at which the tip does not yield to the contact force."""
+    if structure.tangent is None:
+        return
+    critical, most = critical_friction(structure), float(cases.friction.max(initial=0.0))
+    if most >= critical.impact:
+        yield (
+            f"from a friction coefficient of {critical.impact:.4g} on contact has no unique solution "
+            f"(n·M⁻¹(n - µt) <= 0: an impulse pushes the tip into the casing); the largest here is {most:g}"
+        )
+    if most >= critical.standstill:
+        yield (
+            f"from a friction coefficient of {critical.standstill:.4g} on a tip in lasting contact has no stable place "
+            f"(n·K⁻¹(n - µt) <= 0): its contact force grows without bound; the largest here is {most:g}"
+        )
 
 
 def _springs(grid: Grid) -> Iterator[str]:

@@ -94,8 +94,9 @@ def _solve_distinct(grid: Grid, outer: int, inner: Indices, shaken: Shaken | Non
     compile_for(cell, grid.sampling.balances)
     results, seconds = _timed(grid, cell, cases)
     results = mark_blown_up(cell, cases, results, grid.sampling)
-    distinct, where = np.unique(cases.alpha, return_inverse=True)
-    critical, growth, runaway = np.transpose([runaway_of(cell, float(alpha)) for alpha in distinct])[:, where]
+    distinct, where = np.unique(np.stack([cases.alpha, cases.friction]), axis=1, return_inverse=True)
+    found = [runaway_of(cell, float(alpha), float(friction)) for alpha, friction in distinct.T]
+    critical, growth, runaway = np.transpose(found)[:, where.ravel()]
     values: dict[str, NDArray[Any]] = {
         **results.histories,
         **{about.name: np.full(inner.size, np.nan) for about in scheme_metrics(grid.study)},

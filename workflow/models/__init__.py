@@ -29,6 +29,7 @@ from workflow.models._harmonics import Harmonics
 from workflow.models._long_chain import frequency_range, mechanical_path, rate_range, thermal_path
 from workflow.models._modes import Modes, mechanical_modes, modal_coupling, poles, thermal_modes
 from workflow.models._runaway import critical_alpha, static_tip_growth, tip_flexibility
+from workflow.models._sliding import CriticalFriction, critical_friction, directions
 from workflow.models._sparse import MOST_REDUCED, Sparse, TooManyCoordinatesError
 from workflow.models._sparse_from_matrices import structure_from_sparse
 from workflow.models._spectrum import frequencies, rates
@@ -92,6 +93,7 @@ __all__ = [
     "Chain",
     "Coordinates",
     "CoupledDampingError",
+    "CriticalFriction",
     "FreeMotion",
     "GivenMatrices",
     "Growth",
@@ -109,6 +111,8 @@ __all__ = [
     "UnusableMatricesError",
     "couples_free_modes",
     "critical_alpha",
+    "critical_friction",
+    "directions",
     "distinct_rows",
     "fault",
     "free_damping",

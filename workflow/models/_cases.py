@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -32,6 +32,9 @@ class Cases:
         Initial temperature rises, K, shape ``(case, thermal)``; the tip is last.
     load_harmonics, casing_harmonics
         Harmonics beside F1 of the tip load, N, and of the casing's place beside d, m; none where left out.
+    friction
+        Friction coefficient µ of a structure with a direction t of sliding: the contact force acts along n - µt. 1,
+        shape ``(case,)``; 0 where left out.
     """
 
     e: Array
@@ -48,9 +51,12 @@ class Cases:
     temperature: Array
     load_harmonics: Harmonics = NO_HARMONICS
     casing_harmonics: Harmonics = NO_HARMONICS
+    friction: Array = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
-        """Give what has no harmonics a row for each case."""
+        """Give what has no harmonics, or no friction, a row for each case."""
+        if self.friction.size == 0:
+            object.__setattr__(self, "friction", np.zeros(self.count))
         for name in ("load_harmonics", "casing_harmonics"):
             if getattr(self, name).width == 0:
                 object.__setattr__(self, name, NO_HARMONICS.spread(self.count))

@@ -7,7 +7,8 @@ x_n constant and loads left out, equation (1) becomes
     τ' + μ τ = t α λ                          t = χ_n
     λ = g τ - L (η'' + a_M η')                g = -ψᵀ K12 χ,  L = φᵀ M ψ
 
-the last one being (1a) multiplied by ψᵀ. With a free root ψ strains no spring, so g is exactly zero.
+the last one being (1a) multiplied by ψᵀ. With a free root ψ strains no spring, so g is exactly zero. Friction µ along t
+adds µ φᵀt λ to the first line and divides λ by 1 - µ (ψᵀt - L φᵀt).
 """
 
 from __future__ import annotations
@@ -61,6 +62,8 @@ class ContactClosed:
     lumps: Array
     damping: Array
     drag: Array
+    slid: Array
+    """φᵀt of the interior modes, then ψᵀt: what a force along the tangent drives; empty where there is none."""
 
     @property
     def is_coupled(self) -> bool:
@@ -88,7 +91,7 @@ class ContactClosed:
             coupling=np.ascontiguousarray(self.coupling[np.ix_(modes, heats)]),
         )
 
-    def matrix(self, alpha: float) -> Array:
+    def matrix(self, alpha: float, friction: float = 0.0) -> Array:
         """Return A of X' = A X, X = [ω η, η', τ], 1/s."""
         omega2, damping, participation = self.modes
         decay, tip, static = self.heat
@@ -110,15 +113,22 @@ class ContactClosed:
         force[heat] = static
         for j in range(modes):
             force[heat] += participation[j] * self.coupling[j]
+        if friction != 0:
+            slid, along = self.slid[:-1], self.slid[-1]
+            force /= 1 - friction * (along - product(participation, slid))
+            A[speed] += friction * slid[:, None] * force
         A[heat] = alpha * tip[:, None] * force
         A[2 * modes + np.arange(heats), 2 * modes + np.arange(heats)] -= decay
         return A
 
 
-def contact_closed(structure: Structure, few: int | None = None) -> ContactClosed:
-    """Return the contact-closed system of a structure in all its modes, or in the ``few`` lowest of both kinds."""
+def contact_closed(structure: Structure, few: int | None = None, slides: bool = False) -> ContactClosed:
+    """Return the contact-closed system of a structure in all its modes, or in the ``few`` lowest of both kinds.
+
+    Friction drives rigid modes of the interior too: they are kept where the contact ``slides``.
+    """
     mechanical, thermal = held_modes(structure, few), slowest_modes(structure, few)
-    elastic = mechanical.values > 0
+    elastic = (mechanical.values > 0) | slides
     omega2, shapes = mechanical.values[elastic] ** 2, np.ascontiguousarray(mechanical.shapes[:, elastic])
     constraint, elongation = mechanical_constraint(structure)
     rayleigh = is_rayleigh(structure)
@@ -140,7 +150,14 @@ def contact_closed(structure: Structure, few: int | None = None) -> ContactClose
         lumps=_lumps(structure) if rayleigh else np.zeros((6, 0)),
         damping=np.zeros((0, 0)) if rayleigh else damping,
         drag=np.zeros(0) if rayleigh else product(shapes.T, product(structure.damping_matrix, constraint)),
+        slid=_slid(structure, shapes, constraint),
     )
+
+
+def _slid(structure: Structure, shapes: Array, constraint: Array) -> Array:
+    if structure.tangent is None:
+        return np.zeros(0)
+    return product(np.column_stack([shapes, constraint]).T, structure.tangent)
 
 
 def _lumps(structure: Structure) -> Array:

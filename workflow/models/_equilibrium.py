@@ -29,11 +29,13 @@ def _solve(matrix: Array, load: Array) -> Array | None:
     return solution if unbalanced <= _UNBALANCED * np.abs(load).max(initial=0.0) else None
 
 
-def static_equilibrium(structure: Structure, load: Array, heating: Array, gap: float) -> tuple[Array, Array]:
+def static_equilibrium(
+    structure: Structure, load: Array, heating: Array, gap: float, friction: float = 0.0
+) -> tuple[Array, Array]:
     """Return displacement and temperature at rest under constant loads, casing included.
 
-    K2 θ = q and K1 x + K12 θ = f - λ e_n with 0 <= gap - x_n ⊥ λ >= 0. The blade stands still, so
-    contact makes no heat: α does not act.
+    K2 θ = q and K1 x + K12 θ = f - λ (e_n - µ t) with 0 <= gap - x_n ⊥ λ >= 0. Contact makes no heat:
+    α does not act.
 
     Parameters
     ----------
@@ -43,6 +45,8 @@ def static_equilibrium(structure: Structure, load: Array, heating: Array, gap: f
         Constant loads [N] and heat loads [W], ``(node,)``.
     gap
         Clearance d, m.
+    friction
+        Friction coefficient µ along the structure's tangent.
 
     Returns
     -------
@@ -57,7 +61,7 @@ def static_equilibrium(structure: Structure, load: Array, heating: Array, gap: f
     if isinstance(structure, Chain):
         displacement, temperature = _long_chain.static_equilibrium(structure, load, heating, gap)
     else:
-        displacement, temperature = _by_matrices(structure, load, heating, gap)
+        displacement, temperature = _by_matrices(structure, load, heating, gap, friction)
     if temperature is None:
         raise NoEquilibriumError("the heat load cannot leave the structure, its temperature has no equilibrium")
     if displacement is None:
@@ -65,7 +69,9 @@ def static_equilibrium(structure: Structure, load: Array, heating: Array, gap: f
     return displacement, temperature
 
 
-def _by_matrices(structure: Structure, load: Array, heating: Array, gap: float) -> tuple[Array | None, Array | None]:
+def _by_matrices(
+    structure: Structure, load: Array, heating: Array, gap: float, friction: float
+) -> tuple[Array | None, Array | None]:
     """Return displacement and temperature at rest, each ``None`` where there is none."""
     temperature = _solve(structure.conductance_matrix, heating)
     if temperature is None:
@@ -82,5 +88,22 @@ def _by_matrices(structure: Structure, load: Array, heating: Array, gap: float) 
         pressed[:-1] = interior
         reaction = force[-1] - product(stiffness[-1], pressed)
         if reaction >= -_UNBALANCED * (abs(force[-1]) + product(np.abs(stiffness[-1]), np.abs(pressed))):
-            return pressed, temperature
+            return _dragged(structure, stiffness, pressed, reaction, friction), temperature
     return None, temperature
+
+
+def _dragged(structure: Structure, stiffness: Array, pressed: Array, reaction: float, friction: float) -> Array | None:
+    """Return a pressed structure that friction drags along as well, ``None`` where it has no stable place.
+
+    With y the answer to the tangent of the interior, x_i = x_i0 + µ λ y, and λ (1 - µ (t_n - K_ni y)) is the reaction
+    without friction.
+    """
+    if structure.tangent is None or friction == 0:
+        return pressed
+    moved = _solve(stiffness[:-1, :-1], structure.tangent[:-1])
+    if moved is None:
+        return None
+    yielding = 1 - friction * (structure.tangent[-1] - product(stiffness[-1, :-1], moved))
+    if yielding <= 0:
+        return None
+    return np.append(pressed[:-1] + friction * max(reaction, 0.0) / yielding * moved, pressed[-1])

@@ -61,6 +61,8 @@ class GivenMatrices:
         Constant loads [N] and heat loads [W], ``(displacement,)`` and ``(temperature,)``.
     load
         Direction along which the load acts, ``(displacement,)``; the contact's where ``None``.
+    tangent
+        Direction t in which the casing slides, ``(displacement,)``: the contact force acts along w - µt, or ``None``.
     even_rise
         Temperatures at an even rise of 1 K, ``(temperature,)``: 1 each where ``None``. Balances of heat weigh with it.
     damping, damper
@@ -79,6 +81,7 @@ class GivenMatrices:
     damping: Rayleigh = field(default_factory=Rayleigh)
     damper: Array | None = None
     load: Array | None = None
+    tangent: Array | None = None
     even_rise: Array | None = None
 
 
@@ -121,6 +124,7 @@ def structure_from_matrices(given: GivenMatrices) -> Matrices:
         damping=given.damping,
         damper=None if given.damper is None else _congruent(given.damper, basis),
         load=_elsewhere(given.load, basis),
+        tangent=None if given.tangent is None else product(basis.T, given.tangent),
         coordinates=coordinates,
     )
 
@@ -150,6 +154,7 @@ class Forms(NamedTuple):
     content: Array
     losses: Array
     tip_growth: Array
+    tangent: Array | None = None
 
 
 def structure_of_forms(forms: Forms, damping: Rayleigh) -> Matrices:
@@ -168,6 +173,7 @@ def structure_of_forms(forms: Forms, damping: Rayleigh) -> Matrices:
         grounded=_expansion(conductors, -forms.losses[:, None])[:, 0],
         damping=damping,
         tip_growth=forms.tip_growth,
+        tangent=forms.tangent,
     )
 
 

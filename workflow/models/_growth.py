@@ -97,10 +97,13 @@ class InContact:
         The contact-closed system whose characteristic function counts.
     trials
         What approximate eigenvalues are taken from.
+    sliding
+        The system with what friction drives beside, where there is a direction of it.
     """
 
     system: ContactClosed
     trials: tuple[_Trial, ...]
+    sliding: ContactClosed | None = None
 
 
 def in_contact(structure: Structure) -> InContact:
@@ -111,9 +114,10 @@ def in_contact(structure: Structure) -> InContact:
         tip = contact_closed(structure.last(_NEXT_TO_THE_TIP))
         return InContact(system, (_Trial(system, none, none, none, False), _Trial(tip, none, none, none, False)))
     system = contact_closed(structure)
+    sliding = None if structure.tangent is None else contact_closed(structure, slides=True)
     if system.is_coupled or system.poles().size <= _ALL_STATES:
-        return InContact(system, (_Trial(system, none, none, none, True),))
-    return InContact(system, (_strongest(system),))
+        return InContact(system, (_Trial(system, none, none, none, True),), sliding)
+    return InContact(system, (_strongest(system),), sliding)
 
 
 def _strongest(system: ContactClosed) -> _Trial:
@@ -130,13 +134,17 @@ def _strongest(system: ContactClosed) -> _Trial:
     return _Trial(part, orders[~others] - part.first_orders(), poles[others], orders[others], False)
 
 
-def growth(prepared: InContact, alpha: float) -> Growth:
+def growth(prepared: InContact, alpha: float, friction: float = 0.0) -> Growth:
     """Return the largest real part of the eigenvalues of the contact-closed system, 1/s; negative: all decays.
+
+    With friction along the structure's tangent all eigenvalues are computed, and none is improved.
 
     NaN where the improvement of an eigenvalue that could be the rightmost came to no end. Of chains without matrices
     it is the rightmost eigenvalue among those that its 12 lowest modes and its last 60 nodes lead to.
     """
     system = prepared.system
+    if friction != 0 and prepared.sliding is not None:
+        return _of_all(prepared.sliding, alpha, friction)
     if system.is_coupled:
         return _of_all(system, alpha)
     rigid = 0.0 if system.has_rigid else -np.inf
@@ -150,9 +158,9 @@ def growth(prepared: InContact, alpha: float) -> Growth:
     return Growth(rate if np.isnan(rate) else max(rate, rigid), max(_UNCERTAIN * largest, last))
 
 
-def _of_all(system: ContactClosed, alpha: float) -> Growth:
-    """Return the growth rate where damping couples the modes, from all eigenvalues, which are not improved."""
-    found = eigenvalues(system.matrix(alpha))
+def _of_all(system: ContactClosed, alpha: float, friction: float = 0.0) -> Growth:
+    """Return the growth rate where damping or friction couples the modes, from all eigenvalues, not improved."""
+    found = eigenvalues(system.matrix(alpha, friction))
     largest = float(magnitudes(found).max(initial=0.0))
     rate = max(float(found.real.max(initial=-np.inf)), 0.0 if system.has_rigid else -np.inf)
     return Growth(rate, _UNCERTAIN * largest)
@@ -240,6 +248,6 @@ def _improved(
     return roots[:wanted], left
 
 
-def growth_rate(structure: Structure, alpha: float) -> float:
+def growth_rate(structure: Structure, alpha: float, friction: float = 0.0) -> float:
     """Return the growth rate of a structure at ``alpha``, 1/s, see :func:`growth`."""
-    return growth(in_contact(structure), alpha).rate
+    return growth(in_contact(structure), alpha, friction).rate

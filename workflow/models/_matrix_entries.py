@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.sparse import csc_array
@@ -141,9 +141,15 @@ def in_si(entries: Entries, units: str) -> dict[str, Any]:
     return {name: value * _TO_SI[name] if name in _TO_SI else value for name, value in entries.items()}
 
 
-def given_matrices(
-    entries: Entries, contact: str | int | None, thermal_contact: str | int | None, damping: Rayleigh
-) -> GivenMatrices:
+class Chosen(NamedTuple):
+    """What a study chooses from a file: labels, indices or names of vectors; ``None`` for the file's own entry."""
+
+    contact: str | int | None = None
+    thermal_contact: str | int | None = None
+    tangent: str | int | None = None
+
+
+def given_matrices(entries: Entries, chosen: Chosen, damping: Rayleigh) -> GivenMatrices:
     """Return the matrices of checked entries in SI.
 
     Raises
@@ -160,9 +166,8 @@ def given_matrices(
     size = mass.shape[0]
     stiffness = square("stiffness", entries["stiffness"], size)
     labels = texts("labels", entries["labels"], size) if "labels" in entries else ()
-    normal = direction(contact, "contact", entries, labels, size)
-    heat = _heat(entries, labels, thermal_contact, normal)
-    _check_tangent(entries, normal)
+    normal = direction(chosen.contact, "contact", entries, labels, size)
+    heat = _heat(entries, labels, chosen.thermal_contact, normal)
     damper = square("damping", entries["damping"], size) if "damping" in entries else None
     if damper is not None and damping != Rayleigh():
         raise refuse("it has a `damping`, and the study has one too", "keep one of them")
@@ -172,20 +177,22 @@ def given_matrices(
         mass=mass,
         stiffness=stiffness,
         contact=normal,
+        tangent=_tangent(entries, labels, chosen.tangent, normal),
         damping=damping,
         steady=vector("steady", entries["steady"], size) if "steady" in entries else np.zeros(size),
         **heat,
     )
 
 
-def _check_tangent(entries: Entries, normal: Array) -> None:
-    """Check the direction of friction, which must not be that of the contact."""
-    if "tangent" not in entries:
-        return
-    tangent = _nonzero("tangent", vector("tangent", entries["tangent"], normal.size))
+def _tangent(entries: Entries, labels: Sequence[str], chosen: str | int | None, normal: Array) -> Array | None:
+    """Return the direction of friction, which must not be that of the contact; ``None`` where nobody gives one."""
+    if chosen is None and "tangent" not in entries:
+        return None
+    tangent = direction(chosen, "tangent", entries, labels, normal.size)
     along = abs(tangent @ normal) / (np.linalg.norm(tangent) * np.linalg.norm(normal))
     if along > 1 - ASYMMETRY:
         raise refuse("`tangent` is the direction of the contact", "write the direction in which the casing slides")
+    return tangent
 
 
 def has_heat(entries: Entries) -> bool:

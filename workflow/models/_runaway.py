@@ -10,6 +10,7 @@ from workflow.models import _long_chain
 from workflow.models._chain import Chain
 from workflow.models._dense import product
 from workflow.models._modes import mechanical_modes, thermal_modes
+from workflow.models._sliding import static_share
 from workflow.models._sparse import Sparse
 from workflow.models._structure import Matrices, Structure
 
@@ -53,13 +54,16 @@ def static_tip_growth(structure: Structure) -> Array:
     return -product(product(modes.shapes[:, elastic], weights), structure.coupling_matrix)
 
 
-def critical_alpha(structure: Structure) -> float:
-    """Return α_c = S/β above which a tip in permanent contact runs away, m/s.
+def critical_alpha(structure: Structure, friction: float = 0.0) -> float:
+    """Return α_c = S/β above which a tip in permanent contact runs away, m/s; 0 where it has no stable place there.
 
-    S = e_nᵀ K1⁻¹ e_n and β = -e_nᵀ K1⁻¹ K12 K2⁻¹ e_n. Ranks decide, nothing is inverted blindly:
-    ``inf`` where the root is free or heat at the tip does not push it out (β <= 0), 0 where heat
-    that stays in the structure (K2 singular) pushes the tip out.
+    S = e_nᵀ K1⁻¹ (e_n - µ t), see :mod:`workflow.models._sliding`, and β = -e_nᵀ K1⁻¹ K12 K2⁻¹ e_n. Ranks decide,
+    nothing is inverted blindly: ``inf`` where the root is free or heat at the tip does not push it out (β <= 0), 0
+    where heat that stays in the structure (K2 singular) pushes the tip out.
     """
+    if friction != 0:
+        yields = 1 - friction * static_share(structure)
+        return critical_alpha(structure) * yields if yields > 0 else 0.0
     if isinstance(structure, Chain):
         return _long_chain.critical_alpha(structure)
     if isinstance(structure, Sparse):

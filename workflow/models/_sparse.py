@@ -50,6 +50,8 @@ class Sparse(Structure):
         K12, N/K, ``(mechanical, thermal)``.
     damping
         Of the modes, or by Rayleigh's coefficients.
+    tangent
+        Direction in which the casing slides, ``(mechanical,)``; ``None`` for none.
     coordinates
         Coordinates that loads and initial states are given in.
     """
@@ -58,6 +60,7 @@ class Sparse(Structure):
     thermal: SparsePair
     coupling: csc_array
     damping: Rayleigh = field(default_factory=Rayleigh)
+    tangent: Array | None = None
     coordinates: Coordinates | None = None
 
     @property
@@ -93,6 +96,7 @@ class Sparse(Structure):
             content=self.content,
             losses=self.loss_row,
             tip_growth=self.tip_growth,
+            tangent=self.tangent,
         )
         return replace(structure_of_forms(forms, self.damping), coordinates=self.coordinates)
 

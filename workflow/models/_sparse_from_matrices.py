@@ -95,6 +95,7 @@ def _sparse_structure(given: GivenMatrices) -> Sparse:
         thermal=thermal,
         coupling=csc_array(basis.T @ csc_array(given.coupling) @ heat_basis),
         damping=given.damping,
+        tangent=None if given.tangent is None else np.asarray(basis.T @ given.tangent),
         coordinates=Coordinates(basis, taken, heat_basis, heat_taken, given.steady, given.heating),
     )
 

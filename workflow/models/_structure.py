@@ -105,6 +105,9 @@ class Structure:
         Direction b along which the load F0 + F1 sin(2π f t + φ) acts, shape (mechanical,); ``None`` for the tip, e_n.
     damper
         What C1 has beside that, shape (mechanical, mechanical), N s/m; ``None`` for nothing.
+    tangent
+        Direction t in which the casing slides, shape (mechanical,): a contact force λ acts on the structure as
+        -λ (e_n - µ t); ``None`` for none.
     heat_capacity
         C2, shape (thermal, thermal), J/K.
     conductors
@@ -133,6 +136,7 @@ class Structure:
     damping: Rayleigh
     load: Array | None = None
     damper: Array | None = None
+    tangent: Array | None = None
     coordinates: Coordinates | None = None
 
     @property
@@ -256,6 +260,7 @@ class Matrices(Structure):
     """Quasi-static tip displacement per temperature, m/K, ``(thermal,)``, where it is known from a fuller structure."""
     load: Array | None = None
     damper: Array | None = None
+    tangent: Array | None = None
     coordinates: Coordinates | None = None
     """Coordinates that cases are given in, where they are not its own."""
 

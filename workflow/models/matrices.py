@@ -10,7 +10,7 @@ from typing import Literal
 from workflow.declare import File, file, label
 from workflow.models._dense import MOST_PORTABLE
 from workflow.models._from_matrices import structure_from_matrices
-from workflow.models._matrix_entries import given_matrices, in_si
+from workflow.models._matrix_entries import Chosen, given_matrices, in_si
 from workflow.models._matrix_files import files_of, read_entries
 from workflow.models._shaken_entries import shaken
 from workflow.models._sparse import Sparse
@@ -36,6 +36,13 @@ class Parameters:
         "temperature that takes the contact heat, or the name of a vector of shares; the file's where left out",
         default=None,
     )
+    tangent: str | int | None = label(
+        "direction in which the casing slides, by the label or index of a degree of freedom or the name of a vector in "
+        "the file: with `friction.coefficient` µ the contact force acts along contact - µ tangent; the file's where "
+        "left out",
+        default=None,
+        later=True,
+    )
     units: Literal["SI", "mm-t-s"] = "SI"
     damping: Rayleigh = field(default_factory=Rayleigh)
 
@@ -57,6 +64,7 @@ def _assembled(parameters: Parameters, place: str) -> Matrices | Sparse:
     entries = in_si(read_entries(Path(place)), parameters.units)
     if parameters.file.shaken != 0:
         entries = shaken(entries, parameters.file.shaken)
-    given = given_matrices(entries, parameters.contact, parameters.thermal_contact, parameters.damping)
+    chosen = Chosen(parameters.contact, parameters.thermal_contact, parameters.tangent)
+    given = given_matrices(entries, chosen, parameters.damping)
     large = max(given.mass.shape[0], given.heat_capacity.shape[0]) > MOST_PORTABLE
     return structure_from_sparse(given) if large else structure_from_matrices(given)

@@ -14,6 +14,7 @@ from workflow import registry
 from workflow.models import Array, Chain, Structure
 from workflow.models._sparse import MOST_REDUCED, Sparse, TooManyCoordinatesError
 from workflow.models._tip_held import MOST_ONE_BY_ONE
+from workflow.reduction._friction import with_friction
 from workflow.reduction._reduction import (
     NOTHING,
     Known,
@@ -93,7 +94,7 @@ def reduce_structure(
         The full structure, or a reduced one.
     mechanical_modes, thermal_modes
         Vectors kept beside the tip's own, at most ``size - 1`` each; ``None`` leaves displacements or
-        temperatures as they are.
+        temperatures as they are. Of a structure with a direction of friction a vector of its own is added.
     basis
         Name of the basis, one of :func:`names`.
     known
@@ -127,6 +128,8 @@ def reduce_structure(
         else chosen.thermal(structure, thermal_modes, known)
     )
     carried = None
+    if structure.tangent is not None and mechanical_modes is not None:
+        mechanical = with_friction(structure, structure.tangent, mechanical)
     if chosen.carried is not None and mechanical_modes is not None:
         carried = chosen.carried(structure, mechanical, thermal)
     return galerkin(structure, mechanical, thermal, carried)

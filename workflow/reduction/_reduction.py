@@ -148,6 +148,11 @@ def _mass(structure: Structure, mechanical: Vectors) -> Array:
     return product(mechanical.shapes.T, structure.inertia_forces(mechanical.shapes))
 
 
+def _along(structure: Structure, shapes: Array) -> Array | None:
+    """Return Xᵀt of the direction of friction, ``None`` where there is none."""
+    return None if structure.tangent is None else product(shapes.T, structure.tangent)
+
+
 def quadratic_forms(structure: Sparse, mechanical: Vectors, thermal: Vectors, carried: Array | None) -> Matrices:
     """Return Xᵀ M X, Xᵀ K1 X, Xᵀ (K12 Θ + K1 Γ), Θᵀ C2 Θ and Θᵀ K2 Θ as a structure."""
     x, theta = mechanical.shapes, thermal.shapes
@@ -163,6 +168,7 @@ def quadratic_forms(structure: Sparse, mechanical: Vectors, thermal: Vectors, ca
         content=product(structure.content, theta),
         losses=product(structure.loss_row, theta),
         tip_growth=product(static_tip_growth(structure), theta),
+        tangent=_along(structure, x),
     )
     return structure_of_forms(forms, structure.damping)
 
@@ -202,6 +208,7 @@ def galerkin(structure: Structure, mechanical: Vectors, thermal: Vectors, carrie
         damping=structure.damping,
         load=None if structure.load is None else product(x.T, structure.load),
         damper=None if structure.damper is None else product(x.T, product(structure.damper, x)),
+        tangent=_along(structure, x),
         tip_growth=product(static_tip_growth(structure), theta),
     )
     return Reduction(reduced, x, theta, mechanical.projection, thermal.projection, carried)

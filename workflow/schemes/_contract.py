@@ -20,13 +20,15 @@ class ContractError(ValueError):
 
 
 def refuse(scheme: Scheme, cases: Cases) -> None:
-    """Raise where a scheme does not take the harmonics of some cases, before it gives wrong results for them.
+    """Raise where a scheme does not take the harmonics or the friction of some cases, before it gives wrong results.
 
     Raises
     ------
     ContractError
-        Their load or their casing has harmonics that the scheme would not see.
+        Their load or their casing has harmonics that the scheme would not see, or their casing slides.
     """
+    if cases.friction.any() and "friction" not in scheme.GENERAL:
+        raise ContractError("the scheme does not take friction along the direction in which the casing slides")
     reason = scheme.cannot_take(cases.load_harmonics.width > 0, cases.casing_harmonics.width > 0)
     if reason is not None:
         raise ContractError(f"the scheme {reason}")

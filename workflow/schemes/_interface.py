@@ -246,7 +246,7 @@ class Scheme:
         that does not say cannot.
     GENERAL
         What it takes beside the common: ``damping`` by a matrix that couples modes, a ``load`` elsewhere than on the
-        tip.
+        tip, ``friction`` along the direction in which the casing slides (``Cases.friction``, ``Structure.tangent``).
     about
         One line on the scheme; the first paragraph of the module's docstring where it does not say.
     """

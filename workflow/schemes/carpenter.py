@@ -3,7 +3,7 @@
 Carpenter, Taylor, Katona, IJNME 32 (1991) 103–128. The multiplier λ_k of the step at t_k is the least
 that keeps x_n,k+1 <= d, on a casing that moves d_k+1, its impulse p_k = hλ_k:
 
-    p_k = max(0, (x_n,k - d_k+1)/h + w_free) / W,   W = e_nᵀ (M + h/2 C1)⁻¹ e_n,
+    p_k = max(0, (x_n,k - d_k+1)/h + w_free) / W,   W = e_nᵀ (M + h/2 C1)⁻¹ (e_n - µ t),
 
 with w_free the tip's velocity from t_k to t_k+1 without contact. There is no restitution
 coefficient: a single mass reaches the casing in one step, loses its velocity in the next and leaves
@@ -20,7 +20,7 @@ import numpy as np
 from workflow.kernels.lanes import WIDE
 from workflow.models import Array, Cases, Structure
 from workflow.schemes._fixed import central_march, outcome
-from workflow.schemes._fixed.central import NEEDS_MASS, Differences, Linear, Operator, delassus, operator
+from workflow.schemes._fixed.central import NEEDS_MASS, Differences, Linear, Operator, divisor, operator
 from workflow.schemes._fixed.costs import central_cost
 from workflow.schemes._fixed.decoupled import decouple
 from workflow.schemes._interface import Results, Sampling
@@ -28,6 +28,8 @@ from workflow.schemes._interface import Results, Sampling
 METRICS = outcome.METRICS
 
 READS = frozenset({"h", "alpha"})
+
+GENERAL = frozenset({"friction"})
 
 HARMONICS = frozenset({"load", "casing"})
 
@@ -57,10 +59,13 @@ class Options:
 
 def init(structure: Structure, h: float, options: Options) -> Operator:
     """Diagonalise the structure once for a batch."""
-    modal, differences = decouple(structure), options.differences
-    w = delassus(modal, h, differences)
-    law = Linear(1 / (h * w), before=0.0, free=1 / w, threshold=-np.inf, holds=True, stiffness=0.0)
-    return operator(structure, float(h), differences, modal, law)
+    h = float(h)
+
+    def law(w: Array | float) -> Linear:
+        by, doubt = divisor(w)
+        return Linear(1 / (h * by), 0.0, 1 / by, -np.inf, holds=True, stiffness=0.0, mobility=w, doubt=doubt)
+
+    return operator(structure, h, options.differences, decouple(structure), law, "W")
 
 
 def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:

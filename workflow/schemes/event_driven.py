@@ -30,7 +30,7 @@ from workflow.schemes._exact.outcome import Budget
 from workflow.schemes._interface import Results, Sampling, Workload
 
 READS = frozenset({"e", "alpha"})
-GENERAL = frozenset({"load"})
+GENERAL = frozenset({"friction", "load"})
 
 HARMONICS = frozenset({"load", "casing"})
 

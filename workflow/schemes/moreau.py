@@ -3,8 +3,8 @@
     Ŵ (v_free - v_k) = h (f_θ - C1 v_k - K1 (x_k + hθ v_k) - K12 (θ_k + θ δθ)),   Ŵ = M + hθC1 + h²θ²K1
     T̂ δθ = h (q - K2 θ_k) + α p e_n,   T̂ = C2 + hθK2
     p = max(0, (v_free,n + e v_n,k) / W)  where x_n,k + h/2 v_n,k >= d,  else 0
-    W = e_nᵀ Ŵ⁻¹ (e_n + α hθ K12 T̂⁻¹ e_n)
-    v_k+1 = v_free - Ŵ⁻¹ e_n p,   x_k+1 = x_k + h (θ v_k+1 + (1-θ) v_k)
+    W = e_nᵀ Ŵ⁻¹ (e_n - µ t + α hθ K12 T̂⁻¹ e_n)
+    v_k+1 = v_free - Ŵ⁻¹ (e_n - µ t) p,   x_k+1 = x_k + h (θ v_k+1 + (1-θ) v_k)
 
 with v_free,n the tip's velocity without contact. Acary & Brogliato (2008), chapters 8 and 10; θ = 1 is the implicit
 Euler scheme of Thorin, Guérin and Legrand. A tip that its reduction leaves without mass has no impacts: contact is a
@@ -68,7 +68,7 @@ from workflow.schemes._sweep.balance import Account
 from workflow.schemes._sweep.march import march_nodes, sweep
 
 READS = frozenset({"e", "h", "alpha"})
-GENERAL = frozenset({"damping", "load"})
+GENERAL = frozenset({"damping", "friction", "load"})
 
 HARMONICS = frozenset({"load", "casing"})
 TOGETHER = WIDE
@@ -156,7 +156,7 @@ def init(structure: Structure, h: float, options: Options) -> Operator | dense.D
 def _run(operator: Operator, cases: Cases, sampling: Sampling, heated: bool) -> Results:
     """Step cases that all carry thermal states, or that all carry none."""
     h, theta, motion = operator.h, operator.theta, operator.motion
-    w = delassus(motion, h, theta, cases.alpha)
+    w = delassus(motion, h, theta, cases.alpha, cases.friction)
     law = Prox(cases.e, np.where(w <= 0, np.nan, 1 / np.where(w <= 0, 1.0, w)))
     if isinstance(motion, sweeps.Swept):
         ended = sweep(_march_nodes, operator, law, cases, sampling, heated)
@@ -165,7 +165,7 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling, heated: bool) -> 
         ended = step_modes(march_without_mass, operator, modal, by_place, cases, sampling)
     else:
         ended = step_modes(_march, operator, motion if heated else motion.without_heat(), law, cases, sampling)
-    contact = Contact(lambda step, alpha: delassus(motion, step, theta, alpha), "W")
+    contact = Contact(lambda step, alpha, slid: delassus(motion, step, theta, alpha, slid), "W")
     status, messages = judge(operator, contact, cases, sampling.duration, ended.finite)
     return collect(ended.watched, ended.closing, status, messages, ended.balances)
 

@@ -6,7 +6,8 @@
 (:mod:`workflow.schemes._fixed.central`); with the tip in contact ω_max is that of the structure with κ at its
 tip, which grows with κ. λ_k is linear in the tip's motion, its impulse hλ_k
 
-    p_k = max(0, s κ (x_n,k - d) + s c/2 (w_k-½ + w_free)),   s = h / (1 + hcW/2),   W = e_nᵀ (M + h/2 C1)⁻¹ e_n,
+    p_k = max(0, s κ (x_n,k - d) + s c/2 (w_k-½ + w_free)),   s = h / (1 + hcW/2)
+    W = e_nᵀ (M + h/2 C1)⁻¹ (e_n - µ t),
 
 with w_k-½ the tip's velocity in the step before and w_free that in the step from t_k on without contact.
 ``implicit`` is the θ-method with λ at the step's end (:mod:`workflow.schemes._fixed.spring`). There is no
@@ -24,7 +25,7 @@ from workflow.kernels.lanes import WIDE
 from workflow.kernels.sums import total
 from workflow.models import Array, Cases, Structure
 from workflow.schemes._fixed import central_march, outcome, spring, spring_limits, theta_method
-from workflow.schemes._fixed.central import NEEDS_MASS, Differences, Linear, delassus, operator
+from workflow.schemes._fixed.central import NEEDS_MASS, Differences, Linear, delassus, divisor, operator
 from workflow.schemes._fixed.central import Operator as CentralOperator
 from workflow.schemes._fixed.costs import central_cost
 from workflow.schemes._fixed.decoupled import Decoupled, decouple
@@ -34,6 +35,8 @@ from workflow.schemes._interface import Results, Sampling
 METRICS = outcome.METRICS
 
 READS = frozenset({"h", "alpha"})
+
+GENERAL = frozenset({"friction"})
 
 HARMONICS = frozenset({"load", "casing"})
 
@@ -120,9 +123,13 @@ def init(structure: Structure, h: float, options: Options) -> CentralOperator | 
     stiffness, damping = contact_stiffness(modal, options), float(options.damping)
     if options.integration == "implicit":
         return SpringOperator(structure, float(h), float(options.theta), modal, stiffness, damping)
-    share = h / (1 + 0.5 * h * damping * delassus(modal, h, _CENTRAL))
-    law = Linear(stiffness * share, 0.5 * damping * share, 0.5 * damping * share, 0.0, False, stiffness)
-    return operator(structure, float(h), _CENTRAL, modal, law)
+
+    def law(w: Array | float) -> Linear:
+        by, doubt = divisor(1 + 0.5 * h * damping * w)
+        share = h / by
+        return Linear(stiffness * share, 0.5 * damping * share, 0.5 * damping * share, 0.0, False, stiffness, w, doubt)
+
+    return operator(structure, float(h), _CENTRAL, modal, law, "1 + hcW/2")
 
 
 def compute(operator: CentralOperator | SpringOperator, cases: Cases, sampling: Sampling) -> Results:

@@ -76,7 +76,7 @@ class _Batch:
         self.balance = EnergyBalance(operator.structure, basis) if sampling.balances else None
         self.regimes = HeldRegimes(basis.held)
         self.stiff = _taylor_steps(operator.free.block, sampling.duration) > operator.budget.steps
-        self.held: tuple[float, Layout, bool] | None = None
+        self.held: tuple[tuple[float, float], Layout, bool] | None = None
         self.memory: dict[tuple[int, int, bool, int, bool], Memory] = {}
         self.histories = np.full((count, len(HISTORIES), sampling.count), np.nan)
         self.period_values = np.full((count, 3, int(self.periods.max(initial=0))), np.nan)
@@ -89,17 +89,17 @@ class _Batch:
         if not self.finite[i]:
             return
         try:
-            held, stiff = self._held(float(self.cases.alpha[i]))
+            held, stiff = self._held(float(self.cases.alpha[i]), float(self.cases.friction[i]))
             self.ended[i] = outcome.STIFF if stiff else self._march(i, held)
         except np.linalg.LinAlgError:
             self.ended[i] = outcome.NO_SPECTRUM
 
-    def _held(self, alpha: float) -> tuple[Layout, bool]:
-        """Return the held regime at α, and whether a Taylor series would take more steps than the budget."""
-        if self.held is None or self.held[0] != alpha:
-            held = self.regimes.at(alpha)
+    def _held(self, alpha: float, friction: float) -> tuple[Layout, bool]:
+        """Return the held regime at α and µ, and whether a Taylor series would take more steps than the budget."""
+        if self.held is None or self.held[0] != (alpha, friction):
+            held = self.regimes.at(alpha, friction)
             stiff = _taylor_steps(held.block, self.sampling.duration) > self.operator.budget.steps
-            self.held = alpha, held, stiff or self.stiff
+            self.held = (alpha, friction), held, stiff or self.stiff
         return self.held[1:]
 
     def _memory(self, regime: Layout, heated: bool, waves: int) -> Memory:
@@ -112,8 +112,9 @@ class _Batch:
     def _march(self, i: int, held: Layout) -> int:
         """March case ``i`` and return how it ended."""
         cases, basis, balance = self.cases, self.operator.basis, self.balance
-        heated = bool(cases.alpha[i] != 0 or cases.heating[i].any() or cases.temperature[i].any())
-        heats, alpha = basis.heat_tip.size if heated else 0, float(cases.alpha[i])
+        alpha, friction = float(cases.alpha[i]), float(cases.friction[i])
+        heated = bool(alpha != 0 or friction != 0 or cases.heating[i].any() or cases.temperature[i].any())
+        heats = basis.heat_tip.size if heated else 0
         load = load_of(cases, i, self.sampling.duration)
         modal = self.modal[i, : 2 * basis.tip.size + heats]
         tip, operator = tip_of(cases, i, basis, load), self.operator
@@ -125,19 +126,20 @@ class _Batch:
         while True:
             self.tally[i] = np.zeros((), dtype=TALLY)
             record = Record(self.times, ends, self.histories[i], self.period_values[i], self.tally[i])
-            log = empty_log() if balance is None else balance.log(alpha, case.modal.size, phases)
+            log = empty_log() if balance is None else balance.log((alpha, friction), case.modal.size, phases)
             ended = int(march(free, held, case, record, *memories, log))
             if ended != outcome.LOG_FULL:
                 break
             phases *= 8
         if balance is not None and ended == outcome.COMPLETED:
             impulse = float(self.histories[i, 3, -1])
-            self.residuals[i] = balance.residuals(log, self.tally[i], modal, load, alpha, impulse)
+            self.residuals[i] = balance.residuals(log, self.tally[i], modal, load, (alpha, friction), impulse)
         return ended
 
     def results(self) -> Results:
         """Return the results of the batch."""
         status = np.where(self.ended == outcome.COMPLETED, Status.OK, Status.FAILED).astype(np.int8)
+        status[self.ended == outcome.NO_IMPACT_LAW] = Status.ILL_POSED
         histories = {name: self.histories[:, k].copy() for k, name in enumerate(HISTORIES)}
         share = self.period_values[:, 2] * self.frequency[:, None]
         return Results(

@@ -116,27 +116,30 @@ class EnergyBalance:
         self._heat_shapes = shapes
         self._known: dict[tuple[Any, ...], _Regime] = {}
 
-    def log(self, alpha: float, states: int, phases: int) -> Log:
-        """Return an empty log of a case with so many modal states, for so many phases."""
+    def log(self, law: tuple[float, float], states: int, phases: int) -> Log:
+        """Return an empty log of a case with α and µ and so many modal states, for so many phases."""
         return Log(
             stiffness=self._basis.free.frequency**2,
             begun=np.zeros(phases),
             held=np.zeros(phases, dtype=np.bool_),
             state=np.zeros((phases, states)),
             final=np.zeros(states),
-            reduced=alpha != 0 and linked(self._basis.held).frequency.size < self._basis.held.frequency.size,
+            reduced=any(law) and linked(self._basis.held).frequency.size < self._basis.held.frequency.size,
         )
 
     def residuals(
-        self, log: Log, tally: Any, modal: Array, load: Load, alpha: float, impulse: float
+        self, log: Log, tally: Any, modal: Array, load: Load, law: tuple[float, float], impulse: float
     ) -> tuple[float, float]:
-        """Return the energy and the heat residual of a case that completed; ``modal`` is its initial [y, y', τ]."""
-        count, modes = int(tally["phases"]), self._basis.tip.size
+        """Return the energy and the heat residual of a case that completed; ``modal`` is its initial [y, y', τ].
+
+        ``law`` is α and µ.
+        """
+        alpha, count, modes = law[0], int(tally["phases"]), self._basis.tip.size
         heats = modal.size - 2 * modes
         begun, held = log.begun[:count], log.held[:count]
         span = np.diff(begun, append=load.duration)
         spent = lost = turnover = 0.0
-        for which, key in ((~held, None), (held, alpha)):
+        for which, key in ((~held, None), (held, law)):
             which = which & (span > 0)
             if modal.size and which.any():
                 form = _form(self._regime(key, heats > 0), load)
@@ -155,17 +158,17 @@ class EnergyBalance:
         turnover += alpha * impulse + abs(heating) + dot(np.abs(self._content), np.abs(before))
         return energy, change / turnover if turnover != 0 else 0.0
 
-    def _regime(self, alpha: float | None, heated: bool) -> _Regime:
-        """Return the free regime (``None``) or the held one for an α."""
-        key = (alpha, heated)
+    def _regime(self, law: tuple[float, float] | None, heated: bool) -> _Regime:
+        """Return the free regime (``None``) or the held one for α and µ."""
+        key, (alpha, friction) = (law, heated), law or (0.0, 0.0)
         if key not in self._known:
-            system = self._basis.free if alpha is None else self._basis.held
-            system = linked(system) if alpha else system
+            system = self._basis.free if law is None else self._basis.held.sliding(friction)
+            system = linked(system) if any(law or ()) else system
             system = system if heated else system.without_heat()
-            A, row, source = state_space(system, alpha or 0.0)
+            A, row, source = state_space(system, alpha)
             entry = _from_modal(system)
             loss = np.concatenate([np.zeros(2 * system.frequency.size), self._loss[: system.rate.size]])
-            self._known[key] = _Regime(system, A, source, entry, row, loss, _poles(A, system, alpha or 0.0))
+            self._known[key] = _Regime(system, A, source, entry, row, loss, _poles(A, system, alpha))
         return self._known[key]
 
 
@@ -192,8 +195,12 @@ def _form(regime: _Regime, load: Load) -> Form:
     damping = regime.system.damping
     power[v, v] = damping if regime.system.is_coupled else np.diag(damping)
     power[v, 2 * modes : size] = regime.system.coupling
-    power[v, size] = -(product(B[v, : load.steady.size], load.steady) + B[v, -4] * load.mean)
-    power[v, size + 2 :: 2] = -np.outer(B[v, -4], waves[:, wave.LOAD])
+    pushes, pushed = B[v], regime.system.pushed
+    if pushed is not None:
+        pushes = pushes - np.outer(pushed, signal_inputs(regime.system))
+        power[v] -= np.outer(pushed, _force(regime, load, waves))
+    power[v, size] -= product(pushes[:, : load.steady.size], load.steady) + pushes[:, -4] * load.mean
+    power[v, size + 2 :: 2] -= np.outer(pushes[:, -4], waves[:, wave.LOAD])
     moved = _casing_power(regime, load, waves)
     responses = _responses(regime.poles, whole[:size], load, waves)
     eigen = None if responses is None else _eigen_form((power[v] / 2, moved), regime, responses, load, waves)
@@ -228,13 +235,18 @@ def _casing_power(regime: _Regime, load: Load, waves: Array) -> tuple[Array, Arr
     if not system.dragged.any():
         return speed, force
     speed[size + 1 :: 2] = waves[:, wave.OMEGA] * waves[:, wave.CASING]
-    force[:size], force[size:] = regime.row, _driven(signal_inputs(system)[None], load, waves)[0]
+    force[:] = (1.0 - system.leaning) * _force(regime, load, waves)
     force[modes : 2 * modes] -= 2 * system.gap_source[:, 1]
     force[2 * modes : size] += system.dragged_coupling
     pushed = dot(system.dragged, system.load)
     force[size] -= dot(system.dragged, load.steady) + pushed * load.mean
     force[size + 2 :: 2] -= pushed * waves[:, wave.LOAD]
     return speed, force + system.dragged_damping * speed
+
+
+def _force(regime: _Regime, load: Load, waves: Array) -> Array:
+    """Return the contact force of a held tip per Y, ``(Y,)``."""
+    return np.concatenate([regime.row, _driven(signal_inputs(regime.system)[None], load, waves)[0]])
 
 
 def _columns(poles: _Poles, responses: Complex) -> Complex:

@@ -15,7 +15,7 @@ from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
 from workflow.schemes._exact.layout import Load
 from workflow.schemes._exact.motion import Motion, copy_state, strike
 from workflow.schemes._exact.outcome import Budget
-from workflow.schemes._exact.passage import Motions, casing, enter_contact
+from workflow.schemes._exact.passage import Motions, casing, enter_contact, fill_modal
 
 
 class Thresholds(NamedTuple):
@@ -38,11 +38,15 @@ class Tip(NamedTuple):
     alpha: float
     """α, W/N."""
     mobility: float
-    """e_nᵀ M⁻¹ e_n, 1/kg: the Delassus operator of an impact."""
+    """e_nᵀ M⁻¹ (e_n - µ t), 1/kg: the Delassus operator of an impact."""
     warming: float
     """e_nᵀ C2⁻¹ e_n, K/J."""
     shape: Array
     """φ_n, ``(mode,)``, 1/√kg."""
+    struck: Array
+    """φᵀ(e_n - µ t), by which an impulse moves the modes, ``(mode,)``, 1/√kg."""
+    aside: Array
+    """µ φᵀt, ``(mode,)``, 1/√kg; of no size without friction along t."""
     distance: float
     """d(0) - x_n(0), m."""
     speed: float
@@ -73,12 +77,13 @@ than the threshold, 1e-7 of the displacement scale: the message of the case says
 def impact(motions: Motions, case: Case, tally: Any) -> tuple[bool, float]:
     """Strike the free tip with the speed ``tally.speed`` of approach; return whether it stays in contact, since when.
 
-    The energy that the impulse takes is p (v⁻ + v⁺)/2, v = d' - g'.
+    The energy that the impulse takes is p (v⁻ + v⁺)/2, v = d' - g', less p µ tᵀ(x'⁻ + x'⁺)/2 that friction gives.
     """
     tip, free, speed = case.tip, motions.free, tally.speed
     p = (1.0 + tip.e) * speed / tip.mobility
     tally.max_speed = max(tally.max_speed, speed)
-    strike(free.r, tip.shape, free.now, p, tip.alpha * p)
+    sliding = _slip(motions, tip, tally.time) if tip.aside.size > 0 else 0.0
+    strike(free.r, tip.struck, free.now, p, tip.alpha * p)
     expand(free.r, free.now, tally.time, free.x)
     stays, since = speed <= 0.0 or tip.e == 0.0, tally.time
     if not stays:
@@ -90,7 +95,28 @@ def impact(motions: Motions, case: Case, tally: Any) -> tuple[bool, float]:
         tally.impulse += p
         _, casing_speed = casing(motions, tally.time)
         tally.spent += p * (speed - 0.5 * p * tip.mobility + casing_speed)
+        if tip.aside.size > 0:
+            tally.spent -= p * (sliding - 0.5 * p * _slipped(tip))
     return stays, since
+
+
+@rare
+def _slip(motions: Motions, tip: Tip, t: float) -> float:
+    """Return µ tᵀv of the free structure, m/s."""
+    fill_modal(motions, False, t)
+    slip, modes = 0.0, motions.free.r.blocks
+    for k in range(modes):
+        slip += tip.aside[k] * motions.free.coordinates[modes + k]
+    return slip
+
+
+@rare
+def _slipped(tip: Tip) -> float:
+    """Return by how much a unit impulse lowers it, 1/kg."""
+    slipped = 0.0
+    for k in range(tip.aside.size):
+        slipped += tip.aside[k] * tip.struck[k]
+    return slipped
 
 
 @rare
@@ -116,10 +142,10 @@ def _end_of_bounces(motions: Motions, case: Case, tally: Any) -> float:
         return np.nan
     copy_state(free.now, free.between)
     stop = tip.e * speed / tip.mobility
-    strike(free.r, tip.shape, free.now, -stop, -tip.alpha * stop)
+    strike(free.r, tip.struck, free.now, -stop, -tip.alpha * stop)
     end, leaving, count = np.nan, 0.0, 0.0
     if enter_contact(motions, thresholds.force, tally.time) == 0:
-        drag = _drag(free, tip.shape)
+        drag = _drag(free, tip)
         bounces = Bounces(tip.e, tip.mobility, drag, 4.0 * max(height, most), case.load.duration)
         end, leaving, count = settle(motions.held, tally.time, tip.e * speed, bounces)
     if height < most and np.isfinite(end):
@@ -135,10 +161,10 @@ def _end_of_bounces(motions: Motions, case: Case, tally: Any) -> float:
 
 
 @rare
-def _drag(free: Motion, shape: Array) -> float:
+def _drag(free: Motion, tip: Tip) -> float:
     """Return γ of :mod:`workflow.schemes._exact.accumulation`, 1/s: damping in the direction of an impulse."""
     damped, total = 0.0, 0.0
     for k in range(free.r.blocks):
-        damped += free.r.block[block.DAMPING, k] * shape[k] * shape[k]
-        total += shape[k] * shape[k]
+        damped += free.r.block[block.DAMPING, k] * tip.shape[k] * tip.struck[k]
+        total += tip.shape[k] * tip.struck[k]
     return damped / total

@@ -52,6 +52,9 @@ def march(
     ended, event, start, seen = _begin(motions, case, record, log)
     while ended == outcome.RUNNING:
         if event:
+            if case.tip.mobility <= 0.0:
+                ended = outcome.NO_IMPACT_LAW
+                break
             tally.events += 1
             if tally.events > case.budget.events:
                 ended = outcome.OUT_OF_EVENTS

@@ -87,11 +87,37 @@ class ModalSystem:
     """y per z, ``(free mode, mode)``."""
     to_free_gap: Array
     """… and per gap, ``(free mode,)``."""
+    tangent: Array | None = None
+    """Direction t of friction on a held tip, ``(mechanical,)``; ``None`` for none."""
+    pushed: Array | None = None
+    """Forces on z'' per λ, µ φᵀt, ``(mode,)``; ``None`` without friction along t."""
+    leaning: float = 0.0
+    """µ sᵀt."""
 
     @property
     def is_coupled(self) -> bool:
         """Whether damping may couple the modes."""
         return self.damping.ndim == 2
+
+    def sliding(self, friction: float) -> ModalSystem:
+        """Return the system of a held tip with friction µ along t.
+
+        Friction is a load µ λ t beside the others: λ (1 - µ signal_steady · t) is what λ is without it.
+        """
+        if friction == 0 or self.tangent is None:
+            return self
+        yields = 1.0 - friction * dot(self.signal_steady, self.tangent)
+        return replace(
+            self,
+            reaction=self.reaction / yields,
+            reaction_slope=self.reaction_slope / yields,
+            thermal_reaction=self.thermal_reaction / yields,
+            signal_steady=self.signal_steady / yields,
+            signal_tip=self.signal_tip / yields,
+            signal_gap=self.signal_gap / yields,
+            pushed=friction * product(self.shapes.T, self.tangent[: self.shapes.shape[0]]),
+            leaning=friction * dot(self.dragged, self.tangent),
+        )
 
     def without_heat(self) -> ModalSystem:
         """Return the system without its thermal modes."""
@@ -116,12 +142,16 @@ class Basis:
     """χᵀ C2."""
     tip: Array
     """φ_n, ``(mode,)``, 1/√kg."""
+    along: Array
+    """φᵀt of the direction of friction, ``(mode,)``, 1/√kg; 0 where there is none."""
     heat_tip: Array
     """χ_n, ``(thermal mode,)``, 1/√(J/K)."""
     closing: Array
     """Quasi-static tip growth per τ, m, ``(thermal mode,)``."""
     mobility: float
     """Delassus operator of an impact, e_nᵀ M⁻¹ e_n, 1/kg."""
+    aside: float
+    """e_nᵀ M⁻¹ t, 1/kg, by which it falls per friction coefficient."""
     warming: float
     """e_nᵀ C2⁻¹ e_n, K/J."""
     free: ModalSystem
@@ -131,13 +161,18 @@ class Basis:
 def analyse(structure: Structure) -> Basis:
     """Diagonalise the structure with its tip free and with its tip held."""
     mechanical, thermal = mechanical_modes(structure), thermal_modes(structure)
+    along = np.zeros(mechanical.values.size)
+    if structure.tangent is not None:
+        along = product(mechanical.shapes.T, structure.tangent)
     return Basis(
         to_modes=product(mechanical.shapes.T, structure.mass),
         to_thermal=product(thermal.shapes.T, structure.heat_capacity),
         tip=mechanical.tip.copy(),
+        along=along,
         heat_tip=thermal.tip.copy(),
         closing=product(static_tip_growth(structure), thermal.shapes),
         mobility=dot(mechanical.tip, mechanical.tip),
+        aside=dot(mechanical.tip, along),
         warming=float(sum(float(tip) ** 2 for tip in thermal.tip)),
         free=free_system(structure),
         held=held_system(structure),
@@ -220,6 +255,7 @@ def held_system(structure: Structure) -> ModalSystem:
         from_free_gap=-product(shapes.T, product(interior.mass, static)),
         to_free=product(to_modes[:, :-1], shapes),
         to_free_gap=product(to_modes, dragged),
+        tangent=structure.tangent,
     )
 
 
@@ -253,7 +289,7 @@ def state_space(system: ModalSystem, alpha: float) -> tuple[Array, Array, Array]
     """Return the system as X' = A X + B w, signal = row · X + …, for X = [z, z', τ] and w = [f̄, q, F, d, d', d''].
 
     Returns A ``(N, N)``, the row ``(N,)`` and B ``(N, mechanical + thermal + 4)``. The friction heat α λ acts at α >
-    0, with the tip held only.
+    0, with the tip held only, as does friction along a tangent.
     """
     modes, mechanical, thermal = system.frequency.size, system.signal_steady.size, system.heat_shapes.shape[0]
     size = 2 * modes + system.rate.size
@@ -261,6 +297,8 @@ def state_space(system: ModalSystem, alpha: float) -> tuple[Array, Array, Array]
     row = np.concatenate([-system.reaction, -system.reaction_slope, -system.thermal_reaction])
     warming = np.zeros(size)
     warming[tau] = alpha * system.heat_tip
+    if system.pushed is not None:
+        warming[u] = system.pushed
     A = np.zeros((size, size))
     A[z, u] = np.eye(modes)
     A[u, z] = -np.diag(system.frequency**2)

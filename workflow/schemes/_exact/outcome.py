@@ -30,6 +30,8 @@ NO_SPECTRUM = 8
 """The eigenvalues of the held tip were not found."""
 STIFF = 9
 """A block that cannot follow its load in closed form is damped so fast that its Taylor steps exceed the budget."""
+NO_IMPACT_LAW = 10
+"""The tip meets its casing, and friction pushes it further in than the contact force pushes it out."""
 
 _NEARLY_ELASTIC = 0.99
 """Restitution above which the message about the budget of events says how many impacts it takes to come to rest."""
@@ -48,6 +50,8 @@ def failure(ended: int, tally: Any, budget: Budget, e: float) -> str:
         "raise the scheme's option `steps`",
         STIFF: "a mode is damped too fast and moves too slowly for its load to be followed within the budget of "
         f"{budget.steps} steps; raise the scheme's option `steps`, lower the damping, or use moreau",
+        NO_IMPACT_LAW: f"contact has no unique solution {at} (W <= 0 as the step vanishes): friction pushes the tip "
+        "into the casing more than the contact force pushes it out; lower the friction coefficient",
         INSIDE_CASING: "the tip starts beyond the casing: x_n(0) > d",
         NOT_FINITE: f"the state left the finite numbers {at}",
     }[ended]

@@ -6,9 +6,9 @@ that leaves the energy,
 
     D = Σ c_j v_j² + vᵀ G τ - fᵀv,   v = y' or z',
 
-to which a casing that moves a held tip, x = s d + φ z with sᵀ K1 φ = 0, adds
+to which a casing that moves a held tip, x = s d + φ z with sᵀ K1 φ = 0, and friction µ along t add
 
-    D = d' (2 b' · z' + sᵀ C1 s d' + sᵀ K12 θ - sᵀ f + λ),
+    D = d' (2 b' · z' + sᵀ C1 s d' + sᵀ K12 θ - sᵀ f + λ (1 - µ sᵀt)) - µ λ tᵀφ z',
 
 and the heat loss L(τ) are integrated over the phase from the state in which it began:
 

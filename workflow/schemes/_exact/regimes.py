@@ -6,7 +6,8 @@
 so that a motion of any length costs one exponential per block. Without friction heat (tip free, or α = 0) regimes are
 one-way: blocks are mechanical modes and first-order states thermal modes, to which the blocks respond
 quasi-statically. With the tip held and α > 0 heat and motion act on each other: the matrix is that of α = 0 plus α
-times a rank-one term, blocks are its complex pairs of eigenvalues and first-order states its real ones.
+times a rank-one term, blocks are its complex pairs of eigenvalues and first-order states its real ones. So it is with
+friction along a tangent, which is another such term with the same row.
 """
 
 from __future__ import annotations
@@ -88,7 +89,7 @@ def quasi_static(frequency: Array, damping: Array, rate: Array, drive: Array) ->
 
 def regime_of(system: ModalSystem, alpha: float = 0.0) -> Regime:
     """Return the regime of a structure with its tip free (α = 0), or held at α [W/N]."""
-    if alpha > 0:
+    if alpha > 0 or system.pushed is not None:
         regime = _two_way(linked(system), alpha)
     else:
         regime = _coupled(system) if system.is_coupled else _one_way(system)
@@ -145,6 +146,7 @@ def _some(held: ModalSystem, keep: NDArray[np.bool_]) -> ModalSystem:
         from_free=held.from_free[keep],
         from_free_gap=held.from_free_gap[keep],
         to_free=held.to_free[:, keep],
+        pushed=None if held.pushed is None else held.pushed[keep],
     )
 
 

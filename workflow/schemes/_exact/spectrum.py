@@ -57,8 +57,11 @@ class Uncoupled(NamedTuple):
     """Q μ."""
 
 
-def uncoupled(held: ModalSystem) -> Uncoupled | None:
-    """Return the system where damping couples no modes, no two poles are near each other and none is 0."""
+def uncoupled(held: ModalSystem, alpha: float = 1.0) -> Uncoupled | None:
+    """Return the system where damping couples no modes, no two poles are near each other and none is 0.
+
+    With friction along a tangent it is that at ``alpha``.
+    """
     if held.is_coupled:
         return None
     c, mu, omega2 = held.damping, held.rate, held.frequency**2
@@ -72,19 +75,20 @@ def uncoupled(held: ModalSystem) -> Uncoupled | None:
     ):
         return None
     response = -held.coupling / polynomial
-    matrix, inverse = _matrix(held, split, response), over(1.0, split)
+    matrix, inverse = _matrix(held, split, response, alpha), over(1.0, split)
     return Uncoupled(matrix, c, np.array([inverse.real, inverse.imag]), response, response * mu)
 
 
-def _matrix(held: ModalSystem, split: Complex, response: Array) -> RankOne:
+def _matrix(held: ModalSystem, split: Complex, response: Array, alpha: float) -> RankOne:
     """Return the matrix; ``split`` is the difference of the two poles of each mode, ``response`` Q of z = η + Q τ."""
     modes, c, mu, aK = held.frequency.size, held.damping, held.rate, held.relaxation
     root, omega2 = split / 2, held.frequency**2
     upper, lower = -c / 2 + root, -c / 2 - root
     overdamped = (root.imag == 0) & (c > 0)
     upper[overdamped] = omega2[overdamped] / lower[overdamped]  # no cancellation
-    warming = held.heat_tip
+    warming = held.heat_tip if held.pushed is None else alpha * held.heat_tip
     u0, u1 = -product(response, warming), product(response, mu * warming)
+    u1 = u1 if held.pushed is None else u1 + held.pushed
     d = np.concatenate([upper, lower, -mu + 0j])
     block_u = np.tile(u1, 2) + (d[: 2 * modes] + np.tile(c, 2)) * np.tile(u0, 2)
     u = np.concatenate([over(block_u, np.concatenate([split, -split])), warming])
@@ -182,12 +186,17 @@ def guesses_of(A: Array) -> Array:
 
 
 def secular_spectrum(held: ModalSystem, alpha: float, A: Array) -> Spectrum | None:
-    """Return the spectrum of D + α u wᵀ, ``None`` where it cannot be trusted."""
+    """Return the spectrum of D + α u wᵀ, with friction along a tangent of D + u wᵀ; ``None`` where it is poor."""
     if held.is_coupled:
         return coupled_spectrum(held, alpha, A)
-    system = uncoupled(held)
-    found = None if system is None else _spectrum(_solve_system, system, alpha, A)
+    system = uncoupled(held, alpha)
+    found = None if system is None else _spectrum(_solve_system, system, _factor(held, alpha), A)
     return None if found is None else _rounded(found)
+
+
+def _factor(held: ModalSystem, alpha: float) -> float:
+    """Return α, 1 where friction along a tangent is in u too."""
+    return alpha if held.pushed is None else 1.0
 
 
 def _spectrum(solver: Any, system: Any, alpha: float, A: Array) -> Spectrum | None:
@@ -221,25 +230,29 @@ def coupled_spectrum(held: ModalSystem, alpha: float, A: Array) -> Spectrum | No
     friction heat that is the spectrum: poles first, then rates in their order.
     """
     size, mu = 2 * held.frequency.size, held.rate
-    inner = A[:size, :size]
+    row = np.concatenate([-held.reaction, -held.reaction_slope, -held.thermal_reaction])
+    moved, warming = A[:size], np.concatenate([np.zeros(size), held.heat_tip])
+    if held.pushed is not None:
+        push = np.concatenate([np.zeros(size // 2), held.pushed])
+        moved, warming = moved - np.outer(push, row), np.concatenate([push, alpha * held.heat_tip])
+    inner = moved[:, :size]
     response = np.zeros((size, mu.size))
     try:
         values, right, left = eigenvectors(inner)
         for j in range(mu.size):
-            response[:, j] = solve(inner + mu[j] * np.eye(size), -A[:size, size + j])
+            response[:, j] = solve(inner + mu[j] * np.eye(size), -moved[:, size + j])
     except np.linalg.LinAlgError:
         return None
     whole, inverse = (np.eye(size + mu.size, dtype=np.complex128) for _ in range(2))
     whole[:size, :size], whole[:size, size:] = right, response
     inverse[:size, :size], inverse[:size, size:] = left, -complex_product(left, response)
-    row = np.concatenate([-held.reaction, -held.reaction_slope, -held.thermal_reaction])
     force = complex_product(row, whole)
     d = np.concatenate([values, -mu + 0j])
-    if alpha == 0:
+    if alpha == 0 and held.pushed is None:
         keep = d.imag >= 0
         return Spectrum(d[keep], whole[:, keep], inverse[keep], force[keep])
-    warming = np.concatenate([np.zeros(size), held.heat_tip])
-    found = _spectrum(_solve_matrix, rank_one(d, complex_product(inverse, warming), force, mu.size), alpha, A)
+    matrix = rank_one(d, complex_product(inverse, warming), force, mu.size)
+    found = _spectrum(_solve_matrix, matrix, _factor(held, alpha), A)
     if found is None:
         return None
     return Spectrum(

@@ -47,8 +47,10 @@ class HeldRegimes:
         self._two_way = None if system is None else _two_way(self._linked, system)
         self._work = scratch(2 * self._linked.frequency.size + self._linked.rate.size)
 
-    def at(self, alpha: float) -> Layout:
-        """Return the regime at α [W/N]."""
+    def at(self, alpha: float, friction: float = 0.0) -> Layout:
+        """Return the regime at α [W/N], and µ along the tangent."""
+        if friction != 0:
+            return layout(regime_of(self._held.sliding(friction), alpha))
         if alpha > 0 and self._two_way is not None:
             found, regime = _regime_at(self._two_way, alpha, _NO_GUESSES, self._work)
             if not found:

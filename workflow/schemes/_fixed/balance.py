@@ -7,7 +7,8 @@ values (·)_m = (end + begin)/2, the energy residual is the sum over modes and s
 
     ΔE + hc ζ_m² - S φ_n ζ_m - Q (b ζ_m + ω² a η_m) + h ζ_m Σ G τ_θ,
 
-where Σ runs over thermal modes near resonance: what the scheme gives (+) or takes (-) by itself, rounding for θ = 1/2.
+with friction along t less µp φᵀt ζ_m; Σ runs over thermal modes near resonance: what the scheme gives (+) or takes
+(-) by itself, rounding for θ = 1/2.
 In it Σ φ_n ζ is the tip's velocity relative to the dragged one. That is taken from the contact law (:func:`driven`),
 not from the modes: an impulse that does not bring about what its law says is seen. Central differences conserve
 E = (w² + ω² η_k η_k+1)/2 with w = w_k+½; their step from w_k-½ to w_k+½ is the same equation with v_k for ζ_m and
@@ -34,7 +35,7 @@ either end.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from workflow.kernels.compiled import inlined
 from workflow.kernels.lanes import ROW
@@ -117,6 +118,8 @@ class Audit(NamedTuple):
     """-1 times the work of a unit of friction heat per impulse in its step, 1/(N s)."""
     heat_on_heat: float
     """-1 times the work of a unit of friction heat per heat in its step, 1/J."""
+    heat_on_slid: float
+    """-1 times the work of a unit of friction heat per µ times the impulse of contact in its step, 1/(N s)."""
 
 
 @inlined
@@ -130,13 +133,17 @@ def lay_out_audit(audit: Audit | None) -> None:
 
 
 @inlined
-def spend(audit: Audit | None, j: int, speed: Pack, spent: Pack, lane: Lane) -> Pack:
-    """Add what damping of mode j took in a step that ended with ζ = ``speed``, and keep that for the next one."""
+def spend(audit: Audit | None, j: int, speed: Pack, slid: Any, spent: Pack, lane: Lane) -> Pack:
+    """Add what damping and friction along a tangent took of mode j in a step that ended with ζ = ``speed``.
+
+    That is kept for the next one.
+    """
     if audit is None:
         return spent
     twice = speed + pack(audit.former, (j, lane))
     store(audit.former, (j, lane), speed)
-    return fused(shared(audit.modes, (j, AUDIT_DAMPING), lane) * twice, twice, spent)
+    spent = fused(shared(audit.modes, (j, AUDIT_DAMPING), lane) * twice, twice, spent)
+    return spent if slid is None else spent - shared(slid.works, (j,), lane) * twice * slid.impulse
 
 
 @inlined
@@ -152,10 +159,13 @@ def spend_on_heat(audit: Audit | None, j: int, place: Pack, on_heat: Pack, lane:
 
 
 @inlined
-def keep_spent(audit: Audit | None, spent: Pack, on_heat: Pack, impulse: Pack, heat: Pack | None, lane: Lane) -> None:
+def keep_spent(
+    audit: Audit | None, spent: Pack, on_heat: Pack, impulse: Pack, heat: Pack | None, slid: Any, lane: Lane
+) -> None:
     """Add what all modes spent in a step to the sums."""
     if audit is None:
         return
+    on_heat = on_heat if slid is None else on_heat + audit.heat_on_slid * slid.impulse
     on_heat = plus(on_heat + audit.heat_on_impulse * impulse, spread(audit.heat_on_heat, lane), heat)
     store(audit.sums, (SUM_SPENT, lane), plus(pack(audit.sums, (SUM_SPENT, lane)) + spent, on_heat, heat))
 

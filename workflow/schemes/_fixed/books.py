@@ -135,7 +135,7 @@ class Books:
 def _audit(modal: Decoupled, free: Coefficients, loss: Array, terms: Terms) -> Audit:
     """Return the coefficients of a batch, and room for its sums."""
     theta, h, tip, pull = free.tip.theta, free.tip.h, modal.tip, modal.frequency**2 * terms.heat_place
-    share, half = _inverse_square(tip), 0.5 * terms.heat_speed
+    share, half = inverse_square(tip), 0.5 * terms.heat_speed
     begin = (0.5 * h * (1 - theta) * pull - half) * tip * share
     end = (-0.5 * h * theta * pull - half) * tip * share
     place = -pull * tip * share
@@ -160,6 +160,7 @@ def _audit(modal: Decoupled, free: Coefficients, loss: Array, terms: Terms) -> A
         dragged=terms.dragged,
         heat_on_impulse=total(end * impulse),
         heat_on_heat=own + total(end * heat_speed + place * heat_place),
+        heat_on_slid=0.0 if free.sliding is None else total(end * free.sliding.kicks),
     )
 
 
@@ -205,7 +206,7 @@ def felt_modes(tip: Array) -> NDArray[np.bool_]:
     return np.asarray(np.abs(tip) > LEAST_SHARE * np.abs(tip).max(initial=0.0))
 
 
-def _inverse_square(tip: Array) -> Array:
+def inverse_square(tip: Array) -> Array:
     """Return 1/φ_n² of each mode, 0 for those without a share in the tip."""
     felt = felt_modes(tip)
     return np.where(felt, 1 / np.where(felt, tip, 1.0) ** 2, 0.0)

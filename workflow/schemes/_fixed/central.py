@@ -24,6 +24,7 @@ w_free the tip's velocity w_k+½ without contact.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -36,6 +37,7 @@ from workflow.schemes._fixed.books import Terms
 from workflow.schemes._fixed.contact import TipStep
 from workflow.schemes._fixed.decoupled import Decoupled, Motion, dragged
 from workflow.schemes._fixed.modal_lanes import Coefficients, by_mode
+from workflow.schemes._fixed.sliding import sliding, yields_aside
 
 NEEDS_MASS = (
     "the reduction leaves the tip without mass: central differences divide by the mass that contact acts on; "
@@ -61,6 +63,14 @@ class Linear(NamedTuple):
     threshold: Array | float
     holds: bool
     stiffness: Array | float
+    mobility: Array | float
+    """W, the tip's half-step velocity per impulse of contact, 1/kg."""
+    doubt: Array | float
+    """0, and NaN where no impulse of contact is the only one: contact ends the case."""
+
+
+LawOf = Callable[[Array | float], Linear]
+"""The contact law of a scheme by W, one for all cases or ``(case,)``."""
 
 
 @dataclass(frozen=True)
@@ -120,14 +130,24 @@ class Operator:
     """With the response R of the difference equation instead of that of continuous time."""
     lead: Array
     """Q, ``(mode, thermal mode)``."""
-    law: Linear
+    law_of: LawOf
+    factor: str
+    """What contact divides by, as messages write it."""
+
+    def delassus(self, friction: Array) -> Array | float:
+        """Return W of cases, 1/kg: one for all without friction, else ``(case,)``."""
+        cold = delassus(self.modal, self.h, self.differences)
+        if self.modal.along is None or not friction.any():
+            return cold
+        inertia, _ = self.differences.damped(self.h, self.modal.damping)
+        return np.asarray(cold - friction * yields_aside(self.modal, inertia))
 
     def without_heat(self) -> Operator:
         """Return the same without thermal states, for cases where none can act."""
         return replace(self, modal=self.modal.without_heat(), lead=np.zeros((self.modal.frequency.size, 0)))
 
-    def coefficients(self) -> Coefficients:
-        """Return the step's coefficients."""
+    def coefficients(self, slides: bool) -> Coefficients:
+        """Return the step's coefficients, with friction along the tangent or without."""
         h, modal = self.h, self.modal
         tip, mu = modal.tip, modal.rate
         inertia, factor = self.differences.damped(h, modal.damping)
@@ -153,6 +173,7 @@ class Operator:
             pair_pull=-h * tip[j] * modal.coupling[j, k] / (inertia[j] * modal.heat_scale[k]),
             tip=TipStep(h, 1.0, None, total(tip**2 / inertia), total(modal.heat_tip * enters)),
             heat_counts=False,
+            sliding=sliding(modal, inertia) if slides else None,
         )
 
 
@@ -184,16 +205,25 @@ def terms(operator: Operator, begun: Motion, before: Array) -> Terms:
     )
 
 
+def divisor(factor: Array | float) -> tuple[Array | float, Array | float]:
+    """Return a factor that contact divides by, 1 where it is not positive, and 0, NaN there: no solution is unique."""
+    if not isinstance(factor, np.ndarray):
+        return factor, 0.0
+    return np.where(factor <= 0, 1.0, factor), np.where(factor <= 0, np.nan, 0.0)
+
+
 def delassus(modal: Decoupled, h: float, differences: Differences) -> float:
     """Return W = e_nᵀ (M + h/2 C1)⁻¹ e_n, 1/kg: the tip's half-step velocity per unit impulse."""
     inertia, _ = differences.damped(h, modal.damping)
     return total(modal.tip**2 / inertia)
 
 
-def operator(structure: Structure, h: float, differences: Differences, modal: Decoupled, law: Linear) -> Operator:
+def operator(
+    structure: Structure, h: float, differences: Differences, modal: Decoupled, law_of: LawOf, factor: str
+) -> Operator:
     """Return the operator of a decoupled structure."""
     decay = differences.decay(h, modal.rate)
     slope = differences.slope(h, modal.rate)
     c, middle = modal.damping[:, None], 1.0 if differences.lagged else (1 + decay) / 2
     lead, pairs = dragged(modal.coupling, slope**2, -c * (slope * middle), modal.frequency[:, None] ** 2 * decay)
-    return Operator(structure, h, differences, replace(modal, response=lead * decay, pairs=pairs), lead, law)
+    return Operator(structure, h, differences, replace(modal, response=lead * decay, pairs=pairs), lead, law_of, factor)

@@ -42,6 +42,7 @@ from workflow.schemes._fixed.contact import (
     End,
     Free,
     TipStep,
+    applied,
     contact_gain,
     count_rebounds,
     driven,
@@ -52,8 +53,9 @@ from workflow.schemes._fixed.decoupled import Decoupled, Motion, start
 from workflow.schemes._fixed.drive import drive_of, gap_ahead, relative, relative_before, with_harmonics
 from workflow.schemes._fixed.march import Batch, case_rows, march, march_blocks, open_march
 from workflow.schemes._fixed.marks import TIP_DISPLACEMENT, TIP_GAP, TIP_TEMPERATURE, TIP_VELOCITY, Block
-from workflow.schemes._fixed.modal_lanes import Coefficients, State
+from workflow.schemes._fixed.modal_lanes import Coefficients, State, slide
 from workflow.schemes._fixed.outcome import ROUNDING, by_heat, effective_restitution
+from workflow.schemes._fixed.sliding import friction_message, slides
 from workflow.schemes._fixed.stepping import Now, collect, store_end, watch
 from workflow.schemes._fixed.tip_load import tip_load
 from workflow.schemes._interface import Results, Sampling, Status, schedule
@@ -80,8 +82,9 @@ def meet_linearly(law: Linear, step: TipStep, free: Free, own: Array, tip: Array
     ahead = x + step.h * after
     if engaged:
         latest = pack(own, (CASE_LAST, lane))
+        p = where(presses, p + of_lane(law.doubt, lane), 0.0)
         about = 0.5 * (latest + p)
-        after -= step.inverse_mass * p
+        after -= of_lane(law.mobility, lane) * p
         ahead = x + step.h * after
         touches, touched = p > 0.0, latest > 0.0
         heat = pack(own, (CASE_ALPHA, lane)) * p
@@ -97,6 +100,12 @@ def meet_linearly(law: Linear, step: TipStep, free: Free, own: Array, tip: Array
     store(own, (CASE_HALF, lane), after)
     store(own, (CASE_IMPULSE, lane), free.impulse - p)
     return End(engaged, x, 0.5 * (before + after), temperature, about)
+
+
+@defines(applied, Linear)
+def _latest(law: Linear, end: End, own: Array, lane: Lane) -> Pack:
+    """Return p_k, of which the end of the step before has half."""
+    return pack(own, (CASE_LAST, lane))
 
 
 @defines(driven, Linear)
@@ -128,14 +137,15 @@ def _spring_gain(
 
 
 @defines(open_march, Linear)
-def _open_march(law: Linear, step: TipStep, now: Now, state: State, block: Block, audit: Audit | None) -> None:
+def _open_march(law: Linear, operator: Coefficients, now: Now, state: State, block: Block, audit: Audit | None) -> None:
     """Take the step at t = 0, whose p_0 spans half a step: it counts as the impulse of a whole one."""
-    own, tip, h = state.own, block.tip, step.h
+    own, tip, step, h = state.own, block.tip, operator.tip, operator.tip.h
     for first in range(0, block.lanes, PACK):
         lane = narrow(first)
         impulse = h * with_harmonics(block.drive, tip_load(now.sine, now.leader, block.load, lane), lane)
         free = Free(pack(own, (CASE_FIRST, lane)), spread(0.0, lane), impulse, pack(tip, (TIP_GAP, lane)), block.drive)
         end = meet(law, step, free, own, tip, lane)
+        slide(operator.sliding, law, end, own, lane)
         account(audit, law, step, end, free, own, tip, lane)
         account_heat(audit, 0, block.steps, own, lane)
         store_end(end, tip, lane)
@@ -184,7 +194,7 @@ def _first_free(operator: Operator, begun: Motion, before: Array) -> tuple[Array
 
 def _batch(operator: Operator, cases: Cases, begun: Motion, balances: bool) -> Batch:
     """Return the cases at t = 0, with the velocities half a step before and after."""
-    h, modal, free = operator.h, operator.modal, operator.coefficients()
+    h, modal, free = operator.h, operator.modal, operator.coefficients(slides(operator.modal, cases))
     before = _relative_before(operator, cases, begun)
     speed, free_tip = _first_free(operator, begun, before)
     own = case_rows(cases, begun)
@@ -193,7 +203,8 @@ def _batch(operator: Operator, cases: Cases, begun: Motion, balances: bool) -> B
     books = None
     if balances:
         books = Books(operator.structure, modal, free, cases, begun, terms(operator, begun, before))
-    return Batch(modal, begun, free, operator.law, speed * modal.tip, begun.position * modal.tip, own, books)
+    law = operator.law_of(operator.delassus(cases.friction))
+    return Batch(modal, begun, free, law, speed * modal.tip, begun.position * modal.tip, own, books)
 
 
 def _run(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
@@ -205,12 +216,17 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
     closing, balances = march_blocks(_march, batch, watched, sampling.duration)
     # squared: a contact that grows can stop short of infinity where its energy is beyond it
     finite = np.isfinite(watched.tip[[TIP_DISPLACEMENT, TIP_VELOCITY, TIP_TEMPERATURE]] ** 2).all(axis=0)
-    status, messages = _judge(operator, np.asarray(finite))
+    status, messages = _judge(operator, cases, np.isnan(batch.law.doubt), np.asarray(finite))
     return collect(watched, closing, status, messages, {**effective_restitution(batch.own), **balances})
 
 
-def _judge(operator: Operator, finite: NDArray[np.bool_]) -> tuple[NDArray[np.int8], dict[int, str]]:
-    """Decide what became of each case: by theory where it can be, else by its last state."""
+def _judge(
+    operator: Operator, cases: Cases, ambiguous: NDArray[np.bool_], finite: NDArray[np.bool_]
+) -> tuple[NDArray[np.int8], dict[int, str]]:
+    """Decide what became of each case: by theory where it can be, else by its last state.
+
+    ``ambiguous`` are cases whose contact has no unique solution, ``(case,)`` or one for all.
+    """
     h, modal, differences = operator.h, operator.modal, operator.differences
     free = magnitude(differences.amplification(modal.frequency, modal.damping, h)).max(initial=0.0)
     heat = np.abs(differences.decay(h, modal.rate)).max(initial=0.0)
@@ -222,9 +238,12 @@ def _judge(operator: Operator, finite: NDArray[np.bool_]) -> tuple[NDArray[np.in
             f"the {what} grows {growth:.6g}-fold at h = {h:.6g} s; central differences are stable up to {limit:.7g} s"
         )
         return np.full(finite.size, Status.DIVERGED, dtype=np.int8), dict.fromkeys(range(finite.size), text)
-    status = np.where(finite, Status.OK, Status.DIVERGED).astype(np.int8)
+    status = np.where(finite, Status.OK, np.where(ambiguous, Status.ILL_POSED, Status.DIVERGED)).astype(np.int8)
     text = f"the energy left the finite numbers at h = {h:.6g} s"
-    return status, {int(case): text for case in np.flatnonzero(~finite)}
+    messages = {int(case): text for case in np.flatnonzero(~finite)}
+    for case in map(int, np.flatnonzero(status == Status.ILL_POSED)):
+        messages[case] = friction_message(h, float(cases.friction[case]), operator.factor)
+    return status, messages
 
 
 def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:

@@ -30,7 +30,10 @@ ended of its square and of its product with the velocity after, (m/s)²."""
 CASE_AHEAD, CASE_HALF, CASE_FIRST = range(11, 14)
 """Of central differences: x_n at the next step's end, the last half-step velocity, the first one without contact."""
 
-CASE_ROWS = CASE_FIRST + 1
+CASE_FRICTION, CASE_SLID = range(14, 16)
+"""Of a contact that slides: µ, and µ times the impulse of contact in the last step [N s]."""
+
+CASE_ROWS = CASE_SLID + 1
 
 Law = Any
 """A contact law: a named tuple of numbers and arrays."""
@@ -111,6 +114,12 @@ def steps_from_tip(law: Law) -> bool:
 def driven(law: Law, step: TipStep, end: End, own: Array, lane: Lane) -> Pack:
     """Return the velocity that the contact law gives the tip at the end of a step, with which impulses do work, m/s."""
     return end.velocity
+
+
+@by_type
+def applied(law: Law, end: End, own: Array, lane: Lane) -> Pack:
+    """Return the impulse of contact that acts in the next step of the modes, N s."""
+    return end.impulse
 
 
 @by_type

@@ -13,7 +13,7 @@ share in the tip and those without one drop out.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +65,8 @@ class Decoupled:
         φ and χ.
     static_growth
         Quasi-static tip displacement -e_nᵀ K1⁻¹ K12 χ_l of each thermal mode, ``(thermal mode,)``.
+    along
+        φ_jᵀ t of the direction of friction, 1/√kg, ``(mode,)``; ``None`` where there is none.
     """
 
     mass: Array
@@ -81,6 +83,7 @@ class Decoupled:
     shapes: Array
     heat_shapes: Array
     static_growth: Array
+    along: Array | None = None
 
     @property
     def heat_scale(self) -> Array:
@@ -111,21 +114,16 @@ class Decoupled:
     def without_heat(self) -> Decoupled:
         """Return the same structure without thermal states, for cases where none can act."""
         none = np.zeros((self.frequency.size, 0))
-        return Decoupled(
-            self.mass,
-            self.frequency,
-            self.damping,
-            self.tip,
-            np.zeros(0),
-            np.zeros(0),
-            none,
-            none,
-            np.zeros((0, 2), dtype=np.int64),
-            self.to_modes,
-            np.zeros((0, self.to_thermal.shape[1])),
-            self.shapes,
-            np.zeros((self.to_thermal.shape[1], 0)),
-            np.zeros(0),
+        return replace(
+            self,
+            rate=np.zeros(0),
+            heat_tip=np.zeros(0),
+            coupling=none,
+            response=none,
+            pairs=np.zeros((0, 2), dtype=np.int64),
+            to_thermal=np.zeros((0, self.to_thermal.shape[1])),
+            heat_shapes=np.zeros((self.to_thermal.shape[1], 0)),
+            static_growth=np.zeros(0),
         )
 
 
@@ -165,6 +163,7 @@ def decouple(structure: Structure) -> Decoupled:
         shapes=mechanical.shapes,
         heat_shapes=thermal.shapes,
         static_growth=_static_growth(structure, mechanical, thermal, coupling),
+        along=None if structure.tangent is None else product(mechanical.shapes.T, structure.tangent),
     )
 
 

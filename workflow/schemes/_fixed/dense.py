@@ -92,6 +92,8 @@ def _marched(operator: DenseOperator, cases: Cases, sampling: Sampling) -> Resul
     structure, h, theta = operator.structure, operator.h, operator.theta
     n, recorder = structure.mechanical_size, Recorder(structure, cases, sampling, h)
     kick = operator.mobility[:, -1] + cases.alpha[:, None] * operator.dragged
+    if structure.tangent is not None:
+        kick = kick - cases.friction[:, None] * product(operator.mobility, structure.tangent)
     inverse_mass = np.where(kick[:, -1] > 0, 1 / np.where(kick[:, -1] > 0, kick[:, -1], 1.0), np.nan)
     heat = h * project(operator.warming, cases.heating)
     push = h * project(operator.mobility, cases.steady - theta * project(structure.coupling_matrix, heat))

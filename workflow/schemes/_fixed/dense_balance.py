@@ -3,7 +3,7 @@
 With midpoint values x_m = (x + x')/2 of a step and F_θ the load as the step takes it, in the direction b, the sum over
 the steps of
 
-    - F_θ bᵀv_m h - f̄ᵀ v_m h + v_mᵀ C1 v_m h + v_mᵀ K12 θ_m h + p (v_n + v_n')/2
+    - F_θ bᵀv_m h - f̄ᵀ v_m h + v_mᵀ C1 v_m h + v_mᵀ K12 θ_m h + p (e_n - µt)ᵀ v_m
 
 and ΔE, E = ½ vᵀM v + ½ xᵀK1 x, over the largest E at a step end, is the energy residual; the change of the heat
 content less αJ and heating plus the losses, over the heat turned over, is the heat residual.
@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.kernels import Array
-from workflow.models import Cases, Structure, project
+from workflow.models import Cases, Structure, directions, project
 
 States = tuple[Array, Array, Array]
 """Displacement and velocity ``(case, mechanical)``, temperature ``(case, thermal)``."""
@@ -36,6 +36,7 @@ class DenseBalance:
         self._mass, self._stiffness = structure.mass, structure.stiffness_matrix
         self._damping, self._coupling = structure.damping_matrix, structure.coupling_matrix
         self._direction = structure.load_direction[None, :]
+        self._contact = directions(structure, cases.friction)
         self._content, self._losses = structure.content[None, :], structure.loss_row[None, :]
         self._first = self._energy((cases.displacement, cases.velocity, cases.temperature))
         self._largest = self._first.copy()
@@ -53,7 +54,7 @@ class DenseBalance:
         v, temperature = 0.5 * (before[1] + after[1]), 0.5 * (before[2] + after[2])
         force = project(self._damping, v) + project(self._coupling, temperature) - cases.steady
         driven = project(self._direction, v)[:, 0]
-        self._spent += h * (_dot(v, force) - load * driven) + impulse * v[:, -1]
+        self._spent += h * (_dot(v, force) - load * driven) + impulse * _dot(self._contact, v)
         loss = h * project(self._losses, temperature)[:, 0]
         self._lost += loss
         self._turned += np.abs(loss)

@@ -27,12 +27,12 @@ from workflow.schemes._fixed.books import Books
 from workflow.schemes._fixed.contact import (
     CASE_ALPHA,
     CASE_DRIFT,
+    CASE_FRICTION,
     CASE_ROWS,
     CASE_WARMING,
     CASE_WARMTH,
     Free,
     Law,
-    TipStep,
     meet,
     steps_from_tip,
 )
@@ -47,6 +47,7 @@ from workflow.schemes._fixed.modal_lanes import (
     has_known_motion,
     lay_out,
     look,
+    slide,
     step_freely,
     store_heat,
 )
@@ -55,7 +56,7 @@ from workflow.schemes._fixed.tip_load import start_load, tip_load, turn_load
 
 
 @by_type
-def open_march(law: Law, step: TipStep, now: Now, state: State, block: Block, audit: Audit | None) -> None:
+def open_march(law: Law, operator: Coefficients, now: Now, state: State, block: Block, audit: Audit | None) -> None:
     """Do what a scheme does at t = 0: nothing where its contact law does not say otherwise."""
 
 
@@ -70,6 +71,7 @@ def _step(
     impulse = step.h * with_harmonics(block.drive, tip_load(now.sine, now.leader, block.load, lane), lane)
     free = Free(velocity, temperature, impulse, gap, block.drive)
     end = meet(law, step, free, state.own, tip, lane)
+    slide(operator.sliding, law, end, state.own, lane)
     account(audit, law, step, end, free, state.own, tip, lane)
     account_heat(audit, now.step, block.steps, state.own, lane)
     if now.marked:
@@ -91,7 +93,7 @@ def march(operator: Coefficients, law: Law, state: State, block: Block, audit: A
     paired = operator.pair_mode.size > 0
     known, leader = has_known_motion(state.own, lanes), start_load(h, load, lanes)
     turn_drive(block.drive, 0, h, theta, tip, lanes)
-    open_march(law, operator.tip, step_at(0, theta, leader, known, block), state, block, audit)
+    open_march(law, operator, step_at(0, theta, leader, known, block), state, block, audit)
     look(audit, 0, block.steps, operator, state, lanes)
     for step in range(1, block.steps + 1):
         turn_load(step, h, leader, load, lanes)
@@ -147,7 +149,7 @@ def case_rows(cases: Cases, begun: Motion) -> Array:
     """Return the rows ``CASE_…`` at t = 0 as far as all schemes share them, ``(row, case)``."""
     own = np.zeros((CASE_ROWS, cases.count))
     own[CASE_ALPHA], own[CASE_DRIFT], own[CASE_WARMTH] = cases.alpha, begun.drift, begun.warmth
-    own[CASE_WARMING] = begun.warming
+    own[CASE_WARMING], own[CASE_FRICTION] = begun.warming, cases.friction
     return own
 
 

@@ -35,12 +35,17 @@ from workflow.schemes._fixed.balance import (
 )
 from workflow.schemes._fixed.contact import (
     CASE_DRIFT,
+    CASE_FRICTION,
     CASE_HEAT,
     CASE_IMPULSE,
     CASE_PRESSED,
+    CASE_SLID,
     CASE_WARMING,
     CASE_WARMTH,
+    End,
+    Law,
     TipStep,
+    applied,
 )
 
 MOTION_SPEED, MOTION_PLACE = range(2)
@@ -58,6 +63,24 @@ HEAT_DECAY, HEAT_INPUT, HEAT_SPEED = range(3)
 heat at the tip, and what the mode adds to the tip's velocity."""
 
 
+class Sliding(NamedTuple):
+    """What friction along the tangent does, per µ times the impulse of contact; ``None`` without friction."""
+
+    kicks: Array
+    """ζ of each mode, ``(mode,)``."""
+    works: Array
+    """Half the work per ζ of each mode, 0 of those without a share in the tip, ``(mode,)``."""
+
+
+class Slid(NamedTuple):
+    """The same in a pack of lanes."""
+
+    kicks: Array
+    works: Array
+    impulse: Pack
+    """µ times the impulse of contact in the last step, N s."""
+
+
 class Coefficients(NamedTuple):
     """One free step and one unit impulse in modal coordinates; the kernel's view of an operator."""
 
@@ -72,6 +95,7 @@ class Coefficients(NamedTuple):
     tip: TipStep
     heat_counts: bool
     """Whether τ at a step's end holds the heat of the contact in it; central differences add it with the next step."""
+    sliding: Sliding | None = None
 
 
 class State(NamedTuple):
@@ -111,29 +135,46 @@ def lay_out(operator: Coefficients, state: State, load: Array, tip: Array) -> No
 
 
 @inlined
-def _ended(modes: Array, motion: Array, j: int, impulse: Pack, heat: Pack | None, lane: Lane) -> tuple[Pack, Pack]:
+def slide(sliding: Sliding | None, law: Law, end: End, own: Array, lane: Lane) -> None:
+    """Keep what friction does in a step that contact has closed."""
+    if sliding is not None:
+        store(own, (CASE_SLID, lane), pack(own, (CASE_FRICTION, lane)) * applied(law, end, own, lane))
+
+
+@inlined
+def _slid_by(sliding: Sliding | None, own: Array, lane: Lane) -> Slid | None:
+    """Return what friction did in the last step."""
+    return None if sliding is None else Slid(sliding.kicks, sliding.works, pack(own, (CASE_SLID, lane)))
+
+
+@inlined
+def _ended(
+    modes: Array, motion: Array, j: int, impulse: Pack, heat: Pack | None, slid: Slid | None, lane: Lane
+) -> tuple[Pack, Pack]:
     """Return ζ and ξ of mode j at the end of the last step, whose ``impulse`` and ``heat`` are not in its state yet."""
     speed = pack(motion, (j, MOTION_SPEED, lane)) + shared(modes, (j, MODE_IMPULSE), lane) * impulse
+    speed = speed if slid is None else speed + shared(slid.kicks, (j,), lane) * slid.impulse
     place = plus(pack(motion, (j, MOTION_PLACE, lane)), shared(modes, (j, MODE_HEAT_PLACE), lane), heat)
     return plus(speed, shared(modes, (j, MODE_HEAT_SPEED), lane), heat), place
 
 
 @inlined
 def _step_modes(
-    modes: Array, h: float, state: State, velocity: Pack, heat: Pack | None, audit: Audit | None, lane: Lane
+    operator: Coefficients, state: State, velocity: Pack, heat: Pack | None, audit: Audit | None, lane: Lane
 ) -> Pack:
     """Step the mechanical modes, and return the tip's velocity with theirs; ``heat`` is that of the last contact."""
+    modes, h, slid = operator.modes, operator.tip.h, _slid_by(operator.sliding, state.own, lane)
     motion, impulse = state.motion, pack(state.own, (CASE_IMPULSE, lane))
     spent, on_heat = spread(0.0, lane), spread(0.0, lane)
     for j in range(motion.shape[0]):
         on_heat = spend_on_heat(audit, j, pack(motion, (j, MOTION_PLACE, lane)), on_heat, lane)
-        before, place = _ended(modes, motion, j, impulse, heat, lane)
+        before, place = _ended(modes, motion, j, impulse, heat, slid, lane)
         after = shared(modes, (j, MODE_DECAY), lane) * before + shared(modes, (j, MODE_SPRING), lane) * place
         store(motion, (j, MOTION_SPEED, lane), after)
         store(motion, (j, MOTION_PLACE, lane), place + h * before)
         velocity += after
-        spent = spend(audit, j, before, spent, lane)
-    keep_spent(audit, spent, on_heat, impulse, heat, lane)
+        spent = spend(audit, j, before, slid, spent, lane)
+    keep_spent(audit, spent, on_heat, impulse, heat, slid, lane)
     return velocity
 
 
@@ -171,9 +212,10 @@ def has_known_motion(own: Array, lanes: int) -> bool:
 def _spend_pairs(operator: Coefficients, state: State, audit: Audit | None, lane: Lane) -> None:
     """Count what thermal modes near resonance with mechanical ones did in the last step."""
     impulse, heat = pack(state.own, (CASE_IMPULSE, lane)), pack(state.own, (CASE_HEAT, lane))
+    slid = _slid_by(operator.sliding, state.own, lane)
     for pair in range(operator.pair_mode.size):
         j = operator.pair_mode[pair]
-        speed, _ = _ended(operator.modes, state.motion, j, impulse, heat, lane)
+        speed, _ = _ended(operator.modes, state.motion, j, impulse, heat, slid, lane)
         spend_pair(audit, pair, j, speed, heat, lane)
 
 
@@ -199,10 +241,10 @@ def step_freely(
     They begin with impulse and heat of the step before; in most steps there is no heat in any lane.
     ``known`` is what :func:`has_known_motion` returned.
     """
-    own, tau, modes, heat_modes, h = state.own, state.tau, operator.modes, operator.heat_modes, operator.tip.h
+    own, tau, heat_modes = state.own, state.tau, operator.heat_modes
     velocity, temperature, paired = spread(0.0, lane), spread(0.0, lane), operator.pair_mode.size > 0
     if tau.shape[0] == 0:
-        return _step_modes(modes, h, state, velocity, None, audit, lane), temperature
+        return _step_modes(operator, state, velocity, None, audit, lane), temperature
     if known:
         velocity += pack(own, (CASE_DRIFT, lane))
         temperature = pack(own, (CASE_WARMTH, lane)) + pack(own, (CASE_WARMING, lane)) * t
@@ -211,10 +253,10 @@ def step_freely(
     if raised(own, (CASE_PRESSED, lane)):
         heat = pack(own, (CASE_HEAT, lane))
         velocity, temperature = _step_heat(heat_modes, tau, velocity, temperature, heat, audit, lane)
-        velocity = _step_modes(modes, h, state, velocity, heat, audit, lane)
+        velocity = _step_modes(operator, state, velocity, heat, audit, lane)
     else:
         velocity, temperature = _step_heat(heat_modes, tau, velocity, temperature, None, audit, lane)
-        velocity = _step_modes(modes, h, state, velocity, None, audit, lane)
+        velocity = _step_modes(operator, state, velocity, None, audit, lane)
     if paired:
         velocity = _add_pairs(operator, state, velocity, audit, lane)
     return velocity, temperature
@@ -253,9 +295,9 @@ def _take_energies(audit: Audit, operator: Coefficients, state: State, lanes: in
 def _take_energy(audit: Audit, operator: Coefficients, state: State, lane: Lane) -> None:
     """Keep the energy at the end of the last step."""
     impulse, heat = pack(state.own, (CASE_IMPULSE, lane)), pack(state.own, (CASE_HEAT, lane))
-    energy = spread(0.0, lane)
+    energy, slid = spread(0.0, lane), _slid_by(operator.sliding, state.own, lane)
     for j in range(state.motion.shape[0]):
-        speed, place = _ended(operator.modes, state.motion, j, impulse, heat, lane)
+        speed, place = _ended(operator.modes, state.motion, j, impulse, heat, slid, lane)
         energy = with_energy(audit, j, speed, place, energy, lane)
     keep_energy(audit, energy, lane)
 
@@ -271,11 +313,12 @@ def close_balance(audit: Audit | None, operator: Coefficients, state: State, lan
         impulse, heat = pack(state.own, (CASE_IMPULSE, lane)), pack(state.own, (CASE_HEAT, lane))
         _spend_pairs(operator, state, audit, lane)
         spent, on_heat = spread(0.0, lane), spread(0.0, lane)
+        slid = _slid_by(operator.sliding, state.own, lane)
         for j in range(state.motion.shape[0]):
             on_heat = spend_on_heat(audit, j, pack(state.motion, (j, MOTION_PLACE, lane)), on_heat, lane)
-            speed, _ = _ended(operator.modes, state.motion, j, impulse, heat, lane)
-            spent = spend(audit, j, speed, spent, lane)
-        keep_spent(audit, spent, on_heat, impulse, heat, lane)
+            speed, _ = _ended(operator.modes, state.motion, j, impulse, heat, slid, lane)
+            spent = spend(audit, j, speed, slid, spent, lane)
+        keep_spent(audit, spent, on_heat, impulse, heat, slid, lane)
 
 
 @part

@@ -55,8 +55,8 @@ class PlainBalance:
         stretch, zeta = (modal.frequency * eta)[:, self._felt], zeta[:, self._felt]
         return _Motion(stretch, zeta, tau, 0.5 * total(stretch**2 + modal.mass[self._felt] * zeta**2, 1))
 
-    def _spend(self, after: _Motion, impulse: Array, heat: Array) -> Array:
-        """Return the energy spent in a step by damping, load and contact, and heat, J."""
+    def _spend(self, after: _Motion, impulse: Array, slid: Array, heat: Array) -> Array:
+        """Return the energy spent in a step by damping, load and contact, friction along the tangent and heat, J."""
         modal, felt, before, h = self._modal, self._felt, self._before, self._h
         zeta, stretch = (0.5 * (a + b) for a, b in ((before.zeta, after.zeta), (before.stretch, after.stretch)))
         drags = product(modal.response, modal.heat_tip)[felt] * modal.frequency[felt]
@@ -64,6 +64,8 @@ class PlainBalance:
         near = np.where(modal.response == 0, modal.coupling, 0.0)[felt]
         work = h * modal.damping[felt] * zeta + h * project(near, 0.5 * (before.tau + after.tau))
         work -= impulse[:, None] * modal.tip[felt] + heat[:, None] * pushes
+        if modal.along is not None:
+            work -= slid[:, None] * modal.along[felt]
         return np.asarray(total(zeta * work + heat[:, None] * drags * stretch, 1))
 
     def add(self, before: States, after: States, impulse: Array, load: Array) -> None:
@@ -71,7 +73,8 @@ class PlainBalance:
         h, cases = self._h, self._cases
         self._step += 1
         ended, heat = self._relative(after), cases.alpha * impulse
-        self._spent += self._spend(ended, h * (load + self._begun.tip_force) - impulse, heat)
+        load = load + self._begun.tip_force
+        self._spent += self._spend(ended, h * load - impulse, cases.friction * impulse, heat)
         loss = h * project(self._losses, 0.5 * (before[2] + after[2]))[:, 0]
         self._lost += loss
         self._turned += np.abs(loss)

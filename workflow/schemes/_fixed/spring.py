@@ -142,14 +142,15 @@ class SpringOperator:
         """Return the same without thermal states, for cases where none can act."""
         return replace(self, modal=self.modal.without_heat())
 
-    def yielding(self, h: float, alpha: Array) -> Array:
+    def yielding(self, h: float, alpha: Array, friction: Array | float = 0.0) -> Array:
         """Return 1 + hθW (hθκ + c), ``(case,)``: contact has one solution where it is positive."""
-        w = delassus(self.modal, h, self.theta, alpha)
+        w = delassus(self.modal, h, self.theta, alpha, friction)
         return np.asarray(1 + h * self.theta * w * (h * self.theta * self.stiffness + self.damping))
 
-    def law(self, alpha: Array) -> Spring:
+    def law(self, alpha: Array, friction: Array) -> Spring:
         """Return the contact law of cases, ``(case,)``."""
-        w, yielding = delassus(self.modal, self.h, self.theta, alpha), self.yielding(self.h, alpha)
+        w = delassus(self.modal, self.h, self.theta, alpha, friction)
+        yielding = self.yielding(self.h, alpha, friction)
         share = np.where(yielding <= 0, np.nan, 1 / np.where(yielding <= 0, 1.0, yielding))
         reach = self.h * self.h * self.theta * self.theta * w
         reach = np.where(reach > 0, 1 / np.where(reach > 0, reach, 1.0), np.inf)
@@ -158,7 +159,7 @@ class SpringOperator:
 
 def _run(operator: SpringOperator, cases: Cases, sampling: Sampling) -> Results:
     """Step cases that all carry thermal states, or that all carry none."""
-    modal, law = operator.modal, operator.law(cases.alpha)
+    modal, law = operator.modal, operator.law(cases.alpha, cases.friction)
     free = Operator(operator.structure, operator.h, operator.theta, modal)
     ended = step_modes(_march, free, modal, law, cases, sampling)
     contact = Contact(operator.yielding, "1 + hθW (hθκ + c)")

@@ -29,6 +29,7 @@ from workflow.schemes._fixed.march import Batch, case_rows, march_blocks
 from workflow.schemes._fixed.marks import TIP_DISPLACEMENT, TIP_TEMPERATURE
 from workflow.schemes._fixed.modal_lanes import Coefficients, by_mode
 from workflow.schemes._fixed.outcome import ROUNDING
+from workflow.schemes._fixed.sliding import friction_message, slides, sliding, yields_aside
 from workflow.schemes._fixed.stable_steps import largest_step
 from workflow.schemes._fixed.stepping import Watch, watch
 from workflow.schemes._interface import Sampling, Status, schedule
@@ -83,14 +84,17 @@ def thermal_amplification(rate: Array, h: float, theta: float) -> Array:
     return np.asarray((1 - (1 - theta) * h * rate) / (1 + theta * h * rate))
 
 
-def delassus(motion: Decoupled | Swept, h: float, theta: float, alpha: Array) -> Array:
-    """Return the Delassus operator W = e_nᵀ Ŵ⁻¹ (e_n + α hθ K12 T̂⁻¹ e_n), 1/kg, ``(case,)``."""
+def delassus(motion: Decoupled | Swept, h: float, theta: float, alpha: Array, friction: Array | float = 0.0) -> Array:
+    """Return the Delassus operator W = e_nᵀ Ŵ⁻¹ (e_n - µ t + α hθ K12 T̂⁻¹ e_n), 1/kg, ``(case,)``."""
     cold, per_alpha = motion.delassus(h, theta)
-    return np.asarray(cold + alpha * per_alpha)
+    found = np.asarray(cold + alpha * per_alpha)
+    if isinstance(motion, Swept) or motion.along is None:
+        return found
+    return found - friction * yields_aside(motion, motion.inertia(h, theta))
 
 
-def coefficients(modal: Decoupled, h: float, theta: float) -> Coefficients:
-    """Return the step's coefficients, with or without thermal states."""
+def coefficients(modal: Decoupled, h: float, theta: float, slides: bool = False) -> Coefficients:
+    """Return the step's coefficients, with or without thermal states, with friction along the tangent or without."""
     omega2, c, tip, mu = modal.frequency**2, modal.damping, modal.tip, modal.rate
     inertia = modal.inertia(h, theta)
     warm = modal.heat_tip / (1 + h * theta * mu)
@@ -117,6 +121,7 @@ def coefficients(modal: Decoupled, h: float, theta: float) -> Coefficients:
             total(modal.heat_tip * warm),
         ),
         heat_counts=True,
+        sliding=sliding(modal, inertia) if slides else None,
     )
 
 
@@ -156,7 +161,7 @@ def step_modes(
     watched = watch(cases, cases.mean + begun.tip_force, sampling, schedule(sampling, h), h, drive)
     zeta = begun.velocity * modal.tip
     xi = begun.position * modal.tip - h * theta * zeta
-    free = coefficients(modal, h, theta)
+    free = coefficients(modal, h, theta, slides(modal, cases))
     books = None
     if sampling.balances:
         books = Books(operator.structure, modal, free, stepped, begun, _terms(modal, h, theta, begun))
@@ -217,16 +222,18 @@ def _admissible_step(limit: float, theta: float, duration: float) -> str:
 
 
 class Contact(NamedTuple):
-    """Whether the contact of a step has one solution: where ``factor(h, alpha)``, ``(case,)``, is positive."""
+    """Whether the contact of a step has one solution: where ``factor(h, alpha, friction)``, ``(case,)``, > 0."""
 
-    factor: Callable[[float, Array], Array]
+    factor: Callable[[float, Array, Array], Array]
     name: str
     """The factor as messages write it."""
 
-    def message(self, operator: Operator, alpha: float, duration: float) -> str:
+    def message(self, operator: Operator, alpha: float, friction: float, duration: float) -> str:
         """Return what is said of a case without a unique solution."""
-        h = operator.h
-        limit = largest_step(lambda step: bool(self.factor(step, np.array(alpha)) > 0), h)
+        h, none, slid = operator.h, np.array(0.0), np.array(friction)
+        if self.factor(h, none, slid) <= 0:
+            return friction_message(h, friction, self.name)
+        limit = largest_step(lambda step: bool(self.factor(step, np.array(alpha), slid) > 0), h)
         return (
             f"contact has no unique solution at h = {h:.6g} s ({self.name} <= 0 at alpha = {alpha:.6g}): "
             + _admissible_step(limit, operator.theta, duration)
@@ -238,13 +245,14 @@ def judge(
 ) -> tuple[NDArray[np.int8], dict[int, str]]:
     """Decide what became of each case: by theory where it can be, else by whether its last state is ``finite``."""
     h, theta, growth = operator.h, operator.theta, _growth(operator)
-    ill_posed = contact.factor(h, cases.alpha) <= 0
+    ill_posed = contact.factor(h, cases.alpha, cases.friction) <= 0
     status = np.full(cases.count, Status.OK, dtype=np.int8)
     messages: dict[int, str] = {}
     for case in map(int, np.flatnonzero(~finite | (growth > 1 + ROUNDING))):
         if ill_posed[case] and not finite[case]:
             status[case] = Status.ILL_POSED
-            messages[case] = contact.message(operator, float(cases.alpha[case]), duration)
+            alpha, friction = float(cases.alpha[case]), float(cases.friction[case])
+            messages[case] = contact.message(operator, alpha, friction, duration)
             continue
         status[case] = Status.DIVERGED
         messages[case] = f"the state left the finite numbers at h = {h:.6g} s"

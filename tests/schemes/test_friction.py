@@ -1,0 +1,224 @@
+"""Friction of a casing that slides: the contact force acts along n - µt, in all schemes.
+
+Closed forms are those of a mass on two springs that lean on each other (:func:`sliding.slider`): with the coordinates
+y (tangential) and x (normal), K = [[k, c], [c, k]] and the load F on the tip
+
+    k y + c x = µ λ,   c y + k x = F - λ   at rest on the casing, x = d.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import plain_carpenter
+import plain_events
+import plain_moreau
+import plain_penalty
+import pytest
+
+from scenes import alone, cases, relative, same_bits, sampling, step
+from sliding import TANGENT, random_structure, slider
+from workflow.models import (
+    Cases,
+    Harmonics,
+    NoEquilibriumError,
+    Rayleigh,
+    critical_alpha,
+    critical_friction,
+    growth_rate,
+    static_equilibrium,
+)
+from workflow.schemes import Results, Sampling, Status
+
+FIXED: dict[str, tuple[str, dict[str, Any]]] = {
+    "implicit_euler": ("moreau", {"theta": 1.0}),
+    "midpoint": ("moreau", {"theta": 0.5}),
+    "carpenter": ("carpenter", {}),
+    "spring": ("penalty", {"stiffness": 2e4, "damping": 3.0}),
+    "implicit_spring": ("penalty", {"stiffness": 2e4, "damping": 3.0, "theta": 0.5, "integration": "implicit"}),
+}
+SLOW = {name: pytest.param(name, marks=pytest.mark.slow) for name in FIXED if name != "implicit_euler"}
+"""Each scheme compiles a kernel of its own for friction."""
+
+EVERY = ["implicit_euler", *SLOW.values()]
+RIGID = ["implicit_euler", SLOW["midpoint"], SLOW["carpenter"], "event_driven"]
+
+
+def ran(structure: Any, batch: Cases, scheme: str, h: float, over: Sampling) -> Results:
+    """Run a scheme with balances, on a casing that could move: one kernel serves all tests."""
+    if batch.casing_harmonics.width == 0:
+        batch = replace(batch, casing_harmonics=Harmonics(*np.zeros((3, batch.count, 1))))
+    method, options = FIXED.get(scheme, (scheme, {}))
+    return step(structure, batch, h, replace(over, balances=True), method, **options)
+
+
+def rubbing(structure: Any, count: int = 1, **values: Any) -> Cases:
+    """A tip that strikes a casing in motion, slides and leaves it."""
+    rub = {"e": 0.4, "alpha": 0.02, "gap": 1e-3, "amplitude": 6.0, "frequency": 3.0, "velocity": 0.2, "steady": 1.0}
+    return cases(structure, count, **{**rub, "casing_harmonics": [[2e-4, 5.0, 0.3]], **values})
+
+
+# Independent solvers with plain matrices.
+
+
+@pytest.mark.parametrize("scheme", EVERY)
+def test_steps_are_those_of_plain_matrices(scheme: str) -> None:
+    structure, h = random_structure(np.random.default_rng(1), 4), 2e-4
+    batch = rubbing(structure, 3, friction=[0.0, 0.75, 0.4])
+    found = ran(structure, batch, scheme, h, sampling(0.1, h))
+    options = {name: value for name, value in FIXED[scheme][1].items() if name != "integration"}
+    plain = {
+        "implicit_euler": lambda case: plain_moreau.march(structure, case, h, 1.0, 500),
+        "midpoint": lambda case: plain_moreau.march(structure, case, h, 0.5, 500),
+        "carpenter": lambda case: plain_carpenter.march(structure, case, h, 500, implicit=True),
+        "spring": lambda case: plain_penalty.explicit(structure, case, h, 500, **options),
+        "implicit_spring": lambda case: plain_penalty.implicit(structure, case, h, 500, **options),
+    }[scheme]
+    assert found.metrics["impacts"].min() > 0
+    for case in range(3):
+        expected = plain(alone(batch, case))
+        for name in ("displacement", "velocity", "temperature"):
+            assert relative(found.histories[name][case], getattr(expected, name)[:, -1]) < 1e-11
+
+
+@pytest.mark.parametrize(("friction", "alpha", "e"), [(0.6, 0.0, 0.0), (0.6, 0.5, 0.6), (0.3, 0.5, 0.0)])
+def test_the_exact_solution_is_that_of_dop853(friction: float, alpha: float, e: float) -> None:
+    structure = random_structure(np.random.default_rng(7), 3)
+    batch = rubbing(structure, friction=friction, alpha=alpha, e=e)
+    over = sampling(0.3, 0.01)
+    found, expected = step(structure, batch, 1.0, over, "event_driven"), None
+    expected = plain_events.Reference(structure, batch).solve(over.times)
+    reached = ~np.isnan(expected.displacement)
+    assert reached.sum() > 3
+    for name in ("displacement", "impulse", "temperature"):
+        ours, theirs = found.histories[name][0][reached], getattr(expected, name)[reached]
+        assert np.abs(ours - theirs).max() <= 1e-10 * np.abs(theirs).max()
+
+
+def test_a_damping_ratio_couples_the_modes_of_a_tip_that_slides() -> None:
+    structure = replace(random_structure(np.random.default_rng(3), 3), damping=Rayleigh(ratio=0.02))
+    batch, over = rubbing(structure, friction=0.3, e=0.0), sampling(0.3, 0.01)
+    found = step(structure, batch, 1.0, replace(over, balances=True), "event_driven")
+    expected = plain_events.Reference(structure, batch).solve(over.times)
+    assert np.abs(found.histories["displacement"][0] - expected.displacement).max() < 1e-10 * 1e-3
+    assert abs(found.metrics["energy_residual"][0]) < 1e-12
+
+
+# Closed forms of a mass on two springs.
+
+
+def pressed(friction: float, load: float, gap: float, cross: float, k: float = 100.0) -> tuple[float, float]:
+    """Tangential displacement and contact force at rest."""
+    force = (load - k * gap + cross**2 * gap / k) / (1 + friction * cross / k)
+    return (friction * force - cross * gap) / k, force
+
+
+@pytest.mark.parametrize("scheme", RIGID)
+def test_a_pressed_tip_that_slides_stays_where_it_is(scheme: str) -> None:
+    structure, load, gap = slider(cross=-30.0), 5.0, 0.01
+    friction = np.array([0.0, 0.5, 1.2])
+    rest = [static_equilibrium(structure, np.array([0.0, load]), np.zeros(1), gap, mu)[0] for mu in friction]
+    expected = np.array([pressed(mu, load, gap, -30.0) for mu in friction])
+    np.testing.assert_allclose(np.array(rest)[:, TANGENT], expected[:, 0], rtol=1e-13)
+    batch = cases(structure, 3, friction=friction, mean=load, gap=gap, displacement=rest)
+    found = ran(structure, batch, scheme, 1e-3, sampling(2.0, 0.1))
+    np.testing.assert_allclose(found.histories["displacement"], gap, rtol=1e-13)
+    np.testing.assert_allclose(found.histories["impulse"][:, -1], expected[:, 1] * 2.0, rtol=1e-3)
+
+
+def test_what_friction_jams_has_no_place_on_the_casing() -> None:
+    """1 + µ c/k <= 0: a force pushes the tip that is held tangentially by a spring deeper into its casing."""
+    structure = slider(cross=-50.0)
+    assert critical_friction(structure).standstill == pytest.approx(2.0, rel=1e-12)
+    with pytest.raises(NoEquilibriumError):
+        static_equilibrium(structure, np.array([0.0, 5.0]), np.zeros(1), 0.01, 2.1)
+    assert critical_alpha(structure, 2.1) == 0.0
+
+
+def test_an_impact_along_the_direction_of_force() -> None:
+    """p = (1 + e) u / (nᵀM⁻¹(n - µt)), with M⁻¹ of [[1, m], [m, 1]] 1/(1 - m²) [[1, -m], [-m, 1]]."""
+    m, e, speed, friction = 0.4, 0.6, 2.0, np.array([0.0, 0.5, 1.5])
+    structure = slider(inertia=m)
+    batch = cases(structure, 3, friction=friction, e=e, velocity=[0.0, speed])
+    found = ran(structure, batch, "event_driven", 1.0, sampling(1e-4, 1e-4))
+    mobility = (1 + friction * m) / (1 - m * m)
+    np.testing.assert_array_equal(found.metrics["impacts"], 1)
+    np.testing.assert_allclose(found.histories["impulse"][:, -1], (1 + e) * speed / mobility, rtol=1e-13)
+    stepped = ran(structure, batch, "implicit_euler", 1e-9, sampling(1e-9, 1e-9))
+    np.testing.assert_allclose(stepped.histories["impulse"][:, -1], (1 + e) * speed / mobility, rtol=1e-13)
+    np.testing.assert_array_equal(stepped.histories["velocity"][:, -1], -e * speed)
+
+
+@pytest.mark.parametrize("scheme", RIGID)
+def test_where_an_impulse_pushes_inwards_contact_has_no_solution(scheme: str) -> None:
+    """Painlevé: nᵀM⁻¹(n - µt) = (1 + µ m)/(1 - m²) <= 0. A tip that stays clear is none the wiser."""
+    structure = slider(inertia=-0.5)
+    assert critical_friction(structure).impact == pytest.approx(2.0, rel=1e-12)
+    batch = cases(structure, 4, friction=[1.9, 2.1, 2.1, 0.0], velocity=[0.0, 0.5], gap=[0.01, 0.01, 1.0, 0.01])
+    found = ran(structure, batch, scheme, 1e-3, sampling(0.1, 0.01))
+    assert found.status.tolist() == [Status.OK, Status.ILL_POSED, Status.OK, Status.OK]
+    assert "friction" in found.messages[1]
+    assert np.isnan(found.histories["displacement"][1, -1])
+
+
+@pytest.mark.slow
+def test_a_contact_spring_is_ill_posed_later() -> None:
+    """1 + hθW (hθκ + c) > 0 still holds where W <= 0, if the spring is soft."""
+    structure = slider(inertia=-0.5)
+    batch = cases(structure, 2, friction=2.5, velocity=[0.0, 0.5], gap=0.01)
+    for stiffness, status in ((1e3, Status.OK), (1e9, Status.ILL_POSED)):
+        options = {"stiffness": stiffness, "integration": "implicit"}
+        found = step(structure, batch, 1e-3, sampling(0.03, 0.01), "penalty", **options)
+        assert found.status.tolist() == [status, status]
+
+
+# Balances, bits, growth.
+
+
+@pytest.mark.parametrize("scheme", [SLOW["midpoint"], SLOW["carpenter"], "event_driven"])
+def test_the_work_of_friction_is_in_the_balance(scheme: str) -> None:
+    structure = random_structure(np.random.default_rng(1), 4)
+    batch = rubbing(structure, 3, friction=[0.0, 0.75, 0.4])
+    found = ran(structure, batch, scheme, 2e-4, sampling(0.2, 1e-2))
+    assert np.abs(found.metrics["energy_residual"]).max() < 1e-12
+    assert found.metrics["impacts"].min() > 0
+
+
+@pytest.mark.parametrize("scheme", [*EVERY, "event_driven"])
+def test_without_friction_bits_are_those_without_a_direction(scheme: str) -> None:
+    structure = random_structure(np.random.default_rng(1), 4)
+    batch, over = rubbing(structure, 3, e=[0.0, 0.4, 0.9]), sampling(0.05, 1e-2)
+    plain = ran(replace(structure, tangent=None), batch, scheme, 2e-4, over)
+    assert same_bits(ran(structure, batch, scheme, 2e-4, over), plain)
+    beside = replace(batch, friction=np.array([0.0, 0.3, 0.0]))
+    mixed = ran(structure, beside, scheme, 2e-4, over)
+    for case in (0, 2):
+        assert mixed.histories["displacement"][case].tobytes() == plain.histories["displacement"][case].tobytes()
+        assert mixed.metrics["energy_residual"][case] == plain.metrics["energy_residual"][case]
+
+
+def test_growth_of_a_pressed_tip_that_slides() -> None:
+    """With the tip held (1 + µ m) y'' + (k + µ c) y = µ (F - k d): unstable where friction overcomes the spring."""
+    structure = slider(cross=-50.0, inertia=0.2)
+    assert growth_rate(structure, 0.0, 1.9) == pytest.approx(0.0, abs=1e-12)
+    assert growth_rate(structure, 0.0, 3.0) == pytest.approx(np.sqrt(50.0 / 1.6), rel=1e-12)
+
+
+def test_growth_is_that_of_the_plain_matrix() -> None:
+    """From x = held · z + …: the eigenvalues of the equations with λ eliminated, by NumPy."""
+    for seed in range(5):
+        s = random_structure(np.random.default_rng(seed), 4)
+        n, friction, alpha = 4, 0.4, 3.0
+        direction = np.eye(n)[-1] - friction * s.tangent
+        solve = np.linalg.inv(np.column_stack([s.mass[:, :-1], direction]))  # of [a_i, λ]
+        forces = -np.hstack([s.stiffness_matrix[:, :-1], s.damping_matrix[:, :-1], s.coupling_matrix])
+        answer, heats = solve @ forces, s.thermal_size
+        A = np.zeros((2 * n - 2 + heats,) * 2)
+        A[: n - 1, n - 1 : 2 * n - 2] = np.eye(n - 1)
+        A[n - 1 : 2 * n - 2] = answer[:-1]
+        A[2 * n - 2 :, 2 * n - 2 :] = -np.linalg.solve(s.heat_capacity, s.conductance_matrix)
+        A[2 * n - 2 :] += alpha * np.outer(np.linalg.inv(s.heat_capacity)[:, -1], answer[-1])
+        largest = np.linalg.eigvals(A).real.max()
+        assert growth_rate(s, alpha, friction) == pytest.approx(largest, rel=1e-9, abs=1e-9)

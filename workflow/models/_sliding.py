@@ -1,0 +1,59 @@
+"""Friction of a casing that slides without reversing: the contact force acts along n - µt, the gap is seen along n.
+
+    M x'' + C1 x' + K1 x + K12 θ = f - λ (e_n - µ t),   x_n <= d
+
+What the tip yields to such a force differs from what it yields to one along e_n by the factors
+
+    at an impact   nᵀM⁻¹(n - µt) / nᵀM⁻¹n = 1 - µ a,      at standstill   nᵀK1⁻¹(n - µt) / nᵀK1⁻¹n = 1 - µ s,   s = ψᵀt,
+
+with the constraint mode ψ ∝ K1⁻¹ n. Where the first is not positive an impulse pushes the tip into the casing: there is
+no impact law (Painlevé). Where the second is not, a tip at rest on its casing has no stable place there.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from workflow.kernels import Array
+from workflow.kernels.sums import dot
+from workflow.models._modes import mechanical_modes
+from workflow.models._structure import Structure
+from workflow.models._tip_held import mechanical_constraint
+
+
+class CriticalFriction(NamedTuple):
+    """Friction coefficients from which on the tip does not yield to a contact force, ``inf`` for none."""
+
+    impact: float
+    """1/a: no impact law."""
+    standstill: float
+    """1/s: no stable place on the casing."""
+
+
+def directions(structure: Structure, friction: Array) -> Array:
+    """Return e_n - µ t for each friction coefficient µ ``(case,)``, ``(case, mechanical)``."""
+    found = np.zeros((friction.size, structure.mechanical_size))
+    found[:, -1] = 1.0
+    if structure.tangent is not None:
+        found -= friction[:, None] * structure.tangent
+    return found
+
+
+def static_share(structure: Structure) -> float:
+    """Return s = ψᵀt, 1: tangential over normal displacement at standstill by a force along the normal."""
+    if structure.tangent is None:
+        return 0.0
+    return dot(mechanical_constraint(structure)[0], structure.tangent)
+
+
+def critical_friction(structure: Structure) -> CriticalFriction:
+    """Return the friction coefficients from which on the tip of a structure does not yield to a contact force."""
+    if structure.tangent is None:
+        return CriticalFriction(np.inf, np.inf)
+    modes = mechanical_modes(structure)
+    inertial = modes.inertia > 0
+    tip, along = modes.tip[inertial], modes.shapes.T[inertial] @ structure.tangent
+    normal, aside, static = dot(tip, tip), dot(tip, along), static_share(structure)
+    return CriticalFriction(normal / aside if aside > 0 else np.inf, 1 / static if static > 0 else np.inf)

@@ -1,0 +1,42 @@
+"""The vector of a basis that friction needs: what a force along the direction of sliding deforms.
+
+A contact force acts along n - µt, the gap is seen along n. Every basis holds the static answer of the tip to a force
+along n by its constraint mode; the answer to t with the tip held, K_ii⁻¹ t_i, is added as one more interior vector,
+orthonormal to the others in M. With both S = nᵀK1⁻¹(n - µt) is that of the structure, for every µ.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workflow.kernels.sums import dot
+from workflow.models import Array, Structure
+from workflow.models._dense import product
+from workflow.models._tip_held import held_displacements
+from workflow.reduction._bases import DEPENDENT
+from workflow.reduction._reduction import Vectors, mechanical_vectors
+
+
+def with_friction(structure: Structure, tangent: Array, mechanical: Vectors) -> Vectors:
+    """Return a basis with the static answer to a force along the tangent; as it is where it holds that already.
+
+    Raises
+    ------
+    ValueError
+        The basis leaves the tip without mass.
+    """
+    if mechanical.has_massless_tip:
+        raise ValueError(
+            "the basis leaves the tip without mass, and friction acts along a direction of its own: what that deforms "
+            "cannot be left without inertia; choose craig_bampton, rubin or krylov"
+        )
+    interior = mechanical.shapes[:, :-1]
+    answer = held_displacements(structure)(tangent)
+    answer[-1] = 0.0
+    new, size = answer, np.sqrt(dot(answer, structure.inertia_forces(answer)))
+    for _ in range(2):  # once more, so that rounding of the first pass goes too
+        new = new - product(interior, product(structure.inertia_forces(interior).T, new))
+    rest = np.sqrt(dot(new, structure.inertia_forces(new)))
+    if interior.shape[1] >= structure.mechanical_size - 1 or not rest > DEPENDENT * size:
+        return mechanical
+    return mechanical_vectors(structure, np.column_stack([interior, new / rest]))

@@ -1,0 +1,48 @@
+"""Friction of a casing that slides, in a fixed step: what an impulse along n - µt does beside one along n.
+
+A contact impulse p acts on a mode by -p (φ_n - µ φᵀt), so that the Delassus operator of a step is
+
+    W(µ) = W(0) - µ Σ φ_n φᵀt / i,   i the inertia of each mode in the step (the diagonal of Ŵ in modes).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workflow.kernels.sums import total
+from workflow.models import Array, Cases
+from workflow.schemes._fixed.books import inverse_square
+from workflow.schemes._fixed.decoupled import Decoupled
+from workflow.schemes._fixed.modal_lanes import Sliding
+
+
+def slides(modal: Decoupled, cases: Cases) -> bool:
+    """Tell whether friction acts in some cases."""
+    return modal.along is not None and bool(cases.friction.any())
+
+
+def sliding(modal: Decoupled, inertia: Array) -> Sliding:
+    """Return what friction does in a step in which the modes have an ``inertia``."""
+    along = _along(modal)
+    return Sliding(
+        np.ascontiguousarray(modal.tip * along / inertia),
+        np.ascontiguousarray(0.5 * modal.tip * along * inverse_square(modal.tip)),
+    )
+
+
+def yields_aside(modal: Decoupled, inertia: Array) -> float:
+    """Return Σ φ_n φᵀt / i, by which W falls per µ, 1/kg."""
+    return 0.0 if modal.along is None else total(modal.tip * modal.along / inertia)
+
+
+def _along(modal: Decoupled) -> Array:
+    assert modal.along is not None, "a structure with a direction of friction"
+    return modal.along
+
+
+def friction_message(h: float, friction: float, name: str) -> str:
+    """Return what is said of a case whose friction leaves contact without a unique solution."""
+    return (
+        f"contact has no unique solution at h = {h:.6g} s ({name} <= 0 at friction coefficient {friction:.6g}): "
+        "friction pushes the tip into the casing more than the contact force pushes it out; lower the coefficient"
+    )
