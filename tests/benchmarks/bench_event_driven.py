@@ -33,9 +33,11 @@ from workflow.schemes import event_driven
 NAMES = ("displacement", "temperature", "impulse")
 
 
-def measure(e: float, count: int, runs: int, distinct: bool = False) -> tuple[float, float, float]:
+def measure(
+    e: float, count: int, runs: int, distinct: bool = False, balances: bool = False
+) -> tuple[float, float, float]:
     """Return milliseconds per case, error and impacts; ``distinct``: each case has an α of its own, 50 first."""
-    structure, over = heavy_chain(), sampling(0.3, 1e-3)
+    structure, over = heavy_chain(), replace(sampling(0.3, 1e-3), balances=balances)
     alpha = np.linspace(50.0, 49.0, count) if distinct else 50.0
     batch = cases(structure, count, e=e, alpha=alpha, gap=5e-5, amplitude=100.0, frequency=20.0)
     operator = event_driven.init(structure, 1.0, event_driven.Options())

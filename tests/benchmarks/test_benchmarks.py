@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from pathlib import Path
 
 import bench_bases
 import bench_event_driven
@@ -11,6 +12,7 @@ import bench_limits
 import bench_moreau
 import bench_plan
 import bench_rivals
+import bench_scaling
 import bench_table
 import bench_workflow
 import pytest
@@ -75,7 +77,7 @@ def test_limits_print_their_table(capsys: pytest.CaptureFixture[str]) -> None:
     assert any("two threads" in line and "same bits" in line for line in lines)
 
 
-def test_the_kept_table_is_what_the_script_prints(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_kept_table_is_what_the_script_prints(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     """Line by line but for numbers, and for what needs other processes."""
 
     def lines(text: str) -> set[str]:
@@ -83,8 +85,11 @@ def test_the_kept_table_is_what_the_script_prints(capsys: pytest.CaptureFixture[
             re.sub(r"[\d.]+(e-?\d+)?", "#", line.split("|")[1]) for line in text.splitlines() if line.startswith("| ")
         }
 
-    told = bench_table.main(bench_limits.TINY, exact_cases=1, run_cases=4, grids=(8, 20), processes=False)
+    told, curves = bench_table.main(bench_limits.TINY, 1, 4, (8, 20), processes=False, extent=bench_scaling.TINY)
     assert capsys.readouterr().out == told
+    assert [curve.unit for curve in curves] == ["cases", "nodes", "nodes", "modes"]
+    bench_scaling.draw(curves, tmp_path / "scaling.png")
+    assert (tmp_path / "scaling.png").stat().st_size > 10_000
     kept = bench_table._parts(bench_table.TABLE.read_text())[1]
     assert bench_table._parts(bench_table.README.read_text())[1] == bench_table.headlines(kept)
     assert bench_table.headlines(kept).count("\n") == 4 + len(bench_table.HEADLINES)
