@@ -158,16 +158,6 @@ def command(*words: str | Path, runs: int = 1, **environment: str) -> float:
     return median(seconds)
 
 
-def importing(runs: int) -> float:
-    """Return the median seconds of a process that imports the three libraries that take longest."""
-    seconds = []
-    for _ in range(runs):
-        begun = time.perf_counter()
-        subprocess.run([sys.executable, "-c", "import numba, xarray, scipy"], check=True)
-        seconds.append(time.perf_counter() - begun)
-    return median(seconds)
-
-
 def commands(runs: int) -> Iterator[tuple[str, float]]:
     """Yield what a user types and waits for, and the seconds it takes."""
     with scratch() as directory:
