@@ -55,6 +55,7 @@ CHANGED = [
     (16, "{gap: 20 um}", "{gap: 20 um, gap: 10 um}", "scene.casing.gap", "stands twice, first in line 16", "keep one"),
     (17, "frequency: 5 Hz", "frequency: 5 rad/s", "scene.load.frequency", "is not a frequency", "e.g. `5 Hz`"),
     (17, "frequency: 5 Hz", "frequency: -5 Hz", "scene.load.frequency", "out of range", "at least 0"),
+    (17, "phase: 0", "phase: 1e22", "scene.load.phase", "is out of range", "at least -1000 and at most 1000 rad"),
     (17, "phase: 0", "phase: 3 Hz", "scene.load.phase", "is not an angle", "90 deg"),
     (18, "temperature: 0}", "temperature: 20 degC}", "scene.initial.temperature", "has an offset", "kelvin"),
     (18, "temperature: 0}", "temperature: 20 °C}", "scene.initial.temperature", "has an offset", "kelvin"),

@@ -18,13 +18,18 @@ AUTO, CHOSEN = "auto", -1
 History = Literal["displacement", "velocity", "temperature", "impulse", "contact_force"]
 Precision = Literal["float64", "float32"]
 
+LARGEST_PHASE = 1000.0
+"""rad; the sum of ω t and a phase is then known to 1e-13 rad. Beside a phase of 1e22 rad ω t is lost in rounding."""
+
 
 @dataclass(frozen=True)
 class LoadHarmonic:
     """One more sinusoid A sin(2π f t + φ) of the load on the tip."""
 
     amplitude: float = quantity("N", "amplitude of a harmonic of the load")
-    phase: float = quantity("rad", "phase of a harmonic of the load", default=0.0)
+    phase: float = quantity(
+        "rad", "phase of a harmonic of the load", default=0.0, at_least=-LARGEST_PHASE, at_most=LARGEST_PHASE
+    )
     frequency: float | None = quantity("Hz", "frequency of a harmonic of the load", default=None, at_least=0)
     order: float | None = quantity("1", "frequency of a harmonic of the load, over speed", default=None, at_least=0)
 
@@ -34,7 +39,9 @@ class CasingHarmonic:
     """One sinusoid a sin(2π f t + φ) of the casing's motion, away from the tip where it is positive."""
 
     amplitude: float = quantity("m", "amplitude of a harmonic of the casing")
-    phase: float = quantity("rad", "phase of a harmonic of the casing", default=0.0)
+    phase: float = quantity(
+        "rad", "phase of a harmonic of the casing", default=0.0, at_least=-LARGEST_PHASE, at_most=LARGEST_PHASE
+    )
     frequency: float | None = quantity("Hz", "frequency of a harmonic of the casing", default=None, at_least=0)
     order: float | None = quantity("1", "frequency of a harmonic of the casing, over speed", default=None, at_least=0)
 
@@ -46,7 +53,9 @@ class Load:
     mean: float = quantity("N", "constant part F0 of the load on the tip", default=0.0)
     amplitude: float = quantity("N", "amplitude F1 of the load on the tip", default=0.0)
     frequency: float = quantity("Hz", "frequency of the load on the tip", default=0.0, at_least=0)
-    phase: float = quantity("rad", "phase of the load on the tip", default=0.0)
+    phase: float = quantity(
+        "rad", "phase of the load on the tip", default=0.0, at_least=-LARGEST_PHASE, at_most=LARGEST_PHASE
+    )
     steady: Values = quantity("N", "constant load per node", default=0.0, per="node")
     harmonics: tuple[LoadHarmonic, ...] = ()
 
