@@ -23,9 +23,17 @@ NAMES = [
     "scaling",
     "work_precision",
     "work_precision_blade",
+    "work_precision_finite_element",
     *(f"hard/{p.stem}" for p in STUDIES if p.parent.name == "hard"),
 ]
-LONG = {"compressor_blade", "scaling", "work_precision", "work_precision_blade", "hard/all_steps"}
+LONG = {
+    "compressor_blade",
+    "scaling",
+    "work_precision",
+    "work_precision_blade",
+    "work_precision_finite_element",
+    "hard/all_steps",
+}
 KEPT = [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in NAMES]
 """Studies whose archives are kept in ``data/``, by path; ``pytest -m "slow or not slow" --regenerate`` writes them."""
 

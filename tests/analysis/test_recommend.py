@@ -107,7 +107,7 @@ def test_it_is_what_a_brute_search_finds(seed: int, tolerance: float, bad: float
     assert len(recommendation_row(found)) == 6
 
 
-@pytest.mark.parametrize("name", ["work_precision_blade", "work_precision"])
+@pytest.mark.parametrize("name", ["work_precision_blade", "work_precision", "work_precision_finite_element"])
 def test_the_answers_of_the_kept_archives_are_what_a_plain_search_finds(name: str) -> None:
     """At 10 %, 1 % and 0.1 %: every scheme, step and model, case by case, without xarray or this package's tables."""
     path = Path(__file__).parents[2] / "data" / f"{name}.nc"

@@ -27,6 +27,7 @@ from workflow.models import (
     tip_flexibility,
 )
 from workflow.models._sparse_from_matrices import _sparse_structure
+from workflow.models._spectrum import fastest_rate
 from workflow.reduction import Known, names, projection_residual, reduce_structure
 
 NODES = 310
@@ -69,6 +70,7 @@ def test_statics_are_those_of_the_chain(chain: Structure, sparse: Sparse) -> Non
     assert relative(static_temperatures(sparse, loads), static_temperatures(chain, loads)) < 1e-10
     assert frequencies(sparse)[0] == pytest.approx(frequencies(chain)[0], rel=1e-9)
     assert rates(sparse)[0] == pytest.approx(rates(chain)[0], rel=1e-11)
+    assert fastest_rate(chain) == pytest.approx(rates(chain)[-1], rel=1e-13)
     assert rates(sparse)[-1] == pytest.approx(rates(chain)[-1], rel=0.05)
 
 
@@ -194,6 +196,25 @@ def test_one_temperature_stands_for_no_heat(chain: Structure) -> None:
     reduced = reduce_structure(found, 3, 0).structure
     assert frequencies(reduced)[0] == pytest.approx(frequencies(found)[0], rel=1e-3)
     assert rates(reduced) == pytest.approx([0.0])
+
+
+def test_damping_and_load_of_a_large_file_are_reduced_with_it() -> None:
+    """As the dense structure has them; a damping that is Rayleigh's keeps modes apart, to the bit."""
+    given = long_chain(NODES)
+    local = diags_array(np.where(np.arange(NODES) % 7 == 0, 1e-3, 0.0))
+    along = np.sin(np.arange(NODES) / 50.0)
+    proportional = 0.3 * given.mass + 1e-4 * given.stiffness
+    for damper in (csc_array(proportional + local), csc_array(proportional)):
+        own = replace(given, damper=damper, load=along)
+        dense, large = structure_from_sparse(own), _sparse_structure(own)
+        wanted, found = (reduce_structure(whole, 4, 4).structure for whole in (dense, large))
+        assert not isinstance(dense, Sparse)
+        for name in ("damping_matrix", "load_direction"):  # modes point either way
+            one, other = (np.abs(getattr(of, name)) for of in (found, wanted))
+            assert relative(one, other) < 1e-7, name
+    assert found.damper is None
+    assert found.damping.mass == pytest.approx(0.3, rel=1e-12)
+    assert found.damping.stiffness == pytest.approx(1e-4, rel=1e-9)
 
 
 def test_massless_degrees_of_freedom_of_a_large_structure_follow() -> None:

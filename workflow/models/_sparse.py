@@ -52,6 +52,10 @@ class Sparse(Structure):
         Of the modes, or by Rayleigh's coefficients.
     tangent
         Direction in which the casing slides, ``(mechanical,)``; ``None`` for none.
+    load
+        Direction along which the load acts, ``(mechanical,)``; ``None`` for the tip.
+    damper
+        What C1 has beside that, N s/m, ``(mechanical, mechanical)``; ``None`` for nothing.
     coordinates
         Coordinates that loads and initial states are given in.
     """
@@ -61,6 +65,8 @@ class Sparse(Structure):
     coupling: csc_array
     damping: Rayleigh = field(default_factory=Rayleigh)
     tangent: Array | None = None
+    load: Array | None = None
+    damper: csc_array | None = None
     coordinates: Coordinates | None = None
 
     @property
@@ -98,7 +104,9 @@ class Sparse(Structure):
             tip_growth=self.tip_growth,
             tangent=self.tangent,
         )
-        return replace(structure_of_forms(forms, self.damping), coordinates=self.coordinates)
+        damper = None if self.damper is None else self.damper.toarray()
+        found = structure_of_forms(forms, self.damping)
+        return replace(found, load=self.load, damper=damper, coordinates=self.coordinates)
 
     def matrices(self) -> Matrices:
         """Return the same structure by its dense matrices.

@@ -21,8 +21,9 @@ from workflow.models._from_matrices import (
     structure_from_matrices,
 )
 from workflow.models._sparse import Sparse
+from workflow.models._sparse_entries import ASYMMETRY
 from workflow.models._sparse_pair import NotHeldError, SparsePair
-from workflow.models._structure import Coordinates, Matrices
+from workflow.models._structure import Coordinates, Matrices, Rayleigh
 
 _SINGULAR = 1e-10
 """Least pivot of an inertia scaled to a diagonal of ones above which it is definite: consistent masses have 1e-2."""
@@ -41,10 +42,7 @@ def structure_from_sparse(given: GivenMatrices) -> Matrices | Sparse:
     """
     size = max(given.mass.shape[0], given.heat_capacity.shape[0])
     is_small = size <= MOST_NODES_WITH_MATRICES
-    if given.damper is not None or given.load is not None:
-        if not is_small:
-            problem = f"a structure of {size} degrees of freedom has a `damping` or a `load` of its own"
-            raise UnusableMatricesError(problem, "give damping in the study, and a load that acts on the contact")
+    if is_small and (given.damper is not None or given.load is not None):
         return structure_from_matrices(dense_matrices(given))
     if is_small and not (_is_definite(given.mass) and _is_definite(given.heat_capacity)):
         return structure_from_matrices(dense_matrices(given))
@@ -90,14 +88,35 @@ def _sparse_structure(given: GivenMatrices) -> Sparse:
             raise NotHeldError(f"{fault}, among {kind}")
     if mechanical.tip_stiffness == 0:
         raise NotHeldError("nothing holds the part that the contact acts on")
+    damping, damper = given.damping, None
+    if given.damper is not None:
+        damper = _congruent(given.damper, basis)
+        found = _as_rayleigh(damper, mechanical)
+        damping, damper = (damping, damper) if found is None else (found, None)
     return Sparse(
         mechanical=mechanical,
         thermal=thermal,
         coupling=csc_array(basis.T @ csc_array(given.coupling) @ heat_basis),
-        damping=given.damping,
         tangent=None if given.tangent is None else np.asarray(basis.T @ given.tangent),
+        damping=damping,
+        load=None if given.load is None else np.asarray(basis.T @ given.load),
+        damper=damper,
         coordinates=Coordinates(basis, taken, heat_basis, heat_taken, given.steady, given.heating),
     )
+
+
+def _as_rayleigh(damper: csc_array, pair: SparsePair) -> Rayleigh | None:
+    """Return a_M and a_K of C1 = a_M M + a_K K1, which damps modes each by itself; ``None`` where C1 is not that."""
+    scale = float(abs(damper).max()) or 1.0
+    parts = [abs(matrix).max() for matrix in (pair.inertia, pair.stiffness)]
+    entries = [matrix / size for matrix, size in zip((pair.inertia, pair.stiffness), parts, strict=True)]
+    normal = np.array([[float((a * b).sum()) for b in entries] for a in entries])
+    shares = np.linalg.solve(normal, [float((a * damper).sum()) for a in entries])
+    left = damper - shares[0] * entries[0] - shares[1] * entries[1]
+    if float(abs(left).max()) > ASYMMETRY * scale or np.any(shares < -ASYMMETRY * scale):
+        return None
+    mass, stiffness = (max(0.0, float(share / size)) for share, size in zip(shares, parts, strict=True))
+    return Rayleigh(mass=mass, stiffness=stiffness)
 
 
 def _tip_last(contact: Array, name: str) -> tuple[csr_array, csr_array]:

@@ -6,6 +6,7 @@ import numpy as np
 
 from workflow.kernels import Array
 from workflow.models._chain import Chain
+from workflow.models._dense import MOST_PORTABLE
 from workflow.models._long_chain import frequency_range, rate_range
 from workflow.models._modes import mechanical_modes
 from workflow.models._sparse import Sparse
@@ -34,6 +35,13 @@ def rates(structure: Structure) -> Array:
     if isinstance(structure, Sparse):
         return _ends(structure.thermal)
     return every_thermal_mode(structure).values
+
+
+def fastest_rate(structure: Structure) -> float:
+    """Return the largest μ, 1/s; of a chain above 300 nodes by passes along it, without the others."""
+    if isinstance(structure, Chain) and structure.thermal_size > MOST_PORTABLE:
+        return float(rate_range(structure)[-1])
+    return float(rates(structure)[-1])
 
 
 def _ends(pair: SparsePair) -> Array:

@@ -170,7 +170,11 @@ def quadratic_forms(structure: Sparse, mechanical: Vectors, thermal: Vectors, ca
         tip_growth=product(static_tip_growth(structure), theta),
         tangent=_along(structure, x),
     )
-    return structure_of_forms(forms, structure.damping)
+    return replace(
+        structure_of_forms(forms, structure.damping),
+        load=None if structure.load is None else product(x.T, structure.load),
+        damper=None if structure.damper is None else product(x.T, np.asarray(structure.damper @ x)),
+    )
 
 
 def unreduced(deformations: Callable[[Array], Array], size: int) -> Vectors:

@@ -25,7 +25,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from workflow.kernels.elementwise import exp, log
-from workflow.models import Structure, rates
+from workflow.models import Structure
+from workflow.models._spectrum import fastest_rate
 from workflow.models._tip_held import (
     held_displacements,
     held_modes,
@@ -68,7 +69,7 @@ def thermal(structure: Structure, count: int, known: Known) -> Vectors:
     constraint, _ = thermal_constraint(structure)
     answer, heat = held_temperatures(structure), structure.heat_contents(constraint)
     span = Orthonormal(structure.thermal_size, count, structure.heat_contents)
-    for shift in _shifts(count, 1 / known.duration, float(rates(structure)[-1])):
+    for shift in _shifts(count, 1 / known.duration, fastest_rate(structure)):
         span.add(answer(heat, shift))
     if not span.is_full:
         span.add_each(held_thermal_modes(structure, count).shapes)
