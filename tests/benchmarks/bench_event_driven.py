@@ -18,6 +18,7 @@ import sys
 import tempfile
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from statistics import median
 
@@ -25,9 +26,11 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "schemes"))
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
+from bench_limits import Line, least
 from plain_events import Reference
 
 from scenes import cases, heavy_chain, relative, sampling
+from workflow.reduction import reduce_structure
 from workflow.schemes import event_driven
 
 NAMES = ("displacement", "temperature", "impulse")
@@ -52,6 +55,27 @@ def measure(
     exact = event_driven.compute(replace(operator, thresholds=tight), batch.take(slice(0, 1)), over)
     error = max(relative(found.histories[name][:1], exact.histories[name]) for name in NAMES)
     return median(taken), error, float(found.metrics["impacts"][0])
+
+
+def compared(count: int, runs: int) -> list[Line]:
+    """What α of their own, and balances, make of a batch's time, full and reduced: all four take turns."""
+    full, lines = heavy_chain(), []
+    reduction, over = reduce_structure(full, 3, 12), replace(sampling(0.3, 1e-3), balances=False)
+    for name, structure in (("20 + 20 modes", full), ("3 + 12 modes", reduction.structure)):
+        operator, works = event_driven.init(structure, 1.0, event_driven.Options()), []
+        for alpha in (50.0, np.linspace(50.0, 49.0, count)):
+            batch = cases(full, count, e=0.5, alpha=alpha, gap=5e-5, amplitude=100.0, frequency=20.0)
+            loaded = batch if structure is full else reduction.project(batch)
+            for balances in (False, True):
+                given = operator, loaded, replace(over, balances=balances)
+                works.append(partial(event_driven.compute, *given))
+        one, audited, own, own_audited = least(runs, *works)
+        what = f"`event_driven`, {name}, each case another alpha over one alpha"
+        lines.append((what, "<= 1.2", f"{1e3 * own / count:.2f} ms", f"{own / one:.2f}"))
+        for label, plain, seen in (("one alpha", one, audited), ("each case another alpha", own, own_audited)):
+            what = f"`event_driven`, {name}, {label}, with balances over without"
+            lines.append((what, "<= 1.5", f"{1e3 * seen / count:.2f} ms", f"{seen / plain:.2f}"))
+    return lines
 
 
 def independent(e: float) -> tuple[float, float, int]:
@@ -85,6 +109,8 @@ def main(count: int = 100, runs: int = 7) -> None:
         milliseconds, error, impacts = measure(e, count, runs)
         print(f"e = {e:g}: {milliseconds:.2f} ms per case, error {error:.1e}, {impacts:.0f} impacts")
         assert np.isfinite(milliseconds)
+    for line in compared(count, runs):
+        print(*line, sep="; ")
 
 
 def beside() -> None:

@@ -89,7 +89,7 @@ def exact(count: int, runs: int) -> list[Line]:
         audited, _, _ = bench_event_driven.measure(e, count, runs, distinct=True, balances=True)
         what = f"`event_driven`, e = {e:g}, each case another alpha, with balances over without"
         lines.append((what, "<= 1.5", f"{audited:.2f} ms", f"{audited / distinct:.2f}"))
-    return lines
+    return lines + bench_event_driven.compared(count, runs)
 
 
 def _study_seconds(text: str, cases: int) -> float:

@@ -15,8 +15,9 @@ from scenes import alone, blade, cases, chain, heavy_chain, same_bits, sampling,
 from workflow import schemes
 from workflow.models import Cases, Rayleigh, Structure
 from workflow.reduction import reduce_structure
-from workflow.schemes import Results, Sampling, Status, carpenter, moreau
+from workflow.schemes import Results, Sampling, Status, carpenter, event_driven, moreau
 from workflow.schemes._exact import energy_balance
+from workflow.schemes._exact.modal_system import ModalSystem
 from workflow.schemes._fixed import dense, modal_lanes, recorder, theta_method
 from workflow.schemes._fixed.books import felt_modes
 from workflow.schemes._fixed.decoupled import Decoupled, decouple, start
@@ -407,8 +408,7 @@ def test_event_driven_on_special_scenes(name: str) -> None:
     assert abs(found.metrics["heat_residual"][0]) < 1e-11
 
 
-def test_poles_and_panels_integrate_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two ways to integrate, and one that leaves out a part of the power is found out."""
+def small_rub() -> tuple[Structure, Cases]:
     structure = chain(
         nodes=4,
         mass=1.0,
@@ -419,20 +419,41 @@ def test_poles_and_panels_integrate_the_same(monkeypatch: pytest.MonkeyPatch) ->
         conductance=0.7,
         convection=0.1,
     )
-    batch = cases(structure, e=0.5, alpha=0.3, gap=0.2, amplitude=2.0, frequency=0.1, heating=0.01, steady=0.02)
+    return structure, cases(
+        structure, e=0.5, alpha=0.3, gap=0.2, amplitude=2.0, frequency=0.1, heating=0.01, steady=0.02
+    )
 
-    def residuals() -> list[float]:
-        found = step(structure, batch, 0.1, audited(sampling(20.0, 1.0)), "event_driven").metrics
-        return [abs(found[name][0]) for name in BALANCES]
 
-    assert max(residuals()) < 1e-12
-    monkeypatch.setattr(energy_balance, "ILL_CONDITIONED", 0.0)
-    assert max(residuals()) < 1e-12
-    whole = energy_balance._form
+def exact_residuals(structure: Structure, batch: Cases) -> list[float]:
+    found = step(structure, batch, 0.1, audited(sampling(20.0, 1.0)), "event_driven").metrics
+    return [abs(found[name][0]) for name in BALANCES]
 
-    def careless(regime: energy_balance._Regime, load: energy_balance.Load) -> energy_balance.Form:
-        system = replace(regime.system, damping=0.99 * regime.system.damping)
-        return whole(replace(regime, system=system, loss=0.99 * regime.loss), load)
 
-    monkeypatch.setattr(energy_balance, "_form", careless)
-    assert min(residuals()) > 1e-5
+@pytest.mark.parametrize("which", energy_balance.Matrices._fields)
+def test_a_motion_that_is_not_that_of_the_matrices_is_seen(which: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every term of the structure's own equations, one hundredth wrong: stiffness, damping, heat, loads."""
+    structure, batch = small_rub()
+    assert max(exact_residuals(structure, batch)) < 1e-12
+    matrices = energy_balance.matrices
+
+    def careless(system: ModalSystem) -> energy_balance.Matrices:
+        right = matrices(system)
+        return right._replace(**{which: 0.99 * getattr(right, which)})
+
+    monkeypatch.setattr(energy_balance, "matrices", careless)
+    assert exact_residuals(structure, batch)[0] > 1e-5
+
+
+def test_a_wrong_impact_and_a_wrong_loss_are_seen_by_event_driven(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The contact law says which velocity an impulse brings about; one that is too small by 1 % does not."""
+    structure, batch = small_rub()
+    operator = event_driven.init(structure, 0.1, event_driven.Options())
+    wrong = replace(operator, basis=replace(operator.basis, mobility=operator.basis.mobility / 0.99))
+    over = audited(sampling(2.5, 0.5))
+    right, wronged = (event_driven.compute(o, batch, over).metrics for o in (operator, wrong))
+    assert right["impacts"][0] > 0
+    assert abs(right["energy_residual"][0]) < 1e-12
+    assert abs(wronged["energy_residual"][0]) > 1e-4
+    with_loss = energy_balance.with_loss
+    monkeypatch.setattr(energy_balance, "with_loss", lambda regime, loss: with_loss(regime, 0.99 * loss))
+    assert exact_residuals(structure, batch)[1] > 1e-5

@@ -13,13 +13,13 @@ from workflow.models import Array, Cases, Structure
 from workflow.schemes._exact import block_table as block
 from workflow.schemes._exact import outcome
 from workflow.schemes._exact.conditions import load_of, penetration, tip_of
-from workflow.schemes._exact.energy_balance import EnergyBalance
+from workflow.schemes._exact.energy_balance import EnergyBalance, Regimes, residuals
 from workflow.schemes._exact.impacts import Case, Thresholds
 from workflow.schemes._exact.layout import TAYLOR_SPAN, Layout, Memory, layout, memory
 from workflow.schemes._exact.march import march
 from workflow.schemes._exact.modal_system import Basis, analyse
 from workflow.schemes._exact.outcome import Budget
-from workflow.schemes._exact.phase_log import empty_log
+from workflow.schemes._exact.phase_log import Log, empty_log
 from workflow.schemes._exact.record import TALLY, Record
 from workflow.schemes._exact.regimes import regime_of
 from workflow.schemes._exact.response import SLOW_POLE
@@ -73,7 +73,9 @@ class _Batch:
             (basis.to_thermal, cases.temperature),
         )
         self.modal = np.concatenate([_times(matrix, values) for matrix, values in states], axis=1)
-        self.balance = EnergyBalance(operator.structure, basis) if sampling.balances else None
+        self.balance = EnergyBalance(operator.structure, basis, operator.free) if sampling.balances else None
+        self.logs: dict[int, Log] = {}
+        self.audited: tuple[Layout, Regimes] | None = None
         self.regimes = HeldRegimes(basis.held)
         self.stiff = _taylor_steps(operator.free.block, sampling.duration) > operator.budget.steps
         self.held: tuple[tuple[float, float], Layout, bool] | None = None
@@ -126,15 +128,23 @@ class _Batch:
         while True:
             self.tally[i] = np.zeros((), dtype=TALLY)
             record = Record(self.times, ends, self.histories[i], self.period_values[i], self.tally[i])
-            log = empty_log() if balance is None else balance.log((alpha, friction), case.modal.size, phases)
+            log = empty_log() if balance is None else self._log(balance, case.modal.size, phases)
             ended = int(march(free, held, case, record, *memories, log))
             if ended != outcome.LOG_FULL:
                 break
             phases *= 8
         if balance is not None and ended == outcome.COMPLETED:
-            impulse = float(self.histories[i, 3, -1])
-            self.residuals[i] = balance.residuals(log, self.tally[i], modal, load, (alpha, friction), impulse)
+            if self.audited is None or self.audited[0] is not held:
+                self.audited = held, balance.regimes(held, alpha, friction)
+            regimes, heat = self.audited[1], balance.heat(alpha)
+            self.residuals[i] = residuals(regimes, heat, modal, load, memories, log, self.tally[i])
         return ended
+
+    def _log(self, balance: EnergyBalance, states: int, phases: int) -> Log:
+        """Return the log that cases of so many states use one after the other, with room for so many phases or more."""
+        if states not in self.logs or self.logs[states].held.size < phases:
+            self.logs[states] = balance.log(states, phases)
+        return self.logs[states]
 
     def results(self) -> Results:
         """Return the results of the batch."""

@@ -120,7 +120,7 @@ def _expand_explicit(r: Response, output: int, k: int, y: Array, t: float, sums:
         f3_bound += amplitude
         f4_bound += w * amplitude
     for j in range(r.firsts):
-        g, mu = r.coupling[0, k, j] * y[state.FIRST_SLOPE, j], -r.first[first.RATE, j]
+        g, mu = r.coupling[0, j, k] * y[state.FIRST_SLOPE, j], -r.first[first.RATE, j]
         f1 += g
         f2 += g * mu
         f3 += g * mu * mu

@@ -39,7 +39,7 @@ def explicit_force(r: Response, k: int, y: Array, t: float) -> float:
         row = i * block.WAVE
         force = force + r.block[block.FORCE_COS + row, k] * cos + r.block[block.FORCE_SIN + row, k] * sin
     for j in range(r.firsts):
-        force += r.coupling[0, k, j] * y[state.FIRST, j]
+        force += r.coupling[0, j, k] * y[state.FIRST, j]
     return float(force)
 
 
@@ -78,8 +78,8 @@ def _force_at(r: Response, k: int, y: Array, t: float, step: int, h: float) -> f
         force = force + w[i, wave.FORCE_COS] * cos + w[i, wave.FORCE_SIN] * sin
     for j in range(r.firsts):
         decay, phi1, _ = first_propagator(-r.first[first.RATE, j] * step * h)
-        force += r.coupling[0, k, j] * (y[state.FIRST, j] + y[state.FIRST_SLOPE, j] * step * h * phi1)
-        r.first[first.PHI2, j] = r.coupling[0, k, j] * y[state.FIRST_SLOPE, j] * decay
+        force += r.coupling[0, j, k] * (y[state.FIRST, j] + y[state.FIRST_SLOPE, j] * step * h * phi1)
+        r.first[first.PHI2, j] = r.coupling[0, j, k] * y[state.FIRST_SLOPE, j] * decay
     return float(force)
 
 
@@ -100,7 +100,7 @@ def _steps(r: Response, k: int, fastest: float, dt: float) -> int:
         if forced(r.block, k, i):
             fastest = max(fastest, r.waves[i, wave.OMEGA])
     for j in range(r.firsts):
-        if r.coupling[0, k, j] != 0.0:
+        if r.coupling[0, j, k] != 0.0:
             fastest = max(fastest, abs(r.first[first.RATE, j]))
     return max(1, int(np.ceil(fastest * abs(dt) / TAYLOR_SPAN)))
 
@@ -172,7 +172,7 @@ def _fast_response(r: Response, k: int, s: float, y: Array, t: float, dt: float)
         after += a_cos * cos_after + a_sin * sin_after
         impulse += (f_cos * (sin_after - sin) - f_sin * (cos_after - cos)) / w
     for j in range(r.firsts):
-        g, mu = r.coupling[0, k, j], r.first[first.RATE, j]
+        g, mu = r.coupling[0, j, k], r.first[first.RATE, j]
         if g != 0.0:
             value, pace = y[state.FIRST, j], y[state.FIRST_SLOPE, j]
             decay, phi1, phi2 = first_propagator(-mu * dt)

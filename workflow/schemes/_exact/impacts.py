@@ -77,7 +77,8 @@ than the threshold, 1e-7 of the displacement scale: the message of the case says
 def impact(motions: Motions, case: Case, tally: Any) -> tuple[bool, float]:
     """Strike the free tip with the speed ``tally.speed`` of approach; return whether it stays in contact, since when.
 
-    The energy that the impulse takes is p (v⁻ + v⁺)/2, v = d' - g', less p µ tᵀ(x'⁻ + x'⁺)/2 that friction gives.
+    The energy that the impulse takes is p (v⁻ + v⁺)/2, v = d' - g', less p µ tᵀ(x'⁻ + x'⁺)/2 that friction gives; v⁺ is
+    what the law says: were p another, the energy of the modes would tell.
     """
     tip, free, speed = case.tip, motions.free, tally.speed
     p = (1.0 + tip.e) * speed / tip.mobility
@@ -85,16 +86,16 @@ def impact(motions: Motions, case: Case, tally: Any) -> tuple[bool, float]:
     sliding = _slip(motions, tip, tally.time) if tip.aside.size > 0 else 0.0
     strike(free.r, tip.struck, free.now, p, tip.alpha * p)
     expand(free.r, free.now, tally.time, free.x)
-    stays, since = speed <= 0.0 or tip.e == 0.0, tally.time
+    stays, since, e = speed <= 0.0 or tip.e == 0.0, tally.time, tip.e
     if not stays:
         end = _end_of_bounces(motions, case, tally)
         if not np.isnan(end):  # p and what all later impacts would add is m v⁻ and the contact force
-            stays, since, p = True, end, speed / tip.mobility
+            stays, since, p, e = True, end, speed / tip.mobility, 0.0
     if speed > 0.0:
         tally.impacts += 1
         tally.impulse += p
         _, casing_speed = casing(motions, tally.time)
-        tally.spent += p * (speed - 0.5 * p * tip.mobility + casing_speed)
+        tally.spent += p * (0.5 * (1.0 - e) * speed + casing_speed)
         if tip.aside.size > 0:
             tally.spent -= p * (sliding - 0.5 * p * _slipped(tip))
     return stays, since

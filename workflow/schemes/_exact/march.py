@@ -34,6 +34,9 @@ _SAME_TIME = 16.0 * 2.220446049250313e-16
 _LATE = 1e-9
 """Samples are due at the end up to this share of the duration: it is a multiple of their interval up to that."""
 
+_LOOKS = 16
+"""Steps from one look at the energy, of which the balance takes the largest, to the next."""
+
 _FIRST_STEP = 0.1
 """First step tried after an event, in times of the fastest pole; longer ones follow if it is certified."""
 
@@ -82,7 +85,7 @@ def march(
                 event = tally.speed > 0.0 or h == 0.0  # a tip that lies on the casing at this instant
         tally.time = T if h >= T - tally.time else tally.time + h
         start = Start(0, -1.0, False, 2.0 * h)
-        if audited:
+        if audited and tally.steps % _LOOKS == 0:
             fill_modal(motions, tally.held != 0, tally.time)
             note_energy(log, motions.free.coordinates, tally)
     if ended == outcome.COMPLETED:

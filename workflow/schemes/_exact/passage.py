@@ -36,7 +36,7 @@ class Motions(NamedTuple):
 
 
 @part
-def _multiply(matrix: Array, source: Array, target: Array) -> None:
+def multiply(matrix: Array, source: Array, target: Array) -> None:
     """Fill target = source · matrix; rows and columns of states that do not act are not read."""
     for i in range(target.size):
         target[i] = 0.0
@@ -69,7 +69,7 @@ def casing(motions: Motions, t: float) -> tuple[float, float]:
 def leave(motions: Motions, t: float, modal: Array) -> None:
     """Fill [y, y', τ] from the coordinates of the held motion."""
     passage = motions.passage
-    _multiply(passage.outward, motions.held.coordinates, passage.modal)
+    multiply(passage.outward, motions.held.coordinates, passage.modal)
     _change_modes(passage.exit, casing(motions, t), passage.modal, modal)
 
 
@@ -85,6 +85,15 @@ def fill_modal(motions: Motions, held: bool, t: float) -> None:
 
 
 @part
+def set_held(motions: Motions, t: float) -> None:
+    """Set the held motion from the coordinates of the free one."""
+    held, passage = motions.held, motions.passage
+    _change_modes(passage.entry, casing(motions, t), motions.free.coordinates, passage.modal)
+    multiply(passage.inward, passage.modal, held.coordinates)
+    from_coordinates(held.r, held.coordinates, t, held.now)
+
+
+@part
 def enter_contact(motions: Motions, threshold: float, t: float) -> int:
     """Set the held motion from the free one; return the order of the zero of its force at t, -1 where nothing presses.
 
@@ -92,9 +101,7 @@ def enter_contact(motions: Motions, threshold: float, t: float) -> int:
     """
     free, held = motions.free, motions.held
     to_coordinates(free.r, free.now, t, free.coordinates)
-    _change_modes(motions.passage.entry, casing(motions, t), free.coordinates, motions.passage.modal)
-    _multiply(motions.passage.inward, motions.passage.modal, held.coordinates)
-    from_coordinates(held.r, held.coordinates, t, held.now)
+    set_held(motions, t)
     expand(held.r, held.now, t, held.x)
     force, rate = held.x.sums[expansion.D0, held.r.blocks], held.x.sums[expansion.D1, held.r.blocks]
     rounding = threshold * SUM_ROUNDING * held.x.sums[expansion.SIZE, 0]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from workflow.kernels.compiled import part, rare
 from workflow.models import Array
-from workflow.schemes._exact.passage import Motions, fill_modal, leave
+from workflow.schemes._exact.passage import Motions, fill_modal
 
 
 class Log(NamedTuple):
@@ -25,14 +25,12 @@ class Log(NamedTuple):
     """[y, y', τ] at its beginning, ``(phase, modal)``."""
     final: Array
     """[y, y', τ] at the end of the case, ``(modal,)``."""
-    reduced: bool
-    """Whether the held regime leaves modes out, see :func:`~workflow.schemes._exact.regimes.linked`."""
 
 
 def empty_log() -> Log:
     """Return what the march takes where no balances are asked for."""
     row = np.zeros(0)
-    return Log(row, row, np.zeros(0, dtype=np.bool_), np.zeros((0, 0)), row, False)
+    return Log(row, row, np.zeros(0, dtype=np.bool_), np.zeros((0, 0)), row)
 
 
 @part
@@ -53,22 +51,15 @@ def begin_phase(log: Log, modal: Array, tally: Any) -> None:
     for j in range(log.final.size):
         log.state[i, j] = modal[j]
     tally.phases += 1
-    note_energy(log, modal, tally)
 
 
 @rare
 def note_phase(log: Log, motions: Motions, tally: Any) -> bool:
-    """Keep the phase that begins; return whether there was room for it.
-
-    The energy of modes that the held regime leaves out is spent.
-    """
+    """Keep the phase that begins; return whether there was room for it."""
     if tally.phases >= log.held.size:
         return False
     modal = motions.free.coordinates  # set by what led into a contact
     if not tally.held:
         fill_modal(motions, False, tally.time)
     begin_phase(log, modal, tally)
-    if tally.held and log.reduced:
-        leave(motions, tally.time, log.final)
-        tally.spent += note_energy(log, modal, tally) - note_energy(log, log.final, tally)
     return True

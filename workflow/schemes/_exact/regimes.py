@@ -42,7 +42,7 @@ class Regime(NamedTuple):
     """μ of each first-order state, 1/s, ``(first,)``."""
     coupling: Array
     """Force g on a block per first-order state, and a and b of the response η = a ξ + b ξ' to it,
-    ``(3, block, first)``: g, a, b; zero where heat and motion act on each other."""
+    ``(3, first, block)``: g, a, b; zero where heat and motion act on each other."""
     resonant: Array
     """1 where a block has no such response because a first-order state is near one of its poles, ``(block,)``."""
     signal: Array
@@ -105,7 +105,7 @@ def _one_way(system: ModalSystem) -> Regime:
         damping=system.damping,
         stiffness=system.frequency**2,
         rate=system.rate,
-        coupling=np.stack([-system.coupling, a, b]),
+        coupling=np.stack([-system.coupling.T, a.T, b.T]),
         resonant=resonant,
         signal=signal,
         temperature=np.concatenate([np.zeros(2 * system.frequency.size), system.heat_tip]),
@@ -205,7 +205,7 @@ def _coupled(held: ModalSystem) -> Regime:
         damping=np.concatenate([np.diag(held.damping)[rigid], -(s + t).real]),
         stiffness=np.concatenate([np.zeros(still), times(s, t).real]),
         rate=held.rate,
-        coupling=np.zeros((3, count, heats)),
+        coupling=np.zeros((3, heats, count)),
         resonant=np.zeros(count),
         signal=product(row, outward),
         temperature=product(held.heat_tip, outward[2 * modes :]),
@@ -253,7 +253,7 @@ def _two_way(held: ModalSystem, alpha: float) -> Regime:
         damping=-2 * s.real,
         stiffness=s.real**2 + s.imag**2,
         rate=-spectrum.values[first].real,
-        coupling=np.zeros((3, pairs.size, first.size)),
+        coupling=np.zeros((3, first.size, pairs.size)),
         resonant=np.zeros(pairs.size),
         signal=outputs(spectrum.force),
         temperature=product(held.heat_tip, outward[2 * held.frequency.size :]),

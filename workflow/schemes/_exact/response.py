@@ -13,7 +13,7 @@ first-order state) the block is *explicit*: it keeps its force and is advanced b
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -246,7 +246,7 @@ def _subtract_particular(b: Array, k: int, waves: Array, outputs: Array) -> None
 @part
 def _subtract_dragged(b: Array, k: int, f: Array, j: int, coupling: Array) -> None:
     """Subtract the response η = a ξ + b ξ' of a block to a first-order state: outputs then see it in ξ and ξ'."""
-    at, lag = coupling[1, k, j], coupling[2, k, j]
+    at, lag = coupling[1, j, k], coupling[2, j, k]
     speed = at - lag * f[first.RATE, j]
     for o in range(2):
         value, slope = b[block.SIGNAL_VALUE + 2 * o, k], b[block.SIGNAL_SLOPE + 2 * o, k]
@@ -272,28 +272,31 @@ def _subtract_harmonics(f: Array, j: int, waves: Array) -> None:
 
 
 @part
-def _forced(r: Response, k: int, y: Array, t: float, sign: float, place: Any) -> Any:
-    """Return η and η' of a block with its response to the loads added (``sign`` 1) or subtracted (-1)."""
-    b, value, slope = r.block, place[0], place[1]
-    if b[block.EXPLICIT, k] == 0.0:
-        at_rest = b[block.PARTICULAR, k]
-        for i in range(r.waves.shape[0]):
-            cos, sin = wave_phase(r.waves, i, t)
-            a_cos, a_sin = b[block.PARTICULAR_COS + i * block.WAVE, k], b[block.PARTICULAR_SIN + i * block.WAVE, k]
-            at_rest = at_rest + a_cos * cos + a_sin * sin
-            slope += sign * (r.waves[i, wave.OMEGA] * (a_sin * cos - a_cos * sin))
-        value += sign * at_rest
-        for j in range(r.firsts):
-            at, lag = r.coupling[1, k, j], r.coupling[2, k, j]
-            value += sign * (at * y[state.FIRST, j] + lag * y[state.FIRST_SLOPE, j])
-            slope += sign * ((at - lag * r.first[first.RATE, j]) * y[state.FIRST_SLOPE, j])
-    return value, slope
+def _add_response(r: Response, y: Array, t: float, sign: float, value: Array, slope: Array) -> None:
+    """Add their response to the loads and to first-order states to η and η' of blocks, or subtract it (``sign`` -1)."""
+    b = r.block
+    for k in range(r.blocks):
+        value[k] += sign * b[block.PARTICULAR, k]
+    for i in range(r.waves.shape[0]):
+        row, omega = i * block.WAVE, r.waves[i, wave.OMEGA]
+        cos, sin = wave_phase(r.waves, i, t)
+        for k in range(r.blocks):
+            a_cos, a_sin = b[block.PARTICULAR_COS + row, k], b[block.PARTICULAR_SIN + row, k]
+            value[k] += sign * (a_cos * cos + a_sin * sin)
+            slope[k] += sign * (omega * (a_sin * cos - a_cos * sin))
+    for j in range(r.firsts):
+        xi, speed, mu = y[state.FIRST, j], y[state.FIRST_SLOPE, j], r.first[first.RATE, j]
+        for k in range(r.blocks):
+            at, lag = r.coupling[1, j, k], r.coupling[2, j, k]
+            if b[block.EXPLICIT, k] == 0.0:
+                value[k] += sign * (at * xi + lag * speed)
+                slope[k] += sign * ((at - lag * mu) * speed)
 
 
 @part
 def from_coordinates(r: Response, coordinates: Array, t: float, y: Array) -> None:
     """Fill the state ``y`` of time t from the coordinates [η, u, ξ]: the response to the loads is subtracted."""
-    b, f = r.block, r.first
+    f = r.first
     for j in range(r.firsts):
         xi = coordinates[2 * r.blocks + j]
         for i in range(r.waves.shape[0]):
@@ -302,25 +305,27 @@ def from_coordinates(r: Response, coordinates: Array, t: float, y: Array) -> Non
             xi = xi - f[first.HARMONIC_COS + row, j] * cos - f[first.HARMONIC_SIN + row, j] * sin
         y[state.FIRST, j], y[state.FIRST_SLOPE, j] = xi, f[first.SOURCE, j] - f[first.RATE, j] * xi
     for k in range(r.blocks):
-        slope = coordinates[r.blocks + k] + b[block.SOURCE, k] + _wave_slope(r, k, t)
-        y[state.VALUE, k], y[state.SLOPE, k] = _forced(r, k, y, t, -1.0, (coordinates[k], slope))
+        y[state.VALUE, k], y[state.SLOPE, k] = coordinates[k], coordinates[r.blocks + k]
+    _add_sources(r, t, 1.0, y[state.SLOPE])
+    _add_response(r, y, t, -1.0, y[state.VALUE], y[state.SLOPE])
 
 
 @part
-def _wave_slope(r: Response, k: int, t: float) -> float:
-    """Return what the waves add to η' - u of a block."""
-    total = 0.0
+def _add_sources(r: Response, t: float, sign: float, slope: Array) -> None:
+    """Add the sources β = η' - u of blocks to their slopes, or subtract them (``sign`` -1)."""
+    for k in range(r.blocks):
+        slope[k] += sign * r.block[block.SOURCE, k]
     for i in range(r.waves.shape[0]):
         cos, sin = wave_phase(r.waves, i, t)
-        total += r.block[block.SOURCE_COS + i * block.WAVE, k] * cos
-        total += r.block[block.SOURCE_SIN + i * block.WAVE, k] * sin
-    return total
+        row = i * block.WAVE
+        for k in range(r.blocks):
+            slope[k] += sign * (r.block[block.SOURCE_COS + row, k] * cos + r.block[block.SOURCE_SIN + row, k] * sin)
 
 
 @part
 def to_coordinates(r: Response, y: Array, t: float, coordinates: Array) -> None:
     """Fill the coordinates [η, u, ξ] from the state ``y`` of time t: the inverse of :func:`from_coordinates`."""
-    b, f = r.block, r.first
+    f = r.first
     for j in range(r.firsts):
         xi = y[state.FIRST, j]
         for i in range(r.waves.shape[0]):
@@ -329,6 +334,7 @@ def to_coordinates(r: Response, y: Array, t: float, coordinates: Array) -> None:
             xi = xi + f[first.HARMONIC_COS + row, j] * cos + f[first.HARMONIC_SIN + row, j] * sin
         coordinates[2 * r.blocks + j] = xi
     for k in range(r.blocks):
-        value, slope = _forced(r, k, y, t, 1.0, (y[state.VALUE, k], y[state.SLOPE, k]))
-        coordinates[k] = value
-        coordinates[r.blocks + k] = slope - b[block.SOURCE, k] - _wave_slope(r, k, t)
+        coordinates[k], coordinates[r.blocks + k] = y[state.VALUE, k], y[state.SLOPE, k]
+    value, slope = coordinates[: r.blocks], coordinates[r.blocks : 2 * r.blocks]
+    _add_response(r, y, t, 1.0, value, slope)
+    _add_sources(r, t, -1.0, slope)

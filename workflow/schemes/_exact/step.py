@@ -201,4 +201,4 @@ def _explicit_series(m: Motion, k: int, t: float, order: int) -> None:
         force = next_derivative(waves)
         for j in range(r.firsts):
             decay = elementary.power(-r.first[first.RATE, j], n)
-            force += r.coupling[0, k, j] * y[state.FIRST_SLOPE, j] * decay
+            force += r.coupling[0, j, k] * y[state.FIRST_SLOPE, j] * decay

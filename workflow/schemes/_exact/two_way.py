@@ -101,7 +101,7 @@ def _regime_at(h: TwoWay, alpha: float, guesses: Array, work: Scratch) -> tuple[
         for first in range(0, size, 8):
             _fill_source(h, alpha, inward, i, source, narrow(first))
         source[i, size] = h.inputs[i]
-    coupling, resonant = np.zeros((3, pairs, firsts)), np.zeros(pairs)
+    coupling, resonant = np.zeros((3, firsts, pairs)), np.zeros(pairs)
     regime = Regime(
         damping, stiffness, rate, coupling, resonant, signal, temperature, source, inward, outward, h.entry, h.exit
     )
