@@ -37,7 +37,7 @@ from workflow.schemes._exact.regimes import linked
 from workflow.schemes._exact.response import from_coordinates
 from workflow.schemes._exact.waves import wave_phase
 
-FLIGHTS = 8
+FLIGHTS = 16
 """Flights that share one look at the power: there are ten times as many as contacts, all by one regime."""
 
 
