@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from workflow.analysis import casing_motion, impact_speeds
+from workflow.analysis import casing_motion, impact_speeds, period_frequency
 
 
 def case(attrs: dict, **coords: tuple) -> xr.Dataset:
@@ -39,6 +39,27 @@ def test_axes_replace_what_the_study_gives() -> None:
 @pytest.mark.parametrize("text", ["[]", "no json", '[{"amplitude": 1}]', "[1]", '{"a": 1}'])
 def test_what_makes_no_sense_does_not_move(text: str) -> None:
     assert casing_motion(case({"casing_harmonics": text})) is None
+
+
+@pytest.mark.parametrize(
+    ("amplitude", "load", "casing", "frequency"),
+    [(2.0, [], ENTRIES, 50.0), (0.0, [], ENTRIES, 15.0), (0.0, ENTRIES[1:], ENTRIES, 7.0), (0.0, [], [], 50.0)],
+)
+def test_periods_are_those_of_the_load_else_of_the_first_harmonic(
+    amplitude: float, load: list, casing: list, frequency: float
+) -> None:
+    scene = {
+        "speed": 2.0,
+        "load": {"amplitude": 1.0, "frequency": 50.0, "harmonics": load},
+        "casing": {"harmonics": casing},
+    }
+    one = case({}, speed=(5.0, "scene.speed"), amplitude=(amplitude, "scene.load.amplitude"))
+    assert period_frequency(one, scene) == frequency
+
+
+@pytest.mark.parametrize("scene", [{}, {"load": 1}, {"load": {"amplitude": 0, "harmonics": [2]}}])
+def test_a_scene_without_sense_has_no_periods(scene: dict) -> None:
+    assert np.isnan(period_frequency(case({}), scene))
 
 
 def test_impact_speeds_are_relative_to_the_casing() -> None:

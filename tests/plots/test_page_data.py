@@ -135,7 +135,7 @@ def test_a_block_keeps_to_its_room_and_tells_what_it_leaves_out() -> None:
         dataset[f"extra_{k}"] = (dataset["status"].dims, RNG.random(dataset["status"].shape))
     found = telling(dataset, recommend(dataset, 0.0025).choice)
     shown = shown_part(dataset, found)
-    described, text = page_data(shown.dataset, shown.cases, {}, np.nan, 3_000_000)
+    described, text = page_data(shown.dataset, shown.cases, {}, {}, 3_000_000)
     assert len(text) < 3_000_000
     assert described["left_out"]
     assert described["metrics"][0]["name"] == "error"
@@ -150,5 +150,5 @@ def test_panels_are_there_where_the_archive_has_their_axes() -> None:
         (archive(scheme=3, h=4, gap=5), {"map", "controls", "cost", "order"}),
         (archive(gap=4), {"map", "controls"}),
     ):
-        described, _ = page_data(dataset, (0,), {}, np.nan, 100_000)
+        described, _ = page_data(dataset, (0,), {}, {}, 100_000)
         assert set(explorer(described, names)) == parts

@@ -14,7 +14,7 @@ from workflow.analysis._cases import (
     shown_dim,
     value_text,
 )
-from workflow.analysis._casing import casing_motion
+from workflow.analysis._casing import casing_motion, period_frequency
 from workflow.analysis._compare import compare
 from workflow.analysis._decided import Decided, decided
 from workflow.analysis._effects import Hidden, effect, hidden
@@ -83,6 +83,7 @@ __all__ = [
     "mode_counts",
     "numerical_dims",
     "observed_order",
+    "period_frequency",
     "ranges",
     "recommend",
     "recommendation_cautions",

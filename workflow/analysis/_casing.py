@@ -1,8 +1,10 @@
-"""The casing's motion of a case, from what an archive says of it: the attributes of ``gap`` and the axes."""
+"""The casing's motion and the load periods of a case, from what an archive says of its scene and the axes."""
 
 from __future__ import annotations
 
+import copy
 import json
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,10 +15,11 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+_PATHS = ("scene.speed", "scene.load.", "scene.casing.")
+"""Beginnings of the axes on which the motion of load and casing depends."""
+
 HARMONICS, SPEED = "casing_harmonics", "speed"
 """Attributes of the coordinate ``gap``: the study's ``casing.harmonics`` as JSON, and ``scene.speed`` in Hz."""
-
-_PATH = "scene.casing.harmonics."
 
 
 def casing_motion(case: xr.Dataset) -> tuple[Array, Array] | None:
@@ -46,27 +49,64 @@ def casing_motion(case: xr.Dataset) -> tuple[Array, Array] | None:
     return place, velocity
 
 
+def period_frequency(case: xr.Dataset, scene: Mapping[str, Any]) -> float:
+    """Return the frequency whose periods an archive counts, Hz.
+
+    That of the load, else of its first harmonic, else of the casing's.
+
+    Parameters
+    ----------
+    case
+        One case of an archive.
+    scene
+        Its study's scene as resolved, without the values of axes.
+
+    Returns
+    -------
+    float
+        Not a number where the scene makes no sense.
+    """
+    try:
+        own = _of_case(case, scene)
+        load, casing = own.get("load", {}), own.get("casing", {})
+        harmonics = [*load.get("harmonics", []), *casing.get("harmonics", [])]
+        if harmonics and float(load.get("amplitude", 0.0)) == 0.0:
+            return _frequency(harmonics[0], float(own.get("speed", 0.0)))
+        return float(load["frequency"])
+    except (ValueError, TypeError, KeyError, IndexError, AttributeError):
+        return float("nan")
+
+
 def _entries(case: xr.Dataset) -> list[tuple[float, float, float]]:
     """Return amplitude [m], frequency [Hz] and phase of each harmonic; none where what is said makes no sense."""
     about = case["gap"].attrs
     try:
-        entries: list[dict[str, Any]] = [dict(entry) for entry in json.loads(str(about.get(HARMONICS, "[]")))]
-        speed = float(about.get(SPEED, 0.0))
-        for coordinate in case.coords.values():
-            path = str(coordinate.attrs.get("study_path", ""))
-            if path == "scene.speed":
-                speed = float(coordinate)
-            elif path.startswith(_PATH):
-                place, name = path.removeprefix(_PATH).split(".")
-                entries[int(place)][name] = float(coordinate)
+        harmonics = json.loads(str(about.get(HARMONICS, "[]")))
+        scene = _of_case(case, {"speed": about.get(SPEED, 0.0), "casing": {"harmonics": harmonics}})
+        speed, entries = float(scene["speed"]), scene["casing"]["harmonics"]
         return [
             (float(entry["amplitude"]), _frequency(entry, speed), float(entry.get("phase", 0.0))) for entry in entries
         ]
-    except (ValueError, TypeError, KeyError, IndexError):
+    except (ValueError, TypeError, KeyError, IndexError, AttributeError):
         return []
 
 
-def _frequency(entry: dict[str, Any], speed: float) -> float:
+def _of_case(case: xr.Dataset, scene: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a scene with the values that a case has along the axes, as far as the scene names them."""
+    own = copy.deepcopy(dict(scene))
+    for coordinate in case.coords.values():
+        path = str(coordinate.attrs.get("study_path", ""))
+        if not path.startswith(_PATHS):
+            continue
+        _, *groups, name = path.split(".")
+        group: Any = own
+        for key in groups:
+            group = group[int(key)] if isinstance(group, list) else group.get(key, {})
+        group[name] = float(coordinate)
+    return own
+
+
+def _frequency(entry: Mapping[str, Any], speed: float) -> float:
     """Return the frequency of a harmonic, Hz."""
     order = entry.get("order")
     return float(entry["frequency"]) if order is None else float(order) * speed

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.analysis import case_dims, casing_motion
+from workflow.analysis import case_dims, casing_motion, period_frequency
 from workflow.plots._thinned import BUCKETS, Pack, levels, thinned, thinned_times
 from workflow.plots._units import scaled
 
@@ -39,7 +39,7 @@ _SAID = 300
 
 
 def append_cases(
-    part: xr.Dataset, pack: Pack, order: Iterator[int], partners: NDArray[np.int32], frequency: float, room: int
+    part: xr.Dataset, pack: Pack, order: Iterator[int], partners: NDArray[np.int32], scene: Mapping[str, Any], room: int
 ) -> dict[str, Any] | None:
     """Take in histories and impulses of load periods of cases in order, while there is room.
 
@@ -65,7 +65,7 @@ def append_cases(
     for case in order:
         if len(described["entries"]) >= MOST or pack.size + written > room:
             break
-        entry = _entry(part, pack, case, names, buckets, frequency, bool(status[case] == 0))
+        entry = _entry(part, pack, case, names, buckets, scene, bool(status[case] == 0))
         described["entries"][str(case)] = entry
         written += len(str(entry))
     described["thinned"] = part.sizes["t"] > 2 * buckets if names else False
@@ -102,7 +102,7 @@ def _history(part: xr.Dataset, name: str) -> dict[str, Any]:
 
 
 def _entry(
-    part: xr.Dataset, pack: Pack, case: int, names: list[str], buckets: int, frequency: float, ok: bool
+    part: xr.Dataset, pack: Pack, case: int, names: list[str], buckets: int, scene: Mapping[str, Any], ok: bool
 ) -> dict[str, Any]:
     """Take in one case."""
     dims, shape = case_dims(part), part["status"].shape
@@ -115,7 +115,7 @@ def _entry(
     if "period_impulse" in one:
         entry["periods"] = pack.add(np.asarray(one["period_impulse"].values, dtype=np.float64))
         entry["growth"] = float(one["growth_rate"]) if "growth_rate" in one else None
-    entry["frequency"] = float(one["frequency"]) if "frequency" in one.coords else frequency
+    entry["frequency"] = period_frequency(one, scene)
     if "gap" in one.coords:
         entry["gap"] = float(one["gap"])
         motion = casing_motion(one) if names else None

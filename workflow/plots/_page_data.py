@@ -116,7 +116,7 @@ def _part(dataset: xr.Dataset, kept: Mapping[str, NDArray[np.int64]]) -> xr.Data
 
 
 def page_data(
-    part: xr.Dataset, first: Sequence[int], methods: Mapping[str, str], frequency: float, room: int
+    part: xr.Dataset, first: Sequence[int], methods: Mapping[str, str], scene: Mapping[str, Any], room: int
 ) -> tuple[dict[str, Any], str]:
     """Return what a page's script reads: a plain description, and the block of arrays in base64.
 
@@ -128,8 +128,8 @@ def page_data(
         Numbers of the cases whose histories come first; the first of all is the one shown.
     methods
         Method of each scheme by its label.
-    frequency
-        Of the load, Hz, where no axis varies it; NaN where there is none.
+    scene
+        Of its study as resolved.
     room
         Characters that the block may take.
     """
@@ -150,7 +150,7 @@ def page_data(
     partners = exact_partners(part, methods).astype(np.int32)
     described["exact"] = pack.add(partners)
     order = _order(part, first, partners)
-    described["cases"] = append_cases(part, pack, order, partners, frequency, room)
+    described["cases"] = append_cases(part, pack, order, partners, scene, room)
     return _finite(described), pack.text()
 
 

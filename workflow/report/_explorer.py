@@ -53,7 +53,12 @@ class Interactive:
 
 
 def interactive(
-    dataset: xr.Dataset, archive: str, choice: Choice | None, methods: Mapping[str, str], frequency: float, room: int
+    dataset: xr.Dataset,
+    archive: str,
+    choice: Choice | None,
+    methods: Mapping[str, str],
+    scene: Mapping[str, Any],
+    room: int,
 ) -> Interactive:
     """Return the interactive part of a report.
 
@@ -65,8 +70,8 @@ def interactive(
         What it recommends or comes nearest to it.
     methods
         Method of each scheme of its study by label.
-    frequency
-        Of the load, Hz, where no axis varies it; NaN where there is none.
+    scene
+        Of its study as resolved.
     room
         Bytes that the part and its scripts may take.
     """
@@ -75,7 +80,7 @@ def interactive(
     room -= sum(len(script.encode()) for script in scripts) + len(own)
     found = telling(dataset, choice)
     shown = shown_part(dataset, found)
-    described, packed = page_data(shown.dataset, shown.cases, methods, frequency, room)
+    described, packed = page_data(shown.dataset, shown.cases, methods, scene, room)
     described |= {
         "archive": repr(archive),
         "statuses": [status.name.lower().replace("_", "-") for status in Status],

@@ -34,10 +34,10 @@ def methods_of(archive: Path, damaged: bool = False) -> dict[str, str]:
     return {str(label): str(form["method"]) for label, form in stored if isinstance(form, dict) and "method" in form}
 
 
-def frequency_of(archive: Path, damaged: bool = False) -> float:
-    """Return the load frequency of an archive's scene, Hz; NaN where there is none."""
-    frequency = _resolved(archive, damaged, "scene", "load", "frequency")
-    return float(frequency) if isinstance(frequency, int | float) else float("nan")
+def scene_of(archive: Path, damaged: bool = False) -> dict[str, Any]:
+    """Return the scene of an archive's study as resolved; empty where provenance does not hold it."""
+    scene = _resolved(archive, damaged, "scene")
+    return scene if isinstance(scene, dict) else {}
 
 
 def _resolved(archive: Path, damaged: bool, *path: str) -> Any:

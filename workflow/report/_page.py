@@ -15,7 +15,7 @@ from workflow.report import _sections as sections
 from workflow.report._answer import answer
 from workflow.report._explorer import PAGE_BYTES, interactive
 from workflow.report._html import THEN, image, page, short, table, tag
-from workflow.report._origin import duration_of, frequency_of, methods_of, origin
+from workflow.report._origin import duration_of, methods_of, origin, scene_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -96,7 +96,7 @@ def _write_single(archive: Path, written: Path, damaged: bool) -> Written:
         precision, maps = sections.precision(dataset, duration_of(archive, damaged)), sections.maps(dataset)
         figure = figure or precision.figure or maps.figure
         figure_path = save(figure, picture) if figure is not None and picture is not None else None
-        methods, frequency = methods_of(archive, damaged), frequency_of(archive, damaged)
+        methods, scene = methods_of(archive, damaged), scene_of(archive, damaged)
         found = answer(dataset, methods)
         head = [
             tag("h1", _title(dataset, archive)),
@@ -115,7 +115,7 @@ def _write_single(archive: Path, written: Path, damaged: bool) -> Written:
             *origin(dataset, archive, damaged),
         ]
         room = PAGE_BYTES - sum(len(part.encode()) for part in [*head, *rest]) - _MARGIN
-        shown = interactive(dataset, archive.name, found.choice, methods, frequency, room)
+        shown = interactive(dataset, archive.name, found.choice, methods, scene, room)
     commit(written, page(archive.name, [*head, *shown.body, *rest], shown.scripts).encode())
     return Written(written, figure_path)
 
