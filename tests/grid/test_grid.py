@@ -147,7 +147,7 @@ def test_tasks_cover_every_unit_once(text: str, longest: float, monkeypatch: pyt
 @pytest.mark.parametrize("threads", [2, 4])
 def test_threads_end_together(threads: int, h: float) -> None:
     """Whenever they begin: each takes the next task as soon as it is free, as dask's threads do."""
-    text = SMALL.replace("h: [1e-4, 2e-4]", f"h: {h}").replace("[0, 5, 10, 20, 50]", "{lin: [0, 50, 2000]}")
+    text = SMALL.replace("h: [1e-4, 2e-4]", f"h: {h}").replace("[0, 5, 10, 20, 50]", "{lin: [0, 50, 4000]}")
     grid = arrange(parsed(text))
     cut = list(tasks(grid, units_of(grid)))
     assert 2 * cut[0].seconds > cutting.SHORTEST > cut[-1].seconds

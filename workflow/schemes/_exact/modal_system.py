@@ -69,12 +69,6 @@ class ModalSystem:
     """``(3,)``."""
     gap_source: Array
     """Forces on z'' per d, d' and d'' of the casing of a held tip: 0, -b', -b, ``(mode, 3)``."""
-    dragged: Array
-    """s, displacement per d of a held tip, ``(mechanical,)``; 0 with the tip free."""
-    dragged_damping: float
-    """sᵀ C1 s, N s/m."""
-    dragged_coupling: Array
-    """sᵀ K12 χ, ``(thermal mode,)``."""
     shapes: Array
     """φ, ``(mechanical, mode)``, without the row of a held tip."""
     heat_shapes: Array
@@ -91,8 +85,6 @@ class ModalSystem:
     """Direction t of friction on a held tip, ``(mechanical,)``; ``None`` for none."""
     pushed: Array | None = None
     """Forces on z'' per λ, µ φᵀt, ``(mode,)``; ``None`` without friction along t."""
-    leaning: float = 0.0
-    """µ sᵀt."""
 
     @property
     def is_coupled(self) -> bool:
@@ -116,19 +108,6 @@ class ModalSystem:
             signal_tip=self.signal_tip / yields,
             signal_gap=self.signal_gap / yields,
             pushed=friction * product(self.shapes.T, self.tangent[: self.shapes.shape[0]]),
-            leaning=friction * dot(self.dragged, self.tangent),
-        )
-
-    def without_heat(self) -> ModalSystem:
-        """Return the system without its thermal modes."""
-        return replace(
-            self,
-            coupling=self.coupling[:, :0],
-            rate=self.rate[:0],
-            heat_tip=self.heat_tip[:0],
-            thermal_reaction=self.thermal_reaction[:0],
-            dragged_coupling=self.dragged_coupling[:0],
-            heat_shapes=self.heat_shapes[:, :0],
         )
 
 
@@ -198,9 +177,6 @@ def free_system(structure: Structure) -> ModalSystem:
         load=structure.load_direction,
         signal_gap=np.array([1.0, 0.0, 0.0]),
         gap_source=np.zeros((modes, 3)),
-        dragged=np.zeros(modes),
-        dragged_damping=0.0,
-        dragged_coupling=np.zeros(thermal.values.size),
         shapes=mechanical.shapes,
         heat_shapes=thermal.shapes,
         from_free=np.eye(modes),
@@ -246,8 +222,6 @@ def held_system(structure: Structure) -> ModalSystem:
         signal_steady=force_steady,
         signal_tip=1.0 if structure.load is None else dot(force_steady, structure.load),
         load=structure.load_direction,
-        dragged=dragged,
-        dragged_coupling=product(product(structure.coupling_matrix.T, dragged), thermal.shapes),
         **_by_casing(structure, dragged, shapes, dot(whole_strain, tip_strain)),
         shapes=shapes,
         heat_shapes=thermal.shapes,
@@ -281,7 +255,6 @@ def _by_casing(structure: Structure, dragged: Array, shapes: Array, stiffness: f
     return {
         "signal_gap": np.array([-stiffness, -rate, -acceleration]),
         "gap_source": source,
-        "dragged_damping": dot(dragged, damped),
     }
 
 
