@@ -17,6 +17,7 @@ ROOT = Path(__file__).parents[2]
 def truth(name: str, tmp_path: Path, **settings: object) -> xr.Dataset:
     """Run a study of the gallery."""
     study = read_study(ROOT / "studies" / "truth" / f"{name}.yaml")
+    tmp_path.mkdir(exist_ok=True)
     found = run_study(study.with_(settings) if settings else study, tmp_path / "x.nc", threads=1).dataset.load()
     assert (found["status"] == int(Status.OK)).all()
     if "event_driven" in np.ravel(found["scheme"]):
@@ -52,6 +53,48 @@ def test_it_grazes_at_a_tenth(tmp_path: Path) -> None:
     impacts = truth("vibro_impact_grazing", tmp_path)["impacts"].values.ravel()
     assert impacts[0] == 0
     assert impacts[1] > 0
+
+
+COCO, SHAW_HOLMES, BALL = 1.8 * 1.695732937595, 1.8 * 20 / 3, 2 * 0.01 * 9.81 / 100
+"""Impulses of an impact: (1 + e) v⁻ of unit masses, 2 m v⁺ with v⁺ = π g/ω."""
+
+
+@pytest.mark.parametrize(
+    ("name", "period", "impulse", "impacts", "largest"),
+    [
+        ("vibro_impact", 2 * np.pi, COCO, 99, (2.5e-3, 3e-5)),
+        ("impact_oscillator", np.pi, SHAW_HOLMES, 50, (2.2e-2, 4.5e-4)),
+        ("ball_on_table", 0.02, BALL, 1000, (2e-6, 1e-6)),
+    ],
+)
+def test_fixed_steps_meet_closed_forms_to_their_order(
+    name: str, period: float, impulse: float, impacts: int, largest: tuple[float, float], tmp_path: Path
+) -> None:
+    """Mean impulse of the last third of the periods: of θ = 1 to the first order, of θ = 1/2 far closer.
+
+    Impacts are in contact for one step each.
+    """
+    errors = []
+    for steps in (250, 1000):
+        h = period / steps
+        found = truth(
+            name,
+            tmp_path / str(steps),
+            **{
+                "schemes": {"midpoint": {"method": "moreau", "theta": 0.5}},
+                "axes.scheme": ["moreau", "midpoint"],
+                "axes.h": h,
+            },
+        )
+        assert (found["impacts"] == impacts).all()
+        np.testing.assert_allclose(found["contact_time"], impacts * h, rtol=1e-12)
+        impulses = found["period_impulse"].transpose("scheme", "period", ...).values.reshape(2, -1)
+        mean = impulses[:, 2 * impulses.shape[1] // 3 :].mean(axis=1)
+        errors.append(np.abs(mean / impulse - 1.0))
+    assert (errors[-1] < largest).all(), errors
+    if name != "ball_on_table":  # its free flight is exact in the mean, and only the phase of impacts is not
+        assert np.log(errors[0][0] / errors[1][0]) / np.log(4) == pytest.approx(1.0, abs=0.06)
+        assert errors[1][1] < errors[0][1] / 4
 
 
 def test_the_impact_oscillator_of_shaw_and_holmes(tmp_path: Path) -> None:
