@@ -42,12 +42,13 @@ output: {interval: 1 ms, histories: [displacement]}
 """160 cases in 16 units of storage."""
 
 FINELY = """
-import workflow.grid._tasks as cutting, workflow.run._cluster as cluster
-cutting.SHORTEST, cutting.UNBROKEN, cluster._PATIENCE = 1e-9, 0.0, 1.0
+import os, workflow.grid._tasks as cutting, workflow.run._cluster as cluster
+cutting.SHORTEST, cutting.UNBROKEN = 1e-9, 0.0
+cluster._PATIENCE = float(os.environ.get("WATCHED_PATIENCE", 60.0))
 from workflow.cli import main
 main()
 """
-"""The command line with a task for each unit, and less patience: a test cannot wait so long."""
+"""The command line with a task for each unit; ``WATCHED_PATIENCE`` seconds are waited for workers that have left."""
 
 
 @pytest.fixture(scope="module")
@@ -213,7 +214,7 @@ def test_a_run_whose_workers_have_all_left_ends_and_the_next_one_goes_on(tmp_pat
     with scheduler(tmp_path) as (address, _):
         with (
             worker(address, tmp_path, notes, WATCHED_SLEEP="0.1") as only,
-            started("workflow", *words, address, cwd=tmp_path) as run,
+            started("workflow", *words, address, cwd=tmp_path, env={**os.environ, "WATCHED_PATIENCE": "1"}) as run,
         ):
             until(lambda: len(computed(notes)) >= 3)
             os.kill(only.pid, signal.SIGKILL)
