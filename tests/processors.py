@@ -5,6 +5,11 @@ All of them at once is the oldest processor; one by one they tell which library 
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+from functools import cache
+
 import pytest
 
 _ONE_BY_ONE = [
@@ -25,3 +30,15 @@ on_every_processor = pytest.mark.parametrize(
     ],
 )
 """Decorator of a test that takes ``settings``, variables of the environment."""
+
+
+def printed_under(settings: dict[str, str], *words: str) -> str:
+    """Return what Python prints for a command line in an environment with the settings, each asked for once."""
+    return _printed(tuple(settings.items()), words)
+
+
+@cache
+def _printed(settings: tuple[tuple[str, str], ...], words: tuple[str, ...]) -> str:
+    command = [sys.executable, "-W", "ignore", *words]
+    environment = {**os.environ, **dict(settings)}
+    return subprocess.run(command, capture_output=True, text=True, check=True, env=environment).stdout.strip()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import re
 from pathlib import Path
@@ -11,6 +10,7 @@ import numpy as np
 import pytest
 
 import rooms
+from scripts import script
 from workflow.archive import open_archive, provenance
 from workflow.run import run_study, verify
 from workflow.study import parse_study, read_study
@@ -52,11 +52,7 @@ def test_readme_s_study_is_a_study(tmp_path: Path) -> None:
 
 def test_the_reference_is_what_the_declarations_say() -> None:
     """``python studies/reference.py`` writes it anew."""
-    spec = importlib.util.spec_from_file_location("reference", ROOT / "studies" / "reference.py")
-    assert spec is not None
-    assert spec.loader is not None
-    reference = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(reference)
+    reference = script("reference")
     assert reference.FILE.read_text(encoding="utf-8") == reference.text()
 
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
 import xarray as xr
 
+from scripts import script
 from workflow.archive import open_archive
 from workflow.grid import plan_study, structure_of
 from workflow.models import rounding_of_flexibility
@@ -28,15 +27,6 @@ CHAIN = """chain: {nodes: 4, mass: 2.5e-3, stiffness: 4.0e6, damping: {mass: 10,
 def opened(name: str) -> xr.Dataset:
     with open_archive(ROOT / "data" / "hard" / f"{name}.nc") as archive:
         return archive.load()
-
-
-def generator() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("hard_matrices", ROOT / "studies" / "hard_matrices.py")
-    assert spec is not None
-    assert spec.loader is not None
-    made = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(made)
-    return made
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +56,7 @@ def lost(name: str) -> float:
 
 @pytest.mark.parametrize("name", ["scaled_units", "near_rigid"])
 def test_the_files_are_what_the_script_writes(name: str) -> None:
-    found, wanted = read(STUDIES / name), generator().FILES[name]()
+    found, wanted = read(STUDIES / name), script("hard_matrices").FILES[name]()
     assert set(found) == set(wanted)
     for entry, matrix in wanted.items():
         there = found[entry].toarray() if hasattr(found[entry], "toarray") else np.asarray(found[entry])
@@ -75,7 +65,7 @@ def test_the_files_are_what_the_script_writes(name: str) -> None:
 
 def test_units_of_displacements_cost_no_digit(chain: xr.Dataset) -> None:
     """Twelve decades on the diagonal of K1, half of the coordinates without mass."""
-    diagonal = np.diag(generator().scaled_units()["stiffness"])
+    diagonal = np.diag(script("hard_matrices").scaled_units()["stiffness"])
     assert diagonal.max() / diagonal.min() > 0.99e12
     archive = opened("scaled_units")
     assert np.all(archive["status"] == Status.OK)

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import math
-import os
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from processors import on_every_processor
+from processors import on_every_processor, printed_under
 from workflow.kernels.complex_numbers import complex_product, complex_total, magnitude, over, square_root, times
 from workflow.kernels.sums import dot, norm, product, total
 
@@ -124,19 +121,8 @@ print(hashlib.sha256(b"".join(np.ascontiguousarray(x).tobytes() for x in found))
 """
 
 
-def hash_under(settings: dict[str, str]) -> str:
-    command = [sys.executable, "-W", "ignore", "-c", HASH]
-    return subprocess.run(
-        command, capture_output=True, text=True, check=True, env={**os.environ, **settings}
-    ).stdout.strip()
-
-
-@pytest.fixture(scope="module")
-def here() -> str:
-    return hash_under({})
-
-
 @on_every_processor
-def test_bits_are_the_same_on_every_processor(settings: dict[str, str], here: str) -> None:
+def test_bits_are_the_same_on_every_processor(settings: dict[str, str]) -> None:
+    here = printed_under({}, "-c", HASH)
     assert len(here) == hashlib.sha256().digest_size * 2
-    assert hash_under(settings) == here
+    assert printed_under(settings, "-c", HASH) == here

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.util
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from scenes import cases, sampling, step
+from scripts import script
 from workflow.models import GivenMatrices, Rayleigh, Sparse, structure_from_sparse, tip_flexibility
 from workflow.models._sparse_pair import factorised
 from workflow.reduction import Known, reduce_structure
@@ -20,16 +19,6 @@ PATCH = 16e-3
 
 ROUGH = ("displacement", "temperature of a patch")
 """Bounded only: the largest swing between impacts moves by percents with little else, as does a patch of few nodes."""
-
-
-def script() -> Any:
-    place = Path(__file__).parents[2] / "studies" / "finite_element_blade.py"
-    spec = importlib.util.spec_from_file_location("finite_element_blade", place)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def structure(found: Any, shares: np.ndarray) -> Sparse:
@@ -51,7 +40,7 @@ def rub(blade: Sparse, basis: str) -> tuple[float, float, float]:
 
 
 def measured(elements: tuple[int, int, int]) -> dict[str, float]:
-    module = script()
+    module = script("finite_element_blade")
     found = module.matrices(elements)
     point = structure(found, found["thermal_contact"])
     near = np.linalg.norm(found["places"] - found["places"][:, [int(found["thermal_contact"].argmax())]], axis=0)

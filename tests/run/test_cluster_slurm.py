@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
-from pathlib import Path
 
 import pytest
 
-EXAMPLE = Path(__file__).parents[2] / "studies" / "slurm_cluster.py"
+from scripts import script
 
 
 def minutes(walltime: str) -> float:
@@ -19,17 +17,13 @@ def minutes(walltime: str) -> float:
 @pytest.mark.filterwarnings("default")  # those of dask-jobqueue
 def test_the_job_of_the_example() -> None:
     pytest.importorskip("dask_jobqueue")
-    specification = importlib.util.spec_from_file_location("slurm_cluster", EXAMPLE)
-    assert specification is not None
-    assert specification.loader is not None
-    example = importlib.util.module_from_spec(specification)
-    specification.loader.exec_module(example)
+    example = script("slurm_cluster")
     with example.slurm_cluster() as cluster:
-        script = cluster.job_script()
-    assert "--nworkers 16" in script
-    assert "--nthreads 1 " in script
-    walltime = re.search(r"#SBATCH -t (\S+)", script)
-    lifetime = re.search(r"--lifetime (\d+)m --lifetime-stagger (\d+)m", script)
+        job = cluster.job_script()
+    assert "--nworkers 16" in job
+    assert "--nthreads 1 " in job
+    walltime = re.search(r"#SBATCH -t (\S+)", job)
+    lifetime = re.search(r"--lifetime (\d+)m --lifetime-stagger (\d+)m", job)
     assert walltime is not None
     assert lifetime is not None
     assert int(lifetime[1]) + int(lifetime[2]) < minutes(walltime[1])
