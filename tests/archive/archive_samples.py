@@ -152,7 +152,8 @@ def check_dataset(dataset: Any, layout: archive.Layout, results: Mapping[str, An
     for cell, text in sample_messages(layout, results).items():
         texts[cell] = text
     assert dataset["message"].dims == tuple(name for name, _ in layout.dims)
-    assert dataset["message"].values.ravel().tolist() == texts.tolist()
+    stored = dataset["message"].values.ravel().tolist()
+    assert [text.decode() if isinstance(text, bytes) else text for text in stored] == texts.tolist()
     assert set(dataset.coords) == {c.name for c in layout.coordinates}
     for coordinate in layout.coordinates:
         assert dataset[coordinate.name].dims == coordinate.dims

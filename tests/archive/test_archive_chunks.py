@@ -36,17 +36,15 @@ def test_dask_takes_all_variables(tmp_path: Path, dims: Any, chunks: Any, small_
     layout = sample_layout(dims, chunk=1)
     results = sample_results(layout)
     path = make_archive(tmp_path / "a.nc", layout, results, range(1, layout.units, 7))
-    openers: list[Any] = [archive.open_archive]
-    if chunks == {} or small_chunks == "strings" or not dims:
-        openers.append(xr.open_dataset)  # of Python objects, which long texts are there, dask estimates no size
-    for opened in openers:
+    for opened in (archive.open_archive, xr.open_dataset):
         with opened(path, chunks=chunks) as dataset:
             sizes = dict(dataset.chunks)  # raises where variables are cut otherwise
             if chunks == {}:
                 lengths = dict(zip([name for name, _ in dims], layout.stored.lengths, strict=True))
                 assert all(max(sizes[name]) == length for name, length in lengths.items())
             check_dataset(dataset.compute(), layout, results)
-            assert dataset["message"].dtype.kind == "U" or opened is xr.open_dataset
+            plain = "S" if small_chunks == "characters" and layout.stored.count > 1 else "U"
+            assert dataset["message"].dtype.kind == ("U" if opened is archive.open_archive else plain)
 
 
 def test_texts_of_a_zip_have_the_chunks_of_the_results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -145,6 +143,20 @@ def test_long_messages_are_characters_that_are_read_lazily(tmp_path: Path, monke
         check_dataset(dataset, layout, results)
     for chunks in ({}, "auto"):
         with archive.open_archive(path, chunks=chunks) as dataset:
+            check_dataset(dataset.compute(), layout, results)
+
+
+@pytest.mark.parametrize("chunks", [None, {}, "auto"], ids=["none", "stored", "auto"])
+def test_a_large_archive_without_messages_has_empty_ones(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, chunks: Any
+) -> None:
+    monkeypatch.setattr(_create, "STRINGS_BYTES", 1000)
+    layout = sample_layout()
+    results = sample_results(layout)
+    results["status"][...] = 0
+    path = make_archive(tmp_path / "a.nc", layout, results)
+    for opened in (archive.open_archive, xr.open_dataset):
+        with opened(path, chunks=chunks) as dataset:
             check_dataset(dataset.compute(), layout, results)
 
 

@@ -79,7 +79,10 @@ def _create_coordinates(file: Any, layout: Layout) -> None:
 
 
 def _create_characters(file: Any, layout: Layout, coordinate: Coordinate, lengths: Mapping[str, int]) -> None:
-    """Write texts of a zip as characters: xarray forgets the chunks of strings."""
+    """Write texts of a zip as characters: xarray forgets the chunks of strings.
+
+    xarray alone decodes them to objects, so that ``scheme == "moreau"`` holds, and cuts them with ``chunks={}`` only.
+    """
     encoded = [text.encode() for text in coordinate.values.ravel()]
     width = max(1, *map(len, encoded))
     name = f"{coordinate.name}_length"
@@ -110,12 +113,13 @@ def _create_variables(file: Any, layout: Layout) -> None:
 def _create_messages(file: Any, layout: Layout, messages: Mapping[int, str]) -> None:
     """Write texts, in a small archive as strings, else as characters along a last dimension, which are read lazily.
 
-    xarray reads strings when it opens a file and makes fixed-width texts of them, which dask cuts in chunks of any
-    size; characters become Python objects, which dask does not cut where ``chunks="auto"`` is asked for. Chunks
+    xarray reads strings when it opens a file and makes fixed-width texts of them. Characters without an attribute
+    ``_Encoding`` it leaves as bytes, which dask cuts in chunks of any size; with it, it makes Python objects of them,
+    which dask refuses to cut with ``chunks="auto"``. :func:`workflow.archive.open_archive` decodes the bytes. Chunks
     without a message are never allocated.
     """
     messages = {cell: kept_message(text) for cell, text in messages.items()}
-    length = max((len(text.encode()) for text in messages.values()), default=1)
+    length = max([2, *(len(text.encode()) for text in messages.values())])  # xarray joins single bytes once more
     dims = tuple(name for name, _ in layout.dims)
     as_strings = layout.stored.count == 1 and layout.cells * max(_STRING_BYTES, 4 * length) <= STRINGS_BYTES
     about = {"long_name": "what a case has to say: why it is not ok, or what it could not be given"}
@@ -134,7 +138,7 @@ def _create_messages(file: Any, layout: Layout, messages: Mapping[int, str]) -> 
         complevel=LEVEL,
         chunksizes=(*layout.stored.lengths, max(1, min(length, CHUNK_BYTES // layout.stored.size))),
     )
-    made.setncatts({**about, "_Encoding": "utf-8", **_labels(layout, dims)})
+    made.setncatts({**about, "comment": "bytes of UTF-8", **_labels(layout, dims)})
     made.set_auto_chartostring(False)
     _write_characters(made, layout, {cell: text.encode() for cell, text in messages.items()}, length)
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import atexit
 import os
 import tempfile
-from collections.abc import Callable
-from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,6 +22,7 @@ from workflow.archive._layout import OK, STATUS
 from workflow.archive._parts import LAYOUT, parts_of, read_layout
 from workflow.archive._shard import find_shards
 from workflow.archive._whole import DAMAGED, is_whole, require_whole, stored_checksum
+from workflow.archive._with_xarray import opened
 from workflow.variables import COMPARED
 
 if TYPE_CHECKING:
@@ -232,45 +231,10 @@ def _open_dataset(path: Path, chunks: Any, named: Path, damaged: bool) -> xr.Dat
 
     try:
         with LOCK:
-            dataset = _opened(path, chunks, LOCK)
+            dataset = opened(path, chunks, LOCK)
     except Exception as error:  # whatever xarray makes of a file that is not what it was
         raise unreadable(named, error) from error
     return dataset if whole else dataset.assign_attrs(damaged=DAMAGED)
-
-
-def _opened(path: Path, chunks: Any, lock: Any) -> xr.Dataset:
-    """Open a file with xarray; of texts that it decodes to objects, dask gets arrays of characters."""
-    import xarray as xr
-
-    opened = partial(xr.open_dataset, path, engine="netcdf4", decode_timedelta=False, lock=lock)
-    dataset = opened()
-    if chunks is None:
-        return dataset
-    texts = [str(name) for name in dataset.variables if dataset[name].dtype == object and dataset[name].ndim > 0]
-    dataset.close()
-    with_chunks = opened(chunks=chunks, drop_variables=texts)
-    if not texts:
-        return with_chunks
-    at_once = opened()
-    sizes = dict(with_chunks[STATUS].chunksizes)
-    for name in texts:
-        width = at_once[name].encoding["original_shape"][-1]  # bytes, at least as many as characters
-        own = {dim: sizes[dim] for dim in at_once[name].dims if dim in sizes}
-        with_chunks[name] = at_once[name].chunk(own).astype(f"U{width}")
-    with_chunks.set_close(_closing(with_chunks, at_once))
-    return with_chunks
-
-
-def _closing(*datasets: xr.Dataset) -> Callable[[], None]:
-    """Return what closes several datasets; taken from them before one of them is given it."""
-    closers = [dataset._close for dataset in datasets]
-
-    def close() -> None:
-        for closer in closers:
-            if closer is not None:
-                closer()
-
-    return close
 
 
 _LOADED = ("xarray", "netCDF4", "dask.array", "pint")
