@@ -31,9 +31,6 @@ from workflow.models import Array, Cases, Chain, Sparse, Structure, static_tip_g
 from workflow.schemes import Results, Sampling, Status
 from workflow.study import Cell
 
-_STIFF, _ROUNDED = 1e3, 1e-9
-"""ωh far beyond the limit of central differences, 2, and what rounding may make of an amplification of 1."""
-
 CREATED = 1.0
 """Energy residual above which a case has diverged: more energy than it ever held came from nowhere."""
 
@@ -97,7 +94,7 @@ def mark_blown_up(cell: Cell, cases: Cases, results: Results, sampling: Sampling
         blown |= {
             int(case): f"energy was created: its balance has a residual of {residual[case]:+.3g} times the largest "
             f"energy, above {CREATED:+g}{_advice(cell)}"
-            for case in np.flatnonzero(ok & (residual > CREATED) & ~_casing_adds_up(cell, cases))
+            for case in np.flatnonzero(ok & (residual > CREATED))
             if not _is_rounding(cell, cases, results, int(case), duration)
         }
     if not blown:
@@ -125,20 +122,6 @@ def _energy_residual(
     residual = np.full(cases.count, np.nan)
     residual[touching] = again.metrics["energy_residual"]
     return residual
-
-
-def _casing_adds_up(cell: Cell, cases: Cases) -> bool:
-    """Tell whether what a casing in motion leaves in the balance of a scheme that creates no energy may exceed 1.
-
-    Where θ is not 1/2, each impact leaves p (θ - 1/2) (V' - V), of either sign: it adds up over many impacts in the
-    same phase of the casing (a ball on a vibrating table, 250 steps per period: +0.011 of its energy at each). A
-    scheme whose free step is stable at any step creates none by itself with rigid contact.
-    """
-    scheme = schemes.load(cell.scheme.method)
-    if cases.casing_harmonics.width == 0 or scheme.contact_stiffness_of is not None or scheme.amplification is None:
-        return False
-    fast = scheme.amplification(np.array([_STIFF / cell.h]), np.zeros(1), cell.h, cell.scheme.options)
-    return bool(np.abs(fast).max() <= 1.0 + _ROUNDED)
 
 
 def _is_rounding(cell: Cell, cases: Cases, results: Results, case: int, duration: float) -> bool:

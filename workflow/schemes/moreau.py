@@ -25,7 +25,6 @@ from workflow.kernels.compiled import defines, kernel
 from workflow.kernels.lanes import WIDE
 from workflow.kernels.packs import (
     Lane,
-    Pack,
     align_stack,
     flag,
     of_lane,
@@ -50,12 +49,11 @@ from workflow.schemes._fixed.contact import (
     End,
     Free,
     TipStep,
-    contact_gain,
     meet,
 )
 from workflow.schemes._fixed.costs import sweep_cost, theta_cost
 from workflow.schemes._fixed.decoupled import decouple
-from workflow.schemes._fixed.drive import began, casing_gain, relative, settled, wall
+from workflow.schemes._fixed.drive import began, relative, settled, wall
 from workflow.schemes._fixed.march import march
 from workflow.schemes._fixed.marks import Block
 from workflow.schemes._fixed.modal_lanes import Coefficients, State
@@ -115,14 +113,6 @@ def meet_by_prox(law: Prox, step: TipStep, free: Free, own: Array, tip: Array, l
     x += step.h * weighed(step.theta, after, step.rest, v)
     x, v = settled(free.drive, x, after, free.gap, lane)
     return End(engaged, x, v, temperature, p)
-
-
-@defines(contact_gain, Prox)
-def _casing_gain(
-    law: Prox, step: TipStep, end: End, change: Pack, free: Free, own: Array, tip: Array, lane: Lane
-) -> Pack:
-    """Return what a casing that moves takes beside the work of the impulse at the mean of its velocities."""
-    return casing_gain(free.drive, step.theta, end.impulse, lane)
 
 
 @kernel

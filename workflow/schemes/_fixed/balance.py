@@ -15,8 +15,14 @@ E = (w² + ω² η_k η_k+1)/2 with w = w_k+½; their step from w_k-½ to w_k+½
 (η_k + η_k+1)/2 for η_m, and leaves nothing. What a contact law gives beside its impulse, a contact spring where contact
 begins and ends, is added (:func:`contact_gain`).
 
-The mean velocity is that of the power of an impact, p (v + v')/2, whatever θ is. With θ-weighted velocities the sum is
--(θ - 1/2) (Δζ² + ω² Δη²) exactly, but that takes the jump of each impact for the scheme's doing.
+The mean velocity is that of the power of an impact, p (v + v')/2, whatever θ is; on a casing that moves p (V + V')/2
+of it is the casing's. Without heat the sum over the steps of a mode is
+
+    -(2θ - 1) h² ω² Σ ζ_m² + (θ - 1/2) h [ω² ηζ - (ω² (θ - 1/2) h + c/2) ζ²],
+
+brackets the change from the first state to the last: nothing that load, contact or casing does adds up, and a rigid
+mode without damping leaves rounding. With θ-weighted velocities it is -(θ - 1/2) (Δζ² + ω² Δη²) in each step, but that
+takes the jump of each impact for the scheme's doing.
 The load counts as the step weighs it, F_θ, in every representation of a structure: a slow motion under it leaves
 -2 (θ - 1/2) h ∫ k v² dt, one half of which is F_θ against the mean of the load at the step's ends.
 

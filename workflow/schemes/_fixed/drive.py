@@ -225,23 +225,6 @@ def settled(drive: Drive | None, place: Pack, velocity: Pack, gap: Pack, lane: L
 
 
 @inlined
-def casing_gain(drive: Drive | None, theta: float, impulse: Pack, lane: Lane) -> Pack:
-    """Return p (θ - 1/2) (V' - V), what the casing takes beside p (V + V')/2: its power is -p (d' - d)/h."""
-    if drive is None:
-        return spread(0.0, lane)
-    change = pack(drive.state, (DRIVE_SPEED, lane)) - pack(drive.state, (DRIVE_SPEED_BEFORE, lane))
-    return (theta - 0.5) * (impulse * change)
-
-
-@inlined
-def casing_gain_of(drive: Drive | None, theta: float, impulse: float, lane: int) -> float:
-    """Return :func:`casing_gain` of one lane."""
-    if drive is None:
-        return 0.0
-    return float((theta - 0.5) * impulse * (drive.state[DRIVE_SPEED, lane] - drive.state[DRIVE_SPEED_BEFORE, lane]))
-
-
-@inlined
 def gap_before(drive: Drive | None, gap: Pack, lane: Lane) -> Pack:
     """Return the casing's place at the step's beginning."""
     return gap if drive is None else pack(drive.state, (DRIVE_GAP_BEFORE, lane))

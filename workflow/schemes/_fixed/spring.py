@@ -28,6 +28,7 @@ from workflow.kernels.packs import (
     raised,
     some,
     some_nonzero,
+    spread,
     store,
     weighed,
     where,
@@ -48,7 +49,7 @@ from workflow.schemes._fixed.contact import (
     meet,
 )
 from workflow.schemes._fixed.decoupled import Decoupled
-from workflow.schemes._fixed.drive import began, casing_gain, gap_before, relative, relative_before, settled, wall
+from workflow.schemes._fixed.drive import began, gap_before, relative, relative_before, settled, wall
 from workflow.schemes._fixed.march import march
 from workflow.schemes._fixed.marks import TIP_DISPLACEMENT, TIP_VELOCITY, Block
 from workflow.schemes._fixed.modal_lanes import Coefficients, State
@@ -107,17 +108,17 @@ def _spring_gain(
 ) -> Pack:
     """Return Δ(κ δ²/2) - h κ δ_θ (v + v')/2 with the depths δ, 0 where the tip is not beyond the casing.
 
-    Velocities are relative to the casing where that moves; its power is added.
+    Velocities are relative to the casing where that moves.
     """
-    drive, casing = free.drive, casing_gain(free.drive, step.theta, end.impulse, lane)
+    drive = free.drive
     begins = pack(tip, (TIP_DISPLACEMENT, lane)) - gap_before(drive, free.gap, lane)
     ended = end.displacement - free.gap
     if not (some(begins > 0.0) or some(ended > 0.0)):
-        return casing
+        return spread(0.0, lane)
     before, after = where(begins > 0.0, begins, 0.0), where(ended > 0.0, ended, 0.0)
     speeds = relative_before(drive, pack(tip, (TIP_VELOCITY, lane)), lane) + relative(drive, end.velocity, lane)
     worked = (step.theta * after + (1.0 - step.theta) * before) * (0.5 * step.h * speeds)
-    return casing + of_lane(law.stiffness, lane) * (0.5 * (after * after - before * before) - worked)
+    return of_lane(law.stiffness, lane) * (0.5 * (after * after - before * before) - worked)
 
 
 @kernel

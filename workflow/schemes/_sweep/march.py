@@ -13,7 +13,6 @@ from workflow.kernels.sums import total
 from workflow.models import Array, Cases
 from workflow.schemes._fixed.contact import CASE_ALPHA, CASE_HEAT, CASE_IMPULSE, CASE_ROWS, Free, Law, TipStep, meet
 from workflow.schemes._fixed.drive import (
-    casing_gain_of,
     cut_gap,
     drive_of,
     turn_drive,
@@ -24,7 +23,6 @@ from workflow.schemes._fixed.marks import (
     TIP_GAP,
     TIP_NEW_DISPLACEMENT,
     TIP_NEW_VELOCITY,
-    TIP_STEP_IMPULSE,
     Block,
     take_marks,
 )
@@ -39,7 +37,6 @@ from workflow.schemes._fixed.tip_load import (
 from workflow.schemes._interface import Sampling, schedule
 from workflow.schemes._sweep.balance import (
     ACCOUNT_ROWS,
-    ACCOUNT_SPENT,
     Account,
     account_step,
     open_account,
@@ -94,7 +91,6 @@ def march_nodes(nodes: Nodes, law: Law, own: Array, block: Block, account: Accou
         step_to_root(nodes, tip[TIP_NEW_DISPLACEMENT, 0], tip[TIP_NEW_VELOCITY, 0], heat)
         if audited:
             account_step(nodes, account, heat, own[CASE_IMPULSE, 0])
-            account.sums[ACCOUNT_SPENT] += casing_gain_of(block.drive, theta, tip[TIP_STEP_IMPULSE, 0], 0)
         span = take_marks(k, block) if k == block.marks.next_mark[0] else h
         if k == block.steps:
             cut_gap(block.drive, span / h, tip, lanes)
