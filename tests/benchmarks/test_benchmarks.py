@@ -6,6 +6,7 @@ import math
 import re
 from pathlib import Path
 
+import bench_against
 import bench_bases
 import bench_event_driven
 import bench_limits
@@ -105,3 +106,13 @@ def test_plan_prints_its_lines(capsys: pytest.CaptureFixture[str]) -> None:
     bench_plan.main(["abstract figure"])
     told = capsys.readouterr().out.splitlines()[1]
     assert all(float(told.split(f"{word} ")[1].split(",")[0].split()[0]) > 0 for word in ("first", "again", "wall"))
+
+
+def test_two_versions_are_compared_row_by_row() -> None:
+    head = "*a machine*\n\n| what | asked for | measured | ratio |\n|---|---|---|---|\n"
+    runs = [
+        bench_against.rows(f"{head}| load {load} | | same bits | 1.9 |\n| a step | <= 1 | {step} ns | 1.2 |\n")
+        for load, step in ((0.1, 2.0), (0.7, 2.2), (0.3, 3.0), (0.4, 3.6))
+    ]
+    lines = bench_against.compared(runs[::2], runs[1::2])
+    assert lines[2:] == ["| a step | 2.5e-09 s | 2.9e-09 s | 1.15 **over** |"]
