@@ -65,19 +65,16 @@ def tip_of(cases: Cases, i: int, basis: Basis, load: Load) -> Tip:
         basis.mobility - float(cases.friction[i]) * basis.aside,
         basis.warming,
         basis.tip,
-        *_struck(basis, float(cases.friction[i])),
+        _struck(basis, float(cases.friction[i])),
         place - float(cases.displacement[i, -1]),
         0.0 if abs(speed) <= _ROUNDING * turning else speed,
         reach,
     )
 
 
-def _struck(basis: Basis, friction: float) -> tuple[Array, Array]:
-    """Return what an impulse does to each mode with friction µ, and µ φᵀt of each, of no size where µ is 0."""
-    if friction == 0:
-        return basis.tip, np.zeros(0)
-    aside = friction * basis.along
-    return basis.tip - aside, aside
+def _struck(basis: Basis, friction: float) -> Array:
+    """Return what an impulse does to each mode with friction µ, ``(mode,)``."""
+    return basis.tip if friction == 0 else basis.tip - friction * basis.along
 
 
 def penetration(cases: Cases, displacement: Array, times: Array) -> Array:

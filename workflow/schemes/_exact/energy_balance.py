@@ -4,15 +4,19 @@
     heat_residual   = (ΔQ + ∫L dt - α J - ∫q dt)/(∫|L| dt + α J + |∫q dt| + Σ|Q(0)|),   Q = cᵀ θ,
 
 with D = -∇E · X' the power that leaves the energy by the structure's own matrices, L the heat loss, J the impulse and
-E_lost what impacts take, p (v⁻ + v⁺)/2 with v⁺ as the contact law gives it. Each phase between two events is gone
-through once more, from the state in which it began to its end at once. With that motion, X' = R,
+E_lost what impacts take, p (v⁻ + v⁺)/2 with v⁺ as the contact law gives it. An impact changes E by p (v⁻ + v⁺)/2 with
+the v⁺ of the modes, so that p times half the difference is left of it (:mod:`workflow.schemes._exact.impacts`).
+
+Phases between two events are gone through once more, from the state in which they began to their end at once. With that
+motion, X' = R,
 
     ∫D dt = -ΔE + ∫∇E · (R - X') dt,
 
 where ΔE is known in closed form, and the last term is what the motion and the matrices disagree about, rounding where
-the regime is right. It is taken where phases begin: of every contact, and of one in :data:`FLIGHTS` flights, for those
-that follow it. ∫L dt is that of an output of the regime. The largest E is that of all ends of phases and of some steps.
-Modes that the held tip does not feel are left out where a contact with friction heat begins (see
+the regime is right. Those are all contacts, all flights from contacts and one in sixteen others
+(:mod:`workflow.schemes._exact.phase_log`); the power that is found in a flight counts up to the next of these. ∫L dt is
+that of an output of the regime, in flights as the march goes. The largest E is that of ends of these phases and of
+some steps. Modes that the held tip does not feel are left out where a contact with friction heat begins (see
 :func:`~workflow.schemes._exact.regimes.linked`): their energy is part of E_lost.
 """
 
@@ -37,8 +41,8 @@ from workflow.schemes._exact.regimes import linked
 from workflow.schemes._exact.response import from_coordinates
 from workflow.schemes._exact.waves import wave_phase
 
-FLIGHTS = 16
-"""Flights that share one look at the power: there are ten times as many as contacts, all by one regime."""
+_LOOK = 1 / 16
+"""When the power is looked at, in shares of a phase."""
 
 
 class Matrices(NamedTuple):
@@ -110,9 +114,12 @@ class EnergyBalance:
         """Return the log of a case with so many modal states, for so many phases; cases use it one after the other."""
         return Log(
             stiffness=self._stiffness,
+            loss=np.ascontiguousarray(self._free.layout.first[first.SIGNAL_VALUE]),
             begun=np.zeros(phases),
+            ended=np.zeros(phases),
             held=np.zeros(phases, dtype=np.bool_),
             state=np.zeros((phases, states)),
+            energy=np.zeros(phases),
             final=np.zeros(states),
         )
 
@@ -161,66 +168,90 @@ def residuals(
     regimes: Regimes, heat: Heat, modal: Array, load: Load, memories: tuple[Memory, Memory], log: Log, tally: Any
 ) -> tuple[float, float]:
     """Return the energy and the heat residual of a case that completed; ``modal`` is its initial [y, y', τ]."""
-    free, held, T, state = regimes.free.layout, regimes.held.layout, load.duration, log.state
+    free, held, T = regimes.free.layout, regimes.held.layout, load.duration
     passage = Passage(held.inward, held.outward, held.entry, held.exit, memories[1].modal)
     motions = Motions(prepare(free, load, memories[0]), prepare(held, load, memories[1]), passage)
-    modes, rate, change = log.stiffness.size, regimes.rate, 0.0
-    spent, lost, turnover, flights, power = tally.spent, 0.0, 0.0, 0, 0.0
+    spent, lost, turnover, power = tally.spent, tally.lost, tally.turned_over, 0.0
     for i in range(tally.phases):
-        t, end = log.begun[i], log.begun[i + 1] if i + 1 < tally.phases else T
-        if end <= t:
-            continue
-        energy = _begin(motions, regimes.reduced, log, i, tally)
-        motion = motions.held if log.held[i] else motions.free
-        if log.held[i]:
-            taken = _disagreement(regimes.held, motion, load, t, (memories[1].modal, state[i], rate), log)
-        else:
-            if flights % FLIGHTS == 0:
-                x = memories[0].modal
-                for k in range(x.size):
-                    x[k] = state[i, k]
-                power = _disagreement(regimes.free, motion, load, t, (x, state[i], rate), log)
-            flights, taken = flights + 1, power
-        advance(motion.r, motion.now, t, end - t, motion.after)
-        if motion.r.firsts > 0:
-            loss = integral(motion.r, motion.now, motion.after, t, end - t)
-            lost, turnover = lost + loss, turnover + abs(loss)
-        copy_state(motion.after, motion.now)
-        fill_modal(motions, log.held[i], end)
-        spent += energy - note_energy(log, motions.free.coordinates, tally) + taken * (end - t)
-    for k in range(modes):
-        change += 0.5 * (log.final[modes + k] ** 2 - modal[modes + k] ** 2)
-        change += 0.5 * log.stiffness[k] * (log.final[k] ** 2 - modal[k] ** 2)
-    largest = tally.max_energy
-    energy = (change + spent) / largest if largest != 0.0 else 0.0
-    if modal.size == 2 * modes:
-        return energy, 0.0
+        t, end, following = log.begun[i], log.ended[i], log.begun[i + 1] if i + 1 < tally.phases else T
+        if end > t:
+            motion = motions.held if log.held[i] else motions.free
+            spent += _begin(motions, regimes.reduced, log, i, tally)
+            taken = _look(regimes, motions, memories[0].modal, load, log, i)
+            advance(motion.r, motion.now, t, end - t, motion.after)
+            if log.held[i]:
+                if motion.r.firsts > 0:
+                    loss = integral(motion.r, motion.now, motion.after, t, end - t)
+                    lost, turnover = lost + loss, turnover + abs(loss)
+            else:
+                power = taken
+            copy_state(motion.after, motion.now)
+            fill_modal(motions, log.held[i], end)
+            spent += log.energy[i] - note_energy(log, motions.free.coordinates, tally) + taken * (end - t)
+        spent += power * (following - end)
+    energy = spent / tally.max_energy if tally.max_energy != 0.0 else 0.0
+    return energy, _heat_residual(heat, modal, load, log, lost, turnover, tally)
+
+
+@part
+def _heat_residual(
+    heat: Heat, modal: Array, load: Load, log: Log, lost: float, turned_over: float, tally: Any
+) -> float:
+    """Return the heat residual; ``lost`` is ∫L dt, ``turned_over`` ∫|L| dt."""
+    states = 2 * log.stiffness.size
+    if modal.size == states:
+        return 0.0
     friction, heating = heat.alpha * tally.impulse, 0.0
     for k in range(load.heating.size):
-        heating += T * heat.per_load[k] * load.heating[k]
+        heating += load.duration * heat.per_load[k] * load.heating[k]
     change = lost - friction - heating
-    turnover += friction + abs(heating)
+    turnover = turned_over + friction + abs(heating)
     for j in range(heat.content.size):
-        change += heat.content[j] * (log.final[2 * modes + j] - modal[2 * modes + j])
-        turnover += abs(heat.content[j]) * abs(modal[2 * modes + j])
-    return energy, change / turnover if turnover != 0.0 else 0.0
+        change += heat.content[j] * (log.final[states + j] - modal[states + j])
+        turnover += abs(heat.content[j]) * abs(modal[states + j])
+    return float(change / turnover) if turnover != 0.0 else 0.0
 
 
 @part
 def _begin(motions: Motions, reduced: bool, log: Log, i: int, tally: Any) -> float:
-    """Set the motion of a phase to its beginning; return the energy with which it begins."""
+    """Set the motion of a phase to its beginning; return the energy that it thereby has more."""
     state, t = motions.free.coordinates, log.begun[i]
     for k in range(state.size):
         state[k] = log.state[i, k]
     energy = note_energy(log, state, tally)
     if not log.held[i]:
         from_coordinates(motions.free.r, state, t, motions.free.now)
-        return energy
+        return 0.0
     set_held(motions, t)
     if reduced:
-        return energy
+        return 0.0
     fill_modal(motions, True, t)
-    return note_energy(log, state, tally)
+    return note_energy(log, state, tally) - energy
+
+
+@part
+def _look(regimes: Regimes, motions: Motions, x: Array, load: Load, log: Log, i: int) -> float:
+    """Return the power by which the motion of a phase and the matrices disagree, W; ``x`` is scratch.
+
+    It is looked at a while after the phase has begun. At the beginning itself the rounding of the state moves poles far
+    faster than the phase is long: with rates of 1e15 1/s beside forces that friction heat couples, 1e-5 of the
+    energy, gone within 1e-6 s.
+    """
+    held, now = log.held[i], motions.free.coordinates
+    motion, t = motions.held if held else motions.free, log.begun[i]
+    wait = _LOOK * (log.ended[i] - t)
+    copy_state(motion.now, motion.between)
+    advance(motion.r, motion.between, t, wait, motion.now)
+    fill_modal(motions, held, t + wait)
+    if held:
+        states = motions.passage.modal, now, regimes.rate
+        power = _disagreement(regimes.held, motion, load, t + wait, states, log)
+    else:
+        for k in range(x.size):
+            x[k] = now[k]
+        power = _disagreement(regimes.free, motion, load, t + wait, (x, x, regimes.rate), log)
+    copy_state(motion.between, motion.now)
+    return power
 
 
 @part

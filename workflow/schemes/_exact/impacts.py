@@ -13,9 +13,9 @@ from workflow.schemes._exact import expansion_table as expansion
 from workflow.schemes._exact.accumulation import Bounces, settle
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
 from workflow.schemes._exact.layout import Load
-from workflow.schemes._exact.motion import Motion, copy_state, strike
+from workflow.schemes._exact.motion import Motion, copy_state, observe, strike
 from workflow.schemes._exact.outcome import Budget
-from workflow.schemes._exact.passage import Motions, casing, enter_contact, fill_modal
+from workflow.schemes._exact.passage import Motions, enter_contact
 
 
 class Thresholds(NamedTuple):
@@ -45,8 +45,6 @@ class Tip(NamedTuple):
     """φ_n, ``(mode,)``, 1/√kg."""
     struck: Array
     """φᵀ(e_n - µ t), by which an impulse moves the modes, ``(mode,)``, 1/√kg."""
-    aside: Array
-    """µ φᵀt, ``(mode,)``, 1/√kg; of no size without friction along t."""
     distance: float
     """d(0) - x_n(0), m."""
     speed: float
@@ -77,47 +75,26 @@ than the threshold, 1e-7 of the displacement scale: the message of the case says
 def impact(motions: Motions, case: Case, tally: Any) -> tuple[bool, float]:
     """Strike the free tip with the speed ``tally.speed`` of approach; return whether it stays in contact, since when.
 
-    The energy that the impulse takes is p (v⁻ + v⁺)/2, v = d' - g', less p µ tᵀ(x'⁻ + x'⁺)/2 that friction gives; v⁺ is
-    what the law says: were p another, the energy of the modes would tell.
+    It takes the energy p (v⁻ + v⁺)/2 from the modes, v = d' - g', less p µ tᵀ(x'⁻ + x'⁺)/2 that friction gives. With v⁺
+    as the law says that is what an impact takes: what is left in the balance is p times half of what v⁺ is above.
     """
     tip, free, speed = case.tip, motions.free, tally.speed
     p = (1.0 + tip.e) * speed / tip.mobility
     tally.max_speed = max(tally.max_speed, speed)
-    sliding = _slip(motions, tip, tally.time) if tip.aside.size > 0 else 0.0
     strike(free.r, tip.struck, free.now, p, tip.alpha * p)
     expand(free.r, free.now, tally.time, free.x)
+    parting = free.x.sums[expansion.D1, free.r.blocks]
     stays, since, e = speed <= 0.0 or tip.e == 0.0, tally.time, tip.e
     if not stays:
         end = _end_of_bounces(motions, case, tally)
         if not np.isnan(end):  # p and what all later impacts would add is m v⁻ and the contact force
             stays, since, p, e = True, end, speed / tip.mobility, 0.0
+            parting = observe(free.r, free.now, tally.time).signal_rate
     if speed > 0.0:
         tally.impacts += 1
         tally.impulse += p
-        _, casing_speed = casing(motions, tally.time)
-        tally.spent += p * (0.5 * (1.0 - e) * speed + casing_speed)
-        if tip.aside.size > 0:
-            tally.spent -= p * (sliding - 0.5 * p * _slipped(tip))
+        tally.spent += 0.5 * p * (parting - e * speed)
     return stays, since
-
-
-@rare
-def _slip(motions: Motions, tip: Tip, t: float) -> float:
-    """Return µ tᵀv of the free structure, m/s."""
-    fill_modal(motions, False, t)
-    slip, modes = 0.0, motions.free.r.blocks
-    for k in range(modes):
-        slip += tip.aside[k] * motions.free.coordinates[modes + k]
-    return slip
-
-
-@rare
-def _slipped(tip: Tip) -> float:
-    """Return by how much a unit impulse lowers it, 1/kg."""
-    slipped = 0.0
-    for k in range(tip.aside.size):
-        slipped += tip.aside[k] * tip.struck[k]
-    return slipped
 
 
 @rare

@@ -23,7 +23,7 @@ from workflow.schemes._exact.motion import (
     warming_rate,
 )
 from workflow.schemes._exact.passage import Motions, Passage, enter_contact, fill_modal, release
-from workflow.schemes._exact.phase_log import Log, begin_phase, note_energy, note_phase
+from workflow.schemes._exact.phase_log import Log, begin_phase, end_phase, note_energy, note_loss, note_phase
 from workflow.schemes._exact.record import Record, contact_time, next_due, note_temperature, record_step, write
 from workflow.schemes._exact.response import from_coordinates
 from workflow.schemes._exact.step import Start, certified_step
@@ -62,8 +62,11 @@ def march(
             if tally.events > case.budget.events:
                 ended = outcome.OUT_OF_EVENTS
                 break
+            released = tally.held != 0
+            if tally.logged:
+                end_phase(log, motions, tally)
             start, seen = _pass_event(motions, case, tally, seen)
-            if audited and not note_phase(log, motions, tally):
+            if audited and not note_phase(log, motions, released, tally):
                 ended = outcome.LOG_FULL
                 break
         if tally.time >= T:
@@ -73,7 +76,7 @@ def march(
         if tally.steps > case.budget.steps:
             ended = outcome.OUT_OF_STEPS
             break
-        h, event, seen = _step(motions.held if tally.held else motions.free, record, start, T, seen)
+        h, event, seen = _step(motions.held if tally.held else motions.free, record, start, T, seen, log)
         if not np.isfinite(h):
             ended = outcome.NOT_FINITE
             break
@@ -145,7 +148,7 @@ def _pass_event(motions: Motions, case: Case, tally: Any, seen: Observed) -> tup
 
 
 @part
-def _step(m: Motion, record: Record, start: Start, T: float, seen: Observed) -> tuple[float, bool, Observed]:
+def _step(m: Motion, record: Record, start: Start, T: float, seen: Observed, log: Log) -> tuple[float, bool, Observed]:
     """Take a certified step; return its length (NaN: none found), whether an event ends it, and its last outputs."""
     tally, t, tolerance = record.tally, record.tally.time, _SAME_TIME * T
     if not start.expanded:
@@ -154,7 +157,11 @@ def _step(m: Motion, record: Record, start: Start, T: float, seen: Observed) -> 
     if not np.isfinite(h):
         return h, False, seen
     advance(m.r, m.now, t, h, m.after)
-    impulse = integral(m.r, m.now, m.after, t, h) if tally.held else 0.0
+    impulse = 0.0
+    if tally.held:
+        impulse = integral(m.r, m.now, m.after, t, h)
+    elif log.loss.size > 0:
+        note_loss(log, m, h, tally)
     after = observe(m.r, m.after, t + h)
     record_step(record, m, t, h, after, tolerance)
     copy_state(m.after, m.now)
@@ -167,6 +174,8 @@ def _finish(motions: Motions, case: Case, record: Record, log: Log, seen: Observ
     """Write what is due at the end, after any event there."""
     tally, modal, T = record.tally, motions.free.coordinates, case.load.duration
     fill_modal(motions, tally.held != 0, tally.time)
+    if tally.logged:
+        end_phase(log, motions, tally)
     for i in range(log.final.size):
         log.final[i] = modal[i]
     while next_due(record) <= T * (1.0 + _LATE):

@@ -36,8 +36,12 @@ TALLY = np.dtype(
         ("summed_height", "f8"),  # … largest height above the casing, m
         ("leaving_speed", "f8"),  # … largest speed with which the tip then leaves, if it does not come to rest, m/s
         ("phases", "i8"),  # in the log of the balances
-        ("max_energy", "f8"),  # largest energy at the end of a step, J
-        ("spent", "f8"),  # energy that impacts took, or that was left out with modes, J
+        ("logged", "i8"),  # whether the present one is there
+        ("flights", "i8"),  # since the last one of those that is logged
+        ("max_energy", "f8"),  # largest energy that was looked at, J
+        ("spent", "f8"),  # what impacts leave in the balance of energy, J
+        ("lost", "f8"),  # heat lost in flights, J
+        ("turned_over", "f8"),  # … without regard to sign, J
         ("thermal_closing", "f8"),  # quasi-static growth of the tip at the end, m
     ]
 )
