@@ -19,11 +19,11 @@ def march(
     M, C1, K1 = structure.mass, structure.damping_matrix, structure.stiffness_matrix
     K12, C2, K2 = structure.coupling_matrix, structure.heat_capacity, structure.conductance_matrix
     alpha = batch.alpha[0]
-    tip, heat_tip = np.eye(structure.mechanical_size)[-1], np.eye(structure.thermal_size)[-1]
+    heat_tip = np.eye(structure.thermal_size)[-1]
     ahead = M / h**2 if lagged else M / h**2 + C1 / (2 * h)
 
     def force(t: float) -> np.ndarray:
-        return plain_casing.load(batch, t) * tip + batch.steady[0]
+        return plain_casing.load(batch, t) * structure.load_direction + batch.steady[0]
 
     x, v, T = batch.displacement[0], batch.velocity[0], batch.temperature[0]
     a = np.linalg.solve(M, force(0.0) - C1 @ v - K1 @ x - K12 @ T)

@@ -34,6 +34,7 @@ class Reference:
         self.K12, self.C2, self.K2 = s.coupling_matrix, s.heat_capacity, s.conductance_matrix
         self.nm, self.nt = s.mechanical_size, s.thermal_size
         self.Minv, self.C2inv = np.linalg.inv(self.M), np.linalg.inv(self.C2)
+        self.direction = s.load_direction
         self.along = plain_casing.direction(s, cases)
         self.kick = self.Minv @ self.along
         self.held_inv = np.linalg.inv(np.column_stack([self.M[:, :-1], self.along]))  # of [a_i, λ]
@@ -51,9 +52,8 @@ class Reference:
         self.max_step = 0.25 / max(fastest, turning, 1.0)
 
     def force(self, t: float) -> np.ndarray:
-        f = self.cases.steady[0].copy()
-        f[-1] += self.cases.mean[0] + sum(a * np.sin(2 * np.pi * w * t + phi) for a, w, phi in self.loads)
-        return f
+        load = self.cases.mean[0] + sum(a * np.sin(2 * np.pi * w * t + phi) for a, w, phi in self.loads)
+        return np.asarray(self.cases.steady[0] + load * self.direction)
 
     def casing(self, t: float) -> np.ndarray:
         """Return d, d' and d''."""

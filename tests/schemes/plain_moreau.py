@@ -59,13 +59,11 @@ def _march(structure: Structure, batch: Cases, h: float, theta: float, steps: in
     M, C1, K1 = structure.mass, structure.damping_matrix, structure.stiffness_matrix
     K12, C2, K2 = structure.coupling_matrix, structure.heat_capacity, structure.conductance_matrix
     alpha = batch.alpha[0]
-    tip = np.zeros(structure.mechanical_size)
-    tip[-1] = 1.0
     heat_tip = np.zeros(structure.thermal_size)
     heat_tip[-1] = 1.0
 
     def force(t: float) -> np.ndarray:
-        return plain_casing.load(batch, t) * tip + batch.steady[0]
+        return plain_casing.load(batch, t) * structure.load_direction + batch.steady[0]
 
     W_hat = M + h * theta * C1 + h**2 * theta**2 * K1
     T_hat = C2 + h * theta * K2

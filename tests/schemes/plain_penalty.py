@@ -21,12 +21,14 @@ def explicit(structure: Structure, batch: Cases, h: float, steps: int, stiffness
 
     along = plain_casing.direction(structure, batch)
     x, v, T = batch.displacement[0], batch.velocity[0], batch.temperature[0]
-    a = np.linalg.solve(M, _force(batch, tip, 0.0) - C1 @ v - K1 @ x - K12 @ T)
+    a = np.linalg.solve(M, _force(structure, batch, 0.0) - C1 @ v - K1 @ x - K12 @ T)
     x_before = x - h * v + h**2 / 2 * a
     found, impulses = [], []
     for k in range(steps + 1):
         left = M / h**2 + C1 / (2 * h)
-        right = _force(batch, tip, k * h) - K1 @ x - K12 @ T + M @ (2 * x - x_before) / h**2 + C1 @ x_before / (2 * h)
+        right = (
+            _force(structure, batch, k * h) - K1 @ x - K12 @ T + M @ (2 * x - x_before) / h**2 + C1 @ x_before / (2 * h)
+        )
         x_after = np.linalg.solve(left, right)
         force_n = 0.0
         behind, gap, ahead = (plain_casing.place(batch, (k + i) * h) for i in (-1, 0, 1))
@@ -52,7 +54,7 @@ def implicit(
     M, C1, K1 = structure.mass, structure.damping_matrix, structure.stiffness_matrix
     K12, C2, K2 = structure.coupling_matrix, structure.heat_capacity, structure.conductance_matrix
     alpha = batch.alpha[0]
-    tip, heat_tip = np.eye(structure.mechanical_size)[-1], np.eye(structure.thermal_size)[-1]
+    heat_tip = np.eye(structure.thermal_size)[-1]
     W_hat, T_hat = M + h * theta * C1 + h**2 * theta**2 * K1, C2 + h * theta * K2
     warm = np.linalg.solve(T_hat, heat_tip)
     kick = np.linalg.solve(W_hat, plain_casing.direction(structure, batch) + alpha * h * theta * K12 @ warm)
@@ -60,7 +62,7 @@ def implicit(
     found, impulses = [(x, v, T)], []
     for k in range(steps):
         T_new = np.linalg.solve(T_hat, C2 @ T - h * (1 - theta) * K2 @ T + h * batch.heating[0])
-        load = theta * _force(batch, tip, (k + 1) * h) + (1 - theta) * _force(batch, tip, k * h)
+        load = theta * _force(structure, batch, (k + 1) * h) + (1 - theta) * _force(structure, batch, k * h)
         right = M @ v - h * (1 - theta) * C1 @ v - h * K1 @ (x + h * theta * (1 - theta) * v)
         right += h * load - h * K12 @ (theta * T_new + (1 - theta) * T)
         v_free = np.linalg.solve(W_hat, right)
@@ -84,5 +86,5 @@ def implicit(
     return Trajectory(*(np.array(states) for states in zip(*found, strict=True)), np.array(impulses))
 
 
-def _force(batch: Cases, tip: np.ndarray, t: float) -> np.ndarray:
-    return np.asarray(plain_casing.load(batch, t) * tip + batch.steady[0])
+def _force(structure: Structure, batch: Cases, t: float) -> np.ndarray:
+    return np.asarray(plain_casing.load(batch, t) * structure.load_direction + batch.steady[0])

@@ -18,7 +18,7 @@ from workflow.reduction import reduce_structure
 from workflow.schemes import Results, Sampling, Status, carpenter, event_driven, moreau
 from workflow.schemes._exact import energy_balance
 from workflow.schemes._exact.modal_system import ModalSystem
-from workflow.schemes._fixed import dense, modal_lanes, recorder, theta_method
+from workflow.schemes._fixed import modal_lanes, recorder, theta_method
 from workflow.schemes._fixed.books import felt_modes
 from workflow.schemes._fixed.decoupled import Decoupled, decouple, start
 from workflow.schemes._fixed.theta_method import coefficients as theta_method_coefficients
@@ -26,6 +26,7 @@ from workflow.schemes._fixed.theta_method import delassus
 from workflow.schemes._sweep.sweeps import Swept
 
 BALANCES = ("energy_residual", "heat_residual")
+STATES = ("displacement", "velocity", "temperature")
 STABLE = 1e-5
 """A step at which explicit schemes are stable on the heavy chain, too (limit 1.12e-5 s)."""
 
@@ -242,14 +243,22 @@ def test_every_representation_counts_alike(theta: float, monkeypatch: pytest.Mon
     structure, h, over = heavy_chain(), 1e-4, audited(sampling(0.012, 0.012))  # fewer steps than looks: all are taken
     batch = cases(structure, 3, e=[0.0, 0.5, 0.9], gap=5e-5, mean=60.0, amplitude=100.0, frequency=50.0)
 
-    def dense_states() -> np.ndarray:
-        return dense.compute(dense.init(structure, h, theta), batch, over).metrics["energy_residual"]
+    paths = [march(structure, alone(batch, case), h, theta, over.steps(h)) for case in range(3)]
+
+    def recorded() -> np.ndarray:
+        found = recorder.Recorder(structure, batch, over, h)
+        for k in range(1, found.steps + 1):
+            load = theta * found.load(1.0) + (1 - theta) * found.load(0.0)
+            states = [np.array([getattr(path, name)[k] for path in paths]) for name in STATES]
+            found.record(*states, np.array([path.impulse[k - 1] for path in paths]), load)
+        return found.results().metrics["energy_residual"]
 
     modes = step(structure, batch, h, over, theta=theta).metrics
     nodes = moreau.compute(moreau.Operator(structure, h, theta, Swept(structure)), batch, over).metrics
-    found = [nodes["energy_residual"], dense_states()]
+    matrices = moreau.compute(moreau.in_matrices(structure, h, theta), batch, over).metrics
+    found = [nodes["energy_residual"], matrices["energy_residual"], recorded()]
     monkeypatch.setattr(recorder, "needs_matrices", lambda structure: True)
-    found.append(dense_states())
+    found.append(recorded())
     assert modes["impacts"].min() > 0
     assert np.abs(modes["energy_residual"]).min() > 0.01
     assert np.abs(np.array(found) - modes["energy_residual"]).max() < 1e-12

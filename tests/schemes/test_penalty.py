@@ -156,9 +156,9 @@ def test_static_penetration_is_load_over_stiffness() -> None:
     """The default stiffness is ten times that of the tip, in a reduced structure too; static: load over κ."""
     structure = heavy_chain(damping=Rayleigh(2e4, 0.0))
     kappa = 10 / tip_flexibility(structure)
-    assert penalty.contact_stiffness(penalty.decouple(structure), penalty.Options()) == pytest.approx(kappa, rel=1e-9)
+    assert penalty.contact_stiffness_of(structure, penalty.Options()) == pytest.approx(kappa, rel=1e-9)
     reduced = reduce_structure(structure, 3, 12).structure
-    assert penalty.contact_stiffness(penalty.decouple(reduced), penalty.Options()) == pytest.approx(kappa, rel=1e-9)
+    assert penalty.contact_stiffness_of(reduced, penalty.Options()) == pytest.approx(kappa, rel=1e-9)
     batch = cases(structure, gap=5e-5, mean=100.0)
     for integration in ("explicit", "implicit"):
         found = step(structure, batch, 1e-5, sampling(0.2, 0.1), "penalty", integration=integration)

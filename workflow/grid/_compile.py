@@ -46,13 +46,16 @@ class Wanted:
     """Whether load or casing have harmonics."""
     slides: bool = False
     """Whether friction acts along a tangent."""
+    coupled: bool = False
+    """Whether the structure has to be stepped by its matrices."""
 
     @property
     def words(self) -> tuple[Any, ...]:
         """What kernels depend on: names and types of options, not their numbers, except whether θ = 1."""
         options = ((field.name, getattr(self.options, field.name)) for field in fields(self.options))
         implicit = getattr(self.options, "theta", None) == 1.0
-        driven = (*(("harmonics",) if self.harmonics else ()), *(("sliding",) if self.slides else ()))
+        kinds = {"harmonics": self.harmonics, "sliding": self.slides, "coupled": self.coupled}
+        driven = [name for name, holds in kinds.items() if holds]
         others = (option for option in options if not isinstance(option[1], float))
         return (self.method, self.nodes, self.balances, self.massless_tip, implicit, *driven, *others)
 
@@ -83,6 +86,8 @@ def _compile(wanted: Wanted) -> None:
         structure = replace(structure.matrices(), mass=np.zeros((nodes, nodes)))
     if wanted.slides:
         structure = replace(structure.matrices(), tangent=np.ones(nodes))
+    if wanted.coupled:
+        structure = replace(structure.matrices(), load=np.ones(nodes))
     scheme = load(wanted.method)
     none, one, node = np.zeros(1), np.ones(1), np.zeros((1, nodes))
     casing = Harmonics(*np.zeros((3, 1, int(wanted.harmonics))))

@@ -25,6 +25,7 @@ from workflow.models import (
     critical_alpha,
     growth,
     in_contact,
+    needs_matrices,
 )
 from workflow.reduction import Known, Reduction, projection_residual, reduce_structure
 from workflow.schemes import Results, Sampling
@@ -117,9 +118,11 @@ def kernels_of(cell: Cell, balances: bool) -> Wanted:
     """Return what of its scheme must be compiled for a cell, with balances or without."""
     scheme, structure = schemes.load(cell.scheme.method), reduced_structure(cell)
     nodes = MOST_NODES_WITH_MATRICES + 1 if scheme.sweeps(structure) else 1
-    driven = bool(cell.scene.load.harmonics or cell.scene.casing.harmonics)
+    coupled = needs_matrices(structure)  # its loads have their harmonics without a kernel for them
+    driven = bool(cell.scene.casing.harmonics or (cell.scene.load.harmonics and not coupled))
     slides = structure.tangent is not None and cell.scene.friction is not None
-    return Wanted(cell.scheme.method, cell.scheme.options, nodes, balances, structure.has_massless_tip, driven, slides)
+    kind = {"massless_tip": structure.has_massless_tip, "harmonics": driven, "slides": slides, "coupled": coupled}
+    return Wanted(cell.scheme.method, cell.scheme.options, nodes, balances, **kind)
 
 
 def compile_for(cell: Cell, balances: bool) -> None:

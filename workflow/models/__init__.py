@@ -25,7 +25,7 @@ from workflow.models._damping import (
 from workflow.models._equilibrium import NoEquilibriumError, static_equilibrium
 from workflow.models._from_matrices import GivenMatrices, UnusableMatricesError, structure_from_matrices
 from workflow.models._growth import Growth, InContact, growth, growth_rate, in_contact
-from workflow.models._harmonics import Harmonics
+from workflow.models._harmonics import NO_HARMONICS, Harmonics
 from workflow.models._long_chain import frequency_range, mechanical_path, rate_range, thermal_path
 from workflow.models._modes import Modes, mechanical_modes, modal_coupling, poles, thermal_modes
 from workflow.models._runaway import critical_alpha, static_tip_growth, tip_flexibility
@@ -88,6 +88,7 @@ def load(name: str) -> Model:
 
 __all__ = [
     "MOST_NODES_WITH_MATRICES",
+    "NO_HARMONICS",
     "Array",
     "Cases",
     "Chain",

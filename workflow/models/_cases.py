@@ -70,8 +70,11 @@ class Cases:
         """Return the cases selected along the first axis."""
         return Cases(**{name: getattr(self, name)[which] for name in self.__dataclass_fields__})
 
-    def load_at(self, t: float) -> Array:
-        """Return the tip load f(t) = F0 + F1 sin(2π f t + φ) + Σ A_k sin(2π f_k t + φ_k), N, ``(case,)``."""
+    def load_at(self, t: float | Array) -> Array:
+        """Return the tip load f(t) = F0 + F1 sin(2π f t + φ) + Σ A_k sin(2π f_k t + φ_k), N, ``(case,)``.
+
+        Of times ``(time, 1)`` it is ``(time, case)``.
+        """
         sine, _ = elementwise.sine_cosine(2 * np.pi * self.frequency * t + self.phase)
         return self.load_harmonics.added(self.mean + self.amplitude * sine, t)
 

@@ -23,7 +23,7 @@ class CoupledDampingError(ValueError):
     """Damping couples the modes of a free tip, in which a scheme steps."""
 
     def __init__(self) -> None:
-        super().__init__("the damping matrix couples the modes of the structure: of the schemes only moreau takes it")
+        super().__init__("the damping matrix couples the modes of the structure")
 
 
 def damping_matrix(structure: Structure) -> Array:

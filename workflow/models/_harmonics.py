@@ -62,8 +62,11 @@ class Harmonics:
         """Return those with all amplitudes times a factor."""
         return replace(self, amplitude=self.amplitude * factor)
 
-    def added(self, constant: Array, t: float) -> Array:
-        """Return a constant and the sum at a time, added in the order of the harmonics, ``(case,)``."""
+    def added(self, constant: Array, t: float | Array) -> Array:
+        """Return a constant and the sum at a time, added in the order of the harmonics, ``(case,)``.
+
+        The constant has the shape of what is returned, ``(time, case)`` for times ``(time, 1)``.
+        """
         total = np.array(constant)
         for k in range(self.width):
             total += self.amplitude[:, k] * self.sine_cosine(k, t)[0]
@@ -76,7 +79,7 @@ class Harmonics:
             total += self.amplitude[:, k] * self.angular[:, k] * self.sine_cosine(k, t)[1]
         return total
 
-    def sine_cosine(self, k: int, t: float) -> tuple[Array, Array]:
+    def sine_cosine(self, k: int, t: float | Array) -> tuple[Array, Array]:
         """Return sine and cosine of 2π f_k t + φ_k, the same bits on every processor."""
         return elementwise.sine_cosine(2 * np.pi * (self.frequency[:, k] * t) + self.phase[:, k])
 

@@ -298,9 +298,9 @@ class Scheme:
     def refusal(self, structure: Structure, options: Any) -> str | None:
         """Return why it cannot step a structure, ``None`` where it can."""
         if structure.load is not None and "load" not in self.GENERAL:
-            return "its load does not act on the tip: of the schemes only moreau and event_driven take it"
+            return "its load does not act on the tip, which the scheme does not take"
         if "damping" not in self.GENERAL and couples_free_modes(structure):
-            return "its damping matrix couples its modes: of the schemes only moreau takes it"
+            return "its damping matrix couples its modes, which the scheme does not take"
         return self.massless_tip(options) if structure.has_massless_tip else None
 
     def cannot_take(self, load: bool, casing: bool) -> str | None:

@@ -18,18 +18,19 @@ from typing import Any, Literal
 import numpy as np
 
 from workflow.kernels.lanes import WIDE
-from workflow.models import Array, Cases, Structure
-from workflow.schemes._fixed import central_march, outcome
+from workflow.models import Array, Cases, Structure, needs_matrices
+from workflow.schemes._fixed import central_march, dense, outcome
 from workflow.schemes._fixed.central import NEEDS_MASS, Differences, Linear, Operator, divisor, operator
 from workflow.schemes._fixed.costs import central_cost
 from workflow.schemes._fixed.decoupled import decouple
+from workflow.schemes._fixed.dense import DenseOperator
 from workflow.schemes._interface import Results, Sampling
 
 METRICS = outcome.METRICS
 
 READS = frozenset({"h", "alpha"})
 
-GENERAL = frozenset({"friction"})
+GENERAL = frozenset({"damping", "friction", "load"})
 
 HARMONICS = frozenset({"load", "casing"})
 
@@ -57,20 +58,29 @@ class Options:
         return Differences(lagged=self.damping == "lagged", implicit_heat=self.heat == "implicit")
 
 
-def init(structure: Structure, h: float, options: Options) -> Operator:
-    """Diagonalise the structure once for a batch."""
+def init(structure: Structure, h: float, options: Options) -> Operator | DenseOperator:
+    """Diagonalise the structure once for a batch, or invert its matrices."""
     h = float(h)
 
     def law(w: Array | float) -> Linear:
         by, doubt = divisor(w)
         return Linear(1 / (h * by), 0.0, 1 / by, -np.inf, holds=True, stiffness=0.0, mobility=w, doubt=doubt)
 
+    if needs_matrices(structure):
+        return central_march.in_matrices(structure, h, options.differences, law, np.asarray, "W")
     return operator(structure, h, options.differences, decouple(structure), law, "W")
 
 
-def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
+def compute(operator: Operator | DenseOperator, cases: Cases, sampling: Sampling) -> Results:
     """Step a whole batch; ``e`` is not read."""
+    if isinstance(operator, DenseOperator):
+        return dense.compute(operator, cases, sampling)
     return central_march.compute(operator, cases, sampling)
+
+
+def operator_name(structure: Structure) -> str:
+    """Return what a structure is stepped by, as ``plan`` says it."""
+    return dense.operator_name(structure)
 
 
 def massless_tip(options: Options) -> str | None:
@@ -90,4 +100,6 @@ def thermal_amplification(rate: Array, h: float, options: Options) -> Array:
 
 def cost(structure: Structure, h: float, options: Options, sampling: Sampling) -> float:
     """Return estimated seconds per heated case."""
+    if needs_matrices(structure):
+        return dense.cost(structure, h, sampling)
     return central_cost(structure, h, sampling)

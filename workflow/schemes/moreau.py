@@ -38,9 +38,13 @@ from workflow.kernels.packs import (
     where,
 )
 from workflow.models import Array, Cases, Structure, needs_matrices
-from workflow.schemes._fixed import dense, theta_method
+from workflow.schemes._fixed import dense, dense_balance, theta_method
 from workflow.schemes._fixed.balance import Audit
-from workflow.schemes._fixed.complementarity import complementarity, march_without_mass
+from workflow.schemes._fixed.complementarity import (
+    complementarity,
+    march_dense_without_mass,
+    march_without_mass,
+)
 from workflow.schemes._fixed.contact import (
     CASE_ALPHA,
     CASE_HEAT,
@@ -53,6 +57,7 @@ from workflow.schemes._fixed.contact import (
 )
 from workflow.schemes._fixed.costs import sweep_cost, theta_cost
 from workflow.schemes._fixed.decoupled import decouple
+from workflow.schemes._fixed.dense_march import DenseState, FreeStep, march_dense
 from workflow.schemes._fixed.drive import began, relative, settled, wall
 from workflow.schemes._fixed.march import march
 from workflow.schemes._fixed.marks import Block
@@ -128,6 +133,30 @@ def _march_nodes(nodes: sweeps.Nodes, law: Prox, own: Array, block: Block, accou
     march_nodes(nodes, law, own, block, account)
 
 
+@kernel
+def _march_dense(
+    free: FreeStep, law: Prox, state: DenseState, block: Block, account: dense_balance.Account, loads: Array, first: int
+) -> None:
+    """Step a block of cases by a dense matrix."""
+    align_stack()
+    march_dense(free, law, state, block, account, loads, first)
+
+
+def in_matrices(structure: Structure, h: float, theta: float) -> dense.DenseOperator:
+    """Return the operator of a structure that modes do not separate."""
+    if structure.has_massless_tip:
+        by_place = dense.DenseContact(
+            march_dense_without_mass, lambda cases, w: complementarity(h, theta, w), np.asarray, "W"
+        )
+        return dense.init(structure, h, theta, by_place)
+    return dense.init(structure, h, theta, dense.DenseContact(_march_dense, _prox, np.asarray, "W"))
+
+
+def _prox(cases: Cases, w: Array) -> Prox:
+    """Return Newton's law of cases with the Delassus operator W, 1/kg, ``(case,)``."""
+    return Prox(cases.e, np.where(w <= 0, np.nan, 1 / np.where(w <= 0, 1.0, w)))
+
+
 def operator_name(structure: Structure) -> str:
     """Return what a structure is stepped by, as ``plan`` says it."""
     return dense.operator_name(structure) if needs_matrices(structure) else sweeps.operator_name(structure)
@@ -136,9 +165,7 @@ def operator_name(structure: Structure) -> str:
 def init(structure: Structure, h: float, options: Options) -> Operator | dense.DenseOperator:
     """Diagonalise the structure once for a batch; a long chain and coupled modes are left as they are."""
     if needs_matrices(structure):
-        if structure.has_massless_tip:
-            raise ValueError("damping couples the modes of a tip without mass: choose a basis that keeps its mass")
-        return dense.init(structure, float(h), float(options.theta))
+        return in_matrices(structure, float(h), float(options.theta))
     motion = sweeps.Swept(structure) if is_swept(structure) else decouple(structure)
     return Operator(structure, float(h), float(options.theta), motion)
 
@@ -147,7 +174,7 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling, heated: bool) -> 
     """Step cases that all carry thermal states, or that all carry none."""
     h, theta, motion = operator.h, operator.theta, operator.motion
     w = delassus(motion, h, theta, cases.alpha, cases.friction)
-    law = Prox(cases.e, np.where(w <= 0, np.nan, 1 / np.where(w <= 0, 1.0, w)))
+    law = _prox(cases, w)
     if isinstance(motion, sweeps.Swept):
         ended = sweep(_march_nodes, operator, law, cases, sampling, heated)
     elif operator.structure.has_massless_tip:

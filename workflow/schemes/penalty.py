@@ -23,12 +23,13 @@ from typing import Any, Literal
 from workflow.declare import quantity
 from workflow.kernels.lanes import WIDE
 from workflow.kernels.sums import total
-from workflow.models import Array, Cases, Structure
-from workflow.schemes._fixed import central_march, outcome, spring, spring_limits, theta_method
+from workflow.models import Array, Cases, Structure, mechanical_modes, needs_matrices
+from workflow.schemes._fixed import central_march, dense, outcome, spring, spring_limits, theta_method
 from workflow.schemes._fixed.central import NEEDS_MASS, Differences, Linear, delassus, divisor, operator
 from workflow.schemes._fixed.central import Operator as CentralOperator
 from workflow.schemes._fixed.costs import central_cost
-from workflow.schemes._fixed.decoupled import Decoupled, decouple
+from workflow.schemes._fixed.decoupled import decouple
+from workflow.schemes._fixed.dense import DenseOperator
 from workflow.schemes._fixed.spring import SpringOperator
 from workflow.schemes._interface import Results, Sampling
 
@@ -36,13 +37,16 @@ METRICS = outcome.METRICS
 
 READS = frozenset({"h", "alpha"})
 
-GENERAL = frozenset({"friction"})
+GENERAL = frozenset({"damping", "friction", "load"})
 
 HARMONICS = frozenset({"load", "casing"})
 
 TOGETHER = WIDE
 
 _CENTRAL = Differences()
+
+_FACTOR = "1 + hcW/2"
+"""What contact divides by, as messages write it."""
 
 _TIMES_STATIC = 10.0
 """The default κ in static stiffnesses of the tip: it yields a tenth of what the structure does."""
@@ -68,8 +72,8 @@ class Options:
     )
 
 
-def contact_stiffness(modal: Decoupled, options: Options) -> float:
-    """Return κ: what is given, or ten times the static stiffness of the tip against its rigid motion.
+def contact_stiffness_of(structure: Structure, options: Options) -> float:
+    """Return κ [N/m]: what is given, or ten times the static stiffness of the tip against its rigid motion.
 
     Raises
     ------
@@ -78,16 +82,12 @@ def contact_stiffness(modal: Decoupled, options: Options) -> float:
     """
     if options.stiffness > 0:
         return options.stiffness
-    elastic = modal.frequency > 0
-    flexibility = total((modal.tip[elastic] / modal.frequency[elastic]) ** 2)
+    modes = mechanical_modes(structure)
+    elastic = modes.values > 0
+    flexibility = total((modes.tip[elastic] / modes.values[elastic]) ** 2)
     if flexibility == 0:
         raise ValueError("a free mass has no stiffness to take ten times of; give the scheme's `stiffness` in N/m")
     return _TIMES_STATIC / flexibility
-
-
-def contact_stiffness_of(structure: Structure, options: Options) -> float:
-    """Return the stiffness κ of the contact spring on a structure, N/m."""
-    return contact_stiffness(decouple(structure), options)
 
 
 def rigid(structure: Structure, h: float) -> Options:
@@ -107,36 +107,50 @@ def contact_limit(structure: Structure, options: Options) -> float:
     """
     if options.integration == "implicit":
         return float("inf")
-    modal = decouple(structure)
-    return spring_limits.switching_limit(modal, contact_stiffness(modal, options))
+    modes = mechanical_modes(structure)
+    return spring_limits.switching_limit(modes.values, modes.tip, contact_stiffness_of(structure, options))
 
 
 def lasting_contact_limit(structure: Structure, options: Options) -> float:
     """Return the step up to which no motion grows while the tip stays in contact, s; for the explicit scheme only."""
-    modal = decouple(structure)
-    return spring_limits.lasting_limit(modal, contact_stiffness(modal, options))
+    modes = mechanical_modes(structure)
+    return spring_limits.lasting_limit(modes.values, modes.tip, contact_stiffness_of(structure, options))
 
 
-def init(structure: Structure, h: float, options: Options) -> CentralOperator | SpringOperator:
-    """Diagonalise the structure once for a batch."""
-    modal = decouple(structure)
-    stiffness, damping = contact_stiffness(modal, options), float(options.damping)
+def init(structure: Structure, h: float, options: Options) -> CentralOperator | SpringOperator | DenseOperator:
+    """Diagonalise the structure once for a batch, or invert its matrices."""
+    h, stiffness, damping = float(h), contact_stiffness_of(structure, options), float(options.damping)
     if options.integration == "implicit":
-        return SpringOperator(structure, float(h), float(options.theta), modal, stiffness, damping)
+        theta = float(options.theta)
+        if needs_matrices(structure):
+            return spring.in_matrices(structure, h, theta, stiffness, damping)
+        return SpringOperator(structure, h, theta, decouple(structure), stiffness, damping)
+
+    def factor(w: Any) -> Any:
+        return 1 + 0.5 * h * damping * w
 
     def law(w: Array | float) -> Linear:
-        by, doubt = divisor(1 + 0.5 * h * damping * w)
+        by, doubt = divisor(factor(w))
         share = h / by
         return Linear(stiffness * share, 0.5 * damping * share, 0.5 * damping * share, 0.0, False, stiffness, w, doubt)
 
-    return operator(structure, float(h), _CENTRAL, modal, law, "1 + hcW/2")
+    if needs_matrices(structure):
+        return central_march.in_matrices(structure, h, _CENTRAL, law, factor, _FACTOR)
+    return operator(structure, h, _CENTRAL, decouple(structure), law, _FACTOR)
 
 
-def compute(operator: CentralOperator | SpringOperator, cases: Cases, sampling: Sampling) -> Results:
+def compute(operator: CentralOperator | SpringOperator | DenseOperator, cases: Cases, sampling: Sampling) -> Results:
     """Step a whole batch; ``e`` is not read."""
+    if isinstance(operator, DenseOperator):
+        return dense.compute(operator, cases, sampling)
     if isinstance(operator, CentralOperator):
         return central_march.compute(operator, cases, sampling)
     return spring.compute(operator, cases, sampling)
+
+
+def operator_name(structure: Structure) -> str:
+    """Return what a structure is stepped by, as ``plan`` says it."""
+    return dense.operator_name(structure)
 
 
 def massless_tip(options: Options) -> str | None:
@@ -162,4 +176,6 @@ def thermal_amplification(rate: Array, h: float, options: Options) -> Array:
 
 def cost(structure: Structure, h: float, options: Options, sampling: Sampling) -> float:
     """Return estimated seconds per heated case."""
+    if needs_matrices(structure):
+        return dense.cost(structure, h, sampling)
     return central_cost(structure, h, sampling)

@@ -5,6 +5,8 @@ The equations stand in :mod:`workflow.schemes._fixed.central`.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,10 +28,11 @@ from workflow.kernels.packs import (
     store,
     where,
 )
-from workflow.models import Array, Cases, project
+from workflow.models import Array, Cases, Structure, project
+from workflow.schemes._fixed import dense
 from workflow.schemes._fixed.balance import Audit, account, account_heat
 from workflow.schemes._fixed.books import Books
-from workflow.schemes._fixed.central import Linear, Operator, terms
+from workflow.schemes._fixed.central import Differences, LawOf, Linear, Operator, terms
 from workflow.schemes._fixed.contact import (
     CASE_AHEAD,
     CASE_ALPHA,
@@ -46,10 +49,14 @@ from workflow.schemes._fixed.contact import (
     contact_gain,
     count_rebounds,
     driven,
+    leaves,
     meet,
     steps_from_tip,
 )
 from workflow.schemes._fixed.decoupled import Decoupled, Motion, start
+from workflow.schemes._fixed.dense import DenseContact, DenseOperator
+from workflow.schemes._fixed.dense_balance import Account
+from workflow.schemes._fixed.dense_march import DenseState, FreeStep, march_dense
 from workflow.schemes._fixed.drive import drive_of, gap_ahead, relative, relative_before, with_harmonics
 from workflow.schemes._fixed.march import Batch, case_rows, march, march_blocks, open_march
 from workflow.schemes._fixed.marks import TIP_DISPLACEMENT, TIP_GAP, TIP_TEMPERATURE, TIP_VELOCITY, Block
@@ -108,6 +115,12 @@ def _latest(law: Linear, end: End, own: Array, lane: Lane) -> Pack:
     return pack(own, (CASE_LAST, lane))
 
 
+@defines(leaves, Linear)
+def _ahead(law: Linear, end: End, own: Array, lane: Lane) -> tuple[Pack, Pack]:
+    """Return x_n,k+1 and w_k+½."""
+    return pack(own, (CASE_AHEAD, lane)), pack(own, (CASE_HALF, lane))
+
+
 @defines(driven, Linear)
 def _half_step_velocity(law: Linear, step: TipStep, end: End, own: Array, lane: Lane) -> Pack:
     """Return w_k+½: where the law puts the tip on the casing, that which takes it there."""
@@ -157,6 +170,28 @@ def _march(operator: Coefficients, law: Linear, state: State, block: Block, audi
     """Step a block of cases."""
     align_stack()
     march(operator, law, state, block, audit)
+
+
+@kernel
+def _march_dense(
+    free: FreeStep, law: Linear, state: DenseState, block: Block, account: Account, loads: Array, first: int
+) -> None:
+    """Step a block of cases by a dense matrix."""
+    align_stack()
+    march_dense(free, law, state, block, account, loads, first)
+
+
+def in_matrices(
+    structure: Structure,
+    h: float,
+    differences: Differences,
+    law_of: LawOf,
+    factor: Callable[[Array], Array],
+    name: str,
+) -> DenseOperator:
+    """Return the operator of a structure that modes do not separate; ``factor`` is what contact divides by, by W."""
+    contact = DenseContact(_march_dense, lambda cases, w: law_of(w), factor, name, rebounds=True)
+    return dense.init_central(structure, h, differences, contact)
 
 
 def _half_step_before(modal: Decoupled, cases: Cases, h: float) -> Array:

@@ -47,6 +47,8 @@ from workflow.schemes._fixed.contact import (
     contact_gain,
     meet,
 )
+from workflow.schemes._fixed.dense_balance import Account
+from workflow.schemes._fixed.dense_march import DenseState, FreeStep, march_dense
 from workflow.schemes._fixed.march import march
 from workflow.schemes._fixed.marks import TIP_DISPLACEMENT, TIP_VELOCITY, Block
 from workflow.schemes._fixed.modal_lanes import Coefficients, State
@@ -103,3 +105,12 @@ def march_without_mass(
     """Step a block of cases."""
     align_stack()
     march(operator, law, state, block, audit)
+
+
+@kernel
+def march_dense_without_mass(
+    free: FreeStep, law: Complementarity, state: DenseState, block: Block, account: Account, loads: Array, first: int
+) -> None:
+    """Step a block of cases by a dense matrix."""
+    align_stack()
+    march_dense(free, law, state, block, account, loads, first)

@@ -1,27 +1,69 @@
-"""The θ-method by dense matrices, where damping couples the modes of the free tip or the load does not act on it.
+"""Fixed steps by dense matrices, where damping couples the modes of the free tip or the load does not act on it.
 
 With X = [x, v, θ] a free step is X' = A X + b, one matrix for the whole structure; a step of a case costs the square of
-the number of its states instead of a few operations for each mode.
+the number of its states instead of a few operations for each mode. The θ-method has
+
+    Ŵ = M + hθC1 + h²θ²K1,   T̂ = C2 + hθK2,   W = e_nᵀ Ŵ⁻¹ (e_n - µ t + α hθ K12 T̂⁻¹ e_n),
+
+central differences Ŵ = M + h/2 C1 (M where damping lags) and the heat of a step in the next one. A scheme gives its
+contact law by W (:class:`DenseContact`); the march is :mod:`workflow.schemes._fixed.dense_march`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workflow.kernels import Array
 from workflow.kernels.complex_numbers import magnitude
 from workflow.kernels.eigen import eigenvalues
+from workflow.kernels.lanes import ROW, fill_lanes, lane_rows
 from workflow.kernels.solving import inverse
 from workflow.kernels.sums import product
-from workflow.models import Cases, Structure, project
-from workflow.schemes._fixed.outcome import ROUNDING
-from workflow.schemes._fixed.recorder import Recorder
-from workflow.schemes._interface import Results, Sampling, Status
+from workflow.models import NO_HARMONICS, Cases, Structure, mechanical_modes, needs_matrices, project, static_tip_growth
+from workflow.schemes._fixed.central import Differences
+from workflow.schemes._fixed.contact import CASE_AHEAD, CASE_ALPHA, CASE_HALF, CASE_ROWS, Law, TipStep
+from workflow.schemes._fixed.dense_balance import account_of, no_account, open_account, residuals
+from workflow.schemes._fixed.dense_march import ACTS_SPEED, DenseState, FreeStep
+from workflow.schemes._fixed.drive import drive_of
+from workflow.schemes._fixed.march import fill_law, law_lanes
+from workflow.schemes._fixed.marks import TIP_DISPLACEMENT, TIP_IMPULSE, TIP_TEMPERATURE, TIP_VELOCITY
+from workflow.schemes._fixed.outcome import ROUNDING, effective_restitution
+from workflow.schemes._fixed.sliding import friction_message
+from workflow.schemes._fixed.stepping import Watch, block_lanes, blocks, collect, watch
+from workflow.schemes._interface import Results, Sampling, Status, schedule
 
-_LOOP, _TERM = 5e-5, 4e-9
-"""Seconds of a step of a batch in NumPy's loop, shared by some eight cases, and of a product of two numbers in it."""
+_CHUNK = 1024
+"""Steps whose loads are evaluated at once."""
+
+_STEP, _TERM = 2e-8, 4e-10
+"""Seconds of a step of a case, and of a product of two numbers in it."""
+
+
+@dataclass(frozen=True, eq=False)
+class DenseContact:
+    """How a scheme meets the casing.
+
+    Attributes
+    ----------
+    kernel
+        The scheme's own, around :func:`~workflow.schemes._fixed.dense_march.march_dense`.
+    law
+        Its contact law by cases and their W, 1/kg, ``(case,)``.
+    factor, name
+        What must be positive for contact to have one solution, by W, and how messages write it.
+    rebounds
+        Whether it gives the metric ``effective_restitution``.
+    """
+
+    kernel: Callable[..., None]
+    law: Callable[[Cases, Array], Law]
+    factor: Callable[[Array], Array]
+    name: str
+    rebounds: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,115 +72,219 @@ class DenseOperator:
 
     Attributes
     ----------
-    structure, h, theta
-        What is stepped; s; weight of the step's end.
-    step
-        A, ``(state, state)`` with states [x, v, θ].
+    structure, contact
+        What is stepped, and how it meets the casing.
+    free
+        The free step as the march takes it.
     mobility, warming
-        Ŵ⁻¹ and T̂⁻¹, 1/kg and K/J.
+        Ŵ⁻¹ and what a step makes of heat, 1/kg and K/J.
     dragged
         Ŵ⁻¹ hθ K12 T̂⁻¹ e_n, by which an impulse's heat drives velocities, per α.
     growth
         Spectral radius of A.
+    most
+        Growth up to which A is stable, but for rounding.
     """
 
     structure: Structure
-    h: float
-    theta: float
-    step: Array
+    contact: DenseContact
+    free: FreeStep
     mobility: Array
     warming: Array
     dragged: Array
     growth: float
+    most: float
+
+    def kick(self, alpha: Array, friction: Array) -> Array:
+        """Return velocities per impulse of contact, 1/kg, ``(case, mechanical)``; the tip's is W."""
+        found = self.mobility[:, -1] + alpha[:, None] * self.dragged
+        if self.structure.tangent is not None:
+            found = found - friction[:, None] * product(self.mobility, self.structure.tangent)
+        return np.asarray(found)
 
 
-def init(structure: Structure, h: float, theta: float) -> DenseOperator:
-    """Invert Ŵ and T̂ once for a batch."""
+def init(structure: Structure, h: float, theta: float, contact: DenseContact) -> DenseOperator:
+    """Invert Ŵ and T̂ of the θ-method once for a batch."""
     M, C, K = structure.mass, structure.damping_matrix, structure.stiffness_matrix
     coupling, capacity, losses = structure.coupling_matrix, structure.heat_capacity, structure.conductance_matrix
-    n, heats, rest = M.shape[0], capacity.shape[0], 1 - theta
+    heats, rest = capacity.shape[0], 1 - theta
     mobility = inverse(M + h * theta * C + h * h * theta * theta * K)
     warming = inverse(capacity + h * theta * losses)
     cooled = product(warming, capacity - h * rest * losses)
-    x, v, t = slice(0, n), slice(n, 2 * n), slice(2 * n, 2 * n + heats)
-    A = np.zeros((2 * n + heats, 2 * n + heats))
-    A[v, x] = -h * product(mobility, K)
-    A[v, v] = product(mobility, M - h * rest * C - h * h * theta * rest * K)
-    A[v, t] = -h * product(mobility, product(coupling, theta * cooled + rest * np.eye(heats)))
-    A[x] = h * theta * A[v]
-    A[x, x] += np.eye(n)
-    A[x, v] += h * rest * np.eye(n)
-    A[t, t] = cooled
+    velocity = (
+        -h * product(mobility, K),
+        product(mobility, M - h * rest * C - h * h * theta * rest * K),
+        -h * product(mobility, product(coupling, theta * cooled + rest * np.eye(heats))),
+    )
     dragged = h * theta * product(mobility, product(coupling, warming[:, -1]))
-    growth = float(magnitude(eigenvalues(A)).max(initial=0.0))
-    return DenseOperator(structure, h, theta, A, mobility, warming, dragged, growth)
+    tip = TipStep(h, theta, rest, float(mobility[-1, -1]), float(warming[-1, -1]))
+    response, warm = product(mobility, structure.load_direction), warming[:, -1].copy()
+    free = FreeStep(tip, np.hstack(velocity), cooled, response, warm, heat_counts=True, lagged=False)
+    return DenseOperator(structure, contact, free, mobility, warming, dragged, *_growth(structure, free))
+
+
+def init_central(structure: Structure, h: float, differences: Differences, contact: DenseContact) -> DenseOperator:
+    """Invert Ŵ and what heat is divided by in central differences once for a batch."""
+    M, C, K = structure.mass, structure.damping_matrix, structure.stiffness_matrix
+    capacity, losses = structure.heat_capacity, structure.conductance_matrix
+    ahead, behind = (M, M - h * C) if differences.lagged else (M + h / 2 * C, M - h / 2 * C)
+    mobility = inverse(ahead)
+    warming = inverse(capacity + h * losses if differences.implicit_heat else capacity)
+    cooled = product(warming, capacity if differences.implicit_heat else capacity - h * losses)
+    pulls = -h * product(mobility, K), product(mobility, behind), -h * product(mobility, structure.coupling_matrix)
+    tip = TipStep(h, 1.0, 0.0, float(mobility[-1, -1]), float(warming[-1, -1]))
+    response, warm = product(mobility, structure.load_direction), warming[:, -1].copy()
+    free = FreeStep(tip, np.hstack(pulls), cooled, response, warm, heat_counts=False, lagged=differences.lagged)
+    none = np.zeros(M.shape[0])
+    return DenseOperator(structure, contact, free, mobility, warming, none, *_growth(structure, free))
+
+
+def _growth(structure: Structure, free: FreeStep) -> tuple[float, float]:
+    """Return the spectral radius of a free step, and what of it is rounding.
+
+    A rigid mode has the double eigenvalue 1, which errs by the root of rounding.
+    """
+    n, h, theta = free.velocity.shape[0], free.tip.h, free.tip.theta
+    size = free.velocity.shape[1]
+    A = np.zeros((size, size))
+    A[n : 2 * n] = free.velocity
+    A[:n] = h * theta * free.velocity
+    A[:n, :n] += np.eye(n)
+    A[:n, n : 2 * n] += h * (1 - theta) * np.eye(n)
+    A[2 * n :, 2 * n :] = free.cooling
+    modes = mechanical_modes(structure)
+    is_rigid = bool(np.any((modes.values == 0) & (modes.inertia > 0)))
+    rounding = ROUNDING * size
+    return float(magnitude(eigenvalues(A)).max(initial=0.0)), 1 + (np.sqrt(rounding) if is_rigid else rounding)
 
 
 def compute(operator: DenseOperator, cases: Cases, sampling: Sampling) -> Results:
-    """Step a whole batch.
-
-    Raises
-    ------
-    ValueError
-        The casing moves.
-    """
-    if cases.casing_harmonics.width > 0:
-        raise ValueError("with damping that couples the modes of the structure the casing cannot move")
+    """Step a whole batch."""
     with np.errstate(over="ignore", invalid="ignore"):  # the status of a case that left the finite numbers says so
         return _marched(operator, cases, sampling)
 
 
 def _marched(operator: DenseOperator, cases: Cases, sampling: Sampling) -> Results:
-    structure, h, theta = operator.structure, operator.h, operator.theta
-    n, recorder = structure.mechanical_size, Recorder(structure, cases, sampling, h)
-    kick = operator.mobility[:, -1] + cases.alpha[:, None] * operator.dragged
-    if structure.tangent is not None:
-        kick = kick - cases.friction[:, None] * product(operator.mobility, structure.tangent)
-    inverse_mass = np.where(kick[:, -1] > 0, 1 / np.where(kick[:, -1] > 0, kick[:, -1], 1.0), np.nan)
-    heat = h * project(operator.warming, cases.heating)
-    push = h * project(operator.mobility, cases.steady - theta * project(structure.coupling_matrix, heat))
-    response = product(operator.mobility, structure.load_direction)
-    states = np.concatenate([cases.displacement, cases.velocity, cases.temperature], axis=1)
-    for _ in range(recorder.steps):
-        load = theta * recorder.load(1.0) + (1 - theta) * recorder.load(0.0)
-        drive = push + (h * load)[:, None] * response
-        after = project(operator.step, states)
-        after[:, n : 2 * n] += drive
-        after[:, 2 * n :] += heat
-        x, v = states[:, n - 1], states[:, 2 * n - 1]
-        closing = (after[:, 2 * n - 1] + cases.e * v) * inverse_mass
-        meets = (x + 0.5 * h * v >= cases.gap) & ~(closing <= 0.0)  # a NaN meets
-        p = np.where(meets, closing, 0.0)
-        after[:, n : 2 * n] -= p[:, None] * kick
-        after[:, 2 * n - 1] = np.where(meets & np.isfinite(p), -cases.e * v, after[:, 2 * n - 1])
-        after[:, 2 * n :] += (cases.alpha * p)[:, None] * operator.warming[:, -1]
-        after[:, :n] = states[:, :n] + h * (theta * after[:, n : 2 * n] + (1 - theta) * states[:, n : 2 * n])
-        states = after
-        recorder.record(states[:, :n], states[:, n : 2 * n], states[:, 2 * n :], p, load)
-    return _judged(operator, kick[:, -1], recorder.results())
+    structure, free, contact = operator.structure, operator.free, operator.contact
+    plan, count, heats = schedule(sampling, free.tip.h), cases.count, free.warming.size
+    # loads have their harmonics already; central differences take the casing's velocity of the step ahead
+    drive, begun = drive_of(replace(cases, load_harmonics=NO_HARMONICS), free.tip.h, _drive_theta(free))
+    watched = watch(cases, cases.mean, sampling, plan, free.tip.h, drive)
+    kick = operator.kick(cases.alpha, cases.friction)
+    push, states = _push(operator, cases), _begin(operator, cases, begun.velocity)
+    law, own = contact.law(cases, kick[:, -1]), np.zeros((CASE_ROWS, count))
+    own[CASE_ALPHA], own[CASE_AHEAD] = cases.alpha, cases.displacement[:, -1]
+    own[CASE_HALF] = states[:, 2 * kick.shape[1] - 1]
+    account = account_of(structure) if sampling.balances else no_account()
+    lanes = DenseState(
+        own=lane_rows(CASE_ROWS),
+        states=lane_rows(states.shape[1]),
+        ahead=lane_rows(push.shape[1]),
+        kick=lane_rows(kick.shape[1]),
+        push=lane_rows(push.shape[1]),
+        shown=lane_rows(2, heats),
+        before=lane_rows(kick.shape[1]),
+        acts=lane_rows(ACTS_SPEED + 1),
+    )
+    laws, reached, last = law_lanes(law), np.zeros((count, heats)), np.zeros((count, heats))
+    sums = np.zeros((account.sums.shape[0], count))
+    for part, block in blocks(watched, block_lanes(4 * states.shape[1])):
+        some, filled = cases.take(part), part.stop - part.start
+        fill_law(laws, law, part)
+        for given, values in ((lanes.own, own[:, part]), (lanes.states, states[part].T), (lanes.kick, kick[part].T)):
+            fill_lanes(given, values)
+        fill_lanes(lanes.push, push[part].T)
+        fill_lanes(lanes.shown[1], cases.temperature[part].T)
+        if sampling.balances:
+            open_account(account, structure, some)
+        for first, loads in _loads(free, some, plan.steps):
+            contact.kernel(free, laws, lanes, block, account, loads, first)
+        own[:, part], sums[:, part] = lanes.own[:, :filled], account.sums[:, :filled]
+        before, after = lanes.shown[..., :filled].swapaxes(1, 2)
+        last[part], reached[part] = after, before + plan.weight[-1] * (after - before)
+    balances = effective_restitution(own) if contact.rebounds else {}
+    if sampling.balances:
+        balances |= residuals(sums, structure, cases, last, plan.steps * free.tip.h)
+    status, messages = _judged(operator, cases, kick[:, -1], watched)
+    closing = project(static_tip_growth(structure)[None, :], reached)[:, 0]
+    return collect(watched, closing, status, messages, balances)
 
 
-def _judged(operator: DenseOperator, delassus: Array, results: Results) -> Results:
-    """Return results whose statuses say what theory knows: no unique solution, or a free step that grows."""
-    status, messages = results.status.copy(), dict(results.messages)
-    for case in range(status.size):
-        if status[case] != Status.OK and delassus[case] <= 0:
+def _drive_theta(free: FreeStep) -> float:
+    """Return the θ with which a casing's discrete velocity is defined."""
+    return free.tip.theta if free.heat_counts else 0.0
+
+
+def _push(operator: DenseOperator, cases: Cases) -> Array:
+    """Return the velocities and temperatures that constant loads and heating add in a step, ``(case, …)``."""
+    h, free = operator.free.tip.h, operator.free
+    heat, force = h * project(operator.warming, cases.heating), cases.steady
+    if free.heat_counts:
+        force = force - free.tip.theta * project(operator.structure.coupling_matrix, heat)
+    return np.hstack([h * project(operator.mobility, force), heat])
+
+
+def _begin(operator: DenseOperator, cases: Cases, velocity: Array) -> Array:
+    """Return x, v and θ at t = 0, ``(case, state)``; w_-½ = v_0 - (h/2) M⁻¹ f_0 of central differences for v."""
+    structure, h = operator.structure, operator.free.tip.h
+    if not operator.free.heat_counts:
+        velocity = cases.velocity
+        force = cases.steady + cases.load_at(0.0)[:, None] * structure.load_direction
+        force = force - project(structure.damping_matrix, velocity)
+        force = force - project(structure.stiffness_matrix, cases.displacement)
+        force = force - project(structure.coupling_matrix, cases.temperature)
+        velocity = velocity - 0.5 * h * project(inverse(structure.mass), force)
+    return np.hstack([cases.displacement, velocity, cases.temperature])
+
+
+def _loads(free: FreeStep, cases: Cases, steps: int) -> Iterator[tuple[int, Array]]:
+    """Yield the first of some steps and the loads in them, N, ``(step, lane)``."""
+    begins, theta = int(free.heat_counts), free.tip.theta
+    for first in range(begins, steps + 1, _CHUNK):
+        stop = min(first + _CHUNK, steps + 1)
+        loads = cases.load_at(np.arange(first - begins, stop, dtype=np.float64)[:, None] * free.tip.h)
+        if begins:
+            loads = theta * loads[1:] + (1 - theta) * loads[:-1]
+        lanes = np.zeros((loads.shape[0], ROW))
+        lanes[:, : cases.count] = loads
+        yield first, lanes
+
+
+def _judged(
+    operator: DenseOperator, cases: Cases, delassus: Array, watched: Watch
+) -> tuple[NDArray[np.int8], dict[int, str]]:
+    """Decide what became of each case by what theory knows: no unique solution, or a free step that grows."""
+    contact, h = operator.contact, operator.free.tip.h
+    rows = [TIP_DISPLACEMENT, TIP_VELOCITY, TIP_TEMPERATURE, TIP_IMPULSE]
+    finite = np.asarray(np.isfinite(watched.tip[rows]).all(axis=0))
+    cold = operator.kick(np.zeros(cases.count), cases.friction)[:, -1]
+    ambiguous, jams = contact.factor(delassus) <= 0, contact.factor(cold) <= 0
+    status, messages = np.full(cases.count, Status.OK, dtype=np.int8), {}
+    for case in range(cases.count):
+        if not finite[case] and ambiguous[case]:
             status[case] = Status.ILL_POSED
-            messages[case] = f"contact has no unique solution at h = {operator.h:.6g} s (W <= 0); take a smaller h"
-        elif operator.growth > 1 + ROUNDING * operator.step.shape[0]:
+            messages[case] = f"contact has no unique solution at h = {h:.6g} s ({contact.name} <= 0); take a smaller h"
+            if jams[case]:
+                messages[case] = friction_message(h, float(cases.friction[case]), contact.name)
+        elif operator.growth > operator.most:
             status[case] = Status.DIVERGED
-            messages[case] = f"the free step grows {operator.growth:.6g}-fold at h = {operator.h:.6g} s"
-    return replace(results, status=status, messages=messages)
+            messages[case] = f"the free step grows {operator.growth:.6g}-fold at h = {h:.6g} s"
+        elif not finite[case]:
+            status[case] = Status.DIVERGED
+            messages[case] = f"the state left the finite numbers at h = {h:.6g} s"
+    return status, messages
 
 
 def cost(structure: Structure, h: float, sampling: Sampling) -> float:
     """Return the estimated seconds of a case."""
     states = 2 * structure.mechanical_size + structure.thermal_size
-    return sampling.steps(h) * (_LOOP + _TERM * states * states) * (2 if sampling.balances else 1) / 4
+    return sampling.steps(h) * (_STEP + _TERM * states * states) * (2 if sampling.balances else 1)
 
 
 def operator_name(structure: Structure) -> str:
-    """Return what a structure is stepped by, as ``plan`` says it."""
+    """Return what a structure is stepped by, as ``plan`` says it: by modes where it can be."""
+    if not needs_matrices(structure):
+        return f"{structure.mechanical_size} + {structure.thermal_size} modes with the tip's own"
     states = 2 * structure.mechanical_size + structure.thermal_size
     reason = "the load does not act on the tip" if structure.damper is None else "damping couples the modes"
     return f"a dense matrix of {states} states, as {reason}: {states * states} products a step"

@@ -34,6 +34,7 @@ from workflow.kernels.packs import (
     where,
 )
 from workflow.models import Array, Cases, Structure
+from workflow.schemes._fixed import dense
 from workflow.schemes._fixed.balance import Audit
 from workflow.schemes._fixed.contact import (
     CASE_ALPHA,
@@ -49,6 +50,9 @@ from workflow.schemes._fixed.contact import (
     meet,
 )
 from workflow.schemes._fixed.decoupled import Decoupled
+from workflow.schemes._fixed.dense import DenseContact, DenseOperator
+from workflow.schemes._fixed.dense_balance import Account
+from workflow.schemes._fixed.dense_march import DenseState, FreeStep, march_dense
 from workflow.schemes._fixed.drive import began, gap_before, relative, relative_before, settled, wall
 from workflow.schemes._fixed.march import march
 from workflow.schemes._fixed.marks import TIP_DISPLACEMENT, TIP_VELOCITY, Block
@@ -128,6 +132,19 @@ def _march(operator: Coefficients, law: Spring, state: State, block: Block, audi
     march(operator, law, state, block, audit)
 
 
+@kernel
+def _march_dense(
+    free: FreeStep, law: Spring, state: DenseState, block: Block, account: Account, loads: Array, first: int
+) -> None:
+    """Step a block of cases by a dense matrix."""
+    align_stack()
+    march_dense(free, law, state, block, account, loads, first)
+
+
+_YIELDS = "1 + hθW (hθκ + c)"
+"""What contact divides by, as messages write it."""
+
+
 @dataclass(frozen=True, eq=False)
 class SpringOperator:
     """What a batch shares: structure, step [s], θ, modes, contact stiffness [N/m] and damping [N s/m]."""
@@ -146,16 +163,38 @@ class SpringOperator:
     def yielding(self, h: float, alpha: Array, friction: Array | float = 0.0) -> Array:
         """Return 1 + hθW (hθκ + c), ``(case,)``: contact has one solution where it is positive."""
         w = delassus(self.modal, h, self.theta, alpha, friction)
-        return np.asarray(1 + h * self.theta * w * (h * self.theta * self.stiffness + self.damping))
+        return yields(h, self.theta, self.stiffness, self.damping, w)
 
     def law(self, alpha: Array, friction: Array) -> Spring:
         """Return the contact law of cases, ``(case,)``."""
         w = delassus(self.modal, self.h, self.theta, alpha, friction)
-        yielding = self.yielding(self.h, alpha, friction)
-        share = np.where(yielding <= 0, np.nan, 1 / np.where(yielding <= 0, 1.0, yielding))
-        reach = self.h * self.h * self.theta * self.theta * w
-        reach = np.where(reach > 0, 1 / np.where(reach > 0, reach, 1.0), np.inf)
-        return Spring(self.stiffness, self.damping, w, share, reach)
+        return law_of(self.h, self.theta, self.stiffness, self.damping, w)
+
+
+def yields(h: float, theta: float, stiffness: float, damping: float, w: Array) -> Array:
+    """Return 1 + hθW (hθκ + c), ``(case,)``: contact has one solution where it is positive."""
+    return np.asarray(1 + h * theta * w * (h * theta * stiffness + damping))
+
+
+def law_of(h: float, theta: float, stiffness: float, damping: float, w: Array) -> Spring:
+    """Return the contact law of cases with the Delassus operator W, 1/kg, ``(case,)``."""
+    yielding = yields(h, theta, stiffness, damping, w)
+    share = np.where(yielding <= 0, np.nan, 1 / np.where(yielding <= 0, 1.0, yielding))
+    reach = h * h * theta * theta * w
+    reach = np.where(reach > 0, 1 / np.where(reach > 0, reach, 1.0), np.inf)
+    return Spring(stiffness, damping, w, share, reach)
+
+
+def in_matrices(structure: Structure, h: float, theta: float, stiffness: float, damping: float) -> DenseOperator:
+    """Return the operator of a structure that modes do not separate."""
+    contact = DenseContact(
+        _march_dense,
+        lambda cases, w: law_of(h, theta, stiffness, damping, w),
+        lambda w: yields(h, theta, stiffness, damping, w),
+        _YIELDS,
+        rebounds=True,
+    )
+    return dense.init(structure, h, theta, contact)
 
 
 def _run(operator: SpringOperator, cases: Cases, sampling: Sampling) -> Results:
@@ -163,7 +202,7 @@ def _run(operator: SpringOperator, cases: Cases, sampling: Sampling) -> Results:
     modal, law = operator.modal, operator.law(cases.alpha, cases.friction)
     free = Operator(operator.structure, operator.h, operator.theta, modal)
     ended = step_modes(_march, free, modal, law, cases, sampling)
-    contact = Contact(operator.yielding, "1 + hθW (hθκ + c)")
+    contact = Contact(operator.yielding, _YIELDS)
     status, messages = judge(free, contact, cases, sampling.duration, ended.finite)
     balances = {**effective_restitution(ended.own), **ended.balances}
     return collect(ended.watched, ended.closing, status, messages, balances)

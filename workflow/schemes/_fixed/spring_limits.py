@@ -4,24 +4,24 @@ from __future__ import annotations
 
 import numpy as np
 
+from workflow.kernels import Array
 from workflow.kernels.singular import singular
 from workflow.kernels.sums import total
-from workflow.schemes._fixed.decoupled import Decoupled
 
 _SWITCHING, _LASTING = 0.5, 0.95
 """Largest h √(κ W) and share of 2/ω_max at which switching contact creates no energy, see :func:`switching_limit`."""
 
 
-def lasting_limit(modal: Decoupled, stiffness: float) -> float:
+def lasting_limit(frequency: Array, tip: Array, stiffness: float) -> float:
     """Return the step up to which no motion grows while the tip stays in contact, s: 2/ω_max of K1 with κ at the tip.
 
     Central damping does not move it.
     """
-    at_tip = np.sqrt(stiffness) * modal.tip  # the root of κ at the tip, beside that of K1
-    return float(2 / singular(np.vstack([np.diag(modal.frequency), at_tip])).values[0])
+    at_tip = np.sqrt(stiffness) * tip  # the root of κ at the tip, beside that of K1
+    return float(2 / singular(np.vstack([np.diag(frequency), at_tip])).values[0])
 
 
-def switching_limit(modal: Decoupled, stiffness: float) -> float:
+def switching_limit(frequency: Array, tip: Array, stiffness: float) -> float:
     """Return the step up to which central differences hold while contact comes and goes, s.
 
     That is the smaller of 0.95 · 2/ω_max, with ω_max of K1 with κ at the tip, and 0.5/√(κ W), with W = e_nᵀ M⁻¹ e_n:
@@ -34,5 +34,5 @@ def switching_limit(modal: Decoupled, stiffness: float) -> float:
     limit no case created more energy than 0.4 times the largest it held; at 1.5 times the limit 22 % of the
     scenes have a case that created more than that, at 2 times 32 %, at 4 times all.
     """
-    alone = _SWITCHING / np.sqrt(stiffness * float(total(modal.tip**2, 0)))
-    return float(min(_LASTING * lasting_limit(modal, stiffness), alone))
+    alone = _SWITCHING / np.sqrt(stiffness * float(total(tip**2, 0)))
+    return float(min(_LASTING * lasting_limit(frequency, tip, stiffness), alone))

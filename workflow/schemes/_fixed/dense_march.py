@@ -1,0 +1,238 @@
+"""The march of a structure that modes do not separate: one matrix for all states, contact by the scheme's law.
+
+The θ-method and central differences share it. A free step gives velocities V [x, v, θ] and temperatures D θ; a load and
+an impulse of contact act on velocities by the columns Ŵ⁻¹ b and Ŵ⁻¹ (e_n - µ t + α hθ K12 T̂⁻¹ e_n), and
+x' = x + h (θ v' + (1-θ) v). Central differences have x_k, w_k-½ and θ_k for [x, v, θ] and θ = 1. Contact laws
+(:mod:`workflow.schemes._fixed.contact`) and the casing's motion (:mod:`workflow.schemes._fixed.drive`) are those of
+modes: the tip's velocity without contact is known with the load in it, so that a law is given no load.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from workflow.kernels import Array
+from workflow.kernels.compiled import inlined, part
+from workflow.kernels.lanes import PACK, ROW
+from workflow.kernels.packs import narrow, pack, spread, store
+from workflow.schemes._fixed.contact import (
+    CASE_ALPHA,
+    CASE_IMPULSE,
+    CASE_LAST,
+    Free,
+    Law,
+    TipStep,
+    applied,
+    contact_gain,
+    leaves,
+    meet,
+)
+from workflow.schemes._fixed.dense_balance import (
+    SUM_ENERGY,
+    SUM_FIRST,
+    SUM_HEAT,
+    SUM_SPENT,
+    Account,
+    lose,
+    measure,
+    multiply,
+    spend,
+)
+from workflow.schemes._fixed.drive import cut_gap, turn_drive
+from workflow.schemes._fixed.marks import TIP_GAP, TIP_STEP_IMPULSE, Block, take_marks
+from workflow.schemes._fixed.stepping import observe, store_end
+
+ACTS_IMPULSE, ACTS_PLACE, ACTS_SPEED = range(3)
+"""Rows of what contact leaves: the impulse that acts on the states [N s], place and velocity of the tip ahead."""
+
+
+class FreeStep(NamedTuple):
+    """A free step, and what load and heat at the tip do in it."""
+
+    tip: TipStep
+    velocity: Array
+    """V, ``(mechanical, state)``."""
+    cooling: Array
+    """D, ``(thermal, thermal)``."""
+    response: Array
+    """Velocities per impulse of the load, Ŵ⁻¹ b, 1/kg, ``(mechanical,)``."""
+    warming: Array
+    """Temperatures per heat at the tip, K/J, ``(thermal,)``."""
+    heat_counts: bool
+    """Whether temperatures at a step's end hold the heat of the contact in it: not those of central differences."""
+    lagged: bool
+    """Whether the velocity at the step's beginning damps, instead of the mean one."""
+
+
+class DenseState(NamedTuple):
+    """States of a block, ``(…, lane)``."""
+
+    own: Array
+    """Rows ``CASE_…``."""
+    states: Array
+    """x, v and θ at the step's beginning."""
+    ahead: Array
+    """v and θ at its end."""
+    kick: Array
+    """Velocities per impulse of contact, 1/kg, ``(mechanical, lane)``."""
+    push: Array
+    """Velocities and temperatures that constant loads and heat loads add in a step, m/s and K."""
+    shown: Array
+    """Temperatures at the last step's beginning and end as samples show them, ``(2, thermal, lane)``."""
+    before: Array
+    """Displacements at the last step's beginning, ``(mechanical, lane)``."""
+    acts: Array
+    """Rows ``ACTS_…``."""
+
+
+@inlined
+def _move_freely(free: FreeStep, state: DenseState, load: Array, lanes: int) -> None:
+    """Take all states through a step without contact."""
+    n, heats, h = state.kick.shape[0], free.warming.size, free.tip.h
+    multiply(free.velocity, state.states, state.ahead[:n], lanes)
+    multiply(free.cooling, state.states[2 * n :], state.ahead[n:], lanes)
+    for i in range(n):
+        for lane in range(lanes):
+            state.ahead[i, lane] += state.push[i, lane] + (h * load[lane]) * free.response[i]
+    for j in range(n, n + heats):
+        for lane in range(lanes):
+            state.ahead[j, lane] += state.push[j, lane]
+
+
+@inlined
+def _meet(free: FreeStep, law: Law, state: DenseState, block: Block, account: Account, load: Array) -> None:
+    """Close a step by contact; ``state.acts`` is left with what that does."""
+    n, states, tip, own, step = state.kick.shape[0], state.states, block.tip, state.own, free.tip
+    audited = account.mass.shape[0] > 0
+    for first in range(0, block.lanes, PACK):
+        lane = narrow(first)
+        warmth = pack(state.ahead, (state.ahead.shape[0] - 1, lane))
+        if not free.heat_counts:
+            warmth = pack(states, (states.shape[0] - 1, lane))
+        gap = pack(tip, (TIP_GAP, lane))
+        alone = Free(pack(state.ahead, (n - 1, lane)), warmth, spread(0.0, lane), gap, block.drive)
+        end = meet(law, step, alone, own, tip, lane)
+        if audited:
+            before = pack(states, (2 * n - 1, lane))
+            pushed = (step.h * account.load[n - 1]) * pack(load, (lane,))
+            store(own, (CASE_IMPULSE, lane), pack(own, (CASE_IMPULSE, lane)) + pushed)
+            gain = contact_gain(law, step, end, end.velocity - before, alone, own, tip, lane)
+            store(account.sums, (SUM_SPENT, lane), pack(account.sums, (SUM_SPENT, lane)) + gain)
+        store_end(end, tip, lane)
+        place, speed = leaves(law, end, own, lane)
+        store(state.acts, (ACTS_IMPULSE, lane), applied(law, end, own, lane))
+        store(state.acts, (ACTS_PLACE, lane), place)
+        store(state.acts, (ACTS_SPEED, lane), speed)
+
+
+@inlined
+def _strike(free: FreeStep, state: DenseState, lanes: int) -> None:
+    """Add what the impulse of contact and its heat do to all states; the tip's velocity is that of the contact law."""
+    n, ahead = state.kick.shape[0], state.ahead
+    for i in range(n):
+        for lane in range(lanes):
+            ahead[i, lane] -= state.acts[ACTS_IMPULSE, lane] * state.kick[i, lane]
+    for lane in range(lanes):
+        ahead[n - 1, lane] = state.acts[ACTS_SPEED, lane]
+    for j in range(free.warming.size):
+        for lane in range(lanes):
+            heat = state.own[CASE_ALPHA, lane] * state.acts[ACTS_IMPULSE, lane]
+            ahead[n + j, lane] += heat * free.warming[j]
+            shows = ahead[n + j, lane]
+            if not free.heat_counts:
+                shows = state.states[2 * n + j, lane] + (0.5 * free.warming[j]) * heat
+            state.shown[0, j, lane], state.shown[1, j, lane] = state.shown[1, j, lane], shows
+
+
+@inlined
+def _count(free: FreeStep, state: DenseState, account: Account, load: Array, tip: Array, lanes: int) -> None:
+    """Add a step to the balances, at the mean velocity; of central differences at the temperature of the middle."""
+    n, states, ahead, middle = state.kick.shape[0], state.states, state.ahead, account.middle
+    for lane in range(lanes):
+        for i in range(n):
+            middle[i, lane] = 0.5 * (states[n + i, lane] + ahead[i, lane])
+            middle[n + i, lane] = states[n + i, lane] if free.lagged else middle[i, lane]
+        for j in range(free.warming.size):
+            now = states[2 * n + j, lane]
+            middle[2 * n + j, lane] = 0.5 * (now + ahead[n + j, lane]) if free.heat_counts else now
+    spend(account, free.tip.h, state.acts[ACTS_IMPULSE], load, lanes)
+
+
+@inlined
+def _advance(free: FreeStep, state: DenseState, account: Account, lanes: int) -> None:
+    """Take places to the step's end, and all states with them."""
+    n, states, ahead, h, theta = state.kick.shape[0], state.states, state.ahead, free.tip.h, free.tip.theta
+    before = state.before
+    for i in range(n):
+        for lane in range(lanes):
+            before[i, lane] = states[i, lane]
+            states[i, lane] += h * (theta * ahead[i, lane] + (1.0 - theta) * states[n + i, lane])
+    for lane in range(lanes):
+        states[n - 1, lane] = state.acts[ACTS_PLACE, lane]
+    for i in range(n + free.warming.size):
+        for lane in range(lanes):
+            states[n + i, lane] = ahead[i, lane]
+    if account.mass.shape[0] > 0:
+        measure(account, states[:n] if free.heat_counts else before, states[:n], states[n : 2 * n], lanes)
+
+
+@inlined
+def _record(step: int, state: DenseState, block: Block, account: Account) -> None:
+    """Count the tip at the end of a step, the samples in it, and the heat that it took and lost."""
+    tip, lanes = block.tip, block.lanes
+    if account.mass.shape[0] > 0:
+        for lane in range(lanes):
+            account.sums[SUM_HEAT, lane] += state.own[CASE_ALPHA, lane] * tip[TIP_STEP_IMPULSE, lane]
+        lose(account, block.h, state.shown[0], state.shown[1], lanes)
+    span = take_marks(step, block) if step == block.marks.next_mark[0] else block.h
+    if step == block.steps:
+        cut_gap(block.drive, span / block.h, tip, lanes)
+    observe(span, tip, lanes)
+
+
+@inlined
+def march_dense(
+    free: FreeStep, law: Law, state: DenseState, block: Block, account: Account, loads: Array, first: int
+) -> None:
+    """Take a block through the steps that begin with ``first``; ``loads`` are those at the tip, N, ``(step, lane)``.
+
+    Central differences have a step 0, from -h/2 to h/2, whose impulse counts whole.
+    """
+    assert loads.shape[1] == ROW
+    assert state.states.shape[1] == ROW
+    assert block.tip.shape[1] == ROW
+    lanes, h, theta, audited = block.lanes, free.tip.h, free.tip.theta, account.mass.shape[0] > 0
+    n = state.kick.shape[0]
+    for row in range(loads.shape[0]):
+        step, load = first + row, loads[row]
+        if row == 0 and step <= 1 and (step == 0 or free.heat_counts):
+            turn_drive(block.drive, 0, h, theta, block.tip, lanes)
+            if audited:
+                _begin(free, state, account, n, lanes)
+        if step > 0:
+            turn_drive(block.drive, step, h, theta, block.tip, lanes)
+        _move_freely(free, state, load, lanes)
+        _meet(free, law, state, block, account, load)
+        _strike(free, state, lanes)
+        if audited:
+            _count(free, state, account, load, block.tip, lanes)
+        _advance(free, state, account, lanes)
+        if step > 0:
+            _record(step, state, block, account)
+        else:
+            for lane in range(lanes):
+                state.own[CASE_LAST, lane] *= 2.0
+
+
+@part
+def _begin(free: FreeStep, state: DenseState, account: Account, n: int, lanes: int) -> None:
+    """Take the energy with which the first step begins."""
+    before, h = state.before, free.tip.h
+    for i in range(n):
+        for lane in range(lanes):
+            before[i, lane] = state.states[i, lane]
+            if not free.heat_counts:
+                before[i, lane] -= h * state.states[n + i, lane]
+    measure(account, before, state.states[:n], state.states[n : 2 * n], lanes)
+    for lane in range(lanes):
+        account.sums[SUM_FIRST, lane] = account.sums[SUM_ENERGY, lane]
