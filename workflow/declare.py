@@ -66,8 +66,8 @@ def quantity(
 
 def quantity_of(declared: Field[Any]) -> Quantity | None:
     """Return the :class:`Quantity` of a dataclass field, ``None`` for nested dataclasses and choices."""
-    found: Quantity | None = declared.metadata.get("quantity")
-    return found
+    declaration: Quantity | None = declared.metadata.get("quantity")
+    return declaration
 
 
 @dataclass(frozen=True)
@@ -150,8 +150,8 @@ def rows(description: str, columns: tuple[tuple[str, str], ...] = (), *, default
 
 def word_of(declared: Field[Any]) -> Word | None:
     """Return the :class:`Word` of a dataclass field, ``None`` for other kinds."""
-    found: Word | None = declared.metadata.get("word")
-    return found
+    declaration: Word | None = declared.metadata.get("word")
+    return declaration
 
 
 def _silent(declared: Any, entry: Field[Any]) -> bool:

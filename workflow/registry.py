@@ -33,7 +33,7 @@ def _names(package: str, path: tuple[str, ...]) -> tuple[str, ...]:
 @cache
 def _own(path: tuple[str, ...]) -> frozenset[str]:
     """Return the names of the public modules of a directory."""
-    return frozenset(found.name for found in pkgutil.iter_modules(path) if not found.name.startswith("_"))
+    return frozenset(module.name for module in pkgutil.iter_modules(path) if not module.name.startswith("_"))
 
 
 @cache

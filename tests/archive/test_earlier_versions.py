@@ -15,7 +15,7 @@ import pytest
 import xarray as xr
 from typer.testing import CliRunner
 
-from workflow.archive import ArchiveError, Known, _describe, content_hash, describe, open_archive, provenance
+from workflow.archive import ArchiveError, StoredCells, _describe, content_hash, describe, open_archive, provenance
 from workflow.cli import app
 from workflow.grid import _identity, arrange, units_of
 from workflow.run import _earlier, _verify, holdings, run_study
@@ -87,7 +87,7 @@ def test_its_cases_can_be_read_one_by_one(kept: Path) -> None:
     grid = arrange(study_of(kept))
     layout = describe(grid.study, grid, units_of(grid))
     only = tuple(v for v in layout.variables if v.name in ("status", "contact_impulse", "displacement"))
-    known = Known(kept, np.arange(6))
+    known = StoredCells(kept, np.arange(6))
     values, messages = known.take(dataclasses.replace(layout, variables=only), np.arange(6))
     assert values["status"].tolist() == [0, 2, 0] * 2
     assert values["displacement"].shape == (6, 9)

@@ -23,8 +23,8 @@ import workflow.run._task as running
 from hostile import resealed
 from quick import quick
 from studies import cut_finely, written
-from workflow.archive import ArchiveError, _files, content_hash, holding, keep_known, parts_of, read_known
-from workflow.archive._known import KNOWN, Known
+from workflow.archive import ArchiveError, _files, content_hash, holding, load_stored_cells, parts_of, save_stored_cells
+from workflow.archive._stored_cells import STORED_CELLS, StoredCells
 from workflow.cli import app
 from workflow.run import run_study
 
@@ -240,16 +240,16 @@ class Trap:
 
 def test_what_is_known_is_never_a_pickle(tmp_path: Path) -> None:
     (tmp_path / "a.nc").touch()
-    keep_known(tmp_path, Known(tmp_path / "a.nc", np.arange(3)))
-    known = read_known(tmp_path)
+    save_stored_cells(tmp_path, StoredCells(tmp_path / "a.nc", np.arange(3)))
+    known = load_stored_cells(tmp_path)
     assert known is not None
     assert known.cells.tolist() == [0, 1, 2]
     trap = np.array([Trap(tmp_path / "sprung")], dtype=object)
-    np.save(tmp_path / KNOWN, trap, allow_pickle=True)
-    for image in ((tmp_path / KNOWN).read_bytes(), pickle.dumps(trap), b"\x93NUMPY", b""):
-        (tmp_path / KNOWN).write_bytes(image)
+    np.save(tmp_path / STORED_CELLS, trap, allow_pickle=True)
+    for image in ((tmp_path / STORED_CELLS).read_bytes(), pickle.dumps(trap), b"\x93NUMPY", b""):
+        (tmp_path / STORED_CELLS).write_bytes(image)
         with pytest.raises(ArchiveError, match="damaged"):
-            read_known(tmp_path)
+            load_stored_cells(tmp_path)
     assert not (tmp_path / "sprung").exists()
 
 

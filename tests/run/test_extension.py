@@ -18,7 +18,7 @@ import workflow.run._task as running
 from quick import hashes_of, quick
 from studies import cut_finely
 from workflow import schemes
-from workflow.archive import ArchiveError, _known, _layout, content_hash, open_archive, parts_of, provenance
+from workflow.archive import ArchiveError, _layout, _stored_cells, content_hash, open_archive, parts_of, provenance
 from workflow.grid import _tasks as cutting
 from workflow.run import _study as studying
 from workflow.run import run_study
@@ -59,7 +59,7 @@ def check_extension(old: Study, new: Study, directory: Path) -> None:
     assert outcome.resumed == len(hashes_of(new)) - len(fresh)
     assert sorted(entry.name for entry in directory.iterdir() if entry.name != "from_nothing.nc") == ["a.nc"]
     assert content_hash(archive) == provenance(archive)["content_hash"] == from_nothing(new, directory)
-    assert hashes_of(new) == [row.tobytes() for row in _known.stored_hashes(archive)]
+    assert hashes_of(new) == [row.tobytes() for row in _stored_cells.stored_hashes(archive)]
 
 
 def values(of: list[float], least: int = 1) -> st.SearchStrategy[list[float]]:
@@ -151,8 +151,8 @@ def test_what_an_outer_axis_adds_leaves_whole_chunks_to_copy(tmp_path: Path, mon
     archive = tmp_path / "a.nc"
     run_study(quick(), archive)
     taken: list[int] = []
-    take = _known.Known.take
-    monkeypatch.setattr(_known.Known, "take", lambda self, *a: (taken.append(1), take(self, *a))[1])
+    take = _stored_cells.StoredCells.take
+    monkeypatch.setattr(_stored_cells.StoredCells, "take", lambda self, *a: (taken.append(1), take(self, *a))[1])
     with h5py.File(archive) as file:
         before = {
             name: [file[name].id.read_direct_chunk((k, 0))[1] for k in range(3)] for name in ("impacts", "status")

@@ -61,13 +61,13 @@ def test_a_fresh_archive_passes(whole: Path) -> None:
     checks = list(verify(whole, 18))
     assert [check.name for check in checks] == ["bytes", "content", "solver", "cases", "sample"]
     assert all(check.holds for check in checks)
-    assert checks[-1].found == "18 cases run again, the same bit for bit"
+    assert checks[-1].detail == "18 cases run again, the same bit for bit"
 
 
 @pytest.mark.parametrize("sample", [0, 1, 5])
 def test_as_many_as_are_wanted_are_run_again(whole: Path, sample: int) -> None:
     [*_, last] = verify(whole, sample)
-    assert last.found.startswith(f"{sample} cases")
+    assert last.detail.startswith(f"{sample} cases")
 
 
 def test_a_sample_has_each_scheme_and_status(whole: Path) -> None:
@@ -154,7 +154,7 @@ def test_a_value_edited_by_hand_is_noticed(copied: Path, editing: Callable[[Path
 def test_what_differs_is_named(copied: Path) -> None:
     edit("contact_impulse", (0, 1, 1), lambda x: 42.0)(copied)
     resealed(copied)
-    [told] = [check.found for check in verify(copied, 18) if not check.holds]
+    [told] = [check.detail for check in verify(copied, 18) if not check.holds]
     assert "e = 0.5, alpha = 5.0: contact_impulse is 42.0 in the archive" in told
 
 
@@ -166,7 +166,7 @@ def test_another_architecture_may_change_what_rounding_does_and_no_more(
     resealed(copied)
     [*_, last] = verify(copied, 18)
     told = "18 cases run again, the same within what rounding makes of each (other architecture)"
-    assert (last.holds, last.found) == (True, told)
+    assert (last.holds, last.detail) == (True, told)
     edit("contact_impulse", (0, 1, 1), lambda x: x * (1 + 1e-8))(copied)  # a fixed share of 1e-8 let this pass
     resealed(copied)
     assert wrong(copied) == {"sample"}
@@ -177,7 +177,7 @@ def test_another_processor_of_the_same_architecture_changes_no_bit(
 ) -> None:
     monkeypatch.setattr(_verify, "processor", lambda: f"{provenance(copied)['processor'].split()[0]} another one")
     [*_, last] = verify(copied, 18)
-    assert (last.holds, last.found) == (True, "18 cases run again, the same bit for bit")
+    assert (last.holds, last.detail) == (True, "18 cases run again, the same bit for bit")
     edit("contact_impulse", (0, 1, 1), lambda x: np.nextafter(x, 1))(copied)
     resealed(copied)
     assert wrong(copied) == {"sample"}
@@ -205,7 +205,7 @@ def test_a_case_without_digits_says_so(tmp_path: Path, monkeypatch: pytest.Monke
     resealed(archive)
     [*_, last] = verify(archive, 1)
     assert last.holds
-    assert "rounding leaves no digit to compare of the case (displacement" in last.found
+    assert "rounding leaves no digit to compare of the case (displacement" in last.detail
 
 
 def test_another_solver_is_noticed(whole: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -233,7 +233,7 @@ def test_an_edited_coordinate_is_noticed(copied: Path) -> None:
     edit("alpha", (1,), lambda x: 6.0)(copied)
     resealed(copied)
     [told] = [check for check in verify(copied, 0) if not check.holds]
-    assert (told.name, told.found) == ("cases", "other coordinates than the study gives: alpha")
+    assert (told.name, told.detail) == ("cases", "other coordinates than the study gives: alpha")
 
 
 def test_an_edited_identity_is_noticed(copied: Path) -> None:
@@ -253,7 +253,7 @@ def test_cases_that_failed_are_not_compared(tmp_path: Path, monkeypatch: pytest.
         run_study(quick(), tmp_path / "a.nc")
     checks = list(verify(tmp_path / "a.nc"))
     assert all(check.holds for check in checks)
-    assert checks[-1].found.endswith("0 cases run again, the same bit for bit; 9 that failed hold nothing to compare")
+    assert checks[-1].detail.endswith("0 cases run again, the same bit for bit; 9 that failed hold nothing to compare")
 
 
 def test_an_unfinished_archive_cannot_be_verified(tmp_path: Path) -> None:

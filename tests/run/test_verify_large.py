@@ -63,9 +63,9 @@ def test_a_large_structure_is_compared_within_rounding_and_no_more(large: Path, 
         samples.append([check for check in verify(path) if check.name == "sample"])
     [rounded], falsified = samples
     assert rounded.holds
-    assert "within what rounding makes of each (linear algebra of more than 300 coordinates)" in rounded.found
+    assert "within what rounding makes of each (linear algebra of more than 300 coordinates)" in rounded.detail
     assert not any(check.holds for check in falsified)
-    assert [name for name in NAMES if any(f"{name} is" in check.found for check in falsified)] == list(NAMES)
+    assert [name for name in NAMES if any(f"{name} is" in check.detail for check in falsified)] == list(NAMES)
 
 
 @pytest.mark.slow

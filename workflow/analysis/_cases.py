@@ -111,18 +111,18 @@ class Failures:
 
 
 def failures(dataset: xr.Dataset) -> list[Failures]:
-    """Return what cases that ran have to say, those that are not ok and others, the most frequent message first."""
+    """Return pairs of status and message of cases that ran, the most frequent first; ok ones need a message."""
     dims = case_dims(dataset)
     status = np.asarray(dataset["status"].values)
     groups: dict[tuple[int, str], tuple[tuple[int, ...], int]] = {}
-    for index, message in _said(dataset, status):
-        said = (int(status[index]), message)
-        if said not in groups and len(groups) >= _MOST_GROUPS:
-            said = (said[0], "… another message")
-        first, number = groups.get(said, (index, 0))
-        groups[said] = (first, number + 1)
+    for index, message in _messages(dataset, status):
+        key = (int(status[index]), message)
+        if key not in groups and len(groups) >= _MOST_GROUPS:
+            key = (key[0], "… another message")
+        first, number = groups.get(key, (index, 0))
+        groups[key] = (first, number + 1)
     labels = {dim: labels_of(dataset, dim) for dim in dims} if groups else {}
-    found = [
+    listed = [
         Failures(
             status_name(state),
             message,
@@ -131,11 +131,11 @@ def failures(dataset: xr.Dataset) -> list[Failures]:
         )
         for (state, message), (first, number) in groups.items()
     ]
-    return sorted(found, key=lambda group: -group.cases)
+    return sorted(listed, key=lambda group: -group.cases)
 
 
-def _said(dataset: xr.Dataset, status: NDArray[np.int8]) -> Iterator[tuple[tuple[int, ...], str]]:
-    """Yield place and message of cases that are not ok or have something to say, a bounded number read at a time."""
+def _messages(dataset: xr.Dataset, status: NDArray[np.int8]) -> Iterator[tuple[tuple[int, ...], str]]:
+    """Yield index and message of cases that are not ok or have a message; a bounded number is read at a time."""
     for block in _blocks(status.shape):
         states = status[block]
         texts = np.asarray(dataset["message"].isel(dict(zip(dataset["status"].dims, block, strict=True))).values)

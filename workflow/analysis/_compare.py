@@ -50,7 +50,7 @@ def compare(dataset: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
     if not names:
         raise ValueError("the datasets have no result in common")
     one, two = _paired(dataset[names], other[names])
-    found = {}
+    differences = {}
     for name in names:
         x, y = one[name].astype(float), two[name].astype(float)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -59,8 +59,8 @@ def compare(dataset: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
                 difference, size = _norm(difference), _norm(size)
             share = (difference / size).where(difference != 0, 0.0)
         share.attrs = {"units": "1", "long_name": f"relative difference of the {BY_NAME[name].meaning}"}
-        found[name] = share
-    return xr.Dataset(found)
+        differences[name] = share
+    return xr.Dataset(differences)
 
 
 def _norm(history: xr.DataArray) -> xr.DataArray:

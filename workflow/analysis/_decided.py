@@ -43,13 +43,13 @@ def decided(dataset: xr.Dataset) -> list[Decided]:
     dims = [dim for dim in case_dims(dataset) if any(_varies(dataset[name].transpose(dim, ...)) for name in _VARIABLES)]
     shown = dataset[list(_VARIABLES)].isel(dict.fromkeys(set(case_dims(dataset)) - set(dims), 0)).transpose(*dims)
     labels = {dim: labels_of(dataset, dim) for dim in dims}
-    found = []
+    models = []
     for place in np.ndindex(*(dataset.sizes[dim] for dim in dims)):
         mechanical, thermal, error = (float(shown[name].values[place]) for name in _VARIABLES)
         if np.isfinite(error):
             where = ", ".join(labels[dim][k] for dim, k in zip(dims, place, strict=True))
-            found.append(Decided(where or "all cases", int(mechanical), int(thermal), error))
-    return found
+            models.append(Decided(where or "all cases", int(mechanical), int(thermal), error))
+    return models
 
 
 def _varies(variable: xr.DataArray) -> bool:

@@ -73,7 +73,7 @@ def hidden(dataset: xr.Dataset) -> list[Hidden]:
     numerical = [d for d in place if any(n in dataset.coords and dataset[n].dims == (d,) for n in NUMERICAL)]
     stepped: list[str] = [d for d in ("scheme", "h") if d in numerical]
     chosen = dataset.isel({d: place[d] for d in numerical if d not in stepped})
-    found = []
+    axes = []
     for metric, error in MEASURED.items():
         medians = _medians(chosen, error, stepped)
         if not any(value > 0 for value in medians.values()):
@@ -85,18 +85,18 @@ def hidden(dataset: xr.Dataset) -> list[Hidden]:
             blurred = {at: value >= size for at, value in medians.items() if value > 0}
             if any(blurred.values()):
                 within = _within(chosen, stepped, blurred)
-                found.append(Hidden(dim, metric, size, within, all(blurred.values())))
-    return found
+                axes.append(Hidden(dim, metric, size, within, all(blurred.values())))
+    return axes
 
 
 def _medians(dataset: xr.Dataset, error: str, dims: list[str]) -> dict[tuple[int, ...], float]:
     """Return the median error at every place along some dimensions that has one."""
-    found = {}
+    medians = {}
     for at in np.ndindex(*(dataset.sizes[dim] for dim in dims)):
         values = np.asarray(dataset[error].isel(dict(zip(dims, at, strict=True))).values, dtype=float)
         if np.isfinite(values).any():
-            found[at] = float(np.median(values[np.isfinite(values)]))
-    return found
+            medians[at] = float(np.median(values[np.isfinite(values)]))
+    return medians
 
 
 def _within(dataset: xr.Dataset, dims: list[str], blurred: dict[tuple[int, ...], bool]) -> dict[str, str]:

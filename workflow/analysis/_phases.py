@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_TOLD = {
+_VARIABLES = {
     "begin": ("s", "begin of the contact phase, on the grid of samples"),
     "end": ("s", "end of the contact phase, on the grid of samples"),
     "impulse": ("N s", "impulse of the casing on the blade tip during the contact phase"),
@@ -51,14 +51,14 @@ def contact_phases(dataset: xr.Dataset) -> xr.Dataset:
     dims = [str(dim) for dim in force.dims[:-1]]
     t = np.asarray(dataset["t"].values, dtype=float)
     cases = np.asarray(force.values, dtype=float).reshape(-1, t.size)
-    found = [_phases(case, t) for case in cases]
-    most = max((phases.shape[1] for phases in found), default=0)
-    table = np.full((len(found), len(_TOLD), most), np.nan)
-    for row, phases in zip(table, found, strict=True):
+    phases_of_cases = [_phases(case, t) for case in cases]
+    most = max((phases.shape[1] for phases in phases_of_cases), default=0)
+    table = np.full((len(phases_of_cases), len(_VARIABLES), most), np.nan)
+    for row, phases in zip(table, phases_of_cases, strict=True):
         row[:, : phases.shape[1]] = phases
-    values = table.reshape(*force.shape[:-1], len(_TOLD), most)
-    attributes = [{"units": unit, "long_name": meaning} for unit, meaning in _TOLD.values()]
-    variables = {name: ([*dims, "phase"], values[..., k, :], attributes[k]) for k, name in enumerate(_TOLD)}
+    values = table.reshape(*force.shape[:-1], len(_VARIABLES), most)
+    attributes = [{"units": unit, "long_name": meaning} for unit, meaning in _VARIABLES.values()]
+    variables = {name: ([*dims, "phase"], values[..., k, :], attributes[k]) for k, name in enumerate(_VARIABLES)}
     return xr.Dataset(variables, {**force.isel(t=0, drop=True).coords, "phase": np.arange(1, most + 1)})
 
 

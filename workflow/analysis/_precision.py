@@ -90,8 +90,8 @@ def slope(h: Array, errors: Array) -> Array:
         count = used.sum(axis=-1)
         x, y = np.where(used, np.log(h), 0.0), np.log(np.where(used, errors, 1.0))
         x = np.where(used, x - (x.sum(axis=-1) / count)[..., None], 0.0)
-        found = (x * y).sum(axis=-1) / (x * x).sum(axis=-1)
-    return np.asarray(np.where(count >= LEAST_STEPS, found, np.nan))
+        slopes = (x * y).sum(axis=-1) / (x * x).sum(axis=-1)
+    return np.asarray(np.where(count >= LEAST_STEPS, slopes, np.nan))
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +175,7 @@ def lines(dataset: xr.Dataset, duration: float, place: Mapping[str, int] | None 
     at = {dim: k for dim, k in at.items() if dim not in ("scheme", "h")}
     chosen = dataset.isel(at).sortby("h")
     names = [str(name) for name in chosen["scheme"].values] if "scheme" in chosen.dims else [""]
-    found = []
+    drawn = []
     for k, name in enumerate(names):
         one = chosen.isel(scheme=k) if "scheme" in chosen.dims else chosen
         ok = np.asarray(one["status"].values) == Status.OK
@@ -184,7 +184,7 @@ def lines(dataset: xr.Dataset, duration: float, place: Mapping[str, int] | None 
             return np.where(ok, np.asarray(one[variable].values, dtype=float), np.nan)
 
         blank = np.full(ok.shape, np.nan)
-        found.append(
+        drawn.append(
             Line(
                 name or str(dataset["scheme"].values.item() if "scheme" in dataset.coords else "scheme"),
                 np.asarray(one["h"].values, dtype=float),
@@ -196,7 +196,7 @@ def lines(dataset: xr.Dataset, duration: float, place: Mapping[str, int] | None 
                 float(np.nanmax(np.asarray(one["predictability"].values, dtype=float), initial=0.0)),
             )
         )
-    return found
+    return drawn
 
 
 @dataclass(frozen=True)
@@ -222,12 +222,12 @@ class Winner:
     times: float
 
 
-def winners(found: list[Line], name: str = "impulse_error") -> list[Winner]:
+def winners(lines_of_schemes: list[Line], name: str = "impulse_error") -> list[Winner]:
     """Return who reaches each of :data:`TARGETS` in the least time."""
     nan, fastest = float("nan"), []
     for target in TARGETS:
         best = []
-        for line in found:
+        for line in lines_of_schemes:
             with np.errstate(invalid="ignore"):
                 good = np.flatnonzero(line.ok & (line.errors[name] <= target))
             if good.size:

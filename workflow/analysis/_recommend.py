@@ -155,9 +155,9 @@ def recommend(dataset: xr.Dataset, tolerance: float | str | None = None) -> Reco
     """
     if not all(f"{name}_error" in dataset for name in COMPARED):
         raise NoReferenceError("the archive holds no errors: its study has no `reference`")
-    wanted = stated_tolerance(dataset) if tolerance is None else as_tolerance(tolerance)
+    share = stated_tolerance(dataset) if tolerance is None else as_tolerance(tolerance)
     table = Table(dataset)
-    within = table.error <= wanted
+    within = table.error <= share
     rank = np.argsort(table.cost, kind="stable")
     good = [int(k) for k in rank if within[k].all()]
     if good:
@@ -166,11 +166,11 @@ def recommend(dataset: xr.Dataset, tolerance: float | str | None = None) -> Reco
     else:
         nearest = max(range(len(rank)), key=lambda k: (within[k].mean(), -_shortfall(table.error[k])), default=None)
     return Recommendation(
-        wanted,
+        share,
         table.choice(good[0], within[good[0]]) if good else None,
         None if nearest is None else table.choice(nearest, within[nearest]),
         _alike([table.choice(k, within[k]) for k in good if table.cost[k] <= (1 + SPREAD) * table.cost[good[0]]]),
-        table.unpredictable(DECIDABLE * wanted),
+        table.unpredictable(DECIDABLE * share),
     )
 
 
@@ -278,13 +278,13 @@ class Table:
         """Return the coordinates along some dimensions at a place, and those numerical ones that are fixed."""
         sizes = [self.dataset.sizes[dim] for dim in dims]
         at = dict(zip(dims, np.unravel_index(place, sizes) if sizes else (), strict=True))
-        found: dict[str, Any] = {}
+        coordinates: dict[str, Any] = {}
         for name, coordinate in self.dataset.coords.items():
             fixed = coordinate.ndim == 0 and scalars and is_numerical(self.dataset, str(name))
             if fixed or (coordinate.ndim == 1 and coordinate.dims[0] in at):
                 value = coordinate.values if fixed else coordinate.values[at[str(coordinate.dims[0])]]
-                found[str(name)] = value.item() if hasattr(value, "item") else value
-        return found
+                coordinates[str(name)] = value.item() if hasattr(value, "item") else value
+        return coordinates
 
     def _used(self, row: int) -> dict[str, int]:
         """Return the counts of modes that a choice used where it leaves them to its tolerance."""
@@ -333,8 +333,8 @@ class Table:
     def unpredictable(self, most: float) -> tuple[dict[str, Any], ...]:
         """Return the cases of the scene whose predictability exceeds a share."""
         with np.errstate(invalid="ignore"):
-            found = (self._array("predictability") > most).any(axis=0)
-        return tuple(self._values(self.columns, int(case)) for case in np.flatnonzero(found))
+            exceeds = (self._array("predictability") > most).any(axis=0)
+        return tuple(self._values(self.columns, int(case)) for case in np.flatnonzero(exceeds))
 
 
 def simulated_seconds(dataset: xr.Dataset) -> float:

@@ -48,67 +48,69 @@ def named_case(case: dict[str, Any]) -> str:
     return ", ".join(f"{name} = {_number(value)}" for name, value in case.items()) or "the only case"
 
 
-def sentence(found: Recommendation) -> str:
+def sentence(recommendation: Recommendation) -> str:
     """Return the answer as sentences that can be quoted."""
-    tolerance = percent(found.tolerance)
-    if found.choice is None:
-        return f"Nothing in this study meets {tolerance} in all cases. {_nearest(found.next, found.tolerance)}"
-    worst = found.choice.worst
+    tolerance = percent(recommendation.tolerance)
+    if recommendation.choice is None:
+        nearest = _nearest(recommendation.next, recommendation.tolerance)
+        return f"Nothing in this study meets {tolerance} in all cases. {nearest}"
+    worst = recommendation.choice.worst
     text = (
-        f"The cheapest choice within {tolerance} in all cases is {named_choice(found.choice)}, at "
-        f"{_cost(found.choice)}; its largest error is {percent(worst.error)} ({worst.variable}, "
+        f"The cheapest choice within {tolerance} in all cases is {named_choice(recommendation.choice)}, at "
+        f"{_cost(recommendation.choice)}; its largest error is {percent(worst.error)} ({worst.variable}, "
         f"{named_case(worst.case)}), {_limit(worst)}."
     )
-    if found.alike:
-        named = "; ".join(f"{named_choice(one)} ({_cost(one)})" for one in found.alike[:ALIKE])
-        more = f"; and {len(found.alike) - ALIKE} more" if len(found.alike) > ALIKE else ""
+    if recommendation.alike:
+        named = "; ".join(f"{named_choice(one)} ({_cost(one)})" for one in recommendation.alike[:ALIKE])
+        more = f"; and {len(recommendation.alike) - ALIKE} more" if len(recommendation.alike) > ALIKE else ""
         text += f" Of the same cost within {100 * SPREAD:.0f} %: {named}{more}."
-    if found.next is not None:
-        text += f" The next cheaper one, {named_choice(found.next)} ({_cost(found.next)}), {_failure(found.next)}."
+    if recommendation.next is not None:
+        cheaper = recommendation.next
+        text += f" The next cheaper one, {named_choice(cheaper)} ({_cost(cheaper)}), {_failure(cheaper)}."
     return text
 
 
-def undecidable(found: Recommendation) -> str:
+def undecidable(recommendation: Recommendation) -> str:
     """Return which cases cannot be decided, an empty text where all can."""
-    cases = found.undecidable
+    cases = recommendation.undecidable
     if not cases:
         return ""
     named = "; ".join(named_case(case) for case in cases[:NAMED])
     more = f"; and {len(cases) - NAMED} more" if len(cases) > NAMED else ""
     return (
-        f"Undecidable at {percent(found.tolerance)}, as a change of the gap by rounding moves their reference by more "
-        f"than a tenth of that: {named}{more}."
+        f"Undecidable at {percent(recommendation.tolerance)}, as a change of the gap by rounding moves their reference "
+        f"by more than a tenth of that: {named}{more}."
     )
 
 
 def cautions(dataset: xr.Dataset) -> tuple[str, ...]:
     """Return why a recommendation may mean less than it says: cases that are not run, no contact at all."""
-    said = []
+    reasons = []
     missing = int((dataset["status"] == Status.NOT_RUN).sum())
     if missing:
-        said.append(f"{missing} of {dataset['status'].size} cases are not run yet")
+        reasons.append(f"{missing} of {dataset['status'].size} cases are not run yet")
     if "contact_impulse" in dataset and not dataset["contact_impulse"].fillna(1).any():
-        said.append("no case touches its casing, so only free motion is compared")
-    return tuple(said)
+        reasons.append("no case touches its casing, so only free motion is compared")
+    return tuple(reasons)
 
 
-def row(found: Recommendation) -> tuple[str, ...]:
+def row(recommendation: Recommendation) -> tuple[str, ...]:
     """Return a recommendation as a row of a table with :data:`COLUMNS`."""
-    shown = found.choice or found.next
+    shown = recommendation.choice or recommendation.next
     if shown is None:
-        return percent(found.tolerance), "nothing", "", "", "", ""
-    name = named_choice(shown) if found.choice else f"nothing; nearest is {named_choice(shown)}"
+        return percent(recommendation.tolerance), "nothing", "", "", "", ""
+    name = named_choice(shown) if recommendation.choice else f"nothing; nearest is {named_choice(shown)}"
     worst = shown.worst
     error = percent(worst.error) if not math.isnan(worst.error) else worst.status
-    return percent(found.tolerance), name, _cost(shown), percent(shown.share), error, worst.limited_by
+    return percent(recommendation.tolerance), name, _cost(shown), percent(shown.share), error, worst.limited_by
 
 
-def as_json(found: Recommendation) -> dict[str, Any]:
+def as_json(recommendation: Recommendation) -> dict[str, Any]:
     """Return a recommendation as plain JSON values; numbers that are not finite are ``None``."""
-    chosen = found.choice
+    chosen = recommendation.choice
     settings = {} if chosen is None else chosen.settings
     return {
-        "tolerance": found.tolerance,
+        "tolerance": recommendation.tolerance,
         **{name: settings.get(name) for name in SETTINGS},
         **({} if chosen is None else _used(chosen)),
         "options": {name: value for name, value in settings.items() if name not in SETTINGS},
@@ -117,10 +119,10 @@ def as_json(found: Recommendation) -> dict[str, Any]:
         "worst": None if chosen is None else _worst(chosen.worst),
         "share": None if chosen is None else chosen.share,
         "limited_by": None if chosen is None else chosen.worst.limited_by,
-        "next": None if found.next is None else _choice(found.next),
-        "alike": [_choice(one) for one in found.alike],
-        "undecidable": list(found.undecidable),
-        "sentence": sentence(found),
+        "next": None if recommendation.next is None else _choice(recommendation.next),
+        "alike": [_choice(one) for one in recommendation.alike],
+        "undecidable": list(recommendation.undecidable),
+        "sentence": sentence(recommendation),
     }
 
 

@@ -74,14 +74,14 @@ def standings(dataset: xr.Dataset) -> list[Standing]:
     """Return the standing of every scheme at every step, in the archive's order."""
     dims = [dim for dim in ("scheme", "h") if dim in case_dims(dataset)]
     labels = {dim: labels_of(dataset, dim, named=False) for dim in dims}
-    found = []
+    rows = []
     for place in np.ndindex(*(dataset.sizes[dim] for dim in dims)):
         at = dict(zip(dims, place, strict=True))
         chosen = dataset.isel(at)
         scheme = labels["scheme"][at["scheme"]] if "scheme" in at else str(_scalar(dataset, "scheme"))
         step = labels["h"][at["h"]] if "h" in at else ""
-        found.append(_standing(chosen, scheme, step))
-    return found
+        rows.append(_standing(chosen, scheme, step))
+    return rows
 
 
 def _scalar(dataset: xr.Dataset, name: str) -> object:
@@ -188,8 +188,8 @@ def ranges(dataset: xr.Dataset) -> list[Range]:
 
 def _range(scheme: str, rows: list[Standing]) -> Range:
     stable = _up_to(rows, [row.ok for row in rows])
-    known = [row for row in rows if not np.isnan(row.error)]
-    accurate = _up_to(rows, [row.ok and row.error <= ACCURATE for row in rows]) if known else ""
+    measured = [row for row in rows if not np.isnan(row.error)]
+    accurate = _up_to(rows, [row.ok and row.error <= ACCURATE for row in rows]) if measured else ""
     residuals = [row.residual for row in rows if not np.isnan(row.residual)]
     depths = [row.penetration for row in rows if not np.isnan(row.penetration)]
     return Range(
@@ -198,8 +198,8 @@ def _range(scheme: str, rows: list[Standing]) -> Range:
         sum(row.counts.get("ok", 0) for row in rows),
         stable,
         accurate,
-        known[0].error if known else float("nan"),
-        known[-1].error if known else float("nan"),
+        measured[0].error if measured else float("nan"),
+        measured[-1].error if measured else float("nan"),
         max(residuals, key=abs) if residuals else float("nan"),
         max(depths) if depths else float("nan"),
         tuple(row.verdict for k, row in enumerate(rows) if k == 0 or row.verdict != rows[k - 1].verdict),

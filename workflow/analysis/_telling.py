@@ -84,27 +84,27 @@ def telling(dataset: xr.Dataset, choice: Choice | None) -> list[Telling]:
         What the archive recommends, or what comes nearest to it; ``None`` without a reference.
     """
     status = np.asarray(dataset["status"].values).ravel()
-    found: dict[int, str] = {}
+    reasons: dict[int, str] = {}
     worst = None if choice is None else _case_of(dataset, choice)
     if worst is not None:
-        found[worst] = "worst case of the choice that is recommended, or of the one that comes nearest"
+        reasons[worst] = "worst case of the choice that is recommended, or of the one that comes nearest"
     extremes = _extremes(dataset, status)
     if worst is None and extremes:
         named = {name: case for name, case, _ in extremes}
         first = next((named[name] for name in ("max_temperature", "contact_impulse") if name in named), extremes[0][1])
-        found[first] = next(why for _, case, why in extremes if case == first)
+        reasons[first] = next(why for _, case, why in extremes if case == first)
     for code in Status:
         if code is not Status.OK and (status == code).any():
-            found.setdefault(int(np.argmax(status == code)), f"the first case that is {code.name.lower()}")
+            reasons.setdefault(int(np.argmax(status == code)), f"the first case that is {code.name.lower()}")
     for _, case, why in extremes:
-        found.setdefault(case, why)
-    found.setdefault(int(np.argmax(status == Status.OK)), "the first case")
-    return [Telling(case, why) for case, why in found.items()]
+        reasons.setdefault(case, why)
+    reasons.setdefault(int(np.argmax(status == Status.OK)), "the first case")
+    return [Telling(case, why) for case, why in reasons.items()]
 
 
 def _extremes(dataset: xr.Dataset, status: NDArray[np.int8]) -> list[tuple[str, int, str]]:
     """Return metric, case and reason of the ok case with the largest magnitude of each metric."""
-    found = []
+    extremes = []
     for name, why in _EXTREMES:
         values = total_error(dataset) if name == "error" else dataset[name].values if name in dataset else None
         if values is None:
@@ -112,27 +112,27 @@ def _extremes(dataset: xr.Dataset, status: NDArray[np.int8]) -> list[tuple[str, 
         size = np.abs(np.asarray(values, dtype=float).ravel())
         size = np.where((status == Status.OK) & np.isfinite(size), size, 0.0)
         if size.size and size.max() > 0:
-            found.append((name, int(np.argmax(size)), why))
-    return found
+            extremes.append((name, int(np.argmax(size)), why))
+    return extremes
 
 
 def _case_of(dataset: xr.Dataset, choice: Choice) -> int | None:
     """Return the number of the worst case of a choice."""
-    wanted = {**choice.settings, **choice.worst.case}
+    labels = {**choice.settings, **choice.worst.case}
     place: list[int] = []
     for dim in case_dims(dataset):
         fits = np.ones(dataset.sizes[dim], dtype=bool)
         for name in dataset.coords:
-            if dataset[name].dims == (dim,) and name in wanted:
-                fits &= np.asarray([_same(value, wanted[str(name)]) for value in dataset[name].values])
+            if dataset[name].dims == (dim,) and name in labels:
+                fits &= np.asarray([_same(value, labels[str(name)]) for value in dataset[name].values])
         if not fits.any():
             return None
         place.append(int(np.argmax(fits)))
     return int(np.ravel_multi_index(place, dataset["status"].shape)) if place else 0
 
 
-def _same(value: Any, wanted: Any) -> bool:
-    return bool(value == wanted)
+def _same(value: Any, label: Any) -> bool:
+    return bool(value == label)
 
 
 def is_exact(dataset: xr.Dataset, methods: Mapping[str, str]) -> bool:

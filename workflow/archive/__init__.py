@@ -10,19 +10,7 @@ from workflow.archive._describe import COPIED, SOFTWARE, code_revision, describe
 from workflow.archive._files import ArchiveError, commit, usable
 from workflow.archive._gather import gather
 from workflow.archive._hold import holding
-from workflow.archive._known import (
-    Known,
-    count_unmatched,
-    find_known,
-    is_kept,
-    keep_known,
-    made_by,
-    match_hashes,
-    narrowed,
-    read_known,
-    stored_hashes,
-)
-from workflow.archive._layout import STATUS, Coordinate, Layout, Variable, blank, kept_message
+from workflow.archive._layout import STATUS, Coordinate, Layout, Variable, blank, truncated_message
 from workflow.archive._open import (
     archive_key,
     content_hash,
@@ -36,6 +24,18 @@ from workflow.archive._open import (
 from workflow.archive._parts import clear_parts, is_begun, parts_of, read_layout, remove_parts, start_parts
 from workflow.archive._seal import is_sealed_with
 from workflow.archive._shard import Shard, Shards, find_shard, find_shards, stored_status, write_shard
+from workflow.archive._stored_cells import (
+    StoredCells,
+    are_saved,
+    count_unmatched,
+    find_stored_cells,
+    load_stored_cells,
+    made_by,
+    match_hashes,
+    narrowed,
+    save_stored_cells,
+    stored_hashes,
+)
 
 __all__ = [
     "COPIED",
@@ -44,12 +44,13 @@ __all__ = [
     "STATUS",
     "ArchiveError",
     "Coordinate",
-    "Known",
     "Layout",
     "Shard",
     "Shards",
+    "StoredCells",
     "Variable",
     "archive_key",
+    "are_saved",
     "blank",
     "clear_parts",
     "code_revision",
@@ -59,16 +60,14 @@ __all__ = [
     "describe",
     "discard_views",
     "endings",
-    "find_known",
     "find_shard",
     "find_shards",
+    "find_stored_cells",
     "gather",
     "holding",
     "is_begun",
-    "is_kept",
     "is_sealed_with",
-    "keep_known",
-    "kept_message",
+    "load_stored_cells",
     "made_by",
     "match_hashes",
     "narrowed",
@@ -76,15 +75,16 @@ __all__ = [
     "parts_of",
     "processor",
     "provenance",
-    "read_known",
     "read_layout",
     "remove_parts",
+    "save_stored_cells",
     "start_parts",
     "statuses",
     "stored_hashes",
     "stored_status",
     "study_key",
     "study_text",
+    "truncated_message",
     "usable",
     "versions",
     "write_shard",

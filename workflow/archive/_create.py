@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.archive._layout import CHUNK_BYTES, FORMAT, MESSAGE, Attributes, Coordinate, Layout, kept_message
+from workflow.archive._layout import CHUNK_BYTES, FORMAT, MESSAGE, Attributes, Coordinate, Layout, truncated_message
 from workflow.archive._seal import BLANK, FILE_CHECKSUM
 from workflow.archive._shard import LEVEL
 
@@ -118,7 +118,7 @@ def _create_messages(file: Any, layout: Layout, messages: Mapping[int, str]) -> 
     which dask refuses to cut with ``chunks="auto"``. :func:`workflow.archive.open_archive` decodes the bytes. Chunks
     without a message are never allocated.
     """
-    messages = {cell: kept_message(text) for cell, text in messages.items()}
+    messages = {cell: truncated_message(text) for cell, text in messages.items()}
     length = max([2, *(len(text.encode()) for text in messages.values())])  # xarray joins single bytes once more
     dims = tuple(name for name, _ in layout.dims)
     as_strings = layout.stored.count == 1 and layout.cells * max(_STRING_BYTES, 4 * length) <= STRINGS_BYTES

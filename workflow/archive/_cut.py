@@ -97,8 +97,8 @@ def largest_cut(shape: tuple[int, ...], most: int) -> Cut:
     """Return the cut in the largest blocks of at most ``most`` cells, at least one."""
     size = 1
     for length in reversed(shape):
-        taken = max(1, min(length, most // size))
-        size *= taken
-        if taken < length:
+        extent = max(1, min(length, most // size))
+        size *= extent
+        if extent < length:
             break
     return Cut(shape, size)

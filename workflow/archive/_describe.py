@@ -114,8 +114,8 @@ def _now() -> str:
 def versions() -> dict[str, str]:
     """Return the version of everything that has a hand in an archive."""
     packages = ("numpy", "scipy", "numba", "xarray", "netCDF4", "h5py", "dask", "pydantic", "pint", "ruamel.yaml")
-    found = {"python": sys.version.split()[0], "rotor-stator-workflow": workflow.__version__}
-    return found | {name: _version(name) for name in packages}
+    own = {"python": sys.version.split()[0], "rotor-stator-workflow": workflow.__version__}
+    return own | {name: _version(name) for name in packages}
 
 
 @cache
@@ -135,24 +135,26 @@ def _coordinate(axis: Axis, dims: tuple[str, ...]) -> Coordinate:
 
 
 def _coordinates(study: Study, grid: Grid, periods: int) -> tuple[Coordinate, ...]:
-    found = [
+    coordinates = [
         _coordinate(axis, (dimension.name,)) for dimension in (*grid.outer, *grid.inner) for axis in dimension.axes
     ]
-    found += [_coordinate(axis, ()) for axis in study.scalars]
+    coordinates += [_coordinate(axis, ()) for axis in study.scalars]
     moves = _motion_of_casing(study)
-    found = [dataclasses.replace(one, attrs={**one.attrs, **moves}) if one.name == "gap" else one for one in found]
-    found += [_made_by_friction(study, grid)] if study.scene.friction is not None else []
-    taken = {coordinate.name for coordinate in found} | {name for name, _ in grid.dims}
-    if "gap" not in taken:
+    coordinates = [
+        dataclasses.replace(one, attrs={**one.attrs, **moves}) if one.name == "gap" else one for one in coordinates
+    ]
+    coordinates += [_made_by_friction(study, grid)] if study.scene.friction is not None else []
+    names = {coordinate.name for coordinate in coordinates} | {name for name, _ in grid.dims}
+    if "gap" not in names:
         about = {"units": "m", "long_name": "tip clearance at rest, cold", **moves}
-        found.append(Coordinate("gap", (), np.asarray(study.scene.gap), about))
+        coordinates.append(Coordinate("gap", (), np.asarray(study.scene.gap), about))
     if study.output.histories:
         time = {"units": "s", "long_name": "time since the start"}
-        found.append(Coordinate("t", ("t",), grid.sampling.times, time))
+        coordinates.append(Coordinate("t", ("t",), grid.sampling.times, time))
     if periods:
         number = {"units": "1", "long_name": "number of the load period"}
-        found.append(Coordinate("period", ("period",), np.arange(1, periods + 1), number))
-    return tuple(found)
+        coordinates.append(Coordinate("period", ("period",), np.arange(1, periods + 1), number))
+    return tuple(coordinates)
 
 
 def _motion_of_casing(study: Study) -> dict[str, str]:
@@ -183,11 +185,11 @@ def _declared(about: variables.Variable, dtype: str = "f8") -> Variable:
 
 def _variables(study: Study, periods: int) -> tuple[Variable, ...]:
     precision = {"float64": "f8", "float32": "f4"}[study.output.precision]
-    found = [_declared(variables.BY_NAME[name], precision) for name in study.output.histories]
-    found += [_declared(about) for about in metrics_of(study)]
+    stored = [_declared(variables.BY_NAME[name], precision) for name in study.output.histories]
+    stored += [_declared(about) for about in metrics_of(study)]
     if periods:
-        found += [_declared(about) for about in variables.select("period")]
-    return (*found, *(_flag(about) for about in variables.select("flag")))
+        stored += [_declared(about) for about in variables.select("period")]
+    return (*stored, *(_flag(about) for about in variables.select("flag")))
 
 
 _FLAGS = {

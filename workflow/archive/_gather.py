@@ -14,10 +14,10 @@ from workflow.archive._content import hash_content
 from workflow.archive._create import PROVENANCE, create
 from workflow.archive._files import ArchiveError, free_space, sync, writing
 from workflow.archive._guard import vouch
-from workflow.archive._known import Known
 from workflow.archive._layout import NOT_RUN, STATUS, Layout, Variable
 from workflow.archive._seal import seal
 from workflow.archive._shard import Shards, decode_chunk, encode_chunk, find_shards, stored_chunks
+from workflow.archive._stored_cells import StoredCells
 
 _VARIABLE_BYTES, _CHUNK_BYTES, _CELL_BYTES = 5000, 100, 16
 """What an archive takes beside its chunks: attributes and indices, up to these in archives of all sizes; hashes."""
@@ -28,7 +28,7 @@ def gather(
     parts: str | Path,
     target: str | Path,
     hashes: NDArray[np.uint8] | None = None,
-    known: Known | None = None,
+    stored_cells: StoredCells | None = None,
 ) -> None:
     """Make the archive of complete shards, read it back, put it under its name; the shards may go then.
 
@@ -50,7 +50,7 @@ def gather(
     """
     parts, target = Path(parts), Path(os.path.realpath(target))  # a link goes on to lead to it
     shards = find_shards(parts, layout)
-    copies = np.full(layout.units, -1) if known is None else known.copies(layout)
+    copies = np.full(layout.units, -1) if stored_cells is None else stored_cells.copies(layout)
     if np.any((shards.owner < 0) & (copies < 0)):
         faults = "".join(f"; {name} is {fault}" for name, fault in shards.rejected)
         ranges = ", ".join(f"{first} to {stop - 1}" for first, stop in shards.missing[:5])
@@ -61,8 +61,8 @@ def gather(
     aside = parts / f"{target.name}.tmp"
     try:
         with writing("the archive", parts):
-            _make_room(layout, shards, known, parts)
-            assemble(layout, shards, aside, hashes, known)
+            _make_room(layout, shards, stored_cells, parts)
+            assemble(layout, shards, aside, hashes, stored_cells)
             digest = hash_content(aside)
             _tell_hash(aside, digest)
             _read_back(layout, aside, digest)
@@ -82,7 +82,7 @@ def assemble(
     shards: Shards,
     path: Path,
     hashes: NDArray[np.uint8] | None = None,
-    known: Known | None = None,
+    stored_cells: StoredCells | None = None,
 ) -> None:
     """Write what shards and an earlier archive hold to a new file; missing units have status ``not_run``.
 
@@ -95,10 +95,16 @@ def assemble(
 
     from workflow.archive._lock import LOCK
 
-    copies = np.full(layout.units, -1) if known is None else np.where(shards.owner < 0, known.copies(layout), -1)
+    copies = (
+        np.full(layout.units, -1)
+        if stored_cells is None
+        else np.where(shards.owner < 0, stored_cells.copies(layout), -1)
+    )
     messages = _messages(layout, shards)
-    if known is not None and np.any(copies >= 0):
-        messages |= known.messages(np.concatenate([layout.cells_of(int(u)) for u in np.flatnonzero(copies >= 0)]))
+    if stored_cells is not None and np.any(copies >= 0):
+        messages |= stored_cells.messages(
+            np.concatenate([layout.cells_of(int(u)) for u in np.flatnonzero(copies >= 0)])
+        )
     create(layout, path, messages, hashes)
     with LOCK, h5py.File(path, "r+") as archive:
         stored = {variable.name: archive[variable.name] for variable in layout.variables}
@@ -112,10 +118,10 @@ def assemble(
             for variable in layout.variables:
                 mine = {offsets[unit]: chunks[variable.name][unit - shard.first] for unit in units}
                 _copy(mine, stored[variable.name], layout, variable)
-        if known is not None and np.any(copies >= 0):
-            with h5py.File(known.path, "r") as source:
+        if stored_cells is not None and np.any(copies >= 0):
+            with h5py.File(stored_cells.path, "r") as source:
                 for variable in layout.variables:
-                    _copy_known(source[variable.name], stored[variable.name], layout, variable, copies)
+                    _copy_stored(source[variable.name], stored[variable.name], layout, variable, copies)
         missing = np.flatnonzero((shards.owner < 0) & (copies < 0)).tolist()
         for variable in layout.variables:
             if variable.dtype == "i1":  # floats are missing by themselves
@@ -160,7 +166,7 @@ def _join(layout: Layout, shards: Shards, stored: Mapping[str, Any]) -> None:
             stored[variable.name].id.write_direct_chunk((*layout.stored.offset_of(block), *tail), chunk)
 
 
-def _copy_known(source: Any, archive: Any, layout: Layout, variable: Variable, copies: NDArray[np.int64]) -> None:
+def _copy_stored(source: Any, archive: Any, layout: Layout, variable: Variable, copies: NDArray[np.int64]) -> None:
     """Copy the chunks of units from an earlier archive, where each begins with the cell that ``copies`` gives."""
     shape = source.shape[: source.ndim - len(layout.tail(variable))]
     tails = list(_tails(layout, variable))
@@ -193,20 +199,20 @@ def _tails(layout: Layout, variable: Variable) -> Iterator[tuple[int, ...]]:
 
 def _messages(layout: Layout, shards: Shards) -> dict[int, str]:
     """Return the messages of all shards that count, by cell."""
-    found: dict[int, str] = {}
+    messages: dict[int, str] = {}
     for number, shard in enumerate(shards.files):
         for place, text in shard.messages.items():
             unit, k = divmod(place, layout.chunk)
             cells = layout.cells_of(shard.first + unit)
             if shards.owner[shard.first + unit] == number and k < len(cells):
-                found[cells[k]] = text
-    return found
+                messages[cells[k]] = text
+    return messages
 
 
-def _make_room(layout: Layout, shards: Shards, known: Known | None, directory: Path) -> None:
+def _make_room(layout: Layout, shards: Shards, stored_cells: StoredCells | None, directory: Path) -> None:
     """Refuse before HDF5 runs into a full disk, which it cannot recover from."""
     needed = sum(shard.path.stat().st_size for shard in shards.files)
-    needed += 0 if known is None else known.path.stat().st_size
+    needed += 0 if stored_cells is None else stored_cells.path.stat().st_size
     variables = len(layout.variables) + len(layout.coordinates)
     needed += variables * (_VARIABLE_BYTES + _CHUNK_BYTES * layout.units) + layout.cells * _CELL_BYTES
     if needed > free_space(directory):

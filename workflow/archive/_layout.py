@@ -61,16 +61,16 @@ class Coordinate:
 
     def __post_init__(self) -> None:
         values = np.asarray(self.values)
-        wanted: Any = object
+        dtype: Any = object
         if values.dtype.kind in "iu":
-            wanted = np.int64
+            dtype = np.int64
         elif values.dtype.kind == "f":
-            wanted = np.float64
+            dtype = np.float64
         elif not all(isinstance(value, str) for value in values.ravel().tolist()):
             raise ValueError(f"coordinate {self.name}: values must be numbers or texts, not {values.dtype}")
         if values.ndim != len(self.dims):
             raise ValueError(f"coordinate {self.name}: {values.ndim}-d values along {self.dims}")
-        object.__setattr__(self, "values", values.astype(wanted))
+        object.__setattr__(self, "values", values.astype(dtype))
 
     @property
     def text(self) -> bool:
@@ -257,8 +257,8 @@ def blank(layout: Layout, units: int) -> dict[str, NDArray[Any]]:
     return {v.name: np.full(layout.shape_of(v, units), v.fill, dtype=v.dtype) for v in layout.variables}
 
 
-def kept_message(text: str) -> str:
-    """Return what is kept of a case's message: no more than :data:`LONGEST_MESSAGE` bytes."""
+def truncated_message(text: str) -> str:
+    """Return a case's message cut to :data:`LONGEST_MESSAGE` bytes."""
     encoded = text.encode(errors="replace")
     if len(encoded) <= LONGEST_MESSAGE:
         return encoded.decode()

@@ -98,8 +98,8 @@ def provenance(path: str | Path, *, damaged: bool = False) -> dict[str, str]:
 
 
 def _texts(group: Any) -> dict[str, str]:
-    found = {name: as_text(value) for name, value in group.attrs.items() if not name.startswith("_")}
-    return found | {name: as_text(item[()].tobytes()) for name, item in group.items() if item.dtype == "S1"}
+    attributes = {name: as_text(value) for name, value in group.attrs.items() if not name.startswith("_")}
+    return attributes | {name: as_text(item[()].tobytes()) for name, item in group.items() if item.dtype == "S1"}
 
 
 def study_text(path: str | Path) -> tuple[str, str]:

@@ -11,9 +11,9 @@ import numpy as np
 
 from workflow.archive._files import ArchiveError, commit, reason, require_directory, sync, usable, writing
 from workflow.archive._hold import HOLDER
-from workflow.archive._known import KNOWN, Known, kept_file
 from workflow.archive._layout import FORMAT, Attributes, Coordinate, Layout, Variable
 from workflow.archive._shard import SUFFIX
+from workflow.archive._stored_cells import STORED_CELLS, StoredCells, saved_file
 
 LAYOUT = "layout.json"
 
@@ -58,7 +58,9 @@ def start_parts(parts: str | Path, layout: Layout) -> None:
 
 def _is_ours(file: Path) -> bool:
     """Tell whether a run may have left a file: only such files go in the end."""
-    named = file.name in (LAYOUT, HOLDER, KNOWN) or file.suffix in (".tmp", SUFFIX) or file.name.startswith(".nfs")
+    named = (
+        file.name in (LAYOUT, HOLDER, STORED_CELLS) or file.suffix in (".tmp", SUFFIX) or file.name.startswith(".nfs")
+    )
     return named and file.is_file()
 
 
@@ -102,7 +104,7 @@ def is_begun(parts: str | Path, layout: Layout, archive: Path) -> bool:
     parts = Path(parts)
     if not (parts / LAYOUT).exists() or read_layout(parts).key != layout.key:
         return False
-    return kept_file(parts) == Known(archive, np.empty(0, dtype=np.int64)).file
+    return saved_file(parts) == StoredCells(archive, np.empty(0, dtype=np.int64)).file
 
 
 def clear_parts(parts: str | Path) -> None:

@@ -52,16 +52,16 @@ def is_sealed_with(path: Path, checksum: str) -> bool:
 
 def _only_place(path: Path, text: str) -> int:
     """Return where a text stands in a file, read in pieces: a mapped file would count as memory of this process."""
-    wanted, places, start, kept = text.encode(), [], 0, b""
+    pattern, places, start, overlap = text.encode(), [], 0, b""
     with open(path, "rb") as file:
         while piece := file.read(_PIECE):
-            piece = kept + piece
-            at = piece.find(wanted)
+            piece = overlap + piece
+            at = piece.find(pattern)
             while at >= 0:
                 places.append(start + at)
-                at = piece.find(wanted, at + 1)
-            kept = piece[1 - len(wanted) :]
-            start += len(piece) - len(kept)
+                at = piece.find(pattern, at + 1)
+            overlap = piece[1 - len(pattern) :]
+            start += len(piece) - len(overlap)
     if len(places) != 1:
         raise ValueError("the place of the checksum is not found")
     return places[0]

@@ -140,19 +140,19 @@ def find_shards(parts: str | Path, layout: Layout) -> Shards:
         The directory cannot be read; one that is not there merely holds nothing.
     """
     parts = Path(parts)
-    found: list[Shard] = []
+    shards: list[Shard] = []
     rejected: list[tuple[str, str]] = []
     for path in sorted(parts.glob(f"*{SUFFIX}")):
         shard = _inspect(path, layout)
         if isinstance(shard, Shard):
-            found.append(shard)
+            shards.append(shard)
         else:
             rejected.append((path.name, shard))
-    found.sort(key=lambda shard: (shard.task, shard.path.name))
+    shards.sort(key=lambda shard: (shard.task, shard.path.name))
     owner = np.full(layout.units, -1, dtype=np.intp)
-    for number, shard in enumerate(found):
+    for number, shard in enumerate(shards):
         owner[shard.first : shard.stop] = number
-    return Shards(tuple(found), owner, tuple(rejected))
+    return Shards(tuple(shards), owner, tuple(rejected))
 
 
 def find_shard(parts: str | Path, task: int, first: int, stop: int, layout: Layout) -> Shard | None:
@@ -174,11 +174,11 @@ def stored_chunks(shard: Shard) -> dict[str, list[list[bytes]]]:
     """
     with open(shard.path, "rb") as file:
         lengths = json.loads(file.readline())["chunks"]
-        found = {name: [file.read(length) for length in several] for name, several in lengths.items()}
+        chunks_of = {name: [file.read(length) for length in several] for name, several in lengths.items()}
     units = shard.stop - shard.first
     return {
         name: [chunks[k * len(chunks) // units : (k + 1) * len(chunks) // units] for k in range(units)]
-        for name, chunks in found.items()
+        for name, chunks in chunks_of.items()
     }
 
 
@@ -226,9 +226,9 @@ def _check(first: int, arrays: Mapping[str, NDArray[Any]], messages: Mapping[int
     status = arrays[STATUS]
     units = len(status)
     for variable in layout.variables:
-        shape, wanted = arrays[variable.name].shape, layout.shape_of(variable, units)
-        if shape != wanted:
-            raise ValueError(f"{variable.name} has shape {shape} in a shard that wants {wanted}")
+        shape, expected = arrays[variable.name].shape, layout.shape_of(variable, units)
+        if shape != expected:
+            raise ValueError(f"{variable.name} has shape {shape} in a shard that wants {expected}")
     if not 0 <= first < first + units <= layout.units:
         raise ValueError(f"units {first} to {first + units - 1} are not among the layout's {layout.units}")
     for unit in range(units):

@@ -1,4 +1,4 @@
-"""Variables of a finished archive, read cell by cell: what :mod:`workflow.archive._known` takes from one."""
+"""Variables of a finished archive, read cell by cell: what :mod:`workflow.archive._stored_cells` takes from one."""
 
 from __future__ import annotations
 
@@ -91,12 +91,12 @@ def _rows(stored: Any, places: Cells, tail: int) -> NDArray[Any]:
     shape = stored.shape[:case_dims]
     if not shape:
         return np.repeat(stored[...][None], len(places), axis=0)
-    found = np.empty((len(places), *stored.shape[case_dims:]), dtype=stored.dtype)
+    cells = np.empty((len(places), *stored.shape[case_dims:]), dtype=stored.dtype)
     row, column = np.divmod(places, shape[-1])
     for number in np.unique(row):
         here = np.flatnonzero(row == number)
         outer = np.unravel_index(int(number), shape[:-1]) if shape[:-1] else ()
         first, last = int(column[here].min()), int(column[here].max())
         block = stored[(*(int(i) for i in outer), slice(first, last + 1))]
-        found[here] = block[column[here] - first]
-    return found
+        cells[here] = block[column[here] - first]
+    return cells

@@ -113,13 +113,13 @@ def lacks_memory(error: BaseException) -> bool:
 
 def _innermost(error: BaseException) -> str:
     """Return the file and line of this package that an error came through last."""
-    found, step = "", error.__traceback__
+    location, step = "", error.__traceback__
     while step is not None:
         file = Path(step.tb_frame.f_code.co_filename)
         if "workflow" in file.parts and file.parent.name != "cli":
-            found = f" in {file.parent.name}/{file.name}, line {step.tb_lineno}"
+            location = f" in {file.parent.name}/{file.name}, line {step.tb_lineno}"
         step = step.tb_next
-    return found
+    return location
 
 
 @contextmanager

@@ -27,12 +27,12 @@ def grouped(command: Callable[..., None]) -> Callable[..., None]:
             parameters.append(inspect.Parameter(entry.name, parameter.KEYWORD_ONLY, **about))
 
     @wraps(command)
-    def flat(**given: Any) -> None:
+    def flat(**values: Any) -> None:
         made = {
-            name: kind(**{entry.name: given.pop(entry.name) for entry in dataclasses.fields(kind)})
+            name: kind(**{entry.name: values.pop(entry.name) for entry in dataclasses.fields(kind)})
             for name, kind in groups.items()
         }
-        command(**given, **made)
+        command(**values, **made)
 
     flat.__dict__["__signature__"] = inspect.Signature(parameters)
     flat.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from contextlib import AbstractContextManager
 
-_SAID: list[Callable[[], str]] = []
+_STOP_MESSAGES: list[Callable[[], str]] = []
 """What is said at the end; the last entry counts."""
 
 
@@ -56,7 +56,7 @@ def _wait(reading: int, owner: int) -> None:
 
 def _end(number: int) -> None:
     try:
-        line = _SAID[-1]() if _SAID else "stopped"
+        line = _STOP_MESSAGES[-1]() if _STOP_MESSAGES else "stopped"
         _discard_views()
     except BaseException:  # in the middle of an import, say
         line = "stopped"
@@ -80,10 +80,10 @@ def saying(message: Callable[[], str]) -> AbstractContextManager[None]:
 
     @contextmanager
     def context() -> Iterator[None]:
-        _SAID.append(message)
+        _STOP_MESSAGES.append(message)
         try:
             yield
         finally:
-            _SAID.remove(message)
+            _STOP_MESSAGES.remove(message)
 
     return context()

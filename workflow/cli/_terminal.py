@@ -81,7 +81,7 @@ def write_json(value: Any, indent: int | None = None) -> None:
         The standard output cannot be written to.
     """
     lines = json.dumps(value, indent=indent, ensure_ascii=False, allow_nan=False).split("\n")
-    write("\n".join(_OBEYED.sub(lambda found: f"\\u{ord(found[0]):04x}", line) for line in lines))
+    write("\n".join(_OBEYED.sub(lambda match: f"\\u{ord(match[0]):04x}", line) for line in lines))
 
 
 def complain(line: str) -> None:

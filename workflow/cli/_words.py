@@ -49,11 +49,11 @@ def read(path: Path, settings: list[str] | None = None) -> Study:
     from workflow.archive import study_text
     from workflow.study import parse_study, read_study, unpacked
 
-    given = _settings(settings or [])
+    replaced = _settings(settings or [])
     if _is_hdf5(path):
         text, files = study_text(path)
-        return parse_study(text, path.name, given, attached=unpacked(files))
-    return read_study(path, given)
+        return parse_study(text, path.name, replaced, attached=unpacked(files))
+    return read_study(path, replaced)
 
 
 def _settings(texts: list[str]) -> dict[str, Any]:
@@ -61,11 +61,11 @@ def _settings(texts: list[str]) -> dict[str, Any]:
     from workflow.study import setting
 
     pairs = [setting(text) for text in texts]
-    given = dict(pairs)
+    settings = dict(pairs)
     twice = sorted({key for key, _ in pairs if sum(key == other for other, _ in pairs) > 1})
     if twice:
         raise typer.BadParameter(f"-s {', '.join(twice)}: is given more than once; give one value for each key")
-    return given
+    return settings
 
 
 def _is_hdf5(path: Path) -> bool:

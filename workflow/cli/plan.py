@@ -37,10 +37,10 @@ def plan(
         from workflow.grid import plan as make_plan
         from workflow.run import holdings
 
-        asked = read(study, settings)
-        grid = arrange(asked)
+        requested = read(study, settings)
+        grid = arrange(requested)
         made = make_plan(grid, units_of(grid))
-        held = None if output is None else holdings(asked, named(output))
+        held = None if output is None else holdings(requested, named(output))
         if as_json:
             write_json({**_plain(made), "archive": _plain(held)})
             return

@@ -40,9 +40,11 @@ def recommend(archive: ArchiveFile, tolerance: Tolerance = None, as_json: AsJson
 
         with open_archive(archive) as dataset:
             try:
-                asked = choose(dataset, tolerance)
-                others = sorted({*SHOWN, asked.tolerance}, reverse=True)
-                table = [asked if other == asked.tolerance else choose(dataset, other) for other in others]
+                recommendation = choose(dataset, tolerance)
+                others = sorted({*SHOWN, recommendation.tolerance}, reverse=True)
+                table = [
+                    recommendation if other == recommendation.tolerance else choose(dataset, other) for other in others
+                ]
             except NoReferenceError as error:
                 complain(f"{archive}: {error}; run it with one to another archive, e.g. {_with_reference(archive)}")
                 raise typer.Exit(WRONG) from None
@@ -52,8 +54,8 @@ def recommend(archive: ArchiveFile, tolerance: Tolerance = None, as_json: AsJson
             cautions = recommendation_cautions(dataset)
         for caution in cautions:
             complain(f"{archive}: {caution}")
-        _write_json(asked, table, cautions) if as_json else _write_text(asked, table)
-        if asked.choice is None:
+        _write_json(recommendation, table, cautions) if as_json else _write_text(recommendation, table)
+        if recommendation.choice is None:
             raise typer.Exit(NOT_OK)
 
 
@@ -63,24 +65,24 @@ def _with_reference(archive: Path) -> str:
     return shlex.join((*words, "-o", f"{archive.stem}_errors.nc"))
 
 
-def _write_json(asked: Recommendation, table: list[Recommendation], cautions: tuple[str, ...]) -> None:
+def _write_json(recommendation: Recommendation, table: list[Recommendation], cautions: tuple[str, ...]) -> None:
     from workflow.analysis import recommendation_json
 
-    found = {**recommendation_json(asked), "cautions": list(cautions)}
-    found |= {"table": [recommendation_json(other) for other in table]}
-    write_json(found, indent=2)
+    entries = {**recommendation_json(recommendation), "cautions": list(cautions)}
+    entries |= {"table": [recommendation_json(other) for other in table]}
+    write_json(entries, indent=2)
 
 
-def _write_text(asked: Recommendation, table: list[Recommendation]) -> None:
+def _write_text(recommendation: Recommendation, table: list[Recommendation]) -> None:
     from rich.table import Table
     from rich.text import Text
 
     from workflow.analysis import RECOMMENDATION_COLUMNS, recommendation_row, sentence, undecidable
     from workflow.cli._terminal import clean
 
-    say(sentence(asked))
-    if asked.undecidable:
-        say(undecidable(asked))
+    say(sentence(recommendation))
+    if recommendation.undecidable:
+        say(undecidable(recommendation))
     drawn = Table(box=None, pad_edge=False)
     for name in RECOMMENDATION_COLUMNS:
         drawn.add_column(name, overflow="fold")

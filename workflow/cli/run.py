@@ -71,13 +71,13 @@ def run(
     with errors_in_words():
         from workflow.run import ClusterError, ReuseOptions, run_study
 
-        asked = read(study, settings)
-        archive = Path(f"{asked.name}.nc") if output is None else named(output)
+        requested = read(study, settings)
+        archive = Path(f"{requested.name}.nc") if output is None else named(output)
         follower, options = Follower(), ReuseOptions(retry=reuse.retry, recompute=reuse.recompute, drop=reuse.drop)
         try:
             with following(follower, archive.name, quiet), saying(lambda: _stopped(archive, follower)):
                 outcome = run_study(
-                    asked, archive, where.threads, follower,
+                    requested, archive, where.threads, follower,
                     workers=where.workers, scheduler=where.scheduler, **options,
                 )  # fmt: skip
         except ClusterError as error:
@@ -105,8 +105,8 @@ def _tell(outcome: Outcome) -> None:
     if not outcome.written:
         say(f"{outcome.archive}: nothing to do, all {cases} cases are there ({counts})")
     else:
-        known = "all" if outcome.resumed == cases else outcome.resumed
-        before = f", {known} of them stored before" if outcome.resumed else ""
+        resumed = "all" if outcome.resumed == cases else outcome.resumed
+        before = f", {resumed} of them stored before" if outcome.resumed else ""
         say(f"{outcome.archive}: {cases} cases in {outcome.seconds:.1f} s{before} ({counts})")
     if outcome.without_error:
         say(f"  {outcome.without_error} of the ok cases have an error against the reference that cannot be formed")

@@ -99,12 +99,12 @@ def _coordinates(dataset: xr.Dataset) -> Iterator[str]:
 def _decided(dataset: xr.Dataset) -> Iterator[str]:
     from workflow.analysis import decided
 
-    found = decided(dataset)
-    for one in found[:VALUES_SHOWN]:
+    models = decided(dataset)
+    for one in models[:VALUES_SHOWN]:
         modes = f"{one.mechanical_modes} + {one.thermal_modes} modes"
         yield f"  auto: {modes} for {one.where}, basis error {one.error:.2g}"
-    if len(found) > VALUES_SHOWN:
-        yield f"  auto: … {len(found)} in all"
+    if len(models) > VALUES_SHOWN:
+        yield f"  auto: … {len(models)} in all"
 
 
 def _statuses(dataset: xr.Dataset) -> Iterator[str]:

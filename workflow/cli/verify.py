@@ -24,7 +24,7 @@ def verify(
 
         for check in checks_of(archive, sample):
             differing |= set() if check.holds else {check.name}
-            say(f"  {check.name:8} {'ok' if check.holds else 'DIFFERS'}: {check.found}")
+            say(f"  {check.name:8} {'ok' if check.holds else 'DIFFERS'}: {check.detail}")
         verdict = _OTHER_SOLVER if differing == {"solver"} else "not as it was written" if differing else "verified"
         say(f"{archive}: {verdict}")
     raise typer.Exit(NOT_OK if differing else 0)

@@ -36,7 +36,7 @@ def conditions(cell: Cell, structure: Structure, varying: Mapping[str, Array], c
     def of_case(path: str, value: float) -> Array:
         return spread(varying, path, value, count)
 
-    mechanical, thermal = structure.given_sizes
+    mechanical, thermal = structure.input_sizes
 
     def of_node(path: str, value: Values, size: int = mechanical) -> Array:
         if path in varying:
@@ -69,7 +69,7 @@ def conditions(cell: Cell, structure: Structure, varying: Mapping[str, Array], c
         casing_harmonics=harmonics_of(scene, "casing", varying, count),
         friction=friction_of(cell, structure, varying, count),
     )
-    return cases if structure.coordinates is None else structure.coordinates.taken(cases)
+    return cases if structure.coordinates is None else structure.coordinates.transformed(cases)
 
 
 def spread(varying: Mapping[str, Array], path: str, value: float, count: int) -> Array:

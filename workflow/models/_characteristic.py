@@ -7,7 +7,7 @@ of the tip held cold. F = P/Q with P'/P = F'/F + Σ 1/(s - pole).
 
 Approximate roots are improved together (Ehrlich and Aberth, see Bini, Numer. Algorithms 13 (1996)): a Newton
 step of P at one root, without what the other roots contribute to P'/P, so that no two end at the same place.
-Where only some poles and roots are known, what the others contribute nearly cancels, and it is 0 at a root.
+Where only some poles and roots were computed, the contributions of the others nearly cancel, and it is 0 at a root.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ def first_orders(modes: Array, heat: Array, coupling: Array, mass_damping: float
     ``poles`` are both roots of each mode, then -μ. Where both roots of a mode nearly agree neither has a derivative:
     their distance is then taken as a share of them, so that the size alone is right.
     """
-    found = np.zeros(poles.size, dtype=np.complex128)
+    derivatives = np.zeros(poles.size, dtype=np.complex128)
     for j in range(modes.shape[1]):
         for p in (2 * j, 2 * j + 1):
             s = poles[p]
@@ -124,7 +124,7 @@ def first_orders(modes: Array, heat: Array, coupling: Array, mass_damping: float
             apart = 2.0 * s + modes[1, j]
             if _size(apart) < _NEAR * _size(s):
                 apart = complex(_NEAR * _size(s))
-            found[p] = modes[2, j] * s * (s + mass_damping) * driven * _inverse(apart)
+            derivatives[p] = modes[2, j] * s * (s + mass_damping) * driven * _inverse(apart)
     for k in range(heat.shape[1]):
         s = -heat[0, k]
         share = heat[2, k]
@@ -132,8 +132,8 @@ def first_orders(modes: Array, heat: Array, coupling: Array, mass_damping: float
             resistance = s * (s + modes[1, j]) + modes[0, j]
             if resistance != 0.0:
                 share += modes[2, j] * s * (s + mass_damping) / resistance * coupling[j, k]
-        found[2 * modes.shape[1] + k] = heat[1, k] * share
-    return found
+        derivatives[2 * modes.shape[1] + k] = heat[1, k] * share
+    return derivatives
 
 
 @part
@@ -162,23 +162,23 @@ def improve(
     damping: tuple[float, float],
     poles: Complexes,
     roots: Complexes,
-    wanted: int,
+    count: int,
 ) -> Array:
-    """Improve the first ``wanted`` of the approximate ``roots`` of F in place; return the last step of each, 1/s.
+    """Improve the first ``count`` of the approximate ``roots`` of F in place; return the last step of each, 1/s.
 
     ``structure`` is (lumps, -, -) of a chain, see :func:`_along_chain`, else (modes, heat, coupling), see
-    :func:`_in_modes`; ``damping`` is (a_M, a_K). ``poles`` and ``roots`` are those that are known, both of each
+    :func:`_in_modes`; ``damping`` is (a_M, a_K). ``poles`` and ``roots`` are those that were computed, both of each
     conjugate pair. A root that falls on a pole to the last bit is one: it does not take part in the contact. One that
     is nothing beside the slowest pole is 0.
     """
-    left = np.full(wanted, np.inf)
+    left = np.full(count, np.inf)
     nothing = np.inf
     for pole in poles:
         if pole != 0.0:
             nothing = min(nothing, _PRECISE * _size(pole))
     for _ in range(_MOST_STEPS):
         moving = False
-        for i in range(wanted):
+        for i in range(count):
             s = roots[i]
             if left[i] <= _PRECISE * _size(s) or _size(s) <= nothing or np.any(poles == s):
                 left[i] = min(left[i], _PRECISE * _size(s))

@@ -75,8 +75,8 @@ class ContactClosed:
         if self.is_coupled:
             modes = self.modes.shape[1]
             return np.concatenate([eigenvalues(self.matrix(0.0)[: 2 * modes, : 2 * modes]), -self.heat[0] + 0j])
-        found = poles(np.sqrt(self.modes[0]), self.modes[1])
-        return np.concatenate([found.ravel(), -self.heat[0] + 0j])
+        mechanical = poles(np.sqrt(self.modes[0]), self.modes[1])
+        return np.concatenate([mechanical.ravel(), -self.heat[0] + 0j])
 
     def first_orders(self) -> Complexes:
         """Return ds/dα of the eigenvalue at each pole at α = 0, 1/s per m/s."""

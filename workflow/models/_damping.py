@@ -44,12 +44,12 @@ def free_damping(structure: Structure, modes: Modes) -> Array:
     CoupledDampingError
         Damping couples them.
     """
-    found = structure.damping.of_modes(modes.values, modes.inertia)
+    damping = structure.damping.of_modes(modes.values, modes.inertia)
     if structure.damper is None:
-        return found
+        return damping
     own = product(modes.shapes.T, product(structure.damper, modes.shapes))
     if is_diagonal(own):
-        return np.asarray(found + np.diag(own))
+        return np.asarray(damping + np.diag(own))
     raise CoupledDampingError
 
 
@@ -58,8 +58,8 @@ def held_damping(structure: Structure, modes: Modes) -> Array:
 
     Shapes have the row of the tip, which is 0.
     """
-    found = product(modes.shapes.T, product(damping_matrix(structure), modes.shapes))
-    return np.asarray((found + found.T) / 2)
+    projected = product(modes.shapes.T, product(damping_matrix(structure), modes.shapes))
+    return np.asarray((projected + projected.T) / 2)
 
 
 def is_rayleigh(structure: Structure) -> bool:

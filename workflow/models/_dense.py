@@ -22,8 +22,8 @@ _MOST_TERMS = 1000
 def singular(matrix: Array) -> tuple[Array, Array]:
     """Return the singular values, descending, ``(column,)``, and the right singular vectors in columns."""
     if matrix.shape[1] <= MOST_PORTABLE:
-        found = portable.singular(matrix)
-        return found.values, found.vectors
+        decomposition = portable.singular(matrix)
+        return decomposition.values, decomposition.vectors
     _, s, vt = np.linalg.svd(matrix, full_matrices=matrix.shape[0] < matrix.shape[1])
     values = np.zeros(matrix.shape[1])
     values[: s.size] = s

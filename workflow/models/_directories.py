@@ -52,16 +52,16 @@ def read(place: Path) -> dict[str, Any]:
     UnusableMatricesError
         A file is damaged, too large, or there is a second one of its name.
     """
-    found: dict[str, Any] = {}
+    entries: dict[str, Any] = {}
     room = MOST_BYTES
     for path in parts(place):
         room -= path.stat().st_size
         if room < 0:
             raise refuse(f"`{place.name}` has more than {MOST_BYTES >> 20} MB", "so much text is not read")
-        if path.stem in found:
+        if path.stem in entries:
             raise refuse(f"`{path.stem}` is there twice", "keep one file of it")
-        found[path.stem] = _entry(path)
-    return found
+        entries[path.stem] = _entry(path)
+    return entries
 
 
 def _entry(path: Path) -> Any:
@@ -93,8 +93,8 @@ def _matrix_market(path: Path) -> Any:
             f"`{path.name}` says it has {entries} entries, and {path.stat().st_size} bytes cannot hold them",
             "write it anew, e.g. with scipy.io.mmwrite",
         )
-    found = mmread(path, spmatrix=False)
-    return np.asarray(found) if isinstance(found, np.ndarray) else checked_sparse(path.stem, found)
+    matrix = mmread(path, spmatrix=False)
+    return np.asarray(matrix) if isinstance(matrix, np.ndarray) else checked_sparse(path.stem, matrix)
 
 
 def _head(path: Path) -> tuple[int, int, int]:
@@ -124,5 +124,5 @@ def _harwell_boeing(path: Path) -> Any:
     sizes = [int(word) for word in head[2][3:].split()[:3]]
     if len(sizes) < 3 or max(sizes[:2]) > MOST_COORDINATES or 2 * sizes[2] > path.stat().st_size:
         raise ValueError(f"its head says {sizes}")
-    found = checked_sparse(path.stem, hb_read(path, spmatrix=False))
-    return (found + sparse.tril(found, -1).T).tocsr() if kind[1:2] == "S" else found
+    matrix = checked_sparse(path.stem, hb_read(path, spmatrix=False))
+    return (matrix + sparse.tril(matrix, -1).T).tocsr() if kind[1:2] == "S" else matrix

@@ -23,7 +23,7 @@ from workflow.models._dense import MOST_PORTABLE, product
 from workflow.models._structure import Coordinates, Matrices, Rayleigh
 
 _INDEFINITE = 1e3
-"""Beyond so many times what is taken for rounding, a part of a matrix that should not be there is none."""
+"""A negative part of a matrix larger than so many times its rounding makes the matrix indefinite."""
 
 _UNBALANCED = 1e-8
 """Share of a thermal force that may act on a rigid body: half of the digits of a file that has them all."""
@@ -92,7 +92,7 @@ class _Part(NamedTuple):
     order: NDArray[np.int64]
 
 
-def structure_from_matrices(given: GivenMatrices) -> Matrices:
+def structure_from_matrices(matrices: GivenMatrices) -> Matrices:
     """Return the structure that dense matrices describe; its ``coordinates`` lead from theirs and back.
 
     Raises
@@ -100,17 +100,17 @@ def structure_from_matrices(given: GivenMatrices) -> Matrices:
     UnusableMatricesError
         They are no structure.
     """
-    basis, taken = _kept(given.mass, given.stiffness, given.contact, "mass", "stiffness")
-    heat_basis, heat_taken = _kept(
-        given.heat_capacity, given.conductance, given.thermal_contact, "heat_capacity", "conductance"
+    basis, projection = _contact_last(matrices.mass, matrices.stiffness, matrices.contact, "mass", "stiffness")
+    heat_basis, heat_projection = _contact_last(
+        matrices.heat_capacity, matrices.conductance, matrices.thermal_contact, "heat_capacity", "conductance"
     )
-    coordinates = Coordinates(basis, taken, heat_basis, heat_taken, given.steady, given.heating)
-    mass, capacity = _congruent(given.mass, basis), _congruent(given.heat_capacity, heat_basis)
-    springs = _factored(_congruent(given.stiffness, basis), "stiffness")
-    conductors = _factored(_congruent(given.conductance, heat_basis), "conductance")
-    coupling = product(product(basis.T, given.coupling), heat_basis)
-    even = np.ones(given.heat_capacity.shape[0]) if given.even_rise is None else given.even_rise
-    uniform = product(heat_taken, even)
+    coordinates = Coordinates(basis, projection, heat_basis, heat_projection, matrices.steady, matrices.heating)
+    mass, capacity = _congruent(matrices.mass, basis), _congruent(matrices.heat_capacity, heat_basis)
+    springs = _factored(_congruent(matrices.stiffness, basis), "stiffness")
+    conductors = _factored(_congruent(matrices.conductance, heat_basis), "conductance")
+    coupling = product(product(basis.T, matrices.coupling), heat_basis)
+    even = np.ones(matrices.heat_capacity.shape[0]) if matrices.even_rise is None else matrices.even_rise
+    uniform = product(heat_projection, even)
     return Matrices(
         mass=mass,
         springs=np.ones(springs.deformation.shape[0]),
@@ -121,10 +121,10 @@ def structure_from_matrices(given: GivenMatrices) -> Matrices:
         difference=conductors.deformation,
         content=product(capacity, uniform),
         grounded=product(conductors.deformation, uniform),
-        damping=given.damping,
-        damper=None if given.damper is None else _congruent(given.damper, basis),
-        load=_elsewhere(given.load, basis),
-        tangent=None if given.tangent is None else product(basis.T, given.tangent),
+        damping=matrices.damping,
+        damper=None if matrices.damper is None else _congruent(matrices.damper, basis),
+        load=_elsewhere(matrices.load, basis),
+        tangent=None if matrices.tangent is None else product(basis.T, matrices.tangent),
         coordinates=coordinates,
     )
 
@@ -133,10 +133,10 @@ def _elsewhere(load: Array | None, basis: Array) -> Array | None:
     """Return the direction of a load in the structure's coordinates, ``None`` where it is that of the contact."""
     if load is None:
         return None
-    found = product(basis.T, load)
-    tip = np.zeros(found.size)
+    direction = product(basis.T, load)
+    tip = np.zeros(direction.size)
     tip[-1] = 1.0
-    return None if np.abs(found - tip).max() <= _UNBALANCED * np.abs(found).max() else found
+    return None if np.abs(direction - tip).max() <= _UNBALANCED * np.abs(direction).max() else direction
 
 
 class Forms(NamedTuple):
@@ -177,49 +177,49 @@ def structure_of_forms(forms: Forms, damping: Rayleigh) -> Matrices:
     )
 
 
-def _kept(inertia: Array, stiffness: Array, contact: Array, *names: str) -> tuple[Array, Array]:
-    """Return what leads from the coordinates that are kept, the tip last, to those given, and what leads there.
+def _contact_last(inertia: Array, stiffness: Array, contact: Array, *names: str) -> tuple[Array, Array]:
+    """Return the basis E and the projection onto its coordinates: those with inertia, the contact last.
 
-    Shapes ``(given, kept)`` and ``(kept, given)``.
+    Shapes ``(given, own)`` and ``(own, given)``; given = E own.
     """
-    kept, loose, null = _without_inertia(inertia, names[0])
+    inertial, loose, null = _without_inertia(inertia, names[0])
     share = product(contact, null)
     if np.abs(share).max(initial=0.0) > _UNBALANCED * np.abs(contact).max():
         raise UnusableMatricesError(
             f"the contact moves without {names[0].replace('_', ' ')}: there is no impact law for it",
             "choose a degree of freedom that has some",
         )
-    own = contact[kept]
+    own = contact[inertial]
     tip = int(np.argmax(np.abs(own)))
-    others = np.delete(np.arange(kept.size), tip)
-    into = np.zeros((inertia.shape[0], kept.size))
-    into[kept[others], np.arange(kept.size - 1)] = 1.0
-    into[kept[tip], :-1] = -own[others] / own[tip]
-    into[kept[tip], -1] = 1.0 / own[tip]
-    taken = np.zeros((kept.size, inertia.shape[0]))
-    taken[np.arange(kept.size - 1), kept[others]] = 1.0
-    taken[:-1, loose] = -null[kept[others]]
-    taken[-1] = contact
+    others = np.delete(np.arange(inertial.size), tip)
+    into = np.zeros((inertia.shape[0], inertial.size))
+    into[inertial[others], np.arange(inertial.size - 1)] = 1.0
+    into[inertial[tip], :-1] = -own[others] / own[tip]
+    into[inertial[tip], -1] = 1.0 / own[tip]
+    projection = np.zeros((inertial.size, inertia.shape[0]))
+    projection[np.arange(inertial.size - 1), inertial[others]] = 1.0
+    projection[:-1, loose] = -null[inertial[others]]
+    projection[-1] = contact
     if loose.size:
         into += product(null, _following(stiffness, null, into, names[1]))
-    return into, taken
+    return into, projection
 
 
 def _without_inertia(inertia: Array, name: str) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
-    """Return the coordinates that are kept, the others, and the motions without inertia, ``(given, other)``.
+    """Return the coordinates with inertia, the others, and the motions without inertia, ``(given, other)``.
 
     A motion without inertia has 1 in one of the others, 0 in the rest of them. Mostly it is nothing else, with a row of
     zeros in M; the incompatible modes of an element may share a mass, however, and then it is a difference of theirs.
     """
-    found, _ = _pivots(inertia, name)
-    rank = found.upper.shape[0]
-    kept, loose = np.sort(found.order[:rank]), found.order[rank:]
+    factor, _ = _pivots(inertia, name)
+    rank = factor.upper.shape[0]
+    inertial, loose = np.sort(factor.order[:rank]), factor.order[rank:]
     null = np.zeros((inertia.shape[0], loose.size))
-    null[found.order[:rank]] = -_solved_upper(found.upper[:, :rank], found.upper[:, rank:])
+    null[factor.order[:rank]] = -_solved_upper(factor.upper[:, :rank], factor.upper[:, rank:])
     scale = _scale(inertia)
     null *= scale[loose] / scale[:, None]
     null[loose, np.arange(loose.size)] = 1.0
-    return kept, loose, null
+    return inertial, loose, null
 
 
 def _solved_upper(upper: Array, right: Array) -> Array:
@@ -258,10 +258,10 @@ def _factored(matrix: Array, name: str) -> _Part:
     UnusableMatricesError
         The matrix is indefinite.
     """
-    found, scale = _pivots(matrix, name)
-    deformation = np.zeros_like(found.upper)
-    deformation[:, found.order] = found.upper
-    return _Part(deformation * scale, found.order)
+    factor, scale = _pivots(matrix, name)
+    deformation = np.zeros_like(factor.upper)
+    deformation[:, factor.order] = factor.upper
+    return _Part(deformation * scale, factor.order)
 
 
 def _scale(matrix: Array) -> Array:
@@ -273,12 +273,12 @@ def _pivots(matrix: Array, name: str) -> tuple[semidefinite.Factor, Array]:
     """Return the factor of a matrix scaled to a diagonal of ones, and the scale, ``(coordinate,)``."""
     scale = _scale(matrix)
     least = 10 * matrix.shape[0] * np.finfo(float).eps  # rounding of assembled entries, after numpy's matrix_rank
-    found = _pivoted(matrix / scale / scale[:, None], least)
-    if not found.rest <= _INDEFINITE * least:
+    factor = _pivoted(matrix / scale / scale[:, None], least)
+    if not factor.rest <= _INDEFINITE * least:
         raise UnusableMatricesError(
             f"{name} is not positive semi-definite", "check signs and that it was assembled in full"
         )
-    return found, scale
+    return factor, scale
 
 
 def _pivoted(matrix: Array, least: float) -> semidefinite.Factor:

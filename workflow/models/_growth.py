@@ -1,6 +1,6 @@
 """Growth rate of a tip in permanent contact: the rightmost eigenvalue of the contact-closed system.
 
-Of up to 300 states all eigenvalues are found. Of more, the eigenvalues of a part of the modes are approximations,
+Of up to 300 states all eigenvalues are computed. Of more, the eigenvalues of a part of the modes are approximations,
 and those that could be the rightmost are improved as roots of the characteristic function of the whole structure
 (:mod:`workflow.models._characteristic`): what is returned is an eigenvalue of the structure itself.
 """
@@ -96,7 +96,7 @@ class InContact:
     system
         The contact-closed system whose characteristic function counts.
     trials
-        What approximate eigenvalues are taken from.
+        Parts of the structure whose eigenvalues approximate those of the whole.
     sliding
         The system with what friction drives beside, where there is a direction of it.
     """
@@ -152,17 +152,17 @@ def growth(prepared: InContact, alpha: float, friction: float = 0.0) -> Growth:
         poles = system.poles()
         return Growth(max(float(poles.real.max()), rigid) + 0.0, _UNCERTAIN * float(magnitudes(poles).max()))
     alone = len(prepared.trials) == 1
-    found = [_rightmost(system, trial, alpha, alone) for trial in prepared.trials]
-    rate, last, _ = max(found, key=lambda one: -np.inf if np.isnan(one[0]) else one[0])
-    largest = max(largest for _, _, largest in found)
+    outcomes = [_rightmost(system, trial, alpha, alone) for trial in prepared.trials]
+    rate, last, _ = max(outcomes, key=lambda one: -np.inf if np.isnan(one[0]) else one[0])
+    largest = max(largest for _, _, largest in outcomes)
     return Growth(rate if np.isnan(rate) else max(rate, rigid), max(_UNCERTAIN * largest, last))
 
 
 def _of_all(system: ContactClosed, alpha: float, friction: float = 0.0) -> Growth:
     """Return the growth rate where damping or friction couples the modes, from all eigenvalues, not improved."""
-    found = eigenvalues(system.matrix(alpha, friction))
-    largest = float(magnitudes(found).max(initial=0.0))
-    rate = max(float(found.real.max(initial=-np.inf)), 0.0 if system.has_rigid else -np.inf)
+    spectrum = eigenvalues(system.matrix(alpha, friction))
+    largest = float(magnitudes(spectrum).max(initial=0.0))
+    rate = max(float(spectrum.real.max(initial=-np.inf)), 0.0 if system.has_rigid else -np.inf)
     return Growth(rate, _UNCERTAIN * largest)
 
 
@@ -171,22 +171,22 @@ def _rightmost(system: ContactClosed, trial: _Trial, alpha: float, alone: bool) 
 
     NaN where it did not converge; where the trial is not ``alone``, where none did.
     """
-    found, reach, known = _approximate(trial, alpha)
+    approximate, reach, is_exact = _approximate(trial, alpha)
     poles = np.concatenate([trial.part.poles(), trial.others])
-    largest = float(max(magnitudes(found).max(), magnitudes(poles).max()))
-    wanted = min(_IMPROVED if alone else _IMPROVED_OF_A_LONG_CHAIN, found.size)
+    largest = float(max(magnitudes(approximate).max(), magnitudes(poles).max()))
+    count = min(_IMPROVED if alone else _IMPROVED_OF_A_LONG_CHAIN, approximate.size)
     if trial.missing.size and poles.size <= _ALL_IMPROVED and not _is_weak(trial, alpha):
-        wanted = found.size
+        count = approximate.size
     while True:
-        roots, left = _improved(system, alpha, poles, found, wanted)
+        roots, left = _improved(system, alpha, poles, approximate, count)
         converged = left <= np.maximum(_CONVERGED * magnitudes(roots), _UNCERTAIN * largest)
-        values = np.where(converged, roots.real, found[:wanted].real if alone else -np.inf)
+        values = np.where(converged, roots.real, approximate[:count].real if alone else -np.inf)
         best = int(np.argmax(values))
-        if wanted == found.size or values[best] >= reach[wanted]:
+        if count == approximate.size or values[best] >= reach[count]:
             break
-        wanted = min(2 * wanted, found.size)
+        count = min(2 * count, approximate.size)
     if not converged[best]:
-        return (float(values[best]) if known else np.nan), 0.0, largest
+        return (float(values[best]) if is_exact else np.nan), 0.0, largest
     scale = magnitudes(poles)
     is_zero = abs(values[best]) <= _ZERO * scale[scale > 0].min(initial=largest)
     return 0.0 if is_zero else float(values[best]), float(left[best]), largest
@@ -205,7 +205,7 @@ def _approximate(trial: _Trial, alpha: float) -> tuple[Complexes, Array, bool]:
     The one that may lie furthest comes first. Where the eigenvalue solver does not converge all start at first order.
     An eigenvalue of the part may lie further right by what the part lacks, to first order at the pole nearest to it.
     """
-    others, known = _first_order(trial.others, trial.first_orders, alpha), trial.is_all
+    others, is_exact = _first_order(trial.others, trial.first_orders, alpha), trial.is_all
     try:
         computed = eigenvalues(trial.part.matrix(alpha))
         reach = computed.real
@@ -215,17 +215,17 @@ def _approximate(trial: _Trial, alpha: float) -> tuple[Complexes, Array, bool]:
             reach = reach + magnitudes(_limited(alpha * trial.missing, poles)[nearest])
     except np.linalg.LinAlgError:
         computed, reach = _first_order(trial.part.poles(), trial.part.first_orders(), alpha)
-        known = False
-    found, reach = np.concatenate([computed, others[0]]), np.concatenate([reach, others[1]])
+        is_exact = False
+    approximate, reach = np.concatenate([computed, others[0]]), np.concatenate([reach, others[1]])
     order = np.argsort(-reach, kind="stable")
-    return found[order], reach[order], known
+    return approximate[order], reach[order], is_exact
 
 
 def _first_order(poles: Complexes, orders: Complexes, alpha: float) -> tuple[Complexes, Array]:
     """Return where the first order in α puts the eigenvalues of some poles, and how far to the right they may lie."""
     step = _limited(alpha * orders, poles)
-    found = poles + step
-    return found, found.real + magnitudes(step)
+    approximate = poles + step
+    return approximate, approximate.real + magnitudes(step)
 
 
 def _limited(steps: Complexes, poles: Complexes) -> Complexes:
@@ -235,17 +235,17 @@ def _limited(steps: Complexes, poles: Complexes) -> Complexes:
 
 
 def _improved(
-    system: ContactClosed, alpha: float, poles: Complexes, found: Complexes, wanted: int
+    system: ContactClosed, alpha: float, poles: Complexes, approximate: Complexes, count: int
 ) -> tuple[Complexes, Array]:
-    """Return the first ``wanted`` eigenvalues improved on the whole structure, and the last step of each."""
-    roots = found.copy()
-    real = np.flatnonzero(found.imag == 0)
-    roots.imag[real] = _APART * magnitudes(found[real]) * np.where(real % 2, 1.0, -1.0)
+    """Return the first ``count`` approximate eigenvalues improved on the whole structure, and the last step of each."""
+    roots = approximate.copy()
+    real = np.flatnonzero(approximate.imag == 0)
+    roots.imag[real] = _APART * magnitudes(approximate[real]) * np.where(real % 2, 1.0, -1.0)
     is_chain = system.lumps.shape[1] > 0
     arrays = (system.lumps,) * 3 if is_chain else (system.modes, system.heat, system.coupling)
     damping = (system.mass_damping, system.stiffness_damping)
-    left = improve(alpha, arrays, is_chain, damping, poles, roots, wanted)
-    return roots[:wanted], left
+    left = improve(alpha, arrays, is_chain, damping, poles, roots, count)
+    return roots[:count], left
 
 
 def growth_rate(structure: Structure, alpha: float, friction: float = 0.0) -> float:

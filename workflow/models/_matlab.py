@@ -47,7 +47,7 @@ def read(place: Path) -> dict[str, Any]:
                 ):
                     raise too_large(name, shape)
                 names += [name] if kind in _KINDS else []
-            found = loadmat(place, variable_names=names, appendmat=False, spmatrix=False)
+            variables = loadmat(place, variable_names=names, appendmat=False, spmatrix=False)
     except NotImplementedError:
         raise refuse(f"`{place.name}` is of version 7.3 (HDF5)", "save it with -v7") from None
     except (
@@ -63,7 +63,7 @@ def read(place: Path) -> dict[str, Any]:
     ) as error:
         reason = " ".join(str(error).split())[:100]
         raise refuse(f"`{place.name}` is damaged: {reason}", "save it anew, with -v7") from None
-    return {name: _plain(name, found[name]) for name in names if name in found}
+    return {name: _plain(name, variables[name]) for name in names if name in variables}
 
 
 _KINDS = (

@@ -66,21 +66,21 @@ def square(name: str, value: Any, size: int | None = None) -> Any:
 
 def vector(name: str, value: Any, size: int) -> Array:
     """Return a vector with an entry per degree of freedom."""
-    found = dense(name, value)
-    if found.size != size or found.ndim > 2 or (found.ndim == 2 and 1 not in found.shape):
-        raise refuse(f"`{name}` has the shape {found.shape}", f"it must have {size} entries, as the matrices have rows")
-    return found.ravel()
+    array = dense(name, value)
+    if array.size != size or array.ndim > 2 or (array.ndim == 2 and 1 not in array.shape):
+        raise refuse(f"`{name}` has the shape {array.shape}", f"it must have {size} entries, as the matrices have rows")
+    return array.ravel()
 
 
 def texts(name: str, value: Any, size: int) -> tuple[str, ...]:
     """Return labels, one per degree of freedom, all different."""
-    found = tuple(str(text).strip() for text in np.asarray(value).astype(str).ravel())
-    if len(found) != size:
-        raise refuse(f"`{name}` has {len(found)} labels", f"write {size}, as the matrices have rows")
-    if len(set(found)) < size:
-        twice = next(label for label in found if found.count(label) > 1)
+    labels = tuple(str(text).strip() for text in np.asarray(value).astype(str).ravel())
+    if len(labels) != size:
+        raise refuse(f"`{name}` has {len(labels)} labels", f"write {size}, as the matrices have rows")
+    if len(set(labels)) < size:
+        twice = next(label for label in labels if labels.count(label) > 1)
         raise refuse(f"`{name}` has {twice[:40]!r} twice", "name each degree of freedom once")
-    return found
+    return labels
 
 
 def direction(chosen: str | int | None, name: str, entries: Entries, labels: Sequence[str], size: int) -> Array:
@@ -91,7 +91,7 @@ def direction(chosen: str | int | None, name: str, entries: Entries, labels: Seq
     chosen
         As the study has it; ``None`` stands for the entry ``name`` of the file, which may be an index or a label too.
     name
-        What is looked for.
+        Entry to read: ``contact``, ``thermal_contact`` or ``tangent``.
     entries, labels
         Of the file.
     size
@@ -113,25 +113,25 @@ def direction(chosen: str | int | None, name: str, entries: Entries, labels: Seq
             return _nonzero(chosen, vector(chosen, entries[chosen], size))
         else:
             raise refuse(
-                f"`{name}: {chosen}` is neither a label nor a vector of the file", _known(entries, labels, size)
+                f"`{name}: {chosen}` is neither a label nor a vector of the file", _remedy(entries, labels, size)
             )
     if not 0 <= chosen < size:
         raise refuse(f"`{name}: {chosen}` is no index", f"write one from 0 to {size - 1}")
-    found = np.zeros(size)
-    found[chosen] = 1.0
-    return found
+    unit = np.zeros(size)
+    unit[chosen] = 1.0
+    return unit
 
 
-def _known(entries: Entries, labels: Sequence[str], size: int) -> str:
+def _remedy(entries: Entries, labels: Sequence[str], size: int) -> str:
     vectors = [name for name in entries if name not in (*MATRICES, *LABELS)]
     some = [f"`{text}`" for text in (*vectors, *labels[:5])]
     return f"write {', '.join(some)}{', …' if len(labels) > 5 else ''} or an index from 0 to {size - 1}"
 
 
-def _nonzero(name: str, found: Array) -> Array:
-    if not np.any(found):
+def _nonzero(name: str, values: Array) -> Array:
+    if not np.any(values):
         raise refuse(f"`{name}` is zero everywhere", "write what it acts on")
-    return found
+    return values
 
 
 def in_si(entries: Entries, units: str) -> dict[str, Any]:
@@ -149,7 +149,7 @@ class Chosen(NamedTuple):
     tangent: str | int | None = None
 
 
-def given_matrices(entries: Entries, chosen: Chosen, damping: Rayleigh) -> GivenMatrices:
+def checked_matrices(entries: Entries, chosen: Chosen, damping: Rayleigh) -> GivenMatrices:
     """Return the matrices of checked entries in SI.
 
     Raises

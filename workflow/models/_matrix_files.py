@@ -52,10 +52,10 @@ def files_of(place: Path) -> tuple[Path, ...]:
     from workflow.models import _calculix, _directories
 
     if place.is_dir():
-        found = _directories.parts(place)
-        if not found:
+        files = _directories.parts(place)
+        if not files:
             raise ValueError("it holds no file that is read, such as mass.mtx")
-        return found
+        return files
     if place.suffix.lower() not in _calculix.BESIDE:
         return (place,)
     several = tuple(place.with_suffix(suffix) for suffix in _calculix.BESIDE)
@@ -111,11 +111,11 @@ def checked_sparse(name: str, matrix: Any) -> Any:
 _SPARSE = ("data", "indices", "indptr", "shape", "row", "col", "format")
 
 
-def combined(found: Entries) -> dict[str, Any]:
+def combined(entries: Entries) -> dict[str, Any]:
     """Return entries with the parts of sparse matrices, ``mass.data`` and so on, put together."""
     whole: dict[str, Any] = {}
     parts: dict[str, dict[str, Any]] = {}
-    for key, value in found.items():
+    for key, value in entries.items():
         name = next(
             (name for name in MATRICES if key[: len(name)] == name and key[len(name) : len(name) + 1] in "._"), ""
         )

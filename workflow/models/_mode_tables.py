@@ -20,7 +20,7 @@ MOST_MODES = 2000
 _MOST_BYTES = 2**25
 
 
-def read_table(given: File | Rows, columns: Sequence[tuple[str, str]]) -> Array:
+def read_table(source: File | Rows, columns: Sequence[tuple[str, str]]) -> Array:
     """Return a table with a row for each mode and the columns in this order, ``(mode, column)``.
 
     The head of a CSV file names them in any order.
@@ -31,22 +31,22 @@ def read_table(given: File | Rows, columns: Sequence[tuple[str, str]]) -> Array:
         A column is missing, unknown or twice, or a value is no number.
     """
     names = [name for name, _ in columns]
-    if not isinstance(given, File):
-        table = _table("the table", given)
+    if not isinstance(source, File):
+        table = _table("the table", source)
         if table.shape[1] != len(names):
             raise UnusableMatricesError("the table has a different number of columns", f"write {', '.join(names)}")
         return table
-    head, *lines = _lines(given)
-    found = [word.strip() for word in head]
-    if sorted(found) != sorted(names):
+    head, *lines = _lines(source)
+    headings = [word.strip() for word in head]
+    if sorted(headings) != sorted(names):
         raise UnusableMatricesError(
-            f"`{given.name}` has the columns {', '.join(found)[:80]}", f"write {', '.join(names)}"
+            f"`{source.name}` has the columns {', '.join(headings)[:80]}", f"write {', '.join(names)}"
         )
-    order = [found.index(name) for name in names]
-    return _shaken(given, _table(f"`{given.name}`", _numbers(given, lines))[:, order])
+    order = [headings.index(name) for name in names]
+    return _shaken(source, _table(f"`{source.name}`", _numbers(source, lines))[:, order])
 
 
-def read_matrix(given: File | Rows, shape: tuple[int, int]) -> Array:
+def read_matrix(source: File | Rows, shape: tuple[int, int]) -> Array:
     """Return a matrix of numbers from a CSV file without a head, or from rows.
 
     Raises
@@ -54,12 +54,12 @@ def read_matrix(given: File | Rows, shape: tuple[int, int]) -> Array:
     UnusableMatricesError
         It has another shape.
     """
-    name = f"`{given.name}`" if isinstance(given, File) else "the coupling"
-    matrix = _table(name, _numbers(given, _lines(given)) if isinstance(given, File) else given)
+    name = f"`{source.name}`" if isinstance(source, File) else "the coupling"
+    matrix = _table(name, _numbers(source, _lines(source)) if isinstance(source, File) else source)
     if matrix.shape != shape:
         remedy = f"write {shape[0]}, one for each mode, of {shape[1]} numbers, one for each thermal mode"
         raise UnusableMatricesError(f"{name} has {matrix.shape[0]} rows of {matrix.shape[1]}", remedy)
-    return _shaken(given, matrix) if isinstance(given, File) else matrix
+    return _shaken(source, matrix) if isinstance(source, File) else matrix
 
 
 def _shaken(file: File, table: Array) -> Array:

@@ -31,12 +31,12 @@ def read(place: Path) -> dict[str, Any]:
             entries = [entry for entry in archive.infolist() if entry.filename.endswith(".npy")]
             if len(entries) > _MOST_ENTRIES:
                 raise refuse(f"it has {len(entries)} entries", f"write at most {_MOST_ENTRIES}")
-            found, room = {}, MOST_BYTES
+            arrays, room = {}, MOST_BYTES
             for entry in entries:
                 array = _array(archive, entry, room)
                 room -= array.nbytes
-                found[entry.filename.removesuffix(".npy")] = array
-            return found
+                arrays[entry.filename.removesuffix(".npy")] = array
+            return arrays
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, OSError) as error:
         raise refuse(f"it is no NPZ file, or damaged: {error}", "write it anew, with numpy.savez") from None
 

@@ -49,7 +49,7 @@ def read(place: Path) -> dict[str, Any]:
         for name, shape in zip(*op4.OP4().dir(str(place), verbose=False)[:2], strict=True):
             if max(map(abs, shape)) > MOST_COORDINATES:
                 raise too_large(name, shape)
-        found = op4.OP4().dctload(str(place), sparse=True)
+        matrices = op4.OP4().dctload(str(place), sparse=True)
     except (
         ArithmeticError,
         ValueError,
@@ -62,7 +62,7 @@ def read(place: Path) -> dict[str, Any]:
     ) as error:
         raise refuse(f"`{place.name}` is damaged: {' '.join(str(error).split())[:100]}", "write it anew") from None
     entries = {}
-    for name, value in found.items():
+    for name, value in matrices.items():
         matrix = checked_sparse(name, value[0])
         stands_for = _entry_of(name)
         entries[stands_for] = matrix.toarray() if stands_for in VECTORS else matrix
@@ -72,5 +72,5 @@ def read(place: Path) -> dict[str, Any]:
 def _entry_of(name: str) -> str:
     """Return the entry that a name of up to eight characters stands for, itself if none."""
     short = name.strip().lower()
-    known = [entry for entry in (*MATRICES, *VECTORS) if entry[:_LONGEST_NAME] == short]
-    return known[0] if known else _NASTRAN.get(short, short)
+    matching = [entry for entry in (*MATRICES, *VECTORS) if entry[:_LONGEST_NAME] == short]
+    return matching[0] if matching else _NASTRAN.get(short, short)

@@ -54,13 +54,13 @@ class Path:
     def pivots(self) -> Array:
         """Return the pivots of the elimination from the tip to the root, ``(n,)``."""
         ground, joint = self.ground.tolist(), self.joint.tolist()
-        found = [0.0] * self.size
+        pivots = [0.0] * self.size
         beyond = 0.0
         for i in range(self.size - 1, -1, -1):
             own = ground[i] + beyond
-            found[i] = joint[i] + own
-            beyond = joint[i] * own / found[i] if found[i] > 0 else 0.0
-        return np.array(found)
+            pivots[i] = joint[i] + own
+            beyond = joint[i] * own / pivots[i] if pivots[i] > 0 else 0.0
+        return np.array(pivots)
 
     def unit_tip(self) -> tuple[Array, Array]:
         """Return u with u_n = 1 and (A u)_i = 0 at all other nodes, and u_i - u_{i-1}; both ``(n,)``.
@@ -70,17 +70,17 @@ class Path:
         joints keep their digits, and are exactly zero where nothing but the tip holds the nodes before.
         """
         ground, joint = self.ground.tolist(), self.joint.tolist()
-        kept, strained = [0.0] * self.size, [1.0] * self.size  # u_{i-1}/u_i and (u_i - u_{i-1})/u_i
+        ratios, strained = [0.0] * self.size, [1.0] * self.size  # u_{i-1}/u_i and (u_i - u_{i-1})/u_i
         below = ground[0] + joint[0]
         for i in range(1, self.size):
             total = joint[i] + below
-            kept[i], strained[i] = (joint[i] / total, below / total) if joint[i] > 0 else (0.0, 1.0)
+            ratios[i], strained[i] = (joint[i] / total, below / total) if joint[i] > 0 else (0.0, 1.0)
             below = ground[i] + joint[i] * strained[i]
         values, differences = [1.0] * self.size, list(strained)
         for i in range(self.size - 1, -1, -1):
             differences[i] = strained[i] * values[i]
             if i:
-                values[i - 1] = kept[i] * values[i]
+                values[i - 1] = ratios[i] * values[i]
         return np.array(values), np.array(differences)
 
     def solve(self, load: Array) -> Array | None:
@@ -124,8 +124,8 @@ class Path:
         """Return s of the mode ``which`` (from 0, ascending) of A φ = s² inertia φ, as :meth:`modes` does."""
         chosen = (self.size + which, self.size + which)
         ends = np.zeros(2 * self.size), self._alternating(inertia)
-        found = _tridiagonal(*ends, eigvals_only=True, select="i", select_range=chosen)
-        return max(float(found[0]), 0.0)
+        roots = _tridiagonal(*ends, eigvals_only=True, select="i", select_range=chosen)
+        return max(float(roots[0]), 0.0)
 
     def modes(self, inertia: Array, first: int, last: int) -> Modes:
         """Return the modes ``first`` to ``last`` (from 0, ascending) of A φ = s² inertia φ.

@@ -23,15 +23,17 @@ ROUNDED = float(np.finfo(float).eps)
 
 def shaken(entries: Entries, share: float) -> dict[str, Any]:
     """Return entries of a file with matrices and vectors changed by a share, of either sign; labels as they are."""
-    found = dict(entries)
+    changed = dict(entries)
     for k, name in enumerate(MATRICES):
-        if name in found:
+        if name in changed:
             own = share if k % 2 == 0 else -share
-            found[name] = _changed(found[name], 1 + own, float(np.copysign(ROUNDED, own)))
+            changed[name] = _changed(changed[name], 1 + own, float(np.copysign(ROUNDED, own)))
     for name in VECTORS:
-        if name in found and np.asarray(found[name]).dtype.kind == "f":
-            found[name] = found[name] * (1 + share * _signs(np.size(found[name])).reshape(np.shape(found[name])))
-    return found
+        if name in changed and np.asarray(changed[name]).dtype.kind == "f":
+            changed[name] = changed[name] * (
+                1 + share * _signs(np.size(changed[name])).reshape(np.shape(changed[name]))
+            )
+    return changed
 
 
 def _changed(matrix: Any, factor: float, rounded: float) -> Any:

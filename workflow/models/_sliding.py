@@ -34,11 +34,11 @@ class CriticalFriction(NamedTuple):
 
 def directions(structure: Structure, friction: Array) -> Array:
     """Return e_n - µ t for each friction coefficient µ ``(case,)``, ``(case, mechanical)``."""
-    found = np.zeros((friction.size, structure.mechanical_size))
-    found[:, -1] = 1.0
+    vectors = np.zeros((friction.size, structure.mechanical_size))
+    vectors[:, -1] = 1.0
     if structure.tangent is not None:
-        found -= friction[:, None] * structure.tangent
-    return found
+        vectors -= friction[:, None] * structure.tangent
+    return vectors
 
 
 def static_share(structure: Structure) -> float:

@@ -105,8 +105,8 @@ class Sparse(Structure):
             tangent=self.tangent,
         )
         damper = None if self.damper is None else self.damper.toarray()
-        found = structure_of_forms(forms, self.damping)
-        return replace(found, load=self.load, damper=damper, coordinates=self.coordinates)
+        matrices = structure_of_forms(forms, self.damping)
+        return replace(matrices, load=self.load, damper=damper, coordinates=self.coordinates)
 
     def matrices(self) -> Matrices:
         """Return the same structure by its dense matrices.

@@ -32,7 +32,7 @@ MOST_SHARES = 300
 """Degrees of freedom that a contact acts on: as many rows of the matrices are mixed with each other."""
 
 
-def structure_from_sparse(given: GivenMatrices) -> Matrices | Sparse:
+def structure_from_sparse(matrices: GivenMatrices) -> Matrices | Sparse:
     """Return the structure of sparse matrices, by dense ones where it is small and not held, or has massless parts.
 
     Raises
@@ -40,22 +40,22 @@ def structure_from_sparse(given: GivenMatrices) -> Matrices | Sparse:
     UnusableMatricesError
         They are no structure, or a large one that is not held.
     """
-    size = max(given.mass.shape[0], given.heat_capacity.shape[0])
+    size = max(matrices.mass.shape[0], matrices.heat_capacity.shape[0])
     is_small = size <= MOST_NODES_WITH_MATRICES
-    if is_small and (given.damper is not None or given.load is not None):
-        return structure_from_matrices(dense_matrices(given))
-    if is_small and not (_is_definite(given.mass) and _is_definite(given.heat_capacity)):
-        return structure_from_matrices(dense_matrices(given))
+    if is_small and (matrices.damper is not None or matrices.load is not None):
+        return structure_from_matrices(dense_matrices(matrices))
+    if is_small and not (_is_definite(matrices.mass) and _is_definite(matrices.heat_capacity)):
+        return structure_from_matrices(dense_matrices(matrices))
     try:
         with threadpool_limits(limits=1, user_api="blas"):  # the same bits whoever factorises
-            return _sparse_structure(given)
+            return _sparse_structure(matrices)
     except NotHeldError as error:
         if not is_small:
             raise UnusableMatricesError(
                 f"a structure of {size} degrees of freedom must be held and have definite matrices: {error}",
                 "hold it, or check signs and that it was assembled in full",
             ) from None
-        return structure_from_matrices(dense_matrices(given))
+        return structure_from_matrices(dense_matrices(matrices))
 
 
 def _is_definite(inertia: Any) -> bool:
@@ -71,37 +71,37 @@ def _is_definite(inertia: Any) -> bool:
         return False
 
 
-def dense_matrices(given: GivenMatrices) -> GivenMatrices:
+def dense_matrices(matrices: GivenMatrices) -> GivenMatrices:
     """Return matrices as dense arrays."""
-    values = {each.name: getattr(given, each.name) for each in fields(given)}
-    return replace(given, **{name: value.toarray() for name, value in values.items() if issparse(value)})
+    values = {each.name: getattr(matrices, each.name) for each in fields(matrices)}
+    return replace(matrices, **{name: value.toarray() for name, value in values.items() if issparse(value)})
 
 
-def _sparse_structure(given: GivenMatrices) -> Sparse:
-    basis, taken = _tip_last(given.contact, "contact")
-    heat_basis, heat_taken = _tip_last(given.thermal_contact, "thermal_contact")
-    mechanical = SparsePair(_congruent(given.stiffness, basis), _congruent(given.mass, basis))
-    thermal = SparsePair(_congruent(given.conductance, heat_basis), _congruent(given.heat_capacity, heat_basis))
+def _sparse_structure(matrices: GivenMatrices) -> Sparse:
+    basis, projection = _tip_last(matrices.contact, "contact")
+    heat_basis, heat_projection = _tip_last(matrices.thermal_contact, "thermal_contact")
+    mechanical = SparsePair(_congruent(matrices.stiffness, basis), _congruent(matrices.mass, basis))
+    thermal = SparsePair(_congruent(matrices.conductance, heat_basis), _congruent(matrices.heat_capacity, heat_basis))
     for pair, kind in ((mechanical, "displacements"), (thermal, "temperatures")):
         fault = pair.fault()
         if fault is not None:
             raise NotHeldError(f"{fault}, among {kind}")
     if mechanical.tip_stiffness == 0:
         raise NotHeldError("nothing holds the part that the contact acts on")
-    damping, damper = given.damping, None
-    if given.damper is not None:
-        damper = _congruent(given.damper, basis)
-        found = _as_rayleigh(damper, mechanical)
-        damping, damper = (damping, damper) if found is None else (found, None)
+    damping, damper = matrices.damping, None
+    if matrices.damper is not None:
+        damper = _congruent(matrices.damper, basis)
+        rayleigh = _as_rayleigh(damper, mechanical)
+        damping, damper = (damping, damper) if rayleigh is None else (rayleigh, None)
     return Sparse(
         mechanical=mechanical,
         thermal=thermal,
-        coupling=csc_array(basis.T @ csc_array(given.coupling) @ heat_basis),
-        tangent=None if given.tangent is None else np.asarray(basis.T @ given.tangent),
+        coupling=csc_array(basis.T @ csc_array(matrices.coupling) @ heat_basis),
+        tangent=None if matrices.tangent is None else np.asarray(basis.T @ matrices.tangent),
         damping=damping,
-        load=None if given.load is None else np.asarray(basis.T @ given.load),
+        load=None if matrices.load is None else np.asarray(basis.T @ matrices.load),
         damper=damper,
-        coordinates=Coordinates(basis, taken, heat_basis, heat_taken, given.steady, given.heating),
+        coordinates=Coordinates(basis, projection, heat_basis, heat_projection, matrices.steady, matrices.heating),
     )
 
 
@@ -138,13 +138,13 @@ def _tip_last(contact: Array, name: str) -> tuple[csr_array, csr_array]:
     basis = csr_array(coo_array((values, (rows, columns)), shape=(size, size)))
     rows = np.concatenate([place[others], np.full(shares.size, size - 1)])
     values = np.concatenate([np.ones(size - 1), contact[shares]])
-    taken = csr_array(coo_array((values, (rows, np.concatenate([others, shares]))), shape=(size, size)))
-    return basis, taken
+    projection = csr_array(coo_array((values, (rows, np.concatenate([others, shares]))), shape=(size, size)))
+    return basis, projection
 
 
 def _congruent(matrix: Any, basis: csr_array) -> csc_array:
     """Return basisᵀ · matrix · basis, symmetric to the bit."""
-    found = csc_array(basis.T @ csc_array(matrix) @ basis)
-    found = csc_array((found + found.T) / 2)
-    found.sort_indices()
-    return found
+    transformed = csc_array(basis.T @ csc_array(matrix) @ basis)
+    transformed = csc_array((transformed + transformed.T) / 2)
+    transformed.sort_indices()
+    return transformed

@@ -84,8 +84,8 @@ class SparsePair:
     def tip_stiffness(self) -> float:
         """σ = 1/(e_nᵀ K⁻¹ e_n); exactly 0 where the tip moves freely."""
         own = float(self.stiffness[-1, -1])
-        found = float(self.stiffness[[-1], :].toarray()[0] @ self.constraint)
-        return found if found > _RIGID * own else 0.0
+        stiffness = float(self.stiffness[[-1], :].toarray()[0] @ self.constraint)
+        return stiffness if stiffness > _RIGID * own else 0.0
 
     @property
     def forces_of_constraint(self) -> Array:
@@ -96,9 +96,9 @@ class SparsePair:
 
     def answer_held(self, loads: Array) -> Array:
         """Return K⁻¹ f with the tip held, ``(coordinate, …)``."""
-        found = np.zeros_like(loads)
-        found[:-1] = self._interior(loads[:-1])
-        return found
+        answer = np.zeros_like(loads)
+        answer[:-1] = self._interior(loads[:-1])
+        return answer
 
     def answer(self, loads: Array) -> Array:
         """Return K⁻¹ f, ``(coordinate, …)``.
@@ -123,9 +123,9 @@ class SparsePair:
 
     def answer_held_shifted(self, loads: Array, shift: float) -> Array:
         """Return (K + s M)⁻¹ f with the tip held, ``(coordinate,)``; a factorisation of its own."""
-        found = np.zeros_like(loads)
-        found[:-1] = factorised((self.stiffness + shift * self.inertia)[:-1, :-1])(loads[:-1])
-        return found
+        answer = np.zeros_like(loads)
+        answer[:-1] = factorised((self.stiffness + shift * self.inertia)[:-1, :-1])(loads[:-1])
+        return answer
 
     def held_modes(self, count: int) -> tuple[Array, Array]:
         """Return the lowest λ, K φ = λ M φ with the tip held, and φ, ``(coordinate, mode)``, 0 at the tip."""
@@ -150,7 +150,7 @@ class SparsePair:
         """Return about the largest eigenvalue of the pair: of the inertia lumped on its diagonal, some percent low."""
         lumped = np.asarray(abs(self.inertia).sum(axis=0))
         root = diags_array(np.where(lumped > 0, 1 / np.sqrt(np.where(lumped > 0, lumped, 1.0)), 0.0))
-        return _ends_seen(csc_array(root @ self.stiffness @ root))[1]
+        return _spectrum_ends(csc_array(root @ self.stiffness @ root))[1]
 
     def fault(self) -> str | None:
         """Return why the pair cannot be used: a tip without inertia, an indefinite matrix; or ``None``."""
@@ -159,7 +159,7 @@ class SparsePair:
         for name, matrix in (("inertia", self.inertia), ("stiffness", self.stiffness)):
             diagonal = matrix.diagonal()
             root = diags_array(1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0)))
-            if diagonal.min() < 0 or _ends_seen(csc_array(root @ matrix @ root))[0] < -_NEGATIVE:
+            if diagonal.min() < 0 or _spectrum_ends(csc_array(root @ matrix @ root))[0] < -_NEGATIVE:
                 return f"the {name} is indefinite"
         return None
 
@@ -238,7 +238,7 @@ def _check(stiffness: csc_array, inertia: csc_array, values: Array, shapes: Arra
         raise NotHeldError(f"mode {worst + 1} has a residual of {missing[worst]:.3g}, more than {allowed[worst]:.3g}")
 
 
-def _ends_seen(matrix: csc_array) -> tuple[float, float]:
+def _spectrum_ends(matrix: csc_array) -> tuple[float, float]:
     """Return the ends of the spectrum that some steps of Lanczos's iteration see: within the spectrum, and close."""
     vector = _start(matrix.shape[0])
     vector /= np.linalg.norm(vector)
@@ -254,5 +254,5 @@ def _ends_seen(matrix: csc_array) -> tuple[float, float]:
         off.append(beside)
         vector = new / beside
     beside_each = np.array(off[: len(diagonal) - 1])
-    found = np.linalg.eigvalsh(np.diag(diagonal) + np.diag(beside_each, 1) + np.diag(beside_each, -1))
-    return float(found[0]), float(found[-1])
+    ritz_values = np.linalg.eigvalsh(np.diag(diagonal) + np.diag(beside_each, 1) + np.diag(beside_each, -1))
+    return float(ritz_values[0]), float(ritz_values[-1])

@@ -67,13 +67,13 @@ def _by_modes(modes: Modes, stiffness: Array, loads: Array) -> Array:
 
 def _each(answer: Answer, loads: Array) -> Array:
     """Return the answers to loads, each distinct one that is not 0 solved once."""
-    known: dict[bytes, Array] = {}
+    solved: dict[bytes, Array] = {}
     answers = np.zeros_like(loads)
     for case in np.flatnonzero(loads.any(axis=1)):
         name = loads[case].tobytes()
-        if name not in known:
-            known[name] = answer(loads[case])
-        answers[case] = known[name]
+        if name not in solved:
+            solved[name] = answer(loads[case])
+        answers[case] = solved[name]
     return answers
 
 

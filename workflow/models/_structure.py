@@ -26,13 +26,13 @@ class Rayleigh:
 
     def of_modes(self, frequency: Array, inertia: Array | float = 1.0) -> Array:
         """Return c = a_M m + a_K ω² + 2 ζ ω m of modes with the tip free, ω in rad/s; m is 1, 0 of a static one."""
-        found = self.mass * inertia + self.stiffness * frequency**2
-        return np.asarray(found if self.ratio == 0 else found + 2 * self.ratio * frequency * inertia)
+        damping = self.mass * inertia + self.stiffness * frequency**2
+        return np.asarray(damping if self.ratio == 0 else damping + 2 * self.ratio * frequency * inertia)
 
 
 @dataclass(frozen=True, eq=False)
 class Coordinates:
-    """Coordinates that a structure was given in, where they are not its own.
+    """Coordinates of a structure's source (a file of matrices, say), where they differ from its own.
 
     Attributes
     ----------
@@ -52,8 +52,8 @@ class Coordinates:
     steady: Array
     heating: Array
 
-    def taken(self, cases: Cases) -> Cases:
-        """Return cases that are given in these coordinates in those of the structure, with its own constant loads."""
+    def transformed(self, cases: Cases) -> Cases:
+        """Return cases whose loads and states are in these coordinates in those of the structure, with its constant loads."""
         return replace(
             cases,
             steady=_brought(self.displacement_basis.T, cases.steady + self.steady),
@@ -149,7 +149,7 @@ class Structure:
         return tip
 
     @property
-    def given_sizes(self) -> tuple[int, int]:
+    def input_sizes(self) -> tuple[int, int]:
         """Numbers of displacements and temperatures of the coordinates that cases are given in."""
         if self.coordinates is None:
             return self.mechanical_size, self.thermal_size

@@ -22,7 +22,7 @@ _STRUCTURES = 4
 """Structures whose modes are kept: a study reduces one of them by many bases and counts, then the next one."""
 
 MOST_ONE_BY_ONE = 100
-"""Modes of a long chain that are found one by one: each costs a pass or two along it, and room for its shape."""
+"""Modes of a long chain that are computed one by one: each costs a pass or two along it, and room for its shape."""
 
 
 def mechanical_constraint(structure: Structure) -> tuple[Array, Array]:
@@ -62,31 +62,33 @@ def _least_squares(weights: Array, deformation: Array) -> tuple[Array, Array]:
     return shape, deformed
 
 
-def held_modes(structure: Structure, kept: int | None = None) -> Modes:
+def held_modes(structure: Structure, count: int | None = None) -> Modes:
     """Return the lowest modes with the tip held (all if not said), shapes ``(coordinate, mode)``, the tip's row 0."""
     if isinstance(structure, Sparse):
-        squares, shapes = structure.mechanical.held_modes(_few(structure.mechanical, kept))
+        squares, shapes = structure.mechanical.held_modes(_few(structure.mechanical, count))
         return Modes(np.sqrt(squares), shapes)
-    if isinstance(structure, Chain) and kept is not None and _one_by_one(structure, kept):
+    if isinstance(structure, Chain) and count is not None and _one_by_one(structure, count):
         interior, inertia = mechanical_path(structure).without_tip(), structure.masses[:-1]
-        modes = interior.modes(inertia, 0, kept - 1) if kept else Modes(np.zeros(0), np.zeros((inertia.size, 0)))
+        modes = interior.modes(inertia, 0, count - 1) if count else Modes(np.zeros(0), np.zeros((inertia.size, 0)))
     else:
         modes = _all_held(structure)
-    shapes = modes.shapes[:, :kept]
-    return Modes(modes.values[:kept], np.vstack([shapes, np.zeros(shapes.shape[1])]))
+    shapes = modes.shapes[:, :count]
+    return Modes(modes.values[:count], np.vstack([shapes, np.zeros(shapes.shape[1])]))
 
 
-def held_thermal_modes(structure: Structure, kept: int | None = None) -> Modes:
+def held_thermal_modes(structure: Structure, count: int | None = None) -> Modes:
     """Return the slowest thermal modes with the tip at 0 (all if not said), ``(coordinate, mode)``; values in 1/s."""
     if isinstance(structure, Sparse):
-        return Modes(*structure.thermal.held_modes(_few(structure.thermal, kept)))
-    if isinstance(structure, Chain) and kept is not None and _one_by_one(structure, kept):
+        return Modes(*structure.thermal.held_modes(_few(structure.thermal, count)))
+    if isinstance(structure, Chain) and count is not None and _one_by_one(structure, count):
         interior, capacities = thermal_path(structure).without_tip(), structure.heat_capacities[:-1]
-        modes = interior.modes(capacities, 0, kept - 1) if kept else Modes(np.zeros(0), np.zeros((capacities.size, 0)))
+        modes = (
+            interior.modes(capacities, 0, count - 1) if count else Modes(np.zeros(0), np.zeros((capacities.size, 0)))
+        )
     else:
         modes = _all_held_thermal(structure)
-    shapes = modes.shapes[:, :kept]
-    return Modes(modes.values[:kept] ** 2, np.vstack([shapes, np.zeros(shapes.shape[1])]))
+    shapes = modes.shapes[:, :count]
+    return Modes(modes.values[:count] ** 2, np.vstack([shapes, np.zeros(shapes.shape[1])]))
 
 
 def held_displacements(structure: Structure) -> Callable[[Array], Array]:
@@ -117,34 +119,34 @@ def held_temperatures(structure: Structure) -> Callable[[Array, float], Array]:
 
 def _solved(interior: Path, load: Array) -> Array:
     """Return the answer of the nodes before the tip, 0 at the tip, and 0 everywhere if nothing holds what is driven."""
-    found = interior.solve(load[:-1])
-    return np.zeros(load.size) if found is None else np.append(found, 0.0)
+    answer = interior.solve(load[:-1])
+    return np.zeros(load.size) if answer is None else np.append(answer, 0.0)
 
 
 def _divided(forces: Array, stiffness: Array) -> Array:
     return np.divide(forces, stiffness, out=np.zeros_like(forces), where=stiffness > 0)
 
 
-def lowest_modes(structure: Structure, kept: int) -> Modes:
+def lowest_modes(structure: Structure, count: int) -> Modes:
     """Return the lowest mechanical modes of the whole structure, the tip free, shapes ``(coordinate, mode)``."""
     if isinstance(structure, Sparse):
-        squares, shapes = structure.mechanical.modes(kept)
+        squares, shapes = structure.mechanical.modes(count)
         return Modes(np.sqrt(squares), shapes)
-    if isinstance(structure, Chain) and _one_by_one(structure, kept):
-        return mechanical_path(structure).modes(structure.masses, 0, kept - 1)
+    if isinstance(structure, Chain) and _one_by_one(structure, count):
+        return mechanical_path(structure).modes(structure.masses, 0, count - 1)
     modes = _all(structure)
-    return Modes(modes.values[:kept], modes.shapes[:, :kept])
+    return Modes(modes.values[:count], modes.shapes[:, :count])
 
 
-def slowest_modes(structure: Structure, kept: int | None = None) -> Modes:
+def slowest_modes(structure: Structure, count: int | None = None) -> Modes:
     """Return the slowest thermal modes of the whole structure (all if not said), shapes ``(coordinate, mode)``."""
     if isinstance(structure, Sparse):
-        return Modes(*structure.thermal.modes(_few(structure.thermal, kept)))
-    if isinstance(structure, Chain) and kept is not None and _one_by_one(structure, kept):
-        modes = thermal_path(structure).modes(structure.heat_capacities, 0, kept - 1)
+        return Modes(*structure.thermal.modes(_few(structure.thermal, count)))
+    if isinstance(structure, Chain) and count is not None and _one_by_one(structure, count):
+        modes = thermal_path(structure).modes(structure.heat_capacities, 0, count - 1)
         return Modes(modes.values**2, modes.shapes)
     modes = every_thermal_mode(structure)
-    return Modes(modes.values[:kept], modes.shapes[:, :kept])
+    return Modes(modes.values[:count], modes.shapes[:, :count])
 
 
 @lru_cache(maxsize=_STRUCTURES)
@@ -154,7 +156,7 @@ def _all(structure: Structure) -> Modes:
 
 @lru_cache(maxsize=_STRUCTURES)
 def every_thermal_mode(structure: Structure) -> Modes:
-    """Return all thermal modes of the whole structure, found once for a few structures."""
+    """Return all thermal modes of the whole structure, computed once for a few structures."""
     return thermal_modes(structure)
 
 
@@ -170,19 +172,19 @@ def _all_held_thermal(structure: Structure) -> Modes:
     return singular_modes(structure.heat_capacity[:-1, :-1], flow[:, :-1])
 
 
-def _few(pair: SparsePair, kept: int | None) -> int:
-    """Return how many modes are asked for.
+def _few(pair: SparsePair, count: int | None) -> int:
+    """Return how many modes are requested.
 
     Raises
     ------
     TooManyCoordinatesError
         All are.
     """
-    if kept is None:
+    if count is None:
         raise TooManyCoordinatesError(pair.size)
-    return kept
+    return count
 
 
-def _one_by_one(chain: Chain, kept: int) -> bool:
-    """Tell whether so few modes of so long a chain are asked for that each is found by passes along it."""
-    return kept <= MOST_ONE_BY_ONE + 1 and chain.mechanical_size > MOST_PORTABLE
+def _one_by_one(chain: Chain, count: int) -> bool:
+    """Tell whether so few modes of so long a chain are requested that each is computed by passes along it."""
+    return count <= MOST_ONE_BY_ONE + 1 and chain.mechanical_size > MOST_PORTABLE

@@ -10,7 +10,7 @@ from typing import Literal
 from workflow.declare import File, file, label
 from workflow.models._dense import MOST_PORTABLE
 from workflow.models._from_matrices import structure_from_matrices
-from workflow.models._matrix_entries import Chosen, given_matrices, in_si
+from workflow.models._matrix_entries import Chosen, checked_matrices, in_si
 from workflow.models._matrix_files import files_of, read_entries
 from workflow.models._shaken_entries import shaken
 from workflow.models._sparse import Sparse
@@ -65,6 +65,6 @@ def _assembled(parameters: Parameters, place: str) -> Matrices | Sparse:
     if parameters.file.shaken != 0:
         entries = shaken(entries, parameters.file.shaken)
     chosen = Chosen(parameters.contact, parameters.thermal_contact, parameters.tangent)
-    given = given_matrices(entries, chosen, parameters.damping)
-    large = max(given.mass.shape[0], given.heat_capacity.shape[0]) > MOST_PORTABLE
-    return structure_from_sparse(given) if large else structure_from_matrices(given)
+    matrices = checked_matrices(entries, chosen, parameters.damping)
+    large = max(matrices.mass.shape[0], matrices.heat_capacity.shape[0]) > MOST_PORTABLE
+    return structure_from_sparse(matrices) if large else structure_from_matrices(matrices)

@@ -83,7 +83,7 @@ def scene_maps(archive: xr.Dataset, dims: tuple[str, str], place: Mapping[str, i
     for below, beside in zip(grid[1], grid[:, 0], strict=True):
         below.set_xlabel(x_label)
         beside.set_ylabel(y_label)
-    figure.suptitle(_said(archive, place), fontsize=10)
+    figure.suptitle(_position_text(archive, place), fontsize=10)
     return figure
 
 
@@ -129,8 +129,8 @@ def _axis(cut: xr.Dataset, dim: str) -> tuple[NDArray[np.float64], str]:
 
 def _critical(cut: xr.Dataset) -> NDArray[np.float64]:
     """Return the critical couplings of a cut that lie within its α."""
-    found, alpha = np.unique(np.round(cut["critical_alpha"].values, 12)), cut["alpha"].values
-    return np.asarray(found[(found >= alpha.min()) & (found <= alpha.max())])
+    couplings, alpha = np.unique(np.round(cut["critical_alpha"].values, 12)), cut["alpha"].values
+    return np.asarray(couplings[(couplings >= alpha.min()) & (couplings <= alpha.max())])
 
 
 def _norm(values: NDArray[np.float64]) -> tuple[Any, NDArray[np.float64]]:
@@ -150,7 +150,7 @@ def _norm(values: NDArray[np.float64]) -> tuple[Any, NDArray[np.float64]]:
     return norm, levels[(levels > norm.vmin + edge) & (levels < norm.vmax - edge)]
 
 
-def _said(archive: xr.Dataset, place: Mapping[str, int]) -> str:
+def _position_text(archive: xr.Dataset, place: Mapping[str, int]) -> str:
     """Return where along the other dimensions the maps lie."""
     words = []
     for dim, k in place.items():

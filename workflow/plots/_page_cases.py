@@ -34,7 +34,7 @@ MOST_READ = 64 * 2**20
 _CHARACTERS = 2.2
 """Characters of a page that a point of a history takes, measured on oscillating ones."""
 
-_SAID = 300
+_LONGEST_MESSAGE = 300
 """Characters of a message that a page repeats."""
 
 
@@ -83,10 +83,10 @@ def _read(part: xr.Dataset, histories: list[str]) -> xr.Dataset:
 def _buckets(part: xr.Dataset, names: int, room: int) -> int:
     """Return in how many pieces histories are thinned: more where the cases are few and there is room for them."""
     cases = min(int(part["status"].size), MOST)
-    wanted = MOST_BUCKETS
-    while wanted > BUCKETS and cases * names * 2 * wanted * _CHARACTERS > room:
-        wanted //= 2
-    return wanted
+    buckets = MOST_BUCKETS
+    while buckets > BUCKETS and cases * names * 2 * buckets * _CHARACTERS > room:
+        buckets //= 2
+    return buckets
 
 
 def _history(part: xr.Dataset, name: str) -> dict[str, Any]:
@@ -123,5 +123,5 @@ def _entry(
             steps, low, high = levels(thinned(motion[0], buckets))
             entry["casing"] = {**pack.add(steps), "low": low, "high": high}
     if not ok and "message" in one:
-        entry["message"] = str(one["message"].values)[:_SAID]
+        entry["message"] = str(one["message"].values)[:_LONGEST_MESSAGE]
     return entry

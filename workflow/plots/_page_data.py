@@ -84,35 +84,38 @@ class Shown:
     left_out: tuple[str, ...]
 
 
-def shown_part(dataset: xr.Dataset, found: Sequence[Telling]) -> Shown:
+def shown_part(dataset: xr.Dataset, telling_cases: Sequence[Telling]) -> Shown:
     """Return the cases that a page holds: all, or evenly spread values of the longest axes and the telling cases."""
     dims, shape = case_dims(dataset), dataset["status"].shape
-    places = [np.unravel_index(one.case, shape) if shape else () for one in found]
+    places = [np.unravel_index(one.case, shape) if shape else () for one in telling_cases]
     most = dict.fromkeys(dims, MOST_VALUES)
     while np.prod([min(n, most[dim]) for dim, n in zip(dims, shape, strict=True)]) > MOST_CASES:
         longest = max(dims, key=lambda dim: min(dataset.sizes[dim], most[dim]))
         most[longest] = 7 * min(dataset.sizes[longest], most[longest]) // 8
-    kept, remarks, first = {}, [], finest(dataset)
+    selected, remarks, first = {}, [], finest(dataset)
     for k, (dim, size) in enumerate(zip(dims, shape, strict=True)):
         if size > most[dim]:
             even = np.linspace(0, size - 1, most[dim]).round().astype(int)
-            kept[dim] = np.unique([*even, first[dim], *(int(place[k]) for place in places)])
-            remarks.append(f"{dim.replace('_', ' ')}: {len(kept[dim])} of its {size} values")
-    part = _part(dataset, kept)
+            selected[dim] = np.unique([*even, first[dim], *(int(place[k]) for place in places)])
+            remarks.append(f"{dim.replace('_', ' ')}: {len(selected[dim])} of its {size} values")
+    part = _part(dataset, selected)
     moved = [
-        [int(np.searchsorted(kept[dim], place[k])) if dim in kept else int(place[k]) for k, dim in enumerate(dims)]
+        [
+            int(np.searchsorted(selected[dim], place[k])) if dim in selected else int(place[k])
+            for k, dim in enumerate(dims)
+        ]
         for place in places
     ]
     cases = tuple(int(np.ravel_multi_index(place, part["status"].shape)) if place else 0 for place in moved)
     return Shown(part, cases, tuple(remarks))
 
 
-def _part(dataset: xr.Dataset, kept: Mapping[str, NDArray[np.int64]]) -> xr.Dataset:
+def _part(dataset: xr.Dataset, selected: Mapping[str, NDArray[np.int64]]) -> xr.Dataset:
     """Return the kept places of an archive; variables that are small are read whole: scattered reads take longer."""
-    if not kept:
+    if not selected:
         return dataset
     small = [name for name, array in dataset.data_vars.items() if array.dtype.kind != "O" and array.nbytes <= MOST_READ]
-    return dataset.isel(kept).assign({name: dataset[name].compute().isel(kept) for name in small})
+    return dataset.isel(selected).assign({name: dataset[name].compute().isel(selected) for name in small})
 
 
 def page_data(
@@ -201,7 +204,7 @@ def _metrics(part: xr.Dataset, pack: Pack, ok: NDArray[np.bool_], room: int) -> 
     there = [str(name) for name in part.data_vars if part[name].dims == dims and part[name].dtype.kind == "f"]
     there += ["runaway"] if "runaway" in part else []
     ranked = [name for name in _FIRST if name in there or name in _DERIVED]
-    taken, left = [], []
+    entries, left = [], []
     for name in [*ranked, *(name for name in there if name not in ranked)]:
         derived = name in _DERIVED
         values = _DERIVED[name](part) if derived else np.asarray(part[name].values, dtype=float)
@@ -216,8 +219,8 @@ def _metrics(part: xr.Dataset, pack: Pack, ok: NDArray[np.bool_], room: int) -> 
         about = _EXPLAINED.get(name) or str(part[name].attrs.get("long_name", ""))
         entry = {"name": name, "title": name.replace("_", " "), "unit": shown_unit, "factor": factor, "about": about}
         entry["varies"] = bool(np.nanmax(small) > np.nanmin(small)) if np.isfinite(small).any() else False
-        taken.append({**entry, **pack.add(small)})
-    return taken, left
+        entries.append({**entry, **pack.add(small)})
+    return entries, left
 
 
 def _modes(part: xr.Dataset) -> dict[str, Any] | None:
@@ -235,11 +238,11 @@ def _order(part: xr.Dataset, first: Sequence[int], partners: NDArray[np.int32]) 
 
     Before each comes its exact partner. Without errors the cases of the rest are spread evenly, by a fixed shuffle.
     """
-    seen: set[int] = set()
+    yielded: set[int] = set()
     for case in _ranked(part, first):
         for one in (int(partners[case]), case):
-            if one >= 0 and one not in seen:
-                seen.add(one)
+            if one >= 0 and one not in yielded:
+                yielded.add(one)
                 yield one
 
 

@@ -17,7 +17,7 @@ _FLOOR, _CEILING = 1e-12, SENSELESS
 """Errors outside are not drawn: rounding below, nothing right above."""
 
 
-def work_precision(found: Sequence[Line], beside: Sequence[Line] = (), title: str = "") -> Figure:
+def work_precision(lines: Sequence[Line], beside: Sequence[Line] = (), title: str = "") -> Figure:
     """Draw relative errors against wall seconds per simulated second, log-log.
 
     Markers are at steps h; a cross on the upper edge is a step beyond the scheme's limit (not ok, or an
@@ -36,7 +36,7 @@ def work_precision(found: Sequence[Line], beside: Sequence[Line] = (), title: st
 
     figure = Figure(figsize=(12.0, 5.2), layout="constrained")
     panels: Any = figure.subplots(1, len(ERRORS), sharex=True, sharey=True)
-    stepping = [line for line in found if not line.exact]
+    stepping = [line for line in lines if not line.exact]
     for panel, (name, about) in zip(panels, ERRORS.items(), strict=True):
         for k, line in enumerate(stepping):
             colour, marker = COLOURS[k % len(COLOURS)], MARKERS[k % len(MARKERS)]
@@ -49,7 +49,7 @@ def work_precision(found: Sequence[Line], beside: Sequence[Line] = (), title: st
                     panel.plot(
                         *_drawn(other.seconds, other.errors[name]), "--", color=colour, lw=0.9, marker=marker, ms=2.5
                     )
-        for line in found:
+        for line in lines:
             if line.exact:
                 cost = float(np.median(line.seconds))
                 panel.axvline(cost, color="black", lw=1.2, ls=":", label=f"{line.scheme}: exact, at this cost")
@@ -109,14 +109,14 @@ def _name_steps(panel: Any, stepping: Sequence[Line]) -> None:
             note.set_bbox({"facecolor": "white", "alpha": 0.75, "lw": 0, "pad": 0.8})
 
 
-def convergence(found: Sequence[Line], title: str = "") -> Figure:
+def convergence(lines: Sequence[Line], title: str = "") -> Figure:
     """Draw errors, penetration and energy residual against the step, with slopes 1 and 2.
 
     The observed order stands in the legend; crosses as in :func:`work_precision`.
     """
     from matplotlib.figure import Figure
 
-    stepping = [line for line in found if not line.exact]
+    stepping = [line for line in lines if not line.exact]
     balanced = any(np.isfinite(line.residual).any() for line in stepping)
     names = [*ERRORS, "penetration", *(["residual"] if balanced else [])]
     columns = 3 if len(names) > 4 else 2

@@ -38,12 +38,12 @@ def thinned(values: NDArray[np.float64], buckets: int = BUCKETS) -> NDArray[np.f
         return values
     finite = np.where(np.isfinite(values), values, np.nan)
     edges = np.linspace(0, values.size, buckets + 1).round().astype(int)
-    found = np.empty((buckets, 2))
+    extremes = np.empty((buckets, 2))
     for k in range(buckets):
         piece = finite[edges[k] : edges[k + 1]]
         low, high = int(np.argmin(piece)), int(np.argmax(piece))
-        found[k] = piece[min(low, high)], piece[max(low, high)]
-    return found.ravel()
+        extremes[k] = piece[min(low, high)], piece[max(low, high)]
+    return extremes.ravel()
 
 
 def levels(values: NDArray[np.float64]) -> tuple[NDArray[np.uint16], float, float]:

@@ -49,7 +49,7 @@ class Answer:
 def answer(dataset: xr.Dataset, methods: Mapping[str, str]) -> Answer:
     """Return the answer of an archive at its study's tolerance, with a table of others; ``methods`` by scheme."""
     try:
-        asked = recommend(dataset)
+        recommendation = recommend(dataset)
     except (NoReferenceError, ValueError) as error:
         explanation = (
             "Every case is the exact solution of its model (event_driven): there is no step to choose. By how much the "
@@ -59,11 +59,11 @@ def answer(dataset: xr.Dataset, methods: Mapping[str, str]) -> Answer:
             "another archive, with -o."
         )
         return Answer([tag("section", tag("h2", "Answer"), tag("p", explanation), kind="answer")], None, False)
-    others = sorted({*SHOWN, asked.tolerance}, reverse=True)
-    rows = [asked if other == asked.tolerance else recommend(dataset, other) for other in others]
+    others = sorted({*SHOWN, recommendation.tolerance}, reverse=True)
+    rows = [recommendation if other == recommendation.tolerance else recommend(dataset, other) for other in others]
     body = [
         tag("h2", "Answer"),
-        tag("p", sentence(asked), kind="quoted"),
+        tag("p", sentence(recommendation), kind="quoted"),
         *(tag("p", f"Beware: {caution}.") for caution in recommendation_cautions(dataset)),
         *_undecidable(rows),
         table(RECOMMENDATION_COLUMNS, [recommendation_row(row) for row in rows]),
@@ -75,10 +75,14 @@ def answer(dataset: xr.Dataset, methods: Mapping[str, str]) -> Answer:
             kind="muted",
         ),
     ]
-    return Answer([tag("section", *body, kind="answer")], asked.choice or asked.next, asked.choice is not None)
+    return Answer(
+        [tag("section", *body, kind="answer")],
+        recommendation.choice or recommendation.next,
+        recommendation.choice is not None,
+    )
 
 
 def _undecidable(rows: list[Recommendation]) -> list[str]:
     """Name the cases whose reference moves too much by rounding, at the largest tolerance that has any."""
-    said = [undecidable(row) for row in rows if row.undecidable]
-    return [tag("p", text) for text in dict.fromkeys(said)]
+    sentences = [undecidable(row) for row in rows if row.undecidable]
+    return [tag("p", text) for text in dict.fromkeys(sentences)]

@@ -78,8 +78,8 @@ def interactive(
     scripts = _library()
     own = files("workflow.report").joinpath("explorer.js").read_text(encoding="utf-8")
     room -= sum(len(script.encode()) for script in scripts) + len(own)
-    found = telling(dataset, choice)
-    shown = shown_part(dataset, found)
+    telling_cases = telling(dataset, choice)
+    shown = shown_part(dataset, telling_cases)
     described, packed = page_data(shown.dataset, shown.cases, methods, scene, room)
     described |= {
         "archive": repr(archive),
@@ -92,7 +92,7 @@ def interactive(
     figures = explorer(described, described["statuses"])
     body = [
         *_layout(figures, described, shown.left_out),
-        *_hard(found, shown.cases, described["dims"]),
+        *_hard(telling_cases, shown.cases, described["dims"]),
         block("description", described),
         block("figures", figures),
         tag("script", Html(packed), id="block", type="text/plain"),
@@ -124,9 +124,10 @@ def _chosen_modes(dataset: xr.Dataset, choice: Choice | None) -> list[str] | Non
 
 def _layout(figures: Mapping[str, Any], described: Mapping[str, Any], left_out: Sequence[str]) -> list[str]:
     """Return the places of the figures, with what stands beside each."""
-    said = list(left_out)
+    omitted = list(left_out)
     if described["left_out"]:
-        said.append("metrics that do not fit: " + ", ".join(described["left_out"]))
+        omitted.append("metrics that do not fit: " + ", ".join(described["left_out"]))
+    remark = "Not all of the archive is in this page: " + "; ".join(omitted) + "."
     panels = [tag("div", *_map_panel(figures), kind="panel") if "map" in figures else Html(""), _case_panel(figures)]
     for name in ("cost", "order", "modes", "periods"):
         if name in figures:
@@ -137,7 +138,7 @@ def _layout(figures: Mapping[str, Any], described: Mapping[str, Any], left_out: 
     return [
         tag("h2", "Explore", id="explore"),
         tag("noscript", _NO_SCRIPT),
-        *([tag("p", "Not all of the archive is in this page: " + "; ".join(said) + ".", kind="muted")] if said else []),
+        *([tag("p", remark, kind="muted")] if omitted else []),
         tag("div", *panels, kind="panels"),
     ]  # fmt: skip
 
@@ -200,11 +201,11 @@ def _case_panel(figures: Mapping[str, Any]) -> Html:
     )  # fmt: skip
 
 
-def _hard(found: Sequence[Telling], cases: Sequence[int], dims: Sequence[Mapping[str, Any]]) -> list[str]:
+def _hard(telling_cases: Sequence[Telling], cases: Sequence[int], dims: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return the cases that are worth a look, with a button that selects each."""
     shape = [len(dim["texts"]) for dim in dims]
     rows = []
-    for one, case in zip(found, cases, strict=True):
+    for one, case in zip(telling_cases, cases, strict=True):
         place = np.unravel_index(case, shape) if shape else ()
         named = [f"{d['title']} {d['texts'][k]} {d['unit']}".strip() for d, k in zip(dims, place, strict=True)]
         varied = [text for text, size in zip(named, shape, strict=True) if size > 1]

@@ -59,8 +59,8 @@ def tag(name: str, *content: str, **attributes: str) -> Html:
 
     Attributes are named as in HTML; ``kind`` stands for ``class``.
     """
-    given = {"class" if key == "kind" else key: value for key, value in attributes.items() if value}
-    words = "".join(f' {key}="{html.escape(_INVALID.sub("", value))}"' for key, value in given.items())
+    named = {"class" if key == "kind" else key: value for key, value in attributes.items() if value}
+    words = "".join(f' {key}="{html.escape(_INVALID.sub("", value))}"' for key, value in named.items())
     return Html(f"<{name}{words}>{''.join(map(escaped, content))}</{name}>")
 
 

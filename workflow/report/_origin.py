@@ -43,12 +43,12 @@ def scene_of(archive: Path, damaged: bool = False) -> dict[str, Any]:
 def _resolved(archive: Path, damaged: bool, *path: str) -> Any:
     """Return a value of the study as resolved, ``None`` where there is none."""
     try:
-        found = json.loads(provenance(archive, damaged=damaged)["resolved"])
+        value = json.loads(provenance(archive, damaged=damaged)["resolved"])
         for key in path:
-            found = found[key]
+            value = value[key]
     except (ValueError, LookupError, TypeError, RecursionError):
         return None
-    return found
+    return value
 
 
 def origin(dataset: xr.Dataset, archive: Path, damaged: bool) -> list[str]:
@@ -71,8 +71,8 @@ def origin(dataset: xr.Dataset, archive: Path, damaged: bool) -> list[str]:
 def _computing(dataset: xr.Dataset) -> str:
     """Return the sum of the cases' times."""
     seconds = np.asarray(dataset["wall_time"].values, dtype=float) if "wall_time" in dataset else np.zeros(0)
-    known = seconds[np.isfinite(seconds)]
-    return f"{known.sum():.3g} s, the sum over {known.size} cases, references aside" if known.size else ""
+    finite = seconds[np.isfinite(seconds)]
+    return f"{finite.sum():.3g} s, the sum over {finite.size} cases, references aside" if finite.size else ""
 
 
 def _run(text: str) -> str:

@@ -97,12 +97,12 @@ def _write_single(archive: Path, written: Path, damaged: bool) -> Written:
         figure = figure or precision.figure or maps.figure
         figure_path = save(figure, picture) if figure is not None and picture is not None else None
         methods, scene = methods_of(archive, damaged), scene_of(archive, damaged)
-        found = answer(dataset, methods)
+        first_block = answer(dataset, methods)
         head = [
             tag("h1", _title(dataset, archive)),
             tag("p", str(dataset.attrs.get("summary", "")), kind="muted"),
             *_damage(dataset),
-            *found.body,
+            *first_block.body,
             *maps.body,
         ]
         rest = [
@@ -115,7 +115,7 @@ def _write_single(archive: Path, written: Path, damaged: bool) -> Written:
             *origin(dataset, archive, damaged),
         ]
         room = PAGE_BYTES - sum(len(part.encode()) for part in [*head, *rest]) - _MARGIN
-        shown = interactive(dataset, archive.name, found.choice, methods, scene, room)
+        shown = interactive(dataset, archive.name, first_block.choice, methods, scene, room)
     commit(written, page(archive.name, [*head, *shown.body, *rest], shown.scripts).encode())
     return Written(written, figure_path)
 

@@ -75,12 +75,12 @@ def any_ok(dataset: xr.Dataset) -> bool:
 def cases(dataset: xr.Dataset) -> list[str]:
     """Tell how the cases ended and along which dimensions they lie."""
     counts = status_counts(dataset)
-    found: list[str] = [tag("h2", "Cases"), table(["status", "cases"], [[name, str(n)] for name, n in counts.items()])]
+    body: list[str] = [tag("h2", "Cases"), table(["status", "cases"], [[name, str(n)] for name, n in counts.items()])]
     above, flutter = runaways(dataset)
     if above:
         critical = np.unique(np.round(np.asarray(dataset["critical_alpha"].values, dtype=float), 12))
         text = ", ".join(f"{value:.4g}" for value in critical[np.isfinite(critical)][:5])
-        found.append(
+        body.append(
             tag(
                 "p",
                 f"{above} of the ok cases lie above the critical heat coupling ({text} W/N): in permanent contact "
@@ -88,7 +88,7 @@ def cases(dataset: xr.Dataset) -> list[str]:
             )
         )
     if flutter:
-        found.append(
+        body.append(
             tag(
                 "p",
                 f"{flutter} of the ok cases would flutter in permanent contact below the critical heat coupling: an "
@@ -98,14 +98,14 @@ def cases(dataset: xr.Dataset) -> list[str]:
     entries = failures(dataset)
     if entries:
         rows = [[f.status, str(f.cases), f.first, f.message] for f in entries[:_FAILURES_SHOWN]]
-        found.append(table(["status", "cases", "the first of them", "what it did"], rows))
+        body.append(table(["status", "cases", "the first of them", "what it did"], rows))
         if len(entries) > _FAILURES_SHOWN:
-            found.append(tag("p", f"… and {len(entries) - _FAILURES_SHOWN} more messages."))
-    found += _decided(dataset)
+            body.append(tag("p", f"… and {len(entries) - _FAILURES_SHOWN} more messages."))
+    body += _decided(dataset)
     dims = [[dim, str(dataset.sizes[dim]), _listed(labels_of(dataset, dim, named=False))] for dim in case_dims(dataset)]
     if dims:
-        found.append(table(["dimension", "size", "values"], dims))
-    return found
+        body.append(table(["dimension", "size", "values"], dims))
+    return body
 
 
 def _listed(labels: list[str]) -> str:
@@ -240,17 +240,17 @@ def precision(dataset: xr.Dataset, duration: float) -> Drawn:
         return Drawn([], None)
     model = _model_dim(dataset)
     place = finest(dataset)
-    found = lines(dataset, duration)
+    drawn_lines = lines(dataset, duration)
     beside: list[Line] = []
     if model is not None:
         beside = lines(dataset, duration, {model: _fewest_modes(dataset, model)})
     shown = "; ".join(labels_of(dataset, dim)[k] for dim, k in place.items() if dim not in ("scheme", "h"))
     orders = [
         [line.scheme, *(short(line.order(name), ".2f") for name in ERRORS), _limit(line)]
-        for line in found
+        for line in drawn_lines
         if not line.exact
     ]
-    figure = work_precision(found, beside)
+    figure = work_precision(drawn_lines, beside)
     body = [
         tag("h2", "Speed against error"),
         tag(
@@ -259,23 +259,23 @@ def precision(dataset: xr.Dataset, duration: float) -> Drawn:
             "the share of a case in its batch.",
         ),
         image(figure, "relative error against wall seconds per simulated second"),
-        image(convergence(found), "relative error, penetration and energy residual against the step"),
+        image(convergence(drawn_lines), "relative error, penetration and energy residual against the step"),
         tag("p", "Observed orders: slope of log error over log h by least squares, errors below a tenth."),
         table(["scheme", *(f"order in {about}" for about in ERRORS.values()), "last stable step [s]"], orders),
         tag("p", "Who reaches an error of the impulse in the least time:"),
-        _fastest(found),
+        _fastest(drawn_lines),
     ]
     return Drawn(body, figure)
 
 
-def _fastest(found: list[Line]) -> str:
+def _fastest(drawn_lines: list[Line]) -> str:
     rows = [
         [
             f"{w.target:.0e}", w.scheme or "nobody", "–" if np.isnan(w.h) else exact(w.h), short(w.error),
             short(w.seconds, ".2g"), w.runner_up or "nobody else",
             "–" if np.isnan(w.times) else f"{w.times:.2g} times as long",
         ]
-        for w in winners(found)
+        for w in winners(drawn_lines)
     ]  # fmt: skip
     return table(["error", "fastest", "h [s]", "its error", "wall s per simulated s", "next", "takes"], rows)
 
@@ -300,7 +300,7 @@ def _fewest_modes(dataset: xr.Dataset, dim: str) -> int:
 def scene_pictures(dataset: xr.Dataset) -> list[str]:
     """Draw what single scenes are about: impact speeds near resonance, growth above the critical coupling."""
     dims = set(case_dims(dataset))
-    found: list[str] = []
+    body: list[str] = []
     if {"frequency", "e"} <= dims <= {"frequency", "e", "gap"} and {"displacement", "velocity", "contact_force"} <= set(
         dataset
     ):
@@ -309,7 +309,7 @@ def scene_pictures(dataset: xr.Dataset) -> list[str]:
             "What a tenth of the impact speeds in the second half of the time exceeds, from the samples before each "
             "contact.",
         )
-        found += [
+        body += [
             tag("h2", "Impact speeds"),
             about,
             image(impact_speed_map(dataset), "impact speeds by load frequency"),
@@ -322,8 +322,8 @@ def scene_pictures(dataset: xr.Dataset) -> list[str]:
     ):
         at = {dim: k for dim, k in finest(dataset).items() if dim != "alpha"}
         picture = growth_against_prediction(dataset.isel(at))
-        found += [tag("h2", "Growth in permanent contact"), image(picture, "contact force by heat coupling")]
-    return found
+        body += [tag("h2", "Growth in permanent contact"), image(picture, "contact force by heat coupling")]
+    return body
 
 
 def _always_touching(dataset: xr.Dataset) -> bool:

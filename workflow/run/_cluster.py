@@ -161,14 +161,14 @@ def _patiently(wait: Callable[[float], Any], client: Any) -> Any:
     ClusterError
         There have been none for :data:`_PATIENCE` seconds.
     """
-    seen = time.monotonic()
+    last_seen = time.monotonic()
     while True:
         try:
             return wait(min(_LOOK, _PATIENCE))
         except (TimeoutError, Empty):
             if _has_workers(client):
-                seen = time.monotonic()
-            elif time.monotonic() - seen > _PATIENCE:
+                last_seen = time.monotonic()
+            elif time.monotonic() - last_seen > _PATIENCE:
                 raise ClusterError(
                     f"{client.scheduler.address}: all workers of the scheduler have left, and for {_PATIENCE:g} s none "
                     f"has come; start some with `dask worker {client.scheduler.address}`, then give the same command "

@@ -94,11 +94,11 @@ def differences(stored: Values, again: Values, allowed: Mapping[str, float] | No
 
 def without_digits(again: Values, allowed: Mapping[str, float]) -> list[str]:
     """Return which of the stored numbers of a case rounding changes by as much as they are."""
-    found = []
+    names = []
     for name in MOTION:
         if name in again:
             values = again[name]
             scale = float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
             if scale > 0 and allowed[name] >= scale:
-                found.append(name)
-    return found
+                names.append(name)
+    return names

@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from workflow.archive import (
     ArchiveError,
-    Known,
     Layout,
     Shards,
+    StoredCells,
     clear_parts,
     count_unmatched,
     describe,
-    find_known,
     find_shards,
+    find_stored_cells,
     is_begun,
     made_by,
     match_hashes,
@@ -97,7 +97,7 @@ def holdings(study: Study, archive: str | Path) -> Holdings:
         dropped += _unasked(archive, texts, hashes)[0]
         try:
             check_version(archive, texts)
-            there |= find_known(archive, layout, hashes).cells >= 0
+            there |= find_stored_cells(archive, layout, hashes).cells >= 0
             lost = narrowed(archive, layout)
             notes += [f"it holds {', '.join(lost)} too, which a run leaves out with --drop only"] if lost else []
         except ArchiveError as error:
@@ -115,8 +115,8 @@ def holdings(study: Study, archive: str | Path) -> Holdings:
     return Holdings(stored, layout.cells - stored, dropped, "; ".join(notes))
 
 
-def known_cases(study: Study, archive: Path, layout: Layout, hashes: Hashes, reuse: Reuse) -> Known:
-    """Return which cases of a study a run takes from the archive under its name.
+def reused_cells(study: Study, archive: Path, layout: Layout, hashes: Hashes, reuse: Reuse) -> StoredCells:
+    """Return which cases of a study a run copies from the archive under its name.
 
     Raises
     ------
@@ -140,15 +140,15 @@ def known_cases(study: Study, archive: Path, layout: Layout, hashes: Hashes, reu
                 "lost; --drop leaves them out, -o chooses another archive"
             )
     if reuse.recompute:
-        return Known(archive, np.full(layout.cells, -1, dtype=np.int64))
-    known = find_known(archive, layout, hashes)
+        return StoredCells(archive, np.full(layout.cells, -1, dtype=np.int64))
+    reused = find_stored_cells(archive, layout, hashes)
     lost = [] if reuse.drop or is_begun(parts_of(archive), layout, archive) else narrowed(archive, layout)
     if lost:
         raise ArchiveError(
             f"{archive}: holds {', '.join(lost)} of its cases, which this study no longer keeps; "
             "--drop leaves them out, -o chooses another archive"
         )
-    return known.without_failures() if reuse.retry else known
+    return reused.without_failures() if reuse.retry else reused
 
 
 def clear_other_parts(study: Study, parts: Path, layout: Layout, hashes: Callable[[], Hashes], drop: bool) -> None:
@@ -206,17 +206,17 @@ def check_version(archive: Path, texts: dict[str, str]) -> None:
 
 def cells_there(layout: Layout, there: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return for each cell whether its unit is stored."""
-    found = np.zeros(layout.cells, dtype=bool)
+    stored = np.zeros(layout.cells, dtype=bool)
     for unit in np.flatnonzero(there).tolist():
         cells = layout.cells_of(unit)
-        found[cells.start : cells.stop] = True
-    return found
+        stored[cells.start : cells.stop] = True
+    return stored
 
 
 def _unasked(archive: Path, texts: dict[str, str], hashes: Hashes, damaged: bool = False) -> tuple[int, int]:
     """Return how many cases of an archive the study with these ``hashes`` does not ask for, and how many it has.
 
-    Cases of another version of the solver are known by the settings in the study that the archive keeps; all count
+    Cases of another version of the solver are reused by the settings in the study that the archive keeps; all count
     where that cannot be read any more.
     """
     if made_by(archive, texts).solver == str(SOLVER_VERSION):

@@ -31,12 +31,12 @@ class NotebookLine:
         display: Any = import_module("IPython.display").display
         self._name, self._begun = name, time.monotonic()
         self._advance: Advance | None = None
-        self._told = self._begun
+        self._updated = self._begun
         self._handle: Any = display(self._shown(), raw=True, display_id=True)
 
     def __call__(self, advance: Advance) -> None:
         """Take how far the run is; what is drawn follows within :data:`REDRAWN`."""
-        self._advance, self._told = advance, time.monotonic()
+        self._advance, self._updated = advance, time.monotonic()
 
     def draw(self) -> None:
         """Draw the line as it is now."""
@@ -52,7 +52,7 @@ class NotebookLine:
 
     def _shown(self) -> dict[str, str]:
         now = time.monotonic()
-        text = f"{self._name}: {in_words(self._advance, now - self._begun, now - self._told)}"
+        text = f"{self._name}: {in_words(self._advance, now - self._begun, now - self._updated)}"
         value = "" if self._advance is None else f' value="{self._advance.work:.4f}"'
         return {"text/plain": text, "text/html": f'<progress max="1"{value}></progress> {html.escape(text)}'}
 

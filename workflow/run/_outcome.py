@@ -96,13 +96,13 @@ def summarise(archive: Path, resumed: int | None) -> Outcome:
     """
     status, without_error = endings(archive)
     telling = np.flatnonzero((status != Status.OK).ravel() | without_error.ravel())[:SHOWN].tolist()
-    failures = _told(archive, telling) if telling else ()
+    failures = _labelled_messages(archive, telling) if telling else ()
     before = status.size if resumed is None else resumed
     missing = int(np.sum(without_error))
     return Outcome(archive, _counted(status), failures, 0.0, before, missing, written=resumed is not None)
 
 
-def _told(archive: Path, cells: list[int]) -> tuple[tuple[str, str], ...]:
+def _labelled_messages(archive: Path, cells: list[int]) -> tuple[tuple[str, str], ...]:
     """Return labels and message of some cases."""
     with open_archive(archive) as dataset:
         return tuple(

@@ -17,17 +17,17 @@ from workflow.archive import (
     SOFTWARE,
     Layout,
     Shards,
+    are_saved,
     clear_parts,
     describe,
     find_shards,
-    is_kept,
-    keep_known,
     parts_of,
     provenance,
+    save_stored_cells,
     start_parts,
 )
 from workflow.grid import Grid, case_hashes, units_of
-from workflow.run._earlier import Hashes, Reuse, cells_there, clear_other_parts, known_cases
+from workflow.run._earlier import Hashes, Reuse, cells_there, clear_other_parts, reused_cells
 from workflow.run._task import Job
 
 _HASHED_ASIDE = 100_000
@@ -100,22 +100,22 @@ def prepare(grid: Grid, archive: Path, hashes: CaseHashes, reuse: Reuse) -> Prep
     layout = describe(study, grid, units)
     if layout.cells > _HASHED_ASIDE:
         hashes.result()
-    known = known_cases(study, archive, layout, hashes.result(), reuse) if archive.exists() else None
-    if known is not None and np.any(known.cells >= 0):
+    stored_cells = reused_cells(study, archive, layout, hashes.result(), reuse) if archive.exists() else None
+    if stored_cells is not None and np.any(stored_cells.cells >= 0):
         layout = replace(layout, provenance={**layout.provenance, **_made_elsewhere(archive, layout)})
     clear_other_parts(study, parts, layout, hashes.result, reuse.drop)
     start_parts(parts, layout)
-    if known is not None and (reuse.retry or reuse.recompute) and not is_kept(parts, known):
+    if stored_cells is not None and (reuse.retry or reuse.recompute) and not are_saved(parts, stored_cells):
         clear_parts(parts)  # of a run that took other cases, or was killed when its archive was in place
         start_parts(parts, layout)
-    keep_known(parts, known)
+    save_stored_cells(parts, stored_cells)
     done = find_shards(parts, layout)
     there = done.owner >= 0
-    if known is not None:
-        there |= known.copies(layout) >= 0
+    if stored_cells is not None:
+        there |= stored_cells.copies(layout) >= 0
     cells = cells_there(layout, there)
-    resumed = int(np.sum(cells if known is None else cells | (known.cells >= 0)))
-    return Prepared(Job(grid, units, layout, parts, known), done, there, resumed)
+    resumed = int(np.sum(cells if stored_cells is None else cells | (stored_cells.cells >= 0)))
+    return Prepared(Job(grid, units, layout, parts, stored_cells), done, there, resumed)
 
 
 def _made_elsewhere(archive: Path, layout: Layout) -> dict[str, str]:

@@ -141,28 +141,28 @@ class Tally:
         return Advance(self._cases, self._stored, dict(self._endings), min(work, 1.0), now - self._begun, left)
 
 
-def time_left(done: float, spent: float, estimated: float, compiling: float = 0.0) -> float:
+def time_left(done: float, elapsed: float, estimated: float, compiling: float = 0.0) -> float:
     """Return the seconds that the rest of a run will take.
 
-    ``(1 − done) ((1 − done) estimated + spent)``: the estimate to begin with, and the more is done the more the speed
-    of what was done, which would be ``(1 − done) spent / done``.
+    ``(1 − done) ((1 − done) estimated + elapsed)``: the estimate to begin with, and the more is done the more the speed
+    of what was done, which would be ``(1 − done) elapsed / done``.
 
     Parameters
     ----------
     done
         Share of the work that is done.
-    spent
+    elapsed
         Seconds that it took.
     estimated
         Seconds that all of it was estimated to take; NaN where that is not known.
     compiling
-        Seconds of compilation beside, which belong to the time spent, not to the speed.
+        Seconds of compilation beside, which belong to the elapsed time, not to the speed.
     """
     if math.isnan(estimated):
-        return (1 - done) * spent / done if done > 0 else math.nan
+        return (1 - done) * elapsed / done if done > 0 else math.nan
     if done <= 0:
-        return max(estimated + compiling - spent, 0.0)
-    return (1 - done) * ((1 - done) * estimated + max(spent - compiling, 0.0))
+        return max(estimated + compiling - elapsed, 0.0)
+    return (1 - done) * ((1 - done) * estimated + max(elapsed - compiling, 0.0))
 
 
 _OVERDUE = 10.0

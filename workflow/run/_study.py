@@ -121,7 +121,7 @@ def _run(study: Study, archive: Path, where: Where, reuse: Reuse, progress: Prog
         tally = None if progress is None else _tally(prepared, where.computing, begun, progress)
         _run_missing(prepared, run_tasks, hashes, tally)
         layout = _with_record(prepared, where, time.perf_counter() - begun)
-        gather(layout, parts, archive, hashes.result(), prepared.job.known)
+        gather(layout, parts, archive, hashes.result(), prepared.job.stored_cells)
         remove_parts(parts)
     return replace(summarise(archive, prepared.resumed), seconds=time.perf_counter() - begun)
 
@@ -193,10 +193,10 @@ def _is_current(study: Study, archive: Path, recompute: bool) -> bool:
 
 def _endings(done: Shards, layout: Layout) -> Counter[str]:
     """Return how many cases of shards are not ok, by name of their status."""
-    found: Counter[str] = Counter()
+    endings: Counter[str] = Counter()
     for shard in done.files:
-        found.update(not_ok(layout, shard.first, stored_status(shard, layout)))
-    return found
+        endings.update(not_ok(layout, shard.first, stored_status(shard, layout)))
+    return endings
 
 
 def _is_missing(task: Task, job: Job, there: NDArray[np.bool_]) -> bool:

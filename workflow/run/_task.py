@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.archive import STATUS, Known, Layout, blank, find_shard, stored_status, write_shard
+from workflow.archive import STATUS, Layout, StoredCells, blank, find_shard, stored_status, write_shard
 from workflow.grid import Grid, Part, Segment, Task, Units, handling_part, measured, solve
 from workflow.run._outcome import status_name
 from workflow.schemes import Status
@@ -25,13 +25,13 @@ _ALONE: AbstractContextManager[None] = nullcontext()
 
 @dataclass(frozen=True)
 class Job:
-    """What every task of a run shares; ``known`` cases are taken from an earlier archive."""
+    """What every task of a run shares; ``stored_cells`` are the cases that are copied from an earlier archive."""
 
     grid: Grid
     units: Units
     layout: Layout
     parts: Path
-    known: Known | None = None
+    stored_cells: StoredCells | None = None
 
 
 @dataclass(frozen=True)
@@ -53,11 +53,11 @@ def not_ok(layout: Layout, first: int, status: NDArray[Any]) -> Counter[str]:
     status
         As a shard holds it, ``(unit, place)``; what pads a row's last unit does not count.
     """
-    found: Counter[str] = Counter()
+    endings: Counter[str] = Counter()
     for unit, row in enumerate(status, first):
         values, numbers = np.unique(row[: len(layout.cells_of(unit))], return_counts=True)
-        found.update({status_name(int(v)): int(n) for v, n in zip(values, numbers, strict=True) if v != Status.OK})
-    return found
+        endings.update({status_name(int(v)): int(n) for v, n in zip(values, numbers, strict=True) if v != Status.OK})
+    return endings
 
 
 def store_task(job: Job, task: Task, computing: AbstractContextManager[Any] = _ALONE) -> Stored:
@@ -88,7 +88,7 @@ def store_task(job: Job, task: Task, computing: AbstractContextManager[Any] = _A
 
 
 def store_lost(job: Job, task: Task, text: str) -> Stored:
-    """Store a task that cannot be computed: its cases have failed and say ``text``, but for those known before."""
+    """Store a task that cannot be computed: its cases fail with the message ``text``, but for stored ones."""
 
     def failing(inner: Indices) -> tuple[Arrays, dict[int, str]]:
         layout = job.layout
@@ -111,8 +111,8 @@ def compute_segment(job: Job, segment: Segment) -> tuple[Arrays, dict[int, str]]
     """Return the arrays of a segment's units, and messages by place, as a shard holds them."""
 
     def solved(inner: Indices) -> tuple[Arrays, dict[int, str]]:
-        found = solve(job.grid, segment.outer, inner)
-        return found.values, found.messages
+        results = solve(job.grid, segment.outer, inner)
+        return results.values, results.messages
 
     return _filled(job, segment, solved)
 
@@ -120,11 +120,11 @@ def compute_segment(job: Job, segment: Segment) -> tuple[Arrays, dict[int, str]]
 def _filled(
     job: Job, segment: Segment, fresh_ones: Callable[[Indices], tuple[Arrays, dict[int, str]]]
 ) -> tuple[Arrays, dict[int, str]]:
-    """Return a segment's arrays and messages: cases that are known as they are, the others from ``fresh_ones``."""
+    """Return a segment's arrays and messages: stored cases as they are, the others from ``fresh_ones``."""
     grid, units, layout = job.grid, job.units, job.layout
     inner, places = units.cases(segment.first, segment.units)
     cells = segment.outer * grid.inner_count + inner
-    fresh = np.ones(inner.size, dtype=bool) if job.known is None else job.known.cells[cells] < 0
+    fresh = np.ones(inner.size, dtype=bool) if job.stored_cells is None else job.stored_cells.cells[cells] < 0
     arrays = blank(layout, segment.units)
     messages: dict[int, str] = {}
 
@@ -136,20 +136,20 @@ def _filled(
 
     if fresh.any():
         fill(fresh, *fresh_ones(inner[fresh]))
-    if job.known is not None and not fresh.all():
-        fill(~fresh, *job.known.take(layout, cells[~fresh]))
+    if job.stored_cells is not None and not fresh.all():
+        fill(~fresh, *job.stored_cells.take(layout, cells[~fresh]))
     return arrays, messages
 
 
 def fresh_share(job: Job, task: Task) -> float:
     """Return the share of a task's cases that no earlier archive holds."""
-    if job.known is None:
+    if job.stored_cells is None:
         return 1.0
-    found = []
+    is_fresh = []
     for segment in task.segments:
         inner, _ = job.units.cases(segment.first, segment.units)
-        found.append(job.known.cells[segment.outer * job.grid.inner_count + inner] < 0)
-    return float(np.mean(np.concatenate(found)))
+        is_fresh.append(job.stored_cells.cells[segment.outer * job.grid.inner_count + inner] < 0)
+    return float(np.mean(np.concatenate(is_fresh)))
 
 
 def _handling(job: Job, group: list[tuple[int, Segment]]) -> Part:

@@ -15,17 +15,17 @@ from workflow.archive import (
     COPIED,
     LEFT_OUT,
     ArchiveError,
-    Known,
+    StoredCells,
     code_revision,
     content_hash,
     describe,
     is_sealed_with,
-    kept_message,
     open_archive,
     processor,
     provenance,
     stored_hashes,
     study_key,
+    truncated_message,
     versions,
 )
 from workflow.grid import Choice, Grid, arrange, case_hashes, seconds_per_case, solve, structure_of, units_of
@@ -62,11 +62,11 @@ SHOWN = 10
 
 @dataclass(frozen=True)
 class Check:
-    """One thing that was looked at: whether it holds, and what was found."""
+    """One comparison of an archive: whether it holds, and the result in words."""
 
     name: str
     holds: bool
-    found: str
+    detail: str
 
 
 def verify(path: Path, sample: int = SAMPLE) -> Iterator[Check]:
@@ -129,11 +129,11 @@ def _bytes(path: Path, texts: dict[str, str]) -> Check:
 
 def _content(path: Path, texts: dict[str, str]) -> Check:
     try:
-        found = content_hash(path)
+        digest = content_hash(path)
     except ArchiveError as error:
         return Check("content", False, str(error))
-    holds = found == texts.get("content_hash")
-    return Check("content", holds, f"hash {found[:16]}" + ("" if holds else f" is not {texts.get('content_hash')}"))
+    holds = digest == texts.get("content_hash")
+    return Check("content", holds, f"hash {digest[:16]}" + ("" if holds else f" is not {texts.get('content_hash')}"))
 
 
 def _identity(path: Path, grid: Grid, texts: dict[str, str]) -> Check:
@@ -189,7 +189,7 @@ def _repeat(path: Path, grid: Grid, texts: dict[str, str], sample: int) -> Itera
     other = _other_than_here(texts)
     large: list[str] = []
     layout = describe(grid.study, grid, units_of(grid))
-    known = Known(path, np.arange(layout.cells, dtype=np.int64))
+    stored_cells = StoredCells(path, np.arange(layout.cells, dtype=np.int64))
     differ: list[str] = []
     blurred: list[str] = []
     cells = _sample(path, grid, texts, sample)
@@ -202,7 +202,7 @@ def _repeat(path: Path, grid: Grid, texts: dict[str, str], sample: int) -> Itera
         for cell in cells:
             outer, inner = divmod(cell, grid.inner_count)
             solved = solve(grid, outer, np.array([inner]))
-            stored, messages = known.take(layout, np.array([cell]))
+            stored, messages = stored_cells.take(layout, np.array([cell]))
             where = labels_of_case(dataset, cell) or "the case"
             again = {v.name: solved.values[v.name].astype(v.dtype) for v in layout.variables if v.name not in LEFT_OUT}
             unlike = list(differences(stored, again))
@@ -214,9 +214,9 @@ def _repeat(path: Path, grid: Grid, texts: dict[str, str], sample: int) -> Itera
                 lost = without_digits(again, allowed)
                 blurred += [f"{where} ({', '.join(lost)})"] if lost else []
             differ += [f"{where}: {text}" for text in unlike]
-            said = kept_message(solved.messages.get(0, ""))
-            if messages.get(0, "") != said and not may_differ:
-                differ.append(f"{where}: message {messages.get(0)!r} stored, {said!r} now")
+            message = truncated_message(solved.messages.get(0, ""))
+            if messages.get(0, "") != message and not may_differ:
+                differ.append(f"{where}: message {messages.get(0)!r} stored, {message!r} now")
     reasons = [f"other {', '.join(other)}"] if other else large
     how = f"within what rounding makes of each ({reasons[0]})" if reasons else "bit for bit"
     if not differ:
@@ -248,7 +248,7 @@ def _is_large(grid: Grid, outer: int) -> bool:
     return max(structure.mechanical_size, structure.thermal_size) > MOST_PORTABLE
 
 
-def _sample(path: Path, grid: Grid, texts: dict[str, str], wanted: int) -> list[int]:
+def _sample(path: Path, grid: Grid, texts: dict[str, str], count: int) -> list[int]:
     """Choose cases by the content hash: one of each scheme and status first, then any, while there is time.
 
     Those that failed hold nothing to compare, and need not fail again: a machine was to blame, say.
@@ -260,14 +260,14 @@ def _sample(path: Path, grid: Grid, texts: dict[str, str], wanted: int) -> list[
     kinds: dict[tuple[str, int], int] = {}
     for cell in order.tolist():
         kinds.setdefault((grid.settings(cell // grid.inner_count).scheme.label, int(status[cell])), cell)
-        if len(kinds) >= wanted:
+        if len(kinds) >= count:
             break
-    chosen = list(dict.fromkeys([*kinds.values(), *order.tolist()[:wanted]]))[:wanted]
+    chosen = list(dict.fromkeys([*kinds.values(), *order.tolist()[:count]]))[:count]
     seconds = {cell: seconds_per_case(grid, cell // grid.inner_count) for cell in chosen}
-    kept: list[int] = []
-    spent = 0.0
+    repeated: list[int] = []
+    total = 0.0
     for cell in sorted(chosen, key=seconds.__getitem__):
-        spent += seconds[cell]
-        if spent <= SECONDS or not kept:
-            kept.append(cell)
-    return kept
+        total += seconds[cell]
+        if total <= SECONDS or not repeated:
+            repeated.append(cell)
+    return repeated

@@ -9,7 +9,7 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
-from workflow.archive import ArchiveError, code_revision, read_known, read_layout, study_key
+from workflow.archive import ArchiveError, code_revision, load_stored_cells, read_layout, study_key
 from workflow.grid import Segment, Task, arrange, read_choices, units_of
 from workflow.run._task import Job, Stored, store_task
 from workflow.schemes import SOLVER_VERSION
@@ -18,7 +18,7 @@ from workflow.study import parse_study, unpacked
 SmallTask = tuple[int, tuple[tuple[int, int, int], ...]]
 """Number of a task, and ``outer, first, units`` of its segments."""
 
-_JOBS_KEPT = 4
+_MOST_JOBS = 4
 """Runs whose grids a worker keeps: a cluster may serve several runs in turn."""
 
 _MAKING = threading.Lock()
@@ -78,8 +78,10 @@ def join(session: Session, dask_worker: Any) -> str:
     ClusterError
         It has other software, or does not share the directory of the shards.
     """
-    other = [(name, mine, wanted) for (name, mine), (_, wanted) in zip(software(), session.software, strict=True)]
-    differences = ", ".join(f"{name} {mine} instead of {wanted}" for name, mine, wanted in other if mine != wanted)
+    other = [(name, mine, expected) for (name, mine), (_, expected) in zip(software(), session.software, strict=True)]
+    differences = ", ".join(
+        f"{name} {mine} instead of {expected}" for name, mine, expected in other if mine != expected
+    )
     if differences:
         raise ClusterError(
             f"the worker has other software than this run: {differences}; install the same version for both, "
@@ -122,7 +124,7 @@ def _job(session: Session) -> Job:
         return _made(session)
 
 
-@lru_cache(maxsize=_JOBS_KEPT)
+@lru_cache(maxsize=_MOST_JOBS)
 def _made(session: Session) -> Job:
     from distributed import get_worker
 
@@ -137,7 +139,7 @@ def _made(session: Session) -> Job:
         raise ClusterError(f"worker {worker.address}: {session.parts} does not hold the study of this run")
     grid = arrange(study, read_choices(layout.provenance.get("choices", "{}")))
     parts = Path(session.parts)
-    return Job(grid, units_of(grid), layout, parts, read_known(parts))
+    return Job(grid, units_of(grid), layout, parts, load_stored_cells(parts))
 
 
 @cache

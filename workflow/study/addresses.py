@@ -46,16 +46,16 @@ class Address:
 
 def settings(labels: tuple[str, ...], bases: tuple[str, ...]) -> dict[str, Address]:
     """Return the settings of a case that stand under ``axes`` by their bare names, for some schemes and bases."""
-    found: dict[str, Address] = {}
+    addresses: dict[str, Address] = {}
     for name, value, description in _values(Cell):
         if isinstance(value, Reading):
             value = dataclasses.replace(value, words=(FULL, AUTO) if name in MODES else ())
         if name == REDUCTION:
             value = Choice(bases)
-        found[name] = Address(value, description)
+        addresses[name] = Address(value, description)
     about = "largest relative error that the reduced model of `auto` leaves; tolerance of a recommendation"
-    found[TOLERANCE] = Address(Reading(Quantity("1", about, above=0.0)), about)
-    return {"scheme": Address(Choice(labels, labels=True), "time integration scheme")} | found
+    addresses[TOLERANCE] = Address(Reading(Quantity("1", about, above=0.0)), about)
+    return {"scheme": Address(Choice(labels, labels=True), "time integration scheme")} | addresses
 
 
 def setting_defaults() -> dict[str, Any]:
@@ -74,8 +74,8 @@ def scene_values(names: tuple[str, ...], harmonics: tuple[int, int] = (0, 0)) ->
     groups |= {f"casing.harmonics.{k}": CasingHarmonic for k in range(harmonics[0])}
     groups |= {f"load.harmonics.{k}": LoadHarmonic for k in range(harmonics[1])}
     groups |= {"friction": Friction}
-    found = {f"scene.{name}": Address(value, about) for name, value, about in _values(Scene) if name == "speed"}
-    return found | {
+    speed = {f"scene.{name}": Address(value, about) for name, value, about in _values(Scene) if name == "speed"}
+    return speed | {
         f"scene.{group}.{name}": Address(value, description)
         for group, declared in groups.items()
         for name, value, description in _values(declared)

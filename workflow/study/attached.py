@@ -62,7 +62,7 @@ def unpacked(text: str) -> Mapping[str, Path]:
         return {}
     directory = Path(tempfile.mkdtemp(prefix="workflow-"))
     atexit.register(shutil.rmtree, directory, ignore_errors=True)
-    found, room = {}, MOST_BYTES
+    places, room = {}, MOST_BYTES
     try:
         for number, (name, parts) in enumerate(json.loads(text).items()):
             place = directory / str(number)
@@ -75,8 +75,8 @@ def unpacked(text: str) -> Mapping[str, Path]:
                     raise ValueError("a file is too large, or has no name")
                 (place / part).write_bytes(data)
             whole = place / Path(name).name
-            found[name] = whole if whole.is_file() else place
+            places[name] = whole if whole.is_file() else place
     except (ValueError, TypeError, AttributeError, binascii.Error, zlib.error, RecursionError, OSError) as error:
         mistake = Mistake("study", None, "", f"the files that came with it cannot be read: {error}", "restore a copy")
         raise StudyError([mistake]) from None
-    return found
+    return places

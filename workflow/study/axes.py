@@ -10,7 +10,7 @@ from typing import Any
 
 from workflow.study.addresses import MODES, Address, setting_defaults
 from workflow.study.leaves import Listed, Reading, Single, Spread
-from workflow.study.mistakes import Place, said
+from workflow.study.mistakes import Place, quoted
 from workflow.study.settings import AUTO, CHOSEN, FULL, Sizes
 from workflow.study.source import Source
 
@@ -173,14 +173,14 @@ class Arrangement:
                 self.groups.append(_Group(("axes", path), {path: values}))
 
     def _take_zips(self, axes: Mapping[str, Any], zips: Mapping[str, Mapping[str, Any]]) -> None:
-        seen = set(axes)
+        varied = set(axes)
         for name, zipped in zips.items():
             place = ("zip", name)
             columns = {path: self._expand((*place, path), path, content) for path, content in zipped.items()}
             read = {path: values for path, values in columns.items() if values is not None}
-            for path in seen & set(read):
+            for path in varied & set(read):
                 self.source.report((*place, path), "is an axis already", "keep one of the two")
-            seen |= set(read)
+            varied |= set(read)
             sizes = {path: len(values) for path, values in read.items()}
             if len(set(sizes.values())) > 1:
                 listed = ", ".join(f"{path} has {size}" for path, size in sizes.items())
@@ -216,8 +216,8 @@ class Arrangement:
             return modes
         most, limit = min(counts) - 1, self.sizes.most
         if limit is not None and most > limit and (modes == FULL or int(modes) > limit):
-            asked = "is `full`" if modes == FULL else f"{said(modes)} is too many"
-            problem = f"{asked}, and a structure of {min(counts)} coordinates is too large for that"
+            complaint = "is `full`" if modes == FULL else f"{quoted(modes)} is too many"
+            problem = f"{complaint}, and a structure of {min(counts)} coordinates is too large for that"
             self.source.report(place, problem, f"write at most {limit}, or `auto` with a `tolerance`")
             return modes
         if modes == FULL:
@@ -226,7 +226,7 @@ class Arrangement:
             remedy = "write counts, or zip it with the nodes"
             self.source.report(place, "has `full` where the number of nodes varies", remedy)
         elif int(modes) > most:
-            problem = f"{said(modes)} is more than the {most} interior modes of {min(counts)} nodes"
+            problem = f"{quoted(modes)} is more than the {most} interior modes of {min(counts)} nodes"
             self.source.report(place, problem, f"write at most {most}, or `full`")
         return modes
 
@@ -261,14 +261,14 @@ class Arrangement:
         return tuple(dimensions), tuple(axis(path, (value,)) for path, value in singles.items())
 
 
-def coordinate_names(paths: Sequence[str], taken: set[str]) -> dict[str, str]:
+def coordinate_names(paths: Sequence[str], reserved: set[str]) -> dict[str, str]:
     """Return a coordinate name for every path: its last word, or as many as make it unlike all others."""
     possible = {path: possible_names(path) for path in paths}
     while True:
         names = {path: possible[path][0] for path in paths}
         counts = Counter(names.values())
         unclear = [
-            path for path in paths if (counts[names[path]] > 1 or names[path] in taken) and len(possible[path]) > 1
+            path for path in paths if (counts[names[path]] > 1 or names[path] in reserved) and len(possible[path]) > 1
         ]
         if not unclear:
             return names

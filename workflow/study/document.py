@@ -12,7 +12,7 @@ from pydantic import AfterValidator, ConfigDict, Field, create_model
 
 from workflow import models, schemes
 from workflow.study.addresses import TOLERANCE, Address, setting_defaults, settings
-from workflow.study.forms import ByShape, Form, annotated, entry_of, form, given, keys_form, summary
+from workflow.study.forms import ByShape, Form, annotated, entry_of, explicit_entries, form, keys_form, summary
 from workflow.study.leaves import Axial, Choice, Line, Name
 from workflow.study.settings import Casing, Friction, Initial, Load, Output, Scene
 
@@ -112,7 +112,7 @@ def reference_form(labels: tuple[str, ...], bases: tuple[str, ...]) -> Any:
         for name, address in settings(labels, bases).items()
     }
     doc = "Settings of the solution that errors are measured against; the rest stays the case's own."
-    return annotated(create_model("reference", __base__=Form, __doc__=doc, **entries), AfterValidator(given))
+    return annotated(create_model("reference", __base__=Form, __doc__=doc, **entries), AfterValidator(explicit_entries))
 
 
 @cache

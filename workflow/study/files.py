@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from workflow.declare import File, Word
-from workflow.study.mistakes import said, wrong
+from workflow.study.mistakes import quoted, wrong
 
 
 def read_file(name: str, context: Mapping[str, Any], declared: Word) -> File:
@@ -18,13 +18,13 @@ def read_file(name: str, context: Mapping[str, Any], declared: Word) -> File:
     try:
         several = declared.files is not None
         if not (place.is_file() or (several and place.is_dir())):  # opening a pipe would wait for ever
-            raise wrong(f"{said(name)} is no file", f"name a file, relative to {directory}")
+            raise wrong(f"{quoted(name)} is no file", f"name a file, relative to {directory}")
         parts = (place,) if declared.files is None else declared.files(place)
         digests = [_digest(part) for part in parts]
     except OSError as error:
-        raise wrong(f"{said(name)} cannot be read: {error.strerror}", "name a file that can be read") from None
+        raise wrong(f"{quoted(name)} cannot be read: {error.strerror}", "name a file that can be read") from None
     except ValueError as error:
-        raise wrong(f"{said(name)} cannot be used: {error}", "name a file with all that belongs to it") from None
+        raise wrong(f"{quoted(name)} cannot be used: {error}", "name a file with all that belongs to it") from None
     places = tuple(str(part.absolute()) for part in parts)
     if len(parts) == 1:
         return File(digests[0], name, str(place.absolute()), places)

@@ -23,7 +23,7 @@ from pydantic_core import CoreSchema, InitErrorDetails, core_schema
 
 from workflow.declare import quantity_of, word_of
 from workflow.study.leaves import Choice, Flag, Leaf, Reading, Text, is_whole
-from workflow.study.mistakes import Place, details, nearest, one_of, said, wrong
+from workflow.study.mistakes import Place, details, nearest, one_of, quoted, wrong
 
 
 class Form(BaseModel):
@@ -58,11 +58,11 @@ class Form(BaseModel):
             case "extra_forbidden" if last in cls.moved:
                 mistake = wrong("does not belong here", cls.moved[last])
             case "extra_forbidden":
-                mistake = wrong(f"{said(last)} is not known here", one_of(last, cls.model_fields))
+                mistake = wrong(f"{quoted(last)} is not known here", one_of(last, cls.model_fields))
             case _ if value is None:
                 mistake = wrong("has nothing in it", "write `key: value` entries, or leave it out")
             case _:
-                mistake = wrong(f"{said(value)} is not a mapping", "write `key: value` entries, or leave it out")
+                mistake = wrong(f"{quoted(value)} is not a mapping", "write `key: value` entries, or leave it out")
         return details(mistake, place, value)
 
 
@@ -83,7 +83,7 @@ def keys_form(declared: Any, name: str = "", **other: Any) -> type[Form]:
     return create_model(name or declared.__name__, __base__=Form, __doc__=summary(declared), **entries | other)
 
 
-def given(read: Form) -> dict[str, Any]:
+def explicit_entries(read: Form) -> dict[str, Any]:
     """Return the entries that a study gives, in the order of the form."""
     return {name: getattr(read, name) for name in type(read).model_fields if name in read.model_fields_set}
 
@@ -130,7 +130,7 @@ MOST_ENTRIES = 100
 def _listed(value: Any) -> Any:
     """Refuse what is no list of a moderate length."""
     if not isinstance(value, list):
-        raise wrong(f"{said(value)} is not a list", "write a list of `{key: value}` entries")
+        raise wrong(f"{quoted(value)} is not a list", "write a list of `{key: value}` entries")
     if len(value) > MOST_ENTRIES:
         raise wrong(f"has {len(value)} entries", f"write at most {MOST_ENTRIES}")
     return value
@@ -165,12 +165,12 @@ class ByShape:
             if self.word is not None and value == self.word:
                 return value
             other = "" if self.word is None else f" or `{self.word}`"
-            raise wrong(f"{said(value)} is not a mapping{other}", f"write a mapping{other}")
+            raise wrong(f"{quoted(value)} is not a mapping{other}", f"write a mapping{other}")
         if self.key is not None and self.key not in value:
             raise wrong(f"`{self.key}` is missing", one_of("", names))
         if self.key is not None and value[self.key] not in names:
             chosen = value[self.key]
-            mistake = wrong(f"{said(chosen)} is no {self.key}", one_of(str(chosen), names))
+            mistake = wrong(f"{quoted(chosen)} is no {self.key}", one_of(str(chosen), names))
             raise ValidationError.from_exception_data("branch", [details(mistake, (self.key,), chosen)])
         return value
 

@@ -85,11 +85,11 @@ def judge_parts(written: Written) -> None:
 
 def _judge_harmonic(written: Written, path: str, entry: Mapping[str, Any]) -> None:
     """Report one entry of ``harmonics`` that has no frequency, two, or an order of no speed."""
-    given = [name for name in ("frequency", "order") if name in entry]
-    if len(given) != 1:
-        problem = "has both `frequency` and `order`" if given else "has neither `frequency` nor `order`"
+    frequency_keys = [name for name in ("frequency", "order") if name in entry]
+    if len(frequency_keys) != 1:
+        problem = "has both `frequency` and `order`" if frequency_keys else "has neither `frequency` nor `order`"
         written.source.report(place_of_path(path), problem, "write one of the two")
-    elif given == ["order"] and "speed" not in mapping(written.tree, "scene"):
+    elif frequency_keys == ["order"] and "speed" not in mapping(written.tree, "scene"):
         remedy = "write `speed` in the scene, e.g. `speed: 9000 rpm`, or `frequency` in the place of `order`"
         written.source.report(
             written.place_of((f"{path}.order",)), "is a multiple of a speed that is not given", remedy
@@ -130,11 +130,11 @@ def judge_schemes(written: Written) -> None:
 def judge_auto(written: Written) -> None:
     """Refuse `auto` without a tolerance, which has no default, and one of the reference that decides nothing."""
     reference = mapping(written.tree, "reference")
-    asked = next((path for path in MODES if reference.get(path) == AUTO), None)
-    if asked is not None and TOLERANCE not in reference:
+    auto_path = next((path for path in MODES if reference.get(path) == AUTO), None)
+    if auto_path is not None and TOLERANCE not in reference:
         remedy = "write e.g. `tolerance: 1e-8` beside it"
-        written.source.report(("reference", asked), "is `auto` without a `tolerance`", remedy)
-    if asked is None and TOLERANCE in reference:
+        written.source.report(("reference", auto_path), "is `auto` without a `tolerance`", remedy)
+    if auto_path is None and TOLERANCE in reference:
         remedy = f"write `auto` for {' and '.join(MODES)} of the reference, or leave it out"
         written.source.report(("reference", TOLERANCE), "decides nothing", remedy)
     varied = written.varied()
@@ -148,8 +148,8 @@ def judge_auto(written: Written) -> None:
 
 def _named(written: Written, setting: str) -> list[tuple[Place, Any]]:
     """Return where axes, zips and the reference name values of a setting, and what they name."""
-    found = [(place, name) for place, path, content in written.varied() if path == setting for name in flat(content)]
-    return [*found, (("reference", setting), mapping(written.tree, "reference").get(setting))]
+    entries = [(place, name) for place, path, content in written.varied() if path == setting for name in flat(content)]
+    return [*entries, (("reference", setting), mapping(written.tree, "reference").get(setting))]
 
 
 def judge_support(written: Written, methods: Mapping[str, Sequence[str]]) -> None:
@@ -168,8 +168,8 @@ def judge_support(written: Written, methods: Mapping[str, Sequence[str]]) -> Non
 
 def judge_damping(written: Written, model: str | None) -> None:
     """Refuse a damping ratio beside Rayleigh's coefficients."""
-    found = mapping(written.tree, "scene", str(model), "damping")
-    if "ratio" in found and len(found) > 1:
+    damping = mapping(written.tree, "scene", str(model), "damping")
+    if "ratio" in damping and len(damping) > 1:
         place: Place = ("scene", str(model), "damping", "ratio")
         written.source.report(place, "stands beside other damping", "write the ratio alone, or mass and stiffness")
 
@@ -188,7 +188,7 @@ def judge_start(written: Written, scene: Mapping[str, Any], groups: Sequence[tup
     place = gaps + sum(_begins(harmonic, k, values) for k, harmonic in enumerate(casing.harmonics))
     tips, place, gaps = np.broadcast_arrays(tips, place, gaps)
     inside = np.argmax(tips - place)
-    x, begins, gap = (float(found.ravel()[inside]) for found in (tips, place, gaps))
+    x, begins, gap = (float(array.ravel()[inside]) for array in (tips, place, gaps))
     if x > begins:
         problem = f"the tip starts inside the casing, at {x:g} m with a gap of {gap:g} m"
         problem += "" if begins == gap else f" and the casing at {begins:g} m"

@@ -17,7 +17,7 @@ from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, cor
 
 from workflow.declare import File, Quantity, Rows, Word
 from workflow.study.files import read_file
-from workflow.study.mistakes import details, one_of, said, wrong
+from workflow.study.mistakes import details, one_of, quoted, wrong
 from workflow.study.quantities import NUMBER, admissible, expected, read_quantity, udunits
 
 Schema = dict[str, Any]
@@ -74,7 +74,7 @@ class Name(Leaf):
     def read(self, value: Any, context: Mapping[str, Any]) -> str:
         """Return the name."""
         if not isinstance(value, str) or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,63}", value):
-            raise wrong(f"{said(value)} is no name", f"name {self.what} in at most 64 letters, digits and _")
+            raise wrong(f"{quoted(value)} is no name", f"name {self.what} in at most 64 letters, digits and _")
         return value
 
     def schema(self) -> Schema:
@@ -91,7 +91,7 @@ class Line(Leaf):
     def read(self, value: Any, context: Mapping[str, Any]) -> str:
         """Return the text, with its spaces and line ends made single spaces."""
         if not isinstance(value, str):
-            raise wrong(f"{said(value)} is not a text", "write a line of text, in quotes if need be")
+            raise wrong(f"{quoted(value)} is not a text", "write a line of text, in quotes if need be")
         if len(value) > self.longest:
             raise wrong(f"has {len(value)} characters", f"write at most {self.longest}")
         return " ".join(value.split())
@@ -114,7 +114,7 @@ class Choice(Leaf):
         if not self.several:
             return self._word(value)
         if not isinstance(value, list):
-            raise wrong(f"{said(value)} is not a list", "write a list, [] for none")
+            raise wrong(f"{quoted(value)} is not a list", "write a list, [] for none")
         words = read_each(value, self._word)
         if len(set(words)) < len(words):
             raise wrong("names one twice", "name each once")
@@ -122,7 +122,7 @@ class Choice(Leaf):
 
     def _word(self, value: Any) -> str:
         if not isinstance(value, str) or value not in self.words:
-            raise wrong(f"{said(value)} is none of the choices", one_of(str(value), self.words))
+            raise wrong(f"{quoted(value)} is none of the choices", one_of(str(value), self.words))
         return value
 
     def schema(self) -> Schema:
@@ -147,7 +147,7 @@ class Text(Leaf):
         if self.declared.number and isinstance(value, int | float) and not isinstance(value, bool):
             return value if isinstance(value, int) else repr(value)
         if not isinstance(value, str) or not value or len(value) > LONGEST_TEXT or not value.isprintable():
-            raise wrong(f"{said(value)} is not a line of text", f"write up to {LONGEST_TEXT} printable characters")
+            raise wrong(f"{quoted(value)} is not a line of text", f"write up to {LONGEST_TEXT} printable characters")
         return read_file(value, context, self.declared) if self.declared.file else value
 
     def schema(self) -> Schema:
@@ -182,7 +182,7 @@ class Flag(Leaf):
     def read(self, value: Any, context: Mapping[str, Any]) -> bool:
         """Return the truth."""
         if not isinstance(value, bool):
-            raise wrong(f"{said(value)} is neither true nor false", "write true or false")
+            raise wrong(f"{quoted(value)} is neither true nor false", "write true or false")
         return value
 
     def schema(self) -> Schema:
@@ -220,7 +220,7 @@ class Reading(Leaf):
             if value in self.words:
                 return value
             listed = " or ".join(["a whole number", *(f"`{word}`" for word in self.words)])
-            raise wrong(f"{said(value)} is not a number of modes", f"write {listed}")
+            raise wrong(f"{quoted(value)} is not a number of modes", f"write {listed}")
         return read_quantity(value, self.declared, self.whole)
 
     def schema(self) -> Schema:
@@ -302,12 +302,12 @@ class Axial(Leaf):
                 raise wrong("is empty", "write at least one value, or leave the axis out")
             return Listed(read_each(value, lambda one: self._one(one, context)))
         if self.zipped:
-            raise wrong(f"{said(value)} is not a list", "write a list as long as the others of this zip")
+            raise wrong(f"{quoted(value)} is not a list", "write a list as long as the others of this zip")
         return Single(self._one(value, context))
 
     def _one(self, value: Any, context: Mapping[str, Any]) -> Any:
         if isinstance(value, list | dict):
-            raise wrong(f"{said(value)} is not a single value", "an axis has single values")
+            raise wrong(f"{quoted(value)} is not a single value", "an axis has single values")
         return self.value.scalar(value) if isinstance(self.value, Reading) else self.value.read(value, context)
 
     def _spread(self, value: dict[str, Any]) -> Spread:
@@ -319,7 +319,7 @@ class Axial(Leaf):
             raise wrong("has words for values, which cannot be spread", "write a list")
         entries = value[law]
         if not isinstance(entries, list) or len(entries) != 3:
-            raise at(law, wrong(f"{said(entries)} is not first, last and count", form), entries)
+            raise at(law, wrong(f"{quoted(entries)} is not first, last and count", form), entries)
         reading = Reading(self.value.declared, self.value.whole)
         count = Quantity("1", "number of values", at_least=2, at_most=MOST_VALUES)
         reads = iter([reading, reading, Reading(count, whole=True)])

@@ -67,21 +67,21 @@ def details(error: PydanticCustomError, place: Place, value: Any) -> InitErrorDe
     return InitErrorDetails(type=error, loc=place, input=value)
 
 
-def nearest(word: str, known: Iterable[str]) -> str | None:
+def nearest(word: str, choices: Iterable[str]) -> str | None:
     """Return the known word that looks most like ``word``, ``None`` where none does."""
-    found = difflib.get_close_matches(word, list(known), n=1, cutoff=0.6)
-    return found[0] if found else None
+    matches = difflib.get_close_matches(word, list(choices), n=1, cutoff=0.6)
+    return matches[0] if matches else None
 
 
-def one_of(word: str, known: Iterable[str]) -> str:
+def one_of(word: str, choices: Iterable[str]) -> str:
     """Return a remedy that names the nearest known word and the others there are."""
-    words = list(known)
+    words = list(choices)
     guess = nearest(word, words)
-    listed = ", ".join(f"`{known_word}`" for known_word in words[:20]) or "nothing: there is none"
+    listed = ", ".join(f"`{choice}`" for choice in words[:20]) or "nothing: there is none"
     return f"did you mean `{guess}`?" if guess else f"what can stand here: {listed}"
 
 
-def said(value: Any) -> str:
+def quoted(value: Any) -> str:
     """Return a short quotation of a value as a study writes it."""
     match value:
         case None:

@@ -1,9 +1,9 @@
 """Numbers with units: ``20 um`` is exactly 2e-5 m, and nothing in a string is ever evaluated.
 
 A string is a number, matched here, and a unit: names with integer exponents, joined by ``*``, ``/``
-or spaces. pint is asked for one bare name at a time, unless it is one of the most common; what it
-says is combined in decimal arithmetic. Two units are the same quantity when their root units agree, in which the radian
-counts: ``rad/s`` is no frequency.
+or spaces. The most common names stand in a table; pint resolves others, one bare name at a time. Their
+factors are multiplied in decimal arithmetic. Two units are of the same quantity when their root units
+agree, in which the radian counts: ``rad/s`` is no frequency.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from functools import cache, lru_cache
 from typing import Any
 
 from workflow.declare import Quantity
-from workflow.study.mistakes import said, wrong
+from workflow.study.mistakes import quoted, wrong
 
 NUMBER = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
 """A number at the start of a string, as a regular expression."""
@@ -62,7 +62,7 @@ COMMON: dict[str, Unit] = {
     for prefix, power in _PREFIXES.items()
     for symbol, (worth, roots) in _SYMBOLS.items()
 }
-"""What pint says of the names that nearly all studies make do with: it takes half a second to load."""
+"""Units as pint defines them, of the names that nearly all studies use: pint takes half a second to load."""
 
 
 _PERCENT: Unit = (Decimal("0.01"), {})
@@ -80,20 +80,20 @@ def factors(unit: str) -> list[tuple[str, int]]:
     UnitError
         The text is not made of names, exponents, ``*``, ``/`` and spaces, or is too long.
     """
-    found: list[tuple[str, int]] = []
+    powers: list[tuple[str, int]] = []
     position, sign = 0, 1
     while len(unit) <= _LONGEST_UNIT and (factor := _UNIT_FACTOR.match(unit, position)):
         if factor[1]:
-            found.append((factor[1], sign * int(factor[2] or 1)))
+            powers.append((factor[1], sign * int(factor[2] or 1)))
         elif position:
             break  # a one stands first or not at all: 1/s, not um/1
         if factor.end() == len(unit):
-            return found
+            return powers
         joint = _UNIT_JOINT.match(unit, factor.end())
         if joint is None:
             break
         position, sign = joint.end(), -1 if joint[1] else 1
-    raise UnitError(f"{said(unit)} is not a unit")
+    raise UnitError(f"{quoted(unit)} is not a unit")
 
 
 @lru_cache(maxsize=1024)
@@ -125,11 +125,11 @@ def _named(name: str) -> Unit:
     """Return what a bare name is worth; ``rpm`` counts cycles here, as engineers do, not radians."""
     if name == "rpm":
         return _EXACT.divide(Decimal(1), Decimal(60)), {"second": -1}
-    return COMMON[name] if name in COMMON else asked(name)
+    return COMMON[name] if name in COMMON else _pint_unit(name)
 
 
 @lru_cache(maxsize=1024)
-def asked(name: str) -> Unit:
+def _pint_unit(name: str) -> Unit:
     """Return what pint says a bare name is worth in its root units.
 
     Raises
@@ -144,9 +144,9 @@ def asked(name: str) -> Unit:
         factor, root = _registry().get_root_units(name)
         offset = _registry().Quantity(Decimal(0), name).to_root_units().magnitude
     except (pint.PintError, AttributeError, TypeError, ValueError, ArithmeticError):
-        raise UnitError(f"{said(name)} is not a unit") from None
+        raise UnitError(f"{quoted(name)} is not a unit") from None
     if offset:
-        raise UnitError(f"{said(name)} has an offset")
+        raise UnitError(f"{quoted(name)} has an offset")
     exponents = {str(unit): float(str(power)) for unit, power in to_units_container(root).items()}
     return Decimal(str(factor)), exponents
 
@@ -190,18 +190,18 @@ def read_quantity(value: Any, declared: Quantity, whole: bool = False) -> float 
     if value is None:
         raise wrong("has no value", remedy)
     if isinstance(value, bool) or not isinstance(value, int | float | str):
-        raise wrong(f"{said(value)} is not {kind}", remedy)
+        raise wrong(f"{quoted(value)} is not {kind}", remedy)
     number = _converted(value, declared, kind, remedy) if isinstance(value, str) else value
     if not _finite(number):
-        raise wrong(f"{said(value)} is not finite", remedy)
+        raise wrong(f"{quoted(value)} is not finite", remedy)
     if whole and number != int(number):
-        raise wrong(f"{said(value)} is not a whole number", "write a whole number")
+        raise wrong(f"{quoted(value)} is not a whole number", "write a whole number")
     below = (declared.above is not None and not number > declared.above) or (
         declared.at_least is not None and not number >= declared.at_least
     )
     if below or (declared.at_most is not None and not number <= declared.at_most):
         unit = "" if declared.unit == "1" else f" {declared.unit}"
-        raise wrong(f"{said(value)} is out of range", f"it must be {admissible(declared)}{unit}")
+        raise wrong(f"{quoted(value)} is out of range", f"it must be {admissible(declared)}{unit}")
     return int(number) if whole else float(number)
 
 
@@ -217,19 +217,19 @@ def _converted(text: str, declared: Quantity, kind: str, remedy: str) -> float:
     stripped = text.strip()
     number = _NUMBER.match(stripped)
     if number is None:
-        raise wrong(f"{said(text)} is not {kind}", remedy)
+        raise wrong(f"{quoted(text)} is not {kind}", remedy)
     unit = stripped[number.end() :].strip()
     if not unit and declared.unit != "1":
-        raise wrong(f"{said(text)} is a string without a unit", remedy)
+        raise wrong(f"{quoted(text)} is a string without a unit", remedy)
     if "°" in unit:
-        raise wrong(f"the unit {said(unit)} has an offset", remedy)
+        raise wrong(f"the unit {quoted(unit)} has an offset", remedy)
     try:
         worth, roots = _PERCENT if unit == "%" else parse_unit(unit) if unit else (Decimal(1), {})
     except UnitError as problem:
         raise wrong(str(problem), remedy) from None
     target, target_roots = parse_unit(declared.unit)
     if roots != target_roots:
-        raise wrong(f"{said(text)} is not {kind}", remedy)
+        raise wrong(f"{quoted(text)} is not {kind}", remedy)
     if not math.isfinite(float(number[0])):
-        raise wrong(f"{said(text)} is not finite", remedy)
+        raise wrong(f"{quoted(text)} is not finite", remedy)
     return float(_EXACT.divide(_EXACT.multiply(Decimal(number[0]), worth), target))

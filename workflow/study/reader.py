@@ -32,7 +32,7 @@ from workflow.study.judges import (
     judge_support,
     mapping,
 )
-from workflow.study.mistakes import Place, StudyError, one_of, place_of_path, said
+from workflow.study.mistakes import Place, StudyError, one_of, place_of_path, quoted
 from workflow.study.settings import FULL, Output, Scene, SchemeChoice, Sizes
 from workflow.study.sizes import assembled_sizes, node_sizes
 from workflow.study.source import Source, compose, read_text
@@ -123,8 +123,8 @@ def _entry(owner: Any, word: str) -> Any:
     """Return what a mapping or a list holds under a word of a path; a mapping gets what it lacks."""
     if isinstance(owner, dict):
         return owner.setdefault(word, {})
-    held = isinstance(owner, list) and word.isdecimal() and int(word) < len(owner)
-    return owner[int(word)] if held else None
+    exists = isinstance(owner, list) and word.isdecimal() and int(word) < len(owner)
+    return owner[int(word)] if exists else None
 
 
 class _Reader:
@@ -192,17 +192,18 @@ class _Reader:
         """Return the scene's one model, ``None`` where there is not exactly one."""
         written = self.tree.get("scene") if isinstance(self.tree, dict) else None
         scene = mapping(written)
-        found = [key for key in scene if key in models.names()]
-        if len(found) > 1:
-            problem = f"is a second model beside `{found[0]}`"
-            self.source.report(("scene", found[1]), problem, "keep one model per study")
-        elif not found and isinstance(written, dict):
-            known = set(scene) & set(SCENE_KEYS)
-            if len(known) == len(scene):  # an unknown key is reported by itself
+        named_models = [key for key in scene if key in models.names()]
+        if len(named_models) > 1:
+            problem = f"is a second model beside `{named_models[0]}`"
+            self.source.report(("scene", named_models[1]), problem, "keep one model per study")
+        elif not named_models and isinstance(written, dict):
+            known_keys = set(scene) & set(SCENE_KEYS)
+            if len(known_keys) == len(scene):  # an unknown key is reported by itself
                 self.source.report(("scene",), "has no model", one_of("", models.names()))
         return (
-            found[0]
-            if len(found) == 1 and can_be_used(self.source, ("scene", found[0]), models.fault(found[0]))
+            named_models[0]
+            if len(named_models) == 1
+            and can_be_used(self.source, ("scene", named_models[0]), models.fault(named_models[0]))
             else None
         )
 
@@ -217,9 +218,9 @@ class _Reader:
         defined: dict[str, tuple[str, ...]] = {}
         for label, entry in mapping(self.tree, "schemes").items():
             method = entry.get("method") if isinstance(entry, dict) else None
-            known = isinstance(method, str) and method in methods
-            defined[label] = (str(method),) if known else methods
-            if label in methods and known and method != label:
+            is_method = isinstance(method, str) and method in methods
+            defined[label] = (str(method),) if is_method else methods
+            if label in methods and is_method and method != label:
                 problem = f"names another method than `{method}`"
                 self.source.report(("schemes", label), problem, "choose a label that is no method")
         return defined | {method: (method,) for method in methods if method not in defined}
@@ -315,24 +316,24 @@ class _Reader:
 
     def _output(self, entries: Any, duration: float | None) -> Output:
         """Return the output with the default interval, a thousandth of the duration."""
-        given = dict(entries)
-        if duration is None or "interval" not in given:
+        values = dict(entries)
+        if duration is None or "interval" not in values:
             return Output(interval=1.0)
-        if given.get("interval") is None:
-            given["interval"] = float(Decimal(repr(duration)) / 1000)
-        ratio = Fraction(repr(duration)) / Fraction(repr(given["interval"]))
+        if values.get("interval") is None:
+            values["interval"] = float(Decimal(repr(duration)) / 1000)
+        ratio = Fraction(repr(duration)) / Fraction(repr(values["interval"]))
         place = ("output", "interval")
         count = max(1, round(ratio))
         if ratio + 1 > MOST_SAMPLES:
             problem = f"gives {float(min(ratio, Fraction(10) ** 300)):.3g} samples of every history"
             self.source.report(place, problem, f"write at least {duration / MOST_SAMPLES * 1.001:.3g} s")
         elif ratio < Fraction(1, 2):
-            problem = f"{said(given['interval'])} s is longer than the duration of {duration:g} s"
+            problem = f"{quoted(values['interval'])} s is longer than the duration of {duration:g} s"
             self.source.report(place, problem, f"write at most {duration!r} s")
         elif abs(ratio - count) > Fraction(1, 10**9):
             tidy = (digit * 10**power for power in range(7) for digit in (1, 2, 5))
             count = min(tidy, key=lambda intervals: abs(math.log(intervals / ratio)))
             interval = float(Decimal(repr(duration)) / count)
-            problem = f"{said(given['interval'])} s does not divide the duration of {duration:g} s"
+            problem = f"{quoted(values['interval'])} s does not divide the duration of {duration:g} s"
             self.source.report(place, problem, f"write e.g. {interval!r}, for {count} intervals")
-        return Output(**given)
+        return Output(**values)

@@ -45,19 +45,19 @@ def resolved_values(study: Study, cell: Cell) -> tuple[ResolvedValue, ...]:
         **scene_values((cell.scene.model,), (len(cell.scene.casing.harmonics), len(cell.scene.load.harmonics)))
     }
     addresses |= {"scene.duration": None, **settings(tuple(labels), reduction.names()), **scheme_options(labels)}
-    found = []
+    resolved = []
     for path, address in addresses.items():
         unit = "s" if address is None else address.unit
         if path in axes:
-            found.append(ResolvedValue(path, _in_words(path, axes[path].values), unit, "axis"))
+            resolved.append(ResolvedValue(path, _in_words(path, axes[path].values), unit, "axis"))
             continue
         if path == TOLERANCE and path not in single:
             continue
         values = single[path].values if path in single else _values_at(study, cell, path)
         if values is not None:
             origin: Origin = "study" if _is_written(written, path) else "default"
-            found.append(ResolvedValue(path, _in_words(path, values), unit, origin))
-    return (*found, *_output(study.output, written))
+            resolved.append(ResolvedValue(path, _in_words(path, values), unit, origin))
+    return (*resolved, *_output(study.output, written))
 
 
 def _in_words(path: str, values: tuple[Any, ...]) -> tuple[Any, ...]:

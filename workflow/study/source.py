@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from workflow.study.mistakes import Mistake, Place, StudyError, said
+from workflow.study.mistakes import Mistake, Place, StudyError, quoted
 
 DEEPEST = 40
 """Levels of nesting; a study needs five."""
@@ -226,7 +226,7 @@ class _Composer:
 
     def _judge_tag(self, event: Any) -> None:
         if event.tag is not None:
-            self._refuse(self._next(), f"has the tag {said(str(event.tag))}", "write the value without a tag", event)
+            self._refuse(self._next(), f"has the tag {quoted(str(event.tag))}", "write the value without a tag", event)
 
     def _start(self, value: dict[str, Any] | list[Any], event: Any) -> None:
         self._judge_tag(event)

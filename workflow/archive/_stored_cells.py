@@ -1,4 +1,4 @@
-"""Cases that an earlier archive of a study holds already, found by their hashes and taken from it."""
+"""Cases of a study whose results an earlier archive holds: matched by their hashes, then copied from it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from workflow.archive._stored import Cells, cut_of, holds, messages_of, picked, 
 from workflow.archive._whole import require_whole, stored_checksum
 from workflow.variables import BY_NAME
 
-KNOWN = "known.npy"
+STORED_CELLS = "known.npy"
 """File in the directory of the shards: which file is under the target's name, then each cell's place in it, or -1."""
 
 _OTHERWISE = "--recompute runs all cases again and replaces it, -o chooses another archive"
@@ -30,7 +30,7 @@ _FILE = 2
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
+class StoredCells:
     """The cells of a layout that an archive holds.
 
     Attributes
@@ -61,9 +61,9 @@ class Known:
         places = self.cells[cells]
         with _opened(self.path) as file:
             values = {v.name: picked(file.get(v.name), places, v, layout) for v in layout.variables}
-            telling = np.flatnonzero(with_messages(file)[places])
-            texts = messages_of(file, places[telling])
-        return values, {int(k): text for k, text in zip(telling, texts, strict=True) if text}
+            with_text = np.flatnonzero(with_messages(file)[places])
+            texts = messages_of(file, places[with_text])
+        return values, {int(k): text for k, text in zip(with_text, texts, strict=True) if text}
 
     def copies(self, layout: Layout) -> Cells:
         """Return for each unit the cell there that its chunks begin with, -1 where they are not the same chunks.
@@ -96,7 +96,7 @@ class Known:
         return np.where(follow & whole & (first >= 0), first, -1).ravel()
 
     def messages(self, cells: Cells) -> dict[int, str]:
-        """Return what some cells have to say, by cell.
+        """Return the messages of some cells, by cell; cells without a message are left out.
 
         Raises
         ------
@@ -104,11 +104,11 @@ class Known:
             The archive is damaged.
         """
         with _opened(self.path) as file:
-            telling = cells[with_messages(file)[self.cells[cells]]]
-            texts = messages_of(file, self.cells[telling])
-        return {int(c): text for c, text in zip(telling, texts, strict=True) if text}
+            with_text = cells[with_messages(file)[self.cells[cells]]]
+            texts = messages_of(file, self.cells[with_text])
+        return {int(c): text for c, text in zip(with_text, texts, strict=True) if text}
 
-    def without_failures(self) -> Known:
+    def without_failures(self) -> StoredCells:
         """Return only the cases that are ok, so that the others are run again.
 
         Raises
@@ -118,11 +118,11 @@ class Known:
         """
         with _opened(self.path) as file:
             ok = file[STATUS][...].ravel() == OK
-        return Known(self.path, np.where(ok[self.cells], self.cells, -1))
+        return StoredCells(self.path, np.where(ok[self.cells], self.cells, -1))
 
 
-def find_known(path: Path, layout: Layout, hashes: NDArray[np.uint8]) -> Known:
-    """Return the cases of a layout that an archive holds; there may be none.
+def find_stored_cells(path: Path, layout: Layout, hashes: NDArray[np.uint8]) -> StoredCells:
+    """Return which cases of a layout an archive holds; there may be none.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def find_known(path: Path, layout: Layout, hashes: NDArray[np.uint8]) -> Known:
     cells = match_hashes(hashes, stored)
     if lacking and np.any(cells >= 0):
         raise ArchiveError(f"{path}: holds cases of this study, but without {', '.join(lacking)}; {_OTHERWISE}")
-    return Known(path, cells)
+    return StoredCells(path, cells)
 
 
 def narrowed(path: Path, layout: Layout) -> list[str]:
@@ -154,17 +154,17 @@ def narrowed(path: Path, layout: Layout) -> list[str]:
     ArchiveError
         It is damaged.
     """
-    wanted = {variable.name: np.dtype(variable.dtype) for variable in layout.variables}
-    found = []
+    declared = {variable.name: np.dtype(variable.dtype) for variable in layout.variables}
+    names = []
     with _opened(path) as file:
         for variable in BY_NAME.values():
             if variable.name not in file or not (variable.shape == "history" or variable.condition == "balances"):
                 continue
-            if variable.name not in wanted:
-                found.append(variable.name)
-            elif file[variable.name].dtype.itemsize > wanted[variable.name].itemsize:
-                found.append(f"{variable.name} as {file[variable.name].dtype.name}")
-    return found
+            if variable.name not in declared:
+                names.append(variable.name)
+            elif file[variable.name].dtype.itemsize > declared[variable.name].itemsize:
+                names.append(f"{variable.name} as {file[variable.name].dtype.name}")
+    return names
 
 
 def stored_hashes(path: Path) -> NDArray[np.uint8]:
@@ -183,39 +183,27 @@ def stored_hashes(path: Path) -> NDArray[np.uint8]:
         return np.asarray(hashes.reshape(-1, hashes.shape[-1]), dtype=np.uint8)
 
 
-def keep_known(parts: Path, known: Known | None) -> None:
-    """Leave in the directory of the shards what :func:`read_known` gives to every worker.
+def save_stored_cells(parts: Path, stored_cells: StoredCells | None) -> None:
+    """Write to the directory of the shards what :func:`load_stored_cells` reads in every worker.
 
     Raises
     ------
     ArchiveError
         It cannot be written.
     """
-    if known is None:
-        (parts / KNOWN).unlink(missing_ok=True)
+    if stored_cells is None:
+        (parts / STORED_CELLS).unlink(missing_ok=True)
         return
     import io
 
     image = io.BytesIO()
-    np.save(image, np.concatenate([known.file, known.cells]))
+    np.save(image, np.concatenate([stored_cells.file, stored_cells.cells]))
     with writing("what the archive holds already", parts):
-        commit(parts / KNOWN, image.getvalue())
+        commit(parts / STORED_CELLS, image.getvalue())
 
 
-def read_known(parts: Path) -> Known | None:
-    """Return what :func:`keep_known` left, ``None`` if nothing.
-
-    Raises
-    ------
-    ArchiveError
-        It is damaged.
-    """
-    stored = _stored(parts)
-    return None if stored is None else Known(parts.with_name(parts.name.removesuffix(".parts")), stored[_FILE:])
-
-
-def is_kept(parts: Path, known: Known) -> bool:
-    """Tell whether :func:`keep_known` left just this: the same cells of the same file.
+def load_stored_cells(parts: Path) -> StoredCells | None:
+    """Return what :func:`save_stored_cells` wrote, ``None`` where it wrote nothing.
 
     Raises
     ------
@@ -223,11 +211,23 @@ def is_kept(parts: Path, known: Known) -> bool:
         It is damaged.
     """
     stored = _stored(parts)
-    return stored is not None and np.array_equal(stored, np.concatenate([known.file, known.cells]))
+    return None if stored is None else StoredCells(parts.with_name(parts.name.removesuffix(".parts")), stored[_FILE:])
 
 
-def kept_file(parts: Path) -> tuple[int, int] | None:
-    """Return which file :func:`keep_known` left the cases of, see :attr:`Known.file`.
+def are_saved(parts: Path, stored_cells: StoredCells) -> bool:
+    """Tell whether :func:`save_stored_cells` wrote these cells of this file.
+
+    Raises
+    ------
+    ArchiveError
+        It is damaged.
+    """
+    stored = _stored(parts)
+    return stored is not None and np.array_equal(stored, np.concatenate([stored_cells.file, stored_cells.cells]))
+
+
+def saved_file(parts: Path) -> tuple[int, int] | None:
+    """Return the file whose cases :func:`save_stored_cells` wrote, see :attr:`StoredCells.file`.
 
     Raises
     ------
@@ -240,11 +240,13 @@ def kept_file(parts: Path) -> tuple[int, int] | None:
 
 def _stored(parts: Path) -> Cells | None:
     try:
-        stored = np.load(parts / KNOWN, allow_pickle=False)
+        stored = np.load(parts / STORED_CELLS, allow_pickle=False)
     except FileNotFoundError:
         return None
     except (OSError, ValueError, EOFError) as error:
-        raise ArchiveError(f"{parts / KNOWN}: damaged; remove the directory and give the command again") from error
+        raise ArchiveError(
+            f"{parts / STORED_CELLS}: damaged; remove the directory and give the command again"
+        ) from error
     return np.asarray(stored, dtype=np.int64)
 
 

@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from workflow import archive
-from workflow.archive import Known, _layout, find_known, keep_known, read_known
+from workflow.archive import StoredCells, _layout, find_stored_cells, load_stored_cells, save_stored_cells
 
 LAYOUT = sample_layout()
 RESULTS = sample_results(LAYOUT)
@@ -50,7 +50,7 @@ def test_cases_are_found_and_taken_wherever_they_stand(path: Path, cells: list[i
     hashes = HASHES[chosen].copy()
     new = np.arange(len(cells)) % 3 == 2
     hashes[new, 15] ^= 1  # others, whose first bytes are the same
-    known = find_known(path, layout, hashes)
+    known = find_stored_cells(path, layout, hashes)
     assert known.cells.tolist() == np.where(new, -1, chosen).tolist()
     old = np.flatnonzero(~new)
     values, told = known.take(layout, old)
@@ -78,14 +78,14 @@ def test_only_whole_chunks_are_copied(path: Path, cells: list[int]) -> None:
     layout = of_cells(np.array(cells))
     if layout.chunk != LAYOUT.chunk:
         return
-    known = Known(path, np.array(cells))
+    known = StoredCells(path, np.array(cells))
     units = {tuple(LAYOUT.cells_of(unit)): LAYOUT.cells_of(unit).start for unit in range(LAYOUT.units)}
     expected = [units.get(tuple(cells[c] for c in layout.cells_of(unit)), -1) for unit in range(layout.units)]
     assert known.copies(layout).tolist() == expected
 
 
 def test_chunks_of_another_shape_are_not_copied(path: Path) -> None:
-    every = Known(path, np.arange(LAYOUT.cells))
+    every = StoredCells(path, np.arange(LAYOUT.cells))
     assert (every.copies(LAYOUT) >= 0).all()
     for other in (
         sample_layout(chunk=5),
@@ -95,7 +95,7 @@ def test_chunks_of_another_shape_are_not_copied(path: Path) -> None:
         dataclasses.replace(LAYOUT, variables=(*LAYOUT.variables, archive.Variable("more", "metric", "f8", {}))),
     ):
         assert (every.copies(other) == -1).all()
-    assert (Known(path, np.full(LAYOUT.cells, -1)).copies(LAYOUT) == -1).all()
+    assert (StoredCells(path, np.full(LAYOUT.cells, -1)).copies(LAYOUT) == -1).all()
 
 
 def test_what_is_copied_is_gathered(path: Path, tmp_path: Path) -> None:
@@ -108,8 +108,8 @@ def test_what_is_copied_is_gathered(path: Path, tmp_path: Path) -> None:
     cells = np.arange(LAYOUT.cells)
     cells[:20] = -1
     with pytest.raises(archive.ArchiveError, match="units are missing"):
-        archive.gather(LAYOUT, parts, target, HASHES, Known(path, np.where(cells < 60, -1, cells)))
-    archive.gather(LAYOUT, parts, target, HASHES, Known(path, cells))
+        archive.gather(LAYOUT, parts, target, HASHES, StoredCells(path, np.where(cells < 60, -1, cells)))
+    archive.gather(LAYOUT, parts, target, HASHES, StoredCells(path, cells))
     assert archive.content_hash(target) == archive.content_hash(path)
 
 
@@ -117,26 +117,26 @@ def test_units_of_chunks_that_are_joined_are_not_copied(path: Path, monkeypatch:
     monkeypatch.setattr(_layout, "SMALL_BYTES", 2**16)
     joined = dataclasses.replace(LAYOUT)
     assert joined.joined
-    assert (Known(path, np.arange(LAYOUT.cells)).copies(joined) == -1).all()
+    assert (StoredCells(path, np.arange(LAYOUT.cells)).copies(joined) == -1).all()
 
 
 def test_missing_variables_and_periods(path: Path) -> None:
     cells = np.arange(LAYOUT.cells)
     wide = sample_layout(periods=5)
-    values, _ = find_known(path, wide, HASHES).take(wide, cells)
+    values, _ = find_stored_cells(path, wide, HASHES).take(wide, cells)
     np.testing.assert_array_equal(values["period_impulse"][:, :3], RESULTS["period_impulse"].reshape(-1, 3))
     assert np.isnan(values["period_impulse"][:, 3:]).all()
     for optional in (True, False):
         more = archive.Variable("more", "metric", "f8", {}, optional)
         layout = dataclasses.replace(LAYOUT, variables=(*LAYOUT.variables, more))
         if optional:
-            values, _ = find_known(path, layout, HASHES).take(layout, cells)
+            values, _ = find_stored_cells(path, layout, HASHES).take(layout, cells)
             assert np.isnan(values["more"]).all()
         else:
             with pytest.raises(archive.ArchiveError, match="without more"):
-                find_known(path, layout, HASHES)
+                find_stored_cells(path, layout, HASHES)
     with pytest.raises(archive.ArchiveError, match="without displacement"):
-        find_known(path, sample_layout(samples=8), HASHES)
+        find_stored_cells(path, sample_layout(samples=8), HASHES)
 
 
 def test_a_value_too_large_for_float32_is_infinite(tmp_path: Path) -> None:
@@ -145,7 +145,7 @@ def test_a_value_too_large_for_float32_is_infinite(tmp_path: Path) -> None:
     results["displacement"][:] = 1e300
     archive.gather(layout, put_all(tmp_path / "a.nc", layout, results), tmp_path / "a.nc", HASHES[:2])
     narrow = sample_layout((("e", 2),), chunk=2, precision="f4")
-    values, _ = find_known(tmp_path / "a.nc", narrow, HASHES[:2]).take(narrow, np.arange(2))
+    values, _ = find_stored_cells(tmp_path / "a.nc", narrow, HASHES[:2]).take(narrow, np.arange(2))
     assert np.isposinf(values["displacement"]).all()
 
 
@@ -156,7 +156,7 @@ def test_a_single_case_to_and_from_a_grid(path: Path, tmp_path: Path, dims: tupl
     target = tmp_path / "a.nc"
     archive.gather(layout, put_all(target, layout, results), target, HASHES[: layout.cells])
     single = sample_layout(())
-    values, _ = find_known(target, single, HASHES[:1]).take(single, np.zeros(1, dtype=np.int64))
+    values, _ = find_stored_cells(target, single, HASHES[:1]).take(single, np.zeros(1, dtype=np.int64))
     expected = results["displacement"].reshape(layout.cells, -1)[:1]
     np.testing.assert_array_equal(values["displacement"], expected)
 
@@ -164,13 +164,13 @@ def test_a_single_case_to_and_from_a_grid(path: Path, tmp_path: Path, dims: tupl
 def test_what_a_worker_is_told(path: Path, tmp_path: Path) -> None:
     parts = archive.parts_of(tmp_path / "a.nc")
     parts.mkdir()
-    assert read_known(parts) is None
-    keep_known(parts, Known(path, np.array([3, -1, 4])))
-    known = read_known(parts)
+    assert load_stored_cells(parts) is None
+    save_stored_cells(parts, StoredCells(path, np.array([3, -1, 4])))
+    known = load_stored_cells(parts)
     assert known is not None
     assert (known.path, known.cells.tolist()) == (tmp_path / "a.nc", [3, -1, 4])
-    keep_known(parts, None)
-    assert read_known(parts) is None
+    save_stored_cells(parts, None)
+    assert load_stored_cells(parts) is None
 
 
 @pytest.mark.parametrize("name", ["status", "displacement", "provenance/case_hash"])
@@ -180,9 +180,9 @@ def test_a_damaged_archive_is_said(path: Path, tmp_path: Path, name: str) -> Non
     with h5py.File(damaged, "r+") as file:
         del file[name]
     with pytest.raises(archive.ArchiveError, match=r"damaged|did not keep|without"):
-        find_known(damaged, LAYOUT, HASHES)
+        find_stored_cells(damaged, LAYOUT, HASHES)
     damaged.write_bytes(path.read_bytes()[:2000])
     with pytest.raises(archive.ArchiveError, match="damaged"):
-        find_known(damaged, LAYOUT, HASHES)
+        find_stored_cells(damaged, LAYOUT, HASHES)
     with pytest.raises(archive.ArchiveError, match="damaged"):
-        Known(damaged, np.arange(LAYOUT.cells)).take(LAYOUT, np.arange(3))
+        StoredCells(damaged, np.arange(LAYOUT.cells)).take(LAYOUT, np.arange(3))
