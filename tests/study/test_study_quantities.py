@@ -11,7 +11,7 @@ from pydantic_core import PydanticCustomError
 
 from workflow.declare import Quantity
 from workflow.study import udunits
-from workflow.study.quantities import COMMON, UnitError, asked, parse_unit, read_quantity
+from workflow.study.quantities import COMMON, UnitError, pint_unit, parse_unit, read_quantity
 
 METRE = Quantity("m", "length")
 DECIMALS = st.decimals(allow_nan=False, allow_infinity=False, min_value=-(10**9), max_value=10**9, places=6)
@@ -123,4 +123,4 @@ def test_a_one_within_a_unit_is_refused(text: str) -> None:
 
 @pytest.mark.parametrize("name", sorted(COMMON))
 def test_what_is_known_of_the_common_names_is_what_pint_says(name: str) -> None:
-    assert COMMON[name] == asked(name)
+    assert COMMON[name] == pint_unit(name)

@@ -125,11 +125,11 @@ def _named(name: str) -> Unit:
     """Return what a bare name is worth; ``rpm`` counts cycles here, as engineers do, not radians."""
     if name == "rpm":
         return _EXACT.divide(Decimal(1), Decimal(60)), {"second": -1}
-    return COMMON[name] if name in COMMON else _pint_unit(name)
+    return COMMON[name] if name in COMMON else pint_unit(name)
 
 
 @lru_cache(maxsize=1024)
-def _pint_unit(name: str) -> Unit:
+def pint_unit(name: str) -> Unit:
     """Return what pint says a bare name is worth in its root units.
 
     Raises
