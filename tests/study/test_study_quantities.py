@@ -11,7 +11,7 @@ from pydantic_core import PydanticCustomError
 
 from workflow.declare import Quantity
 from workflow.study import udunits
-from workflow.study.quantities import COMMON, UnitError, pint_unit, parse_unit, read_quantity
+from workflow.study.quantities import COMMON, UnitError, parse_unit, pint_unit, read_quantity
 
 METRE = Quantity("m", "length")
 DECIMALS = st.decimals(allow_nan=False, allow_infinity=False, min_value=-(10**9), max_value=10**9, places=6)

@@ -53,7 +53,7 @@ class Coordinates:
     heating: Array
 
     def transformed(self, cases: Cases) -> Cases:
-        """Return cases whose loads and states are in these coordinates in those of the structure, with its constant loads."""
+        """Return cases given in these coordinates in those of the structure, its constant loads added."""
         return replace(
             cases,
             steady=_brought(self.displacement_basis.T, cases.steady + self.steady),
