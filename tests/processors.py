@@ -5,9 +5,12 @@ All of them at once is the oldest processor; one by one they tell which library 
 
 from __future__ import annotations
 
+import contextlib
+import io
 import os
 import subprocess
 import sys
+import warnings
 from functools import cache
 
 import pytest
@@ -30,6 +33,15 @@ on_every_processor = pytest.mark.parametrize(
     ],
 )
 """Decorator of a test that takes ``settings``, variables of the environment."""
+
+
+def printed_here(source: str, file: str = "") -> str:
+    """Return what a program prints in this process, which takes its processor as it is."""
+    told = io.StringIO()
+    with contextlib.redirect_stdout(told), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        exec(compile(source, file, "exec"), {"__name__": "__main__", "__file__": file})
+    return told.getvalue().strip()
 
 
 def printed_under(settings: dict[str, str], *words: str) -> str:

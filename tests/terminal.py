@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+import contextlib
 import subprocess
 import sys
 from pathlib import Path
 
+from typer.testing import CliRunner
 
-def workflow(*words: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
-    """Run a command in a directory and return what it said and how it ended."""
+from workflow.cli import app
+
+
+def typed(*words: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """Run a command as a shell does, in a process of its own, and return what it said and how it ended."""
     command = [sys.executable, "-m", "workflow", *map(str, words)]
     return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=120)
+
+
+def workflow(*words: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """Run a command in this process, which has imported already what it needs."""
+    with contextlib.chdir(cwd):
+        ran = CliRunner().invoke(app, [str(word) for word in words])
+    return subprocess.CompletedProcess(words, ran.exit_code, ran.stdout, ran.stderr)

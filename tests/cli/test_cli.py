@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -15,22 +12,10 @@ from typer.testing import CliRunner
 
 from hostile import ESCAPES
 from studies import ILL, SMALL, written
+from terminal import typed, workflow
 from workflow import schemes
 from workflow.cli import app
 from workflow.cli._terminal import write_json
-
-
-def typed(*words: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
-    """Run a command as a shell does, in a process of its own."""
-    command = [sys.executable, "-m", "workflow", *map(str, words)]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=120)
-
-
-def workflow(*words: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
-    """Run a command in this process, which has imported already what it needs."""
-    with contextlib.chdir(cwd):
-        ran = CliRunner().invoke(app, [str(word) for word in words])
-    return subprocess.CompletedProcess(words, ran.exit_code, ran.stdout, ran.stderr)
 
 
 def test_run_show_report(tmp_path: Path) -> None:

@@ -130,11 +130,11 @@ def command(*words: str | Path, memory: int | None = None, **environment: str) -
 def test_a_terminal_that_knows_ascii_only(tmp_path: Path) -> None:
     study = written(SINGLE.replace("study: single", "study: single\ntitle: Schaufel spürt 5 µm…"), tmp_path)
     plain = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
-    for words in (("plan", study), ("schema",)):
-        told = command(*words, **plain)
+    planned, schema = command("plan", study, **plain), command("schema", **plain)
+    for told in (planned, schema):
         assert told.returncode == 0, told.stderr
         assert told.stdout.isascii()
-    assert "Schaufel sp\\xfcrt 5 um..." in command("plan", study, **plain).stdout
+    assert "Schaufel sp\\xfcrt 5 um..." in planned.stdout
     told = command("show", "spürt.nc", **plain).stderr
     assert "its name is UTF-8, but this process reads names as ascii; set PYTHONUTF8=1" in told
 

@@ -63,7 +63,10 @@ def test_sine_and_cosine(which: int) -> None:
     x = np.concatenate(
         [x, -powers(-323, 6), -powers(6, 308), list(near_multiples(1000)), [hardest, 1.7976931348623157e308]]
     )
-    assert worst(elementwise.sine_cosine(x)[which], x, (mpmath.sin, mpmath.cos)[which], 700) < 1
+    found, function = elementwise.sine_cosine(x)[which], (mpmath.sin, mpmath.cos)[which]
+    large = np.abs(x) > 1e15  # what is left of it by π takes as many digits as it has
+    assert worst(found[large], x[large], function, 700) < 1
+    assert worst(found[~large], x[~large], function) < 1
 
 
 def test_hypotenuse() -> None:

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from processors import on_every_processor, printed_under
+from processors import on_every_processor, printed_here, printed_under
 from workflow.kernels.complex_numbers import complex_product, complex_total, magnitude, over, square_root, times
 from workflow.kernels.sums import dot, norm, product, total
 
@@ -123,6 +123,6 @@ print(hashlib.sha256(b"".join(np.ascontiguousarray(x).tobytes() for x in found))
 
 @on_every_processor
 def test_bits_are_the_same_on_every_processor(settings: dict[str, str]) -> None:
-    here = printed_under({}, "-c", HASH)
+    here = printed_here(HASH)
     assert len(here) == hashlib.sha256().digest_size * 2
     assert printed_under(settings, "-c", HASH) == here

@@ -5,13 +5,13 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-from processors import on_every_processor, printed_under
+from processors import on_every_processor, printed_here, printed_under
 
-SCRIPT = str(Path(__file__).with_name("portable.py"))
+SCRIPT = Path(__file__).with_name("portable.py")
 
 
 @on_every_processor
 def test_bits_are_the_same_on_every_processor(settings: dict[str, str]) -> None:
-    here = printed_under({}, SCRIPT)
+    here = printed_here(SCRIPT.read_text(encoding="utf-8"), str(SCRIPT))
     assert len(here) == hashlib.sha256().digest_size * 2
-    assert printed_under(settings, SCRIPT) == here
+    assert printed_under(settings, str(SCRIPT)) == here

@@ -116,7 +116,7 @@ def rub(structure: Structure) -> Cases:
     return cases(structure, 1, alpha=50.0, gap=5e-5, amplitude=100.0, frequency=20.0)
 
 
-OVER = sampling(0.3, 1e-3)
+OVER = replace(sampling(0.3, 1e-3), balances=True)
 
 
 @pytest.fixture(scope="module")

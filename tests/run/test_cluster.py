@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 
 from studies import SCENE, SMALL, parsed, written
+from terminal import workflow
 from workflow.archive import content_hash, open_archive, parts_of
 from workflow.run import ClusterError, run_study
 from workflow.run._worker import Session, join, software
@@ -285,9 +286,8 @@ def test_a_worker_that_sees_other_files_is_told_apart(tmp_path: Path) -> None:
 )
 def test_wrong_calls(words: tuple[str, ...], message: str, tmp_path: Path) -> None:
     study = written(SMALL, tmp_path)
-    with started("workflow", "run", study, *words, cwd=tmp_path) as run:
-        _, err = run.communicate(timeout=PATIENCE)
-        assert run.returncode == 2
-    assert message in err
-    assert "Traceback" not in err
+    told = workflow("run", study, *words, cwd=tmp_path)
+    assert told.returncode == 2
+    assert message in told.stderr
+    assert "Traceback" not in told.stderr
     assert list(tmp_path.iterdir()) == [study]

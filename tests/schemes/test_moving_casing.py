@@ -11,7 +11,7 @@ import plain_casing
 import plain_moreau
 import plain_penalty
 import pytest
-from test_carpenter import agree, everything_acts, running_sum
+from test_carpenter import agree, audited, everything_acts, running_sum
 
 from scenes import alone, cases, chain, heavy_chain, same_bits, sampling, step, taken
 from workflow.models import Cases, Harmonics, Rayleigh, Structure, static_equilibrium
@@ -52,7 +52,7 @@ def check_moreau(theta: float, e: float) -> None:
     batch = moving(everything_acts(structure, e=e))
     path = plain_moreau.march(structure, batch, h, theta, 1000)
     assert np.sum(path.impulse > 0) > 20
-    found = step(structure, batch, h, sampling(1e-2, h), theta=theta)
+    found = step(structure, batch, h, audited(sampling(1e-2, h)), theta=theta)
     agree(found, path, np.concatenate([[0.0], np.cumsum(path.impulse)]))
 
 
@@ -95,7 +95,7 @@ def test_penalty_is_the_plain_scheme() -> None:
 def follows(periods: int, theta: float) -> float:
     """Return how far a pressed tip is from its casing at most, m."""
     structure, batch = pressed()
-    over = sampling(periods / 50.0, 0.01)
+    over = audited(sampling(periods / 50.0, 0.01))
     found = step(structure, batch, 1e-4, over, theta=theta)
     assert found.metrics["impacts"] == 1
     assert found.metrics["contact_time"] == pytest.approx(over.duration, rel=1e-10)  # 2e5 additions of h
@@ -119,10 +119,10 @@ def test_a_case_is_alone_as_in_a_batch() -> None:
     batch = cases(structure, 21, e=rng.uniform(0, 1, 21), gap=1e-5, amplitude=rng.uniform(10, 30, 21), frequency=40.0)
     rows = rng.uniform(0, 5e-6, (21, 2)), rng.uniform(20, 300, (21, 2)), rng.uniform(-3, 3, (21, 2))
     batch = replace(batch, casing_harmonics=Harmonics(*rows))
-    found = step(structure, batch, 1e-4, sampling(0.1, 1e-3), theta=0.5)
+    found = step(structure, batch, 1e-4, audited(sampling(0.1, 1e-3)), theta=0.5)
     assert np.all(found.metrics["impacts"] > 1)
     for case in (0, 7, 20):
-        single = step(structure, alone(batch, case), 1e-4, sampling(0.1, 1e-3), theta=0.5)
+        single = step(structure, alone(batch, case), 1e-4, audited(sampling(0.1, 1e-3)), theta=0.5)
         assert same_bits(single, taken(found, slice(case, case + 1)))
 
 
@@ -131,7 +131,7 @@ def test_a_harmonic_of_the_load_is_the_load_that_has_it_as_its_own() -> None:
     batch = replace(batch, casing_harmonics=batch.casing_harmonics.scaled(0.0))
     own = replace(batch, amplitude=np.full(1, 30.0), frequency=np.full(1, 70.0), phase=np.full(1, 0.4))
     more = replace(batch, load_harmonics=harmonics((30.0, 70.0, 0.4)))
-    over = sampling(0.1, 1e-3)
+    over = audited(sampling(0.1, 1e-3))
     one, other = (step(structure, each, 1e-4, over, theta=0.5) for each in (own, more))
     assert one.metrics["impacts"] > 1
     for name, values in one.histories.items():
@@ -151,7 +151,7 @@ def test_the_force_of_a_pressed_tip_is_what_its_casing_asks_for() -> None:
     pushed = 20.0 * t + 3.0 * (np.cos(0.2) - np.cos(load_turn * t + 0.2)) / load_turn
     exact = pushed - stiffness * moved - damping * (batch.casing_at(t) - begins)
     exact = exact - mass * (batch.casing_velocity_at(t) - speed)
-    found = [step(structure, batch, h, sampling(t, t), theta=0.5) for h in (4e-5, 2e-5)]
+    found = [step(structure, batch, h, audited(sampling(t, t)), theta=0.5) for h in (4e-5, 2e-5)]
     errors = [abs(float(each.histories["impulse"][0, -1] / exact[0] - 1)) for each in found]
     assert all(each.metrics["impacts"] == 1 for each in found)
     assert errors[0] < 2e-5
@@ -179,7 +179,7 @@ def bounced(h: float, e: float = 0.5, frequency: float = 10.0) -> tuple[float, f
     """Return impacts, and the relative errors of impulse and height, of a ball that bounces once a period."""
     (structure, batch), period = bouncing(e, frequency), 1 / frequency
     leaving = GRAVITY * period / 2
-    found = step(structure, batch, h, sampling(4.5 * period, period / 2), theta=0.5)
+    found = step(structure, batch, h, audited(sampling(4.5 * period, period / 2)), theta=0.5)
     highest = -found.histories["displacement"][0, 1::2] + batch.displacement[0, 0]
     impulse = found.histories["impulse"][0, -1]
     errors = impulse / (4 * GRAVITY * period) - 1, highest / (leaving**2 / (2 * GRAVITY)) - 1

@@ -38,7 +38,7 @@ def test_implicit_kernel_is_the_scheme(stiffness: float, damping: float, theta: 
     path = plain_penalty.implicit(structure, batch, h, 1000, stiffness, damping, theta)
     assert np.sum(path.impulse > 0) > 100
     options = {"stiffness": stiffness, "damping": damping, "integration": "implicit", "theta": theta}
-    found = step(structure, batch, h, sampling(1e-2, h), "penalty", **options)
+    found = step(structure, batch, h, audited(sampling(1e-2, h)), "penalty", **options)
     agree(found, path, np.concatenate([[0.0], np.cumsum(path.impulse)]))
 
 
@@ -50,7 +50,7 @@ def test_without_weight_at_the_end_of_the_step_contact_begins_all_the_same(count
     path = plain_penalty.implicit(structure, batch.take(slice(0, 1)), h, 60, 1e4, 0.0, 0.0)
     assert np.sum(path.impulse > 0) > 20
     options = {"stiffness": 1e4, "integration": "implicit", "theta": 0.0}
-    found = step(structure, batch, h, sampling(60 * h, h), "penalty", **options)
+    found = step(structure, batch, h, audited(sampling(60 * h, h)), "penalty", **options)
     impulse = np.concatenate([[0.0], np.cumsum(path.impulse)])
     for case in (0, count - 1):
         assert np.abs(found.histories["impulse"][case] - impulse).max() < 1e-12 * impulse[-1]
@@ -62,7 +62,7 @@ def test_where_neither_branch_is_consistent_the_tip_stays_on_the_casing() -> Non
     structure = chain(nodes=1, mass=1.0, stiffness=0.0)
     batch = cases(structure, gap=0.0999, velocity=1.0)
     options = {"stiffness": 1.0, "damping": 1e6, "integration": "implicit", "theta": 1.0}
-    found = step(structure, batch, 0.1, sampling(0.1, 0.1), "penalty", **options).histories
+    found = step(structure, batch, 0.1, audited(sampling(0.1, 0.1)), "penalty", **options).histories
     assert found["displacement"][0, 1] == pytest.approx(0.0999, rel=1e-12)
     path = plain_penalty.implicit(structure, batch, 0.1, 1, 1.0, 1e6, 1.0)
     assert path.displacement[1, 0] == pytest.approx(0.0999, rel=1e-12)
@@ -161,7 +161,7 @@ def test_static_penetration_is_load_over_stiffness() -> None:
     assert penalty.contact_stiffness_of(reduced, penalty.Options()) == pytest.approx(kappa, rel=1e-9)
     batch = cases(structure, gap=5e-5, mean=100.0)
     for integration in ("explicit", "implicit"):
-        found = step(structure, batch, 1e-5, sampling(0.2, 0.1), "penalty", integration=integration)
+        found = step(structure, batch, 1e-5, audited(sampling(0.2, 0.1)), "penalty", integration=integration)
         sunk = (100.0 - 5e-5 * kappa / 10) / (kappa + kappa / 10)
         assert found.histories["displacement"][0, -1] - 5e-5 == pytest.approx(sunk, rel=1e-6)
 
@@ -215,7 +215,7 @@ def test_order_for_a_given_spring(integration: str, theta: float, order: float) 
     options = {"stiffness": 300.0, "integration": integration, "theta": theta}
     exact = step(structure, batch, 5e-6, over, "penalty", stiffness=300.0).histories["displacement"]
     steps = np.array([2e-3, 1e-3, 5e-4, 2.5e-4])
-    found = [step(structure, batch, h, over, "penalty", **options) for h in steps]
+    found = [step(structure, batch, h, audited(over), "penalty", **options) for h in steps]
     errors = [relative(r.histories["displacement"], exact) for r in found]
     assert found[0].metrics["contact_time"][0] > 0.5
     slope = np.polyfit(np.log(steps), np.log(errors), 1)[0]
@@ -244,7 +244,7 @@ def test_implicit_contact_without_a_unique_solution_is_ill_posed() -> None:
     """α so large that W < 0 and 1 + hθW (hθκ + c) <= 0: said with the largest step."""
     structure = heavy_chain()
     batch = cases(structure, 3, alpha=[0.0, 5.0, 1e12], gap=5e-5, amplitude=100.0, frequency=20.0)
-    over, options = sampling(0.05, 1e-3), {"integration": "implicit", "stiffness": 1e8}
+    over, options = audited(sampling(0.05, 1e-3)), {"integration": "implicit", "stiffness": 1e8}
     found = step(structure, batch, 1e-5, over, "penalty", **options)
     assert found.status.tolist() == [Status.OK, Status.OK, Status.ILL_POSED]
     assert np.isnan(found.histories["displacement"][2, -1])
@@ -258,6 +258,6 @@ def test_implicit_contact_without_a_unique_solution_is_ill_posed() -> None:
 def test_implicit_grows_below_one_half_as_the_free_step_does() -> None:
     structure = chain(nodes=3, mass=1.0, stiffness=40.0)
     batch = cases(structure, gap=1.0, displacement=0.1)
-    found = step(structure, batch, 0.01, sampling(1.0, 0.1), "penalty", integration="implicit", theta=0.45)
+    found = step(structure, batch, 0.01, audited(sampling(1.0, 0.1)), "penalty", integration="implicit", theta=0.45)
     assert found.status[0] == Status.DIVERGED
     assert "the free step grows" in found.messages[0]

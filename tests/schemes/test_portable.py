@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 
-from processors import on_every_processor, printed_under
+from processors import on_every_processor, printed_here, printed_under
 
 RUN = """
 import hashlib, numpy as np
@@ -47,6 +47,6 @@ print(digest.hexdigest())
 
 @on_every_processor
 def test_bits_are_the_same_on_every_processor(settings: dict[str, str]) -> None:
-    here = printed_under({}, "-c", RUN)
+    here = printed_here(RUN)
     assert len(here) == hashlib.sha256().digest_size * 2
     assert printed_under(settings, "-c", RUN) == here

@@ -190,5 +190,5 @@ def _read(path: Path) -> Sums:
 def _write(path: Path, sums: Sums) -> None:
     content = {"format": FORMAT, "machine": _machine(), "parts": sums}
     with tempfile.NamedTemporaryFile("w", dir=path.parent, suffix=".tmp", delete=False, encoding="utf-8") as file:
-        json.dump(content, file)
+        file.write(json.dumps(content))  # at once: piece by piece it takes ten times as long
     os.replace(file.name, path)
