@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.sparse import csc_array
+import scipy
 
 from workflow.kernels import Array
 from workflow.models._dense import MOST_PORTABLE
@@ -216,7 +216,9 @@ def _heat(
             )
     capacity = square("heat_capacity", entries["heat_capacity"])
     count = capacity.shape[0]
-    coupling: Any = csc_array((size, count)) if max(size, count) > MOST_PORTABLE else np.zeros((size, count))
+    coupling: Any = (
+        scipy.sparse.csc_array((size, count)) if max(size, count) > MOST_PORTABLE else np.zeros((size, count))
+    )
     if "coupling" in entries:
         written = entries["coupling"]
         coupling = sparse_matrix("coupling", written) if is_large(written) else dense("coupling", written)

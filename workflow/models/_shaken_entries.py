@@ -13,7 +13,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.sparse import diags_array, issparse
+import scipy
 
 from workflow.models._matrix_files import MATRICES, VECTORS, Entries
 
@@ -38,9 +38,9 @@ def shaken(entries: Entries, share: float) -> dict[str, Any]:
 
 def _changed(matrix: Any, factor: float, rounded: float) -> Any:
     rows, columns = (_signs(length) for length in np.shape(matrix))
-    if not issparse(matrix):
+    if not scipy.sparse.issparse(matrix):
         return matrix * (factor + rounded * np.multiply.outer(rows, columns))
-    return matrix * factor + diags_array(rows * rounded) @ matrix @ diags_array(columns)
+    return matrix * factor + scipy.sparse.diags_array(rows * rounded) @ matrix @ scipy.sparse.diags_array(columns)
 
 
 def _signs(size: int) -> Any:

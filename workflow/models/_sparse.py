@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csc_array
+import scipy
 
 from workflow.kernels import Array
 from workflow.models._chain import MOST_NODES_WITH_MATRICES
@@ -62,11 +62,11 @@ class Sparse(Structure):
 
     mechanical: SparsePair
     thermal: SparsePair
-    coupling: csc_array
+    coupling: scipy.sparse.csc_array
     damping: Rayleigh = field(default_factory=Rayleigh)
     tangent: Array | None = None
     load: Array | None = None
-    damper: csc_array | None = None
+    damper: scipy.sparse.csc_array | None = None
     coordinates: Coordinates | None = None
 
     @property

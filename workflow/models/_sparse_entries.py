@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_array, issparse
+import scipy
 
 from workflow.models._dense import MOST_PORTABLE
 from workflow.models._matrix_files import refuse
@@ -20,26 +20,28 @@ def is_large(value: Any) -> bool:
     return len(np.shape(value)) == 2 and max(np.shape(value)) > MOST_PORTABLE
 
 
-def sparse_matrix(name: str, value: Any) -> csc_array:
+def sparse_matrix(name: str, value: Any) -> scipy.sparse.csc_array:
     """Return a matrix of finite numbers by its columns."""
     kind = value.dtype.kind if hasattr(value, "dtype") else np.asarray(value).dtype.kind
     if kind not in "fiub":
         raise refuse(f"`{name}` holds no real numbers", "write real numbers")
-    matrix = csc_array(value if issparse(value) else np.asarray(value, dtype=np.float64), dtype=np.float64)
+    matrix = scipy.sparse.csc_array(
+        value if scipy.sparse.issparse(value) else np.asarray(value, dtype=np.float64), dtype=np.float64
+    )
     matrix.sum_duplicates()
     if not np.isfinite(matrix.data).all():
         raise refuse(f"`{name}` has an entry that is not finite", "write finite numbers")
     return matrix
 
 
-def sparse_square(name: str, value: Any, size: int | None = None) -> csc_array:
+def sparse_square(name: str, value: Any, size: int | None = None) -> scipy.sparse.csc_array:
     """Return a symmetric matrix, its two halves averaged."""
     matrix = sparse_matrix(name, value)
     if matrix.shape[0] != matrix.shape[1]:
         raise refuse(f"`{name}` has the shape {matrix.shape}", "it must be square")
     if size is not None and matrix.shape[0] != size:
         raise refuse(f"`{name}` has {matrix.shape[0]} rows", f"it must have {size}, as the matrices beside it")
-    across = csc_array(matrix.T)
+    across = scipy.sparse.csc_array(matrix.T)
     magnitudes = abs(matrix)
     largest = np.maximum(magnitudes.max(axis=0).toarray().ravel(), magnitudes.max(axis=1).toarray().ravel())
     apart = abs(matrix - across).tocoo()
@@ -50,4 +52,4 @@ def sparse_square(name: str, value: Any, size: int | None = None) -> csc_array:
             f"`{name}` is not symmetric: {matrix[row, column]:g} at ({row}, {column}), {matrix[column, row]:g} across",
             "write both halves alike",
         )
-    return csc_array((matrix + across) / 2)
+    return scipy.sparse.csc_array((matrix + across) / 2)

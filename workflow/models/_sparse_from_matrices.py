@@ -10,7 +10,7 @@ from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
-from scipy.sparse import coo_array, csc_array, csr_array, issparse
+import scipy
 from threadpoolctl import threadpool_limits
 
 from workflow.kernels import Array
@@ -60,7 +60,7 @@ def structure_from_sparse(matrices: GivenMatrices) -> Matrices | Sparse:
 
 def _is_definite(inertia: Any) -> bool:
     """Tell whether a small inertia is definite by more than rounding; motions without inertia are condensed else."""
-    matrix = inertia.toarray() if issparse(inertia) else inertia
+    matrix = inertia.toarray() if scipy.sparse.issparse(inertia) else inertia
     diagonal = np.diag(matrix)
     if not np.all(diagonal > 0):
         return False
@@ -74,7 +74,9 @@ def _is_definite(inertia: Any) -> bool:
 def dense_matrices(matrices: GivenMatrices) -> GivenMatrices:
     """Return matrices as dense arrays."""
     values = {each.name: getattr(matrices, each.name) for each in fields(matrices)}
-    return replace(matrices, **{name: value.toarray() for name, value in values.items() if issparse(value)})
+    return replace(
+        matrices, **{name: value.toarray() for name, value in values.items() if scipy.sparse.issparse(value)}
+    )
 
 
 def _sparse_structure(matrices: GivenMatrices) -> Sparse:
@@ -96,7 +98,7 @@ def _sparse_structure(matrices: GivenMatrices) -> Sparse:
     return Sparse(
         mechanical=mechanical,
         thermal=thermal,
-        coupling=csc_array(basis.T @ csc_array(matrices.coupling) @ heat_basis),
+        coupling=scipy.sparse.csc_array(basis.T @ scipy.sparse.csc_array(matrices.coupling) @ heat_basis),
         tangent=None if matrices.tangent is None else np.asarray(basis.T @ matrices.tangent),
         damping=damping,
         load=None if matrices.load is None else np.asarray(basis.T @ matrices.load),
@@ -105,7 +107,7 @@ def _sparse_structure(matrices: GivenMatrices) -> Sparse:
     )
 
 
-def _as_rayleigh(damper: csc_array, pair: SparsePair) -> Rayleigh | None:
+def _as_rayleigh(damper: scipy.sparse.csc_array, pair: SparsePair) -> Rayleigh | None:
     """Return a_M and a_K of C1 = a_M M + a_K K1, which damps modes each by itself; ``None`` where C1 is not that."""
     scale = float(abs(damper).max()) or 1.0
     parts = [abs(matrix).max() for matrix in (pair.inertia, pair.stiffness)]
@@ -119,7 +121,7 @@ def _as_rayleigh(damper: csc_array, pair: SparsePair) -> Rayleigh | None:
     return Rayleigh(mass=mass, stiffness=stiffness)
 
 
-def _tip_last(contact: Array, name: str) -> tuple[csr_array, csr_array]:
+def _tip_last(contact: Array, name: str) -> tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]:
     """Return E and its inverse: from coordinates with the tip last to those given, and back."""
     size, shares = contact.size, np.flatnonzero(contact)
     if shares.size > MOST_SHARES:
@@ -135,16 +137,18 @@ def _tip_last(contact: Array, name: str) -> tuple[csr_array, csr_array]:
     rows = np.concatenate([others, np.full(beside.size, tip), [tip]])
     columns = np.concatenate([place[others], place[beside], [size - 1]])
     values = np.concatenate([np.ones(size - 1), -contact[beside] / contact[tip], [1 / contact[tip]]])
-    basis = csr_array(coo_array((values, (rows, columns)), shape=(size, size)))
+    basis = scipy.sparse.csr_array(scipy.sparse.coo_array((values, (rows, columns)), shape=(size, size)))
     rows = np.concatenate([place[others], np.full(shares.size, size - 1)])
     values = np.concatenate([np.ones(size - 1), contact[shares]])
-    projection = csr_array(coo_array((values, (rows, np.concatenate([others, shares]))), shape=(size, size)))
+    projection = scipy.sparse.csr_array(
+        scipy.sparse.coo_array((values, (rows, np.concatenate([others, shares]))), shape=(size, size))
+    )
     return basis, projection
 
 
-def _congruent(matrix: Any, basis: csr_array) -> csc_array:
+def _congruent(matrix: Any, basis: scipy.sparse.csr_array) -> scipy.sparse.csc_array:
     """Return basisᵀ · matrix · basis, symmetric to the bit."""
-    transformed = csc_array(basis.T @ csc_array(matrix) @ basis)
-    transformed = csc_array((transformed + transformed.T) / 2)
+    transformed = scipy.sparse.csc_array(basis.T @ scipy.sparse.csc_array(matrix) @ basis)
+    transformed = scipy.sparse.csc_array((transformed + transformed.T) / 2)
     transformed.sort_indices()
     return transformed

@@ -19,9 +19,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.linalg import eigh
-from scipy.sparse import csc_array, diags_array
-from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh, splu
+import scipy
 
 from workflow.kernels import Array
 
@@ -62,8 +60,8 @@ class SparsePair:
         the others statically in every vector that is found here.
     """
 
-    stiffness: csc_array
-    inertia: csc_array
+    stiffness: scipy.sparse.csc_array
+    inertia: scipy.sparse.csc_array
 
     @property
     def size(self) -> int:
@@ -149,8 +147,8 @@ class SparsePair:
     def largest(self) -> float:
         """Return about the largest eigenvalue of the pair: of the inertia lumped on its diagonal, some percent low."""
         lumped = np.asarray(abs(self.inertia).sum(axis=0))
-        root = diags_array(np.where(lumped > 0, 1 / np.sqrt(np.where(lumped > 0, lumped, 1.0)), 0.0))
-        return _spectrum_ends(csc_array(root @ self.stiffness @ root))[1]
+        root = scipy.sparse.diags_array(np.where(lumped > 0, 1 / np.sqrt(np.where(lumped > 0, lumped, 1.0)), 0.0))
+        return _spectrum_ends(scipy.sparse.csc_array(root @ self.stiffness @ root))[1]
 
     def fault(self) -> str | None:
         """Return why the pair cannot be used: a tip without inertia, an indefinite matrix; or ``None``."""
@@ -158,13 +156,13 @@ class SparsePair:
             return "the contact acts on what has no inertia"
         for name, matrix in (("inertia", self.inertia), ("stiffness", self.stiffness)):
             diagonal = matrix.diagonal()
-            root = diags_array(1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0)))
-            if diagonal.min() < 0 or _spectrum_ends(csc_array(root @ matrix @ root))[0] < -_NEGATIVE:
+            root = scipy.sparse.diags_array(1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0)))
+            if diagonal.min() < 0 or _spectrum_ends(scipy.sparse.csc_array(root @ matrix @ root))[0] < -_NEGATIVE:
                 return f"the {name} is indefinite"
         return None
 
 
-def factorised(matrix: csc_array) -> Answer:
+def factorised(matrix: scipy.sparse.csc_array) -> Answer:
     """Return what solves a sparse symmetric definite matrix for loads ``(coordinate, …)``.
 
     SuperLU on the order of least degree of A + Aᵀ with pivots on the diagonal: 98 280 coordinates of a slender blade of
@@ -178,8 +176,11 @@ def factorised(matrix: csc_array) -> Answer:
     if matrix.shape[0] == 0:
         return lambda load: load
     try:
-        factors = splu(
-            csc_array(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+        factors = scipy.sparse.linalg.splu(
+            scipy.sparse.csc_array(matrix),
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
         )
     except RuntimeError:
         raise NotHeldError("with the tip held some part of the structure is still loose") from None
@@ -191,7 +192,9 @@ def _start(size: int) -> Array:
     return np.random.default_rng(0).standard_normal(size)
 
 
-def _lowest(stiffness: csc_array, inertia: csc_array, answer: Answer, count: int, shift: float) -> tuple[Array, Array]:
+def _lowest(
+    stiffness: scipy.sparse.csc_array, inertia: scipy.sparse.csc_array, answer: Answer, count: int, shift: float
+) -> tuple[Array, Array]:
     """Return the ``count`` eigenvalues nearest above a shift, ascending, and vectors of length 1 in the inertia.
 
     The largest entry of each vector is positive.
@@ -205,12 +208,14 @@ def _lowest(stiffness: csc_array, inertia: csc_array, answer: Answer, count: int
     if count == 0:
         return np.zeros(0), np.zeros((size, 0))
     if 3 * count > size:  # Lanczos's iteration has no room
-        values, shapes = eigh(stiffness.toarray(), inertia.toarray(), subset_by_index=(0, count - 1))
+        values, shapes = scipy.linalg.eigh(stiffness.toarray(), inertia.toarray(), subset_by_index=(0, count - 1))
         return np.where(np.abs(values) > _ROUNDING * np.abs(values).max(), values, 0.0), _pointing_up(shapes)
-    solve: Any = LinearOperator((size, size), matvec=lambda load: answer(np.ravel(load)), dtype=np.float64)
+    solve: Any = scipy.sparse.linalg.LinearOperator(
+        (size, size), matvec=lambda load: answer(np.ravel(load)), dtype=np.float64
+    )
     try:
-        values, shapes = eigsh(stiffness, count, inertia, sigma=shift, OPinv=solve, v0=_start(size))
-    except ArpackError as error:
+        values, shapes = scipy.sparse.linalg.eigsh(stiffness, count, inertia, sigma=shift, OPinv=solve, v0=_start(size))
+    except scipy.sparse.linalg.ArpackError as error:
         raise NotHeldError(f"{count} modes of {size} coordinates were not found: {error}") from None
     order = np.argsort(values, kind="stable")
     values, shapes = values[order], shapes[:, order]
@@ -225,7 +230,9 @@ def _pointing_up(shapes: Array) -> Array:
     return np.ascontiguousarray(shapes * np.sign(largest))
 
 
-def _check(stiffness: csc_array, inertia: csc_array, values: Array, shapes: Array, shift: float) -> None:
+def _check(
+    stiffness: scipy.sparse.csc_array, inertia: scipy.sparse.csc_array, values: Array, shapes: Array, shift: float
+) -> None:
     """Look at signs and residuals of modes."""
     if not np.all(values > 10 * min(shift, 0.0) * _RESIDUAL):
         raise NotHeldError(f"its eigenvalue {values.min():.3g} is negative: stiffness is indefinite")
@@ -238,7 +245,7 @@ def _check(stiffness: csc_array, inertia: csc_array, values: Array, shapes: Arra
         raise NotHeldError(f"mode {worst + 1} has a residual of {missing[worst]:.3g}, more than {allowed[worst]:.3g}")
 
 
-def _spectrum_ends(matrix: csc_array) -> tuple[float, float]:
+def _spectrum_ends(matrix: scipy.sparse.csc_array) -> tuple[float, float]:
     """Return the ends of the spectrum that some steps of Lanczos's iteration see: within the spectrum, and close."""
     vector = _start(matrix.shape[0])
     vector /= np.linalg.norm(vector)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from scipy.sparse import coo_array
+import scipy
 
 from workflow.kernels import Array
 from workflow.models._cases import distinct_rows, project
@@ -52,7 +52,7 @@ def rounding_of_flexibility(structure: Structure) -> float:
     tip[0, -1] = 1.0
     answer = static_displacements(structure, tip)[0]
     stiffness = structure.mechanical.stiffness if isinstance(structure, Sparse) else structure.stiffness_matrix
-    entries = coo_array(stiffness)
+    entries = scipy.sparse.coo_array(stiffness)
     row, column = entries.coords
     energies = answer[row] * entries.data * answer[column]
     return float(np.finfo(float).eps / 2 * np.linalg.norm(energies) / abs(answer[-1]))

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from scipy.sparse import issparse
 
 from workflow.declare import quantity
 from workflow.kernels import Array
@@ -72,7 +71,7 @@ class Coordinates:
 
 def _brought(matrix: Any, states: Array) -> Array:
     """Return matrix · state for every case, the same bits whatever cases stand beside it; the matrix may be sparse."""
-    if not issparse(matrix):
+    if isinstance(matrix, np.ndarray):
         return project(matrix, states)
     return np.ascontiguousarray((matrix @ states.T).T)
 
