@@ -22,7 +22,7 @@ from workflow.run._task import Stored
 def many_tasks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Cut even the smallest study in a task per unit."""
     cut_finely(monkeypatch)
-    monkeypatch.setattr(cutting, "TASKS_WANTED", 10**6)
+    monkeypatch.setattr(cutting, "TARGET_TASKS", 10**6)
 
 
 def test_every_case_is_told_with_its_ending(tmp_path: Path, many_tasks: None) -> None:

@@ -20,7 +20,7 @@ from workflow.schemes import Status
 def many_tasks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Cut even the smallest study in a task per unit."""
     cut_finely(monkeypatch)
-    monkeypatch.setattr(cutting, "TASKS_WANTED", 10**6)
+    monkeypatch.setattr(cutting, "TARGET_TASKS", 10**6)
 
 
 def test_tasks_begin_in_their_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, many_tasks: None) -> None:

@@ -21,7 +21,7 @@ from workflow.study import CHOSEN, Axis, Cell, Dimension, SchemeChoice, Study
 
 Indices = NDArray[np.int64]
 
-_SETTINGS_KEPT = 256
+_MOST_SETTINGS = 256
 """Outer indices whose settings a grid keeps: several tasks of each thread."""
 
 TOLERANCE = "tolerance"
@@ -100,12 +100,12 @@ class Grid:
 
     def settings(self, outer: int, replaced: Mapping[str, Any] | None = None) -> Cell:
         """Return the settings of the first case of an outer index, some of them replaced."""
-        return self._settings(outer, replaced) if replaced else self._settings_kept(outer)
+        return self._settings(outer, replaced) if replaced else self._cached_settings(outer)
 
     @cached_property
-    def _settings_kept(self) -> Callable[[int], Cell]:
-        """Settings that are kept: a task asks for those of one outer index some five times."""
-        return lru_cache(maxsize=_SETTINGS_KEPT)(lambda outer: self._settings(outer, {}))
+    def _cached_settings(self) -> Callable[[int], Cell]:
+        """Settings of recent outer indices: a task reads those of one outer index about five times."""
+        return lru_cache(maxsize=_MOST_SETTINGS)(lambda outer: self._settings(outer, {}))
 
     def _settings(self, outer: int, replaced: Mapping[str, Any]) -> Cell:
         values = self._values(outer)
@@ -147,8 +147,8 @@ class Grid:
         first = int(self.alike(np.array([outer]), self._decides_reference)[0])
         if first not in self.decided.references:
             cell = self.study.cell({**self._values(first), **replaced})
-            kept = [replace(d, axes=tuple(a for a in d.axes if a.path not in replaced)) for d in self.inner]
-            inner = tuple(dimension for dimension in kept if dimension.axes)
+            remaining = [replace(d, axes=tuple(a for a in d.axes if a.path not in replaced)) for d in self.inner]
+            inner = tuple(dimension for dimension in remaining if dimension.axes)
             setting = Setting(cell, inner, replace(self.sampling, balances=False), self.shortest)
             return refine(setting, (cell.mechanical_modes, cell.thermal_modes), float(replaced[TOLERANCE]))
         return self.decided.references[first]
@@ -167,8 +167,8 @@ class Grid:
 
     def _all_of(self, choice: Callable[[int], Choice | None], matters: Callable[[str], bool]) -> dict[int, Choice]:
         first = np.unique(self.alike(np.arange(self.outer_count, dtype=np.int64), matters))
-        found = {int(outer): choice(int(outer)) for outer in first}
-        return {outer: chosen for outer, chosen in found.items() if chosen is not None}
+        choices = {int(outer): choice(int(outer)) for outer in first}
+        return {outer: chosen for outer, chosen in choices.items() if chosen is not None}
 
     @cached_property
     def shortest(self) -> float:
@@ -180,11 +180,11 @@ class Grid:
 
     def inner_values(self, inner: Indices) -> Mapping[str, NDArray[np.float64]]:
         """Return the values of the axes that vary within a batch, each ``(case,)``, by path."""
-        found: dict[str, NDArray[np.float64]] = {}
+        values: dict[str, NDArray[np.float64]] = {}
         for dimension, index in zip(self.inner, _unravelled(inner, self.inner_shape), strict=True):
             for axis in dimension.axes:
-                found[axis.path] = np.asarray(axis.values, dtype=np.float64)[index]
-        return found
+                values[axis.path] = np.asarray(axis.values, dtype=np.float64)[index]
+        return values
 
     def unread(self, dimension: Dimension, scheme: SchemeChoice) -> bool:
         """Tell whether a scheme's results do not depend on a dimension."""

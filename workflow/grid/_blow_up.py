@@ -105,7 +105,7 @@ def mark_blown_up(cell: Cell, cases: Cases, results: Results, sampling: Sampling
 
 
 def _energy_residual(
-    cell: Cell, cases: Cases, results: Results, asked: NDArray[np.bool_], sampling: Sampling
+    cell: Cell, cases: Cases, results: Results, judged: NDArray[np.bool_], sampling: Sampling
 ) -> Array | None:
     """Return the energy residual of each case, NaN where it is not known; ``None`` where none is asked for.
 
@@ -114,7 +114,7 @@ def _energy_residual(
     """
     if sampling.balances:
         return results.metrics["energy_residual"]
-    touching = np.flatnonzero(asked & (results.metrics["impacts"] > 0))
+    touching = np.flatnonzero(judged & (results.metrics["impacts"] > 0))
     if not touching.size or cell.h <= _contact_limit(cell):
         return None
     compile_for(cell, balances=True)

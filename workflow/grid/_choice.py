@@ -68,7 +68,7 @@ class Choice:
 
 
 @lru_cache(maxsize=4096)
-def choose(setting: Setting, wanted: Counts, tolerance: float) -> Choice:
+def choose(setting: Setting, requested: Counts, tolerance: float) -> Choice:
     """Return the counts of the smallest reduced model that meets a tolerance.
 
     Where a count that is given stands in its way, or rounding, the model that adds no more than the tolerance to what
@@ -78,16 +78,16 @@ def choose(setting: Setting, wanted: Counts, tolerance: float) -> Choice:
     ----------
     setting
         What the trials depend on.
-    wanted
+    requested
         Counts of the study, :data:`CHOSEN` where the tolerance decides.
     tolerance
         Largest relative error.
     """
     with threadpool_limits(limits=1, user_api="blas"):
         trials = trials_of(replace(setting, cell=replace(setting.cell, mechanical_modes=CHOSEN, thermal_modes=CHOSEN)))
-        least, most = ends(wanted, trials.most)
-        asked = trials.begin(tolerance)
-        first = _within(asked, least, most)
+        least, most = ends(requested, trials.most)
+        guess = trials.begin(tolerance)
+        first = _within(guess, least, most)
         counts = first if trials.failure else _confirmed(trials, first, least, most, tolerance)
         errors = [float("nan")] if trials.failure else trials.errors(*counts, trials.sound)
         worst = errors.index(max(errors))
@@ -124,15 +124,15 @@ def choices_text(decided: Decided) -> str:
     """Return choices by outer index as JSON; an error that is NaN as null."""
     every = {str(outer): choice for outer, choice in decided.cases.items()}
     every |= {f"{_REFERENCE}{outer}": choice for outer, choice in decided.references.items()}
-    found = {key: asdict(choice) | {"hardest": dict(choice.hardest)} for key, choice in every.items()}
-    for entry in found.values():
+    entries = {key: asdict(choice) | {"hardest": dict(choice.hardest)} for key, choice in every.items()}
+    for entry in entries.values():
         entry["error"] = None if isnan(entry["error"]) else entry["error"]
-    return json.dumps(found, sort_keys=True, allow_nan=False)
+    return json.dumps(entries, sort_keys=True, allow_nan=False)
 
 
 def read_choices(text: str) -> Decided:
     """Return choices from what :func:`choices_text` has made of them."""
-    found = {
+    choices = {
         key: Choice(
             entry["mechanical_modes"],
             entry["thermal_modes"],
@@ -142,17 +142,17 @@ def read_choices(text: str) -> Decided:
         )
         for key, entry in json.loads(text).items()
     }
-    of_references = {key for key in found if key.startswith(_REFERENCE)}
+    of_references = {key for key in choices if key.startswith(_REFERENCE)}
     return Decided(
-        {int(key): choice for key, choice in found.items() if key not in of_references},
-        {int(key.removeprefix(_REFERENCE)): choice for key, choice in found.items() if key in of_references},
+        {int(key): choice for key, choice in choices.items() if key not in of_references},
+        {int(key.removeprefix(_REFERENCE)): choice for key, choice in choices.items() if key in of_references},
     )
 
 
-def ends(wanted: Counts, most: Counts) -> tuple[Counts, Counts]:
+def ends(requested: Counts, most: Counts) -> tuple[Counts, Counts]:
     """Return the smallest and the largest counts that may be chosen: of a given one itself."""
-    least = 0 if wanted[0] == CHOSEN else wanted[0], 0 if wanted[1] == CHOSEN else wanted[1]
-    largest = most[0] if wanted[0] == CHOSEN else wanted[0], most[1] if wanted[1] == CHOSEN else wanted[1]
+    least = 0 if requested[0] == CHOSEN else requested[0], 0 if requested[1] == CHOSEN else requested[1]
+    largest = most[0] if requested[0] == CHOSEN else requested[0], most[1] if requested[1] == CHOSEN else requested[1]
     return least, largest
 
 
@@ -186,8 +186,8 @@ def _smallest(error: Callable[[int, int], float], first: Counts, least: Counts, 
 
 def _fewest(error: Callable[[int], float], first: int, least: int, most: int, allowed: float) -> int:
     """Return the smallest count that meets a tolerance, among those above which the error is not hopeless."""
-    found = _first(lambda count: error(count) <= allowed, first, least, most)
-    best = count = most if found is None else found
+    passing = _first(lambda count: error(count) <= allowed, first, least, most)
+    best = count = most if passing is None else passing
     while count > least and error(count) <= _HOPELESS * allowed:
         count -= 1
         best = count if error(count) <= allowed else best

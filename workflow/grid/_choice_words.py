@@ -17,7 +17,7 @@ _MISSED = "more of the modes that `auto` may choose change less than the toleran
 
 def choice_lines(grid: Grid) -> tuple[str, ...]:
     """Return a line for each count that a tolerance decides, of many the first and how many more there are."""
-    lines = [f"{name}: {_counts(choice)}, {_found(choice)}" for name, _, choice in _all(grid)]
+    lines = [f"{name}: {_counts(choice)}, {_error_text(choice)}" for name, _, choice in _all(grid)]
     more = (f"and {len(lines) - _SHOWN} more",) if len(lines) > _SHOWN else ()
     return (*lines[:_SHOWN], *more)
 
@@ -52,7 +52,7 @@ def _counts(choice: Choice) -> str:
     return f"{choice.mechanical_modes} + {choice.thermal_modes} modes"
 
 
-def _found(choice: Choice) -> str:
+def _error_text(choice: Choice) -> str:
     """Return the error of a choice, in which case, and against what."""
     if not choice.is_confirmed:
         return choice.against

@@ -92,15 +92,15 @@ def result_bytes(grid: Grid) -> int:
 def estimate(grid: Grid, units: Units, threads: int | None = None) -> Time:
     """Return how long a study will take; ``threads`` is one for each processor where not given."""
     threads = threads or len(os.sched_getaffinity(0))
-    known = _speed.speeds()
-    costs = _Costs(grid, units, known)
+    speeds = _speed.speeds()
+    costs = _Costs(grid, units, speeds)
     ends = [0.0] * threads
     work = 0.0
     for _, seconds in _weighed(grid, units, costs):
         work += seconds
         heapq.heapreplace(ends, ends[0] + seconds)
     beside = costs.seconds(beside_part(grid.outer_count * grid.inner_count, result_bytes(grid)))
-    loading, compiling = _kernels(grid, known, threads)
+    loading, compiling = _kernels(grid, speeds, threads)
     return Time(
         seconds=max(ends) + beside + loading,
         threads=threads,
@@ -125,20 +125,20 @@ def compiling_seconds(grid: Grid, threads: int) -> float:
     return _kernels(grid, _speed.speeds(), threads)[1]
 
 
-def _kernels(grid: Grid, known: _speed.Speeds, threads: int) -> tuple[float, float]:
+def _kernels(grid: Grid, speeds: _speed.Speeds, threads: int) -> tuple[float, float]:
     """Return the seconds that loading compiled kernels takes, and compiling those that are not."""
     kernels = {wanted.words: (wanted.method, is_compiled(wanted)) for wanted in wanted_kernels(grid)}.values()
     loading = sum(
-        known.ratio(f"loading {method}") or LOADING for method in {method for method, there in kernels if there}
+        speeds.ratio(f"loading {method}") or LOADING for method in {method for method, there in kernels if there}
     )
     missing = Counter(method for method, there in kernels if not there)
-    compiling = [_known_seconds(compiling_part(method, number), known) for method, number in missing.items()]
+    compiling = [_measured_seconds(compiling_part(method, number), speeds) for method, number in missing.items()]
     return loading, max(sum(compiling) / threads, max(compiling, default=0.0))
 
 
-def _known_seconds(part: Part, known: _speed.Speeds) -> float:
+def _measured_seconds(part: Part, speeds: _speed.Speeds) -> float:
     """Return the seconds of a part at the speed of this machine."""
-    ratio = known.ratio(*part.keys)
+    ratio = speeds.ratio(*part.keys)
     return part.seconds * (1.0 if ratio is None else ratio)
 
 
@@ -148,7 +148,7 @@ class _Costs:
 
     grid: Grid
     units: Units
-    known: _speed.Speeds
+    speeds: _speed.Speeds
     measured: bool = False
     _kinds: dict[tuple[int, int, int], tuple[float, int]] = field(default_factory=dict)
     _kind: dict[int, int] = field(default_factory=dict)
@@ -164,7 +164,7 @@ class _Costs:
 
     def seconds(self, part: Part) -> float:
         """Return the seconds of a part at the speed of this machine."""
-        return _known_seconds(part, self.known)
+        return _measured_seconds(part, self.speeds)
 
     def of(self, segment: Segment) -> float:
         """Return the seconds of a segment: its batch, its references and growth rates if they are new, its handling."""
@@ -187,7 +187,7 @@ class _Costs:
         workload, scale = self._workload(cell, distinct)
         part = batch_part(cell, structure, grid.sampling, workload)
         once = self.seconds(part)
-        self.measured |= any(key in self.known.sums for key in part.keys)
+        self.measured |= any(key in self.speeds.sums for key in part.keys)
         repeats = min(REPEATS, 1 + int(SHORT / max(once, 1e-9))) if grid.study.reference is not None else 1
         histories = len(grid.study.output.histories)
         places = sum(1 for _ in grid.places[outer])

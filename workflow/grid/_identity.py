@@ -38,7 +38,7 @@ def case_hashes(grid: Grid) -> NDArray[np.uint8]:
     that was found), and the reference in the same way: values
     in SI, to the bit. Labels, titles, the place in the grid and what else is stored do not enter.
     """
-    found = np.empty((grid.outer_count, grid.inner_count, HASH_BYTES), np.uint8)
+    hashes = np.empty((grid.outer_count, grid.inner_count, HASH_BYTES), np.uint8)
     for first in range(0, grid.inner_count, _AT_ONCE):
         inner = np.arange(first, min(first + _AT_ONCE, grid.inner_count), dtype=np.int64)
         varying = grid.inner_values(inner)
@@ -50,8 +50,8 @@ def case_hashes(grid: Grid) -> NDArray[np.uint8]:
                 digest = prefix.copy()
                 digest.update(row.data)
                 digests.append(digest.digest()[:HASH_BYTES])
-            found[outer, inner] = np.frombuffer(b"".join(digests), np.uint8).reshape(-1, HASH_BYTES)
-    return found.reshape(-1, HASH_BYTES)
+            hashes[outer, inner] = np.frombuffer(b"".join(digests), np.uint8).reshape(-1, HASH_BYTES)
+    return hashes.reshape(-1, HASH_BYTES)
 
 
 def _shared(grid: Grid, outer: int, cell: Cell) -> dict[str, Any]:
@@ -95,13 +95,13 @@ def _numerics(cell: Cell, read: frozenset[str]) -> dict[str, Any]:
 
 def _per_node(cell: Cell) -> dict[str, Any]:
     """Return the conditions that may be given per node: a number, or a list of them, or ``static``."""
-    scene, found = cell.scene, {}
+    scene, values = cell.scene, {}
     for path in (*_PER_NODE, f"scene.{cell.scene.model}.heating"):
         *_, group, name = path.split(".")
         owner: Any = {"load": scene.load, "initial": scene.initial}.get(group)
         value = heat_load(scene.parameters) if owner is None else owner if owner == "static" else getattr(owner, name)
-        found[path] = float(value) if isinstance(value, int | float) else value
-    return found
+        values[path] = float(value) if isinstance(value, int | float) else value
+    return values
 
 
 def _is_summed_up(path: str) -> bool:
@@ -111,13 +111,13 @@ def _is_summed_up(path: str) -> bool:
 
 def _harmonic_columns(scene: Scene, varying: Any, count: int) -> dict[str, Any]:
     """Return amplitude, frequency and phase of all harmonics by name, ``(case,)`` each; orders as frequencies."""
-    found: dict[str, Any] = {}
+    by_name: dict[str, Any] = {}
     for group in ("load", "casing"):
         harmonics = harmonics_of(scene, group, varying, count)
         for name in ("amplitude", "frequency", "phase"):
             columns = getattr(harmonics, name).T
-            found |= {f"scene.{group}.harmonics.{k}.{name}": column for k, column in enumerate(columns)}
-    return found
+            by_name |= {f"scene.{group}.harmonics.{k}.{name}": column for k, column in enumerate(columns)}
+    return by_name
 
 
 def _rows(grid: Grid, outer: int, cell: Cell, varying: Any, count: int) -> NDArray[np.float64]:

@@ -34,11 +34,11 @@ from workflow.study import Cell
 _AT_CRITICAL = 1e-9
 """Share of the critical coupling within which its own rounding, about 1e-14, decides nothing."""
 
-_OPERATORS_KEPT = 16
+_MOST_OPERATORS = 16
 """Operators kept per process; tasks run through them in order, so few are alive at a time."""
 
 
-@lru_cache(maxsize=_OPERATORS_KEPT)
+@lru_cache(maxsize=_MOST_OPERATORS)
 def structure_of(model: str, parameters: Any) -> Structure:
     """Return the full structure of a model, made by one thread of BLAS wherever it is made."""
     with threadpool_limits(limits=1, user_api="blas"):
@@ -63,12 +63,12 @@ def reduced(cell: Cell) -> Reduced:
     return Reduced(scene.model, scene.parameters, cell.reduction, modes, Known(scene.duration))
 
 
-@lru_cache(maxsize=_OPERATORS_KEPT)
+@lru_cache(maxsize=_MOST_OPERATORS)
 def reduction_of(by: Reduced) -> Reduction | None:
     """Return the reduction of a model, ``None`` where all modes are kept and nothing is to be done."""
     structure = structure_of(by.model, by.parameters)
     sizes = structure.mechanical_size, structure.thermal_size
-    mechanical, thermal = (None if kept == size - 1 else kept for kept, size in zip(by.modes, sizes, strict=True))
+    mechanical, thermal = (None if count == size - 1 else count for count, size in zip(by.modes, sizes, strict=True))
     if mechanical is None and thermal is None:
         return None
     with threadpool_limits(limits=1, user_api="blas"):
@@ -89,14 +89,14 @@ def reduced_structure(cell: Cell) -> Structure:
     return structure_on(reduced(cell))
 
 
-@lru_cache(maxsize=_OPERATORS_KEPT)
+@lru_cache(maxsize=_MOST_OPERATORS)
 def _operator(by: Reduced, method: str, options: Any, h: float) -> Any:
     structure = structure_on(by)
     with measured(setup_part(method, structure)):
         return schemes.load(method).init(structure, h, options)
 
 
-@lru_cache(maxsize=_OPERATORS_KEPT)
+@lru_cache(maxsize=_MOST_OPERATORS)
 def _in_contact(by: Reduced) -> InContact:
     structure = structure_on(by)
     with threadpool_limits(limits=1, user_api="blas"):
@@ -109,7 +109,7 @@ def _growth(by: Reduced, alpha: float, friction: float) -> Growth:
         return growth(_in_contact(by), alpha, friction)
 
 
-@lru_cache(maxsize=_OPERATORS_KEPT)
+@lru_cache(maxsize=_MOST_OPERATORS)
 def _critical_alpha(by: Reduced, friction: float) -> float:
     return critical_alpha(structure_on(by), friction)
 
@@ -137,9 +137,9 @@ def runaway_of(cell: Cell, alpha: float, friction: float) -> tuple[float, float,
     (1 - α G(s) is negative at 0 and 1 at infinity).
     """
     by = reduced(cell)
-    found, critical = _growth(by, alpha, friction), _critical_alpha(by, friction)
+    growth, critical = _growth(by, alpha, friction), _critical_alpha(by, friction)
     acts = alpha > 0 or friction > 0
-    return critical, found.rate, acts and (found.is_positive or alpha > critical * (1 + _AT_CRITICAL))
+    return critical, growth.rate, acts and (growth.is_positive or alpha > critical * (1 + _AT_CRITICAL))
 
 
 def projection_residual_of(cell: Cell, cases: Cases) -> Array:

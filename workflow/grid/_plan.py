@@ -190,7 +190,7 @@ def _plan(grid: Grid, units: Units) -> Plan:
         ),
         choices=choice_lines(grid),
         operators=_operators(grid, computed),
-        warnings=idle + tuple(choice_cautions(grid)) + scene_cautions(grid) + _told(cautions),
+        warnings=idle + tuple(choice_cautions(grid)) + scene_cautions(grid) + _sentences(cautions),
     )
 
 
@@ -246,7 +246,7 @@ class _Caution:
 
 
 def _beware(grid: Grid, cell: Cell) -> list[_Caution]:
-    """Return what there is to say of one scheme at one step on one structure."""
+    """Return the cautions about one scheme at one step on one structure."""
     scheme = schemes.load(cell.scheme.method)
     structure = reduced_structure(cell)
     if isinstance(structure, Chain) and not structure.has_matrices and scheme.is_swept is None:
@@ -268,18 +268,18 @@ def _beware(grid: Grid, cell: Cell) -> list[_Caution]:
 
     if growth > 1 + _GROWS:
         return [caution("diverges, its free step grows", f"{growth:.6g}-fold", growth)]
-    found = []
+    cautions = []
     ringing = free[np.isinf(omega)].max(initial=0.0)
     if ringing >= _RINGS:
         what = (
             f"makes the tip ring, which {cell.reduction} leaves without mass (theta = 1 is advised): each step turns a"
         )
-        found.append(caution(f"{what} disturbance over and leaves", f"{ringing:.3g} of it", ringing))
+        cautions.append(caution(f"{what} disturbance over and leaves", f"{ringing:.3g} of it", ringing))
     if scheme.contact_limit is not None:
         limit = scheme.contact_limit(structure, cell.scheme.options)
         if cell.h > limit:
             measured = f"{limit:.6g} s (measured with contact that comes and goes)"
-            found.append(caution("grows in contact, which is stable only up to", measured, -limit))
+            cautions.append(caution("grows in contact, which is stable only up to", measured, -limit))
     if 0 < omega[0] < np.inf:
         physical = float(damping[0] / (2 * omega[0]))
         numerical = _first_mode_damping(scheme, omega[:1], damping[:1], cell) - physical
@@ -287,12 +287,12 @@ def _beware(grid: Grid, cell: Cell) -> list[_Caution]:
             what = (
                 f"damps the first mode ({omega[0] / (2 * np.pi):.4g} Hz) more than its own {physical:.2g} of critical"
             )
-            found.append(caution(f"{what}, numerically by", f"{numerical:.2g}", numerical))
+            cautions.append(caution(f"{what}, numerically by", f"{numerical:.2g}", numerical))
     frequency = fastest(grid)
     if frequency * cell.h * _COARSE > 1:
         per_period = 1 / (frequency * cell.h)
-        found.append(caution("takes few steps per load period,", f"{per_period:.3g}", frequency * cell.h))
-    return found
+        cautions.append(caution("takes few steps per load period,", f"{per_period:.3g}", frequency * cell.h))
+    return cautions
 
 
 def _first_mode_damping(scheme: Scheme, omega: Array, damping: Array, cell: Cell) -> float:
@@ -308,7 +308,7 @@ def _listed(amounts: list[str]) -> str:
     return ", ".join(amounts) if len(amounts) <= 6 else f"{amounts[0]} to {amounts[-1]} ({len(amounts)} steps)"
 
 
-def _told(cautions: list[_Caution]) -> tuple[str, ...]:
+def _sentences(cautions: list[_Caution]) -> tuple[str, ...]:
     """Return one sentence per scheme and kind, with the largest amount at each step."""
     worst: dict[tuple[str, str], dict[float, _Caution]] = {}
     for caution in cautions:

@@ -29,7 +29,7 @@ _BASIS = frozenset({"mechanical_modes", "thermal_modes", "reduction"})
 
 
 def against_reference(
-    grid: Grid, outer: int, inner: Indices, found: Mapping[str, Array]
+    grid: Grid, outer: int, inner: Indices, results: Mapping[str, Array]
 ) -> tuple[dict[str, Array], dict[int, str]]:
     """Return the errors of a batch against the study's reference, ``(case,)`` each, and what cannot be formed.
 
@@ -40,7 +40,7 @@ def against_reference(
 
     Parameters
     ----------
-    found
+    results
         Histories ``(case, t)`` and ``status`` of the batch.
     """
     if grid.study.reference is None:
@@ -54,10 +54,10 @@ def against_reference(
         errors["reference_basis_error"] = np.full(inner.size, chosen.error)
     for name in COMPARED:
         size = norms(truth.histories[name])
-        errors[f"{name}_error"] = relative(norms(found[name] - truth.histories[name]), size)
-        errors[f"{name}_scheme_error"] = relative(norms(found[name] - exact.histories[name]), size)
+        errors[f"{name}_error"] = relative(norms(results[name] - truth.histories[name]), size)
+        errors[f"{name}_scheme_error"] = relative(norms(results[name] - exact.histories[name]), size)
         errors[f"{name}_model_error"] = relative(norms(exact.histories[name] - truth.histories[name]), size)
-    return errors, _messages(truth, exact, errors, found["status"] == Status.OK)
+    return errors, _messages(truth, exact, errors, results["status"] == Status.OK)
 
 
 def _messages(truth: Truth, exact: Truth, errors: Mapping[str, Array], ok: Array) -> dict[int, str]:

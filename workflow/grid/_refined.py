@@ -36,7 +36,7 @@ _FIRST = (12, 6)
 
 
 @lru_cache(maxsize=256)
-def refine(setting: Setting, wanted: Counts, tolerance: float) -> Choice:
+def refine(setting: Setting, requested: Counts, tolerance: float) -> Choice:
     """Return the counts of the basis of a reference, with the change that its refinement makes as its error.
 
     Parameters are those of :func:`~workflow.grid._choice.choose`. Where the largest basis does not meet the tolerance,
@@ -45,8 +45,8 @@ def refine(setting: Setting, wanted: Counts, tolerance: float) -> Choice:
     structure = structure_of(setting.cell.scene.model, setting.cell.scene.parameters)
     sizes = structure.mechanical_size, structure.thermal_size
     if max(sizes) <= MOST_PORTABLE:
-        return choose(setting, wanted, tolerance)
-    least, most = ends(wanted, tuple(min(size - 1, _most(structure)) for size in sizes))  # type: ignore[arg-type]
+        return choose(setting, requested, tolerance)
+    least, most = ends(requested, tuple(min(size - 1, _most(structure)) for size in sizes))  # type: ignore[arg-type]
     first = tuple(min(max(a, b), c) for a, b, c in zip(_FIRST, least, most, strict=True))
     with threadpool_limits(limits=1, user_api="blas"):
         return _refined(_Solutions(setting, first), first, most, tolerance)  # type: ignore[arg-type]
@@ -63,8 +63,8 @@ def _refined(solutions: _Solutions, counts: Counts, most: Counts, tolerance: flo
     while not solutions.failure:
         below = [kind for kind in (0, 1) if counts[kind] < most[kind]]
         for kind in below:
-            found = solutions.changes(counts, _doubled(counts, kind, most))
-            changes[kind], hardest = max(found), found.index(max(found))
+            errors = solutions.changes(counts, _doubled(counts, kind, most))
+            changes[kind], hardest = max(errors), errors.index(max(errors))
         finer = _doubled(counts, 0, most)[0], _doubled(counts, 1, most)[1]
         worth = [kind for kind in below if changes[kind] > tolerance / 2]
         if sum(changes) <= tolerance or not worth:
@@ -96,7 +96,7 @@ class _Solutions:
     """
 
     def __init__(self, setting: Setting, first: Counts) -> None:
-        self._sampling, self._found, self.failure = setting.sampling, dict[Counts, Results](), ""
+        self._sampling, self._results, self.failure = setting.sampling, dict[Counts, Results](), ""
         self._cell = replace(exactly(setting), mechanical_modes=first[0], thermal_modes=first[1])
         self.corners = corners_of(setting.inner, structure_on(reduced(self._cell)))
         varying = {path: np.array([corner[path] for corner in self.corners]) for path in self.corners[0]}
@@ -114,12 +114,12 @@ class _Solutions:
         self.by = method if self._cell.h == 0 else f"{method} (theta = 1, h = {self._cell.h:g} s)"
 
     def _of(self, counts: Counts) -> Results:
-        if counts not in self._found:
+        if counts not in self._results:
             cell = replace(self._cell, mechanical_modes=counts[0], thermal_modes=counts[1])
             compile_for(cell, self._sampling.balances)
             with np.errstate(all="ignore"):
-                self._found[counts] = run_batch(cell, self._cases, self._sampling)
-        return self._found[counts]
+                self._results[counts] = run_batch(cell, self._cases, self._sampling)
+        return self._results[counts]
 
     def changes(self, counts: Counts, finer: Counts) -> list[float]:
         """Return of each corner by how much more vectors change its motion, relative; infinite where one has none."""

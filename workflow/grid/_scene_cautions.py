@@ -46,8 +46,8 @@ MOST_CASES, MOST_STRUCTURES, MOST_BASES = 500, 8, 64
 
 def scene_cautions(grid: Grid) -> tuple[str, ...]:
     """Return what to beware of, one sentence each, none twice."""
-    found = (*_springs(grid), *_scenes(grid), *_bases(grid))
-    return tuple(dict.fromkeys(found))
+    cautions = (*_springs(grid), *_scenes(grid), *_bases(grid))
+    return tuple(dict.fromkeys(cautions))
 
 
 def _chosen(grid: Grid) -> Indices:

@@ -69,6 +69,8 @@ def _changed(value: Any, share: float) -> Any:
         return replace(value, shaken=share)
     if is_dataclass(value) and not isinstance(value, type):
         named = [field.name for field in fields(value) if field.init]
-        found = {name: _changed(getattr(value, name), share if k % 2 == 0 else -share) for k, name in enumerate(named)}
-        return replace(value, **found)
+        changed = {
+            name: _changed(getattr(value, name), share if k % 2 == 0 else -share) for k, name in enumerate(named)
+        }
+        return replace(value, **changed)
     return value

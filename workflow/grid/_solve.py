@@ -49,7 +49,7 @@ def solve(grid: Grid, outer: int, inner: Indices, shaken: Shaken | None = None) 
     canonical, place = np.unique(grid.canonical_inner(cell, inner), return_inverse=True)
     solved = _solve_or_tell(grid, outer, canonical, shaken)
     where = place.ravel()
-    values = {name: found[where] for name, found in solved.values.items()} | _basis(grid, outer, inner.size)
+    values = {name: array[where] for name, array in solved.values.items()} | _basis(grid, outer, inner.size)
     with np.errstate(all="ignore"):
         errors, remarks = against_reference(grid, outer, inner, values)
     own = {k: solved.messages[int(source)] for k, source in enumerate(where) if int(source) in solved.messages}
@@ -63,8 +63,8 @@ def _basis(grid: Grid, outer: int, count: int) -> dict[str, Array]:
         return {}
     cell, choice = grid.settings(outer), grid.choice(outer)
     used = {f"{path}_used": getattr(cell, path) for path in ("mechanical_modes", "thermal_modes")}
-    found = {**used, "basis_error": np.nan if choice is None else choice.error}
-    return {name: np.full(count, float(value)) for name, value in found.items()}
+    columns = {**used, "basis_error": np.nan if choice is None else choice.error}
+    return {name: np.full(count, float(value)) for name, value in columns.items()}
 
 
 def _solve_or_tell(grid: Grid, outer: int, inner: Indices, shaken: Shaken | None) -> Solved:
@@ -95,8 +95,8 @@ def _solve_distinct(grid: Grid, outer: int, inner: Indices, shaken: Shaken | Non
     results, seconds = _timed(grid, cell, cases)
     results = mark_blown_up(cell, cases, results, grid.sampling)
     distinct, where = np.unique(np.stack([cases.alpha, cases.friction]), axis=1, return_inverse=True)
-    found = [runaway_of(cell, float(alpha), float(friction)) for alpha, friction in distinct.T]
-    critical, growth, runaway = np.transpose(found)[:, where.ravel()]
+    growths = [runaway_of(cell, float(alpha), float(friction)) for alpha, friction in distinct.T]
+    critical, growth, runaway = np.transpose(growths)[:, where.ravel()]
     values: dict[str, NDArray[Any]] = {
         **results.histories,
         **{about.name: np.full(inner.size, np.nan) for about in scheme_metrics(grid.study)},
@@ -112,8 +112,10 @@ def _solve_distinct(grid: Grid, outer: int, inner: Indices, shaken: Shaken | Non
     }
     messages = dict(results.messages)
     for case in np.flatnonzero(np.isnan(values["growth_rate"])):
-        said = [messages[int(case)]] if int(case) in messages else []
-        messages[int(case)] = "; ".join([*said, "growth_rate: the eigenvalues of the tip in contact did not converge"])
+        earlier = [messages[int(case)]] if int(case) in messages else []
+        messages[int(case)] = "; ".join(
+            [*earlier, "growth_rate: the eigenvalues of the tip in contact did not converge"]
+        )
     return Solved(values, messages)
 
 

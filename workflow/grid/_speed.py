@@ -89,10 +89,10 @@ def timed(model: float, *keys: str, slowest: float = SLOWEST) -> Iterator[None]:
     except BaseException:
         _OWN.inside.pop()
         raise
-    spent = time.thread_time() - begun
-    own = spent - _OWN.inside.pop()
+    elapsed = time.thread_time() - begun
+    own = elapsed - _OWN.inside.pop()
     if _OWN.inside:
-        _OWN.inside[-1] += spent
+        _OWN.inside[-1] += elapsed
     if own <= slowest * model + UNEXPECTED:
         add(model, own, *keys)
 
@@ -143,13 +143,13 @@ def remember() -> None:
             _write(path, _merged(_read(path), fresh))
 
 
-def _merged(kept: Sums, fresh: Sums) -> Sums:
+def _merged(stored: Sums, fresh: Sums) -> Sums:
     """Return the sums of both, the fresh ones last, none above :data:`MOST_SECONDS`."""
-    merged = {key: sums for key, sums in kept.items() if key not in fresh}
+    merged = {key: sums for key, sums in stored.items() if key not in fresh}
     for key, (model, measured) in fresh.items():
         if not (model > 0 and measured >= 0):
             continue
-        before = kept.get(key, (0.0, 0.0))
+        before = stored.get(key, (0.0, 0.0))
         share = min(1.0, max(0.0, MOST_SECONDS - model) / before[0]) if before[0] > 0 else 0.0
         merged[key] = model + share * before[0], measured + share * before[1]
     return dict(list(merged.items())[-MOST_KEYS:])

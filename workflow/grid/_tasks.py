@@ -19,7 +19,7 @@ SHORTEST, LONGEST = 0.1, 5.0
 """Seconds of work of a task but for the last ones: below, dask's cost of about 0.5 ms a task would show;
 above, the end of a run waits for single tasks."""
 
-TASKS_WANTED = 64
+TARGET_TASKS = 64
 """Tasks a study is cut in where that makes them neither too short nor too long, and a smaller power of
 two where they would be too short: the same for any number of threads, so that an interrupted run finds
 its shards again."""
@@ -89,13 +89,13 @@ class Units:
 
     def cases(self, first: int, units: int) -> tuple[Indices, Indices]:
         """Return the inner indices of some units, and their places in ``units * chunk`` slots."""
-        found, places = [], []
+        indices, places = [], []
         for k, unit in enumerate(range(first, first + units)):
             row, c = divmod(unit, self.per_row)
             inside = np.arange(c * self.chunk, min((c + 1) * self.chunk, self.inner), dtype=np.int64)
-            found.append(row * self.inner + inside)
+            indices.append(row * self.inner + inside)
             places.append(k * self.chunk + inside - c * self.chunk)
-        return np.concatenate(found), np.concatenate(places)
+        return np.concatenate(indices), np.concatenate(places)
 
 
 def seconds_per_case(grid: Grid, outer: int) -> float:
@@ -154,7 +154,7 @@ def units_of(grid: Grid) -> Units:
     keeps the chunks of its archive.
     """
     seconds, at_once = _computed(grid)
-    share = min(max(float(seconds.sum()) * grid.inner_count / TASKS_WANTED, CHUNK_SECONDS), LONGEST)
+    share = min(max(float(seconds.sum()) * grid.inner_count / TARGET_TASKS, CHUNK_SECONDS), LONGEST)
     by_size = CHUNK_BYTES // (8 * grid.sampling.count)
     seconds = np.maximum(seconds, 1e-300)
     by_time = _power_of_two_below(float(np.min(np.maximum(share, np.minimum(UNBROKEN, at_once * seconds)) / seconds)))
@@ -193,10 +193,10 @@ def tasks(grid: Grid, units: Units) -> Iterator[Task]:
     seconds, at_once = _computed(grid)
     seconds = seconds + HANDLING
     total = float(seconds.sum()) * grid.inner_count + SETTING_UP * seconds.size
-    wanted = max(_power_of_two_below(min(total / SHORTEST, TASKS_WANTED)), math.ceil(total / LONGEST))
+    target = max(_power_of_two_below(min(total / SHORTEST, TARGET_TASKS)), math.ceil(total / LONGEST))
     most_cases = max(units.chunk, TASK_BYTES // bytes_per_case(grid))
     gathered: list[Segment] = []
-    number, work, cases, spent = 0, 0.0, 0, 0.0
+    number, work, cases, assigned = 0, 0.0, 0, 0.0
 
     def finished() -> Task:
         return Task(number, tuple(gathered), work, cases)
@@ -204,19 +204,19 @@ def tasks(grid: Grid, units: Units) -> Iterator[Task]:
     for outer, each, least in zip(grid.places, map(float, seconds), -(-at_once // units.chunk), strict=True):
         first = 0
         while first < units.count:
-            left, most_together = total - spent, max(1, int(UNBROKEN / (each * units.chunk)))
+            left, most_together = total - assigned, max(1, int(UNBROKEN / (each * units.chunk)))
             few = min(int(least), units.count - first, most_together)
-            fair = min(left / max(1, wanted - number), max(left / LAST, SHORTEST_LAST), LONGEST)
+            fair = min(left / max(1, target - number), max(left / LAST, SHORTEST_LAST), LONGEST)
             begin = SETTING_UP if first == 0 else 0.0
             room, fitting = (fair - work - begin) / (each * units.chunk), (most_cases - cases) // units.chunk
             if gathered and (work >= 0.9 * fair or room < 0.5 * few or fitting < 1):
                 yield finished()
-                number, gathered, work, cases, spent = number + 1, [], 0.0, 0, spent + work
+                number, gathered, work, cases, assigned = number + 1, [], 0.0, 0, assigned + work
                 continue
-            taken = min(units.count - first, few * max(1, round(min(room, units.count) / few)), fitting)
-            gathered.append(Segment(outer, first, taken))
-            size = units.cases(first, taken)[0].size
-            work, cases, first = work + begin + size * each, cases + size, first + taken
+            count = min(units.count - first, few * max(1, round(min(room, units.count) / few)), fitting)
+            gathered.append(Segment(outer, first, count))
+            size = units.cases(first, count)[0].size
+            work, cases, first = work + begin + size * each, cases + size, first + count
     if gathered:
         yield finished()
 

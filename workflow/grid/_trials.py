@@ -49,7 +49,7 @@ COMPARED = ("displacement", "temperature")
 _CORNERS = 16
 """Corners that are tried: those of four dimensions."""
 
-_KEPT = 8
+_MOST_TRIALS = 8
 
 
 @dataclass(frozen=True)
@@ -143,11 +143,11 @@ class Trials:
         counts = mechanical, thermal
         unknown = [k for k in corners if (*counts, k) not in self._errors]
         if unknown:
-            found = [0.0] * len(unknown) if counts == self.most else self._found(mechanical, thermal, unknown)
-            self._errors |= {(*counts, k): error for k, error in zip(unknown, found, strict=True)}
+            errors = [0.0] * len(unknown) if counts == self.most else self._errors_at(mechanical, thermal, unknown)
+            self._errors |= {(*counts, k): error for k, error in zip(unknown, errors, strict=True)}
         return [self._errors[*counts, k] for k in corners]
 
-    def _found(self, mechanical: int, thermal: int, corners: Sequence[int]) -> list[float]:
+    def _errors_at(self, mechanical: int, thermal: int, corners: Sequence[int]) -> list[float]:
         results, _ = self._tried(mechanical, thermal, corners)
         if results is None or self._truth is None:
             return [float("inf")] * len(corners)
@@ -187,7 +187,7 @@ def stepped(setting: Setting) -> Cell:
     return replace(setting.cell, scheme=scheme, h=setting.shortest)
 
 
-@lru_cache(maxsize=_KEPT)
+@lru_cache(maxsize=_MOST_TRIALS)
 def trials_of(setting: Setting) -> Trials:
     """Return the trials of a setting, which all tolerances share."""
     return Trials(setting)

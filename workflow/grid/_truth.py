@@ -29,8 +29,8 @@ PERTURBATION = 1e-12
 BLOCK = 64
 """Cases that are computed at a time: a couple of kernel blocks, and a few milliseconds."""
 
-KEPT_BYTES = 256 * 2**20
-"""Histories that are kept for the batches to come."""
+CACHE_BYTES = 256 * 2**20
+"""Bytes of histories that stay in memory for later batches of the grid."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class Truth:
     histories
         ``(case, t)`` by name, NaN in cases that did not end ok.
     predictability
-        ``(case,)``, NaN where it was not asked for.
+        ``(case,)``, NaN where it was not computed.
     failures
         Why a case did not end ok, by position.
     """
@@ -53,15 +53,15 @@ class Truth:
 
 
 @dataclass(eq=False)
-class _Kept:
+class _Cache:
     """Blocks of solutions of one grid, the most recently used last."""
 
     blocks: OrderedDict[tuple[Cell, bool, int], Future[Truth]] = field(default_factory=OrderedDict)
     lock: threading.Lock = field(default_factory=threading.Lock)
 
 
-_KEPT: WeakKeyDictionary[Grid, _Kept] = WeakKeyDictionary()
-_KEPT_LOCK = threading.Lock()
+_CACHES: WeakKeyDictionary[Grid, _Cache] = WeakKeyDictionary()
+_CACHES_LOCK = threading.Lock()
 
 
 def truths(grid: Grid, cell: Cell, inner: Indices, perturbed: bool) -> Truth:
@@ -73,8 +73,8 @@ def truths(grid: Grid, cell: Cell, inner: Indices, perturbed: bool) -> Truth:
     index = np.unravel_index(inner, grid.inner_shape) if grid.inner else ()
     own = [np.minimum(i, size - 1) for i, size in zip(index, shape, strict=True)]
     number = np.ravel_multi_index(own, shape) if shape else np.zeros_like(inner)
-    found = {int(block): _block(grid, cell, shape, int(block), perturbed) for block in np.unique(number // BLOCK)}
-    rows = [(found[int(n) // BLOCK], int(n) % BLOCK) for n in number]
+    blocks = {int(block): _block(grid, cell, shape, int(block), perturbed) for block in np.unique(number // BLOCK)}
+    rows = [(blocks[int(n) // BLOCK], int(n) % BLOCK) for n in number]
     return Truth(
         {name: np.stack([block.histories[name][row] for block, row in rows]) for name in COMPARED},
         np.array([block.predictability[row] for block, row in rows]),
@@ -109,17 +109,19 @@ def only_what_is_read(cell: Cell) -> Cell:
 
 def _block(grid: Grid, cell: Cell, shape: tuple[int, ...], block: int, perturbed: bool) -> Truth:
     """Return a block of solutions: computed by the first who asks, waited for by all others."""
-    with _KEPT_LOCK:
-        kept = _KEPT.setdefault(grid, _Kept())
-    with kept.lock:
+    with _CACHES_LOCK:
+        cache = _CACHES.setdefault(grid, _Cache())
+    with cache.lock:
         key = (cell, perturbed, block)
-        future = kept.blocks.get(key)
+        future = cache.blocks.get(key)
         mine = future is None
         if future is None:
-            future = kept.blocks[key] = Future()
-        kept.blocks.move_to_end(key)
-        while len(kept.blocks) * BLOCK * grid.sampling.count * 8 * len(COMPARED) > KEPT_BYTES and len(kept.blocks) > 2:
-            kept.blocks.popitem(last=False)
+            future = cache.blocks[key] = Future()
+        cache.blocks.move_to_end(key)
+        while (
+            len(cache.blocks) * BLOCK * grid.sampling.count * 8 * len(COMPARED) > CACHE_BYTES and len(cache.blocks) > 2
+        ):
+            cache.blocks.popitem(last=False)
     if mine:
         count = int(np.prod(shape, dtype=np.int64))
         own = np.arange(block * BLOCK, min((block + 1) * BLOCK, count), dtype=np.int64)
@@ -154,7 +156,7 @@ def _joined(alone: list[Truth]) -> Truth:
 
 
 def _compute(grid: Grid, cell: Cell, shape: tuple[int, ...], own: Indices, perturbed: bool) -> Truth:
-    """Run a block of cases and, where asked for, how their motion depends on a trifle of the gap."""
+    """Run a block of cases; where ``perturbed``, run it again with the gap changed by :data:`PERTURBATION`."""
     inner = np.ravel_multi_index(np.unravel_index(own, shape), grid.inner_shape) if shape else own
     replaced = grid.study.reference.values if grid.study.reference is not None else {}
     varying = {path: values for path, values in grid.inner_values(inner).items() if path not in replaced}
@@ -167,12 +169,12 @@ def _compute(grid: Grid, cell: Cell, shape: tuple[int, ...], own: Indices, pertu
     lost = results.status != Status.OK
     for values in histories.values():
         values[lost] = np.nan
-    known = np.full(own.size, np.nan)
+    predictability = np.full(own.size, np.nan)
     sound = np.flatnonzero(~lost)
     if perturbed and sound.size:
-        known[sound] = _predictability(cell, cases.take(sound), sampling, histories["displacement"][sound])
+        predictability[sound] = _predictability(cell, cases.take(sound), sampling, histories["displacement"][sound])
     failures = {int(k): results.messages.get(int(k), "it did not end ok") for k in np.flatnonzero(lost)}
-    return Truth(histories, known, failures)
+    return Truth(histories, predictability, failures)
 
 
 def _run(cell: Cell, cases: Cases, sampling: Sampling) -> Results:
@@ -193,7 +195,7 @@ def _predictability(cell: Cell, cases: Cases, sampling: Sampling, displacement: 
     for which, sign in ((np.arange(cases.count), 1.0), (np.flatnonzero(may_close), -1.0)):
         if which.size:
             part = cases.take(which)
-            found = _run(cell, replace(part, gap=part.gap + sign * trifle[which]), sampling)
-            moved = np.where((found.status == Status.OK)[:, None], found.histories["displacement"], np.nan)
+            results = _run(cell, replace(part, gap=part.gap + sign * trifle[which]), sampling)
+            moved = np.where((results.status == Status.OK)[:, None], results.histories["displacement"], np.nan)
             change[which] = np.fmax(change[which], relative_distance(moved, displacement[which]))
     return change

@@ -27,7 +27,7 @@ from workflow.kernels.sources import ChangedSourceError, digest
 PLAIN = "WORKFLOW_PLAIN_NUMBA"
 """Environment variable that has numba's own compiler used."""
 
-KEPT = 24 * 3600.0
+UNUSED_SECONDS = 24 * 3600.0
 """Seconds that a directory of another state of the sources is kept after its last use: whoever goes back and forth
 between two states within a day compiles nothing anew."""
 
@@ -118,12 +118,12 @@ def _hold(directory: Path) -> None:
 
 
 def _remove_unused(directories: list[Path]) -> None:
-    """Remove directories that no process holds and none has used for :data:`KEPT`."""
+    """Remove directories that no process holds and none has used for :data:`UNUSED_SECONDS`."""
     for directory in directories:
         with suppress(OSError):
             locked = _EARLIER.fullmatch(directory.name) is None
             about = os.stat(directory / _LOCK if locked else directory)
-            if time.time() - about.st_mtime > KEPT:
+            if time.time() - about.st_mtime > UNUSED_SECONDS:
                 _remove(directory, locked)
 
 

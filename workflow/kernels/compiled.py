@@ -116,10 +116,10 @@ def _cache_type() -> type[FunctionCache]:
     class Results(CompileResultCacheImpl):
         _locator_classes: list[type[object]] = [_Place]  # noqa: RUF012 - as numba declares it
 
-    class Kept(FunctionCache):
+    class KeyedCache(FunctionCache):
         _impl_class = Results
 
-    return Kept
+    return KeyedCache
 
 
 def _compiled(function: Callable[..., Any], **options: Any) -> Any:

@@ -20,9 +20,9 @@ Complex = NDArray[np.complex128]
 def complex_of(real: ArrayLike, imaginary: ArrayLike) -> Complex:
     """Return complex numbers of given parts."""
     x, y = np.broadcast_arrays(real, imaginary)
-    found = np.empty(x.shape, dtype=np.complex128)
-    found.real, found.imag = x, y
-    return found
+    numbers = np.empty(x.shape, dtype=np.complex128)
+    numbers.real, numbers.imag = x, y
+    return numbers
 
 
 def times(a: ArrayLike, b: ArrayLike) -> Complex:
@@ -49,8 +49,8 @@ def over(a: ArrayLike, b: ArrayLike) -> Complex:
 
 def magnitude(a: ArrayLike) -> Array:
     """Return |a|, element by element, to two units in the last place."""
-    given = np.asarray(a)
-    x, y = np.abs(given.real), np.abs(given.imag)
+    values = np.asarray(a)
+    x, y = np.abs(values.real), np.abs(values.imag)
     large, small = np.maximum(x, y), np.minimum(x, y)
     ratio = small / np.where(large > 0, large, 1.0)
     return np.asarray(large * np.sqrt(1.0 + ratio * ratio), dtype=np.float64)
@@ -61,9 +61,9 @@ def square_root(a: ArrayLike) -> Complex:
 
     Of a negative real number it is imaginary, on the side of the sign of its zero imaginary part.
     """
-    given = np.asarray(a)
-    x, y = given.real, np.asarray(given.imag, dtype=np.float64)
-    large = np.sqrt(0.5 * (magnitude(given) + np.abs(x)))
+    values = np.asarray(a)
+    x, y = values.real, np.asarray(values.imag, dtype=np.float64)
+    large = np.sqrt(0.5 * (magnitude(values) + np.abs(x)))
     small = 0.5 * np.abs(y) / np.where(large > 0, large, 1.0)
     right = x >= 0
     return complex_of(np.where(right, large, small), np.copysign(np.where(right, small, large), y))
@@ -71,8 +71,8 @@ def square_root(a: ArrayLike) -> Complex:
 
 def complex_total(a: ArrayLike, axis: int) -> Complex:
     """Return the sum of complex numbers along an axis, see :func:`~workflow.kernels.sums.total`."""
-    given = np.asarray(a)
-    return complex_of(total(given.real, axis), total(given.imag, axis))
+    values = np.asarray(a)
+    return complex_of(total(values.real, axis), total(values.imag, axis))
 
 
 def complex_product(a: ArrayLike, b: ArrayLike) -> Any:
@@ -89,5 +89,5 @@ def complex_product(a: ArrayLike, b: ArrayLike) -> Any:
         imaginary = product(p.real, q.imag)
     elif np.iscomplexobj(p):
         imaginary = product(p.imag, q.real)
-    found = complex_of(real, imaginary)
-    return found if found.ndim else complex(found)
+    numbers = complex_of(real, imaginary)
+    return numbers if numbers.ndim else complex(numbers)

@@ -136,8 +136,8 @@ def _extend(form: Array, i: int, last: int, value: tuple[float, float], smallest
 
 
 @uncounted
-def _vectors(form: Array, x: Array, smallest: float, found: Array) -> None:
-    """Put the eigenvectors of a Schur form in the rows of ``found``: real part and then imaginary part of a pair.
+def _vectors(form: Array, x: Array, smallest: float, vectors: Array) -> None:
+    """Put the eigenvectors of a Schur form in the rows of ``vectors``: real part and then imaginary part of a pair.
 
     ``smallest`` stands for a difference of eigenvalues that is 0. ``x`` is room for a vector, ``(2, n)``.
     """
@@ -157,17 +157,17 @@ def _vectors(form: Array, x: Array, smallest: float, found: Array) -> None:
                     x[1, j] /= largest
             i = above
         for j in range(form.shape[0]):
-            found[first, j] = x[0, j]
+            vectors[first, j] = x[0, j]
             if first < k:
-                found[k, j] = x[1, j]
+                vectors[k, j] = x[1, j]
         k = first - 1
 
 
 def _lengths(parts: Array, pair: NDArray[np.intp]) -> Array:
     """Return the lengths of columns, of real and imaginary part together where ``pair`` names the first of the two."""
-    found = norm(parts, 0)
-    found[pair] = found[pair + 1] = np.sqrt(found[pair] * found[pair] + found[pair + 1] * found[pair + 1])
-    return found
+    lengths = norm(parts, 0)
+    lengths[pair] = lengths[pair + 1] = np.sqrt(lengths[pair] * lengths[pair] + lengths[pair + 1] * lengths[pair + 1])
+    return lengths
 
 
 def eigenvectors(matrix: ArrayLike) -> Eigen:

@@ -291,10 +291,10 @@ def sine(x: float) -> float:
 @inlined
 def power(x: float, exponent: int) -> float:
     """Return x to an integer power of at least zero, by repeated multiplication."""
-    found = 1.0
+    result = 1.0
     for _ in range(exponent):
-        found *= x
-    return found
+        result *= x
+    return result
 
 
 @part

@@ -54,13 +54,13 @@ def _hypot(x: Real, y: Real, out: Real) -> None:
         out[i] = elementary.hypot(x[i], y[i])
 
 
-def _of_each(function: Callable[..., None], *given: ArrayLike, results: int = 1) -> tuple[Real, ...]:
+def _of_each(function: Callable[..., None], *operands: ArrayLike, results: int = 1) -> tuple[Real, ...]:
     """Return the results of a kernel for all elements, of the arguments' common shape."""
-    arguments = np.broadcast_arrays(*(np.asarray(each, dtype=np.float64) for each in given))
+    arguments = np.broadcast_arrays(*(np.asarray(each, dtype=np.float64) for each in operands))
     shape = arguments[0].shape
-    found = [np.empty(arguments[0].size) for _ in range(results)]
-    function(*(np.array(each).reshape(-1) for each in arguments), *found)
-    return tuple(each.reshape(shape) for each in found)
+    outputs = [np.empty(arguments[0].size) for _ in range(results)]
+    function(*(np.array(each).reshape(-1) for each in arguments), *outputs)
+    return tuple(each.reshape(shape) for each in outputs)
 
 
 def exp(x: ArrayLike) -> Real:

@@ -193,10 +193,10 @@ def _step(h: Array, basis: Array, begin: int, active: tuple[int, int], whole: bo
 
 
 @part
-def _standard(h: Array, k: int, found: Array) -> None:
-    """Put the turn (cos, sin) that makes the block at k triangular or its diagonal constant in ``found``.
+def _standard(h: Array, k: int, rotation: Array) -> None:
+    """Put the rotation (cos, sin) that makes the block at k triangular or its diagonal constant in ``rotation``.
 
-    The block is replaced by what the turn makes of it. LAPACK's dlanv2.
+    The block is replaced by its rotated form. LAPACK's dlanv2.
     """
     a, b, c, d = h[k, k], h[k, k + 1], h[k + 1, k], h[k + 1, k + 1]
     cosine, sine = 1.0, 0.0
@@ -240,14 +240,14 @@ def _standard(h: Array, k: int, found: Array) -> None:
                 turn, side = root_b * by, root_c * by
                 cosine, sine = cosine * turn - sine * side, cosine * side + sine * turn
     h[k, k], h[k, k + 1], h[k + 1, k], h[k + 1, k + 1] = a, b, c, d
-    found[0], found[1] = cosine, sine
+    rotation[0], rotation[1] = cosine, sine
 
 
 @part
-def _turn(h: Array, basis: Array, k: int, whole: bool, found: Array) -> None:
+def _turn(h: Array, basis: Array, k: int, whole: bool, rotation: Array) -> None:
     """Split off the block of rows k and k + 1: bring it to its standard form, and turn the rest along."""
-    _standard(h, k, found)
-    cosine, sine = found[0], found[1]
+    _standard(h, k, rotation)
+    cosine, sine = rotation[0], rotation[1]
     if not whole or (cosine == 1.0 and sine == 0.0):
         return
     for j in range(k + 2, h.shape[0]):

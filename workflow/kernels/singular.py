@@ -166,16 +166,16 @@ def _orthogonalise(rows: Array, count: int, width: int, tolerance: float, square
 
 
 @uncounted
-def _complete(vectors: Array, known: int, covered: Array, trial: Array) -> None:
-    """Add orthonormal rows to the first ``known`` ones until the matrix is square.
+def _complete(vectors: Array, count: int, covered: Array, trial: Array) -> None:
+    """Add orthonormal rows to the first ``count`` ones until the matrix is square.
 
     Each begins as the unit vector that the rows so far hold least of.
     """
     size = vectors.shape[1]
-    for i in range(known):
+    for i in range(count):
         for j in range(size):
             covered[j] += vectors[i, j] * vectors[i, j]
-    for row in range(known, size):
+    for row in range(count, size):
         least = 0
         for j in range(size):
             if covered[j] < covered[least]:
@@ -233,9 +233,9 @@ def _rotate_rows(a: Array, right: Array) -> _Rotated:
     columns[:count, :height], columns[count:-1, :height] = a.T, right.T
     order, squares, lengths = np.arange(count), np.zeros(count), np.zeros(count)
     rows = np.zeros((min(height, count) + 1, width + -(-further // PACK) * PACK))
-    found = _triangularise(columns, count, squares, order, rows) if count else 0
-    _orthogonalise(rows, found, width, float(np.sqrt(count)) * _EPS, squares, lengths)
-    return _Rotated(lengths[:found], rows[:found, :count], rows[:found, width : width + further], order)
+    rank = _triangularise(columns, count, squares, order, rows) if count else 0
+    _orthogonalise(rows, rank, width, float(np.sqrt(count)) * _EPS, squares, lengths)
+    return _Rotated(lengths[:rank], rows[:rank, :count], rows[:rank, width : width + further], order)
 
 
 def _decompose(matrix: ArrayLike, right: Array) -> tuple[Array, Array, Array]:
@@ -250,12 +250,12 @@ def _decompose(matrix: ArrayLike, right: Array) -> tuple[Array, Array, Array]:
     rotated = _rotate_rows(np.ldexp(a, -exponent), right)
     descending = np.argsort(-rotated.lengths, kind="stable")
     lengths = rotated.lengths[descending]
-    known = int(np.count_nonzero(lengths * lengths > _NOTHING))
-    first, values = descending[:known], np.zeros(size)
+    rank = int(np.count_nonzero(lengths * lengths > _NOTHING))
+    first, values = descending[:rank], np.zeros(size)
     vectors, shares = np.zeros((size, size)), np.zeros((size, right.shape[1]))
-    values[: lengths.size], shares[:known] = lengths, rotated.further[first]
-    vectors[:known, rotated.order] = rotated.rows[first] / lengths[:known, None]
-    _complete(vectors, known, np.zeros(size), np.zeros(size))
+    values[: lengths.size], shares[:rank] = lengths, rotated.further[first]
+    vectors[:rank, rotated.order] = rotated.rows[first] / lengths[:rank, None]
+    _complete(vectors, rank, np.zeros(size), np.zeros(size))
     return np.ldexp(values, exponent), vectors, shares
 
 
@@ -284,8 +284,8 @@ def least_squares(matrix: ArrayLike, right: ArrayLike) -> Array:
     numpy.linalg.LinAlgError
         Entries are not finite.
     """
-    a, given = plain(matrix), np.asarray(right, dtype=np.float64)
-    values, vectors, shares = _decompose(a, given.reshape(a.shape[0], int(np.prod(given.shape[1:]))))
-    kept = values > max(a.shape) * _EPS * values.max(initial=0.0)
-    found = product(vectors[kept].T, shares[kept] / values[kept, None])
-    return np.asarray(found.reshape(a.shape[1], *given.shape[1:]))
+    a, b = plain(matrix), np.asarray(right, dtype=np.float64)
+    values, vectors, shares = _decompose(a, b.reshape(a.shape[0], int(np.prod(b.shape[1:]))))
+    significant = values > max(a.shape) * _EPS * values.max(initial=0.0)
+    solution = product(vectors[significant].T, shares[significant] / values[significant, None])
+    return np.asarray(solution.reshape(a.shape[1], *b.shape[1:]))

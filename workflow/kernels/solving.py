@@ -92,10 +92,10 @@ def _eliminate(matrix: Array, right: Array) -> bool:
 
 def _columns(size: int, right: ArrayLike) -> tuple[Array, tuple[int, ...]]:
     """Return a copy of right-hand sides as columns, and their shape as given."""
-    given = np.asarray(right, dtype=np.float64)
-    if given.shape[:1] != (size,):
-        raise ValueError(f"right-hand sides of shape {given.shape} for {size} equations")
-    return given.reshape(size, int(np.prod(given.shape[1:]))).copy(), given.shape
+    sides = np.asarray(right, dtype=np.float64)
+    if sides.shape[:1] != (size,):
+        raise ValueError(f"right-hand sides of shape {sides.shape} for {size} equations")
+    return sides.reshape(size, int(np.prod(sides.shape[1:]))).copy(), sides.shape
 
 
 def cholesky(matrix: ArrayLike) -> Array:
@@ -116,9 +116,9 @@ def cholesky(matrix: ArrayLike) -> Array:
 def solve_triangular(lower: ArrayLike, right: ArrayLike, transposed: bool = False) -> Array:
     """Return L⁻¹ b of a lower triangular L, or L⁻ᵀ b, for a vector or for each column of b."""
     factor = plain(lower)
-    found, shape = _columns(factor.shape[0], right)
-    (_solve_upward if transposed else _solve_downward)(factor, found)
-    return found.reshape(shape)
+    columns, shape = _columns(factor.shape[0], right)
+    (_solve_upward if transposed else _solve_downward)(factor, columns)
+    return columns.reshape(shape)
 
 
 def solve(matrix: ArrayLike, right: ArrayLike) -> Array:
@@ -130,10 +130,10 @@ def solve(matrix: ArrayLike, right: ArrayLike) -> Array:
         A pivot is 0 or not finite: the matrix is singular.
     """
     a = np.array(matrix, dtype=np.float64, order="C")
-    found, shape = _columns(a.shape[0], right)
-    if not _eliminate(a, found):
+    columns, shape = _columns(a.shape[0], right)
+    if not _eliminate(a, columns):
         raise np.linalg.LinAlgError("the matrix is singular")
-    return found.reshape(shape)
+    return columns.reshape(shape)
 
 
 def inverse(matrix: ArrayLike) -> Array:

@@ -70,9 +70,9 @@ class _Sources:
         self._store, self._packages = store, packages
         self._changed = False
         self._facts: dict[str, tuple[str, list[tuple[str, str]]]] = {}
-        self._known: dict[str, Any] = {}
+        self._stored: dict[str, Any] = {}
         with suppress(OSError, ValueError):
-            self._known = dict(json.loads(store.read_bytes()))
+            self._stored = dict(json.loads(store.read_bytes()))
 
     def path(self, module: str) -> Path | None:
         """Return the file of a module, ``None`` where it lies in no package that is looked at."""
@@ -96,7 +96,7 @@ class _Sources:
             if self.path(f"{module}.{name}") is not None:
                 return f"{module}.{name}"
             passed.add(module)
-            module = next((source for source, known in self.facts(module)[1] if known == name), module)
+            module = next((source for source, imported in self.facts(module)[1] if imported == name), module)
         return module
 
     def facts(self, module: str) -> tuple[str, list[tuple[str, str]]]:
@@ -112,20 +112,20 @@ class _Sources:
         if about.st_mtime > _BEGUN:
             raise ChangedSourceError(path)
         stamp = [about.st_mtime_ns, about.st_size]
-        known = self._known.get(str(path))
-        if known is None or known[0] != stamp:
+        entry = self._stored.get(str(path))
+        if entry is None or entry[0] != stamp:
             tree = ast.parse(path.read_bytes())
             imports = sorted(set(_imports(tree, module, path.name == "__init__.py")))
-            known = self._known[str(path)] = [stamp, _digest_of(tree), imports]
+            entry = self._stored[str(path)] = [stamp, _digest_of(tree), imports]
             self._changed = True
-        return known[1], [(place, name) for place, name in known[2]]
+        return entry[1], [(place, name) for place, name in entry[2]]
 
     def save(self) -> None:
-        """Store what is known, in one step, so that other processes read all or nothing of it."""
+        """Write the facts of all sources in one step, so that other processes read all or nothing of them."""
         if not self._changed:
             return
         self._changed = False
-        present = {path: known for path, known in self._known.items() if os.path.exists(path)}
+        present = {path: entry for path, entry in self._stored.items() if os.path.exists(path)}
         with suppress(OSError):
             descriptor, name = tempfile.mkstemp(dir=self._store.parent, prefix=f"{self._store.name}.")
             with os.fdopen(descriptor, "w") as file:

@@ -37,15 +37,15 @@ def _block(rows: Array, i: int, first: int, last: int) -> float:
         f += rows[i, k + 5]
         g += rows[i, k + 6]
         h += rows[i, k + 7]
-    found = ((a + b) + (c + d)) + ((e + f) + (g + h))
+    subtotal = ((a + b) + (c + d)) + ((e + f) + (g + h))
     for k in range(eights, last):
-        found += rows[i, k]
-    return found
+        subtotal += rows[i, k]
+    return subtotal
 
 
 @uncounted
-def _row_totals(rows: Array, partial: Array, found: Array) -> None:
-    """Put the sum of each row in ``found``; ``partial`` holds sums of 1, 2, 4, … blocks that wait for their pair."""
+def _row_totals(rows: Array, partial: Array, totals: Array) -> None:
+    """Put the sum of each row in ``totals``; ``partial`` holds sums of 1, 2, 4, … blocks that wait for their pair."""
     count = rows.shape[1]
     for i in range(rows.shape[0]):
         level = 0
@@ -60,27 +60,27 @@ def _row_totals(rows: Array, partial: Array, found: Array) -> None:
         here = 0.0
         for k in range(level - 1, -1, -1):
             here = partial[k] + here
-        found[i] = here
+        totals[i] = here
 
 
 @uncounted
-def _multiply(a: Array, b: Array, found: Array) -> None:
-    """Add ``a @ b`` to ``found``, each sum in the order of its terms."""
+def _multiply(a: Array, b: Array, products: Array) -> None:
+    """Add ``a @ b`` to ``products``, each sum in the order of its terms."""
     for i in range(a.shape[0]):
         for k in range(a.shape[1]):
             weight = a[i, k]
             for j in range(b.shape[1]):
-                found[i, j] += weight * b[k, j]
+                products[i, j] += weight * b[k, j]
 
 
 @uncounted
-def _multiply_vector(a: Array, b: Array, found: Array) -> None:
-    """Put ``a @ b`` in ``found``, each sum in the order of its terms; ``b`` and ``found`` have one column."""
+def _multiply_vector(a: Array, b: Array, products: Array) -> None:
+    """Put ``a @ b`` in ``products``, each sum in the order of its terms; ``b`` and ``products`` have one column."""
     for i in range(a.shape[0]):
         here = 0.0
         for k in range(a.shape[1]):
             here += a[i, k] * b[k, 0]
-        found[i, 0] = here
+        products[i, 0] = here
 
 
 def plain(values: ArrayLike) -> Array:
@@ -103,11 +103,11 @@ def product(a: ArrayLike, b: ArrayLike) -> Any:
     columns = plain(right if right.ndim == 2 else right[:, None])
     if rows.shape[1] != columns.shape[0]:
         raise ValueError(f"a product of shapes {left.shape} and {right.shape}")
-    found = np.zeros((rows.shape[0], columns.shape[1]))
-    (_multiply_vector if columns.shape[1] == 1 else _multiply)(rows, columns, found)
+    products = np.zeros((rows.shape[0], columns.shape[1]))
+    (_multiply_vector if columns.shape[1] == 1 else _multiply)(rows, columns, products)
     if left.ndim == 2 and right.ndim == 2:
-        return found
-    return found.ravel() if left.ndim + right.ndim == 3 else float(found[0, 0])
+        return products
+    return products.ravel() if left.ndim + right.ndim == 3 else float(products[0, 0])
 
 
 def dot(a: ArrayLike, b: ArrayLike) -> float:
@@ -124,13 +124,13 @@ def total(values: ArrayLike, axis: int | None = None) -> Any:
 
     Its bits depend on the terms along the axis alone.
     """
-    given = np.asarray(values, dtype=np.float64)
-    moved = given.reshape(1, -1) if axis is None else np.moveaxis(given, axis, -1)
+    terms = np.asarray(values, dtype=np.float64)
+    moved = terms.reshape(1, -1) if axis is None else np.moveaxis(terms, axis, -1)
     shape = moved.shape[:-1]
     rows = plain(moved).reshape(int(np.prod(shape)), moved.shape[-1])
-    found = np.zeros(rows.shape[0])
-    _row_totals(rows, np.zeros(_LEVELS), found)
-    return float(found[0]) if axis is None else found.reshape(shape)
+    totals = np.zeros(rows.shape[0])
+    _row_totals(rows, np.zeros(_LEVELS), totals)
+    return float(totals[0]) if axis is None else totals.reshape(shape)
 
 
 @overload
@@ -139,9 +139,9 @@ def norm(values: ArrayLike, axis: None = None) -> float: ...
 def norm(values: ArrayLike, axis: int) -> Array: ...
 def norm(values: ArrayLike, axis: int | None = None) -> Any:
     """Return the Euclidean norm of real or complex numbers along an axis, or of all of them as a float."""
-    given = np.asarray(values)
-    squares = given.real * given.real
-    if np.iscomplexobj(given):
-        squares = squares + given.imag * given.imag
-    found = np.sqrt(total(squares) if axis is None else total(squares, axis))
-    return float(found) if axis is None else found
+    numbers = np.asarray(values)
+    squares = numbers.real * numbers.real
+    if np.iscomplexobj(numbers):
+        squares = squares + numbers.imag * numbers.imag
+    lengths = np.sqrt(total(squares) if axis is None else total(squares, axis))
+    return float(lengths) if axis is None else lengths

@@ -134,30 +134,30 @@ class _Surrounded(_Pass):
 class _Function(types.Function):
     """A function of numba's own that remembers its signatures: typing them anew takes a third of the time."""
 
-    _known: types.Function
+    _plain: types.Function
     _signatures: dict[Any, Any]
 
-    def __init__(self, known: types.Function):
-        self.__dict__ = {**known.__dict__, "_known": known, "_signatures": {}}
+    def __init__(self, plain: types.Function):
+        self.__dict__ = {**plain.__dict__, "_plain": plain, "_signatures": {}}
 
     def get_call_type(self, context: Any, args: Any, kws: Any) -> Any:
         key = tuple(args)
         if not kws and key in self._signatures:
             return self._signatures[key]
-        signature = self._known.get_call_type(context, args, kws)
+        signature = self._plain.get_call_type(context, args, kws)
         if not kws and signature is not None:
             self._signatures[key] = signature
         return signature
 
     def augment(self, other: Any) -> Any:
-        return self._known.augment(other)
+        return self._plain.augment(other)
 
 
 class _Typing(Context):
     """numba's typing context, in which functions remember their signatures."""
 
-    def __init__(self, known: Context):
-        self.__dict__ = known.__dict__
+    def __init__(self, context: Context):
+        self.__dict__ = context.__dict__
 
     def _lookup_global(self, gv: Any) -> Any:
         kind = super()._lookup_global(gv)
@@ -213,8 +213,8 @@ class RareCompiler(InlinedCompiler):
 
 def typed_alike(dispatcher: Any) -> Any:
     """Have a part translated once for a type of arguments, not once more for each constant it is called with."""
-    known, plain = dispatcher.get_call_template, types.unliteral
-    dispatcher.get_call_template = lambda args, named: known(
+    template, plain = dispatcher.get_call_template, types.unliteral
+    dispatcher.get_call_template = lambda args, named: template(
         [plain(each) for each in args], {name: plain(each) for name, each in named.items()}
     )
     return dispatcher
