@@ -7,6 +7,7 @@ a command needs it.
 
 from __future__ import annotations
 
+import atexit
 import gc
 
 TYPE_CHECKING = False
@@ -22,6 +23,7 @@ leave next to none, and looking for them took a tenth of a plan and a sixth of c
 def main() -> None:
     """Entry point of the command ``workflow``."""
     gc.set_threshold(GARBAGE)
+    atexit.register(gc.freeze)  # or Python looks through all there is for garbage when it ends: a quarter of a plan
     from workflow.cli._stop import heed_signals
 
     heed_signals()

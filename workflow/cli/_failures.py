@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import gc
 import os
 import sys
 from collections.abc import Iterator
@@ -45,7 +44,6 @@ def run_application() -> NoReturn:
     except Exception as error:
         status = _last_resort(error)
     ignore_signals()
-    gc.freeze()  # or Python looks through all there is for garbage before it ends: a quarter of a plan
     sys.exit(status)
 
 
