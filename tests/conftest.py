@@ -20,9 +20,19 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure() -> None:
-    """Let commands under test be interrupted: jobs in the background of a shell ignore Ctrl-C, and so would they."""
+    """Let commands under test be interrupted: jobs in the background of a shell ignore Ctrl-C, and so would they.
+
+    Garbage is looked for seldom: as often as Python does it takes a tenth of the time of a process that compiles and
+    holds most libraries.
+    """
+    gc.set_threshold(50_000, 20, 20)
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_collection_finish() -> None:
+    """Have garbage looked for among what tests make alone, not among libraries and tests."""
+    gc.freeze()
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
@@ -50,10 +60,6 @@ def compile_common() -> None:
         *(("penalty", {**spring, "theta": theta}, {"balances": True}) for theta in (1.0, 0.5)),
     ]
     wanted = [Wanted(method, schemes.load(method).Options(**options), 1, **kind) for method, options, kind in chosen]
-    gc.disable()  # a tenth of the time of a compiler
-    try:
-        with compiled_ahead(wanted, 1):  # all but the first method in another process, which begins with the second
-            for each in (wanted[0], *reversed(wanted[1:])):
-                compile_scheme(each)
-    finally:
-        gc.enable()
+    with compiled_ahead(wanted, 1):  # all but the first method in another process, which begins with the second
+        for each in (wanted[0], *reversed(wanted[1:])):
+            compile_scheme(each)

@@ -53,6 +53,25 @@ def copied(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Ran]:
+    """Such a copy in which the kernel has been compiled, and what came of it."""
+    directory = tmp_path_factory.mktemp("compiled")
+    shutil.copytree(
+        Path(workflow.__file__).parent, directory / "workflow", ignore=shutil.ignore_patterns("__pycache__")
+    )
+    return directory, run(directory)
+
+
+@pytest.fixture
+def ran(compiled: tuple[Path, Ran], tmp_path: Path) -> tuple[Path, Ran]:
+    """A copy of that one, kernels and all, in its place."""
+    directory, first = compiled
+    shutil.copytree(directory / "workflow", tmp_path / "workflow")
+    assert tmp_path not in first.root.parents
+    return tmp_path, first._replace(root=tmp_path / first.root.relative_to(directory))
+
+
 def edit(package: Path, module: str, before: str, after: str) -> None:
     path = package / "workflow" / f"{module}.py"
     source = path.read_text(encoding="utf-8")
@@ -60,8 +79,8 @@ def edit(package: Path, module: str, before: str, after: str) -> None:
     path.write_text(source.replace(before, after, 1), encoding="utf-8")
 
 
-def test_a_change_in_an_inlined_module_is_noticed(copied: Path) -> None:
-    before = run(copied)
+def test_a_change_in_an_inlined_module_is_noticed(ran: tuple[Path, Ran]) -> None:
+    copied, before = ran
     again = run(copied)
     assert (before.hits, again.hits) == (0, 1)
     assert again.value == before.value
@@ -73,8 +92,8 @@ def test_a_change_in_an_inlined_module_is_noticed(copied: Path) -> None:
     assert changed.moreau != before.moreau
 
 
-def test_docstrings_comments_and_other_modules_compile_nothing_anew(copied: Path) -> None:
-    first = run(copied)
+def test_docstrings_comments_and_other_modules_compile_nothing_anew(ran: tuple[Path, Ran]) -> None:
+    copied, first = ran
     before = {path: path.stat().st_mtime_ns for path in first.root.rglob("*.nb?")}
     for module in ("schemes/_fixed/tip_load", "schemes/moreau", "kernels/elementary", "kernels/elementwise"):
         edit(copied, module, '"""', '"""Another word, on more lines.\n\n')
@@ -89,9 +108,9 @@ def test_docstrings_comments_and_other_modules_compile_nothing_anew(copied: Path
     assert {path: path.stat().st_mtime_ns for path in first.root.rglob("*.nb?")} == before
 
 
-def test_directories_of_older_sources_are_removed(copied: Path) -> None:
+def test_directories_of_older_sources_are_removed(ran: tuple[Path, Ran]) -> None:
     """But not within a day, nor while a process has them, nor what is not of this program."""
-    root = run(copied).root
+    copied, (_, _, root, _) = ran
     (own,) = root.glob("workflow.kernels.elementwise-*")
     older, held, new, others = (
         root / f"workflow.kernels.{name}"

@@ -15,7 +15,7 @@ from studies import SCENE, parsed
 from workflow.analysis import recommend, sentence
 from workflow.archive import ArchiveError, open_archive
 from workflow.cli import app
-from workflow.report import duration_of, write_report
+from workflow.report import Written, duration_of, write_report
 from workflow.run import run_study
 
 REFERRED = (
@@ -48,10 +48,17 @@ def archives(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return made
 
 
-def test_a_report_draws_speed_against_error(archives: list[Path], tmp_path: Path) -> None:
-    written = write_report(archives[0], tmp_path / "page.html")
+@pytest.fixture(scope="module")
+def reports(archives: list[Path], tmp_path_factory: pytest.TempPathFactory) -> list[Written]:
+    """A page of each archive."""
+    directory = tmp_path_factory.mktemp("pages")
+    return [write_report(archive, directory / f"{archive.stem}.html") for archive in archives]
+
+
+def test_a_report_draws_speed_against_error(reports: list[Written]) -> None:
+    written = reports[0]
     text = written.page.read_text(encoding="utf-8")
-    assert written.figure == tmp_path / "page.png"  # speed against error, as there are no histories
+    assert written.figure == written.page.with_suffix(".png")  # speed against error, as there are no histories
     assert written.figure.stat().st_size > 10_000
     for part in ("Who stays stable", "Speed against error", "Observed orders", "What the axes do", "Errors"):
         assert f"{part}" in text, part
@@ -60,8 +67,8 @@ def test_a_report_draws_speed_against_error(archives: list[Path], tmp_path: Path
     assert text.count("<img alt=") == 4
 
 
-def test_a_report_draws_growth_in_permanent_contact(archives: list[Path], tmp_path: Path) -> None:
-    text = write_report(archives[1], tmp_path / "page.html").page.read_text(encoding="utf-8")
+def test_a_report_draws_growth_in_permanent_contact(reports: list[Written]) -> None:
+    text = reports[1].page.read_text(encoding="utf-8")
     assert "Growth in permanent contact" in text
     assert "Pressed &lt;tips&gt; &amp; heat" in text
     assert "Speed against error" not in text
@@ -145,13 +152,15 @@ def test_the_duration_is_the_study_s(archives: list[Path]) -> None:
     assert duration_of(archives[0]) == 0.06
 
 
-def test_a_report_begins_with_the_answer_and_says_where_it_comes_from(archives: list[Path], tmp_path: Path) -> None:
-    text = write_report(archives[0], tmp_path / "a.html").page.read_text(encoding="utf-8")
+def test_a_report_begins_with_the_answer_and_says_where_it_comes_from(
+    archives: list[Path], reports: list[Written]
+) -> None:
+    text = reports[0].page.read_text(encoding="utf-8")
     with open_archive(archives[0]) as dataset:
         asked = recommend(dataset)
     assert text.index(html.escape(sentence(asked))) < text.index("Map of the cases") < text.index("Who stays stable")
     assert 'class="accurate"' in text  # the exact scheme, though a model of one mode errs
-    assert "no `reference`" in write_report(archives[1], tmp_path / "b.html").page.read_text(encoding="utf-8")
+    assert "no `reference`" in reports[1].page.read_text(encoding="utf-8")
     for word in ("computing time", "processor", " threads", "written", "numba", "Effective e: ", "Energy residual: "):
         assert word in text, word
 

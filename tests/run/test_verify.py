@@ -86,7 +86,9 @@ OF_ONE_PROCESSOR = {"scaling", "work_precision_finite_element"}
 
 @pytest.mark.parametrize("kept", KEPT, ids=lambda path: path.name)
 def test_every_kept_archive_passes(kept: Path) -> None:
-    checks = [check for check in verify(kept, 2) if not check.holds]
+    """Those of the hard studies but the longest are run again as a whole by ``tests/test_documents.py``."""
+    again = kept.parent.name == "hard" and kept.stem != "all_steps"
+    checks = [check for check in verify(kept, 0 if again else 2) if not check.holds]
     assert [
         check for check in checks if kept.stem not in OF_ONE_PROCESSOR or check.name not in ("sample", "values")
     ] == []
