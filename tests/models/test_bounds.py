@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from scenes import blade, cases, chain, heavy_chain, sampling
-from workflow.models import free_motion, quasi_static_temperature
+from scenes import blade, cases, chain, heavy_chain, sampling, step
+from sliding import slider
+from workflow.models import Structure, free_motion, frequencies, quasi_static_temperature
 from workflow.schemes import event_driven
 
 
@@ -53,3 +56,36 @@ def test_a_tip_that_stays_clear_stays_cold() -> None:
     structure = blade()
     batch = cases(structure, alpha=30.0, gap=30e-6, amplitude=24.0, frequency=5.0)
     assert quasi_static_temperature(structure, batch, free_motion(structure, batch, 2.0), 2.0)[0] == 0.0
+
+
+def test_friction_presses_harder_where_it_leans_on_the_casing() -> None:
+    """The force on the casing is that at rest over 1 - µ s, s = ψᵀt; heat that moves nothing rises in proportion."""
+    structure, friction = slider(cross=-30.0), np.array([0.0, 0.5, 1.2, 10.0 / 3.0, 4.0])
+    batch = cases(structure, 5, friction=friction, mean=5.0, gap=0.01, alpha=0.1)
+    found = quasi_static_temperature(structure, batch, free_motion(structure, batch, 1.0), 1.0)
+    held = np.array([static_force(structure, mu) for mu in friction[:3]])
+    np.testing.assert_allclose(found[:3] / found[0], held / held[0], rtol=1e-12)
+    assert np.all(np.isinf(found[3:]))
+
+
+def static_force(structure: Structure, friction: float) -> float:
+    """λ of a tip at rest on its casing under 5 N, from K1 x = F e_n - λ (e_n - µ t), x_n = 0.01."""
+    push = np.array([-friction * structure.tangent[0], 1.0])
+    answer = np.linalg.solve(structure.stiffness_matrix, np.column_stack([[0.0, 5.0], push]))[-1]
+    return float((answer[0] - 0.01) / answer[1])
+
+
+@pytest.mark.parametrize("load", [None, np.array([1.0, 0.5, 0.0, 0.2])])
+def test_the_reach_holds_where_damping_couples_modes(load: np.ndarray | None) -> None:
+    """At a resonance of a mode that a dashpot drives through another: the steady answer is the harmonic one."""
+    structure = heavy_chain(nodes=4).matrices()
+    damper = np.zeros((4, 4))
+    damper[np.ix_([0, 2], [0, 2])] = 60.0 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    structure = replace(structure, damper=damper, load=load)
+    frequency = float(frequencies(structure)[1] / (2 * np.pi))
+    batch = cases(structure, amplitude=100.0, frequency=frequency, gap=1.0, velocity=[[0.3, -0.2, 0.1, 0.4]])
+    found = step(structure, batch, 2e-6, sampling(0.05, 5e-5), theta=0.5).histories["displacement"][0]
+    free = free_motion(structure, batch, 0.05)
+    assert found.max() < free.reach[0] < 20 * found.max()
+    late = found[len(found) * 4 // 5 :]
+    assert late.max() == pytest.approx(free.harmonic[0], rel=0.05)

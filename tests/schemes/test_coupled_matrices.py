@@ -19,6 +19,7 @@ import pytest
 from plain_moreau import Trajectory
 
 from scenes import alone, cases, chain, heavy_chain, relative, same_bits, sampling, step, taken
+from sliding import random_structure
 from workflow.models import Cases, Harmonics, Matrices, Rayleigh, static_equilibrium
 from workflow.reduction import reduce_structure
 from workflow.schemes import Status, moreau, penalty
@@ -112,6 +113,26 @@ def test_steps_are_those_of_plain_matrices(name: str, moves: bool) -> None:
             assert relative(found.histories[quantity][case], getattr(expected, quantity)[:, -1]) < 1e-12
     assert np.abs(found.metrics["energy_residual"]).max() < created
     assert np.abs(found.metrics["heat_residual"]).max() < 1e-6
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_random_structures_are_stepped_as_by_plain_matrices(name: str) -> None:
+    """No symmetry between degrees of freedom, a casing that moves and slides, a load and a damping of any direction."""
+    (method, options, plain, _), struck = FIXED[name], 0
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        structure = random_structure(rng, int(rng.integers(2, 6)))
+        root = rng.normal(size=structure.mass.shape)
+        structure = replace(structure, damper=root @ root.T, load=rng.normal(size=len(root)))
+        sway = [[3e-5, 900.0, rng.uniform(0, 6)], [3e-5, rng.uniform(50, 200), 1.0]]
+        slides = {"friction": [0.0, 0.1, 0.2], "alpha": 0.2, "casing_harmonics": sway}
+        batch = rub(structure, gap=1e-4, velocity=0.3, mean=20.0, amplitude=20.0, **slides)
+        found = step(structure, batch, H, sampling(STEPS * H, H), method, **options)
+        for case in range(3):
+            expected = plain(structure, alone(batch, case))
+            assert relative(found.histories["displacement"][case], expected.displacement[:, -1]) < 1e-11, seed
+        struck += int(found.metrics["impacts"].min() > 0)
+    assert struck > 3
 
 
 @pytest.mark.parametrize("theta", [0.5, pytest.param(1.0, marks=SLOW)])

@@ -64,7 +64,7 @@ def scene(rng: np.random.Generator) -> tuple[Structure, Cases]:
 
 
 def moving_scene(rng: np.random.Generator) -> tuple[Structure, Cases]:
-    """Return such a scene with one to three harmonics each in the casing and in the load."""
+    """Return such a scene with one to three harmonics in casing and load, which may act elsewhere than at the tip."""
     structure, case = scene(rng)
 
     def sinusoids(size: float) -> Harmonics:
@@ -77,6 +77,8 @@ def moving_scene(rng: np.random.Generator) -> tuple[Structure, Cases]:
     case.displacement[0, -1] = place if touches else place - abs(rng.normal(0, 0.5))
     if touches and rng.random() < 0.5:
         case.velocity[0, -1] = case.casing_velocity_at(0.0)[0]
+    if rng.random() < 0.3:
+        structure = replace(structure.matrices(), load=rng.normal(0, 1, structure.mechanical_size))
     return structure, case
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from workflow.kernels import Array
 from workflow.models._cases import Cases
 from workflow.models._modes import mechanical_modes, thermal_modes
 from workflow.models._runaway import static_tip_growth
+from workflow.models._sliding import static_share
 from workflow.models._structure import Structure
 
 _STEPS = 400
@@ -48,7 +50,8 @@ def free_motion(structure: Structure, cases: Cases, duration: float) -> FreeMoti
 
     With p̄ the constant modal load and p the harmonic one, η = p̄/ω² + Im[H e^{i(Ωt + φ)}] + a transient, with
     H = p/(ω² - Ω² + iΩc). The transient begins with the difference (Δη, Δζ) of the initial state to the first two, and
-    stays below sqrt(Δη² + (Δζ/ω)²).
+    stays below sqrt(Δη² + (Δζ/ω)²). Damping that couples modes hands energy from one to another: H solves for all of
+    them, and the transient stays below sqrt(S Σ (ω²Δη² + Δζ²)), S = Σ φ_n²/ω².
     """
     modes = mechanical_modes(structure)
     omega, tip = modes.values, modes.tip
@@ -64,6 +67,7 @@ def free_motion(structure: Structure, cases: Cases, duration: float) -> FreeMoti
     drive = tip if structure.load is None else structure.load @ shapes
     static = (cases.steady @ shapes + mean[:, None] * drive) / omega**2
     damping = structure.damping.of_modes(omega)
+    coupled = None if structure.damper is None else shapes.T @ structure.damper @ shapes
     momenta = structure.inertia_forces(shapes)
     offset = cases.displacement @ momenta - static
     speed = cases.velocity @ momenta
@@ -72,13 +76,27 @@ def free_motion(structure: Structure, cases: Cases, duration: float) -> FreeMoti
         for amplitude, frequency, phase in zip(np.where(constant, 0.0, amplitudes), frequencies, phases, strict=True):
             acts, turning = amplitude[:, None], 2 * np.pi * frequency[:, None]
             response = acts * drive / (omega**2 - turning**2 + 1j * turning * damping)
+            if coupled is not None:
+                response = acts * _coupled_response(omega**2, damping, coupled, turning, drive)
             response = np.where(acts == 0, 0.0, response)
             begins = response * np.exp(1j * phase[:, None])
             offset, speed = offset - begins.imag, speed - (1j * turning * begins).imag
             harmonic += np.abs(np.sum(tip * response, axis=1))
-        transient = np.sum(np.abs(tip) * np.hypot(offset, speed / omega), axis=1)
+        swing = np.hypot(offset, speed / omega)
+        transient = np.sum(np.abs(tip) * swing, axis=1)
+        if coupled is not None:
+            transient = np.sqrt(np.sum((tip / omega) ** 2) * np.sum((omega * swing) ** 2, axis=1))
     growth = 2 * _warmest(structure, cases, duration) @ np.abs(static_tip_growth(structure))
     return FreeMotion(np.sum(tip * static, axis=1), harmonic, transient, np.asarray(growth))
+
+
+def _coupled_response(stiffness: Array, damping: Array, coupled: Array, turning: Array, drive: Array) -> Any:
+    """Return the modal response to a unit load at angular frequencies ``(case, 1)``, complex, ``(case, mode)``."""
+    answers = {}
+    for omega in np.unique(turning):
+        matrix = np.diag(stiffness - omega**2 + 1j * omega * damping) + 1j * omega * coupled
+        answers[float(omega)] = np.linalg.lstsq(matrix, drive.astype(complex), rcond=None)[0]
+    return np.array([answers[float(omega)] for omega in turning[:, 0]])
 
 
 def _sinusoids(cases: Cases) -> tuple[Array, Array, Array]:
@@ -103,12 +121,13 @@ def quasi_static_temperature(structure: Structure, cases: Cases, free: FreeMotio
     The tip is taken to rub as if it had no mass: the contact force is what holds the free motion
     x̄ + D sin(Ωt) + growth back at the gap, averaged over a load period, λ̄ = mean[max(0, x̄ + g - d + D sin)]/S. It
     heats the tip by α λ̄ and does not depend on e, as impulses balance the load whatever e is. How far the casing moves
-    is added to D.
+    is added to D. Friction along t makes S e_nᵀ K1⁻¹ (e_n - µ t); where that is not positive nothing bounds the force.
     """
     thermal = thermal_modes(structure)
     modes = mechanical_modes(structure)
     elastic = modes.values > 0
     flexibility = float(np.sum((modes.tip[elastic] / modes.values[elastic]) ** 2))
+    yields = flexibility * np.maximum(0.0, 1.0 - cases.friction * static_share(structure))
     grows = static_tip_growth(structure) @ thermal.shapes
     step = duration / _STEPS
     decay, swing = np.exp(-thermal.values * step), free.harmonic + cases.casing_harmonics.reach
@@ -120,7 +139,8 @@ def quasi_static_temperature(structure: Structure, cases: Cases, free: FreeMotio
         largest = np.abs(cases.temperature).max(axis=1, initial=0.0)
         for _ in range(_STEPS):
             beyond = free.static + amplitudes @ grows - cases.gap
-            force = _mean_positive(beyond, swing) / flexibility if np.isfinite(free.reach).all() else 0.0
+            presses = _mean_positive(beyond, swing)
+            force = np.where(presses > 0, presses / yields, 0.0) if np.isfinite(free.reach).all() else 0.0
             heat = heating + (cases.alpha * force)[:, None] * thermal.tip
             amplitudes = decay * amplitudes + gain * heat
             largest = np.fmax(largest, np.abs(amplitudes @ thermal.shapes.T).max(axis=1, initial=0.0))
