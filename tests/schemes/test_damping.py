@@ -20,6 +20,7 @@ from workflow.models import (
     critical_alpha,
     growth_rate,
     mechanical_modes,
+    modal_damping,
     structure_from_matrices,
 )
 from workflow.reduction import reduce_structure
@@ -131,6 +132,14 @@ def test_a_damping_matrix_of_its_own_is_stepped_by_moreau(theta: float) -> None:
         alone = step(structure, batch.take(np.array([case])), 1e-5, over, theta=theta)
         assert np.array_equal(alone.histories["displacement"][0], found.histories["displacement"][case])
     assert np.abs(found.metrics["energy_residual"]).max() < (1e-10 if theta == 0.5 else 0.5)
+
+
+def test_what_a_mode_loses_by_itself_holds_its_part_of_a_damping_matrix() -> None:
+    structure = with_damper()
+    modes = mechanical_modes(structure)
+    wanted = np.diag(modes.shapes.T @ structure.damping_matrix @ modes.shapes)
+    np.testing.assert_allclose(modal_damping(structure, modes), wanted, rtol=1e-12)
+    assert np.all(modal_damping(replace(structure, damper=None), modes) < wanted)
 
 
 def test_a_damping_matrix_that_couples_no_modes_is_stepped_in_modes() -> None:

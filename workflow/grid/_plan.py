@@ -16,7 +16,17 @@ from workflow.grid._operators import Reduced, reduced, reduced_structure, struct
 from workflow.grid._reference import solution_counts
 from workflow.grid._scene_cautions import scene_cautions
 from workflow.grid._tasks import Units, tasks, units_of
-from workflow.models import MOST_NODES_WITH_MATRICES, Array, Chain, critical_alpha, frequencies, rates, tip_flexibility
+from workflow.models import (
+    MOST_NODES_WITH_MATRICES,
+    Array,
+    Chain,
+    critical_alpha,
+    frequencies,
+    mechanical_modes,
+    modal_damping,
+    rates,
+    tip_flexibility,
+)
 from workflow.schemes import Scheme
 from workflow.study import Cell, ResolvedValue, Study, resolved_values
 
@@ -231,6 +241,8 @@ def _free_modes(by: Reduced) -> tuple[Array, Array, Array]:
     structure = structure_on(by)
     omega = frequencies(structure)
     damping = structure.damping.of_modes(np.where(np.isinf(omega), 0.0, omega))
+    if structure.damper is not None:
+        damping = modal_damping(structure, mechanical_modes(structure))
     return omega, damping, rates(structure)
 
 

@@ -20,6 +20,7 @@ from workflow.models._damping import (
     free_damping,
     held_damping,
     is_rayleigh,
+    modal_damping,
     needs_matrices,
 )
 from workflow.models._equilibrium import NoEquilibriumError, static_equilibrium
@@ -129,6 +130,7 @@ __all__ = [
     "mechanical_modes",
     "mechanical_path",
     "modal_coupling",
+    "modal_damping",
     "most_modes",
     "names",
     "needs_matrices",

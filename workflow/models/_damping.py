@@ -36,6 +36,14 @@ def damping_matrix(structure: Structure) -> Array:
     return whole if structure.damper is None else whole + structure.damper
 
 
+def modal_damping(structure: Structure, modes: Modes) -> Array:
+    """Return φᵀ C1 φ of each mode with the tip free, 1/s, ``(mode,)``; what couples them is left out."""
+    damping = structure.damping.of_modes(modes.values, modes.inertia)
+    if structure.damper is None:
+        return damping
+    return np.asarray(damping + np.diag(product(modes.shapes.T, product(structure.damper, modes.shapes))))
+
+
 def free_damping(structure: Structure, modes: Modes) -> Array:
     """Return c of each mode with the tip free, 1/s, ``(mode,)``.
 
@@ -44,13 +52,9 @@ def free_damping(structure: Structure, modes: Modes) -> Array:
     CoupledDampingError
         Damping couples them.
     """
-    damping = structure.damping.of_modes(modes.values, modes.inertia)
-    if structure.damper is None:
-        return damping
-    own = product(modes.shapes.T, product(structure.damper, modes.shapes))
-    if is_diagonal(own):
-        return np.asarray(damping + np.diag(own))
-    raise CoupledDampingError
+    if couples_free_modes(structure):
+        raise CoupledDampingError
+    return modal_damping(structure, modes)
 
 
 def held_damping(structure: Structure, modes: Modes) -> Array:
