@@ -39,8 +39,8 @@ from workflow.schemes._interface import Results, Sampling, Status, schedule
 _CHUNK = 1024
 """Steps whose loads are evaluated at once."""
 
-_STEP, _TERM = 2e-8, 4e-10
-"""Seconds of a step of a case, and of a product of two numbers in it."""
+_STEP, _TERM = 6e-8, 2e-10
+"""Seconds of a step of a case of eight, and of a product of two numbers in it."""
 
 
 @dataclass(frozen=True, eq=False)
