@@ -97,10 +97,10 @@ class DenseOperator:
 
     def kick(self, alpha: Array, friction: Array) -> Array:
         """Return velocities per impulse of contact, 1/kg, ``(case, mechanical)``; the tip's is W."""
-        found = self.mobility[:, -1] + alpha[:, None] * self.dragged
+        kicks = self.mobility[:, -1] + alpha[:, None] * self.dragged
         if self.structure.tangent is not None:
-            found = found - friction[:, None] * product(self.mobility, self.structure.tangent)
-        return np.asarray(found)
+            kicks = kicks - friction[:, None] * product(self.mobility, self.structure.tangent)
+        return np.asarray(kicks)
 
 
 def init(structure: Structure, h: float, theta: float, contact: DenseContact) -> DenseOperator:

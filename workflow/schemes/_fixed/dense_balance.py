@@ -58,15 +58,15 @@ class Account(NamedTuple):
 
 
 @part
-def multiply(matrix: Array, states: Array, found: Array, lanes: int) -> None:
-    """Fill ``found`` with matrix · states, ``(row, lane)``, added in the order of the columns."""
+def multiply(matrix: Array, states: Array, forces: Array, lanes: int) -> None:
+    """Fill ``forces`` with matrix · states, ``(row, lane)``, added in the order of the columns."""
     for i in range(matrix.shape[0]):
         for lane in range(lanes):
-            found[i, lane] = 0.0
+            forces[i, lane] = 0.0
         for j in range(matrix.shape[1]):
             factor = matrix[i, j]
             for lane in range(lanes):
-                found[i, lane] += factor * states[j, lane]
+                forces[i, lane] += factor * states[j, lane]
 
 
 @part
