@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from workflow import archive
-from workflow.archive import StoredCells, _layout, find_stored_cells, load_stored_cells, save_stored_cells
+from workflow.archive import StoredCells, _layout, _stored, find_stored_cells, load_stored_cells, save_stored_cells
 
 LAYOUT = sample_layout()
 RESULTS = sample_results(LAYOUT)
@@ -186,3 +186,26 @@ def test_a_damaged_archive_is_said(path: Path, tmp_path: Path, name: str) -> Non
         find_stored_cells(damaged, LAYOUT, HASHES)
     with pytest.raises(archive.ArchiveError, match="damaged"):
         StoredCells(damaged, np.arange(LAYOUT.cells)).take(LAYOUT, np.arange(3))
+
+
+class Reads:
+    """An array that keeps how many numbers each read of it took."""
+
+    def __init__(self, values: np.ndarray):
+        self.values, self.taken = values, list[int]()
+        self.shape, self.ndim, self.dtype = values.shape, values.ndim, values.dtype
+
+    def __getitem__(self, box: tuple[slice, ...]) -> np.ndarray:
+        found = self.values[box]
+        self.taken.append(found.size)
+        return found
+
+
+@pytest.mark.parametrize(("step", "reads"), [(1, 1), (2, 1), (7, 29)])
+def test_cells_are_read_in_few_boxes(step: int, reads: int) -> None:
+    """Nine of eleven cells in each row: at once where most of the rows are wanted, else row by row."""
+    stored = Reads(np.arange(200 * 11.0).reshape(200, 11))
+    places = (11 * np.arange(0, 200, step)[:, None] + np.arange(1, 10)).ravel()
+    np.testing.assert_array_equal(_stored._rows(stored, places[::-1], tail=0), stored.values.ravel()[places[::-1]])
+    assert len(stored.taken) == reads
+    assert sum(stored.taken) <= 2 * places.size
