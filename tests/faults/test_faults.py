@@ -77,12 +77,14 @@ def test_a_disk_that_is_full_at_any_flush(
 ) -> None:
     """Each flush of a run fails in turn; the same command then goes on."""
     archive, sync = tmp_path / "a.nc", os.fsync
-    calls = [0]
+    calls, before = [0], None
+    if extended:
+        run_study(quick({"e": [0.5, 0.0]}), archive)
+        before = archive.read_bytes()
     for failing in range(1, 40):
         archive.unlink(missing_ok=True)
-        if extended:
-            run_study(quick({"e": [0.5, 0.0]}), archive)
-        before = archive.read_bytes() if extended else None
+        if before is not None:
+            archive.write_bytes(before)
         calls[0] = 0
 
         def full(descriptor: int, failing: int = failing) -> None:
