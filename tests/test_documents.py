@@ -34,9 +34,6 @@ LONG = {
     "work_precision_finite_element",
     "hard/all_steps",
 }
-OF_ONE_PROCESSOR = {"scaling", "work_precision_finite_element"}
-"""Archives whose values are those of one kind of processor: see ``tests/run/test_verify.py``."""
-
 KEPT = [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in NAMES]
 """Studies whose archives are kept in ``data/``, by path; ``pytest -m "slow or not slow" --regenerate`` writes them."""
 
@@ -117,10 +114,7 @@ def test_kept_archives_repeat(name: str, tmp_path: Path, request: pytest.Fixture
         assert np.array_equal(old["status"].values, new["status"].values)
         cases = old["status"].size
     if provenance(kept)["content_hash"] != provenance(again)["content_hash"]:
-        checks = [check for check in verify(kept, cases) if not check.holds]
-        if name in OF_ONE_PROCESSOR:
-            checks = [check for check in checks if check.name not in ("sample", "values")]
-        assert checks == []
+        assert [check for check in verify(kept, cases) if not check.holds] == []
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -10,7 +10,7 @@ from workflow.grid._frequencies import longest_period_count
 from workflow.grid._identity import case_hashes
 from workflow.grid._operators import reduced_structure, structure_of
 from workflow.grid._plan import Figures, Plan, plan, plan_study
-from workflow.grid._reference import solution_counts
+from workflow.grid._reference import exact_motion, solution_counts
 from workflow.grid._shaken import Shaken
 from workflow.grid._solve import Solved, metrics_of, solve
 from workflow.grid._tasks import Segment, Task, Units, bytes_per_case, seconds_per_case, tasks, units_of
@@ -39,6 +39,7 @@ __all__ = [
     "compiling",
     "compiling_seconds",
     "estimate",
+    "exact_motion",
     "fixes_operator",
     "handling_part",
     "is_compiling",

@@ -9,7 +9,10 @@ import numpy as np
 
 from workflow import schemes
 from workflow.grid._arrangement import Grid, Indices
+from workflow.grid._conditions import conditions
 from workflow.grid._distance import norms, relative
+from workflow.grid._operators import run_batch, structure_of
+from workflow.grid._shaken import Shaken
 from workflow.grid._trials import EXACT
 from workflow.grid._truth import Truth, distinct_shape, only_what_is_read, truths
 from workflow.models import Array
@@ -89,6 +92,23 @@ def exact_cell(grid: Grid, outer: int) -> Cell:
     if cell.scheme.method != EXACT:
         cell = replace(cell, scheme=SchemeChoice(EXACT, EXACT, schemes.load(EXACT).Options()))
     return only_what_is_read(cell)
+
+
+def exact_motion(grid: Grid, outer: int, inner: Indices, shaken: Shaken | None = None) -> dict[str, Array]:
+    """Return histories of the exact solutions of the reduced models of some cases, with their data changed if asked.
+
+    Shape ``(case, t)`` by name, NaN in those that do not end ok.
+    """
+    cell = exact_cell(grid, outer)
+    if shaken is None:
+        return truths(grid, cell, inner, perturbed=False).histories
+    replaced = grid.study.reference.values if grid.study.reference is not None else {}
+    cell = shaken.cell(cell)
+    varying = {path: values for path, values in grid.inner_values(inner).items() if path not in replaced}
+    cases = conditions(cell, structure_of(cell.scene.model, cell.scene.parameters), varying, inner.size)
+    results = run_batch(cell, shaken.cases(cases), replace(grid.sampling, balances=False))
+    ended = (results.status == Status.OK)[:, None]
+    return {name: np.where(ended, results.histories[name], np.nan) for name in COMPARED}
 
 
 def solution_counts(grid: Grid) -> tuple[int, int]:

@@ -45,6 +45,10 @@ _NEGATIVE = 1e-10
 entries leaves 1e-13."""
 
 
+_CORRECTIONS = 2
+"""Of the constraint mode: each leaves an error its share condition · rounding of the one before."""
+
+
 class NotHeldError(ValueError):
     """A sparse stiffness that leaves the structure loose, or is not positive definite."""
 
@@ -74,9 +78,16 @@ class SparsePair:
 
     @cached_property
     def constraint(self) -> Array:
-        """ψ, 1 at the tip, without load elsewhere, ``(coordinate,)``."""
+        """ψ, 1 at the tip, without load elsewhere, ``(coordinate,)``.
+
+        It is corrected by the loads that it leaves, summed with more digits: on a finite element blade processors
+        agree on S to 2e-12 and on α_c to 2e-11, without that to 7e-10.
+        """
         below = self.stiffness[:-1, [-1]].toarray()[:, 0]
-        return np.append(-self._interior(below), 1.0)
+        shape = np.append(-self._interior(below), 1.0)
+        for _ in range(_CORRECTIONS):
+            shape[:-1] -= self._interior(_product_with_more_digits(self.stiffness, shape)[:-1])
+        return shape
 
     @cached_property
     def tip_stiffness(self) -> float:
@@ -119,10 +130,18 @@ class SparsePair:
         inertia = np.asarray(self.inertia @ self.constraint)
         return self.answer_held(load - inertia * (self.constraint @ load) / (self.constraint @ inertia))
 
-    def answer_held_shifted(self, loads: Array, shift: float) -> Array:
-        """Return (K + s M)⁻¹ f with the tip held, ``(coordinate,)``; a factorisation of its own."""
-        answer = np.zeros_like(loads)
-        answer[:-1] = factorised((self.stiffness + shift * self.inertia)[:-1, :-1])(loads[:-1])
+    def answers_held_shifted(self) -> Callable[[Array, float], Array]:
+        """Return what gives (K + s M)⁻¹ f, ``(coordinate,)``, with the tip held by f and s; its last factors stay."""
+        last: dict[float, Answer] = {}
+
+        def answer(loads: Array, shift: float) -> Array:
+            if shift not in last:
+                last.clear()
+                last[shift] = factorised((self.stiffness + shift * self.inertia)[:-1, :-1])
+            found = np.zeros_like(loads)
+            found[:-1] = last[shift](loads[:-1])
+            return found
+
         return answer
 
     def held_modes(self, count: int) -> tuple[Array, Array]:
@@ -185,6 +204,16 @@ def factorised(matrix: scipy.sparse.csc_array) -> Answer:
     except RuntimeError:
         raise NotHeldError("with the tip held some part of the structure is still loose") from None
     return lambda load: np.asarray(factors.solve(load))
+
+
+def _product_with_more_digits(matrix: scipy.sparse.csc_array, vector: Array) -> Array:
+    """Return the product of a symmetric matrix and a vector, summed in the longest floats there are."""
+    longer = np.longdouble
+    terms = matrix.data.astype(longer) * vector.astype(longer)[matrix.indices]
+    filled = np.flatnonzero(np.diff(matrix.indptr))  # reduceat takes an empty column for its neighbour
+    found = np.zeros(matrix.shape[1], dtype=longer)
+    found[filled] = np.add.reduceat(terms, matrix.indptr[:-1][filled])
+    return found.astype(np.float64)
 
 
 def _start(size: int) -> Array:

@@ -109,7 +109,7 @@ def held_displacements(structure: Structure) -> Callable[[Array], Array]:
 def held_temperatures(structure: Structure) -> Callable[[Array, float], Array]:
     """Return what gives (K2 + s C2)⁻¹ q with the tip at 0, K, ``(thermal,)``, by heat q, W, and s > 0, 1/s."""
     if isinstance(structure, Sparse):
-        return structure.thermal.answer_held_shifted
+        return structure.thermal.answers_held_shifted()
     if isinstance(structure, Chain):
         interior, capacities = thermal_path(structure).without_tip(), structure.heat_capacities[:-1]
         return lambda heat, shift: _solved(Path(interior.ground + shift * capacities, interior.joint), heat)

@@ -96,18 +96,24 @@ class Orthonormal:
         """
         if self.is_full:
             return None
-        found, kept, new = self._found, self._kept, vector
+        found, kept = self._found, self._kept
         size = np.sqrt(dot(vector, self._inertia(vector))) if length is None else length
         if size == 0:
             return None
-        for _ in range(2):  # once more, so that rounding of the first pass goes too
-            new = new - product(found[:, :kept], product(found[:, :kept].T, self._inertia(new)))
+        new = self.apart(vector)
         rest = np.sqrt(dot(new, self._inertia(new)))
         if not rest > DEPENDENT * size:
             return None
         found[:, kept] = new / rest
         self._kept += 1
         return np.asarray(found[:, kept])
+
+    def apart(self, vector: Array) -> Array:
+        """Return what a vector has apart from those found, orthogonal to them."""
+        found = self._found[:, : self._kept]
+        for _ in range(2):  # once more, so that rounding of the first pass goes too
+            vector = vector - product(found, product(found.T, self._inertia(vector)))
+        return vector
 
     def add_each(self, vectors: Array) -> None:
         """Add vectors ``(entry, vector)`` in their order until there are as many as wanted."""

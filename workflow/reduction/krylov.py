@@ -14,8 +14,15 @@ at shifts s from 1/duration to the larger of 10/duration and the largest eigenva
 many as vectors are asked for. What depends on others is dropped; the slowest modes with the tip held come instead.
 All vectors are made orthonormal in M or C2 one after another, each twice. α_c is exact: S and K2⁻¹ e_n need ψ only.
 
+What a moment or a shift adds to those before it falls to 1e-8 of it and below, and rounding of LAPACK and SuperLU then
+turns the last vectors by tenths. Above 300 coordinates, where they find answers and modes, each vector is therefore
+made from the one before, once that is orthogonal to all before it: what a step adds is a tenth of what it finds, and
+spaces agree to 1e-11 from processor to processor. Modes come first; no moment leads out of them, so that moments of
+what they leave of ψ span the same with them. There are four shifts, each for a quarter of the vectors: four
+factorisations, and no less accurate than as many shifts as vectors.
+
 Source: Grimme, Krylov projection methods for model reduction (thesis, Urbana 1997); Antoulas, Approximation of
-large-scale dynamical systems (SIAM 2005), chapter 11.
+large-scale dynamical systems (SIAM 2005), chapter 11; Ruhe, Linear Algebra Appl. 58 (1984) 391-405, for the recurrence.
 """
 
 from __future__ import annotations
@@ -25,7 +32,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from workflow.kernels.elementwise import exp, log
-from workflow.models import Structure
+from workflow.models import Array, Structure
+from workflow.models._dense import MOST_PORTABLE
 from workflow.models._spectrum import fastest_rate
 from workflow.models._tip_held import (
     held_displacements,
@@ -41,16 +49,21 @@ from workflow.reduction._reduction import Known, Vectors, mechanical_vectors, th
 MOST_MOMENTS = 6
 """Moments at s = 0, the constraint mode counted."""
 
+MOST_SHIFTS = 4
+"""Different shifts where each vector is made from the one before. Of a line of 3000 temperatures with rates to 6e4 1/s
+12 vectors miss the tip's transfer function by 2e-3 with 4 shifts, 9e-4 with 3, 2e-2 with 2 and 7e-3 with 12, 24 vectors
+by 6e-6, 1e-6, 2e-4 and 6e-5; of a finite element blade 2 to 24 shifts make no difference beyond a factor of 3."""
+
 
 def mechanical(structure: Structure, count: int, known: Known) -> Vectors:
-    """Return up to five moments relative to the tip, then fixed-interface modes, and the constraint mode."""
-    constraint, _ = mechanical_constraint(structure)
-    answer = held_displacements(structure)
+    """Return up to five moments relative to the tip and fixed-interface modes, and the constraint mode."""
     span = Orthonormal(structure.mechanical_size, count, structure.inertia_forces)
-    vector = span.add(answer(structure.inertia_forces(constraint)))
-    for _ in range(MOST_MOMENTS - 2):
-        if vector is not None:
-            vector = span.add(answer(structure.inertia_forces(vector)))
+    constraint, _ = mechanical_constraint(structure)
+    if _is_small(structure):
+        _add_moments(structure, span, constraint)
+    else:
+        span.add_each(held_modes(structure, max(count - MOST_MOMENTS + 1, 0)).shapes)
+        _add_moments(structure, span, span.apart(constraint))
     if not span.is_full:
         span.add_each(held_modes(structure, count).shapes)
     return mechanical_vectors(structure, span.all())
@@ -69,11 +82,30 @@ def thermal(structure: Structure, count: int, known: Known) -> Vectors:
     constraint, _ = thermal_constraint(structure)
     answer, heat = held_temperatures(structure), structure.heat_contents(constraint)
     span = Orthonormal(structure.thermal_size, count, structure.heat_contents)
-    for shift in _shifts(count, 1 / known.duration, fastest_rate(structure)):
-        span.add(answer(heat, shift))
+    each_alone = _is_small(structure)
+    different = count if each_alone else min(count, MOST_SHIFTS)
+    shifts = list(_shifts(different, 1 / known.duration, fastest_rate(structure)))
+    for k in range(count):
+        vector = span.add(answer(heat, shifts[k * different // count]))
+        if vector is not None and not each_alone:
+            heat = structure.heat_contents(vector)
     if not span.is_full:
         span.add_each(held_thermal_modes(structure, count).shapes)
     return thermal_vectors(structure, span.all())
+
+
+def _is_small(structure: Structure) -> bool:
+    """Tell whether answers and modes of a structure have the same bits on every processor."""
+    return max(structure.mechanical_size, structure.thermal_size) <= MOST_PORTABLE
+
+
+def _add_moments(structure: Structure, span: Orthonormal, begin: Array) -> None:
+    """Add five moments, the first the answer to the inertia forces of ``begin``, as long as they are new."""
+    answer = held_displacements(structure)
+    vector: Array | None = begin
+    for _ in range(MOST_MOMENTS - 1):
+        if vector is not None:
+            vector = span.add(answer(structure.inertia_forces(vector)))
 
 
 def _shifts(count: int, slowest: float, fastest: float) -> Iterator[float]:

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.grid import Grid, Shaken, Solved, solve
+from workflow.grid import Grid, Shaken, Solved, exact_motion, solve
+from workflow.schemes import Status
 
 Values = Mapping[str, NDArray[Any]]
 
@@ -37,9 +38,12 @@ MOTION = ("displacement", "velocity", "temperature", "impulse", "contact_force",
 def sensitivity(grid: Grid, outer: int, inner: NDArray[np.int64], solved: Solved) -> dict[str, float]:
     """Return by how much each number of a case may differ elsewhere: it is run twice more with its data changed.
 
-    What errors are measured against, which is not run again, is taken to answer to the change as the case itself does.
+    What errors are measured against, which is not run again, is taken to answer to the change as the case itself does,
+    or, of a case that did not end ok, as the exact solution of its reduced model.
     """
-    reach = float(np.nanmax(np.abs(solved.values["displacement"]), initial=0.0))
+    reach = _reach(solved.values)
+    blown_up = grid.study.reference is not None and int(solved.values["status"][0]) != Status.OK
+    exact = exact_motion(grid, outer, inner) if blown_up else solved.values
     spread: dict[str, float] = {}
     moved: dict[str, float] = {}
     for direction in (1, -1):
@@ -47,16 +51,22 @@ def sensitivity(grid: Grid, outer: int, inner: NDArray[np.int64], solved: Solved
         for name, new in changed.items():
             if new.dtype.kind == "f":
                 spread[name] = max(spread.get(name, 0.0), _largest_change(solved.values[name], new))
+        again = exact_motion(grid, outer, inner, Shaken(direction, _reach(exact))) if blown_up else changed
         for name in _COMPARED:
-            moved[name] = max(moved.get(name, 0.0), _share_changed(solved.values[name], changed[name]))
+            moved[name] = max(moved.get(name, 0.0), _share_changed(exact[name], again[name]))
     own = float(np.nan_to_num(solved.values.get("predictability", np.zeros(1)))[0])
     allowed = {}
     for name, change in spread.items():
         reference = own if name.endswith("_error") or name == "predictability" else 0.0
-        reference += moved[name.split("_")[0]] if name.endswith("_error") else 0.0
+        reference += moved.get(name.split("_")[0], 0.0) if name.endswith("_error") else 0.0  # else of a choice, stored
         rounded = SUMMED if name.endswith("_residual") else ROUNDED if name.endswith(_SMALL) else 0.0
         allowed[name] = TIMES * (change + reference) + rounded
     return allowed
+
+
+def _reach(values: Values) -> float:
+    """Return the largest displacement of the tip, m."""
+    return float(np.nanmax(np.abs(values["displacement"]), initial=0.0))
 
 
 def _share_changed(old: NDArray[Any], new: NDArray[Any]) -> float:

@@ -109,7 +109,7 @@ def verify(path: Path, sample: int = SAMPLE) -> Iterator[Check]:
             yield _choices(grid)
         yield from _repeat(path, grid, texts, sample)
     except Exception as error:  # what a changed byte makes of the libraries
-        yield Check("values", False, f"cannot be compared: {error}")
+        yield Check("values", False, f"cannot be compared: that ended with {type(error).__name__}: {error}")
 
 
 def _opened(path: Path) -> xr.Dataset:
