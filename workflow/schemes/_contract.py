@@ -34,7 +34,7 @@ def refuse(scheme: Scheme, cases: Cases) -> None:
         raise ContractError(f"the scheme {reason}")
 
 
-def given(results: Results) -> dict[str, Array]:
+def arrays_by_name(results: Results) -> dict[str, Array]:
     """Return all arrays of results by the names that the table of variables gives them."""
     periods = {name: getattr(results, name) for name in PERIODS}
     return {**results.histories, **results.metrics, **periods}
@@ -52,7 +52,7 @@ def checked(results: Results, cases: Cases, sampling: Sampling) -> Results:
     ContractError
         A variable is missing, or does not have the shape of the cases.
     """
-    arrays = given(results)
+    arrays = arrays_by_name(results)
     expected = [about for about in variables.select(None, "scheme") if about.shape != "flag"]
     expected = [about for about in expected if about.condition != "balances" or sampling.balances]
     for about in expected:
@@ -81,11 +81,11 @@ def _check_shape(about: variables.Variable, values: Array | None, cases: Cases, 
     if about.shape == "period":
         least = int(complete_periods(cases.period_frequency, sampling).max(initial=0))
         sound = values.ndim == 2 and values.shape[0] == cases.count and values.shape[1] >= least
-        asked = f"({cases.count}, at least {least})"
+        expected = f"({cases.count}, at least {least})"
     else:
-        sound, asked = values.shape == sizes[about.shape], str(sizes[about.shape])
+        sound, expected = values.shape == sizes[about.shape], str(sizes[about.shape])
     if not sound:
-        raise ContractError(f"the scheme gives `{about.name}` the shape {values.shape} where it is {asked}")
+        raise ContractError(f"the scheme gives `{about.name}` the shape {values.shape} where it is {expected}")
 
 
 def _possible(about: variables.Variable, values: Array, counted: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -103,9 +103,9 @@ def _with_failed(results: Results, messages: dict[int, str]) -> Results:
     lost = np.array(sorted(messages), dtype=np.int64)
 
     def blank(values: Array) -> Array:
-        kept = np.array(values, dtype=np.float64)
-        kept[lost] = np.nan
-        return kept
+        marked = np.array(values, dtype=np.float64)
+        marked[lost] = np.nan
+        return marked
 
     status = results.status.copy()
     status[lost] = Status.FAILED

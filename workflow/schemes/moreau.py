@@ -105,11 +105,11 @@ def meet_by_prox(law: Prox, step: TipStep, free: Free, own: Array, tip: Array, l
     active = x + 0.5 * step.h * v >= wall(free.drive, free.gap, lane)
     engaged = some(active) or raised(own, (CASE_PRESSED, lane))
     if engaged:
-        kept = of_lane(law.restitution, lane) * v
-        closing = (after + kept) * of_lane(law.inverse_delassus, lane)
+        rebound = of_lane(law.restitution, lane) * v
+        closing = (after + rebound) * of_lane(law.inverse_delassus, lane)
         meets = active & ~(closing <= 0.0)  # a NaN meets
         p = where(meets, closing, 0.0)
-        after = where(meets, -kept, after)
+        after = where(meets, -rebound, after)
         heat = pack(own, (CASE_ALPHA, lane)) * p
         store(own, (CASE_HEAT, lane), heat)
         flag(own, (CASE_PRESSED, lane), some_nonzero(p))

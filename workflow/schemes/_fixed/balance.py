@@ -1,4 +1,4 @@
-"""What a scheme with a fixed step does to energy and heat, counted in its own step.
+"""Residuals of energy and heat of a scheme with a fixed step, summed in its own step.
 
 The energy is that of the motion relative to what heat and constant loads drag along, of all modes with a share in the
 tip. In decoupled coordinates (:mod:`workflow.schemes._fixed.decoupled`) no product with a coupling matrix is left: with
@@ -10,10 +10,10 @@ values (·)_m = (end + begin)/2, the energy residual is the sum over modes and s
 with friction along t less µp φᵀt ζ_m; Σ runs over thermal modes near resonance: what the scheme gives (+) or takes
 (-) by itself, rounding for θ = 1/2.
 In it Σ φ_n ζ is the tip's velocity relative to the dragged one. That is taken from the contact law (:func:`driven`),
-not from the modes: an impulse that does not bring about what its law says is seen. Central differences conserve
-E = (w² + ω² η_k η_k+1)/2 with w = w_k+½; their step from w_k-½ to w_k+½ is the same equation with v_k for ζ_m and
-(η_k + η_k+1)/2 for η_m, and leaves nothing. What a contact law gives beside its impulse, a contact spring where contact
-begins and ends, is added (:func:`contact_gain`).
+not from the modes: an impulse that does not have the effect its law states shows in the residual. Central differences
+conserve E = (w² + ω² η_k η_k+1)/2 with w = w_k+½; their step from w_k-½ to w_k+½ is the same equation with v_k for ζ_m
+and (η_k + η_k+1)/2 for η_m, and leaves nothing. Energy that a contact law gives beside its impulse, as a contact spring
+where contact begins and ends, is added (:func:`contact_gain`).
 
 The mean velocity is that of the power of an impact, p (v + v')/2, whatever θ is; on a casing that moves p (V + V')/2
 of it is the casing's. Without heat the sum over the steps of a mode is
@@ -22,7 +22,7 @@ of it is the casing's. Without heat the sum over the steps of a mode is
 
 brackets the change from the first state to the last: nothing that load, contact or casing does adds up, and a rigid
 mode without damping leaves rounding. With θ-weighted velocities it is -(θ - 1/2) (Δζ² + ω² Δη²) in each step, but that
-takes the jump of each impact for the scheme's doing.
+counts the jump of each impact as an error of the scheme.
 The load counts as the step weighs it, F_θ, in every representation of a structure: a slow motion under it leaves
 -2 (θ - 1/2) h ∫ k v² dt, one half of which is F_θ against the mean of the load at the step's ends.
 
@@ -78,15 +78,15 @@ step's beginning and per ξ at its end without the heat."""
 AUDIT_KINETIC, AUDIT_ELASTIC = range(3, 5)
 """Energy per ζ² and per η²."""
 
-SUM_SPENT, SUM_ENERGY, SUM_LARGEST_ENERGY = range(3)
-"""Rows of a block's sums: energy spent, energy at the end and the largest [J]."""
+SUM_DISSIPATED, SUM_ENERGY, SUM_LARGEST_ENERGY = range(3)
+"""Rows of a block's sums: energy dissipated less work of load and contact, energy at the end and the largest [J]."""
 
 SUM_RELATIVE, SUM_DRAGGED = range(3, 5)
 """Velocity of the tip relative to the dragged one at the last step's end; the dragged one without the heat of this
 step [m/s]."""
 
-SUM_KNOWN_LOSS, SUM_KNOWN_RISE = range(5, 7)
-"""Heat loss of temperatures that constant loads settle [W], and its rise as they warm [W/s]."""
+SUM_SETTLED_LOSS, SUM_SETTLED_RISE = range(5, 7)
+"""Heat loss of the temperatures that constant heat loads lead to [W], and its rise while these grow [W/s]."""
 
 SUM_LOST, SUM_LOST_BEFORE, SUM_TURNED_OVER, SUM_FRICTION_HEAT = range(7, 11)
 """Heat lost in the present span of steps and before it, turned over by loss, and taken in by friction [J]."""
@@ -139,24 +139,25 @@ def lay_out_audit(audit: Audit | None) -> None:
 
 
 @inlined
-def spend(audit: Audit | None, j: int, speed: Pack, slid: Any, spent: Pack, lane: Lane) -> Pack:
-    """Add what damping and friction along a tangent took of mode j in a step that ended with ζ = ``speed``.
+def add_dissipation(audit: Audit | None, j: int, speed: Pack, slid: Any, dissipated: Pack, lane: Lane) -> Pack:
+    """Add the energy that damping and friction along a tangent took from mode j in a step that ended at ζ = ``speed``.
 
-    That is kept for the next one.
+    ``speed`` is stored for the next step.
     """
     if audit is None:
-        return spent
+        return dissipated
     twice = speed + pack(audit.former, (j, lane))
     store(audit.former, (j, lane), speed)
-    spent = fused(shared(audit.modes, (j, AUDIT_DAMPING), lane) * twice, twice, spent)
-    return spent if slid is None else spent - shared(slid.works, (j,), lane) * twice * slid.impulse
+    dissipated = fused(shared(audit.modes, (j, AUDIT_DAMPING), lane) * twice, twice, dissipated)
+    return dissipated if slid is None else dissipated - shared(slid.works, (j,), lane) * twice * slid.impulse
 
 
 @inlined
-def spend_on_heat(audit: Audit | None, j: int, place: Pack, on_heat: Pack, lane: Lane) -> Pack:
-    """Add what a unit of friction heat in a step takes from mode j, which ended with ξ = ``place`` but for that heat.
+def add_heat_work(audit: Audit | None, j: int, place: Pack, on_heat: Pack, lane: Lane) -> Pack:
+    """Add the energy that a unit of friction heat takes from mode j, which ended with ξ = ``place`` but for that heat.
 
-    The impulse's share in it is the same in all steps (:func:`keep_spent`). To be called before :func:`spend`.
+    The impulse's share in it is the same in all steps (:func:`store_dissipation`). To be called before
+    :func:`add_dissipation`.
     """
     if audit is None:
         return on_heat
@@ -165,39 +166,41 @@ def spend_on_heat(audit: Audit | None, j: int, place: Pack, on_heat: Pack, lane:
 
 
 @inlined
-def keep_spent(
-    audit: Audit | None, spent: Pack, on_heat: Pack, impulse: Pack, heat: Pack | None, slid: Any, lane: Lane
+def store_dissipation(
+    audit: Audit | None, dissipated: Pack, on_heat: Pack, impulse: Pack, heat: Pack | None, slid: Any, lane: Lane
 ) -> None:
-    """Add what all modes spent in a step to the sums."""
+    """Add the energy that all modes dissipated in a step to the sums."""
     if audit is None:
         return
     on_heat = on_heat if slid is None else on_heat + audit.heat_on_slid * slid.impulse
     on_heat = plus(on_heat + audit.heat_on_impulse * impulse, spread(audit.heat_on_heat, lane), heat)
-    store(audit.sums, (SUM_SPENT, lane), plus(pack(audit.sums, (SUM_SPENT, lane)) + spent, on_heat, heat))
+    store(
+        audit.sums, (SUM_DISSIPATED, lane), plus(pack(audit.sums, (SUM_DISSIPATED, lane)) + dissipated, on_heat, heat)
+    )
 
 
 @inlined
-def spend_pair(audit: Audit | None, pair: int, j: int, speed: Pack, heat: Pack, lane: Lane) -> None:
+def add_pair_work(audit: Audit | None, pair: int, j: int, speed: Pack, heat: Pack, lane: Lane) -> None:
     """Count the work of a thermal mode near resonance with mode j in a step that ended with ζ = ``speed``."""
     if audit is None:
         return
     sums, pulled, mean = audit.sums, pack(audit.pulled, (pair, lane)), 0.5 * (speed + pack(audit.former, (j, lane)))
     on_heat = shared(audit.pair_heat, (pair,), lane) * heat
-    spent = (on_heat - shared(audit.pair_work, (pair,), lane) * mean) * pulled
-    store(sums, (SUM_SPENT, lane), pack(sums, (SUM_SPENT, lane)) + spent)
+    dissipated = (on_heat - shared(audit.pair_work, (pair,), lane) * mean) * pulled
+    store(sums, (SUM_DISSIPATED, lane), pack(sums, (SUM_DISSIPATED, lane)) + dissipated)
 
 
 @inlined
-def keep_pull(audit: Audit | None, pair: int, pull: Pack, lane: Lane) -> None:
-    """Keep what a thermal mode adds to ζ of a mode near resonance with it."""
+def store_pull(audit: Audit | None, pair: int, pull: Pack, lane: Lane) -> None:
+    """Store what a thermal mode adds to ζ of a mode near resonance with it."""
     if audit is None:
         return
     store(audit.pulled, (pair, lane), pull)
 
 
 @inlined
-def keep_dragged(audit: Audit | None, velocity: Pack, lane: Lane) -> None:
-    """Keep the tip's dragged velocity at a step's end, without the friction heat in the step."""
+def store_dragged_velocity(audit: Audit | None, velocity: Pack, lane: Lane) -> None:
+    """Store the tip's dragged velocity at a step's end, without the friction heat in the step."""
     if audit is None:
         return
     store(audit.sums, (SUM_DRAGGED, lane), velocity)
@@ -216,8 +219,10 @@ def account(
     if raised(own, (CASE_PRESSED, lane)):
         relative -= audit.dragged * pack(own, (CASE_HEAT, lane))
     store(sums, (SUM_RELATIVE, lane), relative)
-    spent = pack(sums, (SUM_SPENT, lane)) + contact_gain(law, step, end, relative - before, free, own, tip, lane)
-    store(sums, (SUM_SPENT, lane), fused(impulse, -0.5 * (relative + before), spent))
+    dissipated = pack(sums, (SUM_DISSIPATED, lane)) + contact_gain(
+        law, step, end, relative - before, free, own, tip, lane
+    )
+    store(sums, (SUM_DISSIPATED, lane), fused(impulse, -0.5 * (relative + before), dissipated))
 
 
 @inlined
@@ -242,7 +247,7 @@ def lose_heat(audit: Audit, step: int, steps: int, h: float, tau: Array, lane: L
     lost = spread(0.0, lane)
     if ahead > 0:
         middle = (step + 0.5 * ahead) * h
-        lost = pack(sums, (SUM_KNOWN_LOSS, lane)) + middle * pack(sums, (SUM_KNOWN_RISE, lane))
+        lost = pack(sums, (SUM_SETTLED_LOSS, lane)) + middle * pack(sums, (SUM_SETTLED_RISE, lane))
         lost = (ahead * h) * lost
         for k in range(tau.shape[0]):
             lost = fused(shared(audit.losses, (ahead - 1, k), lane), pack(tau, (k, lane)), lost)

@@ -15,16 +15,16 @@ from workflow.kernels.sums import product, total
 from workflow.models import Array, Cases, Structure, project
 from workflow.schemes._fixed.balance import (
     SPAN,
+    SUM_DISSIPATED,
     SUM_DRAGGED,
     SUM_ENERGY,
     SUM_FRICTION_HEAT,
-    SUM_KNOWN_LOSS,
-    SUM_KNOWN_RISE,
     SUM_LARGEST_ENERGY,
     SUM_LOST_BEFORE,
     SUM_RELATIVE,
     SUM_ROWS,
-    SUM_SPENT,
+    SUM_SETTLED_LOSS,
+    SUM_SETTLED_RISE,
     SUM_TURNED_OVER,
     Audit,
 )
@@ -122,7 +122,7 @@ class Books:
     def residuals(self, elapsed: float) -> dict[str, Array]:
         """Return the metrics that the balances give after ``elapsed`` seconds, ``(case,)``."""
         sums = self._ended
-        change = sums[SUM_ENERGY] - self._sums[SUM_ENERGY] + sums[SUM_SPENT]
+        change = sums[SUM_ENERGY] - self._sums[SUM_ENERGY] + sums[SUM_DISSIPATED]
         rest = rest_energy(self._mobility, elapsed * self._pushed) + self._massless
         energy = share(change, np.maximum(sums[SUM_LARGEST_ENERGY], rest))
         warmed = self._ended_heat / self._scale - self._begun_heat + elapsed * self._warming
@@ -193,11 +193,11 @@ def _sums(modal: Decoupled, free: Coefficients, loss: Array, begun: Motion, term
     squares = terms.velocity**2
     energy = 0.5 * (over(felt * terms.kinetic, squares) + over(felt * modal.frequency**2, eta**2))
     sums[[SUM_ENERGY, SUM_LARGEST_ENERGY]] = energy
-    if not terms.opens:  # the first step of the march counts what a step that ends at t = 0 spends
-        sums[SUM_SPENT] = -over(h * felt * modal.damping, squares)
+    if not terms.opens:  # the first step of the march counts the dissipation of a step that ends at t = 0
+        sums[SUM_DISSIPATED] = -over(h * felt * modal.damping, squares)
     sums[SUM_RELATIVE] = over(modal.tip, terms.velocity)
     sums[SUM_DRAGGED] = over(free.heat_modes[:, HEAT_SPEED] * modal.heat_scale, begun.heat) + begun.drift
-    sums[SUM_KNOWN_LOSS], sums[SUM_KNOWN_RISE] = over(loss, begun.settled), over(loss, begun.warming_modes)
+    sums[SUM_SETTLED_LOSS], sums[SUM_SETTLED_RISE] = over(loss, begun.settled), over(loss, begun.warming_modes)
     return sums
 
 

@@ -169,11 +169,11 @@ def decouple(structure: Structure) -> Decoupled:
 
 def _to_modes(structure: Structure, modes: Modes) -> Array:
     """Return what takes displacements to modal ones; the static deformation of a tip is what the modes leave of it."""
-    found = product(modes.shapes.T, structure.mass)
+    projection = product(modes.shapes.T, structure.mass)
     if modes.has_static:
-        found[-1] = -product(modes.tip[:-1], found[:-1])
-        found[-1, -1] += 1.0
-    return found
+        projection[-1] = -product(modes.tip[:-1], projection[:-1])
+        projection[-1, -1] += 1.0
+    return projection
 
 
 def _static_growth(structure: Structure, mechanical: Modes, thermal: Modes, coupling: Array) -> Array:

@@ -191,8 +191,8 @@ def _marched(operator: DenseOperator, cases: Cases, sampling: Sampling) -> Resul
     for part, block in blocks(watched, block_lanes(4 * states.shape[1])):
         some, filled = cases.take(part), part.stop - part.start
         fill_law(laws, law, part)
-        for given, values in ((lanes.own, own[:, part]), (lanes.states, states[part].T), (lanes.kick, kick[part].T)):
-            fill_lanes(given, values)
+        for target, values in ((lanes.own, own[:, part]), (lanes.states, states[part].T), (lanes.kick, kick[part].T)):
+            fill_lanes(target, values)
         fill_lanes(lanes.push, push[part].T)
         fill_lanes(lanes.shown[1], cases.temperature[part].T)
         if sampling.balances:

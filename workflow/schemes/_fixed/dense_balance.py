@@ -25,8 +25,8 @@ from workflow.models import Cases, Structure, directions
 States = tuple[Array, Array, Array]
 """Displacement and velocity ``(case, mechanical)``, temperature ``(case, thermal)``."""
 
-SUM_FIRST, SUM_ENERGY, SUM_LARGEST, SUM_SPENT = range(4)
-"""Rows of sums: energy at t = 0, at the end and the largest; energy spent by loads, damping, heat and contact [J]."""
+SUM_FIRST, SUM_ENERGY, SUM_LARGEST, SUM_DISSIPATED = range(4)
+"""Rows of sums: energy at t = 0, at the end and the largest; dissipated less work of loads and contact [J]."""
 
 SUM_LOST, SUM_TURNED, SUM_HEAT = range(4, 7)
 """Heat lost, turned over by loss, and taken in by friction [J]."""
@@ -50,7 +50,7 @@ class Account(NamedTuple):
     steady: Array
     """f̄, ``(mechanical, lane)``."""
     middle: Array
-    """Velocity v_m, that which damps, and θ_m, ``(row, lane)``: what :func:`spend` is given."""
+    """Velocity v_m, that which damps, and θ_m, ``(row, lane)``: what :func:`add_dissipation` is given."""
     force: Array
     """Room for forces, ``(2 mechanical, lane)``."""
     sums: Array
@@ -87,8 +87,8 @@ def measure(account: Account, x: Array, ahead: Array, v: Array, lanes: int) -> N
 
 
 @part
-def spend(account: Account, h: float, impulse: Array, load: Array, lanes: int) -> None:
-    """Count what a step spends at ``account.middle``, by the impulse of contact [N s] and the load [N], ``(lane,)``."""
+def add_dissipation(account: Account, h: float, impulse: Array, load: Array, lanes: int) -> None:
+    """Add the energy that a step dissipates at ``account.middle``, with the impulse of contact [N s] and the load [N], ``(lane,)``."""
     count, sums = account.mass.shape[0], account.sums
     v, damps, temperature = account.middle[:count], account.middle[count : 2 * count], account.middle[2 * count :]
     damped, pulled = account.force[:count], account.force[count : 2 * count]
@@ -100,7 +100,7 @@ def spend(account: Account, h: float, impulse: Array, load: Array, lanes: int) -
             work += v[i, lane] * (damped[i, lane] + pulled[i, lane] - account.steady[i, lane])
             driven += account.load[i] * v[i, lane]
             pushed += account.contact[i, lane] * v[i, lane]
-        sums[SUM_SPENT, lane] += h * (work - load[lane] * driven) + impulse[lane] * pushed
+        sums[SUM_DISSIPATED, lane] += h * (work - load[lane] * driven) + impulse[lane] * pushed
 
 
 @part
@@ -146,7 +146,7 @@ def residuals(sums: Array, structure: Structure, cases: Cases, last: Array, elap
     ``sums`` are ``(row, case)``, ``last`` the temperatures at the end, ``(case, thermal)``.
     """
     ones, content = np.ones_like(cases.heating), structure.content[None, :]
-    change = sums[SUM_ENERGY] - sums[SUM_FIRST] + sums[SUM_SPENT]
+    change = sums[SUM_ENERGY] - sums[SUM_FIRST] + sums[SUM_DISSIPATED]
     heating = elapsed * _dot(cases.heating, ones)
     initial = content * cases.temperature
     gained = _dot(content * last - initial, ones) - sums[SUM_HEAT] - heating + sums[SUM_LOST]
@@ -184,7 +184,7 @@ def _add(account: Account, h: float, impulse: Array, load: Array, before: Array,
             middle[n + i, lane] = middle[i, lane]
         for j in range(2 * n, 2 * n + heats):
             middle[j, lane] = 0.5 * (before[j, lane] + after[j, lane])
-    spend(account, h, impulse, load, lanes)
+    add_dissipation(account, h, impulse, load, lanes)
     lose(account, h, before[2 * n :], after[2 * n :], lanes)
     measure(account, after[:n], after[:n], after[n : 2 * n], lanes)
 

@@ -28,15 +28,15 @@ from workflow.schemes._fixed.contact import (
     meet,
 )
 from workflow.schemes._fixed.dense_balance import (
+    SUM_DISSIPATED,
     SUM_ENERGY,
     SUM_FIRST,
     SUM_HEAT,
-    SUM_SPENT,
     Account,
+    add_dissipation,
     lose,
     measure,
     multiply,
-    spend,
 )
 from workflow.schemes._fixed.drive import cut_gap, turn_drive
 from workflow.schemes._fixed.marks import TIP_GAP, TIP_STEP_IMPULSE, Block, take_marks
@@ -117,7 +117,7 @@ def _meet(free: FreeStep, law: Law, state: DenseState, block: Block, account: Ac
             pushed = (step.h * account.load[n - 1]) * pack(load, (lane,))
             store(own, (CASE_IMPULSE, lane), pack(own, (CASE_IMPULSE, lane)) + pushed)
             gain = contact_gain(law, step, end, end.velocity - before, alone, own, tip, lane)
-            store(account.sums, (SUM_SPENT, lane), pack(account.sums, (SUM_SPENT, lane)) + gain)
+            store(account.sums, (SUM_DISSIPATED, lane), pack(account.sums, (SUM_DISSIPATED, lane)) + gain)
         store_end(end, tip, lane)
         place, speed = leaves(law, end, own, lane)
         store(state.acts, (ACTS_IMPULSE, lane), applied(law, end, own, lane))
@@ -155,7 +155,7 @@ def _count(free: FreeStep, state: DenseState, account: Account, load: Array, tip
         for j in range(free.warming.size):
             now = states[2 * n + j, lane]
             middle[2 * n + j, lane] = 0.5 * (now + ahead[n + j, lane]) if free.heat_counts else now
-    spend(account, free.tip.h, state.acts[ACTS_IMPULSE], load, lanes)
+    add_dissipation(account, free.tip.h, state.acts[ACTS_IMPULSE], load, lanes)
 
 
 @inlined

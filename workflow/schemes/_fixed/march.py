@@ -44,7 +44,7 @@ from workflow.schemes._fixed.modal_lanes import (
     State,
     by_mode,
     close_balance,
-    has_known_motion,
+    is_warmed,
     lay_out,
     look,
     slide,
@@ -66,7 +66,7 @@ def _step(
 ) -> None:
     """Take a pack of lanes through a step: free motion, load and contact, counts."""
     tip, step = block.tip, operator.tip
-    velocity, temperature = step_freely(operator, now.known, now.t, state, audit, lane)
+    velocity, temperature = step_freely(operator, now.warmed, now.t, state, audit, lane)
     gap = pack(tip, (TIP_GAP, lane))
     impulse = step.h * with_harmonics(block.drive, tip_load(now.sine, now.leader, block.load, lane), lane)
     free = Free(velocity, temperature, impulse, gap, block.drive)
@@ -77,7 +77,7 @@ def _step(
     if now.marked:
         store_end(end, tip, lane)
     else:
-        count_end(end, steps_from_tip(law) or now.kept, now.kept, step.h, gap, tip, lane)
+        count_end(end, steps_from_tip(law) or now.next_marked, now.next_marked, step.h, gap, tip, lane)
 
 
 @inlined
@@ -91,14 +91,14 @@ def march(operator: Coefficients, law: Law, state: State, block: Block, audit: A
     lay_out_audit(audit)
     in_broad, in_wide = lanes // broadest() * broadest(), lanes // WIDE * WIDE
     paired = operator.pair_mode.size > 0
-    known, leader = has_known_motion(state.own, lanes), start_load(h, load, lanes)
+    warmed, leader = is_warmed(state.own, lanes), start_load(h, load, lanes)
     turn_drive(block.drive, 0, h, theta, tip, lanes)
-    open_march(law, operator, step_at(0, theta, leader, known, block), state, block, audit)
+    open_march(law, operator, step_at(0, theta, leader, warmed, block), state, block, audit)
     look(audit, 0, block.steps, operator, state, lanes)
     for step in range(1, block.steps + 1):
         turn_load(step, h, leader, load, lanes)
         turn_drive(block.drive, step, h, theta, tip, lanes)
-        now = step_at(step, theta, leader, known, block)
+        now = step_at(step, theta, leader, warmed, block)
         if paired or now.last:
             store_heat(operator, state, state.tau_before, lanes)
         for first in range(0, in_broad, broadest()):

@@ -23,14 +23,14 @@ from workflow.models import Array
 from workflow.schemes._fixed.balance import (
     SPAN,
     Audit,
-    keep_dragged,
+    add_dissipation,
+    add_heat_work,
+    add_pair_work,
     keep_energy,
-    keep_pull,
-    keep_spent,
     lose_heat,
-    spend,
-    spend_on_heat,
-    spend_pair,
+    store_dissipation,
+    store_dragged_velocity,
+    store_pull,
     with_energy,
 )
 from workflow.schemes._fixed.contact import (
@@ -165,16 +165,16 @@ def _step_modes(
     """Step the mechanical modes, and return the tip's velocity with theirs; ``heat`` is that of the last contact."""
     modes, h, slid = operator.modes, operator.tip.h, _slid_by(operator.sliding, state.own, lane)
     motion, impulse = state.motion, pack(state.own, (CASE_IMPULSE, lane))
-    spent, on_heat = spread(0.0, lane), spread(0.0, lane)
+    dissipated, on_heat = spread(0.0, lane), spread(0.0, lane)
     for j in range(motion.shape[0]):
-        on_heat = spend_on_heat(audit, j, pack(motion, (j, MOTION_PLACE, lane)), on_heat, lane)
+        on_heat = add_heat_work(audit, j, pack(motion, (j, MOTION_PLACE, lane)), on_heat, lane)
         before, place = _ended(modes, motion, j, impulse, heat, slid, lane)
         after = shared(modes, (j, MODE_DECAY), lane) * before + shared(modes, (j, MODE_SPRING), lane) * place
         store(motion, (j, MOTION_SPEED, lane), after)
         store(motion, (j, MOTION_PLACE, lane), place + h * before)
         velocity += after
-        spent = spend(audit, j, before, slid, spent, lane)
-    keep_spent(audit, spent, on_heat, impulse, heat, slid, lane)
+        dissipated = add_dissipation(audit, j, before, slid, dissipated, lane)
+    store_dissipation(audit, dissipated, on_heat, impulse, heat, slid, lane)
     return velocity
 
 
@@ -195,28 +195,28 @@ def _step_heat(
         store(tau, (k, lane), after)
         velocity += shared(heat_modes, (k, HEAT_SPEED), lane) * after
         temperature += after
-    keep_dragged(audit, velocity, lane)
+    store_dragged_velocity(audit, velocity, lane)
     return velocity, temperature
 
 
 @part
-def has_known_motion(own: Array, lanes: int) -> bool:
-    """Tell whether some lane has a known part of its motion, by heating or by a temperature of the surroundings."""
-    known = False
+def is_warmed(own: Array, lanes: int) -> bool:
+    """Tell whether heating or the temperature of the surroundings moves the tip of some lane."""
+    warmed = False
     for lane in range(lanes):
-        known |= own[CASE_DRIFT, lane] != 0.0 or own[CASE_WARMTH, lane] != 0.0 or own[CASE_WARMING, lane] != 0.0
-    return known
+        warmed |= own[CASE_DRIFT, lane] != 0.0 or own[CASE_WARMTH, lane] != 0.0 or own[CASE_WARMING, lane] != 0.0
+    return warmed
 
 
 @inlined
-def _spend_pairs(operator: Coefficients, state: State, audit: Audit | None, lane: Lane) -> None:
+def _add_pair_work(operator: Coefficients, state: State, audit: Audit | None, lane: Lane) -> None:
     """Count what thermal modes near resonance with mechanical ones did in the last step."""
     impulse, heat = pack(state.own, (CASE_IMPULSE, lane)), pack(state.own, (CASE_HEAT, lane))
     slid = _slid_by(operator.sliding, state.own, lane)
     for pair in range(operator.pair_mode.size):
         j = operator.pair_mode[pair]
         speed, _ = _ended(operator.modes, state.motion, j, impulse, heat, slid, lane)
-        spend_pair(audit, pair, j, speed, heat, lane)
+        add_pair_work(audit, pair, j, speed, heat, lane)
 
 
 @inlined
@@ -226,7 +226,7 @@ def _add_pairs(operator: Coefficients, state: State, velocity: Pack, audit: Audi
     for pair in range(operator.pair_mode.size):
         j, k = operator.pair_mode[pair], operator.pair_heat[pair]
         pull = shared(operator.pair_pull, (pair,), lane) * pack(state.tau_paired, (k, lane))
-        keep_pull(audit, pair, pull, lane)
+        store_pull(audit, pair, pull, lane)
         store(motion, (j, MOTION_SPEED, lane), pack(motion, (j, MOTION_SPEED, lane)) + pull)
         velocity += pull
     return velocity
@@ -234,22 +234,22 @@ def _add_pairs(operator: Coefficients, state: State, velocity: Pack, audit: Audi
 
 @inlined
 def step_freely(
-    operator: Coefficients, known: bool, t: float, state: State, audit: Audit | None, lane: Lane
+    operator: Coefficients, warmed: bool, t: float, state: State, audit: Audit | None, lane: Lane
 ) -> tuple[Pack, Pack]:
     """Step all modes to t; return velocity and temperature of the tip there without load and contact.
 
     They begin with impulse and heat of the step before; in most steps there is no heat in any lane.
-    ``known`` is what :func:`has_known_motion` returned.
+    ``warmed`` is what :func:`is_warmed` returned.
     """
     own, tau, heat_modes = state.own, state.tau, operator.heat_modes
     velocity, temperature, paired = spread(0.0, lane), spread(0.0, lane), operator.pair_mode.size > 0
     if tau.shape[0] == 0:
         return _step_modes(operator, state, velocity, None, audit, lane), temperature
-    if known:
+    if warmed:
         velocity += pack(own, (CASE_DRIFT, lane))
         temperature = pack(own, (CASE_WARMTH, lane)) + pack(own, (CASE_WARMING, lane)) * t
     if paired:
-        _spend_pairs(operator, state, audit, lane)
+        _add_pair_work(operator, state, audit, lane)
     if raised(own, (CASE_PRESSED, lane)):
         heat = pack(own, (CASE_HEAT, lane))
         velocity, temperature = _step_heat(heat_modes, tau, velocity, temperature, heat, audit, lane)
@@ -304,21 +304,21 @@ def _take_energy(audit: Audit, operator: Coefficients, state: State, lane: Lane)
 
 @inlined
 def close_balance(audit: Audit | None, operator: Coefficients, state: State, lanes: int) -> None:
-    """Count what the modes spent in the last step, and the energy at its end."""
+    """Add what the modes dissipated in the last step to the sums, and the energy at its end."""
     if audit is None:
         return
     _take_energies(audit, operator, state, lanes)
     for first in range(0, lanes, PACK):
         lane = narrow(first)
         impulse, heat = pack(state.own, (CASE_IMPULSE, lane)), pack(state.own, (CASE_HEAT, lane))
-        _spend_pairs(operator, state, audit, lane)
-        spent, on_heat = spread(0.0, lane), spread(0.0, lane)
+        _add_pair_work(operator, state, audit, lane)
+        dissipated, on_heat = spread(0.0, lane), spread(0.0, lane)
         slid = _slid_by(operator.sliding, state.own, lane)
         for j in range(state.motion.shape[0]):
-            on_heat = spend_on_heat(audit, j, pack(state.motion, (j, MOTION_PLACE, lane)), on_heat, lane)
+            on_heat = add_heat_work(audit, j, pack(state.motion, (j, MOTION_PLACE, lane)), on_heat, lane)
             speed, _ = _ended(operator.modes, state.motion, j, impulse, heat, slid, lane)
-            spent = spend(audit, j, speed, slid, spent, lane)
-        keep_spent(audit, spent, on_heat, impulse, heat, slid, lane)
+            dissipated = add_dissipation(audit, j, speed, slid, dissipated, lane)
+        store_dissipation(audit, dissipated, on_heat, impulse, heat, slid, lane)
 
 
 @part

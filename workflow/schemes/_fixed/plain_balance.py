@@ -42,7 +42,7 @@ class PlainBalance:
         self._content, self._losses = structure.content[None, :], structure.loss_row[None, :]
         self._before = self._first = self._relative((cases.displacement, cases.velocity, cases.temperature))
         self._largest = self._first.energy
-        self._spent, self._lost, self._turned, self._heat = np.zeros((4, cases.count))
+        self._dissipated, self._lost, self._turned, self._heat = np.zeros((4, cases.count))
 
     def _relative(self, states: States) -> _Motion:
         """Return the relative motion in the modes with a share in the tip."""
@@ -55,8 +55,8 @@ class PlainBalance:
         stretch, zeta = (modal.frequency * eta)[:, self._felt], zeta[:, self._felt]
         return _Motion(stretch, zeta, tau, 0.5 * total(stretch**2 + modal.mass[self._felt] * zeta**2, 1))
 
-    def _spend(self, after: _Motion, impulse: Array, slid: Array, heat: Array) -> Array:
-        """Return the energy spent in a step by damping, load and contact, friction along the tangent and heat, J."""
+    def _dissipation(self, after: _Motion, impulse: Array, slid: Array, heat: Array) -> Array:
+        """Return the energy that damping, friction and heat take in a step, less the work of load and contact, J."""
         modal, felt, before, h = self._modal, self._felt, self._before, self._h
         zeta, stretch = (0.5 * (a + b) for a, b in ((before.zeta, after.zeta), (before.stretch, after.stretch)))
         drags = product(modal.response, modal.heat_tip)[felt] * modal.frequency[felt]
@@ -74,7 +74,7 @@ class PlainBalance:
         self._step += 1
         ended, heat = self._relative(after), cases.alpha * impulse
         load = load + self._begun.tip_force
-        self._spent += self._spend(ended, h * load - impulse, cases.friction * impulse, heat)
+        self._dissipated += self._dissipation(ended, h * load - impulse, cases.friction * impulse, heat)
         loss = h * project(self._losses, 0.5 * (before[2] + after[2]))[:, 0]
         self._lost += loss
         self._turned += np.abs(loss)
@@ -85,7 +85,7 @@ class PlainBalance:
     def residuals(self, last: States) -> dict[str, Array]:
         """Return ``energy_residual`` and ``heat_residual``; 0 where there is no energy, or no heat turned over."""
         cases, elapsed = self._cases, self._step * self._h
-        change = self._before.energy - self._first.energy + self._spent
+        change = self._before.energy - self._first.energy + self._dissipated
         whole = np.maximum(
             self._largest,
             rest_energy(total(self._modal.mass * self._modal.tip**2), elapsed * largest_load(cases, self._begun)),

@@ -72,8 +72,8 @@ class Recorder:
             for part in parts(cases.count, LANES)
         ]
         self._growth = static_tip_growth(structure)
-        kept_by = DenseBalance if needs_matrices(structure) else PlainBalance
-        self._balances = kept_by(structure, cases, h) if sampling.balances else None
+        balance_type = DenseBalance if needs_matrices(structure) else PlainBalance
+        self._balances = balance_type(structure, cases, h) if sampling.balances else None
         self._step = 0
         self._states = cases.displacement, cases.velocity, cases.temperature
         self._before = self._states
@@ -101,8 +101,8 @@ class Recorder:
         """
         before, after = self._states, (displacement, velocity, temperature)
         if self._balances is not None:
-            taken = 0.5 * (self.load(0.0) + self.load(1.0)) if load is None else load
-            self._balances.add(before, after, impulse, taken)
+            step_load = 0.5 * (self.load(0.0) + self.load(1.0)) if load is None else load
+            self._balances.add(before, after, impulse, step_load)
         self._step += 1
         self._before, self._states = before, after
         casing = self._cases.casing_at(self._step * self._h)

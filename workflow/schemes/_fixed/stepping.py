@@ -65,21 +65,21 @@ class Now(NamedTuple):
     marked: bool
     """Whether a sample or the end of a load period falls due in it: the tip's state at its end is stored then, and
     ``observe`` counts it later."""
-    kept: bool
-    """Whether something falls due in the next step, which asks for the state at this one's end."""
+    next_marked: bool
+    """The same of the next step, which then needs the tip's state at the end of this one."""
     sine: float
     leader: int
     """The sine of the load in it, as :func:`weigh_load` returned it, and the lane whose it is."""
-    known: bool
-    """Whether some lane has a known part of its motion."""
+    warmed: bool
+    """Whether heating or the temperature of the surroundings moves the tip of some lane."""
 
 
 @inlined
-def step_at(step: int, theta: float, leader: int, known: bool, block: Block) -> Now:
+def step_at(step: int, theta: float, leader: int, warmed: bool, block: Block) -> Now:
     """Return a step, with the load at its two ends weighed by 1 - θ and θ."""
     sine = weigh_load(1.0 - theta, theta, leader, block.load, block.lanes)
     mark, last = block.marks.next_mark[0], step == block.steps
-    return Now(step, step * block.h, last, step == mark, step + 1 == mark, sine, leader, known)
+    return Now(step, step * block.h, last, step == mark, step + 1 == mark, sine, leader, warmed)
 
 
 @inlined
@@ -92,18 +92,18 @@ def store_end(end: End, tip: Array, lane: Lane) -> None:
 
 
 @inlined
-def count_end(end: End, moved: bool, kept: bool, span: float, gap: Pack, tip: Array, lane: Lane) -> None:
+def count_end(end: End, moved: bool, next_marked: bool, span: float, gap: Pack, tip: Array, lane: Lane) -> None:
     """Count the tip's state at the end of a step of ``span`` s and the impulse in it.
 
     Displacement and velocity are stored as the tip's where the next step needs them (``moved``), the temperature where
-    something falls due in it (``kept``).
+    a sample or a period ends in the next step (``next_marked``).
     """
     x, temperature, p = end.displacement, end.temperature, end.impulse
     hottest = pack(tip, (TIP_PERIOD_HOTTEST, lane))
     if moved:
         store(tip, (TIP_DISPLACEMENT, lane), x)
         store(tip, (TIP_VELOCITY, lane), end.velocity)
-    if kept:
+    if next_marked:
         store(tip, (TIP_TEMPERATURE, lane), temperature)
     if some(temperature > hottest):
         store(tip, (TIP_PERIOD_HOTTEST, lane), where(temperature > hottest, temperature, hottest))
@@ -171,8 +171,8 @@ def watch(
     due = np.where(counted, np.minimum(due, schedule.steps), NEVER)
 
     load = np.zeros((LOAD_ROWS, cases.count))
-    given = (mean, cases.amplitude, cases.frequency, cases.phase)
-    load[[LOAD_MEAN, LOAD_AMPLITUDE, LOAD_FREQUENCY, LOAD_PHASE]] = given
+    parameters = (mean, cases.amplitude, cases.frequency, cases.phase)
+    load[[LOAD_MEAN, LOAD_AMPLITUDE, LOAD_FREQUENCY, LOAD_PHASE]] = parameters
 
     tip = np.zeros((TIP_ROWS, cases.count))
     tip[TIP_DISPLACEMENT], tip[TIP_VELOCITY] = cases.displacement[:, -1], cases.velocity[:, -1]

@@ -74,9 +74,9 @@ def amplification(frequency: Array, damping: Array, h: float, theta: float) -> A
     """Return the eigenvalues (1 + (1-θ)hλ)/(1 - θhλ) of the free step of each mode; -(1-θ)/θ where ω is infinite."""
     infinite = np.isinf(frequency)
     lam = poles(np.where(infinite, 0.0, frequency), np.where(infinite, 0.0, damping))
-    found = over(1 + (1 - theta) * h * lam, 1 - theta * h * lam)
-    found[infinite] = -(1 - theta) / theta if theta > 0 else -np.inf
-    return found
+    factors = over(1 + (1 - theta) * h * lam, 1 - theta * h * lam)
+    factors[infinite] = -(1 - theta) / theta if theta > 0 else -np.inf
+    return factors
 
 
 def thermal_amplification(rate: Array, h: float, theta: float) -> Array:
@@ -87,10 +87,10 @@ def thermal_amplification(rate: Array, h: float, theta: float) -> Array:
 def delassus(motion: Decoupled | Swept, h: float, theta: float, alpha: Array, friction: Array | float = 0.0) -> Array:
     """Return the Delassus operator W = e_nᵀ Ŵ⁻¹ (e_n - µ t + α hθ K12 T̂⁻¹ e_n), 1/kg, ``(case,)``."""
     cold, per_alpha = motion.delassus(h, theta)
-    found = np.asarray(cold + alpha * per_alpha)
+    inverse_mass = np.asarray(cold + alpha * per_alpha)
     if isinstance(motion, Swept) or motion.along is None:
-        return found
-    return found - friction * yields_aside(motion, motion.inertia(h, theta))
+        return inverse_mass
+    return inverse_mass - friction * yields_aside(motion, motion.inertia(h, theta))
 
 
 def coefficients(modal: Decoupled, h: float, theta: float, slides: bool = False) -> Coefficients:

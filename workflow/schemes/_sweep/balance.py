@@ -33,8 +33,8 @@ WEIGHT_MASS, WEIGHT_SPRING, WEIGHT_MASS_DAMPING, WEIGHT_SPRING_DAMPING, WEIGHT_E
 """Coefficients of a node and the spring below it ``(row, node)``: m, k, a_M m, a_K k, k a ℓ/2, and the heat the node
 loses to root and surroundings [W/K]."""
 
-ACCOUNT_FIRST_ENERGY, ACCOUNT_ENERGY, ACCOUNT_LARGEST_ENERGY, ACCOUNT_SPENT = range(4)
-"""Sums of a case: energy at t = 0, at the end and the largest; energy spent by loads, damping, heat and contact [J]."""
+ACCOUNT_FIRST_ENERGY, ACCOUNT_ENERGY, ACCOUNT_LARGEST_ENERGY, ACCOUNT_DISSIPATED = range(4)
+"""Sums of a case: energy at t = 0, at the end and the largest; dissipated less work of loads and contact [J]."""
 
 ACCOUNT_LOST, ACCOUNT_TURNED_OVER, ACCOUNT_FRICTION_HEAT = range(4, 7)
 """Heat lost, turned over by loss, and taken in by friction [J]."""
@@ -84,7 +84,7 @@ def account_step(nodes: Nodes, account: Account, heat: float, impulse: float) ->
     ``impulse`` is that of the tip load less that of contact, N s; ``heat`` is that of contact, J.
     """
     step, state, weight, sums, h = nodes.step, nodes.state, account.weight, account.sums, nodes.h
-    energy = spent = steady = lost = 0.0
+    energy = dissipated = steady = lost = 0.0
     place = middle = warmth = 0.0
     for i in range(1, nodes.tip + 1):
         stretch, place = state[NODE_X, i] - place, state[NODE_X, i]
@@ -95,12 +95,12 @@ def account_step(nodes: Nodes, account: Account, heat: float, impulse: float) ->
         rate = middle - before
         energy += weight[WEIGHT_MASS, i] * (speed * speed) + weight[WEIGHT_SPRING, i] * (stretch * stretch)
         stretched = rate * (weight[WEIGHT_SPRING_DAMPING, i] * rate - weight[WEIGHT_EXPANSION, i] * (cold + warmth))
-        spent += weight[WEIGHT_MASS_DAMPING, i] * (middle * middle) + stretched
+        dissipated += weight[WEIGHT_MASS_DAMPING, i] * (middle * middle) + stretched
         steady += nodes.loads[NODE_LOAD_STEADY, i] * middle
         lost += weight[WEIGHT_LOSS, i] * warmth
     largest, sums[ACCOUNT_ENERGY] = sums[ACCOUNT_LARGEST_ENERGY], 0.5 * energy
     sums[ACCOUNT_LARGEST_ENERGY] = largest if sums[ACCOUNT_ENERGY] <= largest else sums[ACCOUNT_ENERGY]  # a NaN stays
-    sums[ACCOUNT_SPENT] += h * spent - steady - impulse * middle
+    sums[ACCOUNT_DISSIPATED] += h * dissipated - steady - impulse * middle
     sums[ACCOUNT_LOST] += h * lost
     sums[ACCOUNT_TURNED_OVER] += h * abs(lost)
     sums[ACCOUNT_FRICTION_HEAT] += heat
@@ -111,7 +111,7 @@ def residuals(sums: Array, chain: Chain, before: Array, after: Array, heating: f
 
     ``before`` and ``after`` are its temperatures, K, ``(node,)``; ``heating`` is ∫Σq, J.
     """
-    change = sums[ACCOUNT_ENERGY] - sums[ACCOUNT_FIRST_ENERGY] + sums[ACCOUNT_SPENT]
+    change = sums[ACCOUNT_ENERGY] - sums[ACCOUNT_FIRST_ENERGY] + sums[ACCOUNT_DISSIPATED]
     content = chain.heat_capacities * before
     gained = total(chain.heat_capacities * after - content) - sums[ACCOUNT_FRICTION_HEAT] - heating + sums[ACCOUNT_LOST]
     turned = sums[ACCOUNT_FRICTION_HEAT] + abs(heating) + sums[ACCOUNT_TURNED_OVER] + total(np.abs(content))
