@@ -88,7 +88,7 @@ def measure(account: Account, x: Array, ahead: Array, v: Array, lanes: int) -> N
 
 @part
 def add_dissipation(account: Account, h: float, impulse: Array, load: Array, lanes: int) -> None:
-    """Add the energy that a step dissipates at ``account.middle``, with the impulse of contact [N s] and the load [N], ``(lane,)``."""
+    """Add the energy that a step dissipates; ``impulse`` of contact [N s] and ``load`` [N], ``(lane,)``."""
     count, sums = account.mass.shape[0], account.sums
     v, damps, temperature = account.middle[:count], account.middle[count : 2 * count], account.middle[2 * count :]
     damped, pulled = account.force[:count], account.force[count : 2 * count]
