@@ -10,8 +10,8 @@ from workflow.models import Rayleigh, Structure, critical_alpha
 from workflow.reduction import Known, Reduction, names, reduce_structure
 from workflow.reduction._transfer import (
     Excitation,
-    counts_asked_for,
     displacement_answer,
+    least_counts,
     temperature_answer,
 )
 
@@ -61,7 +61,7 @@ def test_counts_grow_as_the_tolerance_falls_and_end_with_all(basis: str) -> None
     def reduce(mechanical: int, thermal: int) -> Reduction:
         return reduce_structure(full, mechanical, thermal, basis, Known(0.3))
 
-    found = [counts_asked_for(full, reduce, excitation(), 10.0**-k, (N - 1, N - 1)) for k in (1, 3, 5, 14)]
+    found = [least_counts(full, reduce, excitation(), 10.0**-k, (N - 1, N - 1)) for k in (1, 3, 5, 14)]
     assert found == sorted(found)
     assert found[0] < found[-1] == (N - 1, N - 1)
 
@@ -85,4 +85,4 @@ def test_a_wrong_critical_coupling_asks_for_more() -> None:
         right = mechanical == N - 1 or thermal == 0 or mechanical == 0
         return reduce_structure(full if right else wrong, mechanical, thermal)
 
-    assert counts_asked_for(full, reduce, excitation(), 1e-3, (N - 1, N - 1))[0] == N - 1
+    assert least_counts(full, reduce, excitation(), 1e-3, (N - 1, N - 1))[0] == N - 1

@@ -28,7 +28,7 @@ from workflow.models import Array, Cases, Structure, mechanical_modes
 from workflow.models._dense import MOST_PORTABLE
 from workflow.models._tip_held import MOST_ONE_BY_ONE
 from workflow.reduction import Reduction, reduce_structure
-from workflow.reduction._transfer import Excitation, counts_asked_for
+from workflow.reduction._transfer import Excitation, least_counts
 from workflow.schemes import Results, Sampling, Status
 from workflow.study import Cell, Dimension, SchemeChoice
 
@@ -125,7 +125,7 @@ class Trials:
         def reduce(mechanical: int, thermal: int) -> Reduction:
             return reduce_structure(structure, mechanical, thermal, by.basis, by.known)
 
-        return counts_asked_for(structure, reduce, self._excitation(structure, cases), tolerance, self.most)
+        return least_counts(structure, reduce, self._excitation(structure, cases), tolerance, self.most)
 
     def _excitation(self, structure: Structure, cases: Cases) -> Excitation:
         """Return what the first corner excites: the tip itself, and where they are not 0 its loads and start."""

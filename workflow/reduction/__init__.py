@@ -103,18 +103,17 @@ def reduce_structure(
     Raises
     ------
     ValueError
-        More vectors are asked for than the interior has, or than are found of a chain that has no matrices,
-        or fewer than none.
+        A count is negative or exceeds the number of interior vectors, or that of modes of a chain without matrices.
     """
     counts = ((mechanical_modes, structure.mechanical_size), (thermal_modes, structure.thermal_size))
-    for kept, size in counts:
-        if kept is not None and not 0 <= kept <= size - 1:
-            raise ValueError(f"{kept} interior modes of a structure that has {size - 1}")
+    for count, size in counts:
+        if count is not None and not 0 <= count <= size - 1:
+            raise ValueError(f"{count} interior modes of a structure that has {size - 1}")
         long = isinstance(structure, Chain) and not structure.has_matrices
-        if long and (kept is None or kept > MOST_ONE_BY_ONE):
+        if long and (count is None or count > MOST_ONE_BY_ONE):
             raise ValueError(f"a chain of {size} nodes is kept full or reduced to at most {MOST_ONE_BY_ONE} modes")
         large = isinstance(structure, Sparse) and not structure.has_matrices and size > MOST_REDUCED + 1
-        if large and (kept is None or kept > MOST_REDUCED):
+        if large and (count is None or count > MOST_REDUCED):
             raise TooManyCoordinatesError(size)
     chosen = load(basis)
     mechanical = (

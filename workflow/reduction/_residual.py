@@ -71,12 +71,12 @@ _Squares = Callable[[Array], Array]
 
 def _lost(full: Array, reduced: Array, basis: Array, squares: _Squares, beside: Array | float = 0.0) -> Array:
     """Return the norm of ``full - basis · reduced - beside`` by that of ``full`` for each case."""
-    found = np.zeros(full.shape[0])
+    shares = np.zeros(full.shape[0])
     missing = full - project(basis, reduced) - beside
     for case in np.flatnonzero(full.any(axis=1)):
         size = math.fsum(squares(full[case]))
-        found[case] = math.sqrt(math.fsum(squares(missing[case])) / size) if size > 0 else 0.0
-    return found
+        shares[case] = math.sqrt(math.fsum(squares(missing[case])) / size) if size > 0 else 0.0
+    return shares
 
 
 def _strain(structure: Structure) -> _Squares:

@@ -1,4 +1,4 @@
-"""How many vectors of a basis the tip's transfer functions ask for, over the frequencies that a case excites.
+"""Counts of vectors of a basis that meet a tolerance of the tip's transfer functions where a case excites them.
 
     displacement by forces   e_nᵀ (K1 + s C1 + s² M)⁻¹ f,     temperature by heat   e_nᵀ (K2 + s C2)⁻¹ q
 
@@ -55,7 +55,7 @@ class Excitation:
     heats: Array
 
 
-def counts_asked_for(
+def least_counts(
     full: Structure, reduce: Reduce, excitation: Excitation, tolerance: float, most: tuple[int, int]
 ) -> tuple[int, int]:
     """Return the fewest mechanical and thermal vectors whose transfer functions and α_c are within a tolerance.
@@ -65,7 +65,7 @@ def counts_asked_for(
     full
         The structure as it is.
     reduce
-        Its reductions; no kind is asked for more vectors than ``most``.
+        Its reductions; it is called with at most ``most`` vectors of each kind.
     excitation
         What a case excites.
     tolerance
@@ -77,18 +77,20 @@ def counts_asked_for(
     temperatures = temperature_answer(full, excitation, excitation.heats)
 
     def misses_displacement(count: int) -> bool:
-        found = reduce(count, 0)
-        forces = product(found.displacement_basis.T, excitation.forces)
-        return _difference(displacement_answer(found.structure, excitation, forces), displacements) > tolerance
+        reduced = reduce(count, 0)
+        forces = product(reduced.displacement_basis.T, excitation.forces)
+        return _difference(displacement_answer(reduced.structure, excitation, forces), displacements) > tolerance
 
     def misses_temperature(count: int) -> bool:
-        found = reduce(0, count)
-        heats = product(found.temperature_basis.T, excitation.heats)
-        return _difference(temperature_answer(found.structure, excitation, heats), temperatures) > tolerance
+        reduced = reduce(0, count)
+        heats = product(reduced.temperature_basis.T, excitation.heats)
+        return _difference(temperature_answer(reduced.structure, excitation, heats), temperatures) > tolerance
 
     mechanical, thermal = _fewest(misses_displacement, most[0]), _fewest(misses_temperature, most[1])
-    wanted = critical_alpha(full)
-    while (mechanical, thermal) != most and _coupling_error(reduce(mechanical, thermal).structure, wanted) > tolerance:
+    critical = critical_alpha(full)
+    while (mechanical, thermal) != most and _coupling_error(
+        reduce(mechanical, thermal).structure, critical
+    ) > tolerance:
         mechanical, thermal = min(mechanical + 1, most[0]), min(thermal + 1, most[1])
     return mechanical, thermal
 
@@ -121,9 +123,9 @@ def _answers(matrix: _Matrix, points: list[tuple[complex, float]], loads: Array)
     for s, weight in points:
         real, imaginary = matrix(s)
         both = np.block([[real, -imaginary], [imaginary, real]])
-        found = solve(both, np.vstack([loads, np.zeros_like(loads)]))
+        answer = solve(both, np.vstack([loads, np.zeros_like(loads)]))
         size = real.shape[0]
-        rows += [weight * found[size - 1], weight * found[2 * size - 1]]
+        rows += [weight * answer[size - 1], weight * answer[2 * size - 1]]
     return np.array(rows)
 
 
@@ -138,18 +140,18 @@ def _points(first: float, last: float) -> list[tuple[complex, float]]:
     return [(complex(_WIDTH * w, w), float(np.sqrt(first / w))) for w in omega]
 
 
-def _difference(found: Array, wanted: Array) -> float:
+def _difference(answers: Array, exact: Array) -> float:
     """Return the largest relative difference of the answers to a load."""
-    size = norm(wanted, 0)
-    apart = norm(found - wanted, 0)
+    size = norm(exact, 0)
+    apart = norm(answers - exact, 0)
     return float(np.max(np.divide(apart, size, out=np.zeros_like(apart), where=size > 0), initial=0.0))
 
 
-def _coupling_error(structure: Structure, wanted: float) -> float:
+def _coupling_error(structure: Structure, critical: float) -> float:
     """Return the relative error of α_c; 0 where the full structure has none, or 0."""
-    if not 0 < wanted < np.inf:
+    if not 0 < critical < np.inf:
         return 0.0
-    return abs(critical_alpha(structure) / wanted - 1)
+    return abs(critical_alpha(structure) / critical - 1)
 
 
 def _fewest(misses: Callable[[int], bool], most: int) -> int:

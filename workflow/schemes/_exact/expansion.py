@@ -80,10 +80,10 @@ def _expand_slow_terms(r: Response, output: int, y: Array, t: float, sums: Array
         w = r.waves[i, wave.OMEGA]
         cos, sin = wave_phase(r.waves, i, t)
         a, b = r.waves[i, column], r.waves[i, column + np.uintp(1)]
-        seen, turn, amplitude = a * cos + b * sin, b * cos - a * sin, abs(a) + abs(b)
-        s0 += seen
+        signal, turn, amplitude = a * cos + b * sin, b * cos - a * sin, abs(a) + abs(b)
+        s0 += signal
         s1 += w * turn
-        s2 += -w * w * seen
+        s2 += -w * w * signal
         s3 += -w * w * w * turn
         fourth += amplitude * w * w * w * w
         size += amplitude

@@ -4,7 +4,7 @@ The temperature is expanded as the signal is (see :mod:`workflow.schemes._exact.
 polynomial of degree 3 with a bound of its remainder, fast modes of small amplitude bounded as a
 group. An interval needs no further search where the bounds prove one of these:
 
-- the temperature stays below the largest one known;
+- the temperature stays below the largest one so far;
 - it only rises, only falls, or is convex: its largest value is at an end of the interval, and the
   ends are evaluated;
 - it is concave: the largest value is at an end or where the rate is zero, which is then solved for.
@@ -38,14 +38,14 @@ _SHORTEST = 1e-15
 
 
 @part
-def peak_temperature(m: Motion, t: float, left: float, right: float, known: float) -> float:
-    """Return the larger of ``known`` and the largest tip temperature, K, between the times ``left`` and ``right``.
+def peak_temperature(m: Motion, t: float, left: float, right: float, largest: float) -> float:
+    """Return the larger of ``largest`` and the largest tip temperature, K, between the times ``left`` and ``right``.
 
-    Both lie in a step from ``m.now`` at t. ``known`` is at least the temperature at both ends.
+    Both lie in a step from ``m.now`` at t. ``largest`` is at least the temperature at both ends.
     """
     if m.r.cooling and _is_monotone(m, right - t):
-        return known
-    return _searched(m, t, left, right, known)
+        return largest
+    return _searched(m, t, left, right, largest)
 
 
 @part
@@ -64,7 +64,7 @@ def _is_monotone(m: Motion, span: float) -> bool:
 
 
 @rare
-def _searched(m: Motion, t: float, left: float, right: float, known: float) -> float:
+def _searched(m: Motion, t: float, left: float, right: float, largest: float) -> float:
     """Search interval by interval, from the left to the right."""
     at = left
     while at < right:
@@ -72,23 +72,23 @@ def _searched(m: Motion, t: float, left: float, right: float, known: float) -> f
         expand_output(m.r, TEMPERATURE, m.between, at, m.x)
         if not m.r.cooling:
             accumulate(m.r, m.x)
-        known = max(known, m.x.sums[expansion.D0, m.r.blocks])
+        largest = max(largest, m.x.sums[expansion.D0, m.r.blocks])
         span = right - at
         while span > _SHORTEST * right:
-            if _peaks_at_an_end(m, span, known):
+            if _peaks_at_an_end(m, span, largest):
                 break
             bend = _bend(m, span)
             if bend != 0:
-                known = _concave_peak(m, t, at, span, known) if bend < 0 else known
+                largest = _concave_peak(m, t, at, span, largest) if bend < 0 else largest
                 break
             span *= 0.5
         at = right if span >= right - at else at + max(span, _SHORTEST * right)
-    return known
+    return largest
 
 
 @part
-def _peaks_at_an_end(m: Motion, h: float, known: float) -> bool:
-    """Whether certainly no temperature on (0, h) exceeds both ends and ``known``: it rises, falls or stays below."""
+def _peaks_at_an_end(m: Motion, h: float, largest: float) -> bool:
+    """Whether certainly no temperature on (0, h) exceeds both ends and ``largest``: it rises, falls or stays below."""
     s = bounds(m.r, m.x, m.r.blocks if m.r.cooling else expanded_blocks(m.r, h), h)
     d1, d2, d3 = s.d1, s.d2, s.d3
     c0, c1 = d1, d1 + 2.0 * d2 / 3.0
@@ -97,7 +97,7 @@ def _peaks_at_an_end(m: Motion, h: float, known: float) -> bool:
         return True
     if max(max(c0, c1), max(c2, c3 + 4.0 * s.fourth)) <= -s.tail_slope:
         return True
-    level = known + _SURE * abs(known) + SUM_ROUNDING * m.x.sums[expansion.SIZE, 0]
+    level = largest + _SURE * abs(largest) + SUM_ROUNDING * m.x.sums[expansion.SIZE, 0]
     b2 = d1 / 2.0 + d2 / 6.0
     b3 = 0.75 * d1 + d2 / 2.0 + d3 / 4.0
     b4 = d1 + d2 + d3 + s.fourth
@@ -118,7 +118,7 @@ def _bend(m: Motion, h: float) -> int:
 
 
 @part
-def _concave_peak(m: Motion, t: float, at: float, h: float, known: float) -> float:
+def _concave_peak(m: Motion, t: float, at: float, h: float, largest: float) -> float:
     """Return the largest temperature on (at, at + h), where it is concave.
 
     Newton's steps on the rate, kept between points where it is positive and negative: what is left of
@@ -127,7 +127,7 @@ def _concave_peak(m: Motion, t: float, at: float, h: float, known: float) -> flo
     sums, n = m.x.sums, m.r.blocks
     rate, bend, third = sums[expansion.D1, n], sums[expansion.D2, n], sums[expansion.D3, n]
     if rate <= 0.0:
-        return known
+        return largest
     low, high, tau = 0.0, h, 0.0
     for _ in range(100):
         slope = bend + third * tau
@@ -135,14 +135,14 @@ def _concave_peak(m: Motion, t: float, at: float, h: float, known: float) -> flo
         if not (low < tau < high):
             tau = 0.5 * (low + high)
         advance(m.r, m.now, t, at + tau - t, m.between)
-        seen = observe(m.r, m.between, at + tau)
-        known, rate = max(known, seen.temperature), seen.warming
+        outputs = observe(m.r, m.between, at + tau)
+        largest, rate = max(largest, outputs.temperature), outputs.warming
         if rate > 0.0:
             low = tau
             gain = rate * (high - tau)
         else:
             high = tau
             gain = -rate * (tau - low)
-        if gain <= _SURE * abs(known) or high - low <= _SHORTEST * (at + h):
+        if gain <= _SURE * abs(largest) or high - low <= _SHORTEST * (at + h):
             break
-    return known
+    return largest

@@ -93,16 +93,16 @@ def next_due(record: Record) -> float:
 
 
 @part
-def write(record: Record, t: float, seen: Observed, impulse: float) -> None:
+def write(record: Record, t: float, outputs: Observed, impulse: float) -> None:
     """Write the sample or close the load period that is due at t, or both."""
     tally, histories, periods = record.tally, record.histories, record.periods
     sample, period = tally.next_sample, tally.next_period
     due = record.times[sample] if sample < record.times.size else np.inf
     end = record.period_ends[period] if period < record.period_ends.size else np.inf
     if due <= end:
-        histories[_DISPLACEMENT, sample] = seen.place if tally.held else seen.place - seen.signal
-        histories[_VELOCITY, sample] = seen.speed if tally.held else -(seen.signal_rate - seen.speed)
-        histories[_TEMPERATURE, sample] = seen.temperature
+        histories[_DISPLACEMENT, sample] = outputs.place if tally.held else outputs.place - outputs.signal
+        histories[_VELOCITY, sample] = outputs.speed if tally.held else -(outputs.signal_rate - outputs.speed)
+        histories[_TEMPERATURE, sample] = outputs.temperature
         histories[_IMPULSE, sample] = impulse
         tally.next_sample += 1
     if end <= due:
@@ -110,7 +110,7 @@ def write(record: Record, t: float, seen: Observed, impulse: float) -> None:
         periods[_PERIOD_IMPULSE, period] = impulse - tally.period_impulse
         periods[_PERIOD_TEMPERATURE, period] = tally.period_temperature
         periods[_PERIOD_CONTACT, period] = contact - tally.period_contact
-        tally.period_impulse, tally.period_contact, tally.period_temperature = impulse, contact, seen.temperature
+        tally.period_impulse, tally.period_contact, tally.period_temperature = impulse, contact, outputs.temperature
         tally.next_period += 1
 
 
@@ -125,13 +125,13 @@ def record_step(record: Record, m: Motion, t: float, dt: float, final: Observed,
         at = max(t, next_due(record))
         advance(m.r, m.now, t, at - t, m.between)
         impulse = integral(m.r, m.now, m.between, t, at - t) if tally.held else 0.0
-        seen = observe(m.r, m.between, at)
+        outputs = observe(m.r, m.between, at)
         if heated:
-            note_temperature(tally, seen.temperature)
+            note_temperature(tally, outputs.temperature)
             if tally.next_period < record.period_ends.size and record.period_ends[tally.next_period] <= at:
                 note_temperature(tally, peak_temperature(m, t, left, at, tally.period_temperature))
                 left = at
-        write(record, at, seen, tally.impulse + impulse)
+        write(record, at, outputs, tally.impulse + impulse)
     if heated:
         note_temperature(tally, final.temperature)
         note_temperature(tally, peak_temperature(m, t, left, t + dt, tally.period_temperature))

@@ -18,7 +18,7 @@ from workflow.kernels.compiled import inlined, part
 from workflow.kernels.packs import Lane, magnitude, narrow, pack, some, spread, store, where
 from workflow.models import Array
 from workflow.schemes._exact import zeros as row
-from workflow.schemes._exact.zeros import RankOne, Scratch, difference, fill_up, given, inverse, newton, own, start
+from workflow.schemes._exact.zeros import RankOne, Scratch, difference, fill_up, inverse, newton, own, start, start_from
 
 NEWTON_STEPS, CONVERGED = 12, 1e-10
 """Newton ends where a shift changes by less than this, relatively: its next change would be about the square of it."""
@@ -37,15 +37,15 @@ def solve(matrix: RankOne, alpha: float, guesses: Array, work: Scratch) -> tuple
     for k in range(u.shape[1]):
         residue[0, k] = alpha * (u[0, k] * w[0, k] - u[1, k] * w[1, k])
         residue[1, k] = alpha * (u[0, k] * w[1, k] + u[1, k] * w[0, k])
-    count = given(matrix, residue, guesses, work) if guesses.shape[1] > 0 else start(matrix, residue, work)
+    count = start_from(matrix, residue, guesses, work) if guesses.shape[1] > 0 else start(matrix, residue, work)
     if count == 0:
         return 0, 0
-    known = (0, 1.0, 0, CONVERGED)
+    iteration = (0, 1.0, 0, CONVERGED)
     for first in range(0, fill_up(t, count), 8):
         moving = True
         for _ in range(NEWTON_STEPS):
             if moving:
-                moving = newton(matrix, residue, t, known, narrow(first))
+                moving = newton(matrix, residue, t, iteration, narrow(first))
         if moving:
             return 0, 0
     pairs, sound = _in_order(work, count), True

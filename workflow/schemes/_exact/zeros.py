@@ -95,13 +95,13 @@ def difference(t: Array, k: int, lane: Lane) -> tuple[Pack, Pack, Pack]:
 
 
 @inlined
-def newton(matrix: RankOne, residue: Array, t: Array, known: tuple[int, float, int, float], lane: Lane) -> bool:
-    """Correct the shifts of a pack by Newton's method for g(δ) = δ f(d + δ); tell whether one is still on its way.
+def newton(matrix: RankOne, residue: Array, t: Array, iteration: tuple[int, float, int, float], lane: Lane) -> bool:
+    """Correct the shifts of a pack by Newton's method for g(δ) = δ f(d + δ); tell whether one has not converged.
 
-    ``known``: the first pole that counts, what the others are part of (1 where none is), how many zeros are kept apart
-    (0: none), and the relative change that is none.
+    ``iteration``: the first pole that counts, the constant part of f (1, or what the faster poles add to it), how many
+    zeros repel each other (Aberth; 0: none), and the relative change below which a shift has converged.
     """
-    (first, constant, apart, least), zero = known, spread(0.0, lane)
+    (first, constant, apart, least), zero = iteration, spread(0.0, lane)
     f, f_im, slope, slope_im, away, away_im = zero + constant, zero, zero, zero, zero, zero
     for k in range(first, matrix.d.shape[1]):
         x, y = inverse(matrix.d, k, t, lane)
@@ -152,15 +152,15 @@ def fill_up(t: Array, count: int) -> int:
 @part
 def nearest(matrix: RankOne, residue: Array, t: Array, i: int, own: int, shift: complex) -> None:
     """Put the zero d_own + ``shift`` in lane ``i``, as a shift from the nearest pole that moves."""
-    d, best, found = matrix.d, own, shift
+    d, best, nearest_shift = matrix.d, own, shift
     least = shift.real * shift.real + shift.imag * shift.imag
     for k in range(d.shape[1]):
         x, y = (d[0, own] - d[0, k]) + shift.real, (d[1, own] - d[1, k]) + shift.imag
         moves = residue[0, k] != 0.0 or residue[1, k] != 0.0
         if moves and x * x + y * y < least:
-            best, found, least = k, complex(x, y), x * x + y * y
-    real = d[1, best] + found.imag == 0.0 or abs(found.imag) <= REAL * abs(found.real)
-    put(matrix, residue, t, i, best, complex(found.real, 0.0) if real else found)
+            best, nearest_shift, least = k, complex(x, y), x * x + y * y
+    real = d[1, best] + nearest_shift.imag == 0.0 or abs(nearest_shift.imag) <= REAL * abs(nearest_shift.real)
+    put(matrix, residue, t, i, best, complex(nearest_shift.real, 0.0) if real else nearest_shift)
 
 
 @part
@@ -183,11 +183,11 @@ def start(matrix: RankOne, residue: Array, work: Scratch) -> int:
         put(matrix, residue, trial, j, k, complex(size, -size if j % 2 else size))
     if matrix.thermal == 0:
         return count
-    known = (fast, yielding, matrix.thermal, APART)
+    iteration = (fast, yielding, matrix.thermal, APART)
     for _ in range(ABERTH_STEPS):
         moving = False
         for first in range(0, fill_up(trial, matrix.thermal), 8):
-            moving |= newton(matrix, residue, trial, known, narrow(first))
+            moving |= newton(matrix, residue, trial, iteration, narrow(first))
         if not moving:
             break
     above = 0
@@ -205,24 +205,24 @@ def start(matrix: RankOne, residue: Array, work: Scratch) -> int:
 
 
 @part
-def given(matrix: RankOne, residue: Array, guesses: Array, work: Scratch) -> int:
-    """Put guesses ``(2, guess)`` with imaginary part >= 0 in lanes, those of poles that stay apart; return how many."""
+def start_from(matrix: RankOne, residue: Array, guesses: Array, work: Scratch) -> int:
+    """Put guesses ``(2, guess)`` with imaginary part >= 0 in lanes, and poles without residue; return how many."""
     d, t, count = matrix.d, work.lanes, 0
-    taken = work.trial[PLACE]
+    matched = work.trial[PLACE]
     for i in range(guesses.shape[1]):
-        taken[i] = 0.0
+        matched[i] = 0.0
     for k in range(d.shape[1]):
         if residue[0, k] == 0.0 and residue[1, k] == 0.0 and d[1, k] >= 0.0:
             put(matrix, residue, t, count, k, 0.0j)
             least, best = np.inf, 0
             for i in range(guesses.shape[1]):
                 size = (guesses[0, i] - d[0, k]) ** 2 + (guesses[1, i] - d[1, k]) ** 2
-                if taken[i] == 0.0 and size < least:
+                if matched[i] == 0.0 and size < least:
                     least, best = size, i
-            taken[best] = 1.0
+            matched[best] = 1.0
             count += 1
     for i in range(guesses.shape[1]):
-        if taken[i] == 0.0 and count < guesses.shape[1]:
+        if matched[i] == 0.0 and count < guesses.shape[1]:
             for k in range(d.shape[1]):
                 if residue[0, k] != 0.0 or residue[1, k] != 0.0:
                     shift = complex(guesses[0, i] - d[0, k], guesses[1, i] - d[1, k])
