@@ -112,9 +112,10 @@ class EnergyBalance:
 
     def log(self, states: int, phases: int) -> Log:
         """Return the log of a case with so many modal states, for so many phases; cases use it one after the other."""
+        f = self._free.layout.first
         return Log(
             stiffness=self._stiffness,
-            loss=np.ascontiguousarray(self._free.layout.first[first.SIGNAL_VALUE]),
+            loss=np.ascontiguousarray(f[first.SIGNAL_VALUE]),
             begun=np.zeros(phases),
             ended=np.zeros(phases),
             held=np.zeros(phases, dtype=np.bool_),
