@@ -117,8 +117,12 @@ def test_steps_are_those_of_plain_matrices(name: str, moves: bool) -> None:
 
 @pytest.mark.parametrize("name", EVERY)
 def test_random_structures_are_stepped_as_by_plain_matrices(name: str) -> None:
-    """No symmetry between degrees of freedom, a casing that moves and slides, a load and a damping of any direction."""
+    """No symmetry between degrees of freedom, a casing that moves and slides, a load and a damping of any direction.
+
+    Plain central differences step places, whose rounding each step carries on as a velocity: N² ε / 2 = 1e-10 of them.
+    """
     (method, options, plain, _), struck = FIXED[name], 0
+    rounding = 1e-9 if name in ("carpenter", "lagged", "spring") else 1e-11
     for seed in range(8):
         rng = np.random.default_rng(seed)
         structure = random_structure(rng, int(rng.integers(2, 6)))
@@ -130,7 +134,7 @@ def test_random_structures_are_stepped_as_by_plain_matrices(name: str) -> None:
         found = step(structure, batch, H, sampling(STEPS * H, H), method, **options)
         for case in range(3):
             expected = plain(structure, alone(batch, case))
-            assert relative(found.histories["displacement"][case], expected.displacement[:, -1]) < 1e-11, seed
+            assert relative(found.histories["displacement"][case], expected.displacement[:, -1]) < rounding, seed
         struck += int(found.metrics["impacts"].min() > 0)
     assert struck > 3
 
