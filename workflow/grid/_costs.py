@@ -97,6 +97,8 @@ def setup_part(method: str, structure: Structure) -> Part:
     states = 2 * structure.mechanical_size + structure.thermal_size
     if schemes.load(method).sweeps(structure):
         return Part(6e-4 + 1e-8 * states, (f"set up {method} along nodes",))
+    if structure.damper is not None:
+        return Part(6e-4 + 3.5e-9 * states**3, (f"set up {method} with a damping matrix",))
     return Part(6e-4 + 1.2e-7 * states**2, (f"set up {method}",))
 
 

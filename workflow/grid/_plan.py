@@ -13,7 +13,7 @@ from workflow.grid._choice_words import choice_cautions, choice_lines
 from workflow.grid._estimate import Time, estimate, result_bytes
 from workflow.grid._frequencies import fastest
 from workflow.grid._operators import Reduced, reduced, reduced_structure, structure_of, structure_on
-from workflow.grid._reference import solution_counts
+from workflow.grid._reference import reference_cell, solution_counts
 from workflow.grid._scene_cautions import scene_cautions
 from workflow.grid._tasks import Units, tasks, units_of
 from workflow.models import (
@@ -213,15 +213,17 @@ def _condensed(cell: Cell) -> str:
 
 
 def _operators(grid: Grid, computed: Indices) -> tuple[str, ...]:
-    """Return what the first distinct structures are stepped by, where a scheme has a choice."""
+    """Return what the first distinct structures and those of references are stepped by, where a scheme has a choice."""
     names, model = ("scheme", "reduction", "mechanical_modes", "thermal_modes"), grid.study.scene.model
     places = np.unique(grid.alike(computed, lambda path: path in names or path.startswith(f"scene.{model}.")))
     operators: dict[str, None] = {}
     for outer in places[:_STRUCTURES_SHOWN]:
-        cell = grid.settings(int(outer))
-        scheme = schemes.load(cell.scheme.method)
-        if scheme.operator_name is not None:
-            operators[f"{cell.scheme.method}: {scheme.operator_name(reduced_structure(cell))}"] = None
+        own, truth = grid.settings(int(outer)), grid.study.reference is not None
+        for cell in (own, reference_cell(grid, int(outer))) if truth else (own,):
+            scheme = schemes.load(cell.scheme.method)
+            name = "" if scheme.operator_name is None else scheme.operator_name(reduced_structure(cell))
+            if name:
+                operators[f"{cell.scheme.method}: {name}"] = None
     return tuple(operators)
 
 

@@ -16,6 +16,7 @@ from workflow.models._cases import Cases, distinct_rows, project
 from workflow.models._chain import MOST_NODES_WITH_MATRICES, Chain, TooManyNodesError
 from workflow.models._damping import (
     CoupledDampingError,
+    coupled_damping,
     couples_free_modes,
     free_damping,
     held_damping,
@@ -111,6 +112,7 @@ __all__ = [
     "TooManyCoordinatesError",
     "TooManyNodesError",
     "UnusableMatricesError",
+    "coupled_damping",
     "couples_free_modes",
     "critical_alpha",
     "critical_friction",

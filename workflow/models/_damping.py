@@ -57,6 +57,17 @@ def free_damping(structure: Structure, modes: Modes) -> Array:
     return modal_damping(structure, modes)
 
 
+def coupled_damping(structure: Structure, modes: Modes) -> Array:
+    """Return c of each mode with the tip free, 1/s, ``(mode,)``; φᵀ C1 φ, ``(mode, mode)``, if damping couples them."""
+    damping = structure.damping.of_modes(modes.values, modes.inertia)
+    if structure.damper is None:
+        return damping
+    own = product(modes.shapes.T, product(structure.damper, modes.shapes))
+    if is_diagonal(own):
+        return np.asarray(damping + np.diag(own))
+    return np.asarray(np.diag(damping) + (own + own.T) / 2)
+
+
 def held_damping(structure: Structure, modes: Modes) -> Array:
     """Return φᵀ C1 φ of the modes with the tip held, 1/s, ``(mode, mode)``.
 

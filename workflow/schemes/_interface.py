@@ -230,7 +230,7 @@ class Scheme:
         comes and goes.
     is_swept, operator_name
         ``is_swept(structure)``: whether it steps a structure node by node instead of by its modes, each case by
-        itself; ``operator_name(structure)``: how ``plan`` says so.
+        itself; ``operator_name(structure)``: how ``plan`` says so, empty where there is nothing to say.
     batch_cost
         ``batch_cost(structure, options, sampling, workload)``: estimated seconds of a whole batch, for ``plan``, where
         ``cost`` times the number of cases is far from it.

@@ -24,13 +24,13 @@ import numpy as np
 
 from workflow.declare import quantity
 from workflow.kernels import elementwise
-from workflow.models import Array, Cases, Structure, poles
+from workflow.models import Array, Cases, Structure, couples_free_modes, is_rayleigh, poles
 from workflow.schemes._exact.batch import Operator, make_operator, run_batch
 from workflow.schemes._exact.outcome import Budget
 from workflow.schemes._interface import Results, Sampling, Workload
 
 READS = frozenset({"e", "alpha"})
-GENERAL = frozenset({"friction", "load"})
+GENERAL = frozenset({"damping", "friction", "load"})
 
 HARMONICS = frozenset({"load", "casing"})
 
@@ -41,6 +41,10 @@ class Options:
 
     events: int = quantity("1", "most contact events of one case", default=200_000, at_least=1)
     steps: int = quantity("1", "most certified steps of one case", default=5_000_000, at_least=1)
+
+
+_SEPARATING, _EACH_ALPHA = 3.5e-9, 1e-9
+"""Seconds per cubed number of states that separating poles takes where damping couples modes, and one α more."""
 
 
 def init(structure: Structure, h: float, options: Options) -> Operator:
@@ -59,6 +63,15 @@ def massless_tip(options: Options) -> str | None:
         "the reduction leaves the tip without mass: it has no impacts, from one to the next of which this scheme goes; "
         "moreau and implicit penalty step it"
     )
+
+
+def operator_name(structure: Structure) -> str:
+    """Return what a structure whose modes damping couples is solved by, as ``plan`` says it; empty for others."""
+    if not couples_free_modes(structure):
+        return ""
+    states = 2 * structure.mechanical_size + structure.thermal_size
+    once, more = (f"{rate * states**3:.1g} s" for rate in (2 * _SEPARATING, _EACH_ALPHA))
+    return f"poles of {states} states, as damping couples the modes: about {once} a batch and {more} each alpha"
 
 
 def amplification(frequency: Array, damping: Array, h: float, options: Options) -> Any:
@@ -84,12 +97,16 @@ def batch_cost(structure: Structure, options: Options, sampling: Sampling, workl
     """Return the estimated seconds of a batch: a fixed model of its α, its certified steps, impacts and samples.
 
     Numbers are those of one core of a server processor of 2024 on chains of 5 to 100 nodes. Each α costs the
-    eigenvalues of the structure with its tip held. A load period takes about twenty certified steps, and one more for
-    each impact: their number until an accumulation with restitution e ends is taken as 0.4 ln(1e-10)/ln(e), what
-    rubbing chains and blades at rest, in resonance and above their critical coupling have.
+    eigenvalues of the structure with its tip held, the cube of its states where damping couples its modes. A load
+    period takes about twenty certified steps, and one more for each impact: their number until an accumulation with
+    restitution e ends is taken as 0.4 ln(1e-10)/ln(e), what rubbing chains and blades at rest, in resonance and above
+    their critical coupling have.
     """
     states = 2 * structure.mechanical_size + structure.thermal_size
-    regimes = 2.5e-8 * states**2 * np.unique(workload.alpha).size
+    alphas = np.unique(workload.alpha).size
+    regimes = 2.5e-8 * states**2 * alphas
+    if not is_rayleigh(structure):
+        regimes += (_SEPARATING + _EACH_ALPHA * alphas) * float(states) ** 3
     with np.errstate(divide="ignore"):
         impacts = np.minimum(1 + 0.4 * np.log(1e-10) / np.log(np.clip(workload.e, 0.0, 0.99)), 1000.0)
     steps = (20 + impacts) * (1 + workload.periods)

@@ -12,16 +12,16 @@ from workflow.kernels.sums import product
 from workflow.models import Array, Cases, Structure
 from workflow.schemes._exact import block_table as block
 from workflow.schemes._exact import outcome
-from workflow.schemes._exact.conditions import load_of, penetration, tip_of
+from workflow.schemes._exact.conditions import Pushed, load_of, penetration, pushed_by, tip_of
 from workflow.schemes._exact.energy_balance import EnergyBalance, Regimes, residuals
 from workflow.schemes._exact.impacts import Case, Thresholds
-from workflow.schemes._exact.layout import TAYLOR_SPAN, Layout, Memory, layout, memory
+from workflow.schemes._exact.layout import TAYLOR_SPAN, Layout, Memory, free_layout, memory
 from workflow.schemes._exact.march import march
 from workflow.schemes._exact.modal_system import Basis, analyse
 from workflow.schemes._exact.outcome import Budget
 from workflow.schemes._exact.phase_log import Log, empty_log
+from workflow.schemes._exact.pole_pairs import InseparablePolesError
 from workflow.schemes._exact.record import TALLY, Record
-from workflow.schemes._exact.regimes import regime_of
 from workflow.schemes._exact.response import SLOW_POLE
 from workflow.schemes._exact.two_way import HeldRegimes
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Status, complete_periods
@@ -46,7 +46,7 @@ class Operator:
 def make_operator(structure: Structure, budget: Budget) -> Operator:
     """Diagonalise the structure with its tip free and held."""
     basis = analyse(structure)
-    return Operator(structure, basis, layout(regime_of(basis.free)), budget)
+    return Operator(structure, basis, free_layout(basis.free), budget)
 
 
 def run_batch(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
@@ -75,6 +75,7 @@ class _Batch:
         self.modal = np.concatenate([_times(matrix, values) for matrix, values in states], axis=1)
         self.balance = EnergyBalance(operator.structure, basis, operator.free) if sampling.balances else None
         self.logs: dict[int, Log] = {}
+        self.pushed: dict[float, Pushed] = {}
         self.audited: tuple[Layout, Regimes] | None = None
         self.regimes = HeldRegimes(basis.held)
         self.stiff = _taylor_steps(operator.free.block, sampling.duration) > operator.budget.steps
@@ -95,6 +96,8 @@ class _Batch:
             self.ended[i] = outcome.STIFF if stiff else self._march(i, held)
         except np.linalg.LinAlgError:
             self.ended[i] = outcome.NO_SPECTRUM
+        except InseparablePolesError:
+            self.ended[i] = outcome.INSEPARABLE_POLES
 
     def _held(self, alpha: float, friction: float) -> tuple[Layout, bool]:
         """Return the held regime at α and µ, and whether a Taylor series would take more steps than the budget."""
@@ -119,7 +122,10 @@ class _Batch:
         heats = basis.heat_tip.size if heated else 0
         load = load_of(cases, i, self.sampling.duration)
         modal = self.modal[i, : 2 * basis.tip.size + heats]
-        tip, operator = tip_of(cases, i, basis, load), self.operator
+        operator = self.operator
+        if friction not in self.pushed:
+            self.pushed[friction] = pushed_by(basis, operator.free, friction)
+        tip = tip_of(cases, i, basis, self.pushed[friction], load)
         case = Case(load, tip, modal, basis.closing[:heats], operator.budget, operator.thresholds)
         n, phases, free = int(self.periods[i]), _PHASES, self.operator.free
         waves = load.waves.shape[0]

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
 from workflow.kernels import elementwise
+from workflow.kernels.sums import product
 from workflow.models import Array, Cases
 from workflow.schemes._exact import wave_table as wave
 from workflow.schemes._exact.impacts import Tip
-from workflow.schemes._exact.layout import Load
+from workflow.schemes._exact.layout import Layout, Load
 from workflow.schemes._exact.modal_system import Basis
 
 _LOAD, _CASING = 0, 1
@@ -18,6 +20,13 @@ _LOAD, _CASING = 0, 1
 
 _ROUNDING = 4.0 * 2.220446049250313e-16
 """A tip whose velocity is that of the casing up to this share of what both add up moves with it: four roundings."""
+
+
+class Pushed(NamedTuple):
+    """What an impulse does to a free tip, see :class:`~workflow.schemes._exact.impacts.Tip`."""
+
+    struck: Array
+    kick: Array
 
 
 def load_of(cases: Cases, i: int, duration: float) -> Load:
@@ -49,7 +58,7 @@ def _sinusoids(cases: Cases, i: int) -> Iterator[tuple[int, float, float, float]
                 yield which, float(more.amplitude[i, k]), float(more.frequency[i, k]), float(more.phase[i, k])
 
 
-def tip_of(cases: Cases, i: int, basis: Basis, load: Load) -> Tip:
+def tip_of(cases: Cases, i: int, basis: Basis, pushed: Pushed, load: Load) -> Tip:
     """Return contact law, impact data and start of case ``i``."""
     place, velocity, reach, turning = load.gap, 0.0, abs(load.gap), 0.0
     for omega, phase, _, amplitude in load.waves.tolist() if cases.casing_harmonics.width else ():
@@ -64,17 +73,21 @@ def tip_of(cases: Cases, i: int, basis: Basis, load: Load) -> Tip:
         float(cases.alpha[i]),
         basis.mobility - float(cases.friction[i]) * basis.aside,
         basis.warming,
+        basis.damped_tip,
         basis.tip,
-        _struck(basis, float(cases.friction[i])),
+        *pushed,
         place - float(cases.displacement[i, -1]),
         0.0 if abs(speed) <= _ROUNDING * turning else speed,
         reach,
     )
 
 
-def _struck(basis: Basis, friction: float) -> Array:
-    """Return what an impulse does to each mode with friction µ, ``(mode,)``."""
-    return basis.tip if friction == 0 else basis.tip - friction * basis.along
+def pushed_by(basis: Basis, free: Layout, friction: float) -> Pushed:
+    """Return what an impulse with friction µ does to a free tip."""
+    struck, modes = basis.tip if friction == 0 else basis.tip - friction * basis.along, basis.tip.size
+    if not free.mixes:
+        return Pushed(struck, np.stack([np.zeros(modes), struck]))
+    return Pushed(struck, product(struck, free.inward[modes : 2 * modes, : 2 * modes]).reshape(2, modes))
 
 
 def penetration(cases: Cases, displacement: Array, times: Array) -> Array:

@@ -34,11 +34,10 @@ from workflow.schemes._exact import first_table as first
 from workflow.schemes._exact import wave_table as wave
 from workflow.schemes._exact.layout import Layout, Load, Memory
 from workflow.schemes._exact.modal_system import Basis, ModalSystem, state_space
-from workflow.schemes._exact.motion import Motion, advance, copy_state, integral, prepare, to_rates
-from workflow.schemes._exact.passage import Motions, Passage, fill_modal, multiply, set_held
+from workflow.schemes._exact.motion import Motion, advance, copy_state, integral, to_rates
+from workflow.schemes._exact.passage import Motions, fill_modal, motions_of, multiply, set_free, set_held
 from workflow.schemes._exact.phase_log import Log, note_energy
 from workflow.schemes._exact.regimes import linked
-from workflow.schemes._exact.response import from_coordinates
 from workflow.schemes._exact.waves import wave_phase
 
 _LOOK = 1 / 16
@@ -161,6 +160,7 @@ def with_loss(g: Layout, loss: Array) -> Layout:
         g.fastest_first,
         g.two_way,
         g.warms,
+        g.mixes,
     )
 
 
@@ -170,8 +170,7 @@ def residuals(
 ) -> tuple[float, float]:
     """Return the energy and the heat residual of a case that completed; ``modal`` is its initial [y, y', τ]."""
     free, held, T = regimes.free.layout, regimes.held.layout, load.duration
-    passage = Passage(held.inward, held.outward, held.entry, held.exit, memories[1].modal)
-    motions = Motions(prepare(free, load, memories[0]), prepare(held, load, memories[1]), passage)
+    motions = motions_of(free, held, load, memories)
     spent, lost, turnover, power = tally.spent, tally.lost, tally.turned_over, 0.0
     for i in range(tally.phases):
         t, end, following = log.begun[i], log.ended[i], log.begun[i + 1] if i + 1 < tally.phases else T
@@ -188,7 +187,7 @@ def residuals(
                 power = taken
             copy_state(motion.after, motion.now)
             fill_modal(motions, log.held[i], end)
-            spent += log.energy[i] - note_energy(log, motions.free.coordinates, tally) + taken * (end - t)
+            spent += log.energy[i] - note_energy(log, motions.modal, tally) + taken * (end - t)
         spent += power * (following - end)
     energy = spent / tally.max_energy if tally.max_energy != 0.0 else 0.0
     return energy, _heat_residual(heat, modal, load, log, lost, turnover, tally)
@@ -216,12 +215,12 @@ def _heat_residual(
 @part
 def _begin(motions: Motions, reduced: bool, log: Log, i: int, tally: Any) -> float:
     """Set the motion of a phase to its beginning; return the energy that it thereby has more."""
-    state, t = motions.free.coordinates, log.begun[i]
+    state, t = motions.modal, log.begun[i]
     for k in range(state.size):
         state[k] = log.state[i, k]
     energy = note_energy(log, state, tally)
     if not log.held[i]:
-        from_coordinates(motions.free.r, state, t, motions.free.now)
+        set_free(motions, t)
         return 0.0
     set_held(motions, t)
     if reduced:
@@ -238,7 +237,7 @@ def _look(regimes: Regimes, motions: Motions, x: Array, load: Load, log: Log, i:
     faster than the phase is long: with rates of 1e15 1/s beside forces that friction heat couples, 1e-5 of the
     energy, gone within 1e-6 s.
     """
-    held, now = log.held[i], motions.free.coordinates
+    held, now = log.held[i], motions.modal
     motion, t = motions.held if held else motions.free, log.begun[i]
     wait = _LOOK * (log.ended[i] - t)
     copy_state(motion.now, motion.between)

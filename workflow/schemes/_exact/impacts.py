@@ -8,12 +8,11 @@ import numpy as np
 
 from workflow.kernels.compiled import part, rare
 from workflow.models import Array
-from workflow.schemes._exact import block_table as block
 from workflow.schemes._exact import expansion_table as expansion
 from workflow.schemes._exact.accumulation import Bounces, settle
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
 from workflow.schemes._exact.layout import Load
-from workflow.schemes._exact.motion import Motion, copy_state, observe, strike
+from workflow.schemes._exact.motion import copy_state, observe, strike
 from workflow.schemes._exact.outcome import Budget
 from workflow.schemes._exact.passage import Motions, enter_contact
 
@@ -41,10 +40,14 @@ class Tip(NamedTuple):
     """e_nᵀ M⁻¹ (e_n - µ t), 1/kg: the Delassus operator of an impact."""
     warming: float
     """e_nᵀ C2⁻¹ e_n, K/J."""
+    damped: Array
+    """φᵀ C1 M⁻¹ e_n, ``(mode,)``, 1/(s √kg)."""
     shape: Array
     """φ_n, ``(mode,)``, 1/√kg."""
     struck: Array
     """φᵀ(e_n - µ t), by which an impulse moves the modes, ``(mode,)``, 1/√kg."""
+    kick: Array
+    """By how much it lowers η and η' of each block, ``(2, block)``; 0 and ``struck`` where blocks are modes."""
     distance: float
     """d(0) - x_n(0), m."""
     speed: float
@@ -81,7 +84,7 @@ def impact(motions: Motions, case: Case, tally: Any) -> tuple[bool, float]:
     tip, free, speed = case.tip, motions.free, tally.speed
     p = (1.0 + tip.e) * speed / tip.mobility
     tally.max_speed = max(tally.max_speed, speed)
-    strike(free.r, tip.struck, free.now, p, tip.alpha * p)
+    strike(free.r, tip.kick, free.now, p, tip.alpha * p)
     expand(free.r, free.now, tally.time, free.x)
     parting = free.x.sums[expansion.D1, free.r.blocks]
     stays, since, e = speed <= 0.0 or tip.e == 0.0, tally.time, tip.e
@@ -120,10 +123,10 @@ def _end_of_bounces(motions: Motions, case: Case, tally: Any) -> float:
         return np.nan
     copy_state(free.now, free.between)
     stop = tip.e * speed / tip.mobility
-    strike(free.r, tip.struck, free.now, -stop, -tip.alpha * stop)
+    strike(free.r, tip.kick, free.now, -stop, -tip.alpha * stop)
     end, leaving, count = np.nan, 0.0, 0.0
     if enter_contact(motions, thresholds.force, tally.time) == 0:
-        drag = _drag(free, tip)
+        drag = _drag(tip)
         bounces = Bounces(tip.e, tip.mobility, drag, 4.0 * max(height, most), case.load.duration)
         end, leaving, count = settle(motions.held, tally.time, tip.e * speed, bounces)
     if height < most and np.isfinite(end):
@@ -139,10 +142,10 @@ def _end_of_bounces(motions: Motions, case: Case, tally: Any) -> float:
 
 
 @rare
-def _drag(free: Motion, tip: Tip) -> float:
+def _drag(tip: Tip) -> float:
     """Return γ of :mod:`workflow.schemes._exact.accumulation`, 1/s: damping in the direction of an impulse."""
     damped, total = 0.0, 0.0
-    for k in range(free.r.blocks):
-        damped += free.r.block[block.DAMPING, k] * tip.shape[k] * tip.struck[k]
+    for k in range(tip.shape.size):
+        damped += tip.damped[k] * tip.struck[k]
         total += tip.shape[k] * tip.struck[k]
     return damped / total

@@ -10,13 +10,15 @@ from typing import NamedTuple
 import numpy as np
 
 from workflow.kernels.compiled import kernel
+from workflow.kernels.sums import product
 from workflow.models import Array
 from workflow.schemes._exact import block_table as block
 from workflow.schemes._exact import expansion_table as expansion
 from workflow.schemes._exact import first_table as first
 from workflow.schemes._exact import state_table as state
 from workflow.schemes._exact import wave_table as wave
-from workflow.schemes._exact.regimes import Regime
+from workflow.schemes._exact.modal_system import ModalSystem
+from workflow.schemes._exact.regimes import Regime, free_regime
 
 ORDER = 18
 """Largest order of Taylor polynomials of motions."""
@@ -70,6 +72,8 @@ class Layout(NamedTuple):
     """Whether blocks show in the tip temperature or their η' in the signal."""
     warms: bool
     """Whether blocks show in the tip temperature."""
+    mixes: bool
+    """Whether a free tip's blocks mix its modes, so that its coordinates are not the modal ones [y, y', τ]."""
 
 
 @kernel
@@ -117,7 +121,21 @@ def layout(g: Regime) -> Layout:
         fastest_first,
         two_way or warms,
         warms,
+        False,
     )
+
+
+def free_layout(system: ModalSystem) -> Layout:
+    """Return the regime of a free tip; where damping couples its modes a heat at the tip moves all of its blocks."""
+    regime = free_regime(system)
+    packed = layout(regime)
+    if not system.is_coupled:
+        return packed
+    blocks, b = packed.blocks, packed.block
+    jump = product(system.heat_tip, regime.inward[2 * blocks :])
+    b[block.HEAT_JUMP_VALUE, :blocks] = jump[:blocks]
+    b[block.HEAT_JUMP_SLOPE, :blocks] = jump[blocks : 2 * blocks]
+    return packed._replace(mixes=True)
 
 
 class Memory(NamedTuple):
@@ -133,6 +151,8 @@ class Memory(NamedTuple):
     """[η, u, ξ], ``(N,)``."""
     modal: Array
     """[z, z', τ] of the modes of the regime, ``(N,)``."""
+    mixed: Array
+    """Likewise, for the motion of a free tip whose blocks mix its modes, see :class:`Layout`."""
     states: Array
     """Three states of motion, ``(3, 4, column)``."""
     outputs: Array
@@ -149,11 +169,13 @@ def memory(regime: Layout, heated: bool, waves: int) -> Memory:
     """Return memory for a regime under so many waves."""
     firsts = regime.firsts if heated else 0
     columns, wide = block.padded(regime.blocks), block.padded(firsts)
+    modal = regime.inward.shape[0] if heated else 2 * regime.entry.shape[1]
     return Memory(
         block=np.zeros((block.ROWS + block.WAVE * waves, columns)),
         first=np.zeros((first.ROWS + first.WAVE * waves, wide)),
         coordinates=np.zeros(2 * regime.blocks + firsts),
-        modal=np.zeros(regime.inward.shape[0] if heated else 2 * regime.entry.shape[1]),
+        modal=np.zeros(modal),
+        mixed=np.zeros(modal),
         states=np.zeros((3, state.ROWS, max(columns, wide))),
         outputs=np.zeros(2),
         waves=np.zeros((waves, wave.COLUMNS)),

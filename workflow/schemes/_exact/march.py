@@ -19,13 +19,11 @@ from workflow.schemes._exact.motion import (
     copy_state,
     integral,
     observe,
-    prepare,
     warming_rate,
 )
-from workflow.schemes._exact.passage import Motions, Passage, enter_contact, fill_modal, release
+from workflow.schemes._exact.passage import Motions, enter_contact, fill_modal, motions_of, release, set_free
 from workflow.schemes._exact.phase_log import Log, begin_phase, end_phase, note_energy, note_loss, note_phase
 from workflow.schemes._exact.record import Record, contact_time, next_due, note_temperature, record_step, write
-from workflow.schemes._exact.response import from_coordinates
 from workflow.schemes._exact.step import Start, certified_step
 
 _SAME_TIME = 16.0 * 2.220446049250313e-16
@@ -46,11 +44,7 @@ def march(
     free: Layout, held: Layout, case: Case, record: Record, free_memory: Memory, held_memory: Memory, log: Log
 ) -> int:
     """Run one case and return how it ended, see :mod:`workflow.schemes._exact.outcome`; never raises."""
-    motions = Motions(
-        prepare(free, case.load, free_memory),
-        prepare(held, case.load, held_memory),
-        Passage(held.inward, held.outward, held.entry, held.exit, held_memory.modal),
-    )
+    motions = motions_of(free, held, case.load, (free_memory, held_memory))
     tally, T, audited = record.tally, case.load.duration, log.held.size > 0
     ended, event, start, seen = _begin(motions, case, record, log)
     while ended == outcome.RUNNING:
@@ -90,7 +84,7 @@ def march(
         start = Start(0, -1.0, False, 2.0 * h)
         if audited and tally.steps % _LOOKS == 0:
             fill_modal(motions, tally.held != 0, tally.time)
-            note_energy(log, motions.free.coordinates, tally)
+            note_energy(log, motions.modal, tally)
     if ended == outcome.COMPLETED:
         _finish(motions, case, record, log, seen)
     return ended
@@ -100,7 +94,9 @@ def march(
 def _begin(motions: Motions, case: Case, record: Record, log: Log) -> tuple[int, bool, Start, Observed]:
     """Take the initial state; return how the case ended, if it did, whether it begins with an event, and how."""
     free, tip, tally = motions.free, case.tip, record.tally
-    from_coordinates(free.r, case.modal, 0.0, free.now)
+    for i in range(case.modal.size):
+        motions.modal[i] = case.modal[i]
+    set_free(motions, 0.0)
     seen = observe(free.r, free.now, 0.0)
     start = Start(0, -1.0, False, case.load.duration)
     if not (np.isfinite(seen.signal) and np.isfinite(seen.signal_rate) and np.isfinite(seen.temperature)):
@@ -172,7 +168,7 @@ def _step(m: Motion, record: Record, start: Start, T: float, seen: Observed, log
 @rare
 def _finish(motions: Motions, case: Case, record: Record, log: Log, seen: Observed) -> None:
     """Write what is due at the end, after any event there."""
-    tally, modal, T = record.tally, motions.free.coordinates, case.load.duration
+    tally, modal, T = record.tally, motions.modal, case.load.duration
     fill_modal(motions, tally.held != 0, tally.time)
     if tally.logged:
         end_phase(log, motions, tally)

@@ -22,7 +22,7 @@ from workflow.models import (
     Array,
     Modes,
     Structure,
-    free_damping,
+    coupled_damping,
     held_damping,
     is_rayleigh,
     mechanical_modes,
@@ -45,7 +45,7 @@ class ModalSystem:
     frequency: Array
     """ω, 1/s, ``(mode,)``."""
     damping: Array
-    """c, 1/s, ``(mode,)``; with the tip held ``(mode, mode)`` where damping is not Rayleigh's."""
+    """c, 1/s, ``(mode,)``; ``(mode, mode)`` where damping couples them: with the tip held if it is not Rayleigh's."""
     coupling: Array
     """G, ``(mode, thermal mode)``."""
     rate: Array
@@ -121,6 +121,8 @@ class Basis:
     """χᵀ C2."""
     tip: Array
     """φ_n, ``(mode,)``, 1/√kg."""
+    damped_tip: Array
+    """φᵀ C1 M⁻¹ e_n, ``(mode,)``, 1/(s √kg)."""
     along: Array
     """φᵀt of the direction of friction, ``(mode,)``, 1/√kg; 0 where there is none."""
     heat_tip: Array
@@ -140,20 +142,21 @@ class Basis:
 def analyse(structure: Structure) -> Basis:
     """Diagonalise the structure with its tip free and with its tip held."""
     mechanical, thermal = mechanical_modes(structure), thermal_modes(structure)
-    along = np.zeros(mechanical.values.size)
+    free, along = free_system(structure), np.zeros(mechanical.values.size)
     if structure.tangent is not None:
         along = product(mechanical.shapes.T, structure.tangent)
     return Basis(
         to_modes=product(mechanical.shapes.T, structure.mass),
         to_thermal=product(thermal.shapes.T, structure.heat_capacity),
         tip=mechanical.tip.copy(),
+        damped_tip=product(free.damping, mechanical.tip) if free.is_coupled else free.damping * mechanical.tip,
         along=along,
         heat_tip=thermal.tip.copy(),
         closing=product(static_tip_growth(structure), thermal.shapes),
         mobility=dot(mechanical.tip, mechanical.tip),
         aside=dot(mechanical.tip, along),
         warming=float(sum(float(tip) ** 2 for tip in thermal.tip)),
-        free=free_system(structure),
+        free=free,
         held=held_system(structure),
     )
 
@@ -164,7 +167,7 @@ def free_system(structure: Structure) -> ModalSystem:
     frequency, modes = mechanical.values, mechanical.values.size
     return ModalSystem(
         frequency=frequency,
-        damping=free_damping(structure, mechanical),
+        damping=coupled_damping(structure, mechanical),
         coupling=modal_coupling(structure, mechanical, thermal),
         rate=thermal.values,
         heat_tip=thermal.tip,

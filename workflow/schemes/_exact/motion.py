@@ -185,18 +185,18 @@ def _observe_two_way(r: Response, y: Array, t: float, known: Observed) -> Observ
 
 
 @part
-def strike(r: Response, shape: Array, y: Array, p: float, heat: float) -> None:
+def strike(r: Response, kick: Array, y: Array, p: float, heat: float) -> None:
     """Apply an impulse p [N s] and a heat [J] at the free tip: v jumps by -p M⁻¹ e_n, θ by heat C2⁻¹ e_n.
 
-    ``shape`` is φ_n, ``(mode,)``.
+    ``kick`` is by how much a unit impulse lowers η and η' of each block, ``(2, block)``.
     """
     b, f = r.block, r.first
     for j in range(r.firsts):
         y[state.FIRST, j] += heat * f[first.HEAT_JUMP_VALUE, j]
         y[state.FIRST_SLOPE, j] += heat * f[first.HEAT_JUMP_SLOPE, j]
     for k in range(r.blocks):
-        y[state.VALUE, k] += heat * b[block.HEAT_JUMP_VALUE, k]
-        y[state.SLOPE, k] += heat * b[block.HEAT_JUMP_SLOPE, k] - p * shape[k]
+        y[state.VALUE, k] += heat * b[block.HEAT_JUMP_VALUE, k] - p * kick[0, k]
+        y[state.SLOPE, k] += heat * b[block.HEAT_JUMP_SLOPE, k] - p * kick[1, k]
 
 
 @part

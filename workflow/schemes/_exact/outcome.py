@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from workflow.schemes._exact.pole_pairs import INSEPARABLE
 from workflow.schemes._interface import EXTRAPOLATED
 
 
@@ -33,6 +34,9 @@ STIFF = 9
 NO_IMPACT_LAW = 10
 """The tip meets its casing, and friction pushes it further in than the contact force pushes it out."""
 
+INSEPARABLE_POLES = 11
+"""Poles of the held tip cannot be separated, see :mod:`workflow.schemes._exact.pole_pairs`."""
+
 _NEARLY_ELASTIC = 0.99
 """Restitution above which the message about the budget of events says how many impacts it takes to come to rest."""
 
@@ -52,6 +56,7 @@ def failure(ended: int, tally: Any, budget: Budget, e: float) -> str:
         f"{budget.steps} steps; raise the scheme's option `steps`, lower the damping, or use moreau",
         NO_IMPACT_LAW: f"contact has no unique solution {at} (W <= 0 as the step vanishes): friction pushes the tip "
         "into the casing more than the contact force pushes it out; lower the friction coefficient",
+        INSEPARABLE_POLES: f"with the tip held, the damping of the structure {INSEPARABLE}",
         INSIDE_CASING: "the tip starts beyond the casing: x_n(0) > d",
         NOT_FINITE: f"the state left the finite numbers {at}",
     }[ended]

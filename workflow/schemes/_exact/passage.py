@@ -6,11 +6,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from workflow.kernels.compiled import part
+from workflow.kernels.compiled import part, rare
 from workflow.models import Array
 from workflow.schemes._exact import expansion_table as expansion
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
-from workflow.schemes._exact.motion import Motion
+from workflow.schemes._exact.layout import Layout, Load, Memory
+from workflow.schemes._exact.motion import Motion, prepare
 from workflow.schemes._exact.response import from_coordinates, to_coordinates
 from workflow.schemes._exact.waves import casing_at
 
@@ -28,11 +29,33 @@ class Passage(NamedTuple):
 
 
 class Motions(NamedTuple):
-    """Both motions of a case; coordinates of the free one are the modal ones [y, y', τ]."""
+    """Both motions of a case."""
 
     free: Motion
     held: Motion
     passage: Passage
+    modal: Array
+    """[y, y', τ] of the free tip: where its blocks are its modes, the coordinates of its motion themselves."""
+    mixes: bool
+    """Whether its blocks mix its modes."""
+    inward: Array
+    outward: Array
+    """From [y, y', τ] to the coordinates of the free motion and back, where they do."""
+
+
+@rare
+def motions_of(free: Layout, held: Layout, load: Load, memories: tuple[Memory, Memory]) -> Any:
+    """Return both motions of a case, their states not yet set."""
+    own, other = memories
+    return Motions(
+        prepare(free, load, own),
+        prepare(held, load, other),
+        Passage(held.inward, held.outward, held.entry, held.exit, other.modal),
+        own.mixed if free.mixes else own.coordinates,
+        free.mixes,
+        free.inward,
+        free.outward,
+    )
 
 
 @part
@@ -75,20 +98,31 @@ def leave(motions: Motions, t: float, modal: Array) -> None:
 
 @part
 def fill_modal(motions: Motions, held: bool, t: float) -> None:
-    """Fill the coordinates of the free motion with the present state of the motion with the tip held, or free."""
+    """Fill [y, y', τ] with the present state of the motion with the tip held, or free."""
     free = motions.free
     if held:
         to_coordinates(motions.held.r, motions.held.now, t, motions.held.coordinates)
-        leave(motions, t, free.coordinates)
+        leave(motions, t, motions.modal)
     else:
         to_coordinates(free.r, free.now, t, free.coordinates)
+        if motions.mixes:
+            multiply(motions.outward, free.coordinates, motions.modal)
+
+
+@part
+def set_free(motions: Motions, t: float) -> None:
+    """Set the free motion from [y, y', τ]."""
+    free = motions.free
+    if motions.mixes:
+        multiply(motions.inward, motions.modal, free.coordinates)
+    from_coordinates(free.r, free.coordinates, t, free.now)
 
 
 @part
 def set_held(motions: Motions, t: float) -> None:
-    """Set the held motion from the coordinates of the free one."""
+    """Set the held motion from [y, y', τ]."""
     held, passage = motions.held, motions.passage
-    _change_modes(passage.entry, casing(motions, t), motions.free.coordinates, passage.modal)
+    _change_modes(passage.entry, casing(motions, t), motions.modal, passage.modal)
     multiply(passage.inward, passage.modal, held.coordinates)
     from_coordinates(held.r, held.coordinates, t, held.now)
 
@@ -99,8 +133,8 @@ def enter_contact(motions: Motions, threshold: float, t: float) -> int:
 
     A force below ``threshold`` times the rounding of its terms is zero.
     """
-    free, held = motions.free, motions.held
-    to_coordinates(free.r, free.now, t, free.coordinates)
+    held = motions.held
+    fill_modal(motions, False, t)
     set_held(motions, t)
     expand(held.r, held.now, t, held.x)
     force, rate = held.x.sums[expansion.D0, held.r.blocks], held.x.sums[expansion.D1, held.r.blocks]
@@ -114,7 +148,7 @@ def enter_contact(motions: Motions, threshold: float, t: float) -> int:
 def release(motions: Motions, tally: Any) -> None:
     """End a contact: set the free motion from the held one."""
     fill_modal(motions, True, tally.time)
-    from_coordinates(motions.free.r, motions.free.coordinates, tally.time, motions.free.now)
+    set_free(motions, tally.time)
     tally.contact_time += max(0.0, tally.time - tally.contact_begin)
     tally.contact_begin, tally.held = np.inf, 0
     tally.releases += 1

@@ -84,7 +84,7 @@ def end_phase(log: Log, motions: Motions, tally: Any) -> None:
     """Keep when and with which energy a phase ends that is logged."""
     i = tally.phases - 1
     fill_modal(motions, tally.held != 0, tally.time)
-    log.ended[i], log.energy[i] = tally.time, note_energy(log, motions.free.coordinates, tally)
+    log.ended[i], log.energy[i] = tally.time, note_energy(log, motions.modal, tally)
     tally.logged = 0
     if log.ended[i] <= log.begun[i]:
         tally.flights = FLIGHTS - 1  # the next one stands for those after it
@@ -103,7 +103,7 @@ def note_phase(log: Log, motions: Motions, after: bool, tally: Any) -> bool:
 def _log_phase(log: Log, motions: Motions, tally: Any) -> bool:
     if tally.phases >= log.held.size:
         return False
-    modal = motions.free.coordinates  # set by what led into a contact
+    modal = motions.modal  # set by what led into a contact
     if not tally.held:
         fill_modal(motions, False, tally.time)
     begin_phase(log, modal, tally)

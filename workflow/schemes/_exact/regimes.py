@@ -18,11 +18,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.kernels.complex_numbers import magnitude, over, times
+from workflow.kernels.complex_numbers import magnitude, times
 from workflow.kernels.sums import product
 from workflow.models import Array
 from workflow.schemes._exact.modal_system import ModalSystem, passages, signal_inputs, state_space
-from workflow.schemes._exact.spectrum import coupled_spectrum, general_spectrum, secular_spectrum
+from workflow.schemes._exact.pole_pairs import InseparablePolesError, pole_pairs
+from workflow.schemes._exact.spectrum import general_spectrum, is_trusted, secular_spectrum
 
 
 class Regime(NamedTuple):
@@ -87,12 +88,19 @@ def quasi_static(frequency: Array, damping: Array, rate: Array, drive: Array) ->
     return a, b, near.astype(np.float64)
 
 
-def regime_of(system: ModalSystem, alpha: float = 0.0) -> Regime:
-    """Return the regime of a structure with its tip free (α = 0), or held at α [W/N]."""
-    if alpha > 0 or system.pushed is not None:
-        regime = _two_way(linked(system), alpha)
-    else:
-        regime = _coupled(system) if system.is_coupled else _one_way(system)
+def free_regime(free: ModalSystem) -> Regime:
+    """Return the regime of a structure with its tip free."""
+    return _contiguous(_coupled(free, is_free=True) if free.is_coupled else _one_way(free))
+
+
+def held_regime(held: ModalSystem, alpha: float) -> Regime:
+    """Return the regime of a structure with its tip held at α [W/N], at α > 0 or with friction along t a linked one."""
+    if alpha > 0 or held.pushed is not None:
+        return _contiguous(_two_way(held, alpha))
+    return _contiguous(_coupled(held, is_free=False) if held.is_coupled else _one_way(held))
+
+
+def _contiguous(regime: Regime) -> Regime:
     return Regime(*(np.ascontiguousarray(values, dtype=np.float64) for values in regime))
 
 
@@ -156,74 +164,42 @@ def _alone(held: ModalSystem) -> NDArray[np.bool_]:
     return np.asarray(np.all(beside <= _LINKED * np.abs(held.damping).max(initial=0.0), axis=1))
 
 
-def _coupled(held: ModalSystem) -> Regime:
-    """Return the regime of a tip held without friction heat whose modes damping couples: pairs of poles as blocks.
+def _coupled(system: ModalSystem, is_free: bool) -> Regime:
+    """Return the regime without friction heat of a structure whose modes damping couples: pairs of poles as blocks.
 
-    Poles s₁, s₂ with left eigenvectors l₁, l₂ and right ones x₁, x₂ have the coordinates η = ξ₁ + ξ₂ and
-    u = s₁ ξ₁ + s₂ ξ₂, ξ = l X: η' = u, u' = (s₁ + s₂) u - s₁ s₂ η and
-
-        X = ((s₁ x₂ - s₂ x₁) η + (x₁ - x₂) u)/(s₁ - s₂).
-
-    Complex poles are paired with their conjugates, real ones with each other, the slowest with the fastest. Rigid
-    modes, whose pole 0 is a double one, stay blocks, and first-order states are thermal modes.
+    Rigid modes, whose pole 0 is a double one, stay blocks, and first-order states are thermal modes.
 
     Raises
     ------
-    ValueError
-        Poles coincide, or one is a thermal rate.
+    InseparablePolesError
+        Poles coincide, one is a thermal rate, or a real one is positive.
     """
-    A, row, source = state_space(held, 0.0)
-    modes, heats, size = held.frequency.size, held.rate.size, row.size
-    rigid = (held.frequency == 0) & _alone(held)
-    moving = np.flatnonzero(~rigid)
+    A, row, source = state_space(system, 0.0)
+    modes, heats, size = system.frequency.size, system.rate.size, row.size
+    rigid = (system.frequency == 0) & _alone(system)
+    moving, still = np.flatnonzero(~rigid), int(rigid.sum())
     own = np.concatenate([moving, modes + moving, np.arange(2 * modes, size)])
-    spectrum = coupled_spectrum(_some(held, ~rigid), 0.0, A[np.ix_(own, own)])
-    if spectrum is None:
-        raise ValueError(
-            "with the tip held, damping leaves poles that coincide: event_driven cannot separate them apart"
-        )
-    one, other = _partners(spectrum.values[: spectrum.values.size - heats])
-    s, t = spectrum.values[one], np.where(one == other, spectrum.values[other].conj(), spectrum.values[other])
-    left = [spectrum.left[one], np.where((one == other)[:, None], spectrum.left[other].conj(), spectrum.left[other])]
-    right = [
-        spectrum.right.T[one],
-        np.where((one == other)[:, None], spectrum.right.T[other].conj(), spectrum.right.T[other]),
-    ]
-    apart = (s - t)[:, None]
-    still, count = int(rigid.sum()), modes
+    at = np.concatenate([np.arange(still, modes), np.arange(modes + still, size)])
+    pairs = pole_pairs(_some(system, ~rigid), A[np.ix_(own, own)], is_free)
     inward, outward = np.zeros((size, size)), np.zeros((size, size))
     for k, mode in enumerate(np.flatnonzero(rigid)):
-        inward[k, mode] = inward[count + k, modes + mode] = outward[mode, k] = outward[modes + mode, count + k] = 1.0
-    inward[still:count, own] = (left[0] + left[1]).real
-    inward[count + still : 2 * count, own] = (times(s[:, None], left[0]) + times(t[:, None], left[1])).real
-    inward[2 * count :, own] = spectrum.left[spectrum.values.size - heats :].real
-    outward[own, still:count] = over(times(s[:, None], right[1]) - times(t[:, None], right[0]), apart).real.T
-    outward[own, count + still : 2 * count] = over(right[0] - right[1], apart).real.T
-    outward[own, 2 * count :] = spectrum.right[:, spectrum.values.size - heats :].real
-    entry, back = passages(held)
+        inward[k, mode] = inward[modes + k, modes + mode] = outward[mode, k] = outward[modes + mode, modes + k] = 1.0
+    inward[np.ix_(at, own)], outward[np.ix_(own, at)] = pairs.inward, pairs.outward
+    entry, back = passages(system)
     return Regime(
-        damping=np.concatenate([np.diag(held.damping)[rigid], -(s + t).real]),
-        stiffness=np.concatenate([np.zeros(still), times(s, t).real]),
-        rate=held.rate,
-        coupling=np.zeros((3, heats, count)),
-        resonant=np.zeros(count),
+        damping=np.concatenate([np.diag(system.damping)[rigid], pairs.damping]),
+        stiffness=np.concatenate([np.zeros(still), pairs.stiffness]),
+        rate=system.rate,
+        coupling=np.zeros((3, heats, modes)),
+        resonant=np.zeros(modes),
         signal=product(row, outward),
-        temperature=product(held.heat_tip, outward[2 * modes :]),
-        source=np.concatenate([product(inward, source), signal_inputs(held)[None]]).T,
+        temperature=product(system.heat_tip, outward[2 * modes :]),
+        source=np.concatenate([product(inward, source), signal_inputs(system)[None]]).T,
         inward=inward.T,
         outward=outward.T,
         entry=entry,
         exit=back,
     )
-
-
-def _partners(values: Any) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the two poles of each block, ascending by their product; twice the same for a complex pair."""
-    pair, real = np.flatnonzero(values.imag > 0), np.flatnonzero(values.imag == 0)
-    real = real[np.argsort(magnitude(values[real]), kind="stable")]
-    one, other = np.concatenate([pair, real[: real.size // 2]]), np.concatenate([pair, real[::-1][: real.size // 2]])
-    order = np.argsort(magnitude(values[one]) * magnitude(values[other]), kind="stable")
-    return one[order], other[order]
 
 
 def _two_way(held: ModalSystem, alpha: float) -> Regime:
@@ -233,7 +209,11 @@ def _two_way(held: ModalSystem, alpha: float) -> Regime:
     and u = Re(s ξ), so that η' = u, u' = 2σ u - |s|² η and X = 2 Re(x ξ).
     """
     A, row, source = state_space(held, alpha)
-    spectrum = secular_spectrum(held, alpha, A) or general_spectrum(A, row)
+    spectrum = secular_spectrum(held, alpha, A)
+    if spectrum is None:
+        spectrum = general_spectrum(A, row)
+        if held.is_coupled and not is_trusted(spectrum.right, spectrum.left):
+            raise InseparablePolesError
     first = np.flatnonzero(spectrum.values.imag == 0)
     pairs = np.flatnonzero(spectrum.values.imag > 0)
     pairs = pairs[np.argsort(magnitude(spectrum.values[pairs]), kind="stable")]

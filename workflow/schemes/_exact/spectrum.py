@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from workflow.kernels.complex_numbers import complex_of, complex_product, magnit
 from workflow.kernels.eigen import eigenvalues, eigenvectors
 from workflow.kernels.packs import Lane, narrow, pack, store
 from workflow.kernels.solving import solve
-from workflow.kernels.sums import product
+from workflow.kernels.sums import product, total
 from workflow.models import Array
 from workflow.schemes._exact import secular
 from workflow.schemes._exact import zeros as row
@@ -25,6 +26,17 @@ Complex = NDArray[np.complex128]
 _CRITICAL = 1e-4
 """Two poles of a block nearer than this, relatively, leave fewer than twelve digits in their own
 eigenvectors: then the general solver does no worse."""
+
+_TRUSTED = 1e5
+"""Σ |l_k x_k| of a pole up to which its eigenvectors, l x = 1, keep eleven digits: it grows without bound as another
+pole comes near that has the same eigenvector."""
+
+_NEAR_RATE = 1e-5
+"""Share of |s| + μ beyond which a pole s is so far from a thermal rate, s = -μ, that the response to that mode keeps
+eleven digits."""
+
+_ROUNDING = 1e-13
+"""Share of the fastest pole within which poles are the same: the general solver errs by 1e-15 of it and more."""
 
 _NONE = np.zeros((2, 0))
 
@@ -178,6 +190,11 @@ def general_spectrum(A: Array, force: Array) -> Spectrum:
     return Spectrum(values[keep], right, left[keep], complex_product(force, right))
 
 
+def is_trusted(right: Complex, left: Complex) -> bool:
+    """Tell whether no eigenvector nearly depends on others: Σ |l_k x_k| is 1 where none does, whatever the units."""
+    return bool(np.all(total(magnitude(left) * magnitude(right.T), 1) <= _TRUSTED))
+
+
 def guesses_of(A: Array) -> Array:
     """Return eigenvalues with imaginary part >= 0 by the general solver, ``(2, eigenvalue)``."""
     values = eigenvalues(A)
@@ -222,6 +239,66 @@ def _rounded(found: Spectrum) -> Spectrum:
     return Spectrum(found.values, right, left, force)
 
 
+def _dragged(system: ModalSystem, moved: Array, poles: Complex) -> Array | None:
+    """Return the response [z, z'] to each thermal mode, ``(N, thermal mode)``; ``None`` where a pole is at its rate.
+
+    A mode that loses no heat drags along what it deforms statically: where the pole of a motion that nothing holds is 0
+    too, heat does not drive that motion.
+    """
+    modes, size, fastest = system.frequency.size, moved.shape[0], magnitude(poles).max(initial=0.0)
+    response = np.zeros((size, system.rate.size))
+    for j, mu in enumerate(system.rate):
+        drive = moved[:, size + j]
+        if not np.any(drive):
+            continue
+        distance = magnitude(poles + mu)
+        at = distance <= np.maximum(_NEAR_RATE * (magnitude(poles) + mu), _ROUNDING * fastest)
+        if not np.any(at):
+            response[:, j] = solve(moved[:, :size] + mu * np.eye(size), -drive)
+        elif mu == 0 and system.pushed is None:
+            elastic = system.frequency > 0
+            response[:modes][elastic, j] = -system.coupling[elastic, j] / system.frequency[elastic] ** 2
+        else:
+            return None
+    return response
+
+
+@dataclass(frozen=True, eq=False)
+class _Separate:
+    """A system without friction heat in coordinates in which its matrix D is diagonal."""
+
+    poles: Complex
+    """D: poles, then rates with their sign, ``(N,)``."""
+    whole: Complex
+    """[[V, R], [0, 1]], ``(N, N)``."""
+    inverse: Complex
+    force: Complex
+    """Contact force per coordinate, ``(N,)``."""
+
+
+_KNOWN: WeakKeyDictionary[ModalSystem, _Separate | None] = WeakKeyDictionary()
+"""What systems are without friction heat and friction along a tangent, the same at each α."""
+
+
+def _separate(system: ModalSystem, moved: Array, row: Array) -> _Separate | None:
+    """Return a system whose modes damping couples without friction heat, ``None`` where that cannot be trusted.
+
+    ``moved`` are [z', z''] per X, ``(2 mode, N)``.
+    """
+    size, mu = moved.shape[0], system.rate
+    try:
+        values, right, left = eigenvectors(moved[:, :size])
+        response = _dragged(system, moved, values) if is_trusted(right, left) else None
+    except np.linalg.LinAlgError:
+        return None
+    if response is None:
+        return None
+    whole, inverse = (np.eye(size + mu.size, dtype=np.complex128) for _ in range(2))
+    whole[:size, :size], whole[:size, size:] = right, response
+    inverse[:size, :size], inverse[:size, size:] = left, -complex_product(left, response)
+    return _Separate(np.concatenate([values, -mu + 0j]), whole, inverse, complex_product(row, whole))
+
+
 def coupled_spectrum(held: ModalSystem, alpha: float, A: Array) -> Spectrum | None:
     """Return the spectrum where damping couples the modes, ``None`` where it cannot be trusted.
 
@@ -229,32 +306,25 @@ def coupled_spectrum(held: ModalSystem, alpha: float, A: Array) -> Spectrum | No
     along, (A_m + μ) R = -A_mτ, so that D holds the poles and the rates in the coordinates of [[V, R], [0, 1]]. Without
     friction heat that is the spectrum: poles first, then rates in their order.
     """
-    size, mu = 2 * held.frequency.size, held.rate
+    size = 2 * held.frequency.size
     row = np.concatenate([-held.reaction, -held.reaction_slope, -held.thermal_reaction])
-    moved, warming = A[:size], np.concatenate([np.zeros(size), held.heat_tip])
+    warming = np.concatenate([np.zeros(size), held.heat_tip])
     if held.pushed is not None:
         push = np.concatenate([np.zeros(size // 2), held.pushed])
-        moved, warming = moved - np.outer(push, row), np.concatenate([push, alpha * held.heat_tip])
-    inner = moved[:, :size]
-    response = np.zeros((size, mu.size))
-    try:
-        values, right, left = eigenvectors(inner)
-        for j in range(mu.size):
-            response[:, j] = solve(inner + mu[j] * np.eye(size), -moved[:, size + j])
-    except np.linalg.LinAlgError:
+        warming = np.concatenate([push, alpha * held.heat_tip])
+        system = _separate(held, A[:size] - np.outer(push, row), row)
+    else:
+        if held not in _KNOWN:
+            _KNOWN[held] = _separate(held, A[:size], row)
+        system = _KNOWN[held]
+    if system is None:
         return None
-    whole, inverse = (np.eye(size + mu.size, dtype=np.complex128) for _ in range(2))
-    whole[:size, :size], whole[:size, size:] = right, response
-    inverse[:size, :size], inverse[:size, size:] = left, -complex_product(left, response)
-    force = complex_product(row, whole)
-    d = np.concatenate([values, -mu + 0j])
     if alpha == 0 and held.pushed is None:
-        keep = d.imag >= 0
-        return Spectrum(d[keep], whole[:, keep], inverse[keep], force[keep])
-    matrix = rank_one(d, complex_product(inverse, warming), force, mu.size)
+        keep = system.poles.imag >= 0
+        return Spectrum(system.poles[keep], system.whole[:, keep], system.inverse[keep], system.force[keep])
+    matrix = rank_one(system.poles, complex_product(system.inverse, warming), system.force, held.rate.size)
     found = _spectrum(_solve_matrix, matrix, _factor(held, alpha), A)
     if found is None:
         return None
-    return Spectrum(
-        found.values, complex_product(whole, found.right), complex_product(found.left, inverse), found.force
-    )
+    right, left = complex_product(system.whole, found.right), complex_product(found.left, system.inverse)
+    return Spectrum(found.values, right, left, found.force)

@@ -1,0 +1,222 @@
+"""The exact scheme on structures whose modes damping couples, tip free and tip held; fixed steps: ``test_damping``."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import mpmath
+import numpy as np
+import pytest
+from plain_events import Reference
+from test_event_driven_random import moving_scene, scene
+
+from scenes import cases, chain, heavy_chain, relative, same_bits, sampling, step
+from sliding import random_structure
+from workflow import schemes
+from workflow.models import Array, Cases, Matrices, Structure, couples_free_modes, free_damping, mechanical_modes
+from workflow.schemes import RefusedStructureError, Results, Status, event_driven
+from workflow.schemes._exact import block_table as block
+from workflow.schemes._exact.layout import free_layout
+from workflow.schemes._exact.modal_system import free_system, state_space
+
+OVER = sampling(8.0, 0.1)
+
+
+def dashpot(size: int, at: int, other: int | None, strength: float) -> Array:
+    """C1 of a dashpot between two nodes, or between one and the ground."""
+    along = np.zeros(size)
+    along[at] = 1.0
+    if other is not None:
+        along[other] = -1.0
+    return strength * np.outer(along, along)
+
+
+def with_dashpot(nodes: int = 6, strength: float = 20.0) -> Matrices:
+    return replace(heavy_chain(nodes=nodes).matrices(), damper=dashpot(nodes, nodes // 3, 2 * nodes // 3, strength))
+
+
+def random_damper(rng: np.random.Generator, size: int) -> Array:
+    """A positive semi-definite matrix: full, of one dashpot, of rank one, or diagonal, up to strongly overdamped."""
+    kind, strength = rng.integers(0, 4), float(rng.choice([0.05, 0.5, 5.0]))
+    if kind == 0:
+        root = rng.normal(size=(size, size))
+        return strength * root @ root.T / size
+    if kind == 1:
+        at, other = rng.choice(size, 2, replace=False)
+        return dashpot(size, at, other, strength)
+    along = rng.normal(size=size)
+    return strength * (np.outer(along, along) if kind == 2 else np.diag(rng.uniform(0, 1, size)))
+
+
+def solved(structure: Structure, case: Cases, gap: float = 0.0) -> Results:
+    operator = event_driven.init(structure, 0.0, event_driven.Options(events=1000))
+    return event_driven.compute(operator, replace(case, gap=case.gap + gap), replace(OVER, balances=True))
+
+
+def compare(seed: int) -> int:
+    """Compare a random scene as far as it can be predicted and return its number of impacts."""
+    rng = np.random.default_rng(seed)
+    structure, case = (moving_scene if seed % 3 == 0 else scene)(rng)
+    while structure.mechanical_size < 2:
+        structure, case = scene(rng)
+    structure = replace(structure.matrices(), damper=random_damper(rng, structure.mechanical_size))
+    results, touches = solved(structure, case), case.displacement[0, -1] == case.casing_at(0.0)[0]
+    nearby = solved(structure, case, 0.0 if touches else 1e-12)
+    reference = Reference(structure, case).solve(OVER.times)
+    apart = ~(np.abs(nearby.histories["displacement"][0] - results.histories["displacement"][0]) < 3e-11)
+    known = (OVER.times < reference.reached - 1e-9) & (np.cumsum(apart) == 0)
+    for name in ("displacement", "temperature", "impulse"):
+        ours, theirs = results.histories[name][0, known], getattr(reference, name)[known]
+        assert np.linalg.norm(ours - theirs) <= 1e-9 * max(float(np.linalg.norm(theirs)), 1e-3), (seed, name)
+    if results.status[0] == Status.OK:
+        assert abs(results.metrics["energy_residual"][0]) < 1e-11, seed
+        assert abs(results.metrics["heat_residual"][0]) < 1e-11, seed
+    return reference.impacts
+
+
+def test_random_scenes() -> None:
+    """Restitution 0 to 1, with and without heat, permanent contact, casings that move; also loose parts."""
+    assert sum(compare(seed) for seed in (2, 4, 11, 27, 54)) > 20
+
+
+@pytest.mark.slow
+def test_a_hundred_random_scenes() -> None:
+    assert sum(compare(seed) for seed in range(100)) > 500
+
+
+def test_friction_along_a_tangent() -> None:
+    rng = np.random.default_rng(5)
+    structure = random_structure(rng, 4)
+    structure = replace(structure, damper=random_damper(rng, 4))
+    assert couples_free_modes(structure)
+    case = cases(
+        structure, e=0.5, alpha=0.3, friction=0.2, gap=0.01, mean=30.0, amplitude=60.0, frequency=9.0, phase=0.4
+    )
+    over = replace(sampling(0.4, 0.01), balances=True)
+    results, reference = step(structure, case, 0.0, over, "event_driven"), Reference(structure, case).solve(over.times)
+    known = over.times < reference.reached - 1e-9
+    assert reference.impacts > 1
+    for name in ("displacement", "temperature", "impulse"):
+        assert relative(results.histories[name][0, known], getattr(reference, name)[known]) < 1e-9
+    assert abs(results.metrics["energy_residual"][0]) < 1e-11
+
+
+def test_each_pole_has_its_own_accuracy() -> None:
+    """Against 40 digits: the general solver errs by rounding times the largest."""
+    structure = with_dashpot()
+    free = free_system(structure)
+    A, modes = state_space(free, 0.0)[0], free.frequency.size
+    with mpmath.workdps(40):
+        values, _ = mpmath.eig(mpmath.matrix(A[: 2 * modes, : 2 * modes].tolist()))
+    wanted = np.array([complex(s) for s in values])
+    table = free_layout(free).block
+    half = 0.5 * table[block.DAMPING, :modes]
+    found = -half + 1j * np.sqrt(table[block.STIFFNESS, :modes] - half**2)
+    error = np.abs(found[:, None] - wanted).min(1) / np.abs(found)
+    assert error.max() < 4e-15
+
+
+def test_free_flight_is_that_of_forty_digits() -> None:
+    """Tenth of a second, a thousand periods: the free motion is exp(A t)."""
+    structure = with_dashpot()
+    n = structure.mechanical_size
+    start = cases(structure, gap=1.0, displacement=1e-5 * np.arange(1.0, n + 1), velocity=0.1)
+    found = step(structure, start, 0.0, sampling(0.1, 0.1), "event_driven").histories
+    inverse = np.linalg.inv(structure.mass)
+    with mpmath.workdps(40):
+        A = mpmath.zeros(2 * n)
+        for i in range(n):
+            A[i, n + i] = 1
+            for j in range(n):
+                A[n + i, j] = -mpmath.mpf(inverse[i, i]) * mpmath.mpf(structure.stiffness_matrix[i, j])
+                A[n + i, n + j] = -mpmath.mpf(inverse[i, i]) * mpmath.mpf(structure.damping_matrix[i, j])
+        end = mpmath.expm(A * mpmath.mpf(0.1)) * mpmath.matrix([*start.displacement[0], *start.velocity[0]])
+    assert abs(found["displacement"][0, -1] - float(end[n - 1])) < 1e-12 * 6e-5
+    assert abs(found["velocity"][0, -1] - float(end[2 * n - 1])) < 1e-12 * 6e-5 * 2e5
+
+
+LOAD = {"alpha": 5.0, "gap": 5e-5, "amplitude": 400.0, "frequency": 200.0}
+
+
+@pytest.mark.parametrize("e", [0.0, 0.5, 0.9])
+def test_the_limit_of_no_coupling_is_the_solution_in_modes(e: float) -> None:
+    structure = heavy_chain(nodes=6).matrices()
+    modes = mechanical_modes(structure)
+    coupling = np.full((6, 6), 1e-9)
+    moved = structure.mass @ modes.shapes
+    coupled = replace(structure, damper=moved @ (coupling + np.diag(np.full(6, 10.0))) @ moved.T)
+    apart = replace(structure, damper=moved @ np.diag(np.full(6, 10.0)) @ moved.T)
+    assert couples_free_modes(coupled)
+    assert free_damping(apart, modes).ndim == 1
+    over = replace(sampling(0.01, 1e-4), balances=True)
+    one, other = (step(s, cases(s, e=e, **LOAD), 0.0, over, "event_driven") for s in (apart, coupled))
+    assert one.metrics["impacts"][0] > 0
+    for name in ("displacement", "temperature", "impulse"):
+        assert relative(other.histories[name], one.histories[name]) < 1e-10
+
+
+def test_moreau_comes_to_it_and_balances_close() -> None:
+    """Impacts that accumulate, permanent contact and friction heat; a case does not depend on its neighbours."""
+    structure = with_dashpot()
+    batch = cases(structure, 3, e=np.array([0.0, 0.5, 0.9]), mean=300.0, **LOAD)
+    over = replace(sampling(0.01, 1e-4), balances=True)
+    exact = step(structure, batch, 0.0, over, "event_driven")
+    assert np.abs(exact.metrics["energy_residual"]).max() < 1e-11
+    assert np.abs(exact.metrics["heat_residual"]).max() < 1e-11
+    assert np.all(exact.metrics["releases"] > 0)
+    short = sampling(0.002, 1e-4)
+    wanted = exact.histories["impulse"][:, : short.count]
+    errors = [relative(step(structure, batch, h, short).histories["impulse"], wanted) for h in (2e-6, 5e-7)]
+    assert errors[1] < errors[0] < 1e-2  # impacts: slower than first order
+    alone = step(structure, batch.take(slice(1, 2)), 0.0, over, "event_driven")
+    assert np.array_equal(alone.histories["displacement"][0], exact.histories["displacement"][1])
+    assert same_bits(exact, step(structure, batch, 0.0, over, "event_driven"))
+
+
+def critical(structure: Matrices, size: int) -> float:
+    """Return the strength of a dashpot to the ground at the first node at which two poles of the first nodes meet."""
+    low, high = 0.5, 10.0
+    while high - low > 1e-15 * high:
+        middle = 0.5 * (low + high)
+        if not low < middle < high:
+            break
+        M, K = structure.mass[:size, :size], structure.stiffness_matrix[:size, :size]
+        C = (structure.damping_matrix + dashpot(structure.mechanical_size, 0, None, middle))[:size, :size]
+        A = np.block([[np.zeros((size, size)), np.eye(size)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
+        is_real = np.any(np.abs(np.linalg.eigvals(A).imag) == 0)
+        low, high = (low, middle) if is_real else (middle, high)
+    return high
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_poles_that_coincide_are_refused_and_those_beside_them_right(held: bool) -> None:
+    structure = chain(nodes=3, mass=1.0, stiffness=(1.0, 2.0, 1.5)).matrices()
+    strength = critical(structure, 2 if held else 3)
+    at = replace(structure, damper=dashpot(3, 0, None, strength))
+    case = cases(structure, e=0.5, gap=0.2, mean=0.5, amplitude=0.4, frequency=0.1)
+    if held:
+        results = step(at, case, 0.0, OVER, "event_driven")
+        assert results.status[0] == Status.FAILED
+        assert "with the tip held" in results.messages[0]
+        assert "cannot separate" in results.messages[0]
+    else:
+        with pytest.raises(RefusedStructureError, match="cannot separate"):
+            event_driven.init(at, 0.0, event_driven.Options())
+    beside = replace(structure, damper=dashpot(3, 0, None, strength * (1 + 1e-6)))
+    results, reference = step(beside, case, 0.0, OVER, "event_driven"), Reference(beside, case).solve(OVER.times)
+    known = OVER.times < reference.reached - 1e-9
+    assert relative(results.histories["displacement"][0, known], reference.displacement[known]) < 1e-9
+
+
+def test_damping_that_feeds_a_real_pole_is_refused() -> None:
+    structure = chain(nodes=3, mass=1.0, stiffness=(1.0, 2.0, 1.5)).matrices()
+    fed = replace(structure, damper=dashpot(3, 2, None, 5.0) - dashpot(3, 0, None, 9.0))
+    with pytest.raises(RefusedStructureError, match="damping is negative"):
+        event_driven.init(fed, 0.0, event_driven.Options())
+
+
+def test_a_plan_says_what_it_costs() -> None:
+    scheme = schemes.load("event_driven")
+    assert scheme.operator_name is not None
+    assert scheme.operator_name(heavy_chain(nodes=6)) == ""
+    assert "poles of 18 states, as damping couples the modes" in scheme.operator_name(with_dashpot())

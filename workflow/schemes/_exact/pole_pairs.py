@@ -1,0 +1,131 @@
+"""Blocks of a structure whose modes damping couples: pairs of its poles, complex ones with their conjugates.
+
+Poles s₁, s₂ with left eigenvectors l₁, l₂ and right ones x₁, x₂ have the coordinates η = ξ₁ + ξ₂ and
+u = s₁ ξ₁ + s₂ ξ₂, ξ = l X, so that η' = u, u' = (s₁ + s₂) u - s₁ s₂ η and
+
+    X = ((s₁ x₂ - s₂ x₁) η + (x₁ - x₂) u)/(s₁ - s₂).
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow.kernels.complex_numbers import complex_product, complex_total, magnitude, over, times
+from workflow.models import Array
+from workflow.schemes._exact.modal_system import ModalSystem
+from workflow.schemes._exact.spectrum import Complex, coupled_spectrum
+from workflow.schemes._interface import RefusedStructureError
+
+INSEPARABLE = (
+    "couples its modes and leaves poles that event_driven cannot separate: two coincide, one is a thermal rate, or a "
+    "real one grows as damping is negative; change it by a trifle, or take a scheme with a fixed step"
+)
+"""Why such a structure is refused."""
+
+_ROUNDING = 1e-12
+"""Share of the fastest pole up to which a negative sum or product of poles is rounding: the general solver's is 1e-15
+of it times the condition of the pole."""
+
+
+class InseparablePolesError(RefusedStructureError):
+    """Poles of a structure whose modes damping couples are too near each other or a thermal rate, or one feeds it."""
+
+    def __init__(self) -> None:
+        super().__init__(f"its damping matrix {INSEPARABLE}")
+
+
+class PolePairs(NamedTuple):
+    """Blocks η'' + c η' + ω² η and first-order states ξ, the thermal modes, in X = [z, z', τ]; N of them in all."""
+
+    damping: Array
+    """c, 1/s, ``(block,)``."""
+    stiffness: Array
+    """ω², 1/s², ascending, ``(block,)``."""
+    inward: Array
+    """[η, u, ξ] per X, ``(N, N)``."""
+    outward: Array
+    """X per [η, u, ξ], ``(N, N)``."""
+
+
+def pole_pairs(system: ModalSystem, A: Array, is_sharp: bool) -> PolePairs:
+    """Return the blocks of a system without friction heat, X' = A X, whose modes damping couples.
+
+    Complex poles are paired with their conjugates, real ones with each other, the slowest with the fastest.
+
+    Parameters
+    ----------
+    is_sharp
+        Whether each pole is to have its own relative accuracy, see :func:`sharpened`.
+
+    Raises
+    ------
+    InseparablePolesError
+        Poles coincide, one is a thermal rate, or a real one is positive.
+    """
+    spectrum = coupled_spectrum(system, 0.0, A)
+    if spectrum is None:
+        raise InseparablePolesError
+    count = spectrum.values.size - system.rate.size
+    poles = (
+        sharpened(spectrum.values[:count], spectrum.right[:, :count], system) if is_sharp else spectrum.values[:count]
+    )
+    one, other = _partners(poles)
+    twin = (one == other)[:, None]
+    s, t = poles[one], np.where(twin[:, 0], poles[other].conj(), poles[other])
+    l1, l2 = spectrum.left[one], np.where(twin, spectrum.left[other].conj(), spectrum.left[other])
+    x1, x2 = spectrum.right.T[one], np.where(twin, spectrum.right.T[other].conj(), spectrum.right.T[other])
+    apart = (s - t)[:, None]
+    into = [(l1 + l2).real, (times(s[:, None], l1) + times(t[:, None], l2)).real, spectrum.left[count:].real]
+    back = [
+        over(times(s[:, None], x2) - times(t[:, None], x1), apart).real,
+        over(x1 - x2, apart).real,
+        spectrum.right.T[count:].real,
+    ]
+    fastest = magnitude(poles).max(initial=0.0)
+    stiffness = _without_rounding(times(s, t).real, fastest * np.maximum(magnitude(s), magnitude(t)))
+    if np.any(stiffness < 0):
+        raise InseparablePolesError
+    return PolePairs(
+        _without_rounding(-(s + t).real, np.full(s.size, fastest)),
+        stiffness,
+        np.concatenate(into),
+        np.concatenate(back).T,
+    )
+
+
+def sharpened(values: Complex, right: Complex, system: ModalSystem) -> Complex:
+    """Return poles by one step of Newton's method, each to its own relative accuracy.
+
+    The general solver leaves an error of rounding times the largest pole. A pole s with the displacements y of its
+    eigenvector is a zero of yᵀ (s² + s D + ω²) y, D the matrix of damping. D is symmetric: an error of y counts by its
+    square.
+
+    Parameters
+    ----------
+    values, right
+        Poles, ``(pole,)``, and their eigenvectors in [z, z', …], ``(N, pole)``.
+    """
+    y = right[: system.frequency.size]
+    squares = times(y, y)
+    inertia = complex_total(squares, 0)
+    dissipation = complex_total(times(y, complex_product(system.damping, y)), 0)
+    strain = complex_total(system.frequency[:, None] ** 2 * squares, 0)
+    off = times(values, times(values, inertia) + dissipation) + strain
+    return np.asarray(values - over(off, times(2 * values, inertia) + dissipation))
+
+
+def _partners(values: Any) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the two poles of each block, ascending by their product; twice the same for a complex pair."""
+    pair, real = np.flatnonzero(values.imag > 0), np.flatnonzero(values.imag == 0)
+    real = real[np.argsort(magnitude(values[real]), kind="stable")]
+    one, other = np.concatenate([pair, real[: real.size // 2]]), np.concatenate([pair, real[::-1][: real.size // 2]])
+    order = np.argsort(magnitude(values[one]) * magnitude(values[other]), kind="stable")
+    return one[order], other[order]
+
+
+def _without_rounding(values: Array, size: Array) -> Array:
+    """Return sums or products of poles, 0 where they are negative by rounding."""
+    return np.where((values < 0) & (values >= -_ROUNDING * size), 0.0, values)
