@@ -66,7 +66,7 @@ def test_answers_at_shifts_are_in_the_thermal_space() -> None:
         vectors = BASIS.thermal(structure, count, Known(DURATION))
         for shift in (1 / DURATION, 10 / DURATION):
             assert outside(answer(heat, shift), vectors, capacity) < 1e-12
-    repeated = answer(capacity @ answer(heat, 10.0), 10.0)  # three vectors to a shift
+    repeated = answer(capacity @ answer(heat, 10.0), 10.0)  # two vectors to a shift
     assert outside(repeated, vectors, capacity) < 1e-12
 
 
