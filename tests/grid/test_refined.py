@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from matrix_files import as_sparse_npz, matrices_of
@@ -38,13 +39,19 @@ def study_of(directory: Path, tolerance: float, bases: str = "krylov") -> Path:
 @pytest.mark.slow  # events of 309 + 309 modes, and growth rates
 @pytest.mark.parametrize("tolerance", [1e-5, 1e-8])
 def test_the_error_of_a_reference_is_that_against_the_full_solution(tolerance: float, tmp_path: Path) -> None:
-    """Cases are solved in full: what they seem to err is the error of the reference."""
+    """Cases are solved in full: what they seem to err is the error of the reference, and rounding.
+
+    Entries of the stiffness rounded by eps move its answers by eps times its condition, 3e-11 here. A basis that is
+    right to 1e-12 and the 309 modes of the full structure differ by some of that.
+    """
     study = read_study(study_of(tmp_path, tolerance))
     found = run_study(study, tmp_path / "a.nc").dataset.load()
     shown = float(found["reference_basis_error"].max())
     assert float(found["reference_basis_error"].min()) == shown
     true = max(float(found[name].max()) for name in ("displacement_error", "temperature_error"))
-    assert 0 < true <= shown * 1.2
+    rounding = 10 * np.finfo(float).eps * np.linalg.cond(matrices_of(blade(NODES))["stiffness"])
+    assert rounding < 1e-9
+    assert 0 < true <= shown * 1.2 + rounding
     assert shown <= tolerance
     [choice] = arrange(study).choices.references.values()
     assert choice.mechanical_modes < NODES - 1
