@@ -31,6 +31,7 @@ from workflow.schemes._fixed.balance import (
 from workflow.schemes._fixed.contact import CASE_HEAT
 from workflow.schemes._fixed.decoupled import Decoupled, Motion
 from workflow.schemes._fixed.modal_lanes import HEAT_SPEED, Coefficients, State, by_mode
+from workflow.schemes._fixed.totals import Content, residuals
 
 REST = 1e-12
 """A tip that is slower than this share of what the tip load could give it within the run is at rest: a few thousand
@@ -122,14 +123,13 @@ class Books:
     def residuals(self, elapsed: float) -> dict[str, Array]:
         """Return the metrics that the balances give after ``elapsed`` seconds, ``(case,)``."""
         sums = self._ended
-        change = sums[SUM_ENERGY] - self._sums[SUM_ENERGY] + sums[SUM_DISSIPATED]
         rest = rest_energy(self._mobility, elapsed * self._pushed) + self._massless
-        energy = share(change, np.maximum(sums[SUM_LARGEST_ENERGY], rest))
+        largest = np.maximum(sums[SUM_LARGEST_ENERGY], rest)
+        energies = self._sums[SUM_ENERGY], sums[SUM_ENERGY], largest, sums[SUM_DISSIPATED]
+        heats = sums[[SUM_LOST_BEFORE, SUM_TURNED_OVER, SUM_FRICTION_HEAT]]
         warmed = self._ended_heat / self._scale - self._begun_heat + elapsed * self._warming
-        friction, heating = sums[SUM_FRICTION_HEAT], elapsed * self._heating
-        change = project(self._content[None, :], warmed)[:, 0] - friction - heating + sums[SUM_LOST_BEFORE]
-        turned = friction + np.abs(heating) + sums[SUM_TURNED_OVER] + self._initial
-        return {"energy_residual": energy, "heat_residual": share(change, turned)}
+        gained = project(self._content[None, :], warmed)[:, 0]
+        return residuals(np.array([*energies, *heats]), Content(gained, self._initial, elapsed * self._heating))
 
 
 def _audit(modal: Decoupled, free: Coefficients, loss: Array, terms: Terms) -> Audit:
@@ -235,9 +235,3 @@ def massless_energy(modal: Decoupled, h: float, velocity: Array) -> Array:
     """
     massless = modal.mass == 0
     return 0.5 * project((h * modal.frequency[massless])[None, :] ** 2, velocity[:, massless] ** 2)[:, 0]
-
-
-def share(part: Array, whole: Array) -> Array:
-    """Return part/whole, 0 where the whole is 0."""
-    nothing = whole == 0
-    return np.where(nothing, 0.0, part / np.where(nothing, 1.0, whole))

@@ -26,7 +26,7 @@ from workflow.kernels.sums import product
 from workflow.models import NO_HARMONICS, Cases, Structure, mechanical_modes, needs_matrices, project, static_tip_growth
 from workflow.schemes._fixed.central import Differences
 from workflow.schemes._fixed.contact import CASE_AHEAD, CASE_ALPHA, CASE_HALF, CASE_ROWS, Law, TipStep
-from workflow.schemes._fixed.dense_balance import account_of, no_account, open_account, residuals
+from workflow.schemes._fixed.dense_balance import account_of, content_of, no_account, open_account
 from workflow.schemes._fixed.dense_march import ACTS_SPEED, DenseState, FreeStep
 from workflow.schemes._fixed.drive import drive_of
 from workflow.schemes._fixed.march import fill_law, law_lanes
@@ -34,6 +34,7 @@ from workflow.schemes._fixed.marks import TIP_DISPLACEMENT, TIP_IMPULSE, TIP_TEM
 from workflow.schemes._fixed.outcome import ROUNDING, effective_restitution
 from workflow.schemes._fixed.sliding import friction_message
 from workflow.schemes._fixed.stepping import Watch, block_lanes, blocks, collect, watch
+from workflow.schemes._fixed.totals import residuals
 from workflow.schemes._interface import Results, Sampling, Status, schedule
 
 _CHUNK = 1024
@@ -187,7 +188,7 @@ def _marched(operator: DenseOperator, cases: Cases, sampling: Sampling) -> Resul
         acts=lane_rows(ACTS_SPEED + 1),
     )
     laws, reached, last = law_lanes(law), np.zeros((count, heats)), np.zeros((count, heats))
-    sums = np.zeros((account.sums.shape[0], count))
+    totals = np.zeros((account.totals.shape[0], count))
     for part, block in blocks(watched, block_lanes(4 * states.shape[1])):
         some, filled = cases.take(part), part.stop - part.start
         fill_law(laws, law, part)
@@ -199,12 +200,12 @@ def _marched(operator: DenseOperator, cases: Cases, sampling: Sampling) -> Resul
             open_account(account, structure, some)
         for first, loads in _loads(free, some, plan.steps):
             contact.kernel(free, laws, lanes, block, account, loads, first)
-        own[:, part], sums[:, part] = lanes.own[:, :filled], account.sums[:, :filled]
+        own[:, part], totals[:, part] = lanes.own[:, :filled], account.totals[:, :filled]
         before, after = lanes.shown[..., :filled].swapaxes(1, 2)
         last[part], reached[part] = after, before + plan.weight[-1] * (after - before)
     balances = effective_restitution(own) if contact.rebounds else {}
     if sampling.balances:
-        balances |= residuals(sums, structure, cases, last, plan.steps * free.tip.h)
+        balances |= residuals(totals, content_of(structure, cases, last, plan.steps * free.tip.h))
     status, messages = _judged(operator, cases, kick[:, -1], watched)
     closing = project(static_tip_growth(structure)[None, :], reached)[:, 0]
     return collect(watched, closing, status, messages, balances)

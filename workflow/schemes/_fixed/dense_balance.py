@@ -21,17 +21,21 @@ from workflow.kernels import Array
 from workflow.kernels.compiled import kernel, part
 from workflow.kernels.lanes import LANES, PACK, fill_lanes, lane_rows
 from workflow.models import Cases, Structure, directions
+from workflow.schemes._fixed.totals import (
+    DISSIPATED,
+    FIRST_ENERGY,
+    FRICTION_HEAT,
+    LARGEST_ENERGY,
+    LAST_ENERGY,
+    LOST,
+    TOTAL_ROWS,
+    TURNED_OVER,
+    Content,
+    residuals,
+)
 
 States = tuple[Array, Array, Array]
 """Displacement and velocity ``(case, mechanical)``, temperature ``(case, thermal)``."""
-
-SUM_FIRST, SUM_ENERGY, SUM_LARGEST, SUM_DISSIPATED = range(4)
-"""Rows of sums: energy at t = 0, at the end and the largest; dissipated less work of loads and contact [J]."""
-
-SUM_LOST, SUM_TURNED, SUM_HEAT = range(4, 7)
-"""Heat lost, turned over by loss, and taken in by friction [J]."""
-
-SUM_ROWS = SUM_HEAT + 1
 
 
 class Account(NamedTuple):
@@ -53,8 +57,8 @@ class Account(NamedTuple):
     """Velocity v_m, that which damps, and θ_m, ``(row, lane)``: what :func:`add_dissipation` is given."""
     force: Array
     """Room for forces, ``(2 mechanical, lane)``."""
-    sums: Array
-    """``(row, lane)``, rows ``SUM_…``."""
+    totals: Array
+    """``(row, lane)``, rows of :mod:`~workflow.schemes._fixed.totals`."""
 
 
 @part
@@ -72,7 +76,7 @@ def multiply(matrix: Array, states: Array, forces: Array, lanes: int) -> None:
 @part
 def measure(account: Account, x: Array, ahead: Array, v: Array, lanes: int) -> None:
     """Store the energy ½ vᵀM v + ½ xᵀK1 x', x' = ``ahead``, and the largest; a NaN stays."""
-    count, sums = v.shape[0], account.sums
+    count, totals = v.shape[0], account.totals
     inertia, elastic = account.force[:count], account.force[count : 2 * count]
     multiply(account.mass, v, inertia, lanes)
     multiply(account.stiffness, ahead, elastic, lanes)
@@ -81,15 +85,15 @@ def measure(account: Account, x: Array, ahead: Array, v: Array, lanes: int) -> N
         for i in range(count):
             kinetic += v[i, lane] * inertia[i, lane]
             strained += x[i, lane] * elastic[i, lane]
-        energy, largest = 0.5 * (kinetic + strained), sums[SUM_LARGEST, lane]
-        sums[SUM_ENERGY, lane] = energy
-        sums[SUM_LARGEST, lane] = largest if energy <= largest else energy
+        energy, largest = 0.5 * (kinetic + strained), totals[LARGEST_ENERGY, lane]
+        totals[LAST_ENERGY, lane] = energy
+        totals[LARGEST_ENERGY, lane] = largest if energy <= largest else energy
 
 
 @part
 def add_dissipation(account: Account, h: float, impulse: Array, load: Array, lanes: int) -> None:
     """Add the energy that a step dissipates; ``impulse`` of contact [N s] and ``load`` [N], ``(lane,)``."""
-    count, sums = account.mass.shape[0], account.sums
+    count, totals = account.mass.shape[0], account.totals
     v, damps, temperature = account.middle[:count], account.middle[count : 2 * count], account.middle[2 * count :]
     damped, pulled = account.force[:count], account.force[count : 2 * count]
     multiply(account.damping, damps, damped, lanes)
@@ -100,7 +104,7 @@ def add_dissipation(account: Account, h: float, impulse: Array, load: Array, lan
             work += v[i, lane] * (damped[i, lane] + pulled[i, lane] - account.steady[i, lane])
             driven += account.load[i] * v[i, lane]
             pushed += account.contact[i, lane] * v[i, lane]
-        sums[SUM_DISSIPATED, lane] += h * (work - load[lane] * driven) + impulse[lane] * pushed
+        totals[DISSIPATED, lane] += h * (work - load[lane] * driven) + impulse[lane] * pushed
 
 
 @part
@@ -110,8 +114,8 @@ def lose(account: Account, h: float, before: Array, after: Array, lanes: int) ->
         flow = 0.0
         for j in range(before.shape[0]):
             flow += account.losses[j] * (0.5 * (before[j, lane] + after[j, lane]))
-        account.sums[SUM_LOST, lane] += h * flow
-        account.sums[SUM_TURNED, lane] += abs(h * flow)
+        account.totals[LOST, lane] += h * flow
+        account.totals[TURNED_OVER, lane] += abs(h * flow)
 
 
 def account_of(structure: Structure) -> Account:
@@ -124,7 +128,7 @@ def account_of(structure: Structure) -> Account:
         structure.coupling_matrix,
         structure.load_direction,
         structure.loss_row,
-        *(lane_rows(rows) for rows in (n, n, 2 * n + heats, 2 * n, SUM_ROWS)),
+        *(lane_rows(rows) for rows in (n, n, 2 * n + heats, 2 * n, TOTAL_ROWS)),
     )
 
 
@@ -134,24 +138,19 @@ def no_account() -> Account:
 
 
 def open_account(account: Account, structure: Structure, cases: Cases) -> None:
-    """Set the account to no sums, for up to ``LANES`` cases."""
+    """Set the account to zero, for up to ``LANES`` cases."""
     fill_lanes(account.contact, directions(structure, cases.friction).T)
     fill_lanes(account.steady, cases.steady.T)
-    account.sums[:] = 0.0
+    account.totals[:] = 0.0
 
 
-def residuals(sums: Array, structure: Structure, cases: Cases, last: Array, elapsed: float) -> dict[str, Array]:
-    """Return ``energy_residual`` and ``heat_residual``; 0 where there is no energy, or no heat turned over.
-
-    ``sums`` are ``(row, case)``, ``last`` the temperatures at the end, ``(case, thermal)``.
-    """
-    ones, content = np.ones_like(cases.heating), structure.content[None, :]
-    change = sums[SUM_ENERGY] - sums[SUM_FIRST] + sums[SUM_DISSIPATED]
-    heating = elapsed * _dot(cases.heating, ones)
+def content_of(structure: Structure, cases: Cases, last: Array, elapsed: float) -> Content:
+    """Return the heat content of cases with the temperatures ``last`` at the end, K, ``(case, thermal)``."""
+    content, ones = structure.content[None, :], np.ones_like(cases.heating)
     initial = content * cases.temperature
-    gained = _dot(content * last - initial, ones) - sums[SUM_HEAT] - heating + sums[SUM_LOST]
-    turned = sums[SUM_HEAT] + np.abs(heating) + sums[SUM_TURNED] + _dot(np.abs(initial), ones)
-    return {"energy_residual": _ratio(change, sums[SUM_LARGEST]), "heat_residual": _ratio(gained, turned)}
+    return Content(
+        _dot(content * last - initial, ones), _dot(np.abs(initial), ones), elapsed * _dot(cases.heating, ones)
+    )
 
 
 def _dot(left: Array, right: Array) -> Array:
@@ -160,11 +159,6 @@ def _dot(left: Array, right: Array) -> Array:
     for column in range(left.shape[1]):
         total += left[:, column] * right[:, column]
     return total
-
-
-def _ratio(part: Array, whole: Array) -> Array:
-    """Return part / whole, 0 where the whole is 0."""
-    return np.where(whole == 0, 0.0, part / np.where(whole == 0, 1.0, whole))
 
 
 @kernel
@@ -202,7 +196,7 @@ class DenseBalance:
             some = cases.take(these)
             open_account(account, structure, some)
             _begin(account, _lanes(some.displacement), _lanes(some.velocity), -(-some.count // PACK) * PACK)
-            account.sums[SUM_FIRST] = account.sums[SUM_ENERGY]
+            account.totals[FIRST_ENERGY] = account.totals[LAST_ENERGY]
 
     def add(self, before: States, after: States, impulse: Array, load: Array) -> None:
         """Add a step from its states at both ends, the impulse p and the load F_θ in it, N s and N, ``(case,)``."""
@@ -214,13 +208,13 @@ class DenseBalance:
                 fill_lanes(row, values[these])
             count = impulse[these].size
             _add(account, self._h, *self._acting, *self._states, -(-count // PACK) * PACK)
-            account.sums[SUM_HEAT, :count] += self._cases.alpha[these] * impulse[these]
+            account.totals[FRICTION_HEAT, :count] += self._cases.alpha[these] * impulse[these]
 
     def residuals(self, last: States) -> dict[str, Array]:
         """Return ``energy_residual`` and ``heat_residual``; 0 where there is no energy, or no heat turned over."""
         count = self._cases.count
-        sums = np.concatenate([account.sums[:, :LANES] for account in self._accounts], axis=1)[:, :count]
-        return residuals(sums, self._structure, self._cases, last[2], self._step * self._h)
+        totals = np.concatenate([account.totals[:, :LANES] for account in self._accounts], axis=1)[:, :count]
+        return residuals(totals, content_of(self._structure, self._cases, last[2], self._step * self._h))
 
 
 def _lanes(states: Array) -> Array:

@@ -27,20 +27,11 @@ from workflow.schemes._fixed.contact import (
     leaves,
     meet,
 )
-from workflow.schemes._fixed.dense_balance import (
-    SUM_DISSIPATED,
-    SUM_ENERGY,
-    SUM_FIRST,
-    SUM_HEAT,
-    Account,
-    add_dissipation,
-    lose,
-    measure,
-    multiply,
-)
+from workflow.schemes._fixed.dense_balance import Account, add_dissipation, lose, measure, multiply
 from workflow.schemes._fixed.drive import cut_gap, turn_drive
 from workflow.schemes._fixed.marks import TIP_GAP, TIP_STEP_IMPULSE, Block, take_marks
 from workflow.schemes._fixed.stepping import observe, store_end
+from workflow.schemes._fixed.totals import DISSIPATED, FIRST_ENERGY, FRICTION_HEAT, LAST_ENERGY
 
 ACTS_IMPULSE, ACTS_PLACE, ACTS_SPEED = range(3)
 """Rows of what contact leaves: the impulse that acts on the states [N s], place and velocity of the tip ahead."""
@@ -117,7 +108,7 @@ def _meet(free: FreeStep, law: Law, state: DenseState, block: Block, account: Ac
             pushed = (step.h * account.load[n - 1]) * pack(load, (lane,))
             store(own, (CASE_IMPULSE, lane), pack(own, (CASE_IMPULSE, lane)) + pushed)
             gain = contact_gain(law, step, end, end.velocity - before, alone, own, tip, lane)
-            store(account.sums, (SUM_DISSIPATED, lane), pack(account.sums, (SUM_DISSIPATED, lane)) + gain)
+            store(account.totals, (DISSIPATED, lane), pack(account.totals, (DISSIPATED, lane)) + gain)
         store_end(end, tip, lane)
         place, speed = leaves(law, end, own, lane)
         store(state.acts, (ACTS_IMPULSE, lane), applied(law, end, own, lane))
@@ -182,7 +173,7 @@ def _record(step: int, state: DenseState, block: Block, account: Account) -> Non
     tip, lanes = block.tip, block.lanes
     if account.mass.shape[0] > 0:
         for lane in range(lanes):
-            account.sums[SUM_HEAT, lane] += state.own[CASE_ALPHA, lane] * tip[TIP_STEP_IMPULSE, lane]
+            account.totals[FRICTION_HEAT, lane] += state.own[CASE_ALPHA, lane] * tip[TIP_STEP_IMPULSE, lane]
         lose(account, block.h, state.shown[0], state.shown[1], lanes)
     span = take_marks(step, block) if step == block.marks.next_mark[0] else block.h
     if step == block.steps:
@@ -235,4 +226,4 @@ def _begin(free: FreeStep, state: DenseState, account: Account, n: int, lanes: i
                 before[i, lane] -= h * state.states[n + i, lane]
     measure(account, before, state.states[:n], state.states[n : 2 * n], lanes)
     for lane in range(lanes):
-        account.sums[SUM_FIRST, lane] = account.sums[SUM_ENERGY, lane]
+        account.totals[FIRST_ENERGY, lane] = account.totals[LAST_ENERGY, lane]

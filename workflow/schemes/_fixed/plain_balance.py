@@ -15,8 +15,9 @@ import numpy as np
 from workflow.kernels import Array
 from workflow.kernels.sums import product, total
 from workflow.models import Cases, Structure, project
-from workflow.schemes._fixed.books import felt_modes, largest_load, rest_energy, share
+from workflow.schemes._fixed.books import felt_modes, largest_load, rest_energy
 from workflow.schemes._fixed.decoupled import decouple, start
+from workflow.schemes._fixed.totals import Content, residuals
 
 States = tuple[Array, Array, Array]
 """Displacement and velocity ``(case, mechanical)``, temperature ``(case, thermal)``."""
@@ -85,13 +86,12 @@ class PlainBalance:
     def residuals(self, last: States) -> dict[str, Array]:
         """Return ``energy_residual`` and ``heat_residual``; 0 where there is no energy, or no heat turned over."""
         cases, elapsed = self._cases, self._step * self._h
-        change = self._before.energy - self._first.energy + self._dissipated
-        whole = np.maximum(
+        largest = np.maximum(
             self._largest,
             rest_energy(total(self._modal.mass * self._modal.tip**2), elapsed * largest_load(cases, self._begun)),
         )
+        energies = self._first.energy, self._before.energy, largest, self._dissipated
         heating = elapsed * total(cases.heating, 1)
         initial = self._content * cases.temperature
-        gained = total(self._content * last[2] - initial, 1) - self._heat - heating + self._lost
-        turned = self._heat + np.abs(heating) + self._turned + total(np.abs(initial), 1)
-        return {"energy_residual": share(change, whole), "heat_residual": share(gained, turned)}
+        content = Content(total(self._content * last[2] - initial, 1), total(np.abs(initial), 1), heating)
+        return residuals(np.array([*energies, self._lost, self._turned, self._heat]), content)

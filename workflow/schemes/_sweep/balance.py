@@ -17,6 +17,16 @@ import numpy as np
 from workflow.kernels.compiled import inlined
 from workflow.kernels.sums import total
 from workflow.models import Array, Chain
+from workflow.schemes._fixed.totals import (
+    DISSIPATED,
+    FIRST_ENERGY,
+    FRICTION_HEAT,
+    LARGEST_ENERGY,
+    LAST_ENERGY,
+    LOST,
+    TURNED_OVER,
+    Content,
+)
 from workflow.schemes._sweep.sweeps import (
     NODE_FORMER_V,
     NODE_LOAD_STEADY,
@@ -33,22 +43,14 @@ WEIGHT_MASS, WEIGHT_SPRING, WEIGHT_MASS_DAMPING, WEIGHT_SPRING_DAMPING, WEIGHT_E
 """Coefficients of a node and the spring below it ``(row, node)``: m, k, a_M m, a_K k, k a ℓ/2, and the heat the node
 loses to root and surroundings [W/K]."""
 
-ACCOUNT_FIRST_ENERGY, ACCOUNT_ENERGY, ACCOUNT_LARGEST_ENERGY, ACCOUNT_DISSIPATED = range(4)
-"""Sums of a case: energy at t = 0, at the end and the largest; dissipated less work of loads and contact [J]."""
-
-ACCOUNT_LOST, ACCOUNT_TURNED_OVER, ACCOUNT_FRICTION_HEAT = range(4, 7)
-"""Heat lost, turned over by loss, and taken in by friction [J]."""
-
-ACCOUNT_ROWS = ACCOUNT_FRICTION_HEAT + 1
-
 
 class Account(NamedTuple):
     """The balances of a case."""
 
     weight: Array
     """``(row, node)``, rows ``WEIGHT_…``; no rows where no balances are asked for."""
-    sums: Array
-    """``(row,)``, rows ``ACCOUNT_…``."""
+    totals: Array
+    """``(row,)``, rows of :mod:`~workflow.schemes._fixed.totals`."""
 
 
 def weights(chain: Chain) -> Array:
@@ -66,15 +68,15 @@ def weights(chain: Chain) -> Array:
 
 @inlined
 def open_account(nodes: Nodes, account: Account) -> None:
-    """Set the sums to the energy at t = 0 and keep the velocities for the first step."""
-    state, weight, sums = nodes.state, account.weight, account.sums
-    sums[:] = 0.0
+    """Set the totals to the energy at t = 0 and keep the velocities for the first step."""
+    state, weight, totals = nodes.state, account.weight, account.totals
+    totals[:] = 0.0
     energy = place = 0.0
     for i in range(1, nodes.tip + 1):
         stretch, place, speed = state[NODE_X, i] - place, state[NODE_X, i], state[NODE_V, i]
         energy += weight[WEIGHT_MASS, i] * (speed * speed) + weight[WEIGHT_SPRING, i] * (stretch * stretch)
         state[NODE_FORMER_V, i] = speed
-    sums[ACCOUNT_FIRST_ENERGY] = sums[ACCOUNT_LARGEST_ENERGY] = 0.5 * energy
+    totals[FIRST_ENERGY] = totals[LARGEST_ENERGY] = 0.5 * energy
 
 
 @inlined
@@ -83,7 +85,7 @@ def account_step(nodes: Nodes, account: Account, heat: float, impulse: float) ->
 
     ``impulse`` is that of the tip load less that of contact, N s; ``heat`` is that of contact, J.
     """
-    step, state, weight, sums, h = nodes.step, nodes.state, account.weight, account.sums, nodes.h
+    step, state, weight, totals, h = nodes.step, nodes.state, account.weight, account.totals, nodes.h
     energy = dissipated = steady = lost = 0.0
     place = middle = warmth = 0.0
     for i in range(1, nodes.tip + 1):
@@ -98,22 +100,15 @@ def account_step(nodes: Nodes, account: Account, heat: float, impulse: float) ->
         dissipated += weight[WEIGHT_MASS_DAMPING, i] * (middle * middle) + stretched
         steady += nodes.loads[NODE_LOAD_STEADY, i] * middle
         lost += weight[WEIGHT_LOSS, i] * warmth
-    largest, sums[ACCOUNT_ENERGY] = sums[ACCOUNT_LARGEST_ENERGY], 0.5 * energy
-    sums[ACCOUNT_LARGEST_ENERGY] = largest if sums[ACCOUNT_ENERGY] <= largest else sums[ACCOUNT_ENERGY]  # a NaN stays
-    sums[ACCOUNT_DISSIPATED] += h * dissipated - steady - impulse * middle
-    sums[ACCOUNT_LOST] += h * lost
-    sums[ACCOUNT_TURNED_OVER] += h * abs(lost)
-    sums[ACCOUNT_FRICTION_HEAT] += heat
+    largest, totals[LAST_ENERGY] = totals[LARGEST_ENERGY], 0.5 * energy
+    totals[LARGEST_ENERGY] = largest if totals[LAST_ENERGY] <= largest else totals[LAST_ENERGY]  # a NaN stays
+    totals[DISSIPATED] += h * dissipated - steady - impulse * middle
+    totals[LOST] += h * lost
+    totals[TURNED_OVER] += h * abs(lost)
+    totals[FRICTION_HEAT] += heat
 
 
-def residuals(sums: Array, chain: Chain, before: Array, after: Array, heating: float) -> tuple[float, float]:
-    """Return energy and heat residual of a case.
-
-    ``before`` and ``after`` are its temperatures, K, ``(node,)``; ``heating`` is ∫Σq, J.
-    """
-    change = sums[ACCOUNT_ENERGY] - sums[ACCOUNT_FIRST_ENERGY] + sums[ACCOUNT_DISSIPATED]
+def content_of(chain: Chain, before: Array, after: Array, heating: float) -> Content:
+    """Return the heat content of a case with the temperatures ``before`` and ``after``, K, ``(node,)``."""
     content = chain.heat_capacities * before
-    gained = total(chain.heat_capacities * after - content) - sums[ACCOUNT_FRICTION_HEAT] - heating + sums[ACCOUNT_LOST]
-    turned = sums[ACCOUNT_FRICTION_HEAT] + abs(heating) + sums[ACCOUNT_TURNED_OVER] + total(np.abs(content))
-    largest = sums[ACCOUNT_LARGEST_ENERGY]
-    return (change / largest if largest != 0 else 0.0), (gained / turned if turned != 0 else 0.0)
+    return Content(total(chain.heat_capacities * after - content), total(np.abs(content)), heating)

@@ -28,21 +28,10 @@ from workflow.schemes._fixed.marks import (
 )
 from workflow.schemes._fixed.stepping import blocks, observe, store_end, watch
 from workflow.schemes._fixed.theta_method import Ended, Operator
-from workflow.schemes._fixed.tip_load import (
-    start_load,
-    tip_load,
-    turn_load,
-    weigh_load,
-)
+from workflow.schemes._fixed.tip_load import start_load, tip_load, turn_load, weigh_load
+from workflow.schemes._fixed.totals import TOTAL_ROWS, residuals
 from workflow.schemes._interface import Sampling, schedule
-from workflow.schemes._sweep.balance import (
-    ACCOUNT_ROWS,
-    Account,
-    account_step,
-    open_account,
-    residuals,
-    weights,
-)
+from workflow.schemes._sweep.balance import Account, account_step, content_of, open_account, weights
 from workflow.schemes._sweep.sweeps import (
     NODE_LOAD_HEATING,
     NODE_LOAD_ROWS,
@@ -117,9 +106,9 @@ def sweep(
     watched = watch(cases, cases.mean, sampling, plan, h, drive)
     step, lever = swept.coefficients(h, theta), h * theta + chain.damping.stiffness
     nodes = Nodes(last, h, theta, lever, heated, step, node_rows(NODE_ROWS, last), node_rows(NODE_LOAD_ROWS, last))
-    account = Account(weights(chain) if sampling.balances else np.zeros((0, 0)), np.zeros(ACCOUNT_ROWS))
+    account = Account(weights(chain) if sampling.balances else np.zeros((0, 0)), np.zeros(TOTAL_ROWS))
     own, lanes, closing = lane_rows(CASE_ROWS), law_lanes(law), np.zeros(cases.count)
-    balances = {name: np.zeros(cases.count) for name in ("energy_residual", "heat_residual") if sampling.balances}
+    balances: dict[str, Array] = {}
     rows, inside = np.zeros((CASE_ROWS, cases.count)), slice(1, last + 1)
     rows[CASE_ALPHA] = cases.alpha
     for part, block in blocks(watched, most=1):
@@ -132,8 +121,8 @@ def sweep(
         if heated:
             in_last_step = nodes.state[NODE_WARMED, inside] + own[CASE_HEAT, 0] * step[STEP_HEAT_ANSWER, inside]
             closing[case] = total(swept.static_growth * (tau - (1 - plan.weight[-1]) * in_last_step))
-        if balances:
-            heating = plan.steps * h * total(cases.heating[case])
-            energy, heat = residuals(account.sums, chain, cases.temperature[case], tau, heating)
-            balances["energy_residual"][case], balances["heat_residual"][case] = energy, heat
+        if sampling.balances:
+            content = content_of(chain, cases.temperature[case], tau, plan.steps * h * total(cases.heating[case]))
+            for name, residual in residuals(account.totals, content).items():
+                balances.setdefault(name, np.zeros(cases.count))[case] = residual
     return Ended(watched, closing, balances, rows)

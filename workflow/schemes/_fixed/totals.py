@@ -1,0 +1,52 @@
+"""What a march adds up for its balances, and the residuals that the totals leave.
+
+With the energy E, dissipation D less the work of loads and contact, heat content H, losses L, friction heat αJ and
+heating Q (∫Σq) of a whole march,
+
+    energy residual = (E_end - E_0 + D) / max E
+    heat residual = (H_end - H_0 - αJ - Q + L) / (αJ + |Q| + ∫|dL| + Σ|c T_0|)
+
+and 0 where the denominator is 0.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from workflow.kernels import Array
+
+FIRST_ENERGY, LAST_ENERGY, LARGEST_ENERGY, DISSIPATED = range(4)
+"""Rows of totals: energy at t = 0, at the end and the largest; dissipated less work of loads and contact [J]."""
+
+LOST, TURNED_OVER, FRICTION_HEAT = range(4, 7)
+"""Heat lost, turned over by loss, and taken in by friction [J]."""
+
+TOTAL_ROWS = FRICTION_HEAT + 1
+
+
+class Content(NamedTuple):
+    """Heat content of cases [J], each ``(case,)`` or of one case."""
+
+    gained: Array | float
+    """H_end - H_0."""
+    initial: Array | float
+    """Σ|c T_0|."""
+    heating: Array | float
+    """Q = ∫Σq."""
+
+
+def residuals(totals: Array, content: Content) -> dict[str, Array]:
+    """Return ``energy_residual`` and ``heat_residual``; ``totals`` ``(row, case)`` or of one case ``(row,)``."""
+    change = totals[LAST_ENERGY] - totals[FIRST_ENERGY] + totals[DISSIPATED]
+    friction, heating = totals[FRICTION_HEAT], content.heating
+    gained = content.gained - friction - heating + totals[LOST]
+    turned = friction + np.abs(heating) + totals[TURNED_OVER] + content.initial
+    return {"energy_residual": ratio(change, totals[LARGEST_ENERGY]), "heat_residual": ratio(gained, turned)}
+
+
+def ratio(part: Array, whole: Array) -> Array:
+    """Return part/whole, 0 where the whole is 0."""
+    nothing = whole == 0
+    return np.where(nothing, 0.0, part / np.where(nothing, 1.0, whole))
