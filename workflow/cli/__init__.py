@@ -17,13 +17,13 @@ if TYPE_CHECKING:  # importing typing itself would lengthen the time before sign
 
 GARBAGE = 300_000
 """Objects made and still there after which Python looks for cycles of garbage, 700 without it: imports and compilers
-leave next to none, and looking for them took a tenth of a plan and a sixth of compiling."""
+make many objects and leave next to no cycles."""
 
 
 def main() -> None:
     """Entry point of the command ``workflow``."""
     gc.set_threshold(GARBAGE)
-    atexit.register(gc.freeze)  # or Python looks through all there is for garbage when it ends: a quarter of a plan
+    atexit.register(gc.freeze)  # or Python looks through all objects for garbage when it ends
     from workflow.cli._stop import heed_signals
 
     heed_signals()
