@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -70,6 +71,38 @@ def test_readme_names_every_command() -> None:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     for command in app.registered_commands:
         assert f"`workflow {command.callback.__name__}" in text
+
+
+def worst(name: str, variable: str, scheme: str, h: float, e: float = 0.0) -> float:
+    """Return the largest value over alpha in a kept archive of full models, at the step nearest to ``h``."""
+    with open_archive(ROOT / "data" / f"{name}.nc") as archive:
+        cases = archive[variable].isel(model=0).sel(scheme=scheme, e=e).sel(h=h, method="nearest")
+        return float(cases.max())
+
+
+def test_readme_s_errors_are_those_of_the_kept_archives() -> None:
+    """Each sentence is written from the archive of the study that it speaks of."""
+    heavy, blade = partial(worst, "work_precision"), partial(worst, "work_precision_finite_element")
+    carpenter, moreau = (heavy("impulse_error", scheme, 1e-5) for scheme in ("carpenter", "implicit_euler"))
+    coarse = [heavy("impulse_error", "implicit_euler", 1e-4, e) for e in (0.0, 0.5, 0.9)]
+    rebounds = heavy("impulse_error", "carpenter", 1e-6, 0.9)
+    spring = heavy("impulse_error", "penalty_100", 1e-7)
+    half_decade = 10**-5.5
+    central, cost = (heavy(name, "carpenter", half_decade) for name in ("impulse_error", "wall_time"))
+    cost /= heavy("wall_time", "event_driven", half_decade)
+    exact, euler, midpoint = (
+        blade("displacement_error", scheme, half_decade) for scheme in ("event_driven", "implicit_euler", "midpoint")
+    )
+    text = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    for claim in (
+        f"impulse error {carpenter:.1g} against {moreau:.1g} at 1e-5 s",
+        f"with errors of {min(coarse):.1%} to {max(coarse):.0%} at 1e-4 s".replace("%", " %"),
+        f"with e = 0.9 its error stays at {rebounds:.1e}",
+        f"its spring ({spring:.0e} at 100 spring stiffnesses)",
+        f"An impulse error of {central:.0e} costs `carpenter` {cost:.1f} times",
+        f"errs by {exact:.0e}, `moreau` at 3.2e-6 s by {euler:.2g} (θ = 1) and {midpoint:.1g} (θ = ½)",
+    ):
+        assert claim.replace("e-0", "e-") in text
 
 
 @pytest.mark.parametrize("path", STUDIES, ids=lambda p: p.name)
