@@ -1,4 +1,4 @@
-"""Load and casing with their harmonics as DESIGN section 2 writes them: for the schemes with plain matrices."""
+"""Load and casing with their harmonics as ARCHITECTURE writes them: for the schemes with plain matrices."""
 
 from __future__ import annotations
 

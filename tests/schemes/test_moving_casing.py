@@ -16,7 +16,7 @@ from test_carpenter import agree, audited, everything_acts, running_sum
 from scenes import alone, cases, chain, heavy_chain, same_bits, sampling, step, taken
 from workflow.models import Cases, Harmonics, Rayleigh, Structure, static_equilibrium
 from workflow.reduction import reduce_structure
-from workflow.schemes import moreau
+from workflow.schemes import Recorder, moreau
 from workflow.schemes._sweep.sweeps import Swept
 
 
@@ -106,6 +106,26 @@ def follows(periods: int, theta: float) -> float:
 def test_a_pressed_tip_follows_the_casing() -> None:
     """Rounding of the time: eps t ḋ, 2e-16 · 20 s · 3.5e-3 m/s after 1000 periods."""
     assert follows(1000, 0.5) < 2e-17
+
+
+def test_a_scheme_of_plain_states_ends_on_its_casing_within_a_step() -> None:
+    """The casing comes inwards while the duration ends a third into a step: a pressed tip is on it, by rounding.
+
+    Counted against the casing at the step's end it would be beyond it by two thirds of the casing's way in the step.
+    """
+    structure, batch = pressed()
+    h, steps = 1e-4, 80
+    over = sampling((steps - 2 / 3) * h, (steps - 2 / 3) * h)
+    path = step(structure, batch, h, sampling(steps * h, h), theta=0.5)
+    x, v = path.histories["displacement"][0], path.histories["velocity"][0]
+    recorded = Recorder(structure, batch, over, h)
+    for k in range(1, steps + 1):
+        recorded.record(np.full((1, 3), x[k]), np.full((1, 3), v[k]), np.zeros((1, 3)), np.ones(1))
+    found = recorded.results()
+    inwards = float((batch.casing_at((steps - 1) * h) - batch.casing_at(steps * h))[0])
+    assert inwards > 1e-8
+    assert found.histories["displacement"][0, -1] == pytest.approx(x[-2] + (x[-1] - x[-2]) / 3, rel=1e-12)
+    assert found.metrics["max_penetration"][0] < 1e-9 * inwards
 
 
 @pytest.mark.slow

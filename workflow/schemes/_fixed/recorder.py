@@ -105,7 +105,7 @@ class Recorder:
             self._balances.add(before, after, impulse, step_load)
         self._step += 1
         self._before, self._states = before, after
-        casing = self._cases.casing_at(self._step * self._h)
+        casing = self._casing()
         for part, block in self._blocks:
             count = part.stop - part.start
             block.tip[TIP_GAP, :count] = casing[part]
@@ -114,6 +114,19 @@ class Recorder:
             block.tip[TIP_NEW_TEMPERATURE, :count] = temperature[part, -1]
             block.tip[TIP_STEP_IMPULSE, :count] = impulse[part]
             _count(self._step, block)
+
+    def _casing(self) -> Array:
+        """Return where the casing is at the step's end, m, ``(case,)``.
+
+        Where the duration ends within the last step: where a line from its place at the step's beginning has it then,
+        as the tip's displacement is cut back along a line.
+        """
+        after = self._cases.casing_at(self._step * self._h)
+        share = self._watched.schedule.weight[-1]
+        if self._step < self.steps or share == 1.0:
+            return after
+        before = self._cases.casing_at((self._step - 1) * self._h)
+        return before + share * (after - before)
 
     def results(self) -> Results:
         """Return what the batch gave; a case whose tip left the finite numbers is ``diverged``."""
