@@ -85,7 +85,8 @@ def mark_blown_up(cell: Cell, cases: Cases, results: Results, sampling: Sampling
             farthest = _farthest(cell, cases.take(far), results, far, growth[-1], base, duration)
             blown |= {
                 int(case): f"the tip moved {reach[case]:.3g} m; {EXCESS:g} times what gap, start, loads and heating "
-                f"account for, or {GROWTH:g} times the growth by friction heat, is {most:.3g} m{_advice(cell)}"
+                f"account for, or {GROWTH:g} times the growth by friction heat, is {most:.3g} m"
+                f"{_advice(cell, float(cases.friction[case]))}"
                 for case, most in zip(far, farthest, strict=True)
                 if reach[case] > most
             }
@@ -93,7 +94,7 @@ def mark_blown_up(cell: Cell, cases: Cases, results: Results, sampling: Sampling
     if residual is not None:
         blown |= {
             int(case): f"energy was created: its balance has a residual of {residual[case]:+.3g} times the largest "
-            f"energy, above {CREATED:+g}{_advice(cell)}"
+            f"energy, above {CREATED:+g}{_advice(cell, float(cases.friction[case]))}"
             for case in np.flatnonzero(ok & (residual > CREATED))
             if not _is_rounding(cell, cases, results, int(case), duration)
         }
@@ -115,7 +116,9 @@ def _energy_residual(
     if sampling.balances:
         return results.metrics["energy_residual"]
     touching = np.flatnonzero(judged & (results.metrics["impacts"] > 0))
-    if not touching.size or cell.h <= _contact_limit(cell):
+    limits = {friction: _contact_limit(cell, friction) for friction in set(cases.friction[touching].tolist())}
+    touching = touching[[cell.h > limits[friction] for friction in cases.friction[touching].tolist()]]
+    if not touching.size:
         return None
     compile_for(cell, balances=True)
     again = run_batch(cell, cases.take(touching), replace(sampling, balances=True))
@@ -222,15 +225,15 @@ def _farthest(
     return np.asarray(np.where(cases.friction > 0, np.fmax(by_heat, grown), by_heat))
 
 
-def _advice(cell: Cell) -> str:
+def _advice(cell: Cell, friction: float) -> str:
     """Return up to which step a scheme with a contact spring holds, where it has a limit."""
-    limit = _contact_limit(cell)
+    limit = _contact_limit(cell, friction)
     return "" if np.isinf(limit) else f"; with contact that comes and goes the scheme holds up to h = {limit:.4g} s"
 
 
-def _contact_limit(cell: Cell) -> float:
+def _contact_limit(cell: Cell, friction: float) -> float:
     """Return the step up to which a scheme holds while contact comes and goes, s; infinite where it has no limit."""
     scheme = schemes.load(cell.scheme.method)
     if scheme.contact_limit is None:
         return math.inf
-    return scheme.contact_limit(reduced_structure(cell), cell.scheme.options)
+    return scheme.contact_limit(reduced_structure(cell), cell.scheme.options, friction)

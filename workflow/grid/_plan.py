@@ -10,6 +10,7 @@ import numpy as np
 from workflow import models, schemes
 from workflow.grid._arrangement import Grid, Indices, arrange
 from workflow.grid._choice_words import choice_cautions, choice_lines
+from workflow.grid._conditions import friction_of
 from workflow.grid._estimate import Time, estimate, result_bytes
 from workflow.grid._frequencies import fastest
 from workflow.grid._operators import Reduced, reduced, reduced_structure, structure_of, structure_on
@@ -290,7 +291,9 @@ def _beware(grid: Grid, cell: Cell) -> list[_Caution]:
         )
         cautions.append(caution(f"{what} disturbance over and leaves", f"{ringing:.3g} of it", ringing))
     if scheme.contact_limit is not None:
-        limit = scheme.contact_limit(structure, cell.scheme.options)
+        friction = friction_of(cell, structure, grid.inner_values(np.arange(grid.inner_count)), grid.inner_count)
+        ends = {float(friction.min()), float(friction.max())}
+        limit = min(scheme.contact_limit(structure, cell.scheme.options, coefficient) for coefficient in ends)
         if cell.h > limit:
             measured = f"{limit:.6g} s (measured with contact that comes and goes)"
             cautions.append(caution("grows in contact, which is stable only up to", measured, -limit))

@@ -226,8 +226,8 @@ class Scheme:
     TOGETHER
         Cases of a batch that are stepped at once, and cost little more than one of them.
     contact_limit
-        ``contact_limit(structure, options)``: the step, s, up to which it holds while contact
-        comes and goes.
+        ``contact_limit(structure, options, friction)``: the step, s, up to which it holds while contact comes and goes,
+        at a friction coefficient along the structure's tangent.
     is_swept, operator_name
         ``is_swept(structure)``: whether it steps a structure node by node instead of by its modes, each case by
         itself; ``operator_name(structure)``: how ``plan`` says so, empty where there is nothing to say.
@@ -260,7 +260,7 @@ class Scheme:
     thermal_amplification: Callable[[Array, float, Any], Array] | None = None
     METRICS: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     TOGETHER: int = 1
-    contact_limit: Callable[[Structure, Any], float] | None = None
+    contact_limit: Callable[[Structure, Any, float], float] | None = None
     is_swept: Callable[[Structure], bool] | None = None
     operator_name: Callable[[Structure], str] | None = None
     batch_cost: Callable[[Structure, Any, Sampling, Workload], float] | None = None

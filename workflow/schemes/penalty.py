@@ -22,7 +22,7 @@ from typing import Any, Literal
 
 from workflow.declare import quantity
 from workflow.kernels.lanes import WIDE
-from workflow.kernels.sums import total
+from workflow.kernels.sums import product, total
 from workflow.models import Array, Cases, Structure, mechanical_modes, needs_matrices
 from workflow.schemes._fixed import central_march, dense, outcome, spring, spring_limits, theta_method
 from workflow.schemes._fixed.central import NEEDS_MASS, Differences, Linear, delassus, divisor, operator
@@ -100,21 +100,28 @@ def rigid(structure: Structure, h: float) -> Options:
     return Options(stiffness=1 / (4 * h * h * w), damping=1 / (h * w))
 
 
-def contact_limit(structure: Structure, options: Options) -> float:
+def contact_limit(structure: Structure, options: Options, friction: float = 0.0) -> float:
     """Return the step up to which the scheme holds while contact comes and goes, s: none where implicit.
 
-    Measured, see :func:`~workflow.schemes._fixed.spring_limits.switching_limit`.
+    Measured, see :func:`~workflow.schemes._fixed.spring_limits.switching_limit`. ``friction`` is µ along the
+    structure's tangent.
     """
     if options.integration == "implicit":
         return float("inf")
-    modes = mechanical_modes(structure)
-    return spring_limits.switching_limit(modes.values, modes.tip, contact_stiffness_of(structure, options))
+    return spring_limits.switching_limit(*_spring_at_tip(structure, options, friction))
 
 
-def lasting_contact_limit(structure: Structure, options: Options) -> float:
+def lasting_contact_limit(structure: Structure, options: Options, friction: float = 0.0) -> float:
     """Return the step up to which no motion grows while the tip stays in contact, s; for the explicit scheme only."""
-    modes = mechanical_modes(structure)
-    return spring_limits.lasting_limit(modes.values, modes.tip, contact_stiffness_of(structure, options))
+    return spring_limits.lasting_limit(*_spring_at_tip(structure, options, friction))
+
+
+def _spring_at_tip(structure: Structure, options: Options, friction: float) -> tuple[Array, Array, float, Array | None]:
+    """Return ω and φ_n of each mode, κ, and φ_n - µ φᵀt where friction acts."""
+    modes, stiffness = mechanical_modes(structure), contact_stiffness_of(structure, options)
+    if structure.tangent is None or friction == 0:
+        return modes.values, modes.tip, stiffness, None
+    return modes.values, modes.tip, stiffness, modes.tip - friction * product(modes.shapes.T, structure.tangent)
 
 
 def init(structure: Structure, h: float, options: Options) -> CentralOperator | SpringOperator | DenseOperator:

@@ -126,7 +126,7 @@ class Recorder:
         if self._step < self.steps or share == 1.0:
             return after
         before = self._cases.casing_at((self._step - 1) * self._h)
-        return before + share * (after - before)
+        return np.asarray(before + share * (after - before))
 
     def results(self) -> Results:
         """Return what the batch gave; a case whose tip left the finite numbers is ``diverged``."""

@@ -1,0 +1,143 @@
+"""The step up to which explicit ``penalty`` holds where friction drives what the tip is tied to.
+
+The casing's drive does work, so that an energy balance does not tell what a scheme creates: how far the tip comes is
+set beside how far it comes at an eighth of the step, in scenes in which an eighth and a sixteenth agree that it stays
+near. ``python tests/schemes/test_contact_limit_sliding.py 120`` measures that many random scenes at several shares.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from scenes import cases, step
+from sliding import structure
+from workflow.models import Cases, Rayleigh, Structure, critical_friction, frequencies, tip_flexibility
+from workflow.schemes import Sampling, Status, penalty
+
+CASES, PERIODS, MOST_STEPS, LENGTH = 16, 50, 200_000, 5e-5
+
+NEAR = 200.0
+"""Largest |x_n| over the length of the scene in scenes that are measured: others are thrown off by friction itself."""
+
+AGREE = 2.0
+"""Largest ratio of what an eighth and a sixteenth of the limit say."""
+
+ASIDE = 5
+"""A scene in which W is 9.4 times what it is without friction."""
+
+
+class Scene(NamedTuple):
+    structure: Structure
+    options: penalty.Options
+    batch: Cases
+    period: float
+    friction: float
+    limit: float
+
+
+def _definite(rng: np.random.Generator, n: int, scale: float, decades: float) -> np.ndarray:
+    root, grade = rng.normal(size=(n, n)), 10 ** rng.uniform(-decades, 0, n)
+    return scale * (root @ root.T / n + 0.05 * np.eye(n)) * np.sqrt(grade[:, None] * grade)
+
+
+def scene(seed: int) -> Scene:
+    """A random structure without symmetry, its masses over two decades, whose pressed tip oscillates on its spring."""
+    rng = np.random.default_rng(seed)
+    while True:
+        n = int(rng.integers(2, 9))
+        mass, stiffness = _definite(rng, n, 0.05, 2), _definite(rng, n, 2e3, 1)
+        tangent, normal, friction = rng.normal(size=n), np.eye(n)[-1], float(rng.uniform(0.1, 1))
+        tangent[-1] = 0
+        damping = Rayleigh(float(rng.choice([0, 0.5])), float(rng.choice([0, 1e-4])))
+        built = structure(mass, stiffness, tangent, damping)
+        flexibility, kappa = tip_flexibility(built), 10 ** rng.uniform(0, 4.5) / tip_flexibility(built)
+        spring = kappa * np.outer(normal - friction * built.tangent, normal)
+        squares = np.linalg.eigvals(np.linalg.solve(built.mass, built.stiffness_matrix + spring))
+        if friction < min(critical_friction(built)) and np.isreal(squares).all() and squares.real.min() > 0:
+            break
+    mobility, omega = np.linalg.inv(built.mass)[-1, -1], float(frequencies(built)[0])
+    damper = float(rng.choice([0, 0, 0.1, 1])) * 2 * np.sqrt(kappa / mobility)
+    batch = cases(
+        built,
+        CASES,
+        gap=rng.uniform(0, 1, CASES) * LENGTH,
+        amplitude=LENGTH / flexibility * rng.uniform(0.5, 4, CASES),
+        mean=LENGTH / flexibility * rng.uniform(0, 2, CASES) * (rng.random(CASES) < 0.5),
+        frequency=omega / (2 * np.pi) * 10 ** rng.uniform(-1.5, 0.5, CASES),
+        phase=rng.uniform(0, 2 * np.pi, CASES),
+        friction=friction,
+    )
+    options = penalty.Options(stiffness=kappa, damping=damper)
+    limit = penalty.contact_limit(built, options, friction)
+    return Scene(built, options, batch, 2 * np.pi / omega, friction, limit)
+
+
+def farthest(of: Scene, share: float) -> np.ndarray:
+    """How far the tip comes at a share of the limit, m, ``(case,)``; infinite where a case is lost."""
+    duration = min(PERIODS * of.period, MOST_STEPS * of.limit / 8)
+    h = share * of.limit
+    steps = round(duration / h)
+    over = Sampling(steps * h, steps * h / 1000, 1001)
+    found = step(of.structure, of.batch, h, over, "penalty", **asdict(of.options))
+    return np.where(found.status == Status.OK, np.abs(found.histories["displacement"]).max(axis=1), np.inf)
+
+
+def times_as_far(seed: int, shares: tuple[float, ...]) -> list[float] | None:
+    """How many times as far a case comes at most as at an eighth; ``None`` where the motion itself goes far."""
+    of = scene(seed)
+    base, finer = farthest(of, 1 / 8), farthest(of, 1 / 16)
+    agree = np.maximum(base / finer, finer / base).max() < AGREE
+    if not agree or np.maximum(base, finer).max() > NEAR * LENGTH:
+        return None
+    return [float(np.max(farthest(of, share) / base)) for share in shares]
+
+
+@pytest.mark.parametrize("seed", [0, 1, 9, 10, ASIDE])
+def test_sliding_contact_that_comes_and_goes_stays_near_at_the_limit(seed: int) -> None:
+    """Of the 99 of 120 scenes that are measured the largest is 1.84."""
+    found = times_as_far(seed, (1.0,))
+    assert found is not None
+    assert found[0] < 2
+
+
+def test_the_limit_of_a_casing_that_does_not_slide_is_none_of_one_that_does() -> None:
+    of = scene(ASIDE)
+    still = penalty.contact_limit(of.structure, of.options)
+    found = times_as_far(ASIDE, (still / of.limit,))
+    assert found is not None
+    assert found[0] > 1e3
+
+
+def test_the_limits_are_those_of_the_matrices() -> None:
+    of, soft = scene(ASIDE), penalty.Options(stiffness=1.0)
+    normal = np.eye(of.structure.mechanical_size)[-1]
+    push = normal - of.friction * of.structure.tangent
+    yields = normal @ np.linalg.solve(of.structure.mass, push)
+    assert of.limit == pytest.approx(0.5 / np.sqrt(of.options.stiffness * yields), rel=1e-9)
+    for options in (of.options, soft):
+        stiffness = of.structure.stiffness_matrix + options.stiffness * np.outer(push, normal)
+        fastest = np.abs(np.linalg.eigvals(np.linalg.solve(of.structure.mass, stiffness))).max()
+        lasting = penalty.lasting_contact_limit(of.structure, options, of.friction)
+        assert lasting == pytest.approx(2 / np.sqrt(fastest), rel=1e-9)
+    assert penalty.contact_limit(of.structure, soft, of.friction) == 0.95 * lasting
+
+
+def _measure(count: int) -> None:
+    shares = (0.5, 1.0, 1.5, 2.0, 4.0)
+    measured = [found for found in (times_as_far(seed, shares) for seed in range(count)) if found is not None]
+    print(f"{len(measured)} of {count} scenes stay near at an eighth of the limit")
+    for share, times in zip(shares, np.array(measured).T, strict=True):
+        over = np.mean(times > AGREE)
+        print(f"{share:4g} of the limit: {times.max():8.3g} times as far at most, above {AGREE:g} in {over:.1%}")
+
+
+if __name__ == "__main__":
+    _measure(int(sys.argv[1]))
