@@ -16,7 +16,7 @@ import numpy as np
 from scenes import cases, chain, relative, sampling
 from workflow import reduction, schemes
 from workflow.models import Cases, Rayleigh, Structure, critical_alpha, frequencies
-from workflow.reduction import Known, reduce_structure
+from workflow.reduction import reduce_structure
 from workflow.schemes import HISTORIES, Results
 
 DOCUMENT = Path(__file__).parents[2] / "ARCHITECTURE.md"
@@ -71,7 +71,7 @@ def rows(sizes: tuple[int, ...], steps: int) -> Iterator[str]:
         exact, full_seconds = stepped(whole, rub(whole), steps)
         for mechanical, thermal in COUNTS:
             for name in reduction.names():
-                found = reduce_structure(whole, mechanical, thermal, name, Known(DURATION))
+                found = reduce_structure(whole, mechanical, thermal, name, DURATION)
                 run, seconds = stepped(found.structure, found.project(rub(whole)), steps)
                 errors = {of: relative(run.histories[of], exact.histories[of]) for of in HISTORIES}
                 off = abs(critical_alpha(found.structure) / critical_alpha(whole) - 1)

@@ -58,13 +58,13 @@ def reduce_once(place: Path, basis: str) -> None:
 
     from workflow import models
     from workflow.declare import File
-    from workflow.reduction import Known, reduce_structure
+    from workflow.reduction import reduce_structure
 
     model, begun = models.load("matrices"), time.process_time()
     with threadpool_limits(limits=1, user_api="blas"):
         structure = model.assemble(model.Parameters(File("", place.name, str(place))))
         read = time.process_time()
-        reduced = reduce_structure(structure, *COUNTS, basis, Known(0.1)).structure
+        reduced = reduce_structure(structure, *COUNTS, basis, 0.1).structure
         done = time.process_time()
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     sizes = f"{structure.mechanical_size:>7} + {structure.thermal_size:<7}"

@@ -32,7 +32,7 @@ from workflow.grid._conditions import conditions
 from workflow.grid._operators import run_batch
 from workflow.grid._trials import corners_of
 from workflow.models import Cases
-from workflow.reduction import Known, reduce_structure
+from workflow.reduction import reduce_structure
 from workflow.run import holdings, run_study, verify
 from workflow.schemes import Results, Sampling
 from workflow.study import Cell, Study
@@ -53,7 +53,7 @@ def errors_by_count(asked: Study) -> dict[tuple[int, int], float]:
     cases = conditions(cell, full, grid.inner_values(np.zeros(1, dtype=np.int64)), 1)
 
     def run(mechanical: int, thermal: int) -> dict[str, np.ndarray]:
-        found = reduce_structure(full, mechanical, thermal, cell.reduction, Known(cell.scene.duration))
+        found = reduce_structure(full, mechanical, thermal, cell.reduction, cell.scene.duration)
         operator = exact.init(found.structure, 0.0, exact.Options())
         return exact.compute(operator, found.project(cases), replace(grid.sampling, balances=False)).histories
 

@@ -11,7 +11,7 @@ from scenes import cases, sampling, step
 from scripts import script
 from workflow.models import GivenMatrices, Rayleigh, Sparse, structure_from_sparse, tip_flexibility
 from workflow.models._sparse_pair import factorised
-from workflow.reduction import Known, reduce_structure
+from workflow.reduction import reduce_structure
 
 MESHES = ((4, 6, 1), (6, 12, 1), (8, 20, 1))
 PATCH = 16e-3
@@ -32,7 +32,7 @@ def structure(found: Any, shares: np.ndarray) -> Sparse:
 
 def rub(blade: Sparse, basis: str) -> tuple[float, float, float]:
     """Impulse, largest displacement and temperature in five periods of a load of 20 N."""
-    reduction = reduce_structure(blade, 12, 16, basis, Known(0.03))
+    reduction = reduce_structure(blade, 12, 16, basis, 0.03)
     batch = cases(blade, alpha=np.array([2.0]), gap=2e-5, amplitude=20.0, frequency=150.0)
     found = step(reduction.structure, reduction.project(batch), 1e-6, sampling(0.03, 2.5e-4))
     reach = np.abs(found.histories["displacement"][0]).max()

@@ -28,7 +28,7 @@ from workflow.models import (
 )
 from workflow.models._sparse_from_matrices import _sparse_structure
 from workflow.models._spectrum import fastest_rate
-from workflow.reduction import Known, names, projection_residual, reduce_structure
+from workflow.reduction import names, projection_residual, reduce_structure
 
 NODES = 310
 
@@ -76,7 +76,7 @@ def test_statics_are_those_of_the_chain(chain: Structure, sparse: Sparse) -> Non
 
 @pytest.mark.parametrize("basis", names())
 def test_every_basis_gives_the_reduced_chain(chain: Structure, sparse: Sparse, basis: str) -> None:
-    wanted, found = (reduce_structure(whole, 6, 8, basis, Known(0.3)) for whole in (chain, sparse))
+    wanted, found = (reduce_structure(whole, 6, 8, basis, 0.3) for whole in (chain, sparse))
     shifted = basis == "krylov"  # its shifts end at the largest rate, of which sparse matrices tell a few percent less
     for of in (frequencies, rates):
         a, b = of(wanted.structure), of(found.structure)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scenes import blade, cases, chain, heavy_chain, relative, sampling, step
 from workflow import reduction, schemes
 from workflow.models import Cases, Chain, Structure, critical_alpha
-from workflow.reduction import Known, Reduction, reduce_structure
+from workflow.reduction import Reduction, reduce_structure
 from workflow.schemes import HISTORIES, Results, Status
 
 BASES = reduction.names()
@@ -43,7 +43,7 @@ STRUCTURES = {"heavy": heavy_chain, "blade": blade, "broken": broken, "graded": 
 def built(
     structure: Structure, basis: str, mechanical: int | None, thermal: int | None, time: float = 0.3
 ) -> Reduction:
-    return reduce_structure(structure, mechanical, thermal, basis, Known(time))
+    return reduce_structure(structure, mechanical, thermal, basis, time)
 
 
 @pytest.mark.parametrize("basis", BASES)

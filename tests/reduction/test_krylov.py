@@ -13,7 +13,7 @@ from scipy.linalg import subspace_angles
 from workflow.declare import File
 from workflow.models import Sparse
 from workflow.models.matrices import Parameters, assemble
-from workflow.reduction import Known, krylov, load
+from workflow.reduction import krylov, load
 from workflow.reduction._reduction import Vectors
 
 BLADE = Path(__file__).parents[2] / "data" / "compressor_blade_coarse.npz"
@@ -45,7 +45,7 @@ def outside(wanted: np.ndarray, vectors: Vectors, inertia: np.ndarray) -> float:
 def test_moments_and_modes_are_in_the_mechanical_space() -> None:
     structure = blade()
     mass = structure.mechanical.inertia.toarray()
-    vectors = BASIS.mechanical(structure, 18, Known())
+    vectors = BASIS.mechanical(structure, 18, None)
     moment = structure.mechanical.constraint
     for _ in range(krylov.MOST_MOMENTS - 1):
         moment = structure.mechanical.answer_held(mass @ moment)
@@ -63,7 +63,7 @@ def test_answers_at_shifts_are_in_the_thermal_space() -> None:
     answer = structure.thermal.answers_held_shifted()
     heat = capacity @ structure.thermal.constraint
     for count in (2, 12):
-        vectors = BASIS.thermal(structure, count, Known(DURATION))
+        vectors = BASIS.thermal(structure, count, DURATION)
         for shift in (1 / DURATION, 10 / DURATION):
             assert outside(answer(heat, shift), vectors, capacity) < 1e-12
     repeated = answer(capacity @ answer(heat, 10.0), 10.0)  # two vectors to a shift
@@ -76,5 +76,5 @@ def test_rounding_moves_no_space(counts: tuple[int, int]) -> None:
     given, changed = blade(), blade(1e-12)
     for kind, count in zip(("mechanical", "thermal"), counts, strict=True):
         inertia = getattr(given, kind).inertia.toarray()
-        spaces = [within(getattr(BASIS, kind)(of, count, Known(DURATION)), inertia) for of in (given, changed)]
+        spaces = [within(getattr(BASIS, kind)(of, count, DURATION), inertia) for of in (given, changed)]
         assert subspace_angles(*spaces).max() < 1e-8

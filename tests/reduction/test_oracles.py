@@ -8,7 +8,7 @@ import pytest
 from scenes import heavy_chain
 from workflow import reduction
 from workflow.models import Structure
-from workflow.reduction import Known, reduce_structure
+from workflow.reduction import reduce_structure
 
 DURATION = 0.3
 FREQUENCIES = np.logspace(-3, 4, 300)
@@ -46,7 +46,7 @@ def test_what_balanced_truncation_can_do(vectors: int) -> None:
         transfer = reductor.reduce(vectors).transfer_function
         errors[name] = np.abs(np.array([transfer.eval_tf(1j * w)[0, 0] for w in FREQUENCIES]) - exact)
     for name in reduction.names():
-        small = reduce_structure(whole, None, vectors - 1, name, Known(DURATION)).structure
+        small = reduce_structure(whole, None, vectors - 1, name, DURATION).structure
         errors[name] = np.abs(answer(small) - exact)
         assert errors[name].max() > 0.99 * least[vectors]
     assert errors["balanced"].max() < 2 * least[vectors:].sum()

@@ -22,15 +22,15 @@ FEWER = '''"""One vector fewer than asked for, to be told from the default."""
 from workflow.reduction import craig_bampton
 
 
-def mechanical(structure, count, known):
+def mechanical(structure, count, duration):
     """As the default."""
-    assert known.duration == 0.06
-    return craig_bampton.mechanical(structure, max(count - 1, 0), known)
+    assert duration == 0.06
+    return craig_bampton.mechanical(structure, max(count - 1, 0), duration)
 
 
-def thermal(structure, count, known):
+def thermal(structure, count, duration):
     """As the default."""
-    return craig_bampton.thermal(structure, count, known)
+    return craig_bampton.thermal(structure, count, duration)
 '''
 
 
@@ -100,7 +100,9 @@ def test_an_unknown_basis_is_told_with_those_that_are(place: str) -> None:
         parsed(study(place.format("rubbin")))
 
 
-@pytest.mark.parametrize("content", ["raise RuntimeError('torn')\n", "def mechanical(structure, count, known): ...\n"])
+@pytest.mark.parametrize(
+    "content", ["raise RuntimeError('torn')\n", "def mechanical(structure, count, duration): ...\n"]
+)
 def test_a_broken_basis_breaks_only_studies_that_name_it(
     content: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

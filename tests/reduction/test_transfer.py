@@ -7,7 +7,7 @@ import pytest
 
 from scenes import chain
 from workflow.models import Rayleigh, Structure, critical_alpha
-from workflow.reduction import Known, Reduction, names, reduce_structure
+from workflow.reduction import Reduction, names, reduce_structure
 from workflow.reduction._transfer import (
     Excitation,
     displacement_answer,
@@ -59,7 +59,7 @@ def test_counts_grow_as_the_tolerance_falls_and_end_with_all(basis: str) -> None
         pytest.skip("its tip has no mass")
 
     def reduce(mechanical: int, thermal: int) -> Reduction:
-        return reduce_structure(full, mechanical, thermal, basis, Known(0.3))
+        return reduce_structure(full, mechanical, thermal, basis, 0.3)
 
     found = [least_counts(full, reduce, excitation(), 10.0**-k, (N - 1, N - 1)) for k in (1, 3, 5, 14)]
     assert found == sorted(found)

@@ -26,11 +26,11 @@ from workflow.archive._seal import is_sealed_with
 from workflow.archive._shard import Shard, Shards, find_shard, find_shards, stored_status, write_shard
 from workflow.archive._stored_cells import (
     StoredCells,
+    archive_origin,
     are_saved,
     count_unmatched,
     find_stored_cells,
     load_stored_cells,
-    made_by,
     match_hashes,
     narrowed,
     save_stored_cells,
@@ -50,6 +50,7 @@ __all__ = [
     "StoredCells",
     "Variable",
     "archive_key",
+    "archive_origin",
     "are_saved",
     "blank",
     "clear_parts",
@@ -68,7 +69,6 @@ __all__ = [
     "is_begun",
     "is_sealed_with",
     "load_stored_cells",
-    "made_by",
     "match_hashes",
     "narrowed",
     "open_archive",

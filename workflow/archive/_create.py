@@ -73,9 +73,9 @@ def _create_coordinates(file: Any, layout: Layout) -> None:
             _create_characters(file, layout, coordinate, lengths)
             continue
         chunks = tuple(lengths[name] for name in coordinate.dims) if zipped else None
-        made = file.createVariable(coordinate.name, kind, coordinate.dims, chunksizes=chunks)
-        made.setncatts(_typed(coordinate.attrs, coordinate.values.dtype))
-        made[...] = coordinate.values
+        target = file.createVariable(coordinate.name, kind, coordinate.dims, chunksizes=chunks)
+        target.setncatts(_typed(coordinate.attrs, coordinate.values.dtype))
+        target[...] = coordinate.values
 
 
 def _create_characters(file: Any, layout: Layout, coordinate: Coordinate, lengths: Mapping[str, int]) -> None:
@@ -88,16 +88,16 @@ def _create_characters(file: Any, layout: Layout, coordinate: Coordinate, length
     name = f"{coordinate.name}_length"
     file.createDimension(name, width)
     chunks = (*(lengths[dim] for dim in coordinate.dims), width)
-    made = file.createVariable(coordinate.name, "S1", (*coordinate.dims, name), chunksizes=chunks)
-    made.setncatts({**coordinate.attrs, "_Encoding": "utf-8"})
-    made.set_auto_chartostring(False)
-    made[...] = np.array(encoded, f"S{width}").view("S1").reshape(*coordinate.values.shape, width)
+    target = file.createVariable(coordinate.name, "S1", (*coordinate.dims, name), chunksizes=chunks)
+    target.setncatts({**coordinate.attrs, "_Encoding": "utf-8"})
+    target.set_auto_chartostring(False)
+    target[...] = np.array(encoded, f"S{width}").view("S1").reshape(*coordinate.values.shape, width)
 
 
 def _create_variables(file: Any, layout: Layout) -> None:
     for variable in layout.variables:
         dims = layout.dims_of(variable)
-        made = file.createVariable(
+        target = file.createVariable(
             variable.name,
             variable.dtype,
             dims,
@@ -107,7 +107,7 @@ def _create_variables(file: Any, layout: Layout) -> None:
             chunksizes=layout.archive_chunk_of(variable) or None,
             fill_value=False if variable.dtype == "i1" else np.nan,
         )
-        made.setncatts(_typed(variable.attrs, np.dtype(variable.dtype)) | _labels(layout, dims))
+        target.setncatts(_typed(variable.attrs, np.dtype(variable.dtype)) | _labels(layout, dims))
 
 
 def _create_messages(file: Any, layout: Layout, messages: Mapping[int, str]) -> None:
@@ -124,13 +124,15 @@ def _create_messages(file: Any, layout: Layout, messages: Mapping[int, str]) -> 
     as_strings = layout.stored.count == 1 and layout.cells * max(_STRING_BYTES, 4 * length) <= STRINGS_BYTES
     about = {"long_name": "what a case has to say: why it is not ok, or what it could not be given"}
     if as_strings:
-        made = file.createVariable(MESSAGE, str, dims, chunksizes=layout.stored.lengths or None)
-        made.setncatts(about | _labels(layout, dims))
+        target = file.createVariable(MESSAGE, str, dims, chunksizes=layout.stored.lengths or None)
+        target.setncatts(about | _labels(layout, dims))
         if messages:
-            made[...] = np.array([messages.get(cell, "") for cell in range(layout.cells)], object).reshape(layout.shape)
+            target[...] = np.array([messages.get(cell, "") for cell in range(layout.cells)], object).reshape(
+                layout.shape
+            )
         return
     file.createDimension(LENGTH, length)
-    made = file.createVariable(
+    target = file.createVariable(
         MESSAGE,
         "S1",
         (*dims, LENGTH),
@@ -138,12 +140,12 @@ def _create_messages(file: Any, layout: Layout, messages: Mapping[int, str]) -> 
         complevel=LEVEL,
         chunksizes=(*layout.stored.lengths, max(1, min(length, CHUNK_BYTES // layout.stored.size))),
     )
-    made.setncatts({**about, "comment": "bytes of UTF-8", **_labels(layout, dims)})
-    made.set_auto_chartostring(False)
-    _write_characters(made, layout, {cell: text.encode() for cell, text in messages.items()}, length)
+    target.setncatts({**about, "comment": "bytes of UTF-8", **_labels(layout, dims)})
+    target.set_auto_chartostring(False)
+    _write_characters(target, layout, {cell: text.encode() for cell, text in messages.items()}, length)
 
 
-def _write_characters(made: Any, layout: Layout, encoded: Mapping[int, bytes], length: int) -> None:
+def _write_characters(target: Any, layout: Layout, encoded: Mapping[int, bytes], length: int) -> None:
     """Write the messages of one block after the other."""
     by_block: dict[int, list[int]] = defaultdict(list)
     for cell in encoded:
@@ -156,7 +158,7 @@ def _write_characters(made: Any, layout: Layout, encoded: Mapping[int, bytes], l
         ends = zip(offset, layout.stored.lengths, layout.shape, strict=True)
         place = tuple(slice(first, min(first + size, most)) for first, size, most in ends)
         shape = tuple(part.stop - part.start for part in place)
-        made[(*place, slice(None))] = block.view("S1").reshape(*shape, length)
+        target[(*place, slice(None))] = block.view("S1").reshape(*shape, length)
 
 
 def _create_provenance(file: Any, layout: Layout, hashes: NDArray[np.uint8] | None) -> None:
@@ -172,16 +174,16 @@ def _create_provenance(file: Any, layout: Layout, hashes: NDArray[np.uint8] | No
             group.setncattr(name, text)
         else:
             group.createDimension(f"{name}_bytes", len(encoded))
-            made = group.createVariable(name, "S1", (f"{name}_bytes",), compression="zlib", complevel=LEVEL)
-            made[:] = np.frombuffer(encoded, "S1")
+            target = group.createVariable(name, "S1", (f"{name}_bytes",), compression="zlib", complevel=LEVEL)
+            target[:] = np.frombuffer(encoded, "S1")
     group.createDimension("digit", len(BLANK))
     place = group.createVariable(FILE_CHECKSUM, "S1", ("digit",), contiguous=True)
     place[:] = np.frombuffer(BLANK.encode(), "S1")
     if hashes is not None:
         group.createDimension("byte", hashes.shape[1])
-        made = group.createVariable(CASE_HASH, "u1", (*(name for name, _ in layout.dims), "byte"))
-        made.setncattr("long_name", "identity of the case: a hash of what its results depend on")
-        made[...] = hashes.reshape(*layout.shape, hashes.shape[1])
+        target = group.createVariable(CASE_HASH, "u1", (*(name for name, _ in layout.dims), "byte"))
+        target.setncattr("long_name", "identity of the case: a hash of what its results depend on")
+        target[...] = hashes.reshape(*layout.shape, hashes.shape[1])
 
 
 def _typed(attrs: Attributes, dtype: np.dtype[Any]) -> dict[str, Any]:

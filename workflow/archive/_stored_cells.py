@@ -251,7 +251,7 @@ def _stored(parts: Path) -> Cells | None:
 
 
 @dataclass(frozen=True)
-class Made:
+class ArchiveOrigin:
     """What an archive was made of: name, title and licence of its study, and version of the solver."""
 
     study: str
@@ -260,7 +260,7 @@ class Made:
     solver: str
 
 
-def made_by(path: Path, texts: dict[str, str]) -> Made:
+def archive_origin(path: Path, texts: dict[str, str]) -> ArchiveOrigin:
     """Return what an archive was made of, from its provenance.
 
     Raises
@@ -271,7 +271,7 @@ def made_by(path: Path, texts: dict[str, str]) -> Made:
     try:
         resolved = json.loads(texts["resolved"])
         named = str(resolved["study"]), str(resolved["title"]), str(resolved.get("license", ""))
-        return Made(*named, texts["solver_version"])
+        return ArchiveOrigin(*named, texts["solver_version"])
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
         raise ArchiveError(
             f"{path}: does not say which study it holds; choose another archive with -o, or move it away"

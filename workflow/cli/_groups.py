@@ -28,11 +28,11 @@ def grouped(command: Callable[..., None]) -> Callable[..., None]:
 
     @wraps(command)
     def flat(**values: Any) -> None:
-        made = {
+        grouped = {
             name: kind(**{entry.name: values.pop(entry.name) for entry in dataclasses.fields(kind)})
             for name, kind in groups.items()
         }
-        command(**values, **made)
+        command(**values, **grouped)
 
     flat.__dict__["__signature__"] = inspect.Signature(parameters)
     flat.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}

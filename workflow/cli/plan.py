@@ -39,12 +39,12 @@ def plan(
 
         requested = read(study, settings)
         grid = arrange(requested)
-        made = make_plan(grid, units_of(grid))
+        plan = make_plan(grid, units_of(grid))
         held = None if output is None else holdings(requested, named(output))
         if as_json:
-            write_json({**_plain(made), "archive": _plain(held)})
+            write_json({**_plain(plan), "archive": _plain(held)})
             return
-        for line in _lines(made):
+        for line in _lines(plan):
             say(line)
         if held is not None:
             say(f"  in {output}: {held.stored} stored, {held.missing} missing, {held.dropped} no longer asked for")

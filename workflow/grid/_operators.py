@@ -27,7 +27,7 @@ from workflow.models import (
     in_contact,
     needs_matrices,
 )
-from workflow.reduction import Known, Reduction, projection_residual, reduce_structure
+from workflow.reduction import Reduction, projection_residual, reduce_structure
 from workflow.schemes import Results, Sampling
 from workflow.study import Cell
 
@@ -47,20 +47,20 @@ def structure_of(model: str, parameters: Any) -> Structure:
 
 @dataclass(frozen=True)
 class Reduced:
-    """What decides the structure that a case is run on: model, basis, counts of modes, what a basis may know."""
+    """What decides the structure that a case is run on: model, basis, counts of modes, duration."""
 
     model: str
     parameters: Any
     basis: str
     modes: tuple[int, int]
-    known: Known
+    duration: float | None
 
 
 def reduced(cell: Cell) -> Reduced:
     """Return what decides the structure that a case is run on."""
     scene = cell.scene
     modes = cell.mechanical_modes, cell.thermal_modes
-    return Reduced(scene.model, scene.parameters, cell.reduction, modes, Known(scene.duration))
+    return Reduced(scene.model, scene.parameters, cell.reduction, modes, scene.duration)
 
 
 @lru_cache(maxsize=_MOST_OPERATORS)
@@ -72,7 +72,7 @@ def reduction_of(by: Reduced) -> Reduction | None:
     if mechanical is None and thermal is None:
         return None
     with threadpool_limits(limits=1, user_api="blas"):
-        return reduce_structure(structure, mechanical, thermal, by.basis, by.known)
+        return reduce_structure(structure, mechanical, thermal, by.basis, by.duration)
 
 
 def structure_on(by: Reduced) -> Structure:

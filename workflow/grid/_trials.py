@@ -123,7 +123,7 @@ class Trials:
         cases = self._cases if richest is None else richest.project(self._cases)
 
         def reduce(mechanical: int, thermal: int) -> Reduction:
-            return reduce_structure(structure, mechanical, thermal, by.basis, by.known)
+            return reduce_structure(structure, mechanical, thermal, by.basis, by.duration)
 
         return least_counts(structure, reduce, self._excitation(structure, cases), tolerance, self.most)
 

@@ -146,10 +146,10 @@ def _sparse(name: str, of: dict[str, Any]) -> Any:
         if "row" in of:
             return sparse.coo_array((of["data"], (of["row"], of["col"])), shape=shape).tocsr()
         kind = str(np.asarray(of.get("format", "csr")).astype(str))
-        made = (sparse.csc_array if kind == "csc" else sparse.csr_array)(
+        matrix = (sparse.csc_array if kind == "csc" else sparse.csr_array)(
             (of["data"], of["indices"], of["indptr"]), shape=shape
         )
-        return checked_sparse(name, made)
+        return checked_sparse(name, matrix)
     except KeyError as missing:
         raise refuse(f"`{name}` lacks {missing.args[0]}", "write data, indices, indptr and shape") from None
     except (ValueError, TypeError, OverflowError) as error:

@@ -138,9 +138,9 @@ class SparsePair:
             if shift not in last:
                 last.clear()
                 last[shift] = factorised((self.stiffness + shift * self.inertia)[:-1, :-1])
-            found = np.zeros_like(loads)
-            found[:-1] = last[shift](loads[:-1])
-            return found
+            answers = np.zeros_like(loads)
+            answers[:-1] = last[shift](loads[:-1])
+            return answers
 
         return answer
 
@@ -211,9 +211,9 @@ def _product_with_more_digits(matrix: scipy.sparse.csc_array, vector: Array) -> 
     longer = np.longdouble
     terms = matrix.data.astype(longer) * vector.astype(longer)[matrix.indices]
     filled = np.flatnonzero(np.diff(matrix.indptr))  # reduceat takes an empty column for its neighbour
-    found = np.zeros(matrix.shape[1], dtype=longer)
-    found[filled] = np.add.reduceat(terms, matrix.indptr[:-1][filled])
-    return found.astype(np.float64)
+    sums = np.zeros(matrix.shape[1], dtype=longer)
+    sums[filled] = np.add.reduceat(terms, matrix.indptr[:-1][filled])
+    return sums.astype(np.float64)
 
 
 def _start(size: int) -> Array:

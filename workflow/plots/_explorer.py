@@ -55,16 +55,16 @@ def _figure(name: str, height: int, tools: str = "pan,box_zoom,wheel_zoom,reset,
     from bokeh.models import PrintfTickFormatter
     from bokeh.plotting import figure
 
-    made: Any = figure(name=name, height=height, sizing_mode="stretch_width", tools=tools, **options)
-    made.toolbar.active_drag = made.toolbar.active_scroll = None
-    made.toolbar.logo = None
-    made.toolbar.autohide = True
-    made.grid.grid_line_alpha = 0.4
-    made.axis.axis_label_text_font_style = "normal"
-    made.min_border_right = 12
-    for axis in made.axis:
+    panel: Any = figure(name=name, height=height, sizing_mode="stretch_width", tools=tools, **options)
+    panel.toolbar.active_drag = panel.toolbar.active_scroll = None
+    panel.toolbar.logo = None
+    panel.toolbar.autohide = True
+    panel.grid.grid_line_alpha = 0.4
+    panel.axis.axis_label_text_font_style = "normal"
+    panel.min_border_right = 12
+    for axis in panel.axis:
         axis.formatter = PrintfTickFormatter(format="%.4g")
-    return made
+    return panel
 
 
 def _source(name: str, *columns: str) -> Any:
@@ -80,7 +80,7 @@ def _histories(histories: Sequence[dict[str, Any]]) -> Any:
 
     names = [history["name"] for history in histories]
     chosen, exact, gap = _source("chosen", "t", *names), _source("exact", "t", *names), _source("gap", "t", "gap")
-    time, made = Range1d(0, 1, name="time"), []
+    time, panels = Range1d(0, 1, name="time"), []
     for history in histories:
         last = history is histories[-1]
         panel = _figure(f"panel_{history['name']}", 215 if last else 185, x_range=time)
@@ -92,8 +92,8 @@ def _histories(histories: Sequence[dict[str, Any]]) -> Any:
         panel.yaxis.axis_label_text_font_size = "11px"
         panel.xaxis.visible = last
         panel.xaxis.axis_label = "time [s]"
-        made.append(panel)
-    return column(*made, sizing_mode="stretch_width", name="histories")
+        panels.append(panel)
+    return column(*panels, sizing_mode="stretch_width", name="histories")
 
 
 def _controls(description: dict[str, Any], axes: Sequence[dict[str, Any]]) -> Any:
@@ -109,14 +109,14 @@ def _controls(description: dict[str, Any], axes: Sequence[dict[str, Any]]) -> An
     start = next(
         (name for name in ("error", "max_temperature", "contact_impulse", *varied) if name in varied), "status"
     )
-    made: list[Any] = [
+    widgets: list[Any] = [
         Select(name="metric", title="colour", options=metrics, value=start),
         Select(name="across", title="across", options=names, value=first),
         Select(name="up", title="up", options=[("", "nothing"), *names], value=second),
     ]
     for axis in axes:
         unit = f" [{axis['unit']}]" if axis["unit"] else ""
-        made.append(
+        widgets.append(
             CategoricalSlider(
                 name=f"slider_{axis['name']}",
                 title=axis["title"] + unit,
@@ -125,9 +125,9 @@ def _controls(description: dict[str, Any], axes: Sequence[dict[str, Any]]) -> An
                 stylesheets=[wrapped],
             )
         )
-    for widget in made:
+    for widget in widgets:
         widget.sizing_mode = "stretch_width"
-    return column(*made, sizing_mode="stretch_width", name="widgets")
+    return column(*widgets, sizing_mode="stretch_width", name="widgets")
 
 
 def map_axes(description: dict[str, Any]) -> tuple[str, str]:

@@ -16,8 +16,6 @@ from workflow.models._sparse import MOST_REDUCED, Sparse, TooManyCoordinatesErro
 from workflow.models._tip_held import MOST_ONE_BY_ONE
 from workflow.reduction._friction import with_friction
 from workflow.reduction._reduction import (
-    NOTHING,
-    Known,
     Reduction,
     Vectors,
     galerkin,
@@ -38,8 +36,8 @@ class Basis:
     Attributes
     ----------
     mechanical
-        From a structure, a count and what is known: so many interior displacements, 0 at the tip and orthonormal in
-        M, and the tip's own vector.
+        From a structure, a count and the duration of every case [s], ``None`` where there are no cases: so many
+        interior displacements, 0 at the tip and orthonormal in M, and the tip's own vector.
     thermal
         The same for temperatures, orthonormal in C2.
     carried
@@ -47,8 +45,8 @@ class Basis:
         :class:`~workflow.reduction._reduction.Reduction`. May be left out.
     """
 
-    mechanical: Callable[[Structure, int, Known], Vectors]
-    thermal: Callable[[Structure, int, Known], Vectors]
+    mechanical: Callable[[Structure, int, float | None], Vectors]
+    thermal: Callable[[Structure, int, float | None], Vectors]
     carried: Callable[[Structure, Vectors, Vectors], Array] | None = None
 
 
@@ -84,7 +82,7 @@ def reduce_structure(
     mechanical_modes: int | None,
     thermal_modes: int | None,
     basis: str = DEFAULT,
-    known: Known = NOTHING,
+    duration: float | None = None,
 ) -> Reduction:
     """Replace interior nodes by vectors of a basis, keep the tip (x_n, v_n, θ_n) as it is.
 
@@ -97,13 +95,14 @@ def reduce_structure(
         temperatures as they are. Of a structure with a direction of friction a vector of its own is added.
     basis
         Name of the basis, one of :func:`names`.
-    known
-        What the basis may know of the cases.
+    duration
+        Of every case, s; ``None`` where there are no cases.
 
     Raises
     ------
     ValueError
-        A count is negative or exceeds the number of interior vectors, or that of modes of a chain without matrices.
+        A count is negative or exceeds the number of interior vectors, or that of modes of a chain without matrices;
+        or the basis takes a duration and there is none.
     """
     counts = ((mechanical_modes, structure.mechanical_size), (thermal_modes, structure.thermal_size))
     for count, size in counts:
@@ -119,12 +118,12 @@ def reduce_structure(
     mechanical = (
         unreduced(structure.elongations, structure.mechanical_size)
         if mechanical_modes is None
-        else chosen.mechanical(structure, mechanical_modes, known)
+        else chosen.mechanical(structure, mechanical_modes, duration)
     )
     thermal = (
         unreduced(structure.differences, structure.thermal_size)
         if thermal_modes is None
-        else chosen.thermal(structure, thermal_modes, known)
+        else chosen.thermal(structure, thermal_modes, duration)
     )
     carried = None
     if structure.tangent is not None and mechanical_modes is not None:
@@ -137,7 +136,6 @@ def reduce_structure(
 __all__ = [
     "DEFAULT",
     "Basis",
-    "Known",
     "Reduction",
     "Vectors",
     "fault",

@@ -80,14 +80,14 @@ class Orthonormal:
     """
 
     def __init__(self, size: int, count: int, inertia: Inertia) -> None:
-        self._found = np.zeros((size, count))
-        self._kept = 0
+        self._vectors = np.zeros((size, count))
+        self._count = 0
         self._inertia = inertia
 
     @property
     def is_full(self) -> bool:
         """Whether there are as many vectors as wanted."""
-        return self._kept == self._found.shape[1]
+        return self._count == self._vectors.shape[1]
 
     def add(self, vector: Array, length: float | None = None) -> Array | None:
         """Add what is new in a vector and return it with length 1, ``None`` where nothing is.
@@ -96,7 +96,7 @@ class Orthonormal:
         """
         if self.is_full:
             return None
-        found, kept = self._found, self._kept
+        vectors, count = self._vectors, self._count
         size = np.sqrt(dot(vector, self._inertia(vector))) if length is None else length
         if size == 0:
             return None
@@ -104,15 +104,15 @@ class Orthonormal:
         rest = np.sqrt(dot(new, self._inertia(new)))
         if not rest > DEPENDENT * size:
             return None
-        found[:, kept] = new / rest
-        self._kept += 1
-        return np.asarray(found[:, kept])
+        vectors[:, count] = new / rest
+        self._count += 1
+        return np.asarray(vectors[:, count])
 
     def apart(self, vector: Array) -> Array:
-        """Return what a vector has apart from those found, orthogonal to them."""
-        found = self._found[:, : self._kept]
+        """Return the part of a vector that is orthogonal to those added so far."""
+        vectors = self._vectors[:, : self._count]
         for _ in range(2):  # once more, so that rounding of the first pass goes too
-            vector = vector - product(found, product(found.T, self._inertia(vector)))
+            vector = vector - product(vectors, product(vectors.T, self._inertia(vector)))
         return vector
 
     def add_each(self, vectors: Array) -> None:
@@ -129,5 +129,5 @@ class Orthonormal:
             There are fewer than wanted.
         """
         if not self.is_full:
-            raise ValueError(f"only {self._kept} of {self._found.shape[1]} vectors are independent of the tip")
-        return self._found
+            raise ValueError(f"only {self._count} of {self._vectors.shape[1]} vectors are independent of the tip")
+        return self._vectors

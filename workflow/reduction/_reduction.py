@@ -14,22 +14,6 @@ from workflow.models._sparse import Sparse
 from workflow.models._tip_held import mechanical_constraint, thermal_constraint
 
 
-@dataclass(frozen=True)
-class Known:
-    """What a basis may know beside the structure.
-
-    Attributes
-    ----------
-    duration
-        Of every case, s; ``None`` where nobody says.
-    """
-
-    duration: float | None = None
-
-
-NOTHING = Known()
-
-
 @dataclass(frozen=True, eq=False)
 class Reduction:
     """A reduced structure and the bases that lead back to the nodes.

@@ -12,14 +12,14 @@ from __future__ import annotations
 
 from workflow.models import Structure
 from workflow.reduction._bases import fixed_interface_modes, relative_thermal_modes
-from workflow.reduction._reduction import Known, Vectors, mechanical_vectors, thermal_vectors
+from workflow.reduction._reduction import Vectors, mechanical_vectors, thermal_vectors
 
 
-def mechanical(structure: Structure, count: int, known: Known) -> Vectors:
+def mechanical(structure: Structure, count: int, duration: float | None) -> Vectors:
     """Return the lowest ``count`` fixed-interface modes and the constraint mode."""
     return mechanical_vectors(structure, fixed_interface_modes(structure, count))
 
 
-def thermal(structure: Structure, count: int, known: Known) -> Vectors:
+def thermal(structure: Structure, count: int, duration: float | None) -> Vectors:
     """Return the slowest ``count`` modes relative to the constraint mode, and that."""
     return thermal_vectors(structure, relative_thermal_modes(structure, count))

@@ -44,7 +44,7 @@ from workflow.models._tip_held import (
     thermal_constraint,
 )
 from workflow.reduction._bases import Orthonormal
-from workflow.reduction._reduction import Known, Vectors, mechanical_vectors, thermal_vectors
+from workflow.reduction._reduction import Vectors, mechanical_vectors, thermal_vectors
 
 MOST_MOMENTS = 6
 """Moments at s = 0, the constraint mode counted."""
@@ -55,7 +55,7 @@ temperature in ``studies/scaling.yaml`` errs by 4.7e-3, 8.6e-4, 3.7e-4, 2.7e-4 a
 1.1e-2, 3.5e-3, 3.1e-3 and 2.3e-3 at 100 000. Of a finite element blade 2 to 24 shifts make a factor of 3 at most."""
 
 
-def mechanical(structure: Structure, count: int, known: Known) -> Vectors:
+def mechanical(structure: Structure, count: int, duration: float | None) -> Vectors:
     """Return up to five moments relative to the tip and fixed-interface modes, and the constraint mode."""
     span = Orthonormal(structure.mechanical_size, count, structure.inertia_forces)
     constraint, _ = mechanical_constraint(structure)
@@ -69,22 +69,22 @@ def mechanical(structure: Structure, count: int, known: Known) -> Vectors:
     return mechanical_vectors(structure, span.all())
 
 
-def thermal(structure: Structure, count: int, known: Known) -> Vectors:
+def thermal(structure: Structure, count: int, duration: float | None) -> Vectors:
     """Return vectors at log-spaced shifts relative to the tip, and the constraint mode.
 
     Raises
     ------
     ValueError
-        The duration is not known.
+        ``duration`` is ``None``.
     """
-    if known.duration is None:
+    if duration is None:
         raise ValueError("krylov needs the duration of the cases for its shifts")
     constraint, _ = thermal_constraint(structure)
     answer, heat = held_temperatures(structure), structure.heat_contents(constraint)
     span = Orthonormal(structure.thermal_size, count, structure.heat_contents)
     each_alone = _is_small(structure)
     different = count if each_alone else min(count, MOST_SHIFTS)
-    shifts = list(_shifts(different, 1 / known.duration, fastest_rate(structure)))
+    shifts = list(_shifts(different, 1 / duration, fastest_rate(structure)))
     for k in range(count):
         vector = span.add(answer(heat, shifts[k * different // count]))
         if vector is not None and not each_alone:

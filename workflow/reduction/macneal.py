@@ -24,13 +24,13 @@ from workflow.models import Structure
 from workflow.models._tip_held import lowest_modes, mechanical_constraint
 from workflow.reduction import rubin
 from workflow.reduction._bases import DEPENDENT, Orthonormal
-from workflow.reduction._reduction import Known, Vectors, massless_vectors
+from workflow.reduction._reduction import Vectors, massless_vectors
 from workflow.reduction.rubin import elastic, thermal
 
 __all__ = ["mechanical", "thermal"]
 
 
-def mechanical(structure: Structure, count: int, known: Known) -> Vectors:
+def mechanical(structure: Structure, count: int, duration: float | None) -> Vectors:
     """Return the lowest ``count`` free modes relative to ρ, and ρ without inertia."""
     constraint, strain = mechanical_constraint(structure)
     is_held = structure.strains(strain)
@@ -42,7 +42,7 @@ def mechanical(structure: Structure, count: int, known: Known) -> Vectors:
         span.add_each(lowest_modes(structure, count).shapes)
     left = span.add(answer) if is_held or count > 0 else None
     if left is None or dot(left, structure.inertia_forces(answer)) * left[-1] <= DEPENDENT * answer[-1]:
-        return rubin.mechanical(structure, count, known)
+        return rubin.mechanical(structure, count, duration)
     modes, tip = span.all()[:, :count], left / left[-1]
     interior = modes - np.outer(tip, modes[-1])
     interior[-1] = 0.0

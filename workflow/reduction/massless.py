@@ -19,13 +19,13 @@ from workflow.models import Structure
 from workflow.models._dense import product
 from workflow.models._tip_held import mechanical_constraint
 from workflow.reduction._bases import DEPENDENT, fixed_interface_modes
-from workflow.reduction._reduction import Known, Vectors, massless_vectors, mechanical_vectors
+from workflow.reduction._reduction import Vectors, massless_vectors, mechanical_vectors
 from workflow.reduction.craig_bampton import thermal
 
 __all__ = ["mechanical", "thermal"]
 
 
-def mechanical(structure: Structure, count: int, known: Known) -> Vectors:
+def mechanical(structure: Structure, count: int, duration: float | None) -> Vectors:
     """Return the lowest ``count`` fixed-interface modes, and ψ̃ without inertia."""
     modes = fixed_interface_modes(structure, count)
     constraint, strain = mechanical_constraint(structure)

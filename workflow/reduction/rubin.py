@@ -19,10 +19,10 @@ from workflow.models._dense import product
 from workflow.models._modes import Modes
 from workflow.models._tip_held import lowest_modes, mechanical_constraint
 from workflow.reduction._bases import relative, relative_thermal_modes
-from workflow.reduction._reduction import Known, Vectors, mechanical_vectors, thermal_vectors
+from workflow.reduction._reduction import Vectors, mechanical_vectors, thermal_vectors
 
 
-def mechanical(structure: Structure, count: int, known: Known) -> Vectors:
+def mechanical(structure: Structure, count: int, duration: float | None) -> Vectors:
     """Return the lowest free modes relative to the constraint mode, and that."""
     constraint, elongation = mechanical_constraint(structure)
     modes = lowest_modes(structure, count + 1)  # one may be the constraint mode
@@ -31,7 +31,7 @@ def mechanical(structure: Structure, count: int, known: Known) -> Vectors:
     return mechanical_vectors(structure, relative(shapes, constraint, structure.inertia_forces, count))
 
 
-def thermal(structure: Structure, count: int, known: Known) -> Vectors:
+def thermal(structure: Structure, count: int, duration: float | None) -> Vectors:
     """Return the slowest ``count`` modes relative to the constraint mode, and that."""
     return thermal_vectors(structure, relative_thermal_modes(structure, count))
 

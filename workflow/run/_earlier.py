@@ -14,13 +14,13 @@ from workflow.archive import (
     Layout,
     Shards,
     StoredCells,
+    archive_origin,
     clear_parts,
     count_unmatched,
     describe,
     find_shards,
     find_stored_cells,
     is_begun,
-    made_by,
     match_hashes,
     narrowed,
     parts_of,
@@ -180,7 +180,7 @@ def check_name(study: Study, archive: Path, texts: dict[str, str]) -> None:
     ArchiveError
         It has another name, or none.
     """
-    name = made_by(archive, texts).study
+    name = archive_origin(archive, texts).study
     if name != study.name:
         raise ArchiveError(
             f"{archive}: holds another study, {name!r} and not {study.name!r}; "
@@ -196,7 +196,7 @@ def check_version(archive: Path, texts: dict[str, str]) -> None:
     ArchiveError
         The version differs.
     """
-    version = made_by(archive, texts).solver
+    version = archive_origin(archive, texts).solver
     if version != str(SOLVER_VERSION):
         raise ArchiveError(
             f"{archive}: made by version {version} of the solver, this is {SOLVER_VERSION}, whose results differ and "
@@ -219,7 +219,7 @@ def _unasked(archive: Path, texts: dict[str, str], hashes: Hashes, damaged: bool
     Cases of another version of the solver are reused by the settings in the study that the archive keeps; all count
     where that cannot be read any more.
     """
-    if made_by(archive, texts).solver == str(SOLVER_VERSION):
+    if archive_origin(archive, texts).solver == str(SOLVER_VERSION):
         try:
             stored = stored_hashes(archive)
             return count_unmatched(stored, hashes), len(stored)

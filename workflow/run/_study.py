@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from workflow.archive import (
     Layout,
     Shards,
+    archive_origin,
     find_shards,
     gather,
     holding,
-    made_by,
     parts_of,
     provenance,
     remove_parts,
@@ -187,8 +187,8 @@ def _is_current(study: Study, archive: Path, recompute: bool) -> bool:
     """Tell whether an archive holds a study as it is, title and licence included; refuse another study's."""
     texts = provenance(archive, damaged=recompute)
     check_name(study, archive, texts)
-    made = made_by(archive, texts)
-    return texts.get("key") == study_key(study) and (made.title, made.license) == (study.title, study.license)
+    origin = archive_origin(archive, texts)
+    return texts.get("key") == study_key(study) and (origin.title, origin.license) == (study.title, study.license)
 
 
 def _endings(done: Shards, layout: Layout) -> Counter[str]:

@@ -121,11 +121,11 @@ def run_task(session: Session, task: SmallTask) -> Stored:
 
 def _job(session: Session) -> Job:
     with _MAKING:  # threads of one worker share one grid
-        return _made(session)
+        return _prepared(session)
 
 
 @lru_cache(maxsize=_MOST_JOBS)
-def _made(session: Session) -> Job:
+def _prepared(session: Session) -> Job:
     from distributed import get_worker
 
     worker = get_worker()

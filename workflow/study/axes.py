@@ -256,8 +256,8 @@ class Arrangement:
 
         dimensions = []
         for group in self.groups:
-            made = tuple(axis(path, values) for path, values in group.columns.items())
-            dimensions.append(Dimension(group.name or made[0].name, made))
+            axes = tuple(axis(path, values) for path, values in group.columns.items())
+            dimensions.append(Dimension(group.name or axes[0].name, axes))
         return tuple(dimensions), tuple(axis(path, (value,)) for path, value in singles.items())
 
 

@@ -24,7 +24,7 @@ def _tidied(schema: Any) -> Any:
         return [_tidied(item) for item in schema]
     if not isinstance(schema, dict):
         return schema
-    made = {key for key in ("title", "default") if not isinstance(schema.get(key), dict)}
+    generated = {key for key in ("title", "default") if not isinstance(schema.get(key), dict)}
     if schema.get("default") is not None:
-        made.discard("default")
-    return {key: _tidied(item) for key, item in schema.items() if key not in made}
+        generated.discard("default")
+    return {key: _tidied(item) for key, item in schema.items() if key not in generated}

@@ -96,18 +96,18 @@ class EnergyBalance:
         self._content, self._loss = product(structure.content, shapes), product(structure.loss_row, shapes)
         self._per_load, self._stiffness = product(self._content, shapes.T), basis.free.frequency**2
         self._free = Side(with_loss(free, self._loss), matrices(basis.free))
-        self._held, self._known = basis.held, dict[tuple[bool, float], tuple[Matrices, bool]]()
+        self._held, self._held_matrices = basis.held, dict[tuple[bool, float], tuple[Matrices, bool]]()
 
     def regimes(self, held: Layout, alpha: float, friction: float) -> Regimes:
         """Return the regimes of cases of one α and µ."""
         sliding = self._held.sliding(friction)
         key = alpha > 0 or sliding.pushed is not None, friction
-        if key not in self._known:
+        if key not in self._held_matrices:
             felt = linked(sliding) if key[0] else sliding
-            self._known[key] = matrices(felt), felt.frequency.size < sliding.frequency.size
-        side = Side(with_loss(held, self._loss), self._known[key][0])
+            self._held_matrices[key] = matrices(felt), felt.frequency.size < sliding.frequency.size
+        side = Side(with_loss(held, self._loss), self._held_matrices[key][0])
         size = max(side.layout.outward.shape[0], self._free.layout.outward.shape[0])
-        return Regimes(self._free, side, self._known[key][1], np.zeros(size))
+        return Regimes(self._free, side, self._held_matrices[key][1], np.zeros(size))
 
     def log(self, states: int, phases: int) -> Log:
         """Return the log of a case with so many modal states, for so many phases; cases use it one after the other."""
@@ -177,17 +177,17 @@ def residuals(
         if end > t:
             motion = motions.held if log.held[i] else motions.free
             spent += _begin(motions, regimes.reduced, log, i, tally)
-            taken = _look(regimes, motions, memories[0].modal, load, log, i)
+            disagreement = _look(regimes, motions, memories[0].modal, load, log, i)
             advance(motion.r, motion.now, t, end - t, motion.after)
             if log.held[i]:
                 if motion.r.firsts > 0:
                     loss = integral(motion.r, motion.now, motion.after, t, end - t)
                     lost, turnover = lost + loss, turnover + abs(loss)
             else:
-                power = taken
+                power = disagreement
             copy_state(motion.after, motion.now)
             fill_modal(motions, log.held[i], end)
-            spent += log.energy[i] - note_energy(log, motions.modal, tally) + taken * (end - t)
+            spent += log.energy[i] - note_energy(log, motions.modal, tally) + disagreement * (end - t)
         spent += power * (following - end)
     energy = spent / tally.max_energy if tally.max_energy != 0.0 else 0.0
     return energy, _heat_residual(heat, modal, load, log, lost, turnover, tally)
@@ -262,27 +262,27 @@ def _disagreement(
 
     ``states`` are X, [y, y', τ] of the free tip, and what takes R.
     """
-    (x, state, rate), (regime, given) = states, side
-    modes, free = given.force.shape[1], log.stiffness.size
+    (x, state, rate), (regime, system) = states, side
+    modes, free = system.force.shape[1], log.stiffness.size
     to_rates(motion.r, motion.now, t, motion.coordinates)
     multiply(regime.outward, motion.coordinates, rate[: x.size])
-    wanted = rate[modes : 2 * modes]
+    error = rate[modes : 2 * modes]
     for n in range(x.size):
         for m in range(modes):
-            wanted[m] -= given.motion[n, m] * x[n]
-    _subtract_forces(given.force, load, motion.r.waves, t, wanted)
+            error[m] -= system.motion[n, m] * x[n]
+    _subtract_forces(system.force, load, motion.r.waves, t, error)
     power = 0.0
     for m in range(modes):
         at, along = 0.0, 0.0
         for k in range(free):
             at += log.stiffness[k] * state[k] * regime.exit[m, k]
             along += state[free + k] * regime.exit[m, k]
-        power += at * (rate[m] - x[modes + m]) + along * wanted[m]
+        power += at * (rate[m] - x[modes + m]) + along * error[m]
     return float(power)
 
 
 @part
-def _subtract_forces(force: Array, load: Load, waves: Array, t: float, wanted: Array) -> None:
+def _subtract_forces(force: Array, load: Load, waves: Array, t: float, error: Array) -> None:
     """Subtract the forces on modes by constant loads, the load at the tip and the casing."""
     at = load.steady.size + load.heating.size
     push, place, speed, acceleration = load.mean, load.gap, 0.0, 0.0
@@ -291,10 +291,10 @@ def _subtract_forces(force: Array, load: Load, waves: Array, t: float, wanted: A
         omega, amplitude = waves[i, wave.OMEGA], waves[i, wave.CASING]
         push, place = push + waves[i, wave.LOAD] * sin, place + amplitude * sin
         speed, acceleration = speed + omega * amplitude * cos, acceleration - omega * omega * amplitude * sin
-    for m in range(wanted.size):
-        wanted[m] -= force[at, m] * push + force[at + 1, m] * place
-        wanted[m] -= force[at + 2, m] * speed + force[at + 3, m] * acceleration
+    for m in range(error.size):
+        error[m] -= force[at, m] * push + force[at + 1, m] * place
+        error[m] -= force[at + 2, m] * speed + force[at + 3, m] * acceleration
     for i in range(load.steady.size):
         if load.steady[i] != 0.0:
-            for m in range(wanted.size):
-                wanted[m] -= force[i, m] * load.steady[i]
+            for m in range(error.size):
+                error[m] -= force[i, m] * load.steady[i]

@@ -46,7 +46,7 @@ def march(
     """Run one case and return how it ended, see :mod:`workflow.schemes._exact.outcome`; never raises."""
     motions = motions_of(free, held, case.load, (free_memory, held_memory))
     tally, T, audited = record.tally, case.load.duration, log.held.size > 0
-    ended, event, start, seen = _begin(motions, case, record, log)
+    ended, event, start, observed = _begin(motions, case, record, log)
     while ended == outcome.RUNNING:
         if event:
             if case.tip.mobility <= 0.0:
@@ -59,7 +59,7 @@ def march(
             released = tally.held != 0
             if tally.logged:
                 end_phase(log, motions, tally)
-            start, seen = _pass_event(motions, case, tally, seen)
+            start, observed = _pass_event(motions, case, tally, observed)
             if audited and not note_phase(log, motions, released, tally):
                 ended = outcome.LOG_FULL
                 break
@@ -70,15 +70,17 @@ def march(
         if tally.steps > case.budget.steps:
             ended = outcome.OUT_OF_STEPS
             break
-        h, event, seen = _step(motions.held if tally.held else motions.free, record, start, T, seen, log)
+        h, event, observed = _step(motions.held if tally.held else motions.free, record, start, T, observed, log)
         if not np.isfinite(h):
             ended = outcome.NOT_FINITE
             break
         if not tally.held:
-            height = 0.25 * h * min(start.speed, -seen.signal_rate)  # of a flight from impact to impact, a parabola's
-            tally.length = max(tally.length, max(abs(seen.place - seen.signal), height))
+            height = (
+                0.25 * h * min(start.speed, -observed.signal_rate)
+            )  # of a flight from impact to impact, a parabola's
+            tally.length = max(tally.length, max(abs(observed.place - observed.signal), height))
             if event:
-                tally.speed = max(0.0, -seen.signal_rate)
+                tally.speed = max(0.0, -observed.signal_rate)
                 event = tally.speed > 0.0 or h == 0.0  # a tip that lies on the casing at this instant
         tally.time = T if h >= T - tally.time else tally.time + h
         start = Start(0, -1.0, False, 2.0 * h)
@@ -86,7 +88,7 @@ def march(
             fill_modal(motions, tally.held != 0, tally.time)
             note_energy(log, motions.modal, tally)
     if ended == outcome.COMPLETED:
-        _finish(motions, case, record, log, seen)
+        _finish(motions, case, record, log, observed)
     return ended
 
 
@@ -97,29 +99,31 @@ def _begin(motions: Motions, case: Case, record: Record, log: Log) -> tuple[int,
     for i in range(case.modal.size):
         motions.modal[i] = case.modal[i]
     set_free(motions, 0.0)
-    seen = observe(free.r, free.now, 0.0)
+    observed = observe(free.r, free.now, 0.0)
     start = Start(0, -1.0, False, case.load.duration)
-    if not (np.isfinite(seen.signal) and np.isfinite(seen.signal_rate) and np.isfinite(seen.temperature)):
-        return outcome.NOT_FINITE, False, start, seen
+    if not (np.isfinite(observed.signal) and np.isfinite(observed.signal_rate) and np.isfinite(observed.temperature)):
+        return outcome.NOT_FINITE, False, start, observed
     tally.contact_begin = np.inf
-    tally.max_temperature = tally.period_temperature = seen.temperature
-    write(record, 0.0, Observed(tip.distance, -tip.speed, seen.temperature, 0.0, seen.place, seen.speed), 0.0)
+    tally.max_temperature = tally.period_temperature = observed.temperature
+    write(
+        record, 0.0, Observed(tip.distance, -tip.speed, observed.temperature, 0.0, observed.place, observed.speed), 0.0
+    )
     expand(free.r, free.now, 0.0, free.x)
-    tally.length = tip.reach + abs(seen.place - tip.distance)
+    tally.length = tip.reach + abs(observed.place - tip.distance)
     touches = abs(tip.distance) <= 4.0 * SUM_ROUNDING * (tally.length + free.x.sums[expansion.SIZE, 0])
     if tip.distance < 0.0 and not touches:
-        return outcome.INSIDE_CASING, False, start, seen
+        return outcome.INSIDE_CASING, False, start, observed
     if log.held.size > 0:
         begin_phase(log, case.modal, tally)
     event = touches and tip.speed >= 0.0
     if touches:
         tally.speed = tip.speed
         start = Start(2 if event else 1, -1.0, False, case.load.duration)
-    return outcome.RUNNING, event, start, seen
+    return outcome.RUNNING, event, start, observed
 
 
 @part
-def _pass_event(motions: Motions, case: Case, tally: Any, seen: Observed) -> tuple[Start, Observed]:
+def _pass_event(motions: Motions, case: Case, tally: Any, observed: Observed) -> tuple[Start, Observed]:
     """End a contact, or strike the tip and begin a contact if it stays; return how the next step begins."""
     free, tip, t = motions.free, case.tip, tally.time
     guess = _FIRST_STEP / free.r.fastest if free.r.fastest > 0.0 else case.load.duration
@@ -129,29 +133,31 @@ def _pass_event(motions: Motions, case: Case, tally: Any, seen: Observed) -> tup
     before, speed = tally.impulse, tip.e * tally.speed
     stays, since = impact(motions, case, tally)
     if tally.speed > 0.0:
-        seen = Observed(0.0, speed, seen.temperature, 0.0, seen.place, seen.speed)
+        observed = Observed(0.0, speed, observed.temperature, 0.0, observed.place, observed.speed)
         if free.r.firsts > 0:
-            temperature = seen.temperature + tip.alpha * (tally.impulse - before) * tip.warming
-            seen = Observed(0.0, speed, temperature, warming_rate(free.r, free.now), seen.place, seen.speed)
+            temperature = observed.temperature + tip.alpha * (tally.impulse - before) * tip.warming
+            observed = Observed(0.0, speed, temperature, warming_rate(free.r, free.now), observed.place, observed.speed)
             note_temperature(tally, temperature)
     if not stays:
-        return Start(1, speed, True, guess), seen
+        return Start(1, speed, True, guess), observed
     zeros = enter_contact(motions, case.thresholds.force, t)
     if zeros < 0:
-        return Start(2, -1.0, False, guess), seen
+        return Start(2, -1.0, False, guess), observed
     tally.held, tally.contact_begin = 1, since
     return Start(zeros, -1.0, True, guess), observe(motions.held.r, motions.held.now, t)
 
 
 @part
-def _step(m: Motion, record: Record, start: Start, T: float, seen: Observed, log: Log) -> tuple[float, bool, Observed]:
+def _step(
+    m: Motion, record: Record, start: Start, T: float, observed: Observed, log: Log
+) -> tuple[float, bool, Observed]:
     """Take a certified step; return its length (NaN: none found), whether an event ends it, and its last outputs."""
     tally, t, tolerance = record.tally, record.tally.time, _SAME_TIME * T
     if not start.expanded:
         expand(m.r, m.now, t, m.x)
     h, event = certified_step(m, start, t, T - t, tolerance)
     if not np.isfinite(h):
-        return h, False, seen
+        return h, False, observed
     advance(m.r, m.now, t, h, m.after)
     impulse = 0.0
     if tally.held:
@@ -166,7 +172,7 @@ def _step(m: Motion, record: Record, start: Start, T: float, seen: Observed, log
 
 
 @rare
-def _finish(motions: Motions, case: Case, record: Record, log: Log, seen: Observed) -> None:
+def _finish(motions: Motions, case: Case, record: Record, log: Log, observed: Observed) -> None:
     """Write what is due at the end, after any event there."""
     tally, modal, T = record.tally, motions.modal, case.load.duration
     fill_modal(motions, tally.held != 0, tally.time)
@@ -175,7 +181,7 @@ def _finish(motions: Motions, case: Case, record: Record, log: Log, seen: Observ
     for i in range(log.final.size):
         log.final[i] = modal[i]
     while next_due(record) <= T * (1.0 + _LATE):
-        write(record, T, seen, tally.impulse)
+        write(record, T, observed, tally.impulse)
     for j in range(case.closing.size):
         tally.thermal_closing += case.closing[j] * modal[modal.size - case.closing.size + j]
     tally.contact_time = contact_time(tally, T)

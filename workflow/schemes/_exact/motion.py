@@ -132,11 +132,11 @@ def observe(r: Response, y: Array, t: float) -> Observed:
         rate += (f[first.SIGNAL_VALUE, j] - f[first.SIGNAL_SLOPE, j] * f[first.RATE, j]) * slope
         heat += f[first.TEMPERATURE_VALUE, j] * xi + f[first.TEMPERATURE_SLOPE, j] * slope
         warming += f[first.WARMING, j] * slope
-    seen, seen_rate = 0.0, 0.0
+    block_signal, block_rate = 0.0, 0.0
     for k in range(r.blocks):
-        seen += b[block.SIGNAL_VALUE, k] * y[state.VALUE, k]
-        seen_rate += b[block.SIGNAL_VALUE, k] * y[state.SLOPE, k]
-    observed = Observed(signal + seen, rate + seen_rate, heat, warming, place, speed)
+        block_signal += b[block.SIGNAL_VALUE, k] * y[state.VALUE, k]
+        block_rate += b[block.SIGNAL_VALUE, k] * y[state.SLOPE, k]
+    observed = Observed(signal + block_signal, rate + block_rate, heat, warming, place, speed)
     return _observe_two_way(r, y, t, observed) if r.two_way else observed
 
 
@@ -158,7 +158,7 @@ def _observe_waves(r: Response, t: float) -> Observed:
 
 
 @part
-def _observe_two_way(r: Response, y: Array, t: float, known: Observed) -> Observed:
+def _observe_two_way(r: Response, y: Array, t: float, observed: Observed) -> Observed:
     """Add what η' of blocks shows in the signal, and blocks in the tip temperature."""
     b = r.block
     for k in range(b.shape[1]):
@@ -175,12 +175,12 @@ def _observe_two_way(r: Response, y: Array, t: float, known: Observed) -> Observ
         heat += b[block.TEMPERATURE_VALUE, k] * value + b[block.TEMPERATURE_SLOPE, k] * slope
         warming += b[block.TEMPERATURE_VALUE, k] * slope + b[block.TEMPERATURE_SLOPE, k] * bend
     return Observed(
-        known.signal + signal,
-        known.signal_rate + rate,
-        known.temperature + heat,
-        known.warming + warming,
-        known.place,
-        known.speed,
+        observed.signal + signal,
+        observed.signal_rate + rate,
+        observed.temperature + heat,
+        observed.warming + warming,
+        observed.place,
+        observed.speed,
     )
 
 

@@ -71,15 +71,15 @@ def multiply(matrix: Array, source: Array, target: Array) -> None:
 @part
 def _change_modes(matrix: Array, casing: tuple[float, float], source: Array, target: Array) -> None:
     """Fill places and velocities of modes from those of the other tip and of the casing; thermal modes are the same."""
-    (place, speed), (given, asked) = casing, (matrix.shape[0] - 1, matrix.shape[1])
-    for i in range(asked):
-        target[i], target[asked + i] = matrix[given, i] * place, matrix[given, i] * speed
-    for j in range(given):
-        for i in range(asked):
+    (place, speed), (source_modes, target_modes) = casing, (matrix.shape[0] - 1, matrix.shape[1])
+    for i in range(target_modes):
+        target[i], target[target_modes + i] = matrix[source_modes, i] * place, matrix[source_modes, i] * speed
+    for j in range(source_modes):
+        for i in range(target_modes):
             target[i] += source[j] * matrix[j, i]
-            target[asked + i] += source[given + j] * matrix[j, i]
-    for i in range(2 * asked, target.size):
-        target[i] = source[2 * given - 2 * asked + i]
+            target[target_modes + i] += source[source_modes + j] * matrix[j, i]
+    for i in range(2 * target_modes, target.size):
+        target[i] = source[2 * source_modes - 2 * target_modes + i]
 
 
 @part

@@ -198,8 +198,8 @@ def is_trusted(right: Complex, left: Complex) -> bool:
 def guesses_of(A: Array) -> Array:
     """Return eigenvalues with imaginary part >= 0 by the general solver, ``(2, eigenvalue)``."""
     values = eigenvalues(A)
-    kept = values[values.imag >= 0]
-    return np.array([kept.real, kept.imag])
+    upper_half = values[values.imag >= 0]
+    return np.array([upper_half.real, upper_half.imag])
 
 
 def secular_spectrum(held: ModalSystem, alpha: float, A: Array) -> Spectrum | None:
@@ -207,8 +207,8 @@ def secular_spectrum(held: ModalSystem, alpha: float, A: Array) -> Spectrum | No
     if held.is_coupled:
         return coupled_spectrum(held, alpha, A)
     system = uncoupled(held, alpha)
-    found = None if system is None else _spectrum(_solve_system, system, _factor(held, alpha), A)
-    return None if found is None else _rounded(found)
+    spectrum = None if system is None else _spectrum(_solve_system, system, _factor(held, alpha), A)
+    return None if spectrum is None else _rounded(spectrum)
 
 
 def _factor(held: ModalSystem, alpha: float) -> float:
@@ -231,12 +231,12 @@ def _spectrum(solver: Any, system: Any, alpha: float, A: Array) -> Spectrum | No
     return Spectrum(values, right, left.T, force)
 
 
-def _rounded(found: Spectrum) -> Spectrum:
+def _rounded(spectrum: Spectrum) -> Spectrum:
     """Return a spectrum in X whose real eigenvalues have real vectors."""
-    real = found.values.imag == 0
-    right, left, force = found.right.copy(), found.left.copy(), found.force.copy()
+    real = spectrum.values.imag == 0
+    right, left, force = spectrum.right.copy(), spectrum.left.copy(), spectrum.force.copy()
     right.imag[:, real], left.imag[real], force.imag[real] = 0.0, 0.0, 0.0
-    return Spectrum(found.values, right, left, force)
+    return Spectrum(spectrum.values, right, left, force)
 
 
 def _dragged(system: ModalSystem, moved: Array, poles: Complex) -> Array | None:
@@ -276,7 +276,7 @@ class _Separate:
     """Contact force per coordinate, ``(N,)``."""
 
 
-_KNOWN: WeakKeyDictionary[ModalSystem, _Separate | None] = WeakKeyDictionary()
+_SEPARATED: WeakKeyDictionary[ModalSystem, _Separate | None] = WeakKeyDictionary()
 """What systems are without friction heat and friction along a tangent, the same at each α."""
 
 
@@ -314,17 +314,17 @@ def coupled_spectrum(held: ModalSystem, alpha: float, A: Array) -> Spectrum | No
         warming = np.concatenate([push, alpha * held.heat_tip])
         system = _separate(held, A[:size] - np.outer(push, row), row)
     else:
-        if held not in _KNOWN:
-            _KNOWN[held] = _separate(held, A[:size], row)
-        system = _KNOWN[held]
+        if held not in _SEPARATED:
+            _SEPARATED[held] = _separate(held, A[:size], row)
+        system = _SEPARATED[held]
     if system is None:
         return None
     if alpha == 0 and held.pushed is None:
         keep = system.poles.imag >= 0
         return Spectrum(system.poles[keep], system.whole[:, keep], system.inverse[keep], system.force[keep])
     matrix = rank_one(system.poles, complex_product(system.inverse, warming), system.force, held.rate.size)
-    found = _spectrum(_solve_matrix, matrix, _factor(held, alpha), A)
-    if found is None:
+    spectrum = _spectrum(_solve_matrix, matrix, _factor(held, alpha), A)
+    if spectrum is None:
         return None
-    right, left = complex_product(system.whole, found.right), complex_product(found.left, system.inverse)
-    return Spectrum(found.values, right, left, found.force)
+    right, left = complex_product(system.whole, spectrum.right), complex_product(spectrum.left, system.inverse)
+    return Spectrum(spectrum.values, right, left, spectrum.force)

@@ -53,11 +53,11 @@ class HeldRegimes:
         if system is not self._held:
             return layout(held_regime(linked(system), alpha))
         if alpha > 0 and self._two_way is not None:
-            found, regime = _regime_at(self._two_way, alpha, _NO_GUESSES, self._work)
-            if not found:
+            is_solved, regime = _regime_at(self._two_way, alpha, _NO_GUESSES, self._work)
+            if not is_solved:
                 guesses = guesses_of(state_space(self._linked, alpha)[0])
-                found, regime = _regime_at(self._two_way, alpha, guesses, self._work)
-            if found:
+                is_solved, regime = _regime_at(self._two_way, alpha, guesses, self._work)
+            if is_solved:
                 return regime
         return layout(held_regime(self._linked if alpha > 0 else self._held, alpha))
 
