@@ -22,18 +22,18 @@ ENTRIES = [
 
 
 def test_axes_replace_what_the_study_gives() -> None:
-    found = casing_motion(
+    motion = casing_motion(
         case(
             {"casing_harmonics": json.dumps(ENTRIES), "speed": "2.0"},
             speed=(5.0, "scene.speed"),
             harmonic_amplitude=(4e-6, "scene.casing.harmonics.0.amplitude"),
         )
     )
-    assert found is not None
+    assert motion is not None
     t = np.linspace(0, 1, 2001)
     place = 1e-5 + 4e-6 * np.sin(2 * np.pi * 15 * t + 0.5) + 1e-6 * np.sin(2 * np.pi * 7 * t)
-    assert np.abs(found[0] - place).max() < 1e-19  # roundings of 1e-5
-    assert np.abs(found[1] - np.gradient(place, t))[1:-1].max() < 1e-3 * np.abs(found[1]).max()
+    assert np.abs(motion[0] - place).max() < 1e-19  # roundings of 1e-5
+    assert np.abs(motion[1] - np.gradient(place, t))[1:-1].max() < 1e-3 * np.abs(motion[1]).max()
 
 
 @pytest.mark.parametrize("text", ["[]", "no json", '[{"amplitude": 1}]', "[1]", '{"a": 1}'])
@@ -64,16 +64,16 @@ def test_a_scene_without_sense_has_no_periods(scene: dict) -> None:
 
 def test_impact_speeds_are_relative_to_the_casing() -> None:
     """A tip that moves on at 3 mm/s meets a casing that comes with up to 2π · 0.2 mm/s."""
-    found = case({"casing_harmonics": json.dumps([{"amplitude": 2e-4, "frequency": 1.0, "phase": np.pi}])})
-    t = found["t"].values
+    dataset = case({"casing_harmonics": json.dumps([{"amplitude": 2e-4, "frequency": 1.0, "phase": np.pi}])})
+    t = dataset["t"].values
     x = 3e-3 * (t - 0.5) + 1e-5 + 2e-4 * np.sin(np.pi)
-    place = casing_motion(found)
+    place = casing_motion(dataset)
     assert place is not None
     touched = (x >= place[0]) & (t > 0.3)
-    found = found.assign(
+    dataset = dataset.assign(
         displacement=("t", np.minimum(x, place[0])),
         velocity=("t", np.full(t.size, 3e-3)),
         contact_force=("t", touched * 1.0),
     )
     ahead = 2 * np.pi * 2e-4  # d = -a sin(2π t) rises at t = 1/2
-    assert impact_speeds(found)[0] == pytest.approx(3e-3 - ahead, rel=1e-2)
+    assert impact_speeds(dataset)[0] == pytest.approx(3e-3 - ahead, rel=1e-2)

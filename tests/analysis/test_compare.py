@@ -28,20 +28,20 @@ def cases(scale: float = 1.0, interval: float = 0.1, alphas: tuple[float, ...] =
 
 
 def test_differences_of_known_arrays() -> None:
-    found = compare(cases(1.02), cases())
-    assert set(found) == {"displacement", "contact_impulse", "critical_alpha"}
-    assert found["displacement"].values == pytest.approx([0.02, 0.02])
-    assert found["contact_impulse"].values == pytest.approx([0.0, 0.02])
-    assert found["critical_alpha"].values == pytest.approx([0.0, 0.0])
+    differences = compare(cases(1.02), cases())
+    assert set(differences) == {"displacement", "contact_impulse", "critical_alpha"}
+    assert differences["displacement"].values == pytest.approx([0.02, 0.02])
+    assert differences["contact_impulse"].values == pytest.approx([0.0, 0.02])
+    assert differences["critical_alpha"].values == pytest.approx([0.0, 0.0])
     assert compare(cases(), cases(0.0))["displacement"].values == pytest.approx([np.inf, np.inf])
     assert compare(cases(0.0), cases(0.0))["displacement"].values == pytest.approx([0.0, 0.0])
 
 
 def test_cases_are_paired_by_label_and_samples_by_instant() -> None:
     """0.3 is not three times 0.1 in binary: instants count, not their bits."""
-    found = compare(cases(1.02, 0.1, (1.0, 3.0, 2.0)), cases(1.0, 0.3, (2.0, 1.0, 5.0)))
-    assert sorted(found["alpha"].values) == [1.0, 2.0]
-    assert found["displacement"].values == pytest.approx([0.02, 0.02])
+    differences = compare(cases(1.02, 0.1, (1.0, 3.0, 2.0)), cases(1.0, 0.3, (2.0, 1.0, 5.0)))
+    assert sorted(differences["alpha"].values) == [1.0, 2.0]
+    assert differences["displacement"].values == pytest.approx([0.02, 0.02])
     finer, coarser = cases(1.0, 0.1), cases(1.0, 0.3)
     finer["displacement"][:, 1::3] = 99.0  # at no common instant
     assert compare(finer, coarser)["displacement"].values == pytest.approx([0, 0], abs=1e-15)
@@ -65,8 +65,8 @@ def test_a_comparison_with_the_exact_case_is_the_error_in_the_archive(tmp_path) 
     study = quick(axes, reference={"scheme": "event_driven"}, output=output, scene={"load.frequency": 250.0})
     run_study(study, tmp_path / "a.nc", threads=1)
     with open_archive(tmp_path / "a.nc") as archive:
-        found = compare(archive, archive.sel(scheme="event_driven").isel(h=0))
+        differences = compare(archive, archive.sel(scheme="event_driven").isel(h=0))
         for name in ("displacement", "temperature", "impulse"):
-            error = archive[f"{name}_error"].transpose(*found[name].dims)
+            error = archive[f"{name}_error"].transpose(*differences[name].dims)
             assert float(error.max()) > 1e-6
-            assert found[name].values == pytest.approx(error.values, rel=1e-9, abs=1e-15)
+            assert differences[name].values == pytest.approx(error.values, rel=1e-9, abs=1e-15)

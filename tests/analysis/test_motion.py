@@ -55,7 +55,7 @@ def test_growth_of_an_exponential() -> None:
 def test_growth_of_the_impulse_is_of_the_last_complete_period_over_the_first() -> None:
     nan = np.nan
     impulse = [[2.0, 3.0, 5.0], [2.0, 3.0, nan], [2.0, nan, nan], [0.0, 1.0, 2.0], [nan, nan, nan]]
-    found = impulse_growth(xr.Dataset({"period_impulse": (("case", "period"), impulse)}))
-    assert found == pytest.approx([2.5, 1.5, nan, nan, nan], nan_ok=True)
+    growth = impulse_growth(xr.Dataset({"period_impulse": (("case", "period"), impulse)}))
+    assert growth == pytest.approx([2.5, 1.5, nan, nan, nan], nan_ok=True)
     assert impulse_growth(xr.Dataset({"period_impulse": (("case", "period"), [[1.0]])})) is None
     assert impulse_growth(xr.Dataset()) is None

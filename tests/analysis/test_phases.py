@@ -20,19 +20,19 @@ def forces(*rows: list[float]) -> xr.Dataset:
 
 
 def test_phases_of_known_forces() -> None:
-    found = contact_phases(forces([0, 2, 4, 0, 0, 1], [0, 0, 0, 0, 0, 0], [0, 0, 0, 5, 0, 0], [0, 1, 1, 1, 1, 1]))
-    assert dict(found.sizes) == {"alpha": 4, "phase": 2}
-    assert found["begin"].values == pytest.approx(
+    phases = contact_phases(forces([0, 2, 4, 0, 0, 1], [0, 0, 0, 0, 0, 0], [0, 0, 0, 5, 0, 0], [0, 1, 1, 1, 1, 1]))
+    assert dict(phases.sizes) == {"alpha": 4, "phase": 2}
+    assert phases["begin"].values == pytest.approx(
         np.array([[0, 0.4], [np.nan, np.nan], [0.2, np.nan], [0, np.nan]]), nan_ok=True
     )
-    assert found["end"].values == pytest.approx(
+    assert phases["end"].values == pytest.approx(
         np.array([[0.2, 0.5], [np.nan, np.nan], [0.3, np.nan], [0.5, np.nan]]), nan_ok=True
     )
-    assert found["impulse"].sel(alpha=0).values == pytest.approx([0.6, 0.1])
-    assert found["peak_force"].sel(alpha=[0, 2], phase=1).values == pytest.approx([4, 5])
-    assert list(found["phase"].values) == [1, 2]
-    assert float(found["gap"]) == 3.0
-    assert found["impulse"].attrs["units"] == "N s"
+    assert phases["impulse"].sel(alpha=0).values == pytest.approx([0.6, 0.1])
+    assert phases["peak_force"].sel(alpha=[0, 2], phase=1).values == pytest.approx([4, 5])
+    assert list(phases["phase"].values) == [1, 2]
+    assert float(phases["gap"]) == 3.0
+    assert phases["impulse"].attrs["units"] == "N s"
 
 
 def test_a_single_case_and_one_without_contact() -> None:
@@ -61,10 +61,10 @@ def test_phases_of_a_ball_hold_its_impacts(tmp_path) -> None:  # type: ignore[no
     """
     run_study(parsed(study), tmp_path / "ball.nc")
     with open_archive(tmp_path / "ball.nc") as archive:
-        found = contact_phases(archive)
-        assert np.all(found["begin"].sel(phase=1) <= np.sqrt(2 / 9.81))
-        assert np.all(found["end"].sel(phase=1) >= np.sqrt(2 / 9.81))
-        assert found["impulse"].sum("phase").values == pytest.approx(archive["contact_impulse"].values, rel=1e-9)
-        assert int(found["begin"].sel(e=0).count()) == 1  # it lies where it fell
-        bounces = found["impulse"].sel(e=0.7, phase=[1, 2, 3]).values
+        phases = contact_phases(archive)
+        assert np.all(phases["begin"].sel(phase=1) <= np.sqrt(2 / 9.81))
+        assert np.all(phases["end"].sel(phase=1) >= np.sqrt(2 / 9.81))
+        assert phases["impulse"].sum("phase").values == pytest.approx(archive["contact_impulse"].values, rel=1e-9)
+        assert int(phases["begin"].sel(e=0).count()) == 1  # it lies where it fell
+        bounces = phases["impulse"].sel(e=0.7, phase=[1, 2, 3]).values
         assert bounces == pytest.approx(1.7 * 2 * np.sqrt(2 * 9.81) * 0.7 ** np.arange(3), rel=1e-9)

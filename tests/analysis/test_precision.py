@@ -11,10 +11,10 @@ from workflow.analysis import ERRORS, TARGETS, Line, effect, hidden, lines, obse
 H = np.logspace(-6, -3, 7)
 
 
-def line(scheme: str, error: np.ndarray, seconds: np.ndarray, ok: np.ndarray | None = None, known: float = 0.0) -> Line:
-    good = np.ones(H.size, dtype=bool) if ok is None else ok
-    kept = np.where(good, error, np.nan)
-    return Line(scheme, H, dict.fromkeys(ERRORS, kept), seconds, kept, kept, good, known)
+def line(scheme: str, error: np.ndarray, seconds: np.ndarray, ok: np.ndarray | None = None, limit: float = 0.0) -> Line:
+    is_ok = np.ones(H.size, dtype=bool) if ok is None else ok
+    ok_errors = np.where(is_ok, error, np.nan)
+    return Line(scheme, H, dict.fromkeys(ERRORS, ok_errors), seconds, ok_errors, ok_errors, is_ok, limit)
 
 
 @pytest.mark.parametrize("order", [0.5, 1.0, 2.0])
@@ -25,9 +25,9 @@ def test_orders_are_slopes(order: float) -> None:
 def test_orders_leave_out_what_is_no_order() -> None:
     error = np.minimum(5e4 * H, 1.0)  # no longer of any order at the end
     error[0] = 1e-3  # what cannot be predicted
-    bent = line("one", error, 1 / H, known=1e-2)
+    bent = line("one", error, 1 / H, limit=1e-2)
     assert np.isnan(bent.order("impulse_error"))
-    assert line("one", np.maximum(50 * H, 1e-3), 1 / H, known=1e-4).order("impulse_error") == pytest.approx(
+    assert line("one", np.maximum(50 * H, 1e-3), 1 / H, limit=1e-4).order("impulse_error") == pytest.approx(
         1.0, abs=0.02
     )
 
@@ -119,9 +119,9 @@ def orders() -> xr.Dataset:
 
 
 def test_observed_orders_of_effects() -> None:
-    found = observed_order(orders())
-    assert found.dims == ("scheme", "alpha")
-    assert found.values == pytest.approx(np.array([[1.0, 1.0], [np.nan, np.nan]]), nan_ok=True)
+    observed = observed_order(orders())
+    assert observed.dims == ("scheme", "alpha")
+    assert observed.values == pytest.approx(np.array([[1.0, 1.0], [np.nan, np.nan]]), nan_ok=True)
     assert float(observed_order(orders().isel(scheme=1, alpha=1, h=slice(None, 3)).assign(status=0))) == pytest.approx(
         2
     )
@@ -131,10 +131,10 @@ def test_observed_orders_of_effects() -> None:
 
 def test_observed_orders_are_those_of_the_lines() -> None:
     dataset = study(0.1).assign_coords(h=[1e-4, 1e-3, 1e-2])
-    (rough, exact), found = lines(dataset, 2.0), observed_order(dataset)
+    (rough, exact), observed = lines(dataset, 2.0), observed_order(dataset)
     assert np.isnan(exact.order("impulse_error"))
-    assert np.isnan(found.sel(scheme="exact").values).all()
-    assert float(found.sel(scheme="rough", e=0, alpha=1)) == rough.order("impulse_error") == pytest.approx(1.0)
+    assert np.isnan(observed.sel(scheme="exact").values).all()
+    assert float(observed.sel(scheme="rough", e=0, alpha=1)) == rough.order("impulse_error") == pytest.approx(1.0)
 
 
 def test_an_order_needs_errors_and_steps() -> None:

@@ -87,24 +87,24 @@ def brute(dataset: xr.Dataset, tolerance: float) -> tuple[float, dict[str, int]]
 )
 def test_it_is_what_a_brute_search_finds(seed: int, tolerance: float, bad: float, parts: bool) -> None:
     dataset = archive(seed, bad, parts)
-    expected, found = brute(dataset, tolerance), recommend(dataset, tolerance)
-    assert (found.choice is None) == (expected is None)
-    if expected is not None and found.choice is not None:
+    expected, recommended = brute(dataset, tolerance), recommend(dataset, tolerance)
+    assert (recommended.choice is None) == (expected is None)
+    if expected is not None and recommended.choice is not None:
         cost, place = expected
         chosen = dataset.isel(place)
-        assert found.choice.cost == pytest.approx(cost, rel=1e-12)
-        assert found.choice.cost_per_second == pytest.approx(cost / 2, rel=1e-12)
+        assert recommended.choice.cost == pytest.approx(cost, rel=1e-12)
+        assert recommended.choice.cost_per_second == pytest.approx(cost / 2, rel=1e-12)
         settings_of = {name: chosen[name].item() for name in ("scheme", "h", "mechanical_modes", "thermal_modes")}
-        assert found.choice.settings == settings_of
-        assert found.choice.share == 1.0
-        assert found.choice.worst.error == max(float(chosen[name].max()) for name in ERRORS)
-        assert found.choice.worst.error <= tolerance
-        if found.next is not None:
-            assert found.next.cost < found.choice.cost
-            assert found.next.share < 1
-    assert json.loads(json.dumps(recommendation_json(found), allow_nan=False))["tolerance"] == tolerance
-    assert sentence(found).endswith(".")
-    assert len(recommendation_row(found)) == 6
+        assert recommended.choice.settings == settings_of
+        assert recommended.choice.share == 1.0
+        assert recommended.choice.worst.error == max(float(chosen[name].max()) for name in ERRORS)
+        assert recommended.choice.worst.error <= tolerance
+        if recommended.next is not None:
+            assert recommended.next.cost < recommended.choice.cost
+            assert recommended.next.share < 1
+    assert json.loads(json.dumps(recommendation_json(recommended), allow_nan=False))["tolerance"] == tolerance
+    assert sentence(recommended).endswith(".")
+    assert len(recommendation_row(recommended)) == 6
 
 
 @pytest.mark.parametrize("name", ["work_precision_blade", "work_precision", "work_precision_finite_element"])
@@ -117,7 +117,7 @@ def test_the_answers_of_the_kept_archives_are_what_a_plain_search_finds(name: st
         value = {kind: opened[kind].transpose(*dims).values for kind in names}
         schemes, steps, modes = opened.scheme.values, opened.h.values, opened.mechanical_modes.values
         answers = {tolerance: recommend(opened, tolerance) for tolerance in (0.1, 0.01, 0.001)}
-    for tolerance, found in answers.items():
+    for tolerance, recommended in answers.items():
         best, chosen = np.inf, None
         for k, m, s in np.ndindex(value["status"].shape[:3]):
             met, seconds = True, []
@@ -127,12 +127,12 @@ def test_the_answers_of_the_kept_archives_are_what_a_plain_search_finds(name: st
                 seconds.append(value["wall_time"][at])
             if met and sum(seconds) / len(seconds) < best * (1 - 1e-12):
                 best, chosen = sum(seconds) / len(seconds), (schemes[k], steps[s], modes[m])
-        assert found.choice is not None
-        asked = found.choice.settings
-        assert (asked["scheme"], asked["h"], asked["mechanical_modes"]) == chosen
-        assert found.choice.cost == pytest.approx(best, rel=1e-12)
-        assert found.choice.worst.error <= tolerance
-        assert all(best <= other.cost <= best * (1 + SPREAD) and other.share == 1 for other in found.alike)
+        assert recommended.choice is not None
+        settings = recommended.choice.settings
+        assert (settings["scheme"], settings["h"], settings["mechanical_modes"]) == chosen
+        assert recommended.choice.cost == pytest.approx(best, rel=1e-12)
+        assert recommended.choice.worst.error <= tolerance
+        assert all(best <= other.cost <= best * (1 + SPREAD) and other.share == 1 for other in recommended.alike)
 
 
 def test_choices_of_about_the_same_cost_are_named_with_the_largest_step_first() -> None:
@@ -141,13 +141,13 @@ def test_choices_of_about_the_same_cost_are_named_with_the_largest_step_first() 
     dataset["wall_time"][{"scheme": 0, "model": 1, "h": 0}] = 1 - 1e-3
     dataset["wall_time"][{"scheme": 1}] = 1.01 + SPREAD
     dataset["impulse_error"][{"h": 0}] = 2e-4
-    found = recommend(dataset, 0.01)
-    assert found.choice is not None
-    assert found.choice.settings == {"scheme": "moreau", "h": 1e-6, "mechanical_modes": 19, "thermal_modes": 19}
-    steps = [(one.settings["h"], one.settings["mechanical_modes"]) for one in found.alike]
+    recommended = recommend(dataset, 0.01)
+    assert recommended.choice is not None
+    assert recommended.choice.settings == {"scheme": "moreau", "h": 1e-6, "mechanical_modes": 19, "thermal_modes": 19}
+    steps = [(one.settings["h"], one.settings["mechanical_modes"]) for one in recommended.alike]
     assert steps == [(1e-4, 3), (1e-4, 19), (1e-5, 3), (1e-5, 19), (1e-6, 3)]
-    assert "h = 0.0001 s, 3 + 12 modes" in sentence(found).split("same cost")[1]
-    assert [one["h"] for one in recommendation_json(found)["alike"]] == [h for h, _ in steps]
+    assert "h = 0.0001 s, 3 + 12 modes" in sentence(recommended).split("same cost")[1]
+    assert [one["h"] for one in recommendation_json(recommended)["alike"]] == [h for h, _ in steps]
 
 
 def test_the_order_of_dimensions_and_chunks_do_not_matter() -> None:
@@ -184,12 +184,12 @@ def test_a_case_without_an_error_misses_and_is_named() -> None:
     dataset = even()
     dataset["status"][{"e": 1, "gap": 2}] = Status.DIVERGED
     dataset["message"][{"e": 1, "gap": 2}] = "it grew"
-    found = recommend(dataset, 0.01)
-    assert found.choice is None
-    assert found.next is not None
-    assert found.next.share == pytest.approx(5 / 6)
-    assert found.next.worst.case == {"e": 0.5, "gap": 3e-5}
-    assert "e = 0.5, gap = 3e-05 is diverged (it grew)" in sentence(found)
+    recommended = recommend(dataset, 0.01)
+    assert recommended.choice is None
+    assert recommended.next is not None
+    assert recommended.next.share == pytest.approx(5 / 6)
+    assert recommended.next.worst.case == {"e": 0.5, "gap": 3e-5}
+    assert "e = 0.5, gap = 3e-05 is diverged (it grew)" in sentence(recommended)
 
 
 def test_undecidable_cases_are_named() -> None:
@@ -197,9 +197,11 @@ def test_undecidable_cases_are_named() -> None:
     dataset["predictability"] = xr.where((dataset.e == 0.5) & (dataset.gap == 1e-5), 2e-3, 1e-12).broadcast_like(
         dataset.status
     )
-    found = recommend(dataset, 0.01)
-    assert found.undecidable == ({"gap": 1e-5, "e": 0.5},) or found.undecidable == ({"e": 0.5, "gap": 1e-5},)
-    assert "e = 0.5" in undecidable(found)
+    recommended = recommend(dataset, 0.01)
+    assert recommended.undecidable == ({"gap": 1e-5, "e": 0.5},) or recommended.undecidable == (
+        {"e": 0.5, "gap": 1e-5},
+    )
+    assert "e = 0.5" in undecidable(recommended)
     assert recommend(dataset, 0.1).undecidable == ()
 
 
@@ -214,10 +216,10 @@ def test_options_of_schemes_are_numerical() -> None:
     """Stiffnesses of the contact spring are chosen among; a coordinate of the scene is not."""
     dataset = even().rename(gap="stiffness")
     dataset["stiffness"].attrs["study_path"] = "schemes.penalty.stiffness"
-    found = recommend(dataset, 0.01)
-    assert found.choice is not None
-    assert found.choice.settings["stiffness"] in dataset.stiffness.values
-    assert found.choice.worst.case.keys() == {"e"}
+    recommended = recommend(dataset, 0.01)
+    assert recommended.choice is not None
+    assert recommended.choice.settings["stiffness"] in dataset.stiffness.values
+    assert recommended.choice.worst.case.keys() == {"e"}
 
 
 @pytest.mark.parametrize("tolerance", ["0", "-1%", "much", "nan", "inf"])
@@ -249,10 +251,10 @@ UNREFERRED = STUDY.replace("reference: {scheme: event_driven}\n", "").replace("s
 def test_what_is_advised_without_a_reference_gives_an_answer(tmp_path: Path) -> None:
     (tmp_path / "plain.yaml").write_text(UNREFERRED)
     assert workflow("run", "plain.yaml", cwd=tmp_path).returncode == 0
-    told = workflow("recommend", "plain.nc", cwd=tmp_path)
-    assert told.returncode == 2
-    assert "reference" in told.stderr
-    command = shlex.split(told.stderr.split("e.g. ")[1])
+    refusal = workflow("recommend", "plain.nc", cwd=tmp_path)
+    assert refusal.returncode == 2
+    assert "reference" in refusal.stderr
+    command = shlex.split(refusal.stderr.split("e.g. ")[1])
     assert workflow(*command[1:], cwd=tmp_path).returncode == 0
     assert workflow("recommend", command[-1], cwd=tmp_path).returncode == 0
 
@@ -263,21 +265,21 @@ def test_the_command_answers(tmp_path: Path) -> None:
     text = typed("recommend", "small.nc", "--tolerance", "10%", cwd=tmp_path)
     assert text.returncode == 0
     assert "cheapest choice within 10 %" in text.stdout
-    told = workflow("recommend", "small.nc", "--json", cwd=tmp_path)
-    found = json.loads(told.stdout)
-    assert found["tolerance"] == 0.01
-    assert {"scheme", "h", "mechanical_modes", "thermal_modes", "reduction", "cost", "worst", "share"} <= set(found)
-    assert {"limited_by", "next"} <= set(found)
-    assert [row["tolerance"] for row in found["table"]] == [0.1, 0.01, 0.001]
+    answer = workflow("recommend", "small.nc", "--json", cwd=tmp_path)
+    choice = json.loads(answer.stdout)
+    assert choice["tolerance"] == 0.01
+    assert {"scheme", "h", "mechanical_modes", "thermal_modes", "reduction", "cost", "worst", "share"} <= set(choice)
+    assert {"limited_by", "next"} <= set(choice)
+    assert [row["tolerance"] for row in choice["table"]] == [0.1, 0.01, 0.001]
 
 
 def test_nothing_that_meets_it_is_status_1(tmp_path: Path) -> None:
     study = STUDY.replace("[moreau, event_driven], h: [1e-4, 1e-5]", "moreau, h: 1e-4")
     (tmp_path / "small.yaml").write_text(study)
     assert workflow("run", "small.yaml", cwd=tmp_path).returncode == 0
-    told = workflow("recommend", "small.nc", "--tolerance", "1e-6", cwd=tmp_path)
-    assert told.returncode == 1
-    assert "Nothing in this study meets" in told.stdout
+    answer = workflow("recommend", "small.nc", "--tolerance", "1e-6", cwd=tmp_path)
+    assert answer.returncode == 1
+    assert "Nothing in this study meets" in answer.stdout
 
 
 def test_a_basis_is_part_of_the_choice(tmp_path: Path) -> None:

@@ -30,23 +30,23 @@ def archive() -> xr.Dataset:
 
 
 def test_cost_and_error_of_known_choices() -> None:
-    found = work_precision(archive())
-    assert found["error"].dims == ("scheme", "h")
-    assert found["error"].sel(scheme="fine").values == pytest.approx([6e-5, 6e-4, 6e-3])
-    assert found["error"].sel(scheme="rough").values == pytest.approx([6e-4, 6e-3, np.nan], nan_ok=True)
-    assert found["cost"].sel(scheme="fine").values == pytest.approx([3e-3, 3e-4, 3e-5])
-    assert (found["cost_per_second"] * 2).values == pytest.approx(found["cost"].values)
-    assert found["efficient"].values.tolist() == [[True, True, True], [False, False, False]]
-    assert "gap" not in found.coords
-    assert float(found["alpha"]) == 30.0
+    work = work_precision(archive())
+    assert work["error"].dims == ("scheme", "h")
+    assert work["error"].sel(scheme="fine").values == pytest.approx([6e-5, 6e-4, 6e-3])
+    assert work["error"].sel(scheme="rough").values == pytest.approx([6e-4, 6e-3, np.nan], nan_ok=True)
+    assert work["cost"].sel(scheme="fine").values == pytest.approx([3e-3, 3e-4, 3e-5])
+    assert (work["cost_per_second"] * 2).values == pytest.approx(work["cost"].values)
+    assert work["efficient"].values.tolist() == [[True, True, True], [False, False, False]]
+    assert "gap" not in work.coords
+    assert float(work["alpha"]) == 30.0
     impulse = work_precision(archive(), "impulse_error")
     assert impulse["error"].sel(scheme="fine").values == pytest.approx([2e-5, 2e-4, 2e-3])
 
 
 @pytest.mark.parametrize("tolerance", [1e-1, 7e-3, 1e-3, 1e-4, 1e-5])
 def test_the_cheapest_within_a_tolerance_is_recommended(tolerance: float) -> None:
-    found = work_precision(archive()).stack(choice=("scheme", "h"))
-    good = found.where(found["error"] <= tolerance, drop=True)
+    work = work_precision(archive()).stack(choice=("scheme", "h"))
+    good = work.where(work["error"] <= tolerance, drop=True)
     choice = recommend(archive(), tolerance).choice
     if choice is None:
         assert good.sizes["choice"] == 0

@@ -35,28 +35,28 @@ def report(path: Path) -> dict[str, Any]:
 
     Its exit status is 2 for any dimension of strings, so the report alone counts.
     """
-    told = path.with_suffix(".json")
+    file = path.with_suffix(".json")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         from compliance_checker.runner import CheckSuite, ComplianceChecker
 
         CheckSuite.load_all_available_checkers()
         ComplianceChecker.run_checker(
-            str(path), ["cf:1.11"], 0, "strict", output_filename=str(told), output_format="json"
+            str(path), ["cf:1.11"], 0, "strict", output_filename=str(file), output_format="json"
         )
-    found: dict[str, Any] = json.loads(told.read_text())["cf:1.11"]
-    return found
+    content: dict[str, Any] = json.loads(file.read_text())["cf:1.11"]
+    return content
 
 
-def findings(found: dict[str, Any]) -> list[Any]:
+def findings(content: dict[str, Any]) -> list[Any]:
     faults = [
         (entry["name"], entry["msgs"])
         for level in FINDINGS
-        for entry in found[level]
+        for entry in content[level]
         if entry["msgs"] or entry["value"][0] != entry["value"][1]
     ]
-    if found["scored_points"] != found["possible_points"]:
-        faults.append(("points", found["scored_points"]))
+    if content["scored_points"] != content["possible_points"]:
+        faults.append(("points", content["scored_points"]))
     return faults
 
 
@@ -70,9 +70,9 @@ def findings(found: dict[str, Any]) -> list[Any]:
     ids=["strings and a zip", "numbers", "one cell"],
 )
 def test_the_checker_finds_nothing(tmp_path: Path, layout: Any) -> None:
-    found = report(make_archive(tmp_path / "a.nc", layout, sample_results(layout)))
-    assert found["possible_points"] > 100
-    assert findings(found) == []
+    content = report(make_archive(tmp_path / "a.nc", layout, sample_results(layout)))
+    assert content["possible_points"] > 100
+    assert findings(content) == []
 
 
 @pytest.mark.parametrize("text", [SMALL, SINGLE], ids=["small", "single"])

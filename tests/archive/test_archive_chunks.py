@@ -116,13 +116,13 @@ def test_blocks_are_rectangles_that_hold_every_cell_once(shape: tuple[int, ...])
     for most in range(1, index.size + 2):
         cut = largest_cut(shape, most)
         assert cut.size <= most
-        found = []
+        cells = []
         for block in range(cut.count):
             place = tuple(slice(a, a + n) for a, n in zip(cut.offset_of(block), cut.lengths, strict=True))
             assert index[place].ravel().tolist() == list(cut.cells_of(block))
-            found += list(cut.cells_of(block))
-        assert found == list(range(index.size))
-        for cell in found:
+            cells += list(cut.cells_of(block))
+        assert cells == list(range(index.size))
+        for cell in cells:
             block, place = cut.block_of(cell)
             assert cut.cells_of(block)[place] == cell
 

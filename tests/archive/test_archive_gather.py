@@ -334,7 +334,7 @@ def test_removing_shards_twice_is_no_fault(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["pipe", "pipe.shard"])
 def test_a_pipe_among_the_shards_stays_and_is_not_waited_for(name: str, tmp_path: Path) -> None:
-    layout, told = LAYOUTS["one cell"], []
+    layout, messages = LAYOUTS["one cell"], []
     parts = put_all(tmp_path / "a.nc", layout, sample_results(layout))
     os.mkfifo(parts / name)
 
@@ -342,13 +342,13 @@ def test_a_pipe_among_the_shards_stays_and_is_not_waited_for(name: str, tmp_path
         for action in (partial(archive.start_parts, parts, layout), partial(archive.remove_parts, parts)):
             with pytest.raises(archive.ArchiveError) as refusal:
                 action()
-            told.append(str(refusal.value))
+            messages.append(str(refusal.value))
 
     using = threading.Thread(target=use, daemon=True)
     using.start()
     using.join(10)
     assert not using.is_alive()
-    begun, removed = told
+    begun, removed = messages
     assert f"{parts}: holds {name}, which no run left there" in begun
     assert f"the archive is complete; the directory stays because it holds {name}, which no run left there" in removed
     assert [entry.name for entry in parts.iterdir()] == [name]

@@ -45,7 +45,7 @@ def file(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("work", "told"),
+    ("work", "message"),
     [
         (hang, r"a\.nc: damaged.*comes to no end"),
         (crash, r"a\.nc: damaged.*ends with SIGSEGV"),
@@ -53,9 +53,11 @@ def file(tmp_path: Path) -> Path:
         (fail, r"a\.nc: damaged.*\(odd\)"),
     ],
 )
-def test_what_happens_there_is_told_here(work: object, told: str, file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_happens_there_is_told_here(
+    work: object, message: str, file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(_guard, "LONGEST", 0.3)
-    with pytest.raises(ArchiveError, match=told):
+    with pytest.raises(ArchiveError, match=message):
         try_out(file, work)  # type: ignore[arg-type]
 
 

@@ -32,7 +32,7 @@ def version(request: pytest.FixtureRequest) -> str:
 
 
 @pytest.fixture
-def kept(version: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def archive(version: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for module in (_earlier, _verify, _describe, _identity):
         monkeypatch.setattr(module, "SOLVER_VERSION", NOW)
     return Path(shutil.copy(KEPT / f"version_{version}.nc", tmp_path / "quick.nc"))
@@ -42,15 +42,15 @@ def study_of(path: Path) -> Study:
     return parse_study(provenance(path)["study"], "study.yaml")
 
 
-def told(*words: str | Path) -> tuple[int, str]:
+def command(*words: str | Path) -> tuple[int, str]:
     result = CliRunner().invoke(app, [str(word) for word in words])
     assert result.exception is None or isinstance(result.exception, SystemExit)
     return result.exit_code, result.output + result.stderr
 
 
 @pytest.mark.parametrize("opened", [open_archive, xr.open_dataset])
-def test_it_opens(kept: Path, opened: object) -> None:
-    with opened(kept) as dataset:  # type: ignore[operator]
+def test_it_opens(archive: Path, opened: object) -> None:
+    with opened(archive) as dataset:  # type: ignore[operator]
         assert dict(dataset.sizes) == {"e": 2, "alpha": 3, "t": 9, "period": 4}
         assert dataset["status"].values.tolist() == [[0, 2, 0]] * 2
         messages = dataset["message"].values
@@ -60,14 +60,14 @@ def test_it_opens(kept: Path, opened: object) -> None:
 
 
 @pytest.mark.parametrize("chunks", [{}, "auto"])
-def test_dask_takes_it(kept: Path, chunks: object) -> None:
-    with open_archive(kept, chunks=chunks) as dataset, open_archive(kept) as plain:
+def test_dask_takes_it(archive: Path, chunks: object) -> None:
+    with open_archive(archive, chunks=chunks) as dataset, open_archive(archive) as plain:
         assert dataset.compute().equals(plain.compute())
 
 
-def test_it_is_as_it_was_written(kept: Path, version: str) -> None:
-    assert content_hash(kept) == provenance(kept)["content_hash"]
-    status, text = told("verify", kept)
+def test_it_is_as_it_was_written(archive: Path, version: str) -> None:
+    assert content_hash(archive) == provenance(archive)["content_hash"]
+    status, text = command("verify", archive)
     assert status == 1
     assert "bytes    ok" in text
     assert "content  ok" in text
@@ -75,51 +75,51 @@ def test_it_is_as_it_was_written(kept: Path, version: str) -> None:
     assert "as it was written, by another version of the solver" in text
 
 
-def test_it_is_shown_and_reported(kept: Path, tmp_path: Path) -> None:
-    status, text = told("show", kept)
+def test_it_is_shown_and_reported(archive: Path, tmp_path: Path) -> None:
+    status, text = command("show", archive)
     assert status == 0
     assert "4 ok, 2 ill_posed" in text
     assert "contact has no unique solution" in text
-    assert told("report", kept, "-o", tmp_path / "page.html")[0] == 0
+    assert command("report", archive, "-o", tmp_path / "page.html")[0] == 0
 
 
-def test_its_cases_can_be_read_one_by_one(kept: Path) -> None:
-    grid = arrange(study_of(kept))
+def test_its_cases_can_be_read_one_by_one(archive: Path) -> None:
+    grid = arrange(study_of(archive))
     layout = describe(grid.study, grid, units_of(grid))
     only = tuple(v for v in layout.variables if v.name in ("status", "contact_impulse", "displacement"))
-    known = StoredCells(kept, np.arange(6))
-    values, messages = known.take(dataclasses.replace(layout, variables=only), np.arange(6))
+    stored_cells = StoredCells(archive, np.arange(6))
+    values, messages = stored_cells.take(dataclasses.replace(layout, variables=only), np.arange(6))
     assert values["status"].tolist() == [0, 2, 0] * 2
     assert values["displacement"].shape == (6, 9)
     assert sorted(messages) == [1, 4]
-    assert known.messages(np.arange(6)) == messages
+    assert stored_cells.messages(np.arange(6)) == messages
 
 
-def test_why_it_is_not_extended_is_said(kept: Path, version: str) -> None:
-    before = kept.read_bytes()
-    study = study_of(kept)
-    for asked in (study, parse_study(study.text.replace("[0.0, 0.5]", "[0.0, 0.5, 0.9]"), "study.yaml")):
+def test_why_it_is_not_extended_is_said(archive: Path, version: str) -> None:
+    before = archive.read_bytes()
+    study = study_of(archive)
+    for requested in (study, parse_study(study.text.replace("[0.0, 0.5]", "[0.0, 0.5, 0.9]"), "study.yaml")):
         reason = rf"made by version {version} of the solver, this is 1000.*--recompute.*-o"
         with pytest.raises(ArchiveError, match=reason):
-            run_study(asked, kept, threads=1)
-    held = holdings(study, kept)
-    assert (held.stored, held.missing, held.dropped) == (0, 6, 0)
-    assert f"made by version {version}" in held.note
-    assert kept.read_bytes() == before
+            run_study(requested, archive, threads=1)
+    holding = holdings(study, archive)
+    assert (holding.stored, holding.missing, holding.dropped) == (0, 6, 0)
+    assert f"made by version {version}" in holding.note
+    assert archive.read_bytes() == before
 
 
-def test_what_running_its_study_anew_would_lose_is_said(kept: Path) -> None:
-    narrowed = parse_study(study_of(kept).text.replace("[0.0, 0.5]", "[0.5]"), "study.yaml")
+def test_what_running_its_study_anew_would_lose_is_said(archive: Path) -> None:
+    narrowed = parse_study(study_of(archive).text.replace("[0.0, 0.5]", "[0.5]"), "study.yaml")
     with pytest.raises(ArchiveError, match=r"3 of its 6 cases .*--drop"):
-        run_study(narrowed, kept, threads=1, recompute=True)
+        run_study(narrowed, archive, threads=1, recompute=True)
 
 
-def test_its_study_is_run_anew_when_it_is_asked_for(kept: Path, tmp_path: Path) -> None:
-    with open_archive(kept) as dataset:
+def test_its_study_is_run_anew_when_it_is_asked_for(archive: Path, tmp_path: Path) -> None:
+    with open_archive(archive) as dataset:
         before = dataset["contact_impulse"].load()
-    run_study(study_of(kept), kept, threads=1, recompute=True)
-    assert provenance(kept)["solver_version"] == str(NOW)
-    with open_archive(kept) as dataset:
+    run_study(study_of(archive), archive, threads=1, recompute=True)
+    assert provenance(archive)["solver_version"] == str(NOW)
+    with open_archive(archive) as dataset:
         assert "license" not in dataset.attrs
         again = dataset["contact_impulse"].sel(alpha=[0.0, 5.0])
         np.testing.assert_allclose(again.values, before.sel(alpha=[0.0, 5.0]).values, rtol=1e-9)

@@ -50,25 +50,25 @@ def test_cases_are_found_and_taken_wherever_they_stand(path: Path, cells: list[i
     hashes = HASHES[chosen].copy()
     new = np.arange(len(cells)) % 3 == 2
     hashes[new, 15] ^= 1  # others, whose first bytes are the same
-    known = find_stored_cells(path, layout, hashes)
-    assert known.cells.tolist() == np.where(new, -1, chosen).tolist()
+    stored_cells = find_stored_cells(path, layout, hashes)
+    assert stored_cells.cells.tolist() == np.where(new, -1, chosen).tolist()
     old = np.flatnonzero(~new)
-    values, told = known.take(layout, old)
+    values, messages = stored_cells.take(layout, old)
     for variable in layout.variables:
         flat = RESULTS[variable.name].reshape(LAYOUT.cells, *layout.shape_of(variable, 1)[2:])
         np.testing.assert_array_equal(values[variable.name], flat[chosen[old]])
     texts = sample_messages(LAYOUT, RESULTS)
-    assert told == {k: texts[int(cell)] for k, cell in enumerate(chosen[old]) if int(cell) in texts}
-    assert known.messages(old) == {int(old[k]): text for k, text in told.items()}
+    assert messages == {k: texts[int(cell)] for k, cell in enumerate(chosen[old]) if int(cell) in texts}
+    assert stored_cells.messages(old) == {int(old[k]): text for k, text in messages.items()}
     ok = RESULTS["status"].ravel()[chosen[old]] == 0
-    assert known.without_failures().cells[old].tolist() == np.where(ok, chosen[old], -1).tolist()
+    assert stored_cells.without_failures().cells[old].tolist() == np.where(ok, chosen[old], -1).tolist()
 
 
 def runs() -> st.SearchStrategy[list[int]]:
     """Cells in runs that now and then are whole chunks of the archive."""
     starts = st.sampled_from([0, 5, 10, 20, 25, 35, 45, 50, 140, 145])
     pieces = st.tuples(starts, st.sampled_from([5, 10])).map(lambda run: list(range(run[0], min(sum(run), 150))))
-    return st.lists(pieces, min_size=1, max_size=6).map(lambda found: list(chain.from_iterable(found)))
+    return st.lists(pieces, min_size=1, max_size=6).map(lambda runs: list(chain.from_iterable(runs)))
 
 
 @settings(max_examples=100, deadline=None)
@@ -78,10 +78,10 @@ def test_only_whole_chunks_are_copied(path: Path, cells: list[int]) -> None:
     layout = of_cells(np.array(cells))
     if layout.chunk != LAYOUT.chunk:
         return
-    known = StoredCells(path, np.array(cells))
+    stored_cells = StoredCells(path, np.array(cells))
     units = {tuple(LAYOUT.cells_of(unit)): LAYOUT.cells_of(unit).start for unit in range(LAYOUT.units)}
     expected = [units.get(tuple(cells[c] for c in layout.cells_of(unit)), -1) for unit in range(layout.units)]
-    assert known.copies(layout).tolist() == expected
+    assert stored_cells.copies(layout).tolist() == expected
 
 
 def test_chunks_of_another_shape_are_not_copied(path: Path) -> None:
@@ -166,9 +166,9 @@ def test_what_a_worker_is_told(path: Path, tmp_path: Path) -> None:
     parts.mkdir()
     assert load_stored_cells(parts) is None
     save_stored_cells(parts, StoredCells(path, np.array([3, -1, 4])))
-    known = load_stored_cells(parts)
-    assert known is not None
-    assert (known.path, known.cells.tolist()) == (tmp_path / "a.nc", [3, -1, 4])
+    stored_cells = load_stored_cells(parts)
+    assert stored_cells is not None
+    assert (stored_cells.path, stored_cells.cells.tolist()) == (tmp_path / "a.nc", [3, -1, 4])
     save_stored_cells(parts, None)
     assert load_stored_cells(parts) is None
 
@@ -196,9 +196,9 @@ class Reads:
         self.shape, self.ndim, self.dtype = values.shape, values.ndim, values.dtype
 
     def __getitem__(self, box: tuple[slice, ...]) -> np.ndarray:
-        found = self.values[box]
-        self.taken.append(found.size)
-        return found
+        part = self.values[box]
+        self.taken.append(part.size)
+        return part
 
 
 @pytest.mark.parametrize(("step", "reads"), [(1, 1), (2, 1), (7, 29)])
