@@ -125,10 +125,10 @@ def test_plan_as_json_holds_what_the_text_says(tmp_path: Path) -> None:
 def test_json_keeps_texts_whole_and_holds_nothing_that_a_terminal_obeys(capsys: pytest.CaptureFixture[str]) -> None:
     value = {"sentence": f"µ {ESCAPES}", "table": [1.5, None]}
     write_json(value, indent=2)
-    told = capsys.readouterr().out
-    assert json.loads(told) == value
-    assert "µ" in told
-    assert not re.search("[\x00-\x09\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]", told)
+    output = capsys.readouterr().out
+    assert json.loads(output) == value
+    assert "µ" in output
+    assert not re.search("[\x00-\x09\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]", output)
 
 
 def test_schema_is_json(tmp_path: Path) -> None:

@@ -26,10 +26,10 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def workflow(*words: str | Path, status: int = 2) -> str:
-    told = CliRunner().invoke(app, [str(word) for word in words])
-    assert told.exception is None or isinstance(told.exception, SystemExit), told.exception
-    assert told.exit_code == status, told.output
-    return told.output
+    result = CliRunner().invoke(app, [str(word) for word in words])
+    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
+    assert result.exit_code == status, result.output
+    return result.output
 
 
 @pytest.mark.parametrize("command", ["show", "report", "verify", "run", "plan"])
@@ -56,8 +56,8 @@ def test_a_place_that_can_be_no_archive_is_refused_before_the_work(kind: str, tm
     else:
         archive = tmp_path / os.fsdecode(b"a\xff.nc")
     before = sorted(tmp_path.iterdir())
-    told = CliRunner().invoke(app, ["run", str(study), "-o", str(archive)])
-    assert told.exit_code == 2
+    result = CliRunner().invoke(app, ["run", str(study), "-o", str(archive)])
+    assert result.exit_code == 2
     assert sorted(tmp_path.iterdir()) == before
 
 
@@ -106,10 +106,10 @@ def test_provenance_that_no_run_wrote(texts: dict[str, str], sound: Path, tmp_pa
         ("verify", archive),
         ("plan", archive),
     ):
-        told = CliRunner().invoke(app, [str(word) for word in words])
-        assert told.exception is None or isinstance(told.exception, SystemExit), told.exception
-        assert told.exit_code in (0, 1, 2), told.output
-        assert not re.search("[\x00-\x09\x0b-\x1f\x7f-\x9f]", told.output)
+        result = CliRunner().invoke(app, [str(word) for word in words])
+        assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
+        assert result.exit_code in (0, 1, 2), result.output
+        assert not re.search("[\x00-\x09\x0b-\x1f\x7f-\x9f]", result.output)
 
 
 def command(*words: str | Path, memory: int | None = None, **environment: str) -> subprocess.CompletedProcess[str]:
@@ -131,30 +131,30 @@ def test_a_terminal_that_knows_ascii_only(tmp_path: Path) -> None:
     study = written(SINGLE.replace("study: single", "study: single\ntitle: Schaufel spürt 5 µm…"), tmp_path)
     plain = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
     planned, schema = command("plan", study, **plain), command("schema", **plain)
-    for told in (planned, schema):
-        assert told.returncode == 0, told.stderr
-        assert told.stdout.isascii()
+    for completed in (planned, schema):
+        assert completed.returncode == 0, completed.stderr
+        assert completed.stdout.isascii()
     assert "Schaufel sp\\xfcrt 5 um..." in planned.stdout
-    told = command("show", "spürt.nc", **plain).stderr
-    assert "its name is UTF-8, but this process reads names as ascii; set PYTHONUTF8=1" in told
+    completed = command("show", "spürt.nc", **plain).stderr
+    assert "its name is UTF-8, but this process reads names as ascii; set PYTHONUTF8=1" in completed
 
 
 @pytest.mark.parametrize("megabytes", [300, 600])
 def test_too_little_memory_is_said(megabytes: int, tmp_path: Path) -> None:
-    told = command("run", written(SINGLE, tmp_path), "-o", tmp_path / "a.nc", memory=megabytes * 10**6)
-    assert told.returncode == 2
-    assert told.stderr.startswith("there is not enough memory")
-    assert told.stderr.count("\n") == 1
+    completed = command("run", written(SINGLE, tmp_path), "-o", tmp_path / "a.nc", memory=megabytes * 10**6)
+    assert completed.returncode == 2
+    assert completed.stderr.startswith("there is not enough memory")
+    assert completed.stderr.count("\n") == 1
 
 
 def test_a_defect_exits_with_three_and_no_traceback(tmp_path: Path) -> None:
     study = written(SINGLE, tmp_path)
     broken = "import workflow.study as s\ndef fail(*_): raise KeyError('x')\ns.read_study = fail\n"
     call = [sys.executable, "-c", f"{broken}from workflow.cli import main\nmain()", "plan", str(study)]
-    told = subprocess.run(call, capture_output=True, text=True)
-    assert told.returncode == 3
-    assert told.stderr.startswith("a defect of this program: KeyError")
-    assert "Traceback" not in told.stderr
-    shown = subprocess.run(call, capture_output=True, text=True, env={**os.environ, "WORKFLOW_TRACEBACK": "1"})
-    assert shown.returncode == 3
-    assert "Traceback" in shown.stderr
+    brief = subprocess.run(call, capture_output=True, text=True)
+    assert brief.returncode == 3
+    assert brief.stderr.startswith("a defect of this program: KeyError")
+    assert "Traceback" not in brief.stderr
+    detailed = subprocess.run(call, capture_output=True, text=True, env={**os.environ, "WORKFLOW_TRACEBACK": "1"})
+    assert detailed.returncode == 3
+    assert "Traceback" in detailed.stderr

@@ -40,9 +40,9 @@ def test_a_line_comes_again_and_again_without_a_terminal(tmp_path: Path, monkeyp
     monkeypatch.setattr(_progress, "EVERY", 0.01)
     monkeypatch.setattr(_progress, "complain", complain)
     monkeypatch.setattr(workflow.run, "run_study", slow_run)
-    told = CliRunner().invoke(app, ["run", str(written(SINGLE, tmp_path)), "-o", str(tmp_path / "a.nc")])
-    assert told.exit_code == 0
-    assert "34 %" not in told.stdout
+    result = CliRunner().invoke(app, ["run", str(written(SINGLE, tmp_path)), "-o", str(tmp_path / "a.nc")])
+    assert result.exit_code == 0
+    assert "34 %" not in result.stdout
     line = next(line for line in lines if "34 %" in line)
     assert re.fullmatch(r"a\.nc: 34 %, \d:\d\d elapsed, [012]:\d\d left; 204 of 540 cases, 2 diverged", line)
 
@@ -69,9 +69,9 @@ def test_a_bar_shows_the_time_before_anything_is_known(monkeypatch: pytest.Monke
 def test_a_quiet_run_shows_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(_progress, "EVERY", 0.0)
     words = ["run", str(written(ILL, tmp_path)), "-q", "-o", str(tmp_path / "a.nc")]
-    told = CliRunner().invoke(app, words)
-    assert told.exit_code == 1
-    assert "elapsed" not in told.output
+    result = CliRunner().invoke(app, words)
+    assert result.exit_code == 1
+    assert "elapsed" not in result.output
 
 
 def test_a_run_that_is_stopped_says_how_far_it_came() -> None:

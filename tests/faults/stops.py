@@ -68,10 +68,10 @@ def stopped(words: list[str | Path], number: signal.Signals, after: float) -> tu
 def heeds(pid: int) -> bool:
     """Tell whether a process has come so far that it catches SIGTERM; Python itself, as it starts, does not."""
     try:
-        told = Path(f"/proc/{pid}/status").read_text()
+        status = Path(f"/proc/{pid}/status").read_text()
     except OSError:
         return False
-    caught = next((line.split()[1] for line in told.splitlines() if line.startswith("SigCgt")), "0")
+    caught = next((line.split()[1] for line in status.splitlines() if line.startswith("SigCgt")), "0")
     return bool(int(caught, 16) >> (signal.SIGTERM - 1) & 1)
 
 

@@ -90,11 +90,11 @@ def check_refused(sound: Path, path: Path) -> None:
     before = path.read_bytes()
     for name, words in commands.items():
         begun = time.monotonic()
-        told = CliRunner().invoke(app, [str(word) for word in words])
+        result = CliRunner().invoke(app, [str(word) for word in words])
         assert time.monotonic() - begun < LONGEST, name
-        assert told.exception is None or isinstance(told.exception, SystemExit), (name, told.exception)
-        assert told.exit_code in ((1, 2) if name == "verify" else (2,)), (name, told.output)
-        assert str(path.name) in told.output + told.stderr, name
+        assert result.exception is None or isinstance(result.exception, SystemExit), (name, result.exception)
+        assert result.exit_code in ((1, 2) if name == "verify" else (2,)), (name, result.output)
+        assert str(path.name) in result.output + result.stderr, name
     assert path.read_bytes() == before
     assert not page.exists()
     assert not other.exists()
@@ -130,8 +130,8 @@ def test_a_damaged_archive_is_opened_when_it_is_asked_for(sound: Path, tmp_path:
         assert dataset.drop_attrs().identical(whole.drop_attrs())
     for words in (("show",), ("report", "-o", str(tmp_path / "page.html"))):
         assert CliRunner().invoke(app, [*words, str(path)]).exit_code == 2
-        told = CliRunner().invoke(app, [*words, str(path), "--damaged"])
-        assert told.exit_code == 0
+        result = CliRunner().invoke(app, [*words, str(path), "--damaged"])
+        assert result.exit_code == 0
     assert "Damaged: its bytes" in (tmp_path / "page.html").read_text()
     assert "damaged: its bytes" in CliRunner().invoke(app, ["show", str(path), "--damaged"]).output
 

@@ -50,9 +50,9 @@ def workflow(*words: str | Path) -> tuple[int, str]:
     return done.exit_code, done.output
 
 
-def found_by(told: str) -> dict[str, str]:
+def checks_in(text: str) -> dict[str, str]:
     """Return what each check of ``verify`` found: ok or DIFFERS."""
-    return dict(re.findall(r"^  (\w+) +(ok|DIFFERS): ", told, re.MULTILINE))
+    return dict(re.findall(r"^  (\w+) +(ok|DIFFERS): ", text, re.MULTILINE))
 
 
 def interrupted(archive: Path, after: int) -> None:
@@ -134,10 +134,10 @@ def test_a_full_disk_is_said_with_the_place(tmp_path: Path, monkeypatch: pytest.
 
 def test_a_disk_that_is_really_full(small_disk: Path, expected: str) -> None:
     text, archive = written(STUDY.text, small_disk), small_disk / "a.nc"
-    status, told = workflow("run", text, "-o", archive, "--threads", "1")
+    status, output = workflow("run", text, "-o", archive, "--threads", "1")
     assert status == 2
-    assert "no space left" in told
-    assert "Finished shards stay" in told
+    assert "no space left" in output
+    assert "Finished shards stay" in output
     assert not archive.exists()
     subprocess.run(["mount", "-o", "remount,size=20m", small_disk], check=True)
     assert workflow("run", text, "-o", archive)[0] == 0
@@ -180,9 +180,9 @@ def test_a_damaged_shard_is_computed_again(
 def test_a_second_run_exits_with_two_and_says_who_has_it(tmp_path: Path) -> None:
     text, archive = written(STUDY.text, tmp_path), tmp_path / "a.nc"
     with holding(parts_of(archive)):
-        status, told = workflow("run", text, "-o", archive)
+        status, output = workflow("run", text, "-o", archive)
     assert status == 2
-    assert f"another run has it (process {os.getpid()})" in told
+    assert f"another run has it (process {os.getpid()})" in output
     assert workflow("run", text, "-o", archive)[0] == 0
 
 
@@ -192,42 +192,51 @@ def test_a_study_is_repeated_from_its_archive_alone(tmp_path: Path, expected: st
     second.parent.mkdir()
     assert workflow("run", first, "-o", second)[0] == 0
     assert content_hash(second) == expected
-    status, told = workflow("verify", second)
+    status, output = workflow("verify", second)
     assert status == 0
-    assert "12 cases run again, the same bit for bit" in told
-    assert told.rstrip().endswith("verified")
+    assert "12 cases run again, the same bit for bit" in output
+    assert output.rstrip().endswith("verified")
 
 
 def test_verify_exits_as_its_checks_end(tmp_path: Path) -> None:
     archive = tmp_path / "a.nc"
     interrupted(archive, 2)
-    status, told = workflow("verify", archive)
-    assert (status, told) == (2, f"{archive}: unfinished, only its shards are there; run the study to its end first\n")
+    status, output = workflow("verify", archive)
+    assert (status, output) == (
+        2,
+        f"{archive}: unfinished, only its shards are there; run the study to its end first\n",
+    )
     run_study(STUDY, archive)
     with netCDF4.Dataset(archive, "a") as file:
         file["contact_impulse"][1, 1] *= 2
-    status, told = workflow("verify", archive, "--sample", "16")
+    status, output = workflow("verify", archive, "--sample", "16")
     assert status == 1
-    assert found_by(told) == {"bytes": "DIFFERS", "content": "DIFFERS"}  # then its values are left alone
+    assert checks_in(output) == {"bytes": "DIFFERS", "content": "DIFFERS"}  # then its values are left alone
     resealed(archive)
-    status, told = workflow("verify", archive, "--sample", "16")
+    status, output = workflow("verify", archive, "--sample", "16")
     assert status == 1
-    assert found_by(told) == {"bytes": "ok", "content": "DIFFERS", "solver": "ok", "cases": "ok", "sample": "DIFFERS"}
-    assert "e = 0.2, alpha = 5.0: contact_impulse is" in told
+    assert checks_in(output) == {
+        "bytes": "ok",
+        "content": "DIFFERS",
+        "solver": "ok",
+        "cases": "ok",
+        "sample": "DIFFERS",
+    }
+    assert "e = 0.2, alpha = 5.0: contact_impulse is" in output
     archive.write_bytes(archive.read_bytes()[:3000])
-    status, told = workflow("verify", archive)
+    status, output = workflow("verify", archive)
     assert status == 2
-    assert "damaged" in told
+    assert "damaged" in output
 
 
 def test_options_of_run_reach_it(tmp_path: Path) -> None:
     text, archive = written(STUDY.text, tmp_path), tmp_path / "a.nc"
     assert workflow("run", text, "-o", archive)[0] == 0
     assert "nothing to do, all 16 cases are there" in workflow("run", text, "-o", archive, "--retry")[1]
-    status, told = workflow("run", text, "-o", archive, "--recompute")
+    status, output = workflow("run", text, "-o", archive, "--recompute")
     assert status == 0
-    assert "16 cases in" in told
-    assert "stored before" not in told
+    assert "16 cases in" in output
+    assert "stored before" not in output
 
 
 class Trap:
@@ -243,9 +252,9 @@ class Trap:
 def test_what_is_known_is_never_a_pickle(tmp_path: Path) -> None:
     (tmp_path / "a.nc").touch()
     save_stored_cells(tmp_path, StoredCells(tmp_path / "a.nc", np.arange(3)))
-    known = load_stored_cells(tmp_path)
-    assert known is not None
-    assert known.cells.tolist() == [0, 1, 2]
+    stored_cells = load_stored_cells(tmp_path)
+    assert stored_cells is not None
+    assert stored_cells.cells.tolist() == [0, 1, 2]
     trap = np.array([Trap(tmp_path / "sprung")], dtype=object)
     np.save(tmp_path / STORED_CELLS, trap, allow_pickle=True)
     for image in ((tmp_path / STORED_CELLS).read_bytes(), pickle.dumps(trap), b"\x93NUMPY", b""):

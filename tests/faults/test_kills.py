@@ -32,8 +32,8 @@ def whole(study: Study, directory: Path) -> str:
     return content_hash(archive)
 
 
-def is_reached(archive: Path, wanted: int) -> bool:
-    return parts_of(archive).exists() and shards(archive) >= wanted
+def is_reached(archive: Path, count: int) -> bool:
+    return parts_of(archive).exists() and shards(archive) >= count
 
 
 def check_state(archive: Path, before: bytes | None, expected: str) -> None:
@@ -67,13 +67,13 @@ def test_killed_at_random_moments(extended: bool, tmp_path: Path, request: pytes
     killed = gathering = runs = 0
     while killed < kills or gathering < kills // 10:
         there = shards(archive)
-        wanted, late, runs = min(units, there + moments.randrange(1, 3)), runs % 3 == 2, runs + 1
+        count, late, runs = min(units, there + moments.randrange(1, 3)), runs % 3 == 2, runs + 1
         with started("run", text, "-o", archive, pause=0.1) as process:
             if late:
                 wait_until(lambda: is_gathered(archive), process)
                 time.sleep(moments.uniform(0, 0.03))
             else:
-                wait_until(partial(is_reached, archive, wanted), process)
+                wait_until(partial(is_reached, archive, count), process)
                 time.sleep(moments.uniform(0, 0.3))
             alive = process.poll() is None
             killed += alive
@@ -108,13 +108,13 @@ def test_stopped_it_says_what_is_stored_and_goes_on(number: int, status: int, tm
         assert wait_until(lambda: shards(archive) == 2, process)
         time.sleep(0.1)
         process.send_signal(number)
-        _, told = process.communicate(timeout=PATIENCE)
+        _, output = process.communicate(timeout=PATIENCE)
     assert process.returncode == status
     stored = shards(archive)
     assert 2 <= stored < 6
-    assert told.startswith(f"stopped; {50 * stored} of 300 cases are stored beside {archive}")
-    assert "the same command goes on from there" in told
-    assert "Traceback" not in told
+    assert output.startswith(f"stopped; {50 * stored} of 300 cases are stored beside {archive}")
+    assert "the same command goes on from there" in output
+    assert "Traceback" not in output
     assert not archive.exists()
     assert run_study(NEW, archive).resumed == 50 * stored
     assert content_hash(archive) == whole(NEW, tmp_path)

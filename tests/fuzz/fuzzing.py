@@ -30,13 +30,13 @@ START = 60.0
 
 def faults(kind: str, first: int, stop: int, *words: str) -> list[str]:
     """Return what went wrong with the mutants of some seeds: tracebacks, hangs, crashes."""
-    found: list[str] = []
+    messages: list[str] = []
     while first < stop:
-        first = _watched(kind, first, stop, words, found)
-    return found
+        first = _watched(kind, first, stop, words, messages)
+    return messages
 
 
-def _watched(kind: str, first: int, stop: int, words: tuple[str, ...], found: list[str]) -> int:
+def _watched(kind: str, first: int, stop: int, words: tuple[str, ...], messages: list[str]) -> int:
     """Watch an interpreter to its end and return the seed that comes next."""
     command = [sys.executable, __file__, kind, str(first), str(stop), *words]
     seed, patience, buffer = first, START, b""
@@ -48,17 +48,17 @@ def _watched(kind: str, first: int, stop: int, words: tuple[str, ...], found: li
                 break
             *lines, buffer = (buffer + data).split(b"\n")
             for line in lines:
-                told = json.loads(line)
-                seed, patience = told["seed"], LONGEST
-                if told.get("fault"):
-                    found.append(f"{kind} {seed}: {told['fault']}")
+                report = json.loads(line)
+                seed, patience = report["seed"], LONGEST
+                if report.get("fault"):
+                    messages.append(f"{kind} {seed}: {report['fault']}")
         else:
             process.kill()
-            found.append(f"{kind} {seed}: hangs")
+            messages.append(f"{kind} {seed}: hangs")
             return seed + 1
     if process.returncode == 0:
         return stop
-    found.append(f"{kind} {seed}: the interpreter ends with {process.returncode}")
+    messages.append(f"{kind} {seed}: the interpreter ends with {process.returncode}")
     return seed + 1
 
 

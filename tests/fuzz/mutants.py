@@ -82,8 +82,8 @@ def _lines(text: str, chance: random.Random) -> str:
 
 
 def _token(text: str, chance: random.Random) -> str:
-    found = chance.choice(list(_TOKEN.finditer(text)))
-    return text[: found.start()] + _nasty(chance) + text[found.end() :]
+    token = chance.choice(list(_TOKEN.finditer(text)))
+    return text[: token.start()] + _nasty(chance) + text[token.end() :]
 
 
 def _swap(text: str, chance: random.Random) -> str:
@@ -105,12 +105,12 @@ def _cut(text: str, chance: random.Random) -> str:
 
 
 def _much(text: str, chance: random.Random) -> str:
-    found = chance.choice(list(_TOKEN.finditer(text)))
+    token = chance.choice(list(_TOKEN.finditer(text)))
     size = 10 ** chance.randrange(1, 6)
     much = chance.choice(
         ["[" * size, "{a: " * size, "x" * size, "9" * size, "- " * size, f"[{'1, ' * size}1]", "&a [*a]" * size]
     )
-    return text[: found.start()] + much + text[found.end() :]
+    return text[: token.start()] + much + text[token.end() :]
 
 
 def _nasty(chance: random.Random) -> str:

@@ -62,18 +62,18 @@ def test_a_few_mutated_files_of_matrices(matrices: str) -> None:
 def test_a_fault_is_told_by_its_seed(monkeypatch: pytest.MonkeyPatch) -> None:
     """What watches is watched: a traceback, a hang and a crash are told, and the next seed is run."""
     monkeypatch.setattr(fuzzing, "LONGEST", 0.5)
-    told = faults("deadly", 0, 5)
-    assert [line.split(":")[0] for line in told] == ["deadly 1", "deadly 2", "deadly 3"]
-    assert "ZeroDivisionError" in told[0]
-    assert "hangs" in told[1]
-    assert "ends with -11" in told[2]
+    messages = faults("deadly", 0, 5)
+    assert [line.split(":")[0] for line in messages] == ["deadly 1", "deadly 2", "deadly 3"]
+    assert "ZeroDivisionError" in messages[0]
+    assert "hangs" in messages[1]
+    assert "ends with -11" in messages[2]
 
 
 @pytest.mark.slow
 def test_ten_thousand_mutated_studies() -> None:
     with ThreadPoolExecutor(2) as pool:
-        found = pool.map(faults, ["study"] * 10, range(0, 10_000, 1000), range(1000, 11_000, 1000))
-        assert [fault for some in found for fault in some] == []
+        messages = pool.map(faults, ["study"] * 10, range(0, 10_000, 1000), range(1000, 11_000, 1000))
+        assert [message for batch in messages for message in batch] == []
 
 
 @pytest.mark.slow
@@ -84,5 +84,5 @@ def test_two_hundred_mutated_files_of_matrices(matrices: str) -> None:
 @pytest.mark.slow
 def test_two_thousand_mutated_archives(archives: list[str]) -> None:
     with ThreadPoolExecutor(2) as pool:
-        found = pool.map(faults, ["archive"] * 2, (0, 1000), (1000, 2000), archives)
-        assert [fault for some in found for fault in some] == []
+        messages = pool.map(faults, ["archive"] * 2, (0, 1000), (1000, 2000), archives)
+        assert [message for batch in messages for message in batch] == []

@@ -98,10 +98,10 @@ def test_a_spoilt_archive_is_shown_or_refused(what: str, sound: Path, tmp_path: 
     with h5py.File(path, "r+") as file:
         SPOILT[what](file)
     for words in (("show", path), ("run", path, "-o", tmp_path / "b.nc")):
-        told = CliRunner().invoke(app, [str(word) for word in words])
-        assert told.exception is None or isinstance(told.exception, SystemExit)
-        assert told.exit_code in (0, 2)
-        assert told.exit_code == 0 or str(path) in told.stderr
+        result = CliRunner().invoke(app, [str(word) for word in words])
+        assert result.exception is None or isinstance(result.exception, SystemExit)
+        assert result.exit_code in (0, 2)
+        assert result.exit_code == 0 or str(path) in result.stderr
 
 
 def test_sizes_that_no_study_has_are_refused(tmp_path: Path) -> None:
@@ -113,11 +113,11 @@ def test_sizes_that_no_study_has_are_refused(tmp_path: Path) -> None:
     forged(path, one=3 * 10**9, two=1)
     with pytest.raises(ArchiveError, match="3000000000 values along a dimension"):
         open_archive(path)
-    told = subprocess.run(
+    completed = subprocess.run(
         [sys.executable, "-m", "workflow", "show", path],
         capture_output=True,
         text=True,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY)),
     )
-    assert told.returncode == 2
-    assert "Traceback" not in told.stderr
+    assert completed.returncode == 2
+    assert "Traceback" not in completed.stderr
