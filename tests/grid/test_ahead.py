@@ -21,10 +21,10 @@ THREE = {
 
 
 def test_every_scheme_and_the_reference_are_wanted() -> None:
-    found = list(wanted_kernels(arrange(quick(**THREE))))
-    assert [wanted.method for wanted in found] == ["moreau", "penalty", "event_driven"]
-    assert found[1].options.integration == "implicit"
-    assert [wanted.method for wanted in wanted_kernels(arrange(quick()))] == ["moreau"]
+    variants = list(wanted_kernels(arrange(quick(**THREE))))
+    assert [variant.method for variant in variants] == ["moreau", "penalty", "event_driven"]
+    assert variants[1].options.integration == "implicit"
+    assert [variant.method for variant in wanted_kernels(arrange(quick()))] == ["moreau"]
 
 
 def test_a_case_that_cannot_be_set_up_wants_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -37,20 +37,20 @@ def test_a_case_that_cannot_be_set_up_wants_nothing(monkeypatch: pytest.MonkeyPa
 
 def test_a_run_goes_on_where_helpers_fail(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The helper asked for is one that cannot be started."""
-    asked: list[str] = []
+    methods: list[str] = []
     help_with = compilation._Running.help_with
 
     def noted(running: compilation._Running, schemes: list[compilation.Wanted]) -> None:
-        asked.extend(wanted.method for wanted in schemes)
+        methods.extend(variant.method for variant in schemes)
         help_with(running, schemes)
 
     monkeypatch.setattr(compilation._Running, "help_with", noted)
-    monkeypatch.setattr(compilation, "_note", lambda wanted: tmp_path / f"{wanted.method}.compiled")
+    monkeypatch.setattr(compilation, "_note", lambda variant: tmp_path / f"{variant.method}.compiled")
     monkeypatch.setattr(sys, "executable", str(tmp_path / "missing"))
     outcome = run_study(quick(**THREE), tmp_path / "three.nc", threads=2)
     assert outcome.ok
-    assert "moreau" not in asked
-    assert set(asked) <= {"penalty", "event_driven"}
-    assert asked
+    assert "moreau" not in methods
+    assert set(methods) <= {"penalty", "event_driven"}
+    assert methods
     run_study(quick(**THREE), tmp_path / "alone.nc", threads=1)
     assert not compilation._HELPERS

@@ -84,19 +84,19 @@ def test_a_contact_spring_that_creates_energy_is_not_ok() -> None:
 
 def test_a_tip_that_is_thrown_far_off_is_not_ok_without_balances_either() -> None:
     """An error of 3e86 and 2e87 K: heat that a scheme creates excuses nothing."""
-    found = solved(HEAVY.format(h=3.16e-6, balances="false"))
-    assert found.values["displacement_error"][0] > 1e20
-    assert found.values["status"][0] == Status.DIVERGED
-    assert "the tip moved" in found.messages[0]
+    results = solved(HEAVY.format(h=3.16e-6, balances="false"))
+    assert results.values["displacement_error"][0] > 1e20
+    assert results.values["status"][0] == Status.DIVERGED
+    assert "the tip moved" in results.messages[0]
 
 
 def test_a_contact_spring_beyond_its_limit_is_judged_by_its_energy_without_balances_too() -> None:
     """The tip moves by a hundred times its gap: an error of 157, and far from what a resonance could do."""
-    found = solved(HEAVY.format(h=2.5e-6, balances="false"))
-    assert found.values["displacement_error"][0] > 100
-    assert found.values["status"][0] == Status.DIVERGED
-    assert found.messages[0].startswith("energy was created")
-    assert "energy_residual" not in found.values
+    results = solved(HEAVY.format(h=2.5e-6, balances="false"))
+    assert results.values["displacement_error"][0] > 100
+    assert results.values["status"][0] == Status.DIVERGED
+    assert results.messages[0].startswith("energy was created")
+    assert "energy_residual" not in results.values
 
 
 TRAPPED = """
@@ -133,7 +133,7 @@ def test_the_same_case_says_the_same_again() -> None:
 def test_dissipation_never_counts() -> None:
     """A tip that hammers a casing without a gap: implicit Euler takes many times the largest energy."""
     more, load = ", damping: {mass: 5}, heat_capacity: 1", "load: {amplitude: 5, frequency: 700}"
-    found = one(
+    results = one(
         nodes=3,
         more=more,
         scene=load,
@@ -142,8 +142,8 @@ def test_dissipation_never_counts() -> None:
         balances="true",
         axes=", e: 0.9",
     )
-    assert found.values["energy_residual"][0] < -1
-    assert found.values["status"][0] == Status.OK
+    assert results.values["energy_residual"][0] < -1
+    assert results.values["status"][0] == Status.OK
 
 
 @pytest.mark.parametrize(
@@ -157,17 +157,17 @@ def test_dissipation_never_counts() -> None:
 )
 def test_what_starts_or_loads_the_other_nodes_counts_too(start: str) -> None:
     """Gap, tip load and x_n(0) are all zero, and yet the tip moves as it should."""
-    found = one(nodes=3, more=", spacing: 1.0e-2, expansion: 1.0e-5, heat_capacity: 1, conductance: 1", scene=start)
-    assert found.values["status"][0] == Status.OK
-    assert not found.messages
+    results = one(nodes=3, more=", spacing: 1.0e-2, expansion: 1.0e-5, heat_capacity: 1, conductance: 1", scene=start)
+    assert results.values["status"][0] == Status.OK
+    assert not results.messages
 
 
 def test_heating_that_pushes_the_tip_counts() -> None:
     """The root is held, the casing far: a tenth of a second of heat moves the tip by what the model says."""
     heat = ", spacing: 1.0e-2, expansion: 1.0e-5, heat_capacity: 1, conductance: 1, heating: 1.0e5"
-    found = one(nodes=3, more=heat, gap=1e-9, scene="initial: {displacement: 0}", duration=0.1)
-    assert found.values["thermal_closing"][0] > 1000 * 1e-9
-    assert found.values["status"][0] == Status.OK
+    results = one(nodes=3, more=heat, gap=1e-9, scene="initial: {displacement: 0}", duration=0.1)
+    assert results.values["thermal_closing"][0] > 1000 * 1e-9
+    assert results.values["status"][0] == Status.OK
 
 
 def test_runaway_is_physics() -> None:
@@ -175,9 +175,9 @@ def test_runaway_is_physics() -> None:
     heat = ", damping: {mass: 10}, spacing: 1.0e-2, expansion: 1.0e-5, heat_capacity: 1.0e-2, conductance: 0.1"
     for scheme in ("moreau", "carpenter", "penalty", "event_driven"):
         values = {"scene": "load: {mean: 7.5}\n  initial: static", "axes": ", alpha: 50", "balances": "true"}
-        found = one(nodes=4, more=heat, gap=-1e-5, duration=0.05, h=1e-6, scheme=scheme, **values)
-        assert found.values["runaway"][0] == 1
-        assert found.values["status"][0] == Status.OK, (scheme, found.messages)
+        results = one(nodes=4, more=heat, gap=-1e-5, duration=0.05, h=1e-6, scheme=scheme, **values)
+        assert results.values["runaway"][0] == 1
+        assert results.values["status"][0] == Status.OK, (scheme, results.messages)
 
 
 def test_a_runaway_whose_balance_is_rounding_is_physics() -> None:
@@ -186,15 +186,15 @@ def test_a_runaway_whose_balance_is_rounding_is_physics() -> None:
     scene = "load: {mean: 7.5, amplitude: 2, frequency: 100}\n  initial: static"
     for alpha in (300, 500, 700):
         values = {"scene": scene, "axes": f", alpha: {alpha}", "balances": "true"}
-        found = one(nodes=1, more=heat, gap=-1e-5, duration=0.05, h=1e-6, **values)
-        print(found.values["energy_residual"], found.values["max_temperature"])
-        assert found.values["status"][0] == Status.OK, found.messages
+        results = one(nodes=1, more=heat, gap=-1e-5, duration=0.05, h=1e-6, **values)
+        print(results.values["energy_residual"], results.values["max_temperature"])
+        assert results.values["status"][0] == Status.OK, results.messages
 
 
 def test_a_free_root_is_left_to_the_balances() -> None:
     """K1 is singular: a tip may fly off as far as it likes."""
-    found = one(more=", heat_capacity: 1", scene="load: {mean: -1}", gap=1e-6, duration=1)
-    assert found.values["status"][0] == Status.OK
+    results = one(more=", heat_capacity: 1", scene="load: {mean: -1}", gap=1e-6, duration=1)
+    assert results.values["status"][0] == Status.OK
     text = ONE.format(
         nodes=1, more=", heat_capacity: 1", gap=1e-9, scene="load: {mean: -1000}", duration=1, scheme="moreau",
         h=1e-3, axes="", interval="0.1 s", balances="false",
@@ -211,6 +211,6 @@ def test_a_tip_at_rest_at_a_gap_of_zero_creates_no_energy(scheme: str, root: str
         scene="load: {mean: 7.569, amplitude: 7.569, frequency: 122.73668917555895}", scheme=scheme,
         h=4.4e-5, axes="", interval="1 ms", balances="true",
     )  # fmt: skip
-    found = solved(text)
-    assert np.abs(found.values["displacement"]).max() < 1e-15
-    assert found.values["status"][0] == Status.OK, found.messages
+    results = solved(text)
+    assert np.abs(results.values["displacement"]).max() < 1e-15
+    assert results.values["status"][0] == Status.OK, results.messages

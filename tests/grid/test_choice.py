@@ -45,34 +45,34 @@ def study(axes: str, more: str = "") -> Study:
     return parsed(f"study: a\n{SCENE}axes: {{scheme: event_driven, {axes}}}\noutput: {{interval: 1 ms}}\n{more}\n")
 
 
-def errors_by_count(asked: Study) -> dict[tuple[int, int], float]:
+def errors_by_count(requested: Study) -> dict[tuple[int, int], float]:
     """Return the larger error of displacement and temperature of every reduced model of a study's first case."""
-    grid = arrange(asked)
+    grid = arrange(requested)
     cell, exact = grid.settings(0), schemes.load("event_driven")
     full = structure_of(cell.scene.model, cell.scene.parameters)
     cases = conditions(cell, full, grid.inner_values(np.zeros(1, dtype=np.int64)), 1)
 
     def run(mechanical: int, thermal: int) -> dict[str, np.ndarray]:
-        found = reduce_structure(full, mechanical, thermal, cell.reduction, cell.scene.duration)
-        operator = exact.init(found.structure, 0.0, exact.Options())
-        return exact.compute(operator, found.project(cases), replace(grid.sampling, balances=False)).histories
+        reduction = reduce_structure(full, mechanical, thermal, cell.reduction, cell.scene.duration)
+        operator = exact.init(reduction.structure, 0.0, exact.Options())
+        return exact.compute(operator, reduction.project(cases), replace(grid.sampling, balances=False)).histories
 
     size = full.mechanical_size
     truth = run(size - 1, size - 1)
     return {
-        (m, t): max(relative(found[name], truth[name]) for name in ("displacement", "temperature"))
+        (m, t): max(relative(histories[name], truth[name]) for name in ("displacement", "temperature"))
         for m in range(size)
         for t in range(size)
-        for found in [run(m, t)]
+        for histories in [run(m, t)]
     }
 
 
 @pytest.mark.parametrize("basis", ["craig_bampton", "krylov"])
 def test_the_fewest_vectors_that_meet_the_tolerance_are_taken(basis: str) -> None:
-    asked = study(f"alpha: 20, e: 0.5, {AUTO}, reduction: {basis}, tolerance: [0.1, 1e-2, 1e-3]")
-    errors = errors_by_count(asked)
+    requested = study(f"alpha: 20, e: 0.5, {AUTO}, reduction: {basis}, tolerance: [0.1, 1e-2, 1e-3]")
+    errors = errors_by_count(requested)
     for outer, tolerance in enumerate((0.1, 1e-2, 1e-3)):
-        [choice] = {arrange(asked).choice(outer)}
+        [choice] = {arrange(requested).choice(outer)}
         assert choice is not None
         counts = choice.mechanical_modes, choice.thermal_modes
         assert sum(counts) == min(sum(pair) for pair, error in errors.items() if error <= tolerance)
@@ -84,8 +84,8 @@ def test_the_fewest_vectors_that_meet_the_tolerance_are_taken(basis: str) -> Non
 @pytest.mark.parametrize("seed", range(20))
 def test_counts_are_within_two_vectors_of_the_fewest_in_random_scenes(seed: int) -> None:
     """Loads near resonance, heated, initially warm and graded chains, each in every basis, at three tolerances."""
-    asked = parsed(random_scene(seed))
-    grid, errors = arrange(asked), errors_by_count(asked)
+    requested = parsed(random_scene(seed))
+    grid, errors = arrange(requested), errors_by_count(requested)
     for outer, tolerance in enumerate((1e-2, 1e-3, 1e-4)):
         choice = grid.choice(outer)
         assert choice is not None
@@ -106,29 +106,29 @@ def test_errors_of_both_kinds_add_up() -> None:
         return 2.0**-mechanical + 4.0**-thermal
 
     sums = {(m, t): m + t for m in range(20) for t in range(20) if error(m, t) <= 1e-3}
-    found = _smallest(error, (0, 0), (0, 0), (19, 19), 1e-3)
-    assert error(*found) <= 1e-3
-    assert sum(found) == min(sums.values())
+    counts = _smallest(error, (0, 0), (0, 0), (19, 19), 1e-3)
+    assert error(*counts) <= 1e-3
+    assert sum(counts) == min(sums.values())
 
 
 def test_a_count_that_is_given_stays_and_may_stand_in_the_way() -> None:
     """Two thermal modes alone err by more than the tolerance: mechanical ones are chosen that add no more than it."""
-    asked = study("alpha: 20, mechanical_modes: auto, thermal_modes: 1, tolerance: 1e-3")
-    [choice] = arrange(asked).choices.cases.values()
+    requested = study("alpha: 20, mechanical_modes: auto, thermal_modes: 1, tolerance: 1e-3")
+    [choice] = arrange(requested).choices.cases.values()
     assert choice.thermal_modes == 1
-    assert 1e-3 < choice.error < errors_by_count(asked)[3, 1] + 1e-3
-    [caution] = [text for text in plan_study(asked).warnings if text.startswith("tolerance")]
+    assert 1e-3 < choice.error < errors_by_count(requested)[3, 1] + 1e-3
+    [caution] = [text for text in plan_study(requested).warnings if text.startswith("tolerance")]
     assert "miss it" in caution
 
 
 def test_corners_take_the_hardest_and_the_mildest_value_of_each_dimension() -> None:
-    asked = study(
+    requested = study(
         "alpha: [0, 5, 2], scene.initial.temperature: [-3, 2], scene.load.frequency: [20, 5000, 4000], "
         f"{AUTO}, tolerance: 0.1",
         "zip: {rub: {scene.casing.gap: [1e-5, 2e-5, 1e-5], scene.load.amplitude: [1, 5, 2]}}",
     )
-    grid = arrange(asked)
-    cell = asked.cell({**grid.base})
+    grid = arrange(requested)
+    cell = requested.cell({**grid.base})
     structure = structure_of(cell.scene.model, cell.scene.parameters)
     corners = corners_of(grid.inner, structure)
     assert len({tuple(corner.items()) for corner in corners}) == 16
@@ -156,9 +156,9 @@ def test_counts_hold_in_every_corner_though_the_first_is_not_the_hardest() -> No
     grid = arrange(study(text, "reference: {mechanical_modes: full, thermal_modes: full}"))
     for outer, tolerance in enumerate((1e-2, 1e-3)):
         values = solve(grid, outer, np.arange(grid.inner_count)).values
-        found = np.fmax(values["displacement_error"], values["temperature_error"])
-        assert found.max() <= tolerance
-        assert values["basis_error"] == pytest.approx(found.max(), rel=1e-6)
+        errors = np.fmax(values["displacement_error"], values["temperature_error"])
+        assert errors.max() <= tolerance
+        assert values["basis_error"] == pytest.approx(errors.max(), rel=1e-6)
 
 
 def _receptance(structure: object, omega: float) -> complex:
@@ -181,8 +181,8 @@ def test_a_case_within_the_corners_leaves_the_others_and_one_beyond_tells_them_a
 def test_a_count_that_was_chosen_is_another_case_than_one_that_was_given() -> None:
     """Its archive holds counts and error; with another tolerance that leads to the same it is the same case."""
     [choice] = arrange(study(BASE)).choices.cases.values()
-    given = f"alpha: [0, 20], mechanical_modes: {choice.mechanical_modes}, thermal_modes: {choice.thermal_modes}"
-    assert not set(hashes_of(study(given))) & set(hashes_of(study(BASE)))
+    by_numbers = f"alpha: [0, 20], mechanical_modes: {choice.mechanical_modes}, thermal_modes: {choice.thermal_modes}"
+    assert not set(hashes_of(study(by_numbers))) & set(hashes_of(study(BASE)))
     assert hashes_of(study(BASE.replace("1e-2", "1.0001e-2"))) == hashes_of(study(BASE))
 
 
@@ -204,12 +204,12 @@ def test_counts_do_not_depend_on_scheme_and_options() -> None:
 
 def test_a_hardest_case_that_fails_leaves_what_transfer_functions_ask_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_trials, "_EVENTS", 1)
-    asked = study(f"alpha: 20.5, {AUTO}, tolerance: 1e-2")
-    [choice] = arrange(asked).choices.cases.values()
+    requested = study(f"alpha: 20.5, {AUTO}, tolerance: 1e-2")
+    [choice] = arrange(requested).choices.cases.values()
     assert math.isnan(choice.error)
     assert "not confirmed" in choice.against
-    assert any("transfer functions" in text for text in plan_study(asked).warnings)
-    assert np.isnan(solve(arrange(asked), 0, np.arange(1)).values["basis_error"]).all()
+    assert any("transfer functions" in text for text in plan_study(requested).warnings)
+    assert np.isnan(solve(arrange(requested), 0, np.arange(1)).values["basis_error"]).all()
 
 
 def test_what_the_exact_scheme_refuses_is_tried_by_implicit_euler(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -219,8 +219,8 @@ def test_what_the_exact_scheme_refuses_is_tried_by_implicit_euler(monkeypatch: p
         return run_batch(cell, cases, sampling)
 
     monkeypatch.setattr(_trials, "run_batch", refusing)
-    asked = study(f"alpha: 20.25, h: 1e-4, {AUTO}, tolerance: 1e-2").with_({"axes.scheme": "moreau"})
-    [choice] = arrange(asked).choices.cases.values()
+    requested = study(f"alpha: 20.25, h: 1e-4, {AUTO}, tolerance: 1e-2").with_({"axes.scheme": "moreau"})
+    [choice] = arrange(requested).choices.cases.values()
     assert choice.error <= 1e-2
     assert choice.against == "confirmed by moreau (theta = 1, h = 0.0001 s) against the full model"
 
@@ -230,9 +230,9 @@ def test_choices_are_read_as_they_are_written() -> None:
     references = {3: choices[0]}
     read = read_choices(choices_text(Decided(choices, references)))
     assert read.references == references
-    found = read.cases
-    assert found[0] == choices[0]
-    assert math.isnan(found[7].error)
+    cases = read.cases
+    assert cases[0] == choices[0]
+    assert math.isnan(cases[7].error)
 
 
 def test_an_archive_holds_counts_and_error_and_can_be_extended(tmp_path: Path) -> None:
@@ -241,31 +241,31 @@ def test_an_archive_holds_counts_and_error_and_can_be_extended(tmp_path: Path) -
     path = tmp_path / "a.nc"
     run_study(study(text, reference), path, threads=1)
     choices = list(arrange(study(text)).choices.cases.values())
-    with open_archive(path) as found:
-        assert found.mechanical_modes.item() == -1
-        assert found.mechanical_modes.attrs["flag_values"] == -1
-        assert found.mechanical_modes.attrs["flag_meanings"] == "auto"
-        assert found.thermal_modes_used.isel(alpha=1).values.tolist() == [choice.thermal_modes for choice in choices]
-        assert (found.basis_error <= found.tolerance).all()
-        assert (found.displacement_error <= found.tolerance).all()
-        assert (found.temperature_error <= found.tolerance).all()
-        assert [one.mechanical_modes for one in decided(found)] == [choice.mechanical_modes for choice in choices]
-        assert mode_counts(found, "mechanical_modes") == max(choice.mechanical_modes for choice in choices)
-        answer = recommend(found, 0.05)
+    with open_archive(path) as archive:
+        assert archive.mechanical_modes.item() == -1
+        assert archive.mechanical_modes.attrs["flag_values"] == -1
+        assert archive.mechanical_modes.attrs["flag_meanings"] == "auto"
+        assert archive.thermal_modes_used.isel(alpha=1).values.tolist() == [choice.thermal_modes for choice in choices]
+        assert (archive.basis_error <= archive.tolerance).all()
+        assert (archive.displacement_error <= archive.tolerance).all()
+        assert (archive.temperature_error <= archive.tolerance).all()
+        assert [one.mechanical_modes for one in decided(archive)] == [choice.mechanical_modes for choice in choices]
+        assert mode_counts(archive, "mechanical_modes") == max(choice.mechanical_modes for choice in choices)
+        answer = recommend(archive, 0.05)
         assert "(auto + auto)" in sentence(answer)
-        told = recommendation_json(answer)
-        assert told["mechanical_modes"] == "auto"
-        assert told["thermal_modes_used"] == choices[1].thermal_modes
-        assert labels_of(found, "tolerance") == ["tolerance 0.1", "tolerance 0.01"]
+        content = recommendation_json(answer)
+        assert content["mechanical_modes"] == "auto"
+        assert content["thermal_modes_used"] == choices[1].thermal_modes
+        assert labels_of(archive, "tolerance") == ["tolerance 0.1", "tolerance 0.01"]
     assert all(check.holds for check in verify(path, sample=2))
     more = study(text.replace("[0, 20]", "[0, 10, 20]"), reference)
     assert (holdings(more, path).stored, holdings(more, path).missing) == (4, 2)
 
 
 def test_a_workers_grid_takes_the_counts_that_the_run_decided() -> None:
-    asked = study(BASE)
+    requested = study(BASE)
     other = Decided({0: Choice(2, 3, 0.5, (), "elsewhere")})
-    grid = arrange(asked, other)
+    grid = arrange(requested, other)
     assert (grid.settings(0).mechanical_modes, grid.settings(0).thermal_modes) == (2, 3)
     values = solve(grid, 0, np.arange(2)).values
     assert values["mechanical_modes_used"].tolist() == [2.0, 2.0]

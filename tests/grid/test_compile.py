@@ -31,7 +31,7 @@ from numba.core import event
 from workflow import schemes
 from workflow.grid._compile import Wanted, compile_scheme, compiled_ahead
 
-def wanted(method):
+def variant_of(method):
     return Wanted(method, schemes.load(method).Options(), 1, balances=False)
 """
 
@@ -44,9 +44,9 @@ class Seen(event.Listener):
         pass
 
 event.register("numba:compile", Seen())
-with compiled_ahead([wanted("event_driven"), wanted("moreau")], 1):
-    compile_scheme(wanted("event_driven"))
-    compile_scheme(wanted("moreau"))
+with compiled_ahead([variant_of("event_driven"), variant_of("moreau")], 1):
+    compile_scheme(variant_of("event_driven"))
+    compile_scheme(variant_of("moreau"))
 from workflow.schemes._exact import march as exact
 from workflow.schemes import moreau
 ours = {f.__name__: n for f, n in Seen.functions.items() if f.__module__.startswith("workflow.")}
@@ -56,20 +56,20 @@ print(*(len(k.dispatcher.signatures) for k in (exact.march, moreau._march)))
 """
 
 KILLED = """
-with compiled_ahead([wanted("moreau"), wanted("event_driven")], 1):
+with compiled_ahead([variant_of("moreau"), variant_of("event_driven")], 1):
     print("begun", flush=True)
     sys.stdin.read()
 """
 
 
-def wanted(method: str) -> Wanted:
+def variant_of(method: str) -> Wanted:
     return Wanted(method, schemes.load(method).Options(), 1, balances=False)
 
 
 @pytest.fixture
 def unnoted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Nothing is known to be compiled, whatever is in the cache."""
-    monkeypatch.setattr(compilation, "_note", lambda wanted: tmp_path / wanted.method)
+    monkeypatch.setattr(compilation, "_note", lambda variant: tmp_path / variant.method)
     compilation._compile.cache_clear()
     return tmp_path
 
@@ -88,8 +88,8 @@ def until(condition: Callable[[], bool]) -> bool:
 
 
 def children(process: int) -> list[int]:
-    found = [task.read_text() for task in Path(f"/proc/{process}/task").glob("*/children")]
-    return [int(child) for text in found for child in text.split()]
+    lists = [task.read_text() for task in Path(f"/proc/{process}/task").glob("*/children")]
+    return [int(child) for text in lists for child in text.split()]
 
 
 def alive(process: int) -> bool:
@@ -102,11 +102,11 @@ def alive(process: int) -> bool:
 @pytest.mark.slow  # it compiles the largest kernel
 def test_kernels_are_compiled_once_and_those_of_a_helper_are_loaded(tmp_path: Path) -> None:
     """With nothing compiled: no function for two types of arguments, and none that a helper compiles."""
-    told = subprocess.run(
+    lines = subprocess.run(
         [sys.executable, "-c", START + TOGETHER],
         capture_output=True, text=True, check=True, env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
     ).stdout.splitlines()  # fmt: skip
-    assert told == ["1 True False", "0 1", "1 1"]
+    assert lines == ["1 True False", "0 1", "1 1"]
 
 
 @pytest.mark.parametrize("script", ["exit 1", "kill -9 $$", "exec < /dev/null", None])
@@ -115,17 +115,17 @@ def test_a_scheme_whose_helper_fails_is_compiled_all_the_same(
 ) -> None:
     failing = executable(unnoted / "python", script) if script else str(unnoted / "missing")
     monkeypatch.setattr(sys, "executable", failing)
-    with compiled_ahead([wanted("event_driven"), wanted("moreau")], 1):
+    with compiled_ahead([variant_of("event_driven"), variant_of("moreau")], 1):
         helper = compilation._HELPERS["moreau"]
         assert until(helper.done)
         assert not (unnoted / "moreau").exists()
-        compile_scheme(wanted("moreau"))
+        compile_scheme(variant_of("moreau"))
     assert (unnoted / "moreau").exists()
 
 
 def test_helpers_are_gone_when_the_run_is_over(unnoted: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "executable", executable(unnoted / "python", f"echo $$ > {unnoted}/pid; exec sleep 1000"))
-    with suppress(KeyboardInterrupt), compiled_ahead([wanted("event_driven"), wanted("moreau")], 1):
+    with suppress(KeyboardInterrupt), compiled_ahead([variant_of("event_driven"), variant_of("moreau")], 1):
         assert until(lambda: (unnoted / "pid").exists() and (unnoted / "pid").read_text().endswith("\n"))
         assert alive(int((unnoted / "pid").read_text()))
         raise KeyboardInterrupt
@@ -163,9 +163,9 @@ def test_a_scheme_whose_turn_has_not_come_is_compiled_here(unnoted: Path, monkey
 
     monkeypatch.setattr(compilation._Running, "help_with", hang)
     try:
-        with compiled_ahead([wanted(method) for method in ("event_driven", "carpenter", "moreau")], 1):
+        with compiled_ahead([variant_of(method) for method in ("event_driven", "carpenter", "moreau")], 1):
             assert begun.wait(60)
-            compile_scheme(wanted("moreau"))
+            compile_scheme(variant_of("moreau"))
             assert (unnoted / "moreau").exists()
             busy.set()
     finally:
@@ -184,7 +184,7 @@ def test_a_process_that_compiles_has_a_turn_until_it_is_done(unnoted: Path, monk
 
     threads = [threading.Thread(target=compute) for _ in range(2)]
     try:
-        with compiled_ahead([wanted("event_driven"), wanted("moreau")], 1):
+        with compiled_ahead([variant_of("event_driven"), variant_of("moreau")], 1):
             lend_turns(turns, 1)
             for thread in threads:
                 thread.start()
@@ -203,12 +203,12 @@ def test_what_is_compiled_needs_no_process(unnoted: Path, monkeypatch: pytest.Mo
     started: list[list[Wanted]] = []
     monkeypatch.setattr(compilation._Running, "help_with", lambda running, schemes: started.append(schemes))
     (unnoted / "moreau").touch()
-    with compiled_ahead([wanted("event_driven"), wanted("moreau")], 1):
+    with compiled_ahead([variant_of("event_driven"), variant_of("moreau")], 1):
         pass
-    with compiled_ahead([wanted("event_driven"), wanted("carpenter")], 0):
+    with compiled_ahead([variant_of("event_driven"), variant_of("carpenter")], 0):
         pass
-    monkeypatch.setattr(compilation, "_note", lambda wanted: None)  # no lasting cache
-    with compiled_ahead([wanted("event_driven"), wanted("carpenter")], 1):
+    monkeypatch.setattr(compilation, "_note", lambda variant: None)  # no lasting cache
+    with compiled_ahead([variant_of("event_driven"), variant_of("carpenter")], 1):
         pass
     assert started == []
 

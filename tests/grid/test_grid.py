@@ -208,15 +208,15 @@ def test_what_raises_fails_alone(monkeypatch: pytest.MonkeyPatch) -> None:
 
     clean = solve(grid, 1, np.arange(15))
     monkeypatch.setattr(moreau, "compute", brittle)
-    found = solve(grid, 1, np.arange(15))
+    partly_failed = solve(grid, 1, np.arange(15))
     bad = np.arange(15) % 5 == 2
-    assert np.array_equal(found.values["status"] == Status.FAILED, bad)
-    assert set(found.messages) == set(np.flatnonzero(bad))
-    assert found.messages[2] == "FloatingPointError: no luck with alpha = 10"
-    assert np.all(np.isnan(found.values["displacement"][bad]))
+    assert np.array_equal(partly_failed.values["status"] == Status.FAILED, bad)
+    assert set(partly_failed.messages) == set(np.flatnonzero(bad))
+    assert partly_failed.messages[2] == "FloatingPointError: no luck with alpha = 10"
+    assert np.all(np.isnan(partly_failed.values["displacement"][bad]))
     for name in clean.values:
         if name not in ("wall_time", "batch_width"):
-            assert np.array_equal(found.values[name][~bad], clean.values[name][~bad], equal_nan=True)
+            assert np.array_equal(partly_failed.values[name][~bad], clean.values[name][~bad], equal_nan=True)
 
 
 def test_wall_time_has_the_width_of_its_batch_beside_it() -> None:
@@ -272,19 +272,19 @@ axes: {scheme: [moreau, early], h: [1e-4, 1e-3], e: [0, 0.5]}
 output: {interval: 1 ms}
 """
     grid = arrange(parsed(text))
-    made = plan(grid, units_of(grid))
-    assert (made.cases, made.unique, made.batches) == (8, 8, 4)
-    assert made.steps == 2 * 2 * (3000 + 300)
-    figures = made.structures[0]
+    planned = plan(grid, units_of(grid))
+    assert (planned.cases, planned.unique, planned.batches) == (8, 8, 4)
+    assert planned.steps == 2 * 2 * (3000 + 300)
+    figures = planned.structures[0]
     assert figures.first_frequency == pytest.approx(1090.5, abs=0.1)
     assert figures.tip_stiffness == pytest.approx(1e6, rel=1e-9)
     assert figures.critical_alpha == pytest.approx(1.071, abs=5e-4)
     assert 0 < figures.fastest < figures.slowest
-    told = "\n".join(made.warnings)
-    assert "moreau damps the first mode (1090 Hz) more than its own 0.0014 of critical" in told
-    assert "0.32 at h = 0.0001 s" in told
-    assert "early diverges, its free step grows" in told
-    assert made.bytes > 8 * 301 * 3 * 8
+    warnings = "\n".join(planned.warnings)
+    assert "moreau damps the first mode (1090 Hz) more than its own 0.0014 of critical" in warnings
+    assert "0.32 at h = 0.0001 s" in warnings
+    assert "early diverges, its free step grows" in warnings
+    assert planned.bytes > 8 * 301 * 3 * 8
 
 
 def test_load_periods_of_different_cases() -> None:
@@ -319,9 +319,9 @@ def test_an_axis_that_nothing_reads_is_told() -> None:
         "study: a\n" + SCENE + "schemes: {other: {method: moreau}}\naxes: {schemes.other.theta: [0.5, 1], e: [0, 1]}\n"
     )
     grid = arrange(parsed(text))
-    told = plan(grid, units_of(grid))
-    assert (told.cases, told.unique) == (4, 2)
-    assert [line for line in told.warnings if "changes nothing" in line] == [
+    planned = plan(grid, units_of(grid))
+    assert (planned.cases, planned.unique) == (4, 2)
+    assert [line for line in planned.warnings if "changes nothing" in line] == [
         "theta changes nothing: no scheme of this study reads it, its cases are the same"
     ]
     compared = text + "reference: {scheme: other}\n"

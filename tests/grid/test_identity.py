@@ -16,8 +16,8 @@ ONE = {"h": 1e-4, "e": 0.5, "alpha": 5.0}
 
 
 def identity(axes: dict[str, Any] | None = None, **parts: Any) -> bytes:
-    [found] = hashes_of(quick({**ONE, **(axes or {})}, **parts))
-    return found
+    [case_hash] = hashes_of(quick({**ONE, **(axes or {})}, **parts))
+    return case_hash
 
 
 SAME = {
@@ -85,19 +85,19 @@ def test_all_of_them_differ_from_each_other() -> None:
 
 def test_lists_per_node_count_node_by_node() -> None:
     two = {"chain.nodes": 2}
-    found = [identity(scene={**two, "load.steady": value}) for value in ([1.0, 2.0], [2.0, 1.0], 1.0)]
-    assert len(set(found)) == 3
+    identities = [identity(scene={**two, "load.steady": value}) for value in ([1.0, 2.0], [2.0, 1.0], 1.0)]
+    assert len(set(identities)) == 3
 
 
 def test_modes_count() -> None:
     scene = {"chain.nodes": 3}
-    found = {
+    identities = {
         identity({"mechanical_modes": modes, "thermal_modes": thermal}, scene=scene)
         for modes in (1, 2)
         for thermal in (1, "full")
     }
-    assert len(found) == 4
-    assert identity(scene=scene) in found  # all modes, told as a number
+    assert len(identities) == 4
+    assert identity(scene=scene) in identities  # all modes, told as a number
 
 
 def test_the_version_of_the_solver_counts(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -32,37 +32,37 @@ def study() -> Study:
     return parsed(f"study: a\n{SCENE}{CROSSED}")
 
 
-def at(grid: Grid, **wanted: object) -> Solved:
+def at(grid: Grid, **settings: object) -> Solved:
     """Return the case of some settings."""
     for outer in range(grid.outer_count):
         cell = grid.settings(outer)
-        if (cell.scheme.label, cell.reduction, cell.mechanical_modes) == tuple(wanted.values()):
+        if (cell.scheme.label, cell.reduction, cell.mechanical_modes) == tuple(settings.values()):
             return solve(grid, outer, np.arange(1))
-    raise KeyError(wanted)
+    raise KeyError(settings)
 
 
 @pytest.mark.parametrize("scheme", ["euler", "spring", "penalty", "carpenter", "event_driven"])
 def test_a_scheme_that_cannot_fails_its_own_cases(study: Study, scheme: str) -> None:
-    found = at(arrange(study), scheme=scheme, reduction="massless", mechanical_modes=1)
+    results = at(arrange(study), scheme=scheme, reduction="massless", mechanical_modes=1)
     if scheme in ABLE:
-        assert found.values["status"].tolist() == [Status.OK]
-        assert found.messages[0].startswith("scheme and model error: event_driven on the reduced model of the case:")
+        assert results.values["status"].tolist() == [Status.OK]
+        assert results.messages[0].startswith("scheme and model error: event_driven on the reduced model of the case:")
         for name in ("displacement", "temperature", "impulse"):
-            assert found.values[f"{name}_error"][0] > 0
-            assert np.isnan([found.values[f"{name}_{part}_error"][0] for part in ("scheme", "model")]).all()
+            assert results.values[f"{name}_error"][0] > 0
+            assert np.isnan([results.values[f"{name}_{part}_error"][0] for part in ("scheme", "model")]).all()
     else:
-        assert found.values["status"].tolist() == [Status.FAILED]
-        assert "without mass" in found.messages[0]
-        assert "moreau" in found.messages[0]
+        assert results.values["status"].tolist() == [Status.FAILED]
+        assert "without mass" in results.messages[0]
+        assert "moreau" in results.messages[0]
 
 
 def test_all_modes_are_the_full_model_in_every_scheme(study: Study) -> None:
     grid = arrange(study)
     for basis in ("macneal", "massless"):
-        found = at(grid, scheme="carpenter", reduction=basis, mechanical_modes=3)
-        same = at(grid, scheme="carpenter", reduction="craig_bampton", mechanical_modes=3)
-        assert found.values["status"].tolist() == [Status.OK]
-        assert np.array_equal(found.values["displacement"], same.values["displacement"])
+        results = at(grid, scheme="carpenter", reduction=basis, mechanical_modes=3)
+        full = at(grid, scheme="carpenter", reduction="craig_bampton", mechanical_modes=3)
+        assert results.values["status"].tolist() == [Status.OK]
+        assert np.array_equal(results.values["displacement"], full.values["displacement"])
 
 
 def test_the_plan_says_so_beforehand(study: Study) -> None:

@@ -28,24 +28,24 @@ output: {interval: 1 ms}
 def test_errors_are_relative_distances_from_the_reference() -> None:
     grid = arrange(parsed(REFERRED))
     inner = np.arange(grid.inner_count)
-    found = [solve(grid, outer, inner).values for outer in range(grid.outer_count)]
+    by_outer = [solve(grid, outer, inner).values for outer in range(grid.outer_count)]
     truth_at = next(
         outer
         for outer in range(grid.outer_count)
         if (c := grid.settings(outer)).scheme.label == "midpoint" and c.h == 1e-5 and c.mechanical_modes == 3
     )
-    truth = found[truth_at]
+    truth = by_outer[truth_at]
     assert np.all(truth["displacement_error"] == 0)
     assert np.all(truth["impulse_error"] == 0)
-    for values in found:
+    for values in by_outer:
         for name in ("displacement", "temperature", "impulse"):
             size = np.linalg.norm(truth[name], axis=1)
             expected = np.linalg.norm(values[name] - truth[name], axis=1)
             expected = np.divide(expected, size, out=np.zeros_like(size), where=size > 0)
             assert np.allclose(values[f"{name}_error"], expected, rtol=1e-12)
     cold = grid.inner_values(inner)["alpha"] == 0
-    assert np.all(found[0]["temperature_error"][cold] == 0)  # both are identically zero
-    assert np.all(found[0]["impulse_error"] > 0)
+    assert np.all(by_outer[0]["temperature_error"][cold] == 0)  # both are identically zero
+    assert np.all(by_outer[0]["impulse_error"] > 0)
 
 
 def test_each_distinct_reference_is_computed_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -69,10 +69,10 @@ def test_a_reference_that_fails_leaves_no_error_number() -> None:
     text = REFERRED.replace("alpha: [0, 5, 20]", "alpha: [0, 1e15]")
     grid = arrange(parsed(text))
     inner = np.arange(grid.inner_count)
-    found = solve(grid, 0, inner).values
+    values = solve(grid, 0, inner).values
     hot = grid.inner_values(inner)["alpha"] > 0
-    assert np.isnan(found["displacement_error"][hot]).all()
-    assert np.isfinite(found["displacement_error"][~hot]).all()
+    assert np.isnan(values["displacement_error"][hot]).all()
+    assert np.isfinite(values["displacement_error"][~hot]).all()
 
 
 def test_a_reference_that_raises_harms_no_case() -> None:
@@ -88,11 +88,11 @@ axes: {scene.load.mean: [1, -1, 2], h: 1e-3}
 reference: {scheme: event_driven}
 """
     grid = arrange(parsed(text))
-    found = solve(grid, 0, np.arange(3))
-    assert found.values["status"].tolist() == [0, 3, 0]
-    assert list(found.messages) == [1]
-    assert np.isnan(found.values["impulse_error"][1])
-    assert np.all(found.values["impulse_error"][[0, 2]] < 1e-9)
+    results = solve(grid, 0, np.arange(3))
+    assert results.values["status"].tolist() == [0, 3, 0]
+    assert list(results.messages) == [1]
+    assert np.isnan(results.values["impulse_error"][1])
+    assert np.all(results.values["impulse_error"][[0, 2]] < 1e-9)
 
 
 def test_an_axis_that_only_the_reference_reads_makes_cases_of_its_own() -> None:
@@ -142,9 +142,9 @@ axes: {scheme: event_driven, e: 0}
 reference: {scheme: event_driven}
 output: {interval: 10 ms}
 """
-    found = solved(text.replace("GAP", repr(0.1 * (1 + 2e-13))))
-    assert found.values["impacts"][0] == 0
-    assert found.values["predictability"][0] > 1e-8
+    results = solved(text.replace("GAP", repr(0.1 * (1 + 2e-13))))
+    assert results.values["impacts"][0] == 0
+    assert results.values["predictability"][0] > 1e-8
     assert solved(text.replace("GAP", "0.2")).values["predictability"][0] < 1e-15
 
 
@@ -160,9 +160,9 @@ axes: {scheme: event_driven, e: 0.5}
 reference: {scheme: event_driven}
 output: {interval: 10 ms}
 """
-    found = solved(text)
-    assert found.values["status"][0] == Status.OK
-    assert 0 < found.values["predictability"][0] < 1e-9
+    results = solved(text)
+    assert results.values["status"][0] == Status.OK
+    assert 0 < results.values["predictability"][0] < 1e-9
 
 
 def test_an_error_against_nothing_is_missing_and_told() -> None:
@@ -179,13 +179,13 @@ axes: {scheme: midpoint, h: 5e-2, e: 0.9}
 reference: {scheme: event_driven}
 output: {interval: 50 ms}
 """
-    found = solved(text)
-    assert found.values["contact_impulse"][0] > 0
-    assert found.values["status"][0] == Status.OK
-    assert np.isfinite(found.values["displacement_error"][0])
-    assert np.isnan(found.values["impulse_error"][0])
-    assert found.values["temperature_error"][0] == 0  # both are identically zero
-    assert found.messages == {0: "reference: its impulse is identically zero, that of the case is not"}
+    results = solved(text)
+    assert results.values["contact_impulse"][0] > 0
+    assert results.values["status"][0] == Status.OK
+    assert np.isfinite(results.values["displacement_error"][0])
+    assert np.isnan(results.values["impulse_error"][0])
+    assert results.values["temperature_error"][0] == 0  # both are identically zero
+    assert results.messages == {0: "reference: its impulse is identically zero, that of the case is not"}
 
 
 PRESSED = """
@@ -227,10 +227,10 @@ def test_errors_split_into_those_of_scheme_and_model() -> None:
         "reference: {scheme: event_driven, mechanical_modes: full, thermal_modes: full}",
     ).replace("[moreau, midpoint]", "[moreau, event_driven]")
     grid = arrange(parsed(text))
-    found = {outer: solve(grid, outer, np.arange(grid.inner_count)).values for outer in grid.places}
-    cells = {outer: grid.settings(outer) for outer in found}
-    exact = {c.mechanical_modes: found[o] for o, c in cells.items() if c.scheme.method == "event_driven"}
-    for outer, values in found.items():
+    by_outer = {outer: solve(grid, outer, np.arange(grid.inner_count)).values for outer in grid.places}
+    cells = {outer: grid.settings(outer) for outer in by_outer}
+    exact = {c.mechanical_modes: by_outer[o] for o, c in cells.items() if c.scheme.method == "event_driven"}
+    for outer, values in by_outer.items():
         reduced = exact[cells[outer].mechanical_modes]
         for name in ("displacement", "temperature", "impulse"):
             size = np.linalg.norm(exact[3][name], axis=1)
@@ -239,7 +239,7 @@ def test_errors_split_into_those_of_scheme_and_model() -> None:
             model = np.linalg.norm(reduced[name] - exact[3][name], axis=1) / size
             assert np.allclose(values[f"{name}_scheme_error"], scheme, rtol=1e-9)
             assert np.allclose(values[f"{name}_model_error"], model, rtol=1e-9)
-    full = [values for outer, values in found.items() if cells[outer].mechanical_modes == 3]
+    full = [values for outer, values in by_outer.items() if cells[outer].mechanical_modes == 3]
     assert all(np.all(values["displacement_model_error"] == 0) for values in full)
     assert all(np.array_equal(values["impulse_scheme_error"], values["impulse_error"]) for values in full)
     assert np.all(exact[1]["displacement_scheme_error"] == 0)
@@ -280,9 +280,9 @@ def test_what_the_exact_scheme_cannot_run_has_no_parts_and_says_so() -> None:
     text = "study: a\n" + SCENE.replace("nodes: 4", "nodes: 2001")
     text += "axes: {scheme: moreau, h: 1e-3}\nreference: {scheme: moreau, h: 5e-4}\n"
     text = text.replace("duration: 60 ms", "duration: 3 ms")
-    found = solved(text + "output: {interval: 1 ms, balances: false}\n")
-    assert found.values["status"][0] == Status.OK
-    assert np.isfinite(found.values["displacement_error"][0])
-    assert np.isnan(found.values["displacement_scheme_error"][0])
-    assert np.isnan(found.values["displacement_model_error"][0])
-    assert found.messages[0].startswith("scheme and model error: event_driven on the reduced model")
+    results = solved(text + "output: {interval: 1 ms, balances: false}\n")
+    assert results.values["status"][0] == Status.OK
+    assert np.isfinite(results.values["displacement_error"][0])
+    assert np.isnan(results.values["displacement_scheme_error"][0])
+    assert np.isnan(results.values["displacement_model_error"][0])
+    assert results.messages[0].startswith("scheme and model error: event_driven on the reduced model")

@@ -62,11 +62,11 @@ def test_the_error_of_a_reference_is_that_against_the_full_solution(tolerance: f
     """Cases are solved in full: what they seem to err is the error of the reference."""
     study = read_study(study_of(tmp_path, tolerance))
     dataset = run_study(study, tmp_path / "a.nc").dataset.load()
-    shown = float(dataset["reference_basis_error"].max())
-    assert float(dataset["reference_basis_error"].min()) == shown
+    stated = float(dataset["reference_basis_error"].max())
+    assert float(dataset["reference_basis_error"].min()) == stated
     true = max(float(dataset[name].max()) for name in ("displacement_error", "temperature_error"))
-    assert 0 < true <= shown * 1.2
-    assert shown <= tolerance
+    assert 0 < true <= stated * 1.2
+    assert stated <= tolerance
     [choice] = arrange(study).choices.references.values()
     assert choice.mechanical_modes < NODES - 1
     assert f"auto reference, tolerance {tolerance:g}, krylov, {NODES} nodes" in f"auto {plan_study(study).choices[0]}"

@@ -37,14 +37,14 @@ def test_errors_are_against_the_reference_of_each_case(scheme: str) -> None:
     """A case that does not read e is run once, but the exact solution with e = 0.9 is another one than with 0."""
     reference = "reference: {scheme: event_driven}\n"
     together = arrange(parsed(study(f"{{scheme: {scheme}, h: 1e-5, e: [0, 0.9], alpha: [0, 5]}}") + reference))
-    found = solve(together, 0, np.arange(4)).values
+    values = solve(together, 0, np.arange(4)).values
     assert together.dims == (("e", 2), ("alpha", 2))
     for k, e in enumerate((0, 0.9)):
         alone = arrange(parsed(study(f"{{scheme: {scheme}, h: 1e-5, e: {e}, alpha: [0, 5]}}") + reference))
         expected = solve(alone, 0, np.arange(2)).values
         for name in ("displacement_error", "temperature_error", "impulse_error", "predictability"):
-            assert np.array_equal(found[name].reshape(2, 2)[k], expected[name]), name
-    errors = found["displacement_error"].reshape(2, 2)
+            assert np.array_equal(values[name].reshape(2, 2)[k], expected[name]), name
+    errors = values["displacement_error"].reshape(2, 2)
     assert np.all(errors[0] != errors[1])
 
 
@@ -63,12 +63,12 @@ def test_a_plan_tells_of_limits() -> None:
     steps = (0.9 * LIMIT, 1.1 * LIMIT)
     text = study(f"{{scheme: [carpenter, stiff, soft], h: [{steps[0]}, {steps[1]}]}}", defined)
     grid = arrange(parsed(text))
-    told = plan(grid, units_of(grid)).warnings
+    warnings = plan(grid, units_of(grid)).warnings
     for scheme in ("carpenter", "stiff", "soft"):
-        (grows,) = [line for line in told if line.startswith(f"{scheme} diverges, its free step grows")]
+        (grows,) = [line for line in warnings if line.startswith(f"{scheme} diverges, its free step grows")]
         assert f"{steps[1]:g} s" in grows
         assert f"{steps[0]:g} s" not in grows
-    (contact,) = [line for line in told if "grows in contact, which is stable only up to" in line]
+    (contact,) = [line for line in warnings if "grows in contact, which is stable only up to" in line]
     assert contact.startswith("stiff")
     for outer in grid.places:
         solved = solve(grid, outer, np.arange(1))
@@ -109,8 +109,8 @@ def test_metrics_of_some_schemes(method: str) -> None:
     assert {about.name for about in metrics_of(study_of)} <= declared
     assert ("effective_restitution" in declared) == (method in ("carpenter", "penalty"))
     mixed = arrange(parsed(study(f"{{scheme: [{method}, carpenter], h: 1e-5}}") if method != "carpenter" else SINGLE))
-    found = solve(mixed, 0, np.arange(1)).values["effective_restitution"]
-    assert np.isnan(found[0]) == (method in ("moreau", "event_driven"))
+    restitution = solve(mixed, 0, np.arange(1)).values["effective_restitution"]
+    assert np.isnan(restitution[0]) == (method in ("moreau", "event_driven"))
 
 
 SINGLE = study("{scheme: carpenter, h: 1e-5}")

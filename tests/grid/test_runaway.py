@@ -53,7 +53,7 @@ output: {interval: 1.0e-3}
 """
     grid = arrange(parsed(text))
     (outer,) = grid.places
-    found = solve(grid, outer, np.arange(grid.inner_count)).values
-    assert found["critical_alpha"][0] == pytest.approx(2e-3 / 0.3, rel=1e-12)
-    assert 0 < found["growth_rate"][1] < 1e-5
-    assert found["runaway"].tolist() == [0, 1]
+    values = solve(grid, outer, np.arange(grid.inner_count)).values
+    assert values["critical_alpha"][0] == pytest.approx(2e-3 / 0.3, rel=1e-12)
+    assert 0 < values["growth_rate"][1] < 1e-5
+    assert values["runaway"].tolist() == [0, 1]

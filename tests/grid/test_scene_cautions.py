@@ -36,8 +36,8 @@ def test_a_plausible_scene_has_nothing_to_say() -> None:
 
 def test_a_gap_in_metres_cannot_be_reached() -> None:
     """``gap: 20`` was meant as 20 um: 24 N on 1e6 N/m move the tip by 24 um."""
-    (told,) = warnings(BLADE.replace("20 um", "20") + "axes: {scheme: event_driven}\n")
-    assert told.startswith("the tip cannot reach the casing at gap = 20 m: without contact it stays below 2.4e-05 m")
+    (warning,) = warnings(BLADE.replace("20 um", "20") + "axes: {scheme: event_driven}\n")
+    assert warning.startswith("the tip cannot reach the casing at gap = 20 m: without contact it stays below 2.4e-05 m")
 
 
 @pytest.mark.filterwarnings("ignore:overflow")
@@ -50,8 +50,8 @@ def test_a_reach_that_overflows_is_no_reach_that_falls_short() -> None:
 
 def test_only_gaps_that_no_case_reaches_are_told() -> None:
     axes = "axes: {scheme: event_driven, scene.casing.gap: [20 um, 40 um, 1 mm], scene.load.amplitude: [24, 60]}\n"
-    (told,) = [line for line in warnings(BLADE + axes) if "cannot reach" in line]
-    assert "gap = 0.001 m:" in told
+    (warning,) = [line for line in warnings(BLADE + axes) if "cannot reach" in line]
+    assert "gap = 0.001 m:" in warning
 
 
 def test_heat_and_a_static_start_count_as_reach() -> None:
@@ -67,24 +67,24 @@ def test_heat_and_a_static_start_count_as_reach() -> None:
 def test_a_spring_softer_than_the_tip_is_told() -> None:
     text = "schemes: {soft: {method: penalty, stiffness: 5.0e5, integration: implicit}, hard: {method: penalty, "
     text += "stiffness: 2.0e8, integration: implicit}}\naxes: {scheme: [soft, hard], h: 1e-5}\n"
-    told = [line for line in warnings(BLADE + text) if "softer" in line]
-    assert len(told) == 1
-    assert told[0].startswith("the contact spring of soft, 5e+05 N/m, is softer than the tip, 1e+06 N/m")
+    matching = [line for line in warnings(BLADE + text) if "softer" in line]
+    assert len(matching) == 1
+    assert matching[0].startswith("the contact spring of soft, 5e+05 N/m, is softer than the tip, 1e+06 N/m")
 
 
 def test_temperatures_beyond_a_linear_model_are_told() -> None:
     """At 15 um and alpha = 30 the exact solution reaches 3 918 K."""
-    (told,) = warnings(BLADE.replace("20 um", "15 um") + "axes: {scheme: event_driven, alpha: [0, 30]}\n")
-    assert "temperatures reach about 3.6e+03 K (alpha = 30 W/N, gap = 1.5e-05 m; quasi-static estimate)" in told
-    assert told.endswith("in 1 of 2 conditions")
+    (warning,) = warnings(BLADE.replace("20 um", "15 um") + "axes: {scheme: event_driven, alpha: [0, 30]}\n")
+    assert "temperatures reach about 3.6e+03 K (alpha = 30 W/N, gap = 1.5e-05 m; quasi-static estimate)" in warning
+    assert warning.endswith("in 1 of 2 conditions")
 
 
 @pytest.mark.parametrize(("modes", "lost"), [("full", False), ("3", True)])
 def test_what_a_basis_cannot_hold_is_told(modes: str, lost: bool) -> None:
     heat = ", heating: [" + ", ".join("1" if node == 7 else "0" for node in range(20)) + "]"
     text = BLADE + f"axes: {{scheme: event_driven, mechanical_modes: {modes}, thermal_modes: {modes}}}\n"
-    told = [line for line in warnings(text, heat) if "projection_residual" in line]
-    assert bool(told) == lost
+    matching = [line for line in warnings(text, heat) if "projection_residual" in line]
+    assert bool(matching) == lost
 
 
 def test_heat_that_moves_the_tip_away_is_told(tmp_path: Path) -> None:
@@ -95,12 +95,12 @@ def test_heat_that_moves_the_tip_away_is_told(tmp_path: Path) -> None:
         "study: a\nscene:\n  matrices: {file: blade.npz, contact: 3}\n  casing: {gap: 20 um}\n"
         "  load: {amplitude: 400, frequency: 5 Hz}\n  duration: 0.1 s\n"
     )
-    told = {}
+    by_case = {}
     for sign in (1, -1):
         as_npz({**entries, "coupling": sign * entries["coupling"]}, tmp_path)
         for alpha in (0, 1):
             study = read_study(written(text + axes.replace("ALPHA", str(alpha)), tmp_path))
-            told[sign, alpha] = [line for line in plan_study(study).warnings if "away from the casing" in line]
-    assert [len(lines) for lines in told.values()] == [0, 0, 0, 1]
+            by_case[sign, alpha] = [line for line in plan_study(study).warnings if "away from the casing" in line]
+    assert [len(lines) for lines in by_case.values()] == [0, 0, 0, 1]
     growth = static_tip_growth(heavy_chain(nodes=4)) @ thermal_constraint(heavy_chain(nodes=4))[0]
-    assert f"{growth:.3g} m for each kelvin" in told[-1, 1][0]
+    assert f"{growth:.3g} m for each kelvin" in by_case[-1, 1][0]

@@ -52,10 +52,10 @@ def planned(of: Study, threads: int = 1) -> float:
 
 
 def test_a_run_measures_the_machine_and_plan_says_so(tmp_path: Path) -> None:
-    asked = study("[1, 2]")
-    grid = arrange(asked)
+    requested = study("[1, 2]")
+    grid = arrange(requested)
     assert not estimate(grid, units_of(grid)).measured
-    run_study(asked, tmp_path / "a.nc", threads=1)
+    run_study(requested, tmp_path / "a.nc", threads=1)
     assert estimate(grid, units_of(grid)).measured
     parts = json.loads(_speed.speed_file().read_text())["parts"]
     assert parts["moreau  balances"] == parts["moreau  balances/20+20"]
@@ -65,16 +65,16 @@ def test_a_run_measures_the_machine_and_plan_says_so(tmp_path: Path) -> None:
 
 def test_a_slow_machine_is_planned_slow(tmp_path: Path) -> None:
     """Ten times the model's seconds on the scheme of this study and nothing else known."""
-    asked = study("{lin: [0, 50, 500]}", "")
-    before = planned(asked)
+    requested = study("{lin: [0, 50, 500]}", "")
+    before = planned(requested)
     _speed.add(1.0, 10.0, "moreau  balances", "moreau  balances/20+20")
     _speed.remember()
-    after = planned(asked)
+    after = planned(requested)
     kernels = after - before
     assert kernels > 0
     _speed.add(29.0, 19 * 29.0, "moreau  balances/20+20")  # the sum of both is (1 + 29, 10 + 551): 18.7 times
     _speed.remember()
-    assert (planned(asked) - before) / kernels == pytest.approx((561 / 30 - 1) / 9, rel=1e-6)
+    assert (planned(requested) - before) / kernels == pytest.approx((561 / 30 - 1) / 9, rel=1e-6)
 
 
 def test_sums_do_not_grow_for_ever() -> None:
@@ -113,8 +113,8 @@ def test_another_version_s_speed_is_not_used(monkeypatch: pytest.MonkeyPatch) ->
     _speed.add(1.0, 3.0, "part")
     _speed.remember()
     path = _speed.speed_file()
-    told = json.loads(path.read_text())
-    path.write_text(json.dumps(told | {"machine": told["machine"].replace("solver", "solver 9")}))
+    content = json.loads(path.read_text())
+    path.write_text(json.dumps(content | {"machine": content["machine"].replace("solver", "solver 9")}))
     assert _speed.speeds().ratio("part") is None
 
 
@@ -141,13 +141,13 @@ def test_runs_at_the_same_time_leave_a_sound_file() -> None:
 
 
 def test_speed_is_no_part_of_results_or_tasks(tmp_path: Path) -> None:
-    asked = study("[1, 2]")
-    grid = arrange(asked)
-    run_study(asked, tmp_path / "a.nc", threads=1)
+    requested = study("[1, 2]")
+    grid = arrange(requested)
+    run_study(requested, tmp_path / "a.nc", threads=1)
     _speed.add(1.0, 1e4, "moreau  balances", "moreau  balances/20+20")
     _speed.remember()
-    again = arrange(replace(asked))
-    run_study(asked, tmp_path / "b.nc", threads=1)
+    again = arrange(replace(requested))
+    run_study(requested, tmp_path / "b.nc", threads=1)
     assert content_hash(tmp_path / "a.nc") == content_hash(tmp_path / "b.nc")
     assert units_of(grid).chunk == units_of(again).chunk
 
