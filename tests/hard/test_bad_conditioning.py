@@ -40,12 +40,12 @@ def chain(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
     return run_study(study, tmp_path_factory.mktemp("chain") / "chain.nc").dataset.load()
 
 
-def apart(found: xr.Dataset, wanted: xr.Dataset) -> float:
+def apart(results: xr.Dataset, reference: xr.Dataset) -> float:
     """Largest difference of a result of the schemes that both have, over its largest value."""
     worst = 0.0
     for name in ("displacement", "temperature", "contact_impulse", "max_temperature", "critical_alpha"):
-        of = found[name].sel(scheme=wanted["scheme"])
-        worst = max(worst, float(np.abs(of - wanted[name]).max() / np.abs(wanted[name]).max()))
+        of = results[name].sel(scheme=reference["scheme"])
+        worst = max(worst, float(np.abs(of - reference[name]).max() / np.abs(reference[name]).max()))
     return worst
 
 
@@ -56,11 +56,11 @@ def lost(name: str) -> float:
 
 @pytest.mark.parametrize("name", ["scaled_units", "near_rigid"])
 def test_the_files_are_what_the_script_writes(name: str) -> None:
-    found, wanted = read(STUDIES / name), script("hard_matrices").FILES[name]()
-    assert set(found) == set(wanted)
-    for entry, matrix in wanted.items():
-        there = found[entry].toarray() if hasattr(found[entry], "toarray") else np.asarray(found[entry])
-        assert np.array_equal(there.reshape(matrix.shape), matrix)
+    stored, computed = read(STUDIES / name), script("hard_matrices").FILES[name]()
+    assert set(stored) == set(computed)
+    for entry, matrix in computed.items():
+        entries = stored[entry].toarray() if hasattr(stored[entry], "toarray") else np.asarray(stored[entry])
+        assert np.array_equal(entries.reshape(matrix.shape), matrix)
 
 
 def test_units_of_displacements_cost_no_digit(chain: xr.Dataset) -> None:

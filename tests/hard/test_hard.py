@@ -141,9 +141,9 @@ def test_a_stiff_explicit_penalty_gains_energy_on_the_bar() -> None:
     """
     archive = opened("clamped_bar")
     soft, stiffest = (float(np.abs(archive["velocity"].sel(scheme=f"penalty_{times}")).max()) for times in (1, 100))
-    given = float(archive["energy_residual"].sel(scheme="penalty_10"))
+    created = float(archive["energy_residual"].sel(scheme="penalty_10"))
     assert soft < 1
-    assert 10 < 1 / (1 - given) < 100
+    assert 10 < 1 / (1 - created) < 100
     assert stiffest**2 * 0.5 * 0.005 / 0.125 > 1e6
     assert {row.scheme: row.verdicts for row in ranges(archive)}["penalty_10"] == ("gains energy",)
 
@@ -219,9 +219,9 @@ def test_carpenter_s_limits_and_figures_on_the_siconos_chain() -> None:
     for scheme in ("implicit_euler", "midpoint"):
         assert set(statuses(archive, scheme=scheme)) == {OK}
     exact = archive["displacement"].sel(scheme="event_driven", h=1e-5)
-    for step, wanted in ((1e-5, 2.0e-4), (1e-4, 2.0e-2)):
+    for step, rms in ((1e-5, 2.0e-4), (1e-4, 2.0e-2)):
         distance = archive["displacement"].sel(scheme="central", h=step) - exact
-        assert float(np.sqrt((distance**2).mean())) / 1e-4 == pytest.approx(wanted, rel=0.05)
+        assert float(np.sqrt((distance**2).mean())) / 1e-4 == pytest.approx(rms, rel=0.05)
 
 
 def test_explicit_heat_has_a_limit_of_its_own() -> None:
@@ -439,12 +439,12 @@ def test_chaos_at_a_gap_of_zero_is_as_unpredictable_as_it_is() -> None:
     """13 360 impacts; the gap opened by 1e-12 of itself changed nothing, by 1e-12 of the motion it changes percents."""
     archive = opened("gap_zero_chaos")
     assert set(statuses(archive)) == {OK}
-    known = np.unique(archive["predictability"].values)
-    assert known.size == 1
-    assert 1e-3 < known[0] < 0.2
+    predictability = np.unique(archive["predictability"].values)
+    assert predictability.size == 1
+    assert 1e-3 < predictability[0] < 0.2
     assert float(archive["impacts"].sel(scheme="event_driven").max()) > 10_000
     moreau = archive["displacement_error"].sel(scheme="moreau")
-    assert np.all(moreau > 0.3 * known[0])  # a smaller step does not help
+    assert np.all(moreau > 0.3 * predictability[0])  # a smaller step does not help
     assert float(archive["impulse_error"].sel(scheme="moreau", h=1e-7)) < 0.01
 
 

@@ -40,10 +40,10 @@ def of_power(law: Power, x: float) -> float:
 
 @kernel
 def total(law: Any, count: int) -> float:
-    found = 0.0
+    value = 0.0
     for k in range(count):
-        found += value_at(law, float(k))
-    return found
+        value += value_at(law, float(k))
+    return value
 
 
 def test_a_type_chooses_its_definition_and_others_the_declared_body() -> None:

@@ -13,10 +13,10 @@ from workflow.kernels.eigen import eigenvalues, eigenvectors
 EPS = np.finfo(float).eps
 
 
-def distance(found: np.ndarray, exact: np.ndarray) -> float:
+def distance(values: np.ndarray, exact: np.ndarray) -> float:
     """Largest distance of values paired one by one, nearest first."""
     left, worst = list(exact), 0.0
-    for value in sorted(found, key=abs, reverse=True):
+    for value in sorted(values, key=abs, reverse=True):
         nearest = int(np.argmin([abs(value - other) for other in left]))
         worst = max(worst, abs(value - left.pop(nearest)))
     return worst
@@ -86,8 +86,8 @@ def test_eigenvalues_err_by_rounding_of_the_largest_as_those_of_lapack(alpha: fl
     with mpmath.workdps(40):
         exact = np.array([complex(s) for s in mpmath.eig(mpmath.matrix(matrix.tolist()), left=False, right=False)])
     largest = np.abs(exact).max()
-    found = distance(eigenvalues(matrix), exact)
-    assert found <= max(20 * EPS * largest, 3 * distance(np.linalg.eigvals(matrix), exact))
+    error = distance(eigenvalues(matrix), exact)
+    assert error <= max(20 * EPS * largest, 3 * distance(np.linalg.eigvals(matrix), exact))
 
 
 @settings(max_examples=30, deadline=None)

@@ -20,12 +20,12 @@ def powers(low: float, high: float, count: int = 500) -> Any:
     return np.clip(10.0 ** RANDOM.uniform(low, high, count), TINY, 1.7e308)
 
 
-def worst(found: Any, arguments: Any, function: Callable[[Any], Any], digits: int = 60) -> float:
+def worst(values: Any, arguments: Any, function: Callable[[Any], Any], digits: int = 60) -> float:
     """The largest error, in units in the last place of what was found."""
     with mpmath.workdps(digits):
         errors = [
             abs(mpmath.mpf(float(value)) - function(mpmath.mpf(float(x)))) / float(np.spacing(abs(value)))
-            for value, x in zip(found, arguments, strict=True)
+            for value, x in zip(values, arguments, strict=True)
         ]
     return float(max(errors))
 
@@ -63,20 +63,20 @@ def test_sine_and_cosine(which: int) -> None:
     x = np.concatenate(
         [x, -powers(-323, 6), -powers(6, 308), list(near_multiples(1000)), [hardest, 1.7976931348623157e308]]
     )
-    found, function = elementwise.sine_cosine(x)[which], (mpmath.sin, mpmath.cos)[which]
+    values, function = elementwise.sine_cosine(x)[which], (mpmath.sin, mpmath.cos)[which]
     large = np.abs(x) > 1e15  # what is left of it by π takes as many digits as it has
-    assert worst(found[large], x[large], function, 700) < 1
-    assert worst(found[~large], x[~large], function) < 1
+    assert worst(values[large], x[large], function, 700) < 1
+    assert worst(values[~large], x[~large], function) < 1
 
 
 def test_hypotenuse() -> None:
     a = powers(-323, 307, COUNT)
     b = np.where(RANDOM.random(COUNT) < 0.7, np.clip(a, 1e-300, 1e300) * powers(-4, 4, COUNT), powers(-323, 307, COUNT))
-    found = elementwise.hypot(a, -b)
+    lengths = elementwise.hypot(a, -b)
     with mpmath.workdps(700):
         errors = [
             abs(mpmath.mpf(c) - mpmath.hypot(x, y)) / float(np.spacing(c))
-            for c, x, y in zip(found.tolist(), a.tolist(), b.tolist(), strict=True)
+            for c, x, y in zip(lengths.tolist(), a.tolist(), b.tolist(), strict=True)
             if np.isfinite(c)
         ]
     assert len(errors) > 0.9 * COUNT
@@ -85,9 +85,9 @@ def test_hypotenuse() -> None:
 
 def test_special_values() -> None:
     inf, nan = np.inf, np.nan
-    given = [0.0, -0.0, inf, -inf, nan, 710.0, -746.0, TINY]
-    np.testing.assert_array_equal(elementwise.exp(given), [1, 1, inf, 0, nan, inf, 0, 1])
-    np.testing.assert_array_equal(elementwise.expm1(given), [0, 0, inf, -1, nan, inf, -1, TINY])
+    arguments = [0.0, -0.0, inf, -inf, nan, 710.0, -746.0, TINY]
+    np.testing.assert_array_equal(elementwise.exp(arguments), [1, 1, inf, 0, nan, inf, 0, 1])
+    np.testing.assert_array_equal(elementwise.expm1(arguments), [0, 0, inf, -1, nan, inf, -1, TINY])
     np.testing.assert_array_equal(np.signbit(elementwise.expm1([0.0, -0.0])), [False, True])
     np.testing.assert_array_equal(
         elementwise.log([0.0, -0.0, inf, -inf, nan, -1.0, 1.0]), [-inf, -inf, inf, nan, nan, nan, 0]
@@ -96,8 +96,8 @@ def test_special_values() -> None:
     np.testing.assert_array_equal(sin, [0, 0, nan, nan, nan, TINY])
     np.testing.assert_array_equal(np.signbit(sin[:2]), [False, True])
     np.testing.assert_array_equal(cos, [1, 1, nan, nan, nan, 1])
-    found = elementwise.hypot([0.0, 3.0, inf, nan, nan, 1e308, TINY], [0.0, -4.0, nan, -inf, 1.0, 1.7e308, 0.0])
-    np.testing.assert_array_equal(found, [0, 5, inf, inf, nan, inf, TINY])
+    lengths = elementwise.hypot([0.0, 3.0, inf, nan, nan, 1e308, TINY], [0.0, -4.0, nan, -inf, 1.0, 1.7e308, 0.0])
+    np.testing.assert_array_equal(lengths, [0, 5, inf, inf, nan, inf, TINY])
 
 
 def test_exponential_of_complex_numbers() -> None:

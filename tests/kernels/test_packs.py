@@ -123,9 +123,9 @@ def test_arithmetic_of_each_lane(march: Callable[..., None]) -> None:
     before = rows.copy()
     march(coefficient, rows, LANES // 2)
     used = slice(0, LANES // 2)
-    found = expected(before[0, used], before[1, used], coefficient[1, 2])
-    assert np.array_equal(rows[3:, used], found, equal_nan=True)
-    assert np.array_equal(np.signbit(rows[3:, used]), np.signbit(found))
+    by_numpy = expected(before[0, used], before[1, used], coefficient[1, 2])
+    assert np.array_equal(rows[3:, used], by_numpy, equal_nan=True)
+    assert np.array_equal(np.signbit(rows[3:, used]), np.signbit(by_numpy))
     assert np.array_equal(rows[:3], before[:3], equal_nan=True)
     assert np.array_equal(rows[:, LANES // 2 :], before[:, LANES // 2 :])  # nothing beside the lanes in use
 

@@ -53,11 +53,11 @@ def graded(kind: str) -> np.ndarray:
 def test_every_value_of_a_graded_matrix_is_accurate_to_its_own_size(kind: str) -> None:
     """Over twelve decades of stiffness; LAPACK errs by rounding times the largest."""
     matrix = graded(kind)
-    found, exact = singular(matrix).values, exact_values(matrix)
+    values, exact = singular(matrix).values, exact_values(matrix)
     regular = exact > 0
     regular[min(matrix.shape) :] = False
-    np.testing.assert_allclose(found[regular], exact[regular], rtol=3e-15 if kind != "rows and columns" else 3e-14)
-    np.testing.assert_array_equal(found[min(matrix.shape) :], 0.0)
+    np.testing.assert_allclose(values[regular], exact[regular], rtol=3e-15 if kind != "rows and columns" else 3e-14)
+    np.testing.assert_array_equal(values[min(matrix.shape) :], 0.0)
 
 
 def check(matrix: np.ndarray) -> None:
@@ -128,6 +128,6 @@ def test_least_squares_of_a_graded_chain_keeps_its_digits() -> None:
     """The static shape of the interior to a unit tip, known exactly: springs in series."""
     stiffness = 10.0 ** np.random.default_rng(6).permutation(np.linspace(-6, 6, 20))
     strain = chain(stiffness, np.ones(20))
-    found = least_squares(strain[:, :-1], -strain[:, -1])
+    shape = least_squares(strain[:, :-1], -strain[:, -1])
     give = np.cumsum(1 / stiffness)
-    np.testing.assert_allclose(found, give[:-1] / give[-1], rtol=1e-12)
+    np.testing.assert_allclose(shape, give[:-1] / give[-1], rtol=1e-12)

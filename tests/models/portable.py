@@ -24,22 +24,22 @@ def main() -> None:
             chain, 1, displacement=state, velocity=state, temperature=state, steady=state, heating=state, gap=1e-5
         )
         for structure in (chain, chain.matrices()):
-            kept = min(8, nodes - 1)
-            reduction = reduce_structure(structure, kept, kept)
+            count = min(8, nodes - 1)
+            reduction = reduce_structure(structure, count, count)
             small = reduction.structure
-            found = [value for value in vars(small).values() if isinstance(value, np.ndarray)]
-            found += [reduction.displacement_projection, projection_residual(structure, reduction, batch)]
+            arrays = [value for value in vars(small).values() if isinstance(value, np.ndarray)]
+            arrays += [reduction.displacement_projection, projection_residual(structure, reduction, batch)]
             prepared = models.in_contact(structure)
-            found += [np.array(models.growth(prepared, alpha)) for alpha in (0.0, 0.5, 2000.0)]
+            arrays += [np.array(models.growth(prepared, alpha)) for alpha in (0.0, 0.5, 2000.0)]
             mechanical, thermal = models.mechanical_modes(structure), models.thermal_modes(structure)
-            found += [mechanical.shapes, thermal.shapes, models.modal_coupling(structure, mechanical, thermal)]
+            arrays += [mechanical.shapes, thermal.shapes, models.modal_coupling(structure, mechanical, thermal)]
             for of in (structure, small):
-                found += [
+                arrays += [
                     models.static_tip_growth(of),
                     np.array([models.critical_alpha(of), models.tip_flexibility(of)]),
                 ]
-            found += models.static_equilibrium(structure, np.abs(state), np.abs(state), 5e-5)
-            for values in found:
+            arrays += models.static_equilibrium(structure, np.abs(state), np.abs(state), 5e-5)
+            for values in arrays:
                 digest.update(np.ascontiguousarray(values).tobytes())
     print(digest.hexdigest())
 

@@ -29,8 +29,8 @@ def test_the_free_tip_stays_within_its_reach(conditions: dict[str, float]) -> No
     structure = heavy_chain()
     batch = cases(structure, gap=10.0, **conditions)
     over = sampling(0.2, 1e-5)
-    found = event_driven.compute(event_driven.init(structure, 1.0, event_driven.Options()), batch, over)
-    reached = float(found.histories["displacement"].max())
+    results = event_driven.compute(event_driven.init(structure, 1.0, event_driven.Options()), batch, over)
+    reached = float(results.histories["displacement"].max())
     bound = float(free_motion(structure, batch, over.duration).reach[0])
     assert reached <= bound * (1 + 1e-9)
     if reached > 1e-6:
@@ -47,9 +47,9 @@ def test_temperatures_are_told_within_a_fifth(gap: float) -> None:
     """The rubbing blade below and above its critical coupling in permanent contact: 102 K to 3 918 K."""
     structure, over = blade(), sampling(2.0, 1e-3)
     batch = cases(structure, alpha=30.0, gap=gap, amplitude=24.0, frequency=5.0)
-    found = event_driven.compute(event_driven.init(structure, 1.0, event_driven.Options()), batch, over)
-    told = quasi_static_temperature(structure, batch, free_motion(structure, batch, over.duration), over.duration)
-    assert told[0] == pytest.approx(found.metrics["max_temperature"][0], rel=0.2)
+    results = event_driven.compute(event_driven.init(structure, 1.0, event_driven.Options()), batch, over)
+    estimated = quasi_static_temperature(structure, batch, free_motion(structure, batch, over.duration), over.duration)
+    assert estimated[0] == pytest.approx(results.metrics["max_temperature"][0], rel=0.2)
 
 
 def test_a_tip_that_stays_clear_stays_cold() -> None:
@@ -62,10 +62,10 @@ def test_friction_presses_harder_where_it_leans_on_the_casing() -> None:
     """The force on the casing is that at rest over 1 - µ s, s = ψᵀt; heat that moves nothing rises in proportion."""
     structure, friction = slider(cross=-30.0), np.array([0.0, 0.5, 1.2, 10.0 / 3.0, 4.0])
     batch = cases(structure, 5, friction=friction, mean=5.0, gap=0.01, alpha=0.1)
-    found = quasi_static_temperature(structure, batch, free_motion(structure, batch, 1.0), 1.0)
-    held = np.array([static_force(structure, mu) for mu in friction[:3]])
-    np.testing.assert_allclose(found[:3] / found[0], held / held[0], rtol=1e-12)
-    assert np.all(np.isinf(found[3:]))
+    temperatures = quasi_static_temperature(structure, batch, free_motion(structure, batch, 1.0), 1.0)
+    forces = np.array([static_force(structure, mu) for mu in friction[:3]])
+    np.testing.assert_allclose(temperatures[:3] / temperatures[0], forces / forces[0], rtol=1e-12)
+    assert np.all(np.isinf(temperatures[3:]))
 
 
 def static_force(structure: Structure, friction: float) -> float:
@@ -84,8 +84,8 @@ def test_the_reach_holds_where_damping_couples_modes(load: np.ndarray | None) ->
     structure = replace(structure, damper=damper, load=load)
     frequency = float(frequencies(structure)[1] / (2 * np.pi))
     batch = cases(structure, amplitude=100.0, frequency=frequency, gap=1.0, velocity=[[0.3, -0.2, 0.1, 0.4]])
-    found = step(structure, batch, 2e-6, sampling(0.05, 5e-5), theta=0.5).histories["displacement"][0]
+    displacement = step(structure, batch, 2e-6, sampling(0.05, 5e-5), theta=0.5).histories["displacement"][0]
     free = free_motion(structure, batch, 0.05)
-    assert found.max() < free.reach[0] < 20 * found.max()
-    late = found[len(found) * 4 // 5 :]
+    assert displacement.max() < free.reach[0] < 20 * displacement.max()
+    late = displacement[len(displacement) * 4 // 5 :]
     assert late.max() == pytest.approx(free.harmonic[0], rel=0.05)

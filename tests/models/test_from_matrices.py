@@ -36,13 +36,13 @@ def alike(one: Structure, other: Structure, rtol: float) -> None:
 
 def test_matrices_of_a_chain_give_the_chain() -> None:
     structure = heavy_chain()
-    found = structure_from_matrices(given(structure))
+    rebuilt = structure_from_matrices(given(structure))
     for name in ("stiffness_matrix", "coupling_matrix", "conductance_matrix", "mass", "heat_capacity"):
-        wanted = getattr(structure, name)
-        assert np.abs(getattr(found, name) - wanted).max() <= 1e-14 * np.abs(wanted).max(), name
-    assert found.content == pytest.approx(structure.content, rel=1e-15)
-    assert np.abs(found.loss_row - structure.loss_row).max() <= 1e-13 * structure.conductance_matrix.max()
-    alike(found, structure, 1e-12)
+        of_chain = getattr(structure, name)
+        assert np.abs(getattr(rebuilt, name) - of_chain).max() <= 1e-14 * np.abs(of_chain).max(), name
+    assert rebuilt.content == pytest.approx(structure.content, rel=1e-15)
+    assert np.abs(rebuilt.loss_row - structure.loss_row).max() <= 1e-13 * structure.conductance_matrix.max()
+    alike(rebuilt, structure, 1e-12)
 
 
 def test_a_contact_may_be_any_vector() -> None:
@@ -51,9 +51,9 @@ def test_a_contact_may_be_any_vector() -> None:
     rng = np.random.default_rng(3)
     mixed = np.triu(rng.integers(-2, 3, (6, 6)), 1) + np.eye(6)
     matrices = turned(given(structure), mixed.T, np.eye(6))
-    found = structure_from_matrices(matrices)
-    alike(found, structure, 1e-11)
-    coordinates = found.coordinates
+    rebuilt = structure_from_matrices(matrices)
+    alike(rebuilt, structure, 1e-11)
+    coordinates = rebuilt.coordinates
     assert coordinates is not None
     x = rng.normal(size=6)
     assert coordinates.displacement_projection @ x @ np.eye(6)[:, -1] == pytest.approx(matrices.contact @ x)
@@ -67,10 +67,10 @@ def test_a_contact_may_be_any_vector() -> None:
 
 def test_a_free_root_stays_free() -> None:
     structure = heavy_chain(nodes=8, stiffness=(0.0, *[2e7] * 7), conductance=(0.0, *[0.6] * 7), convection=0.0)
-    found = structure_from_matrices(given(structure))
-    assert mechanical_modes(found).values[0] == 0.0
-    assert thermal_modes(found).values[0] == 0.0
-    assert critical_alpha(found) == np.inf
+    rebuilt = structure_from_matrices(given(structure))
+    assert mechanical_modes(rebuilt).values[0] == 0.0
+    assert thermal_modes(rebuilt).values[0] == 0.0
+    assert critical_alpha(rebuilt) == np.inf
 
 
 def with_massless(matrices: GivenMatrices) -> GivenMatrices:
@@ -83,23 +83,23 @@ def with_massless(matrices: GivenMatrices) -> GivenMatrices:
 def test_degrees_of_freedom_without_mass_or_heat_capacity_follow() -> None:
     """Against masses and a capacity of 1e-9 of the others: every frequency but the two, every rate but the one."""
     structure = heavy_chain(nodes=8)
-    found = structure_from_matrices(with_massless(given(structure)))
-    assert found.coordinates is not None
-    assert found.coordinates.condensed == (2, 1)
+    rebuilt = structure_from_matrices(with_massless(given(structure)))
+    assert rebuilt.coordinates is not None
+    assert rebuilt.coordinates.condensed == (2, 1)
     masses = np.where(np.isin(np.arange(8), (2, 5)), 2.5e-12, 2.5e-3)
     light = heavy_chain(nodes=8, mass=tuple(masses), heat_capacity=(*[1.315] * 3, 1.315e-9, *[1.315] * 4))
-    assert mechanical_modes(found).values == pytest.approx(mechanical_modes(light).values[:6], rel=1e-8)
-    assert thermal_modes(found).values == pytest.approx(thermal_modes(light).values[:7], rel=1e-8)
-    assert critical_alpha(found) == pytest.approx(critical_alpha(structure), rel=1e-12)
+    assert mechanical_modes(rebuilt).values == pytest.approx(mechanical_modes(light).values[:6], rel=1e-8)
+    assert thermal_modes(rebuilt).values == pytest.approx(thermal_modes(light).values[:7], rel=1e-8)
+    assert critical_alpha(rebuilt) == pytest.approx(critical_alpha(structure), rel=1e-12)
 
 
 def test_motions_without_mass_may_be_any() -> None:
     """In coordinates mixed by an integer matrix no row of M is zero; frequencies stay, states come back."""
     matrices = with_massless(given(heavy_chain(nodes=8)))
     mixed = np.triu(np.random.default_rng(5).integers(-2, 3, (8, 8)), 1) + np.eye(8)
-    plain, found = structure_from_matrices(matrices), structure_from_matrices(turned(matrices, mixed.T, mixed))
-    alike(found, plain, 1e-10)
-    coordinates = found.coordinates
+    plain, mixed_up = structure_from_matrices(matrices), structure_from_matrices(turned(matrices, mixed.T, mixed))
+    alike(mixed_up, plain, 1e-10)
+    coordinates = mixed_up.coordinates
     assert coordinates is not None
     for basis, projection in (
         (coordinates.displacement_basis, coordinates.displacement_projection),

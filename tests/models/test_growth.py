@@ -184,9 +184,9 @@ def test_zero_eigenvalues_are_no_growth() -> None:
         conductance=(0.0, 1.0, 1.0, 1.0, 1.0), damping=Rayleigh(1.0, 0.0),
     )  # fmt: skip
     for alpha in (0.0, 0.1, 10.0):
-        for found in (structure, structure.matrices(), reduce_structure(structure, 4, 4).structure):
-            assert growth(in_contact(found), alpha).rate == 0.0
-            assert not growth(in_contact(found), alpha).is_positive
+        for form in (structure, structure.matrices(), reduce_structure(structure, 4, 4).structure):
+            assert growth(in_contact(form), alpha).rate == 0.0
+            assert not growth(in_contact(form), alpha).is_positive
 
 
 def uniform_chain(nodes: int, **parameters: object) -> Chain:
@@ -215,6 +215,6 @@ def test_one_node_at_its_critical_coupling() -> None:
         rng = np.random.default_rng(seed)
         parts = {"heat_capacities": 10 ** rng.uniform(-9, 0, 1), "conduction": 10 ** rng.uniform(-3, 6, 1)}
         one = uniform_chain(1, springs=10 ** rng.uniform(3, 9, 1), **parts)
-        found = growth(in_contact(one), critical_alpha(one))
-        assert found.rate == 0
-        assert not found.is_positive
+        fastest = growth(in_contact(one), critical_alpha(one))
+        assert fastest.rate == 0
+        assert not fastest.is_positive

@@ -64,13 +64,13 @@ def test_equilibrium(structure: Chain, seed: int) -> None:
     rng = np.random.default_rng(seed)
     n = structure.mechanical_size
     load, heating, gap = rng.normal(size=n), rng.normal(size=n) * rng.integers(0, 2), rng.uniform(-0.1, 0.3)
-    found = _long_chain.static_equilibrium(structure, load, heating, gap)
+    equilibrium = _long_chain.static_equilibrium(structure, load, heating, gap)
     try:
         expected = static_equilibrium(structure.matrices(), load, heating, gap)
     except NoEquilibriumError:
-        assert found[0] is None
+        assert equilibrium[0] is None
         return
-    for ours, theirs in zip(found, expected, strict=True):
+    for ours, theirs in zip(equilibrium, expected, strict=True):
         assert ours is not None
         assert np.abs(ours - theirs).max() <= 1e-10 * max(1.0, np.abs(theirs).max())
 

@@ -32,11 +32,11 @@ def test_modes_diagonalise_mass_and_stiffness(structure: Structure) -> None:
 
 def test_static_answers(structure: Structure) -> None:
     load = np.random.default_rng(0).normal(size=5)
-    found = static_displacements(structure, load[None, :])[0]
+    displacements = static_displacements(structure, load[None, :])[0]
     if mechanical_modes(structure).values[0] == 0:
         rigid = mechanical_modes(structure).shapes[:, 0]
         load = load - structure.mass @ rigid * (rigid @ load)
-    assert structure.stiffness_matrix @ found == pytest.approx(load, rel=1e-9, abs=1e-12)
+    assert structure.stiffness_matrix @ displacements == pytest.approx(load, rel=1e-9, abs=1e-12)
 
 
 @pytest.mark.parametrize("basis", ["macneal", "massless"])

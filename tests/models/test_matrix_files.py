@@ -26,17 +26,17 @@ ENTRIES = matrices_of(CHAIN)
 
 def assembled(path: Path, **parameters: Any) -> Matrices:
     model = load("matrices")
-    found = model.assemble(model.Parameters(File("", path.name, str(path)), **{"contact": 4, **parameters}))
-    assert isinstance(found, Matrices)
-    return found
+    structure = model.assemble(model.Parameters(File("", path.name, str(path)), **{"contact": 4, **parameters}))
+    assert isinstance(structure, Matrices)
+    return structure
 
 
 @pytest.mark.parametrize("write", WRITERS, ids=lambda write: write.__name__)
 def test_every_kind_of_file_gives_the_same_structure(write: Callable[..., Path], tmp_path: Path) -> None:
-    found = assembled(write(ENTRIES, tmp_path))
+    structure = assembled(write(ENTRIES, tmp_path))
     for name, matrix in ENTRIES.items():
         attribute = {"mass": "mass", "heat_capacity": "heat_capacity"}.get(name, f"{name}_matrix")
-        assert np.abs(getattr(found, attribute) - matrix).max() <= 1e-14 * np.abs(matrix).max(), name
+        assert np.abs(getattr(structure, attribute) - matrix).max() <= 1e-14 * np.abs(matrix).max(), name
 
 
 @pytest.mark.parametrize(("elements", "condensed"), [("c3d8", 0), ("c3d8i", 18)])
@@ -52,9 +52,9 @@ def test_calculix_matrices_have_the_frequencies_it_printed(elements: str, conden
     structure = assembled(CALCULIX / f"{elements}.sti", contact="16.3", units="mm-t-s")
     assert structure.coordinates is not None
     assert structure.coordinates.condensed[0] == condensed
-    found = mechanical_modes(structure).values[:6] / (2 * np.pi)
+    frequencies = mechanical_modes(structure).values[:6] / (2 * np.pi)
     last_digit = 10.0 ** (np.floor(np.log10(printed)) - 6)
-    assert np.all(np.abs(found - printed) <= 0.5001 * last_digit)
+    assert np.all(np.abs(frequencies - printed) <= 0.5001 * last_digit)
 
 
 def test_units_of_a_file() -> None:

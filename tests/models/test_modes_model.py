@@ -41,26 +41,26 @@ def as_rows(table: Array) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(map(float, row)) for row in table)
 
 
-def made(*given: Array) -> Structure:
+def of_tables(*tables: Array) -> Structure:
     model = load("modes")
-    return model.assemble(model.Parameters(*(as_rows(table) for table in given)))
+    return model.assemble(model.Parameters(*(as_rows(table) for table in tables)))
 
 
 def test_all_modes_of_a_chain_are_the_chain() -> None:
-    found = made(*tables(CHAIN))
-    assert tip_flexibility(found) == pytest.approx(tip_flexibility(CHAIN), rel=1e-11)
-    assert critical_alpha(found) == pytest.approx(critical_alpha(CHAIN), rel=1e-10)
-    assert growth_rate(found, 3.0) == pytest.approx(growth_rate(CHAIN, 3.0), rel=1e-8)
+    modal = of_tables(*tables(CHAIN))
+    assert tip_flexibility(modal) == pytest.approx(tip_flexibility(CHAIN), rel=1e-11)
+    assert critical_alpha(modal) == pytest.approx(critical_alpha(CHAIN), rel=1e-10)
+    assert growth_rate(modal, 3.0) == pytest.approx(growth_rate(CHAIN, 3.0), rel=1e-8)
 
 
 @pytest.mark.parametrize("damping", [Rayleigh(10.0, 2e-7), Rayleigh(ratio=0.02)], ids=["rayleigh", "ratio"])
 @pytest.mark.parametrize("scheme", ["moreau", "carpenter", "event_driven"])
 def test_they_rub_as_the_chain_does(scheme: str, damping: Rayleigh) -> None:
     structure = heavy_chain(nodes=6, damping=damping)
-    found = made(*tables(structure))
+    modal = of_tables(*tables(structure))
     rub = {"alpha": 5.0, "gap": 5e-5, "amplitude": 400.0, "frequency": 200.0}
     over = sampling(0.005, 5e-5)
-    one, other = (step(s, cases(s, **rub), 1e-5, over, scheme) for s in (structure, found))
+    one, other = (step(s, cases(s, **rub), 1e-5, over, scheme) for s in (structure, modal))
     assert one.metrics["impacts"][0] > 0
     for name in ("displacement", "temperature", "impulse"):
         assert relative(other.histories[name][0], one.histories[name][0]) < 1e-8, name
@@ -68,9 +68,9 @@ def test_they_rub_as_the_chain_does(scheme: str, damping: Rayleigh) -> None:
 
 def test_a_rigid_mode_is_one() -> None:
     free = heavy_chain(nodes=4, stiffness=(0.0, 2e7, 2e7, 2e7))
-    found = made(tables(free)[0])
-    assert mechanical_modes(found).values[0] == 0.0
-    assert critical_alpha(found) == np.inf
+    modal = of_tables(tables(free)[0])
+    assert mechanical_modes(modal).values[0] == 0.0
+    assert critical_alpha(modal) == np.inf
 
 
 STUDY = """
@@ -94,12 +94,12 @@ def test_tables_stand_in_a_study_or_in_files(tmp_path: Path) -> None:
     inline = f"{{table: [{', '.join(rows)}], heat: {[list(row) for row in as_rows(heat)]}, "
     inline += f"coupling: {[list(row) for row in as_rows(coupling)]}}}"
     files = "{table: modes.csv, heat: heat.csv, coupling: coupling.csv}"
-    model, found = load("modes"), []
+    model, structures = load("modes"), []
     for text in (files, inline):
         study = read_study(written(STUDY.format(modes=text), tmp_path))
-        found.append(model.assemble(study.scene.parameters))
-    assert np.array_equal(found[0].stiffness_matrix, found[1].stiffness_matrix)
-    assert np.array_equal(found[0].coupling_matrix, found[1].coupling_matrix)
+        structures.append(model.assemble(study.scene.parameters))
+    assert np.array_equal(structures[0].stiffness_matrix, structures[1].stiffness_matrix)
+    assert np.array_equal(structures[0].coupling_matrix, structures[1].coupling_matrix)
 
 
 @pytest.mark.parametrize(
@@ -129,9 +129,9 @@ def test_what_is_no_table_is_refused(modes: str, problem: str, tmp_path: Path) -
 def test_reduced_it_keeps_its_ratios() -> None:
     table, heat, coupling = tables(CHAIN)
     table[:, 1] = 0.01
-    structure: Any = made(table, heat, coupling)
+    structure: Any = of_tables(table, heat, coupling)
     assert structure.damping == Rayleigh(ratio=0.01)
     table[0, 1] = 0.02
-    assert made(table, heat, coupling).damper is not None
+    assert of_tables(table, heat, coupling).damper is not None
     with pytest.raises(UnusableMatricesError, match="different number of columns"):
-        made(table[:, :2])
+        of_tables(table[:, :2])

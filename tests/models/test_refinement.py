@@ -21,31 +21,31 @@ ROUGH = ("displacement", "temperature of a patch")
 """Bounded only: the largest swing between impacts moves by percents with little else, as does a patch of few nodes."""
 
 
-def structure(found: Any, shares: np.ndarray) -> Sparse:
+def structure(entries: Any, shares: np.ndarray) -> Sparse:
     names = ("mass", "stiffness", "coupling", "heat_capacity", "conductance", "contact")
-    none = np.zeros(found["contact"].size), np.zeros(shares.size)
-    given = GivenMatrices(*(found[name] for name in names), shares, *none, Rayleigh(8.0, 1e-6))
-    made = structure_from_sparse(given)
-    assert isinstance(made, Sparse)
-    return made
+    none = np.zeros(entries["contact"].size), np.zeros(shares.size)
+    given = GivenMatrices(*(entries[name] for name in names), shares, *none, Rayleigh(8.0, 1e-6))
+    assembled = structure_from_sparse(given)
+    assert isinstance(assembled, Sparse)
+    return assembled
 
 
 def rub(blade: Sparse, basis: str) -> tuple[float, float, float]:
     """Impulse, largest displacement and temperature in five periods of a load of 20 N."""
     reduction = reduce_structure(blade, 12, 16, basis, 0.03)
     batch = cases(blade, alpha=np.array([2.0]), gap=2e-5, amplitude=20.0, frequency=150.0)
-    found = step(reduction.structure, reduction.project(batch), 1e-6, sampling(0.03, 2.5e-4))
-    reach = np.abs(found.histories["displacement"][0]).max()
-    return float(found.histories["impulse"][0, -1]), float(reach), float(found.metrics["max_temperature"][0])
+    results = step(reduction.structure, reduction.project(batch), 1e-6, sampling(0.03, 2.5e-4))
+    reach = np.abs(results.histories["displacement"][0]).max()
+    return float(results.histories["impulse"][0, -1]), float(reach), float(results.metrics["max_temperature"][0])
 
 
 def measured(elements: tuple[int, int, int]) -> dict[str, float]:
     module = script("finite_element_blade")
-    found = module.matrices(elements)
-    point = structure(found, found["thermal_contact"])
-    near = np.linalg.norm(found["places"] - found["places"][:, [int(found["thermal_contact"].argmax())]], axis=0)
-    weights = np.where(near < PATCH, 1 - near / PATCH, 0.0) * np.asarray(found["heat_capacity"].sum(axis=1)).ravel()
-    patch = structure(found, weights / weights.sum())
+    entries = module.matrices(elements)
+    point = structure(entries, entries["thermal_contact"])
+    near = np.linalg.norm(entries["places"] - entries["places"][:, [int(entries["thermal_contact"].argmax())]], axis=0)
+    weights = np.where(near < PATCH, 1 - near / PATCH, 0.0) * np.asarray(entries["heat_capacity"].sum(axis=1)).ravel()
+    patch = structure(entries, weights / weights.sum())
     tip = np.zeros(point.mechanical_size)
     tip[-1] = 1.0
     with_mass, without = rub(point, "krylov"), rub(point, "massless")

@@ -45,8 +45,8 @@ def taken_from(structure: Structure, **other: Any) -> GivenMatrices:
         structure.conductance_matrix,
     )
     none = np.zeros(tip.size)
-    found = GivenMatrices(*map(csc_array, matrices), tip, tip, none, none, structure.damping)
-    return replace(found, **other)
+    given = GivenMatrices(*map(csc_array, matrices), tip, tip, none, none, structure.damping)
+    return replace(given, **other)
 
 
 @pytest.fixture(scope="module")
@@ -56,9 +56,9 @@ def chain() -> Structure:
 
 @pytest.fixture(scope="module")
 def sparse(chain: Structure) -> Sparse:
-    found = structure_from_sparse(taken_from(chain))
-    assert isinstance(found, Sparse)
-    return found
+    structure = structure_from_sparse(taken_from(chain))
+    assert isinstance(structure, Sparse)
+    return structure
 
 
 def test_statics_are_those_of_the_chain(chain: Structure, sparse: Sparse) -> None:
@@ -76,18 +76,18 @@ def test_statics_are_those_of_the_chain(chain: Structure, sparse: Sparse) -> Non
 
 @pytest.mark.parametrize("basis", names())
 def test_every_basis_gives_the_reduced_chain(chain: Structure, sparse: Sparse, basis: str) -> None:
-    wanted, found = (reduce_structure(whole, 6, 8, basis, 0.3) for whole in (chain, sparse))
+    of_chain, of_sparse = (reduce_structure(whole, 6, 8, basis, 0.3) for whole in (chain, sparse))
     shifted = basis == "krylov"  # its shifts end at the largest rate, of which sparse matrices tell a few percent less
     for of in (frequencies, rates):
-        a, b = of(wanted.structure), of(found.structure)
+        a, b = of(of_chain.structure), of(of_sparse.structure)
         finite = np.isfinite(a)
         assert b[finite] == pytest.approx(a[finite], rel=1e-3 if shifted else 1e-9), of.__name__
-    assert critical_alpha(found.structure) == pytest.approx(critical_alpha(chain), rel=1e-10)
-    assert growth_rate(found.structure, 30.0) == pytest.approx(growth_rate(wanted.structure, 30.0), rel=1e-6)
-    losses = [reduction.structure.loss_row @ reduction.temperature_projection for reduction in (wanted, found)]
+    assert critical_alpha(of_sparse.structure) == pytest.approx(critical_alpha(chain), rel=1e-10)
+    assert growth_rate(of_sparse.structure, 30.0) == pytest.approx(growth_rate(of_chain.structure, 30.0), rel=1e-6)
+    losses = [reduction.structure.loss_row @ reduction.temperature_projection for reduction in (of_chain, of_sparse)]
     assert relative(losses[1], losses[0]) < (0.1 if shifted else 1e-9)
     case = warm(chain)
-    lost = [projection_residual(whole, r, case)[0] for whole, r in ((chain, wanted), (sparse, found))]
+    lost = [projection_residual(whole, r, case)[0] for whole, r in ((chain, of_chain), (sparse, of_sparse))]
     assert lost[1] == pytest.approx(lost[0], rel=1e-2 if shifted else 1e-6)
 
 
@@ -101,10 +101,10 @@ def warm(structure: Structure) -> Any:
 def test_heat_that_cannot_leave(chain: Structure) -> None:
     """The uniform temperature is the slowest mode, with the rate 0; contact heat then always runs away."""
     insulated = chain.conductance_matrix - np.diag(chain.conductance_matrix.sum(axis=1))
-    found = structure_from_sparse(taken_from(chain, conductance=csc_array(insulated)))
-    assert isinstance(found, Sparse)
-    assert critical_alpha(found) == 0.0
-    reduced = reduce_structure(found, 2, 4).structure
+    structure = structure_from_sparse(taken_from(chain, conductance=csc_array(insulated)))
+    assert isinstance(structure, Sparse)
+    assert critical_alpha(structure) == 0.0
+    reduced = reduce_structure(structure, 2, 4).structure
     assert rates(reduced)[0] == 0.0
     assert np.abs(reduced.loss_row).max() <= 1e-12 * np.abs(insulated).max()
 
@@ -121,14 +121,14 @@ def test_a_contact_may_be_a_vector(chain: Structure, sparse: Sparse) -> None:
         coupling=csc_array(turn.T @ given.coupling),
         contact=turn.T @ given.contact,
     )
-    found = structure_from_sparse(turned)
-    assert tip_flexibility(found) == pytest.approx(tip_flexibility(sparse), rel=1e-10)
-    assert critical_alpha(found) == pytest.approx(critical_alpha(sparse), rel=1e-10)
-    assert found.coordinates is not None
+    structure = structure_from_sparse(turned)
+    assert tip_flexibility(structure) == pytest.approx(tip_flexibility(sparse), rel=1e-10)
+    assert critical_alpha(structure) == pytest.approx(critical_alpha(sparse), rel=1e-10)
+    assert structure.coordinates is not None
     state = np.random.default_rng(4).normal(size=NODES)
-    there = found.coordinates.displacement_projection @ state
+    there = structure.coordinates.displacement_projection @ state
     assert there[-1] == pytest.approx(turned.contact @ state)
-    assert relative(found.coordinates.displacement_basis @ there, state) < 1e-13
+    assert relative(structure.coordinates.displacement_basis @ there, state) < 1e-13
 
 
 def test_small_enough_it_can_be_kept_full(chain: Structure, sparse: Sparse) -> None:
@@ -190,11 +190,11 @@ def test_one_temperature_stands_for_no_heat(chain: Structure) -> None:
     """As files without heat are read: a single temperature that nothing cools and that moves nothing."""
     one, none = csc_array(np.ones((1, 1))), np.zeros(1)
     given = taken_from(chain, heat_capacity=one, conductance=0 * one, thermal_contact=np.ones(1), heating=none)
-    found = structure_from_sparse(replace(given, coupling=csc_array((NODES, 1))))
-    assert isinstance(found, Sparse)
-    assert critical_alpha(found) == np.inf
-    reduced = reduce_structure(found, 3, 0).structure
-    assert frequencies(reduced)[0] == pytest.approx(frequencies(found)[0], rel=1e-3)
+    structure = structure_from_sparse(replace(given, coupling=csc_array((NODES, 1))))
+    assert isinstance(structure, Sparse)
+    assert critical_alpha(structure) == np.inf
+    reduced = reduce_structure(structure, 3, 0).structure
+    assert frequencies(reduced)[0] == pytest.approx(frequencies(structure)[0], rel=1e-3)
     assert rates(reduced) == pytest.approx([0.0])
 
 
@@ -207,14 +207,14 @@ def test_damping_and_load_of_a_large_file_are_reduced_with_it() -> None:
     for damper in (csc_array(proportional + local), csc_array(proportional)):
         own = replace(given, damper=damper, load=along)
         dense, large = structure_from_sparse(own), _sparse_structure(own)
-        wanted, found = (reduce_structure(whole, 4, 4).structure for whole in (dense, large))
+        of_dense, of_large = (reduce_structure(whole, 4, 4).structure for whole in (dense, large))
         assert not isinstance(dense, Sparse)
         for name in ("damping_matrix", "load_direction"):  # modes point either way
-            one, other = (np.abs(getattr(of, name)) for of in (found, wanted))
+            one, other = (np.abs(getattr(of, name)) for of in (of_large, of_dense))
             assert relative(one, other) < 1e-7, name
-    assert found.damper is None
-    assert found.damping.mass == pytest.approx(0.3, rel=1e-12)
-    assert found.damping.stiffness == pytest.approx(1e-4, rel=1e-9)
+    assert of_large.damper is None
+    assert of_large.damping.mass == pytest.approx(0.3, rel=1e-12)
+    assert of_large.damping.stiffness == pytest.approx(1e-4, rel=1e-9)
 
 
 def test_massless_degrees_of_freedom_of_a_large_structure_follow() -> None:
@@ -227,5 +227,5 @@ def test_massless_degrees_of_freedom_of_a_large_structure_follow() -> None:
     assert dense.coordinates is not None
     assert dense.coordinates.condensed == (NODES // 3, 0)
     for basis in ("craig_bampton", "rubin"):
-        wanted, found = (reduce_structure(whole, 4, 4, basis).structure for whole in (dense, large))
-        assert frequencies(found) == pytest.approx(frequencies(wanted), rel=1e-8)
+        of_dense, of_large = (reduce_structure(whole, 4, 4, basis).structure for whole in (dense, large))
+        assert frequencies(of_large) == pytest.approx(frequencies(of_dense), rel=1e-8)

@@ -58,10 +58,10 @@ def archive(**sizes: int) -> xr.Dataset:
 def test_thinning_keeps_the_least_and_the_largest_of_every_piece() -> None:
     values = RNG.normal(size=10_007)
     values[5000] = 50
-    found = thinned(values)
-    assert found.size == thinned_times(np.linspace(0, 1, values.size)).size == 800
-    assert (found.min(), found.max()) == (values.min(), 50)
-    assert np.argmax(found) / found.size == pytest.approx(5000 / values.size, abs=2e-3)
+    thin = thinned(values)
+    assert thin.size == thinned_times(np.linspace(0, 1, values.size)).size == 800
+    assert (thin.min(), thin.max()) == (values.min(), 50)
+    assert np.argmax(thin) / thin.size == pytest.approx(5000 / values.size, abs=2e-3)
     assert thinned(values[:800]) is not values
     assert np.array_equal(thinned(values[:800]), values[:800])
 
@@ -72,10 +72,10 @@ def test_levels_hold_curves_to_a_part_in_sixty_thousand() -> None:
     pack = Pack()
     pack.add(np.arange(3, dtype=np.int8))
     entry = {**pack.add(steps), "low": low, "high": high}
-    found = curve(entry, pack.text())
+    decoded = curve(entry, pack.text())
     finite = np.isfinite(values)
-    assert np.array_equal(np.isnan(found), ~finite)
-    assert found[finite] == pytest.approx(values[finite], abs=5.0 / 65534)
+    assert np.array_equal(np.isnan(decoded), ~finite)
+    assert decoded[finite] == pytest.approx(values[finite], abs=5.0 / 65534)
     for extreme in (np.zeros(4), np.full(4, np.nan), np.array([-1.7e308, 1.7e308])):
         steps, low, high = levels(extreme)
         assert np.isfinite([low, high]).all()
@@ -98,14 +98,14 @@ def test_units_are_those_of_what_is_small() -> None:
 
 def test_the_first_case_is_the_worst_of_the_choice_and_each_extreme_is_named() -> None:
     dataset = archive(scheme=3, h=4, gap=5)
-    found = telling(dataset, recommend(dataset, 0.0025).choice)
-    scheme, step, _ = np.unravel_index(found[0].case, (3, 4, 5))
+    telling_cases = telling(dataset, recommend(dataset, 0.0025).choice)
+    scheme, step, _ = np.unravel_index(telling_cases[0].case, (3, 4, 5))
     assert (scheme, step) == (0, 0) or scheme == 1
-    named = {one.why: one.case for one in found}
+    named = {one.why: one.case for one in telling_cases}
     assert named["the first case that is diverged"] == 59
     hottest = np.where(dataset["status"] == 0, dataset["max_temperature"], 0)
     assert named["hottest tip"] == int(np.argmax(hottest))
-    assert len({one.case for one in found}) == len(found)
+    assert len({one.case for one in telling_cases}) == len(telling_cases)
 
 
 def test_exact_partners_have_the_same_scene() -> None:
@@ -119,12 +119,12 @@ def test_exact_partners_have_the_same_scene() -> None:
 
 def test_a_large_archive_is_shown_in_part_and_the_page_says_which() -> None:
     dataset = archive(h=3, alpha=90_000)
-    found = telling(dataset, recommend(dataset, 0.0025).choice)
-    shown = shown_part(dataset, found)
+    telling_cases = telling(dataset, recommend(dataset, 0.0025).choice)
+    shown = shown_part(dataset, telling_cases)
     assert shown.dataset.sizes["h"] == 3
-    assert 2000 <= shown.dataset.sizes["alpha"] <= 2000 + len(found) + 1
+    assert 2000 <= shown.dataset.sizes["alpha"] <= 2000 + len(telling_cases) + 1
     assert shown.left_out == (f"alpha: {shown.dataset.sizes['alpha']} of its 90000 values",)
-    for one, case in zip(found, shown.cases, strict=True):
+    for one, case in zip(telling_cases, shown.cases, strict=True):
         whole, part = np.unravel_index(one.case, (3, 90_000)), np.unravel_index(case, shown.dataset["status"].shape)
         assert dataset["alpha"][whole[1]] == shown.dataset["alpha"][part[1]]
 
@@ -133,8 +133,8 @@ def test_a_block_keeps_to_its_room_and_tells_what_it_leaves_out() -> None:
     dataset = archive(h=2, alpha=1000, gap=50)
     for k in range(12):
         dataset[f"extra_{k}"] = (dataset["status"].dims, RNG.random(dataset["status"].shape))
-    found = telling(dataset, recommend(dataset, 0.0025).choice)
-    shown = shown_part(dataset, found)
+    telling_cases = telling(dataset, recommend(dataset, 0.0025).choice)
+    shown = shown_part(dataset, telling_cases)
     described, text = page_data(shown.dataset, shown.cases, {}, {}, 3_000_000)
     assert len(text) < 3_000_000
     assert described["left_out"]

@@ -25,9 +25,9 @@ H = np.logspace(-7, -3, 9)
 
 
 def line(scheme: str, error: np.ndarray, ok: np.ndarray | None = None) -> Line:
-    good = np.ones(H.size, dtype=bool) if ok is None else ok
-    told = np.where(good, error, np.nan)
-    return Line(scheme, H, dict.fromkeys(ERRORS, told), 1e-8 / H, 1e-3 * told, -told, good, 1e-13)
+    is_ok = np.ones(H.size, dtype=bool) if ok is None else ok
+    ok_errors = np.where(is_ok, error, np.nan)
+    return Line(scheme, H, dict.fromkeys(ERRORS, ok_errors), 1e-8 / H, 1e-3 * ok_errors, -ok_errors, is_ok, 1e-13)
 
 
 ROBUST = line("robust", 100 * H)

@@ -18,15 +18,15 @@ from workflow.study import parse_study, read_study
 def main(directory: Path, names: list[str]) -> None:
     """Write ``hashes.json`` into the directory, beside the archives."""
     directory.mkdir(parents=True, exist_ok=True)
-    found = {}
+    by_name = {}
     for name in names:
         text = STUDIES.get(name)
         study = read_study(Path(name)) if text is None else parse_study(f"study: {name}\n{text}", name)
         archive = directory / f"{Path(name).stem}.nc"
         archive.unlink(missing_ok=True)
         run_study(study, archive, threads=1)
-        found[Path(name).stem] = provenance(archive)["content_hash"]
-    (directory / "hashes.json").write_text(json.dumps(found))
+        by_name[Path(name).stem] = provenance(archive)["content_hash"]
+    (directory / "hashes.json").write_text(json.dumps(by_name))
 
 
 if __name__ == "__main__":

@@ -52,8 +52,8 @@ def hashes(setting: dict[str, str | None], directory: Path, names: list[str]) ->
 
 
 def written(directory: Path) -> dict[str, str]:
-    found: dict[str, str] = json.loads((directory / "hashes.json").read_text())
-    return found
+    by_name: dict[str, str] = json.loads((directory / "hashes.json").read_text())
+    return by_name
 
 
 def written_here(directory: Path, names: list[str]) -> dict[str, str]:
@@ -76,8 +76,8 @@ def native(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 @pytest.mark.slow
 @pytest.mark.parametrize("setting", [name for name in (*SETTINGS, *COMPILED) if name != "native"])
 def test_every_study_has_one_hash_under(setting: str, native: dict[str, str], tmp_path: Path) -> None:
-    found = hashes({**SETTINGS, **COMPILED}[setting], tmp_path, [*STUDIES, *map(str, FILES)])
-    assert found == native
+    by_name = hashes({**SETTINGS, **COMPILED}[setting], tmp_path, [*STUDIES, *map(str, FILES)])
+    assert by_name == native
 
 
 LIBRARY = frozenset(

@@ -73,14 +73,14 @@ def test_it_converges_and_its_balances_close(recipe: str) -> None:
     """Order one: with half the step half the heat error, a smaller energy error and a smaller distance."""
     over = Sampling(0.02, 1e-3, 21, balances=True)
     exact = step(short_chain(), rubs(3), 1e-5, over, "event_driven")
-    found = [step(short_chain(), rubs(3), h, over, recipe) for h in (4e-6, 2e-6)]
+    runs = [step(short_chain(), rubs(3), h, over, recipe) for h in (4e-6, 2e-6)]
     names = ("energy_residual", "heat_residual")
-    coarse, fine = ({name: np.abs(run.metrics[name]).max() for name in names} for run in found)
+    coarse, fine = ({name: np.abs(run.metrics[name]).max() for name in names} for run in runs)
     assert 0 < fine["energy_residual"] < 1e-5
     assert fine["energy_residual"] < 0.7 * coarse["energy_residual"]
     assert 0 < fine["heat_residual"] < 1e-7
     assert fine["heat_residual"] == pytest.approx(coarse["heat_residual"] / 2, rel=0.1)
-    errors = [relative(run.histories["displacement"][1], exact.histories["displacement"][1]) for run in found]
+    errors = [relative(run.histories["displacement"][1], exact.histories["displacement"][1]) for run in runs]
     assert errors[1] < 0.7 * errors[0]
     assert errors[1] < 0.01
 
@@ -88,11 +88,11 @@ def test_it_converges_and_its_balances_close(recipe: str) -> None:
 def test_it_runs_in_a_default_study_with_every_variable(recipe: str) -> None:
     scene = SCENE.replace("duration: 60 ms", "duration: 20 ms")
     grid = arrange(parsed(f"study: a\n{scene}axes: {{scheme: [{recipe}], h: 1e-5, alpha: [0, 5]}}\n"))
-    found = solve(grid, 0, np.arange(2)).values
-    assert found["status"].tolist() == [0, 0]
+    values = solve(grid, 0, np.arange(2)).values
+    assert values["status"].tolist() == [0, 0]
     for about in variables.TABLE:
         if about.condition in ("always", "balances"):
-            assert about.name in found, about.name
+            assert about.name in values, about.name
 
 
 def test_it_sees_harmonics_of_the_load_and_is_refused_a_casing_that_moves(recipe: str) -> None:
@@ -162,11 +162,11 @@ def lumps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 def test_a_model_is_one_file_without_nodes_or_heating(lumps: Path) -> None:
     assert len((HERE / "lumps_from_a_table.py").read_text(encoding="utf-8").splitlines()) <= 30
-    done = run_study(read_study(lumps), lumps.with_suffix(".nc"), threads=1)
-    assert done.counts["ok"] == 4
-    with open_archive(lumps.with_suffix(".nc")) as found:
-        assert found.mechanical_modes.item() == 3
-        assert float(found.contact_impulse.min()) > 0
+    outcome = run_study(read_study(lumps), lumps.with_suffix(".nc"), threads=1)
+    assert outcome.counts["ok"] == 4
+    with open_archive(lumps.with_suffix(".nc")) as archive:
+        assert archive.mechanical_modes.item() == 3
+        assert float(archive.contact_impulse.min()) > 0
 
 
 def test_a_file_belongs_to_the_identity_of_its_cases_by_its_content(lumps: Path) -> None:
@@ -205,8 +205,8 @@ def test_entry_points_add_a_scheme(tmp_path: Path) -> None:
     (about / "entry_points.txt").write_text("[workflow.schemes]\nprojected = from_outside\n")
     code = "from workflow import schemes; print(schemes.names(), schemes.load('projected').about)"
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])}
-    found = subprocess.run(
+    output = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment
     ).stdout
-    assert "'projected'" in found
-    assert "Symplectic Euler" in found
+    assert "'projected'" in output
+    assert "Symplectic Euler" in output
