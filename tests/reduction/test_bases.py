@@ -13,12 +13,12 @@ from workflow.reduction import projection_residual, reduce_structure
 def test_weakly_coupled_moves_the_tip_as_craig_bampton() -> None:
     structure = blade()
     batch = cases(structure, 1, alpha=30.0, gap=2e-5, amplitude=24.0, frequency=5.0, heating=0.1)
-    found = {}
+    displacements = {}
     for basis in ("craig_bampton", "weakly_coupled"):
         small = reduce_structure(structure, 2, 5, basis)
         run = step(small.structure, small.project(batch), 1e-4, sampling(0.5, 1e-3))
-        found[basis] = run.histories["displacement"]
-    ours, theirs = found["weakly_coupled"], found["craig_bampton"]
+        displacements[basis] = run.histories["displacement"]
+    ours, theirs = displacements["weakly_coupled"], displacements["craig_bampton"]
     assert np.abs(ours - theirs).max() < 1e-11 * np.abs(theirs).max()
 
 

@@ -57,8 +57,8 @@ def test_a_basis_is_one_file_of_at_most_150_lines(basis: str) -> None:
 def test_matrices_are_symmetric_and_definite_and_the_tip_is_a_coordinate(basis: str, structure: object) -> None:
     whole = structure()  # type: ignore[operator]
     for count in range(whole.mechanical_size):
-        found = built(whole, basis, count, count)
-        small = found.structure
+        reduction = built(whole, basis, count, count)
+        small = reduction.structure
         assert (small.mechanical_size, small.thermal_size) == (count + 1, count + 1)
         for matrix in (small.mass, small.stiffness_matrix, small.heat_capacity, small.conductance_matrix):
             assert np.abs(matrix - matrix.T).max() <= 1e-13 * np.abs(matrix).max()
@@ -66,14 +66,14 @@ def test_matrices_are_symmetric_and_definite_and_the_tip_is_a_coordinate(basis: 
         for inertia in (mass, small.heat_capacity):
             assert np.linalg.eigvalsh((inertia + inertia.T) / 2).min(initial=1.0) > 0
         assert not small.has_massless_tip or basis in LIGHTENED
-        for shapes in (found.displacement_basis, found.temperature_basis):
+        for shapes in (reduction.displacement_basis, reduction.temperature_basis):
             assert np.array_equal(shapes[-1], np.eye(count + 1)[-1])
-        warmths = found.temperature_basis[:, :-1]
+        warmths = reduction.temperature_basis[:, :-1]
         assert np.abs(small.mass[:-1, :-1] - np.eye(count)).max(initial=0) < 1e-12
         assert not small.has_massless_tip or not small.mass[-1].any()
         for shapes, onto in (
-            (found.displacement_basis, found.displacement_projection),
-            (found.temperature_basis, found.temperature_projection),
+            (reduction.displacement_basis, reduction.displacement_projection),
+            (reduction.temperature_basis, reduction.temperature_projection),
         ):
             assert np.abs(onto @ shapes - np.eye(count + 1)).max() < 1e-11 * np.abs(shapes).max()
         assert np.abs(warmths.T @ whole.heat_contents(warmths) - np.eye(count)).max(initial=0) < 1e-12
@@ -95,9 +95,9 @@ def driven(structure: Structure) -> Cases:
 def test_all_vectors_lose_nothing(basis: str, structure: object) -> None:
     whole = structure()  # type: ignore[operator]
     most = whole.mechanical_size - 1
-    found = built(whole, basis, most, most, 5.0)
+    reduction = built(whole, basis, most, most, 5.0)
     batch, over = driven(whole), sampling(5.0, 0.1)
-    full, small = step(whole, batch, 0.01, over), step(found.structure, found.project(batch), 0.01, over)
+    full, small = step(whole, batch, 0.01, over), step(reduction.structure, reduction.project(batch), 0.01, over)
     assert full.metrics["impacts"].min() > 0
     for name in HISTORIES:
         assert np.abs(small.histories[name] - full.histories[name]).max() < 1e-9 * np.abs(full.histories[name]).max()
@@ -126,8 +126,8 @@ def full_runs() -> dict[int, Results]:
 
 def error(full: Results, basis: str, nodes: int, mechanical: int | None, thermal: int | None, name: str) -> float:
     structure = finer(nodes)
-    found = built(structure, basis, mechanical, thermal)
-    run = step(found.structure, found.project(rub(structure)), 1e-5, OVER)
+    reduction = built(structure, basis, mechanical, thermal)
+    run = step(reduction.structure, reduction.project(rub(structure)), 1e-5, OVER)
     return relative(run.histories[name], full.histories[name])
 
 
@@ -196,8 +196,8 @@ def chains(draw: st.DrawFn) -> Chain:
 @given(structure=chains(), data=st.data())
 def test_critical_alpha_is_that_of_the_full_model(basis: str, structure: Chain, data: st.DataObject) -> None:
     counts = [data.draw(st.integers(0, structure.mechanical_size - 1)) for _ in range(2)]
-    found, exact = critical_alpha(built(structure, basis, *counts).structure), critical_alpha(structure)
-    assert found == exact or abs(found - exact) <= 1e-6 * exact
+    reduced, exact = critical_alpha(built(structure, basis, *counts).structure), critical_alpha(structure)
+    assert reduced == exact or abs(reduced - exact) <= 1e-6 * exact
 
 
 @pytest.mark.parametrize("theta", [1.0, 0.5])
@@ -210,8 +210,8 @@ def test_energy_never_grows_without_load(basis: str, theta: float, structure: Ch
     rng = np.random.default_rng(data.draw(st.integers(0, 1000)))
     batch = cases(structure, 2, e=[0.0, data.draw(st.floats(0, 1))], gap=0.1,
                   velocity=rng.normal(size=structure.mechanical_size))  # fmt: skip
-    found = built(structure, basis, *counts)
-    run = step(found.structure, found.project(batch), 0.02, BALANCED, "moreau", theta=theta)
+    reduction = built(structure, basis, *counts)
+    run = step(reduction.structure, reduction.project(batch), 0.02, BALANCED, "moreau", theta=theta)
     assert np.all(run.status == Status.OK)
     assert np.all(run.metrics["energy_residual"] <= 1e-12)
 
@@ -220,8 +220,8 @@ def test_energy_never_grows_without_load(basis: str, theta: float, structure: Ch
 @pytest.mark.parametrize("basis", EXACT)
 def test_every_basis_runs_in_every_scheme(basis: str, method: str) -> None:
     structure = heavy_chain()
-    found = built(structure, basis, 3, 5)
-    run = step(found.structure, found.project(rub(structure)), 5e-6, sampling(0.02, 1e-3), method)
+    reduction = built(structure, basis, 3, 5)
+    run = step(reduction.structure, reduction.project(rub(structure)), 5e-6, sampling(0.02, 1e-3), method)
     assert run.status.tolist() == [Status.OK]
     assert run.metrics["impacts"].min() > 0
 
@@ -236,10 +236,10 @@ def test_more_vectors_than_there_are_nodes_are_refused(basis: str) -> None:
 @pytest.mark.parametrize("basis", BASES)
 def test_a_long_chain_is_reduced_without_its_matrices(basis: str) -> None:
     long = finer(5000)
-    found = built(long, basis, 5, 7)
-    assert found.structure.mass.shape == (6, 6)
-    assert critical_alpha(found.structure) == pytest.approx(critical_alpha(long), rel=1e-6)
-    assert np.abs(found.structure.mass[:-1, :-1] - np.eye(5)).max() < 1e-10
+    reduction = built(long, basis, 5, 7)
+    assert reduction.structure.mass.shape == (6, 6)
+    assert critical_alpha(reduction.structure) == pytest.approx(critical_alpha(long), rel=1e-6)
+    assert np.abs(reduction.structure.mass[:-1, :-1] - np.eye(5)).max() < 1e-10
 
 
 @pytest.mark.parametrize("basis", EXACT)

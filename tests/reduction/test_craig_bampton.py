@@ -27,10 +27,10 @@ def full_run() -> Results:
 
 
 def test_all_modes_lose_nothing(full_run: Results) -> None:
-    found = reduced_run(19, 19)
+    reduced = reduced_run(19, 19)
     for name in HISTORIES:
         scale = np.abs(full_run.histories[name]).max()
-        assert np.abs(found.histories[name] - full_run.histories[name]).max() < 1e-10 * scale
+        assert np.abs(reduced.histories[name] - full_run.histories[name]).max() < 1e-10 * scale
 
 
 def test_all_modes_lose_nothing_with_loads_heating_and_a_bent_start() -> None:
@@ -46,16 +46,16 @@ def test_all_modes_lose_nothing_with_loads_heating_and_a_bent_start() -> None:
     )  # fmt: skip
     reduction = reduce_structure(structure, 4, 4)
     over = sampling(5.0, 0.1)
-    full, found = step(structure, batch, 0.01, over), step(reduction.structure, reduction.project(batch), 0.01, over)
+    full, reduced = step(structure, batch, 0.01, over), step(reduction.structure, reduction.project(batch), 0.01, over)
     assert full.metrics["impacts"].min() > 0
     for name in HISTORIES:
-        assert np.abs(found.histories[name] - full.histories[name]).max() < 1e-10 * np.abs(full.histories[name]).max()
+        assert np.abs(reduced.histories[name] - full.histories[name]).max() < 1e-10 * np.abs(full.histories[name]).max()
 
 
 def test_few_modes_lose_little_on_the_abstract_figure(full_run: Results) -> None:
-    found = reduced_run(3, 12)
-    assert relative(found.histories["displacement"], full_run.histories["displacement"]) < 0.01
-    assert relative(found.histories["temperature"], full_run.histories["temperature"]) < 0.02
+    reduced = reduced_run(3, 12)
+    assert relative(reduced.histories["displacement"], full_run.histories["displacement"]) < 0.01
+    assert relative(reduced.histories["temperature"], full_run.histories["temperature"]) < 0.02
 
 
 def test_temperature_error_falls_as_thermal_modes_are_added(full_run: Results) -> None:
@@ -118,8 +118,8 @@ def test_a_free_root_without_interior_modes(nodes: int, by_matrices: bool) -> No
     assert closing == pytest.approx(models.static_tip_growth(full) @ theta, rel=1e-9)
 
 
-@pytest.mark.parametrize("kept", [0, 1, 3])
-def test_every_scheme_gives_the_growth_of_a_free_root(kept: int) -> None:
+@pytest.mark.parametrize("modes", [0, 1, 3])
+def test_every_scheme_gives_the_growth_of_a_free_root(modes: int) -> None:
     """Schemes with a fixed step took it from the modes that are left, so that it was 0 with none."""
     text = f"""
 study: free
@@ -130,12 +130,12 @@ scene:
   initial: {{temperature: [10, 20, 50, 100]}}
   duration: 1.0e-6
 schemes: {{spring: {{method: penalty, stiffness: 1.0e+7}}}}
-axes: {{scheme: [moreau, carpenter, spring, event_driven], h: 1.0e-7, mechanical_modes: {kept}}}
+axes: {{scheme: [moreau, carpenter, spring, event_driven], h: 1.0e-7, mechanical_modes: {modes}}}
 output: {{interval: 1.0e-6}}
 """
     grid = arrange(parsed(text))
-    found = [solve(grid, outer, np.arange(grid.inner_count)).values["thermal_closing"] for outer in grid.places]
-    assert np.ravel(found) == pytest.approx(np.full(4, 7.75000125e-6), rel=1e-7)
+    closing = [solve(grid, outer, np.arange(grid.inner_count)).values["thermal_closing"] for outer in grid.places]
+    assert np.ravel(closing) == pytest.approx(np.full(4, 7.75000125e-6), rel=1e-7)
 
 
 def test_insulated_without_thermal_modes() -> None:

@@ -24,9 +24,9 @@ BASIS = load("krylov")
 @lru_cache
 def blade(shaken: float = 0.0) -> Sparse:
     """504 displacements and 168 temperatures, as they are or changed by so much and a rounding of each entry."""
-    found = assemble(Parameters(replace(File("", BLADE.name, str(BLADE)), shaken=shaken)))
-    assert isinstance(found, Sparse)
-    return found
+    structure = assemble(Parameters(replace(File("", BLADE.name, str(BLADE)), shaken=shaken)))
+    assert isinstance(structure, Sparse)
+    return structure
 
 
 def within(vectors: Vectors, inertia: np.ndarray) -> np.ndarray:
@@ -34,12 +34,12 @@ def within(vectors: Vectors, inertia: np.ndarray) -> np.ndarray:
     return np.linalg.cholesky(inertia).T @ vectors.shapes[:, :-1]
 
 
-def outside(wanted: np.ndarray, vectors: Vectors, inertia: np.ndarray) -> float:
+def outside(vector: np.ndarray, vectors: Vectors, inertia: np.ndarray) -> float:
     """Return which share of a vector, 0 at the tip, the interior vectors do not hold."""
-    interior, whole = vectors.shapes[:, :-1], wanted.copy()
+    interior, whole = vectors.shapes[:, :-1], vector.copy()
     for _ in range(2):
-        wanted = wanted - interior @ (interior.T @ inertia @ wanted)
-    return float(np.sqrt(wanted @ inertia @ wanted / (whole @ inertia @ whole)))
+        vector = vector - interior @ (interior.T @ inertia @ vector)
+    return float(np.sqrt(vector @ inertia @ vector / (whole @ inertia @ whole)))
 
 
 def test_moments_and_modes_are_in_the_mechanical_space() -> None:
@@ -73,8 +73,8 @@ def test_answers_at_shifts_are_in_the_thermal_space() -> None:
 @pytest.mark.parametrize("counts", [(18, 12), (96, 24)])
 def test_rounding_moves_no_space(counts: tuple[int, int]) -> None:
     """Entries changed by 1e-12 and a rounding each: without the recurrence the spaces turn by 0.4 and 2e-6."""
-    given, changed = blade(), blade(1e-12)
+    exact, changed = blade(), blade(1e-12)
     for kind, count in zip(("mechanical", "thermal"), counts, strict=True):
-        inertia = getattr(given, kind).inertia.toarray()
-        spaces = [within(getattr(BASIS, kind)(of, count, DURATION), inertia) for of in (given, changed)]
+        inertia = getattr(exact, kind).inertia.toarray()
+        spaces = [within(getattr(BASIS, kind)(of, count, DURATION), inertia) for of in (exact, changed)]
         assert subspace_angles(*spaces).max() < 1e-8

@@ -49,11 +49,11 @@ def expected(structure: Structure, reduction: Reduction, name: str, values: np.n
 def test_a_spot_on_an_inner_node(name: str, by_matrices: bool) -> None:
     structure = blade()
     reduction = reduce_structure(structure, 3, 12)
-    told = projection_residual(
+    residual = projection_residual(
         structure.matrices() if by_matrices else structure, reduction, cases(structure, 2, **{name: spot(10, -1.0)})
     )
-    assert told == pytest.approx(expected(structure, reduction, name, spot(10, -1.0)), rel=1e-9)
-    assert np.all(told > 0.2)
+    assert residual == pytest.approx(expected(structure, reduction, name, spot(10, -1.0)), rel=1e-9)
+    assert np.all(residual > 0.2)
 
 
 def test_the_largest_share_counts_case_by_case() -> None:

@@ -61,13 +61,13 @@ def test_a_basis_from_outside_is_an_axis(fewer: str, tmp_path: Path) -> None:
     grid = arrange(parsed(text))
     assert [name for name, _ in grid.dims] == ["reduction", "mechanical_modes"]
     assert len(set(map(bytes, case_hashes(grid)))) == 4
-    done = run_study(parsed(text), tmp_path / "a.nc", threads=1)
-    assert done.counts["ok"] == 4
-    with open_archive(tmp_path / "a.nc") as found:
-        assert found.reduction.values.tolist() == ["craig_bampton", fewer]
-        same = found.displacement.sel(reduction=fewer, mechanical_modes=2).values
-        assert np.array_equal(same, found.displacement.sel(reduction="craig_bampton", mechanical_modes=1).values)
-        assert not np.array_equal(same, found.displacement.sel(reduction="craig_bampton", mechanical_modes=2).values)
+    outcome = run_study(parsed(text), tmp_path / "a.nc", threads=1)
+    assert outcome.counts["ok"] == 4
+    with open_archive(tmp_path / "a.nc") as archive:
+        assert archive.reduction.values.tolist() == ["craig_bampton", fewer]
+        same = archive.displacement.sel(reduction=fewer, mechanical_modes=2).values
+        assert np.array_equal(same, archive.displacement.sel(reduction="craig_bampton", mechanical_modes=1).values)
+        assert not np.array_equal(same, archive.displacement.sel(reduction="craig_bampton", mechanical_modes=2).values)
 
 
 def test_it_may_be_zipped_and_stand_in_the_reference(fewer: str) -> None:

@@ -43,13 +43,13 @@ def test_answers_are_those_of_a_complex_solver() -> None:
     full, excited = structure(), excitation()
     s = 2j * np.pi * 20.0
     dynamic = full.stiffness_matrix + s * full.damping_matrix + s**2 * full.mass
-    wanted = np.linalg.solve(dynamic, np.eye(N)[-1])[-1]
-    found = displacement_answer(full, excited, excited.forces)[-2:, 0]
-    np.testing.assert_allclose(found, [wanted.real, wanted.imag], rtol=1e-10)
+    exact = np.linalg.solve(dynamic, np.eye(N)[-1])[-1]
+    answer = displacement_answer(full, excited, excited.forces)[-2:, 0]
+    np.testing.assert_allclose(answer, [exact.real, exact.imag], rtol=1e-10)
     s = (0.2 + 1j) / 0.3
-    wanted = np.linalg.solve(full.conductance_matrix + s * full.heat_capacity, excited.heats)[-1]
-    found = temperature_answer(full, excited, excited.heats)[:2]
-    np.testing.assert_allclose(found, [wanted.real, wanted.imag], rtol=1e-10)
+    exact = np.linalg.solve(full.conductance_matrix + s * full.heat_capacity, excited.heats)[-1]
+    answer = temperature_answer(full, excited, excited.heats)[:2]
+    np.testing.assert_allclose(answer, [exact.real, exact.imag], rtol=1e-10)
 
 
 @pytest.mark.parametrize("basis", names())
@@ -61,9 +61,9 @@ def test_counts_grow_as_the_tolerance_falls_and_end_with_all(basis: str) -> None
     def reduce(mechanical: int, thermal: int) -> Reduction:
         return reduce_structure(full, mechanical, thermal, basis, 0.3)
 
-    found = [least_counts(full, reduce, excitation(), 10.0**-k, (N - 1, N - 1)) for k in (1, 3, 5, 14)]
-    assert found == sorted(found)
-    assert found[0] < found[-1] == (N - 1, N - 1)
+    counts = [least_counts(full, reduce, excitation(), 10.0**-k, (N - 1, N - 1)) for k in (1, 3, 5, 14)]
+    assert counts == sorted(counts)
+    assert counts[0] < counts[-1] == (N - 1, N - 1)
 
 
 def test_a_wrong_critical_coupling_asks_for_more() -> None:

@@ -187,5 +187,5 @@ def test_one_case_has_a_page(wide: Any, tmp_path: Path) -> None:
     assert drawn(wide, "chosen", "displacement").size == 61
     assert "no `reference`" in wide.execute_script("return document.querySelector('.answer').textContent")
     assert wide.execute_script("return document.getElementById('figure-map')") is None
-    told = wide.execute_script("return document.getElementById('case-exact').textContent")
-    assert "holds no exact case" in told
+    message = wide.execute_script("return document.getElementById('case-exact').textContent")
+    assert "holds no exact case" in message

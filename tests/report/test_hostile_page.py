@@ -49,12 +49,12 @@ class Tags(HTMLParser):
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self.tags.add(tag)
         self.attributes |= {name for name, _ in attrs}
-        given = dict(attrs)
-        if given.get("http-equiv") == "Content-Security-Policy":
-            self.policy = given["content"] or ""
+        by_name = dict(attrs)
+        if by_name.get("http-equiv") == "Content-Security-Policy":
+            self.policy = by_name["content"] or ""
         if tag == "script":
-            assert given.get("type") in (None, "application/json", "text/plain")
-            self._inside = self.scripts if "type" not in given else self.blocks
+            assert by_name.get("type") in (None, "application/json", "text/plain")
+            self._inside = self.scripts if "type" not in by_name else self.blocks
             self._inside.append("")
 
     def handle_endtag(self, tag: str) -> None:
@@ -85,16 +85,16 @@ CONTROL = "[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]"
 
 def test_what_a_page_shows_is_no_markup(pages: list[str]) -> None:
     for page in pages:
-        found = Tags(page)
+        tags = Tags(page)
         own = page
-        for script in found.scripts:  # Bokeh's are no text of the archive
+        for script in tags.scripts:  # Bokeh's are no text of the archive
             own = own.replace(script, "")
-        assert not {name for name in found.attributes if name.startswith("on")}
-        assert "b" not in found.tags
+        assert not {name for name in tags.attributes if name.startswith("on")}
+        assert "b" not in tags.tags
         assert "stable 0 &lt;script&gt;" in own
         assert "<script>document" not in own
         assert not re.search(CONTROL, own)
-        for block in found.blocks:
+        for block in tags.blocks:
             assert "<" not in block
             if block.startswith("{"):
                 assert not re.search(CONTROL, json.dumps(json.loads(block), ensure_ascii=False))
@@ -102,13 +102,13 @@ def test_what_a_page_shows_is_no_markup(pages: list[str]) -> None:
 
 def test_a_page_runs_its_own_scripts_and_connects_to_nothing(pages: list[str]) -> None:
     for page, scripts in zip(pages, (4, 0), strict=True):
-        found = Tags(page)
-        policy = dict(rule.split(maxsplit=1) for rule in found.policy.split("; "))
+        tags = Tags(page)
+        policy = dict(rule.split(maxsplit=1) for rule in tags.policy.split("; "))
         assert policy["default-src"] == "'none'"
         assert policy["connect-src"] == "'none'"
         assert policy["img-src"] == "data:"
-        assert len(found.scripts) == scripts
-        assert set(policy.get("script-src", "").split()) == found.hashes
+        assert len(tags.scripts) == scripts
+        assert set(policy.get("script-src", "").split()) == tags.hashes
 
 
 def test_a_browser_runs_nothing_of_a_crafted_archive(pages: list[str], tmp_path: Path) -> None:
@@ -120,21 +120,21 @@ def test_a_browser_runs_nothing_of_a_crafted_archive(pages: list[str], tmp_path:
         command += ["--virtual-time-budget=2000", "--dump-dom", path.as_uri()]
         shown = subprocess.run(command, capture_output=True, text=True, timeout=120)
         assert shown.returncode == 0, shown.stderr
-        found = Tags(shown.stdout)
+        tags = Tags(shown.stdout)
         assert "<title>run</title>" not in shown.stdout
         assert "Where this comes from" in shown.stdout or "studies" in shown.stdout
-        assert found.hashes == Tags(page).hashes
-        assert "b" not in found.tags
-        if found.scripts:
+        assert tags.hashes == Tags(page).hashes
+        assert "b" not in tags.tags
+        if tags.scripts:
             assert 'data-ready="yes"' in shown.stdout
 
 
 @pytest.mark.parametrize("command", ["show", "verify", "report"])
 def test_a_terminal_is_told_nothing_to_obey(command: str, sound: Path, tmp_path: Path) -> None:
     archive = changed(sound, tmp_path / f"a{ESCAPES}.nc", crafted(ESCAPES + "[bold]x[/bold]\nnext"))
-    told = CliRunner().invoke(app, [command, str(archive)])
-    assert told.exit_code in (0, 1, 2)
-    assert told.output
-    assert not re.search("[\x00-\x09\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]", told.output)
+    result = CliRunner().invoke(app, [command, str(archive)])
+    assert result.exit_code in (0, 1, 2)
+    assert result.output
+    assert not re.search("[\x00-\x09\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]", result.output)
     if command == "show":
-        assert "[bold]x[/bold] next" in told.output
+        assert "[bold]x[/bold] next" in result.output

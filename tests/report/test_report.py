@@ -157,8 +157,10 @@ def test_a_report_begins_with_the_answer_and_says_where_it_comes_from(
 ) -> None:
     text = reports[0].page.read_text(encoding="utf-8")
     with open_archive(archives[0]) as dataset:
-        asked = recommend(dataset)
-    assert text.index(html.escape(sentence(asked))) < text.index("Map of the cases") < text.index("Who stays stable")
+        recommended = recommend(dataset)
+    assert (
+        text.index(html.escape(sentence(recommended))) < text.index("Map of the cases") < text.index("Who stays stable")
+    )
     assert 'class="accurate"' in text  # the exact scheme, though a model of one mode errs
     assert "no `reference`" in reports[1].page.read_text(encoding="utf-8")
     for word in ("computing time", "processor", " threads", "written", "numba", "Effective e: ", "Energy residual: "):

@@ -59,9 +59,9 @@ def expected(tmp_path_factory: pytest.TempPathFactory) -> str:
     return content_hash(archive)
 
 
-def environment(notes: Path, **told: str) -> dict[str, str]:
+def environment(notes: Path, **settings: str) -> dict[str, str]:
     preload = {"DASK_DISTRIBUTED__WORKER__PRELOAD": json.dumps([str(PRELOAD)])}
-    return {**os.environ, **preload, "WATCHED_NOTES": str(notes), **told}
+    return {**os.environ, **preload, "WATCHED_NOTES": str(notes), **settings}
 
 
 @contextmanager
@@ -91,10 +91,10 @@ def scheduler(cwd: Path) -> Iterator[tuple[str, Process]]:
 
 
 @contextmanager
-def worker(address: str, cwd: Path, notes: Path, **told: str) -> Iterator[Process]:
+def worker(address: str, cwd: Path, notes: Path, **settings: str) -> Iterator[Process]:
     """Start a worker by its own command, without a nanny that would raise it from the dead."""
     words = (address, "--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", cwd)
-    with started("distributed.cli.dask_worker", *words, cwd=cwd, env=environment(notes, **told)) as process:
+    with started("distributed.cli.dask_worker", *words, cwd=cwd, env=environment(notes, **settings)) as process:
         yield process
 
 
@@ -161,8 +161,8 @@ def test_a_worker_with_another_solver_is_refused_by_name(tmp_path: Path) -> None
 @pytest.mark.slow
 def test_a_task_that_kills_its_workers_becomes_failed_cases(tmp_path: Path) -> None:
     study, notes, archive = written(STUDY, tmp_path), tmp_path / "notes", tmp_path / "many.nc"
-    told = environment(notes, WATCHED_DEADLY="1 0", DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0")
-    with started("workflow", "run", study, "--workers", "2", cwd=tmp_path, env=told) as run:
+    settings = environment(notes, WATCHED_DEADLY="1 0", DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0")
+    with started("workflow", "run", study, "--workers", "2", cwd=tmp_path, env=settings) as run:
         out, err = run.communicate(timeout=PATIENCE)
     assert run.returncode == 1, err
     assert "Traceback" not in err
@@ -184,8 +184,8 @@ def test_a_task_that_kills_its_workers_becomes_failed_cases(tmp_path: Path) -> N
 @pytest.mark.parametrize("how", ["killed", "interrupted"])
 def test_workers_end_with_their_parent_and_the_next_run_goes_on(how: str, tmp_path: Path, expected: str) -> None:
     study, notes, archive = written(STUDY, tmp_path), tmp_path / "notes", tmp_path / "many.nc"
-    told = environment(notes, WATCHED_SLEEP="0.3")
-    with started("workflow", "run", study, "--workers", "2", cwd=tmp_path, env=told) as run:
+    settings = environment(notes, WATCHED_SLEEP="0.3")
+    with started("workflow", "run", study, "--workers", "2", cwd=tmp_path, env=settings) as run:
         until(lambda: len(computed(notes)) >= 5)
         if how == "killed":
             os.kill(run.pid, signal.SIGKILL)
@@ -255,9 +255,9 @@ def session(parts: Path) -> Session:
 
 
 def test_a_worker_with_other_software_is_told_apart(tmp_path: Path) -> None:
-    asked = session(tmp_path)
-    asked.question.write_text(asked.token)
-    other = replace(asked, software=(("solver", "999"), *asked.software[1:]))
+    own = session(tmp_path)
+    own.question.write_text(own.token)
+    other = replace(own, software=(("solver", "999"), *own.software[1:]))
     with pytest.raises(ClusterError, match=r"other software than this run: solver \d+ instead of 999;"):
         join(other, SimpleNamespace(id="me"))
 
@@ -266,13 +266,13 @@ def test_a_worker_that_sees_other_files_is_told_apart(tmp_path: Path) -> None:
     me = SimpleNamespace(id="me")
     with pytest.raises(ClusterError, match=r"does not share .*no such file"):
         join(session(tmp_path), me)
-    asked = session(tmp_path)
-    asked.question.write_text("another run's")
+    own = session(tmp_path)
+    own.question.write_text("another run's")
     with pytest.raises(ClusterError, match="does not share"):
-        join(asked, me)
-    asked.question.write_text(asked.token)
-    assert join(asked, me) == "me"
-    assert asked.answer("me").exists()
+        join(own, me)
+    own.question.write_text(own.token)
+    assert join(own, me) == "me"
+    assert own.answer("me").exists()
 
 
 @pytest.mark.parametrize(
@@ -286,8 +286,8 @@ def test_a_worker_that_sees_other_files_is_told_apart(tmp_path: Path) -> None:
 )
 def test_wrong_calls(words: tuple[str, ...], message: str, tmp_path: Path) -> None:
     study = written(SMALL, tmp_path)
-    told = workflow("run", study, *words, cwd=tmp_path)
-    assert told.returncode == 2
-    assert message in told.stderr
-    assert "Traceback" not in told.stderr
+    completed = workflow("run", study, *words, cwd=tmp_path)
+    assert completed.returncode == 2
+    assert message in completed.stderr
+    assert "Traceback" not in completed.stderr
     assert list(tmp_path.iterdir()) == [study]

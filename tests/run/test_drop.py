@@ -45,13 +45,13 @@ def test_a_run_that_would_lose_cases_is_refused(what: str, tmp_path: Path) -> No
     run_study(quick(), archive, threads=1)
     for flags in ({}, {"retry": True}, {"recompute": True}):
         refused(study, archive, f"{lost} stored cases would be lost", **flags)
-    asked = len(hashes_of(study))
-    held = holdings(study, archive)
-    assert (held.stored, held.missing, held.dropped, held.note) == (9 - lost, asked - 9 + lost, lost, "")
+    count = len(hashes_of(study))
+    holding = holdings(study, archive)
+    assert (holding.stored, holding.missing, holding.dropped, holding.note) == (9 - lost, count - 9 + lost, lost, "")
     outcome = run_study(study, archive, threads=1, drop=True)
     assert outcome.resumed == 9 - lost
-    assert sum(outcome.counts.values()) == asked
-    assert run_study(study, archive, threads=1).resumed == asked  # said once, not again
+    assert sum(outcome.counts.values()) == count
+    assert run_study(study, archive, threads=1).resumed == count  # said once, not again
 
 
 @pytest.mark.parametrize(
@@ -115,15 +115,15 @@ def test_an_unfinished_run_of_the_study_as_it_was_is_kept(tmp_path: Path, monkey
             run_study(quick(), archive, threads=1)
     with open_archive(archive) as data:
         there = int((data["status"] != 4).sum())
-        asked = int((data["status"].sel(alpha=5.0) != 4).sum())
-    assert 0 < asked < there < 9
+        of_narrowed = int((data["status"].sel(alpha=5.0) != 4).sum())
+    assert 0 < of_narrowed < there < 9
     shards = sorted(parts_of(archive).glob("*.shard"))
-    refused(narrowed, archive, f"holds {there} cases of an unfinished run .*, {there - asked} of which")
+    refused(narrowed, archive, f"holds {there} cases of an unfinished run .*, {there - of_narrowed} of which")
     assert sorted(parts_of(archive).glob("*.shard")) == shards
-    held = holdings(narrowed, archive)
-    assert (held.stored, held.missing, held.dropped) == (0, 3, there - asked)
-    held = holdings(quick(), archive)
-    assert (held.stored, held.missing, held.dropped) == (there, 9 - there, 0)
+    holding = holdings(narrowed, archive)
+    assert (holding.stored, holding.missing, holding.dropped) == (0, 3, there - of_narrowed)
+    holding = holdings(quick(), archive)
+    assert (holding.stored, holding.missing, holding.dropped) == (there, 9 - there, 0)
     run_study(narrowed, archive, threads=1, drop=True)
     with open_archive(archive) as data:
         assert data["alpha"].values.tolist() == [5.0]
@@ -160,17 +160,17 @@ def test_the_command_line(tmp_path: Path) -> None:
     call = CliRunner().invoke
     assert call(app, ["run", written(quick(), "whole.yaml"), "-o", archive]).exit_code == 0
     narrowed = written(quick({"e": [0.9]}), "narrowed.yaml")
-    told = call(app, ["run", narrowed, "-o", archive])
-    assert told.exit_code == 2
-    assert "6 stored cases would be lost; --drop" in told.stderr
+    refusal = call(app, ["run", narrowed, "-o", archive])
+    assert refusal.exit_code == 2
+    assert "6 stored cases would be lost; --drop" in refusal.stderr
     assert call(app, ["run", narrowed, "-o", str(tmp_path / "b.nc")]).exit_code == 0
     planned = call(app, ["plan", narrowed, "-o", archive])
     assert planned.exit_code == 0
     assert "3 stored, 0 missing, 6 no longer asked for" in planned.output
-    told = json.loads(call(app, ["plan", narrowed, "-o", archive, "--json"]).output)
-    assert told["archive"] == {"stored": 3, "missing": 0, "dropped": 6, "note": ""}
-    assert "3 cases in" in (done := call(app, ["run", narrowed, "-o", archive, "--drop"])).output
-    assert ", all of them stored before" in done.output
+    content = json.loads(call(app, ["plan", narrowed, "-o", archive, "--json"]).output)
+    assert content["archive"] == {"stored": 3, "missing": 0, "dropped": 6, "note": ""}
+    assert "3 cases in" in (dropped := call(app, ["run", narrowed, "-o", archive, "--drop"])).output
+    assert ", all of them stored before" in dropped.output
     assert "nothing to do, all 3" in call(app, ["run", narrowed, "-o", archive, "--drop"]).output
     assert "3 stored, 0 missing, 0 no longer asked for" in call(app, ["plan", narrowed, "-o", archive]).output
 

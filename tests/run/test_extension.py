@@ -28,15 +28,15 @@ from workflow.study import Study
 @contextmanager
 def counted() -> Iterator[list[int]]:
     """Count the cases that tasks ask the solver for."""
-    solve, found = running.solve, []
+    solve, sizes = running.solve, []
 
     def counting(grid: Any, outer: int, inner: Any) -> Any:
-        found.append(inner.size)
+        sizes.append(inner.size)
         return solve(grid, outer, inner)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(running, "solve", counting)
-        yield found
+        yield sizes
 
 
 def from_nothing(study: Study, directory: Path) -> str:
@@ -71,8 +71,8 @@ def grids(draw: st.DrawFn) -> dict[str, Any]:
     """Axes and parts of a small study that has at least e = 0.5, alpha = 5, h = 1e-4 and 1 kHz in it."""
 
     def axis(value: float, others: list[float]) -> Any:
-        found = draw(st.permutations([value, *draw(values(others, 0))]))
-        return found[0] if len(found) == 1 and draw(st.booleans()) else found
+        drawn = draw(st.permutations([value, *draw(values(others, 0))]))
+        return drawn[0] if len(drawn) == 1 and draw(st.booleans()) else drawn
 
     axes: dict[str, Any] = {"h": axis(1e-4, [2e-4, 5e-5])}
     parts: dict[str, Any] = {}
@@ -166,11 +166,11 @@ def test_what_an_outer_axis_adds_leaves_whole_chunks_to_copy(tmp_path: Path, mon
             assert [file[name].id.read_direct_chunk((1, k, 0))[1] for k in range(3)] == chunks
 
 
-def _inspecting(gather: Any, found: list[int]) -> Any:
+def _inspecting(gather: Any, counts: list[int]) -> Any:
     from workflow.archive import find_shards
 
     def inspect(layout: Any, parts: Path, *others: Any) -> None:
-        found.append(int(np.sum(find_shards(parts, layout).owner >= 0)))
+        counts.append(int(np.sum(find_shards(parts, layout).owner >= 0)))
         gather(layout, parts, *others)
 
     return inspect

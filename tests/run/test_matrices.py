@@ -52,7 +52,7 @@ def ran(directory: Path, name: str, model: str, rub: Mapping[str, Any], schemes:
     return run_study(read_study(study), directory / f"{name}.nc").dataset.load()
 
 
-def apart(found: xr.Dataset, wanted: xr.Dataset) -> float:
+def apart(results: xr.Dataset, reference: xr.Dataset) -> float:
     """Largest difference of a variable, over its largest value along time; balances are rounding and left out."""
     worst = 0.0
     for name in (
@@ -63,8 +63,8 @@ def apart(found: xr.Dataset, wanted: xr.Dataset) -> float:
         "max_temperature",
         "critical_alpha",
     ):
-        axis = tuple(k for k, dim in enumerate(wanted[name].dims) if dim == "t")
-        off, size = np.abs(found[name].values - wanted[name].values), np.abs(wanted[name].values)
+        axis = tuple(k for k, dim in enumerate(reference[name].dims) if dim == "t")
+        off, size = np.abs(results[name].values - reference[name].values), np.abs(reference[name].values)
         off, size = (off.max(axis), size.max(axis)) if axis else (off, size)
         worst = max(worst, float(np.max(np.divide(off, size, out=np.zeros_like(off), where=off > 0))))
     return worst
@@ -74,13 +74,13 @@ def compared(directory: Path, kind: str, structure: Structure, damping: str, sch
     model, rub = RUBS[kind]
     entries = matrices_of(structure)
     as_npz(entries, directory)
-    wanted = ran(directory, "built_in", model.replace("DAMPING", damping), rub, schemes)
-    assert float(wanted["impacts"].min()) > 0
+    built_in = ran(directory, "built_in", model.replace("DAMPING", damping), rub, schemes)
+    assert float(built_in["impacts"].min()) > 0
     for name, words in (("npz", "file: blade.npz, contact: 19"), ("text", "file: blade, contact: 19")):
         as_directory(entries, directory)
-        found = ran(directory, name, f"matrices: {{{words}, damping: {damping}}}", rub, schemes)
-        assert apart(found, wanted) < 1e-10
-        assert np.array_equal(found["impacts"], wanted["impacts"])
+        from_file = ran(directory, name, f"matrices: {{{words}, damping: {damping}}}", rub, schemes)
+        assert apart(from_file, built_in) < 1e-10
+        assert np.array_equal(from_file["impacts"], built_in["impacts"])
 
 
 def test_the_chain_read_back_rubs_as_it_does(tmp_path: Path) -> None:
@@ -107,14 +107,14 @@ def test_units_of_a_file_change_nothing(tmp_path: Path) -> None:
     labels = np.array([f"{node}.x" for node in range(1, 21)])
     loads = {"steady": np.linspace(0, 1, 20), "heating": np.full(20, 1e-2), "labels": labels}
     si = {**matrices_of(heavy_chain()), **loads}
-    rub, found = RUBS["chain"][1], []
+    rub, results = RUBS["chain"][1], []
     for units, factor in (("SI", dict.fromkeys(scales, 1.0)), ("mm-t-s", scales)):
         entries = {name: value * factor[name] if name in factor else value for name, value in si.items()}
         as_npz(entries, tmp_path)
         model = f"matrices: {{file: blade.npz, contact: 20.x, units: {units}, damping: {{ratio: 0.01}}}}"
-        found.append(ran(tmp_path, units, model, rub, "moreau"))
-    assert apart(found[1], found[0]) < 1e-11
-    assert not np.allclose(found[0]["temperature"].isel(t=-1), 0.0)
+        results.append(ran(tmp_path, units, model, rub, "moreau"))
+    assert apart(results[1], results[0]) < 1e-11
+    assert not np.allclose(results[0]["temperature"].isel(t=-1), 0.0)
 
 
 def test_an_archive_repeats_its_study_without_the_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -37,10 +37,10 @@ def broken(monkeypatch: pytest.MonkeyPatch) -> set[float]:
 
 @pytest.fixture
 def solved(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    found: list[int] = []
+    cells: list[int] = []
     solve = running.solve
-    monkeypatch.setattr(running, "solve", lambda g, o, i: (found.extend(i.tolist()), solve(g, o, i))[1])
-    return found
+    monkeypatch.setattr(running, "solve", lambda g, o, i: (cells.extend(i.tolist()), solve(g, o, i))[1])
+    return cells
 
 
 def test_only_what_failed_is_run_again(tmp_path: Path, broken: set[float], solved: list[int]) -> None:

@@ -169,14 +169,14 @@ def test_parts_that_outlived_their_archive_go(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [archive]
 
 
-@pytest.mark.parametrize("kept", [True, False])
-def test_balances_are_kept_where_they_are_wanted(kept: bool, tmp_path: Path) -> None:
-    text = SINGLE.replace("interval: 1 ms", f"interval: 1 ms, balances: {str(kept).lower()}")
+@pytest.mark.parametrize("has_balances", [True, False])
+def test_balances_are_kept_where_they_are_wanted(has_balances: bool, tmp_path: Path) -> None:
+    text = SINGLE.replace("interval: 1 ms", f"interval: 1 ms, balances: {str(has_balances).lower()}")
     text = text.replace("output:", "axes: {scheme: [moreau, event_driven]}\noutput:")
     run_study(parsed(text), tmp_path / "a.nc")
     with xr.open_dataset(tmp_path / "a.nc") as archive:
-        assert ("energy_residual" in archive) == ("heat_residual" in archive) == kept
-        if kept:
+        assert ("energy_residual" in archive) == ("heat_residual" in archive) == has_balances
+        if has_balances:
             assert archive["energy_residual"].sel(scheme="moreau") < -1e-3
             assert abs(archive["energy_residual"].sel(scheme="event_driven")) < 1e-12
             assert "midpoint" in archive["heat_residual"].attrs["comment"]

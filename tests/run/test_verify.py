@@ -81,11 +81,11 @@ def test_a_sample_has_each_scheme_and_status(whole: Path) -> None:
     assert {(cell // grid.inner_count, status[cell]) for cell in chosen} == kinds
 
 
-@pytest.mark.parametrize("kept", KEPT, ids=lambda path: path.name)
-def test_every_kept_archive_passes(kept: Path) -> None:
+@pytest.mark.parametrize("path", KEPT, ids=lambda path: path.name)
+def test_every_kept_archive_passes(path: Path) -> None:
     """Those of the hard studies but the longest are run again as a whole by ``tests/test_documents.py``."""
-    again = kept.parent.name == "hard" and kept.stem != "all_steps"
-    assert [check for check in verify(kept, 0 if again else 2) if not check.holds] == []
+    again = path.parent.name == "hard" and path.stem != "all_steps"
+    assert [check for check in verify(path, 0 if again else 2) if not check.holds] == []
 
 
 def flip(path: Path, place: int, bit: int = 0) -> None:
@@ -150,8 +150,8 @@ def test_a_value_edited_by_hand_is_noticed(copied: Path, editing: Callable[[Path
 def test_what_differs_is_named(copied: Path) -> None:
     edit("contact_impulse", (0, 1, 1), lambda x: 42.0)(copied)
     resealed(copied)
-    [told] = [check.detail for check in verify(copied, 18) if not check.holds]
-    assert "e = 0.5, alpha = 5.0: contact_impulse is 42.0 in the archive" in told
+    [detail] = [check.detail for check in verify(copied, 18) if not check.holds]
+    assert "e = 0.5, alpha = 5.0: contact_impulse is 42.0 in the archive" in detail
 
 
 def test_another_architecture_may_change_what_rounding_does_and_no_more(
@@ -161,8 +161,8 @@ def test_another_architecture_may_change_what_rounding_does_and_no_more(
     edit("contact_impulse", (0, 1, 1), lambda x: x * (1 + 1e-13))(copied)
     resealed(copied)
     [*_, last] = verify(copied, 18)
-    told = "18 cases run again, the same within what rounding makes of each (other architecture)"
-    assert (last.holds, last.detail) == (True, told)
+    detail = "18 cases run again, the same within what rounding makes of each (other architecture)"
+    assert (last.holds, last.detail) == (True, detail)
     edit("contact_impulse", (0, 1, 1), lambda x: x * (1 + 1e-8))(copied)  # a fixed share of 1e-8 let this pass
     resealed(copied)
     assert wrong(copied) == {"sample"}
@@ -268,8 +268,8 @@ def test_an_edited_study_is_noticed(copied: Path) -> None:
 def test_an_edited_coordinate_is_noticed(copied: Path) -> None:
     edit("alpha", (1,), lambda x: 6.0)(copied)
     resealed(copied)
-    [told] = [check for check in verify(copied, 0) if not check.holds]
-    assert (told.name, told.detail) == ("cases", "other coordinates than the study gives: alpha")
+    [check] = [check for check in verify(copied, 0) if not check.holds]
+    assert (check.name, check.detail) == ("cases", "other coordinates than the study gives: alpha")
 
 
 def test_an_edited_identity_is_noticed(copied: Path) -> None:

@@ -81,17 +81,17 @@ def test_a_large_structure_is_verified_on_every_kind_of_processor(large: Path, c
 def test_matrices_of_a_file_are_shaken(tmp_path: Path) -> None:
     """Frequencies by the share, and what depends on small differences of large entries by more."""
     entries = {**matrices_of(heavy_chain()), "labels": np.arange(20)}
-    given = as_npz(entries, tmp_path)
-    file = File("", "blade.npz", str(given))
+    path = as_npz(entries, tmp_path)
+    file = File("", "blade.npz", str(path))
     old, new = (assemble(Parameters(replace(file, shaken=share), contact=19)) for share in (0.0, 1e-9))
     ratio = mechanical_modes(new).values / mechanical_modes(old).values
     assert 1 - ratio == pytest.approx(1e-9, rel=1e-2)  # M grows by the share, K1 falls
     assert tip_flexibility(new) / tip_flexibility(old) - 1 == pytest.approx(1e-9, rel=1e-2)
     for written_as in (entries, {name: sparse.csr_array(entries[name]) for name in ("mass", "stiffness", "coupling")}):
-        found = shaken(written_as, 1e-9)
+        changed = shaken(written_as, 1e-9)
         for name in ("mass", "stiffness"):
             now, before = (
-                np.asarray(m.todense() if sparse.issparse(m) else m) for m in (found[name], written_as[name])
+                np.asarray(m.todense() if sparse.issparse(m) else m) for m in (changed[name], written_as[name])
             )
             assert np.array_equal(now, now.T)
             there = before != 0

@@ -56,7 +56,7 @@ def test_numbers_that_a_yaml_1_1_loader_leaves_as_texts_are_numbers() -> None:
 
 
 @pytest.mark.parametrize(
-    ("key", "value", "told"),
+    ("key", "value", "message"),
     [
         ("scene.casing.gap", "10 kg", "with_ scene.casing.gap: "),
         ("scene.casing.gapp", 1, "did you mean `gap`?"),
@@ -66,10 +66,10 @@ def test_numbers_that_a_yaml_1_1_loader_leaves_as_texts_are_numbers() -> None:
         ("scene.casing.gap", object(), "holds a value of the type object"),
     ],
 )
-def test_a_mistake_names_the_setting(key: str, value: object, told: str) -> None:
+def test_a_mistake_names_the_setting(key: str, value: object, message: str) -> None:
     with pytest.raises(StudyError) as raised:
         parsed(SMALL).with_({key: value})
-    assert told in str(raised.value)
+    assert message in str(raised.value)
 
 
 def test_a_setting_is_yaml() -> None:

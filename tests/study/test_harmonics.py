@@ -44,16 +44,16 @@ def test_orders_are_multiples_of_the_speed_whichever_of_them_varies():
         "  speed: 600 rpm\naxes:\n  scene.speed: [600 rpm, 20 Hz]\n  scene.casing.harmonics.0.order: [2, 4]",
     )
     study = read_study(text)
-    found = cases(study)
+    batch = cases(study)
     assert [d.name for d in arrange(study).inner] == ["harmonic_order", "speed"]
-    assert np.array_equal(found.casing_harmonics.frequency[:, 0], [20.0, 40.0, 40.0, 80.0])
-    assert np.array_equal(found.load_harmonics.frequency[:, 0], [30.0, 60.0, 30.0, 60.0])
+    assert np.array_equal(batch.casing_harmonics.frequency[:, 0], [20.0, 40.0, 40.0, 80.0])
+    assert np.array_equal(batch.load_harmonics.frequency[:, 0], [30.0, 60.0, 30.0, 60.0])
     t, turn = 0.0123, 2 * np.pi * 0.0123
     d = 1e-3 + 5e-6 * np.cos(20 * turn) + 1e-6 * np.sin(3 * turn)
     velocity = 2 * np.pi * (-20 * 5e-6 * np.sin(20 * turn) + 3e-6 * np.cos(3 * turn))
-    assert found.casing_at(t)[0] == pytest.approx(d, rel=1e-15)  # a few roundings
-    assert found.casing_velocity_at(t)[0] == pytest.approx(velocity, rel=1e-13)
-    assert found.load_at(t)[0] == pytest.approx(np.sin(2 * turn) + 2 * np.sin(30 * turn), rel=1e-14)
+    assert batch.casing_at(t)[0] == pytest.approx(d, rel=1e-15)  # a few roundings
+    assert batch.casing_velocity_at(t)[0] == pytest.approx(velocity, rel=1e-13)
+    assert batch.load_at(t)[0] == pytest.approx(np.sin(2 * turn) + 2 * np.sin(30 * turn), rel=1e-14)
 
 
 @pytest.mark.parametrize(

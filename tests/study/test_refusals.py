@@ -162,10 +162,10 @@ def mistakes_of(text: str) -> tuple:
 @pytest.mark.parametrize(("line", "old", "new", "key", "problem", "remedy"), CHANGED)
 def test_changed_line(line: int, old: str, new: str, key: str, problem: str, remedy: str) -> None:
     assert BLADE.count(old) == 1
-    found = mistakes_of(BLADE.replace(old, new))
-    assert [(mistake.line, mistake.key) for mistake in found] == [(line, key)], "\n".join(map(str, found))
-    assert problem in found[0].problem
-    assert remedy in found[0].remedy
+    mistakes = mistakes_of(BLADE.replace(old, new))
+    assert [(mistake.line, mistake.key) for mistake in mistakes] == [(line, key)], "\n".join(map(str, mistakes))
+    assert problem in mistakes[0].problem
+    assert remedy in mistakes[0].remedy
 
 
 WHOLE = [
@@ -190,11 +190,11 @@ WHOLE = [
 
 @pytest.mark.parametrize(("text", "key", "problem"), WHOLE)
 def test_whole_text(text: str, key: str | None, problem: str) -> None:
-    found = mistakes_of(text)
-    assert len(found) == 1
-    assert problem in found[0].problem
-    assert found[0].key == (key or "")
-    assert found[0].remedy
+    mistakes = mistakes_of(text)
+    assert len(mistakes) == 1
+    assert problem in mistakes[0].problem
+    assert mistakes[0].key == (key or "")
+    assert mistakes[0].remedy
 
 
 def test_alias_bomb_is_refused_before_it_expands() -> None:
@@ -274,10 +274,10 @@ NODES = [
 
 @pytest.mark.parametrize(("lines", "key", "problem"), NODES)
 def test_added_lines(lines: str, key: str, problem: str) -> None:
-    found = mistakes_of(f"{CHAIN}{lines}\n")
-    assert [mistake.key for mistake in found] == [key], "\n".join(map(str, found))
-    assert problem in found[0].problem
-    assert found[0].line == 6 + lines[: lines.find("reference") + 1].count("\n")
+    mistakes = mistakes_of(f"{CHAIN}{lines}\n")
+    assert [mistake.key for mistake in mistakes] == [key], "\n".join(map(str, mistakes))
+    assert problem in mistakes[0].problem
+    assert mistakes[0].line == 6 + lines[: lines.find("reference") + 1].count("\n")
 
 
 def test_lists_per_node_must_fit_every_number_of_nodes() -> None:
@@ -323,8 +323,8 @@ def test_all_mistakes_at_once_in_the_order_of_the_file() -> None:
         .replace("interval: 1 ms", "interval: 3 ms")
         .replace("float64", "float65")
     )
-    found = mistakes_of(text)
-    assert [mistake.key for mistake in found] == [
+    mistakes = mistakes_of(text)
+    assert [mistake.key for mistake in mistakes] == [
         "scene.blade.length",
         "scene.casing.colour",
         "scene.wind",
@@ -335,7 +335,7 @@ def test_all_mistakes_at_once_in_the_order_of_the_file() -> None:
         "output.interval",
         "output.precision",
     ]
-    assert [mistake.line for mistake in found] == sorted(mistake.line or 0 for mistake in found)
+    assert [mistake.line for mistake in mistakes] == sorted(mistake.line or 0 for mistake in mistakes)
 
 
 def test_the_start_is_judged_in_every_case_and_zips_pair_up() -> None:
@@ -353,7 +353,7 @@ def test_the_start_is_judged_in_every_case_and_zips_pair_up() -> None:
 
 def test_more_entries_than_anybody_writes_are_refused_before_they_are_read() -> None:
     entries = "[" + "1, " * (MOST_ENTRIES // 2) + "1]"
-    with pytest.raises(StudyError) as told:
+    with pytest.raises(StudyError) as refusal:
         parse_study(f"study: a\naxes: {{e: {entries}, alpha: {entries}}}\n", "study.yaml")
-    assert "has more than 50000 keys and values; write long axes as {lin: [first, last, count]}" in str(told.value)
-    assert str(told.value).startswith("study.yaml:2: ")
+    assert "has more than 50000 keys and values; write long axes as {lin: [first, last, count]}" in str(refusal.value)
+    assert str(refusal.value).startswith("study.yaml:2: ")

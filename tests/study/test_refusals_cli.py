@@ -21,9 +21,9 @@ def test_every_broken_study_exits_with_two(command: str, tmp_path: Path, monkeyp
     assert len(BROKEN) >= 50
     for text in BROKEN:
         study.write_text(text, encoding="utf-8")
-        told = CliRunner().invoke(app, [command, str(study)])
-        assert told.exit_code == 2, text[:200]
-        assert "broken.yaml" in told.stderr, text[:200]
-        assert not told.stdout.strip()
-        assert "Traceback" not in told.stderr
+        result = CliRunner().invoke(app, [command, str(study)])
+        assert result.exit_code == 2, text[:200]
+        assert "broken.yaml" in result.stderr, text[:200]
+        assert not result.stdout.strip()
+        assert "Traceback" not in result.stderr
         assert list(tmp_path.iterdir()) == [study]

@@ -18,7 +18,7 @@ zip: {model: {mechanical_modes: [0, full], thermal_modes: [0, full]}}
 """
 
 
-def found(text: str) -> dict[str, ResolvedValue]:
+def resolved_by_path(text: str) -> dict[str, ResolvedValue]:
     study = parsed(text)
     axes = [axis for dimension in study.dimensions for axis in dimension.axes]
     cell = study.cell({axis.path: axis.values[0] for axis in (*study.scalars, *axes)})
@@ -27,15 +27,15 @@ def found(text: str) -> dict[str, ResolvedValue]:
 
 def test_counts_that_a_tolerance_decides_are_told_as_they_are_written() -> None:
     axes = "axes: {scheme: [half, event_driven], mechanical_modes: [1, auto], thermal_modes: auto, tolerance: 0.01}"
-    values = found(TEXT[: TEXT.index("axes:")] + axes)
+    values = resolved_by_path(TEXT[: TEXT.index("axes:")] + axes)
     assert values["mechanical_modes"].text == "1, auto"
     assert values["thermal_modes"] == ResolvedValue("thermal_modes", ("auto",), "1", "study")
     assert values["tolerance"] == ResolvedValue("tolerance", (0.01,), "1", "study")
-    assert "tolerance" not in found(TEXT)
+    assert "tolerance" not in resolved_by_path(TEXT)
 
 
 def test_values_units_and_origins() -> None:
-    values = found(TEXT)
+    values = resolved_by_path(TEXT)
     assert values["scene.casing.gap"] == ResolvedValue("scene.casing.gap", (2e-5,), "m", "study")
     assert values["scene.chain.mass"] == ResolvedValue("scene.chain.mass", (0.002, 0.003), "kg", "study")
     assert values["scene.load.frequency"].values == (10.0,)
@@ -52,7 +52,7 @@ def test_values_units_and_origins() -> None:
 
 
 def test_a_static_start_is_told_once() -> None:
-    values = found(TEXT.replace("  duration", "  initial: static\n  duration"))
+    values = resolved_by_path(TEXT.replace("  duration", "  initial: static\n  duration"))
     assert values["scene.initial.displacement"] == ResolvedValue(
         "scene.initial.displacement", ("static",), "m", "study"
     )
@@ -60,7 +60,7 @@ def test_a_static_start_is_told_once() -> None:
 
 
 def test_a_line_of_values() -> None:
-    values = found(TEXT)
+    values = resolved_by_path(TEXT)
     assert values["scene.chain.mass"].text == "0.002, 0.003 kg"
     assert values["mechanical_modes"].text == "0, 1"
     assert ResolvedValue("a", tuple(map(float, range(10))), "m", "axis").text == "0, 1, …, 9 (10 values) m"

@@ -17,9 +17,9 @@ def study_of(place: Path, **axes: Any) -> dict[str, Any]:
     return {"study": "sizes", "scene": scene, "axes": {"h": 1e-4, **axes}}
 
 
-def kept(study: Study) -> dict[str, Any]:
-    found = {axis.path: axis.values[0] for axis in study.scalars}
-    return {kind: found[f"{kind}_modes"] for kind in ("mechanical", "thermal")}
+def mode_counts(study: Study) -> dict[str, Any]:
+    values = {axis.path: axis.values[0] for axis in study.scalars}
+    return {kind: values[f"{kind}_modes"] for kind in ("mechanical", "thermal")}
 
 
 def written(place: Path, nodes: int, temperatures: int) -> Path:
@@ -44,14 +44,14 @@ def written(place: Path, nodes: int, temperatures: int) -> Path:
 
 
 def test_full_is_every_mode_of_its_own_kind(tmp_path: Path) -> None:
-    assert kept(read_study(study_of(written(tmp_path / "unequal.npz", 7, 4)))) == {"mechanical": 6, "thermal": 3}
+    assert mode_counts(read_study(study_of(written(tmp_path / "unequal.npz", 7, 4)))) == {"mechanical": 6, "thermal": 3}
     with pytest.raises(StudyError, match="`4` is more than the 3 interior modes"):
         read_study(study_of(tmp_path / "unequal.npz", mechanical_modes=4, thermal_modes=4))
 
 
-@pytest.mark.parametrize("asked", ["full", 301])
-def test_too_much_of_a_large_structure_is_refused_with_what_would_do(tmp_path: Path, asked: int | str) -> None:
+@pytest.mark.parametrize("count", ["full", 301])
+def test_too_much_of_a_large_structure_is_refused_with_what_would_do(tmp_path: Path, count: int | str) -> None:
     place = written(tmp_path / "large.npz", 2001, 5)
     with pytest.raises(StudyError, match="write at most 300, or `auto` with a `tolerance`"):
-        read_study(study_of(place, mechanical_modes=asked))
-    assert kept(read_study(study_of(place, mechanical_modes=300))) == {"mechanical": 300, "thermal": 4}
+        read_study(study_of(place, mechanical_modes=count))
+    assert mode_counts(read_study(study_of(place, mechanical_modes=300))) == {"mechanical": 300, "thermal": 4}
