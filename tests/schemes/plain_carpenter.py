@@ -28,7 +28,7 @@ def march(
     x, v, T = batch.displacement[0], batch.velocity[0], batch.temperature[0]
     a = np.linalg.solve(M, force(0.0) - C1 @ v - K1 @ x - K12 @ T)
     x_before = x - h * v + h**2 / 2 * a
-    found, impulses = [], []
+    path, impulses = [], []
     for k in range(steps + 1):
         right = force(k * h) - K1 @ x - K12 @ T + M @ (2 * x - x_before) / h**2
         right = right - C1 @ (x - x_before) / h if lagged else right + C1 @ x_before / (2 * h)
@@ -38,11 +38,11 @@ def march(
         x_after = x_free - force_n * give
         enters = np.linalg.solve(C2 + h * K2 if implicit else C2, heat_tip)
         heat = alpha * h * force_n * enters
-        found.append((x, (x_after - x_before) / (2 * h) if k else v, T + heat / 2 if k else T))
+        path.append((x, (x_after - x_before) / (2 * h) if k else v, T + heat / 2 if k else T))
         impulses.append(h * force_n)
         if implicit:
             T = np.linalg.solve(C2 + h * K2, C2 @ T + h * batch.heating[0]) + heat
         else:
             T = T + h * np.linalg.solve(C2, batch.heating[0] - K2 @ T) + heat
         x_before, x = x, x_after
-    return Trajectory(*(np.array(states) for states in zip(*found, strict=True)), np.array(impulses))
+    return Trajectory(*(np.array(states) for states in zip(*path, strict=True)), np.array(impulses))

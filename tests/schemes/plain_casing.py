@@ -33,5 +33,5 @@ def velocity(batch: Cases, t: float, h: float, theta: float) -> float:
 
 def direction(structure: Structure, batch: Cases) -> np.ndarray:
     """The direction e_n - µ t against which a contact force pushes the first case."""
-    found = np.eye(structure.mechanical_size)[-1]
-    return found if structure.tangent is None else found - batch.friction[0] * structure.tangent
+    normal = np.eye(structure.mechanical_size)[-1]
+    return normal if structure.tangent is None else normal - batch.friction[0] * structure.tangent

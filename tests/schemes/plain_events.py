@@ -57,12 +57,12 @@ class Reference:
 
     def casing(self, t: float) -> np.ndarray:
         """Return d, d' and d''."""
-        found = np.array([self.gap, 0.0, 0.0])
+        motion = np.array([self.gap, 0.0, 0.0])
         for a, f, phi in self.moves:
             w = 2 * np.pi * f
             psi = w * t + phi
-            found += a * np.sin(psi), a * w * np.cos(psi), -a * w * w * np.sin(psi)
-        return found
+            motion += a * np.sin(psi), a * w * np.cos(psi), -a * w * w * np.sin(psi)
+        return motion
 
     def split(self, y):
         nm = self.nm
@@ -175,16 +175,16 @@ class Reference:
             out[k] = y[nm - 1], y[hot], y[-1], hottest
         return Solution(*out.T, t, impacts)
 
-    def warmest(self, dense, left: float, right: float, known: float) -> float:
+    def warmest(self, dense, left: float, right: float, largest: float) -> float:
         """Return the largest tip temperature of a step's interpolant between two instants, or one below the known."""
         at, index = np.linspace(left, right, 9), 2 * self.nm + self.nt - 1
         values = dense(at)[index]
         i = int(np.argmax(values))
-        if values[i] + np.ptp(values) < known:  # it bends little within a step
+        if values[i] + np.ptp(values) < largest:  # it bends little within a step
             return values[i]
         around = at[max(i - 1, 0)], at[min(i + 1, 8)]
-        found = minimize_scalar(lambda s: -dense(s)[index], bounds=around, method="bounded")
-        return max(values[i], -found.fun)
+        top = minimize_scalar(lambda s: -dense(s)[index], bounds=around, method="bounded")
+        return max(values[i], -top.fun)
 
     def run(self, held, t0, y0, t1):
         if t1 <= t0:

@@ -49,10 +49,10 @@ def march_by_place(structure: Structure, batch: Cases, h: float, theta: float, s
     def law(k: int, x: float, v: float, free: float, kick: float) -> float:
         return max(0.0, (x + h * (theta * free + (1 - theta) * v) - place[k + 1]) / (h * theta * kick))
 
-    found = _march(structure, batch, h, theta, steps, law)
-    pressed = found.impulse > 0
-    found.displacement[1:, -1][pressed] = place[1:][pressed]  # up to rounding it is there
-    return found
+    trajectory = _march(structure, batch, h, theta, steps, law)
+    pressed = trajectory.impulse > 0
+    trajectory.displacement[1:, -1][pressed] = place[1:][pressed]  # up to rounding it is there
+    return trajectory
 
 
 def _march(structure: Structure, batch: Cases, h: float, theta: float, steps: int, law: Law) -> Trajectory:
@@ -70,7 +70,7 @@ def _march(structure: Structure, batch: Cases, h: float, theta: float, steps: in
     warm = np.linalg.solve(T_hat, heat_tip)
     kick = np.linalg.solve(W_hat, plain_casing.direction(structure, batch) + alpha * h * theta * K12 @ warm)
     x, v, T = batch.displacement[0], batch.velocity[0], batch.temperature[0]
-    found = [(x, v, T)]
+    path = [(x, v, T)]
     impulses = np.zeros(steps)
     for k in range(steps):
         T_new = np.linalg.solve(T_hat, C2 @ T - h * (1 - theta) * K2 @ T + h * batch.heating[0])
@@ -82,5 +82,5 @@ def _march(structure: Structure, batch: Cases, h: float, theta: float, steps: in
         v_new = v_new - p * kick
         T_new = T_new + alpha * p * warm
         x, v, T = x + h * (theta * v_new + (1 - theta) * v), v_new, T_new
-        found.append((x, v, T))
-    return Trajectory(*(np.array(states) for states in zip(*found, strict=True)), impulses)
+        path.append((x, v, T))
+    return Trajectory(*(np.array(states) for states in zip(*path, strict=True)), impulses)

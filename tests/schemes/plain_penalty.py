@@ -23,7 +23,7 @@ def explicit(structure: Structure, batch: Cases, h: float, steps: int, stiffness
     x, v, T = batch.displacement[0], batch.velocity[0], batch.temperature[0]
     a = np.linalg.solve(M, _force(structure, batch, 0.0) - C1 @ v - K1 @ x - K12 @ T)
     x_before = x - h * v + h**2 / 2 * a
-    found, impulses = [], []
+    path, impulses = [], []
     for k in range(steps + 1):
         left = M / h**2 + C1 / (2 * h)
         right = (
@@ -40,11 +40,11 @@ def explicit(structure: Structure, batch: Cases, h: float, steps: int, stiffness
             force_n = stiffness * (x[-1] - gap) + damping * moved / (2 * h)
             force_n, x_after = (force_n, x_pressed) if force_n > 0 else (0.0, x_after)
         heat = alpha * h * force_n * np.linalg.solve(C2, heat_tip)
-        found.append((x, (x_after - x_before) / (2 * h) if k else v, T + heat / 2 if k else T))
+        path.append((x, (x_after - x_before) / (2 * h) if k else v, T + heat / 2 if k else T))
         impulses.append(h * force_n)
         T = T + heat + h * np.linalg.solve(C2, batch.heating[0] - K2 @ T)
         x_before, x = x, x_after
-    return Trajectory(*(np.array(states) for states in zip(*found, strict=True)), np.array(impulses))
+    return Trajectory(*(np.array(states) for states in zip(*path, strict=True)), np.array(impulses))
 
 
 def implicit(
@@ -59,7 +59,7 @@ def implicit(
     warm = np.linalg.solve(T_hat, heat_tip)
     kick = np.linalg.solve(W_hat, plain_casing.direction(structure, batch) + alpha * h * theta * K12 @ warm)
     x, v, T, held = batch.displacement[0], batch.velocity[0], batch.temperature[0], 0.0
-    found, impulses = [(x, v, T)], []
+    path, impulses = [(x, v, T)], []
     for k in range(steps):
         T_new = np.linalg.solve(T_hat, C2 @ T - h * (1 - theta) * K2 @ T + h * batch.heating[0])
         load = theta * _force(structure, batch, (k + 1) * h) + (1 - theta) * _force(structure, batch, k * h)
@@ -81,9 +81,9 @@ def implicit(
         p = begun + h * theta * force
         x_new, v_new = x_apart - force * x_per, v_apart - force * per
         x, v, T, held = x_new, v_new, T_new + alpha * p * warm, force
-        found.append((x, v, T))
+        path.append((x, v, T))
         impulses.append(p)
-    return Trajectory(*(np.array(states) for states in zip(*found, strict=True)), np.array(impulses))
+    return Trajectory(*(np.array(states) for states in zip(*path, strict=True)), np.array(impulses))
 
 
 def _force(structure: Structure, batch: Cases, t: float) -> np.ndarray:

@@ -35,38 +35,38 @@ def followed(damping: float, e: float) -> tuple[float, np.ndarray]:
 @pytest.mark.parametrize(("e", "error"), [(0.9, 1e-10), (0.99, 1e-9), (0.999, 1e-7)])
 def test_contact_begins_where_the_bounces_end(damping: float, e: float, error: float) -> None:
     contact, velocity = followed(damping, e)
-    found = run(damping, e)
-    assert not found.messages
-    assert found.metrics["contact_time"][0] == pytest.approx(contact, rel=error)
-    assert relative(found.histories["velocity"][0], velocity) <= 1e-7  # samples between the last bounces are at rest
+    results = run(damping, e)
+    assert not results.messages
+    assert results.metrics["contact_time"][0] == pytest.approx(contact, rel=error)
+    assert relative(results.histories["velocity"][0], velocity) <= 1e-7  # samples between the last bounces are at rest
 
 
 def test_contact_begins_where_ten_thousand_times_as_many_bounces_end() -> None:
     """At e = 0.9999 what is left takes three quarters of the time the load presses."""
     contact, velocity = followed(1e4, 0.9999)
-    found = run(1e4, 0.9999)
-    assert found.metrics["contact_time"][0] == pytest.approx(contact, rel=1e-6)
-    assert relative(found.histories["velocity"][0], velocity) <= 2e-6
+    results = run(1e4, 0.9999)
+    assert results.metrics["contact_time"][0] == pytest.approx(contact, rel=1e-6)
+    assert relative(results.histories["velocity"][0], velocity) <= 2e-6
 
 
 @pytest.mark.parametrize(("damping", "e"), [(1e3, 0.999), (1e3, 0.9999), (1.5e3, 0.9999), (3e2, 0.99)])
 def test_a_load_that_reverses_before_the_bounces_end(damping: float, e: float) -> None:
     contact, velocity = followed(damping, e)
-    found = run(damping, e)
-    assert contact == found.metrics["contact_time"][0] == 0.0
-    assert relative(found.histories["velocity"][0], velocity) <= 1e-10
+    results = run(damping, e)
+    assert contact == results.metrics["contact_time"][0] == 0.0
+    assert relative(results.histories["velocity"][0], velocity) <= 1e-10
 
 
 def test_elastic_bounces_that_fade_are_summed_up_with_a_word() -> None:
     """At e = 1 damping alone makes them small: they follow each other ever faster, and the tip never rests."""
-    found, near = run(1e4, 1.0), run(1e4, 1 - 1e-6)
-    assert found.status[0] == near.status[0] == Status.OK
-    assert found.messages[0].startswith("extrapolated: impacts below")
-    assert "option `events`" in found.messages[0]
+    results, near = run(1e4, 1.0), run(1e4, 1 - 1e-6)
+    assert results.status[0] == near.status[0] == Status.OK
+    assert results.messages[0].startswith("extrapolated: impacts below")
+    assert "option `events`" in results.messages[0]
     assert not near.messages
-    assert found.metrics["contact_time"][0] == 0.0
+    assert results.metrics["contact_time"][0] == 0.0
     for name in ("displacement", "impulse"):
-        assert relative(found.histories[name][0], near.histories[name][0]) <= 1e-4
+        assert relative(results.histories[name][0], near.histories[name][0]) <= 1e-4
 
 
 def test_contact_time_goes_on_steadily_towards_elastic_bounces() -> None:
@@ -128,7 +128,7 @@ def test_a_pressing_load_that_touches_zero(scene: tuple[Any, ...]) -> None:
     structure = chain(nodes=nodes, mass=mass, stiffness=stiffness, damping=Rayleigh(*damping))
     batch = cases(structure, e=e, mean=load, amplitude=load, frequency=frequency, phase=phase)
     operator = event_driven.init(structure, 0.0, event_driven.Options(events=10_000))
-    found = event_driven.compute(operator, batch, sampling(4 / frequency, 0.1 / frequency))
-    assert found.status[0] == Status.OK
-    assert not found.messages
-    assert found.metrics["contact_time"][0] >= 0.99 * 4 / frequency
+    results = event_driven.compute(operator, batch, sampling(4 / frequency, 0.1 / frequency))
+    assert results.status[0] == Status.OK
+    assert not results.messages
+    assert results.metrics["contact_time"][0] >= 0.99 * 4 / frequency

@@ -47,37 +47,37 @@ def scene(seed: int, growth: float) -> tuple[Structure, Cases, float, dict[str, 
 
 
 def recommended(message: str) -> float | None:
-    found = re.search(r"the largest admissible h is (\S+) s", message)
-    return None if found is None else float(found[1])
+    match = re.search(r"the largest admissible h is (\S+) s", message)
+    return None if match is None else float(match[1])
 
 
 @pytest.mark.parametrize("options", [{}, {"integration": "implicit", "stiffness": 1e10}])
 def test_the_case_runs_at_the_step_that_is_recommended(options: dict[str, Any]) -> None:
     """Steps of 0.1 ms, growth of up to e^250 in the model itself."""
-    method, tried = ("penalty" if options else "moreau"), 0
+    method, runs = ("penalty" if options else "moreau"), 0
     for seed in range(120):
         growth = float(np.random.default_rng(1000 + seed).uniform(3, 250))
         structure, batch, duration, theta = scene(seed, growth)
         over = Sampling(duration, duration, 2)
-        found = step(structure, batch, min(1e-4, duration), over, method, **theta, **options)
-        if found.status[0] != Status.ILL_POSED:
+        results = step(structure, batch, min(1e-4, duration), over, method, **theta, **options)
+        if results.status[0] != Status.ILL_POSED:
             continue
-        h = recommended(found.messages[0])
+        h = recommended(results.messages[0])
         if h is None:
-            assert "no step helps" in found.messages[0]
+            assert "no step helps" in results.messages[0]
             assert growth > 200
         elif duration / h < MOST_STEPS:
-            tried += 1
+            runs += 1
             again = step(structure, batch, h, over, method, **theta, **options)
-            assert again.status[0] == Status.OK, (seed, growth, found.messages[0], again.messages)
-    assert tried > 20
+            assert again.status[0] == Status.OK, (seed, growth, results.messages[0], again.messages)
+    assert runs > 20
 
 
 def test_where_no_step_helps_it_says_so() -> None:
     for seed in range(60):
         structure, batch, duration, theta = scene(seed, 5000.0)
-        found = step(structure, batch, min(1e-4, duration), Sampling(duration, duration, 2), "moreau", **theta)
-        if found.status[0] == Status.ILL_POSED:
-            assert "no step helps" in found.messages[0]
+        results = step(structure, batch, min(1e-4, duration), Sampling(duration, duration, 2), "moreau", **theta)
+        if results.status[0] == Status.ILL_POSED:
+            assert "no step helps" in results.messages[0]
             return
     raise AssertionError("no scene was ill-posed")

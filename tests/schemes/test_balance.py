@@ -82,18 +82,18 @@ def left_over(structure: Structure, batch: Cases, h: float, path: Trajectory, th
     omega2, step = modal.frequency[felt] ** 2, theta - 0.5
     dz, de = np.diff(zeta, axis=0), np.diff(eta, axis=0)
     mean = (zeta[1:] + zeta[:-1]) / 2
-    given = -step * (dz**2 + omega2 * de**2).sum()
+    energy_given = -step * (dz**2 + omega2 * de**2).sum()
     t = h * np.arange(len(zeta))
     load = batch.mean[0] + batch.amplitude[0] * np.sin(2 * np.pi * batch.frequency[0] * t + batch.phase[0])
     load = theta * load[1:] + (1 - theta) * load[:-1] + motion.tip_force
-    given += h * (modal.damping[felt] * (mean**2 - (mean + step * dz) ** 2)).sum()
-    given += ((h * load - path.impulse) * (dz @ modal.tip[felt])).sum() * step
+    energy_given += h * (modal.damping[felt] * (mean**2 - (mean + step * dz) ** 2)).sum()
+    energy_given += ((h * load - path.impulse) * (dz @ modal.tip[felt])).sum() * step
     heat = batch.alpha[0] * path.impulse
     drags = -(modal.response @ modal.heat_tip)[felt]
     pushes = (modal.response @ (modal.rate * modal.heat_tip))[felt]
-    given += step * (heat * (dz @ pushes + de @ (omega2 * drags))).sum()
+    energy_given += step * (heat * (dz @ pushes + de @ (omega2 * drags))).sum()
     energy = 0.5 * (zeta**2 + omega2 * eta**2).sum(axis=1)
-    return float(given / looked_at(energy).max())
+    return float(energy_given / looked_at(energy).max())
 
 
 def heat_gained(structure: Structure, batch: Cases, h: float, path: Trajectory) -> float:
@@ -147,13 +147,13 @@ def test_moreau_against_the_definition(scene: tuple[Structure, Cases], theta: fl
     h, steps = 0.02, 300
     path = march(structure, batch, h, theta, steps)
     change = heat_gained(structure, batch, h, path)
-    found = of_moreau(structure, batch, h, h * steps, theta).metrics
-    assert abs(found["energy_residual"][0] - left_over(structure, batch, h, path, theta)) < 1e-9
+    metrics = of_moreau(structure, batch, h, h * steps, theta).metrics
+    assert abs(metrics["energy_residual"][0] - left_over(structure, batch, h, path, theta)) < 1e-9
     loss = path.temperature @ structure.conductance_matrix.sum(axis=0)
     turned = batch.alpha[0] * path.impulse.sum() + h * steps * abs(batch.heating[0].sum())
     lost = h * (loss[1:] + loss[:-1]) / 2
     least, turned = turned + abs(lost.sum()), turned + np.abs(lost).sum()  # losses of eight steps count together
-    heat = found["heat_residual"][0]
+    heat = metrics["heat_residual"][0]
     if turned == 0:
         assert heat == 0
         return
@@ -162,7 +162,7 @@ def test_moreau_against_the_definition(scene: tuple[Structure, Cases], theta: fl
     assert abs(heat) <= abs(change) / least + 1e-12
     assert heat * change >= -1e-12
     if theta == 0.5:
-        assert abs(found["energy_residual"][0]) < 1e-10
+        assert abs(metrics["energy_residual"][0]) < 1e-10
         assert abs(heat) < 1e-12
     if batch.temperature.any():
         return  # the scale then holds the initial content, mode by mode
@@ -174,25 +174,25 @@ def test_a_free_mode_loses_what_is_known(theta: float) -> None:
     structure, h, steps = chain(nodes=1, mass=2.0, stiffness=18.0), 0.05, 40
     batch = cases(structure, gap=10.0, displacement=0.3)
     ratio = (1 + (1 - theta) ** 2 * (3 * h) ** 2) / (1 + theta**2 * (3 * h) ** 2)
-    found = of_moreau(structure, batch, h, h * steps, theta).metrics
-    assert found["energy_residual"][0] == pytest.approx(ratio**steps - 1, abs=1e-13)
-    assert found["heat_residual"][0] == 0
+    metrics = of_moreau(structure, batch, h, h * steps, theta).metrics
+    assert metrics["energy_residual"][0] == pytest.approx(ratio**steps - 1, abs=1e-13)
+    assert metrics["heat_residual"][0] == 0
 
 
 def test_nothing_moves_nothing_is_missing() -> None:
     structure = chain(nodes=3, mass=1.0, stiffness=2.0)
-    found = of_moreau(structure, cases(structure, gap=1.0), 0.1, 1.0, 1.0).metrics
-    assert [found[name][0] for name in BALANCES] == [0.0, 0.0]
+    metrics = of_moreau(structure, cases(structure, gap=1.0), 0.1, 1.0, 1.0).metrics
+    assert [metrics[name][0] for name in BALANCES] == [0.0, 0.0]
 
 
 def test_the_rubbing_blade_at_one_half() -> None:
     """Ten thousand steps: rounding adds up to so many units in the last place at most."""
     structure = blade()
     batch = cases(structure, 3, e=[0.0, 0.5, 0.9], alpha=30.0, gap=2e-5, amplitude=24.0, frequency=5.0)
-    found = step(structure, batch, 2e-5, audited(sampling(0.2, 0.1)), theta=0.5).metrics
-    assert found["impacts"].min() > 0
-    assert np.abs(found["energy_residual"]).max() < 1e-12
-    assert np.abs(found["heat_residual"]).max() < 5e-12
+    metrics = step(structure, batch, 2e-5, audited(sampling(0.2, 0.1)), theta=0.5).metrics
+    assert metrics["impacts"].min() > 0
+    assert np.abs(metrics["energy_residual"]).max() < 1e-12
+    assert np.abs(metrics["heat_residual"]).max() < 5e-12
 
 
 OVERDAMPED = {"mass": 1.0, "stiffness": 9.0, "damping": Rayleigh(10.0, 0.0), "spacing": 1.0, "expansion": 0.05}
@@ -219,9 +219,9 @@ def closing() -> dict[str, tuple[Structure, Cases, float]]:
 def test_the_energy_of_the_relative_motion_closes(name: str) -> None:
     structure, batch, h = closing()[name]
     assert (decouple(structure).pairs.size > 0) == (name == "resonance")
-    found = of_moreau(structure, batch, h, 1000 * h, 0.5).metrics
-    assert found["impacts"][0] > 0
-    assert abs(found["energy_residual"][0]) < 1e-12
+    metrics = of_moreau(structure, batch, h, 1000 * h, 0.5).metrics
+    assert metrics["impacts"][0] > 0
+    assert abs(metrics["energy_residual"][0]) < 1e-12
     spring = (
         step(structure, batch, h, audited(sampling(1000 * h, 1000 * h)), "carpenter") if name == "resonance" else None
     )
@@ -231,10 +231,10 @@ def test_the_energy_of_the_relative_motion_closes(name: str) -> None:
 def test_a_theta_below_one_half_creates_energy() -> None:
     """With the step at which the present figure was worked out on paper: 1.2557 times the largest energy."""
     structure, batch, _ = closing()["alpha 0"]
-    found = of_moreau(
+    metrics = of_moreau(
         structure, replace(batch, mean=np.full(1, 2.0), steady=np.ones((1, 20))), 1e-5, 0.02, 0.45
     ).metrics
-    assert found["energy_residual"][0] == pytest.approx(1.2557, abs=2e-3)
+    assert metrics["energy_residual"][0] == pytest.approx(1.2557, abs=2e-3)
 
 
 @pytest.mark.parametrize("theta", [0.7, 1.0])
@@ -246,22 +246,22 @@ def test_every_representation_counts_alike(theta: float, monkeypatch: pytest.Mon
     paths = [march(structure, alone(batch, case), h, theta, over.steps(h)) for case in range(3)]
 
     def recorded() -> np.ndarray:
-        found = recorder.Recorder(structure, batch, over, h)
-        for k in range(1, found.steps + 1):
-            load = theta * found.load(1.0) + (1 - theta) * found.load(0.0)
+        recording = recorder.Recorder(structure, batch, over, h)
+        for k in range(1, recording.steps + 1):
+            load = theta * recording.load(1.0) + (1 - theta) * recording.load(0.0)
             states = [np.array([getattr(path, name)[k] for path in paths]) for name in STATES]
-            found.record(*states, np.array([path.impulse[k - 1] for path in paths]), load)
-        return found.results().metrics["energy_residual"]
+            recording.record(*states, np.array([path.impulse[k - 1] for path in paths]), load)
+        return recording.results().metrics["energy_residual"]
 
     modes = step(structure, batch, h, over, theta=theta).metrics
     nodes = moreau.compute(moreau.Operator(structure, h, theta, Swept(structure)), batch, over).metrics
     matrices = moreau.compute(moreau.in_matrices(structure, h, theta), batch, over).metrics
-    found = [nodes["energy_residual"], matrices["energy_residual"], recorded()]
+    residuals = [nodes["energy_residual"], matrices["energy_residual"], recorded()]
     monkeypatch.setattr(recorder, "needs_matrices", lambda structure: True)
-    found.append(recorded())
+    residuals.append(recorded())
     assert modes["impacts"].min() > 0
     assert np.abs(modes["energy_residual"]).min() > 0.01
-    assert np.abs(np.array(found) - modes["energy_residual"]).max() < 1e-12
+    assert np.abs(np.array(residuals) - modes["energy_residual"]).max() < 1e-12
 
 
 def wrong_impulse(batch: Cases, structure: Structure, share: float) -> float:
@@ -322,9 +322,9 @@ def test_a_reduced_model_shows_what_it_loses() -> None:
     for modes in (1, 4, 12, 19):
         reduction = reduce_structure(structure, 3, modes)
         over = audited(sampling(0.1, 0.1))
-        found = step(reduction.structure, reduction.project(batch), 1e-4, over, theta=0.5).metrics
-        assert abs(found["energy_residual"][0]) < 1e-10
-        heats.append(abs(found["heat_residual"][0]))
+        metrics = step(reduction.structure, reduction.project(batch), 1e-4, over, theta=0.5).metrics
+        assert abs(metrics["energy_residual"][0]) < 1e-10
+        heats.append(abs(metrics["heat_residual"][0]))
     assert heats[0] > 1e-3
     assert heats[-1] < 1e-12
 
@@ -368,11 +368,11 @@ def test_a_lost_case_has_no_balance() -> None:
     structure, batch = many()
     sick = batch.take(np.arange(4))
     sick.velocity[1] = np.nan
-    found = step(structure, sick, 1e-4, audited(sampling(0.02, 1e-3)))
-    assert found.status[1] == Status.DIVERGED
+    results = step(structure, sick, 1e-4, audited(sampling(0.02, 1e-3)))
+    assert results.status[1] == Status.DIVERGED
     for name in BALANCES:
-        assert np.isnan(found.metrics[name][1])
-        assert np.isfinite(found.metrics[name][[0, 2, 3]]).all()
+        assert np.isnan(results.metrics[name][1])
+        assert np.isfinite(results.metrics[name][[0, 2, 3]]).all()
 
 
 @settings(max_examples=60, deadline=None, derandomize=True)
@@ -381,10 +381,10 @@ def test_event_driven_leaves_rounding(scene: tuple[Structure, Cases], e: float, 
     structure, batch = scene
     structure = replace(structure, damping=Rayleigh()) if undamped else structure
     batch = replace(batch, e=np.full(1, e))
-    found = step(structure, batch, 0.1, audited(sampling(10.0, 1.0)), "event_driven")
-    assert found.status[0] == Status.OK
-    assert abs(found.metrics["energy_residual"][0]) < 1e-10
-    assert abs(found.metrics["heat_residual"][0]) < 1e-10
+    results = step(structure, batch, 0.1, audited(sampling(10.0, 1.0)), "event_driven")
+    assert results.status[0] == Status.OK
+    assert abs(results.metrics["energy_residual"][0]) < 1e-10
+    assert abs(results.metrics["heat_residual"][0]) < 1e-10
 
 
 def special() -> dict[str, tuple[Structure, Cases, float]]:
@@ -411,10 +411,10 @@ def special() -> dict[str, tuple[Structure, Cases, float]]:
 @pytest.mark.parametrize("name", special())
 def test_event_driven_on_special_scenes(name: str) -> None:
     structure, batch, duration = special()[name]
-    found = step(structure, batch, 0.1, audited(sampling(duration, duration)), "event_driven")
-    assert found.metrics["impacts"][0] > 0
-    assert abs(found.metrics["energy_residual"][0]) < 1e-11
-    assert abs(found.metrics["heat_residual"][0]) < 1e-11
+    results = step(structure, batch, 0.1, audited(sampling(duration, duration)), "event_driven")
+    assert results.metrics["impacts"][0] > 0
+    assert abs(results.metrics["energy_residual"][0]) < 1e-11
+    assert abs(results.metrics["heat_residual"][0]) < 1e-11
 
 
 def small_rub() -> tuple[Structure, Cases]:
@@ -434,8 +434,8 @@ def small_rub() -> tuple[Structure, Cases]:
 
 
 def exact_residuals(structure: Structure, batch: Cases) -> list[float]:
-    found = step(structure, batch, 0.1, audited(sampling(20.0, 1.0)), "event_driven").metrics
-    return [abs(found[name][0]) for name in BALANCES]
+    metrics = step(structure, batch, 0.1, audited(sampling(20.0, 1.0)), "event_driven").metrics
+    return [abs(metrics[name][0]) for name in BALANCES]
 
 
 @pytest.mark.parametrize("which", energy_balance.Matrices._fields)

@@ -43,12 +43,12 @@ def everything_acts(structure: Structure, **values: Any) -> Cases:
     return cases(structure, **{**acting, **values})
 
 
-def agree(found: Results, path: Trajectory, impulse: np.ndarray) -> None:
+def agree(results: Results, path: Trajectory, impulse: np.ndarray) -> None:
     """Compare all histories at the step ends, relative to their largest value."""
     tip = {"displacement": path.displacement, "velocity": path.velocity, "temperature": path.temperature}
     exact = {name: states[:, -1] for name, states in tip.items()} | {"impulse": impulse}
     for name, expected in exact.items():
-        error = np.abs(found.histories[name][0] - expected).max() / np.abs(expected).max()
+        error = np.abs(results.histories[name][0] - expected).max() / np.abs(expected).max()
         assert error < 1e-10, (name, error)
 
 
@@ -88,8 +88,8 @@ def test_a_pair_near_resonance_and_a_rate_of_one_per_step(heat: str) -> None:
         batch = cases(structure, alpha=2.0, gap=0.05, mean=1.0, amplitude=1.0, frequency=0.2, temperature=1.0)
         path = plain_carpenter.march(structure, batch, h, 160, implicit=heat == "implicit")
         assert path.impulse.max() > 0
-        found = step(structure, batch, h, sampling(20.0, h), "carpenter", heat=heat)
-        agree(found, path, running_sum(path.impulse))
+        results = step(structure, batch, h, sampling(20.0, h), "carpenter", heat=heat)
+        agree(results, path, running_sum(path.impulse))
 
 
 def test_free_and_adiabatic_bodies() -> None:
@@ -105,8 +105,8 @@ def test_free_and_adiabatic_bodies() -> None:
     reduction = reduce_structure(heavy_chain(), 3, 12)
     loaded = reduction.project(everything_acts(heavy_chain()))
     path = plain_carpenter.march(reduction.structure, loaded, 1e-5, 500)
-    found = step(reduction.structure, loaded, 1e-5, sampling(5e-3, 1e-5), "carpenter", heat="explicit")
-    agree(found, path, running_sum(path.impulse))
+    results = step(reduction.structure, loaded, 1e-5, sampling(5e-3, 1e-5), "carpenter", heat="explicit")
+    agree(results, path, running_sum(path.impulse))
 
 
 @pytest.mark.parametrize("damping", SICONOS_LIMITS)
@@ -123,9 +123,9 @@ def test_stability_limits_of_the_siconos_chain(damping: str) -> None:
     while unstable - stable > 1e-12:
         middle = (stable + unstable) / 2
         stable, unstable = (stable, middle) if growth(middle) > 1e-9 else (middle, unstable)
-    given = SICONOS_LIMITS[damping]
+    stated = SICONOS_LIMITS[damping]
     print(f"{damping}: {stable:.7g} s")
-    assert f"{stable:.{len(given) - 6}e}" == given
+    assert f"{stable:.{len(stated) - 6}e}" == stated
     if damping == "central":
         assert stable == pytest.approx(1.002943e-4, abs=0.5e-10)
     batch = cases(structure, gap=1e-4, amplitude=20.0, frequency=50.0)
@@ -136,9 +136,9 @@ def test_stability_limits_of_the_siconos_chain(damping: str) -> None:
     assert np.abs(below.histories["displacement"]).max() < 1e-3
     assert above.status[0] == Status.DIVERGED
     assert not np.abs(above.histories["displacement"]).max() < 1
-    told = re.search(r"stable up to ([\d.e-]+) s", above.messages[0])
-    assert told is not None
-    assert float(told[1]) == pytest.approx(stable, rel=1e-6)
+    match = re.search(r"stable up to ([\d.e-]+) s", above.messages[0])
+    assert match is not None
+    assert float(match[1]) == pytest.approx(stable, rel=1e-6)
 
 
 def test_the_heat_step_has_a_limit_of_its_own() -> None:
@@ -163,8 +163,8 @@ def test_figures_on_the_siconos_chain() -> None:
     exact = step(structure, batch, 1.0, over, "event_driven").histories["displacement"]
 
     def error(h: float) -> float:
-        found = step(structure, batch, h, over, "carpenter").histories["displacement"]
-        return float(np.sqrt(np.mean((found - exact) ** 2)) / 1e-4)
+        displacement = step(structure, batch, h, over, "carpenter").histories["displacement"]
+        return float(np.sqrt(np.mean((displacement - exact) ** 2)) / 1e-4)
 
     errors = [error(h) for h in (1e-4, 1e-5, 1e-6)]
     print("rms error over gap: " + ", ".join(f"{e:.2e}" for e in errors))
@@ -179,9 +179,9 @@ def test_converges_with_order_two() -> None:
     exact = step(structure, batch, 1.0, over, "event_driven").histories
     errors = {name: [] for name in ("displacement", "temperature", "impulse")}
     for h in steps:
-        found = step(structure, batch, h, over, "carpenter").histories
+        histories = step(structure, batch, h, over, "carpenter").histories
         for name, values in errors.items():
-            values.append(relative(found[name], exact[name]))
+            values.append(relative(histories[name], exact[name]))
     for name, values in errors.items():
         order = np.polyfit(np.log(steps), np.log(values), 1)[0]
         print(f"{name}: " + ", ".join(f"{e:.2e}" for e in values) + f", order {order:.2f}")
@@ -194,42 +194,42 @@ def test_a_single_mass_leaves_with_nothing(h: float) -> None:
     """It meets the casing at 2 m/s, stays where it is, and gives up its whole momentum; e is not there."""
     structure = chain(nodes=1, mass=3.0, stiffness=0.0)
     batch = cases(structure, 2, e=[0.0, 0.9], gap=[0.5, 9.0], velocity=2.0)
-    found = step(structure, batch, h, sampling(1.0, 0.1), "carpenter")
-    assert found.histories["velocity"][0, -1] == pytest.approx(0.0, abs=1e-12)
-    assert found.histories["displacement"][0, -1] == pytest.approx(0.5, abs=1e-12)
-    assert found.histories["impulse"][0, -1] == pytest.approx(6.0, rel=1e-12)
-    assert found.metrics["impacts"].tolist() == [1, 0]
-    assert found.metrics["effective_restitution"][0] == pytest.approx(0.0, abs=1e-12)
-    assert np.isnan(found.metrics["effective_restitution"][1])  # it met nothing
+    results = step(structure, batch, h, sampling(1.0, 0.1), "carpenter")
+    assert results.histories["velocity"][0, -1] == pytest.approx(0.0, abs=1e-12)
+    assert results.histories["displacement"][0, -1] == pytest.approx(0.5, abs=1e-12)
+    assert results.histories["impulse"][0, -1] == pytest.approx(6.0, rel=1e-12)
+    assert results.metrics["impacts"].tolist() == [1, 0]
+    assert results.metrics["effective_restitution"][0] == pytest.approx(0.0, abs=1e-12)
+    assert np.isnan(results.metrics["effective_restitution"][1])  # it met nothing
 
 
 def test_impact_at_the_start_and_a_load_that_presses() -> None:
     """An impulse at t = 0 counts whole; then the force is the load."""
     structure = chain(nodes=1, mass=2.0, stiffness=0.0)
     batch = cases(structure, 2, gap=0.0, mean=5.0, velocity=[[3.0], [0.0]])
-    found = step(structure, batch, 1e-3, sampling(1.0, 0.1), "carpenter")
-    assert np.abs(found.histories["displacement"]).max() < 1e-15
-    assert found.histories["impulse"][:, -1] == pytest.approx([2 * 3.0 + 5.0, 5.0], rel=1e-3)
-    assert np.diff(found.histories["impulse"][1])[1:] == pytest.approx(0.5, rel=1e-12)
-    assert found.metrics["max_penetration"].max() < 1e-15
+    results = step(structure, batch, 1e-3, sampling(1.0, 0.1), "carpenter")
+    assert np.abs(results.histories["displacement"]).max() < 1e-15
+    assert results.histories["impulse"][:, -1] == pytest.approx([2 * 3.0 + 5.0, 5.0], rel=1e-3)
+    assert np.diff(results.histories["impulse"][1])[1:] == pytest.approx(0.5, rel=1e-12)
+    assert results.metrics["max_penetration"].max() < 1e-15
 
 
 def test_samples_keep_momentum_and_heat() -> None:
     """M (v - v_0) = -J and c (θ - θ_0) = αJ for a free body without loads and losses, at every sample."""
     structure = chain(nodes=1, mass=2.0, stiffness=0.0, heat_capacity=5.0)
     batch = cases(structure, alpha=0.7, gap=1.0, velocity=1.5)
-    found = step(structure, batch, 1e-2, sampling(2.0, 1e-2), "carpenter").histories
-    assert 2.0 * (found["velocity"] - 1.5) == pytest.approx(-found["impulse"], abs=1e-12)
-    assert 5.0 * found["temperature"] == pytest.approx(0.7 * found["impulse"], abs=1e-12)
+    histories = step(structure, batch, 1e-2, sampling(2.0, 1e-2), "carpenter").histories
+    assert 2.0 * (histories["velocity"] - 1.5) == pytest.approx(-histories["impulse"], abs=1e-12)
+    assert 5.0 * histories["temperature"] == pytest.approx(0.7 * histories["impulse"], abs=1e-12)
 
 
 @pytest.mark.parametrize("options", OPTIONS)
 def test_energy_of_the_relative_motion_closes(options: dict[str, str]) -> None:
     """Whatever acts, and however damping and heat are differenced."""
     structure, h = heavy_chain(), 1e-5
-    found = step(structure, everything_acts(structure), h, audited(sampling(2e-2, 2e-2)), "carpenter", **options)
-    assert found.metrics["impacts"][0] > 0
-    assert abs(found.metrics["energy_residual"][0]) < 1e-12
+    results = step(structure, everything_acts(structure), h, audited(sampling(2e-2, 2e-2)), "carpenter", **options)
+    assert results.metrics["impacts"][0] > 0
+    assert abs(results.metrics["energy_residual"][0]) < 1e-12
 
 
 @pytest.mark.parametrize(("heat", "sign"), [("explicit", 1), ("implicit", -1)])
@@ -239,8 +239,8 @@ def test_heat_residual_is_that_of_euler(heat: str, sign: int) -> None:
     batch = cases(structure, alpha=30.0, gap=5e-5, amplitude=100.0, frequency=200.0)
 
     def residual(h: float) -> float:
-        found = step(structure, batch, h, audited(sampling(0.02, 0.02)), "carpenter", heat=heat)
-        return float(found.metrics["heat_residual"][0])
+        results = step(structure, batch, h, audited(sampling(0.02, 0.02)), "carpenter", heat=heat)
+        return float(results.metrics["heat_residual"][0])
 
     coarse, fine = residual(1e-5), residual(5e-6)
     assert np.sign(coarse) == sign

@@ -23,24 +23,24 @@ def batch() -> Cases:
 
 @pytest.mark.parametrize("method", schemes.names())
 def test_every_scheme_gives_what_the_table_says(method: str) -> None:
-    found = step(heavy_chain(), batch(), 1e-5, OVER, method)
-    assert np.all(found.status == Status.OK)
-    assert found.metrics["impacts"].min() > 0
-    assert same_bits(checked(found, batch(), OVER), found)
+    results = step(heavy_chain(), batch(), 1e-5, OVER, method)
+    assert np.all(results.status == Status.OK)
+    assert results.metrics["impacts"].min() > 0
+    assert same_bits(checked(results, batch(), OVER), results)
 
 
 def put(name: str, value: float, case: int = 1) -> Callable[[Results], Results]:
     """Return what puts a value in a place of some results, the second of a period or history."""
 
-    def spoil(found: Results) -> Results:
-        for place in (found.histories, found.metrics):
+    def spoil(results: Results) -> Results:
+        for place in (results.histories, results.metrics):
             if name in place:
                 place[name] = place[name].copy()
                 place[name][(case, 1)[: place[name].ndim]] = value
-                return found
-        values = getattr(found, name).copy()
+                return results
+        values = getattr(results, name).copy()
         values[case, 1] = value
-        return replace(found, **{name: values})
+        return replace(results, **{name: values})
 
     return spoil
 
@@ -59,60 +59,60 @@ def put(name: str, value: float, case: int = 1) -> Callable[[Results], Results]:
 )
 def test_an_impossible_value_fails_its_case_alone(spoil: Callable[[Results], Results], named: str) -> None:
     sound = step(heavy_chain(), batch(), 1e-5, OVER)
-    found = checked(spoil(step(heavy_chain(), batch(), 1e-5, OVER)), batch(), OVER)
-    assert found.status.tolist() == [Status.OK, Status.FAILED, Status.OK]
-    assert named in found.messages[1]
-    assert np.isnan(found.histories["displacement"][1]).all()
+    judged = checked(spoil(step(heavy_chain(), batch(), 1e-5, OVER)), batch(), OVER)
+    assert judged.status.tolist() == [Status.OK, Status.FAILED, Status.OK]
+    assert named in judged.messages[1]
+    assert np.isnan(judged.histories["displacement"][1]).all()
     for name in sound.metrics:
-        assert np.array_equal(found.metrics[name][[0, 2]], sound.metrics[name][[0, 2]])
+        assert np.array_equal(judged.metrics[name][[0, 2]], sound.metrics[name][[0, 2]])
 
 
 def test_nan_is_allowed_where_a_case_has_no_load_period() -> None:
-    found = step(heavy_chain(), batch(), 1e-5, OVER)
-    assert np.isnan(found.period_impulse[2]).all()
-    assert checked(found, batch(), OVER).status.tolist() == [Status.OK] * 3
+    results = step(heavy_chain(), batch(), 1e-5, OVER)
+    assert np.isnan(results.period_impulse[2]).all()
+    assert checked(results, batch(), OVER).status.tolist() == [Status.OK] * 3
 
 
 def test_a_case_that_ends_without_a_message_fails() -> None:
-    found = step(heavy_chain(), batch(), 1e-5, OVER)
+    results = step(heavy_chain(), batch(), 1e-5, OVER)
     status = np.array([Status.OK, Status.OK, Status.DIVERGED], dtype=np.int8)
-    judged = checked(replace(found, status=status), batch(), OVER)
+    judged = checked(replace(results, status=status), batch(), OVER)
     assert judged.status[2] == Status.FAILED
     assert "diverged" in judged.messages[2]
 
 
 def without(name: str) -> Callable[[Results], Results]:
-    return lambda found: replace(
-        found,
-        histories={key: values for key, values in found.histories.items() if key != name},
-        metrics={key: values for key, values in found.metrics.items() if key != name},
+    return lambda whole: replace(
+        whole,
+        histories={key: values for key, values in whole.histories.items() if key != name},
+        metrics={key: values for key, values in whole.metrics.items() if key != name},
     )
 
 
 @pytest.mark.parametrize("name", [v.name for v in variables.select(None, "scheme") if v.shape in ("history", "metric")])
 def test_a_missing_variable_is_named(name: str) -> None:
-    found = step(heavy_chain(), batch(), 1e-5, OVER)
+    results = step(heavy_chain(), batch(), 1e-5, OVER)
     with pytest.raises(ContractError, match=name):
-        checked(without(name)(found), batch(), OVER)
+        checked(without(name)(results), batch(), OVER)
 
 
-def shorter(found: Results) -> dict[str, Any]:
-    return {"histories": {name: values[:, 1:] for name, values in found.histories.items()}}
+def shorter(results: Results) -> dict[str, Any]:
+    return {"histories": {name: values[:, 1:] for name, values in results.histories.items()}}
 
 
-def fewer_periods(found: Results) -> dict[str, Any]:
-    return {"period_contact": found.period_contact[:, :1]}
+def fewer_periods(results: Results) -> dict[str, Any]:
+    return {"period_contact": results.period_contact[:, :1]}
 
 
-def odd_status(found: Results) -> dict[str, Any]:
+def odd_status(results: Results) -> dict[str, Any]:
     return {"status": np.full(3, 9, dtype=np.int8)}
 
 
 @pytest.mark.parametrize("spoil", [shorter, fewer_periods, odd_status])
 def test_another_shape_or_status_is_named(spoil: Callable[[Results], dict[str, Any]]) -> None:
-    found = step(heavy_chain(), batch(), 1e-5, OVER)
+    results = step(heavy_chain(), batch(), 1e-5, OVER)
     with pytest.raises(ContractError):
-        checked(replace(found, **spoil(found)), batch(), OVER)
+        checked(replace(results, **spoil(results)), batch(), OVER)
 
 
 def test_names_are_distinct_and_reserved() -> None:

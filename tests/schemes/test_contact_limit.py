@@ -71,8 +71,8 @@ def created(seed: int, share: float) -> float:
     structure, options, batch, period = scene(seed)
     h = share * penalty.contact_limit(structure, options)
     steps = min(round(PERIODS * period / h), MOST_STEPS)
-    found = step(structure, batch, h, Sampling(steps * h, steps * h, 2, balances=True), "penalty", **asdict(options))
-    residual = np.where(found.status == Status.OK, found.metrics["energy_residual"], np.inf)
+    results = step(structure, batch, h, Sampling(steps * h, steps * h, 2, balances=True), "penalty", **asdict(options))
+    residual = np.where(results.status == Status.OK, results.metrics["energy_residual"], np.inf)
     return float(np.max(residual, initial=-np.inf))
 
 

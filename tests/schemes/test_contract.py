@@ -63,12 +63,12 @@ def test_a_poisoned_neighbour_changes_nothing(method: str) -> None:
     for name, poison in (("velocity", np.nan), ("temperature", np.inf), ("amplitude", np.nan)):
         sick = batch.take(np.arange(6))
         getattr(sick, name)[3] = poison
-        found = step(heavy_chain(), sick, H, OVER, method)
-        assert found.status[3] != Status.OK
-        assert found.messages[3]
-        assert np.isnan(found.histories["displacement"][3, -1])
+        results = step(heavy_chain(), sick, H, OVER, method)
+        assert results.status[3] != Status.OK
+        assert results.messages[3]
+        assert np.isnan(results.histories["displacement"][3, -1])
         for part in (slice(0, 3), slice(4, 6)):
-            assert same_bits(taken(found, part), taken(clean, part))
+            assert same_bits(taken(results, part), taken(clean, part))
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -89,12 +89,12 @@ def test_an_axis_it_does_not_read_changes_nothing(method: str) -> None:
 @pytest.mark.parametrize("method", METHODS)
 def test_without_heat_nothing_is_warm(method: str) -> None:
     batch = rubs(8)
-    found = step(heavy_chain(), batch, H, OVER, method)
+    results = step(heavy_chain(), batch, H, OVER, method)
     cold = batch.alpha == 0
-    assert found.metrics["impacts"][cold].min() > 0
+    assert results.metrics["impacts"][cold].min() > 0
     for name in ("max_temperature", "thermal_closing"):
-        assert np.all(found.metrics[name][cold] == 0)
-        assert np.all(found.metrics[name][~cold] > 0)
+        assert np.all(results.metrics[name][cold] == 0)
+        assert np.all(results.metrics[name][~cold] > 0)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -129,11 +129,11 @@ def test_contact_converges_to_the_exact_solution(method: str) -> None:
     exact = step(structure, batch, H, OVER, "event_driven").histories
     rigid = schemes.load(method).rigid
 
-    def found(h: float) -> dict[str, np.ndarray]:
+    def histories(h: float) -> dict[str, np.ndarray]:
         options = {} if rigid is None else asdict(rigid(structure, h))
         return step(structure, batch, h, OVER, method, **options).histories
 
-    coarse, fine = found(H), found(H / 1000)
+    coarse, fine = histories(H), histories(H / 1000)
     for name in ("displacement", "temperature", "impulse"):
         print(method, name, relative(coarse[name], exact[name]), relative(fine[name], exact[name]))
         assert relative(fine[name], exact[name]) < 0.1 * relative(coarse[name], exact[name]), name

@@ -25,8 +25,10 @@ def test_moreau_converges_on_the_heavy_chain(theta: float, e: float) -> None:
     exact = step(structure, batch, 1.0, over, "event_driven").histories
     errors = []
     for h in STEPS:
-        found = step(structure, batch, h, over, theta=theta).histories
-        errors.append(max(relative(found[name], exact[name]) for name in ("displacement", "temperature", "impulse")))
+        histories = step(structure, batch, h, over, theta=theta).histories
+        errors.append(
+            max(relative(histories[name], exact[name]) for name in ("displacement", "temperature", "impulse"))
+        )
     print(f"theta {theta:g}, e {e:g}: " + ", ".join(f"{error:.2e}" for error in errors))
     order = np.polyfit(np.log(STEPS), np.log(errors), 1)[0]
     assert errors == pytest.approx(LARGEST[theta, e], rel=0.05)

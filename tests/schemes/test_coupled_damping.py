@@ -64,9 +64,9 @@ def compare(seed: int) -> int:
     nearby = solved(structure, case, 0.0 if touches else 1e-12)
     reference = Reference(structure, case).solve(OVER.times)
     apart = ~(np.abs(nearby.histories["displacement"][0] - results.histories["displacement"][0]) < 3e-11)
-    known = (OVER.times < reference.reached - 1e-9) & (np.cumsum(apart) == 0)
+    reached = (OVER.times < reference.reached - 1e-9) & (np.cumsum(apart) == 0)
     for name in ("displacement", "temperature", "impulse"):
-        ours, theirs = results.histories[name][0, known], getattr(reference, name)[known]
+        ours, theirs = results.histories[name][0, reached], getattr(reference, name)[reached]
         assert np.linalg.norm(ours - theirs) <= 1e-9 * max(float(np.linalg.norm(theirs)), 1e-3), (seed, name)
     if results.status[0] == Status.OK:
         assert abs(results.metrics["energy_residual"][0]) < 1e-11, seed
@@ -94,10 +94,10 @@ def test_friction_along_a_tangent() -> None:
     )
     over = replace(sampling(0.4, 0.01), balances=True)
     results, reference = step(structure, case, 0.0, over, "event_driven"), Reference(structure, case).solve(over.times)
-    known = over.times < reference.reached - 1e-9
+    reached = over.times < reference.reached - 1e-9
     assert reference.impacts > 1
     for name in ("displacement", "temperature", "impulse"):
-        assert relative(results.histories[name][0, known], getattr(reference, name)[known]) < 1e-9
+        assert relative(results.histories[name][0, reached], getattr(reference, name)[reached]) < 1e-9
     assert abs(results.metrics["energy_residual"][0]) < 1e-11
 
 
@@ -108,11 +108,11 @@ def test_each_pole_has_its_own_accuracy() -> None:
     A, modes = state_space(free, 0.0)[0], free.frequency.size
     with mpmath.workdps(40):
         values, _ = mpmath.eig(mpmath.matrix(A[: 2 * modes, : 2 * modes].tolist()))
-    wanted = np.array([complex(s) for s in values])
+    exact = np.array([complex(s) for s in values])
     table = free_layout(free).block
     half = 0.5 * table[block.DAMPING, :modes]
-    found = -half + 1j * np.sqrt(table[block.STIFFNESS, :modes] - half**2)
-    error = np.abs(found[:, None] - wanted).min(1) / np.abs(found)
+    poles = -half + 1j * np.sqrt(table[block.STIFFNESS, :modes] - half**2)
+    error = np.abs(poles[:, None] - exact).min(1) / np.abs(poles)
     assert error.max() < 4e-15
 
 
@@ -121,7 +121,7 @@ def test_free_flight_is_that_of_forty_digits() -> None:
     structure = with_dashpot()
     n = structure.mechanical_size
     start = cases(structure, gap=1.0, displacement=1e-5 * np.arange(1.0, n + 1), velocity=0.1)
-    found = step(structure, start, 0.0, sampling(0.1, 0.1), "event_driven").histories
+    histories = step(structure, start, 0.0, sampling(0.1, 0.1), "event_driven").histories
     inverse = np.linalg.inv(structure.mass)
     with mpmath.workdps(40):
         A = mpmath.zeros(2 * n)
@@ -131,8 +131,8 @@ def test_free_flight_is_that_of_forty_digits() -> None:
                 A[n + i, j] = -mpmath.mpf(inverse[i, i]) * mpmath.mpf(structure.stiffness_matrix[i, j])
                 A[n + i, n + j] = -mpmath.mpf(inverse[i, i]) * mpmath.mpf(structure.damping_matrix[i, j])
         end = mpmath.expm(A * mpmath.mpf(0.1)) * mpmath.matrix([*start.displacement[0], *start.velocity[0]])
-    assert abs(found["displacement"][0, -1] - float(end[n - 1])) < 1e-12 * 6e-5
-    assert abs(found["velocity"][0, -1] - float(end[2 * n - 1])) < 1e-12 * 6e-5 * 2e5
+    assert abs(histories["displacement"][0, -1] - float(end[n - 1])) < 1e-12 * 6e-5
+    assert abs(histories["velocity"][0, -1] - float(end[2 * n - 1])) < 1e-12 * 6e-5 * 2e5
 
 
 LOAD = {"alpha": 5.0, "gap": 5e-5, "amplitude": 400.0, "frequency": 200.0}
@@ -165,8 +165,8 @@ def test_moreau_comes_to_it_and_balances_close() -> None:
     assert np.abs(exact.metrics["heat_residual"]).max() < 1e-11
     assert np.all(exact.metrics["releases"] > 0)
     short = sampling(0.002, 1e-4)
-    wanted = exact.histories["impulse"][:, : short.count]
-    errors = [relative(step(structure, batch, h, short).histories["impulse"], wanted) for h in (2e-6, 5e-7)]
+    impulse = exact.histories["impulse"][:, : short.count]
+    errors = [relative(step(structure, batch, h, short).histories["impulse"], impulse) for h in (2e-6, 5e-7)]
     assert errors[1] < errors[0] < 1e-2  # impacts: slower than first order
     alone = step(structure, batch.take(slice(1, 2)), 0.0, over, "event_driven")
     assert np.array_equal(alone.histories["displacement"][0], exact.histories["displacement"][1])
@@ -204,8 +204,8 @@ def test_poles_that_coincide_are_refused_and_those_beside_them_right(held: bool)
             event_driven.init(at, 0.0, event_driven.Options())
     beside = replace(structure, damper=dashpot(3, 0, None, strength * (1 + 1e-6)))
     results, reference = step(beside, case, 0.0, OVER, "event_driven"), Reference(beside, case).solve(OVER.times)
-    known = OVER.times < reference.reached - 1e-9
-    assert relative(results.histories["displacement"][0, known], reference.displacement[known]) < 1e-9
+    reached = OVER.times < reference.reached - 1e-9
+    assert relative(results.histories["displacement"][0, reached], reference.displacement[reached]) < 1e-9
 
 
 def test_damping_that_feeds_a_real_pole_is_refused() -> None:

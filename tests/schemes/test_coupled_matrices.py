@@ -32,9 +32,9 @@ STEPS, H = 1000, 5e-6
 
 def dashpot(nodes: int, first: int, second: int, factor: float) -> np.ndarray:
     """C1 of a dashpot between two nodes, which couples all modes."""
-    found = np.zeros((nodes, nodes))
-    found[np.ix_([first, second], [first, second])] = factor * np.array([[1.0, -1.0], [-1.0, 1.0]])
-    return found
+    matrix = np.zeros((nodes, nodes))
+    matrix[np.ix_([first, second], [first, second])] = factor * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    return matrix
 
 
 def coupled(nodes: int = 6) -> Matrices:
@@ -104,15 +104,15 @@ def test_steps_are_those_of_plain_matrices(name: str, moves: bool) -> None:
     method, options, plain, created = FIXED[name]
     structure = coupled()
     batch = rub(structure) if moves else rub(structure, casing_harmonics=[])
-    found = step(structure, batch, H, replace(sampling(STEPS * H, H), balances=True), method, **options)
-    assert np.all(found.status == Status.OK)
-    assert found.metrics["impacts"].min() > 1
+    results = step(structure, batch, H, replace(sampling(STEPS * H, H), balances=True), method, **options)
+    assert np.all(results.status == Status.OK)
+    assert results.metrics["impacts"].min() > 1
     for case in range(3):
         expected = plain(structure, alone(batch, case))
         for quantity in ("displacement", "velocity", "temperature"):
-            assert relative(found.histories[quantity][case], getattr(expected, quantity)[:, -1]) < 1e-12
-    assert np.abs(found.metrics["energy_residual"]).max() < created
-    assert np.abs(found.metrics["heat_residual"]).max() < 1e-6
+            assert relative(results.histories[quantity][case], getattr(expected, quantity)[:, -1]) < 1e-12
+    assert np.abs(results.metrics["energy_residual"]).max() < created
+    assert np.abs(results.metrics["heat_residual"]).max() < 1e-6
 
 
 @pytest.mark.parametrize("name", EVERY)
@@ -131,11 +131,11 @@ def test_random_structures_are_stepped_as_by_plain_matrices(name: str) -> None:
         sway = [[3e-5, 900.0, rng.uniform(0, 6)], [3e-5, rng.uniform(50, 200), 1.0]]
         slides = {"friction": [0.0, 0.1, 0.2], "alpha": 0.2, "casing_harmonics": sway}
         batch = rub(structure, gap=1e-4, velocity=0.3, mean=20.0, amplitude=20.0, **slides)
-        found = step(structure, batch, H, sampling(STEPS * H, H), method, **options)
+        results = step(structure, batch, H, sampling(STEPS * H, H), method, **options)
         for case in range(3):
             expected = plain(structure, alone(batch, case))
-            assert relative(found.histories["displacement"][case], expected.displacement[:, -1]) < rounding, seed
-        struck += int(found.metrics["impacts"].min() > 0)
+            assert relative(results.histories["displacement"][case], expected.displacement[:, -1]) < rounding, seed
+        struck += int(results.metrics["impacts"].min() > 0)
     assert struck > 3
 
 
@@ -145,12 +145,12 @@ def test_a_tip_without_mass_is_the_plain_scheme(basis: str, theta: float) -> Non
     whole = coupled()
     reduction = reduce_structure(whole, 3, 4, basis)
     structure, batch = reduction.structure, reduction.project(rub(whole))
-    found = step(structure, batch, H, replace(sampling(STEPS * H, H), balances=True), theta=theta)
-    assert found.metrics["impacts"].min() > 1
+    results = step(structure, batch, H, replace(sampling(STEPS * H, H), balances=True), theta=theta)
+    assert results.metrics["impacts"].min() > 1
     for case in range(3):
         expected = plain_moreau.march_by_place(structure, alone(batch, case), H, theta, STEPS)
-        assert relative(found.histories["displacement"][case], expected.displacement[:, -1]) < 1e-12
-    assert theta == 1.0 or np.abs(found.metrics["energy_residual"]).max() < 1e-13
+        assert relative(results.histories["displacement"][case], expected.displacement[:, -1]) < 1e-12
+    assert theta == 1.0 or np.abs(results.metrics["energy_residual"]).max() < 1e-13
 
 
 def pressed(load: np.ndarray | None) -> tuple[Matrices, Cases]:
@@ -173,11 +173,11 @@ def test_a_pressed_tip_follows_the_casing_for_a_thousand_periods(theta: float, l
     """Rounding of the time: eps t ḋ, 2e-16 · 20 s · 3.5e-3 m/s."""
     structure, batch = pressed(load)
     over = sampling(20.0, 0.01)
-    found = step(structure, batch, 1e-4, over, theta=theta)
-    assert found.metrics["impacts"] == 1
-    assert found.metrics["contact_time"] == pytest.approx(20.0, rel=1e-10)
+    results = step(structure, batch, 1e-4, over, theta=theta)
+    assert results.metrics["impacts"] == 1
+    assert results.metrics["contact_time"] == pytest.approx(20.0, rel=1e-10)
     place = np.array([plain_casing.place(batch, t) for t in over.times])
-    assert np.abs(found.histories["displacement"][0] - place).max() < 2e-17
+    assert np.abs(results.histories["displacement"][0] - place).max() < 2e-17
 
 
 @pytest.mark.parametrize("theta", [0.5, 1.0])
@@ -185,9 +185,9 @@ def test_newton_s_law_holds_for_the_relative_velocity(theta: float) -> None:
     """u⁺ = -e u⁻ with u = v - V, wherever contact acts after a step without."""
     structure, h = coupled(), H
     batch = alone(rub(structure), 1)
-    found = step(structure, batch, h, sampling(STEPS * h, h), theta=theta)
+    results = step(structure, batch, h, sampling(STEPS * h, h), theta=theta)
     speed = np.array([plain_casing.velocity(batch, k * h, h, theta) for k in range(STEPS + 1)])
-    u, p = found.histories["velocity"][0] - speed, np.diff(found.histories["impulse"][0])
+    u, p = results.histories["velocity"][0] - speed, np.diff(results.histories["impulse"][0])
     strikes = np.flatnonzero(p > 0)
     assert strikes.size > 3
     np.testing.assert_allclose(u[strikes + 1], -0.5 * u[strikes], rtol=0, atol=1e-14 * np.abs(speed).max())
@@ -198,10 +198,10 @@ def test_a_case_is_alone_as_in_a_batch() -> None:
     batch = rub(structure).take(np.arange(21) % 3)
     batch = replace(batch, gap=np.linspace(4e-5, 6e-5, 21), frequency=np.linspace(200.0, 400.0, 21))
     over = replace(sampling(2e-3, 1e-4), balances=True)
-    found = step(structure, batch, 1e-5, over, theta=0.5)
+    results = step(structure, batch, 1e-5, over, theta=0.5)
     for case in (0, 7, 20):
         single = step(structure, alone(batch, case), 1e-5, over, theta=0.5)
-        shown = taken(found, slice(case, case + 1))
+        shown = taken(results, slice(case, case + 1))
         width = single.period_impulse.shape[1]
         shown = replace(shown, **{f"period_{name}": getattr(shown, f"period_{name}")[:, :width] for name in PERIODS})
         assert same_bits(single, shown)
@@ -223,17 +223,17 @@ def test_a_free_root_is_stable() -> None:
     """Its double eigenvalue 1 errs by the root of rounding, which is no growth."""
     structure = heavy_chain(nodes=6, stiffness=(0.0, *[2e7] * 5)).matrices()
     structure = replace(structure, damper=dashpot(6, 1, 3, 20.0))
-    found = step(structure, cases(structure, gap=1e-4, mean=1.0, e=0.5), 1e-5, sampling(0.01, 1e-4))
-    assert found.status[0] == Status.OK
+    results = step(structure, cases(structure, gap=1e-4, mean=1.0, e=0.5), 1e-5, sampling(0.01, 1e-4))
+    assert results.status[0] == Status.OK
 
 
 @SLOW
 def test_steps_that_are_too_long_are_said_to_grow() -> None:
     structure = coupled()
     for method, options in (("carpenter", {}), ("penalty", STIFF), ("moreau", {"theta": 0.3})):
-        found = step(structure, rub(structure), 1e-4, sampling(2e-3, 1e-4), method, **options)
-        assert np.all(found.status == Status.DIVERGED)
-        assert "grows" in found.messages[0]
+        results = step(structure, rub(structure), 1e-4, sampling(2e-3, 1e-4), method, **options)
+        assert np.all(results.status == Status.DIVERGED)
+        assert "grows" in results.messages[0]
 
 
 def test_what_a_contact_spring_asks_of_a_structure_needs_no_modal_damping() -> None:
@@ -259,11 +259,11 @@ def test_the_exact_solution_of_a_load_elsewhere_on_a_moving_casing_is_that_of_do
     structure = replace(heavy_chain(nodes=3).matrices(), load=np.array([0.5, 1.0, 0.2]))
     batch = alone(rub(structure, e=e, alpha=alpha, amplitude=300.0, gap=2e-5), 0)
     over = replace(sampling(3e-3, 5e-5), balances=True)
-    found = step(structure, batch, 0.0, over, "event_driven")
+    results = step(structure, batch, 0.0, over, "event_driven")
     expected = plain_events.Reference(structure, batch).solve(over.times)
-    known = over.times < expected.reached - 1e-9
+    reached = over.times < expected.reached - 1e-9
     assert expected.impacts > 1
     for name in ("displacement", "impulse", "temperature"):
-        theirs = getattr(expected, name)[known]
-        assert np.abs(found.histories[name][0][known] - theirs).max() <= 1e-9 * np.abs(theirs).max()
-    assert abs(found.metrics["energy_residual"][0]) < 1e-9
+        theirs = getattr(expected, name)[reached]
+        assert np.abs(results.histories[name][0][reached] - theirs).max() <= 1e-9 * np.abs(theirs).max()
+    assert abs(results.metrics["energy_residual"][0]) < 1e-9

@@ -34,14 +34,14 @@ def damped(ratio: float, nodes: int = 6) -> Structure:
 def test_every_mode_has_the_ratio_and_rigid_ones_none() -> None:
     structure = heavy_chain(nodes=6, stiffness=(0.0, *[2e7] * 5), damping=Rayleigh(ratio=0.03))
     modes = mechanical_modes(structure)
-    wanted = np.diag(2 * 0.03 * modes.values)
-    found = modes.shapes.T @ structure.damping_matrix @ modes.shapes
-    assert np.abs(found - wanted).max() <= 1e-12 * wanted.max()
-    assert found[0, 0] == pytest.approx(0.0, abs=1e-12 * wanted.max())
+    by_ratio = np.diag(2 * 0.03 * modes.values)
+    modal = modes.shapes.T @ structure.damping_matrix @ modes.shapes
+    assert np.abs(modal - by_ratio).max() <= 1e-12 * by_ratio.max()
+    assert modal[0, 0] == pytest.approx(0.0, abs=1e-12 * by_ratio.max())
     reduced = reduce_structure(damped(0.03), 2, 2).structure
     modes = mechanical_modes(reduced)
-    found = modes.shapes.T @ reduced.damping_matrix @ modes.shapes
-    assert np.abs(found - np.diag(0.06 * modes.values)).max() <= 1e-12 * found.max()
+    modal = modes.shapes.T @ reduced.damping_matrix @ modes.shapes
+    assert np.abs(modal - np.diag(0.06 * modes.values)).max() <= 1e-12 * modal.max()
 
 
 def held_growth(s: Structure, alpha: float) -> float:
@@ -83,10 +83,10 @@ def test_a_ratio_is_exact_against_the_independent_solution(seed: int, ratio: flo
     structure = replace(structure, damping=Rayleigh(ratio=ratio))  # type: ignore[type-var]
     results = event_driven.compute(event_driven.init(structure, 0.0, event_driven.Options()), case, TIMES)
     reference = Reference(structure, case).solve(TIMES.times)
-    known = TIMES.times < reference.reached - 1e-9
+    reached = TIMES.times < reference.reached - 1e-9
     for name in ("displacement", "temperature", "impulse"):
-        theirs = getattr(reference, name)[known]
-        assert np.linalg.norm(results.histories[name][0, known] - theirs) <= 1e-8 * max(np.linalg.norm(theirs), 1e-3)
+        theirs = getattr(reference, name)[reached]
+        assert np.linalg.norm(results.histories[name][0, reached] - theirs) <= 1e-8 * max(np.linalg.norm(theirs), 1e-3)
 
 
 LOAD = {"alpha": 5.0, "gap": 5e-5, "amplitude": 400.0, "frequency": 200.0}
@@ -122,32 +122,32 @@ def test_a_damping_matrix_of_its_own_is_stepped_by_moreau(theta: float) -> None:
     structure = with_damper()
     batch = cases(structure, 3, e=np.array([0.0, 0.5, 0.9]), **LOAD)
     over = replace(sampling(0.005, 5e-5), balances=True)
-    found = step(structure, batch, 1e-5, over, theta=theta)
-    assert np.all(found.status == Status.OK)
-    assert found.metrics["impacts"].min() > 0
+    results = step(structure, batch, 1e-5, over, theta=theta)
+    assert np.all(results.status == Status.OK)
+    assert results.metrics["impacts"].min() > 0
     for case in range(3):
         plain = plain_moreau.march(structure, batch.take(np.array([case])), 1e-5, theta, 500)
-        assert relative(found.histories["displacement"][case], plain.displacement[::5, -1]) < 1e-10
-        assert relative(found.histories["temperature"][case], plain.temperature[::5, -1]) < 1e-10
+        assert relative(results.histories["displacement"][case], plain.displacement[::5, -1]) < 1e-10
+        assert relative(results.histories["temperature"][case], plain.temperature[::5, -1]) < 1e-10
         alone = step(structure, batch.take(np.array([case])), 1e-5, over, theta=theta)
-        assert np.array_equal(alone.histories["displacement"][0], found.histories["displacement"][case])
-    assert np.abs(found.metrics["energy_residual"]).max() < (1e-10 if theta == 0.5 else 0.5)
+        assert np.array_equal(alone.histories["displacement"][0], results.histories["displacement"][case])
+    assert np.abs(results.metrics["energy_residual"]).max() < (1e-10 if theta == 0.5 else 0.5)
 
 
 def test_what_a_mode_loses_by_itself_holds_its_part_of_a_damping_matrix() -> None:
     structure = with_damper()
     modes = mechanical_modes(structure)
-    wanted = np.diag(modes.shapes.T @ structure.damping_matrix @ modes.shapes)
-    np.testing.assert_allclose(modal_damping(structure, modes), wanted, rtol=1e-12)
-    assert np.all(modal_damping(replace(structure, damper=None), modes) < wanted)
+    diagonal = np.diag(modes.shapes.T @ structure.damping_matrix @ modes.shapes)
+    np.testing.assert_allclose(modal_damping(structure, modes), diagonal, rtol=1e-12)
+    assert np.all(modal_damping(replace(structure, damper=None), modes) < diagonal)
 
 
 def test_a_damping_matrix_that_couples_no_modes_is_stepped_in_modes() -> None:
     structure = heavy_chain(nodes=6)
-    given = replace(structure.matrices(), damping=Rayleigh(), damper=structure.damping_matrix)
+    by_matrix = replace(structure.matrices(), damping=Rayleigh(), damper=structure.damping_matrix)
     over = sampling(0.005, 5e-5)
     for scheme in ("moreau", "carpenter", "event_driven"):
-        one, other = (step(s, cases(s, **LOAD), 1e-6, over, scheme) for s in (structure, given))
+        one, other = (step(s, cases(s, **LOAD), 1e-6, over, scheme) for s in (structure, by_matrix))
         assert relative(other.histories["displacement"][0], one.histories["displacement"][0]) < 1e-9
 
 
@@ -164,12 +164,12 @@ def test_it_survives_reduction_and_other_coordinates() -> None:
     matrices = replace(given(structure), damping=structure.damping, damper=structure.damper)
     mixed = np.triu(np.random.default_rng(2).integers(-1, 2, (6, 6)), 1) + np.eye(6)
     changed = replace(turned(matrices, mixed.T, np.eye(6)), damper=mixed @ structure.damper @ mixed.T)
-    found = structure_from_matrices(changed)
+    rebuilt = structure_from_matrices(changed)
     over = sampling(0.005, 5e-5)
-    wanted = step(structure, cases(structure, **LOAD), 1e-5, over).histories["displacement"]
-    assert relative(step(found, cases(found, **LOAD), 1e-5, over).histories["displacement"], wanted) < 1e-8
+    displacement = step(structure, cases(structure, **LOAD), 1e-5, over).histories["displacement"]
+    assert relative(step(rebuilt, cases(rebuilt, **LOAD), 1e-5, over).histories["displacement"], displacement) < 1e-8
     reduced = reduce_structure(structure, 5, 5).structure
-    assert relative(step(reduced, cases(reduced, **LOAD), 1e-5, over).histories["displacement"], wanted) < 1e-9
+    assert relative(step(reduced, cases(reduced, **LOAD), 1e-5, over).histories["displacement"], displacement) < 1e-9
 
 
 def loaded_elsewhere(nodes: int = 6) -> Matrices:

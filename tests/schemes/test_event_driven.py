@@ -13,10 +13,10 @@ from workflow.models import Rayleigh, Structure, critical_alpha, growth_rate
 from workflow.schemes import Results, Sampling, Status, event_driven
 
 
-def run(structure: Structure, duration: float, count: int, cases: int = 1, **given: object) -> Results:
+def run(structure: Structure, duration: float, count: int, cases: int = 1, **conditions: object) -> Results:
     operator = event_driven.init(structure, 1e-4, event_driven.Options())
     sampling = Sampling(duration, duration / (count - 1), count)
-    return event_driven.compute(operator, make_cases(structure, cases, **given), sampling)
+    return event_driven.compute(operator, make_cases(structure, cases, **conditions), sampling)
 
 
 def single(mass: float, stiffness: float = 0.0, damping: Rayleigh | None = None) -> Structure:
@@ -204,10 +204,10 @@ def test_thresholds_do_not_matter() -> None:
     operator = event_driven.init(structure, 1e-4, event_driven.Options())
     cases, sampling = make_cases(structure, 3, e=[0.0, 0.5, 0.9], **HEAVY), Sampling(0.3, 1e-3, 301)
     base = event_driven.compute(operator, cases, sampling)
-    given = operator.thresholds
-    for name in given._fields:
+    thresholds = operator.thresholds
+    for name in thresholds._fields:
         for factor in (0.1, 10.0):
-            varied = replace(operator, thresholds=given._replace(**{name: factor * getattr(given, name)}))
+            varied = replace(operator, thresholds=thresholds._replace(**{name: factor * getattr(thresholds, name)}))
             other = event_driven.compute(varied, cases, sampling)
             for history in ("displacement", "temperature", "impulse"):
                 a, b = base.histories[history], other.histories[history]
@@ -258,14 +258,14 @@ def equal(a: Results, b: Results, pick: int) -> bool:
 def test_alone_equals_batched_and_a_poisoned_neighbour_changes_nothing() -> None:
     structure = heavy_chain(nodes=5)
     rng = np.random.default_rng(3)
-    given = {
+    conditions = {
         "e": rng.uniform(0, 1, 7),
         "alpha": rng.uniform(0, 60, 7),
         "gap": rng.uniform(2e-6, 6e-6, 7),
         "amplitude": 100.0,
         "frequency": 20.0,
     }
-    cases = make_cases(structure, 7, **given)
+    cases = make_cases(structure, 7, **conditions)
     cases.alpha[2] = cases.alpha[1]
     cases.e[4] = np.nan
     cases.displacement[5] = np.inf
@@ -307,8 +307,8 @@ def test_period_metrics_with_events_at_the_boundaries() -> None:
 def test_unheated_case_equals_the_same_without_expansion() -> None:
     structure = heavy_chain()
     still = heavy_chain(expansion=0.0)
-    given = {**HEAVY, "alpha": 0.0, "e": 0.5}
-    a, b = run(structure, 0.1, 101, **given), run(still, 0.1, 101, **given)
+    conditions = {**HEAVY, "alpha": 0.0, "e": 0.5}
+    a, b = run(structure, 0.1, 101, **conditions), run(still, 0.1, 101, **conditions)
     for name in a.histories:
         np.testing.assert_array_equal(a.histories[name], b.histories[name])
     assert not a.histories["temperature"].any()
@@ -328,8 +328,8 @@ def test_a_stiff_and_slow_mode_follows_its_closed_form(damping: float) -> None:
     structure = chain(nodes=1, mass=1.0, stiffness=1.0, damping=Rayleigh(damping, 0.0))
     batch = make_cases(structure, gap=20.0 / damping, mean=1.0, amplitude=1.0, frequency=0.3)
     over = sampling(10.0, 0.1)
-    found = step(structure, batch, 1.0, over, "event_driven")
-    assert found.status[0] == Status.OK
+    results = step(structure, batch, 1.0, over, "event_driven")
+    assert results.status[0] == Status.OK
     fast = -(damping / 2 + np.sqrt(damping**2 / 4 - 1))
     slow, w, t = 1 / fast, 2 * np.pi * 0.3, over.times
     terms = [
@@ -337,15 +337,15 @@ def test_a_stiff_and_slow_mode_follows_its_closed_form(damping: float) -> None:
         for s in (slow, fast)
     ]
     exact = (terms[0] - terms[1]) / (slow - fast)
-    assert relative(found.histories["displacement"][0], exact) <= 1e-13
+    assert relative(results.histories["displacement"][0], exact) <= 1e-13
 
 
 def test_stiff_modes_keep_their_energy_balance() -> None:
     stiff = heavy_chain(damping=Rayleigh(0.0, 1.0))
     batch = make_cases(stiff, gap=5e-6, amplitude=3000.0, frequency=20.0)
-    found = step(stiff, batch, 1.0, replace(sampling(2e-2, 1e-3), balances=True), "event_driven")
-    assert found.status[0] == Status.OK
-    assert abs(found.metrics["energy_residual"][0]) <= 1e-10
+    results = step(stiff, batch, 1.0, replace(sampling(2e-2, 1e-3), balances=True), "event_driven")
+    assert results.status[0] == Status.OK
+    assert abs(results.metrics["energy_residual"][0]) <= 1e-10
 
 
 @pytest.mark.parametrize("e", [1 - 1e-5, 1.0])
@@ -353,14 +353,14 @@ def test_impacts_of_a_damped_pressed_tip_that_no_budget_holds(e: float) -> None:
     """With e = 1 their number grows without end and without a point of accumulation."""
     structure = single(1.0, 1.0, Rayleigh(0.5, 0.0))
     pressed = {"e": e, "mean": 2.0, "velocity": -1.0}
-    found, t = run(structure, 1e3, 11, **pressed), np.linspace(0, 1e3, 11)
-    assert found.status[0] == Status.OK
-    assert found.messages[0].startswith("extrapolated: ")
-    lift = float(found.messages[0].split("by at most ")[1].split(" m,")[0])
+    results, t = run(structure, 1e3, 11, **pressed), np.linspace(0, 1e3, 11)
+    assert results.status[0] == Status.OK
+    assert results.messages[0].startswith("extrapolated: ")
+    lift = float(results.messages[0].split("by at most ")[1].split(" m,")[0])
     assert 0 < lift < 1e-7
-    assert np.abs(found.histories["displacement"][0, 1:]).max() <= lift
-    held = found.histories["impulse"][0, 1:] - found.histories["impulse"][0, 1]
-    np.testing.assert_allclose(held, 2.0 * (t[1:] - t[1]), rtol=0, atol=1e-7)
+    assert np.abs(results.histories["displacement"][0, 1:]).max() <= lift
+    impulse = results.histories["impulse"][0, 1:] - results.histories["impulse"][0, 1]
+    np.testing.assert_allclose(impulse, 2.0 * (t[1:] - t[1]), rtol=0, atol=1e-7)
     few = step(structure, make_cases(structure, **pressed), 1.0, sampling(1e3, 100.0), "event_driven", events=1000)
     assert few.status[0] == Status.FAILED  # still bouncing too high
     assert "after 1000 contact events" in few.messages[0]

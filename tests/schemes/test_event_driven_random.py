@@ -91,16 +91,16 @@ def compare(seed: int, moving: bool = False, over: Sampling = TIMES) -> int:
     moved = np.where(case.displacement[:, -1] == case.casing_at(0.0), 0.0, 1e-12 * np.maximum(np.abs(case.gap), 0.1))
     nearby = event_driven.compute(operator, replace(case, gap=case.gap + moved), over)
     reference = Reference(structure, case).solve(over.times)
-    known = over.times < reference.reached - 1e-9
+    reached = over.times < reference.reached - 1e-9
     apart = ~(np.abs(nearby.histories["displacement"][0] - results.histories["displacement"][0]) < 3e-11)
-    known &= np.cumsum(apart) == 0
+    reached &= np.cumsum(apart) == 0
     for name in ("displacement", "temperature", "impulse"):
-        ours, theirs = results.histories[name][0, known], getattr(reference, name)[known]
+        ours, theirs = results.histories[name][0, reached], getattr(reference, name)[reached]
         scale = max(float(np.linalg.norm(theirs)), 1e-3)
         assert np.linalg.norm(ours - theirs) <= accuracy * scale, (seed, name)
     for name in ("energy_residual", "heat_residual") if moving and results.status[0] == Status.OK else ():
         assert abs(results.metrics[name][0]) <= 1e-9, (seed, name)
-    last = int(np.flatnonzero(known)[-1])
+    last = int(np.flatnonzero(reached)[-1])
     if last > 0:  # run to there with no sample between: the largest temperature knows of none
         end = float(over.times[last])
         ours = event_driven.compute(operator, case, Sampling(end, end, 2)).metrics["max_temperature"][0]
@@ -134,9 +134,9 @@ def against_reference(structure: Structure, case: Cases) -> float:
     """Return the largest relative error of the three histories, as far as the reference came."""
     results = event_driven.compute(event_driven.init(structure, 0.0, event_driven.Options()), case, TIMES)
     reference = Reference(structure, case).solve(TIMES.times)
-    known = TIMES.times < reference.reached - 1e-9
+    reached = TIMES.times < reference.reached - 1e-9
     return max(
-        relative(results.histories[name][0, known], getattr(reference, name)[known])
+        relative(results.histories[name][0, reached], getattr(reference, name)[reached])
         for name in ("displacement", "temperature", "impulse")
     )
 
@@ -203,9 +203,9 @@ def test_full_reduction_changes_nothing(e: float) -> None:
     structure, times = heavy_chain(), sampling(0.3, 1e-3)
     rub = {"e": e, "alpha": 50.0, "gap": 5e-5, "amplitude": 100.0, "frequency": 20.0}
     reduced = reduce_structure(structure, 19, 19).structure
-    found = [
+    runs = [
         event_driven.compute(event_driven.init(s, 0.0, event_driven.Options()), cases(s, **rub), times)
         for s in (structure, reduced)
     ]
     for name in ("displacement", "temperature", "impulse"):
-        assert relative(found[1].histories[name], found[0].histories[name]) <= 1e-12
+        assert relative(runs[1].histories[name], runs[0].histories[name]) <= 1e-12

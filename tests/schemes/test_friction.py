@@ -67,7 +67,7 @@ def rubbing(structure: Any, count: int = 1, **values: Any) -> Cases:
 def test_steps_are_those_of_plain_matrices(scheme: str) -> None:
     structure, h = random_structure(np.random.default_rng(1), 4), 2e-4
     batch = rubbing(structure, 3, friction=[0.0, 0.75, 0.4])
-    found = ran(structure, batch, scheme, h, sampling(0.1, h))
+    results = ran(structure, batch, scheme, h, sampling(0.1, h))
     options = {name: value for name, value in FIXED[scheme][1].items() if name != "integration"}
     plain = {
         "implicit_euler": lambda case: plain_moreau.march(structure, case, h, 1.0, 500),
@@ -76,11 +76,11 @@ def test_steps_are_those_of_plain_matrices(scheme: str) -> None:
         "spring": lambda case: plain_penalty.explicit(structure, case, h, 500, **options),
         "implicit_spring": lambda case: plain_penalty.implicit(structure, case, h, 500, **options),
     }[scheme]
-    assert found.metrics["impacts"].min() > 0
+    assert results.metrics["impacts"].min() > 0
     for case in range(3):
         expected = plain(alone(batch, case))
         for name in ("displacement", "velocity", "temperature"):
-            assert relative(found.histories[name][case], getattr(expected, name)[:, -1]) < 1e-11
+            assert relative(results.histories[name][case], getattr(expected, name)[:, -1]) < 1e-11
 
 
 @pytest.mark.parametrize(("friction", "alpha", "e"), [(0.6, 0.0, 0.0), (0.6, 0.5, 0.6), (0.3, 0.5, 0.0)])
@@ -88,22 +88,22 @@ def test_the_exact_solution_is_that_of_dop853(friction: float, alpha: float, e: 
     structure = random_structure(np.random.default_rng(7), 3)
     batch = rubbing(structure, friction=friction, alpha=alpha, e=e)
     over = sampling(0.3, 0.01)
-    found, expected = step(structure, batch, 1.0, over, "event_driven"), None
+    results, expected = step(structure, batch, 1.0, over, "event_driven"), None
     expected = plain_events.Reference(structure, batch).solve(over.times)
     reached = ~np.isnan(expected.displacement)
     assert reached.sum() > 3
     for name in ("displacement", "impulse", "temperature"):
-        ours, theirs = found.histories[name][0][reached], getattr(expected, name)[reached]
+        ours, theirs = results.histories[name][0][reached], getattr(expected, name)[reached]
         assert np.abs(ours - theirs).max() <= 1e-10 * np.abs(theirs).max()
 
 
 def test_a_damping_ratio_couples_the_modes_of_a_tip_that_slides() -> None:
     structure = replace(random_structure(np.random.default_rng(3), 3), damping=Rayleigh(ratio=0.02))
     batch, over = rubbing(structure, friction=0.3, e=0.0), sampling(0.3, 0.01)
-    found = step(structure, batch, 1.0, replace(over, balances=True), "event_driven")
+    results = step(structure, batch, 1.0, replace(over, balances=True), "event_driven")
     expected = plain_events.Reference(structure, batch).solve(over.times)
-    assert np.abs(found.histories["displacement"][0] - expected.displacement).max() < 1e-10 * 1e-3
-    assert abs(found.metrics["energy_residual"][0]) < 1e-12
+    assert np.abs(results.histories["displacement"][0] - expected.displacement).max() < 1e-10 * 1e-3
+    assert abs(results.metrics["energy_residual"][0]) < 1e-12
 
 
 # Closed forms of a mass on two springs.
@@ -123,9 +123,9 @@ def test_a_pressed_tip_that_slides_stays_where_it_is(scheme: str) -> None:
     expected = np.array([pressed(mu, load, gap, -30.0) for mu in friction])
     np.testing.assert_allclose(np.array(rest)[:, TANGENT], expected[:, 0], rtol=1e-13)
     batch = cases(structure, 3, friction=friction, mean=load, gap=gap, displacement=rest)
-    found = ran(structure, batch, scheme, 1e-3, sampling(2.0, 0.1))
-    np.testing.assert_allclose(found.histories["displacement"], gap, rtol=1e-13)
-    np.testing.assert_allclose(found.histories["impulse"][:, -1], expected[:, 1] * 2.0, rtol=1e-3)
+    results = ran(structure, batch, scheme, 1e-3, sampling(2.0, 0.1))
+    np.testing.assert_allclose(results.histories["displacement"], gap, rtol=1e-13)
+    np.testing.assert_allclose(results.histories["impulse"][:, -1], expected[:, 1] * 2.0, rtol=1e-3)
 
 
 def test_what_friction_jams_has_no_place_on_the_casing() -> None:
@@ -142,10 +142,10 @@ def test_an_impact_along_the_direction_of_force() -> None:
     m, e, speed, friction = 0.4, 0.6, 2.0, np.array([0.0, 0.5, 1.5])
     structure = slider(inertia=m)
     batch = cases(structure, 3, friction=friction, e=e, velocity=[0.0, speed])
-    found = ran(structure, batch, "event_driven", 1.0, sampling(1e-4, 1e-4))
+    results = ran(structure, batch, "event_driven", 1.0, sampling(1e-4, 1e-4))
     mobility = (1 + friction * m) / (1 - m * m)
-    np.testing.assert_array_equal(found.metrics["impacts"], 1)
-    np.testing.assert_allclose(found.histories["impulse"][:, -1], (1 + e) * speed / mobility, rtol=1e-13)
+    np.testing.assert_array_equal(results.metrics["impacts"], 1)
+    np.testing.assert_allclose(results.histories["impulse"][:, -1], (1 + e) * speed / mobility, rtol=1e-13)
     stepped = ran(structure, batch, "implicit_euler", 1e-9, sampling(1e-9, 1e-9))
     np.testing.assert_allclose(stepped.histories["impulse"][:, -1], (1 + e) * speed / mobility, rtol=1e-13)
     np.testing.assert_array_equal(stepped.histories["velocity"][:, -1], -e * speed)
@@ -157,10 +157,10 @@ def test_where_an_impulse_pushes_inwards_contact_has_no_solution(scheme: str) ->
     structure = slider(inertia=-0.5)
     assert critical_friction(structure).impact == pytest.approx(2.0, rel=1e-12)
     batch = cases(structure, 4, friction=[1.9, 2.1, 2.1, 0.0], velocity=[0.0, 0.5], gap=[0.01, 0.01, 1.0, 0.01])
-    found = ran(structure, batch, scheme, 1e-3, sampling(0.1, 0.01))
-    assert found.status.tolist() == [Status.OK, Status.ILL_POSED, Status.OK, Status.OK]
-    assert "friction" in found.messages[1]
-    assert np.isnan(found.histories["displacement"][1, -1])
+    results = ran(structure, batch, scheme, 1e-3, sampling(0.1, 0.01))
+    assert results.status.tolist() == [Status.OK, Status.ILL_POSED, Status.OK, Status.OK]
+    assert "friction" in results.messages[1]
+    assert np.isnan(results.histories["displacement"][1, -1])
 
 
 @pytest.mark.slow
@@ -170,8 +170,8 @@ def test_a_contact_spring_is_ill_posed_later() -> None:
     batch = cases(structure, 2, friction=2.5, velocity=[0.0, 0.5], gap=0.01)
     for stiffness, status in ((1e3, Status.OK), (1e9, Status.ILL_POSED)):
         options = {"stiffness": stiffness, "integration": "implicit"}
-        found = step(structure, batch, 1e-3, sampling(0.03, 0.01), "penalty", **options)
-        assert found.status.tolist() == [status, status]
+        results = step(structure, batch, 1e-3, sampling(0.03, 0.01), "penalty", **options)
+        assert results.status.tolist() == [status, status]
 
 
 # Balances, bits, growth.
@@ -181,9 +181,9 @@ def test_a_contact_spring_is_ill_posed_later() -> None:
 def test_the_work_of_friction_is_in_the_balance(scheme: str) -> None:
     structure = random_structure(np.random.default_rng(1), 4)
     batch = rubbing(structure, 3, friction=[0.0, 0.75, 0.4])
-    found = ran(structure, batch, scheme, 2e-4, sampling(0.2, 1e-2))
-    assert np.abs(found.metrics["energy_residual"]).max() < 1e-12
-    assert found.metrics["impacts"].min() > 0
+    results = ran(structure, batch, scheme, 2e-4, sampling(0.2, 1e-2))
+    assert np.abs(results.metrics["energy_residual"]).max() < 1e-12
+    assert results.metrics["impacts"].min() > 0
 
 
 @pytest.mark.parametrize("scheme", [*EVERY, "event_driven"])

@@ -49,8 +49,8 @@ def test_cases_of_one_batch_may_have_contact_springs_of_their_own() -> None:
     laws = [law_of(operator) for operator in operators if isinstance(operator, Operator)]
     each = {name: np.array([getattr(law, name) for law in laws]) for name in Linear._fields if name != "holds"}
     together = laws[0]._replace(**each)
-    found = penalty.compute(replace(operators[0], law_of=lambda _: together), loaded, SAMPLING)
-    assert len(set(found.histories["impulse"][:, -1])) == 3
+    results = penalty.compute(replace(operators[0], law_of=lambda _: together), loaded, SAMPLING)
+    assert len(set(results.histories["impulse"][:, -1])) == 3
     for k, operator in enumerate(operators):
         alone = penalty.compute(operator, loaded.take(slice(k, k + 1)), SAMPLING)
-        assert same_bits(alone, taken(found, slice(k, k + 1)))
+        assert same_bits(alone, taken(results, slice(k, k + 1)))

@@ -26,26 +26,26 @@ def audited(duration: float, interval: float) -> Sampling:
 
 
 def reduced(basis: str, mechanical: int = 3, thermal: int = 5) -> Reduction:
-    found = reduce_structure(heavy_chain(), mechanical, thermal, basis)
-    assert found.structure.has_massless_tip
-    return found
+    reduction = reduce_structure(heavy_chain(), mechanical, thermal, basis)
+    assert reduction.structure.has_massless_tip
+    return reduction
 
 
 @pytest.mark.parametrize("theta", [1.0, 0.5])
 @pytest.mark.parametrize("basis", LIGHTENED)
 def test_a_step_is_that_of_plain_matrices(basis: str, theta: float) -> None:
     """Bent, moving and warm starts under constant and harmonic loads, with friction heat; a tip that is let go."""
-    whole, found, h = heavy_chain(), reduced(basis), 1e-5
+    whole, reduction, h = heavy_chain(), reduced(basis), 1e-5
     rng = np.random.default_rng(1)
     batch = cases(
         whole, 3, e=0.7, alpha=[0.0, 0.5, 0.9], gap=[2e-5, 3e-5, 5e-5], amplitude=100.0, frequency=200.0, phase=0.3,
         steady=rng.normal(size=20), heating=0.5, displacement=1e-6 * rng.normal(size=20),
         velocity=1e-2 * rng.normal(size=20), temperature=rng.uniform(size=20),
     )  # fmt: skip
-    small = found.project(batch)
-    run = step(found.structure, small, h, audited(0.02, 1e-4), theta=theta)
+    small = reduction.project(batch)
+    run = step(reduction.structure, small, h, audited(0.02, 1e-4), theta=theta)
     for case in range(3):
-        plain = march_by_place(found.structure, small.take(slice(case, case + 1)), h, theta, 2000)
+        plain = march_by_place(reduction.structure, small.take(slice(case, case + 1)), h, theta, 2000)
         for name, values in (("displacement", plain.displacement[:, -1]), ("temperature", plain.temperature[:, -1]),
                              ("impulse", np.append(0.0, np.cumsum(plain.impulse)))):  # fmt: skip
             assert np.abs(run.histories[name][case] - values[::10]).max() < 1e-9 * np.abs(values).max(), name
@@ -62,21 +62,21 @@ def test_energy_never_grows(theta: float, data: st.DataObject) -> None:
     start = rng.normal(size=nodes)
     batch = cases(structure, 1, gap=0.1, velocity=start, displacement=0.1 - 0.3 * np.abs(start))
     for basis in LIGHTENED:
-        found = reduce_structure(structure, kept, 0, basis)
-        if found.structure.has_massless_tip:  # not a free tip that no mode holds
-            motion = march_by_place(found.structure, found.project(batch), 0.02, theta, 200)
-            places, stiffness = np.abs(motion.displacement), np.abs(found.structure.stiffness_matrix)
+        reduction = reduce_structure(structure, kept, 0, basis)
+        if reduction.structure.has_massless_tip:  # not a free tip that no mode holds
+            motion = march_by_place(reduction.structure, reduction.project(batch), 0.02, theta, 200)
+            places, stiffness = np.abs(motion.displacement), np.abs(reduction.structure.stiffness_matrix)
             terms = np.einsum("ti,ij,tj->t", places, stiffness, places).max()  # rounding is a share of them
-            assert np.all(np.diff(motion.energy(found.structure)) <= 1e-12 * terms)
+            assert np.all(np.diff(motion.energy(reduction.structure)) <= 1e-12 * terms)
             assert motion.displacement[:, -1].max() <= 0.1
 
 
 def test_newtons_law_at_velocity_level_gains_energy_without_mass() -> None:
     """What the law by place is for: θ = 1/2 and the velocity law, started against the casing."""
-    found = reduced("massless")
-    batch = found.project(cases(heavy_chain(), 1, e=0.0, gap=2e-5, velocity=np.linspace(0.0, 1.0, 20)))
-    by_velocity = march(found.structure, batch, 1e-5, 0.5, 3000).energy(found.structure)
-    by_place = march_by_place(found.structure, batch, 1e-5, 0.5, 3000).energy(found.structure)
+    reduction = reduced("massless")
+    batch = reduction.project(cases(heavy_chain(), 1, e=0.0, gap=2e-5, velocity=np.linspace(0.0, 1.0, 20)))
+    by_velocity = march(reduction.structure, batch, 1e-5, 0.5, 3000).energy(reduction.structure)
+    by_place = march_by_place(reduction.structure, batch, 1e-5, 0.5, 3000).energy(reduction.structure)
     assert by_velocity.max() > 2 * by_velocity[0]
     assert by_place.max() <= (1 + 1e-12) * by_place[0]
 
@@ -96,9 +96,9 @@ def test_an_explicit_step_cannot_move_a_tip_without_mass() -> None:
 
 
 def test_theta_below_one_half_diverges_at_any_step() -> None:
-    found = reduced("massless")
-    batch = found.project(cases(heavy_chain(), 1, gap=1.0, displacement=1e-6))
-    run = step(found.structure, batch, 1e-9, audited(1e-7, 1e-8), theta=0.4)
+    reduction = reduced("massless")
+    batch = reduction.project(cases(heavy_chain(), 1, gap=1.0, displacement=1e-6))
+    run = step(reduction.structure, batch, 1e-9, audited(1e-7, 1e-8), theta=0.4)
     assert run.status.tolist() == [Status.DIVERGED]
     assert "1.5-fold" in run.messages[0]
     assert "at no h" in run.messages[0]
@@ -106,13 +106,13 @@ def test_theta_below_one_half_diverges_at_any_step() -> None:
 
 @pytest.mark.parametrize("basis", LIGHTENED)
 def test_a_stiff_implicit_penalty_is_near_the_law_by_place(basis: str) -> None:
-    found = reduced(basis)
-    batch = found.project(cases(heavy_chain(), 1, alpha=0.5, gap=5e-5, amplitude=100.0, frequency=20.0))
+    reduction = reduced(basis)
+    batch = reduction.project(cases(heavy_chain(), 1, alpha=0.5, gap=5e-5, amplitude=100.0, frequency=20.0))
     over = audited(0.05, 1e-3)
-    rigid = step(found.structure, batch, 1e-5, over)
+    rigid = step(reduction.structure, batch, 1e-5, over)
     apart = []
     for stiffness in (1e8, 1e10):
-        soft = step(found.structure, batch, 1e-5, over, "penalty", integration="implicit", stiffness=stiffness)
+        soft = step(reduction.structure, batch, 1e-5, over, "penalty", integration="implicit", stiffness=stiffness)
         assert soft.status.tolist() == [Status.OK]
         apart.append(np.abs(soft.histories["displacement"] - rigid.histories["displacement"]).max())
     assert apart[1] < 0.02 * apart[0] < 0.02 * 1e-6
@@ -121,8 +121,8 @@ def test_a_stiff_implicit_penalty_is_near_the_law_by_place(basis: str) -> None:
 @pytest.mark.parametrize("basis", LIGHTENED)
 def test_the_balance_of_energy_closes(basis: str) -> None:
     """To rounding for θ = 1/2, with loads, heat and contact: all modes, that of the tip included, are in it."""
-    found = reduced(basis)
-    batch = found.project(cases(heavy_chain(), 1, alpha=0.5, gap=5e-5, amplitude=100.0, frequency=20.0))
-    run = step(found.structure, batch, 1e-5, audited(0.05, 1e-3), theta=0.5)
+    reduction = reduced(basis)
+    batch = reduction.project(cases(heavy_chain(), 1, alpha=0.5, gap=5e-5, amplitude=100.0, frequency=20.0))
+    run = step(reduction.structure, batch, 1e-5, audited(0.05, 1e-3), theta=0.5)
     assert run.metrics["impacts"] > 0
     assert abs(run.metrics["energy_residual"]) < 1e-12

@@ -23,11 +23,11 @@ def test_siconos_trajectories(theta: float, e: float, file: str) -> None:
     with np.load(DATA / f"siconos_{file}.npz") as siconos:
         structure = siconos_chain()
         batch = cases(structure, e=e, gap=1e-4, amplitude=20.0, frequency=50.0)
-        found = step(structure, batch, 1e-5, sampling(0.2, 1e-5), theta=theta).histories
-        impulse_per_step = np.diff(found["impulse"][0], prepend=0.0)
+        histories = step(structure, batch, 1e-5, sampling(0.2, 1e-5), theta=theta).histories
+        impulse_per_step = np.diff(histories["impulse"][0], prepend=0.0)
         for ours, theirs in (
-            (found["displacement"][0], siconos["displacement"]),
-            (found["velocity"][0], siconos["velocity"]),
+            (histories["displacement"][0], siconos["displacement"]),
+            (histories["velocity"][0], siconos["velocity"]),
             (impulse_per_step, siconos["impulse_per_step"]),
         ):
             assert np.abs(ours - theirs).max() <= 1e-9 * np.abs(theirs).max()
@@ -68,17 +68,17 @@ def test_modal_kernel_is_the_plain_scheme() -> None:
         structure, batch, theta, h = scene
         steps = 40
         plain = march(structure, batch, h, theta, steps)
-        found = step(structure, batch, h, sampling(steps * h, h), theta=theta)
-        if found.status[0] == Status.ILL_POSED:
+        results = step(structure, batch, h, sampling(steps * h, h), theta=theta)
+        if results.status[0] == Status.ILL_POSED:
             return
         x, v, T = plain.displacement[:, -1], plain.velocity[:, -1], plain.temperature[:, -1]
         if np.any(np.abs(x + h / 2 * v - batch.gap[0]) < 1e-12):
             return  # rounding may decide this activation differently in two implementations
         for ours, theirs in (
-            (found.histories["displacement"][0], x),
-            (found.histories["velocity"][0], v),
-            (found.histories["temperature"][0], T),
-            (found.histories["impulse"][0][1:], np.cumsum(plain.impulse)),
+            (results.histories["displacement"][0], x),
+            (results.histories["velocity"][0], v),
+            (results.histories["temperature"][0], T),
+            (results.histories["impulse"][0][1:], np.cumsum(plain.impulse)),
         ):
             scale = max(1.0, np.abs(theirs).max())
             worst = max(worst, float(np.abs(ours - theirs).max() / scale))
@@ -105,8 +105,8 @@ def test_order_on_a_smooth_arc(theta: float, order: int, largest: float) -> None
     batch = cases(structure, gap=10.0, displacement=start)
     errors = []
     for h in steps:
-        found = step(structure, batch, h, sampling(duration, 0.1), theta=theta).histories["displacement"][0, -1]
-        errors.append(abs(found - exact))
+        end = step(structure, batch, h, sampling(duration, 0.1), theta=theta).histories["displacement"][0, -1]
+        errors.append(abs(end - exact))
     slope = np.polyfit(np.log(steps), np.log(errors), 1)[0]
     assert abs(slope - order) < 0.1
     assert errors[-1] < largest
@@ -117,8 +117,8 @@ def test_bouncing_ball() -> None:
     m, g, height, e, h = 0.7, 9.81, 1.0, 0.9, 1e-4
     structure = chain(nodes=1, mass=m, stiffness=0.0)
     batch = cases(structure, e=e, gap=height, mean=m * g)
-    found = step(structure, batch, h, sampling(10.0, h), theta=0.5)
-    impulse = np.diff(found.histories["impulse"][0])
+    results = step(structure, batch, h, sampling(10.0, h), theta=0.5)
+    impulse = np.diff(results.histories["impulse"][0])
     times = np.arange(1, impulse.size + 1) * h
     tau = np.sqrt(2 * height / g)
     exact = tau * (1 + 2 * np.concatenate([[0], np.cumsum(e ** np.arange(1, 12))]))
@@ -128,8 +128,8 @@ def test_bouncing_ball() -> None:
     assert rest == pytest.approx(8.5789491787, abs=1e-9)
     at_rest = times > rest + 0.3
     assert np.abs(impulse[at_rest] - m * g * h).max() < 1e-12 * m * g * h * 1e3
-    assert np.ptp(found.histories["displacement"][0, 1:][at_rest]) < 1e-12
-    assert found.metrics["contact_time"][0] > 10.0 - rest - 0.3
+    assert np.ptp(results.histories["displacement"][0, 1:][at_rest]) < 1e-12
+    assert results.metrics["contact_time"][0] > 10.0 - rest - 0.3
 
 
 @pytest.mark.parametrize(("theta", "least", "most"), [(0.5, 0.98, 1.0), (1.0, 0.47, 0.50)])
@@ -146,9 +146,9 @@ def test_clamped_bar_released_against_its_wall(theta: float, least: float, most:
     energy = plain.energy(structure)
     assert energy[0] == pytest.approx(1 / 8, rel=1e-3)
     assert least <= energy[-1] / energy[0] <= most
-    found = step(structure, batch, h, sampling(12.0, h), theta=theta)
-    assert np.abs(found.histories["displacement"][0] - plain.displacement[:, -1]).max() < 1e-10
-    force = np.diff(found.histories["impulse"][0]) / h
+    results = step(structure, batch, h, sampling(12.0, h), theta=theta)
+    assert np.abs(results.histories["displacement"][0] - plain.displacement[:, -1]).max() < 1e-10
+    force = np.diff(results.histories["impulse"][0]) / h
     t = np.arange(1, force.size + 1) * h
     during = force[(t > 1.1) & (t < 1.9)]
     if theta == 0.5:
@@ -160,14 +160,14 @@ def test_clamped_bar_released_against_its_wall(theta: float, least: float, most:
 def test_blade_against_its_exact_figures(nodes: int) -> None:
     """Ten contacts in ten periods, impulse 0.106 to 0.365 N s, peaks 4.2 and 9.5 N."""
     structure = blade(nodes)
-    found = step(structure, blade_rub(structure), 1e-5, sampling(2.0, 1e-3), theta=0.5)
-    first, last = found.period_impulse[0, [0, -1]]
-    assert found.metrics["impacts"][0] == 10
+    results = step(structure, blade_rub(structure), 1e-5, sampling(2.0, 1e-3), theta=0.5)
+    first, last = results.period_impulse[0, [0, -1]]
+    assert results.metrics["impacts"][0] == 10
     assert first == pytest.approx(0.106, rel=0.02)
     assert last == pytest.approx(0.365, rel=0.02)
     assert last / first == pytest.approx(3.4440, rel=0.005)  # n = 80, 3.44396: the tip's half cell converges
-    force = np.diff(found.histories["impulse"][0]) / 1e-3
+    force = np.diff(results.histories["impulse"][0]) / 1e-3
     assert force[:200].max() == pytest.approx(4.2, rel=0.01)
     assert force[-200:].max() == pytest.approx(9.5, rel=0.01)
     if nodes == 20:
-        assert found.metrics["max_temperature"][0] == pytest.approx(408, rel=0.005)
+        assert results.metrics["max_temperature"][0] == pytest.approx(408, rel=0.005)

@@ -41,9 +41,9 @@ def test_any_number_of_cases(count: int) -> None:
     structure = heavy_chain()
     batch = batch_of(structure, 2 * LANES + PACK)
     over = sampling(0.02, 1e-3)
-    found = step(structure, batch.take(slice(0, count)), 1e-4, over)
+    results = step(structure, batch.take(slice(0, count)), 1e-4, over)
     for case in {0, count // 2, count - 1}:
-        assert same_bits(step(structure, alone(batch, case), 1e-4, over), taken(found, slice(case, case + 1)))
+        assert same_bits(step(structure, alone(batch, case), 1e-4, over), taken(results, slice(case, case + 1)))
 
 
 @pytest.mark.parametrize("nodes", range(1, 12))
@@ -61,10 +61,10 @@ def test_any_number_of_modes(nodes: int) -> None:
     )
     batch = cases(structure, e=0.5, alpha=0.3, gap=0.2, amplitude=2.0, frequency=0.1, heating=0.01)
     plain = march(structure, batch, 0.05, 0.7, 200)
-    found = step(structure, batch, 0.05, sampling(10.0, 0.05), theta=0.7)
+    results = step(structure, batch, 0.05, sampling(10.0, 0.05), theta=0.7)
     assert plain.impulse.sum() > 0
-    assert np.abs(found.histories["displacement"][0] - plain.displacement[:, -1]).max() < 1e-10
-    assert np.abs(found.histories["temperature"][0] - plain.temperature[:, -1]).max() < 1e-10
+    assert np.abs(results.histories["displacement"][0] - plain.displacement[:, -1]).max() < 1e-10
+    assert np.abs(results.histories["temperature"][0] - plain.temperature[:, -1]).max() < 1e-10
 
 
 @pytest.mark.parametrize("link", [0.0, 1e-20, 1e-9])
@@ -81,10 +81,10 @@ def test_heat_that_hardly_reaches_the_tip(link: float) -> None:
     )
     batch = cases(structure, e=0.5, alpha=0.3, gap=0.2, amplitude=2.0, frequency=0.1, temperature=[[1, 2, 3, 2, 0]])
     plain = march(structure, batch, 0.05, 0.7, 200)
-    found = step(structure, batch, 0.05, sampling(10.0, 0.05), theta=0.7)
+    results = step(structure, batch, 0.05, sampling(10.0, 0.05), theta=0.7)
     assert plain.impulse.sum() > 0
     for name, expected in (("displacement", plain.displacement), ("temperature", plain.temperature)):
-        assert np.abs(found.histories[name][0] - expected[:, -1]).max() < 1e-10
+        assert np.abs(results.histories[name][0] - expected[:, -1]).max() < 1e-10
 
 
 def test_reduced_blade_in_a_batch_is_the_case_alone() -> None:
@@ -92,8 +92,8 @@ def test_reduced_blade_in_a_batch_is_the_case_alone() -> None:
     reduction = reduce_structure(structure, 3, 12)
     batch = reduction.project(batch_of(structure, 11))
     over = sampling(0.02, 1e-3)
-    found = step(reduction.structure, batch, 1e-4, over, theta=0.5)
-    assert same_bits(step(reduction.structure, alone(batch, 9), 1e-4, over, theta=0.5), taken(found, slice(9, 10)))
+    results = step(reduction.structure, batch, 1e-4, over, theta=0.5)
+    assert same_bits(step(reduction.structure, alone(batch, 9), 1e-4, over, theta=0.5), taken(results, slice(9, 10)))
 
 
 def test_threads_share_nothing() -> None:
@@ -103,8 +103,8 @@ def test_threads_share_nothing() -> None:
     over = sampling(0.1, 1e-3)
     expected = step(structure, batch, 1e-4, over)
     with ThreadPoolExecutor(2) as pool:
-        for found in pool.map(lambda _: step(structure, batch, 1e-4, over), range(4)):
-            assert same_bits(found, expected)
+        for results in pool.map(lambda _: step(structure, batch, 1e-4, over), range(4)):
+            assert same_bits(results, expected)
 
 
 def test_lane_rows_begin_on_a_cache_line() -> None:
@@ -119,9 +119,9 @@ def test_lane_rows_begin_on_a_cache_line() -> None:
 @given(st.floats(1e-6, 1.0), st.floats(1e-6, 1.0), st.integers(2, 60))
 def test_samples_are_placed_exactly(interval: float, h: float, count: int) -> None:
     """Decimal arithmetic, whether the products fit in int64 or not."""
-    found = schedule(Sampling((count - 1) * interval, interval, count), h)
+    samples = schedule(Sampling((count - 1) * interval, interval, count), h)
     ratio = Fraction(repr(interval)) / Fraction(repr(h))
     for k in range(count):
         whole, rest = divmod(k * ratio, 1)
         due, weight = (whole, 1.0) if rest == 0 else (whole + 1, float(rest))
-        assert (found.due[k], found.weight[k]) == ((due, weight) if due <= found.steps else (found.steps, 1.0))
+        assert (samples.due[k], samples.weight[k]) == ((due, weight) if due <= samples.steps else (samples.steps, 1.0))

@@ -41,13 +41,13 @@ def test_bits_do_not_depend_on_the_batch() -> None:
 
 def _trimmed(results: schemes.Results, first: int, count: int) -> schemes.Results:
     """Some cases of a batch, with as many columns of periods as they have on their own."""
-    found = taken(results, slice(first, first + count))
-    periods = int(np.max(np.sum(~np.isnan(found.period_impulse), axis=1)))
+    part = taken(results, slice(first, first + count))
+    periods = int(np.max(np.sum(~np.isnan(part.period_impulse), axis=1)))
     return replace(
-        found,
-        period_impulse=found.period_impulse[:, :periods].copy(),
-        period_temperature=found.period_temperature[:, :periods].copy(),
-        period_contact=found.period_contact[:, :periods].copy(),
+        part,
+        period_impulse=part.period_impulse[:, :periods].copy(),
+        period_temperature=part.period_temperature[:, :periods].copy(),
+        period_contact=part.period_contact[:, :periods].copy(),
     )
 
 
@@ -59,10 +59,10 @@ def test_a_lost_neighbour_changes_nothing() -> None:
         sick = batch.take(np.arange(9))
         sick.velocity[4, -1] = poison
         sick.alpha[4] = 0.0 if poison != 1e300 else 1e12
-        found = step(structure, sick, 1e-3, over)
-        assert found.status[4] != Status.OK
+        results = step(structure, sick, 1e-3, over)
+        assert results.status[4] != Status.OK
         for part in (slice(0, 4), slice(5, 9)):
-            assert same_bits(taken(found, part), taken(clean, part))
+            assert same_bits(taken(results, part), taken(clean, part))
 
 
 def test_samples_between_step_ends_are_linear_and_on_them_exact() -> None:
@@ -78,20 +78,20 @@ def test_last_step_beyond_the_duration_counts_up_to_it() -> None:
     """duration/h = 12.5: the metrics end where the last sample lies."""
     structure = chain(nodes=1, mass=1.0, stiffness=0.0)
     batch = cases(structure, gap=0.0, mean=1.0)
-    found = step(structure, batch, 0.08, sampling(1.0, 0.5))
-    assert found.metrics["steps"][0] == 13
-    assert found.metrics["contact_time"][0] == pytest.approx(1.0, rel=1e-12)
-    assert found.histories["impulse"][0, -1] == pytest.approx(1.0, rel=1e-12)
+    results = step(structure, batch, 0.08, sampling(1.0, 0.5))
+    assert results.metrics["steps"][0] == 13
+    assert results.metrics["contact_time"][0] == pytest.approx(1.0, rel=1e-12)
+    assert results.histories["impulse"][0, -1] == pytest.approx(1.0, rel=1e-12)
 
 
 def test_load_periods_close_exactly() -> None:
     """Impulses of the periods add up, and shares of contact times the period do too."""
     structure = blade()
-    found = step(structure, blade_rub(structure), 3e-4, sampling(2.0, 1e-3))
-    assert found.period_impulse.shape == (1, 10)
-    assert found.period_impulse.sum() == pytest.approx(found.histories["impulse"][0, -1], rel=1e-12)
-    assert found.period_contact.sum() * 0.2 == pytest.approx(found.metrics["contact_time"][0], rel=1e-12)
-    assert found.period_temperature.max() == found.metrics["max_temperature"][0]
+    results = step(structure, blade_rub(structure), 3e-4, sampling(2.0, 1e-3))
+    assert results.period_impulse.shape == (1, 10)
+    assert results.period_impulse.sum() == pytest.approx(results.histories["impulse"][0, -1], rel=1e-12)
+    assert results.period_contact.sum() * 0.2 == pytest.approx(results.metrics["contact_time"][0], rel=1e-12)
+    assert results.period_temperature.max() == results.metrics["max_temperature"][0]
 
 
 def test_thermal_states_cost_nothing_where_they_cannot_act() -> None:

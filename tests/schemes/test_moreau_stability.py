@@ -44,8 +44,8 @@ def test_energy_never_rises_but_by_the_known_work() -> None:
     def check(scene: tuple) -> None:
         nonlocal impacts
         structure, batch, theta, h, e = scene
-        found = march(structure, batch, h, theta, 60)
-        energy, p, v = found.energy(structure), found.impulse, found.velocity[:-1, -1]
+        path = march(structure, batch, h, theta, 60)
+        energy, p, v = path.energy(structure), path.impulse, path.velocity[:-1, -1]
         rise = np.diff(energy)
         rounding = 1e-12 * max(energy.max(), 1e-300)
         impacts += int(np.sum(p > 0))
@@ -64,28 +64,28 @@ def test_energy_never_rises_but_by_the_known_work() -> None:
 def test_bounded_at_any_step(theta: float, h: float) -> None:
     structure = heavy_chain()
     batch = cases(structure, gap=5e-5, amplitude=100.0, frequency=0.7)
-    found = step(structure, batch, h, sampling(10.0, h), theta=theta)
-    assert found.status[0] == Status.OK
-    assert found.metrics["contact_time"][0] > 0
-    assert np.abs(found.histories["displacement"]).max() <= 1.2e-4
+    results = step(structure, batch, h, sampling(10.0, h), theta=theta)
+    assert results.status[0] == Status.OK
+    assert results.metrics["contact_time"][0] > 0
+    assert np.abs(results.histories["displacement"]).max() <= 1.2e-4
 
 
 def test_ill_posed_case_names_the_limit_of_the_step() -> None:
     """W <= 0 where heat closes the gap faster than the impulse opens it; W is positive below the named h."""
     structure = heavy_chain()
     batch = cases(structure, 2, alpha=[1e8, 5.0], gap=5e-5, amplitude=100.0, frequency=20.0)
-    found = step(structure, batch, 1e-3, sampling(0.05, 1e-3))
-    assert list(found.status) == [Status.ILL_POSED, Status.OK]
-    assert "no unique solution" in found.messages[0]
-    assert np.isnan(found.histories["displacement"][0, -1])
-    assert np.isnan(found.metrics["contact_time"][0])
-    limit = float(found.messages[0].split("at alpha = 1e+08): ")[1].split(" s is the limit")[0])
+    results = step(structure, batch, 1e-3, sampling(0.05, 1e-3))
+    assert list(results.status) == [Status.ILL_POSED, Status.OK]
+    assert "no unique solution" in results.messages[0]
+    assert np.isnan(results.histories["displacement"][0, -1])
+    assert np.isnan(results.metrics["contact_time"][0])
+    limit = float(results.messages[0].split("at alpha = 1e+08): ")[1].split(" s is the limit")[0])
     assert 0 < limit < 1e-3
     moreau = import_module("workflow.schemes.moreau")
     for h, well_posed in ((0.999 * limit, True), (1.001 * limit, False)):
         motion = moreau.init(structure, h, moreau.Options()).motion
         assert (moreau.delassus(motion, h, 1.0, np.array([1e8]))[0] > 0) is np.bool_(well_posed)
-    assert "no step helps" in found.messages[0]  # in 0.05 s the heat of a pressed tip outgrows what a float holds
+    assert "no step helps" in results.messages[0]  # in 0.05 s the heat of a pressed tip outgrows what a float holds
 
 
 def test_ill_posed_case_runs_at_the_step_it_names() -> None:
@@ -93,10 +93,10 @@ def test_ill_posed_case_runs_at_the_step_it_names() -> None:
     structure = heavy_chain()
     batch = cases(structure, alpha=1e8, gap=5e-5, displacement=np.linspace(0, 5e-5, 21)[1:], velocity=1.0)
     over = sampling(1e-5, 1e-6)
-    found = step(structure, batch, 1e-6, over)
-    assert found.status[0] == Status.ILL_POSED
-    [told] = re.findall(r"(\S+) s is the limit.* the largest admissible h is (\S+) s", found.messages[0])
-    limit, named = map(float, told)
+    results = step(structure, batch, 1e-6, over)
+    assert results.status[0] == Status.ILL_POSED
+    [numbers] = re.findall(r"(\S+) s is the limit.* the largest admissible h is (\S+) s", results.messages[0])
+    limit, named = map(float, numbers)
     assert 0 < named < limit < 1e-6
     again = step(structure, batch, named, over)
     assert again.status[0] == Status.OK
@@ -109,11 +109,11 @@ def test_divergence_is_decided_by_theory() -> None:
     structure = chain(nodes=1, mass=1.0, stiffness=4.0)
     batch = cases(structure, gap=100.0, displacement=1e-3)
     h, theta, omega = 0.1, 0.45, 2.0
-    found = step(structure, batch, h, sampling(10.0, h), theta=theta)
-    assert found.status[0] == Status.DIVERGED
-    assert "stable at no h" in found.messages[0]
+    results = step(structure, batch, h, sampling(10.0, h), theta=theta)
+    assert results.status[0] == Status.DIVERGED
+    assert "stable at no h" in results.messages[0]
     growth = (1 + (1 - theta) ** 2 * (omega * h) ** 2) / (1 + theta**2 * (omega * h) ** 2)
-    x, v = found.histories["displacement"][0], found.histories["velocity"][0]
+    x, v = results.histories["displacement"][0], results.histories["velocity"][0]
     energy = v**2 / 2 + 2 * x**2
     assert energy[-1] / energy[0] == pytest.approx(growth**100, rel=1e-9)
     damped = chain(nodes=1, mass=1.0, stiffness=4.0, damping=Rayleigh(0.1, 0.0))
@@ -127,10 +127,10 @@ def test_divergence_is_decided_by_theory() -> None:
 def test_rigid_body_is_stable_and_exact() -> None:
     """A free ball: the double eigenvalue 1 of its free step is no divergence; θ = 1/2 is exact."""
     structure = chain(nodes=1, mass=2.0, stiffness=0.0)
-    found = step(structure, cases(structure, gap=1e3, mean=3.0, velocity=0.5), 0.1, sampling(10.0, 0.1), theta=0.5)
+    results = step(structure, cases(structure, gap=1e3, mean=3.0, velocity=0.5), 0.1, sampling(10.0, 0.1), theta=0.5)
     t = np.arange(101) * 0.1
-    assert found.status[0] == Status.OK
-    assert np.allclose(found.histories["displacement"][0], 0.5 * t + 0.75 * t**2, rtol=1e-13)
+    assert results.status[0] == Status.OK
+    assert np.allclose(results.histories["displacement"][0], 0.5 * t + 0.75 * t**2, rtol=1e-13)
 
 
 @pytest.mark.parametrize("theta", [0.5, 1.0])
@@ -145,7 +145,7 @@ def test_a_pressed_tip_stays_on_its_casing(theta: float, e: float) -> None:
     )
     reduction = reduce_structure(full, 3, 12)
     for structure, loaded in ((full, batch), (reduction.structure, reduction.project(batch))):
-        found = step(structure, loaded, 1e-4, sampling(0.5, 1e-3), theta=theta)
-        force = np.diff(found.histories["impulse"], axis=1) / 1e-3
-        assert np.array_equal(found.histories["displacement"], np.repeat(gaps[:, None], 501, axis=1))
+        results = step(structure, loaded, 1e-4, sampling(0.5, 1e-3), theta=theta)
+        force = np.diff(results.histories["impulse"], axis=1) / 1e-3
+        assert np.array_equal(results.histories["displacement"], np.repeat(gaps[:, None], 501, axis=1))
         assert np.allclose(force, (120.0 - gaps * 1e6)[:, None], rtol=1e-6)

@@ -52,8 +52,8 @@ def check_moreau(theta: float, e: float) -> None:
     batch = moving(everything_acts(structure, e=e))
     path = plain_moreau.march(structure, batch, h, theta, 1000)
     assert np.sum(path.impulse > 0) > 20
-    found = step(structure, batch, h, audited(sampling(1e-2, h)), theta=theta)
-    agree(found, path, np.concatenate([[0.0], np.cumsum(path.impulse)]))
+    results = step(structure, batch, h, audited(sampling(1e-2, h)), theta=theta)
+    agree(results, path, np.concatenate([[0.0], np.cumsum(path.impulse)]))
 
 
 def test_moreau_is_the_plain_scheme() -> None:
@@ -72,10 +72,10 @@ def test_carpenter_is_the_plain_scheme(lagged: bool) -> None:
     structure, h = heavy_chain(), 5e-6
     batch = moving(everything_acts(structure))
     path = plain_carpenter.march(structure, batch, h, 2000, lagged=lagged, implicit=True)
-    found = step(structure, batch, h, sampling(1e-2, h), "carpenter", damping="lagged" if lagged else "central")
-    agree(found, path, running_sum(path.impulse))
+    results = step(structure, batch, h, sampling(1e-2, h), "carpenter", damping="lagged" if lagged else "central")
+    agree(results, path, running_sum(path.impulse))
     place = [plain_casing.place(batch, k * h) for k in range(2001)]
-    assert np.max(found.histories["displacement"][0] - place) < 1e-19  # no penetration, but for rounding
+    assert np.max(results.histories["displacement"][0] - place) < 1e-19  # no penetration, but for rounding
 
 
 @pytest.mark.slow
@@ -83,24 +83,24 @@ def test_penalty_is_the_plain_scheme() -> None:
     structure, h = heavy_chain(), 5e-6
     batch = moving(everything_acts(structure))
     path = plain_penalty.explicit(structure, batch, h, 2000, 1e8, 50.0)
-    found = step(structure, batch, h, sampling(1e-2, h), "penalty", stiffness=1e8, damping=50.0)
-    agree(found, path, running_sum(path.impulse))
+    results = step(structure, batch, h, sampling(1e-2, h), "penalty", stiffness=1e8, damping=50.0)
+    agree(results, path, running_sum(path.impulse))
     for theta in (0.5, 1.0):
         path = plain_penalty.implicit(structure, batch, h, 2000, 1e8, 50.0, theta)
         options = {"stiffness": 1e8, "damping": 50.0, "integration": "implicit", "theta": theta}
-        found = step(structure, batch, h, sampling(1e-2, h), "penalty", **options)
-        agree(found, path, np.concatenate([[0.0], np.cumsum(path.impulse)]))
+        results = step(structure, batch, h, sampling(1e-2, h), "penalty", **options)
+        agree(results, path, np.concatenate([[0.0], np.cumsum(path.impulse)]))
 
 
 def follows(periods: int, theta: float) -> float:
     """Return how far a pressed tip is from its casing at most, m."""
     structure, batch = pressed()
     over = audited(sampling(periods / 50.0, 0.01))
-    found = step(structure, batch, 1e-4, over, theta=theta)
-    assert found.metrics["impacts"] == 1
-    assert found.metrics["contact_time"] == pytest.approx(over.duration, rel=1e-10)  # 2e5 additions of h
+    results = step(structure, batch, 1e-4, over, theta=theta)
+    assert results.metrics["impacts"] == 1
+    assert results.metrics["contact_time"] == pytest.approx(over.duration, rel=1e-10)  # 2e5 additions of h
     place = np.array([plain_casing.place(batch, t) for t in over.times])
-    return float(np.abs(found.histories["displacement"][0] - place).max())
+    return float(np.abs(results.histories["displacement"][0] - place).max())
 
 
 def test_a_pressed_tip_follows_the_casing() -> None:
@@ -139,11 +139,11 @@ def test_a_case_is_alone_as_in_a_batch() -> None:
     batch = cases(structure, 21, e=rng.uniform(0, 1, 21), gap=1e-5, amplitude=rng.uniform(10, 30, 21), frequency=40.0)
     rows = rng.uniform(0, 5e-6, (21, 2)), rng.uniform(20, 300, (21, 2)), rng.uniform(-3, 3, (21, 2))
     batch = replace(batch, casing_harmonics=Harmonics(*rows))
-    found = step(structure, batch, 1e-4, audited(sampling(0.1, 1e-3)), theta=0.5)
-    assert np.all(found.metrics["impacts"] > 1)
+    results = step(structure, batch, 1e-4, audited(sampling(0.1, 1e-3)), theta=0.5)
+    assert np.all(results.metrics["impacts"] > 1)
     for case in (0, 7, 20):
         single = step(structure, alone(batch, case), 1e-4, audited(sampling(0.1, 1e-3)), theta=0.5)
-        assert same_bits(single, taken(found, slice(case, case + 1)))
+        assert same_bits(single, taken(results, slice(case, case + 1)))
 
 
 def test_a_harmonic_of_the_load_is_the_load_that_has_it_as_its_own() -> None:
@@ -171,9 +171,9 @@ def test_the_force_of_a_pressed_tip_is_what_its_casing_asks_for() -> None:
     pushed = 20.0 * t + 3.0 * (np.cos(0.2) - np.cos(load_turn * t + 0.2)) / load_turn
     exact = pushed - stiffness * moved - damping * (batch.casing_at(t) - begins)
     exact = exact - mass * (batch.casing_velocity_at(t) - speed)
-    found = [step(structure, batch, h, audited(sampling(t, t)), theta=0.5) for h in (4e-5, 2e-5)]
-    errors = [abs(float(each.histories["impulse"][0, -1] / exact[0] - 1)) for each in found]
-    assert all(each.metrics["impacts"] == 1 for each in found)
+    runs = [step(structure, batch, h, audited(sampling(t, t)), theta=0.5) for h in (4e-5, 2e-5)]
+    errors = [abs(float(each.histories["impulse"][0, -1] / exact[0] - 1)) for each in runs]
+    assert all(each.metrics["impacts"] == 1 for each in runs)
     assert errors[0] < 2e-5
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.05)
 
@@ -199,11 +199,11 @@ def bounced(h: float, e: float = 0.5, frequency: float = 10.0) -> tuple[float, f
     """Return impacts, and the relative errors of impulse and height, of a ball that bounces once a period."""
     (structure, batch), period = bouncing(e, frequency), 1 / frequency
     leaving = GRAVITY * period / 2
-    found = step(structure, batch, h, audited(sampling(4.5 * period, period / 2)), theta=0.5)
-    highest = -found.histories["displacement"][0, 1::2] + batch.displacement[0, 0]
-    impulse = found.histories["impulse"][0, -1]
+    results = step(structure, batch, h, audited(sampling(4.5 * period, period / 2)), theta=0.5)
+    highest = -results.histories["displacement"][0, 1::2] + batch.displacement[0, 0]
+    impulse = results.histories["impulse"][0, -1]
     errors = impulse / (4 * GRAVITY * period) - 1, highest / (leaving**2 / (2 * GRAVITY)) - 1
-    return float(found.metrics["impacts"][0]), abs(float(errors[0])), float(np.abs(errors[1]).max())
+    return float(results.metrics["impacts"][0]), abs(float(errors[0])), float(np.abs(errors[1]).max())
 
 
 def test_a_ball_bounces_once_in_each_period_of_its_table() -> None:
@@ -222,11 +222,11 @@ def test_impacts_in_one_phase_of_the_casing_leave_rounding_in_the_balance(swept:
     """
     (structure, batch), over = bouncing(e=0.5, frequency=10.0), replace(sampling(100.0, 0.1), balances=True)
     if swept:
-        found = moreau.compute(moreau.Operator(structure, 4e-4, 0.7, Swept(structure)), batch, over)
+        results = moreau.compute(moreau.Operator(structure, 4e-4, 0.7, Swept(structure)), batch, over)
     else:
-        found = step(structure, batch, 4e-4, over, theta=0.7)
-    assert found.metrics["impacts"][0] >= 998  # the first and the last lie at the ends
-    assert abs(found.metrics["energy_residual"][0]) < 2e-12
+        results = step(structure, batch, 4e-4, over, theta=0.7)
+    assert results.metrics["impacts"][0] >= 998  # the first and the last lie at the ends
+    assert abs(results.metrics["energy_residual"][0]) < 2e-12
 
 
 @pytest.mark.slow
@@ -259,9 +259,9 @@ def test_the_casing_s_power_is_in_the_balance_of_energy(method: str, options: di
     """Nothing is created at θ = ½ and by central differences; a spring gives or takes as contact begins and ends."""
     structure, h = heavy_chain(), 5e-6
     batch = moving(everything_acts(structure, e=0.6))
-    found = step(structure, batch, h, replace(sampling(1e-2, h), balances=True), method, **options)
-    assert np.all(found.metrics["impacts"] > 5)
-    assert np.abs(found.metrics["energy_residual"]).max() < largest
+    results = step(structure, batch, h, replace(sampling(1e-2, h), balances=True), method, **options)
+    assert np.all(results.metrics["impacts"] > 5)
+    assert np.abs(results.metrics["energy_residual"]).max() < largest
 
 
 @pytest.mark.slow
@@ -273,10 +273,10 @@ def test_a_tip_without_mass_is_the_plain_scheme(theta: float) -> None:
     batch = reduction.project(moving(cases(whole, gap=2e-5, amplitude=100.0, frequency=200.0, alpha=0.5)))
     path = plain_moreau.march_by_place(reduction.structure, batch, h, theta, 1000)
     assert np.sum(path.impulse > 0) > 50
-    found = step(reduction.structure, batch, h, sampling(1e-2, h), theta=theta)
+    results = step(reduction.structure, batch, h, sampling(1e-2, h), theta=theta)
     impulse = np.concatenate([[0.0], np.cumsum(path.impulse)])
     for name, values in (("displacement", path.displacement[:, -1]), ("impulse", impulse)):
-        assert np.abs(found.histories[name][0] - values).max() < 1e-9 * np.abs(values).max()
+        assert np.abs(results.histories[name][0] - values).max() < 1e-9 * np.abs(values).max()
 
 
 @pytest.mark.slow
@@ -286,11 +286,11 @@ def test_the_casing_s_power_is_that_of_its_mean_velocity() -> None:
     structure = chain(nodes=1, mass=mass, stiffness=stiffness)
     batch = replace(cases(structure, gap=-1e-3), casing_harmonics=harmonics((1e-4, 50.0, 0.3)))
     batch = replace(batch, displacement=batch.casing_at(0.0)[:, None], velocity=batch.casing_velocity_at(0.0)[:, None])
-    found = step(structure, batch, h, replace(sampling(9e-3, h), balances=True), theta=1.0)
+    results = step(structure, batch, h, replace(sampling(9e-3, h), balances=True), theta=1.0)
     place = np.array([plain_casing.place(batch, k * h) for k in range(91)])
     velocity = np.array([plain_casing.velocity(batch, k * h, h, 1.0) for k in range(91)])
     energy = 0.5 * (mass * velocity**2 + stiffness * place**2)
-    taken_by_casing = np.sum(np.diff(found.histories["impulse"][0]) * (velocity[:-1] + velocity[1:])) / 2
+    taken_by_casing = np.sum(np.diff(results.histories["impulse"][0]) * (velocity[:-1] + velocity[1:])) / 2
     residual = (energy[-1] - energy[0] + taken_by_casing) / energy.max()
-    assert found.metrics["contact_time"] == pytest.approx(9e-3, rel=1e-12)
-    assert found.metrics["energy_residual"] == pytest.approx(residual, abs=1e-11)
+    assert results.metrics["contact_time"] == pytest.approx(9e-3, rel=1e-12)
+    assert results.metrics["energy_residual"] == pytest.approx(residual, abs=1e-11)

@@ -15,11 +15,11 @@ TURN = 2 * np.pi
 
 
 def run(structure: Structure, batch: Cases, over: Sampling) -> Results:
-    found = step(structure, batch, 0.0, replace(over, balances=True), "event_driven")
-    assert (found.status == Status.OK).all()
-    assert np.abs(found.metrics["energy_residual"]).max() <= 1e-9
-    assert np.abs(found.metrics["heat_residual"]).max() <= 1e-9
-    return found
+    results = step(structure, batch, 0.0, replace(over, balances=True), "event_driven")
+    assert (results.status == Status.OK).all()
+    assert np.abs(results.metrics["energy_residual"]).max() <= 1e-9
+    assert np.abs(results.metrics["heat_residual"]).max() <= 1e-9
+    return results
 
 
 def lump(mass: float, stiffness: float, damping: Rayleigh, **heat: float) -> Structure:
@@ -45,15 +45,15 @@ def test_a_pressed_tip_follows_the_casing_for_a_thousand_periods() -> None:
         casing_harmonics=places,
         load_harmonics=[[100.0, 33.0, 0.0]],
     )
-    found = run(structure, batch, over)
+    results = run(structure, batch, over)
     t = over.times
     place = gap + sum(a * np.sin(TURN * f * t + phase) for a, f, phase in places)
     speed = sum(a * TURN * f * np.cos(TURN * f * t + phase) for a, f, phase in places)
-    assert np.abs(found.histories["displacement"][0] - place).max() <= 1e-15
-    assert np.abs(found.histories["velocity"][0] - speed).max() <= 1e-12 * np.abs(speed).max()
-    assert found.metrics["contact_time"][0] == 50.0
-    assert found.metrics["impacts"][0] == 0
-    assert found.metrics["max_penetration"][0] <= 1e-18
+    assert np.abs(results.histories["displacement"][0] - place).max() <= 1e-15
+    assert np.abs(results.histories["velocity"][0] - speed).max() <= 1e-12 * np.abs(speed).max()
+    assert results.metrics["contact_time"][0] == 50.0
+    assert results.metrics["impacts"][0] == 0
+    assert results.metrics["max_penetration"][0] <= 1e-18
 
 
 def test_the_force_of_a_pressed_lump() -> None:
@@ -65,14 +65,14 @@ def test_the_force_of_a_pressed_lump() -> None:
     moving = sum(a * TURN * f * np.cos(phase) for a, f, phase in places)
     start = {"displacement": tip, "velocity": moving, "casing_harmonics": places, "load_harmonics": loads}
     over = sampling(8.0, 0.01)
-    found = run(structure, cases(structure, gap=gap, mean=9.0, **start), over)
+    results = run(structure, cases(structure, gap=gap, mean=9.0, **start), over)
     impulse, t = (9.0 - k * gap) * over.times, over.times
     for a, f, phase in loads:
         impulse += a * (np.cos(phase) - np.cos(TURN * f * t + phase)) / (TURN * f)
     for a, f, phase in places:
         w, psi = TURN * f, TURN * f * t + phase
         impulse -= a * ((k - m * w * w) * (np.cos(phase) - np.cos(psi)) / w + c * (np.sin(psi) - np.sin(phase)))
-    np.testing.assert_allclose(found.histories["impulse"][0], impulse, rtol=1e-13, atol=1e-13)
+    np.testing.assert_allclose(results.histories["impulse"][0], impulse, rtol=1e-13, atol=1e-13)
 
 
 # --- a lump on a casing that moves is one under a load --------------------------------------------------
@@ -96,18 +96,18 @@ def test_a_lump_on_a_moving_casing_is_one_under_a_load(e: float, alpha: float) -
         structure, displacement=tip, velocity=moving, load_harmonics=loads, casing_harmonics=places, **rub
     )
     under_load = cases(structure, displacement=-0.2, load_harmonics=loads + equal, **rub)
-    found, same = run(structure, on_casing, over), run(structure, under_load, over)
+    moved, loaded = run(structure, on_casing, over), run(structure, under_load, over)
     place = gap + sum(a * np.sin(TURN * f * over.times + phase) for a, f, phase in places)
-    gaps = place - found.histories["displacement"], gap - same.histories["displacement"]
-    assert same.metrics["contact_time"][0] > 0.3 or e == 1.0
-    assert same.metrics["impacts"][0] > 1
+    gaps = place - moved.histories["displacement"], gap - loaded.histories["displacement"]
+    assert loaded.metrics["contact_time"][0] > 0.3 or e == 1.0
+    assert loaded.metrics["impacts"][0] > 1
     assert relative(*gaps) <= 1e-9
     for name in ("impulse", "temperature") if alpha else ("impulse",):
-        assert relative(found.histories[name], same.histories[name]) <= 1e-9
+        assert relative(moved.histories[name], loaded.histories[name]) <= 1e-9
     for name in ("contact_time", "max_temperature"):
-        assert found.metrics[name][0] == pytest.approx(same.metrics[name][0], rel=1e-9)
+        assert moved.metrics[name][0] == pytest.approx(loaded.metrics[name][0], rel=1e-9)
     if e in (0.0, 1.0):  # else how many are counted depends on where the rest is summed up
-        assert found.metrics["impacts"][0] == same.metrics["impacts"][0]
+        assert moved.metrics["impacts"][0] == loaded.metrics["impacts"][0]
 
 
 # --- single load and casing sinusoids in other words ----------------------------------------------------
@@ -148,9 +148,11 @@ def test_thresholds_do_not_matter_on_a_moving_casing() -> None:
     operator, over = event_driven.init(structure, 1e-4, event_driven.Options()), sampling(0.2, 1e-3)
     base = event_driven.compute(operator, batch, over)
     assert (base.metrics["contact_time"] > 0.01).all()
-    given = operator.thresholds
+    thresholds = operator.thresholds
     for factor in (0.1, 10.0):
-        varied = replace(operator, thresholds=given._replace(height=factor * given.height, speed=factor * given.speed))
+        varied = replace(
+            operator, thresholds=thresholds._replace(height=factor * thresholds.height, speed=factor * thresholds.speed)
+        )
         other = event_driven.compute(varied, batch, over)
         for name in ("displacement", "temperature", "impulse"):
             assert relative(other.histories[name], base.histories[name]) <= 1e-9
@@ -164,6 +166,6 @@ def test_a_static_start_on_a_moving_casing_is_a_contact() -> None:
     for case, turned in enumerate((1.0, 1 + 2e-16, 1 - 2e-16)):
         batch.displacement[case] = np.linspace(0.2, 1.0, 5) * batch.casing_at(0.0)[0] * turned
         batch.velocity[case, -1] = batch.casing_velocity_at(0.0)[0] * turned
-    found = run(structure, batch, sampling(0.05, 1e-3))
-    assert (found.metrics["impacts"] == 0).all()
-    assert (found.metrics["contact_time"] == 0.05).all()
+    results = run(structure, batch, sampling(0.05, 1e-3))
+    assert (results.metrics["impacts"] == 0).all()
+    assert (results.metrics["contact_time"] == 0.05).all()

@@ -26,8 +26,8 @@ def test_explicit_kernel_is_the_scheme(stiffness: float, damping: float) -> None
     batch = everything_acts(structure)
     path = plain_penalty.explicit(structure, batch, h, 2000, stiffness, damping)
     assert np.sum(path.impulse > 0) > 100
-    found = step(structure, batch, h, sampling(1e-2, h), "penalty", stiffness=stiffness, damping=damping)
-    agree(found, path, running_sum(path.impulse))
+    results = step(structure, batch, h, sampling(1e-2, h), "penalty", stiffness=stiffness, damping=damping)
+    agree(results, path, running_sum(path.impulse))
 
 
 @pytest.mark.parametrize(("stiffness", "damping"), CONTACTS)
@@ -38,8 +38,8 @@ def test_implicit_kernel_is_the_scheme(stiffness: float, damping: float, theta: 
     path = plain_penalty.implicit(structure, batch, h, 1000, stiffness, damping, theta)
     assert np.sum(path.impulse > 0) > 100
     options = {"stiffness": stiffness, "damping": damping, "integration": "implicit", "theta": theta}
-    found = step(structure, batch, h, audited(sampling(1e-2, h)), "penalty", **options)
-    agree(found, path, np.concatenate([[0.0], np.cumsum(path.impulse)]))
+    results = step(structure, batch, h, audited(sampling(1e-2, h)), "penalty", **options)
+    agree(results, path, np.concatenate([[0.0], np.cumsum(path.impulse)]))
 
 
 @pytest.mark.parametrize("count", [1, 11])
@@ -50,11 +50,11 @@ def test_without_weight_at_the_end_of_the_step_contact_begins_all_the_same(count
     path = plain_penalty.implicit(structure, batch.take(slice(0, 1)), h, 60, 1e4, 0.0, 0.0)
     assert np.sum(path.impulse > 0) > 20
     options = {"stiffness": 1e4, "integration": "implicit", "theta": 0.0}
-    found = step(structure, batch, h, audited(sampling(60 * h, h)), "penalty", **options)
+    results = step(structure, batch, h, audited(sampling(60 * h, h)), "penalty", **options)
     impulse = np.concatenate([[0.0], np.cumsum(path.impulse)])
     for case in (0, count - 1):
-        assert np.abs(found.histories["impulse"][case] - impulse).max() < 1e-12 * impulse[-1]
-        assert np.abs(found.histories["displacement"][case] - path.displacement[:, 0]).max() < 1e-12
+        assert np.abs(results.histories["impulse"][case] - impulse).max() < 1e-12 * impulse[-1]
+        assert np.abs(results.histories["displacement"][case] - path.displacement[:, 0]).max() < 1e-12
 
 
 def test_where_neither_branch_is_consistent_the_tip_stays_on_the_casing() -> None:
@@ -62,8 +62,8 @@ def test_where_neither_branch_is_consistent_the_tip_stays_on_the_casing() -> Non
     structure = chain(nodes=1, mass=1.0, stiffness=0.0)
     batch = cases(structure, gap=0.0999, velocity=1.0)
     options = {"stiffness": 1.0, "damping": 1e6, "integration": "implicit", "theta": 1.0}
-    found = step(structure, batch, 0.1, audited(sampling(0.1, 0.1)), "penalty", **options).histories
-    assert found["displacement"][0, 1] == pytest.approx(0.0999, rel=1e-12)
+    histories = step(structure, batch, 0.1, audited(sampling(0.1, 0.1)), "penalty", **options).histories
+    assert histories["displacement"][0, 1] == pytest.approx(0.0999, rel=1e-12)
     path = plain_penalty.implicit(structure, batch, 0.1, 1, 1.0, 1e6, 1.0)
     assert path.displacement[1, 0] == pytest.approx(0.0999, rel=1e-12)
 
@@ -87,11 +87,11 @@ def test_implicit_alone_is_as_in_a_batch_and_harms_no_neighbour() -> None:
         assert same_bits(step(structure, batch.take(part), 1e-5, over, "penalty", **options), taken(whole, part))
     sick = batch.take(np.arange(40))
     sick.velocity[3] = np.nan
-    found = step(structure, sick, 1e-5, over, "penalty", **options)
-    assert found.status[3] == Status.DIVERGED
-    assert np.isnan(found.histories["displacement"][3, -1])
+    results = step(structure, sick, 1e-5, over, "penalty", **options)
+    assert results.status[3] == Status.DIVERGED
+    assert np.isnan(results.histories["displacement"][3, -1])
     for part in (slice(0, 3), slice(4, 40)):
-        assert same_bits(taken(found, part), taken(whole, part))
+        assert same_bits(taken(results, part), taken(whole, part))
 
 
 def test_a_case_that_grows_without_bound_does_not_see_a_neighbour_in_contact() -> None:
@@ -129,27 +129,27 @@ def test_a_single_mass_rebounds_as_in_closed_form(integration: str, zeta: float)
     batch = cases(structure, gap=0.1, velocity=2.0)
     exact = restitution(zeta)
 
-    def found(h: float) -> Any:
+    def run(h: float) -> Any:
         options = {"stiffness": 1e4, "damping": 2 * zeta * 100, "integration": integration, "theta": 0.5}
         return step(structure, batch, h, audited(sampling(0.2, 0.05)), "penalty", **options)
 
-    fine = found(1e-5)
+    fine = run(1e-5)
     print(integration, zeta, fine.metrics["effective_restitution"][0], exact)
     assert fine.histories["velocity"][0, -1] == pytest.approx(-2 * exact, rel=2e-3)
     assert fine.metrics["effective_restitution"][0] == pytest.approx(exact, rel=2e-3)
     assert fine.histories["impulse"][0, -1] == pytest.approx(2 * (1 + exact), rel=2e-3)
     assert abs(fine.metrics["energy_residual"][0]) < (1e-5 if zeta == 0 else 5e-3)
-    rough = abs(found(1e-3).metrics["effective_restitution"][0] - exact)
+    rough = abs(run(1e-3).metrics["effective_restitution"][0] - exact)
     assert abs(fine.metrics["effective_restitution"][0] - exact) < 0.1 * rough + 1e-6
 
 
 def test_a_rebound_whose_speed_squared_is_infinite_has_no_restitution() -> None:
     structure, over = chain(nodes=1, mass=1.0, stiffness=0.0), sampling(0.06, 1e-3)
-    for speed, known in ((1e154, True), (1.4e154, False)):
+    for speed, is_finite in ((1e154, True), (1.4e154, False)):
         batch = cases(structure, velocity=speed, gap=1e-3 * speed)
-        found = step(structure, batch, 1e-4, over, "penalty", stiffness=1e4, damping=6.0)
-        assert found.status[0] == Status.OK
-        assert np.isfinite(found.metrics["effective_restitution"][0]) == known
+        results = step(structure, batch, 1e-4, over, "penalty", stiffness=1e4, damping=6.0)
+        assert results.status[0] == Status.OK
+        assert np.isfinite(results.metrics["effective_restitution"][0]) == is_finite
 
 
 def test_static_penetration_is_load_over_stiffness() -> None:
@@ -161,9 +161,9 @@ def test_static_penetration_is_load_over_stiffness() -> None:
     assert penalty.contact_stiffness_of(reduced, penalty.Options()) == pytest.approx(kappa, rel=1e-9)
     batch = cases(structure, gap=5e-5, mean=100.0)
     for integration in ("explicit", "implicit"):
-        found = step(structure, batch, 1e-5, audited(sampling(0.2, 0.1)), "penalty", integration=integration)
+        results = step(structure, batch, 1e-5, audited(sampling(0.2, 0.1)), "penalty", integration=integration)
         sunk = (100.0 - 5e-5 * kappa / 10) / (kappa + kappa / 10)
-        assert found.histories["displacement"][0, -1] - 5e-5 == pytest.approx(sunk, rel=1e-6)
+        assert results.histories["displacement"][0, -1] - 5e-5 == pytest.approx(sunk, rel=1e-6)
 
 
 def test_a_free_mass_has_no_default_stiffness() -> None:
@@ -180,8 +180,8 @@ def test_converges_to_the_rigid_casing_with_its_stiffness() -> None:
     errors = []
     for kappa in stiffnesses:
         damping = 2 * np.sqrt(kappa * 2.5e-3)
-        found = step(structure, batch, 5e-7, over, "penalty", stiffness=kappa, damping=damping).histories
-        errors.append([relative(found[name], exact[name]) for name in ("displacement", "temperature", "impulse")])
+        histories = step(structure, batch, 5e-7, over, "penalty", stiffness=kappa, damping=damping).histories
+        errors.append([relative(histories[name], exact[name]) for name in ("displacement", "temperature", "impulse")])
     for name, values in zip(("displacement", "temperature", "impulse"), np.transpose(errors), strict=True):
         order = -np.polyfit(np.log(stiffnesses), np.log(values), 1)[0]
         print(f"{name}: " + ", ".join(f"{e:.2e}" for e in values) + f", order {order:.2f} in stiffness")
@@ -195,9 +195,9 @@ def test_converges_to_the_rigid_casing_with_step_and_stiffness() -> None:
     exact = step(structure, batch, 1.0, over, "event_driven").histories
     errors: dict[str, list[float]] = {name: [] for name in ("displacement", "temperature", "impulse")}
     for h in steps:
-        found = step(structure, batch, h, over, "penalty", **asdict(penalty.rigid(structure, h))).histories
+        histories = step(structure, batch, h, over, "penalty", **asdict(penalty.rigid(structure, h))).histories
         for name, values in errors.items():
-            values.append(relative(found[name], exact[name]))
+            values.append(relative(histories[name], exact[name]))
     for name, values in errors.items():
         order = np.polyfit(np.log(steps), np.log(values), 1)[0]
         print(f"{name}: " + ", ".join(f"{e:.2e}" for e in values) + f", order {order:.2f}")
@@ -215,9 +215,9 @@ def test_order_for_a_given_spring(integration: str, theta: float, order: float) 
     options = {"stiffness": 300.0, "integration": integration, "theta": theta}
     exact = step(structure, batch, 5e-6, over, "penalty", stiffness=300.0).histories["displacement"]
     steps = np.array([2e-3, 1e-3, 5e-4, 2.5e-4])
-    found = [step(structure, batch, h, audited(over), "penalty", **options) for h in steps]
-    errors = [relative(r.histories["displacement"], exact) for r in found]
-    assert found[0].metrics["contact_time"][0] > 0.5
+    runs = [step(structure, batch, h, audited(over), "penalty", **options) for h in steps]
+    errors = [relative(r.histories["displacement"], exact) for r in runs]
+    assert runs[0].metrics["contact_time"][0] > 0.5
     slope = np.polyfit(np.log(steps), np.log(errors), 1)[0]
     print(f"{integration} {theta:g}: " + ", ".join(f"{e:.2e}" for e in errors) + f", order {slope:.2f}")
     assert slope > order
@@ -245,10 +245,10 @@ def test_implicit_contact_without_a_unique_solution_is_ill_posed() -> None:
     structure = heavy_chain()
     batch = cases(structure, 3, alpha=[0.0, 5.0, 1e12], gap=5e-5, amplitude=100.0, frequency=20.0)
     over, options = audited(sampling(0.05, 1e-3)), {"integration": "implicit", "stiffness": 1e8}
-    found = step(structure, batch, 1e-5, over, "penalty", **options)
-    assert found.status.tolist() == [Status.OK, Status.OK, Status.ILL_POSED]
-    assert np.isnan(found.histories["displacement"][2, -1])
-    limit = float(found.messages[2].split("at alpha = 1e+12): ")[1].split()[0])
+    results = step(structure, batch, 1e-5, over, "penalty", **options)
+    assert results.status.tolist() == [Status.OK, Status.OK, Status.ILL_POSED]
+    assert np.isnan(results.histories["displacement"][2, -1])
+    limit = float(results.messages[2].split("at alpha = 1e+12): ")[1].split()[0])
     operator = penalty.init(structure, 1e-5, penalty.Options(stiffness=1e8, integration="implicit"))
     assert isinstance(operator, SpringOperator)
     around = [float(operator.yielding(h, np.array(1e12))) for h in (0.999 * limit, 1.001 * limit)]
@@ -258,6 +258,6 @@ def test_implicit_contact_without_a_unique_solution_is_ill_posed() -> None:
 def test_implicit_grows_below_one_half_as_the_free_step_does() -> None:
     structure = chain(nodes=3, mass=1.0, stiffness=40.0)
     batch = cases(structure, gap=1.0, displacement=0.1)
-    found = step(structure, batch, 0.01, audited(sampling(1.0, 0.1)), "penalty", integration="implicit", theta=0.45)
-    assert found.status[0] == Status.DIVERGED
-    assert "the free step grows" in found.messages[0]
+    results = step(structure, batch, 0.01, audited(sampling(1.0, 0.1)), "penalty", integration="implicit", theta=0.45)
+    assert results.status[0] == Status.DIVERGED
+    assert "the free step grows" in results.messages[0]

@@ -72,9 +72,9 @@ def contact(scene: str, scheme: str) -> Contact:
     batch = cases(structure, gap=5.0, steady=weight) if falls else cases(structure, gap=0.0, velocity=SPEED)
     over = replace(sampling(begins + 1.0, 0.005), balances=True)
     method, options = SCHEMES[scheme]
-    found = step(structure, batch, STEP, over, method, **options)
-    assert found.status[0] == Status.OK
-    impulse = found.histories["impulse"][0]
+    results = step(structure, batch, STEP, over, method, **options)
+    assert results.status[0] == Status.OK
+    impulse = results.histories["impulse"][0]
     force, middle = np.diff(impulse) / over.interval, over.times[1:] - over.interval / 2 - begins
     gravity = GRAVITY if falls else 0.0
     ratio = force / (DENSITY * WAVE * (SPEED + gravity * middle))
@@ -89,18 +89,18 @@ def contact(scene: str, scheme: str) -> Contact:
         lasts=float(over.times[on.max() + 1] - begins),
         leaves=float(velocity / exact),
         kept=float(velocity**2 / exact**2),
-        made=float(found.metrics["energy_residual"][0]),
+        made=float(results.metrics["energy_residual"][0]),
     )
 
 
 @pytest.fixture(scope="module")
 def table() -> dict[tuple[str, str], Contact]:
-    found = {(scene, scheme): contact(scene, scheme) for scene in ("impact", "bounce") for scheme in SCHEMES}
+    contacts = {(scene, scheme): contact(scene, scheme) for scene in ("impact", "bounce") for scheme in SCHEMES}
     print(f"\n{'scene':8}{'scheme':26}{'force':>8}{'spread':>8}{'lasts/s':>9}{'leaves':>8}{'kept':>7}{'made':>11}")
-    for (scene, scheme), c in found.items():
+    for (scene, scheme), c in contacts.items():
         numbers = f"{c.force:8.4f}{c.spread:8.4f}{c.lasts:9.3f}{c.leaves:8.4f}{c.kept:7.3f}{c.made:11.2e}"
         print(f"{scene:8}{scheme:26}{numbers}")
-    return found
+    return contacts
 
 
 @pytest.mark.parametrize("scene", ["impact", "bounce"])

@@ -77,10 +77,10 @@ def test_sweeps_step_as_modes_do(nodes: int, theta: float) -> None:
     structure, batch, h = rubs(nodes)
     over = Sampling(1010.5 * h, 20.21 * h, 51, balances=True)
     modal = step(structure, batch, h, over, theta=theta)
-    found = swept(structure, batch, h, over, theta)
+    results = swept(structure, batch, h, over, theta)
     assert nodes <= 2 or modal.metrics["impacts"].min() > 0
-    assert np.array_equal(found.metrics["impacts"], modal.metrics["impacts"])
-    for ours, theirs in [(found.histories, modal.histories), (found.metrics, modal.metrics)]:
+    assert np.array_equal(results.metrics["impacts"], modal.metrics["impacts"])
+    for ours, theirs in [(results.histories, modal.histories), (results.metrics, modal.metrics)]:
         for name in ours:
             if name not in ("energy_residual", "heat_residual"):
                 scale = max(np.abs(theirs[name]).max(), 1e-300)
@@ -88,8 +88,8 @@ def test_sweeps_step_as_modes_do(nodes: int, theta: float) -> None:
     for case in range(5) if nodes <= 20 else ():
         path = march(structure, alone(batch, case), h, theta, 1011)
         expected = whole_balance(structure, alone(batch, case), h, path, theta)
-        assert abs(found.metrics["energy_residual"][case] - expected) < 1e-9
-    difference = np.abs(found.metrics["heat_residual"] - modal.metrics["heat_residual"])
+        assert abs(results.metrics["energy_residual"][case] - expected) < 1e-9
+    difference = np.abs(results.metrics["heat_residual"] - modal.metrics["heat_residual"])
     assert np.all(difference <= modal_rounding(structure, batch, modal.histories["impulse"][:, -1], 1011, 1011 * h))
 
 
@@ -124,11 +124,11 @@ def test_sweeps_are_the_plain_scheme(theta: float) -> None:
             heating=0.1,
         )
         plain = march(structure, batch, 0.05, theta, 200)
-        found = swept(structure, batch, 0.05, sampling(10.0, 0.05), theta).histories
+        histories = swept(structure, batch, 0.05, sampling(10.0, 0.05), theta).histories
         assert plain.impulse.sum() > 0
-        assert np.abs(found["displacement"][0] - plain.displacement[:, -1]).max() < 1e-11
-        assert np.abs(found["temperature"][0] - plain.temperature[:, -1]).max() < 1e-11
-        assert np.abs(found["impulse"][0, 1:] - np.cumsum(plain.impulse)).max() < 1e-11
+        assert np.abs(histories["displacement"][0] - plain.displacement[:, -1]).max() < 1e-11
+        assert np.abs(histories["temperature"][0] - plain.temperature[:, -1]).max() < 1e-11
+        assert np.abs(histories["impulse"][0, 1:] - np.cumsum(plain.impulse)).max() < 1e-11
 
 
 def test_a_case_is_the_same_alone_and_beside_a_poisoned_one() -> None:
@@ -137,11 +137,11 @@ def test_a_case_is_the_same_alone_and_beside_a_poisoned_one() -> None:
     whole = swept(structure, batch, h, over, 1.0)
     sick = batch.take(np.arange(5))
     sick.velocity[1, 7] = np.nan
-    found = swept(structure, sick, h, over, 1.0)
-    assert found.status[1] == Status.DIVERGED
-    assert np.isnan(found.metrics["energy_residual"][1])
+    results = swept(structure, sick, h, over, 1.0)
+    assert results.status[1] == Status.DIVERGED
+    assert np.isnan(results.metrics["energy_residual"][1])
     for case in (0, 2, 4):
-        assert same_bits(taken(found, slice(case, case + 1)), taken(whole, slice(case, case + 1)))
+        assert same_bits(taken(results, slice(case, case + 1)), taken(whole, slice(case, case + 1)))
         assert same_bits(swept(structure, alone(batch, case), h, over, 1.0), taken(whole, slice(case, case + 1)))
 
 
@@ -150,9 +150,9 @@ def test_divergence_and_ill_posed_contact_are_told_alike() -> None:
     batch = cases(structure, 2, alpha=[1e8, 5.0], gap=5e-5, amplitude=100.0, frequency=20.0)
     for h, theta in ((1e-3, 1.0), (1e-4, 0.3), (1e-7, 0.3)):
         modal = step(structure, batch, h, sampling(50 * h, 10 * h), theta=theta)
-        found = swept(structure, batch, h, sampling(50 * h, 10 * h), theta)
-        assert np.array_equal(found.status, modal.status)
-        assert found.messages == modal.messages
+        results = swept(structure, batch, h, sampling(50 * h, 10 * h), theta)
+        assert np.array_equal(results.status, modal.status)
+        assert results.messages == modal.messages
 
 
 def test_a_long_chain_runs_full_and_reduced() -> None:
@@ -174,15 +174,15 @@ def test_a_long_chain_runs_full_and_reduced() -> None:
     x, theta = static_equilibrium(full, push, np.zeros(n), 5e-5)
     batch = cases(full, 2, alpha=[0.0, 0.5], gap=5e-5, mean=60.0, displacement=x, temperature=theta)
     over = replace(sampling(2e-3, 1e-4), balances=True)
-    found = step(full, batch, 1e-5, over)
-    assert np.all(found.histories["displacement"] == 5e-5)
-    cold, hot = found.histories["impulse"][:, -1]
+    results = step(full, batch, 1e-5, over)
+    assert np.all(results.histories["displacement"] == 5e-5)
+    cold, hot = results.histories["impulse"][:, -1]
     assert cold == pytest.approx(10.0 * 2e-3, rel=1e-9)
     assert cold < hot < 1.0001 * cold
     reduction = reduce_structure(full, 3, 40)
     few = step(reduction.structure, reduction.project(batch), 1e-5, over)
     assert few.histories["impulse"][:, -1] == pytest.approx([cold, hot], rel=1e-5)
-    assert np.abs(found.metrics["heat_residual"]).max() < 1e-6
+    assert np.abs(results.metrics["heat_residual"]).max() < 1e-6
     with pytest.raises(ValueError, match="3000 nodes is kept full or reduced to at most"):
         reduce_structure(full, 3, 500)
 
@@ -196,10 +196,10 @@ def test_reduction_of_a_long_chain_is_that_of_a_short_one(monkeypatch: pytest.Mo
     long = reduce_structure(structure, 5, 12)
     assert long.displacement_basis.tobytes() != plain.displacement_basis.tobytes()
     expected = step(plain.structure, plain.project(batch), h, over)
-    found = step(long.structure, long.project(batch), h, over)
+    results = step(long.structure, long.project(batch), h, over)
     for name in ("displacement", "temperature", "impulse"):
         scale = np.abs(expected.histories[name]).max()
-        assert np.abs(found.histories[name] - expected.histories[name]).max() < 1e-9 * scale
+        assert np.abs(results.histories[name] - expected.histories[name]).max() < 1e-9 * scale
 
 
 @pytest.mark.parametrize("nodes", [*range(1, 40), 1000, 4093, 4094, 4095, 100_000])
