@@ -49,9 +49,9 @@ def stepped(structure: Structure, batch: Cases, steps: int) -> tuple[Results, fl
     seconds = []
     for _ in range(5):
         begun = time.thread_time()
-        found = scheme.compute(operator, batch, sampling(steps * H, steps * H / 100))
+        results = scheme.compute(operator, batch, sampling(steps * H, steps * H / 100))
         seconds.append(time.thread_time() - begun)
-    return found, min(seconds)
+    return results, min(seconds)
 
 
 def spectral_radius(structure: Structure, theta: float) -> float:
@@ -71,14 +71,14 @@ def rows(sizes: tuple[int, ...], steps: int) -> Iterator[str]:
         exact, full_seconds = stepped(whole, rub(whole), steps)
         for mechanical, thermal in COUNTS:
             for name in reduction.names():
-                found = reduce_structure(whole, mechanical, thermal, name, DURATION)
-                run, seconds = stepped(found.structure, found.project(rub(whole)), steps)
+                small = reduce_structure(whole, mechanical, thermal, name, DURATION)
+                run, seconds = stepped(small.structure, small.project(rub(whole)), steps)
                 errors = {of: relative(run.histories[of], exact.histories[of]) for of in HISTORIES}
-                off = abs(critical_alpha(found.structure) / critical_alpha(whole) - 1)
-                radii = [spectral_radius(found.structure, theta) for theta in (1.0, 0.5)]
-                told = [f"{errors[of]:.1e}" for of in ("displacement", "temperature", "impulse")]
-                told += [f"{off:.0e}", *(f"{radius:.5f}" for radius in radii), f"{seconds / full_seconds:.2f}"]
-                yield f"| {nodes} | `{name}` | {mechanical} + {thermal} | {' | '.join(told)} |\n"
+                off = abs(critical_alpha(small.structure) / critical_alpha(whole) - 1)
+                radii = [spectral_radius(small.structure, theta) for theta in (1.0, 0.5)]
+                cells = [f"{errors[of]:.1e}" for of in ("displacement", "temperature", "impulse")]
+                cells += [f"{off:.0e}", *(f"{radius:.5f}" for radius in radii), f"{seconds / full_seconds:.2f}"]
+                yield f"| {nodes} | `{name}` | {mechanical} + {thermal} | {' | '.join(cells)} |\n"
 
 
 def text(sizes: tuple[int, ...] = (20, 200), steps: int = round(DURATION / H)) -> str:

@@ -44,17 +44,17 @@ def measure(
     alpha = np.linspace(50.0, 49.0, count) if distinct else 50.0
     batch = cases(structure, count, e=e, alpha=alpha, gap=5e-5, amplitude=100.0, frequency=20.0)
     operator = event_driven.init(structure, 1.0, event_driven.Options())
-    found = event_driven.compute(operator, batch, over)
-    taken = []
+    results = event_driven.compute(operator, batch, over)
+    times = []
     for _ in range(runs):
         begun = time.perf_counter()
         event_driven.compute(operator, batch, over)
-        taken.append(1e3 * (time.perf_counter() - begun) / count)
+        times.append(1e3 * (time.perf_counter() - begun) / count)
     tight = operator.thresholds
     tight = tight._replace(**{name: value / 10 for name, value in tight._asdict().items() if name != "force"})
     exact = event_driven.compute(replace(operator, thresholds=tight), batch.take(slice(0, 1)), over)
-    error = max(relative(found.histories[name][:1], exact.histories[name]) for name in NAMES)
-    return median(taken), error, float(found.metrics["impacts"][0])
+    error = max(relative(results.histories[name][:1], exact.histories[name]) for name in NAMES)
+    return median(times), error, float(results.metrics["impacts"][0])
 
 
 def compared(count: int, runs: int) -> list[Line]:
@@ -67,14 +67,14 @@ def compared(count: int, runs: int) -> list[Line]:
             batch = cases(full, count, e=0.5, alpha=alpha, gap=5e-5, amplitude=100.0, frequency=20.0)
             loaded = batch if structure is full else reduction.project(batch)
             for balances in (False, True):
-                given = operator, loaded, replace(over, balances=balances)
-                works.append(partial(event_driven.compute, *given))
+                call = operator, loaded, replace(over, balances=balances)
+                works.append(partial(event_driven.compute, *call))
         one, audited, own, own_audited = least(runs, *works)
         what = f"`event_driven`, {name}, each case another alpha over one alpha"
         lines.append((what, "<= 1.2", f"{1e3 * own / count:.2f} ms", f"{own / one:.2f}"))
-        for label, plain, seen in (("one alpha", one, audited), ("each case another alpha", own, own_audited)):
+        for label, plain, with_balances in (("one alpha", one, audited), ("each case another alpha", own, own_audited)):
             what = f"`event_driven`, {name}, {label}, with balances over without"
-            lines.append((what, "<= 1.5", f"{1e3 * seen / count:.2f} ms", f"{seen / plain:.2f}"))
+            lines.append((what, "<= 1.5", f"{1e3 * with_balances / count:.2f} ms", f"{with_balances / plain:.2f}"))
     return lines
 
 
@@ -82,10 +82,10 @@ def independent(e: float) -> tuple[float, float, int]:
     """Return the error against the independent solution, how far that came, s, and its impacts."""
     structure, over = heavy_chain(), sampling(0.02, 1e-5)
     case = cases(structure, e=e, alpha=50.0, gap=5e-5, amplitude=100.0, frequency=20.0)
-    found = event_driven.compute(event_driven.init(structure, 1.0, event_driven.Options()), case, over)
+    results = event_driven.compute(event_driven.init(structure, 1.0, event_driven.Options()), case, over)
     other = Reference(structure, case).solve(over.times)
-    known = over.times < other.reached - 1e-9
-    error = max(relative(found.histories[name][0, known], getattr(other, name)[known]) for name in NAMES)
+    reached = over.times < other.reached - 1e-9
+    error = max(relative(results.histories[name][0, reached], getattr(other, name)[reached]) for name in NAMES)
     return error, other.reached, other.impacts
 
 
@@ -99,8 +99,10 @@ def compilation() -> float:
     )
     with tempfile.TemporaryDirectory() as empty:
         environment = {**os.environ, "NUMBA_CACHE_DIR": empty}
-        told = subprocess.run([sys.executable, "-c", call], capture_output=True, text=True, check=True, env=environment)
-    return float(told.stdout)
+        completed = subprocess.run(
+            [sys.executable, "-c", call], capture_output=True, text=True, check=True, env=environment
+        )
+    return float(completed.stdout)
 
 
 def main(count: int = 100, runs: int = 7) -> None:

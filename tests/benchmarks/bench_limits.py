@@ -56,14 +56,14 @@ def least(runs: int, *works: Callable[[], object], clock: Callable[[], float] = 
     """
     for work in works:
         work()
-    found, between, rng = [float("inf")] * len(works), [], np.random.default_rng(0)
+    seconds, between, rng = [float("inf")] * len(works), [], np.random.default_rng(0)
     for _ in range(runs):
         for k, work in enumerate(works):
             between.append(np.empty(rng.integers(64, 4096)))
             begun = clock()
             work()
-            found[k] = min(found[k], clock() - begun)
-    return found
+            seconds[k] = min(seconds[k], clock() - begun)
+    return seconds
 
 
 def multiply_adds(structure: Structure) -> int:
@@ -192,10 +192,10 @@ def _siconos(steps: int) -> float | None:
         return None
     environment = {"PATH": "/usr/bin:/bin", "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     try:
-        told = subprocess.run(
+        words = subprocess.run(
             [DEBIAN, str(script), str(steps), "1e-5"], capture_output=True, text=True, check=True, env=environment
         ).stdout.split()
-        return float(told[0]) if told else None
+        return float(words[0]) if words else None
     except (OSError, subprocess.SubprocessError, ValueError):  # installed, and fails when it is used
         return None
 
@@ -251,9 +251,9 @@ def _solve_ivp(most: int) -> tuple[float, float]:
     t, z, impacts = 0.0, np.zeros(3 * n), 0
     begun = time.process_time()
     while t < 5e-3 and impacts < most:
-        found = solve_ivp(rate, (t, 5e-3), z, method="DOP853", rtol=1e-8, atol=1e-12, events=closes)
-        t, z = float(found.t[-1]), found.y[:, -1].copy()
-        if found.status == 1:
+        solution = solve_ivp(rate, (t, 5e-3), z, method="DOP853", rtol=1e-8, atol=1e-12, events=closes)
+        t, z = float(solution.t[-1]), solution.y[:, -1].copy()
+        if solution.status == 1:
             impacts += 1
             impulse = 1.9 * z[2 * n - 1] * chain.mass[-1, -1]
             z[2 * n - 1] *= -0.9
@@ -288,10 +288,10 @@ def lines(size: Size) -> list[Line]:
 def main(size: Size | None = None) -> None:
     """Print the table; threads of BLAS, which go on for a while when they are done, are left out."""
     with threadpool_limits(limits=1, user_api="blas"):
-        found = lines(size or Size())
-    width = max(len(line[0]) for line in found)
+        table = lines(size or Size())
+    width = max(len(line[0]) for line in table)
     print(f"{'what':{width}}  {'asked for':>24}  {'measured':>13}  {'ratio':>7}")
-    for what, target, measured, ratio in found:
+    for what, target, measured, ratio in table:
         print(f"{what:{width}}  {target:>24}  {measured:>13}  {ratio:>7}")
 
 

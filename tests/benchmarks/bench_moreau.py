@@ -28,7 +28,7 @@ def main(counts: tuple[int, ...] = (1, 4, 8, 32, 1000), steps: int = 30_000, run
     h = 1e-5
     for count in counts:
         batch = cases(full, count, alpha=np.linspace(1, 50, count), gap=5e-5, amplitude=100.0, frequency=20.0)
-        told = []
+        columns = []
         reduced = reduction.project(batch)
         for name, structure, loaded, balances in (
             ("full", full, batch, False),
@@ -44,8 +44,8 @@ def main(counts: tuple[int, ...] = (1, 4, 8, 32, 1000), steps: int = 30_000, run
                 begun = time.perf_counter()
                 moreau.compute(operator, loaded, over)
                 taken.append(time.perf_counter() - begun)
-            told.append(f"{name} {1e9 * median(taken) / count / steps:.1f}")
-        print(f"{count} cases, ns per case and step: " + ", ".join(told))
+            columns.append(f"{name} {1e9 * median(taken) / count / steps:.1f}")
+        print(f"{count} cases, ns per case and step: " + ", ".join(columns))
 
 
 if __name__ == "__main__":

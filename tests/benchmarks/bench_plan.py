@@ -92,25 +92,25 @@ class Ratios:
 
     def __str__(self) -> str:
         within = all(0.5 <= ratio <= 2 for ratio in (self.first, self.others, self.again))
-        told = f"first {self.first:.2f}, others {self.others:.2f}, again {self.again:.2f}, wall {self.wall:.2f}"
-        return f"{self.name}: {self.seconds:.2f} s; planned/measured: {told}" + ("" if within else "  BEYOND 2")
+        ratios = f"first {self.first:.2f}, others {self.others:.2f}, again {self.again:.2f}, wall {self.wall:.2f}"
+        return f"{self.name}: {self.seconds:.2f} s; planned/measured: {ratios}" + ("" if within else "  BEYOND 2")
 
 
 def _called(code: str, cache: Path, *words: Path) -> dict[str, float]:
     environment = {**os.environ, "XDG_CACHE_HOME": str(cache), "PYTHONPATH": str(ROOT)}
     command = [sys.executable, "-c", code, *map(str, words)]
-    told = subprocess.run(command, capture_output=True, text=True, check=True, env=environment).stdout
-    return dict(json.loads(told))
+    output = subprocess.run(command, capture_output=True, text=True, check=True, env=environment).stdout
+    return dict(json.loads(output))
 
 
 def _written(name: str, directory: Path) -> Path:
-    given = STUDIES[name]
+    study = STUDIES[name]
     path = directory / f"{list(STUDIES).index(name)}.yaml"
-    if isinstance(given, tuple):
-        source, before, after = given
+    if isinstance(study, tuple):
+        source, before, after = study
         path.write_text(source.read_text(encoding="utf-8").replace(before, after), encoding="utf-8")
     else:
-        path.write_text(given if isinstance(given, str) else given.read_text(encoding="utf-8"), encoding="utf-8")
+        path.write_text(study if isinstance(study, str) else study.read_text(encoding="utf-8"), encoding="utf-8")
     return path
 
 
@@ -127,19 +127,19 @@ def measure(names: list[str]) -> list[Ratios]:
             archive.unlink()
             ran[name] = _called(RUN, directory / f"alone-{study.stem}", study, archive)
             archive.unlink()
-        found = []
+        all_ratios = []
         for name, study in studies.items():
             others = directory / f"others-{study.stem}"
             for other, its in studies.items():
                 if other != name:
                     _merge(directory / f"alone-{its.stem}", others)
             first = _called(PLANNED, empty, study)
-            known = _called(PLANNED, others, study)
+            after_others = _called(PLANNED, others, study)
             own = _called(PLANNED, directory / f"alone-{study.stem}", study)
             cpu, wall = ran[name]["cpu"], ran[name]["wall"]
-            ratios = [planned["core_seconds"] / cpu for planned in (first, known, own)]
-            found.append(Ratios(name, *ratios, own["seconds"] / wall, wall))
-        return found
+            ratios = [planned["core_seconds"] / cpu for planned in (first, after_others, own)]
+            all_ratios.append(Ratios(name, *ratios, own["seconds"] / wall, wall))
+        return all_ratios
 
 
 def _merge(one: Path, into: Path) -> None:
@@ -150,11 +150,11 @@ def _merge(one: Path, into: Path) -> None:
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(file, target)
             continue
-        told, mine = json.loads(target.read_text()), json.loads(file.read_text())
+        theirs, mine = json.loads(target.read_text()), json.loads(file.read_text())
         for key, (model, measured) in mine["parts"].items():
-            before = told["parts"].get(key, [0.0, 0.0])
-            told["parts"][key] = [before[0] + model, before[1] + measured]
-        target.write_text(json.dumps(told))
+            before = theirs["parts"].get(key, [0.0, 0.0])
+            theirs["parts"][key] = [before[0] + model, before[1] + measured]
+        target.write_text(json.dumps(theirs))
 
 
 def main(names: list[str] | None = None) -> None:

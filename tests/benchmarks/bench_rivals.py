@@ -50,12 +50,12 @@ def main(counts: tuple[int, ...] = (8, 256), steps: int = 20_000, runs: int = 5)
                         begun = time.process_time()
                         scheme.compute(operator, loaded, over)
                         least[label] = min(least[label], time.process_time() - begun)
-                told = [
+                columns = [
                     f"{label} {1e9 * seconds / count / steps:.1f} (x {seconds / least['moreau']:.2f})"
                     for label, seconds in least.items()
                 ]
-                kept = " with balances" if balances else ""
-                print(f"{count} cases, {name}{kept}, ns per case and step: " + ", ".join(told))
+                suffix = " with balances" if balances else ""
+                print(f"{count} cases, {name}{suffix}, ns per case and step: " + ", ".join(columns))
 
 
 if __name__ == "__main__":

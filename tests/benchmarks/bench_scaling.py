@@ -132,29 +132,29 @@ def curves(extent: Extent) -> list[Curve]:
     return [over_cases(extent), full, swept, over_modes(extent)]
 
 
-def lines(found: list[Curve]) -> list[bench_limits.Line]:
+def lines(measured_curves: list[Curve]) -> list[bench_limits.Line]:
     """Return a line for each number of cases and for each slope."""
-    runs, *others = found
-    told: list[bench_limits.Line] = [
+    runs, *others = measured_curves
+    rows: list[bench_limits.Line] = [
         (f"whole run of cheap cases, {number} cases, per case", "", f"{1e6 * seconds / number:.3g} us", "")
         for number, seconds in zip(runs.numbers, runs.seconds, strict=True)
     ]
-    for curve in found:
+    for curve in measured_curves:
         what = f"{curve.title}: slope over {curve.unit}, from {curve.straight_from} to {curve.numbers[-1]}"
-        told.append((what, "1", "", f"{curve.slope:.2f}"))
+        rows.append((what, "1", "", f"{curve.slope:.2f}"))
     for curve in others:
         what = f"{curve.title}, {curve.numbers[-1]} {curve.unit}, for each"
-        told.append((what, "", f"{1e9 * curve.seconds[-1] / curve.numbers[-1]:.3g} ns", ""))
-    return told
+        rows.append((what, "", f"{1e9 * curve.seconds[-1] / curve.numbers[-1]:.3g} ns", ""))
+    return rows
 
 
-def draw(found: list[Curve], to: Path = FIGURE) -> None:
+def draw(measured_curves: list[Curve], to: Path = FIGURE) -> None:
     """Draw cost over cases, nodes and modes, with the straight line through the last point."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import NullFormatter
 
     figure = Figure(figsize=(11.0, 2.8), layout="constrained")
-    for axes, curve in zip(figure.subplots(1, 4), found, strict=True):
+    for axes, curve in zip(figure.subplots(1, 4), measured_curves, strict=True):
         per_case = curve.unit == "cases"
         scale = 1e6 if per_case else 1e9
         values = scale * curve.seconds / (curve.numbers if per_case else 1)
@@ -172,11 +172,11 @@ def draw(found: list[Curve], to: Path = FIGURE) -> None:
 
 def main(extent: Extent | None = None, to: Path | None = None) -> None:
     """Print the lines, and draw them where ``to`` says."""
-    found = curves(extent or Extent())
-    for what, asked, measured, ratio in lines(found):
-        print(f"{what:70} {asked:4} {measured:12} {ratio}")
+    measured_curves = curves(extent or Extent())
+    for what, target, measured, ratio in lines(measured_curves):
+        print(f"{what:70} {target:4} {measured:12} {ratio}")
     if to is not None:
-        draw(found, to)
+        draw(measured_curves, to)
 
 
 if __name__ == "__main__":

@@ -48,8 +48,8 @@ def write_line(place: Path, nodes: int) -> None:
         "conductance": line(7.0 * 0.03 * 1e-3 / cell, 400 * 0.062 * cell),
     }
     parts = ("data", "indices", "indptr", "shape")
-    found = {f"{name}.{part}": getattr(matrix, part) for name, matrix in entries.items() for part in parts}
-    np.savez(place, contact=nodes - 1, thermal_contact=nodes - 1, **found)
+    arrays = {f"{name}.{part}": getattr(matrix, part) for name, matrix in entries.items() for part in parts}
+    np.savez(place, contact=nodes - 1, thermal_contact=nodes - 1, **arrays)
 
 
 def reduce_once(place: Path, basis: str) -> None:

@@ -124,8 +124,10 @@ def equal_terms(cases: int, rival_steps: int) -> list[Line]:
         ("SciPy DOP853 with events", 0.3 * integrated),
     ]
     for label, seconds in others:
-        told = "skipped: not installed or fails" if seconds is None else f"{1e3 * seconds:.3g} ms"
-        lines.append((f"{what}: {label}, over `moreau`", "", told, "" if seconds is None else f"{seconds / own:.3g}"))
+        measured = "skipped: not installed or fails" if seconds is None else f"{1e3 * seconds:.3g} ms"
+        lines.append(
+            (f"{what}: {label}, over `moreau`", "", measured, "" if seconds is None else f"{seconds / own:.3g}")
+        )
     return lines
 
 
@@ -143,8 +145,8 @@ def workflow_lines(sizes: tuple[int, int], runs: int, processes: bool) -> list[L
     def per_case(what: str, seconds: float | None, asked: float | None = None) -> Line:
         if seconds is None:
             return what, "", "not installed", ""
-        told, target = f"{1e6 * seconds:.1f} us", f"<= {asked:g} us" if asked else ""
-        return what, target, told, f"{1e6 * seconds / asked:.2f}" if asked else ""
+        measured, target = f"{1e6 * seconds:.1f} us", f"<= {asked:g} us" if asked else ""
+        return what, target, measured, f"{1e6 * seconds / asked:.2f}" if asked else ""
 
     lines = [
         per_case(f"overhead per case, durable, {threads} threads", bench_workflow.overhead(large, threads=threads), 30)
@@ -200,16 +202,16 @@ def markdown(lines: list[Line]) -> str:
     rows = [f"*{date.today()}, {machine}; `{command}`*\n"]
     rows += ["| what | asked for | measured | ratio |", "|---|---|---|---|"]
     rows += [
-        f"| {what} | {asked.replace('<=', '≤').replace('>=', '≥')} | {told} | {ratio} |"
-        for what, asked, told, ratio in lines
+        f"| {what} | {target.replace('<=', '≤').replace('>=', '≥')} | {measured} | {ratio} |"
+        for what, target, measured, ratio in lines
     ]
     return "\n".join(rows) + "\n"
 
 
 def processor() -> str:
     """Return the processor's name."""
-    told = Path("/proc/cpuinfo")
-    names = [line.split(":")[1].strip() for line in told.read_text().splitlines() if line.startswith("model name")]
+    file = Path("/proc/cpuinfo")
+    names = [line.split(":")[1].strip() for line in file.read_text().splitlines() if line.startswith("model name")]
     return names[0] if names else platform.machine()
 
 
@@ -227,10 +229,10 @@ def main(
     """
     with threadpool_limits(limits=1, user_api="blas"):
         lines = table(size or Size(), exact_cases, run_cases, grids, processes)
-        found = bench_scaling.curves(extent or Extent())
-        told = markdown(lines + bench_scaling.lines(found))
-    print(told, end="")
-    return told, found
+        scaling = bench_scaling.curves(extent or Extent())
+        text = markdown(lines + bench_scaling.lines(scaling))
+    print(text, end="")
+    return text, scaling
 
 
 def quickly() -> tuple[str, list[Curve]]:
@@ -240,13 +242,13 @@ def quickly() -> tuple[str, list[Curve]]:
     return main(size, 30, 1_000, (1_000, 10_000), extent=extent)
 
 
-def write(told: str, found: list[Curve]) -> None:
+def write(text: str, scaling: list[Curve]) -> None:
     """Keep the table, draw its curves, and put the headlines into the README."""
-    bench_scaling.draw(found)
+    bench_scaling.draw(scaling)
     before, _, after = _parts(TABLE.read_text())
-    TABLE.write_text(before + BEGIN + told + END + after)
+    TABLE.write_text(before + BEGIN + text + END + after)
     before, _, after = _parts(README.read_text())
-    README.write_text(before + BEGIN + headlines(told) + END + after)
+    README.write_text(before + BEGIN + headlines(text) + END + after)
 
 
 def _parts(text: str) -> tuple[str, str, str]:
@@ -256,9 +258,9 @@ def _parts(text: str) -> tuple[str, str, str]:
     return before, within, after
 
 
-def headlines(told: str) -> str:
+def headlines(text: str) -> str:
     """Return the table with the lines that the README shows."""
-    lines = told.splitlines(keepends=True)
+    lines = text.splitlines(keepends=True)
     return "".join([*lines[:4], *(line for line in lines[4:] if line.startswith(tuple(f"| {h}" for h in HEADLINES)))])
 
 

@@ -222,15 +222,15 @@ def whole_run(cases: int, runs: int) -> tuple[float, float]:
     """
     columns = min(100, cases // 2)
     study = parsed(HEAVY.format(rows=cases // columns, columns=columns))
-    found = []
+    runs_seconds = []
     with scratch() as directory:
         run_study(parsed(HEAVY.format(rows=2, columns=2)), directory / "warm.nc")
         for run in range(runs):
             archive = directory / f"{run}.nc"
             begun = time.perf_counter()
             run_study(study, archive)
-            found.append((time.perf_counter() - begun, kernel_seconds(archive) / available_threads()))
-    return sorted(found, key=lambda pair: pair[0] / pair[1])[runs // 2]
+            runs_seconds.append((time.perf_counter() - begun, kernel_seconds(archive) / available_threads()))
+    return sorted(runs_seconds, key=lambda pair: pair[0] / pair[1])[runs // 2]
 
 
 def plan_seconds(cases: int) -> float:

@@ -57,8 +57,8 @@ def test_workflow_prints_its_lines(capsys: pytest.CaptureFixture[str]) -> None:
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 11
     for line in lines:
-        told = line.split(": ")[1]
-        assert told == "not installed" or math.isfinite(float(told.split()[0]))
+        measured = line.split(": ")[1]
+        assert measured == "not installed" or math.isfinite(float(measured.split()[0]))
 
 
 def test_limits_print_their_table(capsys: pytest.CaptureFixture[str]) -> None:
@@ -87,16 +87,16 @@ def test_the_kept_table_is_what_the_script_prints(capsys: pytest.CaptureFixture[
             re.sub(r"[\d.]+(e-?\d+)?", "#", line.split("|")[1]) for line in text.splitlines() if line.startswith("| ")
         }
 
-    told, curves = bench_table.main(bench_limits.TINY, 1, 4, (8, 20), processes=False, extent=bench_scaling.TINY)
-    assert capsys.readouterr().out == told
+    text, curves = bench_table.main(bench_limits.TINY, 1, 4, (8, 20), processes=False, extent=bench_scaling.TINY)
+    assert capsys.readouterr().out == text
     assert [curve.unit for curve in curves] == ["cases", "nodes", "nodes", "modes"]
     bench_scaling.draw(curves, tmp_path / "scaling.png")
     assert (tmp_path / "scaling.png").stat().st_size > 10_000
     kept = bench_table._parts(bench_table.TABLE.read_text())[1]
     assert bench_table._parts(bench_table.README.read_text())[1] == bench_table.headlines(kept)
     assert bench_table.headlines(kept).count("\n") == 4 + len(bench_table.HEADLINES)
-    assert len(lines(told)) > 20
-    assert {re.sub("cases?", "cases", line) for line in lines(told)} <= {
+    assert len(lines(text)) > 20
+    assert {re.sub("cases?", "cases", line) for line in lines(text)} <= {
         re.sub("cases?", "cases", line) for line in lines(kept)
     }
 
@@ -104,8 +104,8 @@ def test_the_kept_table_is_what_the_script_prints(capsys: pytest.CaptureFixture[
 @pytest.mark.slow  # five processes
 def test_plan_prints_its_lines(capsys: pytest.CaptureFixture[str]) -> None:
     bench_plan.main(["abstract figure"])
-    told = capsys.readouterr().out.splitlines()[1]
-    assert all(float(told.split(f"{word} ")[1].split(",")[0].split()[0]) > 0 for word in ("first", "again", "wall"))
+    line = capsys.readouterr().out.splitlines()[1]
+    assert all(float(line.split(f"{word} ")[1].split(",")[0].split()[0]) > 0 for word in ("first", "again", "wall"))
 
 
 def test_two_versions_are_compared_row_by_row() -> None:
