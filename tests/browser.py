@@ -28,22 +28,22 @@ const deep = (root, kind) => [...root.querySelectorAll(kind),
 
 def chromium() -> str:
     """Return the path of a Chromium; without one the test is skipped, or fails where ``REQUIRE_BROWSER`` is set."""
-    return _found(*NAMES)
+    return _executable(*NAMES)
 
 
-def _found(*names: str) -> str:
-    found = next(filter(None, map(shutil.which, names)), None)
-    if found is None and os.environ.get("REQUIRE_BROWSER"):
+def _executable(*names: str) -> str:
+    path = next(filter(None, map(shutil.which, names)), None)
+    if path is None and os.environ.get("REQUIRE_BROWSER"):
         pytest.fail(f"no {names[0]} on this machine: apt-get install chromium chromium-driver")
-    if found is None:
+    if path is None:
         pytest.skip(f"no {names[0]} on this machine")
-    return found
+    return path
 
 
 @contextmanager
 def window(width: int) -> Iterator[Any]:
     """Give a browser whose window is so many pixels wide; skip or fail as :func:`chromium` does."""
-    browser, driver_path = chromium(), _found("chromedriver")
+    browser, driver_path = chromium(), _executable("chromedriver")
     from selenium import webdriver
     from selenium.webdriver.chrome.service import Service
 

@@ -37,11 +37,11 @@ on_every_processor = pytest.mark.parametrize(
 
 def printed_here(source: str, file: str = "") -> str:
     """Return what a program prints in this process, which takes its processor as it is."""
-    told = io.StringIO()
-    with contextlib.redirect_stdout(told), warnings.catch_warnings():
+    output = io.StringIO()
+    with contextlib.redirect_stdout(output), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         exec(compile(source, file, "exec"), {"__name__": "__main__", "__file__": file})
-    return told.getvalue().strip()
+    return output.getvalue().strip()
 
 
 def printed_under(settings: dict[str, str], *words: str) -> str:

@@ -31,7 +31,7 @@ def room_of(path: Path) -> str:
 
 def imports_of(path: Path) -> set[str]:
     """Rooms of this package that a file imports, wherever in it the import stands."""
-    found = set()
+    rooms = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.ImportFrom) and node.module:
             names = [node.module] if node.module != "workflow" else [f"workflow.{a.name}" for a in node.names]
@@ -39,8 +39,8 @@ def imports_of(path: Path) -> set[str]:
             names = [alias.name for alias in node.names]
         else:
             continue
-        found |= {name.split(".")[1] for name in names if name.startswith("workflow.")}
-    return found & set(ORDER)
+        rooms |= {name.split(".")[1] for name in names if name.startswith("workflow.")}
+    return rooms & set(ORDER)
 
 
 @pytest.mark.parametrize("path", sources(), ids=lambda p: str(p.relative_to(ROOT)))
@@ -72,16 +72,16 @@ def test_physics_knows_arrays_only(path: Path) -> None:
 
 def functions() -> list[tuple[str, int, int]]:
     """Place, lines and parameters of every function, ``self`` counted."""
-    found = []
+    sizes = []
     for path in sources():
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-                given = node.args
-                count = len(given.posonlyargs) + len(given.args) + len(given.kwonlyargs)
-                count += (given.vararg is not None) + (given.kwarg is not None)
+                arguments = node.args
+                count = len(arguments.posonlyargs) + len(arguments.args) + len(arguments.kwonlyargs)
+                count += (arguments.vararg is not None) + (arguments.kwarg is not None)
                 place = f"{path.relative_to(ROOT)}:{node.name}"
-                found.append((place, node.end_lineno - node.lineno + 1, count))
-    return found
+                sizes.append((place, node.end_lineno - node.lineno + 1, count))
+    return sizes
 
 
 MODULE_LINES = 350
@@ -97,12 +97,12 @@ def test_modules_are_short(path: Path) -> None:
 
 def test_functions_are_short_and_take_few_parameters() -> None:
     """``most`` is the 90th percentile of all functions of the package."""
-    found = functions()
-    assert [place for place, lines, _ in found if lines > FUNCTION_LINES] == []
-    assert [place for place, _, count in found if count > PARAMETERS] == []
-    most = int(0.9 * len(found))
-    assert sorted(lines for _, lines, _ in found)[most] <= MOST_FUNCTION_LINES
-    assert sorted(count for _, _, count in found)[most] <= MOST_PARAMETERS
+    sizes = functions()
+    assert [place for place, lines, _ in sizes if lines > FUNCTION_LINES] == []
+    assert [place for place, _, count in sizes if count > PARAMETERS] == []
+    most = int(0.9 * len(sizes))
+    assert sorted(lines for _, lines, _ in sizes)[most] <= MOST_FUNCTION_LINES
+    assert sorted(count for _, _, count in sizes)[most] <= MOST_PARAMETERS
 
 
 def imported_by(*commands: str, directory: Path) -> set[str]:
@@ -122,24 +122,24 @@ def imported_by(*commands: str, directory: Path) -> set[str]:
 
 
 def test_commands_that_compute_nothing_import_no_compiler(tmp_path: Path) -> None:
-    found = imported_by("schema", "show A", "recommend E", "report A -o page.html", directory=tmp_path)
-    assert "workflow.schemes" in found
+    modules = imported_by("schema", "show A", "recommend E", "report A -o page.html", directory=tmp_path)
+    assert "workflow.schemes" in modules
     assert (tmp_path / "page.html").exists()
-    assert not {"numba", "llvmlite"} & found
+    assert not {"numba", "llvmlite"} & modules
 
 
 def test_planning_imports_nothing_to_run_or_store_with(tmp_path: Path) -> None:
     """It needs singular values, which kernels compute: it imports numba."""
-    found = imported_by("plan S", directory=tmp_path)
-    assert "workflow.schemes" in found
-    assert not {"xarray", "dask", "h5py", "netCDF4", "matplotlib", "scipy.sparse"} & found
+    modules = imported_by("plan S", directory=tmp_path)
+    assert "workflow.schemes" in modules
+    assert not {"xarray", "dask", "h5py", "netCDF4", "matplotlib", "scipy.sparse"} & modules
 
 
 @pytest.mark.parametrize("module", ["workflow", "workflow.cli"])
 def test_starting_imports_nothing_heavy(module: str) -> None:
     code = f"import sys, {module}; print(*[m for m in {HEAVY!r} if m in sys.modules])"
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert found.stdout.split() == []
+    completed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert completed.stdout.split() == []
 
 
 def test_no_two_modules_of_the_tests_share_a_name() -> None:

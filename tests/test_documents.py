@@ -116,9 +116,9 @@ def test_the_blade_study_is_plausible(tmp_path: Path) -> None:
     assert "h: {log: [1e-6, 1e-4, 5]}" in text
     study = parse_study(text.replace("{log: [1e-6, 1e-4, 5]}", "1e-4"), "blade.yaml")
     assert run_study(study, tmp_path / "blade.nc").ok
-    with open_archive(tmp_path / "blade.nc") as found:
-        assert set(found["status"].dims) == {"scheme", "e", "alpha", "gap", "model"}
-        hottest = found["max_temperature"].sel(alpha=30).max(("scheme", "e", "model"))
+    with open_archive(tmp_path / "blade.nc") as archive:
+        assert set(archive["status"].dims) == {"scheme", "e", "alpha", "gap", "model"}
+        hottest = archive["max_temperature"].sel(alpha=30).max(("scheme", "e", "model"))
         assert hottest.sel(gap=20e-6) == pytest.approx(408, abs=2)
         assert np.all((hottest > 50) & (hottest < 1000))
 

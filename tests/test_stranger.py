@@ -38,8 +38,8 @@ AXES = """axes:
 
 def block(language: str, holding: str = "") -> str:
     """Return the README's first block of code in a language that holds some text."""
-    found = re.findall(rf"```{language}\n(.*?)```", README, re.DOTALL)
-    return str(next(text for text in found if holding in text))
+    texts = re.findall(rf"```{language}\n(.*?)```", README, re.DOTALL)
+    return str(next(text for text in texts if holding in text))
 
 
 def own_study() -> str:
