@@ -73,6 +73,16 @@ def test_readme_names_every_command() -> None:
         assert f"`workflow {command.callback.__name__}" in text
 
 
+def test_readme_s_caption_is_what_its_notebook_prints() -> None:
+    cells = json.loads((ROOT / "studies" / "abstract_figure.ipynb").read_text(encoding="utf-8"))["cells"]
+    printed = "".join(line for cell in cells for out in cell.get("outputs", []) for line in out.get("text", []))
+    shares = re.findall(r"(displacement|temperature|contact_force) +scheme ([\d.]+)%, reduction ([\d.]+)%", printed)
+    (_, x, x_basis), (_, heat, heat_basis), (_, force, _) = shares
+    text = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    assert f"{x} % in displacement, {float(heat):.1f} % in temperature, {float(force):.1f} % in contact force" in text
+    assert f"change its displacement by {x_basis} %, its temperature by {heat_basis} %" in text
+
+
 def worst(name: str, variable: str, scheme: str, h: float, e: float = 0.0) -> float:
     """Return the largest value over alpha in a kept archive of full models, at the step nearest to ``h``."""
     with open_archive(ROOT / "data" / f"{name}.nc") as archive:
