@@ -16,18 +16,22 @@ from numpy.typing import NDArray
 from workflow.kernels.complex_numbers import complex_product, complex_total, magnitude, over, times
 from workflow.models import Array
 from workflow.schemes._exact.modal_system import ModalSystem
-from workflow.schemes._exact.spectrum import Complex, coupled_spectrum
+from workflow.schemes._exact.spectrum import Complex, conditions, coupled_spectrum
 from workflow.schemes._interface import RefusedStructureError
 
 INSEPARABLE = (
-    "couples its modes and leaves poles that event_driven cannot separate: two coincide, one is a thermal rate, or a "
-    "real one grows as damping is negative; change it by a trifle, or take a scheme with a fixed step"
+    "couples its modes and leaves poles that event_driven cannot separate: three coincide, one is a thermal "
+    "rate, or a real one grows as damping is negative; change it by a trifle, or take a scheme with a fixed step"
 )
 """Why such a structure is refused."""
 
 _ROUNDING = 1e-12
 """Share of the fastest pole up to which a negative sum or product of poles is rounding: the general solver's is 1e-15
 of it times the condition of the pole."""
+
+_SIMPLE = 10.0
+"""Σ |l_k x_k| of a pole up to which one step of Newton's method makes it better: another pole near it turns its
+eigenvector, and takes the slope along which the step goes."""
 
 
 class InseparablePolesError(RefusedStructureError):
@@ -58,7 +62,7 @@ def pole_pairs(system: ModalSystem, A: Array, is_sharp: bool) -> PolePairs:
     Parameters
     ----------
     is_sharp
-        Whether each pole is to have its own relative accuracy, see :func:`sharpened`.
+        Whether each pole that has no other near it is to have its own relative accuracy, see :func:`sharpened`.
 
     Raises
     ------
@@ -69,9 +73,9 @@ def pole_pairs(system: ModalSystem, A: Array, is_sharp: bool) -> PolePairs:
     if spectrum is None:
         raise InseparablePolesError
     count = spectrum.values.size - system.rate.size
-    poles = (
-        sharpened(spectrum.values[:count], spectrum.right[:, :count], system) if is_sharp else spectrum.values[:count]
-    )
+    poles, right = spectrum.values[:count], spectrum.right[:, :count]
+    if is_sharp:
+        poles = np.where(conditions(right, spectrum.left[:count]) < _SIMPLE, sharpened(poles, right, system), poles)
     one, other = _partners(poles)
     twin = (one == other)[:, None]
     s, t = poles[one], np.where(twin[:, 0], poles[other].conj(), poles[other])

@@ -12,6 +12,7 @@ friction along a tangent, which is another such term with the same row.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -88,16 +89,45 @@ def quasi_static(frequency: Array, damping: Array, rate: Array, drive: Array) ->
     return a, b, near.astype(np.float64)
 
 
+_PARTED = 1e-11
+"""Share by which damping is changed where two poles coincide: they part by its root, 3e-6 of themselves, which leaves
+their eigenvectors eleven digits."""
+
+
 def free_regime(free: ModalSystem) -> Regime:
-    """Return the regime of a structure with its tip free."""
-    return _contiguous(_coupled(free, is_free=True) if free.is_coupled else _one_way(free))
+    """Return the regime of a structure with its tip free.
+
+    Raises
+    ------
+    InseparablePolesError
+        Damping couples the modes, and three poles coincide, one is a thermal rate, or a real one is positive.
+    """
+    if not free.is_coupled:
+        return _contiguous(_one_way(free))
+    return _with_poles_apart(lambda system: _coupled(system, is_free=True), free)
 
 
 def held_regime(held: ModalSystem, alpha: float) -> Regime:
-    """Return the regime of a structure with its tip held at α [W/N], at α > 0 or with friction along t a linked one."""
+    """Return the regime of a structure with its tip held at α [W/N], at α > 0 or with friction along t a linked one.
+
+    Raises
+    ------
+    InseparablePolesError
+        As :func:`free_regime`.
+    """
     if alpha > 0 or held.pushed is not None:
-        return _contiguous(_two_way(held, alpha))
-    return _contiguous(_coupled(held, is_free=False) if held.is_coupled else _one_way(held))
+        return _with_poles_apart(lambda system: _two_way(system, alpha), held)
+    if not held.is_coupled:
+        return _contiguous(_one_way(held))
+    return _with_poles_apart(lambda system: _coupled(system, is_free=False), held)
+
+
+def _with_poles_apart(regime: Callable[[ModalSystem], Regime], system: ModalSystem) -> Regime:
+    """Return the regime of a system; where poles coincide, with its damping changed by as little as parts them."""
+    try:
+        return _contiguous(regime(system))
+    except InseparablePolesError:
+        return _contiguous(regime(replace(system, damping=(1 + _PARTED) * system.damping)))
 
 
 def _contiguous(regime: Regime) -> Regime:

@@ -27,8 +27,8 @@ _CRITICAL = 1e-4
 """Two poles of a block nearer than this, relatively, leave fewer than twelve digits in their own
 eigenvectors: then the general solver does no worse."""
 
-_TRUSTED = 1e5
-"""Σ |l_k x_k| of a pole up to which its eigenvectors, l x = 1, keep eleven digits: it grows without bound as another
+_TRUSTED = 1e6
+"""Σ |l_k x_k| of a pole up to which its eigenvectors, l x = 1, keep ten digits: it grows without bound as another
 pole comes near that has the same eigenvector."""
 
 _NEAR_RATE = 1e-5
@@ -190,9 +190,14 @@ def general_spectrum(A: Array, force: Array) -> Spectrum:
     return Spectrum(values[keep], right, left[keep], complex_product(force, right))
 
 
+def conditions(right: Complex, left: Complex) -> Array:
+    """Return Σ |l_k x_k| of each pole, 1 where its eigenvector depends on no other, whatever the units."""
+    return np.asarray(total(magnitude(left) * magnitude(right.T), 1))
+
+
 def is_trusted(right: Complex, left: Complex) -> bool:
-    """Tell whether no eigenvector nearly depends on others: Σ |l_k x_k| is 1 where none does, whatever the units."""
-    return bool(np.all(total(magnitude(left) * magnitude(right.T), 1) <= _TRUSTED))
+    """Tell whether no eigenvector nearly depends on others."""
+    return bool(np.all(conditions(right, left) <= _TRUSTED))
 
 
 def guesses_of(A: Array) -> Array:
