@@ -14,6 +14,7 @@ import bench_moreau
 import bench_plan
 import bench_rivals
 import bench_scaling
+import bench_shifts
 import bench_table
 import bench_workflow
 import pytest
@@ -23,6 +24,15 @@ def test_bases_are_told_of() -> None:
     lines = bench_bases.text(sizes=(20,), steps=700).splitlines()[2:-1]
     assert len(lines) == 2 * len(bench_bases.reduction.names())
     assert all(float(line.split("|")[7]) < 1e-12 for line in lines)  # α_c
+
+
+def test_shifts_print_their_lines(capsys: pytest.CaptureFixture[str]) -> None:
+    bench_shifts.main(nodes=(2001,), vectors=(4,), counts=(2, 4))
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split(",")[0] for line in lines[1:]] == ["2001 nodes", "finite element blade"]
+    for line in lines[1:]:
+        assert len(line.split("vectors")[1].split()) == 2
+        assert all(0 < float(error) < 0.1 for error in line.split("vectors")[1].split())
 
 
 def test_event_driven_prints_its_lines(capsys: pytest.CaptureFixture[str]) -> None:
