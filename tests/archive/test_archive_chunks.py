@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+import dask
 import h5py
 import numpy as np
 import pytest
@@ -45,6 +46,25 @@ def test_dask_takes_all_variables(tmp_path: Path, dims: Any, chunks: Any, small_
             check_dataset(dataset.compute(), layout, results)
             plain = "S" if small_chunks == "characters" and layout.stored.count > 1 else "U"
             assert dataset["message"].dtype.kind == ("U" if opened is archive.open_archive else plain)
+
+
+@pytest.mark.filterwarnings("ignore:The specified chunks separate the stored chunks")
+def test_chunks_that_dask_chooses_are_the_same_for_all_variables(tmp_path: Path, small_chunks: str) -> None:
+    """As of archives above dask's 128 MB a variable: of flags it takes eight times as many at once as of metrics."""
+    layout = sample_layout(MANY, chunk=1)
+    results = sample_results(layout)
+    path = make_archive(tmp_path / "a.nc", layout, results, range(1, layout.units, 7))
+    with dask.config.set({"array.chunk-size": "400 B"}), archive.open_archive(path, chunks="auto") as dataset:
+        sizes = dict(dataset.chunks)  # raises where variables are cut otherwise
+        assert sum(map(len, sizes.values())) > len(sizes)
+        check_dataset(dataset.compute(), layout, results)
+
+
+def test_a_warning_about_chunks_is_none_about_the_file(tmp_path: Path, small_chunks: str) -> None:
+    layout = sample_layout(MANY, chunk=1)
+    path = make_archive(tmp_path / "a.nc", layout, sample_results(layout), range(1, layout.units, 7))
+    with pytest.raises(UserWarning, match="separate the stored chunks"):
+        archive.open_archive(path, chunks={"gap": 5})
 
 
 def test_texts_of_a_zip_have_the_chunks_of_the_results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

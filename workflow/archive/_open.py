@@ -232,6 +232,8 @@ def _open_dataset(path: Path, chunks: Any, named: Path, damaged: bool) -> xr.Dat
     try:
         with LOCK:
             dataset = opened(path, chunks, LOCK)
+    except Warning:  # about the chunks asked for, where warnings are errors
+        raise
     except Exception as error:  # whatever xarray makes of a file that is not what it was
         raise unreadable(named, error) from error
     return dataset if whole else dataset.assign_attrs(damaged=DAMAGED)

@@ -14,7 +14,11 @@ if TYPE_CHECKING:
 
 
 def opened(path: Path, chunks: Any, lock: Any) -> xr.Dataset:
-    """Open a file with xarray; what it holds as characters becomes texts when it is read."""
+    """Open a file with xarray; what it holds as characters becomes texts when it is read.
+
+    ``chunks="auto"`` cuts each variable by the size of its numbers: dimensions are then cut as finely as any of them,
+    so that all have one set of chunks.
+    """
     import xarray as xr
 
     open_file = partial(xr.open_dataset, path, engine="netcdf4", decode_timedelta=False, lock=lock)
@@ -23,9 +27,8 @@ def opened(path: Path, chunks: Any, lock: Any) -> xr.Dataset:
     dataset.update(_decoded(dataset[list(widths)]))
     if chunks is None:
         return dataset
-    if not widths:
-        dataset.close()
-        return open_file(chunks=chunks)
+    if chunks == "auto":
+        chunks = _finest(open_file(chunks=chunks, drop_variables=widths))
     with_chunks = open_file(chunks=chunks, drop_variables=widths)
     sizes = dict(with_chunks[STATUS].chunksizes)
     for name, width in widths.items():
@@ -33,6 +36,16 @@ def opened(path: Path, chunks: Any, lock: Any) -> xr.Dataset:
         with_chunks[name] = dataset[name].chunk(own).astype(f"U{width}")
     with_chunks.set_close(_closing(with_chunks, dataset))
     return with_chunks
+
+
+def _finest(dataset: xr.Dataset) -> dict[str, int]:
+    """Return the length of the chunks along each dimension in the variable that is cut most finely there; close it."""
+    lengths: dict[str, int] = {}
+    for variable in dataset.variables.values():
+        for dim, own in variable.chunksizes.items():
+            lengths[str(dim)] = min(lengths.get(str(dim), own[0]), own[0])
+    dataset.close()
+    return lengths
 
 
 def _widths(dataset: xr.Dataset) -> dict[str, int]:
