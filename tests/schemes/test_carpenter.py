@@ -15,7 +15,7 @@ from scenes import cases, chain, heavy_chain, relative, sampling, siconos_chain,
 from workflow import models
 from workflow.models import Cases, Rayleigh, Structure
 from workflow.reduction import reduce_structure
-from workflow.schemes import Results, Sampling, Status, carpenter
+from workflow.schemes import Results, Sampling, Status, carpenter, limit_text
 
 SICONOS_LIMITS = {"central": "1.0029e-04", "lagged": "9.08e-05"}
 """Largest stable steps of the Siconos chain, s, to the digits that the issue gives."""
@@ -152,7 +152,7 @@ def test_the_heat_step_has_a_limit_of_its_own() -> None:
     beyond = step(structure, batch, 1.001 * limit, over, "carpenter", heat="explicit")
     assert beyond.status.tolist() == [Status.OK, Status.DIVERGED]
     assert beyond.messages[1].startswith("the explicit heat step grows")
-    assert f"stable up to {limit:.7g} s" in beyond.messages[1]
+    assert f"stable up to {limit_text(limit, 7)} s" in beyond.messages[1]
     assert np.all(step(structure, batch, 1.001 * limit, over, "carpenter", heat="implicit").status == Status.OK)
 
 

@@ -228,7 +228,8 @@ def _farthest(
 def _advice(cell: Cell, friction: float) -> str:
     """Return up to which step a scheme with a contact spring holds, where it has a limit."""
     limit = _contact_limit(cell, friction)
-    return "" if np.isinf(limit) else f"; with contact that comes and goes the scheme holds up to h = {limit:.4g} s"
+    said = f"; with contact that comes and goes the scheme holds up to h = {schemes.limit_text(limit, 4)} s"
+    return "" if np.isinf(limit) else said
 
 
 def _contact_limit(cell: Cell, friction: float) -> float:

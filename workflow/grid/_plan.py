@@ -295,7 +295,7 @@ def _beware(grid: Grid, cell: Cell) -> list[_Caution]:
         ends = {float(friction.min()), float(friction.max())}
         limit = min(scheme.contact_limit(structure, cell.scheme.options, coefficient) for coefficient in ends)
         if cell.h > limit:
-            measured = f"{limit:.6g} s (measured with contact that comes and goes)"
+            measured = f"{schemes.limit_text(limit)} s (measured with contact that comes and goes)"
             cautions.append(caution("grows in contact, which is stable only up to", measured, -limit))
     if 0 < omega[0] < np.inf:
         physical = float(damping[0] / (2 * omega[0]))

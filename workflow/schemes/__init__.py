@@ -11,6 +11,7 @@ from workflow import registry
 from workflow.models import Cases
 from workflow.schemes._contract import ContractError, checked, refuse
 from workflow.schemes._fixed.recorder import Recorder
+from workflow.schemes._fixed.stable_steps import limit_text
 from workflow.schemes._interface import (
     HISTORIES,
     RefusedStructureError,
@@ -73,6 +74,7 @@ __all__ = [
     "checked",
     "complete_periods",
     "fault",
+    "limit_text",
     "load",
     "metrics",
     "names",

@@ -63,6 +63,7 @@ from workflow.schemes._fixed.marks import TIP_DISPLACEMENT, TIP_GAP, TIP_TEMPERA
 from workflow.schemes._fixed.modal_lanes import Coefficients, State, slide
 from workflow.schemes._fixed.outcome import ROUNDING, by_heat, effective_restitution
 from workflow.schemes._fixed.sliding import friction_message, slides
+from workflow.schemes._fixed.stable_steps import limit_text
 from workflow.schemes._fixed.stepping import Now, collect, store_end, watch
 from workflow.schemes._fixed.tip_load import tip_load
 from workflow.schemes._interface import Results, Sampling, Status, schedule
@@ -270,7 +271,8 @@ def _judge(
         limit = differences.largest_stable_step(modal.frequency, modal.damping, modal.rate)
         what = "free step" if free >= heat else "explicit heat step"
         text = (
-            f"the {what} grows {growth:.6g}-fold at h = {h:.6g} s; central differences are stable up to {limit:.7g} s"
+            f"the {what} grows {growth:.6g}-fold at h = {h:.6g} s; central differences are stable up to "
+            f"{limit_text(limit, 7)} s"
         )
         return np.full(finite.size, Status.DIVERGED, dtype=np.int8), dict.fromkeys(range(finite.size), text)
     status = np.where(finite, Status.OK, np.where(ambiguous, Status.ILL_POSED, Status.DIVERGED)).astype(np.int8)

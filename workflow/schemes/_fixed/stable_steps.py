@@ -1,9 +1,10 @@
-"""The largest time step up to which a condition holds at every smaller one, by trial."""
+"""The largest time step up to which a condition holds at every smaller one: by trial, and as messages say it."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from decimal import ROUND_FLOOR, Context, Decimal
 
 _OCTAVES, _IN_OCTAVE = 40, 16
 """Steps are tried from 2⁻⁴⁰ (1e-12) of the given one on, sixteen to each doubling: 4 % apart."""
@@ -29,6 +30,13 @@ def largest_step(holds: Callable[[float], bool], h: float) -> float:
             return _between(holds, good, step) if good > 0 else 0.0
         good = step
     return good
+
+
+def limit_text(limit: float, digits: int = 6) -> str:
+    """Return a limit in some digits, rounded down: a step that is taken from a message is not above the limit."""
+    if not math.isfinite(limit):
+        return f"{limit:g}"
+    return f"{float(Context(prec=digits, rounding=ROUND_FLOOR).plus(Decimal(limit))):.{digits}g}"
 
 
 def _between(holds: Callable[[float], bool], good: float, bad: float) -> float:

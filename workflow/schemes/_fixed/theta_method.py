@@ -30,7 +30,7 @@ from workflow.schemes._fixed.marks import TIP_DISPLACEMENT, TIP_TEMPERATURE
 from workflow.schemes._fixed.modal_lanes import Coefficients, by_mode
 from workflow.schemes._fixed.outcome import ROUNDING
 from workflow.schemes._fixed.sliding import friction_message, slides, sliding, yields_aside
-from workflow.schemes._fixed.stable_steps import largest_step
+from workflow.schemes._fixed.stable_steps import largest_step, limit_text
 from workflow.schemes._fixed.stepping import Watch, watch
 from workflow.schemes._interface import Sampling, Status, schedule
 from workflow.schemes._sweep.sweeps import Swept
@@ -259,6 +259,6 @@ def judge(
         if growth > 1 + ROUNDING:
             limit = _largest_stable_step(operator)
             messages[case] = f"the free step grows {growth:.6g}-fold at theta = {theta:g} and h = {h:.6g} s; " + (
-                f"it is stable up to h = {limit:.6g} s" if limit > 0 else "it is stable at no h"
+                f"it is stable up to h = {limit_text(limit)} s" if limit > 0 else "it is stable at no h"
             )
     return status, messages
