@@ -18,6 +18,16 @@ scene:
   duration: 60 ms
 """
 
+HEAVY_SCENE = """
+scene:
+  chain: {nodes: 20, mass: 2.5e-3, stiffness: 2.0e7, damping: {mass: 10, stiffness: 2.0e-7}, spacing: 2.5e-3,
+          expansion: 8.6e-6, heat_capacity: 1.315, conductance: 0.605, convection: 0.02}
+  casing: {gap: 5.0e-5}
+  load: {amplitude: 100, frequency: 20}
+  duration: 0.3
+"""
+"""The chain of ``scenes.heavy_chain`` under a load."""
+
 SMALL = (
     "study: small\ntitle: A chain of four nodes that rubs\n"
     + SCENE

@@ -7,23 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from studies import parsed
+from studies import HEAVY_SCENE, parsed
 from workflow.grid import Solved, arrange, solve
 from workflow.schemes import Status
-
-HEAVY = """
-study: a
-scene:
-  chain: {{nodes: 20, mass: 2.5e-3, stiffness: 2.0e7, damping: {{mass: 10, stiffness: 2.0e-7}}, spacing: 2.5e-3,
-          expansion: 8.6e-6, heat_capacity: 1.315, conductance: 0.605, convection: 0.02}}
-  casing: {{gap: 5.0e-5}}
-  load: {{amplitude: 100, frequency: 20}}
-  duration: 0.3
-schemes: {{stiff: {{method: penalty, stiffness: 2.0e9}}}}
-axes: {{scheme: stiff, h: {h}, alpha: 0.25}}
-reference: {{scheme: event_driven}}
-output: {{interval: 1 ms, histories: [], balances: {balances}}}
-"""
 
 ONE = """
 study: a
@@ -34,6 +20,15 @@ scene:
   duration: {duration}
 axes: {{scheme: {scheme}, h: {h}{axes}}}
 output: {{interval: {interval}, histories: [], balances: {balances}}}
+"""
+
+
+def heavy(h: float, balances: str) -> str:
+    """Return the study of a contact spring far stiffer than the heavy chain."""
+    return f"""study: a{HEAVY_SCENE}schemes: {{stiff: {{method: penalty, stiffness: 2.0e9}}}}
+axes: {{scheme: stiff, h: {h}, alpha: 0.25}}
+reference: {{scheme: event_driven}}
+output: {{interval: 1 ms, histories: [], balances: {balances}}}
 """
 
 
@@ -72,19 +67,19 @@ def test_a_ball_that_its_table_strikes_a_thousand_times_is_ok() -> None:
 
 def test_a_contact_spring_that_creates_energy_is_not_ok() -> None:
     """2e-6 s is below the limit of lasting contact (2.2e-6 s): residual 6.9. Below the limit said it has none."""
-    created = solved(HEAVY.format(h=2e-6, balances="true"))
+    created = solved(heavy(2e-6, "true"))
     assert created.values["energy_residual"][0] > 1
     assert created.values["status"][0] == Status.DIVERGED
     assert created.messages[0].startswith("energy was created")
     limit = float(created.messages[0].split("h = ")[1].split()[0])
-    sound = solved(HEAVY.format(h=limit, balances="true"))
+    sound = solved(heavy(limit, "true"))
     assert sound.values["status"][0] == Status.OK
     assert sound.values["energy_residual"][0] < 0.1
 
 
 def test_a_tip_that_is_thrown_far_off_is_not_ok_without_balances_either() -> None:
     """An error of 3e86 and 2e87 K: heat that a scheme creates excuses nothing."""
-    results = solved(HEAVY.format(h=3.16e-6, balances="false"))
+    results = solved(heavy(3.16e-6, "false"))
     assert results.values["displacement_error"][0] > 1e20
     assert results.values["status"][0] == Status.DIVERGED
     assert "the tip moved" in results.messages[0]
@@ -92,7 +87,7 @@ def test_a_tip_that_is_thrown_far_off_is_not_ok_without_balances_either() -> Non
 
 def test_a_contact_spring_beyond_its_limit_is_judged_by_its_energy_without_balances_too() -> None:
     """The tip moves by a hundred times its gap: an error of 157, and far from what a resonance could do."""
-    results = solved(HEAVY.format(h=2.5e-6, balances="false"))
+    results = solved(heavy(2.5e-6, "false"))
     assert results.values["displacement_error"][0] > 100
     assert results.values["status"][0] == Status.DIVERGED
     assert results.messages[0].startswith("energy was created")
@@ -126,7 +121,7 @@ def test_heat_that_cannot_leave_excuses_no_blow_up() -> None:
 
 
 def test_the_same_case_says_the_same_again() -> None:
-    text = HEAVY.format(h=3.16e-6, balances="false")
+    text = heavy(3.16e-6, "false")
     assert solved(text).messages == solved(text).messages
 
 

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from studies import ILL, SCENE, SINGLE, SMALL, parsed
+from studies import HEAVY_SCENE, ILL, SCENE, SINGLE, SMALL, parsed
 from workflow import schemes
 from workflow.grid import _tasks as cutting
 from workflow.grid import arrange, plan, solve, tasks, units_of
@@ -258,19 +258,15 @@ def test_no_equilibrium_is_a_failed_case() -> None:
 
 def test_plan_says_what_it_comes_to() -> None:
     """Issue figures: implicit Euler at 1.09 kHz and 1e-4 s damps by 0.32 against 0.0014."""
-    text = """
-study: heavy
-scene:
-  chain: {nodes: 20, mass: 2.5e-3, stiffness: 2.0e7, damping: {mass: 10, stiffness: 2.0e-7}, spacing: 2.5e-3,
-          expansion: 8.6e-6, heat_capacity: 1.315, conductance: 0.605, convection: 0.02}
-  casing: {gap: 5.0e-5}
-  load: {amplitude: 100, frequency: 20}
-  duration: 0.3
+    text = (
+        f"study: heavy{HEAVY_SCENE}"
+        + """\
 schemes:
   early: {method: moreau, theta: 0.45}
 axes: {scheme: [moreau, early], h: [1e-4, 1e-3], e: [0, 0.5]}
 output: {interval: 1 ms}
 """
+    )
     grid = arrange(parsed(text))
     planned = plan(grid, units_of(grid))
     assert (planned.cases, planned.unique, planned.batches) == (8, 8, 4)

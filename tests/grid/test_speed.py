@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from studies import parsed
+from studies import HEAVY_SCENE, parsed
 from workflow.archive import content_hash
 from workflow.grid import _speed, arrange, estimate, units_of
 from workflow.grid._conditions import conditions
@@ -21,17 +21,7 @@ from workflow.grid._operators import reduced_structure, structure_of
 from workflow.run import run_study
 from workflow.study import Study
 
-TEXT = """
-study: a
-scene:
-  chain: {nodes: 20, mass: 2.5e-3, stiffness: 2.0e7, damping: {mass: 10, stiffness: 2.0e-7}, spacing: 2.5e-3,
-          expansion: 8.6e-6, heat_capacity: 1.315, conductance: 0.605, convection: 0.02}
-  casing: {gap: 5.0e-5}
-  load: {amplitude: 100, frequency: 20}
-  duration: 0.3
-axes: {h: 1e-4, alpha: ALPHA}
-output: {interval: 0.1}
-"""
+TEXT = f"study: a{HEAVY_SCENE}axes: {{h: 1e-4, alpha: ALPHA}}\noutput: {{interval: 0.1}}\n"
 
 
 def study(alpha: str, more: str = "") -> Study:

@@ -11,11 +11,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from random_chains import metal_chain
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from scenes import blade, cases, chain, heavy_chain, step
-from workflow.models import Cases, Rayleigh, Structure, critical_alpha, frequencies, tip_flexibility
+from scenes import blade, cases, heavy_chain, step
+from workflow.models import Cases, Structure, critical_alpha, frequencies, tip_flexibility
 from workflow.reduction import reduce_structure
 from workflow.schemes import Sampling, Status, penalty
 from workflow.schemes._fixed.central import Differences, delassus
@@ -52,18 +53,7 @@ def _structure(kind: int, rng: np.random.Generator) -> Structure:
     if kind < 3:
         return (heavy_chain(), blade(), reduce_structure(heavy_chain(), 3, 12).structure)[kind]
     n = int(rng.integers(1, 21))
-    graded = n if kind == 3 else 1
-    return chain(
-        nodes=n,
-        mass=np.broadcast_to(10 ** rng.uniform(-4, -1, graded), n).tolist(),
-        stiffness=np.broadcast_to(10 ** rng.uniform(5, 8, graded), n).tolist(),
-        damping=Rayleigh(float(rng.choice([0, 10, 100])), float(rng.choice([0, 2e-7]))),
-        spacing=1e-2,
-        expansion=1e-5,
-        heat_capacity=10 ** rng.uniform(-1, 1),
-        conductance=10 ** rng.uniform(-1, 1),
-        convection=0.1,
-    )
+    return metal_chain(rng, n, graded=kind == 3)
 
 
 def created(seed: int, share: float) -> float:
