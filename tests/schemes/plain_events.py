@@ -6,6 +6,8 @@ stops where it can no longer tell events apart (accumulating impacts) and says h
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +15,7 @@ import plain_casing
 from scipy.integrate import DOP853
 from scipy.optimize import brentq, minimize_scalar
 
-from workflow.models import Cases, Structure
+from workflow.models import Cases, Harmonics, Structure
 
 
 @dataclass
@@ -27,71 +29,84 @@ class Solution:
     impacts: int
 
 
+def _waves(harmonics: Harmonics) -> list[tuple[float, float, float]]:
+    """Return amplitude, rad/s and phase of the harmonics of the first case."""
+    rows = harmonics.amplitude[0], 2 * np.pi * harmonics.frequency[0], harmonics.phase[0]
+    return list(zip(*(row.tolist() for row in rows), strict=True))
+
+
+Rate = Callable[[float, np.ndarray], np.ndarray]
+
+
 class Reference:
+    """The states are y = [x, v, θ, J], J the impulse; y' is linear in them with the tip free, and with the tip held."""
+
     def __init__(self, s: Structure, cases: Cases) -> None:
         """Take the first case of a batch on a structure."""
-        self.M, self.C, self.K = s.mass, s.damping_matrix, s.stiffness_matrix
-        self.K12, self.C2, self.K2 = s.coupling_matrix, s.heat_capacity, s.conductance_matrix
-        self.nm, self.nt = s.mechanical_size, s.thermal_size
-        self.Minv, self.C2inv = np.linalg.inv(self.M), np.linalg.inv(self.C2)
-        self.direction = s.load_direction
-        self.along = plain_casing.direction(s, cases)
-        self.kick = self.Minv @ self.along
-        self.held_inv = np.linalg.inv(np.column_stack([self.M[:, :-1], self.along]))  # of [a_i, λ]
+        self.nm, self.nt, self.cases = s.mechanical_size, s.thermal_size, cases
+        inverse, self.warming = np.linalg.inv(s.mass), np.linalg.inv(s.heat_capacity)
+        along = plain_casing.direction(s, cases)
+        self.kick = inverse @ along
+        held_inverse = np.linalg.inv(np.column_stack([s.mass[:, :-1], along]))  # from forces to [a_i, λ]
         self.e, self.alpha, self.gap = (float(v[0]) for v in (cases.e, cases.alpha, cases.gap))
-        self.cases = cases
-        loads, casing = cases.load_harmonics, cases.casing_harmonics
-        self.loads = [(cases.amplitude[0], cases.frequency[0], cases.phase[0])]
-        self.loads += list(zip(loads.amplitude[0], loads.frequency[0], loads.phase[0], strict=True))
-        self.moves = list(zip(casing.amplitude[0], casing.frequency[0], casing.phase[0], strict=True))
-        turning = max(2 * np.pi * f for _, f, _ in self.loads + self.moves)
+        self.loads = _waves(cases.load_harmonics)
+        self.loads.append((float(cases.amplitude[0]), 2 * math.pi * float(cases.frequency[0]), float(cases.phase[0])))
+        self.moves = _waves(cases.casing_harmonics)
+        none = np.zeros(self.nm)
+        self.free = self._rate(s, inverse, none)
+        self.held = self._rate(s, np.vstack([held_inverse[:-1], none]), held_inverse[-1])
+        turning = max(w for _, w, _ in self.loads + self.moves)
         fastest = (
-            np.sqrt(np.abs(np.linalg.eigvals(self.Minv @ self.K)).max())
-            + np.abs(np.linalg.eigvals(self.Minv @ self.C)).max()
+            np.sqrt(np.abs(np.linalg.eigvals(inverse @ s.stiffness_matrix)).max())
+            + np.abs(np.linalg.eigvals(inverse @ s.damping_matrix)).max()
         )
         self.max_step = 0.25 / max(fastest, turning, 1.0)
 
-    def force(self, t: float) -> np.ndarray:
-        load = self.cases.mean[0] + sum(a * np.sin(2 * np.pi * w * t + phi) for a, w, phi in self.loads)
-        return np.asarray(self.cases.steady[0] + load * self.direction)
+    def _rate(self, s: Structure, mobility: np.ndarray, contact: np.ndarray) -> Rate:
+        """Return y'(t, y): forces f - C1 v - K1 x - K12 θ times ``mobility`` are v', times ``contact`` λ.
 
-    def casing(self, t: float) -> np.ndarray:
+        With the tip held, where λ is not 0, they are less by M_n d'', and the tip's own acceleration is d''.
+        """
+        n, cases = self.nm, self.cases
+        heats = slice(2 * n, 2 * n + self.nt)
+
+        def answers(forces: np.ndarray) -> np.ndarray:
+            rates = np.zeros((2 * n + self.nt + 1, *forces.shape[1:]))
+            rates[n : 2 * n], rates[-1] = mobility @ forces, contact @ forces
+            rates[heats] = np.multiply.outer(self.alpha * self.warming[:, -1], rates[-1])
+            return rates
+
+        matrix = np.zeros((2 * n + self.nt + 1,) * 2)
+        matrix[:, :-1] = answers(-np.hstack([s.stiffness_matrix, s.damping_matrix, s.coupling_matrix]))
+        matrix[:n, n : 2 * n] = np.eye(n)
+        matrix[heats, heats] -= self.warming @ s.conductance_matrix
+        constant = answers(cases.steady[0] + cases.mean[0] * s.load_direction)
+        constant[heats] += self.warming @ cases.heating[0]
+        by_load, by_casing = answers(s.load_direction), answers(-s.mass[:, -1])
+        by_casing[2 * n - 1] = 1.0
+        follows = bool(contact.any() and self.moves)
+
+        def rate(t: float, y: np.ndarray) -> np.ndarray:
+            load = sum(a * math.sin(w * t + phi) for a, w, phi in self.loads)
+            rates = matrix @ y + (constant + load * by_load)
+            return rates + self.casing(t)[2] * by_casing if follows else rates
+
+        return rate
+
+    def casing(self, t: float) -> tuple[float, float, float]:
         """Return d, d' and d''."""
-        motion = np.array([self.gap, 0.0, 0.0])
-        for a, f, phi in self.moves:
-            w = 2 * np.pi * f
-            psi = w * t + phi
-            motion += a * np.sin(psi), a * w * np.cos(psi), -a * w * w * np.sin(psi)
-        return motion
+        place, velocity, acceleration = self.gap, 0.0, 0.0
+        for a, w, phi in self.moves:
+            sin, cos = math.sin(w * t + phi), math.cos(w * t + phi)
+            place, velocity, acceleration = place + a * sin, velocity + a * w * cos, acceleration - a * w * w * sin
+        return place, velocity, acceleration
 
-    def split(self, y):
-        nm = self.nm
-        return y[:nm], y[nm : 2 * nm], y[2 * nm : 2 * nm + self.nt]
+    def rate(self, held: bool) -> Rate:
+        return self.held if held else self.free
 
-    def contact_force(self, t: float, y: np.ndarray) -> tuple[float, np.ndarray]:
-        x, v, theta = self.split(y)
-        internal = self.force(t) - self.C @ v - self.K @ x - self.K12 @ theta
-        a = self.held_inv @ (internal - self.M[:, -1] * self.casing(t)[2])
-        force, a[-1] = float(a[-1]), self.casing(t)[2]
-        return force, a
-
-    def rate(self, held: bool):
-        def fun(t, y):
-            x, v, theta = self.split(y)
-            if held:
-                lam, a = self.contact_force(t, y)
-            else:
-                lam = 0.0
-                a = self.Minv @ (self.force(t) - self.C @ v - self.K @ x - self.K12 @ theta)
-            heat = self.cases.heating[0] - self.K2 @ theta
-            heat = heat.copy()
-            heat[-1] += self.alpha * lam
-            return np.concatenate([v, a, self.C2inv @ heat, [lam]])
-
-        return fun
-
-    def signal(self, held: bool, t, y) -> float:
-        return self.contact_force(t, y)[0] if held else float(self.casing(t)[0] - self.split(y)[0][-1])
+    def signal(self, held: bool, t: float, y: np.ndarray) -> float:
+        """Return the contact force, or the open gap."""
+        return float(self.held(t, y)[-1] if held else self.casing(t)[0] - y[self.nm - 1])
 
     def solve(self, times: np.ndarray, most_impacts: int = 50) -> Solution:
         c, nm, nt = self.cases, self.nm, self.nt
@@ -123,12 +138,12 @@ class Reference:
                     if impacts > most_impacts:
                         break
                     y[nm : 2 * nm] -= p * w
-                    y[2 * nm : 2 * nm + nt] += self.alpha * p * self.C2inv[:, -1]
+                    y[2 * nm : 2 * nm + nt] += self.alpha * p * self.warming[:, -1]
                     y[-1] += p
                     hottest = max(hottest, y[hot])
                     if self.e == 0 or v <= 0:
                         y[2 * nm - 1] = moving
-                        held = self.contact_force(t, y)[0] > 0
+                        held = self.signal(True, t, y) > 0
                 fresh = True
             solver = DOP853(self.rate(held), t, y, end, rtol=1e-12, atol=1e-14, max_step=self.max_step)
             if fresh and not held:
