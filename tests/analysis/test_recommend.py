@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from studies import SCENE, parsed
-from terminal import typed, workflow
+from terminal import workflow
 from workflow.analysis import (
     NoReferenceError,
     recommend,
@@ -262,7 +262,7 @@ def test_what_is_advised_without_a_reference_gives_an_answer(tmp_path: Path) -> 
 def test_the_command_answers(tmp_path: Path) -> None:
     (tmp_path / "small.yaml").write_text(STUDY)
     assert workflow("run", "small.yaml", cwd=tmp_path).returncode == 0
-    text = typed("recommend", "small.nc", "--tolerance", "10%", cwd=tmp_path)
+    text = workflow("recommend", "small.nc", "--tolerance", "10%", cwd=tmp_path)
     assert text.returncode == 0
     assert "cheapest choice within 10 %" in text.stdout
     answer = workflow("recommend", "small.nc", "--json", cwd=tmp_path)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import bench_against
@@ -19,8 +20,12 @@ import bench_table
 import bench_workflow
 import pytest
 
+from scenes import sampling
 
-def test_bases_are_told_of() -> None:
+
+def test_bases_are_told_of(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With balances, whose kernels other tests need too."""
+    monkeypatch.setattr(bench_bases, "sampling", lambda *over: replace(sampling(*over), balances=True))
     lines = bench_bases.text(sizes=(20,), steps=700).splitlines()[2:-1]
     assert len(lines) == 2 * len(bench_bases.reduction.names())
     assert all(float(line.split("|")[7]) < 1e-12 for line in lines)  # α_c

@@ -20,7 +20,7 @@ from workflow.cli._terminal import write_json
 
 def test_run_show_report(tmp_path: Path) -> None:
     study = written(SMALL, tmp_path)
-    ran = typed("run", study, cwd=tmp_path)
+    ran = workflow("run", study, cwd=tmp_path)
     assert ran.returncode == 0, ran.stderr
     assert "small.nc: 60 cases" in ran.stdout
     assert "60 ok" in ran.stdout
