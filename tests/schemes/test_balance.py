@@ -329,8 +329,8 @@ def test_a_reduced_model_shows_what_it_loses() -> None:
     assert heats[-1] < 1e-12
 
 
-def many() -> tuple[Structure, Cases]:
-    structure = heavy_chain()
+def many(nodes: int = 20) -> tuple[Structure, Cases]:
+    structure = heavy_chain(nodes=nodes)
     rng = np.random.default_rng(5)
     return structure, cases(
         structure,
@@ -343,9 +343,11 @@ def many() -> tuple[Structure, Cases]:
     )
 
 
+@pytest.mark.parametrize("nodes", [6, 20])
 @pytest.mark.parametrize("method", schemes.names())
-def test_alone_is_as_in_a_batch(method: str) -> None:
-    structure, batch = many()
+def test_alone_is_as_in_a_batch(method: str, nodes: int) -> None:
+    """A batch of few modes takes packs of several registers, one of many modes narrow ones."""
+    structure, batch = many(nodes)
     over = audited(sampling(0.02, 1e-3))
     whole = step(structure, batch, STABLE, over, method)
     assert np.count_nonzero(whole.metrics["energy_residual"]) > 20

@@ -54,6 +54,12 @@ from workflow.schemes._fixed.modal_lanes import (
 from workflow.schemes._fixed.stepping import Now, Watch, block_lanes, blocks, count_end, observe, step_at, store_end
 from workflow.schemes._fixed.tip_load import start_load, tip_load, turn_load
 
+FEW_ROWS = 60
+"""Rows of lanes up to which a step takes packs of several registers, which share what a step costs beside its modes.
+
+Through more rows narrow packs were faster on the processor it was chosen on, with the same bits.
+"""
+
 
 @by_type
 def open_march(law: Law, operator: Coefficients, now: Now, state: State, block: Block, audit: Audit | None) -> None:
@@ -81,6 +87,15 @@ def _step(
 
 
 @inlined
+def _rows(state: State, audit: Audit | None) -> int:
+    """Return the rows of lanes that a step goes through."""
+    rows: int = 2 * state.motion.shape[0] + state.tau.shape[0]
+    if audit is not None:
+        rows += audit.former.shape[0] + audit.sums.shape[0]
+    return rows
+
+
+@inlined
 def march(operator: Coefficients, law: Law, state: State, block: Block, audit: Audit | None) -> None:
     """Step a block of cases; lanes never meet.
 
@@ -89,7 +104,8 @@ def march(operator: Coefficients, law: Law, state: State, block: Block, audit: A
     load, tip, lanes, h, theta = block.load, block.tip, block.lanes, block.h, operator.tip.theta
     lay_out(operator, state, load, tip)
     lay_out_audit(audit)
-    in_broad, in_wide = lanes // broadest() * broadest(), lanes // WIDE * WIDE
+    several = lanes if _rows(state, audit) <= FEW_ROWS else 0
+    in_broad, in_wide = several // broadest() * broadest(), several // WIDE * WIDE
     paired = operator.pair_mode.size > 0
     warmed, leader = is_warmed(state.own, lanes), start_load(h, load, lanes)
     turn_drive(block.drive, 0, h, theta, tip, lanes)
