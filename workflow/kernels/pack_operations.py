@@ -168,13 +168,14 @@ for _declared, _width in ((packs.narrow, PACK), (packs.wide, WIDE), (packs.broad
 
 def _address(context, builder, kinds, rows, at):
     """Return the address of a number of an array."""
-    array = context.make_array(kinds[0])(context, builder, rows)
+    model = context.data_model_manager[kinds[0]]
+    data, shape, strides = (model.get(builder, rows, name) for name in ("data", "shape", "strides"))
     places = [
         place if isinstance(kind, _LaneType) else context.cast(builder, place, kind, types.intp)
         for place, kind in zip(cgutils.unpack_tuple(builder, at), kinds[1], strict=True)
     ]
-    shape, strides = cgutils.unpack_tuple(builder, array.shape), cgutils.unpack_tuple(builder, array.strides)
-    return cgutils.get_item_pointer2(context, builder, array.data, shape, strides, kinds[0].layout, places)
+    shape, strides = cgutils.unpack_tuple(builder, shape), cgutils.unpack_tuple(builder, strides)
+    return cgutils.get_item_pointer2(context, builder, data, shape, strides, kinds[0].layout, places)
 
 
 @_implements(packs.pack)

@@ -24,6 +24,8 @@ from numba.core.datamodel.models import OpaqueModel
 from numba.core.typing.context import Context
 from numba.extending import register_model
 
+from workflow.kernels.lean_lowering import LeanLower
+
 TESTED = ("0.68",)
 """Minor versions of numba that this module was tested with."""
 
@@ -36,7 +38,7 @@ _TRANSLATION = (
     "GenericRewrites",
     "ReconstructSSA",
 )
-_LOWERING = ("AnnotateTypes", "NativeLowering", "NoPythonBackend")
+_LOWERING = ("AnnotateTypes", "NoPythonBackend")
 
 
 class _Waiting(JITCodeLibrary):
@@ -102,6 +104,17 @@ class _Whole(JITCodeLibrary):
 class _Pass(LoweringPass):
     def __init__(self) -> None:
         LoweringPass.__init__(self)
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _Lowered(typed_passes.BaseNativeLowering):
+    """Lowers a function to few instructions."""
+
+    _name = "workflow_lowered"
+
+    @property
+    def lowering_class(self) -> type[LeanLower]:
+        return LeanLower
 
 
 @register_pass(mutates_CFG=False, analysis_only=True)
@@ -191,6 +204,7 @@ class KernelCompiler(Compiler):
         for module, names in ((untyped_passes, _TRANSLATION), (typed_passes, typed)):
             for name in names:
                 passes.add_pass(getattr(module, name), name)
+        passes.add_pass_after(_Lowered, typed_passes.AnnotateTypes)
         passes.add_pass_after(*self.last)
         passes.finalize()
         return [passes]
@@ -200,7 +214,7 @@ class InlinedCompiler(KernelCompiler):
     """Translates what loops are made of."""
 
     library = _Waiting
-    last = (_Offered, typed_passes.NativeLowering)
+    last = (_Offered, _Lowered)
 
 
 class PartCompiler(InlinedCompiler):
