@@ -131,17 +131,17 @@ def test_arithmetic_of_each_lane(march: Callable[..., None]) -> None:
 
 
 @numba.njit(error_model="numpy")
-def weigh(weight: float, rest: float | None, rows: Array) -> None:
+def weigh(weight: float, rest: float, rows: Array) -> None:
     lane = wide(0)
     store(rows, (2, lane), weighed(weight, pack(rows, (0, lane)), rest, pack(rows, (1, lane))))
 
 
-@pytest.mark.parametrize(("weight", "rest"), [(0.7, 0.3), (1.0, 0.0), (1.0, None)])
-def test_weighed_or_left_alone(weight: float, rest: float | None) -> None:
+@pytest.mark.parametrize(("weight", "rest"), [(0.7, 0.3), (1.0, 0.0)])
+def test_weighed_or_left_alone(weight: float, rest: float) -> None:
     rows = lane_rows(3)
     rows[:2] = np.random.default_rng(2).normal(size=(2, ROW))
     weigh(weight, rest, rows)
-    assert np.array_equal(rows[2, :WIDE], (weight * rows[0] + (rest or 0.0) * rows[1])[:WIDE])
+    assert np.array_equal(rows[2, :WIDE], (weight * rows[0] + rest * rows[1])[:WIDE])
     assert not np.any(rows[2, WIDE:])
 
 

@@ -51,13 +51,12 @@ class Wanted:
 
     @property
     def words(self) -> tuple[Any, ...]:
-        """What kernels depend on: names and types of options, not their numbers, except whether θ = 1."""
+        """What kernels depend on: names and types of options, not their numbers."""
         options = ((field.name, getattr(self.options, field.name)) for field in fields(self.options))
-        implicit = getattr(self.options, "theta", None) == 1.0
         kinds = {"harmonics": self.harmonics, "sliding": self.slides, "coupled": self.coupled}
         driven = [name for name, holds in kinds.items() if holds]
         others = (option for option in options if not isinstance(option[1], float))
-        return (self.method, self.nodes, self.balances, self.massless_tip, implicit, *driven, *others)
+        return (self.method, self.nodes, self.balances, self.massless_tip, *driven, *others)
 
 
 LONGEST = 300.0

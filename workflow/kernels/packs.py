@@ -147,9 +147,9 @@ def some_nonzero(numbers: Pack) -> bool:
 
 
 @inlined
-def weighed(weight: float, after: Pack, rest: float | None, before: Pack) -> Pack:
-    """Return ``weight * after + rest * before``, or ``after`` alone where the rest is ``None``, known when compiled."""
-    return after if rest is None else weight * after + rest * before
+def weighed(weight: float, after: Pack, rest: float, before: Pack) -> Pack:
+    """Return ``weight * after + rest * before``, for weights whose sum is 1: ``after`` alone where the rest is 0."""
+    return after if rest == 0.0 else weight * after + rest * before
 
 
 @inlined

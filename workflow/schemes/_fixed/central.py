@@ -171,7 +171,7 @@ class Operator:
             pair_mode=j,
             pair_heat=k,
             pair_pull=-h * tip[j] * modal.coupling[j, k] / (inertia[j] * modal.heat_scale[k]),
-            tip=TipStep(h, 1.0, None, total(tip**2 / inertia), total(modal.heat_tip * enters)),
+            tip=TipStep(h, 1.0, 0.0, total(tip**2 / inertia), total(modal.heat_tip * enters)),
             heat_counts=False,
             sliding=sliding(modal, inertia) if slides else None,
         )

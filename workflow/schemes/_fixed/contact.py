@@ -59,8 +59,8 @@ class TipStep(NamedTuple):
     h: float
     theta: float
     """Weight of the step's end, in the load and in the tip's velocity."""
-    rest: float | None
-    """1 - θ, the weight of the step's beginning; ``None`` for θ = 1, whose kernels leave that out."""
+    rest: float
+    """1 - θ, the weight of the step's beginning."""
     inverse_mass: float
     """Tip velocity per unit impulse, e_nᵀ Ŵ⁻¹ e_n, 1/kg."""
     warming: float

@@ -116,7 +116,7 @@ def coefficients(modal: Decoupled, h: float, theta: float, slides: bool = False)
         tip=TipStep(
             h,
             theta,
-            None if theta == 1.0 else 1.0 - theta,
+            1.0 - theta,
             total(tip**2 / inertia),
             total(modal.heat_tip * warm),
         ),
