@@ -2,15 +2,15 @@
 
 A tuple of arrays travels from function to function as some hundred numbers. numba puts them together in memory at the
 beginning of each function and takes them apart again wherever a member is read or passed on, and each element of an
-array by way of a copy of the array's description. LLVM removes all that, but writing and reading it took a third of
-the time of a large kernel's compilation. Optional, with :mod:`workflow.kernels.whole_program`.
+array by way of a copy of the array's description. LLVM removes all that, but writing and reading it is half of what
+LLVM is given. Optional, with :mod:`workflow.kernels.whole_program`.
 """
 
-# mypy: allow-untyped-calls
+# mypy: allow-untyped-calls, disable-error-code="misc"
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 from llvmlite import ir
 from llvmlite.ir.instructions import InsertValue, PhiInstr
@@ -68,16 +68,23 @@ def _remove_unread(function: ir.Function) -> None:
         block.instructions[:] = kept[::-1]
 
 
-def _is_element(array: types.Type, at: types.Type) -> bool:
+def _kinds(index: Any) -> list[Any]:
+    """Return the types of the places in an index."""
+    return list(cast(Any, index).types) if isinstance(index, types.BaseTuple) else [index]
+
+
+def _is_element(array: Any, index: Any) -> bool:
     """Tell whether an index of integers chooses one element of an array."""
-    kinds = at if isinstance(at, types.BaseTuple) else (at,)
-    if not isinstance(array, types.Array) or len(kinds) != array.ndim:
-        return False
-    return all(isinstance(kind, types.Integer) for kind in kinds)
+    kinds = _kinds(index)
+    return (
+        isinstance(array, types.Array)
+        and len(kinds) == array.ndim
+        and all(isinstance(kind, types.Integer) for kind in kinds)
+    )
 
 
 class LeanLower(Lower):
-    """Lowers functions without counts of references this way, all others as numba does."""
+    """Lowers functions that count no references this way, all others as numba does."""
 
     def setup_function(self, fndesc: Any) -> None:
         super().setup_function(fndesc)
@@ -115,23 +122,22 @@ class LeanLower(Lower):
             _remove_unread(self.function)
 
     def _address(self, array: Any, index: Any) -> Any:
-        """Return the address of an element, negative indices counted from the end."""
+        """Return the address of an element; negative places count from the end."""
         builder, rows, at = self.builder, self.loadvar(array.name), self.loadvar(index.name)
-        kind, kinds = self.typeof(array.name), self.typeof(index.name)
+        kind, chosen = self.typeof(array.name), self.typeof(index.name)
         model = self.context.data_model_manager[kind]
-        data, shape, strides = (model.get(builder, rows, name) for name in ("data", "shape", "strides"))
-        lengths, places = unpack_tuple(builder, shape), []
-        if not isinstance(kinds, types.BaseTuple):
-            kinds, at = (kinds,), [at]
-        for each, place, length in zip(kinds, unpack_tuple(builder, at) if len(kinds) > 1 else at, lengths, strict=True):
-            place = self.context.cast(builder, place, each, types.intp if each.signed else types.uintp)
-            if each.signed and not (isinstance(place, ir.Constant) and place.constant >= 0):
-                negative = builder.icmp_signed("<", place, place.type(0))
-                place = builder.select(negative, builder.add(place, length), place)
-            places.append(place)
-        return get_item_pointer2(
-            self.context, builder, data, lengths, unpack_tuple(builder, strides), kind.layout, places
-        )
+        data, *both = (model.get(builder, rows, name) for name in ("data", "shape", "strides"))
+        shape, strides = (unpack_tuple(builder, each) for each in both)
+        places = unpack_tuple(builder, at) if isinstance(chosen, types.BaseTuple) else [at]
+        places = [self._place(*each) for each in zip(_kinds(chosen), places, shape, strict=True)]
+        return get_item_pointer2(self.context, builder, data, shape, strides, kind.layout, places)
+
+    def _place(self, kind: Any, place: Any, length: Any) -> Any:
+        place = self.context.cast(self.builder, place, kind, types.intp if kind.signed else types.uintp)
+        if not kind.signed or (isinstance(place, ir.Constant) and place.constant >= 0):
+            return place
+        negative = self.builder.icmp_signed("<", place, place.type(0))
+        return self.builder.select(negative, self.builder.add(place, length), place)
 
     def lower_getitem(self, resty: Any, expr: Any, value: Any, index: Any, signature: Any) -> Any:
         array = self.typeof(value.name)

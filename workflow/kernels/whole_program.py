@@ -110,7 +110,7 @@ class _Pass(LoweringPass):
 class _Lowered(typed_passes.BaseNativeLowering):
     """Lowers a function to few instructions."""
 
-    _name = "workflow_lowered"
+    _name = "workflow_lowered"  # type: ignore[assignment]
 
     @property
     def lowering_class(self) -> type[LeanLower]:
