@@ -180,6 +180,23 @@ def test_a_page_is_readable_at_400_pixels(page: Path) -> None:
         assert 1 <= shown <= 3
 
 
+def test_maps_of_a_scene_stand_below_each_other_at_400_pixels(tmp_path: Path) -> None:
+    """Two beside each other on a wide screen; on a narrow one nothing of them is out of sight."""
+    study = "study: rub\n" + SCENE + "axes: {scheme: event_driven, e: {lin: [0, 0.6, 4]}, alpha: {lin: [0, 2, 5]}}\n"
+    run_study(parsed(study + "output: {interval: 1 ms, histories: [], balances: false}\n"), tmp_path / "rub.nc")
+    page = write_report(tmp_path / "rub.nc").page
+    script = """return [...document.querySelectorAll('.panels img')].map((one) => one.getBoundingClientRect())
+      .map((box) => [box.left, box.right, box.top])"""
+    for width, rows in ((1366, 2), (400, 4)):
+        with window(width) as driver:
+            opened(driver, page)
+            boxes = np.array(driver.execute_script(script))
+            assert boxes.shape == (4, 3)
+            assert boxes[:, 0].min() >= 0
+            assert boxes[:, 1].max() <= width
+            assert len(set(boxes[:, 2].round())) == rows
+
+
 def test_one_case_has_a_page(wide: Any, tmp_path: Path) -> None:
     run_study(parsed(SINGLE), tmp_path / "single.nc")
     opened(wide, write_report(tmp_path / "single.nc").page)

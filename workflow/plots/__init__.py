@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from workflow.plots._axes import metric_by_axis
 from workflow.plots._explorer import MARKS, explorer
-from workflow.plots._maps import map_dims, middle, scene_maps
+from workflow.plots._maps import map_dims, middle, position_text, scene_maps, single_maps
 from workflow.plots._page_data import Shown, page_data, shown_part
 from workflow.plots._precision import convergence, work_precision
 from workflow.plots._response import Curve, abstract_figure, overview, tip_response
@@ -26,9 +26,11 @@ __all__ = [
     "middle",
     "overview",
     "page_data",
+    "position_text",
     "save",
     "scene_maps",
     "shown_part",
+    "single_maps",
     "tip_response",
     "work_precision",
     "write_png",

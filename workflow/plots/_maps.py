@@ -71,35 +71,50 @@ def scene_maps(archive: xr.Dataset, dims: tuple[str, str], place: Mapping[str, i
     """
     from matplotlib.figure import Figure
 
-    across, up = dims
-    cut = archive.isel(dict(place)).transpose(up, across, ...)
-    (x, x_label), (y, y_label) = _axis(cut, across), _axis(cut, up)
+    cut = _cut(archive, dims, place)
     figure = Figure(figsize=(10.5, 8.0), layout="constrained")
     grid = figure.subplots(2, 2, sharex=True, sharey=True)
     for axes, panel in zip(grid.flat, _panels(cut), strict=True):
-        figure.colorbar(_draw(axes, x, y, panel), ax=axes)
-        for critical in _critical(cut) if across == "alpha" else ():
-            axes.axvline(critical, color=COLOURS[1], ls="--", lw=1.4)
-    for below, beside in zip(grid[1], grid[:, 0], strict=True):
-        below.set_xlabel(x_label)
-        beside.set_ylabel(y_label)
-    figure.suptitle(_position_text(archive, place), fontsize=10)
+        _draw(axes, cut, dims, panel)
+    for axes in grid.flat:
+        axes.label_outer()
+    figure.suptitle(position_text(archive, place), fontsize=10)
     return figure
 
 
-def _draw(axes: Any, x: NDArray[np.float64], y: NDArray[np.float64], panel: Panel) -> Any:
-    """Draw one map and return what its colours are of."""
+def single_maps(archive: xr.Dataset, dims: tuple[str, str], place: Mapping[str, int]) -> list[Figure]:
+    """Draw the maps of :func:`scene_maps` as a figure each, to stand below each other where a page is narrow."""
+    from matplotlib.figure import Figure
+
+    cut, figures = _cut(archive, dims, place), []
+    for panel in _panels(cut):
+        figures.append(Figure(figsize=(5.25, 4.0), layout="constrained"))
+        _draw(figures[-1].subplots(), cut, dims, panel)
+    return figures
+
+
+def _cut(archive: xr.Dataset, dims: tuple[str, str], place: Mapping[str, int]) -> xr.Dataset:
+    """Return the cases of a map, ``(up, across)``."""
+    across, up = dims
+    return archive.isel(dict(place)).transpose(up, across, ...)
+
+
+def _draw(axes: Any, cut: xr.Dataset, dims: tuple[str, str], panel: Panel) -> None:
+    """Draw one map with its colours, its critical coupling and the names of its axes."""
     from matplotlib import colormaps
 
+    (x, x_label), (y, y_label) = (_axis(cut, dim) for dim in dims)
     norm, levels = _norm(panel.values)
     values = np.clip(panel.values, norm.vmin, None)
     mesh = axes.pcolormesh(x, y, values, cmap=colormaps["cividis"], norm=norm, shading="nearest")
     if panel.has_contours and len(levels):
         lines = axes.contour(x, y, values, levels=levels, colors="white", linewidths=0.8)
         axes.clabel(lines, fmt="%g", fontsize=8)
+    for critical in _critical(cut) if dims[0] == "alpha" else ():
+        axes.axvline(critical, color=COLOURS[1], ls="--", lw=1.4)
+    axes.figure.colorbar(mesh, ax=axes)
+    axes.set(xlabel=x_label, ylabel=y_label, facecolor="#dddddd")
     axes.set_title(panel.title, fontsize=10)
-    axes.set_facecolor("#dddddd")
-    return mesh
 
 
 def _panels(cut: xr.Dataset) -> list[Panel]:
@@ -150,7 +165,7 @@ def _norm(values: NDArray[np.float64]) -> tuple[Any, NDArray[np.float64]]:
     return norm, levels[(levels > norm.vmin + edge) & (levels < norm.vmax - edge)]
 
 
-def _position_text(archive: xr.Dataset, place: Mapping[str, int]) -> str:
+def position_text(archive: xr.Dataset, place: Mapping[str, int]) -> str:
     """Return where along the other dimensions the maps lie."""
     words = []
     for dim, k in place.items():

@@ -32,7 +32,9 @@ from workflow.plots import (
     map_dims,
     metric_by_axis,
     middle,
+    position_text,
     scene_maps,
+    single_maps,
     work_precision,
 )
 from workflow.report._html import image, short, table, tag
@@ -127,18 +129,19 @@ def maps(dataset: xr.Dataset) -> Drawn:
     dims = map_dims(dataset)
     if dims is None or "impulse_error" in dataset or not any_ok(dataset):
         return Drawn([], None)
-    figure = scene_maps(dataset, dims, middle(dataset, dims))
+    place = middle(dataset, dims)
+    where, cut = position_text(dataset, place), (dataset, dims, place)
     about = (
-        "In the middle of all other axes; the map below moves through all of them. Grey: the tip never touches its "
-        "casing, or the case is not ok. Dashed: the critical coupling, above which a tip in permanent contact runs "
-        "away."
+        f"In the middle of all other axes{f' ({where})' if where else ''}; the map below moves through all of them. "
+        "Grey: the tip never touches its casing, or the case is not ok. Dashed: the critical coupling, above which a "
+        "tip in permanent contact runs away."
     )
     body: list[str] = [
         tag("h2", "Maps"),
         tag("p", about, kind="muted"),
-        image(figure, "maps of the scene over two axes"),
+        tag("div", *(image(one, "map of the scene over two axes") for one in single_maps(*cut)), kind="panels"),
     ]
-    return Drawn(body, figure)
+    return Drawn(body, scene_maps(*cut))
 
 
 def effects(dataset: xr.Dataset) -> list[str]:
