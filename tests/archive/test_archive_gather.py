@@ -216,7 +216,10 @@ def test_an_incomplete_study_is_not_gathered(tmp_path: Path) -> None:
 @pytest.fixture
 def replaced(tmp_path: Path) -> tuple[archive.Layout, Path, bytes]:
     """An archive about to be replaced: layout, path, and its bytes so far."""
-    layout = LAYOUTS["three dimensions, partial edge"]
+    return about_to_be_replaced(tmp_path, LAYOUTS["three dimensions, partial edge"])
+
+
+def about_to_be_replaced(tmp_path: Path, layout: archive.Layout) -> tuple[archive.Layout, Path, bytes]:
     path = make_archive(tmp_path / "a.nc", layout, sample_results(layout))
     put_all(path, layout, sample_results(layout, seed=1), [5])
     return layout, path, path.read_bytes()
@@ -262,12 +265,10 @@ def test_too_little_room_is_said_beforehand(
     assert path.read_bytes() == before
 
 
-def test_a_chunk_that_was_not_copied_is_noticed(
-    replaced: tuple[archive.Layout, Path, bytes], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_chunk_that_was_not_copied_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_layout, "SMALL_BYTES", 0)  # units are copied, not joined
-    layout, path, before = replaced
-    layout = dataclasses.replace(layout)
+    unjoined = dataclasses.replace(LAYOUTS["three dimensions, partial edge"])
+    layout, path, before = about_to_be_replaced(tmp_path, unjoined)
     copy = _gather._copy
 
     def forget(chunks, archived, layout, variable) -> None:  # type: ignore[no-untyped-def]

@@ -84,5 +84,8 @@ def blocks(shape: Sequence[int], chunks: Sequence[int], limit: int) -> Iterator[
 
 
 def _texts(values: Any) -> bytes:
-    encoded = [text.encode() for text in np.asarray(values, dtype=object).ravel()]
+    texts = np.asarray(values, dtype=object).ravel()
+    if not any(texts):
+        return bytes(8 * texts.size)
+    encoded = [text.encode() for text in texts]
     return b"".join(len(text).to_bytes(8, "little") + text for text in encoded)

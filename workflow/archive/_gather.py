@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +18,7 @@ from workflow.archive._files import ArchiveError, free_space, sync, writing
 from workflow.archive._guard import vouch
 from workflow.archive._layout import NOT_RUN, STATUS, Layout, Variable
 from workflow.archive._seal import seal
-from workflow.archive._shard import Shards, decode_chunk, encode_chunk, find_shards, stored_chunks
+from workflow.archive._shard import Shards, decode_chunk, encode_chunk, find_shards, stored_chunks, stored_values
 from workflow.archive._stored_cells import StoredCells
 
 _VARIABLE_BYTES, _CHUNK_BYTES, _CELL_BYTES = 5000, 100, 16
@@ -142,28 +144,36 @@ def _copy(chunks: Mapping[tuple[int, ...], list[bytes]], archive: Any, layout: L
 
 def _join(layout: Layout, shards: Shards, stored: Mapping[str, Any]) -> None:
     """Put units together to the chunks of an archive, each with what is there of them."""
-    tails = {v.name: layout.shape_of(v, 1)[2:] for v in layout.variables}
-    number, chunks = -1, dict[str, list[list[bytes]]]()
-    for block in range(layout.stored.count):
-        cells = layout.stored.cells_of(block)
-        values = {v.name: np.full((layout.stored.size, *tails[v.name]), v.fill, v.dtype) for v in layout.variables}
-        for unit in range(layout.cut.block_of(cells.start)[0], layout.cut.block_of(cells.stop - 1)[0] + 1):
-            if shards.owner[unit] < 0:
-                continue
-            if shards.owner[unit] != number:  # units of a shard follow each other
-                number = int(shards.owner[unit])
-                chunks = stored_chunks(shards.files[number])
-            mine = layout.cells_of(unit)
-            first, stop = max(mine.start, cells.start), min(mine.stop, cells.stop)
-            for variable in layout.variables:
-                [chunk] = chunks[variable.name][unit - shards.files[number].first]
-                decoded = decode_chunk(chunk, variable.dtype).reshape(layout.chunk, *tails[variable.name])
-                into = values[variable.name][first - cells.start : stop - cells.start]
-                into[...] = decoded[first - mine.start : stop - mine.start]
-        for variable in layout.variables:
-            tail = (0,) * len(tails[variable.name])
-            chunk = encode_chunk(values[variable.name].astype(np.dtype(variable.dtype).newbyteorder("<")))
-            stored[variable.name].id.write_direct_chunk((*layout.stored.offset_of(block), *tail), chunk)
+    held = lru_cache(maxsize=1)(lambda number: stored_values(shards.files[number], layout))
+    with ThreadPoolExecutor() as threads:
+        for block in range(layout.stored.count):
+            values = _joined_values(layout, shards, block, held)
+            for variable, chunk in zip(layout.variables, threads.map(encode_chunk, values.values()), strict=True):
+                offset = (*layout.stored.offset_of(block), *(0 for _ in layout.tail(variable)))
+                stored[variable.name].id.write_direct_chunk(offset, chunk)
+
+
+def _joined_values(
+    layout: Layout, shards: Shards, block: int, held: Callable[[int], Mapping[str, NDArray[Any]]]
+) -> dict[str, NDArray[Any]]:
+    """Return what is there of a chunk of the archive, by variable, ``(place, …)``.
+
+    ``held`` gives the values of a shard by its number; units of a shard follow each other.
+    """
+    cells, values = layout.stored.cells_of(block), dict[str, NDArray[Any]]()
+    for v in layout.variables:
+        shape = (layout.stored.size, *layout.shape_of(v, 1)[2:])
+        values[v.name] = np.full(shape, v.fill, np.dtype(v.dtype).newbyteorder("<"))
+    for unit in range(layout.cut.block_of(cells.start)[0], layout.cut.block_of(cells.stop - 1)[0] + 1):
+        number = int(shards.owner[unit])
+        if number < 0:
+            continue
+        mine, place, stored = layout.cells_of(unit), unit - shards.files[number].first, held(number)
+        first, stop = max(mine.start, cells.start), min(mine.stop, cells.stop)
+        into, part = slice(first - cells.start, stop - cells.start), slice(first - mine.start, stop - mine.start)
+        for name, array in values.items():
+            array[into] = stored[name][place, part]
+    return values
 
 
 def _copy_stored(source: Any, archive: Any, layout: Layout, variable: Variable, copies: NDArray[np.int64]) -> None:

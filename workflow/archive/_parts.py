@@ -127,7 +127,6 @@ def remove_parts(parts: str | Path) -> None:
         for file in filter(_is_ours, parts.iterdir()):
             file.unlink(missing_ok=True)
         parts.rmdir()
-        sync(parts.parent)
     except FileNotFoundError:
         return
     except OSError as error:

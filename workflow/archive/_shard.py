@@ -1,7 +1,8 @@
 """Shards: the results of a range of units in a file of its own, whose presence says that they are done.
 
 A shard is one line of JSON, which says what it holds, and the archive's own chunks, filtered as HDF5
-stores them, one after the other. It is built in memory and written in one go; its name carries the
+stores them, one after the other; of units that are joined when they are gathered, all values of each
+variable, not compressed yet. It is built in memory and written in one go; its name carries the
 checksum of its bytes, so that one rename commits both.
 """
 
@@ -25,6 +26,8 @@ from workflow.archive._layout import NOT_RUN, STATUS, Layout, Variable
 SUFFIX = ".shard"
 LEVEL = 1
 """zlib level of shards and archive, always with shuffle."""
+UNCOMPRESSED = 0
+"""zlib level of what is compressed later."""
 
 
 @dataclass(frozen=True)
@@ -172,14 +175,34 @@ def stored_chunks(shard: Shard) -> dict[str, list[list[bytes]]]:
     OSError
         The file cannot be read.
     """
-    with open(shard.path, "rb") as file:
-        lengths = json.loads(file.readline())["chunks"]
-        chunks_of = {name: [file.read(length) for length in several] for name, several in lengths.items()}
     units = shard.stop - shard.first
     return {
         name: [chunks[k * len(chunks) // units : (k + 1) * len(chunks) // units] for k in range(units)]
-        for name, chunks in chunks_of.items()
+        for name, chunks in _read_chunks(shard).items()
     }
+
+
+def stored_values(shard: Shard, layout: Layout) -> dict[str, NDArray[Any]]:
+    """Return what a sound shard holds whose units are joined, by variable, ``(unit, place, …)``.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read.
+    """
+    chunks, units = _read_chunks(shard), shard.stop - shard.first
+    return {
+        v.name: np.concatenate([decode_chunk(chunk, v.dtype) for chunk in chunks[v.name]]).reshape(
+            layout.shape_of(v, units)
+        )
+        for v in layout.variables
+    }
+
+
+def _read_chunks(shard: Shard) -> dict[str, list[bytes]]:
+    with open(shard.path, "rb") as file:
+        lengths = json.loads(file.readline())["chunks"]
+        return {name: [file.read(length) for length in several] for name, several in lengths.items()}
 
 
 def stored_status(shard: Shard, layout: Layout) -> NDArray[np.int8]:
@@ -198,7 +221,7 @@ def stored_status(shard: Shard, layout: Layout) -> NDArray[np.int8]:
     return np.array([decode_chunk(chunk, "i1") for chunk in chunks]).reshape(-1, layout.chunk)
 
 
-def encode_chunk(values: NDArray[Any]) -> bytes:
+def encode_chunk(values: NDArray[Any], level: int = LEVEL) -> bytes:
     """Return one chunk as HDF5's filters shuffle and deflate would store it.
 
     Done here rather than in HDF5 because zlib and NumPy let other threads run meanwhile.
@@ -206,7 +229,7 @@ def encode_chunk(values: NDArray[Any]) -> bytes:
     size = values.dtype.itemsize
     if size > 1:
         values = np.ascontiguousarray(values.view(np.uint8).reshape(-1, size).T)
-    return zlib.compress(values.data, LEVEL)
+    return zlib.compress(values.data, level)
 
 
 def decode_chunk(chunk: bytes, dtype: str) -> NDArray[Any]:
@@ -241,11 +264,13 @@ def _check(first: int, arrays: Mapping[str, NDArray[Any]], messages: Mapping[int
 
 
 def _encode(values: NDArray[Any], variable: Variable, layout: Layout) -> list[bytes]:
-    """Return the chunks of a variable, unit by unit."""
+    """Return the chunks of a variable, unit by unit; one of all units where they are joined."""
     with np.errstate(over="ignore"):  # a diverged float64 is an infinite float32
         values = np.ascontiguousarray(values, dtype=np.dtype(variable.dtype).newbyteorder("<"))
     if variable.dtype != "i1" and (missing := np.isnan(values)).any():
         values = np.where(missing, np.array(np.nan, values.dtype), values)  # one NaN, whatever made it
+    if layout.joined:
+        return [encode_chunk(values, UNCOMPRESSED)]
     *_, length = chunk = layout.chunk_of(variable)
     if len(chunk) == 2:
         return [encode_chunk(unit) for unit in values]
