@@ -65,6 +65,34 @@ def test_a_ball_that_its_table_strikes_a_thousand_times_is_ok() -> None:
     assert abs(table.values["energy_residual"][0]) < 2e-12
 
 
+BALL = """
+study: a
+scene:
+  chain: {{nodes: 1, mass: 0.01, stiffness: 0, heat_capacity: 1}}
+  casing: {{gap: 0, harmonics: [{{amplitude: 5 um, frequency: 50 Hz, phase: 1.0}}]}}
+  load: {{mean: 0.0981}}
+  initial: {{displacement: -1.0e-4}}
+  duration: 2 s
+schemes: {{half: {{method: penalty, integration: implicit, theta: {theta}, stiffness: 1.0e7}}}}
+axes: {{scheme: half, h: {h}}}
+output: {{interval: 20 ms, balances: {balances}}}
+"""
+
+
+@pytest.mark.parametrize("balances", ["true", "false"])
+def test_an_implicit_spring_that_creates_energy_is_not_ok(balances: str) -> None:
+    """θ = ½ throws a ball that starts 0.1 mm from its table 0.33 m off: the same verdict with balances and without."""
+    thrown = solved(BALL.format(theta=0.5, h=1e-3, balances=balances))
+    assert np.abs(thrown.values["displacement"]).max() > 0.3
+    assert thrown.values["status"][0] == Status.DIVERGED
+    limit = float(thrown.messages[0].split("h = ")[1].split()[0])
+    assert limit == pytest.approx(0.25 / np.sqrt(1e7 / 0.01), rel=1e-3)
+    for theta, h in ((0.5, limit), (1.0, 1e-3)):
+        sound = solved(BALL.format(theta=theta, h=h, balances=balances))
+        assert sound.values["status"][0] == Status.OK
+        assert np.abs(sound.values["displacement"]).max() < 2e-3
+
+
 def test_a_contact_spring_that_creates_energy_is_not_ok() -> None:
     """2e-6 s is below the limit of lasting contact (2.2e-6 s): residual 6.9. Below the limit said it has none."""
     created = solved(heavy(2e-6, "true"))

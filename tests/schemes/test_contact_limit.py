@@ -1,19 +1,22 @@
 """The step that ``penalty`` says it holds up to, measured again: contact that comes and goes creates no energy.
 
-``python tests/schemes/test_contact_limit.py 300`` measures that many random scenes at several shares of the limit.
+``python tests/schemes/test_contact_limit.py 300`` measures that many random scenes at several shares of the limit,
+with a second number, θ, those of the implicit scheme at shares of its limit with θ = ½.
 """
 
 from __future__ import annotations
 
 import sys
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from random_chains import metal_chain
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from random_chains import metal_chain
 
 from scenes import blade, cases, heavy_chain, step
 from workflow.models import Cases, Structure, critical_alpha, frequencies, tip_flexibility
@@ -25,7 +28,7 @@ from workflow.schemes._fixed.decoupled import decouple
 CASES, PERIODS, MOST_STEPS = 16, 50, 200_000
 
 
-def scene(seed: int) -> tuple[Structure, penalty.Options, Cases, float]:
+def scene(seed: int, **integration: Any) -> tuple[Structure, penalty.Options, Cases, float]:
     """Return a random structure, contact spring and cases that meet it, and the period of the first mode, s."""
     rng = np.random.default_rng(seed)
     structure = _structure(seed % 5, rng)
@@ -33,7 +36,8 @@ def scene(seed: int) -> tuple[Structure, penalty.Options, Cases, float]:
     kappa = stiffness * 10 ** rng.uniform(0, 4.5)
     mobility = delassus(decouple(structure), 0.0, Differences())
     critical_damping = 2 * np.sqrt(kappa / mobility)
-    options = penalty.Options(stiffness=kappa, damping=float(rng.choice([0, 0, 0.1, 1])) * critical_damping)
+    damper = float(rng.choice([0, 0, 0.1, 1])) * critical_damping
+    options = penalty.Options(stiffness=kappa, damping=damper, **integration)
     alpha = critical_alpha(structure) if np.isfinite(critical_alpha(structure)) else 1.0
     n, x = CASES, 5e-5
     batch = cases(
@@ -56,10 +60,10 @@ def _structure(kind: int, rng: np.random.Generator) -> Structure:
     return metal_chain(rng, n, graded=kind == 3)
 
 
-def created(seed: int, share: float) -> float:
+def created(seed: int, share: float, **integration: Any) -> float:
     """Return the largest energy residual of a scene at a share of the limit, infinite where a case is lost."""
-    structure, options, batch, period = scene(seed)
-    h = share * penalty.contact_limit(structure, options)
+    structure, options, batch, period = scene(seed, **integration)
+    h = share * penalty.contact_limit(structure, replace(options, theta=0.5))
     steps = min(round(PERIODS * period / h), MOST_STEPS)
     results = step(structure, batch, h, Sampling(steps * h, steps * h, 2, balances=True), "penalty", **asdict(options))
     residual = np.where(results.status == Status.OK, results.metrics["energy_residual"], np.inf)
@@ -71,6 +75,21 @@ def test_contact_that_comes_and_goes_creates_no_energy_at_the_limit(seed: int) -
     assert created(seed, 1.0) < 1.0
 
 
+@pytest.mark.parametrize("seed", range(10))
+def test_implicit_contact_that_comes_and_goes_creates_no_energy_at_the_limit(seed: int) -> None:
+    assert created(seed, 1.0, integration="implicit", theta=0.5) < 1.0
+
+
+@pytest.mark.parametrize("seed", [0, 5, 8, 10, 14])
+def test_a_method_that_dissipates_has_no_limit(seed: int) -> None:
+    """At θ = 0.75 and thirty times the limit of θ = ½: what begins and ends within a step creates nothing."""
+    assert created(seed, 30.0, integration="implicit", theta=0.75) < 0
+
+
+def test_thirty_times_the_implicit_limit_is_too_much() -> None:
+    assert np.median([created(seed, 30.0, integration="implicit", theta=0.5) for seed in (0, 5, 10, 15)]) > 1.0
+
+
 def test_four_times_the_limit_is_too_much() -> None:
     assert np.median([created(seed, 3.9) for seed in (0, 5, 10, 15)]) > 1.0
 
@@ -80,15 +99,18 @@ def test_the_limit_is_below_that_of_lasting_contact() -> None:
     assert penalty.lasting_contact_limit(structure, stiff) == pytest.approx(2.225e-6, rel=1e-3)
     assert penalty.contact_limit(structure, stiff) == pytest.approx(0.5 / np.sqrt(2e9 / 2.5e-3), rel=1e-9)
     assert penalty.contact_limit(structure, soft) == 0.95 * penalty.lasting_contact_limit(structure, soft)
-    assert penalty.contact_limit(structure, penalty.Options(integration="implicit")) == np.inf
+    implicit = [penalty.Options(stiffness=2e9, integration="implicit", theta=theta) for theta in (0.5, 0.7, 0.75, 1.0)]
+    limits = [penalty.contact_limit(structure, options) for options in implicit]
+    assert limits == pytest.approx([0.25 / np.sqrt(2e9 / 2.5e-3)] * 2 + [np.inf] * 2, rel=1e-9)
 
 
-def _measure(count: int) -> None:
-    for share in (0.5, 1.0, 1.5, 2.0, 4.0):
-        residuals = np.array([created(seed, share) for seed in range(count)])
+def _measure(count: int, theta: str = "") -> None:
+    integration = {"integration": "implicit", "theta": float(theta)} if theta else {}
+    for share in (0.5, 1.0, 1.5, 2.0, 4.0, *((30.0, 100.0) if theta else ())):
+        residuals = np.array([created(seed, share, **integration) for seed in range(count)])
         over = np.mean(residuals > 1)
         print(f"{share:4g} of the limit: largest residual {residuals.max():8.3g}, above 1 in {over:.1%} of scenes")
 
 
 if __name__ == "__main__":
-    _measure(int(sys.argv[1]))
+    _measure(int(sys.argv[1]), *sys.argv[2:])

@@ -101,14 +101,17 @@ def rigid(structure: Structure, h: float) -> Options:
 
 
 def contact_limit(structure: Structure, options: Options, friction: float = 0.0) -> float:
-    """Return the step up to which the scheme holds while contact comes and goes, s: none where implicit.
+    """Return the step up to which the scheme holds while contact comes and goes, s: none where implicit with θ >= 0.75.
 
-    Measured, see :func:`~workflow.schemes._fixed.spring_limits.switching_limit`. ``friction`` is µ along the
+    Measured, see :mod:`~workflow.schemes._fixed.spring_limits`. ``friction`` is µ along the
     structure's tangent.
     """
-    if options.integration == "implicit":
+    if options.integration == "explicit":
+        return spring_limits.switching_limit(*_spring_at_tip(structure, options, friction))
+    if options.theta >= spring_limits.DISSIPATES or structure.has_massless_tip:
         return float("inf")
-    return spring_limits.switching_limit(*_spring_at_tip(structure, options, friction))
+    _, tip, stiffness, push = _spring_at_tip(structure, options, friction)
+    return spring_limits.implicit_limit(options.theta, tip, stiffness, push)
 
 
 def lasting_contact_limit(structure: Structure, options: Options, friction: float = 0.0) -> float:
