@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.kernels import Array
-from workflow.kernels.compiled import kernel, part
+from workflow.kernels.compiled import kernel, part, uncounted
 
 Complexes = NDArray[np.complex128]
 
@@ -154,7 +154,15 @@ def _step(own: int, slope: complex, poles: Complexes, roots: Complexes) -> compl
     return _inverse(slope)
 
 
-@kernel
+@part
+def _is_among(s: complex, poles: Complexes) -> bool:
+    found = False
+    for pole in poles:
+        found |= pole == s
+    return found
+
+
+@uncounted
 def improve(
     alpha: float,
     structure: tuple[Array, Array, Array],
@@ -162,25 +170,26 @@ def improve(
     damping: tuple[float, float],
     poles: Complexes,
     roots: Complexes,
-    count: int,
-) -> Array:
-    """Improve the first ``count`` of the approximate ``roots`` of F in place; return the last step of each, 1/s.
+    left: Array,
+) -> None:
+    """Improve the first of the approximate ``roots`` of F in place, and put the last step of each in ``left``, 1/s.
 
     ``structure`` is (lumps, -, -) of a chain, see :func:`_along_chain`, else (modes, heat, coupling), see
     :func:`_in_modes`; ``damping`` is (a_M, a_K). ``poles`` and ``roots`` are those that were computed, both of each
     conjugate pair. A root that falls on a pole to the last bit is one: it does not take part in the contact. One that
     is nothing beside the slowest pole is 0.
     """
-    left = np.full(count, np.inf)
+    for i in range(left.size):
+        left[i] = np.inf
     nothing = np.inf
     for pole in poles:
         if pole != 0.0:
             nothing = min(nothing, _PRECISE * _size(pole))
     for _ in range(_MOST_STEPS):
         moving = False
-        for i in range(count):
+        for i in range(left.size):
             s = roots[i]
-            if left[i] <= _PRECISE * _size(s) or _size(s) <= nothing or np.any(poles == s):
+            if left[i] <= _PRECISE * _size(s) or _size(s) <= nothing or _is_among(s, poles):
                 left[i] = min(left[i], _PRECISE * _size(s))
                 continue
             if is_chain:
@@ -194,4 +203,3 @@ def improve(
             moving = True
         if not moving:
             break
-    return left

@@ -244,7 +244,8 @@ def _improved(
     is_chain = system.lumps.shape[1] > 0
     arrays = (system.lumps,) * 3 if is_chain else (system.modes, system.heat, system.coupling)
     damping = (system.mass_damping, system.stiffness_damping)
-    left = improve(alpha, arrays, is_chain, damping, poles, roots, count)
+    left = np.empty(count)
+    improve(alpha, arrays, is_chain, damping, poles, roots, left)
     return roots[:count], left
 
 
