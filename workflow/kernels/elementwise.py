@@ -13,41 +13,41 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from workflow.kernels import elementary
-from workflow.kernels.compiled import kernel
+from workflow.kernels.compiled import uncounted
 from workflow.kernels.complex_numbers import Complex, complex_of
 
 Real = NDArray[np.float64]
 
 
-@kernel
+@uncounted
 def _exp(x: Real, out: Real) -> None:
     """Fill e^x."""
     for i in range(x.size):
         out[i] = elementary.exp(x[i])
 
 
-@kernel
+@uncounted
 def _expm1(x: Real, out: Real) -> None:
     """Fill e^x - 1."""
     for i in range(x.size):
         out[i] = elementary.expm1(x[i])
 
 
-@kernel
+@uncounted
 def _log(x: Real, out: Real) -> None:
     """Fill ln x."""
     for i in range(x.size):
         out[i] = elementary.log(x[i])
 
 
-@kernel
+@uncounted
 def _sine_cosine(x: Real, sin: Real, cos: Real) -> None:
     """Fill sin x and cos x."""
     for i in range(x.size):
         sin[i], cos[i] = elementary.sine_cosine(x[i])
 
 
-@kernel
+@uncounted
 def _hypot(x: Real, y: Real, out: Real) -> None:
     """Fill √(x² + y²)."""
     for i in range(x.size):

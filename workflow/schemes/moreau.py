@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from workflow.declare import quantity
-from workflow.kernels.compiled import defines, kernel
+from workflow.kernels.compiled import defines, uncounted
 from workflow.kernels.lanes import WIDE
 from workflow.kernels.packs import (
     Lane,
@@ -120,20 +120,20 @@ def meet_by_prox(law: Prox, step: TipStep, free: Free, own: Array, tip: Array, l
     return End(engaged, x, v, temperature, p)
 
 
-@kernel
+@uncounted
 def _march(operator: Coefficients, law: Prox, state: State, block: Block, audit: Audit | None) -> None:
     """Step a block of cases."""
     align_stack()
     march(operator, law, state, block, audit)
 
 
-@kernel
+@uncounted
 def _march_nodes(nodes: sweeps.Nodes, law: Prox, own: Array, block: Block, account: Account) -> None:
     """Step a case along the nodes of a long chain."""
     march_nodes(nodes, law, own, block, account)
 
 
-@kernel
+@uncounted
 def _march_dense(
     free: FreeStep, law: Prox, state: DenseState, block: Block, account: dense_balance.Account, loads: Array, first: int
 ) -> None:

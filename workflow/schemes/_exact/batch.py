@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.kernels.compiled import kernel
+from workflow.kernels.compiled import uncounted
 from workflow.kernels.sums import product
 from workflow.models import Array, Cases, Structure
 from workflow.schemes._exact import block_table as block
@@ -189,7 +189,7 @@ class _Batch:
         return messages
 
 
-@kernel
+@uncounted
 def _taylor_steps(b: Array, duration: float) -> float:
     """Return the Taylor steps that the stiffest explicit block of a table takes over the duration, 0 for none.
 

@@ -9,7 +9,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.kernels.compiled import kernel, part
+from workflow.kernels.compiled import part, uncounted
 from workflow.kernels.complex_numbers import complex_of, complex_product, magnitude, over, square_root
 from workflow.kernels.eigen import eigenvalues, eigenvectors
 from workflow.kernels.packs import Lane, narrow, pack, store
@@ -172,12 +172,12 @@ def solve_uncoupled(held: Uncoupled, alpha: float, guesses: Array, work: Scratch
     return pairs, count
 
 
-@kernel
+@uncounted
 def _solve_matrix(matrix: RankOne, alpha: float, guesses: Array, work: Scratch) -> tuple[int, int]:
     return secular.solve(matrix, alpha, guesses, work)
 
 
-@kernel
+@uncounted
 def _solve_system(held: Uncoupled, alpha: float, guesses: Array, work: Scratch) -> tuple[int, int]:
     return solve_uncoupled(held, alpha, guesses, work)
 

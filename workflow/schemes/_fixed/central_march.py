@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.kernels.compiled import defines, kernel
+from workflow.kernels.compiled import defines, uncounted
 from workflow.kernels.complex_numbers import magnitude
 from workflow.kernels.lanes import PACK
 from workflow.kernels.packs import (
@@ -166,14 +166,14 @@ def _open_march(law: Linear, operator: Coefficients, now: Now, state: State, blo
         store(own, (CASE_LAST, lane), 2.0 * pack(own, (CASE_LAST, lane)))
 
 
-@kernel
+@uncounted
 def _march(operator: Coefficients, law: Linear, state: State, block: Block, audit: Audit | None) -> None:
     """Step a block of cases."""
     align_stack()
     march(operator, law, state, block, audit)
 
 
-@kernel
+@uncounted
 def _march_dense(
     free: FreeStep, law: Linear, state: DenseState, block: Block, account: Account, loads: Array, first: int
 ) -> None:

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workflow.kernels.compiled import defines, kernel
+from workflow.kernels.compiled import defines, uncounted
 from workflow.kernels.packs import (
     Lane,
     Pack,
@@ -98,7 +98,7 @@ def _static_gain(
     return (0.5 - step.theta) * (pack(own, (CASE_IMPULSE, lane)) * change)
 
 
-@kernel
+@uncounted
 def march_without_mass(
     operator: Coefficients, law: Complementarity, state: State, block: Block, audit: Audit | None
 ) -> None:
@@ -107,7 +107,7 @@ def march_without_mass(
     march(operator, law, state, block, audit)
 
 
-@kernel
+@uncounted
 def march_dense_without_mass(
     free: FreeStep, law: Complementarity, state: DenseState, block: Block, account: Account, loads: Array, first: int
 ) -> None:

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workflow.kernels import Array
-from workflow.kernels.compiled import kernel, part
+from workflow.kernels.compiled import part, uncounted
 from workflow.kernels.lanes import LANES, PACK, fill_lanes, lane_rows
 from workflow.models import Cases, Structure, directions
 from workflow.schemes._fixed.totals import (
@@ -161,13 +161,13 @@ def _dot(left: Array, right: Array) -> Array:
     return total
 
 
-@kernel
+@uncounted
 def _begin(account: Account, x: Array, v: Array, lanes: int) -> None:
     """Take the energy at t = 0."""
     measure(account, x, x, v, lanes)
 
 
-@kernel
+@uncounted
 def _add(account: Account, h: float, impulse: Array, load: Array, before: Array, after: Array, lanes: int) -> None:
     """Count a step from its states at both ends."""
     n, heats = account.mass.shape[0], account.losses.size

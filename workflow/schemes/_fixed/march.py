@@ -4,7 +4,7 @@ A scheme gives its free step (:class:`~workflow.schemes._fixed.modal_lanes.Coeff
 (:mod:`workflow.schemes._fixed.contact`), whose type specialises the march when it is compiled. The kernel itself is
 the scheme's, so that numba's cache finds it::
 
-    @kernel
+    @uncounted
     def _march(operator: Coefficients, law: Prox, state: State, block: Block, audit: Audit | None) -> None:
         align_stack()
         march(operator, law, state, block, audit)

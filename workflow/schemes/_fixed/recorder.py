@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.kernels import Array
-from workflow.kernels.compiled import kernel
+from workflow.kernels.compiled import uncounted
 from workflow.kernels.lanes import LANES, lane_rows
 from workflow.models import Cases, Structure, needs_matrices, project, static_tip_growth
 from workflow.schemes._fixed.dense_balance import DenseBalance
@@ -34,7 +34,7 @@ from workflow.schemes._fixed.tip_load import LOAD_ROWS
 from workflow.schemes._interface import Results, Sampling, Status, schedule
 
 
-@kernel
+@uncounted
 def _count(step: int, block: Block) -> None:
     """Take the samples and close the load periods of a step, then count impact, contact and maxima at its end."""
     span = block.h

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workflow.kernels.compiled import defines, kernel
+from workflow.kernels.compiled import defines, uncounted
 from workflow.kernels.packs import (
     Lane,
     Pack,
@@ -125,14 +125,14 @@ def _spring_gain(
     return of_lane(law.stiffness, lane) * (0.5 * (after * after - before * before) - worked)
 
 
-@kernel
+@uncounted
 def _march(operator: Coefficients, law: Spring, state: State, block: Block, audit: Audit | None) -> None:
     """Step a block of cases."""
     align_stack()
     march(operator, law, state, block, audit)
 
 
-@kernel
+@uncounted
 def _march_dense(
     free: FreeStep, law: Spring, state: DenseState, block: Block, account: Account, loads: Array, first: int
 ) -> None:

@@ -25,7 +25,7 @@ from typing import NamedTuple, TypeGuard
 
 import numpy as np
 
-from workflow.kernels.compiled import inlined, kernel
+from workflow.kernels.compiled import inlined, uncounted
 from workflow.models import (
     Array,
     Chain,
@@ -97,7 +97,7 @@ def node_rows(rows: int, nodes: int) -> Array:
     return np.zeros((rows, _LINE * (-(-(nodes + 2) // _LINE) | 1)))
 
 
-@kernel
+@uncounted
 def _factor(inertia: Array, joint: Array, capacity: Array, flow: Array, swell: Array, step: Array) -> None:
     """Eliminate Ŵ from the root to the tip, T̂ from the tip to the root, and with them w and g.
 
