@@ -54,24 +54,24 @@ def errors(name: str, settings: dict[str, float], counts: tuple[int, int], shift
         if counts[1] < count:
             return
         krylov.MOST_SHIFTS = count
-        found = reduce_structure(structure, *counts, "krylov", sampling.duration)
-        yield f"{relative(temperature(found.structure, found.project(case), sampling), exact):9.1e}"
+        reduction = reduce_structure(structure, *counts, "krylov", sampling.duration)
+        yield f"{relative(temperature(reduction.structure, reduction.project(case), sampling), exact):9.1e}"
 
 
 def main(
     nodes: tuple[int, ...] = (10_000, 100_000), vectors: tuple[int, ...] = (6, 8), counts: tuple[int, ...] = SHIFTS
 ) -> None:
     """Print a row for each structure and number of thermal vectors."""
-    kept = krylov.MOST_SHIFTS
+    most_shifts = krylov.MOST_SHIFTS
     print(f"{'shifts':<42}" + "".join(f"{count:9}" for count in counts))
     for count in nodes:
-        found = errors("scaling.yaml", {"scene.blade.nodes": count, "alpha": 30}, (4, 12), counts)
-        print(f"{f'{count} nodes, 4 + 12 vectors':<42}" + "".join(found), flush=True)
+        columns = errors("scaling.yaml", {"scene.blade.nodes": count, "alpha": 30}, (4, 12), counts)
+        print(f"{f'{count} nodes, 4 + 12 vectors':<42}" + "".join(columns), flush=True)
     rub = {"alpha": 2, "scene.casing.gap": 2e-5, "scene.load.amplitude": 20}
     for thermal in vectors:
-        found = errors("compressor_blade.yaml", rub, (18, thermal), counts)
-        print(f"{f'finite element blade, 18 + {thermal} vectors':<42}" + "".join(found), flush=True)
-    krylov.MOST_SHIFTS = kept
+        columns = errors("compressor_blade.yaml", rub, (18, thermal), counts)
+        print(f"{f'finite element blade, 18 + {thermal} vectors':<42}" + "".join(columns), flush=True)
+    krylov.MOST_SHIFTS = most_shifts
 
 
 if __name__ == "__main__":

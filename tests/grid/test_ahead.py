@@ -10,7 +10,7 @@ import pytest
 from quick import quick
 from workflow.grid import _compile as compilation
 from workflow.grid import arrange
-from workflow.grid._ahead import wanted_kernels
+from workflow.grid._ahead import kernel_variants
 from workflow.run import run_study
 
 THREE = {
@@ -20,19 +20,19 @@ THREE = {
 }
 
 
-def test_every_scheme_and_the_reference_are_wanted() -> None:
-    variants = list(wanted_kernels(arrange(quick(**THREE))))
+def test_every_scheme_and_the_reference_have_kernels_of_their_own() -> None:
+    variants = list(kernel_variants(arrange(quick(**THREE))))
     assert [variant.method for variant in variants] == ["moreau", "penalty", "event_driven"]
     assert variants[1].options.integration == "implicit"
-    assert [variant.method for variant in wanted_kernels(arrange(quick()))] == ["moreau"]
+    assert [variant.method for variant in kernel_variants(arrange(quick()))] == ["moreau"]
 
 
 def test_a_case_that_cannot_be_set_up_wants_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     def fails(*_: object) -> None:
         raise ValueError("no such structure")
 
-    monkeypatch.setattr("workflow.grid._ahead.kernels_of", fails)
-    assert list(wanted_kernels(arrange(quick(**THREE)))) == []
+    monkeypatch.setattr("workflow.grid._ahead.kernel_variant", fails)
+    assert list(kernel_variants(arrange(quick(**THREE)))) == []
 
 
 def test_a_run_goes_on_where_helpers_fail(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -40,7 +40,7 @@ def test_a_run_goes_on_where_helpers_fail(tmp_path: Path, monkeypatch: pytest.Mo
     methods: list[str] = []
     help_with = compilation._Running.help_with
 
-    def noted(running: compilation._Running, schemes: list[compilation.Wanted]) -> None:
+    def noted(running: compilation._Running, schemes: list[compilation.KernelVariant]) -> None:
         methods.extend(variant.method for variant in schemes)
         help_with(running, schemes)
 

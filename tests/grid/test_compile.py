@@ -19,7 +19,7 @@ import workflow
 from workflow import schemes
 from workflow.grid import Turns, lend_turns
 from workflow.grid import _compile as compilation
-from workflow.grid._compile import Wanted, compile_scheme, compiled_ahead
+from workflow.grid._compile import KernelVariant, compile_scheme, compiled_ahead
 
 ROOT = Path(workflow.__file__).parents[1]
 
@@ -29,10 +29,10 @@ sys.path.insert(0, {str(ROOT)!r})
 from collections import Counter
 from numba.core import event
 from workflow import schemes
-from workflow.grid._compile import Wanted, compile_scheme, compiled_ahead
+from workflow.grid._compile import KernelVariant, compile_scheme, compiled_ahead
 
 def variant_of(method):
-    return Wanted(method, schemes.load(method).Options(), 1, balances=False)
+    return KernelVariant(method, schemes.load(method).Options(), 1, balances=False)
 """
 
 TOGETHER = """
@@ -62,8 +62,8 @@ with compiled_ahead([variant_of("moreau"), variant_of("event_driven")], 1):
 """
 
 
-def variant_of(method: str) -> Wanted:
-    return Wanted(method, schemes.load(method).Options(), 1, balances=False)
+def variant_of(method: str) -> KernelVariant:
+    return KernelVariant(method, schemes.load(method).Options(), 1, balances=False)
 
 
 @pytest.fixture
@@ -157,7 +157,7 @@ def test_a_scheme_whose_turn_has_not_come_is_compiled_here(unnoted: Path, monkey
     """One process is busy with carpenter for ever: moreau, next in its queue, is not waited for."""
     busy, begun = threading.Event(), threading.Event()
 
-    def hang(running: object, schemes: list[Wanted]) -> None:
+    def hang(running: object, schemes: list[KernelVariant]) -> None:
         begun.set()
         busy.wait()
 
@@ -200,7 +200,7 @@ def test_a_process_that_compiles_has_a_turn_until_it_is_done(unnoted: Path, monk
 
 
 def test_what_is_compiled_needs_no_process(unnoted: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    started: list[list[Wanted]] = []
+    started: list[list[KernelVariant]] = []
     monkeypatch.setattr(compilation._Running, "help_with", lambda running, schemes: started.append(schemes))
     (unnoted / "moreau").touch()
     with compiled_ahead([variant_of("event_driven"), variant_of("moreau")], 1):
@@ -215,7 +215,9 @@ def test_what_is_compiled_needs_no_process(unnoted: Path, monkeypatch: pytest.Mo
 
 def test_words_among_the_options_have_a_kernel_of_their_own_and_numbers_have_none() -> None:
     moreau, penalty = schemes.load("moreau"), schemes.load("penalty")
-    words = [Wanted("moreau", moreau.Options(theta=theta), 1, True).words for theta in (0.5, 0.7, 1.0)]
+    words = [KernelVariant("moreau", moreau.Options(theta=theta), 1, True).words for theta in (0.5, 0.7, 1.0)]
     assert words[0] == words[1] == words[2]
-    kinds = [Wanted("penalty", penalty.Options(integration=kind), 1, True).words for kind in ("explicit", "implicit")]
+    kinds = [
+        KernelVariant("penalty", penalty.Options(integration=kind), 1, True).words for kind in ("explicit", "implicit")
+    ]
     assert kinds[0] != kinds[1]

@@ -43,8 +43,8 @@ def test_plan_says_the_limit_of_the_largest_friction(tmp_path: Path) -> None:
     still = plan_study(parsed(study(tmp_path, h, "scene.friction.coefficient: [0]")))
     assert not any("grows in contact" in warning for warning in still.warnings)
     sliding = plan_study(parsed(study(tmp_path, h, f"scene.friction.coefficient: [0, {FRICTION}]")))
-    (told,) = [warning for warning in sliding.warnings if "grows in contact" in warning]
-    assert f"only up to {limit(FRICTION):.6g} s" in told
+    (warning,) = [warning for warning in sliding.warnings if "grows in contact" in warning]
+    assert f"only up to {limit(FRICTION):.6g} s" in warning
 
 
 @pytest.mark.parametrize("balances", [True, False])
@@ -53,10 +53,10 @@ def test_a_case_that_slides_away_names_a_step_at_which_it_stays(tmp_path: Path, 
     text = study(tmp_path, limit(0.0), "scene.friction.coefficient: [0, 0.9]", balances)
     grid = arrange(parsed(text))
     (outer,) = grid.places
-    found = solve(grid, outer, np.arange(2))
-    assert found.values["status"].tolist() == [Status.OK, Status.DIVERGED]
-    said = float(found.messages[1].split("up to h = ")[1].split()[0])
-    assert said == pytest.approx(limit(FRICTION), rel=1e-3)
-    again = arrange(parsed(study(tmp_path, said, "scene.friction.coefficient: [0, 0.9]", balances)))
+    results = solve(grid, outer, np.arange(2))
+    assert results.values["status"].tolist() == [Status.OK, Status.DIVERGED]
+    named = float(results.messages[1].split("up to h = ")[1].split()[0])
+    assert named == pytest.approx(limit(FRICTION), rel=1e-3)
+    again = arrange(parsed(study(tmp_path, named, "scene.friction.coefficient: [0, 0.9]", balances)))
     (outer,) = again.places
     assert solve(again, outer, np.arange(2)).values["status"].tolist() == [Status.OK, Status.OK]

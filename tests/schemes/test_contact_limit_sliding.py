@@ -86,8 +86,8 @@ def farthest(of: Scene, share: float) -> np.ndarray:
     h = share * of.limit
     steps = round(duration / h)
     over = Sampling(steps * h, steps * h / 1000, 1001)
-    found = step(of.structure, of.batch, h, over, "penalty", **asdict(of.options))
-    return np.where(found.status == Status.OK, np.abs(found.histories["displacement"]).max(axis=1), np.inf)
+    results = step(of.structure, of.batch, h, over, "penalty", **asdict(of.options))
+    return np.where(results.status == Status.OK, np.abs(results.histories["displacement"]).max(axis=1), np.inf)
 
 
 def times_as_far(seed: int, shares: tuple[float, ...]) -> list[float] | None:
@@ -103,17 +103,17 @@ def times_as_far(seed: int, shares: tuple[float, ...]) -> list[float] | None:
 @pytest.mark.parametrize("seed", [0, 1, 9, 10, ASIDE])
 def test_sliding_contact_that_comes_and_goes_stays_near_at_the_limit(seed: int) -> None:
     """Of the 99 of 120 scenes that are measured the largest is 1.84."""
-    found = times_as_far(seed, (1.0,))
-    assert found is not None
-    assert found[0] < 2
+    times = times_as_far(seed, (1.0,))
+    assert times is not None
+    assert times[0] < 2
 
 
 def test_the_limit_of_a_casing_that_does_not_slide_is_none_of_one_that_does() -> None:
     of = scene(ASIDE)
     still = penalty.contact_limit(of.structure, of.options)
-    found = times_as_far(ASIDE, (still / of.limit,))
-    assert found is not None
-    assert found[0] > 1e3
+    times = times_as_far(ASIDE, (still / of.limit,))
+    assert times is not None
+    assert times[0] > 1e3
 
 
 def test_the_limits_are_those_of_the_matrices() -> None:
@@ -132,7 +132,7 @@ def test_the_limits_are_those_of_the_matrices() -> None:
 
 def _measure(count: int) -> None:
     shares = (0.5, 1.0, 1.5, 2.0, 4.0)
-    measured = [found for found in (times_as_far(seed, shares) for seed in range(count)) if found is not None]
+    measured = [times for times in (times_as_far(seed, shares) for seed in range(count)) if times is not None]
     print(f"{len(measured)} of {count} scenes stay near at an eighth of the limit")
     for share, times in zip(shares, np.array(measured).T, strict=True):
         over = np.mean(times > AGREE)

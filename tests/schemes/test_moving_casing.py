@@ -121,11 +121,11 @@ def test_a_scheme_of_plain_states_ends_on_its_casing_within_a_step() -> None:
     recorded = Recorder(structure, batch, over, h)
     for k in range(1, steps + 1):
         recorded.record(np.full((1, 3), x[k]), np.full((1, 3), v[k]), np.zeros((1, 3)), np.ones(1))
-    found = recorded.results()
+    results = recorded.results()
     inwards = float((batch.casing_at((steps - 1) * h) - batch.casing_at(steps * h))[0])
     assert inwards > 1e-8
-    assert found.histories["displacement"][0, -1] == pytest.approx(x[-2] + (x[-1] - x[-2]) / 3, rel=1e-12)
-    assert found.metrics["max_penetration"][0] < 1e-9 * inwards
+    assert results.histories["displacement"][0, -1] == pytest.approx(x[-2] + (x[-1] - x[-2]) / 3, rel=1e-12)
+    assert results.metrics["max_penetration"][0] < 1e-9 * inwards
 
 
 @pytest.mark.slow

@@ -63,9 +63,9 @@ def test_the_step_that_a_message_says_runs(scheme: str) -> None:
             nodes=4, mass=10 ** rng.uniform(-4, -2), stiffness=10 ** rng.uniform(4, 7), damping=Rayleigh(20.0, 1e-6)
         )
         batch, h = cases(structure, gap=1.0, mean=1.0), 10.0
-        told = step(structure, batch, h, Sampling(h, h, 2), method, **OPTIONS[scheme]).messages[0]
-        said = re.search(r"stable up to (?:h = )?([\d.e+-]+) s", told)
-        assert said is not None, told
-        below = float(said[1])
+        message = step(structure, batch, h, Sampling(h, h, 2), method, **OPTIONS[scheme]).messages[0]
+        match = re.search(r"stable up to (?:h = )?([\d.e+-]+) s", message)
+        assert match is not None, message
+        below = float(match[1])
         ran = step(structure, batch, below, Sampling(100 * below, 100 * below, 2), method, **OPTIONS[scheme])
         assert ran.status[0] == Status.OK, (seed, ran.messages)

@@ -6,15 +6,15 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager, suppress
 
 from workflow.grid._arrangement import Grid
-from workflow.grid._compile import Wanted, at_work, compiled_ahead
-from workflow.grid._operators import kernels_of
+from workflow.grid._compile import KernelVariant, at_work, compiled_ahead
+from workflow.grid._operators import kernel_variant
 from workflow.grid._reference import exact_cell, reference_cell
 from workflow.grid._turns import Turns
 
 
 def compiling(grid: Grid, processes: int) -> AbstractContextManager[None]:
     """Compile the schemes of a study but for the first that runs, in up to so many processes beside this one."""
-    return compiled_ahead(list(wanted_kernels(grid)) if processes > 0 else [], processes)
+    return compiled_ahead(list(kernel_variants(grid)) if processes > 0 else [], processes)
 
 
 def is_compiling() -> bool:
@@ -29,7 +29,7 @@ def lend_turns(turns: Turns, most: int) -> None:
         helper.add_done_callback(lambda _: turns.take_back())
 
 
-def wanted_kernels(grid: Grid) -> Iterator[Wanted]:
+def kernel_variants(grid: Grid) -> Iterator[KernelVariant]:
     """Yield what the first case of each scheme needs, and its references; what other cases need is compiled for them.
 
     A case that cannot even be set up needs nothing: it will say so itself.
@@ -37,11 +37,11 @@ def wanted_kernels(grid: Grid) -> Iterator[Wanted]:
     labels = [value for dim in grid.outer for axis in dim.axes if axis.path == "scheme" for value in axis.values]
     for label in labels or [grid.base["scheme"]]:
         with suppress(Exception):
-            yield kernels_of(grid.settings(0, {"scheme": label}), grid.sampling.balances)
+            yield kernel_variant(grid.settings(0, {"scheme": label}), grid.sampling.balances)
     if grid.study.reference is not None:
         with suppress(Exception):
-            truth = kernels_of(reference_cell(grid, 0), balances=False)
+            truth = kernel_variant(reference_cell(grid, 0), balances=False)
             yield truth
-            exact = kernels_of(exact_cell(grid, 0), balances=False)
+            exact = kernel_variant(exact_cell(grid, 0), balances=False)
             if exact.method != truth.method:
                 yield exact

@@ -34,7 +34,7 @@ from workflow.schemes import Sampling, load
 
 
 @dataclass(frozen=True)
-class Wanted:
+class KernelVariant:
     """A scheme with options, on a small structure of a kind, with balances or without: what decides on its kernels."""
 
     method: str
@@ -66,49 +66,49 @@ _HELPERS: dict[str, Future[None]] = {}
 """By method: what is being compiled by others, or about to be."""
 
 
-def compile_scheme(wanted: Wanted, waiting: Callable[[], AbstractContextManager[None]] = nullcontext) -> None:
+def compile_scheme(variant: KernelVariant, waiting: Callable[[], AbstractContextManager[None]] = nullcontext) -> None:
     """Run a scheme once, so that no case's wall time holds compilation; wait for others within ``waiting``."""
-    helper = _HELPERS.get(wanted.method)
+    helper = _HELPERS.get(variant.method)
     if helper is not None and not helper.cancel():  # it has begun: it is nearer to its end than we are
         with waiting():
             helper.result()
-    _compile(wanted)
+    _compile(variant)
 
 
 @cache
-def _compile(wanted: Wanted) -> None:
-    nodes = wanted.nodes
+def _compile(variant: KernelVariant) -> None:
+    nodes = variant.nodes
     chain = models.load("chain")
     parameters = chain.Parameters(nodes, mass=1.0, stiffness=1.0, heat_capacity=1.0, spacing=1.0, expansion=1.0)
     structure = chain.assemble(parameters)
-    if wanted.massless_tip:
+    if variant.massless_tip:
         structure = replace(structure.matrices(), mass=np.zeros((nodes, nodes)))
-    if wanted.slides:
+    if variant.slides:
         structure = replace(structure.matrices(), tangent=np.ones(nodes))
-    if wanted.coupled:
+    if variant.coupled:
         structure = replace(structure.matrices(), load=np.ones(nodes))
-    scheme = load(wanted.method)
+    scheme = load(variant.method)
     none, one, node = np.zeros(1), np.ones(1), np.zeros((1, nodes))
-    casing = Harmonics(*np.zeros((3, 1, int(wanted.harmonics))))
+    casing = Harmonics(*np.zeros((3, 1, int(variant.harmonics))))
     cases = Cases(none, one, one, none, none, none, none, node, node, node, node, node, casing_harmonics=casing)
-    cases = replace(cases, friction=np.full(1, 0.5 * wanted.slides))
-    over = Sampling(1.0, 0.5, 3, balances=wanted.balances)
-    with measured(_part(wanted)):
-        scheme.compute(scheme.init(structure, 0.5, wanted.options), cases, over)
-    note = _note(wanted)
+    cases = replace(cases, friction=np.full(1, 0.5 * variant.slides))
+    over = Sampling(1.0, 0.5, 3, balances=variant.balances)
+    with measured(_part(variant)):
+        scheme.compute(scheme.init(structure, 0.5, variant.options), cases, over)
+    note = _note(variant)
     if note is not None:
         with suppress(OSError):
             note.touch()
 
 
-def _part(wanted: Wanted) -> Part:
+def _part(variant: KernelVariant) -> Part:
     """Return loading compiled kernels, compiling the first of a scheme, or compiling others that share much with it."""
-    if is_compiled(wanted):
-        return Part(1.0, (f"loading {wanted.method}",))
-    note = _note(wanted)
+    if is_compiled(variant):
+        return Part(1.0, (f"loading {variant.method}",))
+    note = _note(variant)
     if note is not None and any(note.parent.glob("*.nbi")):
-        return replace(compiling_part(wanted.method), keys=("compiling more",))
-    return compiling_part(wanted.method)
+        return replace(compiling_part(variant.method), keys=("compiling more",))
+    return compiling_part(variant.method)
 
 
 def at_work() -> list[Future[None]]:
@@ -116,34 +116,34 @@ def at_work() -> list[Future[None]]:
     return [helper for helper in list(_HELPERS.values()) if not helper.done()]
 
 
-def is_compiled(wanted: Wanted) -> bool:
+def is_compiled(variant: KernelVariant) -> bool:
     """Tell whether a scheme's kernels are in the cache."""
-    note = _note(wanted)
+    note = _note(variant)
     return note is not None and note.exists()
 
 
-def _note(wanted: Wanted) -> Path | None:
+def _note(variant: KernelVariant) -> Path | None:
     """Return the file whose presence says that a scheme's kernels are in the cache; ``None`` without a lasting one."""
     import llvmlite.binding
 
-    directory = directory_of(type(wanted.options).__module__) if is_lasting() else None
+    directory = directory_of(type(variant.options).__module__) if is_lasting() else None
     if directory is None:
         return None
-    words = (*wanted.words, llvmlite.binding.get_host_cpu_name())
+    words = (*variant.words, llvmlite.binding.get_host_cpu_name())
     return directory / f"{hashlib.sha256(repr(words).encode()).hexdigest()[:16]}.compiled"
 
 
 @contextmanager
-def compiled_ahead(schemes: Sequence[Wanted], processes: int) -> Iterator[None]:
+def compiled_ahead(variants: Sequence[KernelVariant], processes: int) -> Iterator[None]:
     """Compile schemes that are not compiled yet in up to so many processes; the first is left to the caller.
 
     The processes are gone when the context is left.
     """
-    missing: dict[str, dict[tuple[Any, ...], Wanted]] = {}
-    for wanted in schemes:
-        note = _note(wanted)
-        if note is not None and not note.exists() and wanted.method not in _HELPERS:
-            missing.setdefault(wanted.method, {}).setdefault(wanted.words, wanted)
+    missing: dict[str, dict[tuple[Any, ...], KernelVariant]] = {}
+    for variant in variants:
+        note = _note(variant)
+        if note is not None and not note.exists() and variant.method not in _HELPERS:
+            missing.setdefault(variant.method, {}).setdefault(variant.words, variant)
     mine = list(missing)[1:] if processes > 0 else []
     if not mine:
         yield
@@ -169,7 +169,7 @@ class _Running:
         self._processes: list[subprocess.Popen[bytes]] = []
         self._ended = False
 
-    def help_with(self, schemes: list[Wanted]) -> None:
+    def help_with(self, variants: list[KernelVariant]) -> None:
         """Compile schemes in a process and wait for its end, whatever that is."""
         package = Path(__file__).parents[2]
         environment = dict(os.environ)
@@ -189,7 +189,7 @@ class _Running:
                 self._processes.append(process)
             with process:  # closes the pipe last
                 assert process.stdin is not None
-                process.stdin.write(pickle.dumps(schemes))
+                process.stdin.write(pickle.dumps(variants))
                 process.stdin.flush()
                 try:
                     process.wait(LONGEST)
@@ -212,10 +212,10 @@ def _end_with_parent() -> None:
 
 def main() -> None:
     """Compile what the parent sends."""
-    schemes = pickle.load(sys.stdin.buffer)
+    variants = pickle.load(sys.stdin.buffer)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     gc.disable()  # a tenth of the time of a compiler that leaves little garbage; this process does nothing else
-    for wanted in schemes:
-        compile_scheme(wanted)
+    for variant in variants:
+        compile_scheme(variant)
     remember()
     os._exit(0)  # without waiting for the pipe

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from workflow.grid import _speed
-from workflow.grid._ahead import wanted_kernels
+from workflow.grid._ahead import kernel_variants
 from workflow.grid._arrangement import Grid, Indices
 from workflow.grid._compile import is_compiled
 from workflow.grid._conditions import alpha_of
@@ -127,7 +127,7 @@ def compiling_seconds(grid: Grid, threads: int) -> float:
 
 def _kernels(grid: Grid, speeds: _speed.Speeds, threads: int) -> tuple[float, float]:
     """Return the seconds that loading compiled kernels takes, and compiling those that are not."""
-    kernels = {wanted.words: (wanted.method, is_compiled(wanted)) for wanted in wanted_kernels(grid)}.values()
+    kernels = {variant.words: (variant.method, is_compiled(variant)) for variant in kernel_variants(grid)}.values()
     loading = sum(
         speeds.ratio(f"loading {method}") or LOADING for method in {method for method, there in kernels if there}
     )

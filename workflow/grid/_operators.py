@@ -10,7 +10,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from workflow import models, schemes
-from workflow.grid._compile import Wanted, compile_scheme
+from workflow.grid._compile import KernelVariant, compile_scheme
 from workflow.grid._conditions import at_rest
 from workflow.grid._costs import batch_part, growth_part, measured, setup_part, workload_of
 from workflow.grid._turns import waiting
@@ -114,7 +114,7 @@ def _critical_alpha(by: Reduced, friction: float) -> float:
     return critical_alpha(structure_on(by), friction)
 
 
-def kernels_of(cell: Cell, balances: bool) -> Wanted:
+def kernel_variant(cell: Cell, balances: bool) -> KernelVariant:
     """Return what of its scheme must be compiled for a cell, with balances or without."""
     scheme, structure = schemes.load(cell.scheme.method), reduced_structure(cell)
     nodes = MOST_NODES_WITH_MATRICES + 1 if scheme.sweeps(structure) else 1
@@ -122,12 +122,12 @@ def kernels_of(cell: Cell, balances: bool) -> Wanted:
     driven = bool(cell.scene.casing.harmonics or (cell.scene.load.harmonics and not coupled))
     slides = structure.tangent is not None and cell.scene.friction is not None
     kind = {"massless_tip": structure.has_massless_tip, "harmonics": driven, "slides": slides, "coupled": coupled}
-    return Wanted(cell.scheme.method, cell.scheme.options, nodes, balances, **kind)
+    return KernelVariant(cell.scheme.method, cell.scheme.options, nodes, balances, **kind)
 
 
 def compile_for(cell: Cell, balances: bool) -> None:
     """Have the kernels of a cell compiled, so that no case's wall time holds that."""
-    compile_scheme(kernels_of(cell, balances), waiting)
+    compile_scheme(kernel_variant(cell, balances), waiting)
 
 
 def runaway_of(cell: Cell, alpha: float, friction: float) -> tuple[float, float, bool]:
