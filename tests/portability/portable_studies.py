@@ -5,6 +5,8 @@ from __future__ import annotations
 import platform
 from pathlib import Path
 
+import numpy as np
+
 CHAIN = """
   chain: {nodes: 6, mass: 2.5e-3, stiffness: 4.0e6, damping: {mass: 10, stiffness: 2.0e-7}, spacing: 2.5e-3,
           expansion: 8.6e-6, heat_capacity: 1.3, conductance: 0.6, convection: 0.02}
@@ -106,6 +108,40 @@ axes:
 output: {interval: 100 us}
 """,
 }
+
+COUPLED = """
+scene:
+  matrices: {file: coupled.npz}
+  casing: {gap: 20 um}
+  load: {mean: 30, amplitude: 100, frequency: 50 Hz}
+  duration: 40 ms
+axes:
+  scheme: [moreau, carpenter, penalty, event_driven]
+  h: 1e-5
+  e: [0, 0.8]
+  alpha: [0, 20]
+reference: {scheme: event_driven}
+output: {interval: 1 ms}
+"""
+"""A structure of :func:`write_coupled`."""
+
+
+def write_coupled(place: Path) -> None:
+    """Write a chain with a dashpot between two nodes, which couples its modes, by products and sums alone."""
+    nodes, one, other = 40, 10, 30
+    springs = 2 * np.eye(nodes) - np.eye(nodes, k=1) - np.eye(nodes, k=-1)
+    springs[-1, -1] = 1.0
+    dashpot = np.zeros((nodes, nodes))
+    dashpot[one, one] = dashpot[other, other] = 30.0
+    dashpot[one, other] = dashpot[other, one] = -30.0
+    np.savez(
+        place, mass=2.5e-3 * np.eye(nodes), stiffness=4e6 * springs, damping=dashpot, contact=nodes - 1,
+        heat_capacity=1.3 * np.eye(nodes), conductance=0.6 * springs, coupling=-34.0 * np.eye(nodes),
+        thermal_contact=nodes - 1,
+    )  # fmt: skip
+
+
+STUDIES["coupled"] = COUPLED
 
 HERE = Path(__file__)
 ROOT = HERE.parents[2]

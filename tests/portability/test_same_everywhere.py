@@ -64,7 +64,7 @@ def written_here(directory: Path, names: list[str]) -> dict[str, str]:
 
 def test_a_study_has_one_hash(tmp_path: Path) -> None:
     """All libraries at once as on the oldest processor: the slow test tells them apart."""
-    names = ["schemes", "reduced", "loose"]
+    names = ["schemes", "reduced", "loose", "coupled"]
     assert written_here(tmp_path / "a", names) == hashes(SETTINGS["oldest"], tmp_path / "b", names)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from scenes import blade, heavy_chain
 from studies import written
 from workflow.archive import provenance
 from workflow.cli import app
-from workflow.models import Rayleigh, Structure
+from workflow.models import Rayleigh, Structure, couples_free_modes
 from workflow.run import run_study
 from workflow.study import StudyError, read_study
 
@@ -115,6 +116,43 @@ def test_units_of_a_file_change_nothing(tmp_path: Path) -> None:
         results.append(ran(tmp_path, units, model, rub, "moreau"))
     assert apart(results[1], results[0]) < 1e-11
     assert not np.allclose(results[0]["temperature"].isel(t=-1), 0.0)
+
+
+COUPLED = """
+study: coupled
+scene:
+  matrices: {file: blade.npz, contact: 5}
+  casing: {gap: 5e-5}
+  load: {amplitude: 400, frequency: 200}
+  duration: 0.01
+axes:
+  scheme: [moreau, event_driven]
+  h: [1e-6, 2.5e-7, 6.25e-8]
+  alpha: [0, 5]
+reference: {scheme: event_driven}
+"""
+
+
+def test_damping_that_couples_modes_is_judged_by_the_exact_scheme(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Errors against the poles of the damped structure fall with the step, with heat and without."""
+    monkeypatch.chdir(tmp_path)
+    structure = heavy_chain(nodes=6)
+    along = np.array([0.0, 0.0, 1.0, 0.0, -1.0, 0.0])
+    damper = structure.damping_matrix + 20.0 * np.outer(along, along)
+    assert couples_free_modes(replace(structure.matrices(), damper=damper))
+    as_npz({**matrices_of(structure), "damping": damper}, tmp_path)
+    written(COUPLED, tmp_path)
+    result = CliRunner().invoke(app, ["run", "study.yaml", "-o", "coupled.nc"])
+    assert result.exit_code == 0, result.output
+    found = xr.load_dataset("coupled.nc")
+    assert float(found["impacts"].min()) > 0
+    assert np.all(found["displacement_error"].sel(scheme="event_driven") == 0)
+    for name in ("displacement_error", "impulse_error"):
+        errors = found[name].sel(scheme="moreau").transpose("h", "alpha").values
+        assert np.all(errors[0] < 0.1)
+        assert np.all(errors[1:] < errors[:-1] / 2), name  # a root of the step at least, which falls by four
 
 
 def test_an_archive_repeats_its_study_without_the_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
