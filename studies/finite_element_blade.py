@@ -55,24 +55,34 @@ def matrices(elements: tuple[int, int, int]) -> dict[str, scipy.sparse.csr_matri
     moving = Basis(body, ElementVector(ElementHex2()), intorder=5)
     warm = Basis(body, ElementHex2(), intorder=5)
     skin = FacetBasis(body, ElementHex2(), facets=body.facets_satisfying(lambda x: x[2] > 1e-9, True), intorder=5)
-    second = YOUNG / (2 * (1 + POISSON))
-    first = YOUNG * POISSON / ((1 + POISSON) * (1 - 2 * POISSON))
-    swelling = EXPANSION * (3 * first + 2 * second)
-
-    strain = BilinearForm(lambda u, v, w: ddot(2 * second * sym_grad(u) + first * eye(trace(grad(u)), 3), sym_grad(v)))
-    whole = {
-        "mass": BilinearForm(lambda u, v, w: DENSITY * dot(u, v)).assemble(moving),
-        "stiffness": strain.assemble(moving),
-        "coupling": BilinearForm(lambda t, v, w: -swelling * t * div(v)).assemble(warm, moving),
-        "heat_capacity": BilinearForm(lambda t, s, w: DENSITY * SPECIFIC_HEAT * t * s).assemble(warm),
-        "conductance": BilinearForm(lambda t, s, w: CONDUCTIVITY * dot(grad(t), grad(s))).assemble(warm)
-        + BilinearForm(lambda t, s, w: CONVECTION * t * s).assemble(skin),
-    }
+    whole = mechanical_matrices(moving, warm) | thermal_matrices(warm, skin)
     free, rises = (np.flatnonzero(basis.doflocs[2] > 1e-9) for basis in (moving, warm))
     rows = {"mass": free, "stiffness": free, "coupling": free, "heat_capacity": rises, "conductance": rises}
     columns = {**rows, "coupling": rises}
     tidy = {name: _tidy(whole[name][rows[name]][:, columns[name]], name != "coupling") for name in whole}
     return {**tidy, **_contact(moving, warm, free, rises), "places": warm.doflocs[:, rises]}
+
+
+def mechanical_matrices(moving: Basis, warm: Basis) -> dict[str, scipy.sparse.csr_matrix]:
+    """Return mass [kg], stiffness [N/m] and coupling [N/K] of the material."""
+    second = YOUNG / (2 * (1 + POISSON))
+    first = YOUNG * POISSON / ((1 + POISSON) * (1 - 2 * POISSON))
+    swelling = EXPANSION * (3 * first + 2 * second)
+    strain = BilinearForm(lambda u, v, w: ddot(2 * second * sym_grad(u) + first * eye(trace(grad(u)), 3), sym_grad(v)))
+    return {
+        "mass": BilinearForm(lambda u, v, w: DENSITY * dot(u, v)).assemble(moving),
+        "stiffness": strain.assemble(moving),
+        "coupling": BilinearForm(lambda t, v, w: -swelling * t * div(v)).assemble(warm, moving),
+    }
+
+
+def thermal_matrices(warm: Basis, skin: FacetBasis) -> dict[str, scipy.sparse.csr_matrix]:
+    """Return heat capacity [J/K] and conductance [W/K] of the material, its skin in the air."""
+    return {
+        "heat_capacity": BilinearForm(lambda t, s, w: DENSITY * SPECIFIC_HEAT * t * s).assemble(warm),
+        "conductance": BilinearForm(lambda t, s, w: CONDUCTIVITY * dot(grad(t), grad(s))).assemble(warm)
+        + BilinearForm(lambda t, s, w: CONVECTION * t * s).assemble(skin),
+    }
 
 
 def _tidy(matrix: scipy.sparse.csr_matrix, symmetric: bool) -> scipy.sparse.csr_matrix:

@@ -1,24 +1,36 @@
-"""Time and memory to reduce structures of many degrees of freedom, by every basis.
+"""Time and memory to reduce structures of many degrees of freedom, by every basis or by those named.
 
     python tests/benchmarks/bench_sparse.py --elements 10 260 1
+    python tests/benchmarks/bench_sparse.py --only block cube --bases krylov --superlu
 
-A line of 1e5 displacements and 1e5 temperatures, and the finite element blade, so of 98 280 displacements and 32 760
-temperatures. Each in a process of its own, BLAS on one thread; times are of the processor.
+A line of 1e5 displacements and 1e5 temperatures, the finite element blade, so of 98 280 displacements and 32 760
+temperatures, and two bulky bodies of the same material: a block of 104 544 displacements and 34 848 temperatures, and a
+cube of 97 336 temperatures on a spring. Each in a process of its own, BLAS on one thread; times are of the processor.
+Where the extra ``sparse`` is installed CHOLMOD factorises, with ``--superlu`` SuperLU does.
 """
 
 from __future__ import annotations
 
 import argparse
 import resource
-import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
+from multiprocessing import get_context
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-ROOT = Path(__file__).parents[2]
+from workflow.models import _factors
+
+if TYPE_CHECKING:
+    from skfem import MeshHex
+
+STUDIES = Path(__file__).parents[2] / "studies"
+sys.path.insert(0, str(STUDIES))
+
 COUNTS = 24, 24
 
 
@@ -47,13 +59,56 @@ def write_line(place: Path, nodes: int) -> None:
         "heat_capacity": lumps(560 * mass),
         "conductance": line(7.0 * 0.03 * 1e-3 / cell, 400 * 0.062 * cell),
     }
+    save(place, entries, nodes - 1, nodes - 1)
+
+
+def save(place: Path, entries: dict[str, Any], contact: int, thermal_contact: int) -> None:
+    """Write sparse matrices as NPZ, not compressed: that takes a minute."""
     parts = ("data", "indices", "indptr", "shape")
     arrays = {f"{name}.{part}": getattr(matrix, part) for name, matrix in entries.items() for part in parts}
-    np.savez(place, contact=nodes - 1, thermal_contact=nodes - 1, **arrays)
+    np.savez(place, contact=contact, thermal_contact=thermal_contact, **arrays)
 
 
-def reduce_once(place: Path, basis: str) -> None:
+def solid(nodes: int) -> MeshHex:
+    """Return a cube of so many nodes along each edge, 50 mm."""
+    from skfem import MeshHex
+
+    return MeshHex.init_tensor(*3 * [np.linspace(0, 0.05, nodes)])
+
+
+def write_block(place: Path, nodes: int) -> None:
+    """Write an elastic cube, one face clamped and cold, touched at a corner of the other."""
+    import finite_element_blade as material
+    from skfem import Basis, ElementHex1, ElementVector, FacetBasis
+
+    body = solid(nodes)
+    moving, warm = Basis(body, ElementVector(ElementHex1())), Basis(body, ElementHex1())
+    free, rises = (np.flatnonzero(basis.doflocs[2] > 1e-9) for basis in (moving, warm))
+    entries = material.mechanical_matrices(moving, warm) | material.thermal_matrices(warm, FacetBasis(body, warm.elem))
+    rows = {"heat_capacity": rises, "conductance": rises}
+    columns = {**rows, "coupling": rises}
+    kept = {name: matrix[rows.get(name, free)][:, columns.get(name, free)] for name, matrix in entries.items()}
+    save(place, kept, free.size - 1, rises.size - 1)
+
+
+def write_cube(place: Path, nodes: int) -> None:
+    """Write a cube that heat flows through, on a spring."""
+    import finite_element_blade as material
+    from scipy.sparse import csr_array
+    from skfem import Basis, ElementHex1, FacetBasis
+
+    body = solid(nodes)
+    warm = Basis(body, ElementHex1())
+    one, corner = csr_array([[1.0]]), csr_array(([-10.0], ([0], [warm.N - 1])), (1, warm.N))
+    spring = {"mass": one, "stiffness": 1e6 * one, "coupling": corner}
+    thermal = material.thermal_matrices(warm, FacetBasis(body, warm.elem))
+    save(place, spring | thermal, 0, warm.N - 1)
+
+
+def reduce_once(place: Path, basis: str, by_superlu: bool) -> None:
     """Read, factorise and reduce one structure, and print what it took."""
+    if by_superlu:
+        _factors.has_cholmod = lambda: False
     from threadpoolctl import threadpool_limits
 
     from workflow import models
@@ -64,35 +119,64 @@ def reduce_once(place: Path, basis: str) -> None:
     with threadpool_limits(limits=1, user_api="blas"):
         structure = model.assemble(model.Parameters(File("", place.name, str(place))))
         read = time.process_time()
-        reduced = reduce_structure(structure, *COUNTS, basis, 0.1).structure
+        sizes = structure.mechanical_size, structure.thermal_size
+        counts = (min(count, size - 1) for count, size in zip(COUNTS, sizes, strict=True))
+        reduced = reduce_structure(structure, *counts, basis, 0.1).structure
         done = time.process_time()
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
-    sizes = f"{structure.mechanical_size:>7} + {structure.thermal_size:<7}"
     spent = f"{read - begun:6.1f} s {done - read:6.1f} s {peak:6.2f} GB"
-    print(f"{sizes} {basis:<15} {spent}   f1 {models.frequencies(reduced)[0] / (2 * np.pi):.6g} Hz", flush=True)
+    print(
+        f"{sizes[0]:>7} + {sizes[1]:<7} {basis:<15} {spent}   f1 {models.frequencies(reduced)[0] / (2 * np.pi):.6g} Hz",
+        flush=True,
+    )
+
+
+def write_blade(place: Path, elements: tuple[int, int, int]) -> None:
+    """Write the finite element blade."""
+    import finite_element_blade
+
+    finite_element_blade.write_npz(finite_element_blade.matrices(elements), place)
+
+
+WRITE = {"line": write_line, "blade": write_blade, "block": write_block, "cube": write_cube}
+
+
+def parsed() -> argparse.Namespace:
+    """Return what is asked for."""
+    from workflow.reduction import names
+
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--only", nargs="+", choices=WRITE, default=WRITE)
+    parser.add_argument("--bases", nargs="+", choices=names(), default=names())
+    parser.add_argument("--line", type=int, default=100_000, metavar="NODES")
+    parser.add_argument("--elements", dest="blade", type=int, nargs=3, default=(8, 40, 1))
+    parser.add_argument("--block", type=int, default=33, metavar="NODES", help="along an edge")
+    parser.add_argument("--cube", type=int, default=46, metavar="NODES", help="along an edge")
+    parser.add_argument("--superlu", action="store_true", help="leave the extra `sparse` out")
+    return parser.parse_args()
+
+
+def _alone(work: Callable[..., None], *words: object) -> None:
+    """Run a function in a process of its own, which begins without the memory of this one."""
+    process = get_context("spawn").Process(target=work, args=words)
+    process.start()
+    process.join()
+    if process.exitcode:
+        raise SystemExit(process.exitcode)
 
 
 def main() -> None:
     """Print a table, or one row of it."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--nodes", type=int, default=100_000)
-    parser.add_argument("--elements", type=int, nargs=3, default=(8, 40, 1))
-    parser.add_argument("--one", nargs=2, help=argparse.SUPPRESS)
-    arguments = parser.parse_args()
-    if arguments.one:
-        reduce_once(Path(arguments.one[0]), arguments.one[1])
-        return
-    from workflow.reduction import names
-
+    arguments = parsed()
+    by_cholmod = _factors.has_cholmod() and not arguments.superlu
+    print(f"by {'CHOLMOD' if by_cholmod else 'SuperLU'} above {_factors.MOST_BY_SUPERLU} coordinates")
     print("coordinates        basis           read, factor  reduce  peak")
     with tempfile.TemporaryDirectory() as directory:
-        line, blade = Path(directory) / "line.npz", Path(directory) / "blade.npz"
-        write_line(line, arguments.nodes)
-        elements = ["--elements", *map(str, arguments.elements)]
-        subprocess.run([sys.executable, ROOT / "studies" / "finite_element_blade.py", blade, *elements], check=True)
-        for place in (line, blade):
-            for basis in names():
-                subprocess.run([sys.executable, __file__, "--one", str(place), basis], check=True)
+        for name in arguments.only:
+            place = Path(directory) / f"{name}.npz"
+            _alone(WRITE[name], place, getattr(arguments, name))
+            for basis in arguments.bases:
+                _alone(reduce_once, place, basis, arguments.superlu)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ import pytest
 from scenes import cases, sampling, step
 from scripts import script
 from workflow.models import GivenMatrices, Rayleigh, Sparse, structure_from_sparse, tip_flexibility
-from workflow.models._sparse_pair import factorised
+from workflow.models._factors import factorised
 from workflow.reduction import reduce_structure
 
 MESHES = ((4, 6, 1), (6, 12, 1), (8, 20, 1))

@@ -207,3 +207,20 @@ def test_a_file_that_is_no_structure_is_told_with_its_line(tmp_path: Path, monke
     assert result.exit_code == 2
     assert "study.yaml:3: scene.matrices:" in result.stderr
     assert "Traceback" not in result.output
+
+
+def test_a_plan_says_what_factors_take_and_warns_before_large_ones(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("workflow.models._fill.MOST_BY_SUPERLU", 100)
+    monkeypatch.setattr("workflow.grid._costs.MOST_BY_SUPERLU", 100)
+    monkeypatch.setattr("workflow.models._fill._MANY_BYTES", 1e3)
+    as_npz(matrices_of(blade(310)), tmp_path)
+    text = "study: s\nscene:\n  matrices: {file: blade.npz, contact: 309}\n  casing: {gap: 1e-5}\n  duration: 1e-3\n"
+    written(text + "axes: {mechanical_modes: 2, thermal_modes: 2}\n", tmp_path)
+    result = CliRunner().invoke(app, ["plan", "study.yaml"])
+    assert result.exit_code == 0, result.output
+    for kind in ("displacements", "temperatures"):
+        assert f"310 {kind}: " in result.stdout
+        assert f"beware: a body of 310 {kind} this bulky" in " ".join(result.stderr.split())

@@ -19,6 +19,7 @@ import workflow
 from workflow import variables
 from workflow.archive._layout import Attributes, Coordinate, Layout, Variable
 from workflow.grid import FRICTION, Grid, Units, alpha_of, choices_text, longest_period_count, metrics_of
+from workflow.models import FACTORISING, has_cholmod
 from workflow.schemes import SOLVER_VERSION, Status
 from workflow.study import AUTO, CHOSEN, MODES, Axis, Study, packed
 
@@ -115,7 +116,7 @@ def versions() -> dict[str, str]:
     """Return the version of everything that has a hand in an archive."""
     packages = ("numpy", "scipy", "numba", "xarray", "netCDF4", "h5py", "dask", "pydantic", "pint", "ruamel.yaml")
     own = {"python": sys.version.split()[0], "rotor-stator-workflow": workflow.__version__}
-    return own | {name: _version(name) for name in packages}
+    return own | {name: _version(name) for name in (*packages, *(FACTORISING if has_cholmod() else ()))}
 
 
 @cache

@@ -5,10 +5,11 @@ from __future__ import annotations
 import errno
 import os
 import sys
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TextIO
 
 import typer
 
@@ -123,13 +124,40 @@ def _innermost(error: BaseException) -> str:
 
 
 @contextmanager
+def _warnings_in_words() -> Iterator[None]:
+    """Print what a structure warns of as other messages."""
+    from workflow.models import LargeFactorsWarning
+
+    with warnings.catch_warnings():
+        others = warnings.showwarning
+
+        def show(
+            message: Warning | str,
+            category: type[Warning],
+            filename: str,
+            lineno: int,
+            file: TextIO | None = None,
+            line: str | None = None,
+        ) -> None:
+            if issubclass(category, LargeFactorsWarning):
+                complain(f"beware: {message}")
+            else:
+                others(message, category, filename, lineno, file, line)
+
+        warnings.showwarning = show
+        warnings.simplefilter("always", LargeFactorsWarning)
+        yield
+
+
+@contextmanager
 def errors_in_words() -> Iterator[None]:
     """Turn what a user can mend into one clear message and the exit status of a wrong call."""
     from workflow.archive import ArchiveError
     from workflow.study import StudyError
 
     try:
-        yield
+        with _warnings_in_words():
+            yield
     except StudyError as error:
         for mistake in error.mistakes:
             complain(str(mistake))

@@ -13,7 +13,7 @@ import numpy as np
 from workflow import schemes
 from workflow.grid._speed import SLOWEST, timed
 from workflow.kernels.lanes import LANES, PACK
-from workflow.models import Cases, Structure
+from workflow.models import MOST_BY_SUPERLU, Cases, Sparse, Structure, expected_fill, has_cholmod
 from workflow.schemes import Sampling, Workload
 from workflow.study import Cell, SchemeChoice
 
@@ -105,6 +105,16 @@ def setup_part(method: str, structure: Structure) -> Part:
 def compiling_part(method: str, kernels: int = 1) -> Part:
     """Return what compiling some kernels of a scheme costs."""
     return Part(kernels * COMPILING.get(method, COMPILING_OTHERS), (f"compiling {method}",), is_guess=True)
+
+
+def factor_lines(structure: Structure) -> Iterator[str]:
+    """Yield what each factorisation of a large structure takes, in words."""
+    if not isinstance(structure, Sparse):
+        return
+    for pair, kind in ((structure.mechanical, "displacements"), (structure.thermal, "temperatures")):
+        if pair.size > MOST_BY_SUPERLU:
+            by = "CHOLMOD" if has_cholmod() else "SuperLU"
+            yield f"{pair.size} {kind}: {expected_fill(pair.stiffness, has_cholmod())} each factorisation by {by}"
 
 
 def growth_part(structure: Structure) -> Part:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -11,6 +12,7 @@ from workflow import models, schemes
 from workflow.grid._arrangement import Grid, Indices, arrange
 from workflow.grid._choice_words import choice_cautions, choice_lines
 from workflow.grid._conditions import friction_of
+from workflow.grid._costs import factor_lines
 from workflow.grid._estimate import Time, estimate, result_bytes
 from workflow.grid._frequencies import fastest
 from workflow.grid._operators import Reduced, reduced, reduced_structure, structure_of, structure_on
@@ -200,7 +202,7 @@ def _plan(grid: Grid, units: Units) -> Plan:
             for cell in shown
         ),
         choices=choice_lines(grid),
-        operators=_operators(grid, computed),
+        operators=(*_operators(grid, computed), *_factors(shown)),
         warnings=idle + tuple(choice_cautions(grid)) + scene_cautions(grid) + _sentences(cautions),
     )
 
@@ -226,6 +228,12 @@ def _operators(grid: Grid, computed: Indices) -> tuple[str, ...]:
             if name:
                 operators[f"{cell.scheme.method}: {name}"] = None
     return tuple(operators)
+
+
+def _factors(cells: list[Cell]) -> Iterator[str]:
+    """Yield what factorising the first distinct structures takes."""
+    for cell in cells:
+        yield from factor_lines(structure_of(cell.scene.model, cell.scene.parameters))
 
 
 def _looked_at(computed: Indices) -> list[int]:

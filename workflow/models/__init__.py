@@ -25,6 +25,8 @@ from workflow.models._damping import (
     needs_matrices,
 )
 from workflow.models._equilibrium import NoEquilibriumError, static_equilibrium
+from workflow.models._factors import FACTORISING, MOST_BY_SUPERLU, has_cholmod
+from workflow.models._fill import Fill, LargeFactorsWarning, expected_fill
 from workflow.models._from_matrices import GivenMatrices, UnusableMatricesError, structure_from_matrices
 from workflow.models._growth import Growth, InContact, growth, growth_rate, in_contact
 from workflow.models._harmonics import NO_HARMONICS, Harmonics
@@ -89,6 +91,8 @@ def load(name: str) -> Model:
 
 
 __all__ = [
+    "FACTORISING",
+    "MOST_BY_SUPERLU",
     "MOST_NODES_WITH_MATRICES",
     "NO_HARMONICS",
     "Array",
@@ -97,11 +101,13 @@ __all__ = [
     "Coordinates",
     "CoupledDampingError",
     "CriticalFriction",
+    "Fill",
     "FreeMotion",
     "GivenMatrices",
     "Growth",
     "Harmonics",
     "InContact",
+    "LargeFactorsWarning",
     "Matrices",
     "Model",
     "Modes",
@@ -118,6 +124,7 @@ __all__ = [
     "critical_friction",
     "directions",
     "distinct_rows",
+    "expected_fill",
     "fault",
     "free_damping",
     "free_motion",
@@ -125,6 +132,7 @@ __all__ = [
     "frequency_range",
     "growth",
     "growth_rate",
+    "has_cholmod",
     "held_damping",
     "in_contact",
     "is_rayleigh",

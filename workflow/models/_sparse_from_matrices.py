@@ -15,6 +15,8 @@ from threadpoolctl import threadpool_limits
 
 from workflow.kernels import Array
 from workflow.models._chain import MOST_NODES_WITH_MATRICES
+from workflow.models._factors import NotHeldError
+from workflow.models._fill import warn_of_fill
 from workflow.models._from_matrices import (
     GivenMatrices,
     UnusableMatricesError,
@@ -22,7 +24,7 @@ from workflow.models._from_matrices import (
 )
 from workflow.models._sparse import Sparse
 from workflow.models._sparse_entries import ASYMMETRY
-from workflow.models._sparse_pair import NotHeldError, SparsePair
+from workflow.models._sparse_pair import SparsePair
 from workflow.models._structure import Coordinates, Matrices, Rayleigh
 
 _SINGULAR = 1e-10
@@ -85,6 +87,7 @@ def _sparse_structure(matrices: GivenMatrices) -> Sparse:
     mechanical = SparsePair(_congruent(matrices.stiffness, basis), _congruent(matrices.mass, basis))
     thermal = SparsePair(_congruent(matrices.conductance, heat_basis), _congruent(matrices.heat_capacity, heat_basis))
     for pair, kind in ((mechanical, "displacements"), (thermal, "temperatures")):
+        warn_of_fill(pair.stiffness, kind)
         fault = pair.fault()
         if fault is not None:
             raise NotHeldError(f"{fault}, among {kind}")

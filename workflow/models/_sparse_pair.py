@@ -22,9 +22,7 @@ import numpy as np
 import scipy
 
 from workflow.kernels import Array
-
-Answer = Callable[[Array], Array]
-"""From loads ``(coordinate, …)`` to displacements or temperatures, alike."""
+from workflow.models._factors import Answer, NotHeldError, elimination_order, factorised
 
 _RESIDUAL = 1e-8
 """Largest residual K φ - λ M φ of a mode as a share of λ M φ, beside the rounding of K φ itself: an eigenvalue is then
@@ -49,10 +47,6 @@ _CORRECTIONS = 2
 """Of the constraint mode: each leaves an error its share condition · rounding of the one before."""
 
 
-class NotHeldError(ValueError):
-    """A sparse stiffness that leaves the structure loose, or is not positive definite."""
-
-
 @dataclass(frozen=True, eq=False)
 class SparsePair:
     """K and M of one kind, shape ``(coordinate, coordinate)`` each, symmetric, the tip's coordinate last.
@@ -74,7 +68,11 @@ class SparsePair:
 
     @cached_property
     def _interior(self) -> Answer:
-        return factorised(self.stiffness[:-1, :-1])
+        return factorised(self.stiffness[:-1, :-1], self._order)
+
+    @cached_property
+    def _order(self) -> Array | None:
+        return elimination_order((abs(self.stiffness) + abs(self.inertia))[:-1, :-1])
 
     @cached_property
     def constraint(self) -> Array:
@@ -137,7 +135,7 @@ class SparsePair:
         def answer(loads: Array, shift: float) -> Array:
             if shift not in last:
                 last.clear()
-                last[shift] = factorised((self.stiffness + shift * self.inertia)[:-1, :-1])
+                last[shift] = factorised((self.stiffness + shift * self.inertia)[:-1, :-1], self._order)
             answers = np.zeros_like(loads)
             answers[:-1] = last[shift](loads[:-1])
             return answers
@@ -179,31 +177,6 @@ class SparsePair:
             if diagonal.min() < 0 or _spectrum_ends(scipy.sparse.csc_array(root @ matrix @ root))[0] < -_NEGATIVE:
                 return f"the {name} is indefinite"
         return None
-
-
-def factorised(matrix: scipy.sparse.csc_array) -> Answer:
-    """Return what solves a sparse symmetric definite matrix for loads ``(coordinate, …)``.
-
-    SuperLU on the order of least degree of A + Aᵀ with pivots on the diagonal: 98 280 coordinates of a slender blade of
-    hexahedra have 3.2e7 entries in both factors.
-
-    Raises
-    ------
-    NotHeldError
-        The matrix is singular.
-    """
-    if matrix.shape[0] == 0:
-        return lambda load: load
-    try:
-        factors = scipy.sparse.linalg.splu(
-            scipy.sparse.csc_array(matrix),
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        )
-    except RuntimeError:
-        raise NotHeldError("with the tip held some part of the structure is still loose") from None
-    return lambda load: np.asarray(factors.solve(load))
 
 
 def _product_with_more_digits(matrix: scipy.sparse.csc_array, vector: Array) -> Array:

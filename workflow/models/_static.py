@@ -14,11 +14,11 @@ import scipy
 from workflow.kernels import Array
 from workflow.models._cases import distinct_rows, project
 from workflow.models._chain import Chain
+from workflow.models._factors import Answer
 from workflow.models._long_chain import mechanical_path, thermal_path
 from workflow.models._modes import Modes, mechanical_modes, thermal_modes
 from workflow.models._path import Path
 from workflow.models._sparse import Sparse
-from workflow.models._sparse_pair import Answer
 from workflow.models._structure import Structure
 
 

@@ -11,6 +11,7 @@ from typing import Any
 
 from workflow.archive import ArchiveError, code_revision, load_stored_cells, read_layout, study_key
 from workflow.grid import Segment, Task, arrange, read_choices, units_of
+from workflow.models import FACTORISING, has_cholmod
 from workflow.run._task import Job, Stored, store_task
 from workflow.schemes import SOLVER_VERSION
 from workflow.study import parse_study, unpacked
@@ -67,7 +68,8 @@ def small(task: Task) -> SmallTask:
 def software() -> tuple[tuple[str, str], ...]:
     """Return name and version of what decides the bits of a result in this process."""
     packages = ((name, importlib.metadata.version(name)) for name in ("numpy", "scipy", "numba"))
-    return (("solver", str(SOLVER_VERSION)), ("code", code_revision()[:12]), *packages)
+    factors = ((name, importlib.metadata.version(name) if has_cholmod() else "none") for name in FACTORISING)
+    return (("solver", str(SOLVER_VERSION)), ("code", code_revision()[:12]), *packages, *factors)
 
 
 def join(session: Session, dask_worker: Any) -> str:

@@ -1,0 +1,106 @@
+"""Factors of large sparse matrices: SuperLU's and CHOLMOD's solve the same systems and refuse the same ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.sparse import csc_array, diags_array, eye_array, kron
+from scipy.sparse.linalg import splu
+from test_sparse import NODES, taken_from
+
+from scenes import blade, relative
+from workflow.models import (
+    LargeFactorsWarning,
+    Sparse,
+    critical_alpha,
+    expected_fill,
+    frequencies,
+    rates,
+    structure_from_sparse,
+)
+from workflow.models import _factors as factors
+from workflow.reduction import reduce_structure
+
+needs_cholmod = pytest.mark.skipif(not factors.has_cholmod(), reason="the extra `sparse` is not installed")
+
+
+def by_cholmod(matrix: csc_array) -> factors.Answer:
+    return factors._by_cholmod(matrix, factors._nested_dissection(matrix))
+
+
+SOLVERS = [factors._by_superlu, pytest.param(by_cholmod, marks=needs_cholmod)]
+
+
+def lattice(nodes: int, ground: float) -> csc_array:
+    """Springs between neighbours of a cube of so many nodes along each edge, and from each to the ground."""
+    line = diags_array([np.r_[1.0, np.full(nodes - 2, 2.0), 1.0], *2 * [np.full(nodes - 1, -1.0)]], offsets=[0, 1, -1])
+    one = eye_array(nodes)
+    bars = [kron(kron(*two), three) for *two, three in ((line, one, one), (one, line, one), (one, one, line))]
+    return csc_array(sum(bars) + ground * eye_array(nodes**3))
+
+
+@pytest.mark.parametrize("by", SOLVERS)
+def test_answers_balance_their_loads(by: Callable[[csc_array], factors.Answer]) -> None:
+    stiffness = lattice(9, 0.1)
+    loads = np.random.default_rng(0).normal(size=(9**3, 3))
+    answer = by(stiffness)
+    found = answer(loads)
+    assert np.abs(stiffness @ found - loads).max() < 1e-13 * 12 / 0.1  # rounding times the condition number
+    assert np.array_equal(answer(loads[:, 1]), found[:, 1])
+    assert np.array_equal(answer(loads), found)  # what it has answered before changes nothing
+
+
+@pytest.mark.parametrize("by", SOLVERS)
+def test_what_nothing_holds_is_refused(by: Callable[[csc_array], factors.Answer]) -> None:
+    loose = csc_array(diags_array([1.0, 0.0, 1.0]))
+    with pytest.raises(factors.NotHeldError, match="loose"):
+        by(loose)
+
+
+@needs_cholmod
+def test_an_indefinite_matrix_is_refused_by_cholmod() -> None:
+    with pytest.raises(factors.NotHeldError):
+        by_cholmod(lattice(5, -0.5))
+
+
+@needs_cholmod
+def test_bulky_matrices_are_filled_less() -> None:
+    """What the extra is for: the order is another, and large matrices alone take it."""
+    assert sorted(factors._nested_dissection(lattice(6, 0.1))) == list(range(6**3))
+
+
+@needs_cholmod
+def test_a_basis_is_the_same_by_both(monkeypatch: pytest.MonkeyPatch) -> None:
+    given, reduced = taken_from(blade(NODES)), []
+    for most in (factors.MOST_BY_SUPERLU, 0):
+        monkeypatch.setattr(factors, "MOST_BY_SUPERLU", most)
+        sparse = structure_from_sparse(given)
+        assert isinstance(sparse, Sparse)
+        reduced.append(reduce_structure(sparse, 6, 8, "krylov", 0.3).structure)
+    by_superlu, by_cholmod = reduced
+    assert critical_alpha(by_cholmod) == pytest.approx(critical_alpha(by_superlu), rel=1e-11)
+    assert relative(frequencies(by_cholmod), frequencies(by_superlu)) < 1e-9
+    assert relative(rates(by_cholmod), rates(by_superlu)) < 1e-9
+
+
+def test_least_degree_fills_what_is_expected_within_a_factor_of_two() -> None:
+    stiffness = lattice(20, 0.1)
+    factor = splu(stiffness, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    bytes_of_entry = 10.5  # its value, and its share of the row that a supernode's columns have in common
+    assert 0.5 < expected_fill(stiffness, False).size / (bytes_of_entry * factor.nnz) < 2
+
+
+def test_large_factors_are_warned_of_before_they_are_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("workflow.models._fill.MOST_BY_SUPERLU", 100)
+    monkeypatch.setattr("workflow.models._fill._MANY_BYTES", 1e3)
+    given = taken_from(blade(NODES))
+    with pytest.warns(LargeFactorsWarning) as caught:
+        structure_from_sparse(given)
+    told = [str(each.message) for each in caught]
+    assert all(
+        f"{NODES} {kind} this" in text for kind, text in zip(("displacements", "temperatures"), told, strict=True)
+    )
+    extra = ["the extra `sparse`" in text for text in told]
+    assert extra == 2 * [not factors.has_cholmod()]
