@@ -27,6 +27,8 @@ def opened(path: Path, chunks: Any, lock: Any) -> xr.Dataset:
     dataset.update(_decoded(dataset[list(widths)]))
     if chunks is None:
         return dataset
+    if not widths:  # netCDF-C 4.10 crashes where several threads read strings of a file that is open twice
+        dataset.close()
     if chunks == "auto":
         chunks = _finest(open_file(chunks=chunks, drop_variables=widths))
     with_chunks = open_file(chunks=chunks, drop_variables=widths)
