@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from random_chains import metal_chain
 
-from scenes import cases, step
+from scenes import cases, heavy_chain, sampling, step
 from workflow.models import Cases, Structure, critical_alpha, frequencies, growth_rate, tip_flexibility
 from workflow.schemes import Sampling, Status
+from workflow.schemes._fixed import theta_method
+from workflow.schemes._fixed.stable_steps import largest_step
 
 MOST_STEPS = 2_000_000
 
@@ -72,3 +74,20 @@ def test_where_no_step_helps_it_says_so() -> None:
             assert "no step helps" in results.messages[0]
             return
     raise AssertionError("no scene was ill-posed")
+
+
+def test_the_limit_of_many_cases_of_one_law_is_looked_for_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At hundreds of trials each, ten thousand cases took minutes."""
+    looked: list[float] = []
+
+    def counted(holds: Any, h: float) -> float:
+        looked.append(h)
+        return largest_step(holds, h)
+
+    monkeypatch.setattr(theta_method, "largest_step", counted)
+    structure = heavy_chain()
+    batch = cases(structure, 60, gap=5e-5, mean=500.0, alpha=np.where(np.arange(60) % 2, 1e6, 2e6))
+    found = step(structure, batch, 1e-3, sampling(0.05, 0.05))
+    assert np.all(found.status == Status.ILL_POSED)
+    assert len(looked) == 2
+    assert len(set(found.messages.values())) == 2

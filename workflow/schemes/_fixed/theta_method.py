@@ -248,11 +248,14 @@ def judge(
     ill_posed = contact.factor(h, cases.alpha, cases.friction) <= 0
     status = np.full(cases.count, Status.OK, dtype=np.int8)
     messages: dict[int, str] = {}
+    said: dict[tuple[float, float], str] = {}  # a limit is found by hundreds of trials
     for case in map(int, np.flatnonzero(~finite | (growth > 1 + ROUNDING))):
         if ill_posed[case] and not finite[case]:
             status[case] = Status.ILL_POSED
-            alpha, friction = float(cases.alpha[case]), float(cases.friction[case])
-            messages[case] = contact.message(operator, alpha, friction, duration)
+            law = float(cases.alpha[case]), float(cases.friction[case])
+            if law not in said:
+                said[law] = contact.message(operator, *law, duration)
+            messages[case] = said[law]
             continue
         status[case] = Status.DIVERGED
         messages[case] = f"the state left the finite numbers at h = {h:.6g} s"
