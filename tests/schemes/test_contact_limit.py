@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import sys
 from dataclasses import asdict, replace
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -19,6 +21,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from random_chains import metal_chain
 
 from scenes import blade, cases, heavy_chain, step
+from workflow import schemes
 from workflow.models import Cases, Structure, critical_alpha, frequencies, tip_flexibility
 from workflow.reduction import reduce_structure
 from workflow.schemes import Sampling, Status, penalty
@@ -92,6 +95,15 @@ def test_thirty_times_the_implicit_limit_is_too_much() -> None:
 
 def test_four_times_the_limit_is_too_much() -> None:
     assert np.median([created(seed, 3.9) for seed in (0, 5, 10, 15)]) > 1.0
+
+
+def test_a_scheme_whose_limit_takes_no_friction_is_asked_as_before() -> None:
+    module = ModuleType("outside")
+    vars(module).update(vars(import_module("workflow.schemes.penalty")))
+    vars(module)["contact_limit"] = lambda structure, options: 3.0
+    limit = schemes.Scheme.of(module).contact_limit
+    assert limit is not None
+    assert limit(heavy_chain(), None, 0.2) == 3.0
 
 
 def test_the_limit_is_below_that_of_lasting_contact() -> None:

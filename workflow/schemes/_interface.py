@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, field, fields, replace
 from enum import IntEnum
 from fractions import Fraction
+from inspect import signature
 from types import ModuleType
 from typing import Any
 
@@ -196,6 +197,13 @@ def _needs_mass(options: Any) -> str | None:
     return "the scheme does not say that it can step a structure whose reduction leaves the tip without mass"
 
 
+def _of_friction(limit: Callable[..., float]) -> Callable[[Structure, Any, float], float]:
+    """Return a ``contact_limit`` that is given a coefficient of friction, of one that may not take it."""
+    if len(signature(limit).parameters) > 2:
+        return limit
+    return lambda structure, options, friction: limit(structure, options)
+
+
 @dataclass(frozen=True)
 class Scheme:
     """What a module of ``workflow/schemes/`` offers; fields with a default may be left out.
@@ -227,7 +235,7 @@ class Scheme:
         Cases of a batch that are stepped at once, and cost little more than one of them.
     contact_limit
         ``contact_limit(structure, options, friction)``: the step, s, up to which it holds while contact comes and goes,
-        at a friction coefficient along the structure's tangent.
+        at a friction coefficient along the structure's tangent; one of two arguments is the same for all of these.
     is_swept, operator_name
         ``is_swept(structure)``: whether it steps a structure node by node instead of by its modes, each case by
         itself; ``operator_name(structure)``: how ``plan`` says so, empty where there is nothing to say.
@@ -285,6 +293,8 @@ class Scheme:
     def of(cls, module: ModuleType) -> Scheme:
         """Return what a module offers."""
         offered = {f.name: vars(module)[f.name] for f in fields(cls) if f.name in vars(module)}
+        if "contact_limit" in offered:
+            offered["contact_limit"] = _of_friction(offered["contact_limit"])
         scheme = cls(**{"about": " ".join((module.__doc__ or "").split("\n\n")[0].split()), **offered})
 
         def init(structure: Structure, h: float, options: Any) -> Any:
