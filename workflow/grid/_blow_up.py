@@ -3,8 +3,8 @@
 Two rules, both about what no motion of the model can do:
 
 - With balances: ``energy_residual`` above :data:`CREATED`, energy was created. What a scheme dissipates is negative
-  and never counts. A contact spring beyond the step up to which it holds is judged by its balance in any case (where
-  the study has none, the cases that touch are run once more with it), and by :data:`CREATED_BY_SPRING`.
+  and never counts. A contact spring beyond the step up to which it holds is judged by its balance in any case:
+  where the study has none, the cases that touch are run once more with it.
 - With or without balances, where K1 is regular: the largest |x_n| exceeds both :data:`EXCESS` times the largest
   length that the case accounts for without contact (:func:`_accounted`) and twice the growth by friction heat
   (:func:`_farthest`).
@@ -33,10 +33,6 @@ from workflow.study import Cell
 
 CREATED = 1.0
 """Energy residual above which a case has diverged: more energy than it ever held came from nowhere."""
-
-CREATED_BY_SPRING = 0.6
-"""The same for a contact spring beyond the step up to which it holds: where nothing dissipates, a scheme that makes
-energy grow N-fold leaves a residual of 1 - 1/N. Springs that left up to 0.53 erred by 1 % (heavy chain, 2e9 N/m)."""
 
 _LOST = 1e6
 """Quasi-static growth over what a case accounts for otherwise, above which its energy balance is rounding."""
@@ -96,11 +92,10 @@ def mark_blown_up(cell: Cell, cases: Cases, results: Results, sampling: Sampling
             }
     residual = _energy_residual(cell, cases, results, ok & ~np.isin(np.arange(cases.count), list(blown)), sampling)
     if residual is not None:
-        most = np.where(_is_beyond_limit(cell, cases), CREATED_BY_SPRING, CREATED)
         blown |= {
             int(case): f"energy was created: its balance has a residual of {residual[case]:+.3g} times the largest "
-            f"energy, above {most[case]:+g}{_advice(cell, float(cases.friction[case]))}"
-            for case in np.flatnonzero(ok & (residual > most))
+            f"energy, above {CREATED:+g}{_advice(cell, float(cases.friction[case]))}"
+            for case in np.flatnonzero(ok & (residual > CREATED))
             if not _is_rounding(cell, cases, results, int(case), duration)
         }
     if not blown:
@@ -121,7 +116,8 @@ def _energy_residual(
     if sampling.balances:
         return results.metrics["energy_residual"]
     touching = np.flatnonzero(judged & (results.metrics["impacts"] > 0))
-    touching = touching[_is_beyond_limit(cell, cases.take(touching))]
+    limits = {friction: _contact_limit(cell, friction) for friction in set(cases.friction[touching].tolist())}
+    touching = touching[[cell.h > limits[friction] for friction in cases.friction[touching].tolist()]]
     if not touching.size:
         return None
     compile_for(cell, balances=True)
@@ -234,12 +230,6 @@ def _advice(cell: Cell, friction: float) -> str:
     limit = _contact_limit(cell, friction)
     said = f"; with contact that comes and goes the scheme holds up to h = {schemes.limit_text(limit, 4)} s"
     return "" if np.isinf(limit) else said
-
-
-def _is_beyond_limit(cell: Cell, cases: Cases) -> NDArray[np.bool_]:
-    """Tell which cases have a contact spring beyond the step up to which it holds, ``(case,)``."""
-    limits = {friction: _contact_limit(cell, friction) for friction in set(cases.friction.tolist())}
-    return np.array([cell.h > limits[friction] for friction in cases.friction.tolist()], dtype=bool)
 
 
 def _contact_limit(cell: Cell, friction: float) -> float:
