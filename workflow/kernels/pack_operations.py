@@ -10,6 +10,7 @@ What is used of numba's inside: the making of types, and of operations on them.
 
 from __future__ import annotations
 
+import inspect
 import operator
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
@@ -40,40 +41,39 @@ BROAD = 4 * PACK if "+avx512f" in _FEATURES.split(",") else WIDE
 """Lanes of the largest packs: four registers where a register holds eight numbers; more than four overflow them."""
 
 
-class _LaneType(types.Type):
+_FLAG = ir.IntType(64)
+"""What a flag lies in: a place of a row."""
+
+
+class _Kind(types.Type):
+    """What lies side by side in so many lanes; ``content`` is what LLVM holds it in."""
+
+    def __init__(self, width: int, content: ir.Type) -> None:
+        super().__init__(name=f"{type(self).__name__}({width})")
+        self.width, self.content = width, content
+
+
+class _LaneType(_Kind):
     def __init__(self, width: int) -> None:
-        super().__init__(name=f"Lane({width})")
-        self.width = width
+        super().__init__(width, cgutils.intp_t)
 
 
-class _PackType(types.Type):
+class _PackType(_Kind):
     def __init__(self, width: int) -> None:
-        super().__init__(name=f"Pack({width})")
-        self.width, self.numbers = width, ir.VectorType(ir.DoubleType(), width)
+        super().__init__(width, ir.VectorType(ir.DoubleType(), width))
 
 
-class _MaskType(types.Type):
+class _MaskType(_Kind):
     def __init__(self, width: int) -> None:
-        super().__init__(name=f"Mask({width})")
-        self.width, self.bits = width, ir.VectorType(ir.IntType(1), width)
+        super().__init__(width, ir.VectorType(ir.IntType(1), width))
 
 
 @register_model(_LaneType)
-class _LaneModel(PrimitiveModel):
-    def __init__(self, manager: Any, kind: Any) -> None:
-        super().__init__(manager, kind, cgutils.intp_t)
-
-
 @register_model(_PackType)
-class _PackModel(PrimitiveModel):
-    def __init__(self, manager: Any, kind: Any) -> None:
-        super().__init__(manager, kind, kind.numbers)
-
-
 @register_model(_MaskType)
-class _MaskModel(PrimitiveModel):
-    def __init__(self, manager: Any, kind: Any) -> None:
-        super().__init__(manager, kind, kind.bits)
+class _Model(PrimitiveModel):
+    def __init__(self, manager: Any, kind: _Kind) -> None:
+        super().__init__(manager, kind, kind.content)
 
 
 def _spread(builder, number, width):
@@ -140,14 +140,25 @@ _define_alike(operator.and_, _MaskType, 2, "and_")
 _define_alike(operator.invert, _MaskType, 1, "not_")
 
 
-def _implements(operation: Callable[..., Any]) -> Callable[[F], F]:
+def _implements(operation: Callable[..., Any], returned: Callable[..., types.Type]) -> Callable[[F], F]:
     """Have numba use what a function builds where a kernel calls an operation, as :func:`numba.extending.intrinsic`.
 
-    An intrinsic would be an object of its own, and importing it would import numba.
+    ``returned`` is the type of the result for those of the arguments; None that is built stands for no result. An
+    intrinsic would be an object of its own, and importing it would import numba.
     """
 
     def add(build: F) -> F:
-        template = make_intrinsic_template(operation, build, operation.__name__)
+        def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+            built = build(context, builder, sig, args)
+            return context.get_dummy_value() if built is None else built
+
+        def define(context: Any, *kinds: Any) -> Any:
+            return returned(*kinds)(*kinds), lower
+
+        first = inspect.Parameter("context", inspect.Parameter.POSITIONAL_ONLY)
+        given = inspect.signature(operation).parameters.values()
+        define.__signature__ = inspect.Signature([first, *given])  # type: ignore[attr-defined]
+        template = make_intrinsic_template(operation, define, operation.__name__)
         infer(template)
         infer_global(operation, types.Function(template))
         return build
@@ -155,174 +166,115 @@ def _implements(operation: Callable[..., Any]) -> Callable[[F], F]:
     return add
 
 
-def _lane(width):
-    def lane(context, first):
-        return _LaneType(width)(types.intp), lambda context, builder, sig, args: args[0]
-
-    return lane
-
-
 for _declared, _width in ((packs.narrow, PACK), (packs.wide, WIDE), (packs.broad, BROAD)):
-    _implements(_declared)(_lane(_width))
+
+    @_implements(_declared, lambda first, width=_width: _LaneType(width))
+    def _lane(context, builder, sig, args):
+        return context.cast(builder, args[0], sig.args[0], types.intp)
 
 
-def _address(context, builder, kinds, rows, at):
-    """Return the address of a number of an array."""
+def _address(context, builder, kinds, args, content=None):
+    """Return the address of a number of an array, ``args`` being the array and a place; of ``content`` that begins."""
     model = context.data_model_manager[kinds[0]]
-    data, shape, strides = (model.get(builder, rows, name) for name in ("data", "shape", "strides"))
+    data, shape, strides = (model.get(builder, args[0], name) for name in ("data", "shape", "strides"))
     places = [
         place if isinstance(kind, _LaneType) else context.cast(builder, place, kind, types.intp)
-        for place, kind in zip(cgutils.unpack_tuple(builder, at), kinds[1], strict=True)
+        for place, kind in zip(cgutils.unpack_tuple(builder, args[1]), kinds[1], strict=True)
     ]
     shape, strides = cgutils.unpack_tuple(builder, shape), cgutils.unpack_tuple(builder, strides)
-    return cgutils.get_item_pointer2(context, builder, data, shape, strides, kinds[0].layout, places)
+    address = cgutils.get_item_pointer2(context, builder, data, shape, strides, kinds[0].layout, places)
+    return address if content is None else builder.bitcast(address, content.as_pointer())
 
 
-@_implements(packs.pack)
-def _pack(context, rows, at):
-    kind = _PackType(at[-1].width)
-
-    def build(context, builder, sig, args):
-        address = builder.bitcast(_address(context, builder, sig.args, *args), kind.numbers.as_pointer())
-        return builder.load(address, align=8)
-
-    return kind(rows, at), build
+def _call(builder, name, returned, args):
+    """Call a function of LLVM's."""
+    kind = ir.FunctionType(returned, [each.type for each in args])
+    return builder.call(cgutils.get_or_insert_function(builder.module, kind, name), args)
 
 
-@_implements(packs.store)
-def _store(context, rows, at, numbers):
-    def build(context, builder, sig, args):
-        address = builder.bitcast(_address(context, builder, sig.args, *args[:2]), numbers.numbers.as_pointer())
-        builder.store(args[2], address, align=8)
-        return context.get_dummy_value()
-
-    return types.none(rows, at, numbers), build
+@_implements(packs.pack, lambda rows, at: _PackType(at[-1].width))
+def _pack(context, builder, sig, args):
+    return builder.load(_address(context, builder, sig.args, args, sig.return_type.content), align=8)
 
 
-@_implements(packs.shared)
-def _shared(context, array, at, lane):
-    def build(context, builder, sig, args):
-        number = builder.load(_address(context, builder, sig.args, *args[:2]))
-        number.set_metadata("invariant.load", builder.module.add_metadata([]))
-        return _spread(builder, number, lane.width)
-
-    return _PackType(lane.width)(array, at, lane), build
+@_implements(packs.store, lambda rows, at, numbers: types.none)
+def _store(context, builder, sig, args):
+    builder.store(args[2], _address(context, builder, sig.args, args, args[2].type), align=8)
 
 
-@_implements(packs.of_lane)
-def _of_lane(context, value, lane):
+@_implements(packs.shared, lambda array, at, lane: _PackType(lane.width))
+def _shared(context, builder, sig, args):
+    number = builder.load(_address(context, builder, sig.args, args))
+    number.set_metadata("invariant.load", builder.module.add_metadata([]))
+    return _spread(builder, number, sig.return_type.width)
+
+
+@_implements(packs.spread, lambda number, lane: _PackType(lane.width))
+def _spread_out(context, builder, sig, args):
+    return _spread(builder, context.cast(builder, args[0], sig.args[0], types.float64), sig.return_type.width)
+
+
+@_implements(packs.of_lane, lambda value, lane: _PackType(lane.width))
+def _of_lane(context, builder, sig, args):
+    (value, lane), kind = sig.args, sig.return_type
     if not isinstance(value, types.Array):
-        return _spread_out(context, value, lane)
-
-    def build(context, builder, sig, args):
-        place, kind = context.make_tuple(builder, types.Tuple([lane]), [args[1]]), _PackType(lane.width)
-        address = _address(context, builder, (value, types.Tuple([lane])), args[0], place)
-        return builder.load(builder.bitcast(address, kind.numbers.as_pointer()), align=8)
-
-    return _PackType(lane.width)(value, lane), build
+        return _spread_out(context, builder, sig, args)
+    place = types.Tuple([lane])
+    parts = args[0], context.make_tuple(builder, place, [args[1]])
+    return builder.load(_address(context, builder, (value, place), parts, kind.content), align=8)
 
 
-@_implements(packs.where)
-def _where(context, condition, this, other):
-    def build(context, builder, sig, args):
-        return builder.select(args[0], *_as_packs(builder, sig.args[1:], args[1:], condition.width))
-
-    return _PackType(condition.width)(condition, this, other), build
+@_implements(packs.where, lambda condition, this, other: _PackType(condition.width))
+def _where(context, builder, sig, args):
+    return builder.select(args[0], *_as_packs(builder, sig.args[1:], args[1:], sig.return_type.width))
 
 
-@_implements(packs.some)
-def _some(context, condition):
-    def build(context, builder, sig, args):
-        bits = ir.IntType(condition.width)
-        return builder.icmp_unsigned("!=", builder.bitcast(args[0], bits), ir.Constant(bits, 0))
-
-    return types.boolean(condition), build
+@_implements(packs.some, lambda condition: types.boolean)
+def _some(context, builder, sig, args):
+    bits = ir.IntType(sig.args[0].width)
+    return builder.icmp_unsigned("!=", builder.bitcast(args[0], bits), ir.Constant(bits, 0))
 
 
-@_implements(packs.some_nonzero)
-def _some_nonzero(context, numbers):
-    def build(context, builder, sig, args):
-        bits, zero = ir.IntType(numbers.width), ir.Constant(numbers.numbers, [0.0] * numbers.width)
-        differ = builder.bitcast(builder.fcmp_unordered("!=", args[0], zero), bits)
-        return builder.icmp_unsigned("!=", differ, ir.Constant(bits, 0))
-
-    return types.boolean(numbers), build
+@_implements(packs.some_nonzero, lambda numbers: types.boolean)
+def _some_nonzero(context, builder, sig, args):
+    (numbers,) = sig.args
+    zero = ir.Constant(numbers.content, [0.0] * numbers.width)
+    return _some(context, builder, sig, [builder.fcmp_unordered("!=", args[0], zero)])
 
 
-@_implements(packs.raised)
-def _raised(context, rows, at):
-    def build(context, builder, sig, args):
-        bits = ir.IntType(64)
-        address = builder.bitcast(_address(context, builder, sig.args, *args), bits.as_pointer())
-        return builder.icmp_unsigned("!=", builder.load(address), ir.Constant(bits, 0))
-
-    return types.boolean(rows, at), build
+@_implements(packs.raised, lambda rows, at: types.boolean)
+def _raised(context, builder, sig, args):
+    flags = builder.load(_address(context, builder, sig.args, args, _FLAG))
+    return builder.icmp_unsigned("!=", flags, ir.Constant(_FLAG, 0))
 
 
-@_implements(packs.flag)
-def _flag(context, rows, at, up):
-    def build(context, builder, sig, args):
-        bits = ir.IntType(64)
-        address = builder.bitcast(_address(context, builder, sig.args, *args[:2]), bits.as_pointer())
-        builder.store(builder.zext(args[2], bits), address)
-        return context.get_dummy_value()
-
-    return types.none(rows, at, up), build
+@_implements(packs.flag, lambda rows, at, up: types.none)
+def _flag(context, builder, sig, args):
+    builder.store(builder.zext(args[2], _FLAG), _address(context, builder, sig.args, args, _FLAG))
 
 
-@_implements(packs.align_stack)
-def _align_stack(context):
-    def build(context, builder, sig, args):
-        builder.function.attributes.add("nounwind")  # alone, the next one is not written down
-        builder.function.attributes.alignstack = 8 * PACK
-        return context.get_dummy_value()
-
-    return types.none(), build
+@_implements(packs.align_stack, lambda: types.none)
+def _align_stack(context, builder, sig, args):
+    builder.function.attributes.add("nounwind")  # alone, the next one is not written down
+    builder.function.attributes.alignstack = 8 * PACK
 
 
-@_implements(packs.fetch)
-def _fetch(context, array, at):
-    def build(context, builder, sig, args):
-        address, number = _address(context, builder, sig.args, *args), ir.IntType(32)
-        kind = ir.FunctionType(ir.VoidType(), [address.type, number, number, number])
-        function = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
-        builder.call(function, [address, *(ir.Constant(number, k) for k in (1, 3, 1))])
-        return context.get_dummy_value()
-
-    return types.none(array, at), build
+@_implements(packs.fetch, lambda array, at: types.none)
+def _fetch(context, builder, sig, args):
+    how = [ir.Constant(ir.IntType(32), k) for k in (1, 3, 1)]
+    _call(builder, "llvm.prefetch.p0", ir.VoidType(), [_address(context, builder, sig.args, args), *how])
 
 
-@_implements(packs.magnitude)
-def _magnitude(context, numbers):
-    def build(context, builder, sig, args):
-        kind = ir.FunctionType(numbers.numbers, [numbers.numbers])
-        return builder.call(
-            cgutils.get_or_insert_function(builder.module, kind, f"llvm.fabs.v{numbers.width}f64"), args
-        )
-
-    return numbers(numbers), build
+@_implements(packs.magnitude, lambda numbers: numbers)
+def _magnitude(context, builder, sig, args):
+    return _call(builder, f"llvm.fabs.v{sig.return_type.width}f64", sig.return_type.content, args)
 
 
-@_implements(packs.fused)
-def _fused(context, factor, other, number):
-    def build(context, builder, sig, args):
-        kind = ir.FunctionType(number.numbers, [number.numbers] * 3)
-        return builder.call(cgutils.get_or_insert_function(builder.module, kind, f"llvm.fma.v{number.width}f64"), args)
-
-    return number(factor, other, number), build
+@_implements(packs.fused, lambda factor, other, number: number)
+def _fused(context, builder, sig, args):
+    return _call(builder, f"llvm.fma.v{sig.return_type.width}f64", sig.return_type.content, args)
 
 
-@_implements(packs.spread)
-def _spread_out(context, number, lane):
-    def build(context, builder, sig, args):
-        return _spread(builder, args[0], lane.width)
-
-    return _PackType(lane.width)(types.float64, lane), build
-
-
-@_implements(packs.broadest)
-def _broadest(context):
-    def build(context, builder, sig, args):
-        return ir.Constant(cgutils.intp_t, BROAD)
-
-    return types.intp(), build
+@_implements(packs.broadest, lambda: types.intp)
+def _broadest(context, builder, sig, args):
+    return ir.Constant(cgutils.intp_t, BROAD)
