@@ -73,14 +73,11 @@ class ModalSystem:
     """φ, ``(mechanical, mode)``, without the row of a held tip."""
     heat_shapes: Array
     """χ, ``(thermal, thermal mode)``."""
-    from_free: Array
-    """z per free mode y, ``(mode, free mode)``."""
-    from_free_gap: Array
-    """… and per gap, ``(mode,)``."""
-    to_free: Array
-    """y per z, ``(free mode, mode)``."""
-    to_free_gap: Array
-    """… and per gap, ``(free mode,)``."""
+    entry: Array
+    """z per free mode y and, in the last row, per gap, ``(free mode + 1, mode)``: rows are what is given. Velocities
+    follow alike from velocities and the rate of the gap."""
+    exit: Array
+    """… and back, ``(mode + 1, free mode)``."""
     tangent: Array | None = None
     """Direction t of friction on a held tip, ``(mechanical,)``; ``None`` for none."""
     pushed: Array | None = None
@@ -182,10 +179,8 @@ def free_system(structure: Structure) -> ModalSystem:
         gap_source=np.zeros((modes, 3)),
         shapes=mechanical.shapes,
         heat_shapes=thermal.shapes,
-        from_free=np.eye(modes),
-        from_free_gap=np.zeros(modes),
-        to_free=np.eye(modes),
-        to_free_gap=np.zeros(modes),
+        entry=np.eye(modes + 1, modes),
+        exit=np.eye(modes + 1, modes),
     )
 
 
@@ -210,6 +205,7 @@ def held_system(structure: Structure) -> ModalSystem:
     coupling = modal_coupling(interior, modes, thermal)
     force_steady = np.append(-product(shapes, inertia), 1.0)
     to_modes = product(mechanical.shapes.T, structure.mass)
+    from_free = product(product(shapes.T, interior.mass), mechanical.shapes[:-1])
     reaction = row - inertia * frequency**2
     damping, slope = _held_damping(structure, modes, reaction, inertia)
     return ModalSystem(
@@ -228,10 +224,8 @@ def held_system(structure: Structure) -> ModalSystem:
         **_by_casing(structure, dragged, shapes, dot(whole_strain, tip_strain)),
         shapes=shapes,
         heat_shapes=thermal.shapes,
-        from_free=product(product(shapes.T, interior.mass), mechanical.shapes[:-1]),
-        from_free_gap=-product(shapes.T, product(interior.mass, static)),
-        to_free=product(to_modes[:, :-1], shapes),
-        to_free_gap=product(to_modes, dragged),
+        entry=np.vstack([from_free.T, -product(shapes.T, product(interior.mass, static))]),
+        exit=np.vstack([product(to_modes[:, :-1], shapes).T, product(to_modes, dragged)]),
         tangent=structure.tangent,
     )
 
@@ -294,13 +288,3 @@ def signal_inputs(system: ModalSystem) -> Array:
     """Return the signal per w = [f̄, q, F, d, d', d'']."""
     heating = np.zeros(system.heat_shapes.shape[0])
     return np.concatenate([system.signal_steady, heating, [system.signal_tip], system.signal_gap])
-
-
-def passages(system: ModalSystem) -> tuple[Array, Array]:
-    """Return z per free mode and, in the last row, per gap, ``(free mode + 1, mode)``, and back, ``(mode + 1, …)``.
-
-    Velocities follow alike from velocities and the rate of the gap; rows are what is given.
-    """
-    inward = np.concatenate([system.from_free, system.from_free_gap[:, None]], axis=1)
-    outward = np.concatenate([system.to_free, system.to_free_gap[:, None]], axis=1)
-    return np.ascontiguousarray(inward.T), np.ascontiguousarray(outward.T)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from workflow.kernels.complex_numbers import magnitude, times
 from workflow.kernels.sums import product
 from workflow.models import Array
-from workflow.schemes._exact.modal_system import ModalSystem, passages, signal_inputs, state_space
+from workflow.schemes._exact.modal_system import ModalSystem, signal_inputs, state_space
 from workflow.schemes._exact.pole_pairs import InseparablePolesError, pole_pairs
 from workflow.schemes._exact.spectrum import general_spectrum, is_trusted, secular_spectrum
 
@@ -61,7 +61,7 @@ class Regime(NamedTuple):
     """… and back, ``(N, N)``: rows are coordinates."""
     entry: Array
     exit: Array
-    """z from free modes and back, see :func:`~workflow.schemes._exact.modal_system.passages`."""
+    """z from free modes and back, see :class:`~workflow.schemes._exact.modal_system.ModalSystem`."""
 
 
 _NEAR_RESONANCE = 1e-3
@@ -134,25 +134,36 @@ def _contiguous(regime: Regime) -> Regime:
     return Regime(*(np.ascontiguousarray(values, dtype=np.float64) for values in regime))
 
 
+def _regime(
+    system: ModalSystem, poles: tuple[Array, Array, Array], signal: Array, source: Array, inward: Array, outward: Array
+) -> Regime:
+    """Return a regime in which blocks respond to no first-order state.
+
+    ``poles`` are c and ω² of blocks and μ of first-order states, ``signal`` and ``source`` those of the coordinates.
+    Columns of ``inward`` and rows of ``outward`` are X.
+    """
+    blocks, firsts = poles[0].size, poles[2].size
+    return Regime(
+        *poles,
+        coupling=np.zeros((3, firsts, blocks)),
+        resonant=np.zeros(blocks),
+        signal=signal,
+        temperature=product(system.heat_tip, outward[2 * system.frequency.size :]),
+        source=np.concatenate([source, signal_inputs(system)[None]]).T,
+        inward=inward.T,
+        outward=outward.T,
+        entry=system.entry,
+        exit=system.exit,
+    )
+
+
 def _one_way(system: ModalSystem) -> Regime:
     """Return the regime without friction heat: its blocks are the modes of the system."""
     _, signal, source = state_space(system, 0.0)
     a, b, resonant = quasi_static(system.frequency, system.damping, system.rate, -system.coupling)
-    entry, back = passages(system)
-    return Regime(
-        damping=system.damping,
-        stiffness=system.frequency**2,
-        rate=system.rate,
-        coupling=np.stack([-system.coupling.T, a.T, b.T]),
-        resonant=resonant,
-        signal=signal,
-        temperature=np.concatenate([np.zeros(2 * system.frequency.size), system.heat_tip]),
-        source=np.concatenate([source, signal_inputs(system)[None]]).T,
-        inward=np.eye(signal.size),
-        outward=np.eye(signal.size),
-        entry=entry,
-        exit=back,
-    )
+    poles, same = (system.damping, system.frequency**2, system.rate), np.eye(signal.size)
+    regime = _regime(system, poles, signal, source, same, same)
+    return regime._replace(coupling=np.stack([-system.coupling.T, a.T, b.T]), resonant=resonant)
 
 
 _LINKED = 1e-13
@@ -181,9 +192,8 @@ def _some(held: ModalSystem, keep: NDArray[np.bool_]) -> ModalSystem:
         reaction_slope=held.reaction_slope[keep],
         gap_source=held.gap_source[keep],
         shapes=held.shapes[:, keep],
-        from_free=held.from_free[keep],
-        from_free_gap=held.from_free_gap[keep],
-        to_free=held.to_free[:, keep],
+        entry=held.entry[:, keep],
+        exit=held.exit[np.append(keep, True)],
         pushed=None if held.pushed is None else held.pushed[keep],
     )
 
@@ -205,7 +215,7 @@ def _coupled(system: ModalSystem, is_free: bool) -> Regime:
         Poles coincide, one is a thermal rate, or a real one is positive.
     """
     A, row, source = state_space(system, 0.0)
-    modes, heats, size = system.frequency.size, system.rate.size, row.size
+    modes, size = system.frequency.size, row.size
     rigid = (system.frequency == 0) & _alone(system)
     moving, still = np.flatnonzero(~rigid), int(rigid.sum())
     own = np.concatenate([moving, modes + moving, np.arange(2 * modes, size)])
@@ -215,21 +225,9 @@ def _coupled(system: ModalSystem, is_free: bool) -> Regime:
     for k, mode in enumerate(np.flatnonzero(rigid)):
         inward[k, mode] = inward[modes + k, modes + mode] = outward[mode, k] = outward[modes + mode, modes + k] = 1.0
     inward[np.ix_(at, own)], outward[np.ix_(own, at)] = pairs.inward, pairs.outward
-    entry, back = passages(system)
-    return Regime(
-        damping=np.concatenate([np.diag(system.damping)[rigid], pairs.damping]),
-        stiffness=np.concatenate([np.zeros(still), pairs.stiffness]),
-        rate=system.rate,
-        coupling=np.zeros((3, heats, modes)),
-        resonant=np.zeros(modes),
-        signal=product(row, outward),
-        temperature=product(system.heat_tip, outward[2 * modes :]),
-        source=np.concatenate([product(inward, source), signal_inputs(system)[None]]).T,
-        inward=inward.T,
-        outward=outward.T,
-        entry=entry,
-        exit=back,
-    )
+    damping = np.concatenate([np.diag(system.damping)[rigid], pairs.damping])
+    poles = damping, np.concatenate([np.zeros(still), pairs.stiffness]), system.rate
+    return _regime(system, poles, product(row, outward), product(inward, source), inward, outward)
 
 
 def _two_way(held: ModalSystem, alpha: float) -> Regime:
@@ -257,19 +255,5 @@ def _two_way(held: ModalSystem, alpha: float) -> Regime:
             [2 * (pair.real - pair.imag * ratio), 2 * pair.imag / s.imag, vectors[..., first].real], axis=-1
         )
 
-    outward = outputs(spectrum.right)
-    entry, back = passages(held)
-    return Regime(
-        damping=-2 * s.real,
-        stiffness=s.real**2 + s.imag**2,
-        rate=-spectrum.values[first].real,
-        coupling=np.zeros((3, first.size, pairs.size)),
-        resonant=np.zeros(pairs.size),
-        signal=outputs(spectrum.force),
-        temperature=product(held.heat_tip, outward[2 * held.frequency.size :]),
-        source=np.concatenate([product(inward, source), signal_inputs(held)[None]]).T,
-        inward=inward.T,
-        outward=outward.T,
-        entry=entry,
-        exit=back,
-    )
+    poles = -2 * s.real, s.real**2 + s.imag**2, -spectrum.values[first].real
+    return _regime(held, poles, outputs(spectrum.force), product(inward, source), inward, outputs(spectrum.right))

@@ -11,7 +11,7 @@ from workflow.kernels.packs import Lane, narrow, pack, spread, store
 from workflow.models import Array
 from workflow.schemes._exact import zeros as row
 from workflow.schemes._exact.layout import Layout, layout
-from workflow.schemes._exact.modal_system import ModalSystem, passages, signal_inputs, state_space
+from workflow.schemes._exact.modal_system import ModalSystem, signal_inputs, state_space
 from workflow.schemes._exact.regimes import Regime, held_regime, linked
 from workflow.schemes._exact.spectrum import Uncoupled, guesses_of, solve_uncoupled, uncoupled
 from workflow.schemes._exact.zeros import Scratch, scratch
@@ -35,7 +35,7 @@ class TwoWay(NamedTuple):
     """χ_n, ``(thermal mode,)``."""
     entry: Array
     exit: Array
-    """Both see :func:`~workflow.schemes._exact.modal_system.passages`."""
+    """Both see :class:`~workflow.schemes._exact.modal_system.ModalSystem`."""
 
 
 class HeldRegimes:
@@ -66,8 +66,8 @@ def _two_way(held: ModalSystem, system: Uncoupled) -> TwoWay:
     """Return what the kernel takes."""
     modes = held.frequency.size
     _, _, source = state_space(held, 0.0)
-    force, heating = np.ascontiguousarray(source[modes : 2 * modes]), np.ascontiguousarray(source[2 * modes :])
-    return TwoWay(system, held.signal_steady.size, force, heating, signal_inputs(held), held.heat_tip, *passages(held))
+    arrays = source[modes : 2 * modes], source[2 * modes :], signal_inputs(held), held.heat_tip, held.entry, held.exit
+    return TwoWay(system, held.signal_steady.size, *map(np.ascontiguousarray, arrays))
 
 
 @kernel
