@@ -49,7 +49,7 @@ def test_verdicts_follow_the_rule(status: Status, error: float, residual: float,
     assert {row.verdict for row in standings(archive(status, error, residual))} == {verdict}
 
 
-def test_a_part_that_is_lost_is_told() -> None:
+def test_a_part_that_is_lost_is_reported() -> None:
     dataset = archive(Status.OK, 0.0)
     dataset["status"][0, 1, 1] = Status.DIVERGED
     assert [row.verdict for row in standings(dataset)] == ["accurate", "diverged in part", "accurate"]

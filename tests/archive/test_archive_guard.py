@@ -53,7 +53,7 @@ def file(tmp_path: Path) -> Path:
         (fail, r"a\.nc: damaged.*\(odd\)"),
     ],
 )
-def test_what_happens_there_is_told_here(
+def test_an_outcome_in_the_other_process_is_reported_here(
     work: object, message: str, file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(_guard, "LONGEST", 0.3)

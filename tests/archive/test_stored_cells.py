@@ -161,7 +161,7 @@ def test_a_single_case_to_and_from_a_grid(path: Path, tmp_path: Path, dims: tupl
     np.testing.assert_array_equal(values["displacement"], expected)
 
 
-def test_what_a_worker_is_told(path: Path, tmp_path: Path) -> None:
+def test_what_a_worker_is_given(path: Path, tmp_path: Path) -> None:
     parts = archive.parts_of(tmp_path / "a.nc")
     parts.mkdir()
     assert load_stored_cells(parts) is None

@@ -64,8 +64,8 @@ import sys
 from pathlib import Path
 from workflow import read_study, run_study
 run_study(read_study(Path(sys.argv[1])), Path(sys.argv[2]))
-told = Path("/proc/self/status").read_text()
-print(int(told.split("VmHWM:")[1].split()[0]) / 1024)
+status = Path("/proc/self/status").read_text()
+print(int(status.split("VmHWM:")[1].split()[0]) / 1024)
 """
 
 

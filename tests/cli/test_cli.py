@@ -80,7 +80,7 @@ output: {interval: 0.1 s, histories: [displacement]}
 """
 
 
-def test_a_reference_that_failed_is_told_everywhere(tmp_path: Path) -> None:
+def test_every_command_names_a_reference_that_failed(tmp_path: Path) -> None:
     """The cases are ok; run exits 1 and says how many lack an error, show and report say why, verify agrees."""
     study = written(FAILED_REFERENCE, tmp_path)
     assert "references   2, and 0 exact solutions" in workflow("plan", study, cwd=tmp_path).stdout
@@ -201,7 +201,7 @@ def test_a_report_never_overwrites_its_archive(page: str, tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("name", ["status", "contact_impulse"])
-def test_a_damaged_chunk_is_told(name: str, tmp_path: Path) -> None:
+def test_a_damaged_chunk_is_reported(name: str, tmp_path: Path) -> None:
     import h5py
 
     study = written(SMALL, tmp_path)

@@ -319,17 +319,17 @@ def test_opening_an_archive_executes_nothing(tmp_path: Path) -> None:
 
         plain, damaged, hostile = map(Path, sys.argv[1:])
         read(plain)
-        found = []
+        events = []
         def watch(event, words):
             if event in ("exec", "import", "pickle.find_class", "marshal.loads", "os.system", "subprocess.Popen"):
-                found.append((event, words[0]))  # code is compared by what it does
+                events.append((event, words[0]))  # code is compared by what it does
         sys.addaudithook(watch)
         read(plain)
         read(plain, damaged=False)
-        usual, found = set(found), []
+        usual, events = set(events), []
         read(damaged)
         read(hostile, damaged=False)
-        print(*[each for each in found if each not in usual], sep="\\n")
+        print(*[each for each in events if each not in usual], sep="\\n")
     """
     root = str(Path(__file__).parents[2])
     call = [sys.executable, "-c", textwrap.dedent(script), str(plain), str(damaged), str(hostile)]

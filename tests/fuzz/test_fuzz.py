@@ -59,7 +59,7 @@ def test_a_few_mutated_files_of_matrices(matrices: str) -> None:
     assert faults("matrices", 0, 24, matrices) == []
 
 
-def test_a_fault_is_told_by_its_seed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failure_names_its_seed(monkeypatch: pytest.MonkeyPatch) -> None:
     """What watches is watched: a traceback, a hang and a crash are told, and the next seed is run."""
     monkeypatch.setattr(fuzzing, "LONGEST", 0.5)
     messages = faults("deadly", 0, 5)

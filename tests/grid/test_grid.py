@@ -310,7 +310,7 @@ def test_a_reduced_static_start_is_at_rest_too() -> None:
         assert np.abs(x - x[0]).max() < 1e-10 * x[0]
 
 
-def test_an_axis_that_nothing_reads_is_told() -> None:
+def test_an_axis_that_nothing_reads_gives_a_caution() -> None:
     text = (
         "study: a\n" + SCENE + "schemes: {other: {method: moreau}}\naxes: {schemes.other.theta: [0.5, 1], e: [0, 1]}\n"
     )

@@ -165,7 +165,7 @@ output: {interval: 10 ms}
     assert 0 < results.values["predictability"][0] < 1e-9
 
 
-def test_an_error_against_nothing_is_missing_and_told() -> None:
+def test_an_error_against_nothing_is_missing_with_a_message() -> None:
     """A coarse step touches a casing that the exact tip never reaches."""
     text = """
 study: a
@@ -203,7 +203,7 @@ output: {interval: 0.1 s, histories: [], balances: false}
 """
 
 
-def test_a_reference_that_failed_is_told_by_the_cases_that_lack_it() -> None:
+def test_cases_that_lack_a_failed_reference_have_a_message() -> None:
     """With e = 0.99999 and 1 a pressed, damped tip exceeds the budget; the case itself keeps status and results."""
     grid = arrange(parsed(PRESSED))
     first, second = (solve(grid, outer, np.arange(3)) for outer in grid.places)

@@ -48,7 +48,7 @@ def test_a_reach_that_overflows_is_no_reach_that_falls_short() -> None:
     assert not [line for line in lines if "nan" in line or "cannot reach" in line]
 
 
-def test_only_gaps_that_no_case_reaches_are_told() -> None:
+def test_a_caution_names_only_gaps_that_no_case_reaches() -> None:
     axes = "axes: {scheme: event_driven, scene.casing.gap: [20 um, 40 um, 1 mm], scene.load.amplitude: [24, 60]}\n"
     (warning,) = [line for line in warnings(BLADE + axes) if "cannot reach" in line]
     assert "gap = 0.001 m:" in warning
@@ -64,7 +64,7 @@ def test_heat_and_a_static_start_count_as_reach() -> None:
     assert not [line for line in hot if "cannot reach" in line]
 
 
-def test_a_spring_softer_than_the_tip_is_told() -> None:
+def test_a_spring_softer_than_the_tip_gives_a_caution() -> None:
     text = "schemes: {soft: {method: penalty, stiffness: 5.0e5, integration: implicit}, hard: {method: penalty, "
     text += "stiffness: 2.0e8, integration: implicit}}\naxes: {scheme: [soft, hard], h: 1e-5}\n"
     matching = [line for line in warnings(BLADE + text) if "softer" in line]
@@ -72,7 +72,7 @@ def test_a_spring_softer_than_the_tip_is_told() -> None:
     assert matching[0].startswith("the contact spring of soft, 5e+05 N/m, is softer than the tip, 1e+06 N/m")
 
 
-def test_temperatures_beyond_a_linear_model_are_told() -> None:
+def test_temperatures_beyond_a_linear_model_give_a_caution() -> None:
     """At 15 um and alpha = 30 the exact solution reaches 3 918 K."""
     (warning,) = warnings(BLADE.replace("20 um", "15 um") + "axes: {scheme: event_driven, alpha: [0, 30]}\n")
     assert "temperatures reach about 3.6e+03 K (alpha = 30 W/N, gap = 1.5e-05 m; quasi-static estimate)" in warning
@@ -80,14 +80,14 @@ def test_temperatures_beyond_a_linear_model_are_told() -> None:
 
 
 @pytest.mark.parametrize(("modes", "lost"), [("full", False), ("3", True)])
-def test_what_a_basis_cannot_hold_is_told(modes: str, lost: bool) -> None:
+def test_what_a_basis_cannot_hold_gives_a_caution(modes: str, lost: bool) -> None:
     heat = ", heating: [" + ", ".join("1" if node == 7 else "0" for node in range(20)) + "]"
     text = BLADE + f"axes: {{scheme: event_driven, mechanical_modes: {modes}, thermal_modes: {modes}}}\n"
     matching = [line for line in warnings(text, heat) if "projection_residual" in line]
     assert bool(matching) == lost
 
 
-def test_heat_that_moves_the_tip_away_is_told(tmp_path: Path) -> None:
+def test_heat_that_moves_the_tip_away_gives_a_caution(tmp_path: Path) -> None:
     """K12 of the wrong sign: every alpha is stable, which looks like a sound structure."""
     entries = matrices_of(heavy_chain(nodes=4))
     axes = "axes: {scheme: event_driven, alpha: ALPHA}"

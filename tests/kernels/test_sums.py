@@ -111,13 +111,13 @@ bits = np.random.PCG64(7).random_raw(3000) >> np.uint64(11)
 numbers = bits.astype(np.float64) / 2.0**52 - 1.0
 a, b = numbers[:1200].reshape(40, 30), numbers[1200:2400].reshape(30, 40)
 square = product(a, b)
-found = [square, singular(a).values, singular(a).vectors, least_squares(a, square), *eigenvectors(square)]
+results = [square, singular(a).values, singular(a).vectors, least_squares(a, square), *eigenvectors(square)]
 definite = product(b, b.T) + 40 * np.eye(30)
-found += [cholesky(definite), inverse(definite), solve_triangular(cholesky(definite), b, True)]
-found += [total(a, 0), total(numbers), norm(square, 1)]
+results += [cholesky(definite), inverse(definite), solve_triangular(cholesky(definite), b, True)]
+results += [total(a, 0), total(numbers), norm(square, 1)]
 z, w = numbers[:1500] + 1j * numbers[1500:], numbers[1500:] - 1j * numbers[:1500]
-found += [times(z, w), over(z, w), magnitude(z), square_root(z)]
-print(hashlib.sha256(b"".join(np.ascontiguousarray(x).tobytes() for x in found)).hexdigest())
+results += [times(z, w), over(z, w), magnitude(z), square_root(z)]
+print(hashlib.sha256(b"".join(np.ascontiguousarray(x).tobytes() for x in results)).hexdigest())
 """
 
 

@@ -98,9 +98,9 @@ def test_large_factors_are_warned_of_before_they_are_made(monkeypatch: pytest.Mo
     given = taken_from(blade(NODES))
     with pytest.warns(LargeFactorsWarning) as caught:
         structure_from_sparse(given)
-    told = [str(each.message) for each in caught]
+    warnings = [str(each.message) for each in caught]
     assert all(
-        f"{NODES} {kind} this" in text for kind, text in zip(("displacements", "temperatures"), told, strict=True)
+        f"{NODES} {kind} this" in text for kind, text in zip(("displacements", "temperatures"), warnings, strict=True)
     )
-    extra = ["the extra `sparse`" in text for text in told]
+    extra = ["the extra `sparse`" in text for text in warnings]
     assert extra == 2 * [not factors.has_cholmod()]

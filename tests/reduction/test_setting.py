@@ -95,7 +95,7 @@ def test_plan_names_it() -> None:
 
 
 @pytest.mark.parametrize("place", ["axes: {{reduction: {}}}", "reference: {{reduction: {}}}"])
-def test_an_unknown_basis_is_told_with_those_that_are(place: str) -> None:
+def test_the_message_of_an_unknown_basis_names_those_there_are(place: str) -> None:
     with pytest.raises(StudyError, match="`rubin`"):
         parsed(study(place.format("rubbin")))
 

@@ -130,7 +130,7 @@ def test_a_browser_runs_nothing_of_a_crafted_archive(pages: list[str], tmp_path:
 
 
 @pytest.mark.parametrize("command", ["show", "verify", "report"])
-def test_a_terminal_is_told_nothing_to_obey(command: str, sound: Path, tmp_path: Path) -> None:
+def test_a_terminal_gets_no_control_characters(command: str, sound: Path, tmp_path: Path) -> None:
     archive = changed(sound, tmp_path / f"a{ESCAPES}.nc", crafted(ESCAPES + "[bold]x[/bold]\nnext"))
     result = CliRunner().invoke(app, [command, str(archive)])
     assert result.exit_code in (0, 1, 2)

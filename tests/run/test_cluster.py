@@ -235,7 +235,7 @@ def test_a_run_whose_workers_have_all_left_ends_and_the_next_one_goes_on(tmp_pat
 
 
 @pytest.mark.slow
-def test_a_scheduler_that_goes_is_told(tmp_path: Path) -> None:
+def test_a_scheduler_that_goes_ends_the_run_with_a_message(tmp_path: Path) -> None:
     study, notes = written(STUDY, tmp_path), tmp_path / "notes"
     with (
         scheduler(tmp_path) as (address, process),
@@ -254,7 +254,7 @@ def session(parts: Path) -> Session:
     return Session(str(parts), "key", "token", software())
 
 
-def test_a_worker_with_other_software_is_told_apart(tmp_path: Path) -> None:
+def test_a_worker_with_other_software_is_refused(tmp_path: Path) -> None:
     own = session(tmp_path)
     own.question.write_text(own.token)
     other = replace(own, software=(("solver", "999"), *own.software[1:]))
@@ -262,7 +262,7 @@ def test_a_worker_with_other_software_is_told_apart(tmp_path: Path) -> None:
         join(other, SimpleNamespace(id="me"))
 
 
-def test_a_worker_that_sees_other_files_is_told_apart(tmp_path: Path) -> None:
+def test_a_worker_that_sees_other_files_is_refused(tmp_path: Path) -> None:
     me = SimpleNamespace(id="me")
     with pytest.raises(ClusterError, match=r"does not share .*no such file"):
         join(session(tmp_path), me)

@@ -146,11 +146,11 @@ def test_damping_that_couples_modes_is_judged_by_the_exact_scheme(
     written(COUPLED, tmp_path)
     result = CliRunner().invoke(app, ["run", "study.yaml", "-o", "coupled.nc"])
     assert result.exit_code == 0, result.output
-    found = xr.load_dataset("coupled.nc")
-    assert float(found["impacts"].min()) > 0
-    assert np.all(found["displacement_error"].sel(scheme="event_driven") == 0)
+    archive = xr.load_dataset("coupled.nc")
+    assert float(archive["impacts"].min()) > 0
+    assert np.all(archive["displacement_error"].sel(scheme="event_driven") == 0)
     for name in ("displacement_error", "impulse_error"):
-        errors = found[name].sel(scheme="moreau").transpose("h", "alpha").values
+        errors = archive[name].sel(scheme="moreau").transpose("h", "alpha").values
         assert np.all(errors[0] < 0.1)
         assert np.all(errors[1:] < errors[:-1] / 2), name  # a root of the step at least, which falls by four
 
@@ -195,7 +195,9 @@ def test_another_content_is_another_case(tmp_path: Path, monkeypatch: pytest.Mon
     assert keys[0] != keys[1]
 
 
-def test_a_file_that_is_no_structure_is_told_with_its_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_message_of_a_file_that_is_no_structure_has_its_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     entries = matrices_of(heavy_chain(nodes=4))
     as_npz({**entries, "stiffness": -entries["stiffness"]}, tmp_path)

@@ -25,7 +25,7 @@ def many_tasks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cutting, "TARGET_TASKS", 10**6)
 
 
-def test_every_case_is_told_with_its_ending(tmp_path: Path, many_tasks: None) -> None:
+def test_progress_counts_every_case_by_its_status(tmp_path: Path, many_tasks: None) -> None:
     reported: list[Advance] = []
     run_study(parsed(ILL), tmp_path / "ill.nc", progress=reported.append)
     first, last = reported[0], reported[-1]

@@ -125,7 +125,7 @@ def test_failed_cases_are_told_and_the_rest_is_stored(tmp_path: Path) -> None:
         assert (data["runaway"].sel(alpha=[1e9, 2e9]) == 1).all()
 
 
-def test_a_second_run_is_told_of_the_first(tmp_path: Path) -> None:
+def test_a_second_run_is_refused_while_the_first_runs(tmp_path: Path) -> None:
     from workflow.archive import holding
 
     archive = tmp_path / "a.nc"

@@ -87,7 +87,7 @@ def test_the_limit_of_many_cases_of_one_law_is_looked_for_once(monkeypatch: pyte
     monkeypatch.setattr(theta_method, "largest_step", counted)
     structure = heavy_chain()
     batch = cases(structure, 60, gap=5e-5, mean=500.0, alpha=np.where(np.arange(60) % 2, 1e6, 2e6))
-    found = step(structure, batch, 1e-3, sampling(0.05, 0.05))
-    assert np.all(found.status == Status.ILL_POSED)
+    results = step(structure, batch, 1e-3, sampling(0.05, 0.05))
+    assert np.all(results.status == Status.ILL_POSED)
     assert len(looked) == 2
-    assert len(set(found.messages.values())) == 2
+    assert len(set(results.messages.values())) == 2

@@ -35,10 +35,10 @@ runs = [
 digest, spoken = hashlib.sha256(), ""
 for nodes, scheme, options, h in runs:
     sampling = schemes.Sampling(0.02, 1e-3, 21, True)
-    found = scheme.compute(scheme.init(structure(nodes), h, options), cases(nodes), sampling)
-    for values in (*found.histories.values(), *found.metrics.values()):
+    results = scheme.compute(scheme.init(structure(nodes), h, options), cases(nodes), sampling)
+    for values in (*results.histories.values(), *results.metrics.values()):
         digest.update(np.ascontiguousarray(values).tobytes())
-    spoken += repr((found.status.tolist(), sorted(found.messages.items())))
+    spoken += repr((results.status.tolist(), sorted(results.messages.items())))
 spoken += repr(penalty.contact_limit(structure(20), penalty.Options()))
 digest.update(spoken.encode())
 print(digest.hexdigest())

@@ -51,7 +51,7 @@ def test_values_units_and_origins() -> None:
     assert values["output.interval"] == ResolvedValue("output.interval", (1e-6,), "s", "default")
 
 
-def test_a_static_start_is_told_once() -> None:
+def test_a_static_start_is_listed_once() -> None:
     values = resolved_by_path(TEXT.replace("  duration", "  initial: static\n  duration"))
     assert values["scene.initial.displacement"] == ResolvedValue(
         "scene.initial.displacement", ("static",), "m", "study"

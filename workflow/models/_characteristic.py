@@ -156,10 +156,10 @@ def _step(own: int, slope: complex, poles: Complexes, roots: Complexes) -> compl
 
 @part
 def _is_among(s: complex, poles: Complexes) -> bool:
-    found = False
+    among = False
     for pole in poles:
-        found |= pole == s
-    return found
+        among |= pole == s
+    return among
 
 
 @uncounted

@@ -107,10 +107,10 @@ def _by_cholmod(matrix: scipy.sparse.csc_array, order: Array) -> Answer:
             raise NotHeldError from None
 
     def answer(load: Array) -> Array:
-        found = cvxopt.matrix(np.asarray(load, dtype=np.float64))
+        solution = cvxopt.matrix(np.asarray(load, dtype=np.float64))
         with threadpool_limits(limits=1, user_api="blas"):
-            cholmod.solve(factor, found)
-        return np.array(found).reshape(load.shape)
+            cholmod.solve(factor, solution)
+        return np.array(solution).reshape(load.shape)
 
     return answer
 

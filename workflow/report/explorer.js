@@ -46,8 +46,8 @@
   const named = new Map();
   function model(name) { // models are looked up once; null where the page has no such part
     if (!named.has(name)) {
-      const found = Bokeh.documents.map((document) => document.get_model_by_name(name)).find((one) => one != null);
-      named.set(name, found ?? null);
+      const first = Bokeh.documents.map((document) => document.get_model_by_name(name)).find((one) => one != null);
+      named.set(name, first ?? null);
     }
     return named.get(name);
   }
@@ -214,7 +214,7 @@
   function choices() { // places of the selected scene that differ in scheme and step, or in all that is numerical
     const varied = about.h_dim === null ? about.numerical
       : [about.scheme_dim, about.h_dim].filter((axis, k, all) => axis !== null && all.indexOf(axis) === k);
-    return varied.reduce((found, axis) => found.flatMap((at) =>
+    return varied.reduce((list, axis) => list.flatMap((at) =>
       dims[axis].texts.map((_, k) => moved(at, { [axis]: k }))), [place]);
   }
   function drawErrors(name, measure, xOf) {
@@ -260,14 +260,14 @@
     const figure = model(name), [low, high] = [Math.min(...values) / 1.4, Math.max(...values) * 1.4];
     Object.assign(side === "x" ? figure.x_range : figure.y_range, { start: low, end: high });
     const decades = Math.log10(high / low), every = Math.max(1, Math.ceil(decades / 7));
-    const found = [];
+    const ticks = [];
     for (let k = Math.floor(Math.log10(low)); k <= Math.log10(high); k++) {
       for (const first of decades < 2 ? [1, 2, 5] : [1]) {
-        if (first * 10 ** k >= low && first * 10 ** k <= high && k % every === 0) found.push([first * 10 ** k, `${first}e${k}`]);
+        if (first * 10 ** k >= low && first * 10 ** k <= high && k % every === 0) ticks.push([first * 10 ** k, `${first}e${k}`]);
       }
     }
-    model(`${name}_${side}`).ticker.ticks = found.map(([at]) => at);
-    model(`${name}_${side}`).major_label_overrides = new Map(found);
+    model(`${name}_${side}`).ticker.ticks = ticks.map(([at]) => at);
+    model(`${name}_${side}`).major_label_overrides = new Map(ticks);
   }
   function orderOf(line) { // slope of log error over log h by least squares, of errors below a tenth
     const chance = metrics.get("predictability");
@@ -296,7 +296,7 @@
     if (!figure) return;
     const sides = ["mechanical_modes", "thermal_modes"].map((name) => about.modes[name]);
     const varied = [...new Set(sides.map((side) => side.dim).filter((axis) => axis !== null))];
-    const places = varied.reduce((found, axis) => found.flatMap((at) =>
+    const places = varied.reduce((list, axis) => list.flatMap((at) =>
       dims[axis].texts.map((_, k) => moved(at, { [axis]: k }))), [place]);
     const textAt = (side, at) => side.texts[side.dim === null ? 0 : at[side.dim]];
     const rows = places.map((at) => ({ number: numberOf(at), counts: sides.map((side) => textAt(side, at)) }));
