@@ -84,7 +84,7 @@ def functions() -> list[tuple[str, int, int]]:
     return sizes
 
 
-MODULE_LINES = 350
+MODULE_LINES, SCHEME_LINES = 350, 150
 FUNCTION_LINES, MOST_FUNCTION_LINES = 60, 25
 PARAMETERS, MOST_PARAMETERS = 8, 4
 """The longest that is allowed anywhere, and what nine of ten keep."""
@@ -93,6 +93,12 @@ PARAMETERS, MOST_PARAMETERS = 8, 4
 @pytest.mark.parametrize("path", sources(), ids=lambda p: str(p.relative_to(ROOT)))
 def test_modules_are_short(path: Path) -> None:
     assert len(path.read_text(encoding="utf-8").splitlines()) <= MODULE_LINES
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "schemes").glob("[!_]*.py")), ids=lambda p: p.stem)
+def test_a_scheme_is_read_at_one_sitting(path: Path) -> None:
+    """Its file holds the method: equations, contact rule, options; what a structure is stepped by lies below."""
+    assert len(path.read_text(encoding="utf-8").splitlines()) <= SCHEME_LINES
 
 
 def test_functions_are_short_and_take_few_parameters() -> None:

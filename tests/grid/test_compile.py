@@ -50,9 +50,9 @@ with compiled_ahead([variant_of("event_driven"), variant_of("moreau")], 1):
 from workflow.schemes._exact import march as exact
 from workflow.schemes import moreau
 ours = {f.__name__: n for f, n in Seen.functions.items() if f.__module__.startswith("workflow.")}
-print(max(ours.values()), "march" in ours, "_march" in ours)
-print(*(sum(k.dispatcher.stats.cache_hits.values()) for k in (exact.march, moreau._march)))
-print(*(len(k.dispatcher.signatures) for k in (exact.march, moreau._march)))
+print(max(ours.values()), "march" in ours, "march_modes" in ours)
+print(*(sum(k.dispatcher.stats.cache_hits.values()) for k in (exact.march, moreau.KERNELS.modes)))
+print(*(len(k.dispatcher.signatures) for k in (exact.march, moreau.KERNELS.modes)))
 """
 
 KILLED = """

@@ -18,7 +18,7 @@ from workflow.reduction import reduce_structure
 from workflow.schemes import Results, Sampling, Status, carpenter, event_driven, moreau
 from workflow.schemes._exact import energy_balance
 from workflow.schemes._exact.modal_system import ModalSystem
-from workflow.schemes._fixed import modal_lanes, recorder, theta_method
+from workflow.schemes._fixed import central, dense, modal_lanes, recorder, theta_march, theta_method
 from workflow.schemes._fixed.books import felt_modes
 from workflow.schemes._fixed.decoupled import Decoupled, decouple, start
 from workflow.schemes._fixed.theta_method import coefficients as theta_method_coefficients
@@ -254,8 +254,8 @@ def test_every_representation_counts_alike(theta: float, monkeypatch: pytest.Mon
         return recording.results().metrics["energy_residual"]
 
     modes = step(structure, batch, h, over, theta=theta).metrics
-    nodes = moreau.compute(moreau.Operator(structure, h, theta, Swept(structure)), batch, over).metrics
-    matrices = moreau.compute(moreau.in_matrices(structure, h, theta), batch, over).metrics
+    nodes = moreau.compute(moreau.Operator(structure, h, theta, Swept(structure), moreau.CONTACT), batch, over).metrics
+    matrices = moreau.compute(dense.init(structure, h, theta, moreau.CONTACT), batch, over).metrics
     residuals = [nodes["energy_residual"], matrices["energy_residual"], recorded()]
     monkeypatch.setattr(recorder, "needs_matrices", lambda structure: True)
     residuals.append(recorded())
@@ -269,7 +269,7 @@ def wrong_impulse(batch: Cases, structure: Structure, share: float) -> float:
     h, modal = 1e-4, decouple(structure)
     law = moreau.Prox(batch.e, share / delassus(modal, h, 0.5, batch.alpha))
     operator = moreau.init(structure, h, moreau.Options(theta=0.5))
-    ended = theta_method.step_modes(moreau._march, operator, modal, law, batch, audited(sampling(0.02, 0.02)))
+    ended = theta_march.step_modes(operator, modal, law, batch, audited(sampling(0.02, 0.02)))
     return float(ended.balances["energy_residual"][0])
 
 
@@ -279,12 +279,13 @@ def test_a_wrong_impulse_is_seen() -> None:
     assert abs(wrong_impulse(batch, structure, 1.0)) < 1e-12
     assert abs(wrong_impulse(batch, structure, 0.99)) > 0.1
     operator = carpenter.init(structure, 1e-5, carpenter.Options())
-    law = operator.law_of(operator.delassus(batch.friction))
+    assert isinstance(operator, central.Operator)
+    law = operator.contact.law(operator.h, batch, operator.delassus(batch.friction))
     weak = law._replace(depth=0.99 * law.depth, free=0.99 * law.free)
     over = audited(sampling(0.02, 0.02))
     right, wrong = (
         float(carpenter.compute(o, batch, over).metrics["energy_residual"][0])
-        for o in (operator, replace(operator, law_of=lambda _: weak))
+        for o in (operator, replace(operator, contact=replace(operator.contact, law=lambda *_: weak)))
     )
     assert abs(right) < 1e-12
     assert abs(wrong) > 0.01

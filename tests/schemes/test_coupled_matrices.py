@@ -240,7 +240,7 @@ def test_what_a_contact_spring_asks_of_a_structure_needs_no_modal_damping() -> N
     """Its default stiffness and the steps up to which it holds: of M and K1 alone."""
     structure = coupled()
     plain = replace(structure, damper=None, load=None)
-    for function in (penalty.contact_stiffness_of, penalty.contact_limit, penalty.lasting_contact_limit):
+    for function in (penalty.contact_stiffness_of, penalty.contact_limit):
         assert function(structure, penalty.Options()) == function(plain, penalty.Options())
 
 

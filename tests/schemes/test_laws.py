@@ -22,7 +22,12 @@ def batch(structure: Structure, count: int) -> Cases:
 
 def law_of(operator: Operator) -> Linear:
     """Return the law without friction."""
-    return operator.law_of(operator.delassus(np.zeros(1)))
+    return operator.contact.law(operator.h, cases(operator.structure), operator.delassus(np.zeros(1)))
+
+
+def with_law(operator: Operator, law: Linear) -> Operator:
+    """Return the operator with a law that does not depend on W."""
+    return replace(operator, contact=replace(operator.contact, law=lambda *_: law))
 
 
 def spread_over(law: Linear, count: int) -> Linear:
@@ -38,7 +43,7 @@ def test_coefficients_of_each_case_give_the_bits_of_shared_ones(scheme: Any, opt
     shared = scheme.compute(operator, loaded, SAMPLING)
     assert shared.metrics["impacts"].max() > 0
     each = spread_over(law_of(operator), loaded.count)
-    own = scheme.compute(replace(operator, law_of=lambda _: each), loaded, SAMPLING)
+    own = scheme.compute(with_law(operator, each), loaded, SAMPLING)
     assert same_bits(shared, own)
 
 
@@ -49,7 +54,7 @@ def test_cases_of_one_batch_may_have_contact_springs_of_their_own() -> None:
     laws = [law_of(operator) for operator in operators if isinstance(operator, Operator)]
     each = {name: np.array([getattr(law, name) for law in laws]) for name in Linear._fields if name != "holds"}
     together = laws[0]._replace(**each)
-    results = penalty.compute(replace(operators[0], law_of=lambda _: together), loaded, SAMPLING)
+    results = penalty.compute(with_law(operators[0], together), loaded, SAMPLING)
     assert len(set(results.histories["impulse"][:, -1])) == 3
     for k, operator in enumerate(operators):
         alone = penalty.compute(operator, loaded.take(slice(k, k + 1)), SAMPLING)

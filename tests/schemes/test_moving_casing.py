@@ -222,7 +222,7 @@ def test_impacts_in_one_phase_of_the_casing_leave_rounding_in_the_balance(swept:
     """
     (structure, batch), over = bouncing(e=0.5, frequency=10.0), replace(sampling(100.0, 0.1), balances=True)
     if swept:
-        results = moreau.compute(moreau.Operator(structure, 4e-4, 0.7, Swept(structure)), batch, over)
+        results = moreau.compute(moreau.Operator(structure, 4e-4, 0.7, Swept(structure), moreau.CONTACT), batch, over)
     else:
         results = step(structure, batch, 4e-4, over, theta=0.7)
     assert results.metrics["impacts"][0] >= 998  # the first and the last lie at the ends
@@ -238,7 +238,7 @@ def test_sweeps_step_as_modes_do(theta: float) -> None:
     )
     over = replace(sampling(1e-2, 1e-4), balances=True)
     modes = step(structure, batch, h, over, theta=theta)
-    nodes = moreau.compute(moreau.Operator(structure, h, theta, Swept(structure)), batch, over)
+    nodes = moreau.compute(moreau.Operator(structure, h, theta, Swept(structure), moreau.CONTACT), batch, over)
     assert np.all(modes.metrics["impacts"] > 0)
     for name, values in modes.histories.items():
         assert np.abs(values - nodes.histories[name]).max() <= 1e-9 * np.abs(values).max()

@@ -17,7 +17,7 @@ from workflow.schemes._sweep.sweeps import Swept, node_rows
 
 
 def swept(structure: Chain, batch: Cases, h: float, over: Sampling, theta: float) -> Results:
-    return moreau.compute(moreau.Operator(structure, h, theta, Swept(structure)), batch, over)
+    return moreau.compute(moreau.Operator(structure, h, theta, Swept(structure), moreau.CONTACT), batch, over)
 
 
 def rubs(nodes: int) -> tuple[Chain, Cases, float]:

@@ -169,6 +169,15 @@ def uncounted(function: F) -> F:
     return cast(F, Deferred(function, lambda f: _compiled(f, _nrt=False)))
 
 
+def kept_with(module: str, function: F) -> F:
+    """Compile an :func:`uncounted` kernel for the types of another module: the cache follows the imports of that one.
+
+    ``function`` is one of its own for each module, as those that a function defines.
+    """
+    function.__module__ = module
+    return uncounted(function)
+
+
 def part(function: F) -> F:
     """Translate a part of a kernel that only kernels call, and that allocates nothing.
 

@@ -18,15 +18,12 @@ from typing import Any, Literal
 import numpy as np
 
 from workflow.kernels.lanes import WIDE
-from workflow.models import Array, Cases, Structure, needs_matrices
-from workflow.schemes._fixed import central_march, dense, outcome
-from workflow.schemes._fixed.central import NEEDS_MASS, Differences, Linear, Operator, divisor, operator
-from workflow.schemes._fixed.costs import central_cost
-from workflow.schemes._fixed.decoupled import decouple
+from workflow.models import Array, Cases, Structure
+from workflow.schemes._fixed import central_march, contact, costs, dense
+from workflow.schemes._fixed.central import NEEDS_MASS, Differences, Linear, Operator, divisor
 from workflow.schemes._fixed.dense import DenseOperator
-from workflow.schemes._interface import Results, Sampling
 
-METRICS = outcome.METRICS
+METRICS = contact.METRICS
 
 READS = frozenset({"h", "alpha"})
 
@@ -58,29 +55,22 @@ class Options:
         return Differences(lagged=self.damping == "lagged", implicit_heat=self.heat == "implicit")
 
 
+def _law(h: float, cases: Cases, w: Array | float) -> Linear:
+    """Return the contact law of cases with the Delassus operator W, 1/kg."""
+    by, doubt = divisor(w)
+    return Linear(1 / (h * by), 0.0, 1 / by, -np.inf, holds=True, stiffness=0.0, mobility=w, doubt=doubt)
+
+
+CONTACT = contact.Contact(central_march.KERNELS, _law, contact.delassus_alone, "W", rebounds=True)
+
+
 def init(structure: Structure, h: float, options: Options) -> Operator | DenseOperator:
     """Diagonalise the structure once for a batch, or invert its matrices."""
-    h = float(h)
-
-    def law(w: Array | float) -> Linear:
-        by, doubt = divisor(w)
-        return Linear(1 / (h * by), 0.0, 1 / by, -np.inf, holds=True, stiffness=0.0, mobility=w, doubt=doubt)
-
-    if needs_matrices(structure):
-        return central_march.in_matrices(structure, h, options.differences, law, np.asarray, "W")
-    return operator(structure, h, options.differences, decouple(structure), law, "W")
+    return central_march.init(structure, float(h), options.differences, CONTACT)
 
 
-def compute(operator: Operator | DenseOperator, cases: Cases, sampling: Sampling) -> Results:
-    """Step a whole batch; ``e`` is not read."""
-    if isinstance(operator, DenseOperator):
-        return dense.compute(operator, cases, sampling)
-    return central_march.compute(operator, cases, sampling)
-
-
-def operator_name(structure: Structure) -> str:
-    """Return what a structure is stepped by, as ``plan`` says it."""
-    return dense.operator_name(structure)
+compute = central_march.compute
+operator_name = dense.operator_name
 
 
 def massless_tip(options: Options) -> str | None:
@@ -98,8 +88,4 @@ def thermal_amplification(rate: Array, h: float, options: Options) -> Array:
     return options.differences.decay(h, rate)
 
 
-def cost(structure: Structure, h: float, options: Options, sampling: Sampling) -> float:
-    """Return estimated seconds per heated case."""
-    if needs_matrices(structure):
-        return dense.cost(structure, h, sampling)
-    return central_cost(structure, h, sampling)
+cost = costs.central_cost

@@ -18,61 +18,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from workflow.declare import quantity
-from workflow.kernels.compiled import defines, uncounted
+from workflow.kernels.compiled import defines
 from workflow.kernels.lanes import WIDE
-from workflow.kernels.packs import (
-    Lane,
-    align_stack,
-    flag,
-    of_lane,
-    pack,
-    raised,
-    some,
-    some_nonzero,
-    spread,
-    store,
-    weighed,
-    where,
-)
-from workflow.models import Array, Cases, Structure, needs_matrices
-from workflow.schemes._fixed import dense, dense_balance, theta_method
-from workflow.schemes._fixed.balance import Audit
-from workflow.schemes._fixed.complementarity import (
-    complementarity,
-    march_dense_without_mass,
-    march_without_mass,
-)
-from workflow.schemes._fixed.contact import (
-    CASE_ALPHA,
-    CASE_HEAT,
-    CASE_IMPULSE,
-    CASE_PRESSED,
-    End,
-    Free,
-    TipStep,
-    meet,
-)
-from workflow.schemes._fixed.costs import sweep_cost, theta_cost
-from workflow.schemes._fixed.decoupled import decouple
-from workflow.schemes._fixed.dense_march import DenseState, FreeStep, march_dense
+from workflow.kernels.packs import Lane, of_lane, some, spread, store, weighed, where
+from workflow.models import Array, Cases, Structure
+from workflow.schemes._fixed import contact, costs, dense, theta_march, theta_method
+from workflow.schemes._fixed.complementarity import by_place
+from workflow.schemes._fixed.contact import CASE_IMPULSE, Contact, End, Free, TipStep, press, was_pressed
+from workflow.schemes._fixed.dense import DenseOperator
 from workflow.schemes._fixed.drive import began, relative, settled, wall
-from workflow.schemes._fixed.march import march
-from workflow.schemes._fixed.marks import Block
-from workflow.schemes._fixed.modal_lanes import Coefficients, State
-from workflow.schemes._fixed.outcome import by_heat
-from workflow.schemes._fixed.stepping import collect
-from workflow.schemes._fixed.theta_method import NEEDS_IMPLICIT, Contact, Operator, delassus, judge, step_modes
-from workflow.schemes._interface import Results, Sampling
+from workflow.schemes._fixed.marches import kernels_of
+from workflow.schemes._fixed.theta_method import Operator
 from workflow.schemes._sweep import sweeps
-from workflow.schemes._sweep.balance import Account
-from workflow.schemes._sweep.march import march_nodes, sweep
 
 READS = frozenset({"e", "h", "alpha"})
 GENERAL = frozenset({"damping", "friction", "load"})
-
 HARMONICS = frozenset({"load", "casing"})
 TOGETHER = WIDE
 is_swept = sweeps.is_swept
@@ -92,7 +53,7 @@ class Prox(NamedTuple):
     inverse_delassus: Array | float
 
 
-@defines(meet, Prox)
+@defines(contact.meet, Prox)
 def meet_by_prox(law: Prox, step: TipStep, free: Free, own: Array, tip: Array, lane: Lane) -> End:
     """Return the tip at the step's end.
 
@@ -103,100 +64,47 @@ def meet_by_prox(law: Prox, step: TipStep, free: Free, own: Array, tip: Array, l
     p, temperature = spread(0.0, lane), free.temperature
     after = relative(free.drive, free.velocity + step.inverse_mass * free.impulse, lane)
     active = x + 0.5 * step.h * v >= wall(free.drive, free.gap, lane)
-    engaged = some(active) or raised(own, (CASE_PRESSED, lane))
+    engaged = some(active) or was_pressed(own, lane)
     if engaged:
         rebound = of_lane(law.restitution, lane) * v
         closing = (after + rebound) * of_lane(law.inverse_delassus, lane)
         meets = active & ~(closing <= 0.0)  # a NaN meets
         p = where(meets, closing, 0.0)
         after = where(meets, -rebound, after)
-        heat = pack(own, (CASE_ALPHA, lane)) * p
-        store(own, (CASE_HEAT, lane), heat)
-        flag(own, (CASE_PRESSED, lane), some_nonzero(p))
-        temperature += step.warming * heat
+        temperature += step.warming * press(p, own, lane)
     store(own, (CASE_IMPULSE, lane), free.impulse - p)
     x += step.h * weighed(step.theta, after, step.rest, v)
     x, v = settled(free.drive, x, after, free.gap, lane)
     return End(engaged, x, v, temperature, p)
 
 
-@uncounted
-def _march(operator: Coefficients, law: Prox, state: State, block: Block, audit: Audit | None) -> None:
-    """Step a block of cases."""
-    align_stack()
-    march(operator, law, state, block, audit)
-
-
-@uncounted
-def _march_nodes(nodes: sweeps.Nodes, law: Prox, own: Array, block: Block, account: Account) -> None:
-    """Step a case along the nodes of a long chain."""
-    march_nodes(nodes, law, own, block, account)
-
-
-@uncounted
-def _march_dense(
-    free: FreeStep, law: Prox, state: DenseState, block: Block, account: dense_balance.Account, loads: Array, first: int
-) -> None:
-    """Step a block of cases by a dense matrix."""
-    align_stack()
-    march_dense(free, law, state, block, account, loads, first)
-
-
-def in_matrices(structure: Structure, h: float, theta: float) -> dense.DenseOperator:
-    """Return the operator of a structure that modes do not separate."""
-    if structure.has_massless_tip:
-        by_place = dense.DenseContact(
-            march_dense_without_mass, lambda cases, w: complementarity(h, theta, w), np.asarray, "W"
-        )
-        return dense.init(structure, h, theta, by_place)
-    return dense.init(structure, h, theta, dense.DenseContact(_march_dense, _prox, np.asarray, "W"))
-
-
-def _prox(cases: Cases, w: Array) -> Prox:
+def _prox(h: float, cases: Cases, w: Array) -> Prox:
     """Return Newton's law of cases with the Delassus operator W, 1/kg, ``(case,)``."""
-    return Prox(cases.e, np.where(w <= 0, np.nan, 1 / np.where(w <= 0, 1.0, w)))
+    return Prox(cases.e, contact.inverse_or_nan(w))
+
+
+KERNELS = kernels_of(__name__)
+CONTACT = Contact(KERNELS, _prox, contact.delassus_alone, "W")
 
 
 def operator_name(structure: Structure) -> str:
     """Return what a structure is stepped by, as ``plan`` says it."""
-    return dense.operator_name(structure) if needs_matrices(structure) else sweeps.operator_name(structure)
+    return f"sweeps along {structure.mechanical_size} nodes" if is_swept(structure) else dense.operator_name(structure)
 
 
-def init(structure: Structure, h: float, options: Options) -> Operator | dense.DenseOperator:
+def init(structure: Structure, h: float, options: Options) -> Operator | DenseOperator:
     """Diagonalise the structure once for a batch; a long chain and coupled modes are left as they are."""
-    if needs_matrices(structure):
-        return in_matrices(structure, float(h), float(options.theta))
-    motion = sweeps.Swept(structure) if is_swept(structure) else decouple(structure)
-    return Operator(structure, float(h), float(options.theta), motion)
+    theta = float(options.theta)
+    meets = by_place(theta) if structure.has_massless_tip else CONTACT
+    return theta_march.init(structure, float(h), theta, meets, sweeps=True)
 
 
-def _run(operator: Operator, cases: Cases, sampling: Sampling, heated: bool) -> Results:
-    """Step cases that all carry thermal states, or that all carry none."""
-    h, theta, motion = operator.h, operator.theta, operator.motion
-    w = delassus(motion, h, theta, cases.alpha, cases.friction)
-    law = _prox(cases, w)
-    if isinstance(motion, sweeps.Swept):
-        ended = sweep(_march_nodes, operator, law, cases, sampling, heated)
-    elif operator.structure.has_massless_tip:
-        by_place, modal = complementarity(h, theta, w), motion if heated else motion.without_heat()
-        ended = step_modes(march_without_mass, operator, modal, by_place, cases, sampling)
-    else:
-        ended = step_modes(_march, operator, motion if heated else motion.without_heat(), law, cases, sampling)
-    contact = Contact(lambda step, alpha, slid: delassus(motion, step, theta, alpha, slid), "W")
-    status, messages = judge(operator, contact, cases, sampling.duration, ended.finite)
-    return collect(ended.watched, ended.closing, status, messages, ended.balances)
-
-
-def compute(operator: Operator | dense.DenseOperator, cases: Cases, sampling: Sampling) -> Results:
-    """Step a whole batch; thermal states are carried only in the cases where they can act."""
-    if isinstance(operator, dense.DenseOperator):
-        return dense.compute(operator, cases, sampling)
-    return by_heat(cases, lambda some, heated: _run(operator, some, sampling, heated))
+compute = theta_march.compute
 
 
 def massless_tip(options: Options) -> str | None:
     """Return why a tip without mass cannot be stepped: it takes an implicit step."""
-    return None if options.theta > 0 else NEEDS_IMPLICIT
+    return None if options.theta > 0 else theta_method.NEEDS_IMPLICIT
 
 
 def amplification(frequency: Array, damping: Array, h: float, options: Options) -> Any:
@@ -209,8 +117,4 @@ def thermal_amplification(rate: Array, h: float, options: Options) -> Array:
     return theta_method.thermal_amplification(rate, h, options.theta)
 
 
-def cost(structure: Structure, h: float, options: Options, sampling: Sampling) -> float:
-    """Return estimated seconds per heated case, see :mod:`workflow.schemes._fixed.costs`."""
-    if needs_matrices(structure):
-        return dense.cost(structure, h, sampling)
-    return (sweep_cost if is_swept(structure) else theta_cost)(structure, h, sampling)
+cost = costs.theta_cost

@@ -22,34 +22,22 @@ from typing import Any, Literal
 
 from workflow.declare import quantity
 from workflow.kernels.lanes import WIDE
-from workflow.kernels.sums import product, total
-from workflow.models import Array, Cases, Structure, mechanical_modes, needs_matrices
-from workflow.schemes._fixed import central_march, dense, outcome, spring, spring_limits, theta_method
-from workflow.schemes._fixed.central import NEEDS_MASS, Differences, Linear, delassus, divisor, operator
-from workflow.schemes._fixed.central import Operator as CentralOperator
-from workflow.schemes._fixed.costs import central_cost
+from workflow.models import Array, Cases, Structure
+from workflow.schemes._fixed import central, central_march, costs, dense, spring_limits, theta_march, theta_method
+from workflow.schemes._fixed.contact import METRICS as METRICS
+from workflow.schemes._fixed.contact import Contact
 from workflow.schemes._fixed.decoupled import decouple
-from workflow.schemes._fixed.dense import DenseOperator
-from workflow.schemes._fixed.spring import SpringOperator
+from workflow.schemes._fixed.spring import by_spring, default_stiffness
 from workflow.schemes._interface import Results, Sampling
 
-METRICS = outcome.METRICS
-
 READS = frozenset({"h", "alpha"})
-
 GENERAL = frozenset({"damping", "friction", "load"})
-
 HARMONICS = frozenset({"load", "casing"})
-
 TOGETHER = WIDE
 
-_CENTRAL = Differences()
+Operator = central.Operator | theta_method.Operator | dense.DenseOperator
 
-_FACTOR = "1 + hcW/2"
-"""What contact divides by, as messages write it."""
-
-_TIMES_STATIC = 10.0
-"""The default κ in static stiffnesses of the tip: it yields a tenth of what the structure does."""
+_CENTRAL = central.Differences()
 
 
 @dataclass(frozen=True)
@@ -73,21 +61,8 @@ class Options:
 
 
 def contact_stiffness_of(structure: Structure, options: Options) -> float:
-    """Return κ [N/m]: what is given, or ten times the static stiffness of the tip against its rigid motion.
-
-    Raises
-    ------
-    ValueError
-        None is given and the structure is a free mass.
-    """
-    if options.stiffness > 0:
-        return options.stiffness
-    modes = mechanical_modes(structure)
-    elastic = modes.values > 0
-    flexibility = total((modes.tip[elastic] / modes.values[elastic]) ** 2)
-    if flexibility == 0:
-        raise ValueError("a free mass has no stiffness to take ten times of; give the scheme's `stiffness` in N/m")
-    return _TIMES_STATIC / flexibility
+    """Return κ [N/m]: what is given, or ten times the static stiffness of the tip against its rigid motion."""
+    return options.stiffness if options.stiffness > 0 else default_stiffness(structure)
 
 
 def rigid(structure: Structure, h: float) -> Options:
@@ -96,77 +71,61 @@ def rigid(structure: Structure, h: float) -> Options:
     κ and c are those that stop the free tip mass within a few steps: κ = 1/(4 h² W), c = 1/(h W), an
     overdamped contact (damping ratio 1) about at the limit of the step.
     """
-    w = delassus(decouple(structure), h, _CENTRAL)
+    w = central.delassus(decouple(structure), h, _CENTRAL)
     return Options(stiffness=1 / (4 * h * h * w), damping=1 / (h * w))
 
 
 def contact_limit(structure: Structure, options: Options, friction: float = 0.0) -> float:
     """Return the step up to which the scheme holds while contact comes and goes, s: none where implicit with θ >= 0.75.
 
-    Measured, see :mod:`~workflow.schemes._fixed.spring_limits`. ``friction`` is µ along the
-    structure's tangent.
+    Measured, see :mod:`~workflow.schemes._fixed.spring_limits`. ``friction`` is µ along the structure's tangent.
     """
     if options.integration == "explicit":
-        return spring_limits.switching_limit(*_spring_at_tip(structure, options, friction))
+        return spring_limits.switching_limit(structure, contact_stiffness_of(structure, options), friction)
     if options.theta >= spring_limits.DISSIPATES or structure.has_massless_tip:
         return float("inf")
-    _, tip, stiffness, push = _spring_at_tip(structure, options, friction)
-    return spring_limits.implicit_limit(options.theta, tip, stiffness, push)
+    return spring_limits.implicit_limit(structure, contact_stiffness_of(structure, options), friction)
 
 
-def lasting_contact_limit(structure: Structure, options: Options, friction: float = 0.0) -> float:
-    """Return the step up to which no motion grows while the tip stays in contact, s; for the explicit scheme only."""
-    return spring_limits.lasting_limit(*_spring_at_tip(structure, options, friction))
+def _linear(stiffness: float, damping: float) -> Contact:
+    """Return the contact by a spring κ [N/m] and a damper c [N s/m] in central differences."""
 
-
-def _spring_at_tip(structure: Structure, options: Options, friction: float) -> tuple[Array, Array, float, Array | None]:
-    """Return ω and φ_n of each mode, κ, and φ_n - µ φᵀt where friction acts."""
-    modes, stiffness = mechanical_modes(structure), contact_stiffness_of(structure, options)
-    if structure.tangent is None or friction == 0:
-        return modes.values, modes.tip, stiffness, None
-    return modes.values, modes.tip, stiffness, modes.tip - friction * product(modes.shapes.T, structure.tangent)
-
-
-def init(structure: Structure, h: float, options: Options) -> CentralOperator | SpringOperator | DenseOperator:
-    """Diagonalise the structure once for a batch, or invert its matrices."""
-    h, stiffness, damping = float(h), contact_stiffness_of(structure, options), float(options.damping)
-    if options.integration == "implicit":
-        theta = float(options.theta)
-        if needs_matrices(structure):
-            return spring.in_matrices(structure, h, theta, stiffness, damping)
-        return SpringOperator(structure, h, theta, decouple(structure), stiffness, damping)
-
-    def factor(w: Any) -> Any:
+    def factor(h: float, w: Any) -> Any:
         return 1 + 0.5 * h * damping * w
 
-    def law(w: Array | float) -> Linear:
-        by, doubt = divisor(factor(w))
+    def law(h: float, cases: Cases, w: Array | float) -> central.Linear:
+        by, doubt = central.divisor(factor(h, w))
         share = h / by
-        return Linear(stiffness * share, 0.5 * damping * share, 0.5 * damping * share, 0.0, False, stiffness, w, doubt)
+        return central.Linear(
+            stiffness * share, 0.5 * damping * share, 0.5 * damping * share, 0.0, False, stiffness, w, doubt
+        )
 
-    if needs_matrices(structure):
-        return central_march.in_matrices(structure, h, _CENTRAL, law, factor, _FACTOR)
-    return operator(structure, h, _CENTRAL, decouple(structure), law, _FACTOR)
+    return Contact(central_march.KERNELS, law, factor, "1 + hcW/2", rebounds=True)
 
 
-def compute(operator: CentralOperator | SpringOperator | DenseOperator, cases: Cases, sampling: Sampling) -> Results:
+def init(structure: Structure, h: float, options: Options) -> Operator:
+    """Diagonalise the structure once for a batch, or invert its matrices."""
+    h, stiffness, damping = float(h), contact_stiffness_of(structure, options), float(options.damping)
+    if options.integration == "explicit":
+        return central_march.init(structure, h, _CENTRAL, _linear(stiffness, damping))
+    theta = float(options.theta)
+    return theta_march.init(structure, h, theta, by_spring(theta, stiffness, damping))
+
+
+def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
     """Step a whole batch; ``e`` is not read."""
-    if isinstance(operator, DenseOperator):
-        return dense.compute(operator, cases, sampling)
-    if isinstance(operator, CentralOperator):
-        return central_march.compute(operator, cases, sampling)
-    return spring.compute(operator, cases, sampling)
+    if isinstance(operator, theta_method.Operator):
+        return theta_march.compute(operator, cases, sampling)
+    return central_march.compute(operator, cases, sampling)
 
 
-def operator_name(structure: Structure) -> str:
-    """Return what a structure is stepped by, as ``plan`` says it."""
-    return dense.operator_name(structure)
+operator_name = dense.operator_name
 
 
 def massless_tip(options: Options) -> str | None:
     """Return why a tip without mass cannot be stepped: it takes an implicit step."""
     if options.integration == "explicit":
-        return NEEDS_MASS
+        return central.NEEDS_MASS
     return None if options.theta > 0 else theta_method.NEEDS_IMPLICIT
 
 
@@ -184,8 +143,4 @@ def thermal_amplification(rate: Array, h: float, options: Options) -> Array:
     return _CENTRAL.decay(h, rate)
 
 
-def cost(structure: Structure, h: float, options: Options, sampling: Sampling) -> float:
-    """Return estimated seconds per heated case."""
-    if needs_matrices(structure):
-        return dense.cost(structure, h, sampling)
-    return central_cost(structure, h, sampling)
+cost = costs.central_cost

@@ -24,7 +24,6 @@ w_free the tip's velocity w_k+½ without contact.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -34,8 +33,8 @@ from workflow.kernels.complex_numbers import square_root
 from workflow.kernels.sums import product, total
 from workflow.models import Array, Structure
 from workflow.schemes._fixed.books import Terms
-from workflow.schemes._fixed.contact import TipStep
-from workflow.schemes._fixed.decoupled import Decoupled, Motion, dragged
+from workflow.schemes._fixed.contact import Contact, TipStep
+from workflow.schemes._fixed.decoupled import Decoupled, Motion, decouple, dragged
 from workflow.schemes._fixed.modal_lanes import Coefficients, by_mode
 from workflow.schemes._fixed.sliding import sliding, yields_aside
 
@@ -67,10 +66,6 @@ class Linear(NamedTuple):
     """W, the tip's half-step velocity per impulse of contact, 1/kg."""
     doubt: Array | float
     """0, and NaN where no impulse of contact is the only one: contact ends the case."""
-
-
-LawOf = Callable[[Array | float], Linear]
-"""The contact law of a scheme by W, one for all cases or ``(case,)``."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +116,7 @@ class Differences:
 
 @dataclass(frozen=True, eq=False)
 class Operator:
-    """What a batch shares: structure, step, differences and contact law, and what follows from them."""
+    """What a batch shares: structure, step, differences and contact, and what follows from them."""
 
     structure: Structure
     h: float
@@ -130,9 +125,7 @@ class Operator:
     """With the response R of the difference equation instead of that of continuous time."""
     lead: Array
     """Q, ``(mode, thermal mode)``."""
-    law_of: LawOf
-    factor: str
-    """What contact divides by, as messages write it."""
+    contact: Contact
 
     def delassus(self, friction: Array) -> Array | float:
         """Return W of cases, 1/kg: one for all without friction, else ``(case,)``."""
@@ -218,12 +211,11 @@ def delassus(modal: Decoupled, h: float, differences: Differences) -> float:
     return total(modal.tip**2 / inertia)
 
 
-def operator(
-    structure: Structure, h: float, differences: Differences, modal: Decoupled, law_of: LawOf, factor: str
-) -> Operator:
-    """Return the operator of a decoupled structure."""
+def operator(structure: Structure, h: float, differences: Differences, contact: Contact) -> Operator:
+    """Return the operator of a structure that modes separate."""
+    modal = decouple(structure)
     decay = differences.decay(h, modal.rate)
     slope = differences.slope(h, modal.rate)
     c, middle = modal.damping[:, None], 1.0 if differences.lagged else (1 + decay) / 2
     lead, pairs = dragged(modal.coupling, slope**2, -c * (slope * middle), modal.frequency[:, None] ** 2 * decay)
-    return Operator(structure, h, differences, replace(modal, response=lead * decay, pairs=pairs), lead, law_of, factor)
+    return Operator(structure, h, differences, replace(modal, response=lead * decay, pairs=pairs), lead, contact)

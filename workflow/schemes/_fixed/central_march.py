@@ -5,43 +5,28 @@ The equations stand in :mod:`workflow.schemes._fixed.central`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.kernels.compiled import defines, uncounted
+from workflow.kernels.compiled import defines
 from workflow.kernels.complex_numbers import magnitude
 from workflow.kernels.lanes import PACK
-from workflow.kernels.packs import (
-    Lane,
-    Pack,
-    align_stack,
-    flag,
-    narrow,
-    of_lane,
-    pack,
-    raised,
-    some,
-    some_nonzero,
-    spread,
-    store,
-    where,
-)
-from workflow.models import Array, Cases, Structure, project
-from workflow.schemes._fixed import dense
+from workflow.kernels.packs import Lane, Pack, flag, narrow, of_lane, pack, some, some_nonzero, spread, store, where
+from workflow.models import Array, Cases, Structure, needs_matrices, project
+from workflow.schemes._fixed import central, dense
 from workflow.schemes._fixed.balance import Audit, account, account_heat
 from workflow.schemes._fixed.books import Books
-from workflow.schemes._fixed.central import Differences, LawOf, Linear, Operator, terms
+from workflow.schemes._fixed.central import Differences, Linear, Operator
 from workflow.schemes._fixed.contact import (
     CASE_AHEAD,
-    CASE_ALPHA,
     CASE_FIRST,
     CASE_HALF,
-    CASE_HEAT,
     CASE_IMPULSE,
     CASE_LAST,
     CASE_PRESSED,
+    Contact,
     End,
     Free,
     TipStep,
@@ -49,24 +34,27 @@ from workflow.schemes._fixed.contact import (
     contact_gain,
     count_rebounds,
     driven,
+    friction_heat,
     leaves,
     meet,
     steps_from_tip,
+    was_pressed,
 )
 from workflow.schemes._fixed.decoupled import Decoupled, Motion, start
-from workflow.schemes._fixed.dense import DenseContact, DenseOperator
-from workflow.schemes._fixed.dense_balance import Account
-from workflow.schemes._fixed.dense_march import DenseState, FreeStep, march_dense
+from workflow.schemes._fixed.dense import DenseOperator
 from workflow.schemes._fixed.drive import drive_of, gap_ahead, relative, relative_before, with_harmonics
-from workflow.schemes._fixed.march import Batch, case_rows, march, march_blocks, open_march
+from workflow.schemes._fixed.march import Batch, case_rows, march_blocks, open_march
+from workflow.schemes._fixed.marches import kernels_of
 from workflow.schemes._fixed.marks import TIP_DISPLACEMENT, TIP_GAP, TIP_TEMPERATURE, TIP_VELOCITY, Block
 from workflow.schemes._fixed.modal_lanes import Coefficients, State, slide
-from workflow.schemes._fixed.outcome import ROUNDING, by_heat, effective_restitution
+from workflow.schemes._fixed.outcome import ROUNDING, Outcome, by_heat, judged
 from workflow.schemes._fixed.sliding import friction_message, slides
 from workflow.schemes._fixed.stable_steps import limit_text
 from workflow.schemes._fixed.stepping import Now, collect, store_end, watch
 from workflow.schemes._fixed.tip_load import tip_load
-from workflow.schemes._interface import Results, Sampling, Status, schedule
+from workflow.schemes._interface import Results, Sampling, schedule
+
+KERNELS = kernels_of(__name__)
 
 
 @defines(steps_from_tip, Linear)
@@ -86,7 +74,7 @@ def meet_linearly(law: Linear, step: TipStep, free: Free, own: Array, tip: Array
     presses = (depth > of_lane(law.threshold, lane)) & ~(p <= 0.0)  # a NaN presses
     p = where(presses, p, 0.0)
     pressed = some(presses)
-    engaged = pressed or raised(own, (CASE_PRESSED, lane))
+    engaged = pressed or was_pressed(own, lane)
     ahead = x + step.h * after
     if engaged:
         latest = pack(own, (CASE_LAST, lane))
@@ -95,12 +83,10 @@ def meet_linearly(law: Linear, step: TipStep, free: Free, own: Array, tip: Array
         after -= of_lane(law.mobility, lane) * p
         ahead = x + step.h * after
         touches, touched = p > 0.0, latest > 0.0
-        heat = pack(own, (CASE_ALPHA, lane)) * p
-        temperature += 0.5 * step.warming * heat
+        temperature += 0.5 * step.warming * friction_heat(p, own, lane)
         if law.holds:
             ahead = where(touches, gap_ahead(free.drive, free.gap, step.h, lane), ahead)
         store(own, (CASE_LAST, lane), p)
-        store(own, (CASE_HEAT, lane), heat)
         flag(own, (CASE_PRESSED, lane), pressed or some_nonzero(latest))  # the tip counts as touching for a step more
         leaving = relative(free.drive, after, lane)
         count_rebounds(touches & ~touched, touched & ~touches, approach, leaving, own, lane)
@@ -166,35 +152,6 @@ def _open_march(law: Linear, operator: Coefficients, now: Now, state: State, blo
         store(own, (CASE_LAST, lane), 2.0 * pack(own, (CASE_LAST, lane)))
 
 
-@uncounted
-def _march(operator: Coefficients, law: Linear, state: State, block: Block, audit: Audit | None) -> None:
-    """Step a block of cases."""
-    align_stack()
-    march(operator, law, state, block, audit)
-
-
-@uncounted
-def _march_dense(
-    free: FreeStep, law: Linear, state: DenseState, block: Block, account: Account, loads: Array, first: int
-) -> None:
-    """Step a block of cases by a dense matrix."""
-    align_stack()
-    march_dense(free, law, state, block, account, loads, first)
-
-
-def in_matrices(
-    structure: Structure,
-    h: float,
-    differences: Differences,
-    law_of: LawOf,
-    factor: Callable[[Array], Array],
-    name: str,
-) -> DenseOperator:
-    """Return the operator of a structure that modes do not separate; ``factor`` is what contact divides by, by W."""
-    contact = DenseContact(_march_dense, lambda cases, w: law_of(w), factor, name, rebounds=True)
-    return dense.init_central(structure, h, differences, contact)
-
-
 def _half_step_before(modal: Decoupled, cases: Cases, h: float) -> Array:
     """Return the modal w_-½ = v_0 - (h/2) a_0, with the acceleration without contact, ``(case, mode)``."""
     velocity = project(modal.to_modes, cases.velocity)
@@ -238,9 +195,9 @@ def _batch(operator: Operator, cases: Cases, begun: Motion, balances: bool) -> B
     own[CASE_HALF] = project(modal.tip[None, :], _half_step_before(modal, cases, h))[:, 0]
     books = None
     if balances:
-        books = Books(operator.structure, modal, free, cases, begun, terms(operator, begun, before))
-    law = operator.law_of(operator.delassus(cases.friction))
-    return Batch(modal, begun, free, law, speed * modal.tip, begun.position * modal.tip, own, books)
+        books = Books(operator.structure, modal, free, cases, begun, central.terms(operator, begun, before))
+    law = operator.contact.law(h, cases, operator.delassus(cases.friction))
+    return Batch(modal, begun, free, operator.contact, law, speed * modal.tip, begun.position * modal.tip, own, books)
 
 
 def _run(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
@@ -249,40 +206,41 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
     drive, _ = drive_of(cases, operator.h, theta=0.0)
     watched = watch(cases, cases.mean + begun.tip_force, sampling, schedule(sampling, operator.h), operator.h, drive)
     batch = _batch(operator, cases, begun, sampling.balances)
-    closing, balances = march_blocks(_march, batch, watched, sampling.duration)
+    ended = march_blocks(batch, watched, sampling.duration)
     # squared: a contact that grows can stop short of infinity where its energy is beyond it
     finite = np.isfinite(watched.tip[[TIP_DISPLACEMENT, TIP_VELOCITY, TIP_TEMPERATURE]] ** 2).all(axis=0)
-    status, messages = _judge(operator, cases, np.isnan(batch.law.doubt), np.asarray(finite))
-    return collect(watched, closing, status, messages, {**effective_restitution(batch.own), **balances})
+    return collect(ended, *_judge(operator, cases, np.isnan(batch.law.doubt), np.asarray(finite)))
 
 
-def _judge(
-    operator: Operator, cases: Cases, ambiguous: NDArray[np.bool_], finite: NDArray[np.bool_]
-) -> tuple[NDArray[np.int8], dict[int, str]]:
-    """Decide what became of each case: by theory where it can be, else by its last state.
-
-    ``ambiguous`` are cases whose contact has no unique solution, ``(case,)`` or one for all.
-    """
+def _judge(operator: Operator, cases: Cases, ambiguous: Any, finite: NDArray[np.bool_]) -> Outcome:
+    """Decide what became of each case; ``ambiguous`` are those whose contact has no unique solution, or one for all."""
     h, modal, differences = operator.h, operator.modal, operator.differences
     free = magnitude(differences.amplification(modal.frequency, modal.damping, h)).max(initial=0.0)
     heat = np.abs(differences.decay(h, modal.rate)).max(initial=0.0)
-    growth = float(max(free, heat))
+    growth, grown = float(max(free, heat)), None
     if growth > 1 + ROUNDING:
         limit = differences.largest_stable_step(modal.frequency, modal.damping, modal.rate)
         what = "free step" if free >= heat else "explicit heat step"
-        text = (
+        grown = (
             f"the {what} grows {growth:.6g}-fold at h = {h:.6g} s; central differences are stable up to "
             f"{limit_text(limit, 7)} s"
         )
-        return np.full(finite.size, Status.DIVERGED, dtype=np.int8), dict.fromkeys(range(finite.size), text)
-    status = np.where(finite, Status.OK, np.where(ambiguous, Status.ILL_POSED, Status.DIVERGED)).astype(np.int8)
-    text = f"the energy left the finite numbers at h = {h:.6g} s"
-    messages = {int(case): text for case in np.flatnonzero(~finite)}
-    for case in map(int, np.flatnonzero(status == Status.ILL_POSED)):
-        messages[case] = friction_message(h, float(cases.friction[case]), operator.factor)
-    return status, messages
+
+    def explain(case: int) -> str:
+        return friction_message(h, float(cases.friction[case]), operator.contact.name)
+
+    left = f"the energy left the finite numbers at h = {h:.6g} s"
+    return judged(finite, ambiguous & (grown is None), explain, grown, left)
 
 
-def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
+def init(structure: Structure, h: float, differences: Differences, contact: Contact) -> Operator | DenseOperator:
+    """Diagonalise a structure once for a batch, or invert its matrices where modes do not separate it."""
+    step = dense.init_central if needs_matrices(structure) else central.operator
+    return step(structure, h, differences, contact)
+
+
+def compute(operator: Operator | DenseOperator, cases: Cases, sampling: Sampling) -> Results:
     """Step a whole batch; thermal states are carried only in the cases where they can act."""
+    if isinstance(operator, DenseOperator):
+        return dense.compute(operator, cases, sampling)
     return by_heat(cases, lambda some, hot: _run(operator if hot else operator.without_heat(), some, sampling))

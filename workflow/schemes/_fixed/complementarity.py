@@ -16,42 +16,15 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
+from workflow.kernels.compiled import defines
+from workflow.kernels.packs import Lane, Pack, of_lane, pack, some, spread, store, weighed, where
+from workflow.models import Array, Cases
+from workflow.schemes._fixed import contact
+from workflow.schemes._fixed.contact import CASE_IMPULSE, Contact, End, Free, TipStep, press, was_pressed
+from workflow.schemes._fixed.marches import kernels_of
+from workflow.schemes._fixed.marks import TIP_DISPLACEMENT, TIP_VELOCITY
 
-from workflow.kernels.compiled import defines, uncounted
-from workflow.kernels.packs import (
-    Lane,
-    Pack,
-    align_stack,
-    flag,
-    of_lane,
-    pack,
-    raised,
-    some,
-    some_nonzero,
-    spread,
-    store,
-    weighed,
-    where,
-)
-from workflow.models import Array
-from workflow.schemes._fixed.balance import Audit
-from workflow.schemes._fixed.contact import (
-    CASE_ALPHA,
-    CASE_HEAT,
-    CASE_IMPULSE,
-    CASE_PRESSED,
-    End,
-    Free,
-    TipStep,
-    contact_gain,
-    meet,
-)
-from workflow.schemes._fixed.dense_balance import Account
-from workflow.schemes._fixed.dense_march import DenseState, FreeStep, march_dense
-from workflow.schemes._fixed.march import march
-from workflow.schemes._fixed.marks import TIP_DISPLACEMENT, TIP_VELOCITY, Block
-from workflow.schemes._fixed.modal_lanes import Coefficients, State
+KERNELS = kernels_of(__name__)
 
 
 class Complementarity(NamedTuple):
@@ -63,13 +36,16 @@ class Complementarity(NamedTuple):
     """1/(hθ), 1/s."""
 
 
-def complementarity(h: float, theta: float, delassus: Array) -> Complementarity:
-    """Return the law of cases with the Delassus operator W, 1/kg, ``(case,)``; θ > 0."""
-    reach = h * theta * delassus
-    return Complementarity(np.where(reach <= 0, np.nan, 1 / np.where(reach <= 0, 1.0, reach)), 1 / (h * theta))
+def by_place(theta: float) -> Contact:
+    """Return the contact of a tip without mass in steps with θ > 0."""
+
+    def law(h: float, cases: Cases, w: Array) -> Complementarity:
+        return Complementarity(contact.inverse_or_nan(h * theta * w), 1 / (h * theta))
+
+    return Contact(KERNELS, law, contact.delassus_alone, "W")
 
 
-@defines(meet, Complementarity)
+@defines(contact.meet, Complementarity)
 def meet_by_place(law: Complementarity, step: TipStep, free: Free, own: Array, tip: Array, lane: Lane) -> End:
     """Return the tip at the step's end."""
     x, v, p = pack(tip, (TIP_DISPLACEMENT, lane)), pack(tip, (TIP_VELOCITY, lane)), spread(0.0, lane)
@@ -77,40 +53,19 @@ def meet_by_place(law: Complementarity, step: TipStep, free: Free, own: Array, t
     moved = step.h * weighed(step.theta, after, step.rest, v)
     place, depth = x + moved, x - free.gap + moved
     place = where(place > free.gap, free.gap, place)
-    engaged = some(depth > 0.0) or raised(own, (CASE_PRESSED, lane))
+    engaged = some(depth > 0.0) or was_pressed(own, lane)
     if engaged:
         meets = depth > 0.0
         p = where(meets, depth * of_lane(law.impulse, lane), 0.0)
         after = where(meets, after - law.velocity * depth, after)
-        heat = pack(own, (CASE_ALPHA, lane)) * p
-        store(own, (CASE_HEAT, lane), heat)
-        flag(own, (CASE_PRESSED, lane), some_nonzero(p))
-        temperature += step.warming * heat
+        temperature += step.warming * press(p, own, lane)
     store(own, (CASE_IMPULSE, lane), free.impulse - p)
     return End(engaged, place, after, temperature, p)
 
 
-@defines(contact_gain, Complementarity)
+@defines(contact.contact_gain, Complementarity)
 def _static_gain(
     law: Complementarity, step: TipStep, end: End, change: Pack, free: Free, own: Array, tip: Array, lane: Lane
 ) -> Pack:
     """Return -(θ - 1/2) S Δv: without mass no impact changes the velocity, impulses work at v_θ as they act."""
     return (0.5 - step.theta) * (pack(own, (CASE_IMPULSE, lane)) * change)
-
-
-@uncounted
-def march_without_mass(
-    operator: Coefficients, law: Complementarity, state: State, block: Block, audit: Audit | None
-) -> None:
-    """Step a block of cases."""
-    align_stack()
-    march(operator, law, state, block, audit)
-
-
-@uncounted
-def march_dense_without_mass(
-    free: FreeStep, law: Complementarity, state: DenseState, block: Block, account: Account, loads: Array, first: int
-) -> None:
-    """Step a block of cases by a dense matrix."""
-    align_stack()
-    march_dense(free, law, state, block, account, loads, first)

@@ -9,11 +9,16 @@ linear in the tip's motion in :mod:`workflow.schemes._fixed.central`, for a spri
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from workflow.kernels import Array
 from workflow.kernels.compiled import by_type, inlined
-from workflow.kernels.packs import Lane, Mask, Pack, pack, some, spread, store, where
+from workflow.kernels.packs import Lane, Mask, Pack, flag, pack, raised, some, some_nonzero, spread, store, where
+from workflow.models import Cases
 
 CASE_ALPHA, CASE_DRIFT, CASE_WARMTH, CASE_WARMING = range(4)
 """Rows of a block's cases ``(row, lane)``: α [W/N] and the known part of the tip's motion
@@ -35,8 +40,62 @@ CASE_FRICTION, CASE_SLID = range(14, 16)
 
 CASE_ROWS = CASE_SLID + 1
 
+METRICS = {
+    "effective_restitution": (
+        "1",
+        "speed of separation over speed of approach, least squares over all contacts that ended",
+    )
+}
+"""What schemes without a restitution coefficient give beside the common metrics: unit and meaning."""
+
 Law = Any
 """A contact law: a named tuple of numbers and arrays."""
+
+
+class Kernels(NamedTuple):
+    """Marches compiled for a contact law (:func:`workflow.schemes._fixed.marches.kernels_of`)."""
+
+    modes: Callable[..., None]
+    matrices: Callable[..., None]
+    nodes: Callable[..., None]
+    """Along the nodes of a long chain."""
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """How a scheme meets the casing, whatever a structure is stepped by.
+
+    Attributes
+    ----------
+    kernels
+        The scheme's own.
+    law
+        ``law(h, cases, w)``: the contact law of cases by the Delassus operator W of a step, 1/kg, ``(case,)`` or one
+        for all.
+    factor, name
+        ``factor(h, w)``: what contact divides by, which has one solution where that is positive; how messages write it.
+    rebounds
+        Whether it gives the metric ``effective_restitution``.
+    judges_heat
+        Whether a free heat step that grows ends cases that carry no heat too (θ-method in modes, θ < 1/2).
+    """
+
+    kernels: Kernels
+    law: Callable[[float, Cases, Any], Law]
+    factor: Callable[[float, Any], Any]
+    name: str
+    rebounds: bool = False
+    judges_heat: bool = True
+
+
+def delassus_alone(h: float, w: Any) -> Any:
+    """Return W, the factor of a contact that divides by nothing else."""
+    return w
+
+
+def inverse_or_nan(factor: Array) -> Array:
+    """Return 1 over what contact divides by, NaN where that is not positive, so that contact ends the case."""
+    return np.where(factor <= 0, np.nan, 1 / np.where(factor <= 0, 1.0, factor))
 
 
 class Drive(NamedTuple):
@@ -138,6 +197,27 @@ def contact_gain(
     velocity; ``tip`` still holds the tip at the step's beginning.
     """
     return spread(0.0, lane)
+
+
+@inlined
+def friction_heat(p: Pack, own: Array, lane: Lane) -> Pack:
+    """Store the friction heat α p of an impulse of contact; return it, J."""
+    heat = pack(own, (CASE_ALPHA, lane)) * p
+    store(own, (CASE_HEAT, lane), heat)
+    return heat
+
+
+@inlined
+def press(p: Pack, own: Array, lane: Lane) -> Pack:
+    """Store the friction heat of an impulse, and whether there is any in the pack; return it, J."""
+    flag(own, (CASE_PRESSED, lane), some_nonzero(p))
+    return friction_heat(p, own, lane)
+
+
+@inlined
+def was_pressed(own: Array, lane: Lane) -> bool:
+    """Tell whether some lane of a pack was in contact in the last step."""
+    return raised(own, (CASE_PRESSED, lane))
 
 
 @inlined

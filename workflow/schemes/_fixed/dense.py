@@ -5,17 +5,16 @@ the number of its states instead of a few operations for each mode. The θ-metho
 
     Ŵ = M + hθC1 + h²θ²K1,   T̂ = C2 + hθK2,   W = e_nᵀ Ŵ⁻¹ (e_n - µ t + α hθ K12 T̂⁻¹ e_n),
 
-central differences Ŵ = M + h/2 C1 (M where damping lags) and the heat of a step in the next one. A scheme gives its
-contact law by W (:class:`DenseContact`); the march is :mod:`workflow.schemes._fixed.dense_march`.
+central differences Ŵ = M + h/2 C1 (M where damping lags) and the heat of a step in the next one. The march is
+:mod:`workflow.schemes._fixed.dense_march`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from workflow.kernels import Array
 from workflow.kernels.complex_numbers import magnitude
@@ -25,46 +24,20 @@ from workflow.kernels.solving import inverse
 from workflow.kernels.sums import product
 from workflow.models import NO_HARMONICS, Cases, Structure, mechanical_modes, needs_matrices, project, static_tip_growth
 from workflow.schemes._fixed.central import Differences
-from workflow.schemes._fixed.contact import CASE_AHEAD, CASE_ALPHA, CASE_HALF, CASE_ROWS, Law, TipStep
+from workflow.schemes._fixed.contact import CASE_AHEAD, CASE_ALPHA, CASE_HALF, CASE_ROWS, Contact, TipStep
 from workflow.schemes._fixed.dense_balance import account_of, content_of, no_account, open_account
 from workflow.schemes._fixed.dense_march import ACTS_SPEED, DenseState, FreeStep
 from workflow.schemes._fixed.drive import drive_of
 from workflow.schemes._fixed.march import fill_law, law_lanes
 from workflow.schemes._fixed.marks import TIP_DISPLACEMENT, TIP_IMPULSE, TIP_TEMPERATURE, TIP_VELOCITY
-from workflow.schemes._fixed.outcome import ROUNDING, effective_restitution
+from workflow.schemes._fixed.outcome import ROUNDING, Outcome, effective_restitution, judged
 from workflow.schemes._fixed.sliding import friction_message
-from workflow.schemes._fixed.stepping import Watch, block_lanes, blocks, collect, watch
+from workflow.schemes._fixed.stepping import Ended, Watch, block_lanes, blocks, collect, watch
 from workflow.schemes._fixed.totals import residuals
-from workflow.schemes._interface import Results, Sampling, Status, schedule
+from workflow.schemes._interface import Results, Sampling, schedule
 
 _CHUNK = 1024
 """Steps whose loads are evaluated at once."""
-
-_STEP, _TERM = 6e-8, 2e-10
-"""Seconds of a step of a case of eight, and of a product of two numbers in it."""
-
-
-@dataclass(frozen=True, eq=False)
-class DenseContact:
-    """How a scheme meets the casing.
-
-    Attributes
-    ----------
-    kernel
-        The scheme's own, around :func:`~workflow.schemes._fixed.dense_march.march_dense`.
-    law
-        Its contact law by cases and their W, 1/kg, ``(case,)``.
-    factor, name
-        What must be positive for contact to have one solution, by W, and how messages write it.
-    rebounds
-        Whether it gives the metric ``effective_restitution``.
-    """
-
-    kernel: Callable[..., None]
-    law: Callable[[Cases, Array], Law]
-    factor: Callable[[Array], Array]
-    name: str
-    rebounds: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +61,7 @@ class DenseOperator:
     """
 
     structure: Structure
-    contact: DenseContact
+    contact: Contact
     free: FreeStep
     mobility: Array
     warming: Array
@@ -104,7 +77,7 @@ class DenseOperator:
         return np.asarray(kicks)
 
 
-def init(structure: Structure, h: float, theta: float, contact: DenseContact) -> DenseOperator:
+def init(structure: Structure, h: float, theta: float, contact: Contact) -> DenseOperator:
     """Invert Ŵ and T̂ of the θ-method once for a batch."""
     M, C, K = structure.mass, structure.damping_matrix, structure.stiffness_matrix
     coupling, capacity, losses = structure.coupling_matrix, structure.heat_capacity, structure.conductance_matrix
@@ -124,7 +97,7 @@ def init(structure: Structure, h: float, theta: float, contact: DenseContact) ->
     return DenseOperator(structure, contact, free, mobility, warming, dragged, *_growth(structure, free))
 
 
-def init_central(structure: Structure, h: float, differences: Differences, contact: DenseContact) -> DenseOperator:
+def init_central(structure: Structure, h: float, differences: Differences, contact: Contact) -> DenseOperator:
     """Invert Ŵ and what heat is divided by in central differences once for a batch."""
     M, C, K = structure.mass, structure.damping_matrix, structure.stiffness_matrix
     capacity, losses = structure.heat_capacity, structure.conductance_matrix
@@ -173,7 +146,7 @@ def _marched(operator: DenseOperator, cases: Cases, sampling: Sampling) -> Resul
     watched = watch(cases, cases.mean, sampling, plan, free.tip.h, drive)
     kick = operator.kick(cases.alpha, cases.friction)
     push, states = _push(operator, cases), _begin(operator, cases, begun.velocity)
-    law, own = contact.law(cases, kick[:, -1]), np.zeros((CASE_ROWS, count))
+    law, own = contact.law(free.tip.h, cases, kick[:, -1]), np.zeros((CASE_ROWS, count))
     own[CASE_ALPHA], own[CASE_AHEAD] = cases.alpha, cases.displacement[:, -1]
     own[CASE_HALF] = states[:, 2 * kick.shape[1] - 1]
     account = account_of(structure) if sampling.balances else no_account()
@@ -199,16 +172,15 @@ def _marched(operator: DenseOperator, cases: Cases, sampling: Sampling) -> Resul
         if sampling.balances:
             open_account(account, structure, some)
         for first, loads in _loads(free, some, plan.steps):
-            contact.kernel(free, laws, lanes, block, account, loads, first)
+            contact.kernels.matrices(free, laws, lanes, block, account, loads, first)
         own[:, part], totals[:, part] = lanes.own[:, :filled], account.totals[:, :filled]
         before, after = lanes.shown[..., :filled].swapaxes(1, 2)
         last[part], reached[part] = after, before + plan.weight[-1] * (after - before)
     balances = effective_restitution(own) if contact.rebounds else {}
     if sampling.balances:
         balances |= residuals(totals, content_of(structure, cases, last, plan.steps * free.tip.h))
-    status, messages = _judged(operator, cases, kick[:, -1], watched)
     closing = project(static_tip_growth(structure)[None, :], reached)[:, 0]
-    return collect(watched, closing, status, messages, balances)
+    return collect(Ended(watched, closing, balances), *_judged(operator, cases, kick[:, -1], watched))
 
 
 def _drive_theta(free: FreeStep) -> float:
@@ -251,35 +223,21 @@ def _loads(free: FreeStep, cases: Cases, steps: int) -> Iterator[tuple[int, Arra
         yield first, lanes
 
 
-def _judged(
-    operator: DenseOperator, cases: Cases, delassus: Array, watched: Watch
-) -> tuple[NDArray[np.int8], dict[int, str]]:
+def _judged(operator: DenseOperator, cases: Cases, w: Array, watched: Watch) -> Outcome:
     """Decide what became of each case by what theory knows: no unique solution, or a free step that grows."""
     contact, h = operator.contact, operator.free.tip.h
-    rows = [TIP_DISPLACEMENT, TIP_VELOCITY, TIP_TEMPERATURE, TIP_IMPULSE]
-    finite = np.asarray(np.isfinite(watched.tip[rows]).all(axis=0))
-    cold = operator.kick(np.zeros(cases.count), cases.friction)[:, -1]
-    ambiguous, jams = contact.factor(delassus) <= 0, contact.factor(cold) <= 0
-    status, messages = np.full(cases.count, Status.OK, dtype=np.int8), {}
-    for case in range(cases.count):
-        if not finite[case] and ambiguous[case]:
-            status[case] = Status.ILL_POSED
-            messages[case] = f"contact has no unique solution at h = {h:.6g} s ({contact.name} <= 0); take a smaller h"
-            if jams[case]:
-                messages[case] = friction_message(h, float(cases.friction[case]), contact.name)
-        elif operator.growth > operator.most:
-            status[case] = Status.DIVERGED
-            messages[case] = f"the free step grows {operator.growth:.6g}-fold at h = {h:.6g} s"
-        elif not finite[case]:
-            status[case] = Status.DIVERGED
-            messages[case] = f"the state left the finite numbers at h = {h:.6g} s"
-    return status, messages
+    jams = contact.factor(h, operator.kick(np.zeros(cases.count), cases.friction)[:, -1]) <= 0
 
+    def explain(case: int) -> str:
+        if jams[case]:
+            return friction_message(h, float(cases.friction[case]), contact.name)
+        return f"contact has no unique solution at h = {h:.6g} s ({contact.name} <= 0); take a smaller h"
 
-def cost(structure: Structure, h: float, sampling: Sampling) -> float:
-    """Return the estimated seconds of a case."""
-    states = 2 * structure.mechanical_size + structure.thermal_size
-    return sampling.steps(h) * (_STEP + _TERM * states * states) * (2 if sampling.balances else 1)
+    grows = operator.growth > operator.most
+    grown = f"the free step grows {operator.growth:.6g}-fold at h = {h:.6g} s" if grows else None
+    finite = watched.finite(TIP_DISPLACEMENT, TIP_VELOCITY, TIP_TEMPERATURE, TIP_IMPULSE)
+    left = f"the state left the finite numbers at h = {h:.6g} s"
+    return judged(finite, contact.factor(h, w) <= 0, explain, grown, left)
 
 
 def operator_name(structure: Structure) -> str:

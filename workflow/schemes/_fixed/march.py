@@ -2,17 +2,11 @@
 
 A scheme gives its free step (:class:`~workflow.schemes._fixed.modal_lanes.Coefficients`) and its contact law
 (:mod:`workflow.schemes._fixed.contact`), whose type specialises the march when it is compiled. The kernel itself is
-the scheme's, so that numba's cache finds it::
-
-    @uncounted
-    def _march(operator: Coefficients, law: Prox, state: State, block: Block, audit: Audit | None) -> None:
-        align_stack()
-        march(operator, law, state, block, audit)
+the scheme's (:mod:`workflow.schemes._fixed.marches`), so that numba's cache finds it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,6 +25,7 @@ from workflow.schemes._fixed.contact import (
     CASE_ROWS,
     CASE_WARMING,
     CASE_WARMTH,
+    Contact,
     Free,
     Law,
     meet,
@@ -51,7 +46,18 @@ from workflow.schemes._fixed.modal_lanes import (
     step_freely,
     store_heat,
 )
-from workflow.schemes._fixed.stepping import Now, Watch, block_lanes, blocks, count_end, observe, step_at, store_end
+from workflow.schemes._fixed.outcome import effective_restitution
+from workflow.schemes._fixed.stepping import (
+    Ended,
+    Now,
+    Watch,
+    block_lanes,
+    blocks,
+    count_end,
+    observe,
+    step_at,
+    store_end,
+)
 from workflow.schemes._fixed.tip_load import start_load, tip_load, turn_load
 
 FEW_ROWS = 60
@@ -141,8 +147,9 @@ class Batch:
     ----------
     modal, begun
         The structure, and the cases' modal states with what is known of their motion.
-    operator, law
-        Free step and contact law; coefficients of the law that differ between cases are ``(case,)``.
+    operator, contact, law
+        Free step, how the scheme meets the casing, and its contact law; coefficients of that which differ between cases
+        are ``(case,)``.
     speed, place
         ζ and ξ of each mode, times its share in the tip, ``(case, mode)``.
     own
@@ -154,6 +161,7 @@ class Batch:
     modal: Decoupled
     begun: Motion
     operator: Coefficients
+    contact: Contact
     law: Law
     speed: Array
     place: Array
@@ -182,10 +190,8 @@ def fill_law(lanes: Law, law: Law, part: slice) -> None:
             fill_lanes(row, values[part])
 
 
-def march_blocks(
-    kernel: Callable[..., None], batch: Batch, watched: Watch, duration: float
-) -> tuple[Array, dict[str, Array]]:
-    """Step all cases in blocks; return the quasi-static tip growth at the end, m, and the balances, ``(case,)``."""
+def march_blocks(batch: Batch, watched: Watch, duration: float) -> Ended:
+    """Step all cases in blocks."""
     modal, begun, operator, books = batch.modal, batch.begun, batch.operator, batch.books
     schedule, scale = watched.schedule, modal.heat_scale
     motion, tau = by_mode(batch.speed.T, batch.place.T), (begun.heat * scale).T
@@ -203,11 +209,14 @@ def march_blocks(
         fill_lanes(state.own, batch.own[:, part])
         fill_lanes(state.motion, motion[..., part])
         fill_lanes(state.tau, tau[..., part])
-        kernel(operator, law, state, block, audit)
+        batch.contact.kernels.modes(operator, law, state, block, audit)
         if books is not None:
             books.close(part, state)
         count = part.stop - part.start
         batch.own[:, part] = state.own[:, :count]
         reached = state.tau_before + schedule.weight[-1] * (state.tau - state.tau_before)
         closing[part] += product(growth, reached)[:count]
-    return closing, {} if books is None else books.residuals(schedule.steps * watched.h)
+    balances = effective_restitution(batch.own) if batch.contact.rebounds else {}
+    if books is not None:
+        balances |= books.residuals(schedule.steps * watched.h)
+    return Ended(watched, closing, balances)

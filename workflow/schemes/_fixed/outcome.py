@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workflow.kernels import Array
 from workflow.models import Cases
 from workflow.schemes._fixed.contact import CASE_APPROACHED, CASE_SEPARATED
-from workflow.schemes._interface import Results, merge
+from workflow.schemes._interface import Results, Status, merge
+
+Outcome = tuple[NDArray[np.int8], dict[int, str]]
+"""Status of each case, and the message of each that is not ok."""
 
 ROUNDING = 16 * np.finfo(float).eps
 """A free step grows only above 1 by more than the few operations that compute its factor can err."""
-
-METRICS = {
-    "effective_restitution": (
-        "1",
-        "speed of separation over speed of approach, least squares over all contacts that ended",
-    )
-}
-"""What schemes without a restitution coefficient give beside the common metrics: unit and meaning."""
 
 
 def effective_restitution(own: Array) -> dict[str, Array]:
@@ -36,3 +33,26 @@ def by_heat(cases: Cases, run: Callable[[Cases, bool], Results]) -> Results:
     groups = [(np.flatnonzero(heated), True), (np.flatnonzero(~heated), False)]
     with np.errstate(over="ignore", invalid="ignore"):  # the status of a case that left the finite numbers says so
         return merge([(which, run(cases.take(which), hot)) for which, hot in groups if which.size])
+
+
+def judged(
+    finite: NDArray[np.bool_], ill_posed: Any, explain: Callable[[int], str], grown: str | None, left: str
+) -> Outcome:
+    """Decide what became of each case: by theory where it can be, else by whether its last state is ``finite``.
+
+    Parameters
+    ----------
+    finite, ill_posed
+        Whether a case ended with finite numbers; whether its contact has no unique solution, ``(case,)`` or one
+        for all.
+    explain
+        What is said of an ill-posed case that did not.
+    grown
+        What is said of all others where the free step grows, ``None`` where it does not.
+    left
+        What is said of cases that are not finite for no such reason.
+    """
+    lost = ill_posed & ~finite
+    status = np.where(lost, Status.ILL_POSED, np.where(finite & (grown is None), Status.OK, Status.DIVERGED))
+    ended = map(int, np.flatnonzero(status != Status.OK))
+    return status.astype(np.int8), {case: explain(case) if lost[case] else grown or left for case in ended}

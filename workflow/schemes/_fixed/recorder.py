@@ -28,10 +28,11 @@ from workflow.schemes._fixed.marks import (
     Block,
     take_marks,
 )
+from workflow.schemes._fixed.outcome import judged
 from workflow.schemes._fixed.plain_balance import PlainBalance
-from workflow.schemes._fixed.stepping import block_of, collect, observe, parts, watch
+from workflow.schemes._fixed.stepping import Ended, block_of, collect, observe, parts, watch
 from workflow.schemes._fixed.tip_load import LOAD_ROWS
-from workflow.schemes._interface import Results, Sampling, Status, schedule
+from workflow.schemes._interface import Results, Sampling, schedule
 
 
 @uncounted
@@ -133,12 +134,11 @@ class Recorder:
         watched = self._watched
         for part, block in self._blocks:
             watched.tip[:, part] = block.tip[:, : part.stop - part.start]
-        finite = np.isfinite(watched.tip[[TIP_DISPLACEMENT, TIP_VELOCITY, TIP_TEMPERATURE]]).all(axis=0)
-        status = np.where(finite, Status.OK, Status.DIVERGED).astype(np.int8)
-        text = f"the state left the finite numbers at h = {self._h:.6g} s"
+        finite = watched.finite(TIP_DISPLACEMENT, TIP_VELOCITY, TIP_TEMPERATURE)
+        left = f"the state left the finite numbers at h = {self._h:.6g} s"
         before, after = self._before[2], self._states[2]
         reached = before + watched.schedule.weight[-1] * (after - before)
         closing = project(self._growth[None, :], reached)[:, 0]
         balances = {} if self._balances is None else self._balances.residuals(self._states)
-        messages = {int(case): text for case in np.flatnonzero(~finite)}
-        return collect(watched, closing, status, messages, balances)
+        outcome = judged(finite, np.zeros_like(finite), str, None, left)
+        return collect(Ended(watched, closing, balances), *outcome)

@@ -12,55 +12,33 @@ tip out again) λ' is what puts the tip on the casing, between the two.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from workflow.kernels.compiled import defines, uncounted
-from workflow.kernels.packs import (
-    Lane,
-    Pack,
-    align_stack,
-    flag,
-    of_lane,
-    pack,
-    raised,
-    some,
-    some_nonzero,
-    spread,
-    store,
-    weighed,
-    where,
-)
-from workflow.models import Array, Cases, Structure
-from workflow.schemes._fixed import dense
-from workflow.schemes._fixed.balance import Audit
+from workflow.kernels.compiled import defines
+from workflow.kernels.packs import Lane, Pack, flag, of_lane, pack, some, some_nonzero, spread, store, weighed, where
+from workflow.kernels.sums import total
+from workflow.models import Array, Cases, Structure, mechanical_modes
+from workflow.schemes._fixed import contact
 from workflow.schemes._fixed.contact import (
-    CASE_ALPHA,
     CASE_HEAT,
     CASE_IMPULSE,
     CASE_LAST,
     CASE_PRESSED,
+    Contact,
     End,
     Free,
     TipStep,
-    contact_gain,
-    count_rebounds,
-    meet,
 )
-from workflow.schemes._fixed.decoupled import Decoupled
-from workflow.schemes._fixed.dense import DenseContact, DenseOperator
-from workflow.schemes._fixed.dense_balance import Account
-from workflow.schemes._fixed.dense_march import DenseState, FreeStep, march_dense
 from workflow.schemes._fixed.drive import began, gap_before, relative, relative_before, settled, wall
-from workflow.schemes._fixed.march import march
-from workflow.schemes._fixed.marks import TIP_DISPLACEMENT, TIP_VELOCITY, Block
-from workflow.schemes._fixed.modal_lanes import Coefficients, State
-from workflow.schemes._fixed.outcome import by_heat, effective_restitution
-from workflow.schemes._fixed.stepping import collect
-from workflow.schemes._fixed.theta_method import Contact, Operator, delassus, judge, step_modes
-from workflow.schemes._interface import Results, Sampling
+from workflow.schemes._fixed.marches import kernels_of
+from workflow.schemes._fixed.marks import TIP_DISPLACEMENT, TIP_VELOCITY
+
+KERNELS = kernels_of(__name__)
+
+_TIMES_STATIC = 10.0
+"""The default κ in static stiffnesses of the tip: it yields a tenth of what the structure does."""
 
 
 class Spring(NamedTuple):
@@ -76,7 +54,7 @@ class Spring(NamedTuple):
     """Force per depth that puts the tip on the casing, 1/(h²θ²W), N/m, infinite where no force does."""
 
 
-@defines(meet, Spring)
+@defines(contact.meet, Spring)
 def meet_spring(law: Spring, step: TipStep, free: Free, own: Array, tip: Array, lane: Lane) -> End:
     """Return the tip at the step's end."""
     h, theta = step.h, step.theta
@@ -94,19 +72,19 @@ def meet_spring(law: Spring, step: TipStep, free: Free, own: Array, tip: Array, 
     after = apart - w * (h * theta * force)
     store(own, (CASE_IMPULSE, lane), free.impulse - p)
     pressed = some_nonzero(p) or some_nonzero(force)  # with θ = 0 a force acts from the next step on
-    engaged = pressed or raised(own, (CASE_PRESSED, lane))
+    engaged = pressed or contact.was_pressed(own, lane)
     if engaged:
         touches, touched = force > 0.0, held > 0.0
         store(own, (CASE_LAST, lane), force)
         flag(own, (CASE_PRESSED, lane), pressed)
-        store(own, (CASE_HEAT, lane), pack(own, (CASE_ALPHA, lane)) * p)
-        count_rebounds(touches & ~touched, touched & ~touches, v, after, own, lane)
+        contact.friction_heat(p, own, lane)
+        contact.count_rebounds(touches & ~touched, touched & ~touches, v, after, own, lane)
     temperature = free.temperature + step.warming * pack(own, (CASE_HEAT, lane))
     x, v = settled(free.drive, x + h * weighed(theta, after, step.rest, v), after, free.gap, lane)
     return End(engaged, x, v, temperature, p)
 
 
-@defines(contact_gain, Spring)
+@defines(contact.contact_gain, Spring)
 def _spring_gain(
     law: Spring, step: TipStep, end: End, change: Pack, free: Free, own: Array, tip: Array, lane: Lane
 ) -> Pack:
@@ -125,89 +103,31 @@ def _spring_gain(
     return of_lane(law.stiffness, lane) * (0.5 * (after * after - before * before) - worked)
 
 
-@uncounted
-def _march(operator: Coefficients, law: Spring, state: State, block: Block, audit: Audit | None) -> None:
-    """Step a block of cases."""
-    align_stack()
-    march(operator, law, state, block, audit)
+def default_stiffness(structure: Structure) -> float:
+    """Return ten times the static stiffness of the tip against its rigid motion, N/m.
+
+    Raises
+    ------
+    ValueError
+        The structure is a free mass.
+    """
+    modes = mechanical_modes(structure)
+    elastic = modes.values > 0
+    flexibility = total((modes.tip[elastic] / modes.values[elastic]) ** 2)
+    if flexibility == 0:
+        raise ValueError("a free mass has no stiffness to take ten times of; give the scheme's `stiffness` in N/m")
+    return _TIMES_STATIC / flexibility
 
 
-@uncounted
-def _march_dense(
-    free: FreeStep, law: Spring, state: DenseState, block: Block, account: Account, loads: Array, first: int
-) -> None:
-    """Step a block of cases by a dense matrix."""
-    align_stack()
-    march_dense(free, law, state, block, account, loads, first)
+def by_spring(theta: float, stiffness: float, damping: float) -> Contact:
+    """Return the contact by a spring κ [N/m] and a damper c [N s/m] in steps of the θ-method."""
 
+    def factor(h: float, w: Any) -> Any:
+        return 1 + h * theta * w * (h * theta * stiffness + damping)
 
-_YIELDS = "1 + hθW (hθκ + c)"
-"""What contact divides by, as messages write it."""
+    def law(h: float, cases: Cases, w: Array) -> Spring:
+        reach = h * h * theta * theta * w
+        reach = np.where(reach > 0, 1 / np.where(reach > 0, reach, 1.0), np.inf)
+        return Spring(stiffness, damping, w, contact.inverse_or_nan(factor(h, w)), reach)
 
-
-@dataclass(frozen=True, eq=False)
-class SpringOperator:
-    """What a batch shares: structure, step [s], θ, modes, contact stiffness [N/m] and damping [N s/m]."""
-
-    structure: Structure
-    h: float
-    theta: float
-    modal: Decoupled
-    stiffness: float
-    damping: float
-
-    def without_heat(self) -> SpringOperator:
-        """Return the same without thermal states, for cases where none can act."""
-        return replace(self, modal=self.modal.without_heat())
-
-    def yielding(self, h: float, alpha: Array, friction: Array | float = 0.0) -> Array:
-        """Return 1 + hθW (hθκ + c), ``(case,)``: contact has one solution where it is positive."""
-        w = delassus(self.modal, h, self.theta, alpha, friction)
-        return yields(h, self.theta, self.stiffness, self.damping, w)
-
-    def law(self, alpha: Array, friction: Array) -> Spring:
-        """Return the contact law of cases, ``(case,)``."""
-        w = delassus(self.modal, self.h, self.theta, alpha, friction)
-        return law_of(self.h, self.theta, self.stiffness, self.damping, w)
-
-
-def yields(h: float, theta: float, stiffness: float, damping: float, w: Array) -> Array:
-    """Return 1 + hθW (hθκ + c), ``(case,)``: contact has one solution where it is positive."""
-    return np.asarray(1 + h * theta * w * (h * theta * stiffness + damping))
-
-
-def law_of(h: float, theta: float, stiffness: float, damping: float, w: Array) -> Spring:
-    """Return the contact law of cases with the Delassus operator W, 1/kg, ``(case,)``."""
-    yielding = yields(h, theta, stiffness, damping, w)
-    share = np.where(yielding <= 0, np.nan, 1 / np.where(yielding <= 0, 1.0, yielding))
-    reach = h * h * theta * theta * w
-    reach = np.where(reach > 0, 1 / np.where(reach > 0, reach, 1.0), np.inf)
-    return Spring(stiffness, damping, w, share, reach)
-
-
-def in_matrices(structure: Structure, h: float, theta: float, stiffness: float, damping: float) -> DenseOperator:
-    """Return the operator of a structure that modes do not separate."""
-    contact = DenseContact(
-        _march_dense,
-        lambda cases, w: law_of(h, theta, stiffness, damping, w),
-        lambda w: yields(h, theta, stiffness, damping, w),
-        _YIELDS,
-        rebounds=True,
-    )
-    return dense.init(structure, h, theta, contact)
-
-
-def _run(operator: SpringOperator, cases: Cases, sampling: Sampling) -> Results:
-    """Step cases that all carry thermal states, or that all carry none."""
-    modal, law = operator.modal, operator.law(cases.alpha, cases.friction)
-    free = Operator(operator.structure, operator.h, operator.theta, modal)
-    ended = step_modes(_march, free, modal, law, cases, sampling)
-    contact = Contact(operator.yielding, _YIELDS)
-    status, messages = judge(free, contact, cases, sampling.duration, ended.finite)
-    balances = {**effective_restitution(ended.own), **ended.balances}
-    return collect(ended.watched, ended.closing, status, messages, balances)
-
-
-def compute(operator: SpringOperator, cases: Cases, sampling: Sampling) -> Results:
-    """Step a whole batch; thermal states are carried only in the cases where they can act."""
-    return by_heat(cases, lambda some, hot: _run(operator if hot else operator.without_heat(), some, sampling))
+    return Contact(KERNELS, law, factor, "1 + hθW (hθκ + c)", rebounds=True, judges_heat=False)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from workflow.kernels import Array
 from workflow.kernels.eigen import eigenvalues
 from workflow.kernels.singular import singular
-from workflow.kernels.sums import total
+from workflow.kernels.sums import product, total
+from workflow.models import Structure, mechanical_modes
 
 _SWITCHING, _LASTING = 0.5, 0.95
 """Largest h √(κ W) and share of 2/ω_max at which switching contact creates no energy, see :func:`switching_limit`."""
@@ -16,21 +19,43 @@ _SWITCHING_IMPLICIT, DISSIPATES = 0.25, 0.75
 """The same of the θ-method, and the θ from which on it has no limit, see :func:`implicit_limit`."""
 
 
-def lasting_limit(frequency: Array, tip: Array, stiffness: float, push: Array | None = None) -> float:
+class _Push(NamedTuple):
+    """Modes, and what a contact force acts by on each."""
+
+    frequency: Array
+    """ω, rad/s."""
+    tip: Array
+    """φ_n, 1/√kg."""
+    push: Array | None
+    """φ_n - µ φᵀt where friction acts."""
+
+
+def _push(structure: Structure, friction: float) -> _Push:
+    modes = mechanical_modes(structure)
+    if structure.tangent is None or friction == 0:
+        return _Push(modes.values, modes.tip, None)
+    return _Push(modes.values, modes.tip, modes.tip - friction * product(modes.shapes.T, structure.tangent))
+
+
+def lasting_limit(structure: Structure, stiffness: float, friction: float = 0.0) -> float:
     """Return the step up to which no motion grows while the tip stays in contact, s: 2/ω_max of K1 with κ at the tip.
 
-    Central damping does not move it. ``push`` is what a contact force acts by on each mode where friction turns it away
-    from the tip's own share, φ_n - µ φᵀt: then ω_max² is the largest |eigenvalue| of diag(ω²) + κ push tipᵀ. Where that
-    matrix has eigenvalues that are not positive the motion itself grows in contact, at any step.
+    Central damping does not move it. Where friction turns the contact force away from the tip's own share, ω_max² is
+    the largest |eigenvalue| of diag(ω²) + κ (φ_n - µ φᵀt) φ_nᵀ. Where that matrix has eigenvalues that are not positive
+    the motion itself grows in contact, at any step.
     """
-    if push is not None:
-        spectrum = eigenvalues(np.diag(frequency**2) + stiffness * push[:, None] * tip)
+    return _lasting(_push(structure, friction), stiffness)
+
+
+def _lasting(of: _Push, stiffness: float) -> float:
+    if of.push is not None:
+        spectrum = eigenvalues(np.diag(of.frequency**2) + stiffness * of.push[:, None] * of.tip)
         return float(2 / np.sqrt(np.sqrt(np.max(spectrum.real**2 + spectrum.imag**2))))
-    at_tip = np.sqrt(stiffness) * tip  # the root of κ at the tip, beside that of K1
-    return float(2 / singular(np.vstack([np.diag(frequency), at_tip])).values[0])
+    at_tip = np.sqrt(stiffness) * of.tip  # the root of κ at the tip, beside that of K1
+    return float(2 / singular(np.vstack([np.diag(of.frequency), at_tip])).values[0])
 
 
-def switching_limit(frequency: Array, tip: Array, stiffness: float, push: Array | None = None) -> float:
+def switching_limit(structure: Structure, stiffness: float, friction: float) -> float:
     """Return the step up to which central differences hold while contact comes and goes, s.
 
     That is the smaller of 0.95 · 2/ω_max, with ω_max of K1 with κ at the tip, and 0.5/√(κ W), with W = e_nᵀ M⁻¹ e_n,
@@ -49,12 +74,12 @@ def switching_limit(frequency: Array, tip: Array, stiffness: float, push: Array 
     stays near at an eighth of the limit; there it comes at most 1.84 times as far at the limit, and more than twice as
     far at 1.5 times the limit in 9 % of them, at 2 times in 21 %, at 4 times in 88 %.
     """
-    alone = _SWITCHING / np.sqrt(stiffness * _yields(tip, push))
-    return float(min(_LASTING * lasting_limit(frequency, tip, stiffness, push), alone))
+    of = _push(structure, friction)
+    return float(min(_LASTING * _lasting(of, stiffness), _SWITCHING / np.sqrt(stiffness * _yields(of))))
 
 
-def implicit_limit(theta: float, tip: Array, stiffness: float, push: Array | None = None) -> float:
-    """Return the step up to which the θ-method holds while contact comes and goes, s: 0.25/√(κ W) below θ = 0.75.
+def implicit_limit(structure: Structure, stiffness: float, friction: float) -> float:
+    """Return the step up to which the θ-method below θ = 0.75 holds while contact comes and goes, s: 0.25/√(κ W).
 
     It is stable in lasting contact, but a spring that begins or ends to act within a step creates energy unless the
     method dissipates more. ``python tests/schemes/test_contact_limit.py 60 0.5`` measures it in the scenes of explicit
@@ -62,10 +87,10 @@ def implicit_limit(theta: float, tip: Array, stiffness: float, push: Array | Non
     limit in 1.7 % of the scenes, at 4 times in 13 %, at 30 times in 95 %. With θ = 0.75 nothing is created at 30 times
     that limit, 0.24 at most at 100 times.
     """
-    return float("inf") if theta >= DISSIPATES else float(_SWITCHING_IMPLICIT / np.sqrt(stiffness * _yields(tip, push)))
+    return float(_SWITCHING_IMPLICIT / np.sqrt(stiffness * _yields(_push(structure, friction))))
 
 
-def _yields(tip: Array, push: Array | None) -> float:
+def _yields(of: _Push) -> float:
     """Return W, 1/kg, without friction or with it, whichever is larger."""
-    cold = float(total(tip**2, 0))
-    return cold if push is None else max(cold, float(total(tip * push, 0)))
+    cold = total(of.tip**2)
+    return cold if of.push is None else max(cold, total(of.tip * of.push))

@@ -149,6 +149,20 @@ class Watch:
     period_due: NDArray[np.int64]
     period_weight: Array
 
+    def finite(self, *rows: int) -> NDArray[np.bool_]:
+        """Return which cases have finite numbers in some rows of the tip, ``(case,)``."""
+        return np.asarray(np.isfinite(self.tip[list(rows)]).all(axis=0))
+
+
+class Ended(NamedTuple):
+    """What a march leaves."""
+
+    watched: Watch
+    closing: Array
+    """Quasi-static tip growth at the end, m, ``(case,)``."""
+    balances: dict[str, Array]
+    """Metrics beside the common ones, ``(case,)``."""
+
 
 def watch(
     cases: Cases, mean: Array, sampling: Sampling, schedule: Schedule, h: float, drive: Drive | None = None
@@ -241,24 +255,18 @@ def _blank_what_was_lost(watched: Watch, case: int) -> None:
     periods[:, ends > watched.cases.period_frequency[case] * watched.interval * (first - 1)] = np.nan
 
 
-def collect(
-    watched: Watch,
-    thermal_closing: Array,
-    status: NDArray[np.int8],
-    messages: dict[int, str],
-    balances: dict[str, Array],
-) -> Results:
+def collect(ended: Ended, status: NDArray[np.int8], messages: dict[int, str]) -> Results:
     """Return the results of all blocks; a case that left the finite numbers has NaN from there on."""
-    tip, record = watched.tip, watched.record
+    watched, tip, record = ended.watched, ended.watched.tip, ended.watched.record
     metrics = {
         "impacts": tip[TIP_IMPACTS],
         "contact_time": tip[TIP_CONTACT_TIME],
         "max_penetration": tip[TIP_PENETRATION],
         "max_temperature": np.maximum(tip[TIP_HOTTEST], tip[TIP_PERIOD_HOTTEST]),
-        "thermal_closing": thermal_closing,
-        **balances,
+        "thermal_closing": ended.closing,
+        **ended.balances,
     }
-    lost = ~np.isfinite(tip[[TIP_DISPLACEMENT, TIP_VELOCITY, TIP_TEMPERATURE, TIP_IMPULSE]]).all(axis=0)
+    lost = ~watched.finite(TIP_DISPLACEMENT, TIP_VELOCITY, TIP_TEMPERATURE, TIP_IMPULSE)
     for values in metrics.values():
         values[lost] = np.nan
     for case in np.flatnonzero(lost):

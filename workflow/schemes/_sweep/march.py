@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from workflow.kernels.compiled import inlined
@@ -26,8 +24,8 @@ from workflow.schemes._fixed.marks import (
     Block,
     take_marks,
 )
-from workflow.schemes._fixed.stepping import blocks, observe, store_end, watch
-from workflow.schemes._fixed.theta_method import Ended, Operator
+from workflow.schemes._fixed.stepping import Ended, blocks, observe, store_end, watch
+from workflow.schemes._fixed.theta_method import Operator
 from workflow.schemes._fixed.tip_load import start_load, tip_load, turn_load, weigh_load
 from workflow.schemes._fixed.totals import TOTAL_ROWS, residuals
 from workflow.schemes._interface import Sampling, schedule
@@ -95,10 +93,8 @@ def _fill(nodes: Nodes, cases: Cases, case: int) -> None:
     loads[NODE_LOAD_STEADY, inside], loads[NODE_LOAD_HEATING, inside] = h * cases.steady[case], h * cases.heating[case]
 
 
-def sweep(
-    kernel: Callable[..., None], operator: Operator, law: Law, cases: Cases, sampling: Sampling, heated: bool
-) -> Ended:
-    """Step all cases, one by one, by a kernel of the scheme; ``heated`` where they carry temperatures."""
+def sweep(operator: Operator, law: Law, cases: Cases, sampling: Sampling, heated: bool) -> Ended:
+    """Step all cases, one by one, by the scheme's kernel; ``heated`` where they carry temperatures."""
     h, theta, swept = operator.h, operator.theta, operator.motion
     assert isinstance(swept, Swept)
     chain, last, plan = swept.chain, swept.chain.mechanical_size, schedule(sampling, h)
@@ -116,7 +112,7 @@ def sweep(
         fill_law(lanes, law, part)
         fill_lanes(own, rows[:, part])
         _fill(nodes, stepped, case)
-        kernel(nodes, lanes, own, block, account)
+        operator.contact.kernels.nodes(nodes, lanes, own, block, account)
         tau = nodes.state[NODE_TAU, inside]
         if heated:
             in_last_step = nodes.state[NODE_WARMED, inside] + own[CASE_HEAT, 0] * step[STEP_HEAT_ANSWER, inside]
@@ -125,4 +121,4 @@ def sweep(
             content = content_of(chain, cases.temperature[case], tau, plan.steps * h * total(cases.heating[case]))
             for name, residual in residuals(account.totals, content).items():
                 balances.setdefault(name, np.zeros(cases.count))[case] = residual
-    return Ended(watched, closing, balances, rows)
+    return Ended(watched, closing, balances)

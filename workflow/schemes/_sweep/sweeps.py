@@ -82,13 +82,6 @@ def is_swept(structure: Structure) -> TypeGuard[Chain]:
     return not structure.has_matrices or _FINDING_MODES * n**3 > (_SWEEP - _MODE) * n * _TYPICAL_STEPS
 
 
-def operator_name(structure: Structure) -> str:
-    """Return what a structure is stepped by, as ``plan`` says it."""
-    if is_swept(structure):
-        return f"sweeps along {structure.mechanical_size} nodes"
-    return f"{structure.mechanical_size} + {structure.thermal_size} modes with the tip's own"
-
-
 def node_rows(rows: int, nodes: int) -> Array:
     """Return zeros ``(row, node)`` for the nodes 0 … ``nodes`` + 1 and some that nobody reads.
 

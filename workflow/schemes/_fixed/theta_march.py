@@ -1,0 +1,171 @@
+"""Steps a batch by the θ-method: in modes, along the nodes of a long chain or by a dense matrix, and judges its cases.
+
+The equations stand in :mod:`workflow.schemes._fixed.theta_method`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow.kernels.complex_numbers import magnitude
+from workflow.models import Array, Cases, Structure, needs_matrices, poles
+from workflow.schemes._fixed import dense, theta_method
+from workflow.schemes._fixed.books import Books
+from workflow.schemes._fixed.contact import Contact, Law
+from workflow.schemes._fixed.decoupled import Decoupled, decouple, start
+from workflow.schemes._fixed.dense import DenseOperator
+from workflow.schemes._fixed.drive import drive_of
+from workflow.schemes._fixed.march import Batch, case_rows, march_blocks
+from workflow.schemes._fixed.marks import TIP_DISPLACEMENT, TIP_TEMPERATURE
+from workflow.schemes._fixed.outcome import ROUNDING, Outcome, by_heat, judged
+from workflow.schemes._fixed.sliding import friction_message, slides
+from workflow.schemes._fixed.stable_steps import largest_step, limit_text
+from workflow.schemes._fixed.stepping import Ended, collect, watch
+from workflow.schemes._fixed.theta_method import Operator
+from workflow.schemes._interface import Results, Sampling, schedule
+from workflow.schemes._sweep.march import sweep
+from workflow.schemes._sweep.sweeps import Swept, is_swept
+
+_MOST_GROWTH = 300.0
+"""Logarithm of the largest growth within a run that still has squares among the finite numbers (355), with a margin of
+1e24 for loads and units."""
+
+
+def init(
+    structure: Structure, h: float, theta: float, contact: Contact, sweeps: bool = False
+) -> Operator | DenseOperator:
+    """Diagonalise a structure once for a batch; coupled modes and, where a scheme ``sweeps``, a long chain are not."""
+    if needs_matrices(structure):
+        return dense.init(structure, h, theta, contact)
+    motion = Swept(structure) if sweeps and is_swept(structure) else decouple(structure)
+    return Operator(structure, h, theta, motion, contact)
+
+
+def compute(operator: Operator | DenseOperator, cases: Cases, sampling: Sampling) -> Results:
+    """Step a whole batch; thermal states are carried only in the cases where they can act."""
+    if isinstance(operator, DenseOperator):
+        return dense.compute(operator, cases, sampling)
+    return by_heat(cases, lambda some, heated: _run(operator, some, sampling, heated))
+
+
+def _run(operator: Operator, cases: Cases, sampling: Sampling, heated: bool) -> Results:
+    """Step cases that all carry thermal states, or that all carry none."""
+    motion, w = operator.motion, operator.delassus(operator.h, cases.alpha, cases.friction)
+    law = operator.contact.law(operator.h, cases, w)
+    if isinstance(motion, Swept):
+        ended = sweep(operator, law, cases, sampling, heated)
+    else:
+        modal = motion if heated else motion.without_heat()
+        ended = step_modes(operator, modal, law, cases, sampling)
+        if not operator.contact.judges_heat:
+            operator = replace(operator, motion=modal)
+    finite = ended.watched.finite(TIP_DISPLACEMENT, TIP_TEMPERATURE)
+    return collect(ended, *_judge(operator, cases, sampling.duration, finite))
+
+
+def step_modes(operator: Operator, modal: Decoupled, law: Law, cases: Cases, sampling: Sampling) -> Ended:
+    """Step cases in modes by the scheme's kernel; ``modal`` has thermal states or has not."""
+    h, theta = operator.h, operator.theta
+    drive, stepped = drive_of(cases, h, theta)
+    begun = start(modal, stepped)
+    watched = watch(cases, cases.mean + begun.tip_force, sampling, schedule(sampling, h), h, drive)
+    zeta = begun.velocity * modal.tip
+    xi = begun.position * modal.tip - h * theta * zeta
+    free = theta_method.coefficients(modal, h, theta, slides(modal, cases))
+    books = None
+    if sampling.balances:
+        terms = theta_method.terms(modal, h, theta, begun)
+        books = Books(operator.structure, modal, free, stepped, begun, terms)
+    batch = Batch(modal, begun, free, operator.contact, law, zeta, xi, case_rows(cases, begun), books)
+    return march_blocks(batch, watched, sampling.duration)
+
+
+def _judge(operator: Operator, cases: Cases, duration: float, finite: NDArray[np.bool_]) -> Outcome:
+    """Decide what became of each case."""
+    h, theta, growth = operator.h, operator.theta, _growth(operator)
+    grown = None
+    if growth > 1 + ROUNDING:
+        limit = _largest_stable_step(operator)
+        grown = f"the free step grows {growth:.6g}-fold at theta = {theta:g} and h = {h:.6g} s; " + (
+            f"it is stable up to h = {limit_text(limit)} s" if limit > 0 else "it is stable at no h"
+        )
+
+    @cache  # a limit is found by hundreds of trials
+    def explained(alpha: float, friction: float) -> str:
+        return _message(operator, alpha, friction, duration)
+
+    def explain(case: int) -> str:
+        return explained(float(cases.alpha[case]), float(cases.friction[case]))
+
+    ill_posed = operator.factor(h, cases.alpha, cases.friction) <= 0
+    return judged(finite, ill_posed, explain, grown, f"the state left the finite numbers at h = {h:.6g} s")
+
+
+def _growth(operator: Operator) -> float:
+    """Return the largest factor of a free step; none is above 1 where θ >= 1/2."""
+    motion, h, theta = operator.motion, operator.h, operator.theta
+    if theta >= 0.5:
+        return 1.0
+    free = magnitude(theta_method.amplification(_natural(operator), motion.damping, h, theta)).max(initial=0.0)
+    heat = np.abs(theta_method.thermal_amplification(motion.rate, h, theta)).max(initial=0.0)
+    return float(max(free, heat))
+
+
+def _natural(operator: Operator) -> Array:
+    """Return ω of the modes that are stepped, rad/s, the last one infinite where the tip has no mass."""
+    frequency = operator.motion.frequency.copy()
+    if operator.structure.has_massless_tip:
+        frequency[-1] = np.inf
+    return frequency
+
+
+def _largest_stable_step(operator: Operator) -> float:
+    """Return the step up to which no free mode grows: 2 Re λ + (1-2θ) h |λ|² <= 0 for every λ."""
+    motion, theta = operator.motion, operator.theta
+    if theta >= 0.5:
+        return float("inf")
+    if operator.structure.has_massless_tip:
+        return 0.0
+    lam = np.concatenate([poles(motion.frequency, motion.damping).ravel(), -motion.rate + 0j])
+    lam = lam[lam != 0]
+    return float(np.min(-2 * lam.real / ((1 - 2 * theta) * (lam.real**2 + lam.imag**2)), initial=np.inf))
+
+
+def _message(operator: Operator, alpha: float, friction: float, duration: float) -> str:
+    """Return what is said of a case whose contact has no unique solution."""
+    h, name = operator.h, operator.contact.name
+
+    def factor(step: float, coupling: float) -> float:
+        return float(operator.factor(step, np.array(coupling), np.array(friction)))
+
+    if factor(h, 0.0) <= 0:
+        return friction_message(h, friction, name)
+    limit = largest_step(lambda step: factor(step, alpha) > 0, h)
+    return f"contact has no unique solution at h = {h:.6g} s ({name} <= 0 at alpha = {alpha:.6g}): " + _admissible_step(
+        limit, operator.theta, duration
+    )
+
+
+def _admissible_step(limit: float, theta: float, duration: float) -> str:
+    """Return up to which step a case without a unique solution runs; ``limit`` is that up to which W > 0.
+
+    W falls to 0 as friction heat that stays at the tip pushes it on: about linearly, as 1 - r at h = r ``limit``. A
+    pressed tip's heat then grows by the factor (1 + r (1 - θ)/θ)/(1 - r) in each step, which has no bound at the limit
+    itself. Half of it is recommended, or a smaller share where that growth over the duration would leave numbers
+    whose squares are finite; as r → 0 the growth is that of the model.
+    """
+    for share in (0.5, 0.1, 0.01) if limit > 0 else ():
+        factor = (1 + share * (1 - theta) / theta) / (1 - share)
+        if np.log(factor) * duration / (share * limit) < _MOST_GROWTH:
+            return (
+                f"{limit:.6g} s is the limit, near which the heat of a step multiplies itself; "
+                f"the largest admissible h is {share * limit:.6g} s"
+            )
+    return (
+        f"{limit:.6g} s is the limit, but there is no largest admissible h, as no step helps: the heat of a pressed "
+        "tip grows out of the finite numbers within the duration; shorten it, or lower alpha"
+    )
