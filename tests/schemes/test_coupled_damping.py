@@ -28,9 +28,9 @@ from workflow.models import (
     structure_from_matrices,
 )
 from workflow.schemes import RefusedStructureError, Results, Status, event_driven
-from workflow.schemes._exact import block_table as block
 from workflow.schemes._exact.layout import free_layout
 from workflow.schemes._exact.modal_system import free_system, held_system, state_space
+from workflow.schemes._exact.tables import block
 
 OVER = sampling(8.0, 0.1)
 

@@ -11,13 +11,13 @@ import pytest
 from workflow.schemes import _exact
 
 TABLES = {
-    "block_table": ("block", {"b", "r.block", "free.r.block", "memory.block", "regime.block"}),
-    "first_table": ("first", {"f", "r.first", "memory.first", "m.r.first"}),
-    "wave_table": ("wave", {"w", "waves", "r.waves", "load.waves", "memory.waves"}),
-    "state_table": ("state", {"y", "out", "m.now"}),
-    "expansion_table": ("expansion", {"sums", "d", "x.sums", "m.x.sums", "held.x.sums", "free.x.sums"}),
+    "block": {"b", "r.block", "free.r.block", "memory.block", "regime.block"},
+    "first": {"f", "r.first", "memory.first", "m.r.first"},
+    "wave": {"w", "waves", "r.waves", "load.waves", "memory.waves"},
+    "state": {"y", "out", "m.now"},
+    "expansion": {"sums", "d", "x.sums", "m.x.sums", "held.x.sums", "free.x.sums"},
 }
-"""The name under which modules import a table, and the arrays that are laid out by it."""
+"""The arrays that are laid out by each table."""
 
 SIZES = {"ROWS", "COLUMNS", "WAVE", "GIVEN"}
 """Numbers of rows or columns: of all, of each wave, of those that a case gives."""
@@ -25,21 +25,21 @@ SIZES = {"ROWS", "COLUMNS", "WAVE", "GIVEN"}
 
 @pytest.mark.parametrize("name", TABLES)
 def test_rows_have_places_of_their_own(name: str) -> None:
-    table = vars(import_module(f"workflow.schemes._exact.{name}"))
+    table = vars(import_module(f"workflow.schemes._exact.tables.{name}"))
     rows = {word: value for word, value in table.items() if word.isupper() and word not in SIZES}
     size = table.get("ROWS", 0) + table.get("COLUMNS", 0) + table.get("WAVE", 0)
     assert sorted(rows.values()) == list(range(size))
 
 
 def test_a_row_is_used_on_its_own_table_only() -> None:
-    tables, used = dict(TABLES.values()), set()
+    used = set()
     for source in sorted(Path(_exact.__path__[0]).glob("*.py")):
         for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
             if not isinstance(node, ast.Subscript):
                 continue
             for part in ast.walk(node.slice):
-                if isinstance(part, ast.Attribute) and isinstance(part.value, ast.Name) and part.value.id in tables:
+                if isinstance(part, ast.Attribute) and isinstance(part.value, ast.Name) and part.value.id in TABLES:
                     array = ast.unparse(node.value)
-                    assert array in tables[part.value.id], f"{source.name}:{node.lineno}: {ast.unparse(node)}"
+                    assert array in TABLES[part.value.id], f"{source.name}:{node.lineno}: {ast.unparse(node)}"
                     used.add(part.value.id)
-    assert used == set(tables)
+    assert used == set(TABLES)

@@ -9,12 +9,11 @@ from test_event_driven_random import scene
 from scenes import heavy_chain
 from workflow.models import Structure
 from workflow.reduction import reduce_structure
-from workflow.schemes._exact import block_table as block
-from workflow.schemes._exact import first_table as first
 from workflow.schemes._exact import two_way
 from workflow.schemes._exact.layout import Layout
 from workflow.schemes._exact.modal_system import analyse, state_space
 from workflow.schemes._exact.regimes import linked
+from workflow.schemes._exact.tables import block, first
 from workflow.schemes._exact.two_way import HeldRegimes
 
 

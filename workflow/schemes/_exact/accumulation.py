@@ -26,9 +26,9 @@ from typing import NamedTuple
 import numpy as np
 
 from workflow.kernels.compiled import part, rare
-from workflow.schemes._exact import expansion_table as expansion
 from workflow.schemes._exact.expansion import expand, growth_bound
 from workflow.schemes._exact.motion import Motion, advance
+from workflow.schemes._exact.tables import expansion
 
 _CUBIC = 1e-6
 """Largest error of the cubic that stands for the contact force, as a share of the force at its beginning: it enters

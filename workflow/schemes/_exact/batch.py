@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from workflow.kernels.compiled import uncounted
 from workflow.kernels.sums import product
 from workflow.models import Array, Cases, Structure
-from workflow.schemes._exact import block_table as block
 from workflow.schemes._exact import outcome
 from workflow.schemes._exact.conditions import Pushed, load_of, penetration, pushed_by, tip_of
 from workflow.schemes._exact.energy_balance import EnergyBalance, Regimes, residuals
@@ -23,6 +22,7 @@ from workflow.schemes._exact.phase_log import Log, empty_log
 from workflow.schemes._exact.pole_pairs import InseparablePolesError
 from workflow.schemes._exact.record import TALLY, Record
 from workflow.schemes._exact.response import SLOW_POLE
+from workflow.schemes._exact.tables import block
 from workflow.schemes._exact.two_way import HeldRegimes
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Status, complete_periods
 

@@ -10,10 +10,10 @@ import numpy as np
 from workflow.kernels import elementwise
 from workflow.kernels.sums import product
 from workflow.models import Array, Cases
-from workflow.schemes._exact import wave_table as wave
 from workflow.schemes._exact.impacts import Tip
 from workflow.schemes._exact.layout import Layout, Load
 from workflow.schemes._exact.modal_system import Basis
+from workflow.schemes._exact.tables import wave
 
 _LOAD, _CASING = 0, 1
 """What a sinusoid belongs to."""

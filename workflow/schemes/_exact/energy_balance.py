@@ -29,15 +29,13 @@ import numpy as np
 from workflow.kernels.compiled import kernel, part, uncounted
 from workflow.kernels.sums import product
 from workflow.models import Array, Structure
-from workflow.schemes._exact import block_table as block
-from workflow.schemes._exact import first_table as first
-from workflow.schemes._exact import wave_table as wave
 from workflow.schemes._exact.layout import Layout, Load, Memory
 from workflow.schemes._exact.modal_system import Basis, ModalSystem, state_space
 from workflow.schemes._exact.motion import Motion, advance, copy_state, integral, to_rates
 from workflow.schemes._exact.passage import Motions, fill_modal, motions_of, multiply, set_free, set_held
 from workflow.schemes._exact.phase_log import Log, note_energy
 from workflow.schemes._exact.regimes import linked
+from workflow.schemes._exact.tables import block, first, wave
 from workflow.schemes._exact.waves import wave_phase
 
 _LOOK = 1 / 16

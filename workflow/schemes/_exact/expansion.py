@@ -15,14 +15,10 @@ import numpy as np
 from workflow.kernels import elementary
 from workflow.kernels.compiled import part
 from workflow.models import Array
-from workflow.schemes._exact import block_table as block
-from workflow.schemes._exact import expansion_table as expansion
-from workflow.schemes._exact import first_table as first
-from workflow.schemes._exact import state_table as state
-from workflow.schemes._exact import wave_table as wave
 from workflow.schemes._exact.explicit_blocks import explicit_force
 from workflow.schemes._exact.propagators import row_total
 from workflow.schemes._exact.response import SIGNAL, Response
+from workflow.schemes._exact.tables import block, expansion, first, state, wave
 from workflow.schemes._exact.waves import wave_phase
 
 SUM_ROUNDING = 4.0 * 2.220446049250313e-16
@@ -34,7 +30,7 @@ _FAST = 2.5
 
 
 class Expansion(NamedTuple):
-    """Memory of an expansion, rows as in :mod:`~workflow.schemes._exact.expansion_table`.
+    """Memory of an expansion, rows as in :mod:`~workflow.schemes._exact.tables.expansion`.
 
     :func:`expand` fills the first and the last column of the sums, :func:`accumulate` those between.
     """

@@ -14,13 +14,10 @@ import numpy as np
 from workflow.kernels import elementary
 from workflow.kernels.compiled import part, rare
 from workflow.models import Array
-from workflow.schemes._exact import block_table as block
-from workflow.schemes._exact import first_table as first
-from workflow.schemes._exact import state_table as state
-from workflow.schemes._exact import wave_table as wave
 from workflow.schemes._exact.layout import ORDER, TAYLOR_SPAN
 from workflow.schemes._exact.propagators import first_propagator
 from workflow.schemes._exact.response import Response, forced
+from workflow.schemes._exact.tables import block, first, state, wave
 from workflow.schemes._exact.waves import wave_phase
 
 _MANY_STEPS = 16

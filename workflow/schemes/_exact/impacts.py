@@ -8,13 +8,13 @@ import numpy as np
 
 from workflow.kernels.compiled import part, rare
 from workflow.models import Array
-from workflow.schemes._exact import expansion_table as expansion
 from workflow.schemes._exact.accumulation import Bounces, settle
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
 from workflow.schemes._exact.layout import Load
 from workflow.schemes._exact.motion import copy_state, observe, strike
 from workflow.schemes._exact.outcome import Budget
 from workflow.schemes._exact.passage import Motions, enter_contact
+from workflow.schemes._exact.tables import expansion
 
 
 class Thresholds(NamedTuple):

@@ -12,13 +12,9 @@ import numpy as np
 from workflow.kernels.compiled import kernel
 from workflow.kernels.sums import product
 from workflow.models import Array
-from workflow.schemes._exact import block_table as block
-from workflow.schemes._exact import expansion_table as expansion
-from workflow.schemes._exact import first_table as first
-from workflow.schemes._exact import state_table as state
-from workflow.schemes._exact import wave_table as wave
 from workflow.schemes._exact.modal_system import ModalSystem
 from workflow.schemes._exact.regimes import Regime, free_regime
+from workflow.schemes._exact.tables import block, expansion, first, state, wave
 
 ORDER = 18
 """Largest order of Taylor polynomials of motions."""
@@ -33,7 +29,7 @@ class Load(NamedTuple):
     mean: float
     """F0, N."""
     waves: Array
-    """Ω, φ, A and a of each wave, ``(wave, GIVEN)``, see :mod:`workflow.schemes._exact.wave_table`."""
+    """Ω, φ, A and a of each wave, ``(wave, GIVEN)``, see :mod:`workflow.schemes._exact.tables.wave`."""
     gap: float
     """d0, m."""
     duration: float
@@ -50,9 +46,9 @@ class Layout(NamedTuple):
     blocks: int
     firsts: int
     block: Array
-    """See :mod:`workflow.schemes._exact.block_table`."""
+    """See :mod:`workflow.schemes._exact.tables.block`."""
     first: Array
-    """See :mod:`workflow.schemes._exact.first_table`."""
+    """See :mod:`workflow.schemes._exact.tables.first`."""
     coupling: Array
     source: Array
     inward: Array
@@ -158,7 +154,7 @@ class Memory(NamedTuple):
     outputs: Array
     """Of signal and tip temperature what constant loads alone give, ``(2,)``."""
     waves: Array
-    """See :mod:`workflow.schemes._exact.wave_table`."""
+    """See :mod:`workflow.schemes._exact.tables.wave`."""
     sums: Array
     terms: Array
     derivatives: Array

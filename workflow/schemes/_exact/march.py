@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from workflow.kernels.compiled import part, rare, uncounted
-from workflow.schemes._exact import expansion_table as expansion
 from workflow.schemes._exact import outcome
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
 from workflow.schemes._exact.impacts import Case, impact
@@ -25,6 +24,7 @@ from workflow.schemes._exact.passage import Motions, enter_contact, fill_modal, 
 from workflow.schemes._exact.phase_log import Log, begin_phase, end_phase, note_energy, note_loss, note_phase
 from workflow.schemes._exact.record import Record, contact_time, next_due, note_temperature, record_step, write
 from workflow.schemes._exact.step import Start, certified_step
+from workflow.schemes._exact.tables import expansion
 
 _SAME_TIME = 16.0 * 2.220446049250313e-16
 """Times nearer than this share of the duration are the same: a dozen roundings of sums of steps."""

@@ -6,20 +6,17 @@ from typing import Any, NamedTuple
 
 from workflow.kernels.compiled import inlined, part, rare
 from workflow.models import Array
-from workflow.schemes._exact import block_table as block
-from workflow.schemes._exact import first_table as first
-from workflow.schemes._exact import state_table as state
-from workflow.schemes._exact import wave_table as wave
 from workflow.schemes._exact.expansion import Expansion
 from workflow.schemes._exact.explicit_blocks import advance_explicit, explicit_force
 from workflow.schemes._exact.layout import Layout, Load, Memory
 from workflow.schemes._exact.propagators import block_propagators, first_propagators, stiff_block
 from workflow.schemes._exact.response import SIGNAL, TEMPERATURE, Response, respond
+from workflow.schemes._exact.tables import block, first, state, wave
 from workflow.schemes._exact.waves import wave_phase
 
 
 class Motion(NamedTuple):
-    """The motion of one case in one regime; states as in :mod:`~workflow.schemes._exact.state_table`."""
+    """The motion of one case in one regime; states as in :mod:`~workflow.schemes._exact.tables.state`."""
 
     r: Response
     x: Expansion

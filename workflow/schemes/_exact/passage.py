@@ -8,11 +8,11 @@ import numpy as np
 
 from workflow.kernels.compiled import part, rare
 from workflow.models import Array
-from workflow.schemes._exact import expansion_table as expansion
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
 from workflow.schemes._exact.layout import Layout, Load, Memory
 from workflow.schemes._exact.motion import Motion, prepare
 from workflow.schemes._exact.response import from_coordinates, to_coordinates
+from workflow.schemes._exact.tables import expansion
 from workflow.schemes._exact.waves import casing_at
 
 

@@ -15,9 +15,6 @@ Otherwise the interval is halved.
 from __future__ import annotations
 
 from workflow.kernels.compiled import part, rare
-from workflow.schemes._exact import expansion_table as expansion
-from workflow.schemes._exact import first_table as first
-from workflow.schemes._exact import state_table as state
 from workflow.schemes._exact.expansion import (
     SUM_ROUNDING,
     accumulate,
@@ -28,6 +25,7 @@ from workflow.schemes._exact.expansion import (
 )
 from workflow.schemes._exact.motion import Motion, advance, observe
 from workflow.schemes._exact.response import TEMPERATURE
+from workflow.schemes._exact.tables import expansion, first, state
 
 _SURE = 1e-12
 """Share of the largest temperature that a later maximum may exceed it by without being searched for:

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from workflow.kernels.compiled import part, rare
 from workflow.models import Array
-from workflow.schemes._exact import first_table as first
-from workflow.schemes._exact import state_table as state
 from workflow.schemes._exact.motion import Motion
 from workflow.schemes._exact.passage import Motions, fill_modal
+from workflow.schemes._exact.tables import first, state
 
 FLIGHTS = 16
 """Flights from one that is logged to the next: there are ten times as many as contacts, all by one regime."""

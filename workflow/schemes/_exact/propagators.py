@@ -16,8 +16,7 @@ from workflow.kernels import elementary
 from workflow.kernels.compiled import inlined, part, rare
 from workflow.kernels.elementary import HALF_PI_1, HALF_PI_2, LN2_HIGH, LN2_LOW, LOG2_E, TO_INTEGER, TWO_OVER_PI
 from workflow.models import Array
-from workflow.schemes._exact import block_table as block
-from workflow.schemes._exact import first_table as first
+from workflow.schemes._exact.tables import block, first
 
 _EXPONENT = 4503599627370496.0 + 1023.0
 """2^52 + 1023: adding it to an integer q leaves q + 1023 in the lowest bits of the double."""

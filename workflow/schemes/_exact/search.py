@@ -13,9 +13,9 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.kernels.compiled import part
-from workflow.schemes._exact import expansion_table as expansion
 from workflow.schemes._exact.expansion import SUM_ROUNDING, Expansion, bounds, expanded_blocks, growth_bound
 from workflow.schemes._exact.response import Response
+from workflow.schemes._exact.tables import expansion
 
 _LONGER, _SHORTER = 1.5, 0.6
 """Factors by which a step is lengthened while it is certified, or shortened until it is: they set how many

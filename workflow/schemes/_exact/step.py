@@ -9,17 +9,13 @@ import numpy as np
 from workflow.kernels import elementary
 from workflow.kernels.compiled import part
 from workflow.models import Array
-from workflow.schemes._exact import block_table as block
-from workflow.schemes._exact import expansion_table as expansion
-from workflow.schemes._exact import first_table as first
-from workflow.schemes._exact import state_table as state
-from workflow.schemes._exact import wave_table as wave
 from workflow.schemes._exact.expansion import SUM_ROUNDING, accumulate, expand
 from workflow.schemes._exact.explicit_blocks import begin_derivatives, explicit_force, next_derivative
 from workflow.schemes._exact.layout import ORDER, TAYLOR_SPAN
 from workflow.schemes._exact.motion import Motion, advance
 from workflow.schemes._exact.propagators import row_total
 from workflow.schemes._exact.search import longest_without_zero, zero_crossing
+from workflow.schemes._exact.tables import block, expansion, first, state, wave
 from workflow.schemes._exact.waves import wave_phase
 
 _HALF_THE_DIGITS = 1e-9

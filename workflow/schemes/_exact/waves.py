@@ -5,7 +5,7 @@ from __future__ import annotations
 from workflow.kernels import elementary
 from workflow.kernels.compiled import inlined, part
 from workflow.models import Array
-from workflow.schemes._exact import wave_table as wave
+from workflow.schemes._exact.tables import wave
 
 
 @part

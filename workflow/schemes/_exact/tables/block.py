@@ -1,7 +1,7 @@
 """Rows of the table of second-order blocks, ``(ROWS, column)``; column k holds the block η'' + c η' + ω² η = F.
 
 The force on a block is F(t) = F0 + Σ (Fc cos ψ + Fs sin ψ) + Σ_j g_j ξ_j: a constant, the waves of phase ψ = Ω t + φ
-(:mod:`~workflow.schemes._exact.wave_table`) and the first-order states ξ_j.
+(:mod:`~workflow.schemes._exact.tables.wave`) and the first-order states ξ_j.
 An *explicit* block keeps F and is advanced by Taylor series. Of every other block the particular solution is
 subtracted, so that what is left moves without a force. Outputs o (0: the signal, 1: the tip temperature) are linear in
 η and η': the row of output o lies 2 o below that of the signal.
