@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from workflow.kernels.compiled import kernel, part, uncounted
+from workflow.kernels.compiled import part, uncounted
 from workflow.kernels.sums import product
 from workflow.models import Array, Structure
 from workflow.schemes._exact.layout import Layout, Load, Memory
@@ -126,40 +126,14 @@ class EnergyBalance:
         return Heat(self._content, self._per_load, alpha)
 
 
-@kernel
 def with_loss(g: Layout, loss: Array) -> Layout:
     """Return a regime whose signal is the heat loss, W; ``loss`` is that per thermal mode."""
     b, f, source, size = g.block.copy(), g.first.copy(), g.source.copy(), g.outward.shape[0]
-    for q in range(size):
-        lost = 0.0
-        for j in range(loss.size):
-            lost += loss[j] * g.outward[q, size - loss.size + j]
-        if q < g.blocks:
-            b[block.SIGNAL_VALUE, q] = lost
-        elif q < 2 * g.blocks:
-            b[block.SIGNAL_SLOPE, q - g.blocks] = lost
-        else:
-            f[first.SIGNAL_VALUE, q - 2 * g.blocks] = lost
+    value, slope, of_first = np.split(product(g.outward[:, size - loss.size :], loss), [g.blocks, 2 * g.blocks])
+    b[block.SIGNAL_VALUE, : g.blocks], b[block.SIGNAL_SLOPE, : g.blocks] = value, slope
+    f[first.SIGNAL_VALUE, : g.firsts] = of_first
     source[:, size] = 0.0
-    return Layout(
-        g.blocks,
-        g.firsts,
-        b,
-        f,
-        g.coupling,
-        source,
-        g.inward,
-        g.outward,
-        g.entry,
-        g.exit,
-        g.growth,
-        g.first_growth,
-        g.fastest,
-        g.fastest_first,
-        g.two_way,
-        g.warms,
-        g.mixes,
-    )
+    return g._replace(block=b, first=f, source=source)
 
 
 @uncounted

@@ -15,7 +15,7 @@ lie in lanes; complex pairs count once.
 from __future__ import annotations
 
 from workflow.kernels.compiled import inlined, part
-from workflow.kernels.packs import Lane, magnitude, narrow, pack, some, spread, store, where
+from workflow.kernels.packs import Lane, complex_at, magnitude, narrow, pack, some, spread, store_complex, times, where
 from workflow.models import Array
 from workflow.schemes._exact import zeros as row
 from workflow.schemes._exact.zeros import RankOne, Scratch, difference, fill_up, inverse, newton, own, start, start_from
@@ -58,7 +58,7 @@ def solve(matrix: RankOne, alpha: float, guesses: Array, work: Scratch) -> tuple
 @part
 def _distinct(t: Array, count: int, lane: Lane) -> bool:
     """Tell whether all zeros of a pack differ from each other zero and, if complex, from the real axis."""
-    shift, shift_im, same = pack(t, (row.SHIFT, lane)), pack(t, (row.SHIFT_IM, lane)), DISTINCT * DISTINCT
+    (shift, shift_im), same = complex_at(t, row.SHIFT, lane), DISTINCT * DISTINCT
     size = shift * shift + shift_im * shift_im
     for k in range(count):
         other = t[row.SHIFT, k] * t[row.SHIFT, k] + t[row.SHIFT_IM, k] * t[row.SHIFT_IM, k]
@@ -78,40 +78,35 @@ def _vectors(matrix: RankOne, alpha: float, t: Array, right: Array, left: Array,
     f, f_im = zero + 1.0, zero
     for k in range(u.shape[1]):
         x, y = inverse(matrix.d, k, t, lane)
-        a, a_im = u[0, k] * x - u[1, k] * y, u[0, k] * y + u[1, k] * x
-        f, f_im = f - alpha * (a * w[0, k] - a_im * w[1, k]), f_im - alpha * (a * w[1, k] + a_im * w[0, k])
-        store(right, (0, k, lane), a)
-        store(right, (1, k, lane), a_im)
-        store(left, (0, k, lane), w[0, k] * x - w[1, k] * y)
-        store(left, (1, k, lane), w[0, k] * y + w[1, k] * x)
+        a, a_im = times(u[0, k], u[1, k], x, y)
+        more, more_im = times(w[0, k], w[1, k], a, a_im)
+        f, f_im = f - alpha * more, f_im - alpha * more_im
+        store_complex(right, 2 * k, lane, (a, a_im))
+        store_complex(left, 2 * k, lane, times(w[0, k], w[1, k], x, y))
     size = 1.0 / (f * f + f_im * f_im)
     f, f_im = f * size, -f_im * size
-    force = pack(t, (row.W, lane)) * f - pack(t, (row.W_IM, lane)) * f_im
-    force_im = pack(t, (row.W, lane)) * f_im + pack(t, (row.W_IM, lane)) * f
-    store(t, (row.FORCE, lane), force)
-    store(t, (row.FORCE_IM, lane), force_im)
+    (own_u, own_u_im), (own_w, own_w_im) = complex_at(t, row.U, lane), complex_at(t, row.W, lane)
+    force, force_im = times(own_w, own_w_im, f, f_im)
+    store_complex(t, row.FORCE, lane, (force, force_im))
     lead, lead_im = alpha * force, alpha * force_im
-    follow = alpha * (pack(t, (row.U, lane)) * f - pack(t, (row.U_IM, lane)) * f_im)
-    follow_im = alpha * (pack(t, (row.U, lane)) * f_im + pack(t, (row.U_IM, lane)) * f)
+    follow, follow_im = times(own_u, own_u_im, f, f_im)
+    follow, follow_im = alpha * follow, alpha * follow_im
     length, length_im, terms = zero + 1.0, zero, zero + 1.0
     for k in range(u.shape[1]):
         one = where(own(t, k, row.POLE, lane), 1.0, zero)
-        x, y = pack(right, (0, k, lane)), pack(right, (1, k, lane))
-        p, q = pack(left, (0, k, lane)), pack(left, (1, k, lane))
-        x, y = x * lead - y * lead_im, x * lead_im + y * lead
-        p, q = p * follow - q * follow_im, p * follow_im + q * follow
-        part, part_im = x * p - y * q, x * q + y * p
+        x, y = complex_at(right, 2 * k, lane)
+        p, q = complex_at(left, 2 * k, lane)
+        x, y = times(x, y, lead, lead_im)
+        p, q = times(p, q, follow, follow_im)
+        part, part_im = times(x, y, p, q)
         length, length_im, terms = length + part, length_im + part_im, terms + (magnitude(part) + magnitude(part_im))
-        store(right, (0, k, lane), x + one)
-        store(right, (1, k, lane), y)
-        store(left, (0, k, lane), p + one)
-        store(left, (1, k, lane), q)
+        store_complex(right, 2 * k, lane, (x + one, y))
+        store_complex(left, 2 * k, lane, (p + one, q))
     square = length * length + length_im * length_im
     back, back_im = length / square, -length_im / square
     for k in range(u.shape[1]):
-        p, q = pack(left, (0, k, lane)), pack(left, (1, k, lane))
-        store(left, (0, k, lane), p * back - q * back_im)
-        store(left, (1, k, lane), p * back_im + q * back)
+        p, q = complex_at(left, 2 * k, lane)
+        store_complex(left, 2 * k, lane, times(p, q, back, back_im))
     return not some(~(square > DISTINCT * DISTINCT * terms * terms))
 
 

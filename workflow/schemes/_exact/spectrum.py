@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from workflow.kernels.compiled import part, uncounted
 from workflow.kernels.complex_numbers import complex_of, complex_product, magnitude, over, square_root
 from workflow.kernels.eigen import eigenvalues, eigenvectors
-from workflow.kernels.packs import Lane, narrow, pack, store
+from workflow.kernels.packs import Lane, complex_at, narrow, store_complex, times
 from workflow.kernels.solving import solve
 from workflow.kernels.sums import product, total
 from workflow.models import Array
@@ -114,24 +114,16 @@ def _right_states(held: Uncoupled, right: Array, lane: Lane) -> None:
     """Turn right eigenvectors into those in X: z = η + Q τ, z' = ζ - Q μ τ."""
     (modes, heats), d = held.response.shape, held.matrix.d
     for m in range(modes):
-        low = modes + m
-        a, a_im, b, b_im = (
-            pack(right, (0, m, lane)),
-            pack(right, (1, m, lane)),
-            pack(right, (0, low, lane)),
-            pack(right, (1, low, lane)),
-        )
-        z, z_im = a + b, a_im + b_im
-        v = (d[0, m] * a - d[1, m] * a_im) + (d[0, low] * b - d[1, low] * b_im)
-        v_im = (d[0, m] * a_im + d[1, m] * a) + (d[0, low] * b_im + d[1, low] * b)
+        at, low = 2 * m, 2 * (modes + m)
+        (a, a_im), (b, b_im) = complex_at(right, at, lane), complex_at(right, low, lane)
+        (v, v_im), (w, w_im) = times(d[0, m], d[1, m], a, a_im), times(d[0, modes + m], d[1, modes + m], b, b_im)
+        z, z_im, v, v_im = a + b, a_im + b_im, v + w, v_im + w_im
         for j in range(heats):
-            tau, tau_im = pack(right, (0, 2 * modes + j, lane)), pack(right, (1, 2 * modes + j, lane))
+            tau, tau_im = complex_at(right, 2 * (2 * modes + j), lane)
             z, z_im = z + held.response[m, j] * tau, z_im + held.response[m, j] * tau_im
             v, v_im = v - held.lag[m, j] * tau, v_im - held.lag[m, j] * tau_im
-        store(right, (0, m, lane), z)
-        store(right, (1, m, lane), z_im)
-        store(right, (0, low, lane), v)
-        store(right, (1, low, lane), v_im)
+        store_complex(right, at, lane, (z, z_im))
+        store_complex(right, low, lane, (v, v_im))
 
 
 @part
@@ -139,27 +131,21 @@ def _left_states(held: Uncoupled, left: Array, lane: Lane) -> None:
     """Turn left eigenvectors into those per X: the inverse of :func:`_right_states`, transposed."""
     (modes, heats), d, split = held.response.shape, held.matrix.d, held.split
     for m in range(modes):
-        low, c = modes + m, held.damping[m]
-        a, a_im, b, b_im = (
-            pack(left, (0, m, lane)),
-            pack(left, (1, m, lane)),
-            pack(left, (0, low, lane)),
-            pack(left, (1, low, lane)),
-        )
-        a, a_im = a * split[0, m] - a_im * split[1, m], a * split[1, m] + a_im * split[0, m]
-        b, b_im = b * split[0, m] - b_im * split[1, m], b * split[1, m] + b_im * split[0, m]
-        store(left, (0, m, lane), (a * (d[0, m] + c) - a_im * d[1, m]) - (b * (d[0, low] + c) - b_im * d[1, low]))
-        store(left, (1, m, lane), (a * d[1, m] + a_im * (d[0, m] + c)) - (b * d[1, low] + b_im * (d[0, low] + c)))
-        store(left, (0, low, lane), a - b)
-        store(left, (1, low, lane), a_im - b_im)
-    for j in range(2 * modes, 2 * modes + heats):
-        tau, tau_im = pack(left, (0, j, lane)), pack(left, (1, j, lane))
+        at, low, c = 2 * m, 2 * (modes + m), held.damping[m]
+        (a, a_im), (b, b_im) = complex_at(left, at, lane), complex_at(left, low, lane)
+        (a, a_im), (b, b_im) = times(split[0, m], split[1, m], a, a_im), times(split[0, m], split[1, m], b, b_im)
+        store_complex(left, low, lane, (a - b, a_im - b_im))
+        a, a_im = times(d[0, m] + c, d[1, m], a, a_im)
+        b, b_im = times(d[0, modes + m] + c, d[1, modes + m], b, b_im)
+        store_complex(left, at, lane, (a - b, a_im - b_im))
+    for j in range(heats):
+        own = 2 * (2 * modes + j)
+        tau, tau_im = complex_at(left, own, lane)
         for m in range(modes):
-            lag, at = held.lag[m, j - 2 * modes], held.response[m, j - 2 * modes]
-            tau = tau + (lag * pack(left, (0, modes + m, lane)) - at * pack(left, (0, m, lane)))
-            tau_im = tau_im + (lag * pack(left, (1, modes + m, lane)) - at * pack(left, (1, m, lane)))
-        store(left, (0, j, lane), tau)
-        store(left, (1, j, lane), tau_im)
+            lag, static = held.lag[m, j], held.response[m, j]
+            (z, z_im), (v, v_im) = complex_at(left, 2 * m, lane), complex_at(left, 2 * (modes + m), lane)
+            tau, tau_im = tau + (lag * v - static * z), tau_im + (lag * v_im - static * z_im)
+        store_complex(left, own, lane, (tau, tau_im))
 
 
 @part
@@ -231,7 +217,7 @@ def _spectrum(solver: Any, system: Any, alpha: float, A: Array) -> Spectrum | No
         return None
     t = work.lanes[:, :count]
     values = complex_of(t[row.D] + t[row.SHIFT], t[row.D_IM] + t[row.SHIFT_IM])
-    right, left = (complex_of(side[0, :, :count], side[1, :, :count]) for side in (work.right, work.left))
+    right, left = (complex_of(side[::2, :count], side[1::2, :count]) for side in (work.right, work.left))
     force = complex_of(t[row.FORCE], t[row.FORCE_IM])
     return Spectrum(values, right, left.T, force)
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workflow.kernels.compiled import kernel, part
-from workflow.kernels.packs import Lane, narrow, pack, spread, store
+from workflow.kernels.packs import Lane, complex_at, narrow, pack, spread, store
 from workflow.models import Array
 from workflow.schemes._exact import zeros as row
 from workflow.schemes._exact.layout import Layout, layout
@@ -113,14 +113,14 @@ def _regime_at(h: TwoWay, alpha: float, guesses: Array, work: Scratch) -> tuple[
 def _fill_inward(t: Array, left: Array, i: int, pairs: int, firsts: int, inward: Array) -> None:
     """Fill what coordinates take from one of X; packs of a kind reach into the next kind, which is filled after it."""
     for p in range(0, pairs, 8):
-        store(inward, (i, narrow(p)), pack(left, (0, i, narrow(p))))
+        store(inward, (i, narrow(p)), pack(left, (2 * i, narrow(p))))
     for p in range(0, pairs, 8):
         lane = narrow(p)
-        s = pack(t, (row.D, lane)) + pack(t, (row.SHIFT, lane))
-        nu = pack(t, (row.D_IM, lane)) + pack(t, (row.SHIFT_IM, lane))
-        store(inward, (i, narrow(pairs + p)), s * pack(left, (0, i, lane)) - nu * pack(left, (1, i, lane)))
+        (pole, pole_im), (shift, shift_im) = complex_at(t, row.D, lane), complex_at(t, row.SHIFT, lane)
+        real, imaginary = complex_at(left, 2 * i, lane)
+        store(inward, (i, narrow(pairs + p)), (pole + shift) * real - (pole_im + shift_im) * imaginary)
     for j in range(0, firsts, 8):
-        store(inward, (i, narrow(2 * pairs + j)), pack(left, (0, i, narrow(pairs + j))))
+        store(inward, (i, narrow(2 * pairs + j)), pack(left, (2 * i, narrow(pairs + j))))
 
 
 @part
@@ -128,10 +128,10 @@ def _fill_outward(t: Array, right: Array, i: int, pairs: int, firsts: int, outwa
     """Fill what one of X takes from coordinates."""
     for p in range(pairs):
         s, nu = t[row.D, p] + t[row.SHIFT, p], t[row.D_IM, p] + t[row.SHIFT_IM, p]
-        turned = 2.0 * right[1, i, p] / nu
-        outward[p, i], outward[pairs + p, i] = 2.0 * right[0, i, p] - s * turned, turned
+        turned = 2.0 * right[2 * i + 1, p] / nu
+        outward[p, i], outward[pairs + p, i] = 2.0 * right[2 * i, p] - s * turned, turned
     for j in range(firsts):
-        outward[2 * pairs + j, i] = right[0, i, pairs + j]
+        outward[2 * pairs + j, i] = right[2 * i, pairs + j]
 
 
 @part

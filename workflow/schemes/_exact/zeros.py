@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from workflow.kernels.compiled import inlined, part
-from workflow.kernels.packs import Lane, Pack, narrow, pack, some, spread, store, where
+from workflow.kernels.packs import Lane, Pack, complex_at, narrow, pack, some, spread, store_complex, times, where
 from workflow.models import Array
 
 ABERTH_STEPS, APART = 40, 1e-5
@@ -22,7 +22,7 @@ REAL = 1e-7
 _TINY = 1e-300
 """A shift of zero has converged."""
 
-# rows of lanes, a zero s = d + δ in each
+# rows of lanes, a zero s = d + δ in each; imaginary parts lie behind real ones
 POLE = 0  # index of the nearest pole d
 D, D_IM = 1, 2  # the pole, 1/s
 SHIFT, SHIFT_IM = 3, 4  # δ, 1/s
@@ -54,7 +54,8 @@ class Scratch(NamedTuple):
     residue: Array
     """α u w, ``(2, N)``."""
     right: Array
-    """Right eigenvectors in the coordinates in which D is diagonal, ``(2, N, N + …)``: real and imaginary parts."""
+    """Right eigenvectors in the coordinates in which D is diagonal, ``(2 N, N + …)``: the real parts of each
+    coordinate, and in the next row the imaginary ones."""
     left: Array
     """Left ones, left · right = 1."""
 
@@ -68,7 +69,7 @@ def scratch(size: int) -> Scratch:
     """Return memory for a matrix of so many rows; cases may use it one after the other."""
     wide = 8 * (size // 8 + 2)
     lanes = np.zeros((2, ROWS, wide))
-    return Scratch(lanes[0], lanes[1], np.zeros((2, size)), np.zeros((2, size, wide)), np.zeros((2, size, wide)))
+    return Scratch(lanes[0], lanes[1], np.zeros((2, size)), np.zeros((2 * size, wide)), np.zeros((2 * size, wide)))
 
 
 @inlined
@@ -80,8 +81,8 @@ def own(t: Array, k: int, row: int, lane: Lane) -> Any:
 @inlined
 def inverse(d: Array, k: int, t: Array, lane: Lane) -> tuple[Pack, Pack]:
     """Return 1/(s - d_k), 0 for the pole of the lane itself."""
-    x = (pack(t, (D, lane)) - d[0, k]) + pack(t, (SHIFT, lane))
-    y = (pack(t, (D_IM, lane)) - d[1, k]) + pack(t, (SHIFT_IM, lane))
+    (pole, pole_im), (shift, shift_im) = complex_at(t, D, lane), complex_at(t, SHIFT, lane)
+    x, y = (pole - d[0, k]) + shift, (pole_im - d[1, k]) + shift_im
     size = 1.0 / where(own(t, k, POLE, lane), np.inf, x * x + y * y)
     return x * size, -y * size
 
@@ -89,8 +90,8 @@ def inverse(d: Array, k: int, t: Array, lane: Lane) -> tuple[Pack, Pack]:
 @inlined
 def difference(t: Array, k: int, lane: Lane) -> tuple[Pack, Pack, Pack]:
     """Return s - s_k and the square of its size, which is infinite for the lane itself."""
-    x = (pack(t, (D, lane)) - t[D, k]) + (pack(t, (SHIFT, lane)) - t[SHIFT, k])
-    y = (pack(t, (D_IM, lane)) - t[D_IM, k]) + (pack(t, (SHIFT_IM, lane)) - t[SHIFT_IM, k])
+    (pole, pole_im), (shift, shift_im) = complex_at(t, D, lane), complex_at(t, SHIFT, lane)
+    x, y = (pole - t[D, k]) + (shift - t[SHIFT, k]), (pole_im - t[D_IM, k]) + (shift_im - t[SHIFT_IM, k])
     return x, y, where(own(t, k, PLACE, lane), np.inf, x * x + y * y)
 
 
@@ -105,25 +106,26 @@ def newton(matrix: RankOne, residue: Array, t: Array, iteration: tuple[int, floa
     f, f_im, slope, slope_im, away, away_im = zero + constant, zero, zero, zero, zero, zero
     for k in range(first, matrix.d.shape[1]):
         x, y = inverse(matrix.d, k, t, lane)
-        term, term_im = residue[0, k] * x - residue[1, k] * y, residue[0, k] * y + residue[1, k] * x
+        term, term_im = times(residue[0, k], residue[1, k], x, y)
+        steeper, steeper_im = times(term, term_im, x, y)
         f, f_im = f - term, f_im - term_im
-        slope, slope_im = slope + (term * x - term_im * y), slope_im + (term * y + term_im * x)
+        slope, slope_im = slope + steeper, slope_im + steeper_im
         away, away_im = away + x, away_im + y
     weight = 1.0 if apart > 0 else 0.0
     for k in range(apart):
         x, y, size = difference(t, k, lane)
         away, away_im = away - x / size, away_im + y / size
-    shift, shift_im = pack(t, (SHIFT, lane)), pack(t, (SHIFT_IM, lane))
-    g = (shift * f - shift_im * f_im) - pack(t, (RESIDUE, lane))
-    g_im = (shift * f_im + shift_im * f) - pack(t, (RESIDUE_IM, lane))
-    rate = f + (shift * slope - shift_im * slope_im) + weight * (g * away - g_im * away_im)
-    rate_im = f_im + (shift * slope_im + shift_im * slope) + weight * (g * away_im + g_im * away)
+    (shift, shift_im), (pole, pole_im) = complex_at(t, SHIFT, lane), complex_at(t, RESIDUE, lane)
+    g, g_im = times(shift, shift_im, f, f_im)
+    g, g_im = g - pole, g_im - pole_im
+    change, change_im = times(shift, shift_im, slope, slope_im)
+    repelled, repelled_im = times(g, g_im, away, away_im)
+    rate, rate_im = f + change + weight * repelled, f_im + change_im + weight * repelled_im
     size = rate * rate + rate_im * rate_im
     step = (g * rate + g_im * rate_im) / size
     step_im = pack(t, (FREE, lane)) * ((g_im * rate - g * rate_im) / size)
     shift, shift_im = shift - step, shift_im - step_im
-    store(t, (SHIFT, lane), shift)
-    store(t, (SHIFT_IM, lane), shift_im)
+    store_complex(t, SHIFT, lane, (shift, shift_im))
     change, size = step * step + step_im * step_im, shift * shift + shift_im * shift_im
     return some(~(change <= least * least * size + _TINY))
 
