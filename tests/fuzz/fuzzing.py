@@ -18,14 +18,22 @@ import time
 import traceback
 from pathlib import Path
 
+import psutil
+
 LONGEST = 10.0
-"""Seconds that one mutant may take."""
+"""Processor seconds that one mutant may take, however much the machine has to do beside."""
+
+ASLEEP = 120.0
+"""Seconds that one mutant may take in all: one that waits for something takes no processor time."""
+
+LOOK = 0.2
+"""Seconds between two looks at an interpreter that says nothing."""
 
 MEMORY = 4 * 2**30
 """Bytes of address space of an interpreter: what spends more is told by a MemoryError."""
 
 START = 60.0
-"""Seconds for an interpreter to start."""
+"""Processor seconds for an interpreter to start."""
 
 
 def faults(kind: str, first: int, stop: int, *words: str) -> list[str]:
@@ -39,17 +47,20 @@ def faults(kind: str, first: int, stop: int, *words: str) -> list[str]:
 def _watched(kind: str, first: int, stop: int, words: tuple[str, ...], messages: list[str]) -> int:
     """Watch an interpreter to its end and return the seed that comes next."""
     command = [sys.executable, __file__, kind, str(first), str(stop), *words]
-    seed, patience, buffer = first, START, b""
+    seed, buffer = first, b""
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, bufsize=0) as process:
         assert process.stdout is not None
-        while select.select([process.stdout], [], [], patience)[0]:
+        limit = _Limit(process.pid, START, 10 * START)
+        while not limit.is_exceeded():
+            if not select.select([process.stdout], [], [], LOOK)[0]:
+                continue
             data = os.read(process.stdout.fileno(), 65536)
             if not data:
                 break
             *lines, buffer = (buffer + data).split(b"\n")
             for line in lines:
                 report = json.loads(line)
-                seed, patience = report["seed"], LONGEST
+                seed, limit = report["seed"], _Limit(process.pid, LONGEST, ASLEEP)
                 if report.get("fault"):
                     messages.append(f"{kind} {seed}: {report['fault']}")
         else:
@@ -60,6 +71,26 @@ def _watched(kind: str, first: int, stop: int, words: tuple[str, ...], messages:
         return stop
     messages.append(f"{kind} {seed}: the interpreter ends with {process.returncode}")
     return seed + 1
+
+
+class _Limit:
+    """How long an interpreter may take from now on."""
+
+    def __init__(self, process: int, processor_seconds: float, seconds: float):
+        self._process = psutil.Process(process)
+        self._processor_end = self._processor_time() + processor_seconds
+        self._end = time.monotonic() + seconds
+
+    def _processor_time(self) -> float:
+        """Return the processor seconds that the interpreter has taken; none any more once it has ended."""
+        try:
+            times = self._process.cpu_times()
+        except psutil.Error:
+            return 0.0
+        return float(times.user + times.system)
+
+    def is_exceeded(self) -> bool:
+        return time.monotonic() > self._end or self._processor_time() > self._processor_end
 
 
 def _command(*words: str) -> str:
@@ -137,6 +168,9 @@ def _deadly(seed: int) -> str:
             time.sleep(10 * LONGEST)
         case 3:
             os.kill(os.getpid(), signal.SIGSEGV)
+        case 4:
+            while True:
+                pass
     return ""
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from quick import quick
 from workflow.grid import _compile as compilation
+from workflow.grid import _helpers as helpers
 from workflow.grid import arrange
 from workflow.grid._ahead import kernel_variants
 from workflow.run import run_study
@@ -37,20 +38,18 @@ def test_a_case_that_cannot_be_set_up_wants_nothing(monkeypatch: pytest.MonkeyPa
 
 def test_a_run_goes_on_where_helpers_fail(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The helper asked for is one that cannot be started."""
-    methods: list[str] = []
-    help_with = compilation._Running.help_with
+    methods: set[str] = set()
+    add = compilation.SHARES.add
 
-    def noted(running: compilation._Running, schemes: list[compilation.KernelVariant]) -> None:
-        methods.extend(variant.method for variant in schemes)
-        help_with(running, schemes)
+    def noted(shares: list[compilation.Share]) -> None:
+        methods.update(share.method for share in shares)
+        add(shares)
 
-    monkeypatch.setattr(compilation._Running, "help_with", noted)
+    monkeypatch.setattr(compilation.SHARES, "add", noted)
     monkeypatch.setattr(compilation, "_note", lambda variant: tmp_path / f"{variant.method}.compiled")
     monkeypatch.setattr(sys, "executable", str(tmp_path / "missing"))
     outcome = run_study(quick(**THREE), tmp_path / "three.nc", threads=2)
     assert outcome.ok
-    assert "moreau" not in methods
-    assert set(methods) <= {"penalty", "event_driven"}
-    assert methods
+    assert methods == {"penalty", "event_driven"}
     run_study(quick(**THREE), tmp_path / "alone.nc", threads=1)
-    assert not compilation._HELPERS
+    assert not helpers._AT_WORK

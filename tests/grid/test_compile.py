@@ -9,8 +9,8 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -19,7 +19,10 @@ import workflow
 from workflow import schemes
 from workflow.grid import Turns, lend_turns
 from workflow.grid import _compile as compilation
-from workflow.grid._compile import KernelVariant, compile_scheme, compiled_ahead
+from workflow.grid import _helpers as helpers
+from workflow.grid._compile import SHARES, KernelVariant, Share, compile_scheme
+from workflow.grid._helpers import at_work, compiled_ahead
+from workflow.schemes._exact import batch, two_way
 
 ROOT = Path(workflow.__file__).parents[1]
 
@@ -29,10 +32,11 @@ sys.path.insert(0, {str(ROOT)!r})
 from collections import Counter
 from numba.core import event
 from workflow import schemes
-from workflow.grid._compile import KernelVariant, compile_scheme, compiled_ahead
+from workflow.grid._compile import KernelVariant, compile_scheme
+from workflow.grid._helpers import compiled_ahead
 
 def variant_of(method):
-    return KernelVariant(method, schemes.load(method).Options(), 1, balances=False)
+    return KernelVariant(method, schemes.load(method).Options(), 1, balances=True)
 """
 
 TOGETHER = """
@@ -50,8 +54,8 @@ with compiled_ahead([variant_of("event_driven"), variant_of("moreau")], 1):
 from workflow.schemes._exact import march as exact
 from workflow.schemes import moreau
 ours = {f.__name__: n for f, n in Seen.functions.items() if f.__module__.startswith("workflow.")}
-print(max(ours.values()), "march" in ours, "march_modes" in ours)
-print(*(sum(k.dispatcher.stats.cache_hits.values()) for k in (exact.march, moreau.KERNELS.modes)))
+print(max(ours.values()), "march" in ours, "_regime_at" in ours, "residuals" in ours)
+print(sum(exact.march.dispatcher.stats.cache_hits.values()))
 print(*(len(k.dispatcher.signatures) for k in (exact.march, moreau.KERNELS.modes)))
 """
 
@@ -63,7 +67,7 @@ with compiled_ahead([variant_of("moreau"), variant_of("event_driven")], 1):
 
 
 def variant_of(method: str) -> KernelVariant:
-    return KernelVariant(method, schemes.load(method).Options(), 1, balances=False)
+    return KernelVariant(method, schemes.load(method).Options(), 1, balances=True)
 
 
 @pytest.fixture
@@ -87,6 +91,20 @@ def until(condition: Callable[[], bool]) -> bool:
     return condition()
 
 
+def keep_helper_busy(monkeypatch: pytest.MonkeyPatch) -> threading.Event:
+    """Let a helper be busy with its first share until nobody waits for that; the event is set when it has begun."""
+    begun = threading.Event()
+
+    def hang(process: object, share: Share) -> bool:
+        begun.set()
+        share.is_done.wait()
+        return False
+
+    monkeypatch.setattr(helpers, "_have_compiled", hang)
+    monkeypatch.setattr(sys, "executable", "true")
+    return begun
+
+
 def children(process: int) -> list[int]:
     lists = [task.read_text() for task in Path(f"/proc/{process}/task").glob("*/children")]
     return [int(child) for text in lists for child in text.split()]
@@ -101,12 +119,12 @@ def alive(process: int) -> bool:
 
 @pytest.mark.slow  # it compiles the largest kernel
 def test_kernels_are_compiled_once_and_those_of_a_helper_are_loaded(tmp_path: Path) -> None:
-    """With nothing compiled: no function for two types of arguments, and none that a helper compiles."""
+    """With nothing compiled: no function for two types of arguments, and not the march, which a helper begins with."""
     lines = subprocess.run(
         [sys.executable, "-c", START + TOGETHER],
         capture_output=True, text=True, check=True, env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
     ).stdout.splitlines()  # fmt: skip
-    assert lines == ["1 True False", "0 1", "1 1"]
+    assert lines == ["1 False True True", "1", "1 1"]
 
 
 @pytest.mark.parametrize("script", ["exit 1", "kill -9 $$", "exec < /dev/null", None])
@@ -116,8 +134,7 @@ def test_a_scheme_whose_helper_fails_is_compiled_all_the_same(
     failing = executable(unnoted / "python", script) if script else str(unnoted / "missing")
     monkeypatch.setattr(sys, "executable", failing)
     with compiled_ahead([variant_of("event_driven"), variant_of("moreau")], 1):
-        helper = compilation._HELPERS["moreau"]
-        assert until(helper.done)
+        assert until(lambda: not at_work())
         assert not (unnoted / "moreau").exists()
         compile_scheme(variant_of("moreau"))
     assert (unnoted / "moreau").exists()
@@ -130,7 +147,8 @@ def test_helpers_are_gone_when_the_run_is_over(unnoted: Path, monkeypatch: pytes
         assert alive(int((unnoted / "pid").read_text()))
         raise KeyboardInterrupt
     assert not alive(int((unnoted / "pid").read_text()))
-    assert not compilation._HELPERS
+    assert not helpers._AT_WORK
+    assert not SHARES.of("event_driven")
 
 
 def test_helpers_end_when_the_run_is_killed(tmp_path: Path) -> None:
@@ -155,26 +173,55 @@ def test_helpers_end_when_the_run_is_killed(tmp_path: Path) -> None:
 
 def test_a_scheme_whose_turn_has_not_come_is_compiled_here(unnoted: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One process is busy with carpenter for ever: moreau, next in its queue, is not waited for."""
-    busy, begun = threading.Event(), threading.Event()
+    begun = keep_helper_busy(monkeypatch)
+    with compiled_ahead([variant_of(method) for method in ("penalty", "carpenter", "moreau")], 1):
+        assert begun.wait(60)
+        compile_scheme(variant_of("moreau"))
+        assert (unnoted / "moreau").exists()
 
-    def hang(running: object, schemes: list[KernelVariant]) -> None:
-        begun.set()
-        busy.wait()
 
-    monkeypatch.setattr(compilation._Running, "help_with", hang)
-    try:
-        with compiled_ahead([variant_of(method) for method in ("event_driven", "carpenter", "moreau")], 1):
-            assert begun.wait(60)
-            compile_scheme(variant_of("moreau"))
-            assert (unnoted / "moreau").exists()
-            busy.set()
-    finally:
-        busy.set()
+def test_a_run_compiles_beside_a_helper_what_a_scheme_names_apart(
+    unnoted: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The helper is busy with the first kernel: the run compiles the others meanwhile, then waits for that one."""
+    at_end: list[str] = []
+
+    @contextmanager
+    def waiting() -> Iterator[None]:
+        at_end.extend(share.call for share in SHARES.of("event_driven") if share.is_done.is_set())
+        SHARES.of("event_driven")[0].is_done.set()
+        yield
+
+    begun = keep_helper_busy(monkeypatch)
+    with compiled_ahead([variant_of("event_driven")], 1):
+        assert begun.wait(60)
+        compile_scheme(variant_of("event_driven"), waiting)
+    calls = list(schemes.load("event_driven").KERNEL_CALLS)
+    assert at_end == calls[1:]
+    assert len(calls) == 3
+
+
+@pytest.mark.parametrize("call", schemes.load("event_driven").KERNEL_CALLS)
+def test_each_call_of_the_exact_scheme_needs_one_large_kernel(call: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    kernels = {"march": (batch, "march"), "balances": (batch, "residuals"), "held regime": (two_way, "_regime_at")}
+    called: set[str] = set()
+
+    def counted(name: str, kernel: Callable[..., object]) -> Callable[..., object]:
+        def run(*args: object) -> object:
+            called.add(name)
+            return kernel(*args)
+
+        return run
+
+    for name, (module, kernel) in kernels.items():
+        monkeypatch.setattr(module, kernel, counted(name, getattr(module, kernel)))
+    Share((variant_of("event_driven"),), call).compile()
+    assert called == {call}
 
 
 def test_a_process_that_compiles_has_a_turn_until_it_is_done(unnoted: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     done, over = threading.Event(), threading.Event()
-    monkeypatch.setattr(compilation._Running, "help_with", lambda running, schemes: done.wait())
+    monkeypatch.setattr(helpers._Running, "help", lambda running: done.wait())
     turns, taken = Turns(2), threading.Semaphore(0)
 
     def compute() -> None:
@@ -200,10 +247,10 @@ def test_a_process_that_compiles_has_a_turn_until_it_is_done(unnoted: Path, monk
 
 
 def test_what_is_compiled_needs_no_process(unnoted: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    started: list[list[KernelVariant]] = []
-    monkeypatch.setattr(compilation._Running, "help_with", lambda running, schemes: started.append(schemes))
+    started: list[object] = []
+    monkeypatch.setattr(helpers._Running, "help", started.append)
     (unnoted / "moreau").touch()
-    with compiled_ahead([variant_of("event_driven"), variant_of("moreau")], 1):
+    with compiled_ahead([variant_of("carpenter"), variant_of("moreau")], 1):
         pass
     with compiled_ahead([variant_of("event_driven"), variant_of("carpenter")], 0):
         pass

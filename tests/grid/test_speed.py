@@ -13,7 +13,7 @@ import pytest
 
 from studies import HEAVY_SCENE, parsed
 from workflow.archive import content_hash
-from workflow.grid import _speed, arrange, estimate, units_of
+from workflow.grid import _estimate, _speed, arrange, estimate, units_of
 from workflow.grid._conditions import conditions
 from workflow.grid._costs import batch_part, workload_of
 from workflow.grid._frequencies import fastest_frequency
@@ -142,8 +142,9 @@ def test_speed_is_no_part_of_results_or_tasks(tmp_path: Path) -> None:
     assert units_of(grid).chunk == units_of(again).chunk
 
 
-def test_the_estimate_counts_what_takes_time() -> None:
+def test_the_estimate_counts_what_takes_time(monkeypatch: pytest.MonkeyPatch) -> None:
     """References, balances, whole packs, distinct couplings of the exact scheme and threads."""
+    monkeypatch.setattr(_estimate, "is_compiled", lambda variant: False)  # no seconds for loading kernels
     plain = "output: {interval: 0.1, histories: [], balances: false}\n"
     exact = "reference: {scheme: event_driven}\n"
     narrow = TEXT.replace("1e-4", "1e-6").replace("output: {interval: 0.1}\n", "")
@@ -151,7 +152,7 @@ def test_the_estimate_counts_what_takes_time() -> None:
         planned(parsed(narrow.replace("ALPHA", f"{{lin: [1, 2, {count}]}}") + plain)) for count in (7, 8, 512)
     )
     assert seven == pytest.approx(eight, rel=2e-3)  # but for the growth rate of one more alpha
-    assert many < 0.5 * 64 * (eight - 0.4) + 0.4  # a full block waits once for all of its packs
+    assert many - 0.4 < 0.6 * 64 * (eight - 0.4)  # a full block waits once for all of its packs
     with_balances = planned(parsed(narrow.replace("ALPHA", "{lin: [1, 2, 512]}") + plain.replace("false", "true")))
     assert many + 0.1 < with_balances < 1.5 * many
     wide = TEXT.replace("ALPHA", "{lin: [1, 2, 512]}").replace("output: {interval: 0.1}\n", "") + plain

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager, suppress
 
 from workflow.grid._arrangement import Grid
-from workflow.grid._compile import KernelVariant, at_work, compiled_ahead
+from workflow.grid._compile import KernelVariant
+from workflow.grid._helpers import at_work, compiled_ahead
 from workflow.grid._operators import kernel_variant
 from workflow.grid._reference import exact_cell, reference_cell
 from workflow.grid._turns import Turns

@@ -1,24 +1,18 @@
-"""Schemes compiled before they run: several at a time, each in a process of its own.
+"""Kernels of schemes compiled before they run, in shares that several processes may take.
 
-numba compiles one function at a time in a process. Where a run needs several schemes and nothing is
-compiled, helper processes compile all but the first into the cache of kernels meanwhile, and the run
-loads what they leave there. They are processes of this very module, which end as soon as the pipe to
-their parent does; whatever goes wrong with one, its scheme is compiled in the run itself.
+numba compiles one function at a time in a process. A share is what one process compiles at a time: a kernel that the
+scheme names apart, or all kernels of a scheme. Helper processes (:mod:`workflow.grid._helpers`) compile shares into the
+cache of kernels; a run takes those that nobody has begun, waits for the others, and loads what they left.
 """
 
 from __future__ import annotations
 
-import gc
 import hashlib
-import os
-import pickle
-import subprocess
-import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
-from dataclasses import dataclass, fields, replace
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import AbstractContextManager, nullcontext, suppress
+from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -26,11 +20,10 @@ from typing import Any
 import numpy as np
 
 from workflow import models
-from workflow.grid._costs import Part, compiling_part, measured
-from workflow.grid._speed import remember
+from workflow.grid._costs import Part, compiling_part, compiling_parts, measured
 from workflow.kernels.cache import directory_of, is_lasting
 from workflow.models import Cases, Harmonics
-from workflow.schemes import Sampling, load
+from workflow.schemes import Sampling, Scheme, load
 
 
 @dataclass(frozen=True)
@@ -59,24 +52,113 @@ class KernelVariant:
         return (self.method, self.nodes, self.balances, self.massless_tip, *driven, *others)
 
 
-LONGEST = 300.0
-"""Seconds a helper is waited for: some twenty times what compiling the largest scheme takes."""
+@dataclass(frozen=True, eq=False)
+class Share:
+    """Kernels of one scheme that one process compiles: those of a call that the scheme names, or of some variants."""
 
-_HELPERS: dict[str, Future[None]] = {}
-"""By method: what is being compiled by others, or about to be."""
+    variants: tuple[KernelVariant, ...]
+    call: str = ""
+    """One of the scheme's ``KERNEL_CALLS``, made for the first variant; empty where the scheme names none."""
+    is_done: threading.Event = field(default_factory=threading.Event)
+
+    @property
+    def method(self) -> str:
+        """The scheme's name."""
+        return self.variants[0].method
+
+    def compile(self) -> None:
+        """Compile into the cache of kernels."""
+        if self.call:
+            scheme, arguments = _example(self.variants[0])
+            with measured(compiling_parts(self.method)[self.call]):
+                scheme.KERNEL_CALLS[self.call](*arguments)
+            return
+        for variant in self.variants:
+            _compile(variant)
+
+
+def shares_of(variants: Sequence[KernelVariant]) -> list[Share]:
+    """Return what processes can compile apart of one scheme's variants.
+
+    Where the scheme names calls they are those of one variant, with balances if any has them: two processes that
+    compile variants of a scheme would compile most kernels twice.
+    """
+    calls = load(variants[0].method).KERNEL_CALLS
+    fullest = max(variants, key=lambda variant: variant.balances)
+    return [Share((fullest,), call) for call in calls] or [Share(tuple(variants))]
+
+
+class _Shares:
+    """The shares of runs in this process: some that nobody has begun, some being compiled, some done."""
+
+    def __init__(self) -> None:
+        self._all: list[Share] = []
+        self._unbegun: deque[Share] = deque()
+
+    def add(self, shares: Iterable[Share]) -> None:
+        """Add shares, those that are needed first first."""
+        for share in shares:
+            self._all.append(share)
+            self._unbegun.append(share)
+
+    def of(self, method: str) -> list[Share]:
+        """Return the shares of a scheme."""
+        return [share for share in list(self._all) if share.method == method]
+
+    def take(self, share: Share) -> bool:
+        """Take a share to compile it; tell whether nobody had begun it."""
+        with suppress(ValueError):
+            self._unbegun.remove(share)
+            return True
+        return False
+
+    def take_next(self) -> Share | None:
+        """Take the first share that nobody has begun."""
+        with suppress(IndexError):
+            return self._unbegun.popleft()
+        return None
+
+    def drop(self, shares: Iterable[Share]) -> None:
+        """Drop shares: nobody waits for them any more."""
+        for share in shares:
+            self.take(share)
+            self._all.remove(share)
+            share.is_done.set()
+
+
+SHARES = _Shares()
 
 
 def compile_scheme(variant: KernelVariant, waiting: Callable[[], AbstractContextManager[None]] = nullcontext) -> None:
-    """Run a scheme once, so that no case's wall time holds compilation; wait for others within ``waiting``."""
-    helper = _HELPERS.get(variant.method)
-    if helper is not None and not helper.cancel():  # it has begun: it is nearer to its end than we are
+    """Compile what a scheme needs, so that no case's time holds it; wait for helper processes within ``waiting``."""
+    shares = SHARES.of(variant.method)
+    for share in reversed(shares):  # helpers begin with the first
+        if SHARES.take(share):
+            try:
+                share.compile()
+            finally:
+                share.is_done.set()
+    if not all(share.is_done.is_set() for share in shares):
         with waiting():
-            helper.result()
+            for share in shares:
+                share.is_done.wait()
     _compile(variant)
 
 
 @cache
 def _compile(variant: KernelVariant) -> None:
+    """Run a scheme once: it compiles all kernels that are not in the cache, and loads the others."""
+    scheme, arguments = _example(variant)
+    with measured(_part(variant)):
+        scheme.compute(*arguments)
+    note = _note(variant)
+    if note is not None:
+        with suppress(OSError):
+            note.touch()
+
+
+def _example(variant: KernelVariant) -> tuple[Scheme, tuple[Any, Cases, Sampling]]:
+    """Return a scheme, and what its ``compute`` is called with for one small case of a kind."""
     nodes = variant.nodes
     chain = models.load("chain")
     parameters = chain.Parameters(nodes, mass=1.0, stiffness=1.0, heat_capacity=1.0, spacing=1.0, expansion=1.0)
@@ -93,17 +175,12 @@ def _compile(variant: KernelVariant) -> None:
     cases = Cases(none, one, one, none, none, none, none, node, node, node, node, node, casing_harmonics=casing)
     cases = replace(cases, friction=np.full(1, 0.5 * variant.slides))
     over = Sampling(1.0, 0.5, 3, balances=variant.balances)
-    with measured(_part(variant)):
-        scheme.compute(scheme.init(structure, 0.5, variant.options), cases, over)
-    note = _note(variant)
-    if note is not None:
-        with suppress(OSError):
-            note.touch()
+    return scheme, (scheme.init(structure, 0.5, variant.options), cases, over)
 
 
 def _part(variant: KernelVariant) -> Part:
     """Return loading compiled kernels, compiling the first of a scheme, or compiling others that share much with it."""
-    if is_compiled(variant):
+    if is_compiled(variant) or SHARES.of(variant.method):
         return Part(1.0, (f"loading {variant.method}",))
     note = _note(variant)
     if note is not None and any(note.parent.glob("*.nbi")):
@@ -111,15 +188,16 @@ def _part(variant: KernelVariant) -> Part:
     return compiling_part(variant.method)
 
 
-def at_work() -> list[Future[None]]:
-    """Return what others compile, or are about to, in their order."""
-    return [helper for helper in list(_HELPERS.values()) if not helper.done()]
-
-
 def is_compiled(variant: KernelVariant) -> bool:
     """Tell whether a scheme's kernels are in the cache."""
     note = _note(variant)
     return note is not None and note.exists()
+
+
+def is_missing(variant: KernelVariant) -> bool:
+    """Tell whether a scheme's kernels could be in the cache and are not."""
+    note = _note(variant)
+    return note is not None and not note.exists()
 
 
 def _note(variant: KernelVariant) -> Path | None:
@@ -131,91 +209,3 @@ def _note(variant: KernelVariant) -> Path | None:
         return None
     words = (*variant.words, llvmlite.binding.get_host_cpu_name())
     return directory / f"{hashlib.sha256(repr(words).encode()).hexdigest()[:16]}.compiled"
-
-
-@contextmanager
-def compiled_ahead(variants: Sequence[KernelVariant], processes: int) -> Iterator[None]:
-    """Compile schemes that are not compiled yet in up to so many processes; the first is left to the caller.
-
-    The processes are gone when the context is left.
-    """
-    missing: dict[str, dict[tuple[Any, ...], KernelVariant]] = {}
-    for variant in variants:
-        note = _note(variant)
-        if note is not None and not note.exists() and variant.method not in _HELPERS:
-            missing.setdefault(variant.method, {}).setdefault(variant.words, variant)
-    mine = list(missing)[1:] if processes > 0 else []
-    if not mine:
-        yield
-        return
-    running = _Running()
-    with ThreadPoolExecutor(processes, thread_name_prefix="compile") as pool:
-        try:
-            for method in mine:
-                _HELPERS[method] = pool.submit(running.help_with, list(missing[method].values()))
-            yield
-        finally:
-            helpers = [_HELPERS.pop(method) for method in mine if method in _HELPERS]
-            for helper in helpers:
-                helper.cancel()
-            running.end()
-
-
-class _Running:
-    """The helper processes of a run."""
-
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._processes: list[subprocess.Popen[bytes]] = []
-        self._ended = False
-
-    def help_with(self, variants: list[KernelVariant]) -> None:
-        """Compile schemes in a process and wait for its end, whatever that is."""
-        package = Path(__file__).parents[2]
-        environment = dict(os.environ)
-        environment["PYTHONPATH"] = os.pathsep.join([str(package), *filter(None, [environment.get("PYTHONPATH")])])
-        command = [sys.executable, "-P", "-c", f"from {__name__} import main; main()"]
-        with suppress(Exception):  # a helper costs time only
-            with self._lock:
-                if self._ended:
-                    return
-                process = subprocess.Popen(
-                    command,
-                    stdin=subprocess.PIPE,
-                    stdout=subprocess.DEVNULL,
-                    stderr=subprocess.DEVNULL,
-                    env=environment,
-                )
-                self._processes.append(process)
-            with process:  # closes the pipe last
-                assert process.stdin is not None
-                process.stdin.write(pickle.dumps(variants))
-                process.stdin.flush()
-                try:
-                    process.wait(LONGEST)
-                finally:
-                    process.kill()
-
-    def end(self) -> None:
-        """Kill what still runs; those who wait for it go on."""
-        with self._lock:
-            self._ended = True
-            for process in self._processes:
-                process.kill()
-
-
-def _end_with_parent() -> None:
-    """Wait for the end of the pipe from the parent, and end."""
-    sys.stdin.buffer.read()
-    os._exit(1)
-
-
-def main() -> None:
-    """Compile what the parent sends."""
-    variants = pickle.load(sys.stdin.buffer)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    gc.disable()  # a tenth of the time of a compiler that leaves little garbage; this process does nothing else
-    for variant in variants:
-        compile_scheme(variant)
-    remember()
-    os._exit(0)  # without waiting for the pipe

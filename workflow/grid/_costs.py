@@ -6,7 +6,7 @@ import hashlib
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,10 +29,10 @@ COLD = 0.65
 _DENSE = 300
 """States of a structure up to which its growth rate comes from all of them."""
 
-COMPILING = {"event_driven": 25.0}
-"""Seconds that compiling the kernel of a scheme takes; :data:`COMPILING_OTHERS` for the others."""
+COMPILING = {"event_driven": 18.0}
+"""Seconds that compiling the kernels of a scheme takes; :data:`COMPILING_OTHERS` for the others."""
 
-COMPILING_OTHERS = 10.0
+COMPILING_OTHERS = 7.0
 
 BESIDE_TASKS = 0.4
 """Seconds of a run beside its tasks: libraries loaded, archive gathered and read back."""
@@ -105,6 +105,15 @@ def setup_part(method: str, structure: Structure) -> Part:
 def compiling_part(method: str, kernels: int = 1) -> Part:
     """Return what compiling some kernels of a scheme costs."""
     return Part(kernels * COMPILING.get(method, COMPILING_OTHERS), (f"compiling {method}",), is_guess=True)
+
+
+def compiling_parts(method: str) -> dict[str, Part]:
+    """Return what each of a scheme's ``KERNEL_CALLS`` costs, by name: as much as the others, before it is measured."""
+    calls, whole = schemes.load(method).KERNEL_CALLS, compiling_part(method)
+    (general,) = whole.keys
+    return {
+        call: replace(whole, seconds=whole.seconds / len(calls), keys=(f"{general}/{call}", general)) for call in calls
+    }
 
 
 def factor_lines(structure: Structure) -> Iterator[str]:

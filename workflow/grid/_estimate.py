@@ -17,7 +17,16 @@ from workflow.grid._ahead import kernel_variants
 from workflow.grid._arrangement import Grid, Indices
 from workflow.grid._compile import is_compiled
 from workflow.grid._conditions import alpha_of
-from workflow.grid._costs import Part, batch_part, beside_part, compiling_part, growth_part, handling_part, setup_part
+from workflow.grid._costs import (
+    Part,
+    batch_part,
+    beside_part,
+    compiling_part,
+    compiling_parts,
+    growth_part,
+    handling_part,
+    setup_part,
+)
 from workflow.grid._frequencies import fastest_frequency, longest_period_count
 from workflow.grid._operators import reduced, reduced_structure
 from workflow.grid._reference import exact_cell, reference_cell
@@ -132,7 +141,12 @@ def _kernels(grid: Grid, speeds: _speed.Speeds, threads: int) -> tuple[float, fl
         speeds.ratio(f"loading {method}") or LOADING for method in {method for method, there in kernels if there}
     )
     missing = Counter(method for method, there in kernels if not there)
-    compiling = [_measured_seconds(compiling_part(method, number), speeds) for method, number in missing.items()]
+    parts = [
+        part
+        for method, number in missing.items()
+        for part in compiling_parts(method).values() or [compiling_part(method, number)]
+    ]
+    compiling = [_measured_seconds(part, speeds) for part in parts]
     return loading, max(sum(compiling) / threads, max(compiling, default=0.0))
 
 

@@ -25,6 +25,7 @@ import numpy as np
 from workflow.declare import quantity
 from workflow.kernels import elementwise
 from workflow.models import Array, Cases, Structure, couples_free_modes, is_rayleigh, poles
+from workflow.schemes._exact import batch
 from workflow.schemes._exact.batch import Operator, make_operator, run_batch
 from workflow.schemes._exact.outcome import Budget
 from workflow.schemes._interface import Results, Sampling, Workload
@@ -33,6 +34,7 @@ READS = frozenset({"e", "alpha"})
 GENERAL = frozenset({"damping", "friction", "load"})
 
 HARMONICS = frozenset({"load", "casing"})
+KERNEL_CALLS = batch.KERNEL_CALLS
 
 
 @dataclass(frozen=True)

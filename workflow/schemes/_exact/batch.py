@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +55,25 @@ def run_batch(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
     for i in np.argsort(cases.alpha, kind="stable"):
         batch.run(int(i))
     return batch.results()
+
+
+def march_unheated(operator: Operator, cases: Cases, sampling: Sampling) -> None:
+    """Run a batch without friction heat and balances: of the three large kernels it needs the march alone."""
+    run_batch(operator, replace(cases, alpha=np.zeros(cases.count)), replace(sampling, balances=False))
+
+
+def solve_held_regime(operator: Operator, cases: Cases, sampling: Sampling) -> None:
+    """Solve the held regime of the first case."""
+    HeldRegimes(operator.basis.held).at(float(cases.alpha[0]), float(cases.friction[0]))
+
+
+def audit_without_march(operator: Operator, cases: Cases, sampling: Sampling) -> None:
+    """Balance a case that has not been marched."""
+    _Batch(operator, cases, sampling).audit_without_march()
+
+
+KERNEL_CALLS = {"march": march_unheated, "balances": audit_without_march, "held regime": solve_held_regime}
+"""What needs one of the large kernels alone, see :attr:`workflow.schemes.Scheme.KERNEL_CALLS`."""
 
 
 class _Batch:
@@ -116,35 +135,52 @@ class _Batch:
 
     def _march(self, i: int, held: Layout) -> int:
         """March case ``i`` and return how it ended."""
-        cases, basis, balance = self.cases, self.operator.basis, self.balance
-        alpha, friction = float(cases.alpha[i]), float(cases.friction[i])
-        heated = bool(alpha != 0 or friction != 0 or cases.heating[i].any() or cases.temperature[i].any())
-        heats = basis.heat_tip.size if heated else 0
-        load = load_of(cases, i, self.sampling.duration)
-        modal = self.modal[i, : 2 * basis.tip.size + heats]
-        operator = self.operator
-        if friction not in self.pushed:
-            self.pushed[friction] = pushed_by(basis, operator.free, friction)
-        tip = tip_of(cases, i, basis, self.pushed[friction], load)
-        case = Case(load, tip, modal, basis.closing[:heats], operator.budget, operator.thresholds)
-        n, phases, free = int(self.periods[i]), _PHASES, self.operator.free
-        waves = load.waves.shape[0]
-        memories = self._memory(free, heated, waves), self._memory(held, heated, waves)
-        ends = np.arange(1, n + 1) / float(self.frequency[i]) if n else np.zeros(0)
+        (case, memories), balance, phases = self._prepared(i, held), self.balance, _PHASES
+        n, frequency = int(self.periods[i]), float(self.frequency[i])
+        ends = np.arange(1, n + 1) / frequency if n else np.zeros(0)
         while True:
             self.tally[i] = np.zeros((), dtype=TALLY)
             record = Record(self.times, ends, self.histories[i], self.period_values[i], self.tally[i])
             log = empty_log() if balance is None else self._log(balance, case.modal.size, phases)
-            ended = int(march(free, held, case, record, *memories, log))
+            ended = int(march(self.operator.free, held, case, record, *memories, log))
             if ended != outcome.LOG_FULL:
                 break
             phases *= 8
         if balance is not None and ended == outcome.COMPLETED:
-            if self.audited is None or self.audited[0] is not held:
-                self.audited = held, balance.regimes(held, alpha, friction)
-            regimes, heat = self.audited[1], balance.heat(alpha)
-            self.residuals[i] = residuals(regimes, heat, modal, load, memories, log, self.tally[i])
+            self._audit(balance, i, held, case, memories, log)
         return ended
+
+    def _prepared(self, i: int, held: Layout) -> tuple[Case, tuple[Memory, Memory]]:
+        """Return what the march reads of case ``i``, and the memory of its free and its held motion."""
+        cases, operator, basis = self.cases, self.operator, self.operator.basis
+        alpha, friction = float(cases.alpha[i]), float(cases.friction[i])
+        heated = bool(alpha != 0 or friction != 0 or cases.heating[i].any() or cases.temperature[i].any())
+        heats = basis.heat_tip.size if heated else 0
+        load = load_of(cases, i, self.sampling.duration)
+        if friction not in self.pushed:
+            self.pushed[friction] = pushed_by(basis, operator.free, friction)
+        tip = tip_of(cases, i, basis, self.pushed[friction], load)
+        modal, waves = self.modal[i, : 2 * basis.tip.size + heats], load.waves.shape[0]
+        case = Case(load, tip, modal, basis.closing[:heats], operator.budget, operator.thresholds)
+        return case, (self._memory(operator.free, heated, waves), self._memory(held, heated, waves))
+
+    def _audit(
+        self, balance: EnergyBalance, i: int, held: Layout, case: Case, memories: tuple[Memory, Memory], log: Log
+    ) -> None:
+        """Store the residuals of case ``i``, whose march the log tells."""
+        alpha, friction = float(self.cases.alpha[i]), float(self.cases.friction[i])
+        if self.audited is None or self.audited[0] is not held:
+            self.audited = held, balance.regimes(held, alpha, friction)
+        regimes, heat = self.audited[1], balance.heat(alpha)
+        self.residuals[i] = residuals(regimes, heat, case.modal, case.load, memories, log, self.tally[i])
+
+    def audit_without_march(self) -> None:
+        """Store the residuals of the first case as if it had no phases: no other kernel than theirs runs long."""
+        if self.balance is None:
+            return
+        held, _ = self._held(0.0, float(self.cases.friction[0]))
+        case, memories = self._prepared(0, held)
+        self._audit(self.balance, 0, held, case, memories, self._log(self.balance, case.modal.size, 1))
 
     def _log(self, balance: EnergyBalance, states: int, phases: int) -> Log:
         """Return the log that cases of so many states use one after the other, with room for so many phases or more."""
