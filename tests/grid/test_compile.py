@@ -53,7 +53,7 @@ with compiled_ahead([variant_of("event_driven"), variant_of("moreau")], 1):
     compile_scheme(variant_of("moreau"))
 from workflow.schemes._exact import march as exact
 from workflow.schemes import moreau
-ours = {f.__name__: n for f, n in Seen.functions.items() if f.__module__.startswith("workflow.")}
+ours = {f.__name__: n for f, n in Seen.functions.items() if f.__module__.startswith("workflow.schemes.")}
 print(max(ours.values()), "march" in ours, "_regime_at" in ours, "residuals" in ours)
 print(sum(exact.march.dispatcher.stats.cache_hits.values()))
 print(*(len(k.dispatcher.signatures) for k in (exact.march, moreau.KERNELS.modes)))
@@ -119,7 +119,7 @@ def alive(process: int) -> bool:
 
 @pytest.mark.slow  # it compiles the largest kernel
 def test_kernels_are_compiled_once_and_those_of_a_helper_are_loaded(tmp_path: Path) -> None:
-    """With nothing compiled: no function for two types of arguments, and not the march, which a helper begins with."""
+    """With nothing compiled: no part of a scheme for two types of arguments, and no march: a helper begins with it."""
     lines = subprocess.run(
         [sys.executable, "-c", START + TOGETHER],
         capture_output=True, text=True, check=True, env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
