@@ -23,9 +23,9 @@ from workflow.kernels.compiled import defines
 from workflow.kernels.lanes import WIDE
 from workflow.kernels.packs import Lane, of_lane, some, spread, store, weighed, where
 from workflow.models import Array, Cases, Structure
-from workflow.schemes._fixed import contact, costs, dense, theta_march, theta_method
+from workflow.schemes._fixed import case_row, contact, costs, dense, theta_march, theta_method
 from workflow.schemes._fixed.complementarity import by_place
-from workflow.schemes._fixed.contact import CASE_IMPULSE, Contact, End, Free, TipStep, press, was_pressed
+from workflow.schemes._fixed.contact import Contact, End, Free, TipStep, press, was_pressed
 from workflow.schemes._fixed.dense import DenseOperator
 from workflow.schemes._fixed.drive import began, relative, settled, wall
 from workflow.schemes._fixed.marches import kernels_of
@@ -72,7 +72,7 @@ def meet_by_prox(law: Prox, step: TipStep, free: Free, own: Array, tip: Array, l
         p = where(meets, closing, 0.0)
         after = where(meets, -rebound, after)
         temperature += step.warming * press(p, own, lane)
-    store(own, (CASE_IMPULSE, lane), free.impulse - p)
+    store(own, (case_row.IMPULSE, lane), free.impulse - p)
     x += step.h * weighed(step.theta, after, step.rest, v)
     x, v = settled(free.drive, x, after, free.gap, lane)
     return End(engaged, x, v, temperature, p)

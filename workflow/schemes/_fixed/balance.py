@@ -59,17 +59,8 @@ from workflow.kernels.packs import (
     where,
 )
 from workflow.models import Array
-from workflow.schemes._fixed.contact import (
-    CASE_HEAT,
-    CASE_IMPULSE,
-    CASE_PRESSED,
-    End,
-    Free,
-    Law,
-    TipStep,
-    contact_gain,
-    driven,
-)
+from workflow.schemes._fixed import case_row
+from workflow.schemes._fixed.contact import End, Free, Law, TipStep, contact_gain, driven
 
 AUDIT_DAMPING, AUDIT_HEAT_SPEED, AUDIT_HEAT_PLACE = range(3)
 """Coefficients of a mechanical mode, all over φ_n²: hc/4, and -1 times the work of a unit of friction heat per ζ at the
@@ -213,11 +204,11 @@ def account(
     """Count the work of load and contact in a step that contact has closed."""
     if audit is None:
         return
-    sums, impulse = audit.sums, pack(own, (CASE_IMPULSE, lane))
+    sums, impulse = audit.sums, pack(own, (case_row.IMPULSE, lane))
     before, relative = pack(sums, (SUM_RELATIVE, lane)), driven(law, step, end, own, lane)
     relative -= pack(sums, (SUM_DRAGGED, lane))
-    if raised(own, (CASE_PRESSED, lane)):
-        relative -= audit.dragged * pack(own, (CASE_HEAT, lane))
+    if raised(own, (case_row.PRESSED, lane)):
+        relative -= audit.dragged * pack(own, (case_row.HEAT, lane))
     store(sums, (SUM_RELATIVE, lane), relative)
     dissipated = pack(sums, (SUM_DISSIPATED, lane)) + contact_gain(
         law, step, end, relative - before, free, own, tip, lane
@@ -230,8 +221,8 @@ def account_heat(audit: Audit | None, step: int, steps: int, own: Array, lane: L
     """Count the friction heat of a step, and its loss in this span."""
     if audit is None:
         return
-    if raised(own, (CASE_PRESSED, lane)):
-        sums, heat = audit.sums, pack(own, (CASE_HEAT, lane))
+    if raised(own, (case_row.PRESSED, lane)):
+        sums, heat = audit.sums, pack(own, (case_row.HEAT, lane))
         lost = shared(audit.heat_losses, (min(SPAN - step % SPAN, steps - step),), lane) * heat
         store(sums, (SUM_LOST, lane), pack(sums, (SUM_LOST, lane)) + lost)
         store(sums, (SUM_FRICTION_HEAT, lane), pack(sums, (SUM_FRICTION_HEAT, lane)) + heat)

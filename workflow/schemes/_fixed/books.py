@@ -13,22 +13,8 @@ from numpy.typing import NDArray
 from workflow.kernels.lanes import fill_lanes, lane_rows
 from workflow.kernels.sums import product, total
 from workflow.models import Array, Cases, Structure, project
-from workflow.schemes._fixed.balance import (
-    SPAN,
-    SUM_DISSIPATED,
-    SUM_DRAGGED,
-    SUM_ENERGY,
-    SUM_FRICTION_HEAT,
-    SUM_LARGEST_ENERGY,
-    SUM_LOST_BEFORE,
-    SUM_RELATIVE,
-    SUM_ROWS,
-    SUM_SETTLED_LOSS,
-    SUM_SETTLED_RISE,
-    SUM_TURNED_OVER,
-    Audit,
-)
-from workflow.schemes._fixed.contact import CASE_HEAT
+from workflow.schemes._fixed import balance, case_row
+from workflow.schemes._fixed.balance import Audit
 from workflow.schemes._fixed.decoupled import Decoupled, Motion
 from workflow.schemes._fixed.modal_lanes import HEAT_SPEED, Coefficients, State, by_mode
 from workflow.schemes._fixed.totals import Content, residuals
@@ -104,7 +90,7 @@ class Books:
     @property
     def rows(self) -> int:
         """Rows of lanes that balances add to a step's."""
-        return SUM_ROWS + int(self.audit.pulled.shape[0] + self.audit.former.shape[0])
+        return balance.SUM_ROWS + int(self.audit.pulled.shape[0] + self.audit.former.shape[0])
 
     def open(self, part: slice) -> None:
         """Put what some cases begin with in the lanes."""
@@ -118,15 +104,15 @@ class Books:
         self._ended[:, part] = self.audit.sums[:, :count]
         self._ended_heat[part] = state.tau[:, :count].T
         if not self._counts:
-            self._ended[SUM_FRICTION_HEAT, part] -= state.own[CASE_HEAT, :count]
+            self._ended[balance.SUM_FRICTION_HEAT, part] -= state.own[case_row.HEAT, :count]
 
     def residuals(self, elapsed: float) -> dict[str, Array]:
         """Return the metrics that the balances give after ``elapsed`` seconds, ``(case,)``."""
         sums = self._ended
         rest = rest_energy(self._mobility, elapsed * self._pushed) + self._massless
-        largest = np.maximum(sums[SUM_LARGEST_ENERGY], rest)
-        energies = self._sums[SUM_ENERGY], sums[SUM_ENERGY], largest, sums[SUM_DISSIPATED]
-        heats = sums[[SUM_LOST_BEFORE, SUM_TURNED_OVER, SUM_FRICTION_HEAT]]
+        largest = np.maximum(sums[balance.SUM_LARGEST_ENERGY], rest)
+        energies = self._sums[balance.SUM_ENERGY], sums[balance.SUM_ENERGY], largest, sums[balance.SUM_DISSIPATED]
+        heats = sums[[balance.SUM_LOST_BEFORE, balance.SUM_TURNED_OVER, balance.SUM_FRICTION_HEAT]]
         warmed = self._ended_heat / self._scale - self._begun_heat + elapsed * self._warming
         gained = project(self._content[None, :], warmed)[:, 0]
         return residuals(np.array([*energies, *heats]), Content(gained, self._initial, elapsed * self._heating))
@@ -155,7 +141,7 @@ def _audit(modal: Decoupled, free: Coefficients, loss: Array, terms: Terms) -> A
         pulled=lane_rows(free.pair_mode.size),
         pair_work=(terms.inertia * share)[free.pair_mode],
         pair_heat=end[free.pair_mode],
-        sums=lane_rows(SUM_ROWS),
+        sums=lane_rows(balance.SUM_ROWS),
         lever=terms.lever,
         dragged=terms.dragged,
         heat_on_impulse=total(end * impulse),
@@ -166,8 +152,8 @@ def _audit(modal: Decoupled, free: Coefficients, loss: Array, terms: Terms) -> A
 
 def _lost(rate: Array, decay: Array, h: float) -> Array:
     """Return what a unit of τ loses in 0 … SPAN steps by the mean of their ends, J, ``(steps, thermal mode)``."""
-    lost = np.zeros((SPAN + 1, rate.size))
-    for step in range(SPAN):
+    lost = np.zeros((balance.SPAN + 1, rate.size))
+    for step in range(balance.SPAN):
         lost[step + 1] = lost[step] + 0.5 * h * rate * (1 + decay)
         rate = rate * decay
     return lost
@@ -189,15 +175,18 @@ def _sums(modal: Decoupled, free: Coefficients, loss: Array, begun: Motion, term
     def over(row: Array, states: Array) -> Array:
         return project(row[None, :], states)[:, 0]
 
-    sums = np.zeros((SUM_ROWS, terms.velocity.shape[0]))
+    sums = np.zeros((balance.SUM_ROWS, terms.velocity.shape[0]))
     squares = terms.velocity**2
     energy = 0.5 * (over(felt * terms.kinetic, squares) + over(felt * modal.frequency**2, eta**2))
-    sums[[SUM_ENERGY, SUM_LARGEST_ENERGY]] = energy
+    sums[[balance.SUM_ENERGY, balance.SUM_LARGEST_ENERGY]] = energy
     if not terms.opens:  # the first step of the march counts the dissipation of a step that ends at t = 0
-        sums[SUM_DISSIPATED] = -over(h * felt * modal.damping, squares)
-    sums[SUM_RELATIVE] = over(modal.tip, terms.velocity)
-    sums[SUM_DRAGGED] = over(free.heat_modes[:, HEAT_SPEED] * modal.heat_scale, begun.heat) + begun.drift
-    sums[SUM_SETTLED_LOSS], sums[SUM_SETTLED_RISE] = over(loss, begun.settled), over(loss, begun.warming_modes)
+        sums[balance.SUM_DISSIPATED] = -over(h * felt * modal.damping, squares)
+    sums[balance.SUM_RELATIVE] = over(modal.tip, terms.velocity)
+    sums[balance.SUM_DRAGGED] = over(free.heat_modes[:, HEAT_SPEED] * modal.heat_scale, begun.heat) + begun.drift
+    sums[balance.SUM_SETTLED_LOSS], sums[balance.SUM_SETTLED_RISE] = (
+        over(loss, begun.settled),
+        over(loss, begun.warming_modes),
+    )
     return sums
 
 

@@ -15,17 +15,11 @@ from workflow.kernels.complex_numbers import magnitude
 from workflow.kernels.lanes import PACK
 from workflow.kernels.packs import Lane, Pack, flag, narrow, of_lane, pack, some, some_nonzero, spread, store, where
 from workflow.models import Array, Cases, Structure, needs_matrices, project
-from workflow.schemes._fixed import central, dense
+from workflow.schemes._fixed import case_row, central, dense, tip_row
 from workflow.schemes._fixed.balance import Audit, account, account_heat
 from workflow.schemes._fixed.books import Books
 from workflow.schemes._fixed.central import Differences, Linear, Operator
 from workflow.schemes._fixed.contact import (
-    CASE_AHEAD,
-    CASE_FIRST,
-    CASE_HALF,
-    CASE_IMPULSE,
-    CASE_LAST,
-    CASE_PRESSED,
     Contact,
     End,
     Free,
@@ -45,7 +39,7 @@ from workflow.schemes._fixed.dense import DenseOperator
 from workflow.schemes._fixed.drive import drive_of, gap_ahead, relative, relative_before, with_harmonics
 from workflow.schemes._fixed.march import Batch, case_rows, march_blocks, open_march
 from workflow.schemes._fixed.marches import kernels_of
-from workflow.schemes._fixed.marks import TIP_DISPLACEMENT, TIP_GAP, TIP_TEMPERATURE, TIP_VELOCITY, Block
+from workflow.schemes._fixed.marks import Block
 from workflow.schemes._fixed.modal_lanes import Coefficients, State, slide
 from workflow.schemes._fixed.outcome import ROUNDING, Outcome, by_heat, judged
 from workflow.schemes._fixed.sliding import friction_message, slides
@@ -59,14 +53,14 @@ KERNELS = kernels_of(__name__)
 
 @defines(steps_from_tip, Linear)
 def _steps_from_own_rows(law: Linear) -> bool:
-    """Displacement and half-step velocity are kept in ``CASE_AHEAD`` and ``CASE_HALF``."""
+    """Displacement and half-step velocity are kept in ``case_row.AHEAD`` and ``case_row.HALF``."""
     return False
 
 
 @defines(meet, Linear)
 def meet_linearly(law: Linear, step: TipStep, free: Free, own: Array, tip: Array, lane: Lane) -> End:
     """Return the tip at t_k and the impulse about it; the step from there on is closed with p_k."""
-    x, before, about = pack(own, (CASE_AHEAD, lane)), pack(own, (CASE_HALF, lane)), spread(0.0, lane)
+    x, before, about = pack(own, (case_row.AHEAD, lane)), pack(own, (case_row.HALF, lane)), spread(0.0, lane)
     after, temperature = free.velocity + step.inverse_mass * free.impulse, free.temperature
     depth, approach = x - free.gap, relative_before(free.drive, before, lane)
     leaving = relative(free.drive, after, lane)
@@ -77,7 +71,7 @@ def meet_linearly(law: Linear, step: TipStep, free: Free, own: Array, tip: Array
     engaged = pressed or was_pressed(own, lane)
     ahead = x + step.h * after
     if engaged:
-        latest = pack(own, (CASE_LAST, lane))
+        latest = pack(own, (case_row.LAST, lane))
         p = where(presses, p + of_lane(law.doubt, lane), 0.0)
         about = 0.5 * (latest + p)
         after -= of_lane(law.mobility, lane) * p
@@ -86,36 +80,38 @@ def meet_linearly(law: Linear, step: TipStep, free: Free, own: Array, tip: Array
         temperature += 0.5 * step.warming * friction_heat(p, own, lane)
         if law.holds:
             ahead = where(touches, gap_ahead(free.drive, free.gap, step.h, lane), ahead)
-        store(own, (CASE_LAST, lane), p)
-        flag(own, (CASE_PRESSED, lane), pressed or some_nonzero(latest))  # the tip counts as touching for a step more
+        store(own, (case_row.LAST, lane), p)
+        flag(
+            own, (case_row.PRESSED, lane), pressed or some_nonzero(latest)
+        )  # the tip counts as touching for a step more
         leaving = relative(free.drive, after, lane)
         count_rebounds(touches & ~touched, touched & ~touches, approach, leaving, own, lane)
-    store(own, (CASE_AHEAD, lane), ahead)
-    store(own, (CASE_HALF, lane), after)
-    store(own, (CASE_IMPULSE, lane), free.impulse - p)
+    store(own, (case_row.AHEAD, lane), ahead)
+    store(own, (case_row.HALF, lane), after)
+    store(own, (case_row.IMPULSE, lane), free.impulse - p)
     return End(engaged, x, 0.5 * (before + after), temperature, about)
 
 
 @defines(applied, Linear)
 def _latest(law: Linear, end: End, own: Array, lane: Lane) -> Pack:
     """Return p_k, of which the end of the step before has half."""
-    return pack(own, (CASE_LAST, lane))
+    return pack(own, (case_row.LAST, lane))
 
 
 @defines(leaves, Linear)
 def _ahead(law: Linear, end: End, own: Array, lane: Lane) -> tuple[Pack, Pack]:
     """Return x_n,k+1 and w_k+½."""
-    return pack(own, (CASE_AHEAD, lane)), pack(own, (CASE_HALF, lane))
+    return pack(own, (case_row.AHEAD, lane)), pack(own, (case_row.HALF, lane))
 
 
 @defines(driven, Linear)
 def _half_step_velocity(law: Linear, step: TipStep, end: End, own: Array, lane: Lane) -> Pack:
     """Return w_k+½: where the law puts the tip on the casing, that which takes it there."""
-    half = pack(own, (CASE_HALF, lane))
+    half = pack(own, (case_row.HALF, lane))
     if not law.holds:
         return half
-    held = (pack(own, (CASE_AHEAD, lane)) - end.displacement) * (1.0 / step.h)
-    return where(pack(own, (CASE_LAST, lane)) > 0.0, held, half)
+    held = (pack(own, (case_row.AHEAD, lane)) - end.displacement) * (1.0 / step.h)
+    return where(pack(own, (case_row.LAST, lane)) > 0.0, held, half)
 
 
 @defines(contact_gain, Linear)
@@ -129,7 +125,7 @@ def _spring_gain(
     depth = end.displacement - free.gap
     if not some(depth > 0.0):
         return spread(0.0, lane)
-    ahead = pack(own, (CASE_AHEAD, lane)) - gap_ahead(free.drive, free.gap, step.h, lane)
+    ahead = pack(own, (case_row.AHEAD, lane)) - gap_ahead(free.drive, free.gap, step.h, lane)
     moved = relative(free.drive, end.velocity, lane) + relative_before(free.drive, end.velocity, lane)
     behind = ahead - step.h * moved
     parted = where(behind < 0.0, behind, 0.0) - where(ahead < 0.0, ahead, 0.0)
@@ -143,13 +139,15 @@ def _open_march(law: Linear, operator: Coefficients, now: Now, state: State, blo
     for first in range(0, block.lanes, PACK):
         lane = narrow(first)
         impulse = h * with_harmonics(block.drive, tip_load(now.sine, now.leader, block.load, lane), lane)
-        free = Free(pack(own, (CASE_FIRST, lane)), spread(0.0, lane), impulse, pack(tip, (TIP_GAP, lane)), block.drive)
+        free = Free(
+            pack(own, (case_row.FIRST, lane)), spread(0.0, lane), impulse, pack(tip, (tip_row.GAP, lane)), block.drive
+        )
         end = meet(law, step, free, own, tip, lane)
         slide(operator.sliding, law, end, own, lane)
         account(audit, law, step, end, free, own, tip, lane)
         account_heat(audit, 0, block.steps, own, lane)
         store_end(end, tip, lane)
-        store(own, (CASE_LAST, lane), 2.0 * pack(own, (CASE_LAST, lane)))
+        store(own, (case_row.LAST, lane), 2.0 * pack(own, (case_row.LAST, lane)))
 
 
 def _half_step_before(modal: Decoupled, cases: Cases, h: float) -> Array:
@@ -191,8 +189,8 @@ def _batch(operator: Operator, cases: Cases, begun: Motion, balances: bool) -> B
     before = _relative_before(operator, cases, begun)
     speed, free_tip = _first_free(operator, begun, before)
     own = case_rows(cases, begun)
-    own[CASE_AHEAD], own[CASE_FIRST] = cases.displacement[:, -1], free_tip
-    own[CASE_HALF] = project(modal.tip[None, :], _half_step_before(modal, cases, h))[:, 0]
+    own[case_row.AHEAD], own[case_row.FIRST] = cases.displacement[:, -1], free_tip
+    own[case_row.HALF] = project(modal.tip[None, :], _half_step_before(modal, cases, h))[:, 0]
     books = None
     if balances:
         books = Books(operator.structure, modal, free, cases, begun, central.terms(operator, begun, before))
@@ -208,7 +206,7 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
     batch = _batch(operator, cases, begun, sampling.balances)
     ended = march_blocks(batch, watched, sampling.duration)
     # squared: a contact that grows can stop short of infinity where its energy is beyond it
-    finite = np.isfinite(watched.tip[[TIP_DISPLACEMENT, TIP_VELOCITY, TIP_TEMPERATURE]] ** 2).all(axis=0)
+    finite = np.isfinite(watched.tip[[tip_row.DISPLACEMENT, tip_row.VELOCITY, tip_row.TEMPERATURE]] ** 2).all(axis=0)
     return collect(ended, *_judge(operator, cases, np.isnan(batch.law.doubt), np.asarray(finite)))
 
 

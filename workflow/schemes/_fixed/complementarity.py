@@ -19,10 +19,9 @@ from typing import NamedTuple
 from workflow.kernels.compiled import defines
 from workflow.kernels.packs import Lane, Pack, of_lane, pack, some, spread, store, weighed, where
 from workflow.models import Array, Cases
-from workflow.schemes._fixed import contact
-from workflow.schemes._fixed.contact import CASE_IMPULSE, Contact, End, Free, TipStep, press, was_pressed
+from workflow.schemes._fixed import case_row, contact, tip_row
+from workflow.schemes._fixed.contact import Contact, End, Free, TipStep, press, was_pressed
 from workflow.schemes._fixed.marches import kernels_of
-from workflow.schemes._fixed.marks import TIP_DISPLACEMENT, TIP_VELOCITY
 
 KERNELS = kernels_of(__name__)
 
@@ -48,7 +47,7 @@ def by_place(theta: float) -> Contact:
 @defines(contact.meet, Complementarity)
 def meet_by_place(law: Complementarity, step: TipStep, free: Free, own: Array, tip: Array, lane: Lane) -> End:
     """Return the tip at the step's end."""
-    x, v, p = pack(tip, (TIP_DISPLACEMENT, lane)), pack(tip, (TIP_VELOCITY, lane)), spread(0.0, lane)
+    x, v, p = pack(tip, (tip_row.DISPLACEMENT, lane)), pack(tip, (tip_row.VELOCITY, lane)), spread(0.0, lane)
     after, temperature = free.velocity + step.inverse_mass * free.impulse, free.temperature
     moved = step.h * weighed(step.theta, after, step.rest, v)
     place, depth = x + moved, x - free.gap + moved
@@ -59,7 +58,7 @@ def meet_by_place(law: Complementarity, step: TipStep, free: Free, own: Array, t
         p = where(meets, depth * of_lane(law.impulse, lane), 0.0)
         after = where(meets, after - law.velocity * depth, after)
         temperature += step.warming * press(p, own, lane)
-    store(own, (CASE_IMPULSE, lane), free.impulse - p)
+    store(own, (case_row.IMPULSE, lane), free.impulse - p)
     return End(engaged, place, after, temperature, p)
 
 
@@ -68,4 +67,4 @@ def _static_gain(
     law: Complementarity, step: TipStep, end: End, change: Pack, free: Free, own: Array, tip: Array, lane: Lane
 ) -> Pack:
     """Return -(θ - 1/2) S Δv: without mass no impact changes the velocity, impulses work at v_θ as they act."""
-    return (0.5 - step.theta) * (pack(own, (CASE_IMPULSE, lane)) * change)
+    return (0.5 - step.theta) * (pack(own, (case_row.IMPULSE, lane)) * change)

@@ -19,26 +19,7 @@ from workflow.kernels import Array
 from workflow.kernels.compiled import by_type, inlined
 from workflow.kernels.packs import Lane, Mask, Pack, flag, pack, raised, some, some_nonzero, spread, store, where
 from workflow.models import Cases
-
-CASE_ALPHA, CASE_DRIFT, CASE_WARMTH, CASE_WARMING = range(4)
-"""Rows of a block's cases ``(row, lane)``: α [W/N] and the known part of the tip's motion
-(:class:`~workflow.schemes._fixed.decoupled.Motion`)."""
-
-CASE_IMPULSE, CASE_HEAT, CASE_PRESSED = range(4, 7)
-"""Impulse of load less contact [N s] and friction heat [J] of the last step, and a flag of each pack that is raised
-where some lane was in contact: elsewhere there is no heat."""
-
-CASE_LAST, CASE_APPROACH, CASE_APPROACHED, CASE_SEPARATED = range(7, 11)
-"""The last force or impulse of contact, the velocity before the present contact, and sums over contacts that have
-ended of its square and of its product with the velocity after, (m/s)²."""
-
-CASE_AHEAD, CASE_HALF, CASE_FIRST = range(11, 14)
-"""Of central differences: x_n at the next step's end, the last half-step velocity, the first one without contact."""
-
-CASE_FRICTION, CASE_SLID = range(14, 16)
-"""Of a contact that slides: µ, and µ times the impulse of contact in the last step [N s]."""
-
-CASE_ROWS = CASE_SLID + 1
+from workflow.schemes._fixed import case_row
 
 METRICS = {
     "effective_restitution": (
@@ -157,8 +138,8 @@ class End(NamedTuple):
 def meet(law: Law, step: TipStep, free: Free, own: Array, tip: Array, lane: Lane) -> End:
     """Close a step: return the tip at its end and the impulse of contact.
 
-    Leaves in ``own`` the impulse of load and contact (``CASE_IMPULSE``), the friction heat α p (``CASE_HEAT``) and
-    whether the heat may be other than 0 (``CASE_PRESSED``), all of which the modes' next step begins with.
+    Leaves in ``own`` the impulse of load and contact (``IMPULSE``), the friction heat α p (``HEAT``) and whether the
+    heat may be other than 0 (``PRESSED``), all of which the modes' next step begins with.
     """
     raise NotImplementedError
 
@@ -202,22 +183,22 @@ def contact_gain(
 @inlined
 def friction_heat(p: Pack, own: Array, lane: Lane) -> Pack:
     """Store the friction heat α p of an impulse of contact; return it, J."""
-    heat = pack(own, (CASE_ALPHA, lane)) * p
-    store(own, (CASE_HEAT, lane), heat)
+    heat = pack(own, (case_row.ALPHA, lane)) * p
+    store(own, (case_row.HEAT, lane), heat)
     return heat
 
 
 @inlined
 def press(p: Pack, own: Array, lane: Lane) -> Pack:
     """Store the friction heat of an impulse, and whether there is any in the pack; return it, J."""
-    flag(own, (CASE_PRESSED, lane), some_nonzero(p))
+    flag(own, (case_row.PRESSED, lane), some_nonzero(p))
     return friction_heat(p, own, lane)
 
 
 @inlined
 def was_pressed(own: Array, lane: Lane) -> bool:
     """Tell whether some lane of a pack was in contact in the last step."""
-    return raised(own, (CASE_PRESSED, lane))
+    return raised(own, (case_row.PRESSED, lane))
 
 
 @inlined
@@ -228,7 +209,11 @@ def count_rebounds(begins: Mask, ended: Mask, before: Pack, after: Pack, own: Ar
     """
     if not (some(begins) or some(ended)):
         return
-    approach = where(begins, before, pack(own, (CASE_APPROACH, lane)))
-    store(own, (CASE_APPROACH, lane), approach)
-    store(own, (CASE_APPROACHED, lane), pack(own, (CASE_APPROACHED, lane)) + where(ended, approach * approach, 0.0))
-    store(own, (CASE_SEPARATED, lane), pack(own, (CASE_SEPARATED, lane)) - where(ended, approach * after, 0.0))
+    approach = where(begins, before, pack(own, (case_row.APPROACH, lane)))
+    store(own, (case_row.APPROACH, lane), approach)
+    store(
+        own,
+        (case_row.APPROACHED, lane),
+        pack(own, (case_row.APPROACHED, lane)) + where(ended, approach * approach, 0.0),
+    )
+    store(own, (case_row.SEPARATED, lane), pack(own, (case_row.SEPARATED, lane)) - where(ended, approach * after, 0.0))

@@ -23,13 +23,13 @@ from workflow.kernels.lanes import ROW, fill_lanes, lane_rows
 from workflow.kernels.solving import inverse
 from workflow.kernels.sums import product
 from workflow.models import NO_HARMONICS, Cases, Structure, mechanical_modes, needs_matrices, project, static_tip_growth
+from workflow.schemes._fixed import case_row, tip_row
 from workflow.schemes._fixed.central import Differences
-from workflow.schemes._fixed.contact import CASE_AHEAD, CASE_ALPHA, CASE_HALF, CASE_ROWS, Contact, TipStep
+from workflow.schemes._fixed.contact import Contact, TipStep
 from workflow.schemes._fixed.dense_balance import account_of, content_of, no_account, open_account
 from workflow.schemes._fixed.dense_march import ACTS_SPEED, DenseState, FreeStep
 from workflow.schemes._fixed.drive import drive_of
 from workflow.schemes._fixed.march import fill_law, law_lanes
-from workflow.schemes._fixed.marks import TIP_DISPLACEMENT, TIP_IMPULSE, TIP_TEMPERATURE, TIP_VELOCITY
 from workflow.schemes._fixed.outcome import ROUNDING, Outcome, effective_restitution, judged
 from workflow.schemes._fixed.sliding import friction_message
 from workflow.schemes._fixed.stepping import Ended, Watch, block_lanes, blocks, collect, watch
@@ -146,12 +146,12 @@ def _marched(operator: DenseOperator, cases: Cases, sampling: Sampling) -> Resul
     watched = watch(cases, cases.mean, sampling, plan, free.tip.h, drive)
     kick = operator.kick(cases.alpha, cases.friction)
     push, states = _push(operator, cases), _begin(operator, cases, begun.velocity)
-    law, own = contact.law(free.tip.h, cases, kick[:, -1]), np.zeros((CASE_ROWS, count))
-    own[CASE_ALPHA], own[CASE_AHEAD] = cases.alpha, cases.displacement[:, -1]
-    own[CASE_HALF] = states[:, 2 * kick.shape[1] - 1]
+    law, own = contact.law(free.tip.h, cases, kick[:, -1]), np.zeros((case_row.ROWS, count))
+    own[case_row.ALPHA], own[case_row.AHEAD] = cases.alpha, cases.displacement[:, -1]
+    own[case_row.HALF] = states[:, 2 * kick.shape[1] - 1]
     account = account_of(structure) if sampling.balances else no_account()
     lanes = DenseState(
-        own=lane_rows(CASE_ROWS),
+        own=lane_rows(case_row.ROWS),
         states=lane_rows(states.shape[1]),
         ahead=lane_rows(push.shape[1]),
         kick=lane_rows(kick.shape[1]),
@@ -235,7 +235,7 @@ def _judged(operator: DenseOperator, cases: Cases, w: Array, watched: Watch) -> 
 
     grows = operator.growth > operator.most
     grown = f"the free step grows {operator.growth:.6g}-fold at h = {h:.6g} s" if grows else None
-    finite = watched.finite(TIP_DISPLACEMENT, TIP_VELOCITY, TIP_TEMPERATURE, TIP_IMPULSE)
+    finite = watched.finite(tip_row.DISPLACEMENT, tip_row.VELOCITY, tip_row.TEMPERATURE, tip_row.IMPULSE)
     left = f"the state left the finite numbers at h = {h:.6g} s"
     return judged(finite, contact.factor(h, w) <= 0, explain, grown, left)
 

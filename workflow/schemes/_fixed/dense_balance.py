@@ -21,18 +21,8 @@ from workflow.kernels import Array
 from workflow.kernels.compiled import part, uncounted
 from workflow.kernels.lanes import LANES, PACK, fill_lanes, lane_rows
 from workflow.models import Cases, Structure, directions
-from workflow.schemes._fixed.totals import (
-    DISSIPATED,
-    FIRST_ENERGY,
-    FRICTION_HEAT,
-    LARGEST_ENERGY,
-    LAST_ENERGY,
-    LOST,
-    TOTAL_ROWS,
-    TURNED_OVER,
-    Content,
-    residuals,
-)
+from workflow.schemes._fixed import total_row
+from workflow.schemes._fixed.totals import Content, residuals
 
 States = tuple[Array, Array, Array]
 """Displacement and velocity ``(case, mechanical)``, temperature ``(case, thermal)``."""
@@ -85,9 +75,9 @@ def measure(account: Account, x: Array, ahead: Array, v: Array, lanes: int) -> N
         for i in range(count):
             kinetic += v[i, lane] * inertia[i, lane]
             strained += x[i, lane] * elastic[i, lane]
-        energy, largest = 0.5 * (kinetic + strained), totals[LARGEST_ENERGY, lane]
-        totals[LAST_ENERGY, lane] = energy
-        totals[LARGEST_ENERGY, lane] = largest if energy <= largest else energy
+        energy, largest = 0.5 * (kinetic + strained), totals[total_row.LARGEST_ENERGY, lane]
+        totals[total_row.LAST_ENERGY, lane] = energy
+        totals[total_row.LARGEST_ENERGY, lane] = largest if energy <= largest else energy
 
 
 @part
@@ -104,7 +94,7 @@ def add_dissipation(account: Account, h: float, impulse: Array, load: Array, lan
             work += v[i, lane] * (damped[i, lane] + pulled[i, lane] - account.steady[i, lane])
             driven += account.load[i] * v[i, lane]
             pushed += account.contact[i, lane] * v[i, lane]
-        totals[DISSIPATED, lane] += h * (work - load[lane] * driven) + impulse[lane] * pushed
+        totals[total_row.DISSIPATED, lane] += h * (work - load[lane] * driven) + impulse[lane] * pushed
 
 
 @part
@@ -114,8 +104,8 @@ def lose(account: Account, h: float, before: Array, after: Array, lanes: int) ->
         flow = 0.0
         for j in range(before.shape[0]):
             flow += account.losses[j] * (0.5 * (before[j, lane] + after[j, lane]))
-        account.totals[LOST, lane] += h * flow
-        account.totals[TURNED_OVER, lane] += abs(h * flow)
+        account.totals[total_row.LOST, lane] += h * flow
+        account.totals[total_row.TURNED_OVER, lane] += abs(h * flow)
 
 
 def account_of(structure: Structure) -> Account:
@@ -128,7 +118,7 @@ def account_of(structure: Structure) -> Account:
         structure.coupling_matrix,
         structure.load_direction,
         structure.loss_row,
-        *(lane_rows(rows) for rows in (n, n, 2 * n + heats, 2 * n, TOTAL_ROWS)),
+        *(lane_rows(rows) for rows in (n, n, 2 * n + heats, 2 * n, total_row.ROWS)),
     )
 
 
@@ -196,7 +186,7 @@ class DenseBalance:
             some = cases.take(these)
             open_account(account, structure, some)
             _begin(account, _lanes(some.displacement), _lanes(some.velocity), -(-some.count // PACK) * PACK)
-            account.totals[FIRST_ENERGY] = account.totals[LAST_ENERGY]
+            account.totals[total_row.FIRST_ENERGY] = account.totals[total_row.LAST_ENERGY]
 
     def add(self, before: States, after: States, impulse: Array, load: Array) -> None:
         """Add a step from its states at both ends, the impulse p and the load F_θ in it, N s and N, ``(case,)``."""
@@ -208,7 +198,7 @@ class DenseBalance:
                 fill_lanes(row, values[these])
             count = impulse[these].size
             _add(account, self._h, *self._acting, *self._states, -(-count // PACK) * PACK)
-            account.totals[FRICTION_HEAT, :count] += self._cases.alpha[these] * impulse[these]
+            account.totals[total_row.FRICTION_HEAT, :count] += self._cases.alpha[these] * impulse[these]
 
     def residuals(self, last: States) -> dict[str, Array]:
         """Return ``energy_residual`` and ``heat_residual``; 0 where there is no energy, or no heat turned over."""

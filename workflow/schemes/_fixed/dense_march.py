@@ -15,23 +15,12 @@ from workflow.kernels import Array
 from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lanes import PACK, ROW
 from workflow.kernels.packs import narrow, pack, spread, store
-from workflow.schemes._fixed.contact import (
-    CASE_ALPHA,
-    CASE_IMPULSE,
-    CASE_LAST,
-    Free,
-    Law,
-    TipStep,
-    applied,
-    contact_gain,
-    leaves,
-    meet,
-)
+from workflow.schemes._fixed import case_row, tip_row, total_row
+from workflow.schemes._fixed.contact import Free, Law, TipStep, applied, contact_gain, leaves, meet
 from workflow.schemes._fixed.dense_balance import Account, add_dissipation, lose, measure, multiply
 from workflow.schemes._fixed.drive import cut_gap, turn_drive
-from workflow.schemes._fixed.marks import TIP_GAP, TIP_STEP_IMPULSE, Block, take_marks
+from workflow.schemes._fixed.marks import Block, take_marks
 from workflow.schemes._fixed.stepping import observe, store_end
-from workflow.schemes._fixed.totals import DISSIPATED, FIRST_ENERGY, FRICTION_HEAT, LAST_ENERGY
 
 ACTS_IMPULSE, ACTS_PLACE, ACTS_SPEED = range(3)
 """Rows of what contact leaves: the impulse that acts on the states [N s], place and velocity of the tip ahead."""
@@ -59,7 +48,7 @@ class DenseState(NamedTuple):
     """States of a block, ``(…, lane)``."""
 
     own: Array
-    """Rows ``CASE_…``."""
+    """Rows of ``case_row``."""
     states: Array
     """x, v and θ at the step's beginning."""
     ahead: Array
@@ -100,15 +89,17 @@ def _meet(free: FreeStep, law: Law, state: DenseState, block: Block, account: Ac
         warmth = pack(state.ahead, (state.ahead.shape[0] - 1, lane))
         if not free.heat_counts:
             warmth = pack(states, (states.shape[0] - 1, lane))
-        gap = pack(tip, (TIP_GAP, lane))
+        gap = pack(tip, (tip_row.GAP, lane))
         alone = Free(pack(state.ahead, (n - 1, lane)), warmth, spread(0.0, lane), gap, block.drive)
         end = meet(law, step, alone, own, tip, lane)
         if audited:
             before = pack(states, (2 * n - 1, lane))
             pushed = (step.h * account.load[n - 1]) * pack(load, (lane,))
-            store(own, (CASE_IMPULSE, lane), pack(own, (CASE_IMPULSE, lane)) + pushed)
+            store(own, (case_row.IMPULSE, lane), pack(own, (case_row.IMPULSE, lane)) + pushed)
             gain = contact_gain(law, step, end, end.velocity - before, alone, own, tip, lane)
-            store(account.totals, (DISSIPATED, lane), pack(account.totals, (DISSIPATED, lane)) + gain)
+            store(
+                account.totals, (total_row.DISSIPATED, lane), pack(account.totals, (total_row.DISSIPATED, lane)) + gain
+            )
         store_end(end, tip, lane)
         place, speed = leaves(law, end, own, lane)
         store(state.acts, (ACTS_IMPULSE, lane), applied(law, end, own, lane))
@@ -127,7 +118,7 @@ def _strike(free: FreeStep, state: DenseState, lanes: int) -> None:
         ahead[n - 1, lane] = state.acts[ACTS_SPEED, lane]
     for j in range(free.warming.size):
         for lane in range(lanes):
-            heat = state.own[CASE_ALPHA, lane] * state.acts[ACTS_IMPULSE, lane]
+            heat = state.own[case_row.ALPHA, lane] * state.acts[ACTS_IMPULSE, lane]
             ahead[n + j, lane] += heat * free.warming[j]
             shows = ahead[n + j, lane]
             if not free.heat_counts:
@@ -173,7 +164,9 @@ def _record(step: int, state: DenseState, block: Block, account: Account) -> Non
     tip, lanes = block.tip, block.lanes
     if account.mass.shape[0] > 0:
         for lane in range(lanes):
-            account.totals[FRICTION_HEAT, lane] += state.own[CASE_ALPHA, lane] * tip[TIP_STEP_IMPULSE, lane]
+            account.totals[total_row.FRICTION_HEAT, lane] += (
+                state.own[case_row.ALPHA, lane] * tip[tip_row.STEP_IMPULSE, lane]
+            )
         lose(account, block.h, state.shown[0], state.shown[1], lanes)
     span = take_marks(step, block) if step == block.marks.next_mark[0] else block.h
     if step == block.steps:
@@ -212,7 +205,7 @@ def march_dense(
             _record(step, state, block, account)
         else:
             for lane in range(lanes):
-                state.own[CASE_LAST, lane] *= 2.0
+                state.own[case_row.LAST, lane] *= 2.0
 
 
 @part
@@ -226,4 +219,4 @@ def _begin(free: FreeStep, state: DenseState, account: Account, n: int, lanes: i
                 before[i, lane] -= h * state.states[n + i, lane]
     measure(account, before, state.states[:n], state.states[n : 2 * n], lanes)
     for lane in range(lanes):
-        account.totals[FIRST_ENERGY, lane] = account.totals[LAST_ENERGY, lane]
+        account.totals[total_row.FIRST_ENERGY, lane] = account.totals[total_row.LAST_ENERGY, lane]

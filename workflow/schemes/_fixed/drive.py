@@ -24,8 +24,8 @@ from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lanes import PACK, ROW, fill_lanes, lane_rows
 from workflow.kernels.packs import Lane, Pack, narrow, pack, spread, store
 from workflow.models import Array, Cases, Harmonics
+from workflow.schemes._fixed import tip_row
 from workflow.schemes._fixed.contact import Drive
-from workflow.schemes._fixed.marks import TIP_DISPLACEMENT, TIP_GAP, TIP_VELOCITY
 from workflow.schemes._fixed.tip_load import RESYNC
 
 WAVE_SINE, WAVE_COSINE, WAVE_TURN_SINE, WAVE_TURN_COSINE = range(4)
@@ -176,10 +176,10 @@ def turn_drive(drive: Drive | None, step: int, h: float, theta: float, tip: Arra
         before = pack(state, (DRIVE_LOAD_END, lane))
         store(state, (DRIVE_LOAD, lane), theta * force + (1.0 - theta) * before)
         store(state, (DRIVE_LOAD_END, lane), force)
-        store(state, (DRIVE_GAP_BEFORE, lane), pack(tip, (TIP_GAP, lane)))
+        store(state, (DRIVE_GAP_BEFORE, lane), pack(tip, (tip_row.GAP, lane)))
         store(state, (DRIVE_SPEED_BEFORE, lane), pack(state, (DRIVE_SPEED, lane)))
         store(state, (DRIVE_SPEED, lane), speed)
-        store(tip, (TIP_GAP, lane), place)
+        store(tip, (tip_row.GAP, lane), place)
 
 
 @inlined
@@ -192,7 +192,7 @@ def with_harmonics(drive: Drive | None, load: Pack, lane: Lane) -> Pack:
 def began(drive: Drive | None, tip: Array, lane: Lane) -> tuple[Pack, Pack]:
     """Return place and velocity of the tip at the step's beginning: r and u where the casing moves."""
     if drive is None:
-        return pack(tip, (TIP_DISPLACEMENT, lane)), pack(tip, (TIP_VELOCITY, lane))
+        return pack(tip, (tip_row.DISPLACEMENT, lane)), pack(tip, (tip_row.VELOCITY, lane))
     return pack(drive.state, (DRIVE_APART, lane)), pack(drive.state, (DRIVE_PARTING, lane))
 
 
@@ -242,4 +242,4 @@ def cut_gap(drive: Drive | None, share: float, tip: Array, lanes: int) -> None:
     if drive is not None:
         for lane in range(lanes):
             before = drive.state[DRIVE_GAP_BEFORE, lane]
-            tip[TIP_GAP, lane] = before + share * (tip[TIP_GAP, lane] - before)
+            tip[tip_row.GAP, lane] = before + share * (tip[tip_row.GAP, lane] - before)

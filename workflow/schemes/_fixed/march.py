@@ -16,24 +16,13 @@ from workflow.kernels.lanes import PACK, WIDE, fill_lanes, lane_rows
 from workflow.kernels.packs import Lane, broad, broadest, narrow, pack, wide
 from workflow.kernels.sums import product
 from workflow.models import Array, Cases
+from workflow.schemes._fixed import case_row, tip_row
 from workflow.schemes._fixed.balance import Audit, account, account_heat, lay_out_audit
 from workflow.schemes._fixed.books import Books
-from workflow.schemes._fixed.contact import (
-    CASE_ALPHA,
-    CASE_DRIFT,
-    CASE_FRICTION,
-    CASE_ROWS,
-    CASE_WARMING,
-    CASE_WARMTH,
-    Contact,
-    Free,
-    Law,
-    meet,
-    steps_from_tip,
-)
+from workflow.schemes._fixed.contact import Contact, Free, Law, meet, steps_from_tip
 from workflow.schemes._fixed.decoupled import Decoupled, Motion
 from workflow.schemes._fixed.drive import cut_gap, turn_drive, with_harmonics
-from workflow.schemes._fixed.marks import TIP_GAP, Block, take_marks
+from workflow.schemes._fixed.marks import Block, take_marks
 from workflow.schemes._fixed.modal_lanes import (
     Coefficients,
     State,
@@ -79,7 +68,7 @@ def _step(
     """Take a pack of lanes through a step: free motion, load and contact, counts."""
     tip, step = block.tip, operator.tip
     velocity, temperature = step_freely(operator, now.warmed, now.t, state, audit, lane)
-    gap = pack(tip, (TIP_GAP, lane))
+    gap = pack(tip, (tip_row.GAP, lane))
     impulse = step.h * with_harmonics(block.drive, tip_load(now.sine, now.leader, block.load, lane), lane)
     free = Free(velocity, temperature, impulse, gap, block.drive)
     end = meet(law, step, free, state.own, tip, lane)
@@ -153,7 +142,7 @@ class Batch:
     speed, place
         ζ and ξ of each mode, times its share in the tip, ``(case, mode)``.
     own
-        Rows ``CASE_…``, ``(row, case)``; at the end what the last step left there.
+        Rows of ``case_row``, ``(row, case)``; at the end what the last step left there.
     books
         Energy and heat balances, if they are asked for.
     """
@@ -170,10 +159,10 @@ class Batch:
 
 
 def case_rows(cases: Cases, begun: Motion) -> Array:
-    """Return the rows ``CASE_…`` at t = 0 as far as all schemes share them, ``(row, case)``."""
-    own = np.zeros((CASE_ROWS, cases.count))
-    own[CASE_ALPHA], own[CASE_DRIFT], own[CASE_WARMTH] = cases.alpha, begun.drift, begun.warmth
-    own[CASE_WARMING], own[CASE_FRICTION] = begun.warming, cases.friction
+    """Return the rows of ``case_row`` at t = 0 as far as all schemes share them, ``(row, case)``."""
+    own = np.zeros((case_row.ROWS, cases.count))
+    own[case_row.ALPHA], own[case_row.DRIFT], own[case_row.WARMTH] = cases.alpha, begun.drift, begun.warmth
+    own[case_row.WARMING], own[case_row.FRICTION] = begun.warming, cases.friction
     return own
 
 
@@ -197,7 +186,7 @@ def march_blocks(batch: Batch, watched: Watch, duration: float) -> Ended:
     motion, tau = by_mode(batch.speed.T, batch.place.T), (begun.heat * scale).T
     lanes, before, law = lane_rows(tau.shape[0]), lane_rows(tau.shape[0]), law_lanes(batch.law)
     paired = before if operator.heat_counts else lanes
-    state = State(lane_rows(CASE_ROWS), lane_rows(*motion.shape[:2]), lanes, before, paired)
+    state = State(lane_rows(case_row.ROWS), lane_rows(*motion.shape[:2]), lanes, before, paired)
     audit = None if books is None else books.audit
     closing = begun.closing + begun.closing_rate * duration
     growth = modal.static_growth / scale

@@ -11,21 +11,8 @@ from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lanes import PACK
 from workflow.kernels.packs import fetch, narrow, pack, store
 from workflow.models import Array
+from workflow.schemes._fixed import tip_row
 from workflow.schemes._fixed.contact import Drive
-
-TIP_DISPLACEMENT, TIP_VELOCITY, TIP_TEMPERATURE, TIP_IMPULSE, TIP_GAP = range(5)
-"""Rows of a block's tip ``(row, lane)``: its state at the last step end, the sum of impulses and the clearance."""
-
-TIP_TOUCHING, TIP_IMPACTS, TIP_CONTACT_TIME, TIP_PENETRATION, TIP_HOTTEST = range(5, 10)
-"""What has been counted so far; the highest temperature is that of the load periods that have ended."""
-
-TIP_PERIOD_IMPULSE, TIP_PERIOD_CONTACT, TIP_PERIOD_HOTTEST = range(10, 13)
-"""Impulse and contact time at the beginning of the present load period, and its highest temperature."""
-
-TIP_NEW_DISPLACEMENT, TIP_NEW_VELOCITY, TIP_NEW_TEMPERATURE, TIP_STEP_IMPULSE = range(13, 17)
-"""The tip at the end of the present step and the impulse in it, stored for :func:`take_marks` and ``observe``."""
-
-TIP_ROWS = TIP_STEP_IMPULSE + 1
 
 NEVER = np.iinfo(np.int64).max
 
@@ -65,7 +52,7 @@ class Block(NamedTuple):
     load: Array
     """``(row, lane)``, rows ``LOAD_…``."""
     tip: Array
-    """``(row, lane)``, rows ``TIP_…``."""
+    """``(row, lane)``, rows of ``tip_row``."""
     marks: Marks
     record: Record
     drive: Drive | None
@@ -91,17 +78,17 @@ def _close_periods(step: int, block: Block) -> None:
         while next_period[lane] < period_due.shape[1] and period_due[lane, next_period[lane]] == step:
             k = next_period[lane]
             share = period_weight[lane, k]
-            p = tip[TIP_STEP_IMPULSE, lane]
-            impulse = _between(tip[TIP_IMPULSE, lane], tip[TIP_IMPULSE, lane] + p, share)
-            reached = _between(tip[TIP_TEMPERATURE, lane], tip[TIP_NEW_TEMPERATURE, lane], share)
-            contact = tip[TIP_CONTACT_TIME, lane] + (share * h if p > 0.0 else 0.0)
-            periods[lane, 0, k] = impulse - tip[TIP_PERIOD_IMPULSE, lane]
-            periods[lane, 1, k] = max(tip[TIP_PERIOD_HOTTEST, lane], reached)
-            periods[lane, 2, k] = contact - tip[TIP_PERIOD_CONTACT, lane]
-            tip[TIP_HOTTEST, lane] = max(tip[TIP_HOTTEST, lane], periods[lane, 1, k])
-            tip[TIP_PERIOD_IMPULSE, lane] = impulse
-            tip[TIP_PERIOD_CONTACT, lane] = contact
-            tip[TIP_PERIOD_HOTTEST, lane] = reached
+            p = tip[tip_row.STEP_IMPULSE, lane]
+            impulse = _between(tip[tip_row.IMPULSE, lane], tip[tip_row.IMPULSE, lane] + p, share)
+            reached = _between(tip[tip_row.TEMPERATURE, lane], tip[tip_row.NEW_TEMPERATURE, lane], share)
+            contact = tip[tip_row.CONTACT_TIME, lane] + (share * h if p > 0.0 else 0.0)
+            periods[lane, 0, k] = impulse - tip[tip_row.PERIOD_IMPULSE, lane]
+            periods[lane, 1, k] = max(tip[tip_row.PERIOD_HOTTEST, lane], reached)
+            periods[lane, 2, k] = contact - tip[tip_row.PERIOD_CONTACT, lane]
+            tip[tip_row.HOTTEST, lane] = max(tip[tip_row.HOTTEST, lane], periods[lane, 1, k])
+            tip[tip_row.PERIOD_IMPULSE, lane] = impulse
+            tip[tip_row.PERIOD_CONTACT, lane] = contact
+            tip[tip_row.PERIOD_HOTTEST, lane] = reached
             next_period[lane] = k + 1
         if next_period[lane] < period_due.shape[1]:
             first = min(first, period_due[lane, next_period[lane]])
@@ -122,12 +109,12 @@ def _sample(k: int, share: float, block: Block) -> None:
             fetch(histories, (case, j, last))
     for first in range(0, block.lanes, PACK):
         lane = narrow(first)
-        for j in range(TIP_IMPULSE):
-            x = _between(pack(tip, (j, lane)), pack(tip, (TIP_NEW_DISPLACEMENT + j, lane)), share)
+        for j in range(tip_row.IMPULSE):
+            x = _between(pack(tip, (j, lane)), pack(tip, (tip_row.NEW_DISPLACEMENT + j, lane)), share)
             store(waiting, (j * WAITING + slot, lane), x)
-        impulse = pack(tip, (TIP_IMPULSE, lane))
-        after = impulse + pack(tip, (TIP_STEP_IMPULSE, lane))
-        store(waiting, (TIP_IMPULSE * WAITING + slot, lane), _between(impulse, after, share))
+        impulse = pack(tip, (tip_row.IMPULSE, lane))
+        after = impulse + pack(tip, (tip_row.STEP_IMPULSE, lane))
+        store(waiting, (tip_row.IMPULSE * WAITING + slot, lane), _between(impulse, after, share))
     if slot == WAITING - 1 or k == histories.shape[2] - 1:
         for case in range(histories.shape[0]):
             for j in range(histories.shape[1]):
@@ -157,9 +144,9 @@ def take_marks(step: int, block: Block) -> float:
     share = weight[-1] if step == steps else 1.0
     if share != 1.0:
         for lane in range(lanes):
-            for row in range(TIP_IMPULSE):
-                tip[TIP_NEW_DISPLACEMENT + row, lane] = _between(
-                    tip[row, lane], tip[TIP_NEW_DISPLACEMENT + row, lane], share
+            for row in range(tip_row.IMPULSE):
+                tip[tip_row.NEW_DISPLACEMENT + row, lane] = _between(
+                    tip[row, lane], tip[tip_row.NEW_DISPLACEMENT + row, lane], share
                 )
-            tip[TIP_STEP_IMPULSE, lane] *= share
+            tip[tip_row.STEP_IMPULSE, lane] *= share
     return share * h

@@ -20,6 +20,7 @@ from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lanes import PACK, ROW, WIDE
 from workflow.kernels.packs import Lane, Pack, narrow, pack, plus, raised, shared, spread, store, wide
 from workflow.models import Array
+from workflow.schemes._fixed import case_row
 from workflow.schemes._fixed.balance import (
     SPAN,
     Audit,
@@ -33,20 +34,7 @@ from workflow.schemes._fixed.balance import (
     store_pull,
     with_energy,
 )
-from workflow.schemes._fixed.contact import (
-    CASE_DRIFT,
-    CASE_FRICTION,
-    CASE_HEAT,
-    CASE_IMPULSE,
-    CASE_PRESSED,
-    CASE_SLID,
-    CASE_WARMING,
-    CASE_WARMTH,
-    End,
-    Law,
-    TipStep,
-    applied,
-)
+from workflow.schemes._fixed.contact import End, Law, TipStep, applied
 
 MOTION_SPEED, MOTION_PLACE = range(2)
 """Rows of a mode's motion: ζ and ξ."""
@@ -102,7 +90,7 @@ class State(NamedTuple):
     """Modal states of a block and what its cases have of their own."""
 
     own: Array
-    """``(row, lane)``, rows ``CASE_…``."""
+    """``(row, lane)``, rows of ``case_row``."""
     motion: Array
     """``(mode, row, lane)``, rows ``MOTION_…``."""
     tau: Array
@@ -138,13 +126,13 @@ def lay_out(operator: Coefficients, state: State, load: Array, tip: Array) -> No
 def slide(sliding: Sliding | None, law: Law, end: End, own: Array, lane: Lane) -> None:
     """Keep what friction does in a step that contact has closed."""
     if sliding is not None:
-        store(own, (CASE_SLID, lane), pack(own, (CASE_FRICTION, lane)) * applied(law, end, own, lane))
+        store(own, (case_row.SLID, lane), pack(own, (case_row.FRICTION, lane)) * applied(law, end, own, lane))
 
 
 @inlined
 def _slid_by(sliding: Sliding | None, own: Array, lane: Lane) -> Slid | None:
     """Return what friction did in the last step."""
-    return None if sliding is None else Slid(sliding.kicks, sliding.works, pack(own, (CASE_SLID, lane)))
+    return None if sliding is None else Slid(sliding.kicks, sliding.works, pack(own, (case_row.SLID, lane)))
 
 
 @inlined
@@ -164,7 +152,7 @@ def _step_modes(
 ) -> Pack:
     """Step the mechanical modes, and return the tip's velocity with theirs; ``heat`` is that of the last contact."""
     modes, h, slid = operator.modes, operator.tip.h, _slid_by(operator.sliding, state.own, lane)
-    motion, impulse = state.motion, pack(state.own, (CASE_IMPULSE, lane))
+    motion, impulse = state.motion, pack(state.own, (case_row.IMPULSE, lane))
     dissipated, on_heat = spread(0.0, lane), spread(0.0, lane)
     for j in range(motion.shape[0]):
         on_heat = add_heat_work(audit, j, pack(motion, (j, MOTION_PLACE, lane)), on_heat, lane)
@@ -204,14 +192,16 @@ def is_warmed(own: Array, lanes: int) -> bool:
     """Tell whether heating or the temperature of the surroundings moves the tip of some lane."""
     warmed = False
     for lane in range(lanes):
-        warmed |= own[CASE_DRIFT, lane] != 0.0 or own[CASE_WARMTH, lane] != 0.0 or own[CASE_WARMING, lane] != 0.0
+        warmed |= (
+            own[case_row.DRIFT, lane] != 0.0 or own[case_row.WARMTH, lane] != 0.0 or own[case_row.WARMING, lane] != 0.0
+        )
     return warmed
 
 
 @inlined
 def _add_pair_work(operator: Coefficients, state: State, audit: Audit | None, lane: Lane) -> None:
     """Count what thermal modes near resonance with mechanical ones did in the last step."""
-    impulse, heat = pack(state.own, (CASE_IMPULSE, lane)), pack(state.own, (CASE_HEAT, lane))
+    impulse, heat = pack(state.own, (case_row.IMPULSE, lane)), pack(state.own, (case_row.HEAT, lane))
     slid = _slid_by(operator.sliding, state.own, lane)
     for pair in range(operator.pair_mode.size):
         j = operator.pair_mode[pair]
@@ -246,12 +236,12 @@ def step_freely(
     if tau.shape[0] == 0:
         return _step_modes(operator, state, velocity, None, audit, lane), temperature
     if warmed:
-        velocity += pack(own, (CASE_DRIFT, lane))
-        temperature = pack(own, (CASE_WARMTH, lane)) + pack(own, (CASE_WARMING, lane)) * t
+        velocity += pack(own, (case_row.DRIFT, lane))
+        temperature = pack(own, (case_row.WARMTH, lane)) + pack(own, (case_row.WARMING, lane)) * t
     if paired:
         _add_pair_work(operator, state, audit, lane)
-    if raised(own, (CASE_PRESSED, lane)):
-        heat = pack(own, (CASE_HEAT, lane))
+    if raised(own, (case_row.PRESSED, lane)):
+        heat = pack(own, (case_row.HEAT, lane))
         velocity, temperature = _step_heat(heat_modes, tau, velocity, temperature, heat, audit, lane)
         velocity = _step_modes(operator, state, velocity, heat, audit, lane)
     else:
@@ -294,7 +284,7 @@ def _take_energies(audit: Audit, operator: Coefficients, state: State, lanes: in
 @inlined
 def _take_energy(audit: Audit, operator: Coefficients, state: State, lane: Lane) -> None:
     """Keep the energy at the end of the last step."""
-    impulse, heat = pack(state.own, (CASE_IMPULSE, lane)), pack(state.own, (CASE_HEAT, lane))
+    impulse, heat = pack(state.own, (case_row.IMPULSE, lane)), pack(state.own, (case_row.HEAT, lane))
     energy, slid = spread(0.0, lane), _slid_by(operator.sliding, state.own, lane)
     for j in range(state.motion.shape[0]):
         speed, place = _ended(operator.modes, state.motion, j, impulse, heat, slid, lane)
@@ -310,7 +300,7 @@ def close_balance(audit: Audit | None, operator: Coefficients, state: State, lan
     _take_energies(audit, operator, state, lanes)
     for first in range(0, lanes, PACK):
         lane = narrow(first)
-        impulse, heat = pack(state.own, (CASE_IMPULSE, lane)), pack(state.own, (CASE_HEAT, lane))
+        impulse, heat = pack(state.own, (case_row.IMPULSE, lane)), pack(state.own, (case_row.HEAT, lane))
         _add_pair_work(operator, state, audit, lane)
         dissipated, on_heat = spread(0.0, lane), spread(0.0, lane)
         slid = _slid_by(operator.sliding, state.own, lane)
@@ -326,5 +316,5 @@ def store_heat(operator: Coefficients, state: State, into: Array, lanes: int) ->
     """Store τ as it is at the end of the last step, with the heat of the contact in it where that counts there."""
     for k in range(into.shape[0]):
         for lane in range(lanes):
-            heat = operator.heat_modes[k, HEAT_INPUT] * state.own[CASE_HEAT, lane]
+            heat = operator.heat_modes[k, HEAT_INPUT] * state.own[case_row.HEAT, lane]
             into[k, lane] = state.tau[k, lane] + heat if operator.heat_counts else state.tau[k, lane]

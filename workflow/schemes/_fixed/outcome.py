@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from workflow.kernels import Array
 from workflow.models import Cases
-from workflow.schemes._fixed.contact import CASE_APPROACHED, CASE_SEPARATED
+from workflow.schemes._fixed import case_row
 from workflow.schemes._interface import Results, Status, merge
 
 Outcome = tuple[NDArray[np.int8], dict[int, str]]
@@ -22,7 +22,7 @@ ROUNDING = 16 * np.finfo(float).eps
 
 def effective_restitution(own: Array) -> dict[str, Array]:
     """Return -Σ v⁺v⁻ / Σ (v⁻)² of each case; NaN where no contact has ended or a sum has left the finite numbers."""
-    approached, separated = own[CASE_APPROACHED], own[CASE_SEPARATED]
+    approached, separated = own[case_row.APPROACHED], own[case_row.SEPARATED]
     met = (approached > 0) & np.isfinite(approached) & np.isfinite(separated)
     return {"effective_restitution": np.where(met, separated / np.where(met, approached, 1.0), np.nan)}
 

@@ -13,21 +13,9 @@ from workflow.kernels import Array
 from workflow.kernels.compiled import uncounted
 from workflow.kernels.lanes import LANES, lane_rows
 from workflow.models import Cases, Structure, needs_matrices, project, static_tip_growth
+from workflow.schemes._fixed import tip_row
 from workflow.schemes._fixed.dense_balance import DenseBalance
-from workflow.schemes._fixed.marks import (
-    TIP_DISPLACEMENT,
-    TIP_GAP,
-    TIP_NEW_DISPLACEMENT,
-    TIP_NEW_TEMPERATURE,
-    TIP_NEW_VELOCITY,
-    TIP_ROWS,
-    TIP_STEP_IMPULSE,
-    TIP_TEMPERATURE,
-    TIP_VELOCITY,
-    WAITING,
-    Block,
-    take_marks,
-)
+from workflow.schemes._fixed.marks import WAITING, Block, take_marks
 from workflow.schemes._fixed.outcome import judged
 from workflow.schemes._fixed.plain_balance import PlainBalance
 from workflow.schemes._fixed.stepping import Ended, block_of, collect, observe, parts, watch
@@ -69,7 +57,7 @@ class Recorder:
         self._watched = watch(cases, cases.mean, sampling, schedule(sampling, h), h)
         self.steps = self._watched.schedule.steps
         self._blocks = [
-            (part, block_of(self._watched, part, lane_rows(LOAD_ROWS), lane_rows(TIP_ROWS), lane_rows(4 * WAITING)))
+            (part, block_of(self._watched, part, lane_rows(LOAD_ROWS), lane_rows(tip_row.ROWS), lane_rows(4 * WAITING)))
             for part in parts(cases.count, LANES)
         ]
         self._growth = static_tip_growth(structure)
@@ -109,11 +97,11 @@ class Recorder:
         casing = self._casing()
         for part, block in self._blocks:
             count = part.stop - part.start
-            block.tip[TIP_GAP, :count] = casing[part]
-            block.tip[TIP_NEW_DISPLACEMENT, :count] = displacement[part, -1]
-            block.tip[TIP_NEW_VELOCITY, :count] = velocity[part, -1]
-            block.tip[TIP_NEW_TEMPERATURE, :count] = temperature[part, -1]
-            block.tip[TIP_STEP_IMPULSE, :count] = impulse[part]
+            block.tip[tip_row.GAP, :count] = casing[part]
+            block.tip[tip_row.NEW_DISPLACEMENT, :count] = displacement[part, -1]
+            block.tip[tip_row.NEW_VELOCITY, :count] = velocity[part, -1]
+            block.tip[tip_row.NEW_TEMPERATURE, :count] = temperature[part, -1]
+            block.tip[tip_row.STEP_IMPULSE, :count] = impulse[part]
             _count(self._step, block)
 
     def _casing(self) -> Array:
@@ -134,7 +122,7 @@ class Recorder:
         watched = self._watched
         for part, block in self._blocks:
             watched.tip[:, part] = block.tip[:, : part.stop - part.start]
-        finite = watched.finite(TIP_DISPLACEMENT, TIP_VELOCITY, TIP_TEMPERATURE)
+        finite = watched.finite(tip_row.DISPLACEMENT, tip_row.VELOCITY, tip_row.TEMPERATURE)
         left = f"the state left the finite numbers at h = {self._h:.6g} s"
         before, after = self._before[2], self._states[2]
         reached = before + watched.schedule.weight[-1] * (after - before)

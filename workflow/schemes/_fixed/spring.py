@@ -20,20 +20,10 @@ from workflow.kernels.compiled import defines
 from workflow.kernels.packs import Lane, Pack, flag, of_lane, pack, some, some_nonzero, spread, store, weighed, where
 from workflow.kernels.sums import total
 from workflow.models import Array, Cases, Structure, mechanical_modes
-from workflow.schemes._fixed import contact
-from workflow.schemes._fixed.contact import (
-    CASE_HEAT,
-    CASE_IMPULSE,
-    CASE_LAST,
-    CASE_PRESSED,
-    Contact,
-    End,
-    Free,
-    TipStep,
-)
+from workflow.schemes._fixed import case_row, contact, tip_row
+from workflow.schemes._fixed.contact import Contact, End, Free, TipStep
 from workflow.schemes._fixed.drive import began, gap_before, relative, relative_before, settled, wall
 from workflow.schemes._fixed.marches import kernels_of
-from workflow.schemes._fixed.marks import TIP_DISPLACEMENT, TIP_VELOCITY
 
 KERNELS = kernels_of(__name__)
 
@@ -59,7 +49,7 @@ def meet_spring(law: Spring, step: TipStep, free: Free, own: Array, tip: Array, 
     """Return the tip at the step's end."""
     h, theta = step.h, step.theta
     x, v = began(free.drive, tip, lane)
-    w, held = of_lane(law.delassus, lane), pack(own, (CASE_LAST, lane))
+    w, held = of_lane(law.delassus, lane), pack(own, (case_row.LAST, lane))
     begun = h * (1.0 - theta) * held
     apart = relative(free.drive, free.velocity + step.inverse_mass * free.impulse - w * begun, lane)
     depth = x + h * weighed(theta, apart, step.rest, v) - wall(free.drive, free.gap, lane)
@@ -70,16 +60,16 @@ def meet_spring(law: Spring, step: TipStep, free: Free, own: Array, tip: Array, 
     force = where(force <= 0.0, 0.0, force)  # a NaN passes
     p = begun + h * theta * force
     after = apart - w * (h * theta * force)
-    store(own, (CASE_IMPULSE, lane), free.impulse - p)
+    store(own, (case_row.IMPULSE, lane), free.impulse - p)
     pressed = some_nonzero(p) or some_nonzero(force)  # with θ = 0 a force acts from the next step on
     engaged = pressed or contact.was_pressed(own, lane)
     if engaged:
         touches, touched = force > 0.0, held > 0.0
-        store(own, (CASE_LAST, lane), force)
-        flag(own, (CASE_PRESSED, lane), pressed)
+        store(own, (case_row.LAST, lane), force)
+        flag(own, (case_row.PRESSED, lane), pressed)
         contact.friction_heat(p, own, lane)
         contact.count_rebounds(touches & ~touched, touched & ~touches, v, after, own, lane)
-    temperature = free.temperature + step.warming * pack(own, (CASE_HEAT, lane))
+    temperature = free.temperature + step.warming * pack(own, (case_row.HEAT, lane))
     x, v = settled(free.drive, x + h * weighed(theta, after, step.rest, v), after, free.gap, lane)
     return End(engaged, x, v, temperature, p)
 
@@ -93,12 +83,12 @@ def _spring_gain(
     Velocities are relative to the casing where that moves.
     """
     drive = free.drive
-    begins = pack(tip, (TIP_DISPLACEMENT, lane)) - gap_before(drive, free.gap, lane)
+    begins = pack(tip, (tip_row.DISPLACEMENT, lane)) - gap_before(drive, free.gap, lane)
     ended = end.displacement - free.gap
     if not (some(begins > 0.0) or some(ended > 0.0)):
         return spread(0.0, lane)
     before, after = where(begins > 0.0, begins, 0.0), where(ended > 0.0, ended, 0.0)
-    speeds = relative_before(drive, pack(tip, (TIP_VELOCITY, lane)), lane) + relative(drive, end.velocity, lane)
+    speeds = relative_before(drive, pack(tip, (tip_row.VELOCITY, lane)), lane) + relative(drive, end.velocity, lane)
     worked = (step.theta * after + (1.0 - step.theta) * before) * (0.5 * step.h * speeds)
     return of_lane(law.stiffness, lane) * (0.5 * (after * after - before * before) - worked)
 

@@ -19,39 +19,10 @@ from workflow.kernels.compiled import inlined
 from workflow.kernels.lanes import PACK, cached_lanes, fill_lanes, lane_rows
 from workflow.kernels.packs import Lane, Pack, narrow, pack, some, some_nonzero, store, where
 from workflow.models import Array, Cases
+from workflow.schemes._fixed import tip_load, tip_row
 from workflow.schemes._fixed.contact import Drive, End
 from workflow.schemes._fixed.drive import drive_lanes, fill_drive
-from workflow.schemes._fixed.marks import (
-    NEVER,
-    TIP_CONTACT_TIME,
-    TIP_DISPLACEMENT,
-    TIP_GAP,
-    TIP_HOTTEST,
-    TIP_IMPACTS,
-    TIP_IMPULSE,
-    TIP_NEW_DISPLACEMENT,
-    TIP_NEW_TEMPERATURE,
-    TIP_NEW_VELOCITY,
-    TIP_PENETRATION,
-    TIP_PERIOD_HOTTEST,
-    TIP_ROWS,
-    TIP_STEP_IMPULSE,
-    TIP_TEMPERATURE,
-    TIP_TOUCHING,
-    TIP_VELOCITY,
-    WAITING,
-    Block,
-    Marks,
-    Record,
-)
-from workflow.schemes._fixed.tip_load import (
-    LOAD_AMPLITUDE,
-    LOAD_FREQUENCY,
-    LOAD_MEAN,
-    LOAD_PHASE,
-    LOAD_ROWS,
-    weigh_load,
-)
+from workflow.schemes._fixed.marks import NEVER, WAITING, Block, Marks, Record
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, complete_periods
 
 
@@ -69,7 +40,7 @@ class Now(NamedTuple):
     """The same of the next step, which then needs the tip's state at the end of this one."""
     sine: float
     leader: int
-    """The sine of the load in it, as :func:`weigh_load` returned it, and the lane whose it is."""
+    """The sine of the load in it, as :func:`tip_load.weigh_load` returned it, and the lane whose it is."""
     warmed: bool
     """Whether heating or the temperature of the surroundings moves the tip of some lane."""
 
@@ -77,7 +48,7 @@ class Now(NamedTuple):
 @inlined
 def step_at(step: int, theta: float, leader: int, warmed: bool, block: Block) -> Now:
     """Return a step, with the load at its two ends weighed by 1 - θ and θ."""
-    sine = weigh_load(1.0 - theta, theta, leader, block.load, block.lanes)
+    sine = tip_load.weigh_load(1.0 - theta, theta, leader, block.load, block.lanes)
     mark, last = block.marks.next_mark[0], step == block.steps
     return Now(step, step * block.h, last, step == mark, step + 1 == mark, sine, leader, warmed)
 
@@ -85,10 +56,10 @@ def step_at(step: int, theta: float, leader: int, warmed: bool, block: Block) ->
 @inlined
 def store_end(end: End, tip: Array, lane: Lane) -> None:
     """Store the tip's state at the end of a step and the impulse in it for :func:`observe`."""
-    store(tip, (TIP_NEW_DISPLACEMENT, lane), end.displacement)
-    store(tip, (TIP_NEW_VELOCITY, lane), end.velocity)
-    store(tip, (TIP_NEW_TEMPERATURE, lane), end.temperature)
-    store(tip, (TIP_STEP_IMPULSE, lane), end.impulse)
+    store(tip, (tip_row.NEW_DISPLACEMENT, lane), end.displacement)
+    store(tip, (tip_row.NEW_VELOCITY, lane), end.velocity)
+    store(tip, (tip_row.NEW_TEMPERATURE, lane), end.temperature)
+    store(tip, (tip_row.STEP_IMPULSE, lane), end.impulse)
 
 
 @inlined
@@ -99,24 +70,24 @@ def count_end(end: End, moved: bool, next_marked: bool, span: float, gap: Pack, 
     a sample or a period ends in the next step (``next_marked``).
     """
     x, temperature, p = end.displacement, end.temperature, end.impulse
-    hottest = pack(tip, (TIP_PERIOD_HOTTEST, lane))
+    hottest = pack(tip, (tip_row.PERIOD_HOTTEST, lane))
     if moved:
-        store(tip, (TIP_DISPLACEMENT, lane), x)
-        store(tip, (TIP_VELOCITY, lane), end.velocity)
+        store(tip, (tip_row.DISPLACEMENT, lane), x)
+        store(tip, (tip_row.VELOCITY, lane), end.velocity)
     if next_marked:
-        store(tip, (TIP_TEMPERATURE, lane), temperature)
+        store(tip, (tip_row.TEMPERATURE, lane), temperature)
     if some(temperature > hottest):
-        store(tip, (TIP_PERIOD_HOTTEST, lane), where(temperature > hottest, temperature, hottest))
+        store(tip, (tip_row.PERIOD_HOTTEST, lane), where(temperature > hottest, temperature, hottest))
     if some(x > gap):
-        depth, deepest = x - gap, pack(tip, (TIP_PENETRATION, lane))
-        store(tip, (TIP_PENETRATION, lane), where(depth > deepest, depth, deepest))
+        depth, deepest = x - gap, pack(tip, (tip_row.PENETRATION, lane))
+        store(tip, (tip_row.PENETRATION, lane), where(depth > deepest, depth, deepest))
     if end.engaged:
-        touches, touched = where(p > 0.0, 1.0, 0.0), pack(tip, (TIP_TOUCHING, lane))
+        touches, touched = where(p > 0.0, 1.0, 0.0), pack(tip, (tip_row.TOUCHING, lane))
         if some_nonzero(touches - touched):
-            store(tip, (TIP_IMPACTS, lane), pack(tip, (TIP_IMPACTS, lane)) + touches * (1.0 - touched))
-            store(tip, (TIP_TOUCHING, lane), touches)
-        store(tip, (TIP_CONTACT_TIME, lane), pack(tip, (TIP_CONTACT_TIME, lane)) + touches * span)
-        store(tip, (TIP_IMPULSE, lane), pack(tip, (TIP_IMPULSE, lane)) + p)
+            store(tip, (tip_row.IMPACTS, lane), pack(tip, (tip_row.IMPACTS, lane)) + touches * (1.0 - touched))
+            store(tip, (tip_row.TOUCHING, lane), touches)
+        store(tip, (tip_row.CONTACT_TIME, lane), pack(tip, (tip_row.CONTACT_TIME, lane)) + touches * span)
+        store(tip, (tip_row.IMPULSE, lane), pack(tip, (tip_row.IMPULSE, lane)) + p)
 
 
 @inlined
@@ -124,17 +95,17 @@ def observe(span: float, tip: Array, lanes: int) -> None:
     """Count what :func:`store_end` stored at the end of a step of ``span`` s."""
     for first in range(0, lanes, PACK):
         lane = narrow(first)
-        x, v = pack(tip, (TIP_NEW_DISPLACEMENT, lane)), pack(tip, (TIP_NEW_VELOCITY, lane))
-        end = End(True, x, v, pack(tip, (TIP_NEW_TEMPERATURE, lane)), pack(tip, (TIP_STEP_IMPULSE, lane)))
-        count_end(end, True, True, span, pack(tip, (TIP_GAP, lane)), tip, lane)
+        x, v = pack(tip, (tip_row.NEW_DISPLACEMENT, lane)), pack(tip, (tip_row.NEW_VELOCITY, lane))
+        end = End(True, x, v, pack(tip, (tip_row.NEW_TEMPERATURE, lane)), pack(tip, (tip_row.STEP_IMPULSE, lane)))
+        count_end(end, True, True, span, pack(tip, (tip_row.GAP, lane)), tip, lane)
 
 
 @dataclass(frozen=True, eq=False)
 class Watch:
     """Loads, tips, samples and load periods of a batch.
 
-    ``load`` and ``tip`` hold the rows ``LOAD_…`` and ``TIP_…`` of all cases, ``(row, case)``; those of the tip are of
-    t = 0, and of the end once a case's block is done.
+    ``load`` and ``tip`` hold the rows ``LOAD_…`` and those of ``tip_row`` of all cases, ``(row, case)``: the tip at
+    t = 0, and at the end once a case's block is done.
     """
 
     cases: Cases
@@ -184,28 +155,30 @@ def watch(
     due = np.where(on_step, nearest, np.ceil(position)).astype(np.int64)
     due = np.where(counted, np.minimum(due, schedule.steps), NEVER)
 
-    load = np.zeros((LOAD_ROWS, cases.count))
+    load = np.zeros((tip_load.LOAD_ROWS, cases.count))
     parameters = (mean, cases.amplitude, cases.frequency, cases.phase)
-    load[[LOAD_MEAN, LOAD_AMPLITUDE, LOAD_FREQUENCY, LOAD_PHASE]] = parameters
+    load[[tip_load.LOAD_MEAN, tip_load.LOAD_AMPLITUDE, tip_load.LOAD_FREQUENCY, tip_load.LOAD_PHASE]] = parameters
 
-    tip = np.zeros((TIP_ROWS, cases.count))
-    tip[TIP_DISPLACEMENT], tip[TIP_VELOCITY] = cases.displacement[:, -1], cases.velocity[:, -1]
-    tip[[TIP_TEMPERATURE, TIP_HOTTEST, TIP_PERIOD_HOTTEST]] = cases.temperature[:, -1]
-    tip[TIP_GAP] = casing
-    tip[TIP_PENETRATION] = np.fmax(0.0, tip[TIP_DISPLACEMENT] - casing) + 0.0  # of two zeros fmax returns either
+    tip = np.zeros((tip_row.ROWS, cases.count))
+    tip[tip_row.DISPLACEMENT], tip[tip_row.VELOCITY] = cases.displacement[:, -1], cases.velocity[:, -1]
+    tip[[tip_row.TEMPERATURE, tip_row.HOTTEST, tip_row.PERIOD_HOTTEST]] = cases.temperature[:, -1]
+    tip[tip_row.GAP] = casing
+    tip[tip_row.PENETRATION] = (
+        np.fmax(0.0, tip[tip_row.DISPLACEMENT] - casing) + 0.0
+    )  # of two zeros fmax returns either
 
     record = Record(
         np.empty((cases.count, 4, schedule.due.size)),  # the march fills it; zeros would be fresh pages each time
         lane_rows(4 * WAITING),
         np.full((cases.count, 3, longest), np.nan),
     )
-    record.histories[..., 0] = tip[[TIP_DISPLACEMENT, TIP_VELOCITY, TIP_TEMPERATURE, TIP_IMPULSE]].T
+    record.histories[..., 0] = tip[[tip_row.DISPLACEMENT, tip_row.VELOCITY, tip_row.TEMPERATURE, tip_row.IMPULSE]].T
     return Watch(cases, schedule, sampling.interval, h, load, tip, drive, record, due, weight)
 
 
 def block_lanes(rows: int) -> int:
     """Return the lanes of a block of so many ``rows`` beside those of load and tip."""
-    return cached_lanes(rows + TIP_ROWS + LOAD_ROWS)
+    return cached_lanes(rows + tip_row.ROWS + tip_load.LOAD_ROWS)
 
 
 def blocks(watched: Watch, most: int) -> Iterator[tuple[slice, Block]]:
@@ -213,7 +186,7 @@ def blocks(watched: Watch, most: int) -> Iterator[tuple[slice, Block]]:
 
     All blocks share one set of lane arrays, which stays in the processor's cache.
     """
-    load, tip, samples = lane_rows(LOAD_ROWS), lane_rows(TIP_ROWS), watched.record.samples
+    load, tip, samples = lane_rows(tip_load.LOAD_ROWS), lane_rows(tip_row.ROWS), watched.record.samples
     drive = drive_lanes(watched.drive)
     for part in parts(watched.cases.count, most):
         fill_drive(drive, watched.drive, part)
@@ -232,7 +205,7 @@ def block_of(watched: Watch, part: slice, load: Array, tip: Array, samples: Arra
     schedule, count = watched.schedule, part.stop - part.start
     fill_lanes(load, watched.load[:, part])
     fill_lanes(tip, watched.tip[:, part])
-    tip[TIP_GAP, count:] = np.inf
+    tip[tip_row.GAP, count:] = np.inf
     marks = Marks(
         sample_due=schedule.due,
         sample_weight=schedule.weight,
@@ -259,14 +232,14 @@ def collect(ended: Ended, status: NDArray[np.int8], messages: dict[int, str]) ->
     """Return the results of all blocks; a case that left the finite numbers has NaN from there on."""
     watched, tip, record = ended.watched, ended.watched.tip, ended.watched.record
     metrics = {
-        "impacts": tip[TIP_IMPACTS],
-        "contact_time": tip[TIP_CONTACT_TIME],
-        "max_penetration": tip[TIP_PENETRATION],
-        "max_temperature": np.maximum(tip[TIP_HOTTEST], tip[TIP_PERIOD_HOTTEST]),
+        "impacts": tip[tip_row.IMPACTS],
+        "contact_time": tip[tip_row.CONTACT_TIME],
+        "max_penetration": tip[tip_row.PENETRATION],
+        "max_temperature": np.maximum(tip[tip_row.HOTTEST], tip[tip_row.PERIOD_HOTTEST]),
         "thermal_closing": ended.closing,
         **ended.balances,
     }
-    lost = ~watched.finite(TIP_DISPLACEMENT, TIP_VELOCITY, TIP_TEMPERATURE, TIP_IMPULSE)
+    lost = ~watched.finite(tip_row.DISPLACEMENT, tip_row.VELOCITY, tip_row.TEMPERATURE, tip_row.IMPULSE)
     for values in metrics.values():
         values[lost] = np.nan
     for case in np.flatnonzero(lost):

@@ -13,14 +13,13 @@ from numpy.typing import NDArray
 
 from workflow.kernels.complex_numbers import magnitude
 from workflow.models import Array, Cases, Structure, needs_matrices, poles
-from workflow.schemes._fixed import dense, theta_method
+from workflow.schemes._fixed import dense, theta_method, tip_row
 from workflow.schemes._fixed.books import Books
 from workflow.schemes._fixed.contact import Contact, Law
 from workflow.schemes._fixed.decoupled import Decoupled, decouple, start
 from workflow.schemes._fixed.dense import DenseOperator
 from workflow.schemes._fixed.drive import drive_of
 from workflow.schemes._fixed.march import Batch, case_rows, march_blocks
-from workflow.schemes._fixed.marks import TIP_DISPLACEMENT, TIP_TEMPERATURE
 from workflow.schemes._fixed.outcome import ROUNDING, Outcome, by_heat, judged
 from workflow.schemes._fixed.sliding import friction_message, slides
 from workflow.schemes._fixed.stable_steps import largest_step, limit_text
@@ -63,7 +62,7 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling, heated: bool) -> 
         ended = step_modes(operator, modal, law, cases, sampling)
         if not operator.contact.judges_heat:
             operator = replace(operator, motion=modal)
-    finite = ended.watched.finite(TIP_DISPLACEMENT, TIP_TEMPERATURE)
+    finite = ended.watched.finite(tip_row.DISPLACEMENT, tip_row.TEMPERATURE)
     return collect(ended, *_judge(operator, cases, sampling.duration, finite))
 
 

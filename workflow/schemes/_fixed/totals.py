@@ -16,14 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workflow.kernels import Array
-
-FIRST_ENERGY, LAST_ENERGY, LARGEST_ENERGY, DISSIPATED = range(4)
-"""Rows of totals: energy at t = 0, at the end and the largest; dissipated less work of loads and contact [J]."""
-
-LOST, TURNED_OVER, FRICTION_HEAT = range(4, 7)
-"""Heat lost, turned over by loss, and taken in by friction [J]."""
-
-TOTAL_ROWS = FRICTION_HEAT + 1
+from workflow.schemes._fixed import total_row
 
 
 class Content(NamedTuple):
@@ -39,11 +32,11 @@ class Content(NamedTuple):
 
 def residuals(totals: Array, content: Content) -> dict[str, Array]:
     """Return ``energy_residual`` and ``heat_residual``; ``totals`` ``(row, case)`` or of one case ``(row,)``."""
-    change = totals[LAST_ENERGY] - totals[FIRST_ENERGY] + totals[DISSIPATED]
-    friction, heating = totals[FRICTION_HEAT], content.heating
-    gained = content.gained - friction - heating + totals[LOST]
-    turned = friction + np.abs(heating) + totals[TURNED_OVER] + content.initial
-    return {"energy_residual": ratio(change, totals[LARGEST_ENERGY]), "heat_residual": ratio(gained, turned)}
+    change = totals[total_row.LAST_ENERGY] - totals[total_row.FIRST_ENERGY] + totals[total_row.DISSIPATED]
+    friction, heating = totals[total_row.FRICTION_HEAT], content.heating
+    gained = content.gained - friction - heating + totals[total_row.LOST]
+    turned = friction + np.abs(heating) + totals[total_row.TURNED_OVER] + content.initial
+    return {"energy_residual": ratio(change, totals[total_row.LARGEST_ENERGY]), "heat_residual": ratio(gained, turned)}
 
 
 def ratio(part: Array, whole: Array) -> Array:

@@ -17,27 +17,10 @@ import numpy as np
 from workflow.kernels.compiled import inlined
 from workflow.kernels.sums import total
 from workflow.models import Array, Chain
-from workflow.schemes._fixed.totals import (
-    DISSIPATED,
-    FIRST_ENERGY,
-    FRICTION_HEAT,
-    LARGEST_ENERGY,
-    LAST_ENERGY,
-    LOST,
-    TURNED_OVER,
-    Content,
-)
-from workflow.schemes._sweep.sweeps import (
-    NODE_FORMER_V,
-    NODE_LOAD_STEADY,
-    NODE_TAU,
-    NODE_V,
-    NODE_WARMED,
-    NODE_X,
-    STEP_HEAT_ANSWER,
-    Nodes,
-    node_rows,
-)
+from workflow.schemes._fixed import total_row
+from workflow.schemes._fixed.totals import Content
+from workflow.schemes._sweep import node_row, step_row
+from workflow.schemes._sweep.sweeps import Nodes, node_rows
 
 WEIGHT_MASS, WEIGHT_SPRING, WEIGHT_MASS_DAMPING, WEIGHT_SPRING_DAMPING, WEIGHT_EXPANSION, WEIGHT_LOSS = range(6)
 """Coefficients of a node and the spring below it ``(row, node)``: m, k, a_M m, a_K k, k a ℓ/2, and the heat the node
@@ -73,10 +56,10 @@ def open_account(nodes: Nodes, account: Account) -> None:
     totals[:] = 0.0
     energy = place = 0.0
     for i in range(1, nodes.tip + 1):
-        stretch, place, speed = state[NODE_X, i] - place, state[NODE_X, i], state[NODE_V, i]
+        stretch, place, speed = state[node_row.X, i] - place, state[node_row.X, i], state[node_row.V, i]
         energy += weight[WEIGHT_MASS, i] * (speed * speed) + weight[WEIGHT_SPRING, i] * (stretch * stretch)
-        state[NODE_FORMER_V, i] = speed
-    totals[FIRST_ENERGY] = totals[LARGEST_ENERGY] = 0.5 * energy
+        state[node_row.FORMER_V, i] = speed
+    totals[total_row.FIRST_ENERGY] = totals[total_row.LARGEST_ENERGY] = 0.5 * energy
 
 
 @inlined
@@ -89,23 +72,27 @@ def account_step(nodes: Nodes, account: Account, heat: float, impulse: float) ->
     energy = dissipated = steady = lost = 0.0
     place = middle = warmth = 0.0
     for i in range(1, nodes.tip + 1):
-        stretch, place = state[NODE_X, i] - place, state[NODE_X, i]
-        speed = state[NODE_V, i]
-        before, middle = middle, 0.5 * (state[NODE_FORMER_V, i] + speed)
-        state[NODE_FORMER_V, i] = speed
-        cold, warmth = warmth, state[NODE_TAU, i] - 0.5 * (state[NODE_WARMED, i] + heat * step[STEP_HEAT_ANSWER, i])
+        stretch, place = state[node_row.X, i] - place, state[node_row.X, i]
+        speed = state[node_row.V, i]
+        before, middle = middle, 0.5 * (state[node_row.FORMER_V, i] + speed)
+        state[node_row.FORMER_V, i] = speed
+        cold, warmth = (
+            warmth,
+            state[node_row.TAU, i] - 0.5 * (state[node_row.WARMED, i] + heat * step[step_row.HEAT_ANSWER, i]),
+        )
         rate = middle - before
         energy += weight[WEIGHT_MASS, i] * (speed * speed) + weight[WEIGHT_SPRING, i] * (stretch * stretch)
         stretched = rate * (weight[WEIGHT_SPRING_DAMPING, i] * rate - weight[WEIGHT_EXPANSION, i] * (cold + warmth))
         dissipated += weight[WEIGHT_MASS_DAMPING, i] * (middle * middle) + stretched
-        steady += nodes.loads[NODE_LOAD_STEADY, i] * middle
+        steady += nodes.loads[node_row.LOAD_STEADY, i] * middle
         lost += weight[WEIGHT_LOSS, i] * warmth
-    largest, totals[LAST_ENERGY] = totals[LARGEST_ENERGY], 0.5 * energy
-    totals[LARGEST_ENERGY] = largest if totals[LAST_ENERGY] <= largest else totals[LAST_ENERGY]  # a NaN stays
-    totals[DISSIPATED] += h * dissipated - steady - impulse * middle
-    totals[LOST] += h * lost
-    totals[TURNED_OVER] += h * abs(lost)
-    totals[FRICTION_HEAT] += heat
+    energy, largest = 0.5 * energy, totals[total_row.LARGEST_ENERGY]
+    totals[total_row.LAST_ENERGY] = energy
+    totals[total_row.LARGEST_ENERGY] = largest if energy <= largest else energy  # a NaN stays
+    totals[total_row.DISSIPATED] += h * dissipated - steady - impulse * middle
+    totals[total_row.LOST] += h * lost
+    totals[total_row.TURNED_OVER] += h * abs(lost)
+    totals[total_row.FRICTION_HEAT] += heat
 
 
 def content_of(chain: Chain, before: Array, after: Array, heating: float) -> Content:

@@ -9,7 +9,8 @@ from workflow.kernels.lanes import ROW, fill_lanes, lane_rows
 from workflow.kernels.packs import narrow, pack, spread
 from workflow.kernels.sums import total
 from workflow.models import Array, Cases
-from workflow.schemes._fixed.contact import CASE_ALPHA, CASE_HEAT, CASE_IMPULSE, CASE_ROWS, Free, Law, TipStep, meet
+from workflow.schemes._fixed import case_row, tip_row, total_row
+from workflow.schemes._fixed.contact import Free, Law, TipStep, meet
 from workflow.schemes._fixed.drive import (
     cut_gap,
     drive_of,
@@ -17,37 +18,15 @@ from workflow.schemes._fixed.drive import (
     with_harmonics,
 )
 from workflow.schemes._fixed.march import fill_law, law_lanes
-from workflow.schemes._fixed.marks import (
-    TIP_GAP,
-    TIP_NEW_DISPLACEMENT,
-    TIP_NEW_VELOCITY,
-    Block,
-    take_marks,
-)
+from workflow.schemes._fixed.marks import Block, take_marks
 from workflow.schemes._fixed.stepping import Ended, blocks, observe, store_end, watch
 from workflow.schemes._fixed.theta_method import Operator
 from workflow.schemes._fixed.tip_load import start_load, tip_load, turn_load, weigh_load
-from workflow.schemes._fixed.totals import TOTAL_ROWS, residuals
+from workflow.schemes._fixed.totals import residuals
 from workflow.schemes._interface import Sampling, schedule
+from workflow.schemes._sweep import node_row, step_row
 from workflow.schemes._sweep.balance import Account, account_step, content_of, open_account, weights
-from workflow.schemes._sweep.sweeps import (
-    NODE_LOAD_HEATING,
-    NODE_LOAD_ROWS,
-    NODE_LOAD_STEADY,
-    NODE_ROWS,
-    NODE_TAU,
-    NODE_V,
-    NODE_WARMED,
-    NODE_X,
-    STEP_HEAT_ANSWER,
-    STEP_INVERSE_PIVOT,
-    Nodes,
-    Swept,
-    eliminate_heat,
-    node_rows,
-    step_to_root,
-    step_to_tip,
-)
+from workflow.schemes._sweep.sweeps import Nodes, Swept, eliminate_heat, node_rows, step_to_root, step_to_tip
 
 
 @inlined
@@ -64,20 +43,22 @@ def march_nodes(nodes: Nodes, law: Law, own: Array, block: Block, account: Accou
         open_account(nodes, account)
     if nodes.heated:
         eliminate_heat(nodes)
-    step = TipStep(h, theta, 1.0 - theta, nodes.step[STEP_INVERSE_PIVOT, last], nodes.step[STEP_HEAT_ANSWER, last])
+    step = TipStep(
+        h, theta, 1.0 - theta, nodes.step[step_row.INVERSE_PIVOT, last], nodes.step[step_row.HEAT_ANSWER, last]
+    )
     for k in range(1, block.steps + 1):
         velocity, temperature = step_to_tip(nodes)
         turn_load(k, h, leader, load, lanes)
         turn_drive(block.drive, k, h, theta, tip, lanes)
         sine = weigh_load(1.0 - theta, theta, leader, load, lanes)
         impulse = h * with_harmonics(block.drive, tip_load(sine, leader, load, lane), lane)
-        gap = pack(tip, (TIP_GAP, lane))
+        gap = pack(tip, (tip_row.GAP, lane))
         free = Free(spread(velocity, lane), spread(temperature, lane), impulse, gap, block.drive)
         store_end(meet(law, step, free, own, tip, lane), tip, lane)
-        heat = own[CASE_HEAT, 0]
-        step_to_root(nodes, tip[TIP_NEW_DISPLACEMENT, 0], tip[TIP_NEW_VELOCITY, 0], heat)
+        heat = own[case_row.HEAT, 0]
+        step_to_root(nodes, tip[tip_row.NEW_DISPLACEMENT, 0], tip[tip_row.NEW_VELOCITY, 0], heat)
         if audited:
-            account_step(nodes, account, heat, own[CASE_IMPULSE, 0])
+            account_step(nodes, account, heat, own[case_row.IMPULSE, 0])
         span = take_marks(k, block) if k == block.marks.next_mark[0] else h
         if k == block.steps:
             cut_gap(block.drive, span / h, tip, lanes)
@@ -88,9 +69,12 @@ def _fill(nodes: Nodes, cases: Cases, case: int) -> None:
     """Put the initial state and the constant loads of a case in the rows of its nodes."""
     inside, state, loads, h = slice(1, nodes.tip + 1), nodes.state, nodes.loads, nodes.h
     state[:] = 0.0
-    state[NODE_X, inside], state[NODE_V, inside] = cases.displacement[case], cases.velocity[case]
-    state[NODE_TAU, inside] = cases.temperature[case]
-    loads[NODE_LOAD_STEADY, inside], loads[NODE_LOAD_HEATING, inside] = h * cases.steady[case], h * cases.heating[case]
+    state[node_row.X, inside], state[node_row.V, inside] = cases.displacement[case], cases.velocity[case]
+    state[node_row.TAU, inside] = cases.temperature[case]
+    loads[node_row.LOAD_STEADY, inside], loads[node_row.LOAD_HEATING, inside] = (
+        h * cases.steady[case],
+        h * cases.heating[case],
+    )
 
 
 def sweep(operator: Operator, law: Law, cases: Cases, sampling: Sampling, heated: bool) -> Ended:
@@ -101,21 +85,25 @@ def sweep(operator: Operator, law: Law, cases: Cases, sampling: Sampling, heated
     drive, stepped = drive_of(cases, h, theta)
     watched = watch(cases, cases.mean, sampling, plan, h, drive)
     step, lever = swept.coefficients(h, theta), h * theta + chain.damping.stiffness
-    nodes = Nodes(last, h, theta, lever, heated, step, node_rows(NODE_ROWS, last), node_rows(NODE_LOAD_ROWS, last))
-    account = Account(weights(chain) if sampling.balances else np.zeros((0, 0)), np.zeros(TOTAL_ROWS))
-    own, lanes, closing = lane_rows(CASE_ROWS), law_lanes(law), np.zeros(cases.count)
+    nodes = Nodes(
+        last, h, theta, lever, heated, step, node_rows(node_row.ROWS, last), node_rows(node_row.LOAD_ROWS, last)
+    )
+    account = Account(weights(chain) if sampling.balances else np.zeros((0, 0)), np.zeros(total_row.ROWS))
+    own, lanes, closing = lane_rows(case_row.ROWS), law_lanes(law), np.zeros(cases.count)
     balances: dict[str, Array] = {}
-    rows, inside = np.zeros((CASE_ROWS, cases.count)), slice(1, last + 1)
-    rows[CASE_ALPHA] = cases.alpha
+    rows, inside = np.zeros((case_row.ROWS, cases.count)), slice(1, last + 1)
+    rows[case_row.ALPHA] = cases.alpha
     for part, block in blocks(watched, most=1):
         case = part.start
         fill_law(lanes, law, part)
         fill_lanes(own, rows[:, part])
         _fill(nodes, stepped, case)
         operator.contact.kernels.nodes(nodes, lanes, own, block, account)
-        tau = nodes.state[NODE_TAU, inside]
+        tau = nodes.state[node_row.TAU, inside]
         if heated:
-            in_last_step = nodes.state[NODE_WARMED, inside] + own[CASE_HEAT, 0] * step[STEP_HEAT_ANSWER, inside]
+            in_last_step = (
+                nodes.state[node_row.WARMED, inside] + own[case_row.HEAT, 0] * step[step_row.HEAT_ANSWER, inside]
+            )
             closing[case] = total(swept.static_growth * (tau - (1 - plan.weight[-1]) * in_last_step))
         if sampling.balances:
             content = content_of(chain, cases.temperature[case], tau, plan.steps * h * total(cases.heating[case]))

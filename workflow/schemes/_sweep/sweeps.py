@@ -35,32 +35,7 @@ from workflow.models import (
     rate_range,
     static_tip_growth,
 )
-
-NODE_X, NODE_V, NODE_TAU, NODE_WARMED, NODE_ELIMINATED, NODE_FORMER_V = range(6)
-"""Rows of a chain's state ``(row, node)``, node 0 being the root: x, v and τ at the step's beginning,
-then end; δτ without the contact's heat; what an elimination leaves at a node, of the heat on its way
-to the root, then of the motion on its way to the tip; v at the step's beginning, for balances.
-Heat and motion share a row as a pass waits longest for rows that it writes and has not read."""
-
-NODE_ROWS = NODE_FORMER_V + 1
-
-STEP_SPRING, STEP_EXPANSION, STEP_DAMPING = range(3)
-"""Coefficients of a node and the spring below it ``(row, node)``: h k, h k a ℓ/2 and h a_M m."""
-
-STEP_INVERSE_PIVOT, STEP_SHARE, STEP_HEAT_MOTION = range(3, 6)
-"""Of the elimination to the tip: the inverse pivot, the share that it hands to the node beyond and that the node later
-takes back from there, and the eliminated g over the pivot."""
-
-STEP_CONDUCTION, STEP_CONVECTION, STEP_HEAT_INVERSE_PIVOT, STEP_HEAT_SHARE, STEP_HEAT_ANSWER = range(6, 11)
-"""hκ, hb; of the elimination to the root, the inverse pivot and the share handed to the node before and taken back; and
-w, the temperatures per unit heat at the tip."""
-
-STEP_ROWS = STEP_HEAT_ANSWER + 1
-
-NODE_LOAD_STEADY, NODE_LOAD_HEATING = range(2)
-"""Rows of a case's constant loads in a step ``(row, node)``: h f [N s], h q [J]."""
-
-NODE_LOAD_ROWS = NODE_LOAD_HEATING + 1
+from workflow.schemes._sweep import node_row, step_row
 
 _LINE = 8
 """Numbers of a cache line."""
@@ -102,27 +77,29 @@ def _factor(inertia: Array, joint: Array, capacity: Array, flow: Array, swell: A
     for i in range(1, last + 1):
         own = inertia[i] + tied
         pivot = own + joint[i + 1]
-        step[STEP_INVERSE_PIVOT, i] = 1.0 / pivot
-        step[STEP_SHARE, i] = joint[i + 1] / pivot
+        step[step_row.INVERSE_PIVOT, i] = 1.0 / pivot
+        step[step_row.SHARE, i] = joint[i + 1] / pivot
         tied = joint[i + 1] * own / pivot
     tied = 0.0
     for i in range(last, 0, -1):
         own = capacity[i] + tied
         pivot = own + flow[i]
-        step[STEP_HEAT_INVERSE_PIVOT, i] = 1.0 / pivot
-        step[STEP_HEAT_SHARE, i] = flow[i] / pivot
+        step[step_row.HEAT_INVERSE_PIVOT, i] = 1.0 / pivot
+        step[step_row.HEAT_SHARE, i] = flow[i] / pivot
         tied = flow[i] * own / pivot
     gathered = 1.0
     for i in range(last, 0, -1):
-        gathered *= 1.0 if i == last else step[STEP_HEAT_SHARE, i + 1]
-        step[STEP_HEAT_ANSWER, i] = gathered * step[STEP_HEAT_INVERSE_PIVOT, i]
+        gathered *= 1.0 if i == last else step[step_row.HEAT_SHARE, i + 1]
+        step[step_row.HEAT_ANSWER, i] = gathered * step[step_row.HEAT_INVERSE_PIVOT, i]
     for i in range(1, last + 1):
-        step[STEP_HEAT_ANSWER, i] += step[STEP_HEAT_SHARE, i] * step[STEP_HEAT_ANSWER, i - 1]
-    kick, force = 0.0, -swell[1] * step[STEP_HEAT_ANSWER, 1]
+        step[step_row.HEAT_ANSWER, i] += step[step_row.HEAT_SHARE, i] * step[step_row.HEAT_ANSWER, i - 1]
+    kick, force = 0.0, -swell[1] * step[step_row.HEAT_ANSWER, 1]
     for i in range(1, last + 1):
-        beyond = -swell[i + 1] * (step[STEP_HEAT_ANSWER, i] + step[STEP_HEAT_ANSWER, i + 1]) if i < last else 0.0
-        kick = (force - beyond) + step[STEP_SHARE, i - 1] * kick
-        step[STEP_HEAT_MOTION, i] = kick * step[STEP_INVERSE_PIVOT, i]
+        beyond = (
+            -swell[i + 1] * (step[step_row.HEAT_ANSWER, i] + step[step_row.HEAT_ANSWER, i + 1]) if i < last else 0.0
+        )
+        kick = (force - beyond) + step[step_row.SHARE, i - 1] * kick
+        step[step_row.HEAT_MOTION, i] = kick * step[step_row.INVERSE_PIVOT, i]
         force = beyond
 
 
@@ -159,16 +136,16 @@ class Swept:
         def padded(values: Array) -> Array:
             return np.concatenate([[0.0], values, [0.0]])
 
-        step = node_rows(STEP_ROWS, chain.mechanical_size)
+        step = node_rows(step_row.ROWS, chain.mechanical_size)
         mass, spring, swell = padded(chain.masses), padded(chain.springs), padded(chain.springs * chain.free_expansion)
         conduction, convection = padded(chain.conduction), padded(chain.convection)
         every = slice(mass.size)
-        step[STEP_SPRING, every], step[STEP_EXPANSION, every], step[STEP_DAMPING, every] = (
+        step[step_row.SPRING, every], step[step_row.EXPANSION, every], step[step_row.DAMPING, every] = (
             h * spring,
             h * swell / 2,
             h * chain.damping.mass * mass,
         )
-        step[STEP_CONDUCTION, every], step[STEP_CONVECTION, every] = h * conduction, h * convection
+        step[step_row.CONDUCTION, every], step[step_row.CONVECTION, every] = h * conduction, h * convection
         _factor(
             mass * (1 + h * theta * chain.damping.mass),
             h * theta * (chain.damping.stiffness + h * theta) * spring,
@@ -182,7 +159,7 @@ class Swept:
     def delassus(self, h: float, theta: float) -> tuple[float, float]:
         """Return e_nᵀ Ŵ⁻¹ e_n and e_nᵀ Ŵ⁻¹ hθ K12 T̂⁻¹ e_n, the parts of the Delassus operator W, 1/kg."""
         step, tip = self.coefficients(h, theta), self.chain.mechanical_size
-        return float(step[STEP_INVERSE_PIVOT, tip]), float(step[STEP_HEAT_MOTION, tip])
+        return float(step[step_row.INVERSE_PIVOT, tip]), float(step[step_row.HEAT_MOTION, tip])
 
 
 class Nodes(NamedTuple):
@@ -201,7 +178,7 @@ class Nodes(NamedTuple):
     state: Array
     """``(row, node)``, rows ``NODE_…``."""
     loads: Array
-    """``(row, node)``, rows ``NODE_LOAD_…``."""
+    """``(row, node)``, rows ``LOAD_…`` of ``node_row``."""
 
 
 @inlined
@@ -209,10 +186,10 @@ def _eliminate_heat_at(
     i: int, nodes: Nodes, here: float, below: float, flow: float, gathered: float
 ) -> tuple[float, float]:
     """Eliminate the heat balance of a node; return the flow to the node below, and the sum handed to it."""
-    step, heating = nodes.step, nodes.loads[NODE_LOAD_HEATING, i]
-    onward = step[STEP_CONDUCTION, i] * (here - below)
-    loss = step[STEP_CONVECTION, i] * here
-    return onward, (flow - onward) - loss + heating + step[STEP_HEAT_SHARE, i + 1] * gathered
+    step, heating = nodes.step, nodes.loads[node_row.LOAD_HEATING, i]
+    onward = step[step_row.CONDUCTION, i] * (here - below)
+    loss = step[step_row.CONVECTION, i] * here
+    return onward, (flow - onward) - loss + heating + step[step_row.HEAT_SHARE, i + 1] * gathered
 
 
 @inlined
@@ -220,8 +197,10 @@ def eliminate_heat(nodes: Nodes) -> None:
     """Eliminate the first step's heat balance from the tip to the root."""
     state, flow, gathered = nodes.state, 0.0, 0.0
     for i in range(nodes.tip, 0, -1):
-        flow, gathered = _eliminate_heat_at(i, nodes, state[NODE_TAU, i], state[NODE_TAU, i - 1], flow, gathered)
-        state[NODE_ELIMINATED, i] = gathered
+        flow, gathered = _eliminate_heat_at(
+            i, nodes, state[node_row.TAU, i], state[node_row.TAU, i - 1], flow, gathered
+        )
+        state[node_row.ELIMINATED, i] = gathered
 
 
 @inlined
@@ -233,21 +212,29 @@ def step_to_tip(nodes: Nodes) -> tuple[float, float]:
     step, state, loads, tip, lever = nodes.step, nodes.state, nodes.loads, nodes.tip, nodes.lever
     place = speed = warmed = warm = force = moved = 0.0
     for i in range(1, tip + 1):
-        new_place, new_speed = state[NODE_X, i], state[NODE_V, i]
-        new_force = step[STEP_SPRING, i] * ((new_place - place) + lever * (new_speed - speed))
+        new_place, new_speed = state[node_row.X, i], state[node_row.V, i]
+        new_force = step[step_row.SPRING, i] * ((new_place - place) + lever * (new_speed - speed))
         if nodes.heated:
-            warmed = state[NODE_ELIMINATED, i] * step[STEP_HEAT_INVERSE_PIVOT, i] + step[STEP_HEAT_SHARE, i] * warmed
-            state[NODE_WARMED, i] = warmed
-            new_warm = state[NODE_TAU, i] + nodes.theta * warmed
-            new_force -= step[STEP_EXPANSION, i] * (warm + new_warm)
+            warmed = (
+                state[node_row.ELIMINATED, i] * step[step_row.HEAT_INVERSE_PIVOT, i]
+                + step[step_row.HEAT_SHARE, i] * warmed
+            )
+            state[node_row.WARMED, i] = warmed
+            new_warm = state[node_row.TAU, i] + nodes.theta * warmed
+            new_force -= step[step_row.EXPANSION, i] * (warm + new_warm)
             warm = new_warm
         if i > 1:
-            balance = (new_force - force) - step[STEP_DAMPING, i - 1] * speed + loads[NODE_LOAD_STEADY, i - 1]
-            moved = balance + step[STEP_SHARE, i - 2] * moved
-            state[NODE_ELIMINATED, i - 1] = moved
+            balance = (new_force - force) - step[step_row.DAMPING, i - 1] * speed + loads[node_row.LOAD_STEADY, i - 1]
+            moved = balance + step[step_row.SHARE, i - 2] * moved
+            state[node_row.ELIMINATED, i - 1] = moved
         place, speed, force = new_place, new_speed, new_force
-    moved = loads[NODE_LOAD_STEADY, tip] - force - step[STEP_DAMPING, tip] * speed + step[STEP_SHARE, tip - 1] * moved
-    return speed + moved * step[STEP_INVERSE_PIVOT, tip], state[NODE_TAU, tip] + warmed
+    moved = (
+        loads[node_row.LOAD_STEADY, tip]
+        - force
+        - step[step_row.DAMPING, tip] * speed
+        + step[step_row.SHARE, tip - 1] * moved
+    )
+    return speed + moved * step[step_row.INVERSE_PIVOT, tip], state[node_row.TAU, tip] + warmed
 
 
 @inlined
@@ -257,21 +244,21 @@ def step_to_root(nodes: Nodes, place: float, speed: float, heat: float) -> None:
     The next step's heat is eliminated on the way, a node behind.
     """
     step, state, tip = nodes.step, nodes.state, nodes.tip
-    moved = speed - state[NODE_V, tip]
-    state[NODE_X, tip], state[NODE_V, tip] = place, speed
+    moved = speed - state[node_row.V, tip]
+    state[node_row.X, tip], state[node_row.V, tip] = place, speed
     flow = gathered = here = 0.0
     if nodes.heated:
-        here = state[NODE_TAU, tip] + (state[NODE_WARMED, tip] + heat * step[STEP_HEAT_ANSWER, tip])
-        state[NODE_TAU, tip] = here
+        here = state[node_row.TAU, tip] + (state[node_row.WARMED, tip] + heat * step[step_row.HEAT_ANSWER, tip])
+        state[node_row.TAU, tip] = here
     for i in range(tip - 1, -1, -1):
-        free = state[NODE_ELIMINATED, i] * step[STEP_INVERSE_PIVOT, i]
-        moved = step[STEP_SHARE, i] * moved + (free - heat * step[STEP_HEAT_MOTION, i])
-        before = state[NODE_V, i]
-        state[NODE_X, i] += nodes.h * (before + nodes.theta * moved)
-        state[NODE_V, i] = before + moved
+        free = state[node_row.ELIMINATED, i] * step[step_row.INVERSE_PIVOT, i]
+        moved = step[step_row.SHARE, i] * moved + (free - heat * step[step_row.HEAT_MOTION, i])
+        before = state[node_row.V, i]
+        state[node_row.X, i] += nodes.h * (before + nodes.theta * moved)
+        state[node_row.V, i] = before + moved
         if nodes.heated:
-            below = state[NODE_TAU, i] + (state[NODE_WARMED, i] + heat * step[STEP_HEAT_ANSWER, i])
-            state[NODE_TAU, i] = below
+            below = state[node_row.TAU, i] + (state[node_row.WARMED, i] + heat * step[step_row.HEAT_ANSWER, i])
+            state[node_row.TAU, i] = below
             flow, gathered = _eliminate_heat_at(i + 1, nodes, here, below, flow, gathered)
-            state[NODE_ELIMINATED, i + 1] = gathered
+            state[node_row.ELIMINATED, i + 1] = gathered
             here = below

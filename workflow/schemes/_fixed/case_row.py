@@ -1,0 +1,23 @@
+"""Rows of the cases of a block, ``(row, lane)``: what each has of its own, and what the last step left."""
+
+from __future__ import annotations
+
+ALPHA, DRIFT, WARMTH, WARMING = range(4)
+"""α [W/N] and the known part of the tip's motion
+(:class:`~workflow.schemes._fixed.decoupled.Motion`)."""
+
+IMPULSE, HEAT, PRESSED = range(4, 7)
+"""Impulse of load less contact [N s] and friction heat [J] of the last step, and a flag of each pack that is raised
+where some lane was in contact: elsewhere there is no heat."""
+
+LAST, APPROACH, APPROACHED, SEPARATED = range(7, 11)
+"""The last force or impulse of contact, the velocity before the present contact, and sums over contacts that have
+ended of its square and of its product with the velocity after, (m/s)²."""
+
+AHEAD, HALF, FIRST = range(11, 14)
+"""Of central differences: x_n at the next step's end, the last half-step velocity, the first one without contact."""
+
+FRICTION, SLID = range(14, 16)
+"""Of a contact that slides: µ, and µ times the impulse of contact in the last step [N s]."""
+
+ROWS = SLID + 1
