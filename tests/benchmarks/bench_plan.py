@@ -18,18 +18,13 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from studies import HEAVY_SCENE
+
 ROOT = Path(__file__).parents[2]
 
-HEAVY = """
-scene:
-  chain: {nodes: 20, mass: 2.5e-3, stiffness: 2.0e7, damping: {mass: 10, stiffness: 2.0e-7}, spacing: 2.5e-3,
-          expansion: 8.6e-6, heat_capacity: 1.315, conductance: 0.605, convection: 0.02}
-  casing: {gap: 5.0e-5}
-  load: {amplitude: 100, frequency: 20}
-  duration: 0.3
-"""
-
-LONG = HEAVY.replace("nodes: 20,", "nodes: 20000,").replace("duration: 0.3", "duration: 2.0e-3")
+LONG = HEAVY_SCENE.replace("nodes: 20,", "nodes: 20000,").replace("duration: 0.3", "duration: 2.0e-3")
 
 PENALTIES = "schemes: {spring: {method: penalty, stiffness: 2.0e8}}\n"
 
@@ -40,16 +35,16 @@ STUDIES = {
     "abstract figure": ROOT / "studies" / "abstract_figure.yaml",
     "resonance": ROOT / "studies" / "resonance.yaml",
     "work-precision": (ROOT / "studies" / "work_precision.yaml", "{log: [1e-7, 1e-3, 9]}", "{log: [1e-6, 1e-4, 5]}"),
-    "10 000 cases, metrics only": "study: a\n" + HEAVY + "axes: {h: 1e-5, alpha: {lin: [0, 50, 100]}, "
+    "10 000 cases, metrics only": "study: a\n" + HEAVY_SCENE + "axes: {h: 1e-5, alpha: {lin: [0, 50, 100]}, "
     "e: {lin: [0, 0.9, 100]}}\noutput: {interval: 0.3, histories: [], balances: false}\n",
     "2 cases of 3e6 steps, balances": "study: a\n"
-    + HEAVY
+    + HEAVY_SCENE
     + "axes: {h: 1e-7, alpha: [0, 1]}\noutput: {interval: 0.1}\n",
-    "histories": "study: a\n" + HEAVY + "axes: {h: 1e-4, alpha: {lin: [0, 50, 200]}, e: [0, 0.5]}\n"
+    "histories": "study: a\n" + HEAVY_SCENE + "axes: {h: 1e-4, alpha: {lin: [0, 50, 200]}, e: [0, 0.5]}\n"
     "output: {interval: 1.0e-4, balances: false}\n",
-    "exact, 2 000 alpha": "study: a\n" + HEAVY + "axes: {scheme: event_driven, alpha: {lin: [0, 2, 2000]}}\n"
+    "exact, 2 000 alpha": "study: a\n" + HEAVY_SCENE + "axes: {scheme: event_driven, alpha: {lin: [0, 2, 2000]}}\n"
     "output: {interval: 1.0e-3, histories: [], balances: false}\n",
-    "reference of 300 cases": "study: a\n" + HEAVY + PENALTIES + "axes: {scheme: [moreau, carpenter, spring], "
+    "reference of 300 cases": "study: a\n" + HEAVY_SCENE + PENALTIES + "axes: {scheme: [moreau, carpenter, spring], "
     "h: [1e-4, 1e-5], alpha: {lin: [0, 2, 100]}, e: [0, 0.5, 0.9]}\n"
     + EXACT
     + "output: {interval: 1.0e-3, histories: []}\n",
