@@ -23,21 +23,14 @@ _EPS = float(np.finfo(float).eps)
 
 
 class Eigen(NamedTuple):
-    """Eigenvalues and eigenvectors of a matrix A.
-
-    Attributes
-    ----------
-    values
-        One with a positive imaginary part is followed by its conjugate, to the bit; ``(n,)``.
-    right
-        Columns x of length 1 with A x = s x, ``(n, n)``; of conjugate values conjugate, of real values real.
-    left
-        Rows l with l A = s l and l x = 1, orthogonal to all other columns of ``right``: its inverse.
-    """
+    """Eigenvalues and eigenvectors of a matrix A."""
 
     values: Complex
+    """One with a positive imaginary part is followed by its conjugate, to the bit; ``(n,)``."""
     right: Complex
+    """Columns x of length 1 with A x = s x, ``(n, n)``; of conjugate values conjugate, of real values real."""
     left: Complex
+    """Rows l with l A = s l and l x = 1, orthogonal to all other columns of ``right``: its inverse."""
 
 
 def _schur_form(matrix: ArrayLike, whole: bool) -> Hessenberg:

@@ -20,26 +20,16 @@ _GAIN = 0.95
 
 @dataclass(frozen=True, eq=False)
 class Hessenberg:
-    """H = Qᵀ D⁻¹ Pᵀ A P D Q: what is left of a matrix A, and the way back.
-
-    Attributes
-    ----------
-    matrix
-        H, upper triangular but for its subdiagonal, and for that only from row ``first`` to row ``last`` (exclusive).
-    basis
-        Qᵀ: the vectors of the basis in rows.
-    scale
-        The diagonal of D, powers of two.
-    order
-        P: which coordinate of A each row belongs to.
-    first, last
-        Where the part lies that is not triangular.
-    """
+    """H = Qᵀ D⁻¹ Pᵀ A P D Q: what is left of a matrix A, and the way back."""
 
     matrix: Array
+    """H, upper triangular but for its subdiagonal, and for that only from row ``first`` to row ``last`` (exclusive)."""
     basis: Array
+    """Qᵀ: the vectors of the basis in rows."""
     scale: Array
+    """The diagonal of D, powers of two."""
     order: NDArray[np.intp]
+    """P: which coordinate of A each row belongs to."""
     first: int
     last: int
 

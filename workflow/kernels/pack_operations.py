@@ -20,13 +20,7 @@ from numba import config, types
 from numba.core import cgutils
 from numba.core.codegen import get_host_cpu_features
 from numba.core.datamodel.models import PrimitiveModel
-from numba.core.typing.templates import (
-    AbstractTemplate,
-    infer,
-    infer_global,
-    make_intrinsic_template,
-    signature,
-)
+from numba.core.typing.templates import AbstractTemplate, infer, infer_global, make_intrinsic_template, signature
 from numba.extending import lower_builtin, register_model
 
 from workflow.kernels import packs

@@ -117,17 +117,15 @@ def _begin(h: Array, first: int, last: int, shift: Array, v: Array) -> int:
 def _reflect_rows(rows: Array, k: int, three: bool, begin: int, end: int, v: Array, weight: float) -> None:
     """Reflect rows k, k + 1 and k + 2 (or two of them), from column ``begin`` to ``end``."""
     second, third = v[1], v[2]
-    if three:
-        for j in range(begin, end):
-            share = weight * (rows[k, j] + second * rows[k + 1, j] + third * rows[k + 2, j])
-            rows[k, j] -= share
-            rows[k + 1, j] -= share * second
+    for j in range(begin, end):
+        share = rows[k, j] + second * rows[k + 1, j]
+        if three:
+            share += third * rows[k + 2, j]
+        share *= weight
+        rows[k, j] -= share
+        rows[k + 1, j] -= share * second
+        if three:
             rows[k + 2, j] -= share * third
-    else:
-        for j in range(begin, end):
-            share = weight * (rows[k, j] + second * rows[k + 1, j])
-            rows[k, j] -= share
-            rows[k + 1, j] -= share * second
 
 
 @inlined

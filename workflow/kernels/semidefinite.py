@@ -16,21 +16,14 @@ from workflow.kernels.sums import plain
 
 
 class Factor(NamedTuple):
-    """R with A[order][:, order] = Rᵀ R + a rest that has no pivot above the threshold.
-
-    Attributes
-    ----------
-    upper
-        R, upper triangular with a positive diagonal, ``(rank, size)``.
-    order
-        Rows of A in the order in which they became pivots, ``(size,)``.
-    rest
-        Largest magnitude in the rest: beyond rounding where A is indefinite.
-    """
+    """R with A[order][:, order] = Rᵀ R + a rest that has no pivot above the threshold."""
 
     upper: Array
+    """R, upper triangular with a positive diagonal, ``(rank, size)``."""
     order: NDArray[np.int64]
+    """Rows of A in the order in which they became pivots, ``(size,)``."""
     rest: float
+    """Largest magnitude in the rest: beyond rounding where A is indefinite."""
 
 
 @uncounted

@@ -198,18 +198,12 @@ def _complete(vectors: Array, count: int, covered: Array, trial: Array) -> None:
 
 
 class Singular(NamedTuple):
-    """Singular values s of a matrix and its right singular vectors.
-
-    Attributes
-    ----------
-    values
-        Descending, one per column of the matrix: those beyond its rank are 0 or rounding, ``(column,)``.
-    vectors
-        In columns, orthonormal, in the order of the values: a square matrix, null vectors included.
-    """
+    """Singular values s of a matrix and its right singular vectors."""
 
     values: Array
+    """Descending, one per column of the matrix: those beyond its rank are 0 or rounding, ``(column,)``."""
     vectors: Array
+    """In columns, orthonormal, in the order of the values: a square matrix, null vectors included."""
 
 
 class _Rotated(NamedTuple):

@@ -11,15 +11,7 @@ from workflow.schemes._exact import outcome
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
 from workflow.schemes._exact.impacts import Case, impact
 from workflow.schemes._exact.layout import Layout, Memory
-from workflow.schemes._exact.motion import (
-    Motion,
-    Observed,
-    advance,
-    copy_state,
-    integral,
-    observe,
-    warming_rate,
-)
+from workflow.schemes._exact.motion import Motion, Observed, advance, copy_state, integral, observe, warming_rate
 from workflow.schemes._exact.passage import Motions, enter_contact, fill_modal, motions_of, release, set_free
 from workflow.schemes._exact.phase_log import Log, begin_phase, end_phase, note_energy, note_loss, note_phase
 from workflow.schemes._exact.record import Record, contact_time, next_due, note_temperature, record_step, write
@@ -75,9 +67,8 @@ def march(
             ended = outcome.NOT_FINITE
             break
         if not tally.held:
-            height = (
-                0.25 * h * min(start.speed, -observed.signal_rate)
-            )  # of a flight from impact to impact, a parabola's
+            # of a flight from impact to impact, a parabola's
+            height = 0.25 * h * min(start.speed, -observed.signal_rate)
             tally.length = max(tally.length, max(abs(observed.place - observed.signal), height))
             if event:
                 tally.speed = max(0.0, -observed.signal_rate)
@@ -105,9 +96,8 @@ def _begin(motions: Motions, case: Case, record: Record, log: Log) -> tuple[int,
         return outcome.NOT_FINITE, False, start, observed
     tally.contact_begin = np.inf
     tally.max_temperature = tally.period_temperature = observed.temperature
-    write(
-        record, 0.0, Observed(tip.distance, -tip.speed, observed.temperature, 0.0, observed.place, observed.speed), 0.0
-    )
+    given = Observed(tip.distance, -tip.speed, observed.temperature, 0.0, observed.place, observed.speed)
+    write(record, 0.0, given, 0.0)
     expand(free.r, free.now, 0.0, free.x)
     tally.length = tip.reach + abs(observed.place - tip.distance)
     touches = abs(tip.distance) <= 4.0 * SUM_ROUNDING * (tally.length + free.x.sums[expansion.SIZE, 0])

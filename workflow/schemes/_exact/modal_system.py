@@ -249,10 +249,7 @@ def _by_casing(structure: Structure, dragged: Array, shapes: Array, stiffness: f
     source = np.zeros((shapes.shape[1], 3))
     source[:, 1], source[:, 2] = -product(shapes.T, damped[:-1]), -product(shapes.T, momentum[:-1])
     rate, acceleration = damped[-1] + dot(inertia, source[:, 1]), momentum[-1] + dot(inertia, source[:, 2])
-    return {
-        "signal_gap": np.array([-stiffness, -rate, -acceleration]),
-        "gap_source": source,
-    }
+    return {"signal_gap": np.array([-stiffness, -rate, -acceleration]), "gap_source": source}
 
 
 def state_space(system: ModalSystem, alpha: float) -> tuple[Array, Array, Array]:

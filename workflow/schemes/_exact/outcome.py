@@ -22,20 +22,13 @@ OUT_OF_EVENTS = 1
 OUT_OF_STEPS = 2
 INSIDE_CASING = 3
 NOT_FINITE = 4
-LOG_FULL = 5
-"""More phases than the log of the balances takes: the case is run again with a longer one."""
+LOG_FULL = 5  # more phases than the log of the balances takes: the case is run again with a longer one
 RUNNING = 6
-INVALID = 7
-"""A value of the case is not finite."""
-NO_SPECTRUM = 8
-"""The eigenvalues of the held tip were not found."""
-STIFF = 9
-"""A block that cannot follow its load in closed form is damped so fast that its Taylor steps exceed the budget."""
-NO_IMPACT_LAW = 10
-"""The tip meets its casing, and friction pushes it further in than the contact force pushes it out."""
-
-INSEPARABLE_POLES = 11
-"""Poles of the held tip cannot be separated, see :mod:`workflow.schemes._exact.pole_pairs`."""
+INVALID = 7  # a value of the case is not finite
+NO_SPECTRUM = 8  # the eigenvalues of the held tip were not found
+STIFF = 9  # a block that cannot follow its load in closed form is damped so fast that its steps exceed the budget
+NO_IMPACT_LAW = 10  # the tip meets its casing, and friction pushes it further in than the contact force pushes it out
+INSEPARABLE_POLES = 11  # poles of the held tip cannot be separated, see :mod:`workflow.schemes._exact.pole_pairs`
 
 _NEARLY_ELASTIC = 0.99
 """Restitution above which the message about the budget of events says how many impacts it takes to come to rest."""

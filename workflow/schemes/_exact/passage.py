@@ -11,9 +11,8 @@ from workflow.models import Array
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
 from workflow.schemes._exact.layout import Layout, Load, Memory
 from workflow.schemes._exact.motion import Motion, prepare
-from workflow.schemes._exact.response import from_coordinates, to_coordinates
+from workflow.schemes._exact.response import casing_at, from_coordinates, to_coordinates
 from workflow.schemes._exact.tables import expansion
-from workflow.schemes._exact.waves import casing_at
 
 
 class Passage(NamedTuple):
@@ -83,26 +82,13 @@ def _change_modes(matrix: Array, casing: tuple[float, float], source: Array, tar
 
 
 @part
-def casing(motions: Motions, t: float) -> tuple[float, float]:
-    """Return place and velocity of the casing, m and m/s."""
-    return casing_at(motions.free.r.waves, motions.free.r.gap, t)
-
-
-@part
-def leave(motions: Motions, t: float, modal: Array) -> None:
-    """Fill [y, y', τ] from the coordinates of the held motion."""
-    passage = motions.passage
-    multiply(passage.outward, motions.held.coordinates, passage.modal)
-    _change_modes(passage.exit, casing(motions, t), passage.modal, modal)
-
-
-@part
 def fill_modal(motions: Motions, held: bool, t: float) -> None:
     """Fill [y, y', τ] with the present state of the motion with the tip held, or free."""
-    free = motions.free
+    free, passage = motions.free, motions.passage
     if held:
         to_coordinates(motions.held.r, motions.held.now, t, motions.held.coordinates)
-        leave(motions, t, motions.modal)
+        multiply(passage.outward, motions.held.coordinates, passage.modal)
+        _change_modes(passage.exit, casing_at(free.r, t), passage.modal, motions.modal)
     else:
         to_coordinates(free.r, free.now, t, free.coordinates)
         if motions.mixes:
@@ -122,7 +108,7 @@ def set_free(motions: Motions, t: float) -> None:
 def set_held(motions: Motions, t: float) -> None:
     """Set the held motion from [y, y', τ]."""
     held, passage = motions.held, motions.passage
-    _change_modes(passage.entry, casing(motions, t), motions.modal, passage.modal)
+    _change_modes(passage.entry, casing_at(held.r, t), motions.modal, passage.modal)
     multiply(passage.inward, passage.modal, held.coordinates)
     from_coordinates(held.r, held.coordinates, t, held.now)
 

@@ -269,6 +269,17 @@ def _subtract_harmonics(f: Array, j: int, waves: Array) -> None:
 
 
 @part
+def casing_at(r: Response, t: float) -> tuple[float, float]:
+    """Return the place of the casing d = d0 + Σ a sin ψ, m, and its velocity, m/s."""
+    place, speed = r.gap, 0.0
+    for i in range(r.waves.shape[0]):
+        cos, sin = wave_phase(r.waves, i, t)
+        place += r.waves[i, wave.CASING] * sin
+        speed += r.waves[i, wave.OMEGA] * (r.waves[i, wave.CASING] * cos)
+    return place, speed
+
+
+@part
 def _add_response(r: Response, y: Array, t: float, sign: float, value: Array, slope: Array) -> None:
     """Add their response to the loads and to first-order states to η and η' of blocks, or subtract it (``sign`` -1)."""
     b = r.block

@@ -25,14 +25,3 @@ def wave_phase(waves: Array, i: int, t: float) -> tuple[float, float]:
     if waves[i, wave.TIME] != t:
         _turn(waves, i, t)
     return waves[i, wave.COS], waves[i, wave.SIN]
-
-
-@part
-def casing_at(waves: Array, gap: float, t: float) -> tuple[float, float]:
-    """Return the place of the casing d = d0 + Σ a sin ψ, m, and its velocity, m/s; ``gap`` is d0."""
-    place, speed = gap, 0.0
-    for i in range(waves.shape[0]):
-        cos, sin = wave_phase(waves, i, t)
-        place += waves[i, wave.CASING] * sin
-        speed += waves[i, wave.OMEGA] * (waves[i, wave.CASING] * cos)
-    return place, speed
