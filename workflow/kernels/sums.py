@@ -24,19 +24,20 @@ _LEVELS = 64
 
 
 @inlined
-def _block(rows: Array, i: int, first: int, last: int) -> float:
-    """Return the sum of ``rows[i, first:last]``."""
+def row_sum(rows: Array, i: int, first: int, last: int) -> float:
+    """Return the sum of ``rows[i, first:last]``, by eight running sums."""
     a = b = c = d = e = f = g = h = 0.0
     eights = first + (last - first) // 8 * 8
-    for k in range(first, eights, 8):
+    for start in range(first, eights, 8):
+        k = np.uintp(start)  # unsigned: an index that cannot be negative needs no test for it
         a += rows[i, k]
-        b += rows[i, k + 1]
-        c += rows[i, k + 2]
-        d += rows[i, k + 3]
-        e += rows[i, k + 4]
-        f += rows[i, k + 5]
-        g += rows[i, k + 6]
-        h += rows[i, k + 7]
+        b += rows[i, k + np.uintp(1)]
+        c += rows[i, k + np.uintp(2)]
+        d += rows[i, k + np.uintp(3)]
+        e += rows[i, k + np.uintp(4)]
+        f += rows[i, k + np.uintp(5)]
+        g += rows[i, k + np.uintp(6)]
+        h += rows[i, k + np.uintp(7)]
     subtotal = ((a + b) + (c + d)) + ((e + f) + (g + h))
     for k in range(eights, last):
         subtotal += rows[i, k]
@@ -50,7 +51,7 @@ def _row_totals(rows: Array, partial: Array, totals: Array) -> None:
     for i in range(rows.shape[0]):
         level = 0
         for first in range(0, count, BLOCK):
-            here, pairs = _block(rows, i, first, min(first + BLOCK, count)), first // BLOCK + 1
+            here, pairs = row_sum(rows, i, first, min(first + BLOCK, count)), first // BLOCK + 1
             while pairs % 2 == 0:
                 level -= 1
                 here = partial[level] + here

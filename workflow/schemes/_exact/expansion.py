@@ -14,9 +14,9 @@ import numpy as np
 
 from workflow.kernels import elementary
 from workflow.kernels.compiled import part
+from workflow.kernels.sums import row_sum
 from workflow.models import Array
 from workflow.schemes._exact.explicit_blocks import explicit_force
-from workflow.schemes._exact.propagators import row_total
 from workflow.schemes._exact.response import SIGNAL, Response
 from workflow.schemes._exact.tables import block, expansion, first, state, wave
 from workflow.schemes._exact.waves import wave_phase
@@ -60,8 +60,8 @@ def expand_output(r: Response, output: int, y: Array, t: float, x: Expansion) ->
             _expand_explicit(r, output, k, y, t, sums)
     _expand_blocks(r.block, y, block.UNFORCED_VALUE + 2 * output, d)
     for row in range(expansion.FOURTH + 1):
-        sums[row, n] = sums[row, 0] + row_total(d, row)
-    sums[expansion.SIZE, 0] += row_total(d, expansion.TAIL)
+        sums[row, n] = sums[row, 0] + row_sum(d, row, 0, d.shape[1])
+    sums[expansion.SIZE, 0] += row_sum(d, expansion.TAIL, 0, d.shape[1])
     sums[expansion.TAIL, n], sums[expansion.TAIL_SLOPE, n] = 0.0, 0.0
 
 

@@ -175,20 +175,3 @@ def first_propagators(f: Array, dt: float) -> None:
         f[first.PHI2, j] = phi2
         f[first.PHI1, j] = phi1
         f[first.DECAY, j] = 1.0 + x * phi1
-
-
-@part
-def row_total(a: Array, row: int) -> float:
-    """Return the sum of a row of a table, in one fixed order."""
-    s0, s1, s2, s3, s4, s5, s6, s7 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for start in range(0, a.shape[1], 8):
-        k = np.uintp(start)  # unsigned: an index that cannot be negative needs no test for it
-        s0 += a[row, k]
-        s1 += a[row, k + np.uintp(1)]
-        s2 += a[row, k + np.uintp(2)]
-        s3 += a[row, k + np.uintp(3)]
-        s4 += a[row, k + np.uintp(4)]
-        s5 += a[row, k + np.uintp(5)]
-        s6 += a[row, k + np.uintp(6)]
-        s7 += a[row, k + np.uintp(7)]
-    return ((s0 + s1) + (s2 + s3)) + ((s4 + s5) + (s6 + s7))

@@ -8,12 +8,12 @@ import numpy as np
 
 from workflow.kernels import elementary
 from workflow.kernels.compiled import part
+from workflow.kernels.sums import row_sum
 from workflow.models import Array
 from workflow.schemes._exact.expansion import SUM_ROUNDING, accumulate, expand
 from workflow.schemes._exact.explicit_blocks import begin_derivatives, explicit_force, next_derivative
 from workflow.schemes._exact.layout import ORDER, TAYLOR_SPAN
 from workflow.schemes._exact.motion import Motion, advance
-from workflow.schemes._exact.propagators import row_total
 from workflow.schemes._exact.search import longest_without_zero, zero_crossing
 from workflow.schemes._exact.tables import block, expansion, first, state, wave
 from workflow.schemes._exact.waves import wave_phase
@@ -173,7 +173,7 @@ def _series(m: Motion, t: float, order: int, first_order: int) -> None:
             derivatives[n] += term
             term *= -mu
     for n in range(order + 1):
-        derivatives[n] += row_total(d, expansion.D0)
+        derivatives[n] += row_sum(d, expansion.D0, 0, d.shape[1])
         for k in range(d.shape[1]):
             s2 = -b[block.DAMPING, k] * d[expansion.D1, k] - b[block.STIFFNESS, k] * d[expansion.D0, k]
             d[expansion.D0, k] = d[expansion.D1, k]
