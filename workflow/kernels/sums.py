@@ -39,8 +39,8 @@ def row_sum(rows: Array, i: int, first: int, last: int) -> float:
         g += rows[i, k + np.uintp(6)]
         h += rows[i, k + np.uintp(7)]
     subtotal = ((a + b) + (c + d)) + ((e + f) + (g + h))
-    for k in range(eights, last):
-        subtotal += rows[i, k]
+    for j in range(eights, last):
+        subtotal += rows[i, j]
     return subtotal
 
 
