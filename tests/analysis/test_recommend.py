@@ -192,6 +192,36 @@ def test_a_case_without_an_error_misses_and_is_named() -> None:
     assert "e = 0.5, gap = 3e-05 is diverged (it grew)" in sentence(recommended)
 
 
+def test_coordinates_have_their_units() -> None:
+    dataset = even()
+    dataset["gap"].attrs["units"] = "m"
+    dataset["h"].attrs["units"] = "s"
+    dataset["impulse_error"][{"e": 1, "gap": 2}] = 5e-3
+    assert "(impulse, e = 0.5, gap = 3e-05 m)" in sentence(recommend(dataset, 0.01))
+
+
+def test_cases_that_have_not_run_ask_for_the_run() -> None:
+    dataset = even()
+    dataset["status"][:] = Status.NOT_RUN
+    for name in ("wall_time", *ERRORS):
+        dataset[name][:] = np.nan
+    recommended = recommend(dataset, 0.01)
+    answer = sentence(recommended)
+    assert "is not run yet. Run the study to its end." in answer
+    assert "whatever h" not in answer
+    assert recommendation_row(recommended)[2:] == ("not measured", "0 %", "not run", "status")
+
+
+def test_a_reference_with_the_modes_of_each_case_is_said_to_judge_no_basis() -> None:
+    dataset = even()
+    assert recommendation_cautions(dataset) == ()
+    for name in ERRORS:
+        dataset[name.replace("_error", "_model_error")][:] = 0.0
+    [caution] = recommendation_cautions(dataset)
+    assert "what a reduced model leaves out" in caution
+    assert recommendation_cautions(dataset.isel(model=[0])) == ()
+
+
 def test_undecidable_cases_are_named() -> None:
     dataset = even()
     dataset["predictability"] = xr.where((dataset.e == 0.5) & (dataset.gap == 1e-5), 2e-3, 1e-12).broadcast_like(

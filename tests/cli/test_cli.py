@@ -29,7 +29,7 @@ def test_run_show_report(tmp_path: Path) -> None:
     assert "nothing to do" in again.stdout
     shown = workflow("show", "small.nc", cwd=tmp_path)
     assert shown.returncode == 0
-    assert "alpha (5): 0 W N-1; 5 W N-1" in shown.stdout
+    assert "alpha (5): 0 W/N; 5 W/N" in shown.stdout
     assert "status: 60 ok" in shown.stdout
     done = workflow("report", "small.nc", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -53,7 +53,7 @@ def test_failed_cases_exit_with_one(tmp_path: Path) -> None:
     assert shown.returncode == 0
     assert "ill_posed: " in shown.stdout
     assert " and 1 more: contact has no unique solution" in shown.stdout
-    assert "alpha 1e+09 W N-1" in shown.stdout
+    assert "alpha 1e+09 W/N" in shown.stdout
 
 
 @pytest.mark.parametrize("path", ["", ".", "/"])

@@ -13,7 +13,8 @@ import xarray as xr
 from workflow.analysis import exact_partners, recommend, telling
 from workflow.plots import explorer, page_data, shown_part
 from workflow.plots._thinned import Pack, levels, rounded, thinned, thinned_times
-from workflow.plots._units import readable, scaled
+from workflow.plots._units import scaled
+from workflow.study import readable
 
 RNG = np.random.default_rng(1)
 
@@ -87,6 +88,12 @@ def test_rounded_numbers_keep_three_digits() -> None:
     assert np.array_equal(
         rounded(np.array([0.0, np.inf, np.nan, 1e300])), [0.0, np.nan, np.nan, np.nan], equal_nan=True
     )
+
+
+def test_rounded_numbers_show_the_digits_of_those_they_stand_for() -> None:
+    """As a page writes them; 2.7556 was cut to 2.7549, and read 2.75."""
+    values = [2.7555631955617828, 9.994, -9.986, 0.9999, *RNG.uniform(1, 10, 1000), *10 ** RNG.uniform(-30, 30, 1000)]
+    assert [f"{value:.3g}" for value in rounded(np.array(values))] == [f"{value:.3g}" for value in values]
 
 
 def test_units_are_those_of_what_is_small() -> None:

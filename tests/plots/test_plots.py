@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -64,6 +65,16 @@ def test_convergence(tmp_path: Path) -> None:
     assert orders == ["order 1.00", "order 2.00", "order 0.00"]
     assert any("slope 2" in text.get_text() for text in figure.axes[0].texts)
     assert save(figure, tmp_path / "a.png").stat().st_size > 10_000
+
+
+def test_residuals_of_rounding_are_drawn_and_every_column_has_its_steps() -> None:
+    """A residual below 1e-12 had no point, and the third column, of one row, no numbers at its axis."""
+    exact_balance = replace(FOUND[0], residual=np.full(H.size, 1e-16))
+    figure = convergence([exact_balance, *FOUND[1:]])
+    *_, third, _, residuals = figure.axes
+    assert np.asarray(residuals.get_lines()[0].get_ydata()).tolist() == [1e-16] * H.size
+    assert third.get_xlabel() == "step h [s]"
+    assert all(tick.label1.get_visible() for tick in third.xaxis.get_major_ticks())
 
 
 def test_convergence_of_schemes_that_are_all_lost(tmp_path: Path) -> None:

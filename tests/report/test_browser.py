@@ -202,7 +202,27 @@ def test_one_case_has_a_page(wide: Any, tmp_path: Path) -> None:
     opened(wide, write_report(tmp_path / "single.nc").page)
     assert errors(wide) == []
     assert drawn(wide, "chosen", "displacement").size == 61
-    assert "no `reference`" in wide.execute_script("return document.querySelector('.answer').textContent")
+    assert "no reference" in wide.execute_script("return document.querySelector('.answer').textContent")
     assert wide.execute_script("return document.getElementById('figure-map')") is None
     message = wide.execute_script("return document.getElementById('case-exact').textContent")
     assert "holds no exact case" in message
+
+
+def test_load_periods_that_are_alike_are_a_level_line(wide: Any, tmp_path: Path) -> None:
+    """Without heat every period is as the one before; ticks that differ by rounding would all read the same."""
+    study = "study: alike\n" + SCENE + "axes: {scheme: event_driven, e: 0, alpha: [0, 50], h: 1e-5}\n"
+    damped = parsed(study + "output: {interval: 1 ms}\n").with_({"scene.chain.damping.mass": 400.0})
+    run_study(damped, tmp_path / "alike.nc")
+    opened(wide, write_report(tmp_path / "alike.nc").page)
+    for alpha, alike in (("0", True), ("50", False)):
+        wide.execute_script(MODEL + "model('slider_alpha').value = arguments[0]", alpha)
+        settle(wide)
+        impulse = drawn(wide, "period_impulses", "impulse")
+        script = MODEL + "const range = model('periods').y_range; return [range.start, range.end]"
+        low, high = wide.execute_script(script)
+        assert low < impulse.min()
+        assert high > impulse.max()
+        assert (np.ptp(impulse) < 1e-3 * impulse.max()) == alike
+        assert high - low > 0.9e-3 * impulse.max()
+        text = wide.execute_script("return document.getElementById('periods-about').textContent")
+        assert ("of the largest." in text) == alike

@@ -162,7 +162,7 @@ def test_a_report_begins_with_the_answer_and_says_where_it_comes_from(
         text.index(html.escape(sentence(recommended))) < text.index("Map of the cases") < text.index("Who stays stable")
     )
     assert 'class="accurate"' in text  # the exact scheme, though a model of one mode errs
-    assert "no `reference`" in reports[1].page.read_text(encoding="utf-8")
+    assert "its study has no <code>reference</code>" in reports[1].page.read_text(encoding="utf-8")
     for word in ("computing time", "processor", " threads", "written", "numba", "Effective e: ", "Energy residual: "):
         assert word in text, word
 

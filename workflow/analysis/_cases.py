@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from workflow.run import status_name
 from workflow.schemes import Status
-from workflow.study import AUTO, CHOSEN, MODES
+from workflow.study import AUTO, CHOSEN, MODES, readable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -40,6 +40,11 @@ def exact(value: object) -> str:
     if not isinstance(value, float | np.floating):
         return str(value)
     return next((text for digits in range(4, 17) if float(text := f"{value:.{digits}g}") == value), repr(float(value)))
+
+
+def coordinate_units(dataset: xr.Dataset) -> dict[str, str]:
+    """Return the units of coordinates as they are written by hand, ``W/N``, by name; empty texts of pure numbers."""
+    return {str(name): readable(str(values.attrs.get("units", "1"))) for name, values in dataset.coords.items()}
 
 
 def is_auto(coordinate: xr.DataArray, value: object) -> bool:
@@ -72,7 +77,7 @@ def labels_of(dataset: xr.Dataset, dim: str, named: bool = True, rounded: bool =
     dim
         The dimension.
     named
-        Put the coordinate's name before its value, ``alpha 30 W N-1``.
+        Put the coordinate's name before its value, ``alpha 30 W/N``.
     rounded
         Give four digits, as fit in a picture, instead of all.
     """
@@ -84,9 +89,9 @@ def labels_of(dataset: xr.Dataset, dim: str, named: bool = True, rounded: bool =
 
 
 def _labels(coordinate: xr.DataArray, named: bool, rounded: bool) -> list[str]:
-    unit = str(coordinate.attrs.get("units", "1"))
+    unit = readable(str(coordinate.attrs.get("units", "1")))
     before = f"{coordinate.name} ".replace("_", " ") if named else ""
-    after = "" if unit == "1" else f" {unit}"
+    after = f" {unit}" if unit else ""
     numbers = rounded and np.issubdtype(coordinate.dtype, np.floating)
     return [
         before + (f"{value:.4g}" if numbers else value_text(coordinate, value)) + after for value in coordinate.values

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.analysis._cases import case_dims, is_auto
+from workflow.analysis._cases import case_dims, coordinate_units, is_auto
 from workflow.schemes import Status
 from workflow.study import MODES
 
@@ -124,6 +124,8 @@ class Recommendation:
         run of the study may find one of them the cheapest. Largest step first, then fewest modes.
     undecidable
         Cases of the scene whose predictability exceeds a tenth of the tolerance, by their coordinates.
+    units
+        Units of coordinates that have one, as they are written by hand, by name.
     """
 
     tolerance: float
@@ -131,6 +133,7 @@ class Recommendation:
     next: Choice | None
     alike: tuple[Choice, ...]
     undecidable: tuple[dict[str, Any], ...]
+    units: dict[str, str] = field(default_factory=dict)
 
 
 def recommend(dataset: xr.Dataset, tolerance: float | str | None = None) -> Recommendation:
@@ -171,6 +174,7 @@ def recommend(dataset: xr.Dataset, tolerance: float | str | None = None) -> Reco
         None if nearest is None else table.choice(nearest, within[nearest]),
         _alike([table.choice(k, within[k]) for k in good if table.cost[k] <= (1 + SPREAD) * table.cost[good[0]]]),
         table.unpredictable(DECIDABLE * share),
+        coordinate_units(dataset),
     )
 
 
@@ -320,7 +324,7 @@ class Table:
 
     def _step_matters(self, row: int) -> bool:
         """Tell whether a choice differs from its neighbours along ``h``."""
-        if "h" not in self.rows:
+        if "h" not in self.rows or (self.status == Status.NOT_RUN).all():
             return True
         sizes = [self.dataset.sizes[dim] for dim in self.rows]
         place = list(np.unravel_index(row, sizes))

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from workflow.analysis._recommend import SPREAD, Choice, Recommendation, Worst
+import numpy as np
+
+from workflow.analysis._recommend import COMPARED, SPREAD, Choice, Recommendation, Worst
 from workflow.schemes import Status
 from workflow.study import AUTO, MODES
 
@@ -21,11 +24,13 @@ ALIKE = 2
 NAMED = 5
 """Undecidable cases that are named; of more the number is."""
 
+_NOT_RUN = Status.NOT_RUN.name.lower()
+
 COLUMNS = ("tolerance", "choice", "cost per simulated second", "cases within", "largest error", "limited by")
 
 
-def named_choice(choice: Choice) -> str:
-    """Return scheme, step, modes and options of a choice in words."""
+def named_choice(choice: Choice, units: Mapping[str, str]) -> str:
+    """Return scheme, step, modes and options of a choice in words, with the units of its coordinates."""
     settings = dict(choice.settings)
     words = [str(settings.pop("scheme", "the scheme"))]
     h = settings.pop("h", None)
@@ -39,34 +44,34 @@ def named_choice(choice: Choice) -> str:
     reduction = settings.pop("reduction", None)
     if reduction is not None:
         words.append(str(reduction))
-    words += [f"{name.replace('_', ' ')} {_number(value)}" for name, value in settings.items()]
+    words += [f"{name.replace('_', ' ')} {_with_unit(name, value, units)}" for name, value in settings.items()]
     return ", ".join(words)
 
 
-def named_case(case: dict[str, Any]) -> str:
-    """Return the coordinates of a case of the scene in words."""
-    return ", ".join(f"{name} = {_number(value)}" for name, value in case.items()) or "the only case"
+def named_case(case: Mapping[str, Any], units: Mapping[str, str]) -> str:
+    """Return the coordinates of a case of the scene in words, with their units."""
+    return ", ".join(f"{name} = {_with_unit(name, value, units)}" for name, value in case.items()) or "the only case"
 
 
 def sentence(recommendation: Recommendation) -> str:
     """Return the answer as sentences that can be quoted."""
-    tolerance = percent(recommendation.tolerance)
+    tolerance, units = percent(recommendation.tolerance), recommendation.units
     if recommendation.choice is None:
-        nearest = _nearest(recommendation.next, recommendation.tolerance)
+        nearest = _nearest(recommendation)
         return f"Nothing in this study meets {tolerance} in all cases. {nearest}"
     worst = recommendation.choice.worst
     text = (
-        f"The cheapest choice within {tolerance} in all cases is {named_choice(recommendation.choice)}, at "
+        f"The cheapest choice within {tolerance} in all cases is {named_choice(recommendation.choice, units)}, at "
         f"{_cost(recommendation.choice)}; its largest error is {percent(worst.error)} ({worst.variable}, "
-        f"{named_case(worst.case)}), {_limit(worst)}."
+        f"{named_case(worst.case, units)}), {_limit(worst)}."
     )
     if recommendation.alike:
-        named = "; ".join(f"{named_choice(one)} ({_cost(one)})" for one in recommendation.alike[:ALIKE])
+        named = "; ".join(f"{named_choice(one, units)} ({_cost(one)})" for one in recommendation.alike[:ALIKE])
         more = f"; and {len(recommendation.alike) - ALIKE} more" if len(recommendation.alike) > ALIKE else ""
         text += f" Of the same cost within {100 * SPREAD:.0f} %: {named}{more}."
     if recommendation.next is not None:
         cheaper = recommendation.next
-        text += f" The next cheaper one, {named_choice(cheaper)} ({_cost(cheaper)}), {_failure(cheaper)}."
+        text += f" The next cheaper one, {named_choice(cheaper, units)} ({_cost(cheaper)}), {_failure(cheaper, units)}."
     return text
 
 
@@ -75,7 +80,7 @@ def undecidable(recommendation: Recommendation) -> str:
     cases = recommendation.undecidable
     if not cases:
         return ""
-    named = "; ".join(named_case(case) for case in cases[:NAMED])
+    named = "; ".join(named_case(case, recommendation.units) for case in cases[:NAMED])
     more = f"; and {len(cases) - NAMED} more" if len(cases) > NAMED else ""
     return (
         f"Undecidable at {percent(recommendation.tolerance)}, as a change of the gap by rounding moves their reference "
@@ -91,7 +96,19 @@ def cautions(dataset: xr.Dataset) -> tuple[str, ...]:
         reasons.append(f"{missing} of {dataset['status'].size} cases are not run yet")
     if "contact_impulse" in dataset and not dataset["contact_impulse"].fillna(1).any():
         reasons.append("no case touches its casing, so only free motion is compared")
+    if missing < dataset["status"].size and _by_own_basis(dataset):
+        reasons.append(
+            "the reference has the modes of each case, so that errors hold nothing of what a reduced model leaves out; "
+            "`mechanical_modes: full, thermal_modes: full` in the reference would show it"
+        )
     return tuple(reasons)
+
+
+def _by_own_basis(dataset: xr.Dataset) -> bool:
+    """Tell whether several counts of modes are compared of which none has an error of its own."""
+    varies = any(name in dataset.coords and np.unique(dataset[name].values).size > 1 for name in MODES)
+    parts = [dataset[f"{name}_model_error"] for name in COMPARED if f"{name}_model_error" in dataset]
+    return varies and len(parts) == len(COMPARED) and not any(bool((part.fillna(0) != 0).any()) for part in parts)
 
 
 def row(recommendation: Recommendation) -> tuple[str, ...]:
@@ -99,9 +116,10 @@ def row(recommendation: Recommendation) -> tuple[str, ...]:
     shown = recommendation.choice or recommendation.next
     if shown is None:
         return percent(recommendation.tolerance), "nothing", "", "", "", ""
-    name = named_choice(shown) if recommendation.choice else f"nothing; nearest is {named_choice(shown)}"
+    name = named_choice(shown, recommendation.units)
+    name = name if recommendation.choice else f"nothing; nearest is {name}"
     worst = shown.worst
-    error = percent(worst.error) if not math.isnan(worst.error) else worst.status
+    error = percent(worst.error) if not math.isnan(worst.error) else worst.status.replace("_", " ")
     return percent(recommendation.tolerance), name, _cost(shown), percent(shown.share), error, worst.limited_by
 
 
@@ -164,8 +182,10 @@ def percent(share: float) -> str:
     return f"{100 * share:.3g} %"
 
 
-def _number(value: Any) -> str:
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+def _with_unit(name: str, value: Any, units: Mapping[str, str]) -> str:
+    """Return the value of a coordinate, a number in at most six digits, with its unit."""
+    text = f"{value:.6g}" if isinstance(value, float) else str(value)
+    return f"{text} {units.get(name, '')}".rstrip()
 
 
 def _cost(choice: Choice) -> str:
@@ -173,6 +193,8 @@ def _cost(choice: Choice) -> str:
     seconds, per = (choice.cost_per_second, " per simulated second")
     if math.isnan(seconds):
         seconds, per = choice.cost, " per case"
+    if math.isinf(seconds):
+        return "not measured"
     scale, unit = next((pair for pair in ((1.0, "s"), (1e3, "ms")) if seconds * pair[0] >= 1), (1e6, "µs"))
     return f"{seconds * scale:.3g} {unit}{per}"
 
@@ -188,10 +210,12 @@ def _limit(worst: Worst) -> str:
     }[worst.limited_by]
 
 
-def _failure(choice: Choice) -> str:
+def _failure(choice: Choice, units: Mapping[str, str]) -> str:
     """Say why a choice fails."""
     worst = choice.worst
-    where = named_case(worst.case)
+    where = named_case(worst.case, units)
+    if worst.status == _NOT_RUN:
+        return f"fails as {where} is not run yet"
     if worst.status != "ok":
         return f"fails as {where} is {worst.status}" + (f" ({worst.message})" if worst.message else "")
     if math.isnan(worst.error):
@@ -199,11 +223,15 @@ def _failure(choice: Choice) -> str:
     return f"fails with {percent(worst.error)} ({worst.variable}, {where}), {_limit(worst)}"
 
 
-def _nearest(choice: Choice | None, tolerance: float) -> str:
+def _nearest(recommendation: Recommendation) -> str:
     """Say which choice comes nearest and what to add."""
+    choice, tolerance, units = recommendation.next, recommendation.tolerance, recommendation.units
     if choice is None:
         return "It has no case."
-    text = f"Nearest comes {named_choice(choice)} with {percent(choice.share)} of the cases; it {_failure(choice)}. "
+    text = (
+        f"Nearest comes {named_choice(choice, units)} with {percent(choice.share)} of the cases; it "
+        f"{_failure(choice, units)}. "
+    )
     worst, h = choice.worst, choice.settings.get("h")
     if worst.limited_by == "step" and h is not None and choice.step_matters:
         return text + f"Add smaller steps: at order one about h = {h * tolerance / worst.scheme_error:.1g} s."
@@ -211,6 +239,8 @@ def _nearest(choice: Choice | None, tolerance: float) -> str:
         return text + "Add a smaller tolerance of `auto`."
     if worst.limited_by == "basis":
         return text + "Add more modes, or `full`."
+    if worst.status == _NOT_RUN:
+        return text + "Run the study to its end."
     if worst.limited_by == "status":
         return text + "Add a scheme or a step at which that case ends ok."
     return text + "Add smaller steps and more modes."

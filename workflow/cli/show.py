@@ -82,6 +82,7 @@ def _plain(value: Any) -> Any:
 
 def _coordinates(dataset: xr.Dataset) -> Iterator[str]:
     from workflow.analysis import case_dims, exact, labels_of, value_text
+    from workflow.study import readable
 
     for dim in case_dims(dataset):
         values = labels_of(dataset, dim, named=False)
@@ -89,7 +90,7 @@ def _coordinates(dataset: xr.Dataset) -> Iterator[str]:
         yield f"  {dim} ({len(values)}): {'; '.join(values[:VALUES_SHOWN])}{more}"
     for name in dataset.coords:
         if dataset[name].ndim == 0:
-            unit = str(dataset[name].attrs.get("units", "1")).removeprefix("1")
+            unit = readable(str(dataset[name].attrs.get("units", "1")))
             yield f"  {name} = {value_text(dataset[name], dataset[name].item())} {unit}".rstrip()
     if "t" in dataset.sizes:
         t = dataset["t"].values

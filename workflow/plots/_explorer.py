@@ -238,9 +238,9 @@ def _modes() -> Any:
 
 def _periods() -> Any:
     """Return the impulse of each load period and what the growth rate of permanent contact predicts."""
-    from bokeh.models import BasicTicker
+    from bokeh.models import BasicTicker, Range1d
 
-    panel = _figure("periods", 300)
+    panel = _figure("periods", 300, y_range=Range1d(0, 1))
     measured = _source("period_impulses", "period", "impulse")
     panel.line("period", "impulse", source=measured, line_color=COLOURS[0], line_width=1.2)
     panel.scatter("period", "impulse", source=measured, color=COLOURS[0], size=7)

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from workflow.analysis import case_dims, impulse_growth
 from workflow.plots._style import COLOURS
-from workflow.plots._units import readable, scaled
+from workflow.plots._units import scaled
+from workflow.study import readable
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from workflow.analysis import Telling, case_dims, exact_partners, finest, impulse_growth, numerical_dims, total_error
 from workflow.plots._page_cases import MOST_READ, append_cases
 from workflow.plots._thinned import Pack, rounded
-from workflow.plots._units import coordinate_texts, readable, scaled, selector
+from workflow.plots._units import coordinate_texts, scaled, selector
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -270,4 +270,4 @@ def _finite(value: Any) -> Any:
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
-__all__ = ["Shown", "page_data", "readable", "shown_part"]
+__all__ = ["Shown", "page_data", "shown_part"]

@@ -25,7 +25,7 @@ def work_precision(lines: Sequence[Line], beside: Sequence[Line] = (), title: st
 
     Parameters
     ----------
-    found
+    lines
         From :func:`workflow.analysis.lines`.
     beside
         The same schemes in another model (a reduced one), drawn thin and dashed.
@@ -58,7 +58,7 @@ def work_precision(lines: Sequence[Line], beside: Sequence[Line] = (), title: st
     panels[0].set_ylabel("relative L2 error")
     low, high = panels[0].get_ylim()
     panels[0].set_ylim(max(low, _FLOOR), max(high, 1.0))
-    panels[0].set_xlim(panels[0].get_xlim()[0] / 3)  # room for the names of the steps
+    panels[0].set_xlim(panels[0].get_xlim()[0] / 5)  # room for the names of the steps
     _leave_room(panels[0], stepping)
     _name_steps(panels[0], stepping)
     handles, labels = panels[0].get_legend_handles_labels()
@@ -132,7 +132,7 @@ def convergence(lines: Sequence[Line], title: str = "") -> Figure:
                 values, label = np.abs(line.penetration if name == "penetration" else line.residual), None
             with np.errstate(invalid="ignore"):
                 sane = np.where(line.errors["impulse_error"] < _CEILING, values, np.nan)
-            x, y = _drawn(line.h, sane) if name != "penetration" else (line.h[sane > 0], sane[sane > 0])
+            x, y = _drawn(line.h, sane) if name in ERRORS else (line.h[sane > 0], sane[sane > 0])
             panel.plot(x, y, marker=marker, color=colour, ms=4.5, lw=1.3, label=label)
             _cross_out(panel, line.h[line.lost], k)
         panel.set(xscale="log", yscale="log")
@@ -149,8 +149,10 @@ def convergence(lines: Sequence[Line], title: str = "") -> Figure:
         trim(panel)
     for panel in panels[len(names) :]:
         panel.remove()
-    for panel in panels[-columns:]:
-        panel.set_xlabel("step h [s]")
+    for place, panel in enumerate(panels[: len(names)]):
+        if place + columns >= len(names):  # nothing is drawn below it
+            panel.set_xlabel("step h [s]")
+            panel.tick_params(labelbottom=True)
     handles = [
         panels[0].plot([], [], marker=MARKERS[k % len(MARKERS)], color=COLOURS[k % len(COLOURS)])[0]
         for k in range(len(stepping))

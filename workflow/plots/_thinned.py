@@ -17,8 +17,11 @@ MISSING = 0
 
 LEVELS = 65535
 
-_MANTISSA = np.uint32(0xFFFFF000)
-"""Keeps 11 of 23 bits of a 32-bit float: 3 digits, more than a colour or a marker shows."""
+_MANTISSA, _LAST = np.uint32(0xFFFFF000), np.uint32(0x1000)
+"""Keeps 11 of 23 bits of a 32-bit float, and the last of them: 3 digits, more than a colour or a marker shows."""
+
+_DIGITS = 3
+"""Digits of a number that a page shows."""
 
 
 def thinned_times(t: NDArray[np.float64], buckets: int = BUCKETS) -> NDArray[np.float64]:
@@ -57,12 +60,16 @@ def levels(values: NDArray[np.float64]) -> tuple[NDArray[np.uint16], float, floa
 
 
 def rounded(values: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Return numbers with three digits, infinite ones as NaN."""
-    with np.errstate(over="ignore"):
+    """Return numbers of 11 bits that show the three digits of the given ones, infinite ones as NaN."""
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         single = np.where(np.isfinite(values), values, np.nan).astype(np.float32)
-    single[np.isinf(single)] = np.nan
-    bits = single.view(np.uint32)
-    return np.where(np.isnan(single), np.float32(np.nan), (bits & _MANTISSA).view(np.float32)).astype(np.float32)
+        single[np.isinf(single)] = np.nan
+        below = single.view(np.uint32) & _MANTISSA
+        lower, upper = below.view(np.float32), (below + _LAST).view(np.float32)
+        unit = 10.0 ** (np.floor(np.log10(np.abs(values))) - (_DIGITS - 1))
+        alike = np.rint(lower / unit) == np.rint(values / unit)
+    kept = np.where(alike | (below == 0) | (lower == single), lower, upper)
+    return np.where(np.isnan(single), np.float32(np.nan), kept).astype(np.float32)
 
 
 class Pack:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.analysis import exact
+from workflow.study import readable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -23,15 +24,6 @@ AUTO = -1
 
 _UNSCALED = ("h", "t")
 """Coordinates that stay in SI, as studies and commands write them."""
-
-
-def readable(unit: str) -> str:
-    """Return a CF unit as it is written by hand: ``m s-1`` as ``m/s``, nothing for ``1``."""
-    over = [word for word in unit.split() if "-" not in word and word != "1"]
-    under = [word.replace("-1", "").replace("-", "") for word in unit.split() if "-" in word]
-    if not under:
-        return " ".join(over)
-    return f"{' '.join(over) or '1'}/{'/'.join(under)}"
 
 
 def scaled(unit: str, values: NDArray[Any]) -> tuple[str, float]:

@@ -18,7 +18,7 @@ from workflow.analysis import (
     sentence,
     undecidable,
 )
-from workflow.report._html import table, tag
+from workflow.report._html import prose, table, tag
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -58,13 +58,13 @@ def answer(dataset: xr.Dataset, methods: Mapping[str, str]) -> Answer:
             else f"Which method, which step: {error}. Run the study with `reference: {{scheme: event_driven}}` to "
             "another archive, with -o."
         )
-        return Answer([tag("section", tag("h2", "Answer"), tag("p", explanation), kind="answer")], None, False)
+        return Answer([tag("section", tag("h2", "Answer"), tag("p", prose(explanation)), kind="answer")], None, False)
     others = sorted({*SHOWN, recommendation.tolerance}, reverse=True)
     rows = [recommendation if other == recommendation.tolerance else recommend(dataset, other) for other in others]
     body = [
         tag("h2", "Answer"),
         tag("p", sentence(recommendation), kind="quoted"),
-        *(tag("p", f"Beware: {caution}.") for caution in recommendation_cautions(dataset)),
+        *(tag("p", prose(f"Beware: {caution}.")) for caution in recommendation_cautions(dataset)),
         *_undecidable(rows),
         table(RECOMMENDATION_COLUMNS, [recommendation_row(row) for row in rows]),
         tag(

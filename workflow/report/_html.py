@@ -64,6 +64,11 @@ def tag(name: str, *content: str, **attributes: str) -> Html:
     return Html(f"<{name}{words}>{''.join(map(escaped, content))}</{name}>")
 
 
+def prose(text: str) -> Html:
+    """Return a text as markup in which what stands between backticks is code."""
+    return Html("".join(tag("code", part) if k % 2 else escaped(part) for k, part in enumerate(text.split("`"))))
+
+
 def page(title: str, body: Sequence[str], scripts: Sequence[str] = ()) -> str:
     """Return a whole page; whatever of the body is no markup is escaped, and only the scripts given run.
 

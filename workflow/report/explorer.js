@@ -326,6 +326,7 @@
   }
 
   // Impulse of the load periods, and what the growth rate of permanent contact predicts for them.
+  const ALIKE = 1e-3; // share of the largest by which impulses differ so that ticks of four digits tell them apart
   function drawPeriods() {
     if (!model("periods")) return;
     const entry = about.cases.entries[numberOf(place)];
@@ -335,10 +336,12 @@
     const growth = entry?.growth, predicted = { period: [], impulse: [] };
     let text = "The page does not hold the load periods of this case.";
     if (n > 0) text = `${n} load periods.`;
+    const [low, high] = [Math.min(...impulse), Math.max(...impulse)], largest = Math.max(Math.abs(low), Math.abs(high));
+    if (n > 1 && high > low && high - low < ALIKE * largest) text += ` They differ by ${short((high - low) / largest)} of the largest.`;
     if (n > 1 && growth != null && entry.frequency > 0) {
       const factor = Math.exp(growth / entry.frequency), change = impulse[n - 1] - impulse[n - 2];
       const limit = impulse[n - 1] - change * factor / (factor - 1);
-      const [low, high] = [Math.min(...impulse), Math.max(...impulse)], margin = 0.3 * (high - low || Math.abs(high));
+      const margin = 0.3 * (high - low || Math.abs(high));
       period.forEach((k) => {
         const value = factor === 1 ? impulse[n - 1] + (k - n) * change : limit + (impulse[n - 1] - limit) * factor ** (k - n);
         if (value > low - margin && value < high + margin) { predicted.period.push(k); predicted.impulse.push(value); }
@@ -347,6 +350,12 @@
         + `${short(factor)} per period; drawn through the last two periods.`;
     }
     fill("predicted", predicted);
+    const shown = [...impulse, ...predicted.impulse].filter(Number.isFinite);
+    if (shown.length) { // values that are alike are drawn as a level line, not as the rounding between them
+      const [least, most] = [Math.min(...shown), Math.max(...shown)];
+      const margin = Math.max(0.06 * (most - least), 0.5 * (ALIKE * largest - (most - least))) || 1;
+      Object.assign(model("periods").y_range, { start: least - margin, end: most + margin });
+    }
     say("periods-about", text);
   }
 

@@ -7,7 +7,7 @@ from workflow.study.attached import packed, unpacked
 from workflow.study.axes import Axis, Dimension
 from workflow.study.edits import setting
 from workflow.study.mistakes import Mistake, StudyError
-from workflow.study.quantities import udunits
+from workflow.study.quantities import readable, udunits
 from workflow.study.reader import parse_study, read_study
 from workflow.study.resolved import ResolvedValue, resolved_values
 from workflow.study.schema import json_schema
@@ -35,6 +35,7 @@ __all__ = [
     "packed",
     "parse_study",
     "read_study",
+    "readable",
     "resolved_values",
     "setting",
     "udunits",

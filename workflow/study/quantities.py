@@ -156,6 +156,15 @@ def udunits(unit: str) -> str:
     return " ".join(name if power == 1 else f"{name}{power}" for name, power in factors(unit)) or "1"
 
 
+def readable(unit: str) -> str:
+    """Return a CF unit as it is written by hand: ``m s-1`` as ``m/s``, nothing for ``1``."""
+    over = [word for word in unit.split() if "-" not in word and word != "1"]
+    under = [word.replace("-1", "").replace("-", "") for word in unit.split() if "-" in word]
+    if not under:
+        return " ".join(over)
+    return f"{' '.join(over) or '1'}/{'/'.join(under)}"
+
+
 def expected(declared: Quantity) -> str:
     """Return the remedy for a value of the wrong kind: the unit by name, with an example."""
     _, units, example = _SPOKEN.get(declared.unit, ("", declared.unit, f"1 {declared.unit}"))

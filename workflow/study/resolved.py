@@ -9,6 +9,7 @@ from typing import Any, Literal
 from workflow import reduction
 from workflow.study.addresses import MODES, TOLERANCE, Address, scene_values, scheme_options, settings
 from workflow.study.mistakes import StudyError
+from workflow.study.quantities import readable
 from workflow.study.settings import AUTO, CHOSEN, Cell, Output
 from workflow.study.source import compose
 from workflow.study.study import Study
@@ -31,8 +32,7 @@ class ResolvedValue:
         """The values as a line: a few of them, of many the ends."""
         texts = [f"{value:.12g}" if isinstance(value, float) else str(value) for value in self.values]
         few = texts if len(texts) <= 6 else [texts[0], texts[1], "…", f"{texts[-1]} ({len(texts)} values)"]
-        unit = "" if self.unit in ("", "1") else f" {self.unit}"
-        return ", ".join(few) + unit
+        return f"{', '.join(few)} {readable(self.unit)}".rstrip()
 
 
 def resolved_values(study: Study, cell: Cell) -> tuple[ResolvedValue, ...]:
