@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 from workflow.declare import quantity
 from workflow.kernels.compiled import defines
 from workflow.kernels.lanes import WIDE
-from workflow.kernels.packs import Lane, of_lane, some, spread, store, weighed, where
+from workflow.kernels.packs import Lane, of_lane, some, some_nonzero, spread, store, weighed, where
 from workflow.models import Array, Cases, Structure
 from workflow.schemes._fixed import case_row, contact, costs, dense, theta_march, theta_method
 from workflow.schemes._fixed.complementarity import by_place
@@ -71,7 +71,7 @@ def meet_by_prox(law: Prox, step: TipStep, free: Free, own: Array, tip: Array, l
         meets = active & ~(closing <= 0.0)  # a NaN meets
         p = where(meets, closing, 0.0)
         after = where(meets, -rebound, after)
-        temperature += step.warming * press(p, own, lane)
+        temperature += step.warming * press(some_nonzero(p), p, own, lane)
     store(own, (case_row.IMPULSE, lane), free.impulse - p)
     x += step.h * weighed(step.theta, after, step.rest, v)
     x, v = settled(free.drive, x, after, free.gap, lane)

@@ -45,22 +45,10 @@ from typing import Any, NamedTuple
 
 from workflow.kernels.compiled import inlined
 from workflow.kernels.lanes import ROW
-from workflow.kernels.packs import (
-    Lane,
-    Pack,
-    fused,
-    magnitude,
-    pack,
-    plus,
-    raised,
-    shared,
-    spread,
-    store,
-    where,
-)
+from workflow.kernels.packs import Lane, Pack, fused, magnitude, pack, plus, shared, spread, store, where
 from workflow.models import Array
-from workflow.schemes._fixed import case_row
-from workflow.schemes._fixed.contact import End, Free, Law, TipStep, contact_gain, driven
+from workflow.schemes._fixed import case_row, total_row
+from workflow.schemes._fixed.contact import End, Free, Law, TipStep, contact_gain, driven, was_pressed
 
 AUDIT_DAMPING, AUDIT_HEAT_SPEED, AUDIT_HEAT_PLACE = range(3)
 """Coefficients of a mechanical mode, all over φ_n²: hc/4, and -1 times the work of a unit of friction heat per ζ at the
@@ -69,23 +57,20 @@ step's beginning and per ξ at its end without the heat."""
 AUDIT_KINETIC, AUDIT_ELASTIC = range(3, 5)
 """Energy per ζ² and per η²."""
 
-SUM_DISSIPATED, SUM_ENERGY, SUM_LARGEST_ENERGY = range(3)
-"""Rows of a block's sums: energy dissipated less work of load and contact, energy at the end and the largest [J]."""
+SUM_RELATIVE, SUM_DRAGGED = range(total_row.ROWS, total_row.ROWS + 2)
+"""Rows of a block's sums beside those of ``total_row``: velocity of the tip relative to the dragged one at the last
+step's end; the dragged one without the heat of this step [m/s]."""
 
-SUM_RELATIVE, SUM_DRAGGED = range(3, 5)
-"""Velocity of the tip relative to the dragged one at the last step's end; the dragged one without the heat of this
-step [m/s]."""
-
-SUM_SETTLED_LOSS, SUM_SETTLED_RISE = range(5, 7)
+SUM_SETTLED_LOSS, SUM_SETTLED_RISE = range(SUM_DRAGGED + 1, SUM_DRAGGED + 3)
 """Heat loss of the temperatures that constant heat loads lead to [W], and its rise while these grow [W/s]."""
 
-SUM_LOST, SUM_LOST_BEFORE, SUM_TURNED_OVER, SUM_FRICTION_HEAT = range(7, 11)
-"""Heat lost in the present span of steps and before it, turned over by loss, and taken in by friction [J]."""
+SUM_LOST_AHEAD = SUM_SETTLED_RISE + 1
+"""Heat lost in the present span of steps, all of it, which ``total_row.LOST`` has not in it yet [J]."""
+
+SUM_ROWS = SUM_LOST_AHEAD + 1
 
 SPAN = 8
 """Steps whose heat loss is counted at once: what temperatures at their beginning and friction heat in them lose."""
-
-SUM_ROWS = SUM_FRICTION_HEAT + 1
 
 
 class Audit(NamedTuple):
@@ -106,7 +91,7 @@ class Audit(NamedTuple):
     pair_heat: Array
     """-1 times the work of a unit of friction heat per unit of that, ``(pair,)``."""
     sums: Array
-    """``(row, lane)``, rows ``SUM_…``."""
+    """``(row, lane)``, rows of ``total_row`` and ``SUM_…``."""
     lever: float
     """η - ξ per ζ, s."""
     dragged: float
@@ -166,7 +151,9 @@ def store_dissipation(
     on_heat = on_heat if slid is None else on_heat + audit.heat_on_slid * slid.impulse
     on_heat = plus(on_heat + audit.heat_on_impulse * impulse, spread(audit.heat_on_heat, lane), heat)
     store(
-        audit.sums, (SUM_DISSIPATED, lane), plus(pack(audit.sums, (SUM_DISSIPATED, lane)) + dissipated, on_heat, heat)
+        audit.sums,
+        (total_row.DISSIPATED, lane),
+        plus(pack(audit.sums, (total_row.DISSIPATED, lane)) + dissipated, on_heat, heat),
     )
 
 
@@ -178,7 +165,7 @@ def add_pair_work(audit: Audit | None, pair: int, j: int, speed: Pack, heat: Pac
     sums, pulled, mean = audit.sums, pack(audit.pulled, (pair, lane)), 0.5 * (speed + pack(audit.former, (j, lane)))
     on_heat = shared(audit.pair_heat, (pair,), lane) * heat
     dissipated = (on_heat - shared(audit.pair_work, (pair,), lane) * mean) * pulled
-    store(sums, (SUM_DISSIPATED, lane), pack(sums, (SUM_DISSIPATED, lane)) + dissipated)
+    store(sums, (total_row.DISSIPATED, lane), pack(sums, (total_row.DISSIPATED, lane)) + dissipated)
 
 
 @inlined
@@ -207,13 +194,13 @@ def account(
     sums, impulse = audit.sums, pack(own, (case_row.IMPULSE, lane))
     before, relative = pack(sums, (SUM_RELATIVE, lane)), driven(law, step, end, own, lane)
     relative -= pack(sums, (SUM_DRAGGED, lane))
-    if raised(own, (case_row.PRESSED, lane)):
+    if was_pressed(own, lane):
         relative -= audit.dragged * pack(own, (case_row.HEAT, lane))
     store(sums, (SUM_RELATIVE, lane), relative)
-    dissipated = pack(sums, (SUM_DISSIPATED, lane)) + contact_gain(
+    dissipated = pack(sums, (total_row.DISSIPATED, lane)) + contact_gain(
         law, step, end, relative - before, free, own, tip, lane
     )
-    store(sums, (SUM_DISSIPATED, lane), fused(impulse, -0.5 * (relative + before), dissipated))
+    store(sums, (total_row.DISSIPATED, lane), fused(impulse, -0.5 * (relative + before), dissipated))
 
 
 @inlined
@@ -221,20 +208,20 @@ def account_heat(audit: Audit | None, step: int, steps: int, own: Array, lane: L
     """Count the friction heat of a step, and its loss in this span."""
     if audit is None:
         return
-    if raised(own, (case_row.PRESSED, lane)):
+    if was_pressed(own, lane):
         sums, heat = audit.sums, pack(own, (case_row.HEAT, lane))
         lost = shared(audit.heat_losses, (min(SPAN - step % SPAN, steps - step),), lane) * heat
-        store(sums, (SUM_LOST, lane), pack(sums, (SUM_LOST, lane)) + lost)
-        store(sums, (SUM_FRICTION_HEAT, lane), pack(sums, (SUM_FRICTION_HEAT, lane)) + heat)
+        store(sums, (SUM_LOST_AHEAD, lane), pack(sums, (SUM_LOST_AHEAD, lane)) + lost)
+        store(sums, (total_row.FRICTION_HEAT, lane), pack(sums, (total_row.FRICTION_HEAT, lane)) + heat)
 
 
 @inlined
 def lose_heat(audit: Audit, step: int, steps: int, h: float, tau: Array, lane: Lane) -> None:
     """Close a span of steps, and count what the temperatures at its end lose in the next one, if there is one."""
     sums, ahead = audit.sums, min(SPAN, steps - step)
-    lost = pack(sums, (SUM_LOST, lane))
-    store(sums, (SUM_LOST_BEFORE, lane), pack(sums, (SUM_LOST_BEFORE, lane)) + lost)
-    store(sums, (SUM_TURNED_OVER, lane), pack(sums, (SUM_TURNED_OVER, lane)) + magnitude(lost))
+    lost = pack(sums, (SUM_LOST_AHEAD, lane))
+    store(sums, (total_row.LOST, lane), pack(sums, (total_row.LOST, lane)) + lost)
+    store(sums, (total_row.TURNED_OVER, lane), pack(sums, (total_row.TURNED_OVER, lane)) + magnitude(lost))
     lost = spread(0.0, lane)
     if ahead > 0:
         middle = (step + 0.5 * ahead) * h
@@ -242,7 +229,7 @@ def lose_heat(audit: Audit, step: int, steps: int, h: float, tau: Array, lane: L
         lost = (ahead * h) * lost
         for k in range(tau.shape[0]):
             lost = fused(shared(audit.losses, (ahead - 1, k), lane), pack(tau, (k, lane)), lost)
-    store(sums, (SUM_LOST, lane), lost)
+    store(sums, (SUM_LOST_AHEAD, lane), lost)
 
 
 @inlined
@@ -256,6 +243,6 @@ def with_energy(audit: Audit, j: int, speed: Pack, place: Pack, energy: Pack, la
 @inlined
 def keep_energy(audit: Audit, energy: Pack, lane: Lane) -> None:
     """Store the energy at the end of a step and the largest one; a NaN stays."""
-    largest = pack(audit.sums, (SUM_LARGEST_ENERGY, lane))
-    store(audit.sums, (SUM_ENERGY, lane), energy)
-    store(audit.sums, (SUM_LARGEST_ENERGY, lane), where(energy <= largest, largest, energy))
+    largest = pack(audit.sums, (total_row.LARGEST_ENERGY, lane))
+    store(audit.sums, (total_row.LAST_ENERGY, lane), energy)
+    store(audit.sums, (total_row.LARGEST_ENERGY, lane), where(energy <= largest, largest, energy))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from workflow.kernels.lanes import fill_lanes, lane_rows
 from workflow.kernels.sums import product, total
 from workflow.models import Array, Cases, Structure, project
-from workflow.schemes._fixed import balance, case_row
+from workflow.schemes._fixed import balance, case_row, total_row
 from workflow.schemes._fixed.balance import Audit
 from workflow.schemes._fixed.decoupled import Decoupled, Motion
 from workflow.schemes._fixed.modal_lanes import HEAT_SPEED, Coefficients, State, by_mode
@@ -104,18 +104,14 @@ class Books:
         self._ended[:, part] = self.audit.sums[:, :count]
         self._ended_heat[part] = state.tau[:, :count].T
         if not self._counts:
-            self._ended[balance.SUM_FRICTION_HEAT, part] -= state.own[case_row.HEAT, :count]
+            self._ended[total_row.FRICTION_HEAT, part] -= state.own[case_row.HEAT, :count]
 
     def residuals(self, elapsed: float) -> dict[str, Array]:
         """Return the metrics that the balances give after ``elapsed`` seconds, ``(case,)``."""
-        sums = self._ended
         rest = rest_energy(self._mobility, elapsed * self._pushed) + self._massless
-        largest = np.maximum(sums[balance.SUM_LARGEST_ENERGY], rest)
-        energies = self._sums[balance.SUM_ENERGY], sums[balance.SUM_ENERGY], largest, sums[balance.SUM_DISSIPATED]
-        heats = sums[[balance.SUM_LOST_BEFORE, balance.SUM_TURNED_OVER, balance.SUM_FRICTION_HEAT]]
         warmed = self._ended_heat / self._scale - self._begun_heat + elapsed * self._warming
         gained = project(self._content[None, :], warmed)[:, 0]
-        return residuals(np.array([*energies, *heats]), Content(gained, self._initial, elapsed * self._heating))
+        return residuals(self._ended, Content(gained, self._initial, elapsed * self._heating), rest)
 
 
 def _audit(modal: Decoupled, free: Coefficients, loss: Array, terms: Terms) -> Audit:
@@ -178,15 +174,13 @@ def _sums(modal: Decoupled, free: Coefficients, loss: Array, begun: Motion, term
     sums = np.zeros((balance.SUM_ROWS, terms.velocity.shape[0]))
     squares = terms.velocity**2
     energy = 0.5 * (over(felt * terms.kinetic, squares) + over(felt * modal.frequency**2, eta**2))
-    sums[[balance.SUM_ENERGY, balance.SUM_LARGEST_ENERGY]] = energy
+    sums[[total_row.FIRST_ENERGY, total_row.LAST_ENERGY, total_row.LARGEST_ENERGY]] = energy
     if not terms.opens:  # the first step of the march counts the dissipation of a step that ends at t = 0
-        sums[balance.SUM_DISSIPATED] = -over(h * felt * modal.damping, squares)
+        sums[total_row.DISSIPATED] = -over(h * felt * modal.damping, squares)
     sums[balance.SUM_RELATIVE] = over(modal.tip, terms.velocity)
     sums[balance.SUM_DRAGGED] = over(free.heat_modes[:, HEAT_SPEED] * modal.heat_scale, begun.heat) + begun.drift
-    sums[balance.SUM_SETTLED_LOSS], sums[balance.SUM_SETTLED_RISE] = (
-        over(loss, begun.settled),
-        over(loss, begun.warming_modes),
-    )
+    sums[balance.SUM_SETTLED_LOSS] = over(loss, begun.settled)
+    sums[balance.SUM_SETTLED_RISE] = over(loss, begun.warming_modes)
     return sums
 
 

@@ -13,51 +13,36 @@ from numpy.typing import NDArray
 from workflow.kernels.compiled import defines
 from workflow.kernels.complex_numbers import magnitude
 from workflow.kernels.lanes import PACK
-from workflow.kernels.packs import Lane, Pack, flag, narrow, of_lane, pack, some, some_nonzero, spread, store, where
+from workflow.kernels.packs import Lane, Pack, narrow, of_lane, pack, some, some_nonzero, spread, store, where
 from workflow.models import Array, Cases, Structure, needs_matrices, project
-from workflow.schemes._fixed import case_row, central, dense, tip_row
-from workflow.schemes._fixed.balance import Audit, account, account_heat
+from workflow.schemes._fixed import case_row, central, contact, dense, tip_row
+from workflow.schemes._fixed.balance import Audit
 from workflow.schemes._fixed.books import Books
 from workflow.schemes._fixed.central import Differences, Linear, Operator
-from workflow.schemes._fixed.contact import (
-    Contact,
-    End,
-    Free,
-    TipStep,
-    applied,
-    contact_gain,
-    count_rebounds,
-    driven,
-    friction_heat,
-    leaves,
-    meet,
-    steps_from_tip,
-    was_pressed,
-)
+from workflow.schemes._fixed.contact import Contact, End, Free, TipStep
 from workflow.schemes._fixed.decoupled import Decoupled, Motion, start
 from workflow.schemes._fixed.dense import DenseOperator
-from workflow.schemes._fixed.drive import drive_of, gap_ahead, relative, relative_before, with_harmonics
-from workflow.schemes._fixed.march import Batch, case_rows, march_blocks, open_march
+from workflow.schemes._fixed.drive import drive_of, gap_ahead, relative, relative_before
+from workflow.schemes._fixed.march import Batch, case_rows, close_step, march_blocks, open_march
 from workflow.schemes._fixed.marches import kernels_of
 from workflow.schemes._fixed.marks import Block
-from workflow.schemes._fixed.modal_lanes import Coefficients, State, slide
+from workflow.schemes._fixed.modal_lanes import Coefficients, State
 from workflow.schemes._fixed.outcome import ROUNDING, Outcome, by_heat, judged
 from workflow.schemes._fixed.sliding import friction_message, slides
 from workflow.schemes._fixed.stable_steps import limit_text
 from workflow.schemes._fixed.stepping import Now, collect, store_end, watch
-from workflow.schemes._fixed.tip_load import tip_load
-from workflow.schemes._interface import Results, Sampling, schedule
+from workflow.schemes._interface import Results, Sampling
 
 KERNELS = kernels_of(__name__)
 
 
-@defines(steps_from_tip, Linear)
+@defines(contact.steps_from_tip, Linear)
 def _steps_from_own_rows(law: Linear) -> bool:
     """Displacement and half-step velocity are kept in ``case_row.AHEAD`` and ``case_row.HALF``."""
     return False
 
 
-@defines(meet, Linear)
+@defines(contact.meet, Linear)
 def meet_linearly(law: Linear, step: TipStep, free: Free, own: Array, tip: Array, lane: Lane) -> End:
     """Return the tip at t_k and the impulse about it; the step from there on is closed with p_k."""
     x, before, about = pack(own, (case_row.AHEAD, lane)), pack(own, (case_row.HALF, lane)), spread(0.0, lane)
@@ -68,7 +53,7 @@ def meet_linearly(law: Linear, step: TipStep, free: Free, own: Array, tip: Array
     presses = (depth > of_lane(law.threshold, lane)) & ~(p <= 0.0)  # a NaN presses
     p = where(presses, p, 0.0)
     pressed = some(presses)
-    engaged = pressed or was_pressed(own, lane)
+    engaged = pressed or contact.was_pressed(own, lane)
     ahead = x + step.h * after
     if engaged:
         latest = pack(own, (case_row.LAST, lane))
@@ -77,34 +62,32 @@ def meet_linearly(law: Linear, step: TipStep, free: Free, own: Array, tip: Array
         after -= of_lane(law.mobility, lane) * p
         ahead = x + step.h * after
         touches, touched = p > 0.0, latest > 0.0
-        temperature += 0.5 * step.warming * friction_heat(p, own, lane)
+        touching = pressed or some_nonzero(latest)  # for a step more
+        temperature += 0.5 * step.warming * contact.press(touching, p, own, lane)
         if law.holds:
             ahead = where(touches, gap_ahead(free.drive, free.gap, step.h, lane), ahead)
         store(own, (case_row.LAST, lane), p)
-        flag(
-            own, (case_row.PRESSED, lane), pressed or some_nonzero(latest)
-        )  # the tip counts as touching for a step more
         leaving = relative(free.drive, after, lane)
-        count_rebounds(touches & ~touched, touched & ~touches, approach, leaving, own, lane)
+        contact.count_rebounds(touches & ~touched, touched & ~touches, approach, leaving, own, lane)
     store(own, (case_row.AHEAD, lane), ahead)
     store(own, (case_row.HALF, lane), after)
     store(own, (case_row.IMPULSE, lane), free.impulse - p)
     return End(engaged, x, 0.5 * (before + after), temperature, about)
 
 
-@defines(applied, Linear)
+@defines(contact.applied, Linear)
 def _latest(law: Linear, end: End, own: Array, lane: Lane) -> Pack:
     """Return p_k, of which the end of the step before has half."""
     return pack(own, (case_row.LAST, lane))
 
 
-@defines(leaves, Linear)
+@defines(contact.leaves, Linear)
 def _ahead(law: Linear, end: End, own: Array, lane: Lane) -> tuple[Pack, Pack]:
     """Return x_n,k+1 and w_k+½."""
     return pack(own, (case_row.AHEAD, lane)), pack(own, (case_row.HALF, lane))
 
 
-@defines(driven, Linear)
+@defines(contact.driven, Linear)
 def _half_step_velocity(law: Linear, step: TipStep, end: End, own: Array, lane: Lane) -> Pack:
     """Return w_k+½: where the law puts the tip on the casing, that which takes it there."""
     half = pack(own, (case_row.HALF, lane))
@@ -114,7 +97,7 @@ def _half_step_velocity(law: Linear, step: TipStep, end: End, own: Array, lane: 
     return where(pack(own, (case_row.LAST, lane)) > 0.0, held, half)
 
 
-@defines(contact_gain, Linear)
+@defines(contact.contact_gain, Linear)
 def _spring_gain(
     law: Linear, step: TipStep, end: End, change: Pack, free: Free, own: Array, tip: Array, lane: Lane
 ) -> Pack:
@@ -135,18 +118,11 @@ def _spring_gain(
 @defines(open_march, Linear)
 def _open_march(law: Linear, operator: Coefficients, now: Now, state: State, block: Block, audit: Audit | None) -> None:
     """Take the step at t = 0, whose p_0 spans half a step: it counts as the impulse of a whole one."""
-    own, tip, step, h = state.own, block.tip, operator.tip, operator.tip.h
+    own = state.own
     for first in range(0, block.lanes, PACK):
         lane = narrow(first)
-        impulse = h * with_harmonics(block.drive, tip_load(now.sine, now.leader, block.load, lane), lane)
-        free = Free(
-            pack(own, (case_row.FIRST, lane)), spread(0.0, lane), impulse, pack(tip, (tip_row.GAP, lane)), block.drive
-        )
-        end = meet(law, step, free, own, tip, lane)
-        slide(operator.sliding, law, end, own, lane)
-        account(audit, law, step, end, free, own, tip, lane)
-        account_heat(audit, 0, block.steps, own, lane)
-        store_end(end, tip, lane)
+        alone = pack(own, (case_row.FIRST, lane)), spread(0.0, lane)
+        store_end(close_step(operator, law, now, alone, state, block, audit, lane), block.tip, lane)
         store(own, (case_row.LAST, lane), 2.0 * pack(own, (case_row.LAST, lane)))
 
 
@@ -202,7 +178,7 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
     """Step cases that all carry thermal states, or that all carry none."""
     begun = start(operator.modal, cases)
     drive, _ = drive_of(cases, operator.h, theta=0.0)
-    watched = watch(cases, cases.mean + begun.tip_force, sampling, schedule(sampling, operator.h), operator.h, drive)
+    watched = watch(cases, cases.mean + begun.tip_force, sampling, operator.h, drive)
     batch = _batch(operator, cases, begun, sampling.balances)
     ended = march_blocks(batch, watched, sampling.duration)
     # squared: a contact that grows can stop short of infinity where its energy is beyond it

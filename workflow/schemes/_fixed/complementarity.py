@@ -17,7 +17,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from workflow.kernels.compiled import defines
-from workflow.kernels.packs import Lane, Pack, of_lane, pack, some, spread, store, weighed, where
+from workflow.kernels.packs import Lane, Pack, of_lane, pack, some, some_nonzero, spread, store, weighed, where
 from workflow.models import Array, Cases
 from workflow.schemes._fixed import case_row, contact, tip_row
 from workflow.schemes._fixed.contact import Contact, End, Free, TipStep, press, was_pressed
@@ -57,7 +57,7 @@ def meet_by_place(law: Complementarity, step: TipStep, free: Free, own: Array, t
         meets = depth > 0.0
         p = where(meets, depth * of_lane(law.impulse, lane), 0.0)
         after = where(meets, after - law.velocity * depth, after)
-        temperature += step.warming * press(p, own, lane)
+        temperature += step.warming * press(some_nonzero(p), p, own, lane)
     store(own, (case_row.IMPULSE, lane), free.impulse - p)
     return End(engaged, place, after, temperature, p)
 

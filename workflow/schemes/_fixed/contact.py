@@ -17,7 +17,7 @@ import numpy as np
 
 from workflow.kernels import Array
 from workflow.kernels.compiled import by_type, inlined
-from workflow.kernels.packs import Lane, Mask, Pack, flag, pack, raised, some, some_nonzero, spread, store, where
+from workflow.kernels.packs import Lane, Mask, Pack, flag, pack, raised, some, spread, store, where
 from workflow.models import Cases
 from workflow.schemes._fixed import case_row
 
@@ -181,18 +181,12 @@ def contact_gain(
 
 
 @inlined
-def friction_heat(p: Pack, own: Array, lane: Lane) -> Pack:
-    """Store the friction heat α p of an impulse of contact; return it, J."""
+def press(pressed: bool, p: Pack, own: Array, lane: Lane) -> Pack:
+    """Store the friction heat α p of an impulse, and whether the pack is in contact; return the heat, J."""
     heat = pack(own, (case_row.ALPHA, lane)) * p
     store(own, (case_row.HEAT, lane), heat)
+    flag(own, (case_row.PRESSED, lane), pressed)
     return heat
-
-
-@inlined
-def press(p: Pack, own: Array, lane: Lane) -> Pack:
-    """Store the friction heat of an impulse, and whether there is any in the pack; return it, J."""
-    flag(own, (case_row.PRESSED, lane), some_nonzero(p))
-    return friction_heat(p, own, lane)
 
 
 @inlined

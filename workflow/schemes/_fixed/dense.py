@@ -26,15 +26,15 @@ from workflow.models import NO_HARMONICS, Cases, Structure, mechanical_modes, ne
 from workflow.schemes._fixed import case_row, tip_row
 from workflow.schemes._fixed.central import Differences
 from workflow.schemes._fixed.contact import Contact, TipStep
-from workflow.schemes._fixed.dense_balance import account_of, content_of, no_account, open_account
+from workflow.schemes._fixed.dense_balance import account_of, no_account, open_account
 from workflow.schemes._fixed.dense_march import ACTS_SPEED, DenseState, FreeStep
 from workflow.schemes._fixed.drive import drive_of
 from workflow.schemes._fixed.march import fill_law, law_lanes
 from workflow.schemes._fixed.outcome import ROUNDING, Outcome, effective_restitution, judged
 from workflow.schemes._fixed.sliding import friction_message
 from workflow.schemes._fixed.stepping import Ended, Watch, block_lanes, blocks, collect, watch
-from workflow.schemes._fixed.totals import residuals
-from workflow.schemes._interface import Results, Sampling, schedule
+from workflow.schemes._fixed.totals import content_of, in_order, residuals
+from workflow.schemes._interface import Results, Sampling
 
 _CHUNK = 1024
 """Steps whose loads are evaluated at once."""
@@ -140,10 +140,10 @@ def compute(operator: DenseOperator, cases: Cases, sampling: Sampling) -> Result
 
 def _marched(operator: DenseOperator, cases: Cases, sampling: Sampling) -> Results:
     structure, free, contact = operator.structure, operator.free, operator.contact
-    plan, count, heats = schedule(sampling, free.tip.h), cases.count, free.warming.size
+    count, heats = cases.count, free.warming.size
     # loads have their harmonics already; central differences take the casing's velocity of the step ahead
     drive, begun = drive_of(replace(cases, load_harmonics=NO_HARMONICS), free.tip.h, _drive_theta(free))
-    watched = watch(cases, cases.mean, sampling, plan, free.tip.h, drive)
+    watched = watch(cases, cases.mean, sampling, free.tip.h, drive)
     kick = operator.kick(cases.alpha, cases.friction)
     push, states = _push(operator, cases), _begin(operator, cases, begun.velocity)
     law, own = contact.law(free.tip.h, cases, kick[:, -1]), np.zeros((case_row.ROWS, count))
@@ -171,14 +171,17 @@ def _marched(operator: DenseOperator, cases: Cases, sampling: Sampling) -> Resul
         fill_lanes(lanes.shown[1], cases.temperature[part].T)
         if sampling.balances:
             open_account(account, structure, some)
-        for first, loads in _loads(free, some, plan.steps):
+        for first, loads in _loads(free, some, watched.schedule.steps):
             contact.kernels.matrices(free, laws, lanes, block, account, loads, first)
         own[:, part], totals[:, part] = lanes.own[:, :filled], account.totals[:, :filled]
         before, after = lanes.shown[..., :filled].swapaxes(1, 2)
-        last[part], reached[part] = after, before + plan.weight[-1] * (after - before)
+        last[part], reached[part] = after, watched.reached(before, after)
     balances = effective_restitution(own) if contact.rebounds else {}
     if sampling.balances:
-        balances |= residuals(totals, content_of(structure, cases, last, plan.steps * free.tip.h))
+        balances |= residuals(
+            totals,
+            content_of(structure.content, cases.temperature, last, cases.heating, watched.elapsed, in_order),
+        )
     closing = project(static_tip_growth(structure)[None, :], reached)[:, 0]
     return collect(Ended(watched, closing, balances), *_judged(operator, cases, kick[:, -1], watched))
 

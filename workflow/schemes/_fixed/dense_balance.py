@@ -18,14 +18,10 @@ from typing import NamedTuple
 import numpy as np
 
 from workflow.kernels import Array
-from workflow.kernels.compiled import part, uncounted
-from workflow.kernels.lanes import LANES, PACK, fill_lanes, lane_rows
+from workflow.kernels.compiled import part
+from workflow.kernels.lanes import fill_lanes, lane_rows
 from workflow.models import Cases, Structure, directions
 from workflow.schemes._fixed import total_row
-from workflow.schemes._fixed.totals import Content, residuals
-
-States = tuple[Array, Array, Array]
-"""Displacement and velocity ``(case, mechanical)``, temperature ``(case, thermal)``."""
 
 
 class Account(NamedTuple):
@@ -132,83 +128,3 @@ def open_account(account: Account, structure: Structure, cases: Cases) -> None:
     fill_lanes(account.contact, directions(structure, cases.friction).T)
     fill_lanes(account.steady, cases.steady.T)
     account.totals[:] = 0.0
-
-
-def content_of(structure: Structure, cases: Cases, last: Array, elapsed: float) -> Content:
-    """Return the heat content of cases with the temperatures ``last`` at the end, K, ``(case, thermal)``."""
-    content, ones = structure.content[None, :], np.ones_like(cases.heating)
-    initial = content * cases.temperature
-    return Content(
-        _dot(content * last - initial, ones), _dot(np.abs(initial), ones), elapsed * _dot(cases.heating, ones)
-    )
-
-
-def _dot(left: Array, right: Array) -> Array:
-    """Return Σ left · right of each case, added in the order of the coordinates, ``(case,)``."""
-    total = np.zeros(left.shape[0])
-    for column in range(left.shape[1]):
-        total += left[:, column] * right[:, column]
-    return total
-
-
-@uncounted
-def _begin(account: Account, x: Array, v: Array, lanes: int) -> None:
-    """Take the energy at t = 0."""
-    measure(account, x, x, v, lanes)
-
-
-@uncounted
-def _add(account: Account, h: float, impulse: Array, load: Array, before: Array, after: Array, lanes: int) -> None:
-    """Count a step from its states at both ends."""
-    n, heats = account.mass.shape[0], account.losses.size
-    middle = account.middle
-    for lane in range(lanes):
-        for i in range(n):
-            middle[i, lane] = 0.5 * (before[n + i, lane] + after[n + i, lane])
-            middle[n + i, lane] = middle[i, lane]
-        for j in range(2 * n, 2 * n + heats):
-            middle[j, lane] = 0.5 * (before[j, lane] + after[j, lane])
-    add_dissipation(account, h, impulse, load, lanes)
-    lose(account, h, before[2 * n :], after[2 * n :], lanes)
-    measure(account, after[:n], after[:n], after[n : 2 * n], lanes)
-
-
-class DenseBalance:
-    """Sums of a batch that is recorded step by step."""
-
-    def __init__(self, structure: Structure, cases: Cases, h: float) -> None:
-        self._structure, self._cases, self._h, self._step = structure, cases, h, 0
-        self._parts = [slice(first, first + LANES) for first in range(0, cases.count, LANES)]
-        self._accounts = [account_of(structure) for _ in self._parts]
-        rows = 2 * structure.mechanical_size + structure.thermal_size
-        self._states, self._acting = (lane_rows(rows), lane_rows(rows)), (lane_rows(), lane_rows())
-        for these, account in zip(self._parts, self._accounts, strict=True):
-            some = cases.take(these)
-            open_account(account, structure, some)
-            _begin(account, _lanes(some.displacement), _lanes(some.velocity), -(-some.count // PACK) * PACK)
-            account.totals[total_row.FIRST_ENERGY] = account.totals[total_row.LAST_ENERGY]
-
-    def add(self, before: States, after: States, impulse: Array, load: Array) -> None:
-        """Add a step from its states at both ends, the impulse p and the load F_θ in it, N s and N, ``(case,)``."""
-        self._step += 1
-        for these, account in zip(self._parts, self._accounts, strict=True):
-            for rows, states in zip(self._states, (before, after), strict=True):
-                fill_lanes(rows, np.concatenate([each[these] for each in states], axis=1).T)
-            for row, values in zip(self._acting, (impulse, load), strict=True):
-                fill_lanes(row, values[these])
-            count = impulse[these].size
-            _add(account, self._h, *self._acting, *self._states, -(-count // PACK) * PACK)
-            account.totals[total_row.FRICTION_HEAT, :count] += self._cases.alpha[these] * impulse[these]
-
-    def residuals(self, last: States) -> dict[str, Array]:
-        """Return ``energy_residual`` and ``heat_residual``; 0 where there is no energy, or no heat turned over."""
-        count = self._cases.count
-        totals = np.concatenate([account.totals[:, :LANES] for account in self._accounts], axis=1)[:, :count]
-        return residuals(totals, content_of(self._structure, self._cases, last[2], self._step * self._h))
-
-
-def _lanes(states: Array) -> Array:
-    """Return states ``(case, coordinate)`` as rows of lanes."""
-    rows = lane_rows(states.shape[1])
-    fill_lanes(rows, states.T)
-    return rows

@@ -18,9 +18,9 @@ from workflow.kernels.packs import narrow, pack, spread, store
 from workflow.schemes._fixed import case_row, tip_row, total_row
 from workflow.schemes._fixed.contact import Free, Law, TipStep, applied, contact_gain, leaves, meet
 from workflow.schemes._fixed.dense_balance import Account, add_dissipation, lose, measure, multiply
-from workflow.schemes._fixed.drive import cut_gap, turn_drive
-from workflow.schemes._fixed.marks import Block, take_marks
-from workflow.schemes._fixed.stepping import observe, store_end
+from workflow.schemes._fixed.drive import turn_drive
+from workflow.schemes._fixed.marks import Block
+from workflow.schemes._fixed.stepping import count_stored, store_end
 
 ACTS_IMPULSE, ACTS_PLACE, ACTS_SPEED = range(3)
 """Rows of what contact leaves: the impulse that acts on the states [N s], place and velocity of the tip ahead."""
@@ -168,10 +168,7 @@ def _record(step: int, state: DenseState, block: Block, account: Account) -> Non
                 state.own[case_row.ALPHA, lane] * tip[tip_row.STEP_IMPULSE, lane]
             )
         lose(account, block.h, state.shown[0], state.shown[1], lanes)
-    span = take_marks(step, block) if step == block.marks.next_mark[0] else block.h
-    if step == block.steps:
-        cut_gap(block.drive, span / block.h, tip, lanes)
-    observe(span, tip, lanes)
+    count_stored(step, block)
 
 
 @inlined

@@ -13,41 +13,20 @@ import numpy as np
 
 from workflow.kernels.compiled import by_type, inlined
 from workflow.kernels.lanes import PACK, WIDE, fill_lanes, lane_rows
-from workflow.kernels.packs import Lane, broad, broadest, narrow, pack, wide
+from workflow.kernels.packs import Lane, Pack, broad, broadest, narrow, pack, wide
 from workflow.kernels.sums import product
 from workflow.models import Array, Cases
-from workflow.schemes._fixed import case_row, tip_row
+from workflow.schemes._fixed import case_row, modal_lanes, stepping, tip_row
 from workflow.schemes._fixed.balance import Audit, account, account_heat, lay_out_audit
 from workflow.schemes._fixed.books import Books
-from workflow.schemes._fixed.contact import Contact, Free, Law, meet, steps_from_tip
+from workflow.schemes._fixed.contact import Contact, End, Free, Law, meet, steps_from_tip
 from workflow.schemes._fixed.decoupled import Decoupled, Motion
-from workflow.schemes._fixed.drive import cut_gap, turn_drive, with_harmonics
-from workflow.schemes._fixed.marks import Block, take_marks
-from workflow.schemes._fixed.modal_lanes import (
-    Coefficients,
-    State,
-    by_mode,
-    close_balance,
-    is_warmed,
-    lay_out,
-    look,
-    slide,
-    step_freely,
-    store_heat,
-)
+from workflow.schemes._fixed.drive import turn_drive
+from workflow.schemes._fixed.marks import Block
+from workflow.schemes._fixed.modal_lanes import Coefficients, State, by_mode
 from workflow.schemes._fixed.outcome import effective_restitution
-from workflow.schemes._fixed.stepping import (
-    Ended,
-    Now,
-    Watch,
-    block_lanes,
-    blocks,
-    count_end,
-    observe,
-    step_at,
-    store_end,
-)
-from workflow.schemes._fixed.tip_load import start_load, tip_load, turn_load
+from workflow.schemes._fixed.stepping import Ended, Now, Watch
+from workflow.schemes._fixed.tip_load import start_load, turn_load
 
 FEW_ROWS = 60
 """Rows of lanes up to which a step takes packs of several registers, which share what a step costs beside its modes.
@@ -62,23 +41,42 @@ def open_march(law: Law, operator: Coefficients, now: Now, state: State, block: 
 
 
 @inlined
+def close_step(
+    operator: Coefficients,
+    law: Law,
+    now: Now,
+    alone: tuple[Pack, Pack],
+    state: State,
+    block: Block,
+    audit: Audit | None,
+    lane: Lane,
+) -> End:
+    """Close a step by load and contact, and count what they do.
+
+    ``alone`` are velocity and temperature of the tip at its end without them.
+    """
+    tip, own, step = block.tip, state.own, operator.tip
+    gap = pack(tip, (tip_row.GAP, lane))
+    free = Free(alone[0], alone[1], stepping.load_impulse(now, step.h, block, lane), gap, block.drive)
+    end = meet(law, step, free, own, tip, lane)
+    modal_lanes.slide(operator.sliding, law, end, own, lane)
+    account(audit, law, step, end, free, own, tip, lane)
+    account_heat(audit, now.step, block.steps, own, lane)
+    return end
+
+
+@inlined
 def _step(
     operator: Coefficients, law: Law, now: Now, state: State, block: Block, audit: Audit | None, lane: Lane
 ) -> None:
     """Take a pack of lanes through a step: free motion, load and contact, counts."""
-    tip, step = block.tip, operator.tip
-    velocity, temperature = step_freely(operator, now.warmed, now.t, state, audit, lane)
-    gap = pack(tip, (tip_row.GAP, lane))
-    impulse = step.h * with_harmonics(block.drive, tip_load(now.sine, now.leader, block.load, lane), lane)
-    free = Free(velocity, temperature, impulse, gap, block.drive)
-    end = meet(law, step, free, state.own, tip, lane)
-    slide(operator.sliding, law, end, state.own, lane)
-    account(audit, law, step, end, free, state.own, tip, lane)
-    account_heat(audit, now.step, block.steps, state.own, lane)
+    alone = modal_lanes.step_freely(operator, now.warmed, now.t, state, audit, lane)
+    end = close_step(operator, law, now, alone, state, block, audit, lane)
     if now.marked:
-        store_end(end, tip, lane)
+        stepping.store_end(end, block.tip, lane)
     else:
-        count_end(end, steps_from_tip(law) or now.next_marked, now.next_marked, step.h, gap, tip, lane)
+        moved = steps_from_tip(law) or now.next_marked
+        stepping.count_end(end, moved, now.next_marked, operator.tip.h, block.tip, lane)
 
 
 @inlined
@@ -97,35 +95,32 @@ def march(operator: Coefficients, law: Law, state: State, block: Block, audit: A
     ``state.tau_before`` is left with τ at the beginning of the last step, ``state.tau`` with τ at its end.
     """
     load, tip, lanes, h, theta = block.load, block.tip, block.lanes, block.h, operator.tip.theta
-    lay_out(operator, state, load, tip)
+    modal_lanes.lay_out(operator, state, load, tip)
     lay_out_audit(audit)
     several = lanes if _rows(state, audit) <= FEW_ROWS else 0
     in_broad, in_wide = several // broadest() * broadest(), several // WIDE * WIDE
     paired = operator.pair_mode.size > 0
-    warmed, leader = is_warmed(state.own, lanes), start_load(h, load, lanes)
+    warmed, leader = modal_lanes.is_warmed(state.own, lanes), start_load(h, load, lanes)
     turn_drive(block.drive, 0, h, theta, tip, lanes)
-    open_march(law, operator, step_at(0, theta, leader, warmed, block), state, block, audit)
-    look(audit, 0, block.steps, operator, state, lanes)
+    open_march(law, operator, stepping.step_at(0, theta, leader, warmed, block), state, block, audit)
+    modal_lanes.look(audit, 0, block.steps, operator, state, lanes)
     for step in range(1, block.steps + 1):
         turn_load(step, h, leader, load, lanes)
         turn_drive(block.drive, step, h, theta, tip, lanes)
-        now = step_at(step, theta, leader, warmed, block)
+        now = stepping.step_at(step, theta, leader, warmed, block)
         if paired or now.last:
-            store_heat(operator, state, state.tau_before, lanes)
+            modal_lanes.store_heat(operator, state, state.tau_before, lanes)
         for first in range(0, in_broad, broadest()):
             _step(operator, law, now, state, block, audit, broad(first))
         for first in range(in_broad, in_wide, WIDE):
             _step(operator, law, now, state, block, audit, wide(first))
         for first in range(in_wide, lanes, PACK):
             _step(operator, law, now, state, block, audit, narrow(first))
-        look(audit, step, block.steps, operator, state, lanes)
+        modal_lanes.look(audit, step, block.steps, operator, state, lanes)
         if now.marked:
-            span = take_marks(step, block)
-            if now.last:
-                cut_gap(block.drive, span / h, tip, lanes)
-            observe(span, tip, lanes)
-    close_balance(audit, operator, state, lanes)
-    store_heat(operator, state, state.tau, lanes)
+            stepping.count_stored(step, block)
+    modal_lanes.close_balance(audit, operator, state, lanes)
+    modal_lanes.store_heat(operator, state, state.tau, lanes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,16 +177,15 @@ def fill_law(lanes: Law, law: Law, part: slice) -> None:
 def march_blocks(batch: Batch, watched: Watch, duration: float) -> Ended:
     """Step all cases in blocks."""
     modal, begun, operator, books = batch.modal, batch.begun, batch.operator, batch.books
-    schedule, scale = watched.schedule, modal.heat_scale
-    motion, tau = by_mode(batch.speed.T, batch.place.T), (begun.heat * scale).T
+    motion, tau = by_mode(batch.speed.T, batch.place.T), (begun.heat * modal.heat_scale).T
     lanes, before, law = lane_rows(tau.shape[0]), lane_rows(tau.shape[0]), law_lanes(batch.law)
     paired = before if operator.heat_counts else lanes
     state = State(lane_rows(case_row.ROWS), lane_rows(*motion.shape[:2]), lanes, before, paired)
     audit = None if books is None else books.audit
     closing = begun.closing + begun.closing_rate * duration
-    growth = modal.static_growth / scale
+    growth = modal.static_growth / modal.heat_scale
     rows = 2 * motion.shape[0] + tau.shape[0] + (0 if books is None else books.rows)
-    for part, block in blocks(watched, block_lanes(rows)):
+    for part, block in stepping.blocks(watched, stepping.block_lanes(rows)):
         if books is not None:
             books.open(part)
         fill_law(law, batch.law, part)
@@ -203,9 +197,9 @@ def march_blocks(batch: Batch, watched: Watch, duration: float) -> Ended:
             books.close(part, state)
         count = part.stop - part.start
         batch.own[:, part] = state.own[:, :count]
-        reached = state.tau_before + schedule.weight[-1] * (state.tau - state.tau_before)
+        reached = watched.reached(state.tau_before, state.tau)
         closing[part] += product(growth, reached)[:count]
     balances = effective_restitution(batch.own) if batch.contact.rebounds else {}
     if books is not None:
-        balances |= books.residuals(schedule.steps * watched.h)
+        balances |= books.residuals(watched.elapsed)
     return Ended(watched, closing, balances)

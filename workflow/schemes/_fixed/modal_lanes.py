@@ -18,23 +18,11 @@ from numpy.typing import NDArray
 
 from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lanes import PACK, ROW, WIDE
-from workflow.kernels.packs import Lane, Pack, narrow, pack, plus, raised, shared, spread, store, wide
+from workflow.kernels.packs import Lane, Pack, narrow, pack, plus, shared, spread, store, wide
 from workflow.models import Array
-from workflow.schemes._fixed import case_row
-from workflow.schemes._fixed.balance import (
-    SPAN,
-    Audit,
-    add_dissipation,
-    add_heat_work,
-    add_pair_work,
-    keep_energy,
-    lose_heat,
-    store_dissipation,
-    store_dragged_velocity,
-    store_pull,
-    with_energy,
-)
-from workflow.schemes._fixed.contact import End, Law, TipStep, applied
+from workflow.schemes._fixed import balance, case_row
+from workflow.schemes._fixed.balance import Audit
+from workflow.schemes._fixed.contact import End, Law, TipStep, applied, was_pressed
 
 MOTION_SPEED, MOTION_PLACE = range(2)
 """Rows of a mode's motion: ζ and ξ."""
@@ -155,14 +143,14 @@ def _step_modes(
     motion, impulse = state.motion, pack(state.own, (case_row.IMPULSE, lane))
     dissipated, on_heat = spread(0.0, lane), spread(0.0, lane)
     for j in range(motion.shape[0]):
-        on_heat = add_heat_work(audit, j, pack(motion, (j, MOTION_PLACE, lane)), on_heat, lane)
+        on_heat = balance.add_heat_work(audit, j, pack(motion, (j, MOTION_PLACE, lane)), on_heat, lane)
         before, place = _ended(modes, motion, j, impulse, heat, slid, lane)
         after = shared(modes, (j, MODE_DECAY), lane) * before + shared(modes, (j, MODE_SPRING), lane) * place
         store(motion, (j, MOTION_SPEED, lane), after)
         store(motion, (j, MOTION_PLACE, lane), place + h * before)
         velocity += after
-        dissipated = add_dissipation(audit, j, before, slid, dissipated, lane)
-    store_dissipation(audit, dissipated, on_heat, impulse, heat, slid, lane)
+        dissipated = balance.add_dissipation(audit, j, before, slid, dissipated, lane)
+    balance.store_dissipation(audit, dissipated, on_heat, impulse, heat, slid, lane)
     return velocity
 
 
@@ -183,7 +171,7 @@ def _step_heat(
         store(tau, (k, lane), after)
         velocity += shared(heat_modes, (k, HEAT_SPEED), lane) * after
         temperature += after
-    store_dragged_velocity(audit, velocity, lane)
+    balance.store_dragged_velocity(audit, velocity, lane)
     return velocity, temperature
 
 
@@ -206,7 +194,7 @@ def _add_pair_work(operator: Coefficients, state: State, audit: Audit | None, la
     for pair in range(operator.pair_mode.size):
         j = operator.pair_mode[pair]
         speed, _ = _ended(operator.modes, state.motion, j, impulse, heat, slid, lane)
-        add_pair_work(audit, pair, j, speed, heat, lane)
+        balance.add_pair_work(audit, pair, j, speed, heat, lane)
 
 
 @inlined
@@ -216,7 +204,7 @@ def _add_pairs(operator: Coefficients, state: State, velocity: Pack, audit: Audi
     for pair in range(operator.pair_mode.size):
         j, k = operator.pair_mode[pair], operator.pair_heat[pair]
         pull = shared(operator.pair_pull, (pair,), lane) * pack(state.tau_paired, (k, lane))
-        store_pull(audit, pair, pull, lane)
+        balance.store_pull(audit, pair, pull, lane)
         store(motion, (j, MOTION_SPEED, lane), pack(motion, (j, MOTION_SPEED, lane)) + pull)
         velocity += pull
     return velocity
@@ -240,7 +228,7 @@ def step_freely(
         temperature = pack(own, (case_row.WARMTH, lane)) + pack(own, (case_row.WARMING, lane)) * t
     if paired:
         _add_pair_work(operator, state, audit, lane)
-    if raised(own, (case_row.PRESSED, lane)):
+    if was_pressed(own, lane):
         heat = pack(own, (case_row.HEAT, lane))
         velocity, temperature = _step_heat(heat_modes, tau, velocity, temperature, heat, audit, lane)
         velocity = _step_modes(operator, state, velocity, heat, audit, lane)
@@ -259,7 +247,7 @@ def look(audit: Audit | None, step: int, steps: int, operator: Coefficients, sta
         return
     if step % min(SELDOM, steps // LOOKS + 1) == 0:
         _take_energies(audit, operator, state, lanes)
-    if step % SPAN == 0 or step == steps:
+    if step % balance.SPAN == 0 or step == steps:
         _lose_heat(audit, step, steps, operator.tip.h, state.tau, lanes)
 
 
@@ -267,9 +255,9 @@ def look(audit: Audit | None, step: int, steps: int, operator: Coefficients, sta
 def _lose_heat(audit: Audit, step: int, steps: int, h: float, tau: Array, lanes: int) -> None:
     in_wide = lanes // WIDE * WIDE
     for first in range(0, in_wide, WIDE):
-        lose_heat(audit, step, steps, h, tau, wide(first))
+        balance.lose_heat(audit, step, steps, h, tau, wide(first))
     for first in range(in_wide, lanes, PACK):
-        lose_heat(audit, step, steps, h, tau, narrow(first))
+        balance.lose_heat(audit, step, steps, h, tau, narrow(first))
 
 
 @part
@@ -288,8 +276,8 @@ def _take_energy(audit: Audit, operator: Coefficients, state: State, lane: Lane)
     energy, slid = spread(0.0, lane), _slid_by(operator.sliding, state.own, lane)
     for j in range(state.motion.shape[0]):
         speed, place = _ended(operator.modes, state.motion, j, impulse, heat, slid, lane)
-        energy = with_energy(audit, j, speed, place, energy, lane)
-    keep_energy(audit, energy, lane)
+        energy = balance.with_energy(audit, j, speed, place, energy, lane)
+    balance.keep_energy(audit, energy, lane)
 
 
 @inlined
@@ -305,10 +293,10 @@ def close_balance(audit: Audit | None, operator: Coefficients, state: State, lan
         dissipated, on_heat = spread(0.0, lane), spread(0.0, lane)
         slid = _slid_by(operator.sliding, state.own, lane)
         for j in range(state.motion.shape[0]):
-            on_heat = add_heat_work(audit, j, pack(state.motion, (j, MOTION_PLACE, lane)), on_heat, lane)
+            on_heat = balance.add_heat_work(audit, j, pack(state.motion, (j, MOTION_PLACE, lane)), on_heat, lane)
             speed, _ = _ended(operator.modes, state.motion, j, impulse, heat, slid, lane)
-            dissipated = add_dissipation(audit, j, speed, slid, dissipated, lane)
-        store_dissipation(audit, dissipated, on_heat, impulse, heat, slid, lane)
+            dissipated = balance.add_dissipation(audit, j, speed, slid, dissipated, lane)
+        balance.store_dissipation(audit, dissipated, on_heat, impulse, heat, slid, lane)
 
 
 @part

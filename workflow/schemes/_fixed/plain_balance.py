@@ -1,9 +1,7 @@
 """Energy and heat of a scheme that steps plain states, summed over whole steps.
 
-The states at the ends of a step are taken to the coordinates of :mod:`workflow.schemes._fixed.balance`, relative to
-what heat and constant loads drag along. The energy residual is the sum of the left side of its equation with θ = 1/2,
-over the largest E at a step end; the change of the heat content less αJ and heating plus the losses, over the heat
-turned over, is the heat residual.
+A structure that modes separate is counted as in :mod:`workflow.schemes._fixed.balance` with θ = 1/2, the states at the
+ends of a step taken to its coordinates; one that needs matrices as in :mod:`workflow.schemes._fixed.dense_balance`.
 """
 
 from __future__ import annotations
@@ -14,49 +12,113 @@ import numpy as np
 
 from workflow.kernels import Array
 from workflow.kernels.sums import product, total
-from workflow.models import Cases, Structure, project
+from workflow.models import Cases, Structure, directions, project
+from workflow.schemes._fixed import total_row
 from workflow.schemes._fixed.books import felt_modes, largest_load, rest_energy
 from workflow.schemes._fixed.decoupled import decouple, start
-from workflow.schemes._fixed.totals import Content, residuals
+from workflow.schemes._fixed.totals import content_of, in_order, residuals
 
 States = tuple[Array, Array, Array]
 """Displacement and velocity ``(case, mechanical)``, temperature ``(case, thermal)``."""
 
 
-class _Motion(NamedTuple):
+class PlainBalance:
+    """Sums of a batch; ``coupled`` where its structure needs matrices."""
+
+    def __init__(self, structure: Structure, cases: Cases, h: float, coupled: bool) -> None:
+        self._structure, self._cases, self._h, self._step = structure, cases, h, 0
+        self._motion = (_InMatrices if coupled else _InModes)(structure, cases, h)
+        self._row_sums = in_order if coupled else _row_sums
+        self._totals = np.zeros((total_row.ROWS, cases.count))
+        self._keep(self._motion.first)
+        self._totals[total_row.FIRST_ENERGY] = self._motion.first
+
+    def _keep(self, energy: Array) -> None:
+        self._totals[total_row.LAST_ENERGY] = energy
+        self._totals[total_row.LARGEST_ENERGY] = np.maximum(self._totals[total_row.LARGEST_ENERGY], energy)
+
+    @np.errstate(over="ignore", invalid="ignore")  # of a case that leaves the finite numbers
+    def add(self, before: States, after: States, impulse: Array, load: Array) -> None:
+        """Add a step from its states at both ends, the impulse p and the load F_θ in it, N s and N, ``(case,)``."""
+        self._step += 1
+        dissipated, energy = self._motion.step(before, after, impulse, load)
+        loss = self._h * project(self._structure.loss_row[None, :], 0.5 * (before[2] + after[2]))[:, 0]
+        self._totals[total_row.DISSIPATED] += dissipated
+        self._totals[total_row.LOST] += loss
+        self._totals[total_row.TURNED_OVER] += np.abs(loss)
+        self._totals[total_row.FRICTION_HEAT] += self._cases.alpha * impulse
+        self._keep(energy)
+
+    @np.errstate(over="ignore", invalid="ignore")
+    def residuals(self, last: States) -> dict[str, Array]:
+        """Return ``energy_residual`` and ``heat_residual``; 0 where there is no energy, or no heat turned over."""
+        cases, elapsed = self._cases, self._step * self._h
+        content, sums = self._structure.content, self._row_sums
+        heat = content_of(content, cases.temperature, last[2], cases.heating, elapsed, sums)
+        return residuals(self._totals, heat, self._motion.rest(elapsed))
+
+
+def _row_sums(terms: Array) -> Array:
+    return total(terms, 1)
+
+
+class _InMatrices:
+    """Energy of the whole motion, J, ``(case,)``."""
+
+    def __init__(self, structure: Structure, cases: Cases, h: float) -> None:
+        self._structure, self._cases, self._h = structure, cases, h
+        self._pushes = directions(structure, cases.friction)
+        self.first = self._energy(cases.displacement, cases.velocity)
+
+    def _energy(self, x: Array, v: Array) -> Array:
+        kinetic = in_order(v * project(self._structure.mass, v))
+        return 0.5 * (kinetic + in_order(x * project(self._structure.stiffness_matrix, x)))
+
+    def step(self, before: States, after: States, impulse: Array, load: Array) -> tuple[Array, Array]:
+        """Return the energy that a step dissipates less the work of load and contact, and that at its end."""
+        structure = self._structure
+        v, temperature = (0.5 * (begun + ended) for begun, ended in zip(before[1:], after[1:], strict=True))
+        forces = project(structure.damping_matrix, v) + project(structure.coupling_matrix, temperature)
+        work = in_order(v * (forces - self._cases.steady))
+        driven, pushed = in_order(structure.load_direction * v), in_order(self._pushes * v)
+        return self._h * (work - load * driven) + impulse * pushed, self._energy(after[0], after[1])
+
+    def rest(self, elapsed: float) -> Array:
+        """Return the energy below which all is rounding: none is known."""
+        return np.zeros(self._cases.count)
+
+
+class _Relative(NamedTuple):
     """The relative motion at a step end: ωη, ζ ``(case, mode)``, τ ``(case, thermal mode)``, energy ``(case,)``."""
 
     stretch: Array
     zeta: Array
     tau: Array
-
     energy: Array
 
 
-class PlainBalance:
-    """Sums of a batch, ``(case,)`` each."""
+class _InModes:
+    """Energy of the motion relative to what heat and constant loads drag along, J, ``(case,)``."""
 
     def __init__(self, structure: Structure, cases: Cases, h: float) -> None:
-        self._modal, self._cases, self._h, self._step = decouple(structure), cases, h, 0
+        self._modal, self._cases, self._h, self._steps = decouple(structure), cases, h, 0
         self._begun = start(self._modal, cases)
         self._felt = felt_modes(self._modal.tip)
-        self._content, self._losses = structure.content[None, :], structure.loss_row[None, :]
-        self._before = self._first = self._relative((cases.displacement, cases.velocity, cases.temperature))
-        self._largest = self._first.energy
-        self._dissipated, self._lost, self._turned, self._heat = np.zeros((4, cases.count))
+        self._before = self._relative((cases.displacement, cases.velocity, cases.temperature))
+        self.first = self._before.energy
 
-    def _relative(self, states: States) -> _Motion:
+    def _relative(self, states: States) -> _Relative:
         """Return the relative motion in the modes with a share in the tip."""
-        modal, begun, cases, t = self._modal, self._begun, self._cases, self._step * self._h
+        modal, begun, cases, t = self._modal, self._begun, self._cases, self._steps * self._h
         drift, response = project(modal.response, begun.warming_modes), modal.response
         rest = project(modal.to_modes, cases.displacement) - begun.position - project(response, begun.heat)
         tau = project(modal.to_thermal, states[2]) - begun.settled - t * begun.warming_modes
         eta = project(modal.to_modes, states[0]) - rest - t * drift - project(response, tau)
         zeta = project(modal.to_modes, states[1]) - drift + project(response * modal.rate, tau)
         stretch, zeta = (modal.frequency * eta)[:, self._felt], zeta[:, self._felt]
-        return _Motion(stretch, zeta, tau, 0.5 * total(stretch**2 + modal.mass[self._felt] * zeta**2, 1))
+        return _Relative(stretch, zeta, tau, 0.5 * total(stretch**2 + modal.mass[self._felt] * zeta**2, 1))
 
-    def _dissipation(self, after: _Motion, impulse: Array, slid: Array, heat: Array) -> Array:
+    def _dissipation(self, after: _Relative, impulse: Array, slid: Array, heat: Array) -> Array:
         """Return the energy that damping, friction and heat take in a step, less the work of load and contact, J."""
         modal, felt, before, h = self._modal, self._felt, self._before, self._h
         zeta, stretch = (0.5 * (a + b) for a, b in ((before.zeta, after.zeta), (before.stretch, after.stretch)))
@@ -69,29 +131,16 @@ class PlainBalance:
             work -= slid[:, None] * modal.along[felt]
         return np.asarray(total(zeta * work + heat[:, None] * drags * stretch, 1))
 
-    def add(self, before: States, after: States, impulse: Array, load: Array) -> None:
-        """Add a step from its states at both ends, the impulse p and the load F_θ in it, N s and N, ``(case,)``."""
-        h, cases = self._h, self._cases
-        self._step += 1
-        ended, heat = self._relative(after), cases.alpha * impulse
-        load = load + self._begun.tip_force
-        self._dissipated += self._dissipation(ended, h * load - impulse, cases.friction * impulse, heat)
-        loss = h * project(self._losses, 0.5 * (before[2] + after[2]))[:, 0]
-        self._lost += loss
-        self._turned += np.abs(loss)
-        self._heat += heat
-        self._largest = np.maximum(self._largest, ended.energy)
+    def step(self, before: States, after: States, impulse: Array, load: Array) -> tuple[Array, Array]:
+        """Return the energy that a step dissipates less the work of load and contact, and that at its end."""
+        self._steps += 1
+        ended, heat = self._relative(after), self._cases.alpha * impulse
+        driven = self._h * (load + self._begun.tip_force) - impulse
+        dissipated = self._dissipation(ended, driven, self._cases.friction * impulse, heat)
         self._before = ended
+        return dissipated, ended.energy
 
-    def residuals(self, last: States) -> dict[str, Array]:
-        """Return ``energy_residual`` and ``heat_residual``; 0 where there is no energy, or no heat turned over."""
-        cases, elapsed = self._cases, self._step * self._h
-        largest = np.maximum(
-            self._largest,
-            rest_energy(total(self._modal.mass * self._modal.tip**2), elapsed * largest_load(cases, self._begun)),
-        )
-        energies = self._first.energy, self._before.energy, largest, self._dissipated
-        heating = elapsed * total(cases.heating, 1)
-        initial = self._content * cases.temperature
-        content = Content(total(self._content * last[2] - initial, 1), total(np.abs(initial), 1), heating)
-        return residuals(np.array([*energies, self._lost, self._turned, self._heat]), content)
+    def rest(self, elapsed: float) -> Array:
+        """Return the energy below which the tip is at rest."""
+        mobility = total(self._modal.mass * self._modal.tip**2)
+        return rest_energy(mobility, elapsed * largest_load(self._cases, self._begun))

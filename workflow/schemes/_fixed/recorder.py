@@ -14,22 +14,18 @@ from workflow.kernels.compiled import uncounted
 from workflow.kernels.lanes import LANES, lane_rows
 from workflow.models import Cases, Structure, needs_matrices, project, static_tip_growth
 from workflow.schemes._fixed import tip_row
-from workflow.schemes._fixed.dense_balance import DenseBalance
-from workflow.schemes._fixed.marks import WAITING, Block, take_marks
+from workflow.schemes._fixed.marks import WAITING, Block
 from workflow.schemes._fixed.outcome import judged
 from workflow.schemes._fixed.plain_balance import PlainBalance
-from workflow.schemes._fixed.stepping import Ended, block_of, collect, observe, parts, watch
+from workflow.schemes._fixed.stepping import Ended, block_of, collect, count_stored, parts, watch
 from workflow.schemes._fixed.tip_load import LOAD_ROWS
-from workflow.schemes._interface import Results, Sampling, schedule
+from workflow.schemes._interface import Results, Sampling
 
 
 @uncounted
 def _count(step: int, block: Block) -> None:
     """Take the samples and close the load periods of a step, then count impact, contact and maxima at its end."""
-    span = block.h
-    if step == block.marks.next_mark[0]:
-        span = take_marks(step, block)
-    observe(span, block.tip, block.lanes)
+    count_stored(step, block)
 
 
 class Recorder:
@@ -54,15 +50,15 @@ class Recorder:
 
     def __init__(self, structure: Structure, cases: Cases, sampling: Sampling, h: float) -> None:
         self._cases, self._h = cases, h
-        self._watched = watch(cases, cases.mean, sampling, schedule(sampling, h), h)
+        self._watched = watch(cases, cases.mean, sampling, h)
         self.steps = self._watched.schedule.steps
         self._blocks = [
             (part, block_of(self._watched, part, lane_rows(LOAD_ROWS), lane_rows(tip_row.ROWS), lane_rows(4 * WAITING)))
             for part in parts(cases.count, LANES)
         ]
         self._growth = static_tip_growth(structure)
-        balance_type = DenseBalance if needs_matrices(structure) else PlainBalance
-        self._balances = balance_type(structure, cases, h) if sampling.balances else None
+        coupled = needs_matrices(structure)
+        self._balances = PlainBalance(structure, cases, h, coupled) if sampling.balances else None
         self._step = 0
         self._states = cases.displacement, cases.velocity, cases.temperature
         self._before = self._states
@@ -124,8 +120,7 @@ class Recorder:
             watched.tip[:, part] = block.tip[:, : part.stop - part.start]
         finite = watched.finite(tip_row.DISPLACEMENT, tip_row.VELOCITY, tip_row.TEMPERATURE)
         left = f"the state left the finite numbers at h = {self._h:.6g} s"
-        before, after = self._before[2], self._states[2]
-        reached = before + watched.schedule.weight[-1] * (after - before)
+        reached = watched.reached(self._before[2], self._states[2])
         closing = project(self._growth[None, :], reached)[:, 0]
         balances = {} if self._balances is None else self._balances.residuals(self._states)
         outcome = judged(finite, np.zeros_like(finite), str, None, left)

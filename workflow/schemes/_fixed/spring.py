@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from workflow.kernels.compiled import defines
-from workflow.kernels.packs import Lane, Pack, flag, of_lane, pack, some, some_nonzero, spread, store, weighed, where
+from workflow.kernels.packs import Lane, Pack, of_lane, pack, some, some_nonzero, spread, store, weighed, where
 from workflow.kernels.sums import total
 from workflow.models import Array, Cases, Structure, mechanical_modes
 from workflow.schemes._fixed import case_row, contact, tip_row
@@ -66,8 +66,7 @@ def meet_spring(law: Spring, step: TipStep, free: Free, own: Array, tip: Array, 
     if engaged:
         touches, touched = force > 0.0, held > 0.0
         store(own, (case_row.LAST, lane), force)
-        flag(own, (case_row.PRESSED, lane), pressed)
-        contact.friction_heat(p, own, lane)
+        contact.press(pressed, p, own, lane)
         contact.count_rebounds(touches & ~touched, touched & ~touches, v, after, own, lane)
     temperature = free.temperature + step.warming * pack(own, (case_row.HEAT, lane))
     x, v = settled(free.drive, x + h * weighed(theta, after, step.rest, v), after, free.gap, lane)

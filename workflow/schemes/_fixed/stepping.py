@@ -21,9 +21,9 @@ from workflow.kernels.packs import Lane, Pack, narrow, pack, some, some_nonzero,
 from workflow.models import Array, Cases
 from workflow.schemes._fixed import tip_load, tip_row
 from workflow.schemes._fixed.contact import Drive, End
-from workflow.schemes._fixed.drive import drive_lanes, fill_drive
-from workflow.schemes._fixed.marks import NEVER, WAITING, Block, Marks, Record
-from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, complete_periods
+from workflow.schemes._fixed.drive import cut_gap, drive_lanes, fill_drive, with_harmonics
+from workflow.schemes._fixed.marks import NEVER, WAITING, Block, Marks, Record, take_marks
+from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, complete_periods, schedule
 
 
 class Now(NamedTuple):
@@ -54,6 +54,12 @@ def step_at(step: int, theta: float, leader: int, warmed: bool, block: Block) ->
 
 
 @inlined
+def load_impulse(now: Now, h: float, block: Block, lane: Lane) -> Pack:
+    """Return the impulse of the load in a step, N s."""
+    return h * with_harmonics(block.drive, tip_load.tip_load(now.sine, now.leader, block.load, lane), lane)
+
+
+@inlined
 def store_end(end: End, tip: Array, lane: Lane) -> None:
     """Store the tip's state at the end of a step and the impulse in it for :func:`observe`."""
     store(tip, (tip_row.NEW_DISPLACEMENT, lane), end.displacement)
@@ -63,14 +69,14 @@ def store_end(end: End, tip: Array, lane: Lane) -> None:
 
 
 @inlined
-def count_end(end: End, moved: bool, next_marked: bool, span: float, gap: Pack, tip: Array, lane: Lane) -> None:
+def count_end(end: End, moved: bool, next_marked: bool, span: float, tip: Array, lane: Lane) -> None:
     """Count the tip's state at the end of a step of ``span`` s and the impulse in it.
 
     Displacement and velocity are stored as the tip's where the next step needs them (``moved``), the temperature where
     a sample or a period ends in the next step (``next_marked``).
     """
     x, temperature, p = end.displacement, end.temperature, end.impulse
-    hottest = pack(tip, (tip_row.PERIOD_HOTTEST, lane))
+    gap, hottest = pack(tip, (tip_row.GAP, lane)), pack(tip, (tip_row.PERIOD_HOTTEST, lane))
     if moved:
         store(tip, (tip_row.DISPLACEMENT, lane), x)
         store(tip, (tip_row.VELOCITY, lane), end.velocity)
@@ -97,7 +103,16 @@ def observe(span: float, tip: Array, lanes: int) -> None:
         lane = narrow(first)
         x, v = pack(tip, (tip_row.NEW_DISPLACEMENT, lane)), pack(tip, (tip_row.NEW_VELOCITY, lane))
         end = End(True, x, v, pack(tip, (tip_row.NEW_TEMPERATURE, lane)), pack(tip, (tip_row.STEP_IMPULSE, lane)))
-        count_end(end, True, True, span, pack(tip, (tip_row.GAP, lane)), tip, lane)
+        count_end(end, True, True, span, tip, lane)
+
+
+@inlined
+def count_stored(step: int, block: Block) -> None:
+    """Take the samples and load periods of a step whose end :func:`store_end` stored, then count that."""
+    span = take_marks(step, block) if step == block.marks.next_mark[0] else block.h
+    if step == block.steps:
+        cut_gap(block.drive, span / block.h, block.tip, block.lanes)
+    observe(span, block.tip, block.lanes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +135,15 @@ class Watch:
     period_due: NDArray[np.int64]
     period_weight: Array
 
+    @property
+    def elapsed(self) -> float:
+        """Seconds from t = 0 to the end of the last step."""
+        return self.schedule.steps * self.h
+
+    def reached(self, before: Array, after: Array) -> Array:
+        """Return states where the duration ends, by those at the last step's beginning and end."""
+        return np.asarray(before + self.schedule.weight[-1] * (after - before))
+
     def finite(self, *rows: int) -> NDArray[np.bool_]:
         """Return which cases have finite numbers in some rows of the tip, ``(case,)``."""
         return np.asarray(np.isfinite(self.tip[list(rows)]).all(axis=0))
@@ -135,14 +159,12 @@ class Ended(NamedTuple):
     """Metrics beside the common ones, ``(case,)``."""
 
 
-def watch(
-    cases: Cases, mean: Array, sampling: Sampling, schedule: Schedule, h: float, drive: Drive | None = None
-) -> Watch:
+def watch(cases: Cases, mean: Array, sampling: Sampling, h: float, drive: Drive | None = None) -> Watch:
     """Return the samples and load periods of a batch that is stepped with ``h``, and its tips at t = 0.
 
     ``mean`` is the constant part of the tip force, N, ``(case,)``.
     """
-    casing = cases.casing_at(0.0)
+    casing, plan = cases.casing_at(0.0), schedule(sampling, h)
     periods = complete_periods(cases.period_frequency, sampling)
     longest = int(periods.max(initial=0))
     ends = np.arange(1, longest + 1)
@@ -153,7 +175,7 @@ def watch(
     on_step = np.abs(position - nearest) <= 1e-9 * np.maximum(nearest, 1.0)  # as for the step count
     weight = np.where(on_step, 1.0, position - np.floor(position))
     due = np.where(on_step, nearest, np.ceil(position)).astype(np.int64)
-    due = np.where(counted, np.minimum(due, schedule.steps), NEVER)
+    due = np.where(counted, np.minimum(due, plan.steps), NEVER)
 
     load = np.zeros((tip_load.LOAD_ROWS, cases.count))
     parameters = (mean, cases.amplitude, cases.frequency, cases.phase)
@@ -168,12 +190,12 @@ def watch(
     )  # of two zeros fmax returns either
 
     record = Record(
-        np.empty((cases.count, 4, schedule.due.size)),  # the march fills it; zeros would be fresh pages each time
+        np.empty((cases.count, 4, plan.due.size)),  # the march fills it; zeros would be fresh pages each time
         lane_rows(4 * WAITING),
         np.full((cases.count, 3, longest), np.nan),
     )
     record.histories[..., 0] = tip[[tip_row.DISPLACEMENT, tip_row.VELOCITY, tip_row.TEMPERATURE, tip_row.IMPULSE]].T
-    return Watch(cases, schedule, sampling.interval, h, load, tip, drive, record, due, weight)
+    return Watch(cases, plan, sampling.interval, h, load, tip, drive, record, due, weight)
 
 
 def block_lanes(rows: int) -> int:

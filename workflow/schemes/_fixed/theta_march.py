@@ -25,7 +25,7 @@ from workflow.schemes._fixed.sliding import friction_message, slides
 from workflow.schemes._fixed.stable_steps import largest_step, limit_text
 from workflow.schemes._fixed.stepping import Ended, collect, watch
 from workflow.schemes._fixed.theta_method import Operator
-from workflow.schemes._interface import Results, Sampling, schedule
+from workflow.schemes._interface import Results, Sampling
 from workflow.schemes._sweep.march import sweep
 from workflow.schemes._sweep.sweeps import Swept, is_swept
 
@@ -71,7 +71,7 @@ def step_modes(operator: Operator, modal: Decoupled, law: Law, cases: Cases, sam
     h, theta = operator.h, operator.theta
     drive, stepped = drive_of(cases, h, theta)
     begun = start(modal, stepped)
-    watched = watch(cases, cases.mean + begun.tip_force, sampling, schedule(sampling, h), h, drive)
+    watched = watch(cases, cases.mean + begun.tip_force, sampling, h, drive)
     zeta = begun.velocity * modal.tip
     xi = begun.position * modal.tip - h * theta * zeta
     free = theta_method.coefficients(modal, h, theta, slides(modal, cases))

@@ -11,11 +11,13 @@ and 0 where the denominator is 0.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from workflow.kernels import Array
+from workflow.kernels.sums import product, total
 from workflow.schemes._fixed import total_row
 
 
@@ -30,13 +32,33 @@ class Content(NamedTuple):
     """Q = ∫Σq."""
 
 
-def residuals(totals: Array, content: Content) -> dict[str, Array]:
-    """Return ``energy_residual`` and ``heat_residual``; ``totals`` ``(row, case)`` or of one case ``(row,)``."""
+def content_of(
+    content: Array, first: Array, last: Array, heating: Array, elapsed: float, sums: Callable[[Array], Any] = total
+) -> Content:
+    """Return the heat content of temperatures at t = 0 and at the end, K, under a constant ``heating``, W.
+
+    ``content`` is J/K of each temperature; ``sums`` adds those of a case, or of each case.
+    """
+    initial = content * first
+    return Content(sums(content * last - initial), sums(np.abs(initial)), elapsed * sums(heating))
+
+
+def in_order(terms: Array) -> Array:
+    """Return the sums of rows, added in their order, ``(row,)``."""
+    return product(terms, np.ones(terms.shape[1]))
+
+
+def residuals(totals: Array, content: Content, rest: Array | float = 0.0) -> dict[str, Array]:
+    """Return ``energy_residual`` and ``heat_residual``; ``totals`` ``(row, case)`` or of one case ``(row,)``.
+
+    max E is at least ``rest``, the energy below which all is rounding, J.
+    """
+    largest = np.maximum(totals[total_row.LARGEST_ENERGY], rest)
     change = totals[total_row.LAST_ENERGY] - totals[total_row.FIRST_ENERGY] + totals[total_row.DISSIPATED]
     friction, heating = totals[total_row.FRICTION_HEAT], content.heating
     gained = content.gained - friction - heating + totals[total_row.LOST]
     turned = friction + np.abs(heating) + totals[total_row.TURNED_OVER] + content.initial
-    return {"energy_residual": ratio(change, totals[total_row.LARGEST_ENERGY]), "heat_residual": ratio(gained, turned)}
+    return {"energy_residual": ratio(change, largest), "heat_residual": ratio(gained, turned)}
 
 
 def ratio(part: Array, whole: Array) -> Array:

@@ -12,13 +12,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
 from workflow.kernels.compiled import inlined
-from workflow.kernels.sums import total
 from workflow.models import Array, Chain
 from workflow.schemes._fixed import total_row
-from workflow.schemes._fixed.totals import Content
 from workflow.schemes._sweep import node_row, step_row
 from workflow.schemes._sweep.sweeps import Nodes, node_rows
 
@@ -93,9 +89,3 @@ def account_step(nodes: Nodes, account: Account, heat: float, impulse: float) ->
     totals[total_row.LOST] += h * lost
     totals[total_row.TURNED_OVER] += h * abs(lost)
     totals[total_row.FRICTION_HEAT] += heat
-
-
-def content_of(chain: Chain, before: Array, after: Array, heating: float) -> Content:
-    """Return the heat content of a case with the temperatures ``before`` and ``after``, K, ``(node,)``."""
-    content = chain.heat_capacities * before
-    return Content(total(chain.heat_capacities * after - content), total(np.abs(content)), heating)

@@ -11,21 +11,16 @@ from workflow.kernels.sums import total
 from workflow.models import Array, Cases
 from workflow.schemes._fixed import case_row, tip_row, total_row
 from workflow.schemes._fixed.contact import Free, Law, TipStep, meet
-from workflow.schemes._fixed.drive import (
-    cut_gap,
-    drive_of,
-    turn_drive,
-    with_harmonics,
-)
+from workflow.schemes._fixed.drive import drive_of, turn_drive
 from workflow.schemes._fixed.march import fill_law, law_lanes
-from workflow.schemes._fixed.marks import Block, take_marks
-from workflow.schemes._fixed.stepping import Ended, blocks, observe, store_end, watch
+from workflow.schemes._fixed.marks import Block
+from workflow.schemes._fixed.stepping import Ended, blocks, count_stored, load_impulse, step_at, store_end, watch
 from workflow.schemes._fixed.theta_method import Operator
-from workflow.schemes._fixed.tip_load import start_load, tip_load, turn_load, weigh_load
-from workflow.schemes._fixed.totals import residuals
-from workflow.schemes._interface import Sampling, schedule
+from workflow.schemes._fixed.tip_load import start_load, turn_load
+from workflow.schemes._fixed.totals import content_of, residuals
+from workflow.schemes._interface import Sampling
 from workflow.schemes._sweep import node_row, step_row
-from workflow.schemes._sweep.balance import Account, account_step, content_of, open_account, weights
+from workflow.schemes._sweep.balance import Account, account_step, open_account, weights
 from workflow.schemes._sweep.sweeps import Nodes, Swept, eliminate_heat, node_rows, step_to_root, step_to_tip
 
 
@@ -50,19 +45,15 @@ def march_nodes(nodes: Nodes, law: Law, own: Array, block: Block, account: Accou
         velocity, temperature = step_to_tip(nodes)
         turn_load(k, h, leader, load, lanes)
         turn_drive(block.drive, k, h, theta, tip, lanes)
-        sine = weigh_load(1.0 - theta, theta, leader, load, lanes)
-        impulse = h * with_harmonics(block.drive, tip_load(sine, leader, load, lane), lane)
-        gap = pack(tip, (tip_row.GAP, lane))
+        now, gap = step_at(k, theta, leader, False, block), pack(tip, (tip_row.GAP, lane))
+        impulse = load_impulse(now, h, block, lane)
         free = Free(spread(velocity, lane), spread(temperature, lane), impulse, gap, block.drive)
         store_end(meet(law, step, free, own, tip, lane), tip, lane)
         heat = own[case_row.HEAT, 0]
         step_to_root(nodes, tip[tip_row.NEW_DISPLACEMENT, 0], tip[tip_row.NEW_VELOCITY, 0], heat)
         if audited:
             account_step(nodes, account, heat, own[case_row.IMPULSE, 0])
-        span = take_marks(k, block) if k == block.marks.next_mark[0] else h
-        if k == block.steps:
-            cut_gap(block.drive, span / h, tip, lanes)
-        observe(span, tip, lanes)
+        count_stored(k, block)
 
 
 def _fill(nodes: Nodes, cases: Cases, case: int) -> None:
@@ -81,9 +72,9 @@ def sweep(operator: Operator, law: Law, cases: Cases, sampling: Sampling, heated
     """Step all cases, one by one, by the scheme's kernel; ``heated`` where they carry temperatures."""
     h, theta, swept = operator.h, operator.theta, operator.motion
     assert isinstance(swept, Swept)
-    chain, last, plan = swept.chain, swept.chain.mechanical_size, schedule(sampling, h)
+    chain, last = swept.chain, swept.chain.mechanical_size
     drive, stepped = drive_of(cases, h, theta)
-    watched = watch(cases, cases.mean, sampling, plan, h, drive)
+    watched = watch(cases, cases.mean, sampling, h, drive)
     step, lever = swept.coefficients(h, theta), h * theta + chain.damping.stiffness
     nodes = Nodes(
         last, h, theta, lever, heated, step, node_rows(node_row.ROWS, last), node_rows(node_row.LOAD_ROWS, last)
@@ -104,9 +95,11 @@ def sweep(operator: Operator, law: Law, cases: Cases, sampling: Sampling, heated
             in_last_step = (
                 nodes.state[node_row.WARMED, inside] + own[case_row.HEAT, 0] * step[step_row.HEAT_ANSWER, inside]
             )
-            closing[case] = total(swept.static_growth * (tau - (1 - plan.weight[-1]) * in_last_step))
+            closing[case] = total(swept.static_growth * (tau - (1 - watched.schedule.weight[-1]) * in_last_step))
         if sampling.balances:
-            content = content_of(chain, cases.temperature[case], tau, plan.steps * h * total(cases.heating[case]))
+            content = content_of(
+                chain.heat_capacities, cases.temperature[case], tau, cases.heating[case], watched.elapsed
+            )
             for name, residual in residuals(account.totals, content).items():
                 balances.setdefault(name, np.zeros(cases.count))[case] = residual
     return Ended(watched, closing, balances)
