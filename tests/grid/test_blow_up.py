@@ -93,6 +93,91 @@ def test_an_implicit_spring_that_creates_energy_is_not_ok(balances: str) -> None
         assert np.abs(sound.values["displacement"]).max() < 2e-3
 
 
+DROPPED = """
+study: a
+scene:
+  chain: {{nodes: {nodes}, mass: 0.01, stiffness: {springs}, heat_capacity: 1}}
+  casing: {{gap: 0{table}}}
+  load: {{steady: 0.0981}}
+  initial: {{displacement: -1.0e-4}}
+  duration: 2 s
+schemes: {{spring: {{method: penalty, stiffness: 1.0e7, {integration}}}}}
+axes: {{scheme: spring, scene.initial.displacement: {{lin: [-1.0e-4, -2.0e-4, 8]}}, h: {h}}}
+output: {{interval: 20 ms, balances: {balances}}}
+"""
+FALLS = np.linspace(1e-4, 2e-4, 8)
+
+
+def flights(**values: Any) -> tuple[Solved, np.ndarray]:
+    """Return balls or bars dropped from eight heights, and how far each flies from its table over how far it fell."""
+    usual = {"nodes": 1, "springs": 0, "table": "", "integration": "integration: explicit", "balances": "false"}
+    dropped = solved(DROPPED.format(**{**usual, **values}))
+    return dropped, np.abs(dropped.values["displacement"]).max(axis=1) / FALLS
+
+
+@pytest.mark.parametrize("balances", ["true", "false"])
+@pytest.mark.parametrize(
+    "values",
+    [
+        {},
+        {"nodes": 3, "springs": "[0, 1.0e6, 1.0e6]"},
+        {"table": ", harmonics: [{amplitude: 5 um, frequency: 50 Hz, phase: 1.0}]"},
+        {"integration": "integration: implicit, theta: 0.5"},
+    ],
+    ids=["ball", "bar", "vibrating table", "implicit"],
+)
+def test_a_free_structure_that_its_spring_throws_far_off_is_not_ok(values: dict[str, Any], balances: str) -> None:
+    """Nothing dissipates and the residual stays below 1: flights of ten times the fall and more were ok."""
+    implicit = "implicit" in values.get("integration", "")
+    limit, thrown = (0.25 if implicit else 0.5) / np.sqrt(1e7 / 0.01), 0
+    for times in (0.5, 0.999, 2.2, 2.5, 3, 4, 6, *([12] if implicit else [])):
+        dropped, flight = flights(h=float(times * limit), balances=balances, **values)
+        status = dropped.values["status"]
+        assert set(status[flight > 8]) <= {Status.DIVERGED}, times
+        assert all(dropped.messages[case].startswith("energy was created") for case in np.flatnonzero(status))
+        assert times > 1 or not status.any()
+        assert times > 1 or flight.max() < 2
+        thrown += np.count_nonzero(flight > 8)
+    assert thrown > 10
+
+
+@pytest.mark.parametrize("balances", ["true", "false"])
+def test_a_ball_that_a_contact_threw_off_and_another_slowed_down_is_not_ok(balances: str) -> None:
+    """It flies 29 times as far as it fell, and at its end its balance leaves less than at the sample it is fastest."""
+    thrown, flight = flights(h=3.5e-5, balances=balances)
+    assert flight[0] > 28
+    assert "up to t = 1.84 s" in thrown.messages[0]
+    if balances == "true":
+        assert thrown.values["energy_residual"][0] < 0.6
+    limit = float(thrown.messages[0].split("h = ")[1].split()[0])
+    sound, flight = flights(h=limit, balances=balances)
+    assert not sound.values["status"].any()
+    assert flight.max() < 2
+
+
+def test_a_held_tip_of_a_hundred_times_its_energy_is_not_ok() -> None:
+    """Three nodes that start 1 mm from their casing come 0.21 m far: a residual of 0.99999, below 1 for ever."""
+    text = """
+    study: a
+    scene:
+      chain: {nodes: 3, mass: 0.01, stiffness: 1.0e6, heat_capacity: 1}
+      casing: {gap: 0}
+      initial: {displacement: -1.0e-3}
+      duration: 20 ms
+    schemes: {spring: {method: penalty, stiffness: 1.0e8}}
+    axes: {scheme: spring, h: STEP}
+    output: {interval: 0.2 ms, balances: BALANCES}
+    """
+    for balances in ("true", "false"):
+        thrown = solved(text.replace("STEP", "1.75e-5").replace("BALANCES", balances))
+        assert np.abs(thrown.values["displacement"]).max() > 0.1
+        assert thrown.values["status"][0] == Status.DIVERGED
+        limit = thrown.messages[0].split("h = ")[1].split()[0]
+        sound = solved(text.replace("STEP", limit).replace("BALANCES", balances))
+        assert np.abs(sound.values["displacement"]).max() < 2e-3
+        assert sound.values["status"][0] == Status.OK
+
+
 def test_a_contact_spring_that_creates_energy_is_not_ok() -> None:
     """2e-6 s is below the limit of lasting contact (2.2e-6 s): residual 6.9. Below the limit said it has none."""
     created = solved(heavy(2e-6, "true"))

@@ -2,9 +2,8 @@
 
 Two rules, both about what no motion of the model can do:
 
-- With balances: ``energy_residual`` above :data:`CREATED`, energy was created. What a scheme dissipates is negative
-  and never counts. A contact spring beyond the step up to which it holds is judged by its balance in any case:
-  where the study has none, the cases that touch are run once more with it.
+- Energy was created, by the balances (:mod:`workflow.grid._created_energy`): of every scheme where the study has
+  them, of a contact spring beyond the step up to which it holds in any case. What a scheme dissipates never counts.
 - With or without balances, where K1 is regular: the largest |x_n| exceeds both :data:`EXCESS` times the largest
   length that the case accounts for without contact (:func:`_accounted`) and twice the growth by friction heat
   (:func:`_farthest`).
@@ -16,23 +15,16 @@ the casing, or in the last sample. A running maximum in the march would cost eve
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
-from functools import lru_cache
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from workflow import schemes
 from workflow.grid._arrangement import Indices
-from workflow.grid._operators import compile_for, reduced_structure, run_batch, runaway_of, structure_of
-from workflow.models import Array, Cases, Chain, Sparse, Structure, static_tip_growth, tip_flexibility
+from workflow.grid._created_energy import advice, created_energy
+from workflow.grid._operators import runaway_of, statics_of, structure_of
+from workflow.models import Array, Cases, Chain, Sparse, Structure
 from workflow.schemes import Results, Sampling, Status
 from workflow.study import Cell
-
-CREATED = 1.0
-"""Energy residual above which a case has diverged: more energy than it ever held came from nowhere."""
 
 _LOST = 1e6
 """Quasi-static growth over what a case accounts for otherwise, above which its energy balance is rounding."""
@@ -49,13 +41,6 @@ GROWTH = 2.0
 """Largest |x_n| over the growth by friction heat, above which a case has diverged: the casing keeps a pressed tip
 from growing at all, and where friction suddenly heats a tip that then leaves it overshoots its growth by as much again.
 Runaways of all schemes were below 0.5, contact springs beyond their limit above 2.7."""
-
-
-@lru_cache(maxsize=16)
-def _statics(model: str, parameters: Any) -> tuple[float, Array]:
-    """Return S [m/N] and the row -e_nᵀ K1⁻¹ K12 [m/K] of a model's full structure."""
-    structure = structure_of(model, parameters)
-    return tip_flexibility(structure), static_tip_growth(structure)
 
 
 def mark_blown_up(cell: Cell, cases: Cases, results: Results, sampling: Sampling) -> Results:
@@ -79,52 +64,28 @@ def mark_blown_up(cell: Cell, cases: Cases, results: Results, sampling: Sampling
     start = np.abs(results.histories["displacement"][:, 0])
     far = np.flatnonzero(ok & (reach > EXCESS * np.fmax(np.abs(cases.gap), start)))
     if far.size:
-        flexibility, growth = _statics(cell.scene.model, cell.scene.parameters)
+        flexibility, growth = statics_of(cell.scene.model, cell.scene.parameters)
         if np.isfinite(flexibility):
             base = np.fmax(_accounted(cell, cases.take(far), flexibility, growth, duration), start[far])
             farthest = _farthest(cell, cases.take(far), results, far, growth[-1], base, duration)
             blown |= {
                 int(case): f"the tip moved {reach[case]:.3g} m; {EXCESS:g} times what gap, start, loads and heating "
                 f"account for, or {GROWTH:g} times the growth by friction heat, is {most:.3g} m"
-                f"{_advice(cell, float(cases.friction[case]))}"
+                f"{advice(cell, float(cases.friction[case]))}"
                 for case, most in zip(far, farthest, strict=True)
                 if reach[case] > most
             }
-    residual = _energy_residual(cell, cases, results, ok & ~np.isin(np.arange(cases.count), list(blown)), sampling)
-    if residual is not None:
-        blown |= {
-            int(case): f"energy was created: its balance has a residual of {residual[case]:+.3g} times the largest "
-            f"energy, above {CREATED:+g}{_advice(cell, float(cases.friction[case]))}"
-            for case in np.flatnonzero(ok & (residual > CREATED))
-            if not _is_rounding(cell, cases, results, int(case), duration)
-        }
+    created = created_energy(cell, cases, results, ok & ~np.isin(np.arange(cases.count), list(blown)), sampling)
+    blown |= {
+        int(case): f"{created.text(int(case))}{advice(cell, float(cases.friction[case]))}"
+        for case in np.flatnonzero(ok & created.is_too_much)
+        if not _is_rounding(cell, cases, results, int(case), duration)
+    }
     if not blown:
         return results
     status = results.status.copy()
     status[list(blown)] = Status.DIVERGED
     return replace(results, status=status, messages={**results.messages, **blown})
-
-
-def _energy_residual(
-    cell: Cell, cases: Cases, results: Results, judged: NDArray[np.bool_], sampling: Sampling
-) -> Array | None:
-    """Return the energy residual of each case, NaN where it is not known; ``None`` where none is asked for.
-
-    A contact spring creates energy long before the tip is thrown far off: with steps four times those up to which it
-    holds, errors of 150 came with displacements of a hundred times what the scene accounts for.
-    """
-    if sampling.balances:
-        return results.metrics["energy_residual"]
-    touching = np.flatnonzero(judged & (results.metrics["impacts"] > 0))
-    limits = {friction: _contact_limit(cell, friction) for friction in set(cases.friction[touching].tolist())}
-    touching = touching[[cell.h > limits[friction] for friction in cases.friction[touching].tolist()]]
-    if not touching.size:
-        return None
-    compile_for(cell, balances=True)
-    again = run_batch(cell, cases.take(touching), replace(sampling, balances=True))
-    residual = np.full(cases.count, np.nan)
-    residual[touching] = again.metrics["energy_residual"]
-    return residual
 
 
 def _is_rounding(cell: Cell, cases: Cases, results: Results, case: int, duration: float) -> bool:
@@ -135,7 +96,7 @@ def _is_rounding(cell: Cell, cases: Cases, results: Results, case: int, duration
     against thermal forces exceeds the energy by the square of growth over displacement, and 1e-16 of it is as large as
     the energy where that ratio is about 1e8.
     """
-    flexibility, growth = _statics(cell.scene.model, cell.scene.parameters)
+    flexibility, growth = statics_of(cell.scene.model, cell.scene.parameters)
     one, reach = cases.take(np.array([case])), float(_reach(results, cases)[case])
     if np.isinf(flexibility):
         return reach <= _AT_REST * _free_flight(cell, one, duration)
@@ -223,18 +184,3 @@ def _farthest(
     growth = np.fmax(closing, abs(tip_growth) * hottest)
     by_heat = np.fmax(EXCESS * base, np.fmin(GROWTH * growth, EXCESS * grown))
     return np.asarray(np.where(cases.friction > 0, np.fmax(by_heat, grown), by_heat))
-
-
-def _advice(cell: Cell, friction: float) -> str:
-    """Return up to which step a scheme with a contact spring holds, where it has a limit."""
-    limit = _contact_limit(cell, friction)
-    said = f"; with contact that comes and goes the scheme holds up to h = {schemes.limit_text(limit, 4)} s"
-    return "" if np.isinf(limit) else said
-
-
-def _contact_limit(cell: Cell, friction: float) -> float:
-    """Return the step up to which a scheme holds while contact comes and goes, s; infinite where it has no limit."""
-    scheme = schemes.load(cell.scheme.method)
-    if scheme.contact_limit is None:
-        return math.inf
-    return scheme.contact_limit(reduced_structure(cell), cell.scheme.options, friction)

@@ -26,6 +26,8 @@ from workflow.models import (
     growth,
     in_contact,
     needs_matrices,
+    static_tip_growth,
+    tip_flexibility,
 )
 from workflow.reduction import Reduction, projection_residual, reduce_structure
 from workflow.schemes import Results, Sampling
@@ -43,6 +45,13 @@ def structure_of(model: str, parameters: Any) -> Structure:
     """Return the full structure of a model, made by one thread of BLAS wherever it is made."""
     with threadpool_limits(limits=1, user_api="blas"):
         return models.load(model).assemble(parameters)
+
+
+@lru_cache(maxsize=_MOST_OPERATORS)
+def statics_of(model: str, parameters: Any) -> tuple[float, Array]:
+    """Return S [m/N], infinite where the root is free, and the row -e_nᵀ K1⁻¹ K12 [m/K] of a full structure."""
+    structure = structure_of(model, parameters)
+    return tip_flexibility(structure), static_tip_growth(structure)
 
 
 @dataclass(frozen=True)
