@@ -86,7 +86,8 @@ def _multiply_vector(a: Array, b: Array, products: Array) -> None:
 
 def plain(values: ArrayLike) -> Array:
     """Return values as kernels take them: float64, in C order, writable; copied only where they are not."""
-    return np.require(values, np.float64, ["C", "W"])
+    array = np.asarray(values, dtype=np.float64, order="C")
+    return array if array.flags.writeable else array.copy()
 
 
 @overload

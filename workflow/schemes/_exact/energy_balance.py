@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from workflow.kernels.compiled import part, rare, uncounted
+from workflow.kernels.compiled import part, uncounted
 from workflow.kernels.sums import product
 from workflow.models import Array, Structure
 from workflow.schemes._exact.layout import Layout, Load, Memory
@@ -168,7 +168,7 @@ def residuals(
     return energy, _heat_residual(heat, modal, load, log, lost, turnover, tally)
 
 
-@rare
+@part
 def _heat_residual(
     heat: Heat, modal: Array, load: Load, log: Log, lost: float, turned_over: float, tally: Any
 ) -> float:
@@ -187,7 +187,7 @@ def _heat_residual(
     return float(change / turnover) if turnover != 0.0 else 0.0
 
 
-@rare
+@part
 def _begin(motions: Motions, reduced: bool, log: Log, i: int, tally: Any) -> float:
     """Set the motion of a phase to its beginning; return the energy that it thereby has more."""
     state, t = motions.modal, log.begun[i]
@@ -204,7 +204,7 @@ def _begin(motions: Motions, reduced: bool, log: Log, i: int, tally: Any) -> flo
     return note_energy(log, state, tally) - energy
 
 
-@rare
+@part
 def _look(regimes: Regimes, motions: Motions, x: Array, load: Load, log: Log, i: int) -> float:
     """Return the power by which the motion of a phase and the matrices disagree, W; ``x`` is scratch.
 
@@ -256,7 +256,7 @@ def _disagreement(
     return float(power)
 
 
-@rare
+@part
 def _subtract_forces(force: Array, load: Load, waves: Array, t: float, error: Array) -> None:
     """Subtract the forces on modes by constant loads, the load at the tip and the casing."""
     at = load.steady.size + load.heating.size

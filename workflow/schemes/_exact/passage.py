@@ -84,11 +84,11 @@ def _change_modes(matrix: Array, casing: tuple[float, float], source: Array, tar
 @part
 def fill_modal(motions: Motions, held: bool, t: float) -> None:
     """Fill [y, y', τ] with the present state of the motion with the tip held, or free."""
-    free, passage = motions.free, motions.passage
+    free, bound, passage = motions.free, motions.held, motions.passage
     if held:
-        to_coordinates(motions.held.r, motions.held.now, t, motions.held.coordinates)
-        multiply(passage.outward, motions.held.coordinates, passage.modal)
-        _change_modes(passage.exit, casing_at(free.r, t), passage.modal, motions.modal)
+        to_coordinates(bound.r, bound.now, t, bound.coordinates)
+        multiply(passage.outward, bound.coordinates, passage.modal)
+        _change_modes(passage.exit, casing_at(bound.r, t), passage.modal, motions.modal)
     else:
         to_coordinates(free.r, free.now, t, free.coordinates)
         if motions.mixes:
