@@ -128,13 +128,11 @@ class EnergyBalance:
 
 def with_loss(g: Layout, loss: Array) -> Layout:
     """Return a regime whose signal is the heat loss, W; ``loss`` is that per thermal mode."""
-    b, f, source, size = g.block.copy(), g.first.copy(), g.source.copy(), g.outward.shape[0]
+    b, f, source = g.block.copy(), g.first.copy(), g.source.copy()
+    blocks, size = g.blocks, g.outward.shape[0]
     lost = product(g.outward[:, size - loss.size :], loss)
-    b[block.SIGNAL_VALUE, : g.blocks], b[block.SIGNAL_SLOPE, : g.blocks] = (
-        lost[: g.blocks],
-        lost[g.blocks : 2 * g.blocks],
-    )
-    f[first.SIGNAL_VALUE, : g.firsts] = lost[2 * g.blocks :]
+    b[block.SIGNAL_VALUE, :blocks], b[block.SIGNAL_SLOPE, :blocks] = lost[:blocks], lost[blocks : 2 * blocks]
+    f[first.SIGNAL_VALUE, : g.firsts] = lost[2 * blocks :]
     source[:, size] = 0.0
     return g._replace(block=b, first=f, source=source)
 

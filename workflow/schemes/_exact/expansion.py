@@ -14,6 +14,7 @@ import numpy as np
 
 from workflow.kernels import elementary
 from workflow.kernels.compiled import part
+from workflow.kernels.packs import magnitude, narrow, pack, store
 from workflow.kernels.sums import row_sum
 from workflow.models import Array
 from workflow.schemes._exact.explicit_blocks import explicit_force
@@ -145,20 +146,22 @@ def _expand_blocks(b: Array, y: Array, row: int, d: Array) -> None:
 
     The energy √(ω² s² + s'²) is at most ω |s| + |s'|: within √2 of it, without a root.
     """
-    for k in range(d.shape[1]):
-        curvature = -b[block.DAMPING, k] * y[state.SLOPE, k] - b[block.STIFFNESS, k] * y[state.VALUE, k]
-        d[expansion.D0, k] = b[row, k] * y[state.VALUE, k] + b[row + 1, k] * y[state.SLOPE, k]
-        d[expansion.D1, k] = b[row, k] * y[state.SLOPE, k] + b[row + 1, k] * curvature
-    for k in range(d.shape[1]):
-        c, w2 = b[block.DAMPING, k], b[block.STIFFNESS, k]
-        s0, s1 = d[expansion.D0, k], d[expansion.D1, k]
+    for k in range(0, d.shape[1], 8):
+        lane = narrow(k)
+        c, w2 = pack(b, (block.DAMPING, lane)), pack(b, (block.STIFFNESS, lane))
+        value, slope = pack(y, (state.VALUE, lane)), pack(y, (state.SLOPE, lane))
+        per_value, per_slope = pack(b, (row, lane)), pack(b, (row + 1, lane))
+        s0 = per_value * value + per_slope * slope
+        s1 = per_value * slope + per_slope * (-c * slope - w2 * value)
         s2 = -c * s1 - w2 * s0
         s3 = -c * s2 - w2 * s1
         s4 = -c * s3 - w2 * s2
-        d[expansion.D2, k] = s2
-        d[expansion.D3, k] = s3
-        d[expansion.FOURTH, k] = b[block.OMEGA, k] * abs(s3) + abs(s4)
-        d[expansion.TAIL, k] = abs(s0) + b[block.INVERSE_OMEGA, k] * abs(s1)
+        store(d, (expansion.D0, lane), s0)
+        store(d, (expansion.D1, lane), s1)
+        store(d, (expansion.D2, lane), s2)
+        store(d, (expansion.D3, lane), s3)
+        store(d, (expansion.FOURTH, lane), pack(b, (block.OMEGA, lane)) * magnitude(s3) + magnitude(s4))
+        store(d, (expansion.TAIL, lane), magnitude(s0) + pack(b, (block.INVERSE_OMEGA, lane)) * magnitude(s1))
 
 
 @part

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from workflow.kernels.compiled import inlined, part, rare
+from workflow.kernels.packs import narrow, pack, store
 from workflow.models import Array
 from workflow.schemes._exact.expansion import Expansion
 from workflow.schemes._exact.explicit_blocks import advance_explicit, explicit_force
@@ -71,24 +72,24 @@ def advance(r: Response, y: Array, t: float, dt: float, out: Array) -> None:
         k = int(b[block.SPECIAL, i])
         if b[block.EXPLICIT, k] == 0.0:
             b[block.C, k], b[block.S, k] = stiff_block(b[block.DAMPING, k], b[block.STIFFNESS, k], dt)
-    for k in range(b.shape[1]):
-        b[block.WORK, k] = -b[block.STIFFNESS, k] * b[block.S, k]
-    for k in range(b.shape[1]):
-        out[state.VALUE, k] = b[block.C, k] * y[state.VALUE, k] + b[block.S, k] * y[state.SLOPE, k]
-    for k in range(b.shape[1]):
-        slope = (b[block.C, k] - b[block.DAMPING, k] * b[block.S, k]) * y[state.SLOPE, k]
-        out[state.SLOPE, k] = slope + b[block.WORK, k] * y[state.VALUE, k]
+    for k in range(0, b.shape[1], 8):
+        lane = narrow(k)
+        C, S = pack(b, (block.C, lane)), pack(b, (block.S, lane))
+        value, slope = pack(y, (state.VALUE, lane)), pack(y, (state.SLOPE, lane))
+        store(out, (state.VALUE, lane), C * value + S * slope)
+        slope = (C - pack(b, (block.DAMPING, lane)) * S) * slope
+        store(out, (state.SLOPE, lane), slope + -pack(b, (block.STIFFNESS, lane)) * S * value)
     for i in range(r.specials):
         k = int(b[block.SPECIAL, i])
         if b[block.EXPLICIT, k] != 0.0:
-            value, slope, area = advance_explicit(r, k, y, t, dt)
-            out[state.VALUE, k], out[state.SLOPE, k], b[block.EXPLICIT_INTEGRAL, k] = value, slope, area
+            out[state.VALUE, k], out[state.SLOPE, k], b[block.EXPLICIT_INTEGRAL, k] = advance_explicit(r, k, y, t, dt)
     if r.firsts > 0:
         first_propagators(f, dt)
-        for j in range(f.shape[1]):
-            out[state.FIRST, j] = y[state.FIRST, j] + dt * y[state.FIRST_SLOPE, j] * f[first.PHI1, j]
-        for j in range(f.shape[1]):
-            out[state.FIRST_SLOPE, j] = y[state.FIRST_SLOPE, j] * f[first.DECAY, j]
+        for j in range(0, f.shape[1], 8):
+            lane = narrow(j)
+            slope = pack(y, (state.FIRST_SLOPE, lane))
+            store(out, (state.FIRST, lane), pack(y, (state.FIRST, lane)) + dt * slope * pack(f, (first.PHI1, lane)))
+            store(out, (state.FIRST_SLOPE, lane), slope * pack(f, (first.DECAY, lane)))
 
 
 @part

@@ -10,11 +10,14 @@ entire functions of ν²: rigid, critical and overdamped blocks take the same fo
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from workflow.kernels import elementary
 from workflow.kernels.compiled import inlined, part, rare
 from workflow.kernels.elementary import HALF_PI_1, HALF_PI_2, LN2_HIGH, LN2_LOW, LOG2_E, TO_INTEGER, TWO_OVER_PI
+from workflow.kernels.packs import narrow, pack, store
 from workflow.models import Array
 from workflow.schemes._exact.tables import block, first
 
@@ -29,8 +32,8 @@ _SERIES = 0.3
 
 
 @inlined
-def _phi2(x: float) -> float:
-    """Return φ2(x) = Σ x^k/(k+2)! to k = 11, for |x| up to 0.35: 0.35^12/14! < 1e-16."""
+def _phi2(x: Any) -> Any:
+    """Return φ2(x) = Σ x^k/(k+2)! to k = 11 of a number or a pack, for |x| up to 0.35: 0.35^12/14! < 1e-16."""
     p = 1.6059043836821613e-10 * x + 2.08767569878681e-09
     p = p * x + 2.505210838544172e-08
     p = p * x + 2.755731922398589e-07
@@ -59,11 +62,12 @@ def block_propagators(b: Array, dt: float) -> None:
         return
     _sines(b, dt)
     _exponentials(b, dt)
-    for k in range(b.shape[1]):
-        shrink = b[block.WORK, k] * b[block.POWER, k]
-        s = shrink * b[block.S, k] / b[block.NU, k]
-        b[block.C, k] = shrink * b[block.C, k] + b[block.HALF_DAMPING, k] * s
-        b[block.S, k] = s
+    for k in range(0, b.shape[1], 8):
+        lane = narrow(k)
+        shrink = pack(b, (block.WORK, lane)) * pack(b, (block.POWER, lane))
+        s = shrink * pack(b, (block.S, lane)) / pack(b, (block.NU, lane))
+        store(b, (block.C, lane), shrink * pack(b, (block.C, lane)) + pack(b, (block.HALF_DAMPING, lane)) * s)
+        store(b, (block.S, lane), s)
 
 
 @rare
@@ -79,8 +83,9 @@ def _large_propagators(b: Array, dt: float) -> None:
 @part
 def _sines(b: Array, dt: float) -> None:
     """Fill the rows S with sin(ν dt) and C with cos(ν dt): reduction by multiples of π/2, then Taylor to r^16."""
-    for k in range(b.shape[1]):
-        a = b[block.NU, k] * dt
+    for k in range(0, b.shape[1], 8):
+        lane = narrow(k)
+        a = pack(b, (block.NU, lane)) * dt
         q = (a * TWO_OVER_PI + TO_INTEGER) - TO_INTEGER
         r = ((a - q * HALF_PI_1) - q * HALF_PI_2) - q * _HALF_PI_REST
         z = r * r
@@ -102,8 +107,8 @@ def _sines(b: Array, dt: float) -> None:
         p, m = 0.5 * (q - odd), 0.5 * (q + odd)
         sign_s = 1.0 - 2.0 * (p - 2.0 * ((0.5 * p - 0.25 + TO_INTEGER) - TO_INTEGER))
         sign_c = 1.0 - 2.0 * (m - 2.0 * ((0.5 * m - 0.25 + TO_INTEGER) - TO_INTEGER))
-        b[block.S, k] = sign_s * (s * (1.0 - odd) + c * odd)
-        b[block.C, k] = sign_c * (c * (1.0 - odd) + s * odd)
+        store(b, (block.S, lane), sign_s * (s * (1.0 - odd) + c * odd))
+        store(b, (block.C, lane), sign_c * (c * (1.0 - odd) + s * odd))
 
 
 @part
@@ -168,10 +173,11 @@ def first_propagators(f: Array, dt: float) -> None:
         for j in range(f.shape[1]):
             f[first.DECAY, j], f[first.PHI1, j], f[first.PHI2, j] = first_propagator(-f[first.RATE, j] * dt)
         return
-    for j in range(f.shape[1]):
-        x = -f[first.RATE, j] * dt
+    for j in range(0, f.shape[1], 8):
+        lane = narrow(j)
+        x = -pack(f, (first.RATE, lane)) * dt
         phi2 = _phi2(x)
         phi1 = 1.0 + x * phi2
-        f[first.PHI2, j] = phi2
-        f[first.PHI1, j] = phi1
-        f[first.DECAY, j] = 1.0 + x * phi1
+        store(f, (first.PHI2, lane), phi2)
+        store(f, (first.PHI1, lane), phi1)
+        store(f, (first.DECAY, lane), 1.0 + x * phi1)
