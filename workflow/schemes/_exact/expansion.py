@@ -18,6 +18,7 @@ from workflow.kernels.packs import magnitude, narrow, pack, store
 from workflow.kernels.sums import row_sum
 from workflow.models import Array
 from workflow.schemes._exact.explicit_blocks import explicit_force
+from workflow.schemes._exact.layout import Expansion
 from workflow.schemes._exact.response import SIGNAL, Response
 from workflow.schemes._exact.tables import block, expansion, first, state, wave
 from workflow.schemes._exact.waves import wave_phase
@@ -28,20 +29,6 @@ place."""
 
 _FAST = 2.5
 """A mode with ω h above this is bounded by its amplitude: (ω h)⁴/24 exceeds 1 from 2.2 on."""
-
-
-class Expansion(NamedTuple):
-    """Memory of an expansion, rows as in :mod:`~workflow.schemes._exact.tables.expansion`.
-
-    :func:`expand` fills the first and the last column of the sums, :func:`accumulate` those between.
-    """
-
-    sums: Array
-    """``(9, block + 1)``."""
-    terms: Array
-    """``(9, column)``; scratch."""
-    derivatives: Array
-    """Of the signal, ``(ORDER + 1,)``; scratch."""
 
 
 @part

@@ -134,6 +134,21 @@ def free_layout(system: ModalSystem) -> Layout:
     return packed._replace(mixes=True)
 
 
+class Expansion(NamedTuple):
+    """Memory of an expansion, rows as in :mod:`~workflow.schemes._exact.tables.expansion`.
+
+    :func:`~workflow.schemes._exact.expansion.expand` fills the first and the last column of the sums,
+    :func:`~workflow.schemes._exact.expansion.accumulate` those between.
+    """
+
+    sums: Array
+    """``(9, block + 1)``."""
+    terms: Array
+    """``(9, column)``; scratch."""
+    derivatives: Array
+    """Of the signal, ``(ORDER + 1,)``; scratch."""
+
+
 class Memory(NamedTuple):
     """Arrays in which a case follows a regime; one case after the other may use them.
 
@@ -155,10 +170,7 @@ class Memory(NamedTuple):
     """Of signal and tip temperature what constant loads alone give, ``(2,)``."""
     waves: Array
     """See :mod:`workflow.schemes._exact.tables.wave`."""
-    sums: Array
-    terms: Array
-    derivatives: Array
-    """See :class:`~workflow.schemes._exact.expansion.Expansion`."""
+    x: Expansion
 
 
 def memory(regime: Layout, heated: bool, waves: int) -> Memory:
@@ -175,7 +187,7 @@ def memory(regime: Layout, heated: bool, waves: int) -> Memory:
         states=np.zeros((3, state.ROWS, max(columns, wide))),
         outputs=np.zeros(2),
         waves=np.zeros((waves, wave.COLUMNS)),
-        sums=np.zeros((expansion.ROWS, regime.blocks + 1)),
-        terms=np.zeros((expansion.ROWS, columns)),
-        derivatives=np.zeros(ORDER + 1),
+        x=Expansion(
+            np.zeros((expansion.ROWS, regime.blocks + 1)), np.zeros((expansion.ROWS, columns)), np.zeros(ORDER + 1)
+        ),
     )

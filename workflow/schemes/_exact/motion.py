@@ -7,9 +7,8 @@ from typing import Any, NamedTuple
 from workflow.kernels.compiled import inlined, part, rare
 from workflow.kernels.packs import narrow, pack, store
 from workflow.models import Array
-from workflow.schemes._exact.expansion import Expansion
 from workflow.schemes._exact.explicit_blocks import advance_explicit, explicit_force
-from workflow.schemes._exact.layout import Layout, Load, Memory
+from workflow.schemes._exact.layout import Expansion, Layout, Load, Memory
 from workflow.schemes._exact.propagators import block_propagators, first_propagators, stiff_block
 from workflow.schemes._exact.response import SIGNAL, TEMPERATURE, Response, respond
 from workflow.schemes._exact.tables import block, first, state, wave
@@ -50,9 +49,8 @@ class Observed(NamedTuple):
 @rare
 def prepare(regime: Layout, load: Load, memory: Memory) -> Any:
     """Return the motion of a case in a regime, its state not yet set."""
-    r = respond(regime, load, memory)
-    x, states = Expansion(memory.sums, memory.terms, memory.derivatives), memory.states
-    return Motion(r, x, states[0], states[1], states[2], memory.coordinates)
+    r, states = respond(regime, load, memory), memory.states
+    return Motion(r, memory.x, states[0], states[1], states[2], memory.coordinates)
 
 
 @part

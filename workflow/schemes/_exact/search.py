@@ -13,7 +13,8 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.kernels.compiled import part
-from workflow.schemes._exact.expansion import SUM_ROUNDING, Expansion, bounds, expanded_blocks, growth_bound
+from workflow.schemes._exact.expansion import SUM_ROUNDING, bounds, expanded_blocks, growth_bound
+from workflow.schemes._exact.layout import Expansion
 from workflow.schemes._exact.response import Response
 from workflow.schemes._exact.tables import expansion
 

@@ -72,11 +72,7 @@ def _two_way(held: ModalSystem, system: Uncoupled) -> TwoWay:
 
 @kernel
 def _regime_at(h: TwoWay, alpha: float, guesses: Array, work: Scratch) -> tuple[bool, Layout]:
-    """Return whether the spectrum at α can be trusted, and the regime.
-
-    A pair s = σ ± iν with right and left eigenvectors x and ξ = l X has the real coordinates η = Re ξ
-    and u = Re(s ξ), so that η' = u, u' = 2σ u - |s|² η and X = 2 Re(x ξ).
-    """
+    """Return whether the spectrum at α can be trusted, and the regime, in the coordinates of ``regimes._two_way``."""
     pairs, count = solve_uncoupled(h.system, alpha, guesses, work)
     t, size = work.lanes, work.residue.shape[1]
     firsts, wide = size - 2 * pairs, work.lanes.shape[1]

@@ -1,4 +1,4 @@
-"""Rows of the tables of an expansion, see :class:`workflow.schemes._exact.expansion.Expansion`.
+"""Rows of the tables of an expansion, see :class:`workflow.schemes._exact.layout.Expansion`.
 
 In ``terms`` column k belongs to one block. In ``sums`` column K is the sum over the slow terms (loads, first-order
 states, explicit blocks) and the K slowest blocks; the blocks from K on are bounded as a group.
