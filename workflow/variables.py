@@ -70,7 +70,8 @@ _HEAT = (
     "(change of the heat content - alpha times impulse - heating + conduction to the root and convection) / heat "
     "turned over (the sum of the absolute values of alpha times impulse, heating, losses, eight steps together, and "
     "initial content); "
-    "time-stepping schemes: midpoint values of whole steps; 0 where no heat is turned over"
+    "time-stepping schemes: midpoint values of whole steps; 0 where no heat is turned over; of a reduced model also "
+    "what its basis does not hold of an even temperature, alike in all schemes"
 )
 
 _GROWTH = (

@@ -137,6 +137,9 @@ def test_schema_is_json(tmp_path: Path) -> None:
     assert json.loads(done.stdout)["properties"]["scene"]
     assert workflow("schema", "-o", "study.schema.json", cwd=tmp_path).returncode == 0
     assert json.loads((tmp_path / "study.schema.json").read_text()) == json.loads(done.stdout)
+    full = workflow("schema", "-o", "/dev/full", cwd=tmp_path)
+    assert full.returncode == 2
+    assert full.stderr == "/dev/full: no space left on device; choose a place that can be written\n"
 
 
 @pytest.mark.parametrize(
@@ -225,9 +228,12 @@ def test_a_study_changed_after_an_interrupted_run(tmp_path: Path) -> None:
 
     grid = arrange(parsed(SMALL))
     start_parts(parts_of(tmp_path / "small.nc"), describe(parsed(SMALL), grid, units_of(grid)))
-    done = workflow("run", written(SMALL.replace("50 um", "40 um"), tmp_path), cwd=tmp_path)
+    other = SMALL.replace("study: small", "study: other")
+    done = workflow("run", written(other, tmp_path), "-o", "small.nc", cwd=tmp_path)
     assert done.returncode == 2
     assert "small.nc.parts: holds unfinished results of another study" in done.stderr
+    done = workflow("run", written(SMALL.replace("50 um", "40 um"), tmp_path), cwd=tmp_path)
+    assert done.returncode == 0  # no case was stored yet, none is lost
 
 
 def test_settings_replace_values_and_are_stored(tmp_path: Path) -> None:

@@ -283,6 +283,31 @@ output: {interval: 1 ms}
     assert planned.bytes > 8 * 301 * 3 * 8
 
 
+def test_a_plan_names_every_operator_and_the_basis_a_caution_is_of() -> None:
+    """The ninth setting was left out in silence; of three bases one diverges."""
+    axes = "axes: {scheme: [moreau, event_driven, carpenter], mechanical_modes: [1, 2, 3], thermal_modes: 2, h: 4e-5}\n"
+    grid = arrange(parsed("study: a\n" + SCENE + axes))
+    planned = plan(grid, units_of(grid))
+    sizes = [f"{scheme}: {n} + 3 modes with the tip's own" for scheme in ("moreau", "carpenter") for n in (2, 3, 4)]
+    assert sorted(planned.operators) == sorted(sizes)
+    assert planned.structures[0].label == "chain, 4 nodes"
+    assert planned.more_structures == 0
+    [diverging] = [line for line in planned.warnings if "diverges" in line]
+    assert diverging.startswith("carpenter diverges, its free step grows")
+    assert diverging.endswith("-fold at h = 4e-05 s (3 + 2 modes)")
+    [damped] = [line for line in planned.warnings if "damps the first mode" in line]
+    assert damped.endswith("at h = 4e-05 s")
+
+
+def test_a_plan_says_how_many_structures_it_does_not_show() -> None:
+    masses = ", ".join(f"{1e-3 * (k + 1):g}" for k in range(10))
+    text = "study: a\n" + SCENE.replace("damping: {mass: 10, stiffness: 2.0e-7}", "damping: {mass: 0}")
+    grid = arrange(parsed(text + f"axes: {{scene.chain.mass: [{masses}], h: 1e-5}}\n"))
+    planned = plan(grid, units_of(grid))
+    assert (len(planned.structures), planned.more_structures) == (8, 2)
+    assert any("which has no damping of its own, numerically by" in line for line in planned.warnings)
+
+
 def test_load_periods_of_different_cases() -> None:
     """The dimension is as long as the longest; shorter cases have NaN beyond their own."""
     text = "study: a\n" + SCENE + "axes: {scene.load.frequency: [50, 100, 0]}\noutput: {interval: 1 ms}\n"

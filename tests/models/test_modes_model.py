@@ -102,6 +102,16 @@ def test_tables_stand_in_a_study_or_in_files(tmp_path: Path) -> None:
     assert np.array_equal(structures[0].coupling_matrix, structures[1].coupling_matrix)
 
 
+def test_a_head_may_have_units(tmp_path: Path) -> None:
+    """As the manual writes the columns."""
+    (tmp_path / "modes.csv").write_text("frequency [Hz], damping_ratio, tip [1/√kg]\n1200,0.005,14.1\n")
+    (tmp_path / "heat.csv").write_text("rate [1/s],tip [1/√(J/K)]\n0.5,2\n")
+    study = read_study(written(STUDY.format(modes="{table: modes.csv, heat: heat.csv}"), tmp_path))
+    structure = load("modes").assemble(study.scene.parameters)
+    assert structure.mass.tolist() == [[pytest.approx(1 / 14.1**2)]]
+    assert structure.heat_capacity.tolist() == [[pytest.approx(1 / 2**2)]]
+
+
 @pytest.mark.parametrize(
     ("modes", "problem"),
     [
@@ -111,14 +121,16 @@ def test_tables_stand_in_a_study_or_in_files(tmp_path: Path) -> None:
         ("{table: [{frequency: 1000, damping_ratio: 0.01}]}", "is no row of the table"),
         ("{table: [[1000, 0.01, one]]}", "`one` is not"),
         ("{table: []}", "has 0 rows"),
-        ("{table: none.csv}", "is no file"),
+        ("{table: none.csv}", "`none.csv` is no file; name a file, relative to /"),
         ("{table: [[1000, 0.01, 1]], coupling: [[1]]}", "without `heat`"),
         ("{table: [[1000, 0.01, 1]], heat: [[1, 1]], coupling: [[1, 2]]}", "1 rows of 2"),
         ("{table: bad.csv}", "has the columns"),
         ("{table: worse.csv}", "no number"),
+        ("{table: kilo.csv}", "`kilo.csv` has `frequency` in kHz; write `frequency [Hz]`"),
     ],
 )
 def test_what_is_no_table_is_refused(modes: str, problem: str, tmp_path: Path) -> None:
+    (tmp_path / "kilo.csv").write_text("frequency [kHz],tip,damping_ratio\n1,2,0.01\n")
     (tmp_path / "bad.csv").write_text("frequency,tip\n1,2\n")
     (tmp_path / "worse.csv").write_text("frequency,tip,damping_ratio\n1,2,x\n")
     with pytest.raises(StudyError) as raised:

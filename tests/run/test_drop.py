@@ -106,6 +106,18 @@ def test_a_run_that_may_drop_goes_on_where_it_was_stopped(tmp_path: Path, monkey
         assert data["e"].values.tolist() == [0.1, 0.2, 0.9]
 
 
+def test_an_unfinished_run_without_a_case_gives_way(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It was refused as results of another study, of which there were none."""
+    cut_finely(monkeypatch)
+    archive, narrowed = tmp_path / "a.nc", quick({"alpha": [5.0]})
+    with monkeypatch.context() as patch:
+        _stop_after(0, patch)
+        with pytest.raises(ArchiveError, match="stopped"):
+            run_study(quick(), archive, threads=1)
+    assert parts_of(archive).exists()
+    assert run_study(narrowed, archive, threads=1).counts == {"ok": 3}
+
+
 def test_an_unfinished_run_of_the_study_as_it_was_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     cut_finely(monkeypatch)
     archive, narrowed = tmp_path / "a.nc", quick({"alpha": [5.0]})

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from studies import parsed
-from workflow.study import ResolvedValue, resolved_values
+from pathlib import Path
+
+from studies import parsed, written
+from workflow.study import ResolvedValue, read_study, resolved_values
 
 TEXT = """
 study: a
@@ -56,7 +58,19 @@ def test_a_static_start_is_listed_once() -> None:
     assert values["scene.initial.displacement"] == ResolvedValue(
         "scene.initial.displacement", ("static",), "m", "study"
     )
+    assert values["scene.initial.displacement"].text == "static"
     assert "scene.initial.velocity" not in values
+
+
+def test_files_and_tables_are_listed(tmp_path: Path) -> None:
+    (tmp_path / "heat.csv").write_text("rate,tip\n0.5,2\n")
+    model = "  modes: {table: [[1200, 0.005, 14.1], [3000, 0.005, 9]], heat: heat.csv}\n  casing: {gap: 1e-5}\n"
+    study = read_study(written(f"study: a\nscene:\n{model}  duration: 1 ms\n", tmp_path))
+    cell = study.cell({axis.path: axis.values[0] for axis in study.scalars})
+    listed = {value.path: value.text for value in resolved_values(study, cell)}
+    assert listed["scene.modes.table"] == "2 rows"
+    assert listed["scene.modes.heat"] == "heat.csv"
+    assert "scene.modes.coupling" not in listed
 
 
 def test_a_line_of_values() -> None:

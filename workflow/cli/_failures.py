@@ -150,6 +150,15 @@ def _warnings_in_words() -> Iterator[None]:
 
 
 @contextmanager
+def naming(file: Path) -> Iterator[None]:
+    """Give an error that a full disk raises on writing the name of the file, which the system leaves out."""
+    try:
+        yield
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(file)) from error
+
+
+@contextmanager
 def errors_in_words() -> Iterator[None]:
     """Turn what a user can mend into one clear message and the exit status of a wrong call."""
     from workflow.archive import ArchiveError

@@ -77,6 +77,8 @@ def _lines(plan: Plan) -> Iterator[str]:
     yield f"  stored       metrics{''.join(f', {name}' for name in plan.stored)}"
     yield f"  size         at most {_size(plan.bytes)} before compression"
     yield from map(_structure, plan.structures)
+    if plan.more_structures:
+        yield f"  … and {plan.more_structures} more structures"
     yield from (f"  auto         {choice}" for choice in plan.choices)
     yield from (f"  {operator}" for operator in plan.operators)
     yield from (f"  beware: {warning}" for warning in plan.warnings)

@@ -61,7 +61,8 @@ def run(
     reuse: Reuse,
     settings: Settings = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="ARCHIVE", help="Default: STUDY.nc here.")
+        Path | None,
+        typer.Option("-o", "--output", metavar="ARCHIVE", help="Default: NAME.nc here, for `study: NAME`."),
     ] = None,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Say nothing but what went wrong.")] = False,
 ) -> None:

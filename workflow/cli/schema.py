@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from workflow.cli._failures import errors_in_words
+from workflow.cli._failures import errors_in_words, naming
 from workflow.cli._terminal import say, write
 
 
@@ -25,5 +25,6 @@ def schema(
         if output is None:
             write(text)
         else:
-            output.write_text(text + "\n", encoding="utf-8")
+            with naming(output):
+                output.write_text(text + "\n", encoding="utf-8")
             say(str(output))

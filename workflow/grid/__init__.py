@@ -6,10 +6,11 @@ from workflow.grid._choice import Choice, Decided, choices_text, read_choices
 from workflow.grid._conditions import FRICTION, alpha_of
 from workflow.grid._costs import Part, handling_part, measured
 from workflow.grid._estimate import Time, compiling_seconds, estimate, measured_run, task_seconds
+from workflow.grid._figures import Figures
 from workflow.grid._frequencies import longest_period_count
 from workflow.grid._identity import case_hashes
 from workflow.grid._operators import reduced_structure, structure_of
-from workflow.grid._plan import Figures, Plan, plan, plan_study
+from workflow.grid._plan import Plan, plan, plan_study
 from workflow.grid._reference import exact_motion, solution_counts
 from workflow.grid._shaken import Shaken
 from workflow.grid._solve import Solved, metrics_of, solve

@@ -8,12 +8,13 @@ from functools import lru_cache
 
 import numpy as np
 
-from workflow import models, schemes
+from workflow import schemes
 from workflow.grid._arrangement import Grid, Indices, arrange
 from workflow.grid._choice_words import choice_cautions, choice_lines
 from workflow.grid._conditions import friction_of
 from workflow.grid._costs import factor_lines
 from workflow.grid._estimate import Time, estimate, result_bytes
+from workflow.grid._figures import Figures, figures, listed
 from workflow.grid._frequencies import fastest
 from workflow.grid._operators import Reduced, reduced, reduced_structure, structure_of, structure_on
 from workflow.grid._reference import reference_cell, solution_counts
@@ -23,13 +24,12 @@ from workflow.models import (
     MOST_NODES_WITH_MATRICES,
     Array,
     Chain,
-    critical_alpha,
     frequencies,
     mechanical_modes,
     modal_damping,
     rates,
-    tip_flexibility,
 )
+from workflow.reduction import DEFAULT
 from workflow.schemes import Scheme
 from workflow.study import Cell, ResolvedValue, Study, resolved_values
 
@@ -46,32 +46,6 @@ _STRUCTURES_SHOWN = 8
 
 _LOOKED_AT = 5000
 """Settings of the operators that are judged for what to beware of, at about 0.2 ms each."""
-
-
-@dataclass(frozen=True)
-class Figures:
-    """What a structure comes to.
-
-    Attributes
-    ----------
-    label
-        Which structure.
-    first_frequency
-        f1, Hz; 0 for a free body.
-    tip_stiffness
-        1/S, N/m; 0 for a free body.
-    slowest, fastest
-        Longest and shortest thermal time 1/μ, s; ``inf`` for an adiabatic mode.
-    critical_alpha
-        α_c, m/s.
-    """
-
-    label: str
-    first_frequency: float
-    tip_stiffness: float
-    slowest: float
-    fastest: float
-    critical_alpha: float
 
 
 @dataclass(frozen=True)
@@ -102,10 +76,12 @@ class Plan:
         Names of the histories that are stored, without metrics; none for metrics alone.
     structures
         Figures of the first distinct structures.
+    more_structures
+        Number of the others.
     choices
         Counts of modes that a tolerance decides, for which structures, and the error found.
     operators
-        What the schemes step the first distinct structures by, where there is a choice.
+        What the schemes step the distinct structures by, where there is a choice, and how many more there are.
     warnings
         What to beware of, one sentence each.
     """
@@ -125,25 +101,10 @@ class Plan:
     bytes: int
     stored: tuple[str, ...]
     structures: tuple[Figures, ...]
+    more_structures: int
     choices: tuple[str, ...]
     operators: tuple[str, ...]
     warnings: tuple[str, ...]
-
-
-def figures(label: str, cell: Cell) -> Figures:
-    """Return what the full structure of a cell comes to."""
-    structure = structure_of(cell.scene.model, cell.scene.parameters)
-    with np.errstate(divide="ignore"):
-        times = 1.0 / rates(structure)
-    flexibility = tip_flexibility(structure)
-    return Figures(
-        label=label,
-        first_frequency=float(frequencies(structure)[0] / (2 * np.pi)),
-        tip_stiffness=0.0 if np.isinf(flexibility) else 1.0 / flexibility,
-        slowest=float(times.max()),
-        fastest=float(times.min()),
-        critical_alpha=critical_alpha(structure),
-    )
 
 
 def plan_study(study: Study) -> Plan:
@@ -168,9 +129,11 @@ def _plan(grid: Grid, units: Units) -> Plan:
     marching = np.array(
         [grid.sampling.steps(cell.h) if "h" in schemes.load(cell.scheme.method).READS else 0 for cell in cells]
     )
-    structures = np.unique(grid.alike(computed, lambda path: path.startswith(f"scene.{model}.")))[:_STRUCTURES_SHOWN]
-    shown = [grid.settings(int(outer)) for outer in structures]
-    cautions = [caution for outer in _looked_at(computed) for caution in _beware(grid, grid.settings(outer))]
+    structures = np.unique(grid.alike(computed, lambda path: path.startswith(f"scene.{model}.")))
+    shown = [grid.settings(int(outer)) for outer in structures[:_STRUCTURES_SHOWN]]
+    looked_at = [grid.settings(outer) for outer in _looked_at(computed)]
+    bases = len(set(map(_basis, looked_at)))
+    cautions = [caution for cell in looked_at for caution in _beware(grid, cell)]
     idle = tuple(
         f"{dimension.name} changes nothing: no scheme of this study reads it, its cases are the same"
         for dimension in (*grid.outer, *grid.inner)
@@ -197,37 +160,25 @@ def _plan(grid: Grid, units: Units) -> Plan:
         time=estimate(grid, units),
         bytes=result_bytes(grid),
         stored=tuple(grid.study.output.histories),
-        structures=tuple(
-            figures(f"{model}, {models.sizes(model, cell.scene.parameters)[0]} nodes{_condensed(cell)}", cell)
-            for cell in shown
-        ),
+        structures=tuple(map(figures, shown)),
+        more_structures=len(structures) - len(shown),
         choices=choice_lines(grid),
-        operators=(*_operators(grid, computed), *_factors(shown)),
-        warnings=idle + tuple(choice_cautions(grid)) + scene_cautions(grid) + _sentences(cautions),
+        operators=(*listed(_operators(grid, computed), _STRUCTURES_SHOWN), *_factors(shown)),
+        warnings=idle + tuple(choice_cautions(grid)) + scene_cautions(grid) + _sentences(cautions, bases),
     )
 
 
-def _condensed(cell: Cell) -> str:
-    """Return how many degrees of freedom follow the others, having no mass or heat capacity; empty for none."""
-    coordinates = structure_of(cell.scene.model, cell.scene.parameters).coordinates
-    counts = (0, 0) if coordinates is None else coordinates.condensed
-    kinds = zip(counts, ("without mass", "without heat capacity"), strict=True)
-    return "".join(f" + {count} {kind}, condensed" for count, kind in kinds if count)
-
-
-def _operators(grid: Grid, computed: Indices) -> tuple[str, ...]:
-    """Return what the first distinct structures and those of references are stepped by, where a scheme has a choice."""
+def _operators(grid: Grid, computed: Indices) -> Iterator[str]:
+    """Yield what structures and those of references are stepped by, where a scheme has a choice."""
     names, model = ("scheme", "reduction", "mechanical_modes", "thermal_modes"), grid.study.scene.model
     places = np.unique(grid.alike(computed, lambda path: path in names or path.startswith(f"scene.{model}.")))
-    operators: dict[str, None] = {}
-    for outer in places[:_STRUCTURES_SHOWN]:
-        own, truth = grid.settings(int(outer)), grid.study.reference is not None
-        for cell in (own, reference_cell(grid, int(outer))) if truth else (own,):
+    for outer in _looked_at(places):
+        own, truth = grid.settings(outer), grid.study.reference is not None
+        for cell in (own, reference_cell(grid, outer)) if truth else (own,):
             scheme = schemes.load(cell.scheme.method)
             name = "" if scheme.operator_name is None else scheme.operator_name(reduced_structure(cell))
             if name:
-                operators[f"{cell.scheme.method}: {name}"] = None
-    return tuple(operators)
+                yield f"{cell.scheme.method}: {name}"
 
 
 def _factors(cells: list[Cell]) -> Iterator[str]:
@@ -259,8 +210,12 @@ def _free_modes(by: Reduced) -> tuple[Array, Array, Array]:
 
 @dataclass(frozen=True)
 class _Caution:
-    """One thing to beware of: ``what`` it is, for which scheme and step, and how much of it (empty for any step)."""
+    """One thing to beware of: ``what`` it is, for which scheme and step, and how much of it (empty for any step).
 
+    ``basis`` names the reduced model of which it is said.
+    """
+
+    basis: str
     scheme: str
     what: str
     h: float
@@ -274,11 +229,11 @@ def _beware(grid: Grid, cell: Cell) -> list[_Caution]:
     structure = reduced_structure(cell)
     if isinstance(structure, Chain) and not structure.has_matrices and scheme.is_swept is None:
         what = f"fails, as only moreau steps more than {MOST_NODES_WITH_MATRICES} nodes, with"
-        return [_Caution(cell.scheme.label, what, cell.h, f"{structure.mechanical_size} nodes", 0.0)]
+        return [_Caution(_basis(cell), cell.scheme.label, what, cell.h, f"{structure.mechanical_size} nodes", 0.0)]
     refusal = scheme.refusal(structure, cell.scheme.options)
     if refusal is not None:
         basis = f" with {cell.reduction}" if structure.has_massless_tip else ""
-        return [_Caution(cell.scheme.label, f"fails{basis}, as {refusal}", cell.h, "", 0.0)]
+        return [_Caution(_basis(cell), cell.scheme.label, f"fails{basis}, as {refusal}", cell.h, "", 0.0)]
     if "h" not in scheme.READS or scheme.amplification is None or scheme.thermal_amplification is None:
         return []
     omega, damping, mu = _free_modes(reduced(cell))
@@ -287,7 +242,7 @@ def _beware(grid: Grid, cell: Cell) -> list[_Caution]:
     growth = float(max(free.max(initial=0.0), heat.max(initial=0.0)))
 
     def caution(what: str, amount: str, size: float) -> _Caution:
-        return _Caution(cell.scheme.label, what, cell.h, amount, size)
+        return _Caution(_basis(cell), cell.scheme.label, what, cell.h, amount, size)
 
     if growth > 1 + _GROWS:
         return [caution("diverges, its free step grows", f"{growth:.6g}-fold", growth)]
@@ -309,10 +264,9 @@ def _beware(grid: Grid, cell: Cell) -> list[_Caution]:
         physical = float(damping[0] / (2 * omega[0]))
         numerical = _first_mode_damping(scheme, omega[:1], damping[:1], cell) - physical
         if numerical > physical + _GROWS:
-            what = (
-                f"damps the first mode ({omega[0] / (2 * np.pi):.4g} Hz) more than its own {physical:.2g} of critical"
-            )
-            cautions.append(caution(f"{what}, numerically by", f"{numerical:.2g}", numerical))
+            own = f"more than its own {physical:.2g} of critical" if physical else "which has no damping of its own"
+            what = f"damps the first mode ({omega[0] / (2 * np.pi):.4g} Hz) {own}, numerically by"
+            cautions.append(caution(what, f"{numerical:.2g}", numerical))
     frequency = fastest(grid)
     if frequency * cell.h * _COARSE > 1:
         per_period = 1 / (frequency * cell.h)
@@ -333,17 +287,33 @@ def _listed(amounts: list[str]) -> str:
     return ", ".join(amounts) if len(amounts) <= 6 else f"{amounts[0]} to {amounts[-1]} ({len(amounts)} steps)"
 
 
-def _sentences(cautions: list[_Caution]) -> tuple[str, ...]:
-    """Return one sentence per scheme and kind, with the largest amount at each step."""
+def _basis(cell: Cell) -> str:
+    """Name the reduced model of a cell."""
+    modes = f"{cell.mechanical_modes} + {cell.thermal_modes} modes"
+    return modes if cell.reduction == DEFAULT else f"{modes} of {cell.reduction}"
+
+
+def _sentences(cautions: list[_Caution], bases: int) -> tuple[str, ...]:
+    """Return one sentence per scheme and kind, with the largest amount at each step.
+
+    What holds for some of the study's ``bases`` only is said with the basis of which it holds most.
+    """
+    concerned: dict[tuple[str, str, float], set[str]] = {}
     worst: dict[tuple[str, str], dict[float, _Caution]] = {}
     for caution in cautions:
         kind = caution.what.split(" (")[0]  # the same first mode differs by a hair between reductions
         at = worst.setdefault((caution.scheme, kind), {})
+        concerned.setdefault((caution.scheme, kind, caution.h), set()).add(caution.basis)
         if caution.h not in at or caution.size > at[caution.h].size:
             at[caution.h] = caution
+
+    def amount(kind: tuple[str, str], caution: _Caution) -> str:
+        some = len(concerned[*kind, caution.h]) < bases
+        return f"{caution.amount} at h = {caution.h:g} s" + (f" ({caution.basis})" if some else "")
+
     sentences = (
-        f"{scheme} {max(at.values(), key=lambda c: c.size).what} "
-        + _listed([f"{caution.amount} at h = {h:g} s" for h, caution in sorted(at.items()) if caution.amount])
-        for (scheme, _), at in worst.items()
+        f"{kind[0]} {max(at.values(), key=lambda c: c.size).what} "
+        + _listed([amount(kind, caution) for _, caution in sorted(at.items()) if caution.amount])
+        for kind, at in worst.items()
     )
     return tuple(sentence.rstrip() for sentence in sentences)

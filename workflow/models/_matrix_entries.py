@@ -125,7 +125,8 @@ def direction(chosen: str | int | None, name: str, entries: Entries, labels: Seq
 def _remedy(entries: Entries, labels: Sequence[str], size: int) -> str:
     vectors = [name for name in entries if name not in (*MATRICES, *LABELS)]
     some = [f"`{text}`" for text in (*vectors, *labels[:5])]
-    return f"write {', '.join(some)}{', …' if len(labels) > 5 else ''} or an index from 0 to {size - 1}"
+    named = f"{', '.join(some)}{', …' if len(labels) > 5 else ''} or " if some else ""
+    return f"write {named}an index from 0 to {size - 1}"
 
 
 def _nonzero(name: str, values: Array) -> Array:

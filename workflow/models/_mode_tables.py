@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,17 @@ from workflow.models._from_matrices import UnusableMatricesError
 COLUMNS = (("frequency", "Hz"), ("damping_ratio", "1"), ("tip", "1/kg**0.5"))
 HEAT_COLUMNS = (("rate", "1/s"), ("tip", "(K/J)**0.5"))
 
+_SPELLINGS = {
+    "Hz": ("Hz",),
+    "1": ("1", "-"),
+    "1/kg**0.5": ("1/√kg", "1/sqrt(kg)", "1/kg**0.5"),
+    "1/s": ("1/s",),
+    "(K/J)**0.5": ("1/√(J/K)", "1/sqrt(J/K)", "(K/J)**0.5"),
+}
+"""How the unit of a column may stand in brackets behind its name, the first as it is asked for."""
+
+_HEADING = re.compile(r"(\w+)\s*(?:\[\s*(.*?)\s*\])?")
+
 MOST_MODES = 2000
 _MOST_BYTES = 2**25
 
@@ -23,12 +35,12 @@ _MOST_BYTES = 2**25
 def read_table(source: File | Rows, columns: Sequence[tuple[str, str]]) -> Array:
     """Return a table with a row for each mode and the columns in this order, ``(mode, column)``.
 
-    The head of a CSV file names them in any order.
+    The head of a CSV file names them in any order, with or without their units: ``frequency [Hz]``.
 
     Raises
     ------
     UnusableMatricesError
-        A column is missing, unknown or twice, or a value is no number.
+        A column is missing, unknown, twice or in another unit, or a value is no number.
     """
     names = [name for name, _ in columns]
     if not isinstance(source, File):
@@ -37,13 +49,22 @@ def read_table(source: File | Rows, columns: Sequence[tuple[str, str]]) -> Array
             raise UnusableMatricesError("the table has a different number of columns", f"write {', '.join(names)}")
         return table
     head, *lines = _lines(source)
-    headings = [word.strip() for word in head]
+    parsed = [_HEADING.fullmatch(word.strip()) for word in head]
+    headings = [match[1] if match else "" for match in parsed]
     if sorted(headings) != sorted(names):
-        raise UnusableMatricesError(
-            f"`{source.name}` has the columns {', '.join(headings)[:80]}", f"write {', '.join(names)}"
-        )
+        written = ", ".join(word.strip() for word in head)[:80]
+        raise UnusableMatricesError(f"`{source.name}` has the columns {written}", f"write {', '.join(names)}")
+    _check_units(source.name, {match[1]: match[2] for match in parsed if match}, dict(columns))
     order = [headings.index(name) for name in names]
     return _shaken(source, _table(f"`{source.name}`", _numbers(source, lines))[:, order])
+
+
+def _check_units(name: str, written: Mapping[str, str | None], units: Mapping[str, str]) -> None:
+    """Refuse a column whose heading has another unit than the one it is read in."""
+    for column, unit in written.items():
+        known = _SPELLINGS[units[column]]
+        if unit is not None and unit not in known:
+            raise UnusableMatricesError(f"`{name}` has `{column}` in {unit}", f"write `{column} [{known[0]}]`")
 
 
 def read_matrix(source: File | Rows, shape: tuple[int, int]) -> Array:

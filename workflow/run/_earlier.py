@@ -152,7 +152,7 @@ def reused_cells(study: Study, archive: Path, layout: Layout, hashes: Hashes, re
 
 
 def clear_other_parts(study: Study, parts: Path, layout: Layout, hashes: Callable[[], Hashes], drop: bool) -> None:
-    """Remove what an unfinished run of the study as it was has left, if ``drop`` is given.
+    """Remove what an unfinished run of the study as it was has left, if ``drop`` is given or it holds no case.
 
     What is left after this :func:`workflow.archive.start_parts` refuses.
 
@@ -164,12 +164,11 @@ def clear_other_parts(study: Study, parts: Path, layout: Layout, hashes: Callabl
     left = _unfinished(parts)
     if left is None or left.key == layout.key or left.attrs.get("study") != study.name:
         return
-    if drop:
-        clear_parts(parts)
-        return
-    cases, unasked = _unasked_parts(left, find_shards(parts, left), hashes())
-    if cases:
-        raise ArchiveError(_unfinished_text(parts, cases, unasked))
+    if not drop:
+        cases, unasked = _unasked_parts(left, find_shards(parts, left), hashes())
+        if cases:
+            raise ArchiveError(_unfinished_text(parts, cases, unasked))
+    clear_parts(parts)
 
 
 def check_name(study: Study, archive: Path, texts: dict[str, str]) -> None:

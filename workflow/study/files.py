@@ -15,10 +15,9 @@ def read_file(name: str, context: Mapping[str, Any], declared: Word) -> File:
     """Return a file that a study names, with the digest of its content, and of all that belongs to it."""
     directory = Path(context.get("directory", "."))
     place = Path(context.get("attached", {}).get(name, directory / name))
+    if not (place.is_file() or (declared.files is not None and place.is_dir())):  # opening a pipe would wait for ever
+        raise wrong(f"{quoted(name)} is no file", f"name a file, relative to {directory.absolute()}")
     try:
-        several = declared.files is not None
-        if not (place.is_file() or (several and place.is_dir())):  # opening a pipe would wait for ever
-            raise wrong(f"{quoted(name)} is no file", f"name a file, relative to {directory}")
         parts = (place,) if declared.files is None else declared.files(place)
         digests = [_digest(part) for part in parts]
     except OSError as error:

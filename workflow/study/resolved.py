@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import dataclasses
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
 from workflow import reduction
+from workflow.declare import File, word_of
 from workflow.study.addresses import MODES, TOLERANCE, Address, scene_values, scheme_options, settings
 from workflow.study.mistakes import StudyError
 from workflow.study.quantities import readable
@@ -32,7 +34,8 @@ class ResolvedValue:
         """The values as a line: a few of them, of many the ends."""
         texts = [f"{value:.12g}" if isinstance(value, float) else str(value) for value in self.values]
         few = texts if len(texts) <= 6 else [texts[0], texts[1], "…", f"{texts[-1]} ({len(texts)} values)"]
-        return f"{', '.join(few)} {readable(self.unit)}".rstrip()
+        words = any(isinstance(value, str) for value in self.values)  # `static` has no unit
+        return f"{', '.join(few)} {'' if words else readable(self.unit)}".rstrip()
 
 
 def resolved_values(study: Study, cell: Cell) -> tuple[ResolvedValue, ...]:
@@ -45,7 +48,7 @@ def resolved_values(study: Study, cell: Cell) -> tuple[ResolvedValue, ...]:
         **scene_values((cell.scene.model,), (len(cell.scene.casing.harmonics), len(cell.scene.load.harmonics)))
     }
     addresses |= {"scene.duration": None, **settings(tuple(labels), reduction.names()), **scheme_options(labels)}
-    resolved = []
+    resolved = list(_files(cell))
     for path, address in addresses.items():
         unit = "s" if address is None else address.unit
         if path in axes:
@@ -58,6 +61,15 @@ def resolved_values(study: Study, cell: Cell) -> tuple[ResolvedValue, ...]:
             origin: Origin = "study" if _is_written(written, path) else "default"
             resolved.append(ResolvedValue(path, _in_words(path, values), unit, origin))
     return (*resolved, *_output(study.output, written))
+
+
+def _files(cell: Cell) -> Iterator[ResolvedValue]:
+    """Yield the files and tables that the model of a case is read from, a table of the study by its size."""
+    for entry in dataclasses.fields(cell.scene.parameters):
+        word, value = word_of(entry), getattr(cell.scene.parameters, entry.name)
+        if word is not None and word.file and value is not None:
+            text = value.name if isinstance(value, File) else f"{len(value)} rows"
+            yield ResolvedValue(f"scene.{cell.scene.model}.{entry.name}", (text,), "", "study")
 
 
 def _in_words(path: str, values: tuple[Any, ...]) -> tuple[Any, ...]:

@@ -1,0 +1,78 @@
+"""Frequencies, stiffness, thermal times and critical coupling of a study's structures, for its plan."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from workflow import models
+from workflow.grid._operators import structure_of
+from workflow.models import Chain, critical_alpha, frequencies, rates, tip_flexibility
+from workflow.study import Cell
+
+
+@dataclass(frozen=True)
+class Figures:
+    """What a structure comes to.
+
+    Attributes
+    ----------
+    label
+        Which structure.
+    first_frequency
+        f1, Hz; 0 for a free body.
+    tip_stiffness
+        1/S, N/m; 0 for a free body.
+    slowest, fastest
+        Longest and shortest thermal time 1/μ, s; ``inf`` for an adiabatic mode.
+    critical_alpha
+        α_c, m/s.
+    """
+
+    label: str
+    first_frequency: float
+    tip_stiffness: float
+    slowest: float
+    fastest: float
+    critical_alpha: float
+
+
+def figures(cell: Cell) -> Figures:
+    """Return what the full structure of a cell comes to."""
+    structure = structure_of(cell.scene.model, cell.scene.parameters)
+    with np.errstate(divide="ignore"):
+        times = 1.0 / rates(structure)
+    flexibility = tip_flexibility(structure)
+    return Figures(
+        label=_label(cell),
+        first_frequency=float(frequencies(structure)[0] / (2 * np.pi)),
+        tip_stiffness=0.0 if np.isinf(flexibility) else 1.0 / flexibility,
+        slowest=float(times.max()),
+        fastest=float(times.min()),
+        critical_alpha=critical_alpha(structure),
+    )
+
+
+def _label(cell: Cell) -> str:
+    """Return the model of a cell and its size: nodes of a chain, coordinates of displacement and heat of others."""
+    mechanical, thermal = models.sizes(cell.scene.model, cell.scene.parameters)
+    is_chain = isinstance(structure_of(cell.scene.model, cell.scene.parameters), Chain)
+    size = f"{mechanical} nodes" if is_chain else f"{mechanical} + {thermal} coordinates"
+    return f"{cell.scene.model}, {size}{_condensed(cell)}"
+
+
+def _condensed(cell: Cell) -> str:
+    """Return how many degrees of freedom follow the others, having no mass or heat capacity; empty for none."""
+    coordinates = structure_of(cell.scene.model, cell.scene.parameters).coordinates
+    counts = (0, 0) if coordinates is None else coordinates.condensed
+    kinds = zip(counts, ("without mass", "without heat capacity"), strict=True)
+    return "".join(f" + {count} {kind}, condensed" for count, kind in kinds if count)
+
+
+def listed(lines: Iterable[str], most: int) -> tuple[str, ...]:
+    """Return distinct lines in their order, at most so many, and how many more there are."""
+    distinct = tuple(dict.fromkeys(lines))
+    more = len(distinct) - most
+    return distinct if more <= 0 else (*distinct[:most], f"… and {more} more")
