@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.kernels.lanes import fill_lanes, lane_rows
+from workflow.kernels.lanes import lane_rows
 from workflow.kernels.sums import product, total
 from workflow.models import Array, Cases, Structure, project
 from workflow.schemes._fixed import balance, case_row, total_row
@@ -57,7 +57,7 @@ class Terms(NamedTuple):
 
 
 class Books:
-    """The balances of a batch: :meth:`open` them for a block, :meth:`close` them after it, read :meth:`residuals`.
+    """The balances of a batch: lanes :attr:`filled` for a block, :meth:`close` after it, :meth:`residuals` at the end.
 
     Attributes
     ----------
@@ -92,11 +92,11 @@ class Books:
         """Rows of lanes that balances add to a step's."""
         return balance.SUM_ROWS + int(self.audit.pulled.shape[0] + self.audit.former.shape[0])
 
-    def open(self, part: slice) -> None:
-        """Put what some cases begin with in the lanes."""
-        fill_lanes(self.audit.sums, self._sums[:, part])
-        self.audit.pulled[:] = 0.0
-        fill_lanes(self.audit.former, self._speed[:, part])
+    @property
+    def filled(self) -> list[tuple[Array, Array]]:
+        """Rows of lanes, and what all cases begin with in them."""
+        pulled = np.zeros((self.audit.pulled.shape[0], self._sums.shape[1]))
+        return [(self.audit.sums, self._sums), (self.audit.former, self._speed), (self.audit.pulled, pulled)]
 
     def close(self, part: slice, state: State) -> None:
         """Keep what the lanes of some cases ended with."""

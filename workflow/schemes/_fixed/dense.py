@@ -19,17 +19,17 @@ import numpy as np
 from workflow.kernels import Array
 from workflow.kernels.complex_numbers import magnitude
 from workflow.kernels.eigen import eigenvalues
-from workflow.kernels.lanes import ROW, fill_lanes, lane_rows
+from workflow.kernels.lanes import ROW, lane_rows
 from workflow.kernels.solving import inverse
 from workflow.kernels.sums import product
 from workflow.models import NO_HARMONICS, Cases, Structure, mechanical_modes, needs_matrices, project, static_tip_growth
 from workflow.schemes._fixed import case_row, tip_row
 from workflow.schemes._fixed.central import Differences
 from workflow.schemes._fixed.contact import Contact, TipStep
-from workflow.schemes._fixed.dense_balance import account_of, no_account, open_account
+from workflow.schemes._fixed.dense_balance import account_of, no_account
 from workflow.schemes._fixed.dense_march import ACTS_SPEED, DenseState, FreeStep
 from workflow.schemes._fixed.drive import drive_of
-from workflow.schemes._fixed.march import fill_law, law_lanes
+from workflow.schemes._fixed.march import law_lanes
 from workflow.schemes._fixed.outcome import ROUNDING, Outcome, effective_restitution, judged
 from workflow.schemes._fixed.sliding import friction_message
 from workflow.schemes._fixed.stepping import Ended, Watch, block_lanes, blocks, collect, watch
@@ -149,7 +149,7 @@ def _marched(operator: DenseOperator, cases: Cases, sampling: Sampling) -> Resul
     law, own = contact.law(free.tip.h, cases, kick[:, -1]), np.zeros((case_row.ROWS, count))
     own[case_row.ALPHA], own[case_row.AHEAD] = cases.alpha, cases.displacement[:, -1]
     own[case_row.HALF] = states[:, 2 * kick.shape[1] - 1]
-    account = account_of(structure) if sampling.balances else no_account()
+    account, filled = account_of(structure, cases) if sampling.balances else (no_account(), [])
     lanes = DenseState(
         own=lane_rows(case_row.ROWS),
         states=lane_rows(states.shape[1]),
@@ -160,28 +160,21 @@ def _marched(operator: DenseOperator, cases: Cases, sampling: Sampling) -> Resul
         before=lane_rows(kick.shape[1]),
         acts=lane_rows(ACTS_SPEED + 1),
     )
-    laws, reached, last = law_lanes(law), np.zeros((count, heats)), np.zeros((count, heats))
+    laws, taken = law_lanes(law)
+    filled += [*taken, (lanes.own, own), (lanes.states, states.T), (lanes.kick, kick.T), (lanes.push, push.T)]
+    filled.append((lanes.shown[1], cases.temperature.T))
+    reached, last = np.zeros((2, count, heats))
     totals = np.zeros((account.totals.shape[0], count))
-    for part, block in blocks(watched, block_lanes(4 * states.shape[1])):
-        some, filled = cases.take(part), part.stop - part.start
-        fill_law(laws, law, part)
-        for target, values in ((lanes.own, own[:, part]), (lanes.states, states[part].T), (lanes.kick, kick[part].T)):
-            fill_lanes(target, values)
-        fill_lanes(lanes.push, push[part].T)
-        fill_lanes(lanes.shown[1], cases.temperature[part].T)
-        if sampling.balances:
-            open_account(account, structure, some)
-        for first, loads in _loads(free, some, watched.schedule.steps):
+    for part, block in blocks(watched, block_lanes(4 * states.shape[1]), *filled):
+        for first, loads in _loads(free, cases.take(part), watched.schedule.steps):
             contact.kernels.matrices(free, laws, lanes, block, account, loads, first)
-        own[:, part], totals[:, part] = lanes.own[:, :filled], account.totals[:, :filled]
-        before, after = lanes.shown[..., :filled].swapaxes(1, 2)
+        size = part.stop - part.start
+        own[:, part], totals[:, part] = lanes.own[:, :size], account.totals[:, :size]
+        before, after = lanes.shown[..., :size].swapaxes(1, 2)
         last[part], reached[part] = after, watched.reached(before, after)
     balances = effective_restitution(own) if contact.rebounds else {}
     if sampling.balances:
-        balances |= residuals(
-            totals,
-            content_of(structure.content, cases.temperature, last, cases.heating, watched.elapsed, in_order),
-        )
+        balances |= residuals(totals, content_of(structure.content, cases, last, watched.elapsed, in_order))
     closing = project(static_tip_growth(structure)[None, :], reached)[:, 0]
     return collect(Ended(watched, closing, balances), *_judged(operator, cases, kick[:, -1], watched))
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from workflow.kernels import Array
 from workflow.kernels.compiled import part
-from workflow.kernels.lanes import fill_lanes, lane_rows
+from workflow.kernels.lanes import lane_rows
 from workflow.models import Cases, Structure, directions
 from workflow.schemes._fixed import total_row
 
@@ -104,10 +104,10 @@ def lose(account: Account, h: float, before: Array, after: Array, lanes: int) ->
         account.totals[total_row.TURNED_OVER, lane] += abs(h * flow)
 
 
-def account_of(structure: Structure) -> Account:
-    """Return an account of a structure, which :func:`open_account` opens for some cases."""
+def account_of(structure: Structure, cases: Cases) -> tuple[Account, list[tuple[Array, Array]]]:
+    """Return an account of a structure, and its rows of lanes with what they take at the beginning, ``(row, case)``."""
     n, heats = structure.mechanical_size, structure.thermal_size
-    return Account(
+    account = Account(
         structure.mass,
         structure.stiffness_matrix,
         structure.damping_matrix,
@@ -116,15 +116,10 @@ def account_of(structure: Structure) -> Account:
         structure.loss_row,
         *(lane_rows(rows) for rows in (n, n, 2 * n + heats, 2 * n, total_row.ROWS)),
     )
+    pushes, none = directions(structure, cases.friction).T, np.zeros((total_row.ROWS, cases.count))
+    return account, [(account.contact, pushes), (account.steady, cases.steady.T), (account.totals, none)]
 
 
 def no_account() -> Account:
     """Return what stands for an account where no balances are asked for."""
     return Account(*np.zeros((4, 0, 0)), *np.zeros((2, 0)), *(lane_rows(0) for _ in range(5)))
-
-
-def open_account(account: Account, structure: Structure, cases: Cases) -> None:
-    """Set the account to zero, for up to ``LANES`` cases."""
-    fill_lanes(account.contact, directions(structure, cases.friction).T)
-    fill_lanes(account.steady, cases.steady.T)
-    account.totals[:] = 0.0

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workflow.kernels.compiled import by_type, inlined
-from workflow.kernels.lanes import PACK, WIDE, fill_lanes, lane_rows
+from workflow.kernels.lanes import PACK, WIDE, lane_rows
 from workflow.kernels.packs import Lane, Pack, broad, broadest, narrow, pack, wide
 from workflow.kernels.sums import product
 from workflow.models import Array, Cases
@@ -161,37 +161,29 @@ def case_rows(cases: Cases, begun: Motion) -> Array:
     return own
 
 
-def law_lanes(law: Law) -> Law:
-    """Return a law whose coefficients ``(case,)`` are rows of lanes, which :func:`fill_law` fills."""
-    each = law._asdict().items()
-    return law._replace(**{name: lane_rows() for name, value in each if isinstance(value, np.ndarray)})
-
-
-def fill_law(lanes: Law, law: Law, part: slice) -> None:
-    """Put a law's coefficients of some cases in the lanes."""
-    for row, values in zip(lanes, law, strict=True):
-        if isinstance(values, np.ndarray):
-            fill_lanes(row, values[part])
+def law_lanes(law: Law) -> tuple[Law, list[tuple[Array, Array]]]:
+    """Return a law whose coefficients ``(case,)`` are rows of lanes, and each of these with what it takes."""
+    each = {name: values for name, values in law._asdict().items() if isinstance(values, np.ndarray)}
+    lanes = law._replace(**{name: lane_rows() for name in each})
+    return lanes, [(getattr(lanes, name), values) for name, values in each.items()]
 
 
 def march_blocks(batch: Batch, watched: Watch, duration: float) -> Ended:
     """Step all cases in blocks."""
     modal, begun, operator, books = batch.modal, batch.begun, batch.operator, batch.books
     motion, tau = by_mode(batch.speed.T, batch.place.T), (begun.heat * modal.heat_scale).T
-    lanes, before, law = lane_rows(tau.shape[0]), lane_rows(tau.shape[0]), law_lanes(batch.law)
+    lanes, before = lane_rows(tau.shape[0]), lane_rows(tau.shape[0])
     paired = before if operator.heat_counts else lanes
     state = State(lane_rows(case_row.ROWS), lane_rows(*motion.shape[:2]), lanes, before, paired)
+    law, filled = law_lanes(batch.law)
+    filled += [(state.own, batch.own), (state.motion, motion), (state.tau, tau)]
     audit = None if books is None else books.audit
     closing = begun.closing + begun.closing_rate * duration
     growth = modal.static_growth / modal.heat_scale
-    rows = 2 * motion.shape[0] + tau.shape[0] + (0 if books is None else books.rows)
-    for part, block in stepping.blocks(watched, stepping.block_lanes(rows)):
-        if books is not None:
-            books.open(part)
-        fill_law(law, batch.law, part)
-        fill_lanes(state.own, batch.own[:, part])
-        fill_lanes(state.motion, motion[..., part])
-        fill_lanes(state.tau, tau[..., part])
+    rows = 2 * motion.shape[0] + tau.shape[0]
+    if books is not None:
+        rows, filled = rows + books.rows, filled + books.filled
+    for part, block in stepping.blocks(watched, stepping.block_lanes(rows), *filled):
         batch.contact.kernels.modes(operator, law, state, block, audit)
         if books is not None:
             books.close(part, state)

@@ -16,7 +16,7 @@ from workflow.models import Cases, Structure, directions, project
 from workflow.schemes._fixed import total_row
 from workflow.schemes._fixed.books import felt_modes, largest_load, rest_energy
 from workflow.schemes._fixed.decoupled import decouple, start
-from workflow.schemes._fixed.totals import content_of, in_order, residuals
+from workflow.schemes._fixed.totals import content_of, in_order, residuals, row_totals
 
 States = tuple[Array, Array, Array]
 """Displacement and velocity ``(case, mechanical)``, temperature ``(case, thermal)``."""
@@ -28,7 +28,7 @@ class PlainBalance:
     def __init__(self, structure: Structure, cases: Cases, h: float, coupled: bool) -> None:
         self._structure, self._cases, self._h, self._step = structure, cases, h, 0
         self._motion = (_InMatrices if coupled else _InModes)(structure, cases, h)
-        self._row_sums = in_order if coupled else _row_sums
+        self._row_sums = in_order if coupled else row_totals
         self._totals = np.zeros((total_row.ROWS, cases.count))
         self._keep(self._motion.first)
         self._totals[total_row.FIRST_ENERGY] = self._motion.first
@@ -52,14 +52,9 @@ class PlainBalance:
     @np.errstate(over="ignore", invalid="ignore")
     def residuals(self, last: States) -> dict[str, Array]:
         """Return ``energy_residual`` and ``heat_residual``; 0 where there is no energy, or no heat turned over."""
-        cases, elapsed = self._cases, self._step * self._h
-        content, sums = self._structure.content, self._row_sums
-        heat = content_of(content, cases.temperature, last[2], cases.heating, elapsed, sums)
+        content, sums, elapsed = self._structure.content, self._row_sums, self._step * self._h
+        heat = content_of(content, self._cases, last[2], elapsed, sums)
         return residuals(self._totals, heat, self._motion.rest(elapsed))
-
-
-def _row_sums(terms: Array) -> Array:
-    return total(terms, 1)
 
 
 class _InMatrices:

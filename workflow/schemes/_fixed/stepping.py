@@ -203,15 +203,18 @@ def block_lanes(rows: int) -> int:
     return cached_lanes(rows + tip_row.ROWS + tip_load.LOAD_ROWS)
 
 
-def blocks(watched: Watch, most: int) -> Iterator[tuple[slice, Block]]:
+def blocks(watched: Watch, most: int, *filled: tuple[Array, Array]) -> Iterator[tuple[slice, Block]]:
     """Cut the batch into blocks of ``most`` cases, and copy the counts of each when the next one is asked for.
 
-    All blocks share one set of lane arrays, which stays in the processor's cache.
+    All blocks share one set of lane arrays, which stays in the processor's cache. ``filled`` are rows of lanes, each
+    with the values ``(…, case)`` that it takes at the beginning of each block.
     """
     load, tip, samples = lane_rows(tip_load.LOAD_ROWS), lane_rows(tip_row.ROWS), watched.record.samples
     drive = drive_lanes(watched.drive)
     for part in parts(watched.cases.count, most):
         fill_drive(drive, watched.drive, part)
+        for lanes, values in filled:
+            fill_lanes(lanes, values[..., part])
         yield part, block_of(watched, part, load, tip, samples)._replace(drive=drive)
         watched.tip[:, part] = tip[:, : part.stop - part.start]
 

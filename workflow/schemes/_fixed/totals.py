@@ -12,12 +12,13 @@ and 0 where the denominator is 0.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from workflow.kernels import Array
 from workflow.kernels.sums import product, total
+from workflow.models import Cases
 from workflow.schemes._fixed import total_row
 
 
@@ -32,20 +33,25 @@ class Content(NamedTuple):
     """Q = ∫Σq."""
 
 
-def content_of(
-    content: Array, first: Array, last: Array, heating: Array, elapsed: float, sums: Callable[[Array], Any] = total
-) -> Content:
-    """Return the heat content of temperatures at t = 0 and at the end, K, under a constant ``heating``, W.
-
-    ``content`` is J/K of each temperature; ``sums`` adds those of a case, or of each case.
-    """
-    initial = content * first
-    return Content(sums(content * last - initial), sums(np.abs(initial)), elapsed * sums(heating))
+def row_totals(terms: Array) -> Array:
+    """Return the sums of rows, ``(row,)``."""
+    return total(terms, 1)
 
 
 def in_order(terms: Array) -> Array:
     """Return the sums of rows, added in their order, ``(row,)``."""
     return product(terms, np.ones(terms.shape[1]))
+
+
+def content_of(
+    content: Array, cases: Cases, last: Array, elapsed: float, sums: Callable[[Array], Array] = row_totals
+) -> Content:
+    """Return the heat content of cases with the temperatures ``last`` after ``elapsed`` seconds, K.
+
+    ``content`` is J/K of each temperature; ``sums`` adds up each case.
+    """
+    initial = content * cases.temperature
+    return Content(sums(content * last - initial), sums(np.abs(initial)), elapsed * sums(cases.heating))
 
 
 def residuals(totals: Array, content: Content, rest: Array | float = 0.0) -> dict[str, Array]:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.kernels.compiled import inlined
-from workflow.kernels.lanes import ROW, fill_lanes, lane_rows
+from workflow.kernels.lanes import ROW, lane_rows
 from workflow.kernels.packs import narrow, pack, spread
 from workflow.kernels.sums import total
 from workflow.models import Array, Cases
 from workflow.schemes._fixed import case_row, tip_row, total_row
 from workflow.schemes._fixed.contact import Free, Law, TipStep, meet
 from workflow.schemes._fixed.drive import drive_of, turn_drive
-from workflow.schemes._fixed.march import fill_law, law_lanes
+from workflow.schemes._fixed.march import law_lanes
 from workflow.schemes._fixed.marks import Block
 from workflow.schemes._fixed.stepping import Ended, blocks, count_stored, load_impulse, step_at, store_end, watch
 from workflow.schemes._fixed.theta_method import Operator
@@ -80,26 +80,25 @@ def sweep(operator: Operator, law: Law, cases: Cases, sampling: Sampling, heated
         last, h, theta, lever, heated, step, node_rows(node_row.ROWS, last), node_rows(node_row.LOAD_ROWS, last)
     )
     account = Account(weights(chain) if sampling.balances else np.zeros((0, 0)), np.zeros(total_row.ROWS))
-    own, lanes, closing = lane_rows(case_row.ROWS), law_lanes(law), np.zeros(cases.count)
-    balances: dict[str, Array] = {}
-    rows, inside = np.zeros((case_row.ROWS, cases.count)), slice(1, last + 1)
+    lanes, filled = law_lanes(law)
+    own, rows, inside = lane_rows(case_row.ROWS), np.zeros((case_row.ROWS, cases.count)), slice(1, last + 1)
     rows[case_row.ALPHA] = cases.alpha
-    for part, block in blocks(watched, most=1):
+    closing, heat, totals = (
+        np.zeros(cases.count),
+        np.zeros((cases.count, last)),
+        np.zeros((total_row.ROWS, cases.count)),
+    )
+    for part, block in blocks(watched, 1, (own, rows), *filled):
         case = part.start
-        fill_law(lanes, law, part)
-        fill_lanes(own, rows[:, part])
         _fill(nodes, stepped, case)
         operator.contact.kernels.nodes(nodes, lanes, own, block, account)
-        tau = nodes.state[node_row.TAU, inside]
+        heat[case], totals[:, case] = nodes.state[node_row.TAU, inside], account.totals
         if heated:
             in_last_step = (
                 nodes.state[node_row.WARMED, inside] + own[case_row.HEAT, 0] * step[step_row.HEAT_ANSWER, inside]
             )
-            closing[case] = total(swept.static_growth * (tau - (1 - watched.schedule.weight[-1]) * in_last_step))
-        if sampling.balances:
-            content = content_of(
-                chain.heat_capacities, cases.temperature[case], tau, cases.heating[case], watched.elapsed
-            )
-            for name, residual in residuals(account.totals, content).items():
-                balances.setdefault(name, np.zeros(cases.count))[case] = residual
+            closing[case] = total(swept.static_growth * (heat[case] - (1 - watched.schedule.weight[-1]) * in_last_step))
+    balances = {}
+    if sampling.balances:
+        balances = residuals(totals, content_of(chain.heat_capacities, cases, heat, watched.elapsed))
     return Ended(watched, closing, balances)
