@@ -322,3 +322,44 @@ def test_a_tip_at_rest_at_a_gap_of_zero_creates_no_energy(scheme: str, root: str
     results = solved(text)
     assert np.abs(results.values["displacement"]).max() < 1e-15
     assert results.values["status"][0] == Status.OK, results.messages
+
+
+SEEN = """
+study: a
+scene:
+  chain: {{nodes: 1, mass: 0.1, stiffness: 0, heat_capacity: 1}}
+  casing: {{gap: 0, harmonics: [{{amplitude: {amplitude}, frequency: 500 Hz}}]}}
+  load: {{steady: 0.981}}
+  initial: {{displacement: {start}}}
+  duration: 0.24 s
+schemes: {{half: {{method: moreau, theta: {theta}}}}}
+axes: {{scheme: half, h: {h}}}
+output: {{interval: 1 ms}}
+"""
+
+
+def seen(**values: Any) -> Solved:
+    usual = {"amplitude": 1e-5, "start": -1e-4, "theta": 0.5, "h": 1.0002e-3}
+    return solved(SEEN.format(**{**usual, **values}))
+
+
+def test_a_step_of_half_the_casing_s_period_is_not_ok() -> None:
+    """θ = 1/2 at two steps to the period: the casing of 31 mm/s is seen to move at 100 m/s; balances leave nothing."""
+    thrown = seen()
+    assert np.abs(thrown.values["displacement"]).max() > 1e-2
+    assert abs(thrown.values["energy_residual"][0]) < 1e-9
+    assert thrown.values["status"][0] == Status.DIVERGED
+    assert "500 Hz" in thrown.messages[0]
+    sound = seen(h=float(thrown.messages[0].split("h = ")[2].split()[0]))
+    assert sound.values["status"][0] == Status.OK
+    assert np.abs(sound.values["displacement"]).max() < 1e-3
+
+
+def test_a_casing_that_the_step_makes_faster_harms_no_tip_that_it_does_not_reach() -> None:
+    far = seen(start=-2.0)
+    assert far.values["impacts"][0] == 0
+    slight = seen(amplitude=1e-12)
+    assert slight.values["impacts"][0] > 0
+    assert not far.values["status"][0]
+    assert not slight.values["status"][0]
+    assert not seen(theta=1.0).values["status"][0]

@@ -84,7 +84,7 @@ def _prox(h: float, cases: Cases, w: Array) -> Prox:
 
 
 KERNELS = kernels_of(__name__)
-CONTACT = Contact(KERNELS, _prox, contact.delassus_alone, "W")
+CONTACT = Contact(KERNELS, _prox, contact.delassus_alone, "W", takes_velocities=True)
 
 
 def operator_name(structure: Structure) -> str:

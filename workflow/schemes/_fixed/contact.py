@@ -59,6 +59,8 @@ class Contact:
         Whether it gives the metric ``effective_restitution``.
     judges_heat
         Whether a free heat step that grows ends cases that carry no heat too (θ-method in modes, θ < 1/2).
+    takes_velocities
+        Whether the tip leaves by the casing's velocity as a step sees it.
     """
 
     kernels: Kernels
@@ -67,6 +69,7 @@ class Contact:
     name: str
     rebounds: bool = False
     judges_heat: bool = True
+    takes_velocities: bool = False
 
 
 def delassus_alone(h: float, w: Any) -> Any:

@@ -31,6 +31,7 @@ from workflow.schemes._fixed.dense_march import ACTS_SPEED, DenseState, FreeStep
 from workflow.schemes._fixed.drive import drive_of
 from workflow.schemes._fixed.march import law_lanes
 from workflow.schemes._fixed.outcome import ROUNDING, Outcome, effective_restitution, judged
+from workflow.schemes._fixed.seen_casing import with_casing_seen
 from workflow.schemes._fixed.sliding import friction_message
 from workflow.schemes._fixed.stepping import Ended, Watch, block_lanes, blocks, collect, watch
 from workflow.schemes._fixed.totals import content_of, in_order, residuals
@@ -176,7 +177,8 @@ def _marched(operator: DenseOperator, cases: Cases, sampling: Sampling) -> Resul
     if sampling.balances:
         balances |= residuals(totals, content_of(structure.content, cases, last, watched.elapsed, in_order))
     closing = project(static_tip_growth(structure)[None, :], reached)[:, 0]
-    return collect(Ended(watched, closing, balances), *_judged(operator, cases, kick[:, -1], watched))
+    outcome = with_casing_seen(watched, contact, _judged(operator, cases, kick[:, -1], watched))
+    return collect(Ended(watched, closing, balances), *outcome)
 
 
 def _drive_theta(free: FreeStep) -> float:
