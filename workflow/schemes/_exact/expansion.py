@@ -159,11 +159,8 @@ def accumulate(r: Response, x: Expansion) -> None:
         s0, s1 = d[expansion.D0, k], d[expansion.D1, k]
         d[expansion.TAIL_SLOPE, k] = np.sqrt(b[block.STIFFNESS, k] * s0 * s0 + s1 * s1)
     for k in range(r.blocks - 1):
-        sums[expansion.D0, k + 1] = sums[expansion.D0, k] + d[expansion.D0, k]
-        sums[expansion.D1, k + 1] = sums[expansion.D1, k] + d[expansion.D1, k]
-        sums[expansion.D2, k + 1] = sums[expansion.D2, k] + d[expansion.D2, k]
-        sums[expansion.D3, k + 1] = sums[expansion.D3, k] + d[expansion.D3, k]
-        sums[expansion.FOURTH, k + 1] = sums[expansion.FOURTH, k] + d[expansion.FOURTH, k]
+        for row in range(expansion.FOURTH + 1):
+            sums[row, k + 1] = sums[row, k] + d[row, k]
     for k in range(r.blocks - 1, -1, -1):
         slope = d[expansion.TAIL_SLOPE, k]
         sums[expansion.TAIL, k] = sums[expansion.TAIL, k + 1] + slope * b[block.INVERSE_OMEGA, k]
