@@ -226,3 +226,8 @@ def test_load_periods_that_are_alike_are_a_level_line(wide: Any, tmp_path: Path)
         assert high - low > 0.9e-3 * impulse.max()
         text = wide.execute_script("return document.getElementById('periods-about').textContent")
         assert ("of the largest." in text) == alike
+        script = MODEL + "const axis = model('periods_y'); return [axis.ticker.ticks, [...axis.major_label_overrides]]"
+        ticks, labels = wide.execute_script(script)
+        assert 3 <= len(ticks) <= 7
+        assert len({label for _, label in labels}) == len(ticks)
+        assert [float(label) for _, label in labels] == pytest.approx(ticks, rel=1e-9)

@@ -326,7 +326,18 @@
   }
 
   // Impulse of the load periods, and what the growth rate of permanent contact predicts for them.
-  const ALIKE = 1e-3; // share of the largest by which impulses differ so that ticks of four digits tell them apart
+  const ALIKE = 1e-3; // share of the largest by which impulses differ at least for the axis to span their range only
+  function evenTicks(name, low, high) { // a few round numbers, each with the digits that tell it from the next
+    const rough = (high - low) / 5, decade = 10 ** Math.floor(Math.log10(rough));
+    const step = decade * [1, 2, 5, 10].find((one) => one * decade >= rough);
+    const ticks = [];
+    for (let k = Math.ceil(low / step); k * step <= high; k++) {
+      const digits = k === 0 ? 1 : Math.floor(Math.log10(Math.abs(k * step) * 1.0001)) - Math.floor(Math.log10(step * 1.0001)) + 1;
+      ticks.push([k * step, String(Number((k * step).toPrecision(Math.min(15, Math.max(1, digits)))))]);
+    }
+    model(name).ticker.ticks = ticks.map(([at]) => at);
+    model(name).major_label_overrides = new Map(ticks);
+  }
   function drawPeriods() {
     if (!model("periods")) return;
     const entry = about.cases.entries[numberOf(place)];
@@ -355,6 +366,7 @@
       const [least, most] = [Math.min(...shown), Math.max(...shown)];
       const margin = Math.max(0.06 * (most - least), 0.5 * (ALIKE * largest - (most - least))) || 1;
       Object.assign(model("periods").y_range, { start: least - margin, end: most + margin });
+      evenTicks("periods_y", least - margin, most + margin);
     }
     say("periods-about", text);
   }
