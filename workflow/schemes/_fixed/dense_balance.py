@@ -5,10 +5,10 @@ the steps of
 
     - F_θ bᵀv_m h - f̄ᵀ v_m h + v_mᵀ C1 v_m h + v_mᵀ K12 θ_m h + p (e_n - µt)ᵀ v_m
 
-and ΔE, E = ½ vᵀM v + ½ xᵀK1 x, over the largest E at a step end, is the energy residual; the change of the heat
-content less αJ and heating plus the losses, over the heat turned over, is the heat residual. Central differences
-conserve E = ½ wᵀM w + ½ x_kᵀK1 x_k+1, w = w_k+½; their step from w_k-½ to w_k+½ has v_k for v_m and θ_k for θ_m. What a
-contact law gives beside its impulse (:func:`~workflow.schemes._fixed.contact.contact_gain`) is added by the march.
+and ΔE, E = ½ vᵀM v + ½ xᵀK1 x, over the largest E at a step end, is the energy residual; the heat residual is that of
+:mod:`workflow.schemes._fixed.totals`. Central differences conserve E = ½ wᵀM w + ½ x_kᵀK1 x_k+1, w = w_k+½; their step
+from w_k-½ to w_k+½ has v_k for v_m and θ_k for θ_m. What a contact law gives beside its impulse
+(:func:`~workflow.schemes._fixed.contact.contact_gain`) is added by the march.
 """
 
 from __future__ import annotations

@@ -1,11 +1,7 @@
 """Energy and heat of a chain that is stepped node by node, whose modes are not known.
 
-With midpoint values x_m = (x + x')/2 of a step and F_θ the tip load as the step takes it, the sum over the steps of
-
-    - F_θ v_n,m h - f̄ᵀ v_m h + v_mᵀ C1 v_m h + v_mᵀ K12 θ_m h + p (v_n + v_n')/2
-
-and ΔE, with E = ½ vᵀM v + ½ xᵀK1 x of the whole motion, over the largest E at a step end, is the energy residual. Heat
-is counted as in :mod:`workflow.schemes._fixed.balance`, the initial content by nodes.
+The energy residual is that of :mod:`workflow.schemes._fixed.dense_balance`, E = ½ vᵀM v + ½ xᵀK1 x of the whole motion,
+with a load at the tip alone, b = e_n, and no friction, µ = 0; the matrices are sums over nodes and springs.
 """
 
 from __future__ import annotations

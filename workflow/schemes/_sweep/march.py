@@ -83,11 +83,8 @@ def sweep(operator: Operator, law: Law, cases: Cases, sampling: Sampling, heated
     lanes, filled = law_lanes(law)
     own, rows, inside = lane_rows(case_row.ROWS), np.zeros((case_row.ROWS, cases.count)), slice(1, last + 1)
     rows[case_row.ALPHA] = cases.alpha
-    closing, heat, totals = (
-        np.zeros(cases.count),
-        np.zeros((cases.count, last)),
-        np.zeros((total_row.ROWS, cases.count)),
-    )
+    closing, heat = np.zeros(cases.count), np.zeros((cases.count, last))
+    totals = np.zeros((total_row.ROWS, cases.count))
     for part, block in blocks(watched, 1, (own, rows), *filled):
         case = part.start
         _fill(nodes, stepped, case)
