@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from workflow.archive import endings, open_archive
 from workflow.schemes import Status
-from workflow.study import readable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -77,17 +76,11 @@ def _counted(status: NDArray[Any]) -> dict[str, int]:
 
 
 def labels_of_case(dataset: xr.Dataset, cell: int) -> str:
-    """Return the coordinates that identify a case, given by its number."""
+    """Return the coordinates that identify a case, given by its number, as ``sel`` takes them: all digits, no units."""
     dims, case = dataset["status"].dims, _case(dataset, cell)
-    names = [name for dim in dims for name in dataset.coords if dataset[name].dims == (dim,)]
-    return ", ".join(f"{name} = {_with_unit(case[name])}" for name in names)
-
-
-def _with_unit(coordinate: xr.DataArray) -> str:
-    """Return the value of a coordinate as a text with its unit; numbers of a study have at most twelve digits."""
-    value, unit = coordinate.item(), readable(str(coordinate.attrs.get("units", "1")))
-    text = f"{value:.12g}" if isinstance(value, float) else str(value)
-    return f"{text} {unit}".rstrip()
+    return ", ".join(
+        f"{name} = {case[name].item()}" for dim in dims for name in dataset.coords if dataset[name].dims == (dim,)
+    )
 
 
 def _case(dataset: xr.Dataset, cell: int) -> xr.Dataset:
