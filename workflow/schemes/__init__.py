@@ -26,7 +26,7 @@ from workflow.schemes._interface import (
 )
 from workflow.variables import Variable, of_scheme
 
-SOLVER_VERSION = 6
+SOLVER_VERSION = 7
 """Raised whenever a change of the physics floor changes results: archives do not mix versions."""
 
 
