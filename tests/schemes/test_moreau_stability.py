@@ -83,8 +83,8 @@ def test_ill_posed_case_names_the_limit_of_the_step() -> None:
     assert 0 < limit < 1e-3
     moreau = import_module("workflow.schemes.moreau")
     for h, well_posed in ((0.999 * limit, True), (1.001 * limit, False)):
-        motion = moreau.init(structure, h, moreau.Options()).motion
-        assert (moreau.delassus(motion, h, 1.0, np.array([1e8]))[0] > 0) is np.bool_(well_posed)
+        delassus = moreau.init(structure, h, moreau.Options()).delassus(h, np.array([1e8]))
+        assert (delassus[0] > 0) is np.bool_(well_posed)
     assert "no step helps" in results.messages[0]  # in 0.05 s the heat of a pressed tip outgrows what a float holds
 
 
