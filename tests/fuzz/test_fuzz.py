@@ -61,7 +61,7 @@ def test_a_few_mutated_files_of_matrices(matrices: str) -> None:
 
 def test_a_failure_names_its_seed(monkeypatch: pytest.MonkeyPatch) -> None:
     """What watches is watched: a traceback, a hang and a crash are told, and the next seed is run."""
-    monkeypatch.setattr(fuzzing, "ASLEEP", 5.0)
+    monkeypatch.setattr(fuzzing, "ASLEEP", 2.0)
     messages = faults("deadly", 0, 4)
     assert [line.split(":")[0] for line in messages] == ["deadly 1", "deadly 2", "deadly 3"]
     assert "ZeroDivisionError" in messages[0]
