@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from pathlib import Path
 
+import IPython.display
 import nbformat
 import numpy as np
 import pytest
@@ -13,7 +14,8 @@ from nbclient import NotebookClient
 from quick import quick
 from studies import ILL, SMALL, cut_finely, parsed
 from workflow.grid import _tasks as cutting
-from workflow.run import Advance, in_words, repeating, run_study
+from workflow.run import Advance, Outcome, in_words, repeating, run_study
+from workflow.run import _notebook as notebook_lines
 from workflow.run._progress import Tally, Work, time_left
 from workflow.run._task import Stored
 
@@ -141,6 +143,32 @@ def test_something_is_repeated_until_the_end() -> None:
     after = number[0]
     assert not threading.Event().wait(0.02)
     assert number[0] == after
+
+
+class SlowHandle:
+    """The line of a notebook whose first drawing anew is under way while the run ends."""
+
+    def __init__(self) -> None:
+        self.texts: list[str] = []
+        self.drawing, self.run_has_ended = threading.Event(), threading.Event()
+
+    def update(self, shown: dict[str, str], raw: bool) -> None:
+        if not self.drawing.is_set():
+            self.drawing.set()
+            assert self.run_has_ended.wait(30)
+        self.texts.append(shown["text/plain"])
+
+
+def test_a_line_that_is_being_drawn_does_not_hide_how_the_run_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    handle = SlowHandle()
+    monkeypatch.setattr(IPython.display, "display", lambda *shown, **how: handle)
+    monkeypatch.setattr(notebook_lines, "REDRAWN", 1e-3)
+    with notebook_lines.notebook_line("a.nc") as line:
+        assert handle.drawing.wait(30)
+        line.end(Outcome(Path("a.nc"), {"ok": 8, "diverged": 1}, (), 2.04, 0))
+        handle.run_has_ended.set()
+    assert handle.texts[0] == "a.nc: 0:00 elapsed"
+    assert handle.texts[-1] == "a.nc: 9 cases in 2.0 s (8 ok, 1 diverged)"
 
 
 NOTEBOOK = """

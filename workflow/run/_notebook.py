@@ -31,6 +31,7 @@ class NotebookLine:
         display: Any = import_module("IPython.display").display
         self._name, self._begun = name, time.monotonic()
         self._advance: Advance | None = None
+        self._outcome: Outcome | None = None
         self._updated = self._begun
         self._handle: Any = display(self._shown(), raw=True, display_id=True)
 
@@ -44,13 +45,12 @@ class NotebookLine:
             self._handle.update(self._shown(), raw=True)
 
     def end(self, outcome: Outcome) -> None:
-        """Replace the line by how the run ended."""
-        counts = ", ".join(f"{number} {name}" for name, number in outcome.counts.items())
-        text = f"{outcome.archive.name}: {sum(outcome.counts.values())} cases in {outcome.seconds:.1f} s ({counts})"
-        with suppress(Exception):
-            self._handle.update({"text/plain": text}, raw=True)
+        """Take how the run ended, which the line says from the next drawing on."""
+        self._outcome = outcome
 
     def _shown(self) -> dict[str, str]:
+        if self._outcome is not None:
+            return {"text/plain": _in_words(self._outcome)}
         now = time.monotonic()
         text = f"{self._name}: {in_words(self._advance, now - self._begun, now - self._updated)}"
         value = "" if self._advance is None else f' value="{self._advance.work:.4f}"'
@@ -59,7 +59,15 @@ class NotebookLine:
 
 @contextmanager
 def notebook_line(name: str) -> Iterator[NotebookLine]:
-    """Show a line while a run goes on."""
+    """Show a line while a run goes on; what it shows last is drawn after the thread that draws it anew has ended."""
     line = NotebookLine(name)
-    with repeating(line.draw, REDRAWN):
-        yield line
+    try:
+        with repeating(line.draw, REDRAWN):
+            yield line
+    finally:
+        line.draw()
+
+
+def _in_words(outcome: Outcome) -> str:
+    counts = ", ".join(f"{number} {name}" for name, number in outcome.counts.items())
+    return f"{outcome.archive.name}: {sum(outcome.counts.values())} cases in {outcome.seconds:.1f} s ({counts})"
