@@ -9,7 +9,7 @@ import numba
 import numpy as np
 import pytest
 
-from workflow.kernels.lanes import LANES, PACK, ROW, WIDE, lane_rows
+from workflow.kernels.lanes import LANES, PACK, ROW, lane_rows
 from workflow.kernels.pack_operations import BROAD
 from workflow.kernels.packs import (
     Pack,
@@ -27,7 +27,6 @@ from workflow.kernels.packs import (
     store,
     weighed,
     where,
-    wide,
 )
 from workflow.models import Array
 
@@ -55,13 +54,6 @@ def in_narrow_packs(coefficient: Array, rows: Array, lanes: int) -> None:
 
 
 @numba.njit(error_model="numpy")
-def in_wide_packs(coefficient: Array, rows: Array, lanes: int) -> None:
-    for first in range(0, lanes, WIDE):
-        lane = wide(first)
-        _compute(pack(rows, (0, lane)), pack(rows, (1, lane)), shared(coefficient, (1, 2), lane), rows, lane)
-
-
-@numba.njit(error_model="numpy")
 def in_broad_packs(coefficient: Array, rows: Array, lanes: int) -> None:
     align_stack()
     for first in range(0, lanes, BROAD):
@@ -76,11 +68,11 @@ def _tell(rows: Array, lane: Any) -> tuple[bool, bool]:
 
 @numba.njit(error_model="numpy")
 def tell(rows: Array) -> tuple[tuple[bool, bool], tuple[bool, bool]]:
-    return _tell(rows, narrow(0)), _tell(rows, wide(0))
+    return _tell(rows, narrow(0)), _tell(rows, broad(0))
 
 
 @pytest.mark.parametrize(
-    ("lane", "value", "in_narrow", "in_wide"),
+    ("lane", "value", "in_narrow", "in_broad"),
     [
         (3, 0.0, (False, False), (False, False)),
         (0, -0.0, (False, False), (False, False)),
@@ -89,15 +81,15 @@ def tell(rows: Array) -> tuple[tuple[bool, bool], tuple[bool, bool]]:
         (8, 2.0, (False, False), (True, True)),
         (15, np.nan, (False, False), (False, True)),
         (0, np.nan, (False, True), (False, True)),
-        (16, 2.0, (False, False), (False, False)),
+        (BROAD, 2.0, (False, False), (False, False)),
     ],
 )
 def test_what_holds_in_some_lane(
-    lane: int, value: float, in_narrow: tuple[bool, bool], in_wide: tuple[bool, bool]
+    lane: int, value: float, in_narrow: tuple[bool, bool], in_broad: tuple[bool, bool]
 ) -> None:
     rows = lane_rows(1)
     rows[0, lane] = value
-    assert tell(rows) == (in_narrow, in_wide)
+    assert tell(rows) == (in_narrow, in_broad)
 
 
 def expected(a: Array, b: Array, c: float) -> Array:
@@ -114,7 +106,7 @@ def expected(a: Array, b: Array, c: float) -> Array:
     )
 
 
-@pytest.mark.parametrize("march", [in_narrow_packs, in_wide_packs, in_broad_packs])
+@pytest.mark.parametrize("march", [in_narrow_packs, in_broad_packs])
 def test_arithmetic_of_each_lane(march: Callable[..., None]) -> None:
     rng = np.random.default_rng(5)
     rows, coefficient = lane_rows(3 + RESULTS), rng.normal(size=(2, 3))
@@ -132,7 +124,7 @@ def test_arithmetic_of_each_lane(march: Callable[..., None]) -> None:
 
 @numba.njit(error_model="numpy")
 def weigh(weight: float, rest: float, rows: Array) -> None:
-    lane = wide(0)
+    lane = broad(0)
     store(rows, (2, lane), weighed(weight, pack(rows, (0, lane)), rest, pack(rows, (1, lane))))
 
 
@@ -141,8 +133,8 @@ def test_weighed_or_left_alone(weight: float, rest: float) -> None:
     rows = lane_rows(3)
     rows[:2] = np.random.default_rng(2).normal(size=(2, ROW))
     weigh(weight, rest, rows)
-    assert np.array_equal(rows[2, :WIDE], (weight * rows[0] + rest * rows[1])[:WIDE])
-    assert not np.any(rows[2, WIDE:])
+    assert np.array_equal(rows[2, :BROAD], (weight * rows[0] + rest * rows[1])[:BROAD])
+    assert not np.any(rows[2, BROAD:])
 
 
 @numba.njit(error_model="numpy")
@@ -163,6 +155,5 @@ def test_a_pack_has_a_flag_of_its_own() -> None:
 
 def test_rows_hold_whole_packs() -> None:
     assert LANES % BROAD == 0
-    assert BROAD % WIDE == 0
-    assert WIDE % PACK == 0
+    assert BROAD % PACK == 0
     assert ROW >= LANES

@@ -24,14 +24,17 @@ ROW = LANES + 8
 """Numbers from one row to the next: an odd number of cache lines, since rows a power of two apart compete
 for the same lines of the cache. Worth a few percent."""
 
-PACK, WIDE = 8, 16
-"""Lanes are used in packs of this many: a register of the widest processors, or two."""
+PACK = 8
+"""Lanes of a narrow pack: a register of the widest processors."""
+
+FEWEST = 16
+"""Lanes that a block has at least: they share what a step costs beside its lanes."""
 
 
 def cached_lanes(rows: int) -> int:
     """Return the lanes of a block that goes through so many rows in a step: whole packs that stay in the cache."""
     lanes = LANES
-    while lanes > WIDE and 8 * rows * lanes > CACHED:
+    while lanes > FEWEST and 8 * rows * lanes > CACHED:
         lanes //= 2
     return lanes
 

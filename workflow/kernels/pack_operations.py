@@ -24,14 +24,14 @@ from numba.core.typing.templates import AbstractTemplate, infer, infer_global, m
 from numba.extending import lower_builtin, register_model
 
 from workflow.kernels import packs
-from workflow.kernels.lanes import PACK, WIDE
+from workflow.kernels.lanes import PACK
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 _chosen = cast(Any, config).CPU_FEATURES
 _FEATURES = get_host_cpu_features() if _chosen is None else _chosen
 
-BROAD = 4 * PACK if "+avx512f" in _FEATURES.split(",") else WIDE
+BROAD = 4 * PACK if "+avx512f" in _FEATURES.split(",") else 2 * PACK
 """Lanes of the largest packs: four registers where a register holds eight numbers; more than four overflow them."""
 
 
@@ -160,7 +160,7 @@ def _implements(operation: Callable[..., Any], returned: Callable[..., types.Typ
     return add
 
 
-for _declared, _width in ((packs.narrow, PACK), (packs.wide, WIDE), (packs.broad, BROAD)):
+for _declared, _width in ((packs.narrow, PACK), (packs.broad, BROAD)):
 
     @_implements(_declared, lambda first, width=_width: _LaneType(width))
     def _lane(context, builder, sig, args):

@@ -1,4 +1,4 @@
-"""Packs: numbers of 8, 16 or 32 lanes side by side, on which a kernel computes at once.
+"""Packs: numbers of 8 lanes, or of 16 or 32, side by side, on which a kernel computes at once.
 
 The compiler steps eight lanes of a plain loop at once where it can prove that no two rows overlap, and
 compares addresses before each loop where it can't; sums over modes it takes to memory and back for
@@ -9,7 +9,7 @@ every few modes. Packs say it outright, and a pack goes through a whole step in 
         heat = pack(own, (HEAT, lane))
         store(own, (HEAT, lane), where(heat > 0.0, 2.0 * heat, heat))
 
-A wide or broad pack shares what is read and asked for all lanes among more of them, where there are so many, and has
+A broad pack shares what is read and asked for all lanes among more of them, where there are so many, and has
 more sums in progress at a time. Each lane's bits are those of the plain loop.
 
 Only kernels can call these operations: what they do is in :mod:`workflow.kernels.pack_operations`, which needs numba.
@@ -58,7 +58,7 @@ class Pack(Protocol):
 
 
 class Lane:
-    """Where a pack begins in a row, and how wide it is: what :func:`narrow`, :func:`wide` and :func:`broad` return."""
+    """Where a pack begins in a row, and how wide it is: what :func:`narrow` and :func:`broad` return."""
 
 
 def align_stack() -> None:
@@ -71,11 +71,6 @@ def align_stack() -> None:
 
 def narrow(first: int) -> Lane:
     """Return the lane that begins a pack of :data:`workflow.kernels.lanes.PACK`."""
-    _only_in_kernels()
-
-
-def wide(first: int) -> Lane:
-    """Return the lane that begins a pack of :data:`workflow.kernels.lanes.WIDE`."""
     _only_in_kernels()
 
 

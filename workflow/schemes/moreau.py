@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 from workflow.declare import quantity
 from workflow.kernels.compiled import defines
-from workflow.kernels.lanes import WIDE
+from workflow.kernels.lanes import FEWEST
 from workflow.kernels.packs import Lane, of_lane, some, some_nonzero, spread, store, weighed, where
 from workflow.models import Array, Cases, Structure
 from workflow.schemes._fixed import case_row, contact, costs, dense, theta_march, theta_method
@@ -35,7 +35,7 @@ from workflow.schemes._sweep import sweeps
 READS = frozenset({"e", "h", "alpha"})
 GENERAL = frozenset({"damping", "friction", "load"})
 HARMONICS = frozenset({"load", "casing"})
-TOGETHER = WIDE
+TOGETHER = FEWEST
 is_swept = sweeps.is_swept
 
 

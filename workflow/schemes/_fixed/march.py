@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from workflow.kernels.compiled import by_type, inlined
-from workflow.kernels.lanes import PACK, WIDE, lane_rows
-from workflow.kernels.packs import Lane, Pack, broad, broadest, narrow, pack, wide
+from workflow.kernels.lanes import PACK, lane_rows
+from workflow.kernels.packs import Lane, Pack, broad, broadest, narrow, pack
 from workflow.kernels.sums import product
 from workflow.models import Array, Cases
 from workflow.schemes._fixed import case_row, modal_lanes, stepping, tip_row
@@ -98,7 +98,7 @@ def march(operator: Coefficients, law: Law, state: State, block: Block, audit: A
     modal_lanes.lay_out(operator, state, load, tip)
     lay_out_audit(audit)
     several = lanes if _rows(state, audit) <= FEW_ROWS else 0
-    in_broad, in_wide = several // broadest() * broadest(), several // WIDE * WIDE
+    in_broad = several // broadest() * broadest()
     paired = operator.pair_mode.size > 0
     warmed, leader = modal_lanes.is_warmed(state.own, lanes), start_load(h, load, lanes)
     turn_drive(block.drive, 0, h, theta, tip, lanes)
@@ -112,9 +112,7 @@ def march(operator: Coefficients, law: Law, state: State, block: Block, audit: A
             modal_lanes.store_heat(operator, state, state.tau_before, lanes)
         for first in range(0, in_broad, broadest()):
             _step(operator, law, now, state, block, audit, broad(first))
-        for first in range(in_broad, in_wide, WIDE):
-            _step(operator, law, now, state, block, audit, wide(first))
-        for first in range(in_wide, lanes, PACK):
+        for first in range(in_broad, lanes, PACK):
             _step(operator, law, now, state, block, audit, narrow(first))
         modal_lanes.look(audit, step, block.steps, operator, state, lanes)
         if now.marked:

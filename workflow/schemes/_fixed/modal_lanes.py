@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.kernels.compiled import inlined, part
-from workflow.kernels.lanes import PACK, ROW, WIDE
-from workflow.kernels.packs import Lane, Pack, narrow, pack, plus, shared, spread, store, wide
+from workflow.kernels.lanes import PACK, ROW
+from workflow.kernels.packs import Lane, Pack, narrow, pack, plus, shared, spread, store
 from workflow.models import Array
 from workflow.schemes._fixed import balance, case_row
 from workflow.schemes._fixed.balance import Audit
@@ -253,19 +253,13 @@ def look(audit: Audit | None, step: int, steps: int, operator: Coefficients, sta
 
 @part
 def _lose_heat(audit: Audit, step: int, steps: int, h: float, tau: Array, lanes: int) -> None:
-    in_wide = lanes // WIDE * WIDE
-    for first in range(0, in_wide, WIDE):
-        balance.lose_heat(audit, step, steps, h, tau, wide(first))
-    for first in range(in_wide, lanes, PACK):
+    for first in range(0, lanes, PACK):
         balance.lose_heat(audit, step, steps, h, tau, narrow(first))
 
 
 @part
 def _take_energies(audit: Audit, operator: Coefficients, state: State, lanes: int) -> None:
-    in_wide = lanes // WIDE * WIDE
-    for first in range(0, in_wide, WIDE):
-        _take_energy(audit, operator, state, wide(first))
-    for first in range(in_wide, lanes, PACK):
+    for first in range(0, lanes, PACK):
         _take_energy(audit, operator, state, narrow(first))
 
 
