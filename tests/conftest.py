@@ -13,6 +13,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 """Before NumPy is imported, here and in all processes that tests start: threads of BLAS that wait for each other's core
 take most of the time of a plain scheme's small products."""
 
+os.environ["PYTHONSAFEPATH"] = "1"
+"""Processes that tests start import the package that the tests import, as installed, not the one in the directory they
+are started in, whose kernels would be compiled once more."""
+
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--regenerate", action="store_true", help="write the kept archives of data/ anew")

@@ -148,6 +148,13 @@ def test_starting_imports_nothing_heavy(module: str) -> None:
     assert completed.stdout.split() == []
 
 
+def test_processes_that_tests_start_import_the_package_that_is_tested() -> None:
+    """Not that of the directory they are started in, where nothing may be compiled yet."""
+    code = "import workflow; print(workflow.__file__)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=REPOSITORY)
+    assert done.stdout.strip() == workflow.__file__
+
+
 def test_no_two_modules_of_the_tests_share_a_name() -> None:
     """Their directories are no packages: pytest and other tests import each by its bare name."""
     names = [path.stem for path in Path(__file__).parent.rglob("*.py") if path.name != "conftest.py"]

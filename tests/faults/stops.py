@@ -16,8 +16,6 @@ import time
 from collections import Counter
 from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
-
 STUDY = """\
 study: stopped
 scene:
@@ -38,15 +36,10 @@ def command(*words: str | Path) -> list[str]:
     return [sys.executable, "-m", "workflow", *map(str, words)]
 
 
-def environment() -> dict[str, str]:
-    return {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
-
-
 def stopped(words: list[str | Path], number: signal.Signals, after: float) -> tuple[str, str]:
     """Start a command, signal its process group some seconds after it heeds any; return how it ended and its words."""
     with subprocess.Popen(
         command(*words),
-        env=environment(),
         text=True,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -92,12 +85,12 @@ def outcomes(number: signal.Signals, times: int, chance: random.Random, director
     study.write_text(STUDY, encoding="utf-8")
     words: list[str | Path] = ["run", study, "-o", archive]
     begun = time.monotonic()
-    subprocess.run(command(*words), env=environment(), check=True, stdout=subprocess.DEVNULL)
+    subprocess.run(command(*words), check=True, stdout=subprocess.DEVNULL)
     lasts = time.monotonic() - begun
     counts: Counter[str] = Counter()
     for _ in range(times):
         if archive.exists():
-            sound = subprocess.run(command("verify", archive, "--sample", "2"), env=environment(), capture_output=True)
+            sound = subprocess.run(command("verify", archive, "--sample", "2"), capture_output=True)
             counts["verified" if sound.returncode == 0 else "not verified"] += 1
             archive.unlink()
         how, said = stopped(words, number, chance.uniform(0, lasts))

@@ -177,7 +177,7 @@ def _deadly(seed: int) -> str:
 def main(kind: str, first: int, stop: int, *words: str) -> None:
     """Run the mutants of some seeds."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-    sys.path[:0] = [str(Path(__file__).parents[1])]
+    sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1])]
     sound = Path(words[0]).read_bytes() if words and kind == "archive" else b""
     with tempfile.TemporaryDirectory() as name:
         for seed in range(first, stop):
