@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from plain_moreau import march
 
 from scenes import alone, blade, cases, chain, heavy_chain, same_bits, sampling, step, taken
-from workflow.kernels.lanes import LANES, PACK, ROW, WIDE, lane_rows
+from workflow.kernels.lanes import LANES, PACK, ROW, lane_rows
+from workflow.kernels.pack_operations import BROAD
 from workflow.models import Rayleigh
 from workflow.reduction import reduce_structure
 from workflow.schemes import Sampling, schedule
@@ -32,7 +33,7 @@ def batch_of(structure: object, count: int) -> object:
     )
 
 
-COUNTS = [1, 2, PACK - 1, PACK, PACK + 1, WIDE + PACK, LANES - WIDE, LANES - 1, LANES + 1, 2 * LANES + PACK]
+COUNTS = [1, 2, PACK - 1, PACK, PACK + 1, BROAD + PACK, LANES - BROAD, LANES - 1, LANES + 1, 2 * LANES + PACK]
 
 
 @pytest.mark.parametrize("count", COUNTS)
