@@ -1,9 +1,10 @@
 """Cases whose numbers blew up although they stayed finite: marked ``diverged``, whatever the scheme.
 
-Two rules, both about what no motion of the model can do:
+Three rules, all about what no motion of the model can do:
 
 - Energy was created, by the balances (:mod:`workflow.grid._created_energy`): of every scheme where the study has
   them, of a contact spring beyond the step up to which it holds in any case. What a scheme dissipates never counts.
+- Contact gave the tip energy (:mod:`workflow.grid._contact_gain`), of ``moreau`` where the study has balances.
 - With or without balances, where K1 is regular: the largest |x_n| exceeds both :data:`EXCESS` times the largest
   length that the case accounts for without contact (:func:`_accounted`) and twice the growth by friction heat
   (:func:`_farthest`).
@@ -20,6 +21,7 @@ from dataclasses import replace
 import numpy as np
 
 from workflow.grid._arrangement import Indices
+from workflow.grid._contact_gain import contact_gain_text, contact_gave_too_much
 from workflow.grid._created_energy import advice, created_energy
 from workflow.grid._operators import runaway_of, statics_of, structure_of
 from workflow.models import Array, Cases, Chain, Sparse, Structure
@@ -76,6 +78,11 @@ def mark_blown_up(cell: Cell, cases: Cases, results: Results, sampling: Sampling
                 if reach[case] > most
             }
     created = created_energy(cell, cases, results, ok & ~np.isin(np.arange(cases.count), list(blown)), sampling)
+    blown |= {
+        int(case): contact_gain_text(results, int(case), cell.h)
+        for case in np.flatnonzero(ok & contact_gave_too_much(results))
+        if int(case) not in blown and not _is_rounding(cell, cases, results, int(case), duration)
+    }
     blown |= {
         int(case): f"{created.text(int(case))}{advice(cell, float(cases.friction[case]))}"
         for case in np.flatnonzero(ok & created.is_too_much)

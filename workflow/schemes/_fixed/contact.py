@@ -183,6 +183,14 @@ def contact_gain(
     return spread(0.0, lane)
 
 
+@by_type
+def count_work(law: Law, end: End, free: Free, tip: Array, sums: Array, lane: Lane) -> None:
+    """Add the work of contact in a step to ``total_row.CONTACT_WORK``: nothing where a law does not say otherwise.
+
+    ``tip`` still holds the tip at the step's beginning.
+    """
+
+
 @inlined
 def press(pressed: bool, p: Pack, own: Array, lane: Lane) -> Pack:
     """Store the friction heat α p of an impulse, and whether the pack is in contact; return the heat, J."""

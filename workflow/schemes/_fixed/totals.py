@@ -5,8 +5,10 @@ heating Q (∫Σq) of a whole march,
 
     energy residual = (E_end - E_0 + D) / max E
     heat residual = (H_end - H_0 - αJ - Q + L) / (αJ + |Q| + ∫|dL| + Σ|c T_0|)
+    contact gain = (the most that the work of contact on the tip has ever been, the most of one step) / max E
 
-and 0 where the denominator is 0.
+and 0 where the denominator is 0. The contact gain, relative to the casing, is judged and not stored
+(``workflow/grid/_contact_gain.py``).
 """
 
 from __future__ import annotations
@@ -55,7 +57,9 @@ def content_of(
 
 
 def residuals(totals: Array, content: Content, rest: Array | float = 0.0) -> dict[str, Array]:
-    """Return ``energy_residual`` and ``heat_residual``; ``totals`` ``(row, case)`` or of one case ``(row,)``.
+    """Return ``energy_residual``, ``heat_residual`` and ``contact_gain``.
+
+    ``totals`` are those of cases, ``(row, case)``, or of one case, ``(row,)``.
 
     max E is at least ``rest``, the energy below which all is rounding, J.
     """
@@ -64,7 +68,8 @@ def residuals(totals: Array, content: Content, rest: Array | float = 0.0) -> dic
     friction, heating = totals[total_row.FRICTION_HEAT], content.heating
     gained = content.gained - friction - heating + totals[total_row.LOST]
     turned = friction + np.abs(heating) + totals[total_row.TURNED_OVER] + content.initial
-    return {"energy_residual": ratio(change, largest), "heat_residual": ratio(gained, turned)}
+    gain = ratio(totals[[total_row.MOST_CONTACT_WORK, total_row.MOST_STEP_WORK]], largest).T
+    return {"energy_residual": ratio(change, largest), "heat_residual": ratio(gained, turned), "contact_gain": gain}
 
 
 def ratio(part: Array, whole: Array) -> Array:

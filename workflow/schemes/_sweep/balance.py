@@ -25,7 +25,7 @@ class Account(NamedTuple):
     weight: Array
     """``(row, node)``, rows ``WEIGHT_…``; no rows where no balances are asked for."""
     totals: Array
-    """``(row,)``, rows of :mod:`~workflow.schemes._fixed.totals`."""
+    """Rows of :mod:`~workflow.schemes._fixed.total_row`; the case is in lane 0, ``(row, lane)``."""
 
 
 def weights(chain: Chain) -> Array:
@@ -51,7 +51,7 @@ def open_account(nodes: Nodes, account: Account) -> None:
         stretch, place, speed = state[node_row.X, i] - place, state[node_row.X, i], state[node_row.V, i]
         energy += weight[WEIGHT_MASS, i] * (speed * speed) + weight[WEIGHT_SPRING, i] * (stretch * stretch)
         state[node_row.FORMER_V, i] = speed
-    totals[total_row.FIRST_ENERGY] = totals[total_row.LARGEST_ENERGY] = 0.5 * energy
+    totals[total_row.FIRST_ENERGY, 0] = totals[total_row.LARGEST_ENERGY, 0] = 0.5 * energy
 
 
 @inlined
@@ -78,10 +78,10 @@ def account_step(nodes: Nodes, account: Account, heat: float, impulse: float) ->
         dissipated += weight[WEIGHT_MASS_DAMPING, i] * (middle * middle) + stretched
         steady += nodes.loads[node_row.LOAD_STEADY, i] * middle
         lost += weight[WEIGHT_LOSS, i] * warmth
-    energy, largest = 0.5 * energy, totals[total_row.LARGEST_ENERGY]
-    totals[total_row.LAST_ENERGY] = energy
-    totals[total_row.LARGEST_ENERGY] = largest if energy <= largest else energy  # a NaN stays
-    totals[total_row.DISSIPATED] += h * dissipated - steady - impulse * middle
-    totals[total_row.LOST] += h * lost
-    totals[total_row.TURNED_OVER] += h * abs(lost)
-    totals[total_row.FRICTION_HEAT] += heat
+    energy, largest = 0.5 * energy, totals[total_row.LARGEST_ENERGY, 0]
+    totals[total_row.LAST_ENERGY, 0] = energy
+    totals[total_row.LARGEST_ENERGY, 0] = largest if energy <= largest else energy  # a NaN stays
+    totals[total_row.DISSIPATED, 0] += h * dissipated - steady - impulse * middle
+    totals[total_row.LOST, 0] += h * lost
+    totals[total_row.TURNED_OVER, 0] += h * abs(lost)
+    totals[total_row.FRICTION_HEAT, 0] += heat

@@ -10,7 +10,7 @@ from workflow.kernels.packs import narrow, pack, spread
 from workflow.kernels.sums import total
 from workflow.models import Array, Cases
 from workflow.schemes._fixed import case_row, tip_row, total_row
-from workflow.schemes._fixed.contact import Free, Law, TipStep, meet
+from workflow.schemes._fixed.contact import Free, Law, TipStep, count_work, meet
 from workflow.schemes._fixed.drive import drive_of, turn_drive
 from workflow.schemes._fixed.march import law_lanes
 from workflow.schemes._fixed.marks import Block
@@ -31,6 +31,7 @@ def march_nodes(nodes: Nodes, law: Law, own: Array, block: Block, account: Accou
     assert own.shape[1] == ROW
     assert load.shape[1] == ROW
     assert tip.shape[1] == ROW
+    assert account.totals.shape[1] == ROW
     audited, lane, last = account.weight.shape[0] > 0, narrow(0), nodes.tip
     leader = start_load(h, load, lanes)
     turn_drive(block.drive, 0, h, theta, tip, lanes)
@@ -48,10 +49,12 @@ def march_nodes(nodes: Nodes, law: Law, own: Array, block: Block, account: Accou
         now, gap = step_at(k, theta, leader, False, block), pack(tip, (tip_row.GAP, lane))
         impulse = load_impulse(now, h, block, lane)
         free = Free(spread(velocity, lane), spread(temperature, lane), impulse, gap, block.drive)
-        store_end(meet(law, step, free, own, tip, lane), tip, lane)
+        end = meet(law, step, free, own, tip, lane)
+        store_end(end, tip, lane)
         heat = own[case_row.HEAT, 0]
         step_to_root(nodes, tip[tip_row.NEW_DISPLACEMENT, 0], tip[tip_row.NEW_VELOCITY, 0], heat)
         if audited:
+            count_work(law, end, free, tip, account.totals, lane)
             account_step(nodes, account, heat, own[case_row.IMPULSE, 0])
         count_stored(k, block)
 
@@ -79,7 +82,7 @@ def sweep(operator: Operator, law: Law, cases: Cases, sampling: Sampling, heated
     nodes = Nodes(
         last, h, theta, lever, heated, step, node_rows(node_row.ROWS, last), node_rows(node_row.LOAD_ROWS, last)
     )
-    account = Account(weights(chain) if sampling.balances else np.zeros((0, 0)), np.zeros(total_row.ROWS))
+    account = Account(weights(chain) if sampling.balances else np.zeros((0, 0)), lane_rows(total_row.ROWS))
     lanes, filled = law_lanes(law)
     own, rows, inside = lane_rows(case_row.ROWS), np.zeros((case_row.ROWS, cases.count)), slice(1, last + 1)
     rows[case_row.ALPHA] = cases.alpha
@@ -89,7 +92,7 @@ def sweep(operator: Operator, law: Law, cases: Cases, sampling: Sampling, heated
         case = part.start
         _fill(nodes, stepped, case)
         operator.contact.kernels.nodes(nodes, lanes, own, block, account)
-        heat[case], totals[:, case] = nodes.state[node_row.TAU, inside], account.totals
+        heat[case], totals[:, case] = nodes.state[node_row.TAU, inside], account.totals[:, 0]
         if heated:
             in_last_step = (
                 nodes.state[node_row.WARMED, inside] + own[case_row.HEAT, 0] * step[step_row.HEAT_ANSWER, inside]
