@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +16,10 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from scenes import chain
+from scenes import cases, chain, sampling, step
 from studies import parsed
 from workflow.grid import Solved, arrange, solve
+from workflow.grid._contact_gain import contact_gave_too_much
 from workflow.models import critical_alpha, frequencies, tip_flexibility
 from workflow.schemes import Status
 
@@ -59,6 +61,17 @@ def test_the_same_bar_in_steps_that_follow_its_modes_is_ok() -> None:
     (sound,) = solve_all(BAR.format(h=0.1 * FASTEST, casing=""))
     assert np.abs(sound.values["displacement"]).max() < 1.01 * FALL
     assert (sound.values["status"] == Status.OK).all()
+
+
+def test_what_the_scheme_takes_and_little_of_many_steps_do_not_count() -> None:
+    """Contact gave 0.8 of the largest energy: much of it in one step or little, and the scheme left or took it."""
+    ball = chain(nodes=1, mass=(0.01,), stiffness=(0.0,))
+    results = step(ball, cases(ball, 4, gap=1.0), 1e-3, sampling(0.01, 1e-3))
+    gain = np.array([[0.8, 0.3], [0.8, 0.1], [0.8, 0.3], [0.7, 0.7]])
+    residual = {"energy_residual": np.array([0.0, 0.0, -0.2, 0.2])}
+    judged = contact_gave_too_much(replace(results, contact_gain=gain, metrics={**results.metrics, **residual}))
+    assert judged.tolist() == [True, False, False, False]
+    assert not contact_gave_too_much(results).any()
 
 
 def scene(seed: int) -> tuple[dict[str, Any], float]:
