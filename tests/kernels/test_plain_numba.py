@@ -11,7 +11,7 @@ import pytest
 
 from studies import SCENE
 from workflow.archive import provenance
-from workflow.kernels import compiled, whole_program
+from workflow.kernels import compiled
 
 STUDY = f"""study: both_ways
 {SCENE}
@@ -41,9 +41,9 @@ def test_both_compilers_give_the_same_bits(tmp_path: Path) -> None:
 
 def test_it_is_left_out_with_other_versions(monkeypatch: pytest.MonkeyPatch) -> None:
     chosen = compiled._whole_program.__wrapped__
-    for version, used in ((f"{whole_program.TESTED[-1]}.9", True), ("0.61.2", False), ("1.0.0", False)):
+    for version, used in ((f"{compiled.TESTED[-1]}.9", True), ("0.61.2", False), ("1.0.0", False)):
         monkeypatch.setattr("numba.__version__", version)
-        assert (chosen() is whole_program) == used
+        assert (chosen() is not None) == used
 
 
 def test_a_variable_of_the_environment_leaves_it_out(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+TESTED = ("0.68",)
+"""Minor versions of numba that :mod:`workflow.kernels.whole_program`, which reaches into it, was tested with."""
+
 _LOADING = RLock()
 _WHEN_LOADED: list[Callable[[], object]] = []
 
@@ -65,20 +68,17 @@ def _whole_program() -> ModuleType | None:
     """Return the module that compiles kernels with their parts as one program; ``None`` without a tested numba."""
     import numba
 
-    if os.environ.get(PLAIN):
+    if os.environ.get(PLAIN) or ".".join(numba.__version__.split(".")[:2]) not in TESTED:
         return None
-    try:
-        from workflow.kernels import whole_program
-    except ImportError:  # another version of numba may lack what it needs
-        return None
-    minor = ".".join(numba.__version__.split(".")[:2])
-    return whole_program if minor in whole_program.TESTED else None
+    from workflow.kernels import whole_program
+
+    return whole_program
 
 
-def _compiler(name: str) -> dict[str, Any]:
+def _compiler() -> dict[str, Any]:
     """Return the option that chooses a compiler of our own, none where numba's is used."""
     program = _whole_program()
-    return {} if program is None else {"pipeline_class": getattr(program, name)}
+    return {} if program is None else {"pipeline_class": program.KernelCompiler}
 
 
 class _Place:
@@ -126,24 +126,24 @@ def _compiled(function: Callable[..., Any], **options: Any) -> Any:
     """Return a kernel that is compiled at the first call, or loaded from the cache."""
     import numba
 
-    options |= {"nogil": True, "error_model": "numpy", **_compiler("KernelCompiler"), "no_cfunc_wrapper": True}
+    options |= {"nogil": True, "error_model": "numpy", **_compiler(), "no_cfunc_wrapper": True}
     dispatcher = numba.njit(**options)(function)
     if directory_of(function.__module__) is not None:
         dispatcher._cache = _cache_type()(function)  # what numba's option `cache` does, with its own place
     return dispatcher
 
 
-def _options(compiler: str, **options: Any) -> dict[str, Any]:
+def _options(**options: Any) -> dict[str, Any]:
     """Return numba's options for what only kernels call: without an entry from Python and a cache of its own."""
     options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False}
-    return options | {"nogil": True, "error_model": "numpy", **_compiler(compiler)}
+    return options | {"nogil": True, "error_model": "numpy", **_compiler()}
 
 
-def _translated(function: Callable[..., Any], compiler: str, **options: Any) -> Any:
+def _translated(function: Callable[..., Any], **options: Any) -> Any:
     """Return a part that is translated where a kernel calls it first."""
     import numba
 
-    translated = numba.njit(**_options(compiler, **options))(function)
+    translated = numba.njit(**_options(**options))(function)
     program = _whole_program()
     return translated if program is None else program.typed_alike(translated)
 
@@ -161,7 +161,7 @@ def inlined(function: F) -> F:
 
     It allocates nothing, and its arrays are not counted, see :func:`part`.
     """
-    return cast(F, Deferred(function, lambda f: _translated(f, "InlinedCompiler", forceinline=True)))
+    return cast(F, Deferred(function, lambda f: _translated(f, forceinline=True)))
 
 
 def uncounted(function: F) -> F:
@@ -184,12 +184,7 @@ def part(function: F) -> F:
     Its arrays are not counted: the two locked additions per array and call took longer than the
     arithmetic on rows of 20.
     """
-    return cast(F, Deferred(function, lambda f: _translated(f, "PartCompiler")))
-
-
-def rare(function: F) -> F:
-    """Translate a :func:`part` that runs rarely: apart from those that call it, and short rather than fast."""
-    return cast(F, Deferred(function, lambda f: _translated(f, "RareCompiler")))
+    return cast(F, Deferred(function, _translated))
 
 
 _DEFINITIONS: dict[Callable[..., Any], dict[type, Callable[..., Any]]] = {}
@@ -211,7 +206,7 @@ def by_type(function: F) -> F:
     def declare() -> None:
         from numba.extending import overload
 
-        options: Any = _options("InlinedCompiler", forceinline=True)
+        options: Any = _options(forceinline=True)
         overload(function, jit_options=options, strict=False)(choose)
 
     return function

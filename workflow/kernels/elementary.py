@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workflow.kernels.compiled import inlined, part, rare
+from workflow.kernels.compiled import inlined, part
 
 TO_INTEGER = 6755399441055744.0
 """1.5 · 2^52: adding and subtracting it rounds to the nearest integer."""
@@ -198,7 +198,7 @@ def log(x: float) -> float:
     return float(k * LN2_HIGH - ((half - (s * (half + p * z) + k * LN2_LOW)) - f))
 
 
-@rare
+@part
 def _less_turns_of_large(x: float) -> tuple[int, float, float]:
     """Return q mod 4, r and rest of x = q π/2 + r + rest, by the bits of 2/π; x is finite and above 1e6.
 

@@ -25,7 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workflow.kernels.compiled import part, rare
+from workflow.kernels.compiled import part
 from workflow.schemes._exact.expansion import expand, growth_bound
 from workflow.schemes._exact.motion import Motion, advance
 from workflow.schemes._exact.tables import expansion
@@ -124,7 +124,7 @@ def _later_speed(bounces: Bounces, s: _Force, tau: float, h: float, u: float) ->
     return u + h * (k1 + 2.0 * (k2 + k3) + k4) / 6.0
 
 
-@rare
+@part
 def settle(m: Motion, t: float, u: float, bounces: Bounces) -> tuple[float, float, float]:
     """Return when the tip comes to rest, the speed of its last bounce, and the number of bounces until then.
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.kernels import elementary
-from workflow.kernels.compiled import part, rare
+from workflow.kernels.compiled import part
 from workflow.models import Array
 from workflow.schemes._exact.layout import ORDER, TAYLOR_SPAN
 from workflow.schemes._exact.propagators import first_propagator
@@ -102,7 +102,7 @@ def _steps(r: Response, k: int, fastest: float, dt: float) -> int:
     return max(1, int(np.ceil(fastest * abs(dt) / TAYLOR_SPAN)))
 
 
-@rare
+@part
 def advance_explicit(r: Response, k: int, y: Array, t: float, dt: float) -> tuple[float, float, float]:
     """Return η, η' and ∫η dt of an explicit block a time ``dt`` after the state ``y`` of time ``t``."""
     c, w2 = r.block[block.DAMPING, k], r.block[block.STIFFNESS, k]
@@ -127,7 +127,7 @@ def advance_explicit(r: Response, k: int, y: Array, t: float, dt: float) -> tupl
     return value, slope, area
 
 
-@rare
+@part
 def _advance_separated(r: Response, k: int, y: Array, t: float, dt: float) -> tuple[float, float, float]:
     """Do the same for a block whose fast pole is stiff, see the head of this module."""
     half = 0.5 * r.block[block.DAMPING, k]
@@ -153,7 +153,7 @@ def _advance_separated(r: Response, k: int, y: Array, t: float, dt: float) -> tu
     return value_new, p_new + slow * value_new, (q_area - (p_new - p - impulse) / s) / (slow - s)
 
 
-@rare
+@part
 def _fast_response(r: Response, k: int, s: float, y: Array, t: float, dt: float) -> tuple[float, float, float]:
     """Return P at the beginning and at the end, and ∫F dt."""
     b, before = r.block, -r.block[block.FORCE, k] / s

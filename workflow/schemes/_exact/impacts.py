@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from workflow.kernels.compiled import part, rare
+from workflow.kernels.compiled import part
 from workflow.models import Array
 from workflow.schemes._exact.accumulation import Bounces, settle
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
@@ -100,7 +100,7 @@ def impact(motions: Motions, case: Case, tally: Any) -> tuple[bool, float]:
     return stays, since
 
 
-@rare
+@part
 def _end_of_bounces(motions: Motions, case: Case, tally: Any) -> float:
     """Stop a tip that has been struck if its bounces end soon; return when they do, NaN if they are not summed up.
 
@@ -141,7 +141,7 @@ def _end_of_bounces(motions: Motions, case: Case, tally: Any) -> float:
     return np.nan
 
 
-@rare
+@part
 def _drag(tip: Tip) -> float:
     """Return γ of :mod:`workflow.schemes._exact.accumulation`, 1/s: damping in the direction of an impulse."""
     damped, total = 0.0, 0.0

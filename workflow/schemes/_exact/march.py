@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from workflow.kernels.compiled import part, rare, uncounted
+from workflow.kernels.compiled import part, uncounted
 from workflow.schemes._exact import outcome
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
 from workflow.schemes._exact.impacts import Case, impact
@@ -83,7 +83,7 @@ def march(
     return ended
 
 
-@rare
+@part
 def _begin(motions: Motions, case: Case, record: Record, log: Log) -> tuple[int, bool, Start, Observed]:
     """Take the initial state; return how the case ended, if it did, whether it begins with an event, and how."""
     free, tip, tally = motions.free, case.tip, record.tally
@@ -161,7 +161,7 @@ def _step(
     return h, event, after
 
 
-@rare
+@part
 def _finish(motions: Motions, case: Case, record: Record, log: Log, observed: Observed) -> None:
     """Write what is due at the end, after any event there."""
     tally, modal, T = record.tally, motions.modal, case.load.duration

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from workflow.kernels.compiled import inlined, part, rare
+from workflow.kernels.compiled import inlined, part
 from workflow.kernels.packs import narrow, pack, store
 from workflow.models import Array
 from workflow.schemes._exact.explicit_blocks import advance_explicit, explicit_force
@@ -46,7 +46,7 @@ class Observed(NamedTuple):
     """d' of the casing, m/s."""
 
 
-@rare
+@part
 def prepare(regime: Layout, load: Load, memory: Memory) -> Any:
     """Return the motion of a case in a regime, its state not yet set."""
     r, states = respond(regime, load, memory), memory.states

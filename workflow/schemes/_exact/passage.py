@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from workflow.kernels.compiled import part, rare
+from workflow.kernels.compiled import part
 from workflow.models import Array
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
 from workflow.schemes._exact.layout import Layout, Load, Memory
@@ -42,7 +42,7 @@ class Motions(NamedTuple):
     """From [y, y', τ] to the coordinates of the free motion and back, where they do."""
 
 
-@rare
+@part
 def motions_of(free: Layout, held: Layout, load: Load, memories: tuple[Memory, Memory]) -> Any:
     """Return both motions of a case, their states not yet set."""
     own, other = memories

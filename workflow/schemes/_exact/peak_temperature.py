@@ -14,7 +14,7 @@ Otherwise the interval is halved.
 
 from __future__ import annotations
 
-from workflow.kernels.compiled import part, rare
+from workflow.kernels.compiled import part
 from workflow.schemes._exact.expansion import (
     SUM_ROUNDING,
     accumulate,
@@ -61,7 +61,7 @@ def _is_monotone(m: Motion, span: float) -> bool:
     return high <= 0.0 or low >= 0.0
 
 
-@rare
+@part
 def _searched(m: Motion, t: float, left: float, right: float, largest: float) -> float:
     """Search interval by interval, from the left to the right."""
     at = left

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.kernels.compiled import part, rare
+from workflow.kernels.compiled import part
 from workflow.models import Array
 from workflow.schemes._exact.motion import Motion
 from workflow.schemes._exact.passage import Motions, fill_modal
@@ -78,7 +78,7 @@ def begin_phase(log: Log, modal: Array, tally: Any) -> None:
     tally.logged, tally.flights = 1, 0
 
 
-@rare
+@part
 def end_phase(log: Log, motions: Motions, tally: Any) -> None:
     """Keep when and with which energy a phase ends that is logged."""
     i = tally.phases - 1
@@ -98,7 +98,7 @@ def note_phase(log: Log, motions: Motions, after: bool, tally: Any) -> bool:
     return _log_phase(log, motions, tally)
 
 
-@rare
+@part
 def _log_phase(log: Log, motions: Motions, tally: Any) -> bool:
     if tally.phases >= log.held.size:
         return False

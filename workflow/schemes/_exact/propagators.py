@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from workflow.kernels import elementary
-from workflow.kernels.compiled import inlined, part, rare
+from workflow.kernels.compiled import inlined, part
 from workflow.kernels.elementary import HALF_PI_1, HALF_PI_2, LN2_HIGH, LN2_LOW, LOG2_E, TO_INTEGER, TWO_OVER_PI
 from workflow.kernels.packs import narrow, pack, store
 from workflow.models import Array
@@ -70,7 +70,7 @@ def block_propagators(b: Array, dt: float) -> None:
         store(b, (block.S, lane), s)
 
 
-@rare
+@part
 def _large_propagators(b: Array, dt: float) -> None:
     """Fill the rows C and S where an angle ν dt is large."""
     for k in range(b.shape[1]):
@@ -123,7 +123,7 @@ def _exponentials(b: Array, dt: float) -> None:
         b[block.POWER, k] = np.int64(bits).view(np.float64)
 
 
-@rare
+@part
 def stiff_block(c: float, w2: float, dt: float) -> tuple[float, float]:
     """Return C and S of one block that does not oscillate, ω² <= c²/4, of either sign of c."""
     half = 0.5 * c

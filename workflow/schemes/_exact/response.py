@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workflow.kernels import elementary
-from workflow.kernels.compiled import part, rare
+from workflow.kernels.compiled import part
 from workflow.models import Array
 from workflow.schemes._exact.layout import Layout, Load, Memory
 from workflow.schemes._exact.tables import block, first, state, wave
@@ -63,7 +63,7 @@ class Response(NamedTuple):
     """Whether the tip temperature is a constant plus decaying exponentials: no block, wave or growing state shows."""
 
 
-@rare
+@part
 def respond(regime: Layout, load: Load, memory: Memory) -> Response:
     """Return the response of a regime to the loads of one case, and complete the tables of its memory."""
     b, f, coupling = memory.block, memory.first, regime.coupling
@@ -111,7 +111,7 @@ def respond(regime: Layout, load: Load, memory: Memory) -> Response:
     )
 
 
-@rare
+@part
 def _clear(regime: Layout, load: Load, memory: Memory) -> None:
     """Begin with the tables of the regime, and with the waves as they are given."""
     for row in range(memory.block.shape[0]):
@@ -127,7 +127,7 @@ def _clear(regime: Layout, load: Load, memory: Memory) -> None:
         memory.waves[i, wave.TIME] = memory.waves[i, wave.TIME_BEFORE] = np.nan
 
 
-@rare
+@part
 def _source(regime: Layout, load: Load, row: int, heated: bool) -> float:
     """Return the constant source of a coordinate; in the last row that of the signal."""
     steady, heating = load.steady.size, load.heating.size
@@ -141,7 +141,7 @@ def _source(regime: Layout, load: Load, row: int, heated: bool) -> float:
     return float(source)
 
 
-@rare
+@part
 def _wave_source(regime: Layout, load: Load, row: int, i: int) -> tuple[float, float]:
     """Return the coefficients of cos ψ and sin ψ of wave ``i`` in a source, by its load, d, d' and d''."""
     at, omega = load.steady.size + load.heating.size, load.waves[i, wave.OMEGA]
@@ -152,7 +152,7 @@ def _wave_source(regime: Layout, load: Load, row: int, i: int) -> tuple[float, f
     return speed * omega * amplitude, sin
 
 
-@rare
+@part
 def _fill_sources(regime: Layout, load: Load, firsts: int, memory: Memory) -> None:
     """Fill the sources of the signal and of first-order states."""
     f, outputs, waves, signal = memory.first, memory.outputs, memory.waves, 2 * regime.blocks + regime.firsts
