@@ -7,11 +7,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numba
+import numpy as np
 import pytest
 
 from studies import SCENE
 from workflow.archive import provenance
-from workflow.kernels import compiled
+from workflow.kernels import Array, compiled
 
 STUDY = f"""study: both_ways
 {SCENE}
@@ -49,3 +51,17 @@ def test_it_is_left_out_with_other_versions(monkeypatch: pytest.MonkeyPatch) -> 
 def test_a_variable_of_the_environment_leaves_it_out(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(compiled.PLAIN, "1")
     assert compiled._whole_program.__wrapped__() is None
+
+
+def second(rows: Array) -> float:
+    return rows[1]
+
+
+def test_other_code_of_the_process_meets_the_usual_compiler() -> None:
+    """What gives way to ours while a kernel is compiled is in its place again."""
+    program = compiled._whole_program()
+    if program is None:
+        pytest.skip("numba is of a version that ours was not tested with")
+    assert compiled.kernel(second)(np.arange(3.0)) == 1.0
+    assert all(getattr(owner, name) is not ours for owner, name, ours in program._REPLACED)
+    assert numba.njit(second)(np.arange(3.0)) == 1.0

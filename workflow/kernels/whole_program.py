@@ -28,7 +28,6 @@ from numba.np import arrayobj
 _READING = ("TranslateByteCode", "FixupArgs", "IRProcessing")
 _REWRITING = ("RewriteSemanticConstants", "DeadBranchPrune", "GenericRewrites", "ReconstructSSA")
 _TYPING = ("NopythonTypeInference", "PreLowerStripPhis", "IRLegalization", "AnnotateTypes", "NoPythonBackend")
-_WITHOUT_EFFECT = {"alloca", "bitcast", "extractvalue", "getelementptr", "insertvalue", "load", "select", "store"}
 
 
 class _Waiting(JITCodeLibrary):
@@ -82,27 +81,6 @@ class _Builder(ir.IRBuilder):
         return super().extract_value(agg, path, name) if path else agg
 
 
-def _read_by(each: Any) -> list[Any]:
-    """Return what an instruction reads; a variable in which it stores is not read."""
-    stores = each.opname == "store" and isinstance(each.operands[1], ir.AllocaInstr)
-    return each.operands[:1] if stores else [*each.operands, *(value for value, _ in getattr(each, "incomings", ()))]
-
-
-def _remove_unread(function: ir.Function) -> None:
-    """Remove what is computed and never read."""
-    reads = Counter(id(value) for block in function.blocks for each in block.instructions for value in _read_by(each))
-    for block in reversed(function.blocks):
-        kept = []
-        for each in reversed(block.instructions):
-            result = each.operands[1] if each.opname == "store" else each
-            if each.opname in _WITHOUT_EFFECT and not reads[id(result)]:
-                reads.subtract(map(id, _read_by(each)))
-            else:
-                kept.append(each)
-                reads[id(result)] += 1  # a variable stays with what is stored in it
-        block.instructions[:] = reversed(kept)
-
-
 class _Lower(lowering.Lower):
     """Lowers a function to few instructions."""
 
@@ -112,10 +90,6 @@ class _Lower(lowering.Lower):
         assigned = {at: [each.target.name for each in block.find_insts(Assign)] for at, block in self.blocks.items()}
         counts = Counter(name for names in assigned.values() for name in names)
         self._singly_assigned_vars.update(name for name in assigned[min(assigned)] if counts[name] == 1)
-
-    def lower_normal_function(self, fndesc: Any) -> None:
-        super().lower_normal_function(fndesc)
-        _remove_unread(self.function)
 
 
 @cache
@@ -150,9 +124,12 @@ def _found(function: Any, context: Any, args: Any, kws: Any, find: Any = types.B
     return find(function, context, args, dict(kws))
 
 
-# For all that this process compiles: what numba writes becomes shorter, what it means stays.
-arrayobj.make_array, lowering.IRBuilder = _array, _Builder
-types.BaseFunction.get_call_type = _signature
+_REPLACED: tuple[tuple[Any, str, Any], ...] = (
+    (arrayobj, "make_array", _array),
+    (lowering, "IRBuilder", _Builder),
+    (types.BaseFunction, "get_call_type", _signature),
+)
+"""What of numba's gives way to ours while a kernel is compiled: it writes less, to the same effect."""
 
 
 def typed_alike(dispatcher: Any) -> Any:
@@ -183,6 +160,17 @@ class _Lowered(typed_passes.NativeLowering):
 
 class KernelCompiler(compiler.Compiler):
     """Compiles a kernel and its parts into a library that can be cached; only the passes that kernels need."""
+
+    def _compile_core(self) -> Any:
+        """Compile with what is replaced, which no other code of the process meets: numba compiles under a lock."""
+        usual = [getattr(owner, name) for owner, name, _ in _REPLACED]
+        try:
+            for owner, name, ours in _REPLACED:
+                setattr(owner, name, ours)
+            return super()._compile_core()
+        finally:
+            for (owner, name, _), before in zip(_REPLACED, usual, strict=True):
+                setattr(owner, name, before)
 
     def define_pipelines(self) -> list[Any]:
         """Return the passes, and choose the library."""
