@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from scenes import cases, chain, sampling, step
 from studies import parsed
 from workflow.grid import Solved, arrange, solve
-from workflow.grid._contact_gain import contact_gave_too_much
+from workflow.grid._contact_work import contact_gave_too_much
 from workflow.models import critical_alpha, frequencies, tip_flexibility
 from workflow.schemes import Status
 
@@ -67,9 +67,9 @@ def test_what_the_scheme_takes_and_little_of_many_steps_do_not_count() -> None:
     """Contact gave 0.8 of the largest energy: much of it in one step or little, and the scheme left or took it."""
     ball = chain(nodes=1, mass=(0.01,), stiffness=(0.0,))
     results = step(ball, cases(ball, 4, gap=1.0), 1e-3, sampling(0.01, 1e-3))
-    gain = np.array([[0.8, 0.3], [0.8, 0.1], [0.8, 0.3], [0.7, 0.7]])
+    work = np.array([[0.8, 0.3], [0.8, 0.1], [0.8, 0.3], [0.7, 0.7]])
     residual = {"energy_residual": np.array([0.0, 0.0, -0.2, 0.2])}
-    judged = contact_gave_too_much(replace(results, contact_gain=gain, metrics={**results.metrics, **residual}))
+    judged = contact_gave_too_much(replace(results, contact_work=work, metrics={**results.metrics, **residual}))
     assert judged.tolist() == [True, False, False, False]
     assert not contact_gave_too_much(results).any()
 
@@ -147,16 +147,16 @@ def judged(seed: int, *thetas: float) -> list[dict[str, Any]]:
     if not study["axes"]["h"]:
         return []
     grid = arrange(parsed(json.dumps(study)))
-    exact, found, inner = None, [], np.arange(grid.inner_count)
+    exact, stepped, inner = None, [], np.arange(grid.inner_count)
     for outer in grid.places:
         cell = grid.settings(outer)
         if cell.scheme.method == "moreau":
-            found.append((cell, solve(grid, outer, inner)))
+            stepped.append((cell, solve(grid, outer, inner)))
         elif exact is None:
             exact = solve(grid, outer, inner).values
     assert exact is not None
     rows = []
-    for cell, solved in found:
+    for cell, solved in stepped:
         x, v, status = (solved.values[name] for name in ("displacement", "velocity", "status"))
         for case in np.flatnonzero((exact["status"] == Status.OK) & (exact["impacts"] > 0)):
             with np.errstate(all="ignore"):

@@ -96,10 +96,7 @@ def test_a_run_that_may_drop_goes_on_where_it_was_stopped(tmp_path: Path, monkey
     cut_finely(monkeypatch)
     archive, study = tmp_path / "a.nc", quick({"e": [0.1, 0.2, 0.9]})
     run_study(quick(), archive, threads=1)
-    with monkeypatch.context() as patch:
-        _stop_after(1, patch)
-        with pytest.raises(ArchiveError, match="stopped"):
-            run_study(study, archive, threads=1, drop=True)
+    _run_until(1, monkeypatch, study, archive, drop=True)
     outcome = run_study(study, archive, threads=1)  # --drop was given when it began
     assert outcome.resumed > 3
     with open_archive(archive) as data:
@@ -110,10 +107,7 @@ def test_an_unfinished_run_without_a_case_gives_way(tmp_path: Path, monkeypatch:
     """It was refused as results of another study, of which there were none."""
     cut_finely(monkeypatch)
     archive, narrowed = tmp_path / "a.nc", quick({"alpha": [5.0]})
-    with monkeypatch.context() as patch:
-        _stop_after(0, patch)
-        with pytest.raises(ArchiveError, match="stopped"):
-            run_study(quick(), archive, threads=1)
+    _run_until(0, monkeypatch, quick(), archive)
     assert parts_of(archive).exists()
     assert run_study(narrowed, archive, threads=1).counts == {"ok": 3}
 
@@ -121,10 +115,7 @@ def test_an_unfinished_run_without_a_case_gives_way(tmp_path: Path, monkeypatch:
 def test_an_unfinished_run_of_the_study_as_it_was_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     cut_finely(monkeypatch)
     archive, narrowed = tmp_path / "a.nc", quick({"alpha": [5.0]})
-    with monkeypatch.context() as patch:
-        _stop_after(2, patch)
-        with pytest.raises(ArchiveError, match="stopped"):
-            run_study(quick(), archive, threads=1)
+    _run_until(2, monkeypatch, quick(), archive)
     with open_archive(archive) as data:
         there = int((data["status"] != 4).sum())
         of_narrowed = int((data["status"].sel(alpha=5.0) != 4).sum())
@@ -187,8 +178,8 @@ def test_the_command_line(tmp_path: Path) -> None:
     assert "3 stored, 0 missing, 0 no longer asked for" in call(app, ["plan", narrowed, "-o", archive]).output
 
 
-def _stop_after(shards: int, patch: pytest.MonkeyPatch) -> None:
-    """Let a run fail when it has written so many shards."""
+def _run_until(shards: int, monkeypatch: pytest.MonkeyPatch, study: Study, archive: Path, drop: bool = False) -> None:
+    """Run a study that fails when it has written so many shards."""
     write, written = running.write_shard, []
 
     def failing(*args: Any) -> Any:
@@ -197,4 +188,7 @@ def _stop_after(shards: int, patch: pytest.MonkeyPatch) -> None:
         written.append(args[2])
         return write(*args)
 
-    patch.setattr(running, "write_shard", failing)
+    with monkeypatch.context() as patch:
+        patch.setattr(running, "write_shard", failing)
+        with pytest.raises(ArchiveError, match="stopped"):
+            run_study(study, archive, threads=1, drop=drop)

@@ -15,7 +15,7 @@ TABLES = {
     "first": {"f", "r.first", "memory.first", "m.r.first"},
     "wave": {"w", "waves", "r.waves", "load.waves", "memory.waves"},
     "state": {"y", "out", "m.now"},
-    "expansion": {"sums", "d", "x.sums", "m.x.sums", "held.x.sums", "free.x.sums"},
+    "expansion": {"sums", "d", "x.sums", "m.expansion.sums", "held.expansion.sums", "free.expansion.sums"},
 }
 """The arrays that are laid out by each table."""
 

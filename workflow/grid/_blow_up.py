@@ -4,7 +4,7 @@ Three rules, all about what no motion of the model can do:
 
 - Energy was created, by the balances (:mod:`workflow.grid._created_energy`): of every scheme where the study has
   them, of a contact spring beyond the step up to which it holds in any case. What a scheme dissipates never counts.
-- Contact gave the tip energy (:mod:`workflow.grid._contact_gain`), of ``moreau`` where the study has balances.
+- Contact gave the tip energy (:mod:`workflow.grid._contact_work`), of ``moreau`` where the study has balances.
 - With or without balances, where K1 is regular: the largest |x_n| exceeds both :data:`EXCESS` times the largest
   length that the case accounts for without contact (:func:`_accounted`) and twice the growth by friction heat
   (:func:`_farthest`).
@@ -21,7 +21,7 @@ from dataclasses import replace
 import numpy as np
 
 from workflow.grid._arrangement import Indices
-from workflow.grid._contact_gain import contact_gain_text, contact_gave_too_much
+from workflow.grid._contact_work import contact_gave_too_much, contact_work_text
 from workflow.grid._created_energy import advice, created_energy
 from workflow.grid._operators import runaway_of, statics_of, structure_of
 from workflow.models import Array, Cases, Chain, Sparse, Structure
@@ -79,7 +79,7 @@ def mark_blown_up(cell: Cell, cases: Cases, results: Results, sampling: Sampling
             }
     created = created_energy(cell, cases, results, ok & ~np.isin(np.arange(cases.count), list(blown)), sampling)
     blown |= {
-        int(case): contact_gain_text(results, int(case), cell.h)
+        int(case): contact_work_text(results, int(case), cell.h)
         for case in np.flatnonzero(ok & contact_gave_too_much(results))
         if int(case) not in blown and not _is_rounding(cell, cases, results, int(case), duration)
     }

@@ -71,7 +71,7 @@ def _condensed(cell: Cell) -> str:
     return "".join(f" + {count} {kind}, condensed" for count, kind in kinds if count)
 
 
-def listed(lines: Iterable[str], most: int) -> tuple[str, ...]:
+def distinct_lines(lines: Iterable[str], most: int) -> tuple[str, ...]:
     """Return distinct lines in their order, at most so many, and how many more there are."""
     distinct = tuple(dict.fromkeys(lines))
     more = len(distinct) - most

@@ -14,7 +14,7 @@ from workflow.grid._choice_words import choice_cautions, choice_lines
 from workflow.grid._conditions import friction_of
 from workflow.grid._costs import factor_lines
 from workflow.grid._estimate import Time, estimate, result_bytes
-from workflow.grid._figures import Figures, figures, listed
+from workflow.grid._figures import Figures, distinct_lines, figures
 from workflow.grid._frequencies import fastest
 from workflow.grid._operators import Reduced, reduced, reduced_structure, structure_of, structure_on
 from workflow.grid._reference import reference_cell, solution_counts
@@ -163,7 +163,7 @@ def _plan(grid: Grid, units: Units) -> Plan:
         structures=tuple(map(figures, shown)),
         more_structures=len(structures) - len(shown),
         choices=choice_lines(grid),
-        operators=(*listed(_operators(grid, computed), _STRUCTURES_SHOWN), *_factors(shown)),
+        operators=(*distinct_lines(_operators(grid, computed), _STRUCTURES_SHOWN), *_factors(shown)),
         warnings=idle + tuple(choice_cautions(grid)) + scene_cautions(grid) + _sentences(cautions, bases),
     )
 

@@ -27,14 +27,14 @@ for the same lines of the cache. Worth a few percent."""
 PACK = 8
 """Lanes of a narrow pack: a register of the widest processors."""
 
-FEWEST = 16
+FEWEST_LANES = 16
 """Lanes that a block has at least: they share what a step costs beside its lanes."""
 
 
 def cached_lanes(rows: int) -> int:
     """Return the lanes of a block that goes through so many rows in a step: whole packs that stay in the cache."""
     lanes = LANES
-    while lanes > FEWEST and 8 * rows * lanes > CACHED:
+    while lanes > FEWEST_LANES and 8 * rows * lanes > CACHED:
         lanes //= 2
     return lanes
 

@@ -114,20 +114,22 @@ def _array(kind: Any, make_array: Any = arrayobj.make_array) -> Any:
     return Description
 
 
-def _signature(function: Any, context: Any, args: Any, kws: Any) -> Any:
+def _call_signature(function: Any, context: Any, args: Any, kws: Any) -> Any:
     """Return the signature of a call of numba's own function, which is remembered."""
-    return _found(function, context, tuple(args), tuple(kws.items()))
+    return _remembered_signature(function, context, tuple(args), tuple(kws.items()))
 
 
 @cache
-def _found(function: Any, context: Any, args: Any, kws: Any, find: Any = types.BaseFunction.get_call_type) -> Any:
-    return find(function, context, args, dict(kws))
+def _remembered_signature(
+    function: Any, context: Any, args: Any, kws: Any, signature: Any = types.BaseFunction.get_call_type
+) -> Any:
+    return signature(function, context, args, dict(kws))
 
 
 _REPLACED: tuple[tuple[Any, str, Any], ...] = (
     (arrayobj, "make_array", _array),
     (lowering, "IRBuilder", _Builder),
-    (types.BaseFunction, "get_call_type", _signature),
+    (types.BaseFunction, "get_call_type", _call_signature),
 )
 """What of numba's gives way to ours while a kernel is compiled: it writes less, to the same effect."""
 

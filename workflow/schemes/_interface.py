@@ -141,7 +141,7 @@ class Results:
     messages
         What a case that is not ok did, by position; deterministic, no addresses, no paths. That of a
         case that is ok begins with :data:`EXTRAPOLATED`.
-    contact_gain
+    contact_work
         The most that the work of contact on the tip, relative to the casing, has ever been, and the most of one step,
         over the largest energy, 1, ``(case, 2)``; ``None`` without balances. It is judged, not stored.
     """
@@ -153,7 +153,7 @@ class Results:
     period_contact: Array
     status: NDArray[np.int8]
     messages: dict[int, str]
-    contact_gain: Array | None = None
+    contact_work: Array | None = None
 
 
 def merge(parts: list[tuple[NDArray[np.int64], Results]]) -> Results:
@@ -171,7 +171,7 @@ def merge(parts: list[tuple[NDArray[np.int64], Results]]) -> Results:
         ]
         return np.concatenate(wide)[order]
 
-    gains = [r.contact_gain for r in results]
+    works = [r.contact_work for r in results]
     return Results(
         histories={name: joined([r.histories[name] for r in results]) for name in results[0].histories},
         metrics={name: joined([r.metrics[name] for r in results]) for name in results[0].metrics},
@@ -180,9 +180,9 @@ def merge(parts: list[tuple[NDArray[np.int64], Results]]) -> Results:
         period_contact=joined([r.period_contact for r in results]),
         status=np.concatenate([r.status for r in results])[order],
         messages={int(where[k]): text for where, r in parts for k, text in r.messages.items()},
-        contact_gain=None
-        if any(gain is None for gain in gains)
-        else joined([gain for gain in gains if gain is not None]),
+        contact_work=None
+        if any(work is None for work in works)
+        else joined([work for work in works if work is not None]),
     )
 
 

@@ -17,7 +17,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from workflow.kernels.lanes import FEWEST
+from workflow.kernels.lanes import FEWEST_LANES
 from workflow.models import Array, Cases, Structure
 from workflow.schemes._fixed import central_march, contact, costs, dense
 from workflow.schemes._fixed.central import NEEDS_MASS, Differences, Linear, Operator, divisor
@@ -31,7 +31,7 @@ GENERAL = frozenset({"damping", "friction", "load"})
 
 HARMONICS = frozenset({"load", "casing"})
 
-TOGETHER = FEWEST
+TOGETHER = FEWEST_LANES
 
 
 @dataclass(frozen=True)

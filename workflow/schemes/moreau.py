@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 from workflow.declare import quantity
 from workflow.kernels.compiled import defines
-from workflow.kernels.lanes import FEWEST
+from workflow.kernels.lanes import FEWEST_LANES
 from workflow.kernels.packs import Lane, of_lane, pack, some, some_nonzero, spread, store, weighed, where
 from workflow.models import Array, Cases, Structure
 from workflow.schemes._fixed import case_row, contact, costs, dense, theta_march, theta_method, tip_row, total_row
@@ -35,7 +35,7 @@ from workflow.schemes._sweep import sweeps
 READS = frozenset({"e", "h", "alpha"})
 GENERAL = frozenset({"damping", "friction", "load"})
 HARMONICS = frozenset({"load", "casing"})
-TOGETHER = FEWEST
+TOGETHER = FEWEST_LANES
 is_swept = sweeps.is_swept
 
 
@@ -78,8 +78,8 @@ def meet_by_prox(law: Prox, step: TipStep, free: Free, own: Array, tip: Array, l
     return End(engaged, x, v, temperature, p)
 
 
-@defines(contact.count_work, Prox)
-def _count_work(law: Prox, end: End, free: Free, tip: Array, sums: Array, lane: Lane) -> None:
+@defines(contact.add_contact_work, Prox)
+def _add_contact_work(law: Prox, end: End, free: Free, tip: Array, sums: Array, lane: Lane) -> None:
     """Add -p (u_k + u_k+1)/2, u relative to the casing: p u_k (1 - e)/2 > 0 of a tip that is leaving, still inside."""
     if not end.engaged:
         return

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from workflow.declare import quantity
-from workflow.kernels.lanes import FEWEST
+from workflow.kernels.lanes import FEWEST_LANES
 from workflow.models import Array, Cases, Structure
 from workflow.schemes._fixed import central, central_march, costs, dense, spring_limits, theta_march, theta_method
 from workflow.schemes._fixed.contact import METRICS as METRICS
@@ -33,7 +33,7 @@ from workflow.schemes._interface import Results, Sampling
 READS = frozenset({"h", "alpha"})
 GENERAL = frozenset({"damping", "friction", "load"})
 HARMONICS = frozenset({"load", "casing"})
-TOGETHER = FEWEST
+TOGETHER = FEWEST_LANES
 
 Operator = central.Operator | theta_method.Operator | dense.DenseOperator
 

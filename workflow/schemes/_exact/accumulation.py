@@ -79,7 +79,7 @@ class _Force(NamedTuple):
 @part
 def _expanded(m: Motion) -> _Force:
     """Return the contact force of the held motion last expanded."""
-    sums, n = m.x.sums, m.r.blocks
+    sums, n = m.expansion.sums, m.r.blocks
     force, fourth = sums[expansion.D0, n], sums[expansion.FOURTH, n]
     h = np.sqrt(np.sqrt(24.0 * _CUBIC * force / fourth)) if fourth > 0.0 else np.inf
     for _ in range(60):
@@ -137,7 +137,7 @@ def settle(m: Motion, t: float, u: float, bounces: Bounces) -> tuple[float, floa
         if step == 0 or tau >= s.window:
             begun, tau = begun + tau, 0.0
             advance(m.r, m.now, t, begun - t, m.between)
-            expand(m.r, m.between, begun, m.x)
+            expand(m.r, m.between, begun, m.expansion)
             s = _expanded(m)
             if s.value <= 0.0:
                 break

@@ -85,8 +85,8 @@ def impact(motions: Motions, case: Case, tally: Any) -> tuple[bool, float]:
     p = (1.0 + tip.e) * speed / tip.mobility
     tally.max_speed = max(tally.max_speed, speed)
     strike(free.r, tip.kick, free.now, p, tip.alpha * p)
-    expand(free.r, free.now, tally.time, free.x)
-    parting = free.x.sums[expansion.D1, free.r.blocks]
+    expand(free.r, free.now, tally.time, free.expansion)
+    parting = free.expansion.sums[expansion.D1, free.r.blocks]
     stays, since, e = speed <= 0.0 or tip.e == 0.0, tally.time, tip.e
     if not stays:
         end = _end_of_bounces(motions, case, tally)
@@ -109,8 +109,8 @@ def _end_of_bounces(motions: Motions, case: Case, tally: Any) -> float:
     impact was: those of a tip that only the rounding of a force near zero has lifted.
     """
     tip, free, speed, thresholds = case.tip, motions.free, tally.speed, case.thresholds
-    pressing = -free.x.sums[expansion.D2, free.r.blocks]
-    rounding = SUM_ROUNDING * free.x.sums[expansion.SIZE, 0]
+    pressing = -free.expansion.sums[expansion.D2, free.r.blocks]
+    rounding = SUM_ROUNDING * free.expansion.sums[expansion.SIZE, 0]
     if speed >= thresholds.speed * tally.max_speed:
         tally.unsettled_speed = np.inf
         if speed * speed > 2.0 * pressing * rounding:

@@ -170,7 +170,7 @@ class Memory(NamedTuple):
     """Of signal and tip temperature what constant loads alone give, ``(2,)``."""
     waves: Array
     """See :mod:`workflow.schemes._exact.tables.wave`."""
-    x: Expansion
+    expansion: Expansion
 
 
 def memory(regime: Layout, heated: bool, waves: int) -> Memory:
@@ -187,7 +187,7 @@ def memory(regime: Layout, heated: bool, waves: int) -> Memory:
         states=np.zeros((3, state.ROWS, max(columns, wide))),
         outputs=np.zeros(2),
         waves=np.zeros((waves, wave.COLUMNS)),
-        x=Expansion(
+        expansion=Expansion(
             np.zeros((expansion.ROWS, regime.blocks + 1)), np.zeros((expansion.ROWS, columns)), np.zeros(ORDER + 1)
         ),
     )

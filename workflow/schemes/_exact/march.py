@@ -98,9 +98,9 @@ def _begin(motions: Motions, case: Case, record: Record, log: Log) -> tuple[int,
     tally.max_temperature = tally.period_temperature = observed.temperature
     given = Observed(tip.distance, -tip.speed, observed.temperature, 0.0, observed.place, observed.speed)
     write(record, 0.0, given, 0.0)
-    expand(free.r, free.now, 0.0, free.x)
+    expand(free.r, free.now, 0.0, free.expansion)
     tally.length = tip.reach + abs(observed.place - tip.distance)
-    touches = abs(tip.distance) <= 4.0 * SUM_ROUNDING * (tally.length + free.x.sums[expansion.SIZE, 0])
+    touches = abs(tip.distance) <= 4.0 * SUM_ROUNDING * (tally.length + free.expansion.sums[expansion.SIZE, 0])
     if tip.distance < 0.0 and not touches:
         return outcome.INSIDE_CASING, False, start, observed
     if log.held.size > 0:
@@ -144,7 +144,7 @@ def _step(
     """Take a certified step; return its length (NaN: none found), whether an event ends it, and its last outputs."""
     tally, t, tolerance = record.tally, record.tally.time, _SAME_TIME * T
     if not start.expanded:
-        expand(m.r, m.now, t, m.x)
+        expand(m.r, m.now, t, m.expansion)
     h, event = certified_step(m, start, t, T - t, tolerance)
     if not np.isfinite(h):
         return h, False, observed

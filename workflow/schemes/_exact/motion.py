@@ -19,7 +19,7 @@ class Motion(NamedTuple):
     """The motion of one case in one regime; states as in :mod:`~workflow.schemes._exact.tables.state`."""
 
     r: Response
-    x: Expansion
+    expansion: Expansion
     now: Array
     """State at the beginning of the present step."""
     after: Array
@@ -50,7 +50,7 @@ class Observed(NamedTuple):
 def prepare(regime: Layout, load: Load, memory: Memory) -> Any:
     """Return the motion of a case in a regime, its state not yet set."""
     r, states = respond(regime, load, memory), memory.states
-    return Motion(r, memory.x, states[0], states[1], states[2], memory.coordinates)
+    return Motion(r, memory.expansion, states[0], states[1], states[2], memory.coordinates)
 
 
 @part

@@ -122,9 +122,9 @@ def enter_contact(motions: Motions, threshold: float, t: float) -> int:
     held = motions.held
     fill_modal(motions, False, t)
     set_held(motions, t)
-    expand(held.r, held.now, t, held.x)
-    force, rate = held.x.sums[expansion.D0, held.r.blocks], held.x.sums[expansion.D1, held.r.blocks]
-    rounding = threshold * SUM_ROUNDING * held.x.sums[expansion.SIZE, 0]
+    expand(held.r, held.now, t, held.expansion)
+    force, rate = held.expansion.sums[expansion.D0, held.r.blocks], held.expansion.sums[expansion.D1, held.r.blocks]
+    rounding = threshold * SUM_ROUNDING * held.expansion.sums[expansion.SIZE, 0]
     if force > rounding:
         return 0
     return 1 if force >= -rounding and rate > 0.0 else -1

@@ -67,10 +67,10 @@ def _searched(m: Motion, t: float, left: float, right: float, largest: float) ->
     at = left
     while at < right:
         advance(m.r, m.now, t, at - t, m.between)
-        expand_output(m.r, TEMPERATURE, m.between, at, m.x)
+        expand_output(m.r, TEMPERATURE, m.between, at, m.expansion)
         if not m.r.cooling:
-            accumulate(m.r, m.x)
-        largest = max(largest, m.x.sums[expansion.D0, m.r.blocks])
+            accumulate(m.r, m.expansion)
+        largest = max(largest, m.expansion.sums[expansion.D0, m.r.blocks])
         span = right - at
         while span > _SHORTEST * right:
             if _peaks_at_an_end(m, span, largest):
@@ -87,7 +87,7 @@ def _searched(m: Motion, t: float, left: float, right: float, largest: float) ->
 @part
 def _peaks_at_an_end(m: Motion, h: float, largest: float) -> bool:
     """Whether certainly no temperature on (0, h) exceeds both ends and ``largest``: it rises, falls or stays below."""
-    s = bounds(m.r, m.x, m.r.blocks if m.r.cooling else expanded_blocks(m.r, h), h)
+    s = bounds(m.r, m.expansion, m.r.blocks if m.r.cooling else expanded_blocks(m.r, h), h)
     d1, d2, d3 = s.d1, s.d2, s.d3
     c0, c1 = d1, d1 + 2.0 * d2 / 3.0
     c2, c3 = d1 + 4.0 * d2 / 3.0 + d3, d1 + 2.0 * d2 + 3.0 * d3
@@ -95,7 +95,7 @@ def _peaks_at_an_end(m: Motion, h: float, largest: float) -> bool:
         return True
     if max(max(c0, c1), max(c2, c3 + 4.0 * s.fourth)) <= -s.tail_slope:
         return True
-    level = largest + _SURE * abs(largest) + SUM_ROUNDING * m.x.sums[expansion.SIZE, 0]
+    level = largest + _SURE * abs(largest) + SUM_ROUNDING * m.expansion.sums[expansion.SIZE, 0]
     b2 = d1 / 2.0 + d2 / 6.0
     b3 = 0.75 * d1 + d2 / 2.0 + d3 / 4.0
     b4 = d1 + d2 + d3 + s.fourth
@@ -105,7 +105,7 @@ def _peaks_at_an_end(m: Motion, h: float, largest: float) -> bool:
 @part
 def _bend(m: Motion, h: float) -> int:
     """Return the sign of the second derivative of the temperature on (0, h), 0 where it is not certain."""
-    sums, n = m.x.sums, m.r.blocks
+    sums, n = m.expansion.sums, m.r.blocks
     fourth = (sums[expansion.FOURTH, n] + sums[expansion.FOURTH_GROWTH, 0] * h) * growth_bound(m.r.growth * h)
     second, third = sums[expansion.D2, n], sums[expansion.D3, n]
     b0, b1, b2 = second, second + third * h / 2.0, second + third * h
@@ -122,7 +122,7 @@ def _concave_peak(m: Motion, t: float, at: float, h: float, largest: float) -> f
     Newton's steps on the rate, kept between points where it is positive and negative: what is left of
     the way to the last such point times the rate bounds what can still be gained.
     """
-    sums, n = m.x.sums, m.r.blocks
+    sums, n = m.expansion.sums, m.r.blocks
     rate, bend, third = sums[expansion.D1, n], sums[expansion.D2, n], sums[expansion.D3, n]
     if rate <= 0.0:
         return largest

@@ -48,7 +48,7 @@ def certified_step(m: Motion, start: Start, t: float, left: float, tolerance: fl
     On the step there is no other zero. NaN where no step is found. Zeros up to ``tolerance`` past ``left`` count as
     beyond. The expansion is used up.
     """
-    sums, n, zeros = m.x.sums, m.r.blocks, start.zeros
+    sums, n, zeros = m.expansion.sums, m.r.blocks, start.zeros
     if not np.isfinite(sums[expansion.SIZE, 0]):
         return np.nan, False
     if start.speed >= 0.0:
@@ -58,26 +58,26 @@ def certified_step(m: Motion, start: Start, t: float, left: float, tolerance: fl
     if zeros == 0:
         if sums[expansion.D0, n] <= 0.0 and sums[expansion.D1, n] < 0.0:
             return 0.0, True
-        accumulate(m.r, m.x)
-    guess, end = zero_crossing(m.r, m.x, zeros, left)
+        accumulate(m.r, m.expansion)
+    guess, end = zero_crossing(m.r, m.expansion, zeros, left)
     if end > 0.0:
         if zeros == 1 and m.r.fastest * end <= TAYLOR_SPAN:
             h = _short_flight(m, t, sums[expansion.D1, n], guess)
         else:
             h = _refined_zero(m, t, guess, end)
         return (left, False) if h > left + tolerance else (min(h, left), True)
-    h = longest_without_zero(m.r, m.x, zeros, start.guess, left)
+    h = longest_without_zero(m.r, m.expansion, zeros, start.guess, left)
     return (h, False) if h > 0.0 else (np.nan, False)
 
 
 @part
 def _refined_zero(m: Motion, t: float, guess: float, end: float) -> float:
     """Return the zero of the signal in (0, end], by expansions about ever better points."""
-    sums, n = m.x.sums, m.r.blocks
+    sums, n = m.expansion.sums, m.r.blocks
     tau, low, high = guess, 0.0, end
     for _ in range(30):
         advance(m.r, m.now, t, tau, m.between)
-        expand(m.r, m.between, t + tau, m.x)
+        expand(m.r, m.between, t + tau, m.expansion)
         if sums[expansion.D0, n] > 0.0:
             low = tau
         else:
@@ -119,7 +119,7 @@ def _short_flight(m: Motion, t: float, speed: float, guess: float) -> float:
 
     Solves gap(τ)/τ = 0, which keeps its digits however low the flight is.
     """
-    derivatives = m.x.derivatives
+    derivatives = m.expansion.derivatives
     order = _series_order(1.1 * m.r.fastest * guess)
     _series(m, t, order, _series_order(1.1 * m.r.fastest_first * guess))
     derivatives[1] = speed
@@ -156,7 +156,7 @@ def _series(m: Motion, t: float, order: int, first_order: int) -> None:
 
     The terms of the expansion are used up.
     """
-    r, derivatives, b, d = m.r, m.x.derivatives, m.r.block, m.x.terms
+    r, derivatives, b, d = m.r, m.expansion.derivatives, m.r.block, m.expansion.terms
     for n in range(order + 1):
         derivatives[n] = 0.0
     for i in range(r.waves.shape[0]):
@@ -192,7 +192,7 @@ def _explicit_series(m: Motion, k: int, t: float, order: int) -> None:
     force = explicit_force(r, k, y, t)
     begin_derivatives(r, k, t)
     for n in range(order + 1):
-        m.x.derivatives[n] += b[block.SIGNAL_VALUE, k] * value + b[block.SIGNAL_SLOPE, k] * slope
+        m.expansion.derivatives[n] += b[block.SIGNAL_VALUE, k] * value + b[block.SIGNAL_SLOPE, k] * slope
         value, slope = slope, force - b[block.DAMPING, k] * slope - b[block.STIFFNESS, k] * value
         force = next_derivative(waves)
         for j in range(r.firsts):

@@ -48,7 +48,7 @@ from workflow.kernels.lanes import ROW
 from workflow.kernels.packs import Lane, Pack, fused, magnitude, pack, plus, shared, spread, store, where
 from workflow.models import Array
 from workflow.schemes._fixed import case_row, total_row
-from workflow.schemes._fixed.contact import End, Free, Law, TipStep, contact_gain, count_work, driven, was_pressed
+from workflow.schemes._fixed.contact import End, Free, Law, TipStep, add_contact_work, contact_gain, driven, was_pressed
 
 AUDIT_DAMPING, AUDIT_HEAT_SPEED, AUDIT_HEAT_PLACE = range(3)
 """Coefficients of a mechanical mode, all over φ_n²: hc/4, and -1 times the work of a unit of friction heat per ζ at the
@@ -197,7 +197,7 @@ def account(
     if was_pressed(own, lane):
         relative -= audit.dragged * pack(own, (case_row.HEAT, lane))
     store(sums, (SUM_RELATIVE, lane), relative)
-    count_work(law, end, free, tip, sums, lane)
+    add_contact_work(law, end, free, tip, sums, lane)
     dissipated = pack(sums, (total_row.DISSIPATED, lane)) + contact_gain(
         law, step, end, relative - before, free, own, tip, lane
     )

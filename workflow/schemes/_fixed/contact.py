@@ -184,7 +184,7 @@ def contact_gain(
 
 
 @by_type
-def count_work(law: Law, end: End, free: Free, tip: Array, sums: Array, lane: Lane) -> None:
+def add_contact_work(law: Law, end: End, free: Free, tip: Array, sums: Array, lane: Lane) -> None:
     """Add the work of contact in a step to ``total_row.CONTACT_WORK``: nothing where a law does not say otherwise.
 
     ``tip`` still holds the tip at the step's beginning.

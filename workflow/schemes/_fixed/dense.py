@@ -34,7 +34,7 @@ from workflow.schemes._fixed.outcome import ROUNDING, Outcome, effective_restitu
 from workflow.schemes._fixed.seen_casing import with_casing_seen
 from workflow.schemes._fixed.sliding import friction_message
 from workflow.schemes._fixed.stepping import Ended, Watch, block_lanes, blocks, collect, watch
-from workflow.schemes._fixed.totals import content_of, in_order, residuals
+from workflow.schemes._fixed.totals import contact_work, content_of, in_order, residuals
 from workflow.schemes._interface import Results, Sampling
 
 _CHUNK = 1024
@@ -178,7 +178,8 @@ def _marched(operator: DenseOperator, cases: Cases, sampling: Sampling) -> Resul
         balances |= residuals(totals, content_of(structure.content, cases, last, watched.elapsed, in_order))
     closing = project(static_tip_growth(structure)[None, :], reached)[:, 0]
     outcome = with_casing_seen(watched, contact, _judged(operator, cases, kick[:, -1], watched))
-    return collect(Ended(watched, closing, balances), *outcome)
+    work = contact_work(totals) if sampling.balances else None
+    return collect(Ended(watched, closing, balances, work), *outcome)
 
 
 def _drive_theta(free: FreeStep) -> float:

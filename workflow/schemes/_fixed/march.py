@@ -192,4 +192,5 @@ def march_blocks(batch: Batch, watched: Watch, duration: float) -> Ended:
     balances = effective_restitution(batch.own) if batch.contact.rebounds else {}
     if books is not None:
         balances |= books.residuals(watched.elapsed)
-    return Ended(watched, closing, balances)
+    work = None if books is None else books.contact_work(watched.elapsed)
+    return Ended(watched, closing, balances, work)

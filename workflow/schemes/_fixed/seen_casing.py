@@ -28,7 +28,7 @@ MOST = 5.0
 """|g|/ω above which a case has diverged: of 36 cases with a casing that vibrates under bars of 1 to 5 nodes (θ = 1/2)
 half were off by more than 3 times where it was 3, by more than 4 where it was 4.5, by more than 8 where it was 10."""
 
-_COUNTS = 0.1
+_NEGLIGIBLE_SPEED = 0.1
 """Share of the tip's largest speed up to which the velocity that a step adds to the casing counts for nothing."""
 
 _STEPS = 4.0
@@ -46,7 +46,7 @@ def with_casing_seen(watched: Watch, contact: Contact, outcome: Outcome) -> Outc
     seen = np.sqrt(drive.casing[:, WAVE_SPEED_SINE] ** 2 + drive.casing[:, WAVE_SPEED_COSINE] ** 2)
     gain = np.where(true > 0, seen / np.where(true > 0, true, 1.0), 0.0)
     added = np.fmax(seen - true, 0.0).sum(axis=0)
-    counts = added > _COUNTS * np.fmax.reduce(np.abs(velocity), axis=1)
+    counts = added > _NEGLIGIBLE_SPEED * np.fmax.reduce(np.abs(velocity), axis=1)
     status, messages = outcome[0].copy(), dict(outcome[1])
     for case in np.flatnonzero((status == Status.OK) & touched & counts & (gain.max(axis=0) > MOST)).tolist():
         worst = int(np.argmax(gain[:, case]))

@@ -156,7 +156,9 @@ class Ended(NamedTuple):
     closing: Array
     """Quasi-static tip growth at the end, m, ``(case,)``."""
     balances: dict[str, Array]
-    """Metrics beside the common ones, and ``contact_gain``, ``(case,)``."""
+    """Metrics beside the common ones, ``(case,)``."""
+    contact_work: Array | None = None
+    """:attr:`~workflow.schemes.Results.contact_work`, ``(case, 2)``."""
 
 
 def watch(cases: Cases, mean: Array, sampling: Sampling, h: float, drive: Drive | None = None) -> Watch:
@@ -256,15 +258,13 @@ def _blank_what_was_lost(watched: Watch, case: int) -> None:
 def collect(ended: Ended, status: NDArray[np.int8], messages: dict[int, str]) -> Results:
     """Return the results of all blocks; a case that left the finite numbers has NaN from there on."""
     watched, tip, record = ended.watched, ended.watched.tip, ended.watched.record
-    balances = dict(ended.balances)
-    gain = balances.pop("contact_gain", None)
     metrics = {
         "impacts": tip[tip_row.IMPACTS],
         "contact_time": tip[tip_row.CONTACT_TIME],
         "max_penetration": tip[tip_row.PENETRATION],
         "max_temperature": np.maximum(tip[tip_row.HOTTEST], tip[tip_row.PERIOD_HOTTEST]),
         "thermal_closing": ended.closing,
-        **balances,
+        **ended.balances,
     }
     lost = ~watched.finite(tip_row.DISPLACEMENT, tip_row.VELOCITY, tip_row.TEMPERATURE, tip_row.IMPULSE)
     for values in metrics.values():
@@ -280,5 +280,5 @@ def collect(ended: Ended, status: NDArray[np.int8], messages: dict[int, str]) ->
         period_contact=contact * watched.cases.period_frequency[:, None],
         status=status,
         messages=messages,
-        contact_gain=gain,
+        contact_work=ended.contact_work,
     )

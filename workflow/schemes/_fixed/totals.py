@@ -5,10 +5,10 @@ heating Q (∫Σq) of a whole march,
 
     energy residual = (E_end - E_0 + D) / max E
     heat residual = (H_end - H_0 - αJ - Q + L) / (αJ + |Q| + ∫|dL| + Σ|c T_0|)
-    contact gain = (the most that the work of contact on the tip has ever been, the most of one step) / max E
+    contact work = (the most that the work of contact on the tip has ever been, the most of one step) / max E
 
-and 0 where the denominator is 0. The contact gain, relative to the casing, is judged and not stored
-(``workflow/grid/_contact_gain.py``).
+and 0 where the denominator is 0. The contact work, relative to the casing, is judged and not stored
+(``workflow/grid/_contact_work.py``).
 """
 
 from __future__ import annotations
@@ -57,9 +57,7 @@ def content_of(
 
 
 def residuals(totals: Array, content: Content, rest: Array | float = 0.0) -> dict[str, Array]:
-    """Return ``energy_residual``, ``heat_residual`` and ``contact_gain``.
-
-    ``totals`` are those of cases, ``(row, case)``, or of one case, ``(row,)``.
+    """Return ``energy_residual`` and ``heat_residual`` by totals of cases, ``(row, case)``, or of one case, ``(row,)``.
 
     max E is at least ``rest``, the energy below which all is rounding, J.
     """
@@ -68,8 +66,13 @@ def residuals(totals: Array, content: Content, rest: Array | float = 0.0) -> dic
     friction, heating = totals[total_row.FRICTION_HEAT], content.heating
     gained = content.gained - friction - heating + totals[total_row.LOST]
     turned = friction + np.abs(heating) + totals[total_row.TURNED_OVER] + content.initial
-    gain = ratio(totals[[total_row.MOST_CONTACT_WORK, total_row.MOST_STEP_WORK]], largest).T
-    return {"energy_residual": ratio(change, largest), "heat_residual": ratio(gained, turned), "contact_gain": gain}
+    return {"energy_residual": ratio(change, largest), "heat_residual": ratio(gained, turned)}
+
+
+def contact_work(totals: Array, rest: Array | float = 0.0) -> Array:
+    """Return the contact work of cases, 1, ``(case, 2)``, by their totals, ``(row, case)``; ``rest`` as above."""
+    largest = np.maximum(totals[total_row.LARGEST_ENERGY], rest)
+    return ratio(totals[[total_row.MOST_CONTACT_WORK, total_row.MOST_STEP_WORK]], largest).T
 
 
 def ratio(part: Array, whole: Array) -> Array:

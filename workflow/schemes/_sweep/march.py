@@ -10,14 +10,14 @@ from workflow.kernels.packs import narrow, pack, spread
 from workflow.kernels.sums import total
 from workflow.models import Array, Cases
 from workflow.schemes._fixed import case_row, tip_row, total_row
-from workflow.schemes._fixed.contact import Free, Law, TipStep, count_work, meet
+from workflow.schemes._fixed.contact import Free, Law, TipStep, add_contact_work, meet
 from workflow.schemes._fixed.drive import drive_of, turn_drive
 from workflow.schemes._fixed.march import law_lanes
 from workflow.schemes._fixed.marks import Block
 from workflow.schemes._fixed.stepping import Ended, blocks, count_stored, load_impulse, step_at, store_end, watch
 from workflow.schemes._fixed.theta_method import Operator
 from workflow.schemes._fixed.tip_load import start_load, turn_load
-from workflow.schemes._fixed.totals import content_of, residuals
+from workflow.schemes._fixed.totals import contact_work, content_of, residuals
 from workflow.schemes._interface import Sampling
 from workflow.schemes._sweep import node_row, step_row
 from workflow.schemes._sweep.balance import Account, account_step, open_account, weights
@@ -54,7 +54,7 @@ def march_nodes(nodes: Nodes, law: Law, own: Array, block: Block, account: Accou
         heat = own[case_row.HEAT, 0]
         step_to_root(nodes, tip[tip_row.NEW_DISPLACEMENT, 0], tip[tip_row.NEW_VELOCITY, 0], heat)
         if audited:
-            count_work(law, end, free, tip, account.totals, lane)
+            add_contact_work(law, end, free, tip, account.totals, lane)
             account_step(nodes, account, heat, own[case_row.IMPULSE, 0])
         count_stored(k, block)
 
@@ -101,4 +101,4 @@ def sweep(operator: Operator, law: Law, cases: Cases, sampling: Sampling, heated
     balances = {}
     if sampling.balances:
         balances = residuals(totals, content_of(chain.heat_capacities, cases, heat, watched.elapsed))
-    return Ended(watched, closing, balances)
+    return Ended(watched, closing, balances, contact_work(totals) if sampling.balances else None)

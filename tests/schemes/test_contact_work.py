@@ -32,7 +32,7 @@ def run(structure: Chain, batch: Cases, how: str, theta: float, over: Sampling =
 
 
 @pytest.mark.parametrize("how", ["modes", "nodes", "matrices"])
-def test_contact_gain_is_the_most_work_of_contact_over_the_largest_energy(how: str) -> None:
+def test_contact_work_is_the_most_work_of_contact_over_the_largest_energy(how: str) -> None:
     """Nothing else does work at θ = 1/2: the largest energy is that of the start and the most that contact gave."""
     structure, batch = light_tip()
     results = run(structure, batch, how, 0.5)
@@ -40,12 +40,12 @@ def test_contact_gain_is_the_most_work_of_contact_over_the_largest_energy(how: s
     work = -p * (v[:, 1:] + v[:, :-1]) / 2
     most = np.fmax(np.stack([np.cumsum(work, axis=1).max(axis=1), work.max(axis=1)], axis=1), 0.0)
     largest = 0.5 * 0.05**2 * structure.masses.sum() + most[:, 0]
-    gain = results.contact_gain
-    assert gain is not None
-    assert np.abs(gain - most / largest[:, None]).max() < 1e-9
-    assert gain[:2].min() > 0.2
-    assert gain[:2, 0].min() > 0.5
-    assert gain[3].max() < 1e-12  # e = 1 gives nothing
+    shares = results.contact_work
+    assert shares is not None
+    assert np.abs(shares - most / largest[:, None]).max() < 1e-9
+    assert shares[:2].min() > 0.2
+    assert shares[:2, 0].min() > 0.5
+    assert shares[3].max() < 1e-12  # e = 1 gives nothing
 
 
 @pytest.mark.parametrize("how", ["modes", "nodes", "matrices"])
@@ -57,27 +57,27 @@ def test_the_work_of_a_moving_casing_does_not_count(how: str, theta: float) -> N
     results = run(ball, batch, how, theta)
     assert results.metrics["impacts"].min() > 0
     assert np.abs(results.histories["velocity"]).max() > 0.2
-    assert results.contact_gain is not None
-    assert np.abs(results.contact_gain).max() < 1e-12
+    assert results.contact_work is not None
+    assert np.abs(results.contact_work).max() < 1e-12
 
 
-def test_contact_gain_is_known_with_balances_and_of_laws_that_count_it() -> None:
+def test_contact_work_is_known_with_balances_and_of_laws_that_count_it() -> None:
     structure, batch = light_tip()
-    assert run(structure, batch, "modes", 0.5, sampling(STEPS * H, H)).contact_gain is None
+    assert run(structure, batch, "modes", 0.5, sampling(STEPS * H, H)).contact_work is None
     spring = penalty.Options(stiffness=1e5, integration="implicit", theta=1.0)
     by_spring = penalty.compute(penalty.init(structure, H, spring), batch, OVER)
-    assert by_spring.contact_gain is not None
-    assert not by_spring.contact_gain.any()
+    assert by_spring.contact_work is not None
+    assert not by_spring.contact_work.any()
 
 
 def test_cases_with_heat_and_without_keep_their_order() -> None:
     structure, _ = light_tip()
     structure = replace(structure, free_expansion=np.full(3, 1e-7))
     batch = cases(structure, 4, e=[0.0, 0.3, 0.0, 0.3], alpha=[1e-3, 0.0, 0.0, 1e-3], velocity=0.05)
-    both = step(structure, batch, H, OVER, theta=0.5).contact_gain
+    both = step(structure, batch, H, OVER, theta=0.5).contact_work
     assert both is not None
     for case in range(4):
-        alone = step(structure, batch.take(slice(case, case + 1)), H, OVER, theta=0.5).contact_gain
+        alone = step(structure, batch.take(slice(case, case + 1)), H, OVER, theta=0.5).contact_work
         assert alone is not None
         assert np.array_equal(alone[0], both[case])
     assert both[0, 0] != both[1, 0]
