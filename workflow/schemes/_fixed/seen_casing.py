@@ -28,7 +28,7 @@ MOST = 5.0
 """|g|/ω above which a case has diverged: 2.2 steps to a period at θ = 1/2.
 
 ``python tests/grid/test_seen_casing.py`` steps 36 bars of 1 to 5 nodes on a casing that vibrates. Half of them go more
-than 0.8 times as far as exactly where it is 3, than 1.5 times where it is 4.5, 2.7 where it is 6, 5.2 where it is 10."""
+than 0.8 times as far as exactly where it is 3, than 1.5 times where it is 4.5, 2.7 where it is 6, 5.2 at 10."""
 
 _NEGLIGIBLE_SPEED = 0.1
 """Share of the tip's largest speed up to which the velocity that a step adds to the casing counts for nothing."""
