@@ -18,6 +18,7 @@ from workflow.models import (
     MOST_NODES_WITH_MATRICES,
     Array,
     Cases,
+    Chain,
     Growth,
     InContact,
     Sparse,
@@ -29,7 +30,7 @@ from workflow.models import (
     static_tip_growth,
     tip_flexibility,
 )
-from workflow.reduction import Reduction, projection_residual, reduce_structure
+from workflow.reduction import DEFAULT, Reduction, projection_residual, reduce_structure
 from workflow.schemes import Results, Sampling
 from workflow.study import Cell
 
@@ -75,13 +76,33 @@ def reduced(cell: Cell) -> Reduced:
 @lru_cache(maxsize=_MOST_OPERATORS)
 def reduction_of(by: Reduced) -> Reduction | None:
     """Return the reduction of a model, ``None`` where all modes are kept and nothing is to be done."""
-    structure = structure_of(by.model, by.parameters)
-    sizes = structure.mechanical_size, structure.thermal_size
-    mechanical, thermal = (None if count == size - 1 else count for count, size in zip(by.modes, sizes, strict=True))
-    if mechanical is None and thermal is None:
+    structure, modes = structure_of(by.model, by.parameters), _modes_kept(by)
+    if modes == (None, None):
         return None
     with threadpool_limits(limits=1, user_api="blas"):
-        return reduce_structure(structure, mechanical, thermal, by.basis, by.duration)
+        return reduce_structure(structure, *modes, by.basis, by.duration)
+
+
+def _modes_kept(by: Reduced) -> tuple[int | None, int | None]:
+    """Return the counts of mechanical and thermal modes, ``None`` for all."""
+    structure = structure_of(by.model, by.parameters)
+    mechanical, thermal = by.modes
+    return (
+        None if mechanical == structure.mechanical_size - 1 else mechanical,
+        None if thermal == structure.thermal_size - 1 else thermal,
+    )
+
+
+def _structure_for_kernels(by: Reduced) -> tuple[Structure, bool]:
+    """Return a structure that has the kernels of the one a case is run on, and whether it is stepped in modes.
+
+    Of a chain that fixed-interface modes reduce that is the chain itself: the run's kernels are compiled while the
+    modes are being computed.
+    """
+    full = structure_of(by.model, by.parameters)
+    if by.basis == DEFAULT and isinstance(full, Chain) and _modes_kept(by) != (None, None):
+        return full, True
+    return structure_on(by), False
 
 
 def structure_on(by: Reduced) -> Structure:
@@ -125,8 +146,8 @@ def _critical_alpha(by: Reduced, friction: float) -> float:
 
 def kernel_variant(cell: Cell, balances: bool) -> KernelVariant:
     """Return what of its scheme must be compiled for a cell, with balances or without."""
-    scheme, structure = schemes.load(cell.scheme.method), reduced_structure(cell)
-    nodes = MOST_NODES_WITH_MATRICES + 1 if scheme.sweeps(structure) else 1
+    scheme, (structure, in_modes) = schemes.load(cell.scheme.method), _structure_for_kernels(reduced(cell))
+    nodes = MOST_NODES_WITH_MATRICES + 1 if scheme.sweeps(structure) and not in_modes else 1
     coupled = needs_matrices(structure)  # its loads have their harmonics without a kernel for them
     driven = bool(cell.scene.casing.harmonics or (cell.scene.load.harmonics and not coupled))
     slides = structure.tangent is not None and cell.scene.friction is not None
