@@ -12,11 +12,11 @@ from workflow.kernels.sums import product
 from workflow.models import Array, Cases, Structure
 from workflow.schemes._exact import outcome
 from workflow.schemes._exact.conditions import Pushed, load_of, penetration, pushed_by, tip_of
-from workflow.schemes._exact.energy_balance import EnergyBalance, Regimes, residuals
+from workflow.schemes._exact.energy_balance import EnergyBalance, Heat, Regimes, without_balances
 from workflow.schemes._exact.impacts import Case, Thresholds
 from workflow.schemes._exact.layout import TAYLOR_SPAN, Layout, Memory, free_layout, memory
-from workflow.schemes._exact.march import march
 from workflow.schemes._exact.modal_system import Basis, analyse
+from workflow.schemes._exact.one_case import march_and_balance
 from workflow.schemes._exact.outcome import Budget
 from workflow.schemes._exact.phase_log import Log, empty_log
 from workflow.schemes._exact.pole_pairs import InseparablePolesError
@@ -58,7 +58,7 @@ def run_batch(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
 
 
 def march_unheated(operator: Operator, cases: Cases, sampling: Sampling) -> None:
-    """Run a batch without friction heat and balances: of the three large kernels it needs the march alone."""
+    """Run a batch without friction heat and balances: of the two large kernels it needs the march alone."""
     run_batch(operator, replace(cases, alpha=np.zeros(cases.count)), replace(sampling, balances=False))
 
 
@@ -67,12 +67,7 @@ def solve_held_regime(operator: Operator, cases: Cases, sampling: Sampling) -> N
     HeldRegimes(operator.basis.held).at(float(cases.alpha[0]), float(cases.friction[0]))
 
 
-def audit_without_march(operator: Operator, cases: Cases, sampling: Sampling) -> None:
-    """Balance a case that has not been marched."""
-    _Batch(operator, cases, sampling).audit_without_march()
-
-
-KERNEL_CALLS = {"march": march_unheated, "balances": audit_without_march, "held regime": solve_held_regime}
+KERNEL_CALLS = {"march": march_unheated, "held regime": solve_held_regime}
 """What needs one of the large kernels alone, see :attr:`workflow.schemes.Scheme.KERNEL_CALLS`."""
 
 
@@ -95,7 +90,7 @@ class _Batch:
         self.balance = EnergyBalance(operator.structure, basis, operator.free) if sampling.balances else None
         self.logs: dict[int, Log] = {}
         self.pushed: dict[float, Pushed] = {}
-        self.audited: tuple[Layout, Regimes] | None = None
+        self.balanced: tuple[Layout, Regimes] | None = None
         self.regimes = HeldRegimes(basis.held)
         self.stiff = _taylor_steps(operator.free.block, sampling.duration) > operator.budget.steps
         self.held: tuple[tuple[float, float], Layout, bool] | None = None
@@ -142,13 +137,12 @@ class _Batch:
             self.tally[i] = np.zeros((), dtype=TALLY)
             record = Record(self.times, ends, self.histories[i], self.period_values[i], self.tally[i])
             log = empty_log() if balance is None else self._log(balance, case.modal.size, phases)
-            ended = int(march(self.operator.free, held, case, record, *memories, log))
-            if ended != outcome.LOG_FULL:
+            solved = march_and_balance(self.operator.free, held, *self._balanced(i, held), case, record, memories, log)
+            if solved[0] != outcome.LOG_FULL:
                 break
             phases *= 8
-        if balance is not None and ended == outcome.COMPLETED:
-            self._audit(balance, i, held, case, memories, log)
-        return ended
+        self.residuals[i] = solved[1:]
+        return int(solved[0])
 
     def _prepared(self, i: int, held: Layout) -> tuple[Case, tuple[Memory, Memory]]:
         """Return what the march reads of case ``i``, and the memory of its free and its held motion."""
@@ -164,23 +158,14 @@ class _Batch:
         case = Case(load, tip, modal, basis.closing[:heats], operator.budget, operator.thresholds)
         return case, (self._memory(operator.free, heated, waves), self._memory(held, heated, waves))
 
-    def _audit(
-        self, balance: EnergyBalance, i: int, held: Layout, case: Case, memories: tuple[Memory, Memory], log: Log
-    ) -> None:
-        """Store the residuals of case ``i``, whose march the log tells."""
+    def _balanced(self, i: int, held: Layout) -> tuple[Regimes, Heat]:
+        """Return what the balances of case ``i`` take; nothing reads it where none are asked for."""
         alpha, friction = float(self.cases.alpha[i]), float(self.cases.friction[i])
-        if self.audited is None or self.audited[0] is not held:
-            self.audited = held, balance.regimes(held, alpha, friction)
-        regimes, heat = self.audited[1], balance.heat(alpha)
-        self.residuals[i] = residuals(regimes, heat, case.modal, case.load, memories, log, self.tally[i])
-
-    def audit_without_march(self) -> None:
-        """Store the residuals of the first case as if it had no phases: no other kernel than theirs runs long."""
         if self.balance is None:
-            return
-        held, _ = self._held(0.0, float(self.cases.friction[0]))
-        case, memories = self._prepared(0, held)
-        self._audit(self.balance, 0, held, case, memories, self._log(self.balance, case.modal.size, 1))
+            return without_balances(self.operator.free, held)
+        if self.balanced is None or self.balanced[0] is not held:
+            self.balanced = held, self.balance.regimes(held, alpha, friction)
+        return self.balanced[1], self.balance.heat(alpha)
 
     def _log(self, balance: EnergyBalance, states: int, phases: int) -> Log:
         """Return the log that cases of so many states use one after the other, with room for so many phases or more."""

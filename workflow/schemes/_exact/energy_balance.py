@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from workflow.kernels.compiled import part, uncounted
+from workflow.kernels.compiled import part
 from workflow.kernels.sums import product
 from workflow.models import Array, Structure
 from workflow.schemes._exact.layout import Layout, Load, Memory
@@ -126,6 +126,12 @@ class EnergyBalance:
         return Heat(self._content, self._per_load, alpha)
 
 
+def without_balances(free: Layout, held: Layout) -> tuple[Regimes, Heat]:
+    """Return what a kernel takes where no balances are asked for."""
+    none, row = Matrices(np.zeros((0, 0)), np.zeros((0, 0))), np.zeros(0)
+    return Regimes(Side(free, none), Side(held, none), False, row), Heat(row, row, 0.0)
+
+
 def with_loss(g: Layout, loss: Array) -> Layout:
     """Return a regime whose signal is the heat loss, W; ``loss`` is that per thermal mode."""
     b, f, source = g.block.copy(), g.first.copy(), g.source.copy()
@@ -137,7 +143,7 @@ def with_loss(g: Layout, loss: Array) -> Layout:
     return g._replace(block=b, first=f, source=source)
 
 
-@uncounted
+@part
 def residuals(
     regimes: Regimes, heat: Heat, modal: Array, load: Load, memories: tuple[Memory, Memory], log: Log, tally: Any
 ) -> tuple[float, float]:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from workflow.kernels.compiled import part, uncounted
+from workflow.kernels.compiled import part
 from workflow.schemes._exact import outcome
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
 from workflow.schemes._exact.impacts import Case, impact
@@ -31,12 +31,10 @@ _FIRST_STEP = 0.1
 """First step tried after an event, in times of the fastest pole; longer ones follow if it is certified."""
 
 
-@uncounted
-def march(
-    free: Layout, held: Layout, case: Case, record: Record, free_memory: Memory, held_memory: Memory, log: Log
-) -> int:
+@part
+def march(free: Layout, held: Layout, case: Case, record: Record, memories: tuple[Memory, Memory], log: Log) -> int:
     """Run one case and return how it ended, see :mod:`workflow.schemes._exact.outcome`; never raises."""
-    motions = motions_of(free, held, case.load, (free_memory, held_memory))
+    motions = motions_of(free, held, case.load, memories)
     tally, T, audited = record.tally, case.load.duration, log.held.size > 0
     ended, event, start, observed = _begin(motions, case, record, log)
     while ended == outcome.RUNNING:
