@@ -138,6 +138,13 @@ def whole_run(cases: int, runs: int) -> Line:
     return what, "<= 1.1", f"{wall:.2f} s", f"{wall / kernels:.2f}"
 
 
+def atlas_run(alphas: int) -> Line:
+    """A run of exact cases with balances, each of another α, gap and load, over its kernels on as many threads."""
+    cases, wall, kernels = bench_workflow.atlas_run(alphas)
+    what = f"`studies/atlas.yaml`, {cases} exact cases with balances over their kernels, {available_threads()} threads"
+    return what, "<= 1.1", f"{wall:.2f} s", f"{wall / kernels:.2f}"
+
+
 def workflow_lines(sizes: tuple[int, int], runs: int, processes: bool) -> list[Line]:
     """What a case costs beside its kernels, beside xyzpy, and what a grid costs that is there already."""
     threads, large = available_threads(), sizes[-1]
@@ -188,7 +195,7 @@ def table(size: Size, exact_cases: int, run_cases: int, grids: tuple[int, int], 
     """Return all lines but those of curves; without ``processes`` only what needs no other processes."""
     lines = bench_limits.lines(size)
     lines += rivals(size) + exact(exact_cases, size.runs) + equal_terms(10 * exact_cases, size.rival_steps)
-    lines.append(whole_run(run_cases, size.runs))
+    lines += [whole_run(run_cases, size.runs), atlas_run(max(2, run_cases // 200))]
     lines += workflow_lines(grids, size.runs, processes)
     return lines + (commands(size.runs) if processes else [])
 

@@ -233,6 +233,20 @@ def whole_run(cases: int, runs: int) -> tuple[float, float]:
     return sorted(runs_seconds, key=lambda pair: pair[0] / pair[1])[runs // 2]
 
 
+def atlas_run(alphas: int) -> tuple[int, float, float]:
+    """Return the cases of a run of ``studies/atlas.yaml`` with fewer loads and α, and its seconds as of `whole_run`."""
+    text = (ROOT / "studies" / "atlas.yaml").read_text()
+    for values, fewer in (("[3.125, 12.875, 40]", "[3.125, 12.875, 4]"), ("[0, 5.5125, 50]", f"[0, 5.5125, {alphas}]")):
+        assert values in text, values
+        text = text.replace(values, fewer)
+    with scratch() as directory:
+        run_study(parsed(text.replace("50]}", "2]}")), directory / "warm.nc")
+        archive, begun = directory / "a.nc", time.perf_counter()
+        counts = run_study(parsed(text), archive).counts
+        seconds = time.perf_counter() - begun
+        return sum(counts.values()), seconds, kernel_seconds(archive) / available_threads()
+
+
 def plan_seconds(cases: int) -> float:
     """Return the seconds of planning a study."""
     study = parsed(trivial(cases, METRICS))
