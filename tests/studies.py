@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from workflow.grid import Solved, arrange, solve
 from workflow.grid import _tasks as cutting
 from workflow.study import Study, parse_study
 
@@ -59,6 +61,12 @@ SINGLE = "study: single\n" + SCENE + "output: {interval: 1 ms}\n"
 
 def parsed(text: str) -> Study:
     return parse_study(text, "study.yaml")
+
+
+def solve_all(text: str) -> list[Solved]:
+    """Return what each operator of a study gave for all of its cases."""
+    grid = arrange(parsed(text))
+    return [solve(grid, outer, np.arange(grid.inner_count)) for outer in grid.places]
 
 
 def written(text: str, directory: Path, name: str = "study.yaml") -> Path:

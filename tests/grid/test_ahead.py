@@ -36,7 +36,8 @@ def test_every_scheme_and_the_reference_have_kernels_of_their_own() -> None:
 def test_kernels_of_a_reduced_chain_are_those_of_its_reduced_structure(
     nodes: int, method: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    scene = {"chain.nodes": nodes, "chain.stiffness": 4.0e6 * (1 + nodes / 1e6)}  # of no other test: nothing is kept
+    stiffness = 4.0e6 * (1 + nodes / 1e6)  # of no other test, which could have left the reduction in memory
+    scene = {"chain.nodes": nodes, "chain.stiffness": stiffness}
     modes = {"mechanical_modes": 2, "thermal_modes": 2}
     grid = arrange(quick({"scheme": method, **modes}, scene=scene))
     with monkeypatch.context() as patch:

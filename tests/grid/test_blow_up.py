@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from studies import HEAVY_SCENE, parsed
-from workflow.grid import Solved, arrange, solve
+from studies import HEAVY_SCENE, solve_all
+from workflow.grid import Solved
 from workflow.schemes import Status
 
 ONE = """
@@ -33,9 +33,8 @@ output: {{interval: 1 ms, histories: [], balances: {balances}}}
 
 
 def solved(text: str) -> Solved:
-    grid = arrange(parsed(text))
-    (outer,) = grid.places
-    return solve(grid, outer, np.arange(grid.inner_count))
+    (only,) = solve_all(text)
+    return only
 
 
 def one(**values: Any) -> Solved:

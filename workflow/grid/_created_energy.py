@@ -34,14 +34,13 @@ CREATED_FREE = 0.75
 that it should have, twice as fast and, under a constant load, four times as far.
 
 ``python tests/grid/test_created_energy.py 100 free`` measures 100 random scenes at up to ten times the limit: of 3554
-cases that are off by more than ten times 13 stay ok (630 with :data:`CREATED` at the end alone), of 1199 that are off
-by less than 0.3 it takes two that had been ok, with velocities off by 0.6 and more. With θ = 1/2 at up to a hundred
-times the limit 42 of 1267 stay ok (370)."""
+cases that are off by more than ten times 13 stay ok, of 1199 that are off by less than 0.3 38 have diverged, all beyond
+three times the limit. With θ = 1/2 (``100 free 0.5``) at up to a hundred times the limit 42 of 1267 stay ok."""
 
 CREATED_HELD = 0.99
 """The same where the root is held: a motion with a hundred times the energy, of ten times the amplitude. Energy of
-fast modes leaves the displacement nearly as it is: a bar with 50 times its energy errs by 0.3. In such scenes 21 of
-3481 stay ok (300) and no sound one is taken, with θ = 1/2 44 of 991 (355)."""
+fast modes leaves the displacement nearly as it is. In such scenes (``100 held``) 21 of 3481 stay ok and 10 of 1723 that
+are off by less than 0.3 have diverged, with θ = 1/2 44 of 991 and none of 1377."""
 
 
 @dataclass(frozen=True, eq=False)

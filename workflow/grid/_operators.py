@@ -94,10 +94,10 @@ def _modes_kept(by: Reduced) -> tuple[int | None, int | None]:
 
 
 def _structure_for_kernels(by: Reduced) -> tuple[Structure, bool]:
-    """Return a structure that has the kernels of the one a case is run on, and whether it is stepped in modes.
+    """Return a structure that needs the kernels of the one a case is run on, and whether it stands for a reduced one.
 
-    Of a chain that fixed-interface modes reduce that is the chain itself: the run's kernels are compiled while the
-    modes are being computed.
+    It stands for one where fixed-interface modes reduce a chain: the chain itself tells what they need, so that
+    kernels can be compiled while the modes are being computed.
     """
     full = structure_of(by.model, by.parameters)
     if by.basis == DEFAULT and isinstance(full, Chain) and _modes_kept(by) != (None, None):
@@ -146,8 +146,8 @@ def _critical_alpha(by: Reduced, friction: float) -> float:
 
 def kernel_variant(cell: Cell, balances: bool) -> KernelVariant:
     """Return what of its scheme must be compiled for a cell, with balances or without."""
-    scheme, (structure, in_modes) = schemes.load(cell.scheme.method), _structure_for_kernels(reduced(cell))
-    nodes = MOST_NODES_WITH_MATRICES + 1 if scheme.sweeps(structure) and not in_modes else 1
+    scheme, (structure, is_reduced) = schemes.load(cell.scheme.method), _structure_for_kernels(reduced(cell))
+    nodes = MOST_NODES_WITH_MATRICES + 1 if scheme.sweeps(structure) and not is_reduced else 1
     coupled = needs_matrices(structure)  # its loads have their harmonics without a kernel for them
     driven = bool(cell.scene.casing.harmonics or (cell.scene.load.harmonics and not coupled))
     slides = structure.tangent is not None and cell.scene.friction is not None

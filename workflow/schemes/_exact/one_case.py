@@ -1,6 +1,6 @@
-"""One case of the event-driven scheme: its march and, where they are asked for, its balances, in one kernel.
+"""One case of the event-driven scheme in one kernel: its march and, where they are asked for, its balances.
 
-They have most of their parts in common, which are compiled once.
+Both call mostly the same functions, which one kernel compiles once.
 """
 
 from __future__ import annotations

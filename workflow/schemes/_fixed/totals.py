@@ -70,7 +70,7 @@ def residuals(totals: Array, content: Content, rest: Array | float = 0.0) -> dic
 
 
 def contact_work(totals: Array, rest: Array | float = 0.0) -> Array:
-    """Return the contact work of cases, 1, ``(case, 2)``, by their totals, ``(row, case)``; ``rest`` as above."""
+    """Return the contact work of cases, 1, ``(case, 2)``, by totals, ``(row, case)``; ``rest`` as in `residuals`."""
     largest = np.maximum(totals[total_row.LARGEST_ENERGY], rest)
     return ratio(totals[[total_row.MOST_CONTACT_WORK, total_row.MOST_STEP_WORK]], largest).T
 
