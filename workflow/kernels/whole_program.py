@@ -2,11 +2,9 @@
 
 numba by itself optimises each function with all that it calls, and once more for each function that calls it. Here a
 part waits until a kernel links it, where it has no other caller: LLVM inlines what is called from one place and passes
-only what is read. Half of what numba writes puts tuples of arrays together and takes them apart, or copies an array's
-description to read an element; LLVM gets none of it. Bits stay: without fastmath it neither reorders nor contracts.
-
-This module reaches into numba's compiler: its code libraries, passes, lowering and typing. It is optional:
-:mod:`workflow.kernels.compiled` uses it with the versions that it was tested with and leaves it out otherwise.
+only what is read. Half of what numba writes puts tuples of arrays together and takes them apart; LLVM gets none of it.
+Bits stay: without fastmath LLVM neither reorders nor contracts. This module reaches into numba's compiler, and is
+optional: :mod:`workflow.kernels.compiled` uses it with the versions that it was tested with.
 """
 
 # mypy: allow-untyped-calls, disable-error-code="assignment, attr-defined, method-assign, misc"
@@ -18,9 +16,8 @@ from functools import cache
 from typing import Any
 
 from llvmlite import ir
-from llvmlite.binding import Linkage
-from numba.core import compiler, lowering, typed_passes, types
-from numba.core.codegen import JITCodeLibrary
+from llvmlite.binding import Linkage, create_pass_builder, create_pipeline_tuning_options
+from numba.core import base, codegen, compiler, lowering, postproc, transforms, typed_passes, types
 from numba.core.compiler_machinery import PassManager, register_pass
 from numba.core.ir import Assign
 from numba.np import arrayobj
@@ -30,15 +27,18 @@ _REWRITING = ("RewriteSemanticConstants", "DeadBranchPrune", "GenericRewrites", 
 _TYPING = ("NopythonTypeInference", "PreLowerStripPhis", "IRLegalization", "AnnotateTypes", "NoPythonBackend")
 
 
-class _Waiting(JITCodeLibrary):
-    """Code of a part that becomes one with its callers: not made machine code before a kernel links it."""
+class _Library(codegen.JITCodeLibrary):
+    """Code of a function, optimised little before it is part of a whole."""
 
     def _optimize_functions(self, module: Any) -> None:
-        """Optimise little: the kernel does it."""
         passes, builder = self._codegen._function_pass_manager(opt=1)
         for function in module.functions:
             if not function.is_declaration:
                 passes.run(function, builder)
+
+
+class _Waiting(_Library):
+    """Code of a part that becomes one with its callers: not made machine code before a kernel links it."""
 
     def finalize(self) -> None:
         for function in self._final_module.functions:
@@ -47,7 +47,7 @@ class _Waiting(JITCodeLibrary):
         self._finalized = True
 
 
-class _Whole(JITCodeLibrary):
+class _Whole(_Library):
     """Code of a kernel with all its parts."""
 
     def add_linking_library(self, library: Any) -> None:
@@ -74,10 +74,7 @@ class _Builder(ir.IRBuilder):
     def extract_value(self, agg: Any, idx: Any, name: str = "") -> Any:
         path = list(idx) if isinstance(idx, tuple | list) else [idx]
         while path and isinstance(agg, ir.InsertValue):
-            if agg.indices == path[:1]:
-                agg, path = agg.value, path[1:]
-            else:
-                agg = agg.aggregate
+            agg, path = (agg.value, path[1:]) if agg.indices == path[:1] else (agg.aggregate, path)
         return super().extract_value(agg, path, name) if path else agg
 
 
@@ -114,30 +111,42 @@ def _array(kind: Any, make_array: Any = arrayobj.make_array) -> Any:
     return Description
 
 
-def _call_signature(function: Any, context: Any, args: Any, kws: Any) -> Any:
-    """Return the signature of a call of numba's own function, which is remembered."""
-    return _remembered_signature(function, context, tuple(args), tuple(kws.items()))
+def _pass_builder(machine: Any, opt: int = 2, loop_vectorize: bool = False, slp_vectorize: bool = False) -> Any:
+    """Return LLVM's passes without unrolling: packs fill the registers, and longer code takes longer to compile."""
+    options = create_pipeline_tuning_options(opt)
+    options.loop_vectorization, options.slp_vectorization, options.loop_unrolling = loop_vectorize, slp_vectorize, False
+    return create_pass_builder(machine, options)
 
 
 @cache
-def _remembered_signature(
-    function: Any, context: Any, args: Any, kws: Any, signature: Any = types.BaseFunction.get_call_type
-) -> Any:
-    return signature(function, context, args, dict(kws))
+def _signature(of: Any, context: Any, args: Any, *, usual: Any = types.BaseFunction.get_call_type, **named: Any) -> Any:
+    """Return the signature of a call of numba's own function, which is remembered."""
+    return usual(of, context, args, named)
+
+
+def _post_process(of: Any, emit_dels: bool = False, usual: Any = postproc.PostProcessor.run, **how: Any) -> None:
+    """Bring blocks into numba's form after a pass; of variables that die between them no pass of ours asks."""
+    if emit_dels or of.func_ir.is_generator:
+        usual(of, emit_dels, **how)
+    else:
+        of.func_ir.blocks, of.func_ir.generator_info = transforms.canonicalize_cfg(of.func_ir.blocks), None
 
 
 _REPLACED: tuple[tuple[Any, str, Any], ...] = (
     (arrayobj, "make_array", _array),
+    (codegen, "create_pass_builder", _pass_builder),
     (lowering, "IRBuilder", _Builder),
-    (types.BaseFunction, "get_call_type", _call_signature),
+    (postproc.PostProcessor, "run", _post_process),
+    (types.BaseFunction, "get_call_type", lambda of, at, args, named: _signature(of, at, tuple(args), **named)),
+    (base.BaseContext, "get_abi_sizeof", cache(base.BaseContext.get_abi_sizeof)),
 )
 """What of numba's gives way to ours while a kernel is compiled: it writes less, to the same effect."""
 
 
 def typed_alike(dispatcher: Any) -> Any:
     """Have a part translated once for a type of arguments, not once more for each constant it is called with."""
-    template, plain = dispatcher.get_call_template, types.unliteral
-    dispatcher.get_call_template = lambda args, named: template(
+    usual, plain = dispatcher.get_call_template, types.unliteral
+    dispatcher.get_call_template = lambda args, named: usual(
         [plain(each) for each in args], {name: plain(each) for name, each in named.items()}
     )
     return dispatcher
