@@ -169,6 +169,15 @@ def uncounted(function: F) -> F:
     return cast(F, Deferred(function, lambda f: _compiled(f, _nrt=False)))
 
 
+def rolled(function: F) -> F:
+    """Let a kernel's loops stay as they are written, below :func:`kernel` or :func:`uncounted`.
+
+    Of a large kernel in which none is worth unrolling a tenth less is compiled, and it runs as fast.
+    """
+    cast(Any, function).is_rolled = True
+    return function
+
+
 def kept_with(module: str, function: F) -> F:
     """Compile an :func:`uncounted` kernel for the types of another module: the cache follows the imports of that one.
 

@@ -112,7 +112,7 @@ def _array(kind: Any, make_array: Any = arrayobj.make_array) -> Any:
 
 
 def _pass_builder(machine: Any, opt: int = 2, loop_vectorize: bool = False, slp_vectorize: bool = False) -> Any:
-    """Return LLVM's passes without unrolling: packs fill the registers, and longer code takes longer to compile."""
+    """Return LLVM's passes but for unrolling of loops."""
     options = create_pipeline_tuning_options(opt)
     options.loop_vectorization, options.slp_vectorization, options.loop_unrolling = loop_vectorize, slp_vectorize, False
     return create_pass_builder(machine, options)
@@ -134,13 +134,14 @@ def _post_process(of: Any, emit_dels: bool = False, usual: Any = postproc.PostPr
 
 _REPLACED: tuple[tuple[Any, str, Any], ...] = (
     (arrayobj, "make_array", _array),
-    (codegen, "create_pass_builder", _pass_builder),
     (lowering, "IRBuilder", _Builder),
     (postproc.PostProcessor, "run", _post_process),
     (types.BaseFunction, "get_call_type", lambda of, at, args, named: _signature(of, at, tuple(args), **named)),
     (base.BaseContext, "get_abi_sizeof", cache(base.BaseContext.get_abi_sizeof)),
 )
 """What of numba's gives way to ours while a kernel is compiled: it writes less, to the same effect."""
+
+_ROLLED = ((codegen, "create_pass_builder", _pass_builder),)
 
 
 def typed_alike(dispatcher: Any) -> Any:
@@ -174,13 +175,14 @@ class KernelCompiler(compiler.Compiler):
 
     def _compile_core(self) -> Any:
         """Compile with what is replaced, which no other code of the process meets: numba compiles under a lock."""
-        usual = [getattr(owner, name) for owner, name, _ in _REPLACED]
+        replaced = _REPLACED + _ROLLED * getattr(self.state.func_id.func, "is_rolled", False)
+        usual = [getattr(owner, name) for owner, name, _ in replaced]
         try:
-            for owner, name, ours in _REPLACED:
+            for owner, name, ours in replaced:
                 setattr(owner, name, ours)
             return super()._compile_core()
         finally:
-            for (owner, name, _), before in zip(_REPLACED, usual, strict=True):
+            for (owner, name, _), before in zip(replaced, usual, strict=True):
                 setattr(owner, name, before)
 
     def define_pipelines(self) -> list[Any]:

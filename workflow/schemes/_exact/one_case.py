@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workflow.kernels.compiled import uncounted
+from workflow.kernels.compiled import rolled, uncounted
 from workflow.schemes._exact import outcome
 from workflow.schemes._exact.energy_balance import Heat, Regimes, residuals
 from workflow.schemes._exact.impacts import Case
@@ -18,6 +18,7 @@ from workflow.schemes._exact.record import Record
 
 
 @uncounted
+@rolled
 def march_and_balance(
     free: Layout,
     held: Layout,

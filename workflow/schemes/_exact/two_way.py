@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workflow.kernels.compiled import kernel, part
+from workflow.kernels.compiled import kernel, part, rolled
 from workflow.kernels.packs import Lane, complex_at, narrow, pack, spread, store
 from workflow.models import Array
 from workflow.schemes._exact import zeros as row
@@ -71,6 +71,7 @@ def _two_way(held: ModalSystem, system: Uncoupled) -> TwoWay:
 
 
 @kernel
+@rolled
 def _regime_at(h: TwoWay, alpha: float, guesses: Array, work: Scratch) -> tuple[bool, Layout]:
     """Return whether the spectrum at α can be trusted, and the regime, in the coordinates of ``regimes._two_way``."""
     pairs, count = solve_uncoupled(h.system, alpha, guesses, work)
