@@ -23,7 +23,7 @@ import numpy as np
 from workflow.grid._arrangement import Indices
 from workflow.grid._contact_work import contact_gave_too_much, contact_work_text
 from workflow.grid._created_energy import advice, created_energy
-from workflow.grid._operators import runaway_of, statics_of, structure_of
+from workflow.grid._operators import runaways_of, statics_of, structure_of
 from workflow.models import Array, Cases, Chain, Sparse, Structure
 from workflow.schemes import Results, Sampling, Status
 from workflow.study import Cell
@@ -185,8 +185,7 @@ def _farthest(
     closing = np.abs(results.metrics["thermal_closing"][which])
     sampled = np.abs(results.histories["temperature"][which])
     hottest = np.fmax(np.abs(results.metrics["max_temperature"][which]), np.fmax.reduce(sampled, axis=1))
-    laws = zip(cases.alpha.tolist(), cases.friction.tolist(), strict=True)
-    rate = np.array([runaway_of(cell, alpha, friction)[1] for alpha, friction in laws])
+    _, rate, _ = runaways_of(cell, cases.alpha, cases.friction)
     grown = EXCESS * base * np.exp(np.fmax(rate, 0.0) * duration)
     growth = np.fmax(closing, abs(tip_growth) * hottest)
     by_heat = np.fmax(EXCESS * base, np.fmin(GROWTH * growth, EXCESS * grown))

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from workflow import models, schemes
@@ -19,7 +21,6 @@ from workflow.models import (
     Array,
     Cases,
     Chain,
-    Growth,
     InContact,
     Sparse,
     Structure,
@@ -133,10 +134,18 @@ def _in_contact(by: Reduced) -> InContact:
         return in_contact(structure)
 
 
-@lru_cache(maxsize=4096)
-def _growth(by: Reduced, alpha: float, friction: float) -> Growth:
-    with measured(growth_part(structure_on(by))):
-        return growth(_in_contact(by), alpha, friction)
+@lru_cache(maxsize=_MOST_OPERATORS)
+def _runaway(by: Reduced) -> Callable[[float, float], tuple[float, float, bool]]:
+    """Return what :func:`runaways_of` says at one α and µ, as a function that remembers: a structure is a large key."""
+
+    @lru_cache(maxsize=4096)
+    def at(alpha: float, friction: float) -> tuple[float, float, bool]:
+        with measured(growth_part(structure_on(by))):
+            rate = growth(_in_contact(by), alpha, friction)
+        critical, acts = _critical_alpha(by, friction), alpha > 0 or friction > 0
+        return critical, rate.rate, acts and (rate.is_positive or alpha > critical * (1 + _AT_CRITICAL))
+
+    return at
 
 
 @lru_cache(maxsize=_MOST_OPERATORS)
@@ -160,16 +169,16 @@ def compile_for(cell: Cell, balances: bool) -> None:
     compile_scheme(kernel_variant(cell, balances), waiting)
 
 
-def runaway_of(cell: Cell, alpha: float, friction: float) -> tuple[float, float, bool]:
-    """Return critical coupling and growth rate at α and µ of the structure a cell is run on, and whether it grows.
+def runaways_of(cell: Cell, alpha: Array, friction: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Return critical coupling and growth rate of the structure a cell is run on, and whether it grows, ``(case,)``.
 
     Above the critical coupling a real eigenvalue is positive for certain, however small it is beside the largest
     (1 - α G(s) is negative at 0 and 1 at infinity).
     """
-    by = reduced(cell)
-    growth, critical = _growth(by, alpha, friction), _critical_alpha(by, friction)
-    acts = alpha > 0 or friction > 0
-    return critical, growth.rate, acts and (growth.is_positive or alpha > critical * (1 + _AT_CRITICAL))
+    distinct, where = np.unique(np.stack([alpha, friction]), axis=1, return_inverse=True)
+    at = _runaway(reduced(cell))
+    critical, rate, grows = np.transpose([at(*map(float, pair)) for pair in distinct.T])[:, where.ravel()]
+    return critical, rate, grows != 0
 
 
 def projection_residual_of(cell: Cell, cases: Cases) -> Array:

@@ -14,7 +14,7 @@ from workflow.grid._arrangement import Grid, Indices
 from workflow.grid._blow_up import mark_blown_up
 from workflow.grid._conditions import conditions
 from workflow.grid._frequencies import longest_period_count
-from workflow.grid._operators import compile_for, projection_residual_of, run_batch, runaway_of, structure_of
+from workflow.grid._operators import compile_for, projection_residual_of, run_batch, runaways_of, structure_of
 from workflow.grid._reason import reason_of
 from workflow.grid._reference import against_reference
 from workflow.grid._shaken import Shaken
@@ -94,9 +94,7 @@ def _solve_distinct(grid: Grid, outer: int, inner: Indices, shaken: Shaken | Non
     compile_for(cell, grid.sampling.balances)
     results, seconds = _timed(grid, cell, cases)
     results = mark_blown_up(cell, cases, results, grid.sampling)
-    distinct, where = np.unique(np.stack([cases.alpha, cases.friction]), axis=1, return_inverse=True)
-    growths = [runaway_of(cell, float(alpha), float(friction)) for alpha, friction in distinct.T]
-    critical, growth, runaway = np.transpose(growths)[:, where.ravel()]
+    critical, growth, runaway = runaways_of(cell, cases.alpha, cases.friction)
     values: dict[str, NDArray[Any]] = {
         **results.histories,
         **{about.name: np.full(inner.size, np.nan) for about in scheme_metrics(grid.study)},

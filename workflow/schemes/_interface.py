@@ -166,9 +166,7 @@ def merge(parts: list[tuple[NDArray[np.int64], Results]]) -> Results:
 
     def joined(arrays: list[Array]) -> Array:
         width = max((a.shape[1] for a in arrays if a.ndim == 2), default=0)
-        wide = [
-            np.pad(a, ((0, 0), (0, width - a.shape[1])), constant_values=np.nan) if a.ndim == 2 else a for a in arrays
-        ]
+        wide = [_widened(a, width) if a.ndim == 2 and a.shape[1] < width else a for a in arrays]
         return np.concatenate(wide)[order]
 
     works = [r.contact_work for r in results]
@@ -184,6 +182,11 @@ def merge(parts: list[tuple[NDArray[np.int64], Results]]) -> Results:
         if any(work is None for work in works)
         else joined([work for work in works if work is not None]),
     )
+
+
+def _widened(array: Array, width: int) -> Array:
+    """Return rows that are filled up with NaN."""
+    return np.pad(array, ((0, 0), (0, width - array.shape[1])), constant_values=np.nan)
 
 
 def complete_periods(frequency: Array, sampling: Sampling) -> NDArray[np.int64]:
