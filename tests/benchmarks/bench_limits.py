@@ -159,11 +159,20 @@ def threads(size: Size) -> list[Line]:
     with ThreadPoolExecutor(2) as pool:
         both = list(pool.map(work, halves))
         same = all(same_bits(a, b) for a, b in zip(both, map(work, halves), strict=True))
-        one, two = least(
-            size.runs, lambda: list(map(work, halves)), lambda: list(pool.map(work, halves)), clock=time.perf_counter
+        turns = [max(1, 5 * size.steps)] * 2
+        one, two, alone, beside = least(
+            size.runs,
+            lambda: list(map(work, halves)),
+            lambda: list(pool.map(work, halves)),
+            lambda: list(map(multiply_add_peak.turn, turns)),
+            lambda: list(pool.map(multiply_add_peak.turn, turns)),
+            clock=time.perf_counter,
         )
     busy = f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
-    return [(f"two threads over one, {busy}", ">= 1.8", "same bits" if same else "OTHER BITS", f"{one / two:.2f}")]
+    return [
+        (f"two threads over one, {busy}", ">= 1.8", "same bits" if same else "OTHER BITS", f"{one / two:.2f}"),
+        ("two threads over one, multiply-adds in registers alone", "", "", f"{alone / beside:.2f}"),
+    ]
 
 
 def long_chains(size: Size) -> list[Line]:

@@ -2,7 +2,8 @@
 
 Cases: whole runs of the trivial study, from the text to the archive on the disk. Nodes: a step of the full heavy
 chain by ``moreau``, in modes and swept. Modes: a step of a long chain reduced to more and more modes. Where cost should
-be proportional the slope of its logarithm is fitted: 1 is a straight line through 0.
+be proportional the slope of its logarithm is fitted: 1 is a straight line through 0. What a step costs beside its modes
+makes it smaller on a straight line too: how far cost lies from the best one, with any value at 0, is said as well.
 """
 
 from __future__ import annotations
@@ -58,6 +59,13 @@ class Curve:
         """Slope of log seconds over log number where cost should be proportional."""
         far = self.numbers >= self.straight_from
         return float(np.polyfit(np.log(self.numbers[far]), np.log(self.seconds[far]), 1)[0])
+
+    @property
+    def bend(self) -> float:
+        """Largest distance of seconds from the straight line that fits them best, in shares of them; at all numbers."""
+        line = np.stack([1.0 / self.seconds, self.numbers / self.seconds], axis=1)
+        fitted, *_ = np.linalg.lstsq(line, np.ones(self.numbers.size), rcond=None)
+        return float(np.max(np.abs(line @ fitted - 1.0)))
 
 
 def _run(cases: int, runs: int) -> float:
@@ -142,6 +150,9 @@ def lines(measured_curves: list[Curve]) -> list[bench_limits.Line]:
     for curve in measured_curves:
         what = f"{curve.title}: slope over {curve.unit}, from {curve.straight_from} to {curve.numbers[-1]}"
         rows.append((what, "1", "", f"{curve.slope:.2f}"))
+    for curve in others:
+        ends = f"from {curve.numbers[0]} to {curve.numbers[-1]}"
+        rows.append((f"{curve.title}: off a straight line over {curve.unit}, {ends}", "", "", f"{curve.bend:.2f}"))
     for curve in others:
         what = f"{curve.title}, {curve.numbers[-1]} {curve.unit}, for each"
         rows.append((what, "", f"{1e9 * curve.seconds[-1] / curve.numbers[-1]:.3g} ns", ""))
