@@ -18,6 +18,7 @@ from functools import partial
 from pathlib import Path
 
 import bench_event_driven
+import bench_first_run
 import bench_limits
 import bench_scaling
 import bench_workflow
@@ -43,6 +44,7 @@ HEADLINES = (
     "run of ",
     "workflow run studies/blade.yaml, nothing compiled |",
     "workflow run studies/blade.yaml, later |",
+    "workflow run studies/blade.yaml, on the machine asked of",
 )
 """Lines that the README shows."""
 
@@ -185,6 +187,7 @@ def commands(runs: int) -> list[Line]:
         lines.append(
             (f"`{what}`" if what.startswith("workflow") and "," not in what else what, asked, f"{seconds:.2f} s", ratio)
         )
+    lines += bench_first_run.lines(2)
     for what, seconds, imports, loop in bench_workflow.first_runs():
         lines.append((f"{what}, over `import numba, xarray, scipy`", "", f"{seconds:.2f} s", f"{imports:.1f}"))
         lines.append((f"{what}, over 100000 products in a NumPy loop", "", f"{seconds:.2f} s", f"{loop:.0f}"))
