@@ -1,7 +1,7 @@
-"""README's first command on the machine of an earlier table: ``python tests/benchmarks/bench_first_run.py [ROUNDS]``.
+"""README's first command on the reference machine: ``python tests/benchmarks/bench_first_run.py [ROUNDS]``.
 
-The version whose table was measured there and this one run their own ``studies/blade.yaml`` in turn, each with nothing
-compiled and once more; what this one takes there is the ratio of both here, times what that version's README says.
+A version that was measured on that machine and this one run their own ``studies/blade.yaml`` in turn, each with nothing
+compiled and once more; the ratio of both here, times what that version's README says, stands for this one there.
 """
 
 from __future__ import annotations
@@ -48,8 +48,8 @@ def ratios(before: Sequence[dict[str, float]], now: Sequence[dict[str, float]]) 
     return {name: median(b[name] / a[name] for a, b in zip(before, now, strict=True)) for name in before[0]}
 
 
-def elsewhere(rounds: int) -> dict[str, tuple[float, float]] | None:
-    """Return what is asked of the two runs on that machine and what they take there, s, by what they are called.
+def on_reference_machine(rounds: int) -> dict[str, tuple[float, float]] | None:
+    """Return what is asked of the two runs on the reference machine and what they take there, s, by name.
 
     ``None`` where the history does not hold the revision.
     """
@@ -69,8 +69,8 @@ def elsewhere(rounds: int) -> dict[str, tuple[float, float]] | None:
 
 def lines(rounds: int) -> list[tuple[str, str, str, str]]:
     """Return a line of the table for each of the two runs."""
-    there = elsewhere(rounds)
-    what = "workflow run studies/blade.yaml, on the machine asked of, {}".format
+    there = on_reference_machine(rounds)
+    what = "workflow run studies/blade.yaml, on the reference machine, {}".format
     if there is None:
         return [(what(name), "", "skipped: not in the history", "") for name in ("nothing compiled", "later")]
     return [

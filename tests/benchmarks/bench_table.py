@@ -44,7 +44,8 @@ HEADLINES = (
     "run of ",
     "workflow run studies/blade.yaml, nothing compiled |",
     "workflow run studies/blade.yaml, later |",
-    "workflow run studies/blade.yaml, on the machine asked of",
+    "workflow run studies/blade.yaml, on the reference machine, nothing compiled |",
+    "workflow run studies/blade.yaml, on the reference machine, later |",
 )
 """Lines that the README shows."""
 

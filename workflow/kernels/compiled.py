@@ -172,7 +172,7 @@ def uncounted(function: F) -> F:
 def rolled(function: F) -> F:
     """Let a kernel's loops stay as they are written, below :func:`kernel` or :func:`uncounted`.
 
-    Of a large kernel in which none is worth unrolling a tenth less is compiled, and it runs as fast.
+    A large kernel in which none is worth unrolling compiles faster and runs as fast.
     """
     cast(Any, function).is_rolled = True
     return function

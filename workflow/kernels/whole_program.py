@@ -141,7 +141,7 @@ _REPLACED: tuple[tuple[Any, str, Any], ...] = (
 )
 """What of numba's gives way to ours while a kernel is compiled: it writes less, to the same effect."""
 
-_ROLLED = ((codegen, "create_pass_builder", _pass_builder),)
+_ROLLED = ((codegen, "create_pass_builder", _pass_builder),)  # beside these where loops stay as written
 
 
 def typed_alike(dispatcher: Any) -> Any:
