@@ -148,25 +148,6 @@ def exp(x: float) -> float:
 
 
 @part
-def expm1(x: float) -> float:
-    """Return e^x - 1, accurate for small x too."""
-    if abs(x) < 0.35:
-        return x + x * x * _curved(x) if x != 0.0 else x
-    if x != x or x > _LARGEST_POWER:
-        return x + np.inf
-    if x < -40.0:  # e^-40 is a twentieth of a rounding of 1
-        return -1.0
-    q, r, rest = _less_doublings(x)
-    if q > 60:  # 1 is below a rounding of e^x
-        return float(_scaled(1.0 + (r + (rest + r * r * _curved(r))), q))
-    u, v = _sum(r, rest + r * r * _curved(r))
-    one = _power_of_two(q)
-    whole, lost = _sum(one, -1.0)
-    s, t = _sum(whole, one * u)
-    return s + (t + (lost + one * v))
-
-
-@part
 def log(x: float) -> float:
     """Return the natural logarithm; -inf of 0 and NaN of negative numbers."""
     if not 0.0 < x < np.inf:
@@ -280,12 +261,6 @@ def sine_cosine(x: float) -> tuple[float, float]:
     if q & 1:
         s, c = c, -s
     return (-s, -c) if q & 2 else (s, c)
-
-
-@part
-def sine(x: float) -> float:
-    """Return sin x."""
-    return sine_cosine(x)[0]
 
 
 @inlined
