@@ -34,10 +34,6 @@ between two states within a day compiles nothing anew."""
 _NAME = "rotor-stator-workflow"
 _LOCK, _SOURCES, _REMOVED = "in-use", "sources.json", "removed-"
 
-_EARLIER = re.compile(r"kernels-[0-9a-f]{16}")
-"""Directories that solver versions up to 2 made, one for all kernels, which took no locks. A process of theirs that
-misses one makes it again and compiles anew."""
-
 _MAKING = Lock()
 _HELD: list[int] = []
 """Descriptors of the locks that this process holds until it ends."""
@@ -62,8 +58,6 @@ def root() -> Path:
             continue
         for leftover in directory.glob(f"{_REMOVED}*"):  # of a process that was killed while it removed one
             shutil.rmtree(leftover, ignore_errors=True)
-        for place in {parent, directory}:
-            _remove_unused([each for each in place.glob("kernels-*") if _EARLIER.fullmatch(each.name)])
         return directory
     return Path(tempfile.mkdtemp(prefix=f"{_NAME}-"))
 
@@ -96,7 +90,9 @@ def _directory_of(module: str, plain: bool) -> Path | None:
     with suppress(OSError):  # a file system without locks
         _hold(directory)
     name = re.compile(re.escape(module) + "-[0-9a-f]{16}")
-    _remove_unused([each for each in root().iterdir() if name.fullmatch(each.name) and each != directory])
+    for other in root().iterdir():
+        if name.fullmatch(other.name) and other != directory:
+            _remove_unused(other)
     return directory
 
 
@@ -117,29 +113,19 @@ def _hold(directory: Path) -> None:
         os.close(descriptor)
 
 
-def _remove_unused(directories: list[Path]) -> None:
-    """Remove directories that no process holds and none has used for :data:`UNUSED_SECONDS`."""
-    for directory in directories:
-        with suppress(OSError):
-            locked = _EARLIER.fullmatch(directory.name) is None
-            about = os.stat(directory / _LOCK if locked else directory)
-            if time.time() - about.st_mtime > UNUSED_SECONDS:
-                _remove(directory, locked)
+def _remove_unused(directory: Path) -> None:
+    """Remove a directory that no process holds and none has used for :data:`UNUSED_SECONDS`.
 
-
-def _remove(directory: Path, locked: bool) -> None:
-    """Remove a directory under another name, so that no process finds half of it.
-
-    Raises
-    ------
-    OSError
-        A process holds it, or it cannot be removed.
+    It is given another name first, so that no process finds half of it.
     """
-    aside = directory.with_name(f"{_REMOVED}{os.getpid()}-{directory.name}")
-    descriptor = os.open(directory / _LOCK if locked else directory, os.O_RDWR if locked else os.O_RDONLY)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        directory.rename(aside)
-    finally:
-        os.close(descriptor)
-    shutil.rmtree(aside, ignore_errors=True)
+    with suppress(OSError):
+        if time.time() - os.stat(directory / _LOCK).st_mtime <= UNUSED_SECONDS:
+            return
+        aside = directory.with_name(f"{_REMOVED}{os.getpid()}-{directory.name}")
+        descriptor = os.open(directory / _LOCK, os.O_RDWR)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            directory.rename(aside)
+        finally:
+            os.close(descriptor)
+        shutil.rmtree(aside, ignore_errors=True)
