@@ -114,7 +114,7 @@ def _begin(h: Array, first: int, last: int, shift: Array, v: Array) -> int:
 
 
 @inlined
-def _reflect_rows(rows: Array, k: int, three: bool, begin: int, end: int, v: Array, weight: float) -> None:
+def _reflect(rows: Array, k: int, three: bool, begin: int, end: int, v: Array, weight: float) -> None:
     """Reflect rows k, k + 1 and k + 2 (or two of them), from column ``begin`` to ``end``."""
     second, third = v[1], v[2]
     for j in range(begin, end):
@@ -126,21 +126,6 @@ def _reflect_rows(rows: Array, k: int, three: bool, begin: int, end: int, v: Arr
         rows[k + 1, j] -= share * second
         if three:
             rows[k + 2, j] -= share * third
-
-
-@inlined
-def _reflect_columns(rows: Array, k: int, three: bool, begin: int, end: int, v: Array, weight: float) -> None:
-    """Reflect columns k, k + 1 and k + 2 (or two of them), from row ``begin`` to ``end``."""
-    second, third = v[1], v[2]
-    for i in range(begin, end):
-        share = rows[i, k] + second * rows[i, k + 1]
-        if three:
-            share += third * rows[i, k + 2]
-        share *= weight
-        rows[i, k] -= share
-        rows[i, k + 1] -= share * second
-        if three:
-            rows[i, k + 2] -= share * third
 
 
 @part
@@ -184,10 +169,10 @@ def _step(h: Array, basis: Array, begin: int, active: tuple[int, int], whole: bo
             weight = _mirror(v, three)
             if k > first:
                 h[k, k - 1] *= 1.0 - weight
-        _reflect_rows(h, k, three, k, end, v, weight)
-        _reflect_columns(h, k, three, top, min(k + 3, last) + 1, v, weight)
+        _reflect(h, k, three, k, end, v, weight)
+        _reflect(h.T, k, three, top, min(k + 3, last) + 1, v, weight)
         if whole:
-            _reflect_rows(basis, k, three, 0, basis.shape[1], v, weight)
+            _reflect(basis, k, three, 0, basis.shape[1], v, weight)
 
 
 @part
