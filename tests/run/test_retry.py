@@ -162,6 +162,36 @@ def test_a_retry_that_was_stopped_goes_on(
 
 
 @pytest.mark.parametrize("again", [{"retry": True}, {"recompute": True}], ids=["retry", "recompute"])
+def test_what_was_run_again_stays_when_the_run_that_was_stopped_is_given_without_its_option(
+    again: dict[str, bool], tmp_path: Path, broken: set[float], solved: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cut_finely(monkeypatch)
+    archive = tmp_path / "a.nc"
+    run_study(quick(), archive)
+    broken.clear()
+    with room_for_two_shards(monkeypatch), pytest.raises(ArchiveError):
+        run_study(quick(), archive, threads=1, **again)  # type: ignore[arg-type]
+    solved.clear()
+    assert run_study(quick(), archive, threads=1).counts == {"ok": 8, "failed": 1}
+    assert solved == []
+    assert not parts_of(archive).exists()
+
+
+def test_what_an_unfinished_extension_has_stored_is_not_run_again_by_a_retry(
+    tmp_path: Path, broken: set[float], solved: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cut_finely(monkeypatch)
+    archive, extended = tmp_path / "a.nc", quick({"e": [0.2, 0.7, 0.0, 0.5, 0.9]})
+    run_study(quick({"e": [0.0]}), archive)
+    broken.clear()
+    with room_for_two_shards(monkeypatch), pytest.raises(ArchiveError):
+        run_study(extended, archive, threads=1)
+    solved.clear()
+    assert run_study(extended, archive, threads=1, retry=True).ok
+    assert len(solved) == 2 * 3 + 1
+
+
+@pytest.mark.parametrize("again", [{"retry": True}, {"recompute": True}], ids=["retry", "recompute"])
 def test_shards_of_a_run_that_was_killed_before_it_removed_them_are_not_taken_again(
     again: dict[str, bool], tmp_path: Path, broken: set[float], solved: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:

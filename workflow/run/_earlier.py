@@ -267,6 +267,12 @@ def begun_choices(study: Study, parts: Path) -> Decided:
     return stored_choices(left.provenance) if left is not None and left.key == study_key(study) else Decided()
 
 
+def is_unfinished(study: Study, archive: Path) -> bool:
+    """Tell whether a run was stopped that had the archive of a study before it, rather than made it."""
+    left = _unfinished(parts_of(archive))
+    return left is not None and (left.key != study_key(study) or is_begun(parts_of(archive), left, archive))
+
+
 def _unfinished(parts: Path) -> Layout | None:
     """Return the layout of an unfinished run, ``None`` where there is none or it cannot be read."""
     try:

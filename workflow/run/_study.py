@@ -27,7 +27,7 @@ from workflow.archive import (
     study_key,
 )
 from workflow.grid import Task, arrange, compiling, measured_run, tasks
-from workflow.run._earlier import Reuse, begun_choices, cells_there, check_name
+from workflow.run._earlier import Reuse, begun_choices, cells_there, check_name, is_unfinished
 from workflow.run._notebook import in_notebook, notebook_line
 from workflow.run._outcome import Outcome, summarise
 from workflow.run._prepare import CaseHashes, Prepared, prepare
@@ -95,7 +95,7 @@ def run_study(
             return outcome
     where, chosen = Where(threads, workers, scheduler), Reuse(**reuse)
     archive, tell = Path(archive), progress if callable(progress) else None
-    if chosen.retry and not archive.exists() and parts_of(archive).exists():  # an unfinished run ends first
+    if chosen.retry and parts_of(archive).exists():  # an unfinished run ends first
         _run(study, archive, where, Reuse(drop=chosen.drop), tell)
     return _run(study, archive, where, chosen, tell)
 
@@ -127,8 +127,8 @@ def _run(study: Study, archive: Path, where: Where, reuse: Reuse, progress: Prog
 
 
 def _has_work(study: Study, archive: Path, reuse: Reuse) -> bool:
-    """Tell whether a run changes an archive: not where it holds the study as it is, but for what is run again."""
-    if not _is_current(study, archive, reuse.recompute) or reuse.recompute:
+    """Tell whether a run changes an archive that may hold the study as it is: some cases are run again, or were."""
+    if not _is_current(study, archive, reuse.recompute) or reuse.recompute or is_unfinished(study, archive):
         return True
     return reuse.retry and bool(np.any(statuses(archive) != Status.OK))
 
