@@ -43,6 +43,36 @@ def written(place: Path, nodes: int, temperatures: int) -> Path:
     return place
 
 
+def test_lists_are_as_long_as_the_file_has_displacements_or_temperatures(tmp_path: Path) -> None:
+    """Both kinds had the smaller of the two, without what is condensed: no list of loads could be given."""
+    place, dense = written(tmp_path / "unequal.npz", 7, 4), np.diag([1.0, 1.0, 0.0])
+    np.savez(tmp_path / "condensed.npz", mass=dense, stiffness=np.eye(3), contact=0)
+    for file, displacements, temperatures in ((place, 7, 4), (tmp_path / "condensed.npz", 3, 1)):
+        study = study_of(file)
+        loads, start = {"steady": [1.0] * displacements}, {"temperature": [1.0] * temperatures}
+        read_study(study | {"scene": study["scene"] | {"load": loads, "initial": start}})
+        with pytest.raises(StudyError, match=f"has 2 values where the model has {displacements} nodes"):
+            read_study(study | {"scene": study["scene"] | {"load": {"steady": [1.0] * 2}}})
+        with pytest.raises(StudyError, match=f"has 9 values where the model has {temperatures} temperatures"):
+            read_study(study | {"scene": study["scene"] | {"initial": {"temperature": [1.0] * 9}}})
+
+
+def test_a_start_inside_the_casing_is_that_of_the_contact_of_the_file(tmp_path: Path) -> None:
+    """The last displacement was taken for the tip: a start 1 m inside the casing was none."""
+    matrix = np.eye(3)
+    for contact, inside, outside in (
+        ([1, 0, 0], [2.0, 0.0, 0.0], [0.0, 0.0, 2.0]),
+        ([0, 0.5, 0.5], [0.0, 2.0, 1.0], [2.0, -2.0, 2.0]),
+        ([0, 0, -1], -2.0, 2.0),
+    ):
+        np.savez(tmp_path / "turned.npz", mass=matrix, stiffness=matrix, contact=np.array(contact, dtype=float))
+        scene = study_of(tmp_path / "turned.npz")["scene"]
+        study = {"study": "turned", "axes": {"h": 1e-3}}
+        read_study(study | {"scene": scene | {"initial": {"displacement": outside}}})
+        with pytest.raises(StudyError, match="the tip starts inside the casing"):
+            read_study(study | {"scene": scene | {"initial": {"displacement": inside}}})
+
+
 def test_full_is_every_mode_of_its_own_kind(tmp_path: Path) -> None:
     assert mode_counts(read_study(study_of(written(tmp_path / "unequal.npz", 7, 4)))) == {"mechanical": 6, "thermal": 3}
     with pytest.raises(StudyError, match="`4` is more than the 3 interior modes"):

@@ -154,6 +154,13 @@ class Structure:
             return self.mechanical_size, self.thermal_size
         return self.coordinates.displacement_basis.shape[0], self.coordinates.temperature_basis.shape[0]
 
+    @property
+    def input_contact(self) -> Array:
+        """w, ``(given,)``: the tip is x_n = wᵀx of the displacements that cases are given in."""
+        tip = np.zeros(self.mechanical_size)
+        tip[-1] = 1.0
+        return tip if self.coordinates is None else np.asarray(self.coordinates.displacement_projection.T @ tip)
+
     def matrices(self) -> Matrices:
         """Return the same structure by its matrices."""
         raise NotImplementedError

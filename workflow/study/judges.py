@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from workflow import reduction, schemes
+from workflow.models import Array
 from workflow.study.addresses import DEFAULT_SCHEME, MODES, REDUCTION, TOLERANCE, Address, harmonic_counts
 from workflow.study.axes import Axis
 from workflow.study.mistakes import Place, place_of_path
@@ -174,17 +175,24 @@ def judge_damping(written: Written, model: str | None) -> None:
         written.source.report(place, "stands beside other damping", "write the ratio alone, or mass and stiffness")
 
 
-def judge_start(written: Written, scene: Mapping[str, Any], groups: Sequence[tuple[Axis, ...]]) -> None:
-    """Refuse a tip that starts inside the casing, beyond d(0), in any case."""
+def judge_start(
+    written: Written,
+    scene: Mapping[str, Any],
+    groups: Sequence[tuple[Axis, ...]],
+    contact: Array | None,
+) -> None:
+    """Refuse a tip that starts inside the casing, beyond d(0), in any case; ``contact`` as :class:`Sizes` has it."""
     initial, casing = scene.get("initial"), scene.get("casing")
     if not isinstance(initial, Initial) or casing is None:
         return
-    tip = initial.displacement[-1] if isinstance(initial.displacement, tuple) else initial.displacement
+    start, weights = initial.displacement, np.ones(1) if contact is None else contact
+    tip = np.sum(weights * start[-weights.size :]) if isinstance(start, tuple) else np.sum(weights) * start
     paths = ("scene.initial.displacement", "scene.casing.gap")
     values = _combined(groups, lambda path: path in paths or path.startswith(f"{_CASING_HARMONICS}."))
     if values is None:
         return
-    tips, gaps = values.get(paths[0], np.float64(tip)), values.get(paths[1], np.float64(casing.gap))
+    tips = np.sum(weights) * values[paths[0]] if paths[0] in values else tip
+    gaps = values.get(paths[1], np.float64(casing.gap))
     place = gaps + sum(_begins(harmonic, k, values) for k, harmonic in enumerate(casing.harmonics))
     tips, place, gaps = np.broadcast_arrays(tips, place, gaps)
     inside = np.argmax(tips - place)

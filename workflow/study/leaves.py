@@ -194,8 +194,8 @@ class Flag(Leaf):
 class Reading(Leaf):
     """A quantity: a number in SI or ``number unit``; where declared, a list per node or spring.
 
-    ``words`` are admitted beside a number: ``full``, ``auto``. The context's ``nodes`` holds the counts of nodes
-    that the study's cases have, for the lengths of lists.
+    ``words`` are admitted beside a number: ``full``, ``auto``. The context holds, by what a list is for
+    each of, the counts that the study's cases have.
     """
 
     declared: Quantity
@@ -206,10 +206,10 @@ class Reading(Leaf):
         """Return the value in SI, a tuple where a list was given."""
         if not isinstance(value, list) or self.declared.per is None:
             return self.scalar(value)
-        nodes: tuple[int, ...] = context.get("nodes") or ()
-        for count in nodes:
+        counts: tuple[int, ...] = context.get(self.declared.per) or ()
+        for count in counts:
             if len(value) != count:
-                also = "" if len(set(nodes)) == 1 else ", whatever their number is in a case"
+                also = "" if len(set(counts)) == 1 else ", whatever their number is in a case"
                 problem = f"has {len(value)} values where the model has {count} {self.declared.per}s{also}"
                 raise wrong(problem, f"write a scalar or {count} values" if not also else "write a scalar")
         return read_each(value, self.scalar)

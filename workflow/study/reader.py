@@ -168,7 +168,7 @@ class _Reader:
         groups = [*(dimension.axes for dimension in dimensions), *((axis,) for axis in scalars)]
         judge_parts(self._written())
         judge_support(self._written(), self.labels)
-        judge_start(self._written(), scene, groups)
+        judge_start(self._written(), scene, groups, self.sizes.contact)
         judge_extent(self._written(), scene, groups, self.labels)
         output = self._output(entries["output"], scene.get("duration"))
         if self.source.mistakes:
@@ -255,7 +255,8 @@ class _Reader:
 
     def _read(self, supplied: set[Place]) -> dict[str, Any]:
         """Return what could be read of every section, and report what could not."""
-        context = {"nodes": self.sizes.nodes, **self.where}
+        sizes = self.sizes
+        context = {"node": sizes.nodes, "spring": sizes.nodes, "temperature": sizes.temperatures, **self.where}
         empty: dict[str, Any] = {"scene": {}, "axes": {}, "zip": {}, "schemes": {}}
         faults: set[Place] = set()
         try:

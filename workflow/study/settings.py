@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 from workflow import reduction
 from workflow.declare import Values, quantity, word
+from workflow.models import Array
 
 FULL = "full"
 """Not reduced; stored as the number of interior modes, one fewer than the model has nodes."""
@@ -66,7 +67,7 @@ class Initial:
 
     displacement: Values = quantity("m", "initial displacement", default=0.0, per="node")
     velocity: Values = quantity("m/s", "initial velocity", default=0.0, per="node")
-    temperature: Values = quantity("K", "initial temperature rise above the root", default=0.0, per="node")
+    temperature: Values = quantity("K", "initial temperature rise above the root", default=0.0, per="temperature")
 
 
 @dataclass(frozen=True)
@@ -188,16 +189,22 @@ class Sizes:
     Attributes
     ----------
     nodes
-        Numbers of nodes; of a model without them the smaller of its numbers of coordinates.
+        Numbers of nodes; of a model without them those of the displacements that loads and starts are given for.
+    temperatures
+        Numbers of temperatures that starts are given for.
     coordinates
         Numbers of mechanical and of thermal coordinates, by the setting of their modes.
     most
         Most modes of each kind where a structure is too large to be kept full, else ``None``.
+    contact
+        Weights w of the displacements that a start is given for, x_n = wᵀx; ``None`` where the last one is the tip.
     """
 
     nodes: Counts = None
+    temperatures: Counts = None
     coordinates: Mapping[str, Counts] | None = None
     most: int | None = None
+    contact: Array | None = None
 
     def of(self, path: str) -> Counts:
         """Return the numbers of coordinates that a setting of modes chooses from."""

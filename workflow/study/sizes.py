@@ -26,7 +26,8 @@ def node_sizes(written: Written, model: str, path: str, address: Address) -> Siz
         read = Axial(address.value).read(content, {})
         if isinstance(read, Spread) and read.count > 10_000:
             return Sizes()
-        return Sizes(tuple(int(count) for count in expanded(read, whole=True)))
+        counts = tuple(int(count) for count in expanded(read, whole=True))
+        return Sizes(counts, counts)
     except (ValidationError, PydanticCustomError, ValueError):
         return Sizes()
 
@@ -38,7 +39,9 @@ def assembled_sizes(written: Written, model: str, where: Mapping[str, Any]) -> S
         read = TypeAdapter(form).validate_python(mapping(written.tree, "scene", model), context=where)
         both = models.sizes(model, read)
         coordinates = {path: (size,) for path, size in zip(MODES, both, strict=True)}
-        return Sizes((min(both),), coordinates, models.most_modes(model, read))
+        structure = models.load(model).assemble(read)
+        nodes, temperatures = ((size,) for size in structure.input_sizes)
+        return Sizes(nodes, temperatures, coordinates, models.most_modes(model, read), structure.input_contact)
     except models.UnusableMatricesError as error:
         written.source.report(("scene", model), error.problem, error.remedy)
     except Exception:  # whatever a model from outside raises: its mistakes are reported where the scene is read
