@@ -11,7 +11,7 @@ from workflow.schemes._exact import outcome
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
 from workflow.schemes._exact.impacts import Case, impact
 from workflow.schemes._exact.layout import Layout, Memory
-from workflow.schemes._exact.motion import Motion, Observed, advance, copy_state, integral, observe, warming_rate
+from workflow.schemes._exact.motion import Motion, Observed, advance, copy_state, integral, observe
 from workflow.schemes._exact.passage import Motions, enter_contact, fill_modal, motions_of, release, set_free
 from workflow.schemes._exact.phase_log import Log, begin_phase, end_phase, note_energy, note_loss, note_phase
 from workflow.schemes._exact.record import Record, contact_time, next_due, note_temperature, record_step, write
@@ -40,30 +40,25 @@ def march(free: Layout, held: Layout, case: Case, record: Record, memories: tupl
     while ended == outcome.RUNNING:
         if event:
             if case.tip.mobility <= 0.0:
-                ended = outcome.NO_IMPACT_LAW
-                break
+                return outcome.NO_IMPACT_LAW
             tally.events += 1
             if tally.events > case.budget.events:
-                ended = outcome.OUT_OF_EVENTS
-                break
+                return outcome.OUT_OF_EVENTS
             released = tally.held != 0
             if tally.logged:
                 end_phase(log, motions, tally)
             start, observed = _pass_event(motions, case, tally, observed)
             if audited and not note_phase(log, motions, released, tally):
-                ended = outcome.LOG_FULL
-                break
+                return outcome.LOG_FULL
         if tally.time >= T:
-            ended = outcome.COMPLETED
-            break
+            _finish(motions, case, record, log, observed)
+            return outcome.COMPLETED
         tally.steps += 1
         if tally.steps > case.budget.steps:
-            ended = outcome.OUT_OF_STEPS
-            break
+            return outcome.OUT_OF_STEPS
         h, event, observed = _step(motions.held if tally.held else motions.free, record, start, T, observed, log)
         if not np.isfinite(h):
-            ended = outcome.NOT_FINITE
-            break
+            return outcome.NOT_FINITE
         if not tally.held:
             # of a flight from impact to impact, a parabola's
             height = 0.25 * h * min(start.speed, -observed.signal_rate)
@@ -76,8 +71,6 @@ def march(free: Layout, held: Layout, case: Case, record: Record, memories: tupl
         if audited and tally.steps % _LOOKS == 0:
             fill_modal(motions, tally.held != 0, tally.time)
             note_energy(log, motions.modal, tally)
-    if ended == outcome.COMPLETED:
-        _finish(motions, case, record, log, observed)
     return ended
 
 
@@ -121,11 +114,9 @@ def _pass_event(motions: Motions, case: Case, tally: Any, observed: Observed) ->
     before, speed = tally.impulse, tip.e * tally.speed
     stays, since = impact(motions, case, tally)
     if tally.speed > 0.0:
-        observed = Observed(0.0, speed, observed.temperature, 0.0, observed.place, observed.speed)
-        if free.r.firsts > 0:
-            temperature = observed.temperature + tip.alpha * (tally.impulse - before) * tip.warming
-            observed = Observed(0.0, speed, temperature, warming_rate(free.r, free.now), observed.place, observed.speed)
-            note_temperature(tally, temperature)
+        temperature = observed.temperature + tip.alpha * (tally.impulse - before) * tip.warming
+        observed = Observed(0.0, speed, temperature, 0.0, observed.place, observed.speed)
+        note_temperature(tally, temperature)
     if not stays:
         return Start(1, speed, True, guess), observed
     zeros = enter_contact(motions, case.thresholds.force, t)

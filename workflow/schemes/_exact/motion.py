@@ -196,15 +196,6 @@ def strike(r: Response, kick: Array, y: Array, p: float, heat: float) -> None:
 
 
 @part
-def warming_rate(r: Response, y: Array) -> float:
-    """Return the rate of the tip temperature, K/s, in a regime where no block shows in it."""
-    total = 0.0
-    for j in range(r.firsts):
-        total += r.first[first.WARMING, j] * y[state.FIRST_SLOPE, j]
-    return total
-
-
-@part
 def to_rates(r: Response, y: Array, t: float, rates: Array) -> None:
     """Fill the derivatives of the coordinates [η, u, ξ] from the state ``y`` of time t."""
     b, f = r.block, r.first

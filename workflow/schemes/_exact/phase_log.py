@@ -95,15 +95,9 @@ def note_phase(log: Log, motions: Motions, after: bool, tally: Any) -> bool:
     tally.flights += 1
     if not (tally.held or after or tally.flights == FLIGHTS):
         return True
-    return _log_phase(log, motions, tally)
-
-
-@part
-def _log_phase(log: Log, motions: Motions, tally: Any) -> bool:
     if tally.phases >= log.held.size:
         return False
-    modal = motions.modal  # set by what led into a contact
-    if not tally.held:
+    if not tally.held:  # what led into a contact has set it
         fill_modal(motions, False, tally.time)
-    begin_phase(log, modal, tally)
+    begin_phase(log, motions.modal, tally)
     return True
