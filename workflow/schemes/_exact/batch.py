@@ -11,9 +11,9 @@ from workflow.kernels.compiled import uncounted
 from workflow.kernels.sums import product
 from workflow.models import Array, Cases, Structure
 from workflow.schemes._exact import outcome
-from workflow.schemes._exact.conditions import Pushed, load_of, penetration, pushed_by, tip_of
+from workflow.schemes._exact.conditions import load_of, penetration, tip_of, unit_impulse
 from workflow.schemes._exact.energy_balance import EnergyBalance, Heat, Regimes, without_balances
-from workflow.schemes._exact.impacts import Case, Thresholds
+from workflow.schemes._exact.impacts import Case, Thresholds, UnitImpulse
 from workflow.schemes._exact.layout import TAYLOR_SPAN, Layout, Memory, free_layout, memory
 from workflow.schemes._exact.modal_system import Basis, analyse
 from workflow.schemes._exact.one_case import march_and_balance
@@ -89,7 +89,7 @@ class _Batch:
         self.modal = np.concatenate([_times(matrix, values) for matrix, values in states], axis=1)
         self.balance = EnergyBalance(operator.structure, basis, operator.free) if sampling.balances else None
         self.logs: dict[int, Log] = {}
-        self.pushed: dict[float, Pushed] = {}
+        self.impulses: dict[float, UnitImpulse] = {}
         self.balanced: tuple[Layout, Regimes] | None = None
         self.regimes = HeldRegimes(basis.held)
         self.stiff = _taylor_steps(operator.free.block, sampling.duration) > operator.budget.steps
@@ -151,9 +151,9 @@ class _Batch:
         heated = bool(alpha != 0 or friction != 0 or cases.heating[i].any() or cases.temperature[i].any())
         heats = basis.heat_tip.size if heated else 0
         load = load_of(cases, i, self.sampling.duration)
-        if friction not in self.pushed:
-            self.pushed[friction] = pushed_by(basis, operator.free, friction)
-        tip = tip_of(cases, i, basis, self.pushed[friction], load)
+        if friction not in self.impulses:
+            self.impulses[friction] = unit_impulse(basis, operator.free, friction)
+        tip = tip_of(cases, i, basis, self.impulses[friction], load)
         modal, waves = self.modal[i, : 2 * basis.tip.size + heats], load.waves.shape[0]
         case = Case(load, tip, modal, basis.closing[:heats], operator.budget, operator.thresholds)
         return case, (self._memory(operator.free, heated, waves), self._memory(held, heated, waves))

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from workflow.kernels import elementwise
-from workflow.kernels.sums import product
+from workflow.kernels.sums import dot, product
 from workflow.models import Array, Cases
-from workflow.schemes._exact.impacts import Tip
+from workflow.schemes._exact.impacts import Tip, UnitImpulse
 from workflow.schemes._exact.layout import Layout, Load
 from workflow.schemes._exact.modal_system import Basis
 from workflow.schemes._exact.tables import wave
@@ -20,13 +20,6 @@ _LOAD, _CASING = 0, 1
 
 _ROUNDING = 4.0 * 2.220446049250313e-16
 """A tip whose velocity is that of the casing up to this share of what both add up moves with it: four roundings."""
-
-
-class Pushed(NamedTuple):
-    """What an impulse does to a free tip, see :class:`~workflow.schemes._exact.impacts.Tip`."""
-
-    struck: Array
-    kick: Array
 
 
 def load_of(cases: Cases, i: int, duration: float) -> Load:
@@ -58,7 +51,7 @@ def _sinusoids(cases: Cases, i: int) -> Iterator[tuple[int, float, float, float]
                 yield which, float(more.amplitude[i, k]), float(more.frequency[i, k]), float(more.phase[i, k])
 
 
-def tip_of(cases: Cases, i: int, basis: Basis, pushed: Pushed, load: Load) -> Tip:
+def tip_of(cases: Cases, i: int, basis: Basis, impulse: UnitImpulse, load: Load) -> Tip:
     """Return contact law, impact data and start of case ``i``."""
     place, velocity, reach, turning = load.gap, 0.0, abs(load.gap), 0.0
     for omega, phase, _, amplitude in load.waves.tolist() if cases.casing_harmonics.width else ():
@@ -73,21 +66,21 @@ def tip_of(cases: Cases, i: int, basis: Basis, pushed: Pushed, load: Load) -> Ti
         float(cases.alpha[i]),
         basis.mobility - float(cases.friction[i]) * basis.aside,
         basis.warming,
-        basis.damped_tip,
-        basis.tip,
-        *pushed,
+        *impulse,
         place - float(cases.displacement[i, -1]),
         0.0 if abs(speed) <= _ROUNDING * turning else speed,
         reach,
     )
 
 
-def pushed_by(basis: Basis, free: Layout, friction: float) -> Pushed:
-    """Return what an impulse with friction µ does to a free tip."""
+def unit_impulse(basis: Basis, free: Layout, friction: float) -> UnitImpulse:
+    """Return what an impulse with friction µ does to a free tip: it moves the modes by φᵀ(e_n - µ t)."""
     struck, modes = basis.tip if friction == 0 else basis.tip - friction * basis.along, basis.tip.size
+    with np.errstate(divide="ignore", invalid="ignore"):  # a tip that no impulse moves has no law of impact
+        drag = float(np.divide(dot(basis.damped_tip, struck), dot(basis.tip, struck)))
     if not free.mixes:
-        return Pushed(struck, np.stack([np.zeros(modes), struck]))
-    return Pushed(struck, product(struck, free.inward[modes : 2 * modes, : 2 * modes]).reshape(2, modes))
+        return UnitImpulse(drag, np.stack([np.zeros(modes), struck]))
+    return UnitImpulse(drag, product(struck, free.inward[modes : 2 * modes, : 2 * modes]).reshape(2, modes))
 
 
 def penetration(cases: Cases, displacement: Array, times: Array) -> Array:

@@ -30,6 +30,15 @@ class Thresholds(NamedTuple):
     """A contact force below this multiple of the rounding of its terms is zero when a contact begins."""
 
 
+class UnitImpulse(NamedTuple):
+    """What an impulse of 1 N s does to a free tip, along e_n - µ t."""
+
+    drag: float
+    """γ of :mod:`workflow.schemes._exact.accumulation`, 1/s."""
+    kick: Array
+    """By how much it lowers η and η' of each block, ``(2, block)``."""
+
+
 class Tip(NamedTuple):
     """Contact law, impact data and start of one case."""
 
@@ -40,14 +49,9 @@ class Tip(NamedTuple):
     """e_nᵀ M⁻¹ (e_n - µ t), 1/kg: the Delassus operator of an impact."""
     warming: float
     """e_nᵀ C2⁻¹ e_n, K/J."""
-    damped: Array
-    """φᵀ C1 M⁻¹ e_n, ``(mode,)``, 1/(s √kg)."""
-    shape: Array
-    """φ_n, ``(mode,)``, 1/√kg."""
-    struck: Array
-    """φᵀ(e_n - µ t), by which an impulse moves the modes, ``(mode,)``, 1/√kg."""
+    drag: float
     kick: Array
-    """By how much it lowers η and η' of each block, ``(2, block)``; 0 and ``struck`` where blocks are modes."""
+    """Both see :class:`UnitImpulse`."""
     distance: float
     """d(0) - x_n(0), m."""
     speed: float
@@ -126,8 +130,7 @@ def _end_of_bounces(motions: Motions, case: Case, tally: Any) -> float:
     strike(free.r, tip.kick, free.now, -stop, -tip.alpha * stop)
     end, leaving, count = np.nan, 0.0, 0.0
     if enter_contact(motions, thresholds.force, tally.time) == 0:
-        drag = _drag(tip)
-        bounces = Bounces(tip.e, tip.mobility, drag, 4.0 * max(height, most), case.load.duration)
+        bounces = Bounces(tip.e, tip.mobility, tip.drag, 4.0 * max(height, most), case.load.duration)
         end, leaving, count = settle(motions.held, tally.time, tip.e * speed, bounces)
     if height < most and np.isfinite(end):
         return end
@@ -139,13 +142,3 @@ def _end_of_bounces(motions: Motions, case: Case, tally: Any) -> float:
     copy_state(free.between, free.now)
     tally.unsettled_speed = 0.5 * speed
     return np.nan
-
-
-@part
-def _drag(tip: Tip) -> float:
-    """Return γ of :mod:`workflow.schemes._exact.accumulation`, 1/s: damping in the direction of an impulse."""
-    damped, total = 0.0, 0.0
-    for k in range(tip.shape.size):
-        damped += tip.damped[k] * tip.struck[k]
-        total += tip.shape[k] * tip.struck[k]
-    return damped / total
