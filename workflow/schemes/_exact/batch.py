@@ -12,7 +12,7 @@ from workflow.kernels.sums import product
 from workflow.models import Array, Cases, Structure
 from workflow.schemes._exact import outcome
 from workflow.schemes._exact.conditions import load_of, penetration, tip_of, unit_impulse
-from workflow.schemes._exact.energy_balance import EnergyBalance, Heat, Regimes, without_balances
+from workflow.schemes._exact.energy_balance import EnergyBalance, Regimes, without_balances
 from workflow.schemes._exact.impacts import Case, Thresholds, UnitImpulse
 from workflow.schemes._exact.layout import TAYLOR_SPAN, Layout, Memory, free_layout, memory
 from workflow.schemes._exact.modal_system import Basis, analyse
@@ -81,19 +81,14 @@ class _Batch:
         self.frequency = cases.period_frequency
         self.periods = complete_periods(self.frequency, sampling)
         self.finite = cases.finite
-        states = (
-            (basis.to_modes, cases.displacement),
-            (basis.to_modes, cases.velocity),
-            (basis.to_thermal, cases.temperature),
-        )
-        self.modal = np.concatenate([_times(matrix, values) for matrix, values in states], axis=1)
+        moving = (product(states, basis.to_modes.T) for states in (cases.displacement, cases.velocity))
+        self.modal = np.hstack([*moving, product(cases.temperature, basis.to_thermal.T)])
         self.balance = EnergyBalance(operator.structure, basis, operator.free) if sampling.balances else None
         self.logs: dict[int, Log] = {}
         self.impulses: dict[float, UnitImpulse] = {}
-        self.balanced: tuple[Layout, Regimes] | None = None
         self.regimes = HeldRegimes(basis.held)
         self.stiff = _taylor_steps(operator.free.block, sampling.duration) > operator.budget.steps
-        self.held: tuple[tuple[float, float], Layout, bool] | None = None
+        self.held: tuple[tuple[float, float], Layout, Regimes, bool] | None = None
         self.memory: dict[tuple[int, int, bool, int, bool], Memory] = {}
         self.histories = np.full((count, len(HISTORIES), sampling.count), np.nan)
         self.period_values = np.full((count, 3, int(self.periods.max(initial=0))), np.nan)
@@ -106,19 +101,20 @@ class _Batch:
         if not self.finite[i]:
             return
         try:
-            held, stiff = self._held(float(self.cases.alpha[i]), float(self.cases.friction[i]))
-            self.ended[i] = outcome.STIFF if stiff else self._march(i, held)
+            held, balanced, stiff = self._held(float(self.cases.alpha[i]), float(self.cases.friction[i]))
+            self.ended[i] = outcome.STIFF if stiff else self._march(i, held, balanced)
         except np.linalg.LinAlgError:
             self.ended[i] = outcome.NO_SPECTRUM
         except InseparablePolesError:
             self.ended[i] = outcome.INSEPARABLE_POLES
 
-    def _held(self, alpha: float, friction: float) -> tuple[Layout, bool]:
-        """Return the held regime at α and µ, and whether a Taylor series would take more steps than the budget."""
+    def _held(self, alpha: float, friction: float) -> tuple[Layout, Regimes, bool]:
+        """Return the held regime at α and µ, what balances take of both, and whether Taylor steps exceed the budget."""
         if self.held is None or self.held[0] != (alpha, friction):
-            held = self.regimes.at(alpha, friction)
+            held, free, balance = self.regimes.at(alpha, friction), self.operator.free, self.balance
             stiff = _taylor_steps(held.block, self.sampling.duration) > self.operator.budget.steps
-            self.held = (alpha, friction), held, stiff or self.stiff
+            balanced = without_balances(free, held) if balance is None else balance.regimes(held, alpha, friction)
+            self.held = (alpha, friction), held, balanced, stiff or self.stiff
         return self.held[1:]
 
     def _memory(self, regime: Layout, heated: bool, waves: int) -> Memory:
@@ -128,7 +124,7 @@ class _Batch:
             self.memory[key] = memory(regime, heated, waves)
         return self.memory[key]
 
-    def _march(self, i: int, held: Layout) -> int:
+    def _march(self, i: int, held: Layout, balanced: Regimes) -> int:
         """March case ``i`` and return how it ended."""
         (case, memories), balance, phases = self._prepared(i, held), self.balance, _PHASES
         n, frequency = int(self.periods[i]), float(self.frequency[i])
@@ -137,7 +133,7 @@ class _Batch:
             self.tally[i] = np.zeros((), dtype=TALLY)
             record = Record(self.times, ends, self.histories[i], self.period_values[i], self.tally[i])
             log = empty_log() if balance is None else self._log(balance, case.modal.size, phases)
-            solved = march_and_balance(self.operator.free, held, *self._balanced(i, held), case, record, memories, log)
+            solved = march_and_balance(self.operator.free, held, balanced, case, record, memories, log)
             if solved[0] != outcome.LOG_FULL:
                 break
             phases *= 8
@@ -157,15 +153,6 @@ class _Batch:
         modal, waves = self.modal[i, : 2 * basis.tip.size + heats], load.waves.shape[0]
         case = Case(load, tip, modal, basis.closing[:heats], operator.budget, operator.thresholds)
         return case, (self._memory(operator.free, heated, waves), self._memory(held, heated, waves))
-
-    def _balanced(self, i: int, held: Layout) -> tuple[Regimes, Heat]:
-        """Return what the balances of case ``i`` take; nothing reads it where none are asked for."""
-        alpha, friction = float(self.cases.alpha[i]), float(self.cases.friction[i])
-        if self.balance is None:
-            return without_balances(self.operator.free, held)
-        if self.balanced is None or self.balanced[0] is not held:
-            self.balanced = held, self.balance.regimes(held, alpha, friction)
-        return self.balanced[1], self.balance.heat(alpha)
 
     def _log(self, balance: EnergyBalance, states: int, phases: int) -> Log:
         """Return the log that cases of so many states use one after the other, with room for so many phases or more."""
@@ -226,9 +213,3 @@ def _taylor_steps(b: Array, duration: float) -> float:
         if slow * duration < SLOW_POLE and (b[block.RESONANT, k] > 0.0 or c < 0.0):
             fastest = max(fastest, abs(c))
     return fastest * duration / TAYLOR_SPAN
-
-
-def _times(matrix: Array, states: Array) -> Array:
-    """Return matrix @ state of every case, summed in one order on every machine and for any number of cases."""
-    with np.errstate(all="ignore"):
-        return product(states, matrix.T)

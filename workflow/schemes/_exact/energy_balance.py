@@ -29,6 +29,7 @@ import numpy as np
 from workflow.kernels.compiled import part
 from workflow.kernels.sums import product
 from workflow.models import Array, Structure
+from workflow.schemes._exact.impacts import Case
 from workflow.schemes._exact.layout import Layout, Load, Memory
 from workflow.schemes._exact.modal_system import Basis, ModalSystem, state_space
 from workflow.schemes._exact.motion import Motion, advance, copy_state, integral, to_rates
@@ -69,16 +70,6 @@ class Regimes(NamedTuple):
     """Derivative of a state; scratch."""
 
 
-class Heat(NamedTuple):
-    """What turns thermal modes into heat."""
-
-    content: Array
-    """Q per τ, J, ``(thermal mode,)``."""
-    per_load: Array
-    """Change of Q per heat load, ``(thermal,)``."""
-    alpha: float
-
-
 def matrices(system: ModalSystem) -> Matrices:
     """Return the matrices of a system."""
     rows = slice(system.frequency.size, 2 * system.frequency.size)
@@ -113,6 +104,8 @@ class EnergyBalance:
         return Log(
             stiffness=self._stiffness,
             loss=np.ascontiguousarray(f[first.SIGNAL_VALUE]),
+            content=self._content,
+            per_load=self._per_load,
             begun=np.zeros(phases),
             ended=np.zeros(phases),
             held=np.zeros(phases, dtype=np.bool_),
@@ -121,15 +114,11 @@ class EnergyBalance:
             final=np.zeros(states),
         )
 
-    def heat(self, alpha: float) -> Heat:
-        """Return what turns thermal modes into heat in a case."""
-        return Heat(self._content, self._per_load, alpha)
 
-
-def without_balances(free: Layout, held: Layout) -> tuple[Regimes, Heat]:
+def without_balances(free: Layout, held: Layout) -> Regimes:
     """Return what a kernel takes where no balances are asked for."""
-    none, row = Matrices(np.zeros((0, 0)), np.zeros((0, 0))), np.zeros(0)
-    return Regimes(Side(free, none), Side(held, none), False, row), Heat(row, row, 0.0)
+    none = Matrices(np.zeros((0, 0)), np.zeros((0, 0)))
+    return Regimes(Side(free, none), Side(held, none), False, np.zeros(0))
 
 
 def with_loss(g: Layout, loss: Array) -> Layout:
@@ -145,10 +134,10 @@ def with_loss(g: Layout, loss: Array) -> Layout:
 
 @part
 def residuals(
-    regimes: Regimes, heat: Heat, modal: Array, load: Load, memories: tuple[Memory, Memory], log: Log, tally: Any
+    regimes: Regimes, case: Case, memories: tuple[Memory, Memory], log: Log, tally: Any
 ) -> tuple[float, float]:
-    """Return the energy and the heat residual of a case that completed; ``modal`` is its initial [y, y', τ]."""
-    free, held, T = regimes.free.layout, regimes.held.layout, load.duration
+    """Return the energy and the heat residual of a case that completed."""
+    free, held, load, T = regimes.free.layout, regimes.held.layout, case.load, case.load.duration
     motions = motions_of(free, held, load, memories)
     spent, lost, turnover, power = tally.spent, tally.lost, tally.turned_over, 0.0
     for i in range(tally.phases):
@@ -169,25 +158,23 @@ def residuals(
             spent += log.energy[i] - note_energy(log, motions.modal, tally) + disagreement * (end - t)
         spent += power * (following - end)
     energy = spent / tally.max_energy if tally.max_energy != 0.0 else 0.0
-    return energy, _heat_residual(heat, modal, load, log, lost, turnover, tally)
+    return energy, _heat_residual(case, log, lost, turnover, tally)
 
 
 @part
-def _heat_residual(
-    heat: Heat, modal: Array, load: Load, log: Log, lost: float, turned_over: float, tally: Any
-) -> float:
-    """Return the heat residual; ``lost`` is ∫L dt, ``turned_over`` ∫|L| dt."""
-    states = 2 * log.stiffness.size
+def _heat_residual(case: Case, log: Log, lost: float, turnover: float, tally: Any) -> float:
+    """Return the heat residual; ``lost`` is ∫L dt, ``turnover`` ∫|L| dt."""
+    load, modal, states = case.load, case.modal, 2 * log.stiffness.size
     if modal.size == states:
         return 0.0
-    friction, heating = heat.alpha * tally.impulse, 0.0
+    friction, heating = case.tip.alpha * tally.impulse, 0.0
     for k in range(load.heating.size):
-        heating += load.duration * heat.per_load[k] * load.heating[k]
+        heating += load.duration * log.per_load[k] * load.heating[k]
     change = lost - friction - heating
-    turnover = turned_over + friction + abs(heating)
-    for j in range(heat.content.size):
-        change += heat.content[j] * (log.final[states + j] - modal[states + j])
-        turnover += abs(heat.content[j]) * abs(modal[states + j])
+    turnover = turnover + friction + abs(heating)
+    for j in range(log.content.size):
+        change += log.content[j] * (log.final[states + j] - modal[states + j])
+        turnover += abs(log.content[j]) * abs(modal[states + j])
     return float(change / turnover) if turnover != 0.0 else 0.0
 
 

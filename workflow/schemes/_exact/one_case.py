@@ -9,7 +9,7 @@ import numpy as np
 
 from workflow.kernels.compiled import rolled, uncounted
 from workflow.schemes._exact import outcome
-from workflow.schemes._exact.energy_balance import Heat, Regimes, residuals
+from workflow.schemes._exact.energy_balance import Regimes, residuals
 from workflow.schemes._exact.impacts import Case
 from workflow.schemes._exact.layout import Layout, Memory
 from workflow.schemes._exact.march import march
@@ -23,7 +23,6 @@ def march_and_balance(
     free: Layout,
     held: Layout,
     balanced: Regimes,
-    heat: Heat,
     case: Case,
     record: Record,
     memories: tuple[Memory, Memory],
@@ -36,5 +35,5 @@ def march_and_balance(
     ended = march(free, held, case, record, memories, log)
     if ended != outcome.COMPLETED or log.held.size == 0:
         return ended, np.nan, np.nan
-    energy, warmth = residuals(balanced, heat, case.modal, case.load, memories, log, record.tally)
+    energy, warmth = residuals(balanced, case, memories, log, record.tally)
     return ended, energy, warmth

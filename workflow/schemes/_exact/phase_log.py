@@ -27,6 +27,10 @@ class Log(NamedTuple):
     """ω² of the free modes, 1/s², ``(mode,)``."""
     loss: Array
     """Heat loss per τ, W, ``(thermal mode,)``."""
+    content: Array
+    """Q per τ, J, ``(thermal mode,)``."""
+    per_load: Array
+    """Change of Q per heat load, ``(thermal,)``."""
     begun: Array
     """When each phase begins, s, ``(phase,)``."""
     ended: Array
@@ -44,7 +48,7 @@ class Log(NamedTuple):
 def empty_log() -> Log:
     """Return what the march takes where no balances are asked for."""
     row = np.zeros(0)
-    return Log(row, row, row, row, np.zeros(0, dtype=np.bool_), np.zeros((0, 0)), row, row)
+    return Log(row, row, row, row, row, row, np.zeros(0, dtype=np.bool_), np.zeros((0, 0)), row, row)
 
 
 @part
