@@ -77,7 +77,7 @@ def unit_impulse(basis: Basis, free: Layout, friction: float) -> UnitImpulse:
     struck, modes = basis.tip if friction == 0 else basis.tip - friction * basis.along, basis.tip.size
     with np.errstate(divide="ignore", invalid="ignore"):  # a tip that no impulse moves has no law of impact
         drag = float(np.divide(dot(basis.damped_tip, struck), dot(basis.tip, struck)))
-    if not free.mixes:
+    if free.is_modal:
         return UnitImpulse(drag, np.stack([np.zeros(modes), struck]))
     return UnitImpulse(drag, product(struck, free.inward[modes : 2 * modes, : 2 * modes]).reshape(2, modes))
 

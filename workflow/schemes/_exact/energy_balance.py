@@ -66,8 +66,8 @@ class Regimes(NamedTuple):
     held: Side
     reduced: bool
     """Whether the held regime leaves modes out, see :func:`~workflow.schemes._exact.regimes.linked`."""
-    rate: Array
-    """Derivative of a state; scratch."""
+    rates: Array
+    """Derivatives of coordinates and of [z, z', τ], ``(2, N)``; scratch."""
 
 
 def matrices(system: ModalSystem) -> Matrices:
@@ -96,7 +96,7 @@ class EnergyBalance:
             self._held_matrices[key] = matrices(felt), felt.frequency.size < sliding.frequency.size
         side = Side(with_loss(held, self._loss), self._held_matrices[key][0])
         size = max(side.layout.outward.shape[0], self._free.layout.outward.shape[0])
-        return Regimes(self._free, side, self._held_matrices[key][1], np.zeros(size))
+        return Regimes(self._free, side, self._held_matrices[key][1], np.zeros((2, size)))
 
     def log(self, states: int, phases: int) -> Log:
         """Return the log of a case with so many modal states, for so many phases; cases use it one after the other."""
@@ -118,7 +118,7 @@ class EnergyBalance:
 def without_balances(free: Layout, held: Layout) -> Regimes:
     """Return what a kernel takes where no balances are asked for."""
     none = Matrices(np.zeros((0, 0)), np.zeros((0, 0)))
-    return Regimes(Side(free, none), Side(held, none), False, np.zeros(0))
+    return Regimes(Side(free, none), Side(held, none), False, np.zeros((2, 0)))
 
 
 def with_loss(g: Layout, loss: Array) -> Layout:
@@ -145,7 +145,7 @@ def residuals(
         if end > t:
             motion = motions.held if log.held[i] else motions.free
             spent += _begin(motions, regimes.reduced, log, i, tally)
-            disagreement = _look(regimes, motions, memories[0].modal, load, log, i)
+            disagreement = _look(regimes, motions, load, log, i)
             advance(motion.r, motion.now, t, end - t, motion.after)
             if log.held[i]:
                 if motion.r.firsts > 0:
@@ -155,7 +155,7 @@ def residuals(
                 power = disagreement
             copy_state(motion.after, motion.now)
             fill_modal(motions, log.held[i], end)
-            spent += log.energy[i] - note_energy(log, motions.modal, tally) + disagreement * (end - t)
+            spent += log.energy[i] - note_energy(log, motions.free.modal, tally) + disagreement * (end - t)
         spent += power * (following - end)
     energy = spent / tally.max_energy if tally.max_energy != 0.0 else 0.0
     return energy, _heat_residual(case, log, lost, turnover, tally)
@@ -181,7 +181,7 @@ def _heat_residual(case: Case, log: Log, lost: float, turnover: float, tally: An
 @part
 def _begin(motions: Motions, reduced: bool, log: Log, i: int, tally: Any) -> float:
     """Set the motion of a phase to its beginning; return the energy that it thereby has more."""
-    state, t = motions.modal, log.begun[i]
+    state, t = motions.free.modal, log.begun[i]
     for k in range(state.size):
         state[k] = log.state[i, k]
     energy = note_energy(log, state, tally)
@@ -196,42 +196,34 @@ def _begin(motions: Motions, reduced: bool, log: Log, i: int, tally: Any) -> flo
 
 
 @part
-def _look(regimes: Regimes, motions: Motions, x: Array, load: Load, log: Log, i: int) -> float:
-    """Return the power by which the motion of a phase and the matrices disagree, W; ``x`` is scratch.
+def _look(regimes: Regimes, motions: Motions, load: Load, log: Log, i: int) -> float:
+    """Return the power by which the motion of a phase and the matrices disagree, W.
 
     It is looked at a while after the phase has begun. At the beginning itself the rounding of the state moves poles far
     faster than the phase is long: with rates of 1e15 1/s beside forces that friction heat couples, 1e-5 of the
     energy, gone within 1e-6 s.
     """
-    held, now = log.held[i], motions.modal
-    motion, t = motions.held if held else motions.free, log.begun[i]
+    held, t = log.held[i], log.begun[i]
+    motion, side = motions.held if held else motions.free, regimes.held if held else regimes.free
     wait = _LOOK * (log.ended[i] - t)
     copy_state(motion.now, motion.between)
     advance(motion.r, motion.between, t, wait, motion.now)
     fill_modal(motions, held, t + wait)
-    if held:
-        states = motions.passage.modal, now, regimes.rate
-        power = _disagreement(regimes.held, motion, load, t + wait, states, log)
-    else:
-        for k in range(x.size):
-            x[k] = now[k]
-        power = _disagreement(regimes.free, motion, load, t + wait, (x, x, regimes.rate), log)
+    power = _disagreement(side, motion, load, t + wait, motions.free.modal, regimes.rates, log)
     copy_state(motion.between, motion.now)
     return power
 
 
 @part
-def _disagreement(
-    side: Side, motion: Motion, load: Load, t: float, states: tuple[Array, Array, Array], log: Log
-) -> float:
+def _disagreement(side: Side, motion: Motion, load: Load, t: float, state: Array, rates: Array, log: Log) -> float:
     """Return ∇E · (R - X'), the power by which a motion and the matrices disagree, W.
 
-    ``states`` are X, [y, y', τ] of the free tip, and what takes R.
+    ``state`` is [y, y', τ] of the free tip; ``rates`` is scratch.
     """
-    (x, state, rate), (regime, system) = states, side
-    modes, free = system.force.shape[1], log.stiffness.size
-    to_rates(motion.r, motion.now, t, motion.coordinates)
-    multiply(regime.outward, motion.coordinates, rate[: x.size])
+    x, rate, (regime, system) = motion.modal, rates[1], side
+    modes, free, own = system.force.shape[1], log.stiffness.size, rates[0, : motion.coordinates.size]
+    to_rates(motion.r, motion.now, t, own)
+    multiply(regime.outward, own, rate[: x.size])
     error = rate[modes : 2 * modes]
     for n in range(x.size):
         for m in range(modes):

@@ -68,8 +68,8 @@ class Layout(NamedTuple):
     """Whether blocks show in the tip temperature or their η' in the signal."""
     warms: bool
     """Whether blocks show in the tip temperature."""
-    mixes: bool
-    """Whether a free tip's blocks mix its modes, so that its coordinates are not the modal ones [y, y', τ]."""
+    is_modal: bool
+    """Whether the coordinates are those of the modes, [z, z', τ]: with the tip free where damping couples no modes."""
 
 
 @kernel
@@ -126,12 +126,12 @@ def free_layout(system: ModalSystem) -> Layout:
     regime = free_regime(system)
     packed = layout(regime)
     if not system.is_coupled:
-        return packed
+        return packed._replace(is_modal=True)
     blocks, b = packed.blocks, packed.block
     jump = product(system.heat_tip, regime.inward[2 * blocks :])
     b[block.HEAT_JUMP_VALUE, :blocks] = jump[:blocks]
     b[block.HEAT_JUMP_SLOPE, :blocks] = jump[blocks : 2 * blocks]
-    return packed._replace(mixes=True)
+    return packed
 
 
 class Expansion(NamedTuple):
@@ -161,9 +161,7 @@ class Memory(NamedTuple):
     coordinates: Array
     """[η, u, ξ], ``(N,)``."""
     modal: Array
-    """[z, z', τ] of the modes of the regime, ``(N,)``."""
-    mixed: Array
-    """Likewise, for the motion of a free tip whose blocks mix its modes, see :class:`Layout`."""
+    """[z, z', τ] of the modes of the regime, ``(N,)``; the array of the coordinates where these are modal."""
     states: Array
     """Three states of motion, ``(3, 4, column)``."""
     outputs: Array
@@ -178,12 +176,12 @@ def memory(regime: Layout, heated: bool, waves: int) -> Memory:
     firsts = regime.firsts if heated else 0
     columns, wide = block.padded(regime.blocks), block.padded(firsts)
     modal = regime.inward.shape[0] if heated else 2 * regime.entry.shape[1]
+    coordinates = np.zeros(2 * regime.blocks + firsts)
     return Memory(
         block=np.zeros((block.ROWS + block.WAVE * waves, columns)),
         first=np.zeros((first.ROWS + first.WAVE * waves, wide)),
-        coordinates=np.zeros(2 * regime.blocks + firsts),
-        modal=np.zeros(modal),
-        mixed=np.zeros(modal),
+        coordinates=coordinates,
+        modal=coordinates if regime.is_modal else np.zeros(modal),
         states=np.zeros((3, state.ROWS, max(columns, wide))),
         outputs=np.zeros(2),
         waves=np.zeros((waves, wave.COLUMNS)),

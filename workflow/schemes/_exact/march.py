@@ -70,7 +70,7 @@ def march(free: Layout, held: Layout, case: Case, record: Record, memories: tupl
         start = Start(0, -1.0, False, 2.0 * h)
         if audited and tally.steps % _LOOKS == 0:
             fill_modal(motions, tally.held != 0, tally.time)
-            note_energy(log, motions.modal, tally)
+            note_energy(log, motions.free.modal, tally)
     return ended
 
 
@@ -79,7 +79,7 @@ def _begin(motions: Motions, case: Case, record: Record, log: Log) -> tuple[int,
     """Take the initial state; return how the case ended, if it did, whether it begins with an event, and how."""
     free, tip, tally = motions.free, case.tip, record.tally
     for i in range(case.modal.size):
-        motions.modal[i] = case.modal[i]
+        motions.free.modal[i] = case.modal[i]
     set_free(motions, 0.0)
     observed = observe(free.r, free.now, 0.0)
     start = Start(0, -1.0, False, case.load.duration)
@@ -153,7 +153,7 @@ def _step(
 @part
 def _finish(motions: Motions, case: Case, record: Record, log: Log, observed: Observed) -> None:
     """Write what is due at the end, after any event there."""
-    tally, modal, T = record.tally, motions.modal, case.load.duration
+    tally, modal, T = record.tally, motions.free.modal, case.load.duration
     fill_modal(motions, tally.held != 0, tally.time)
     if tally.logged:
         end_phase(log, motions, tally)

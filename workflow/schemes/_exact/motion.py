@@ -28,6 +28,12 @@ class Motion(NamedTuple):
     """State at some time within it; scratch."""
     coordinates: Array
     """[η, u, ξ]; scratch."""
+    modal: Array
+    """[z, z', τ], where the coordinates are modal in the same array."""
+    is_modal: bool
+    inward: Array
+    outward: Array
+    """All see :class:`~workflow.schemes._exact.layout.Layout`."""
 
 
 class Observed(NamedTuple):
@@ -50,7 +56,8 @@ class Observed(NamedTuple):
 def prepare(regime: Layout, load: Load, memory: Memory) -> Any:
     """Return the motion of a case in a regime, its state not yet set."""
     r, states = respond(regime, load, memory), memory.states
-    return Motion(r, memory.expansion, states[0], states[1], states[2], memory.coordinates)
+    own = memory.coordinates, memory.modal, regime.is_modal, regime.inward, regime.outward
+    return Motion(r, memory.expansion, states[0], states[1], states[2], *own)
 
 
 @part

@@ -15,46 +15,20 @@ from workflow.schemes._exact.response import casing_at, from_coordinates, to_coo
 from workflow.schemes._exact.tables import expansion
 
 
-class Passage(NamedTuple):
-    """From the modes of the free tip to the coordinates of the held regime, and back, by the modes of the held tip."""
-
-    inward: Array
-    outward: Array
-    entry: Array
-    exit: Array
-    """All see :class:`~workflow.schemes._exact.layout.Layout`, of the held regime."""
-    modal: Array
-    """[z, z', τ] of the held tip; scratch."""
-
-
 class Motions(NamedTuple):
-    """Both motions of a case."""
+    """Both motions of a case, and what turns the state of one into that of the other."""
 
     free: Motion
     held: Motion
-    passage: Passage
-    modal: Array
-    """[y, y', τ] of the free tip: where its blocks are its modes, the coordinates of its motion themselves."""
-    mixes: bool
-    """Whether its blocks mix its modes."""
-    inward: Array
-    outward: Array
-    """From [y, y', τ] to the coordinates of the free motion and back, where they do."""
+    entry: Array
+    exit: Array
+    """Both see :class:`~workflow.schemes._exact.layout.Layout`, of the held regime."""
 
 
 @part
 def motions_of(free: Layout, held: Layout, load: Load, memories: tuple[Memory, Memory]) -> Any:
     """Return both motions of a case, their states not yet set."""
-    own, other = memories
-    return Motions(
-        prepare(free, load, own),
-        prepare(held, load, other),
-        Passage(held.inward, held.outward, held.entry, held.exit, other.modal),
-        own.mixed if free.mixes else own.coordinates,
-        free.mixes,
-        free.inward,
-        free.outward,
-    )
+    return Motions(prepare(free, load, memories[0]), prepare(held, load, memories[1]), held.entry, held.exit)
 
 
 @part
@@ -83,34 +57,35 @@ def _change_modes(matrix: Array, casing: tuple[float, float], source: Array, tar
 
 @part
 def fill_modal(motions: Motions, held: bool, t: float) -> None:
-    """Fill [y, y', τ] with the present state of the motion with the tip held, or free."""
-    free, bound, passage = motions.free, motions.held, motions.passage
+    """Fill [y, y', τ] of the free tip with the present state of the motion with the tip held, or free."""
+    m = motions.held if held else motions.free
+    to_coordinates(m.r, m.now, t, m.coordinates)
+    if not m.is_modal:
+        multiply(m.outward, m.coordinates, m.modal)
     if held:
-        to_coordinates(bound.r, bound.now, t, bound.coordinates)
-        multiply(passage.outward, bound.coordinates, passage.modal)
-        _change_modes(passage.exit, casing_at(bound.r, t), passage.modal, motions.modal)
-    else:
-        to_coordinates(free.r, free.now, t, free.coordinates)
-        if motions.mixes:
-            multiply(motions.outward, free.coordinates, motions.modal)
+        _change_modes(motions.exit, casing_at(m.r, t), m.modal, motions.free.modal)
 
 
 @part
 def set_free(motions: Motions, t: float) -> None:
     """Set the free motion from [y, y', τ]."""
-    free = motions.free
-    if motions.mixes:
-        multiply(motions.inward, motions.modal, free.coordinates)
-    from_coordinates(free.r, free.coordinates, t, free.now)
+    _set(motions.free, t)
 
 
 @part
 def set_held(motions: Motions, t: float) -> None:
     """Set the held motion from [y, y', τ]."""
-    held, passage = motions.held, motions.passage
-    _change_modes(passage.entry, casing_at(held.r, t), motions.modal, passage.modal)
-    multiply(passage.inward, passage.modal, held.coordinates)
-    from_coordinates(held.r, held.coordinates, t, held.now)
+    held = motions.held
+    _change_modes(motions.entry, casing_at(held.r, t), motions.free.modal, held.modal)
+    _set(held, t)
+
+
+@part
+def _set(m: Motion, t: float) -> None:
+    """Set a motion from its [z, z', τ]."""
+    if not m.is_modal:
+        multiply(m.inward, m.modal, m.coordinates)
+    from_coordinates(m.r, m.coordinates, t, m.now)
 
 
 @part

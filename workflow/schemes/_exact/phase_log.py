@@ -87,7 +87,7 @@ def end_phase(log: Log, motions: Motions, tally: Any) -> None:
     """Keep when and with which energy a phase ends that is logged."""
     i = tally.phases - 1
     fill_modal(motions, tally.held != 0, tally.time)
-    log.ended[i], log.energy[i] = tally.time, note_energy(log, motions.modal, tally)
+    log.ended[i], log.energy[i] = tally.time, note_energy(log, motions.free.modal, tally)
     tally.logged = 0
     if log.ended[i] <= log.begun[i]:
         tally.flights = FLIGHTS - 1  # the next one stands for those after it
@@ -103,5 +103,5 @@ def note_phase(log: Log, motions: Motions, after: bool, tally: Any) -> bool:
         return False
     if not tally.held:  # what led into a contact has set it
         fill_modal(motions, False, tally.time)
-    begin_phase(log, motions.modal, tally)
+    begin_phase(log, motions.free.modal, tally)
     return True
