@@ -145,7 +145,7 @@ class _Batch:
         cases, operator, basis = self.cases, self.operator, self.operator.basis
         alpha, friction = float(cases.alpha[i]), float(cases.friction[i])
         heated = bool(alpha != 0 or friction != 0 or cases.heating[i].any() or cases.temperature[i].any())
-        heats = basis.heat_tip.size if heated else 0
+        heats = basis.closing.size if heated else 0
         load = load_of(cases, i, self.sampling.duration)
         if friction not in self.impulses:
             self.impulses[friction] = unit_impulse(basis, operator.free, friction)

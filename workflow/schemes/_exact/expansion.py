@@ -42,10 +42,8 @@ def expand_output(r: Response, output: int, y: Array, t: float, x: Expansion) ->
     """Expand an output, ``SIGNAL`` or ``TEMPERATURE``, at the state ``y`` of time ``t``."""
     sums, d, n = x.sums, x.terms, r.blocks
     _expand_slow_terms(r, output, y, t, sums)
-    for i in range(r.specials):
-        k = int(r.block[block.SPECIAL, i])
-        if r.block[block.EXPLICIT, k] != 0.0:
-            _expand_explicit(r, output, k, y, t, sums)
+    for i in range(r.explicits):
+        _expand_explicit(r, output, int(r.block[block.EXPLICIT_COLUMNS, i]), y, t, sums)
     _expand_blocks(r.block, y, block.UNFORCED_VALUE + 2 * output, d)
     for row in range(expansion.FOURTH + 1):
         sums[row, n] = sums[row, 0] + row_sum(d, row, 0, d.shape[1])

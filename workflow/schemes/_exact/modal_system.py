@@ -122,8 +122,6 @@ class Basis:
     """φᵀ C1 M⁻¹ e_n, ``(mode,)``, 1/(s √kg)."""
     along: Array
     """φᵀt of the direction of friction, ``(mode,)``, 1/√kg; 0 where there is none."""
-    heat_tip: Array
-    """χ_n, ``(thermal mode,)``, 1/√(J/K)."""
     closing: Array
     """Quasi-static tip growth per τ, m, ``(thermal mode,)``."""
     mobility: float
@@ -148,7 +146,6 @@ def analyse(structure: Structure) -> Basis:
         tip=mechanical.tip.copy(),
         damped_tip=product(free.damping, mechanical.tip) if free.is_coupled else free.damping * mechanical.tip,
         along=along,
-        heat_tip=thermal.tip.copy(),
         closing=product(static_tip_growth(structure), thermal.shapes),
         mobility=dot(mechanical.tip, mechanical.tip),
         aside=dot(mechanical.tip, along),
@@ -194,9 +191,7 @@ def held_system(structure: Structure) -> ModalSystem:
     root = np.sqrt(structure.springs)
     strain = root[:, None] * interior.elongation
     tip_strain = root * structure.elongation[:, -1]
-    static = np.zeros(frequency.size)  # shape under a unit displacement of the tip, of minimum norm
-    if frequency.size:
-        static[:] = least_squares(strain, -tip_strain)
+    static = least_squares(strain, -tip_strain)  # shape under a unit displacement of the tip, of minimum norm
     whole_strain = product(strain, static) + tip_strain
     row = product(tip_strain, product(strain, shapes))  # K_ni φ
     row[frequency == 0] = 0.0

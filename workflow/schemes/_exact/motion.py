@@ -9,8 +9,8 @@ from workflow.kernels.packs import narrow, pack, store
 from workflow.models import Array
 from workflow.schemes._exact.explicit_blocks import advance_explicit, explicit_force
 from workflow.schemes._exact.layout import Expansion, Layout, Load, Memory
-from workflow.schemes._exact.propagators import block_propagators, first_propagators, stiff_block
-from workflow.schemes._exact.response import SIGNAL, TEMPERATURE, Response, respond
+from workflow.schemes._exact.propagators import aperiodic_propagator, block_propagators, first_propagators
+from workflow.schemes._exact.response import SIGNAL, TEMPERATURE, Response, casing_at, respond
 from workflow.schemes._exact.tables import block, first, state, wave
 from workflow.schemes._exact.waves import wave_phase
 
@@ -73,10 +73,9 @@ def advance(r: Response, y: Array, t: float, dt: float, out: Array) -> None:
     """Fill ``out`` with the state at t + dt that follows from ``y`` at t."""
     b, f = r.block, r.first
     block_propagators(b, dt)
-    for i in range(r.specials):
-        k = int(b[block.SPECIAL, i])
-        if b[block.EXPLICIT, k] == 0.0:
-            b[block.C, k], b[block.S, k] = stiff_block(b[block.DAMPING, k], b[block.STIFFNESS, k], dt)
+    for i in range(r.aperiodics):
+        k = int(b[block.APERIODIC_COLUMNS, i])
+        b[block.C, k], b[block.S, k] = aperiodic_propagator(b[block.DAMPING, k], b[block.STIFFNESS, k], dt)
     for k in range(0, b.shape[1], 8):
         lane = narrow(k)
         C, S = pack(b, (block.C, lane)), pack(b, (block.S, lane))
@@ -84,10 +83,9 @@ def advance(r: Response, y: Array, t: float, dt: float, out: Array) -> None:
         store(out, (state.VALUE, lane), C * value + S * slope)
         slope = (C - pack(b, (block.DAMPING, lane)) * S) * slope
         store(out, (state.SLOPE, lane), slope + -pack(b, (block.STIFFNESS, lane)) * S * value)
-    for i in range(r.specials):
-        k = int(b[block.SPECIAL, i])
-        if b[block.EXPLICIT, k] != 0.0:
-            out[state.VALUE, k], out[state.SLOPE, k], b[block.EXPLICIT_INTEGRAL, k] = advance_explicit(r, k, y, t, dt)
+    for i in range(r.explicits):
+        k = int(b[block.EXPLICIT_COLUMNS, i])
+        out[state.VALUE, k], out[state.SLOPE, k], b[block.EXPLICIT_INTEGRAL, k] = advance_explicit(r, k, y, t, dt)
     if r.firsts > 0:
         first_propagators(f, dt)
         for j in range(0, f.shape[1], 8):
@@ -101,11 +99,10 @@ def advance(r: Response, y: Array, t: float, dt: float, out: Array) -> None:
 def integral(r: Response, y: Array, out: Array, t: float, dt: float) -> float:
     """Return the integral of the signal from ``y`` at t to ``out`` at t + dt, the motion that was advanced last."""
     b, f, area = r.block, r.first, 0.0
-    for i in range(r.specials):
-        k = int(b[block.SPECIAL, i])
-        if b[block.EXPLICIT, k] != 0.0:
-            change = out[state.VALUE, k] - y[state.VALUE, k]
-            area += b[block.SIGNAL_VALUE, k] * b[block.EXPLICIT_INTEGRAL, k] + b[block.SIGNAL_SLOPE, k] * change
+    for i in range(r.explicits):
+        k = int(b[block.EXPLICIT_COLUMNS, i])
+        change = out[state.VALUE, k] - y[state.VALUE, k]
+        area += b[block.SIGNAL_VALUE, k] * b[block.EXPLICIT_INTEGRAL, k] + b[block.SIGNAL_SLOPE, k] * change
     for j in range(r.firsts):
         step = y[state.FIRST_SLOPE, j] * dt
         value, slope = f[first.SIGNAL_VALUE, j], f[first.SIGNAL_SLOPE, j]
@@ -146,8 +143,7 @@ def observe(r: Response, y: Array, t: float) -> Observed:
 @inlined
 def _observe_waves(r: Response, t: float) -> Observed:
     """Return the casing, and what loads alone give of the outputs."""
-    waves, signal, heat, place = r.waves, r.outputs[SIGNAL], r.outputs[TEMPERATURE], r.gap
-    rate, warming, speed = 0.0, 0.0, 0.0
+    waves, signal, heat, rate, warming = r.waves, r.outputs[SIGNAL], r.outputs[TEMPERATURE], 0.0, 0.0
     for i in range(waves.shape[0]):
         omega = waves[i, wave.OMEGA]
         cos, sin = wave_phase(waves, i, t)
@@ -155,8 +151,7 @@ def _observe_waves(r: Response, t: float) -> Observed:
         rate += omega * (waves[i, wave.SIGNAL_SIN] * cos - waves[i, wave.SIGNAL_COS] * sin)
         heat = heat + waves[i, wave.TEMPERATURE_COS] * cos + waves[i, wave.TEMPERATURE_SIN] * sin
         warming += omega * (waves[i, wave.TEMPERATURE_SIN] * cos - waves[i, wave.TEMPERATURE_COS] * sin)
-        place += waves[i, wave.CASING] * sin
-        speed += omega * (waves[i, wave.CASING] * cos)
+    place, speed = casing_at(r, t)
     return Observed(signal, rate, heat, warming, place, speed)
 
 
@@ -166,10 +161,9 @@ def _observe_two_way(r: Response, y: Array, t: float, observed: Observed) -> Obs
     b = r.block
     for k in range(b.shape[1]):
         b[block.WORK, k] = -b[block.DAMPING, k] * y[state.SLOPE, k] - b[block.STIFFNESS, k] * y[state.VALUE, k]
-    for i in range(r.specials):
-        k = int(b[block.SPECIAL, i])
-        if b[block.EXPLICIT, k] != 0.0:
-            b[block.WORK, k] += explicit_force(r, k, y, t)
+    for i in range(r.explicits):
+        k = int(b[block.EXPLICIT_COLUMNS, i])
+        b[block.WORK, k] += explicit_force(r, k, y, t)
     signal, rate, heat, warming = 0.0, 0.0, 0.0, 0.0
     for k in range(r.blocks):
         value, slope, bend = y[state.VALUE, k], y[state.SLOPE, k], b[block.WORK, k]
@@ -210,10 +204,9 @@ def to_rates(r: Response, y: Array, t: float, rates: Array) -> None:
     for k in range(r.blocks):
         value[k] = y[state.SLOPE, k]
         slope[k] = -b[block.DAMPING, k] * y[state.SLOPE, k] - b[block.STIFFNESS, k] * y[state.VALUE, k]
-    for i in range(r.specials):
-        k = int(b[block.SPECIAL, i])
-        if b[block.EXPLICIT, k] != 0.0:
-            slope[k] += explicit_force(r, k, y, t)
+    for i in range(r.explicits):
+        k = int(b[block.EXPLICIT_COLUMNS, i])
+        slope[k] += explicit_force(r, k, y, t)
     for i in range(r.waves.shape[0]):
         row, omega = i * block.WAVE, r.waves[i, wave.OMEGA]
         cos, sin = wave_phase(r.waves, i, t)

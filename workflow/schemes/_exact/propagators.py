@@ -128,7 +128,7 @@ def _exponentials(b: Array, dt: float) -> None:
 
 
 @part
-def stiff_block(c: float, w2: float, dt: float) -> tuple[float, float]:
+def aperiodic_propagator(c: float, w2: float, dt: float) -> tuple[float, float]:
     """Return C and S of one block that does not oscillate, ω² <= c²/4, of either sign of c."""
     half = 0.5 * c
     square = max(0.0, half * half - w2)

@@ -75,8 +75,6 @@ def quasi_static(frequency: Array, damping: Array, rate: Array, drive: Array) ->
 
     p(-μ) = μ² - μ c + ω²;  a = drive/ω²,  b = -drive (c - μ)/(ω² p(-μ)).
     """
-    if rate.size == 0 or frequency.size == 0:
-        return np.zeros_like(drive), np.zeros_like(drive), np.zeros(frequency.size)
     omega2, c = frequency[:, None] ** 2, damping[:, None]
     polynomial = rate**2 - rate * c + omega2
     size = rate**2 + rate * c + omega2

@@ -42,8 +42,10 @@ class Response(NamedTuple):
     blocks: int
     firsts: int
     """Number of first-order states, 0 without heat."""
-    specials: int
-    """Number of blocks that are explicit or do not oscillate."""
+    explicits: int
+    """Number of explicit blocks."""
+    aperiodics: int
+    """Number of others that do not oscillate."""
     block: Array
     first: Array
     coupling: Array
@@ -70,19 +72,19 @@ def respond(regime: Layout, load: Load, memory: Memory) -> Response:
     blocks, firsts = regime.blocks, regime.firsts if memory.first.shape[1] > 0 else 0
     _clear(regime, load, memory)
     _fill_sources(regime, load, firsts, memory)
-    specials = 0
+    explicits, aperiodics = 0, 0
     for k in range(blocks):
         _fill_force(regime, load, k, firsts > 0, memory)
-        explicit = (firsts > 0 and b[block.RESONANT, k] > 0.0) or _keeps_force(b, k, load)
-        if explicit or b[block.STIFFNESS, k] <= 0.25 * b[block.DAMPING, k] * b[block.DAMPING, k]:
-            b[block.SPECIAL, specials] = k
-            specials += 1
-        if explicit:
-            b[block.EXPLICIT, k] = 1.0
-        else:
-            _subtract_particular(b, k, memory.waves, memory.outputs)
-            for j in range(firsts):
-                _subtract_dragged(b, k, f, j, coupling)
+        if (firsts > 0 and b[block.RESONANT, k] > 0.0) or _keeps_force(b, k, load):
+            b[block.EXPLICIT, k], b[block.EXPLICIT_COLUMNS, explicits] = 1.0, k
+            explicits += 1
+            continue
+        if b[block.STIFFNESS, k] <= 0.25 * b[block.DAMPING, k] * b[block.DAMPING, k]:
+            b[block.APERIODIC_COLUMNS, aperiodics] = k
+            aperiodics += 1
+        _subtract_particular(b, k, memory.waves, memory.outputs)
+        for j in range(firsts):
+            _subtract_dragged(b, k, f, j, coupling)
     for j in range(firsts):
         _subtract_harmonics(f, j, memory.waves)
     growth, fastest, fastest_first = regime.growth, regime.fastest, 0.0
@@ -96,7 +98,8 @@ def respond(regime: Layout, load: Load, memory: Memory) -> Response:
     return Response(
         blocks,
         firsts,
-        specials,
+        explicits,
+        aperiodics,
         b,
         f,
         coupling,

@@ -178,10 +178,8 @@ def _series(m: Motion, t: float, order: int, first_order: int) -> None:
             s2 = -b[block.DAMPING, k] * d[expansion.D1, k] - b[block.STIFFNESS, k] * d[expansion.D0, k]
             d[expansion.D0, k] = d[expansion.D1, k]
             d[expansion.D1, k] = s2
-    for i in range(r.specials):
-        k = int(b[block.SPECIAL, i])
-        if b[block.EXPLICIT, k] != 0.0:
-            _explicit_series(m, k, t, order)
+    for i in range(r.explicits):
+        _explicit_series(m, int(b[block.EXPLICIT_COLUMNS, i]), t, order)
 
 
 @part

@@ -21,42 +21,43 @@ HALF_DAMPING = 4  # c/2, 1/s
 NU = 5  # ν = √(ω² - c²/4), 1/s; 1 where the block does not oscillate
 RESONANT = 6  # 1 where a first-order state is near a pole of the block, see `Regime.resonant`
 EXPLICIT = 7  # 1 where the block keeps its force
-SPECIAL = 8  # list of the columns that are explicit or do not oscillate, `Response.specials` of them
+EXPLICIT_COLUMNS = 8  # of the explicit blocks, `Response.explicits` of them
+APERIODIC_COLUMNS = 9  # of others that do not oscillate, `Response.aperiodics` of them
 
 # outputs per η and η'
-SIGNAL_VALUE = 9
-SIGNAL_SLOPE = 10
-TEMPERATURE_VALUE = 11
-TEMPERATURE_SLOPE = 12
-UNFORCED_VALUE = 13  # SIGNAL_VALUE of blocks that are not explicit, else 0; likewise the three rows below
-UNFORCED_SLOPE = 14
-UNFORCED_TEMPERATURE_VALUE = 15
-UNFORCED_TEMPERATURE_SLOPE = 16
-SIGNAL_INTEGRAL = 17  # SIGNAL_VALUE/ω² of blocks that are not explicit, else 0: ∫η dt = -Δ(η' + c η)/ω²
+SIGNAL_VALUE = 10
+SIGNAL_SLOPE = 11
+TEMPERATURE_VALUE = 12
+TEMPERATURE_SLOPE = 13
+UNFORCED_VALUE = 14  # SIGNAL_VALUE of blocks that are not explicit, else 0; likewise the three rows below
+UNFORCED_SLOPE = 15
+UNFORCED_TEMPERATURE_VALUE = 16
+UNFORCED_TEMPERATURE_SLOPE = 17
+SIGNAL_INTEGRAL = 18  # SIGNAL_VALUE/ω² of blocks that are not explicit, else 0: ∫η dt = -Δ(η' + c η)/ω²
 
 # loads
-FORCE = 18  # F0
-SOURCE = 19  # β of η' = u + β + Σ (βc cos ψ + βs sin ψ)
-PARTICULAR = 20  # constant part of the particular solution that is subtracted
-HEAT_JUMP_VALUE = 21  # jump of η per heat at the tip, 1/J; free tip only
-HEAT_JUMP_SLOPE = 22  # jump of η' per heat at the tip
+FORCE = 19  # F0
+SOURCE = 20  # β of η' = u + β + Σ (βc cos ψ + βs sin ψ)
+PARTICULAR = 21  # constant part of the particular solution that is subtracted
+HEAT_JUMP_VALUE = 22  # jump of η per heat at the tip, 1/J; free tip only
+HEAT_JUMP_SLOPE = 23  # jump of η' per heat at the tip
 
 # scratch of one propagation over dt
-C = 23  # of η(dt) = C η + S η'
-S = 24
-WORK = 25
-POWER = 26
-EXPLICIT_INTEGRAL = 27  # ∫η dt of explicit blocks over the last propagation
+C = 24  # of η(dt) = C η + S η'
+S = 25
+WORK = 26
+POWER = 27
+EXPLICIT_INTEGRAL = 28  # ∫η dt of explicit blocks over the last propagation
 
-ROWS = 28
+ROWS = 29
 
 # each wave
-FORCE_COS = 28  # Fc
-FORCE_SIN = 29  # Fs
-SOURCE_COS = 30  # βc
-SOURCE_SIN = 31  # βs
-PARTICULAR_COS = 32  # its part of the particular solution
-PARTICULAR_SIN = 33
+FORCE_COS = 29  # Fc
+FORCE_SIN = 30  # Fs
+SOURCE_COS = 31  # βc
+SOURCE_SIN = 32  # βs
+PARTICULAR_COS = 33  # its part of the particular solution
+PARTICULAR_SIN = 34
 
 WAVE = 6
 
