@@ -13,7 +13,7 @@ from workflow.kernels.compiled import kernel
 from workflow.kernels.sums import product
 from workflow.models import Array
 from workflow.schemes._exact.modal_system import ModalSystem
-from workflow.schemes._exact.regimes import Regime, free_regime
+from workflow.schemes._exact.regimes import Regime, regime_of
 from workflow.schemes._exact.tables import block, expansion, first, state, wave
 
 ORDER = 18
@@ -123,7 +123,7 @@ def layout(g: Regime) -> Layout:
 
 def free_layout(system: ModalSystem) -> Layout:
     """Return the regime of a free tip; where damping couples its modes a heat at the tip moves all of its blocks."""
-    regime = free_regime(system)
+    regime = regime_of(system)
     packed = layout(regime)
     if not system.is_coupled:
         return packed._replace(is_modal=True)

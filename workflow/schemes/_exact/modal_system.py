@@ -84,6 +84,11 @@ class ModalSystem:
     """Forces on z'' per λ, µ φᵀt, ``(mode,)``; ``None`` without friction along t."""
 
     @property
+    def is_free(self) -> bool:
+        """Whether the tip is free: it has a row of the shapes."""
+        return self.shapes.shape[0] == self.signal_steady.size
+
+    @property
     def is_coupled(self) -> bool:
         """Whether damping may couple the modes."""
         return self.damping.ndim == 2

@@ -136,8 +136,11 @@ def observe(r: Response, y: Array, t: float) -> Observed:
     for k in range(r.blocks):
         block_signal += b[block.SIGNAL_VALUE, k] * y[state.VALUE, k]
         block_rate += b[block.SIGNAL_VALUE, k] * y[state.SLOPE, k]
-    observed = Observed(signal + block_signal, rate + block_rate, heat, warming, place, speed)
-    return _observe_two_way(r, y, t, observed) if r.two_way else observed
+    signal, rate = signal + block_signal, rate + block_rate
+    if r.two_way:
+        more = _observe_two_way(r, y, t)
+        signal, rate, heat, warming = signal + more[0], rate + more[1], heat + more[2], warming + more[3]
+    return Observed(signal, rate, heat, warming, place, speed)
 
 
 @inlined
@@ -156,8 +159,8 @@ def _observe_waves(r: Response, t: float) -> Observed:
 
 
 @part
-def _observe_two_way(r: Response, y: Array, t: float, observed: Observed) -> Observed:
-    """Add what η' of blocks shows in the signal, and blocks in the tip temperature."""
+def _observe_two_way(r: Response, y: Array, t: float) -> tuple[float, float, float, float]:
+    """Return what η' of blocks shows in the signal and its rate, and blocks in the tip temperature and its rate."""
     b = r.block
     for k in range(b.shape[1]):
         b[block.WORK, k] = -b[block.DAMPING, k] * y[state.SLOPE, k] - b[block.STIFFNESS, k] * y[state.VALUE, k]
@@ -171,14 +174,7 @@ def _observe_two_way(r: Response, y: Array, t: float, observed: Observed) -> Obs
         rate += b[block.SIGNAL_SLOPE, k] * bend
         heat += b[block.TEMPERATURE_VALUE, k] * value + b[block.TEMPERATURE_SLOPE, k] * slope
         warming += b[block.TEMPERATURE_VALUE, k] * slope + b[block.TEMPERATURE_SLOPE, k] * bend
-    return Observed(
-        observed.signal + signal,
-        observed.signal_rate + rate,
-        observed.temperature + heat,
-        observed.warming + warming,
-        observed.place,
-        observed.speed,
-    )
+    return signal, rate, heat, warming
 
 
 @part

@@ -54,15 +54,11 @@ class PolePairs(NamedTuple):
     """X per [η, u, ξ], ``(N, N)``."""
 
 
-def pole_pairs(system: ModalSystem, A: Array, is_sharp: bool) -> PolePairs:
+def pole_pairs(system: ModalSystem, A: Array) -> PolePairs:
     """Return the blocks of a system without friction heat, X' = A X, whose modes damping couples.
 
-    Complex poles are paired with their conjugates, real ones with each other, the slowest with the fastest.
-
-    Parameters
-    ----------
-    is_sharp
-        Whether each pole that has no other near it is to have its own relative accuracy, see :func:`sharpened`.
+    Complex poles are paired with their conjugates, real ones with each other, the slowest with the fastest. With the
+    tip free each pole that has no other near it has its own relative accuracy, see :func:`sharpened`.
 
     Raises
     ------
@@ -74,7 +70,7 @@ def pole_pairs(system: ModalSystem, A: Array, is_sharp: bool) -> PolePairs:
         raise InseparablePolesError
     count = spectrum.values.size - system.rate.size
     poles, right = spectrum.values[:count], spectrum.right[:, :count]
-    if is_sharp:
+    if system.is_free:
         poles = np.where(conditions(right, spectrum.left[:count]) < _SIMPLE, sharpened(poles, right, system), poles)
     one, other = _partners(poles)
     twin = (one == other)[:, None]

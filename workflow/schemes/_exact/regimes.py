@@ -12,7 +12,6 @@ friction along a tangent, which is another such term with the same row.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -92,44 +91,28 @@ _PARTED = 1e-11
 their eigenvectors eleven digits."""
 
 
-def free_regime(free: ModalSystem) -> Regime:
-    """Return the regime of a structure with its tip free.
+def regime_of(system: ModalSystem, alpha: float = 0.0) -> Regime:
+    """Return the regime of a structure with its tip free, or held at α [W/N]; at α > 0 of the modes that are linked.
+
+    Where poles coincide, its damping is changed by as little as parts them.
 
     Raises
     ------
     InseparablePolesError
         Damping couples the modes, and three poles coincide, one is a thermal rate, or a real one is positive.
     """
-    if not free.is_coupled:
-        return _contiguous(_one_way(free))
-    return _with_poles_apart(lambda system: _coupled(system, is_free=True), free)
-
-
-def held_regime(held: ModalSystem, alpha: float) -> Regime:
-    """Return the regime of a structure with its tip held at α [W/N], at α > 0 or with friction along t a linked one.
-
-    Raises
-    ------
-    InseparablePolesError
-        As :func:`free_regime`.
-    """
-    if alpha > 0 or held.pushed is not None:
-        return _with_poles_apart(lambda system: _two_way(system, alpha), held)
-    if not held.is_coupled:
-        return _contiguous(_one_way(held))
-    return _with_poles_apart(lambda system: _coupled(system, is_free=False), held)
-
-
-def _with_poles_apart(regime: Callable[[ModalSystem], Regime], system: ModalSystem) -> Regime:
-    """Return the regime of a system; where poles coincide, with its damping changed by as little as parts them."""
     try:
-        return _contiguous(regime(system))
+        regime = _solved(system, alpha)
     except InseparablePolesError:
-        return _contiguous(regime(replace(system, damping=(1 + _PARTED) * system.damping)))
-
-
-def _contiguous(regime: Regime) -> Regime:
+        regime = _solved(replace(system, damping=(1 + _PARTED) * system.damping), alpha)
     return Regime(*(np.ascontiguousarray(values, dtype=np.float64) for values in regime))
+
+
+def _solved(system: ModalSystem, alpha: float) -> Regime:
+    """Return the regime by its eigenvalues: with friction heat or friction along t, with coupled modes, or neither."""
+    if alpha > 0 or system.pushed is not None:
+        return _two_way(system, alpha)
+    return _coupled(system) if system.is_coupled else _one_way(system)
 
 
 def _regime(
@@ -202,7 +185,7 @@ def _alone(held: ModalSystem) -> NDArray[np.bool_]:
     return np.asarray(np.all(beside <= _LINKED * np.abs(held.damping).max(initial=0.0), axis=1))
 
 
-def _coupled(system: ModalSystem, is_free: bool) -> Regime:
+def _coupled(system: ModalSystem) -> Regime:
     """Return the regime without friction heat of a structure whose modes damping couples: pairs of poles as blocks.
 
     Rigid modes, whose pole 0 is a double one, stay blocks, and first-order states are thermal modes.
@@ -218,7 +201,7 @@ def _coupled(system: ModalSystem, is_free: bool) -> Regime:
     moving, still = np.flatnonzero(~rigid), int(rigid.sum())
     own = np.concatenate([moving, modes + moving, np.arange(2 * modes, size)])
     at = np.concatenate([np.arange(still, modes), np.arange(modes + still, size)])
-    pairs = pole_pairs(_some(system, ~rigid), A[np.ix_(own, own)], is_free)
+    pairs = pole_pairs(_some(system, ~rigid), A[np.ix_(own, own)])
     inward, outward = np.zeros((size, size)), np.zeros((size, size))
     for k, mode in enumerate(np.flatnonzero(rigid)):
         inward[k, mode] = inward[modes + k, modes + mode] = outward[mode, k] = outward[modes + mode, modes + k] = 1.0

@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.kernels.compiled import part
+from workflow.models import Array
 from workflow.schemes._exact.expansion import SUM_ROUNDING, bounds, expanded_blocks, growth_bound
 from workflow.schemes._exact.layout import Expansion
 from workflow.schemes._exact.response import Response
@@ -70,23 +71,24 @@ def longest_without_zero(r: Response, x: Expansion, zeros: int, guess: float, mo
 
 
 @part
-def _cubic_zero(x: Expansion, k: int) -> float:
-    """Return the zero of the cubic of column ``k`` that Newton's method reaches from τ = 0; -1 if there is none."""
-    a0, a1 = x.sums[expansion.D0, k], x.sums[expansion.D1, k]
-    a2, a3 = x.sums[expansion.D2, k] / 2.0, x.sums[expansion.D3, k] / 6.0
-    if a1 >= 0.0:
-        return -1.0
+def cubic_zero(sums: Array, k: int, most: int, least: float) -> tuple[float, bool]:
+    """Return the zero of the cubic of column ``k`` by Newton's method from τ = 0, and whether it was reached.
+
+    It is reached when a step changes it by no more than ``least``, relatively, and not where the cubic does not fall or
+    ``most`` steps do not suffice.
+    """
+    a0, a1 = sums[expansion.D0, k], sums[expansion.D1, k]
+    a2, a3 = sums[expansion.D2, k] / 2.0, sums[expansion.D3, k] / 6.0
     tau = 0.0
-    for _ in range(20):
-        value = a0 + tau * (a1 + tau * (a2 + tau * a3))
+    for _ in range(most):
         rate = a1 + tau * (2.0 * a2 + tau * 3.0 * a3)
         if rate >= 0.0:
-            return -1.0
-        step = -value / rate
+            break
+        step = -(a0 + tau * (a1 + tau * (a2 + tau * a3))) / rate
         tau += step
-        if abs(step) <= _CLOSE * tau:
-            return float(tau)
-    return -1.0
+        if abs(step) <= least * abs(tau):
+            return tau, True
+    return tau, False
 
 
 @part
@@ -97,9 +99,11 @@ def zero_crossing(r: Response, x: Expansion, zeros: int, most: float) -> tuple[f
     """
     n = r.blocks
     if zeros == 0:
-        guess = _cubic_zero(x, n)
-        if guess <= 0.0:
-            guess = _cubic_zero(x, expanded_blocks(r, most))
+        guess, reached = cubic_zero(x.sums, n, 20, _CLOSE)
+        if not reached or guess <= 0.0:
+            guess, reached = cubic_zero(x.sums, expanded_blocks(r, most), 20, _CLOSE)
+        if not reached:
+            return 0.0, 0.0
     elif zeros == 1:
         guess = _flight_guess(x.sums[expansion.D1, n], x.sums[expansion.D2, n] / 2.0, x.sums[expansion.D3, n] / 6.0)
     else:

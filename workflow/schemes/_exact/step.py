@@ -9,12 +9,11 @@ import numpy as np
 from workflow.kernels import elementary
 from workflow.kernels.compiled import part
 from workflow.kernels.sums import row_sum
-from workflow.models import Array
 from workflow.schemes._exact.expansion import SUM_ROUNDING, accumulate, expand
 from workflow.schemes._exact.explicit_blocks import begin_derivatives, explicit_force, next_derivative
 from workflow.schemes._exact.layout import ORDER, TAYLOR_SPAN
 from workflow.schemes._exact.motion import Motion, advance
-from workflow.schemes._exact.search import longest_without_zero, zero_crossing
+from workflow.schemes._exact.search import cubic_zero, longest_without_zero, zero_crossing
 from workflow.schemes._exact.tables import block, expansion, first, state, wave
 from workflow.schemes._exact.waves import wave_phase
 
@@ -82,8 +81,8 @@ def _refined_zero(m: Motion, t: float, guess: float, end: float) -> float:
             low = tau
         else:
             high = tau
-        step = _cubic_step(sums, n, 2.0 * end)
-        if not (low <= tau + step <= high):
+        step, _ = cubic_zero(sums, n, 7, 10.0 * _LAST_PLACE)
+        if sums[expansion.D1, n] >= 0.0 or not (low <= tau + step <= high):
             step = 0.5 * (low + high) - tau
             tau += step
             if high - low <= _LAST_PLACE * (t + high):
@@ -94,23 +93,6 @@ def _refined_zero(m: Motion, t: float, guess: float, end: float) -> float:
         if remainder <= 0.25 * SUM_ROUNDING * sums[expansion.SIZE, 0] or abs(step) <= _LAST_PLACE * (t + tau):
             return tau
     return tau
-
-
-@part
-def _cubic_step(sums: Array, n: int, otherwise: float) -> float:
-    """Return the zero of the cubic of column ``n`` by Newton's method; ``otherwise`` where it does not fall."""
-    s0, s1 = sums[expansion.D0, n], sums[expansion.D1, n]
-    s2, s3 = sums[expansion.D2, n] / 2.0, sums[expansion.D3, n] / 6.0
-    step = -s0 / s1 if s1 < 0.0 else otherwise
-    for _ in range(6):
-        rate = s1 + step * (2.0 * s2 + step * 3.0 * s3)
-        if rate >= 0.0:
-            break
-        change = (s0 + step * (s1 + step * (s2 + step * s3))) / rate
-        step -= change
-        if abs(change) <= 10.0 * _LAST_PLACE * abs(step):
-            break
-    return step
 
 
 @part

@@ -12,7 +12,7 @@ from workflow.models import Array
 from workflow.schemes._exact import zeros as row
 from workflow.schemes._exact.layout import Layout, layout
 from workflow.schemes._exact.modal_system import ModalSystem, signal_inputs, state_space
-from workflow.schemes._exact.regimes import Regime, held_regime, linked
+from workflow.schemes._exact.regimes import Regime, linked, regime_of
 from workflow.schemes._exact.spectrum import Uncoupled, guesses_of, solve_uncoupled, uncoupled
 from workflow.schemes._exact.zeros import Scratch, scratch
 
@@ -51,7 +51,7 @@ class HeldRegimes:
         """Return the regime at α [W/N], and µ along the tangent."""
         system = self._held.sliding(friction)
         if system is not self._held:
-            return layout(held_regime(linked(system), alpha))
+            return layout(regime_of(linked(system), alpha))
         if alpha > 0 and self._two_way is not None:
             is_solved, regime = _regime_at(self._two_way, alpha, _NO_GUESSES, self._work)
             if not is_solved:
@@ -59,7 +59,7 @@ class HeldRegimes:
                 is_solved, regime = _regime_at(self._two_way, alpha, guesses, self._work)
             if is_solved:
                 return regime
-        return layout(held_regime(self._linked if alpha > 0 else self._held, alpha))
+        return layout(regime_of(self._linked if alpha > 0 else self._held, alpha))
 
 
 def _two_way(held: ModalSystem, system: Uncoupled) -> TwoWay:
