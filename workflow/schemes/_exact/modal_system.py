@@ -86,7 +86,7 @@ class ModalSystem:
     @property
     def is_free(self) -> bool:
         """Whether the tip is free: it has a row of the shapes."""
-        return self.shapes.shape[0] == self.signal_steady.size
+        return bool(self.shapes.shape[0] == self.signal_steady.size)
 
     @property
     def is_coupled(self) -> bool:

@@ -43,9 +43,8 @@ class Response(NamedTuple):
     firsts: int
     """Number of first-order states, 0 without heat."""
     explicits: int
-    """Number of explicit blocks."""
     aperiodics: int
-    """Number of others that do not oscillate."""
+    """Numbers of explicit blocks, and of others that do not oscillate."""
     block: Array
     first: Array
     coupling: Array
@@ -89,8 +88,8 @@ def respond(regime: Layout, load: Load, memory: Memory) -> Response:
         _subtract_harmonics(f, j, memory.waves)
     growth, fastest, fastest_first = regime.growth, regime.fastest, 0.0
     if firsts > 0:
-        growth, fastest_first = max(growth, regime.first_growth), regime.fastest_first
-        fastest = max(fastest, fastest_first)
+        growth, fastest = max(growth, regime.first_growth), max(fastest, regime.fastest_first)
+        fastest_first = regime.fastest_first
     steady = True
     for i in range(memory.waves.shape[0]):
         fastest = max(fastest, memory.waves[i, wave.OMEGA])
@@ -163,11 +162,11 @@ def _fill_sources(regime: Layout, load: Load, firsts: int, memory: Memory) -> No
     for i in range(waves.shape[0]):
         waves[i, wave.SIGNAL_COS], waves[i, wave.SIGNAL_SIN] = _wave_source(regime, load, signal, i)
     for j in range(firsts):
-        f[first.SOURCE, j] = _source(regime, load, 2 * regime.blocks + j, True)
+        own = 2 * regime.blocks + j
+        f[first.SOURCE, j] = _source(regime, load, own, True)
         for i in range(waves.shape[0]):
             row = i * first.WAVE
-            cos, sin = _wave_source(regime, load, 2 * regime.blocks + j, i)
-            f[first.HARMONIC_COS + row, j], f[first.HARMONIC_SIN + row, j] = cos, sin
+            f[first.HARMONIC_COS + row, j], f[first.HARMONIC_SIN + row, j] = _wave_source(regime, load, own, i)
 
 
 @part
