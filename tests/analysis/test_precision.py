@@ -54,6 +54,13 @@ def test_winners_are_the_fastest_that_are_good_enough() -> None:
     assert [w.scheme for w in winners([fast])] == ["fast", "fast", "", ""]
 
 
+def test_a_scheme_without_contact_is_not_exact() -> None:
+    """Where the tip stays clear no scheme errs in the impulse."""
+    clear = dict.fromkeys(ERRORS, np.zeros(H.size)) | {"displacement_error": 0.05 * H / H[-1]}
+    none = np.zeros(H.size)
+    assert not Line("one", H, clear, 1 / H, none, none, np.ones(H.size, dtype=bool), 0.0).exact
+
+
 def study(e_matters: float) -> xr.Dataset:
     """Two schemes, three steps, e and alpha; errors h for ``rough`` and 0 for ``exact``."""
     h, e, alpha = np.array([1e-4, 1e-3, 1e-2]), np.array([0.0, 0.5, 0.9]), np.array([0.0, 1.0])
@@ -86,6 +93,12 @@ def test_an_axis_below_the_error_is_named() -> None:
     assert nothing[0].effect == 0.0
     assert nothing[0].within == {"rough": "every h"}
     assert nothing[0].everywhere
+
+
+def test_an_option_of_a_scheme_is_no_axis_of_the_scene() -> None:
+    dataset = study(0.0).rename(e="stiffness")
+    dataset["stiffness"].attrs["study_path"] = "schemes.rough.stiffness"
+    assert "stiffness" not in [one.dim for one in hidden(dataset)]
 
 
 def test_an_axis_that_matters_is_not_named() -> None:

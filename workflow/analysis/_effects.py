@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from workflow.analysis._cases import exact, finest, labels_of
+from workflow.analysis._recommend import numerical_dims
 from workflow.schemes import Status
 
 if TYPE_CHECKING:
@@ -15,9 +16,6 @@ if TYPE_CHECKING:
 
 MEASURED = {"contact_impulse": "impulse_error", "max_temperature": "temperature_error"}
 """Metrics whose change along an axis is weighed, and the error it is weighed against."""
-
-NUMERICAL = ("scheme", "h", "reduction", "mechanical_modes", "thermal_modes", "tolerance")
-"""Coordinates that change the computation, not the scene."""
 
 
 def effect(dataset: xr.Dataset, variable: str, dim: str) -> float:
@@ -70,7 +68,7 @@ def hidden(dataset: xr.Dataset) -> list[Hidden]:
     if "impulse_error" not in dataset:
         return []
     place = finest(dataset)
-    numerical = [d for d in place if any(n in dataset.coords and dataset[n].dims == (d,) for n in NUMERICAL)]
+    numerical = numerical_dims(dataset)
     stepped: list[str] = [d for d in ("scheme", "h") if d in numerical]
     chosen = dataset.isel({d: place[d] for d in numerical if d not in stepped})
     axes = []

@@ -128,7 +128,7 @@ class Line:
     @property
     def exact(self) -> bool:
         """Whether the scheme is its own reference: one cost, no error, whatever h."""
-        return bool(np.all(self.errors["impulse_error"] == 0.0))
+        return all(bool(np.all(errors == 0.0)) for errors in self.errors.values())
 
     @property
     def lost(self) -> NDArray[np.bool_]:
