@@ -46,7 +46,7 @@ def test_a_loop_of_links(command: str, tmp_path: Path) -> None:
     assert "too many levels of symbolic links" in workflow(command, loop).lower()
 
 
-@pytest.mark.parametrize("kind", ["pipe", "loop", "bytes"])
+@pytest.mark.parametrize("kind", ["pipe", "loop", "bytes", "backslash"])
 def test_a_place_that_can_be_no_archive_is_refused_before_the_work(kind: str, tmp_path: Path) -> None:
     study, archive = written(SINGLE, tmp_path), tmp_path / "a.nc"
     if kind == "pipe":
@@ -54,11 +54,32 @@ def test_a_place_that_can_be_no_archive_is_refused_before_the_work(kind: str, tm
     elif kind == "loop":
         archive.symlink_to(archive)
     else:
-        archive = tmp_path / os.fsdecode(b"a\xff.nc")
+        archive = tmp_path / os.fsdecode(b"a\xff.nc" if kind == "bytes" else b"a\\b.nc")
     before = sorted(tmp_path.iterdir())
     result = CliRunner().invoke(app, ["run", str(study), "-o", str(archive)])
     assert result.exit_code == 2
     assert sorted(tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize(("name", "fault"), [(b"a\xff", "its name is not UTF-8"), (b"a\\b", "has a backslash")])
+def test_a_directory_whose_name_no_archive_can_have(
+    name: bytes, fault: str, sound: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A sound archive in it was said to be damaged."""
+    directory = tmp_path / os.fsdecode(name)
+    directory.mkdir()
+    (directory / "a.nc").write_bytes(sound.read_bytes())
+    monkeypatch.chdir(directory)
+    for command in ("show", "verify"):
+        assert fault in workflow(command, "a.nc")
+
+
+def test_a_name_that_begins_with_a_space(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    workflow("run", written(SINGLE, tmp_path), "-o", " a.nc", status=0)
+    assert (tmp_path / " a.nc").exists()
+    (tmp_path / "a.nc").touch()
+    assert "verified" in workflow("verify", " a.nc", status=0)
 
 
 def test_brackets_in_a_path_are_no_markup(sound: Path, tmp_path: Path) -> None:

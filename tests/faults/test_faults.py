@@ -132,6 +132,15 @@ def test_a_full_disk_is_said_with_the_place(tmp_path: Path, monkeypatch: pytest.
     assert not list(tmp_path.iterdir())
 
 
+def test_a_disk_without_room_for_the_first_file(small_disk: Path) -> None:
+    """A directory and an empty file still find room; it was not said where there is none."""
+    archive, fill = small_disk / "a.nc", small_disk / "fill"
+    fill.write_bytes(bytes(os.statvfs(small_disk).f_bavail * os.statvfs(small_disk).f_frsize))
+    status, output = workflow("run", written(STUDY.text, small_disk.parent), "-o", archive)
+    assert (status, output.split(": ")[0]) == (2, str(parts_of(archive)))
+    assert list(small_disk.iterdir()) == [fill]
+
+
 def test_a_disk_that_is_really_full(small_disk: Path, expected: str) -> None:
     text, archive = written(STUDY.text, small_disk), small_disk / "a.nc"
     status, output = workflow("run", text, "-o", archive, "--threads", "1")

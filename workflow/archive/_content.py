@@ -37,7 +37,7 @@ def hash_content(path: Path) -> str:
 
     digest = hashlib.sha256()
     with LOCK:
-        file = netCDF4.Dataset(path)
+        file = netCDF4.Dataset(path.absolute())  # see _create
         file.set_auto_mask(False)
         file.set_auto_scale(False)
         file.set_auto_chartostring(False)

@@ -52,6 +52,7 @@ def create(layout: Layout, path: Path, messages: Mapping[int, str], hashes: NDAr
 
     from workflow.archive._lock import LOCK
 
+    path = path.absolute()  # netCDF-C skips spaces that a path begins with
     with LOCK, netCDF4.Dataset(path, "w", format="NETCDF4") as file:
         for name, value in {"Conventions": CONVENTIONS, **layout.attrs, FORMAT_NAME: str(FORMAT)}.items():
             file.setncattr(name, value)

@@ -28,14 +28,20 @@ def usable(path: str | Path) -> Path:
     Raises
     ------
     ArchiveError
-        The path is not UTF-8, as netCDF-C wants it, is a loop of links, or leads to a pipe or a device.
+        The whole path is not UTF-8, as netCDF-C wants it, or has a backslash; it is a loop of links, or leads to a
+        pipe or a device.
     """
     path = Path(path)
     try:
-        str(path).encode()
+        if b"\\" in str(path.absolute()).encode():
+            raise ArchiveError(
+                f"{path.absolute()}: has a backslash, which NetCDF's library takes for a slash; rename it, or choose "
+                "another archive with -o"
+            )
         kind = stat.S_IFMT(path.stat().st_mode)
     except UnicodeEncodeError:
-        raise ArchiveError(f"{path}: {_unlike_utf8(path)}, or choose another archive with -o") from None
+        whole = path.absolute()
+        raise ArchiveError(f"{whole}: {_unlike_utf8(whole)}, or choose another archive with -o") from None
     except (FileNotFoundError, NotADirectoryError):
         return path
     except (OSError, ValueError) as error:  # ValueError: a null character

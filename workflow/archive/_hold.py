@@ -27,10 +27,10 @@ def holding(parts: Path) -> Iterator[None]:
         Another run holds it, or it cannot be made.
     """
     with _locked(parts) as file:
-        file.truncate(0)
-        file.write(f"process {os.getpid()}")
-        file.flush()
         try:
+            with writing("the number of this process", parts):
+                file.truncate(0)
+                os.write(file.fileno(), f"process {os.getpid()}".encode())  # nothing is left to write as it closes
             yield
         finally:
             with suppress(OSError):
