@@ -38,11 +38,11 @@ class Ran(NamedTuple):
     moreau: str
 
 
-def run(package: Path, **environment: str) -> Ran:
+def run(package: Path, code: str = RUN, **environment: str) -> Ran:
     """Run it with no other directory of numba's than is given, whatever the tests themselves are run with."""
     around = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
     value, hits, root, moreau = subprocess.run(
-        [sys.executable, "-c", RUN.format(package=str(package))],
+        [sys.executable, "-c", code.format(package=str(package))],
         capture_output=True, text=True, check=True, cwd=package, env={**around, **environment},
     ).stdout.split()  # fmt: skip
     return Ran(float(value), int(hits), Path(root), moreau)
@@ -108,6 +108,26 @@ def test_docstrings_comments_and_other_modules_compile_nothing_anew(ran: tuple[P
     )
     assert run(copied) == first._replace(hits=1)
     assert {path: path.stat().st_mtime_ns for path in first.root.rglob("*.nb?")} == before
+
+
+def test_damaged_files_of_the_cache_are_compiled_anew(ran: tuple[Path, Ran]) -> None:
+    copied, first = ran
+    for damaged in (b"", b"\0" * 4096, b"none"):
+        for kind in ("*.nbi", "*.nbc"):
+            for file in first.root.rglob(kind):
+                file.write_bytes(damaged)
+            assert run(copied) == first
+            assert run(copied) == first._replace(hits=1)
+
+
+def test_a_cache_on_a_full_disk_keeps_nothing(ran: tuple[Path, Ran]) -> None:
+    copied, first = ran
+    for file in first.root.rglob("*.nb?"):
+        file.unlink()
+    limited = RUN.replace("import sys", "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))")
+    for _ in range(2):
+        assert run(copied, limited) == first
+    assert not list(first.root.rglob("*.tmp*"))
 
 
 def test_directories_of_older_sources_are_removed(ran: tuple[Path, Ran]) -> None:

@@ -79,10 +79,9 @@ def directory_of(module: str) -> Path | None:
 
 @cache
 def _directory_of(module: str, plain: bool) -> Path | None:
-    try:
+    sources = None
+    with suppress(ChangedSourceError):
         sources = digest(module, root() / _SOURCES)
-    except ChangedSourceError:
-        return None
     if sources is None:
         return None
     state = (sources, sys.version_info[:3], version("numba"), plain)

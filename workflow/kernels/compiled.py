@@ -8,7 +8,8 @@ needs no kernel, and importing numba takes longer than either. Machine code is k
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import cache, update_wrapper
 from pathlib import Path
 from threading import RLock
@@ -118,6 +119,14 @@ def _cache_type() -> type[FunctionCache]:
 
     class KeyedCache(FunctionCache):
         _impl_class = Results
+
+        @contextmanager
+        def _guard_against_spurious_io_errors(self) -> Iterator[None]:  # around numba's loading and saving
+            try:
+                yield
+            except Exception:  # a full disk, or a file that a power cut left empty: compiled anew, kept if it can be
+                with suppress(OSError):
+                    self.flush()
 
     return KeyedCache
 
