@@ -332,9 +332,13 @@ def test_a_basis_is_part_of_the_choice(tmp_path: Path) -> None:
 
 def test_an_answer_without_contact_or_with_cases_not_run_is_cautioned() -> None:
     status = xr.DataArray([Status.OK, Status.OK])
-    free, touched = xr.DataArray([0.0, 0.0]), xr.DataArray([0.0, 1e-3])
+    free, touched = xr.DataArray([0.0, 0.0]), xr.DataArray([1e-3, 0.0])
     assert list(recommendation_cautions(xr.Dataset({"status": status, "contact_impulse": touched}))) == []
     (said,) = recommendation_cautions(xr.Dataset({"status": status, "contact_impulse": free}))
     assert "free motion" in said
+    diverged = xr.Dataset(
+        {"status": status.copy(data=[Status.OK, Status.DIVERGED]), "contact_impulse": free.copy(data=[0, np.nan])}
+    )
+    assert list(recommendation_cautions(diverged)) == [said]
     waiting = xr.Dataset({"status": xr.DataArray([Status.OK, Status.NOT_RUN]), "contact_impulse": touched})
     assert list(recommendation_cautions(waiting)) == ["1 of 2 cases are not run yet"]

@@ -7,6 +7,7 @@ import os
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -42,6 +43,29 @@ def test_run_show_report(tmp_path: Path) -> None:
     repeated = workflow("run", "small.nc", "-o", "again.nc", cwd=tmp_path)
     assert repeated.returncode == 0, repeated.stderr
     assert "again.nc: 60 cases" in repeated.stdout
+
+
+MASSLESS = "reduction: massless, mechanical_modes: 1"
+
+
+@pytest.mark.parametrize(
+    ("command", "entry", "axes", "remedy"),
+    [
+        ("plan", {"tangent": np.eye(3)[0]}, MASSLESS, "choose craig_bampton, rubin or krylov"),
+        ("run", {"tangent": np.eye(3)[0]}, MASSLESS, "choose craig_bampton, rubin or krylov"),
+        ("plan", {"damping": np.eye(3)}, "scene.matrices.damping.ratio: [0, 0.01]", "keep one of them"),
+    ],
+)
+def test_a_structure_that_one_value_of_an_axis_spoils_is_no_defect(
+    command: str, entry: dict[str, np.ndarray], axes: str, remedy: str, tmp_path: Path
+) -> None:
+    stiffness = 1e3 * (2 * np.eye(3) - np.eye(3, k=1) - np.eye(3, k=-1))
+    np.savez(tmp_path / "blade.npz", mass=np.eye(3), stiffness=stiffness, contact=2, **entry)
+    scene = "scene: {matrices: {file: blade.npz}, casing: {gap: 1 mm}, duration: 1 s}"
+    refused = workflow(command, written(f"study: a\n{scene}\naxes: {{{axes}}}\n", tmp_path), cwd=tmp_path)
+    assert refused.returncode == 2
+    assert refused.stderr.startswith("a structure of this study cannot be used: ")
+    assert remedy in refused.stderr
 
 
 def test_failed_cases_exit_with_one(tmp_path: Path) -> None:

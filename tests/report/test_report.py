@@ -172,6 +172,6 @@ def test_an_answer_without_contact_is_cautioned_on_the_page_and_in_json(tmp_path
     run_study(
         quick({"e": None, "alpha": 0.0}, scene={"casing.gap": 1.0}, reference={"scheme": "event_driven"}), archive
     )
-    assert "Beware: no case touches its casing" in write_report(archive).page.read_text(encoding="utf-8")
+    assert "Beware: no case that is ok touches its casing" in write_report(archive).page.read_text(encoding="utf-8")
     done = CliRunner().invoke(app, ["recommend", str(archive), "--json"]).stdout
-    assert json.loads(done)["cautions"] == ["no case touches its casing, so only free motion is compared"]
+    assert json.loads(done)["cautions"] == ["no case that is ok touches its casing, so only free motion is compared"]

@@ -94,8 +94,9 @@ def cautions(dataset: xr.Dataset) -> tuple[str, ...]:
     missing = int((dataset["status"] == Status.NOT_RUN).sum())
     if missing:
         reasons.append(f"{missing} of {dataset['status'].size} cases are not run yet")
-    if "contact_impulse" in dataset and not dataset["contact_impulse"].fillna(1).any():
-        reasons.append("no case touches its casing, so only free motion is compared")
+    ok = dataset["status"] == Status.OK
+    if "contact_impulse" in dataset and ok.any() and not dataset["contact_impulse"].where(ok, 0).any():
+        reasons.append("no case that is ok touches its casing, so only free motion is compared")
     if missing < dataset["status"].size and _by_own_basis(dataset):
         reasons.append(
             "the reference has the modes of each case, so that errors hold nothing of what a reduced model leaves out; "

@@ -162,6 +162,7 @@ def naming(file: Path) -> Iterator[None]:
 def errors_in_words() -> Iterator[None]:
     """Turn what a user can mend into one clear message and the exit status of a wrong call."""
     from workflow.archive import ArchiveError
+    from workflow.models import UnusableMatricesError
     from workflow.study import StudyError
 
     try:
@@ -170,6 +171,9 @@ def errors_in_words() -> Iterator[None]:
     except StudyError as error:
         for mistake in error.mistakes:
             complain(str(mistake))
+        raise typer.Exit(WRONG) from None
+    except UnusableMatricesError as error:  # of one value of an axis: what is wrong with all is a mistake of the study
+        complain(f"a structure of this study cannot be used: {error}")
         raise typer.Exit(WRONG) from None
     except ArchiveError as error:
         complain(str(error))

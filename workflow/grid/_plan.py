@@ -296,7 +296,7 @@ def _basis(cell: Cell) -> str:
 def _sentences(cautions: list[_Caution], bases: int) -> tuple[str, ...]:
     """Return one sentence per scheme and kind, with the largest amount at each step.
 
-    What holds for some of the study's ``bases`` only is said with the basis of which it holds most.
+    What holds for some of the study's ``bases`` only is said with the one, or the worst, of them.
     """
     concerned: dict[tuple[str, str, float], set[str]] = {}
     worst: dict[tuple[str, str], dict[float, _Caution]] = {}
@@ -308,8 +308,9 @@ def _sentences(cautions: list[_Caution], bases: int) -> tuple[str, ...]:
             at[caution.h] = caution
 
     def amount(kind: tuple[str, str], caution: _Caution) -> str:
-        some = len(concerned[*kind, caution.h]) < bases
-        return f"{caution.amount} at h = {caution.h:g} s" + (f" ({caution.basis})" if some else "")
+        some = len(concerned[*kind, caution.h])
+        basis = caution.basis if some == 1 else f"worst with {caution.basis}"
+        return f"{caution.amount} at h = {caution.h:g} s" + (f" ({basis})" if some < bases else "")
 
     sentences = (
         f"{kind[0]} {max(at.values(), key=lambda c: c.size).what} "

@@ -34,7 +34,7 @@ COLD = 1e30
 
 
 class UnusableMatricesError(ValueError):
-    """Matrices that are no structure: ``problem`` and ``remedy`` in the words of a study."""
+    """Matrices that are no structure, or none that a basis can take: ``problem`` and ``remedy`` in a study's words."""
 
     def __init__(self, problem: str, remedy: str):
         super().__init__(f"{problem}: {remedy}")

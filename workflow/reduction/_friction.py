@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.kernels.sums import dot
-from workflow.models import Array, Structure
+from workflow.models import Array, Structure, UnusableMatricesError
 from workflow.models._dense import product
 from workflow.models._tip_held import held_displacements
 from workflow.reduction._bases import DEPENDENT
@@ -22,13 +22,13 @@ def with_friction(structure: Structure, tangent: Array, mechanical: Vectors) -> 
 
     Raises
     ------
-    ValueError
+    UnusableMatricesError
         The basis leaves the tip without mass.
     """
     if mechanical.has_massless_tip:
-        raise ValueError(
-            "the basis leaves the tip without mass, and friction acts along a direction of its own: what that deforms "
-            "cannot be left without inertia; choose craig_bampton, rubin or krylov"
+        raise UnusableMatricesError(
+            "the basis leaves the tip without mass, and friction acts along a direction of its own",
+            "what that deforms cannot be left without inertia; choose craig_bampton, rubin or krylov",
         )
     interior = mechanical.shapes[:, :-1]
     answer = held_displacements(structure)(tangent)
