@@ -126,7 +126,7 @@ def _cache_type() -> type[FunctionCache]:
                 yield
             except Exception:  # a full disk, or a file that a power cut left empty: compiled anew, kept if it can be
                 with suppress(OSError):
-                    self.flush()
+                    self.flush()  # type: ignore[no-untyped-call]
 
     return KeyedCache
 
