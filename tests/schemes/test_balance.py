@@ -22,7 +22,6 @@ from workflow.schemes._fixed import central, dense, modal_lanes, recorder, theta
 from workflow.schemes._fixed.books import felt_modes
 from workflow.schemes._fixed.decoupled import Decoupled, decouple, start
 from workflow.schemes._fixed.theta_method import coefficients as theta_method_coefficients
-from workflow.schemes._fixed.theta_method import delassus
 from workflow.schemes._sweep.sweeps import Swept
 
 BALANCES = ("energy_residual", "heat_residual")
@@ -267,10 +266,10 @@ def test_every_representation_counts_alike(theta: float, monkeypatch: pytest.Mon
 def wrong_impulse(batch: Cases, structure: Structure, share: float) -> float:
     """Residual of moreau with impulses that are ``share`` of the right ones."""
     h, modal = 1e-4, decouple(structure)
-    law = moreau.Prox(batch.e, share / delassus(modal, h, 0.5, batch.alpha))
     operator = moreau.init(structure, h, moreau.Options(theta=0.5))
+    law = moreau.Prox(batch.e, share / operator.delassus(h, batch.alpha))
     ended = theta_march.step_modes(operator, modal, law, batch, audited(sampling(0.02, 0.02)))
-    return float(ended.balances["energy_residual"][0])
+    return float(ended.balance.residuals()["energy_residual"][0])
 
 
 def test_a_wrong_impulse_is_seen() -> None:

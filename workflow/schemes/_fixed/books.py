@@ -17,7 +17,7 @@ from workflow.schemes._fixed import balance, case_row, total_row
 from workflow.schemes._fixed.balance import Audit
 from workflow.schemes._fixed.decoupled import Decoupled, Motion
 from workflow.schemes._fixed.modal_lanes import HEAT_SPEED, Coefficients, State, by_mode
-from workflow.schemes._fixed.totals import Content, contact_work, residuals
+from workflow.schemes._fixed.totals import Balance, Content
 
 REST = 1e-12
 """A tip that is slower than this share of what the tip load could give it within the run is at rest: a few thousand
@@ -57,7 +57,7 @@ class Terms(NamedTuple):
 
 
 class Books:
-    """The balances of a batch: lanes :attr:`filled` for a block, :meth:`close` after it, results at the end.
+    """The balances of a batch: lanes :attr:`filled` for a block, :meth:`close` after it, :meth:`balance` at the end.
 
     Attributes
     ----------
@@ -106,19 +106,12 @@ class Books:
         if not self._counts:
             self._ended[total_row.FRICTION_HEAT, part] -= state.own[case_row.HEAT, :count]
 
-    def residuals(self, elapsed: float) -> dict[str, Array]:
-        """Return the metrics that the balances give after ``elapsed`` seconds, ``(case,)``."""
+    def balance(self, elapsed: float) -> Balance:
+        """Return the balances after ``elapsed`` seconds."""
         warmed = self._ended_heat / self._scale - self._begun_heat + elapsed * self._warming
         gained = project(self._content[None, :], warmed)[:, 0]
-        return residuals(self._ended, Content(gained, self._initial, elapsed * self._heating), self._rest(elapsed))
-
-    def contact_work(self, elapsed: float) -> Array:
-        """Return the contact work over the largest energy after ``elapsed`` seconds, 1, ``(case, 2)``."""
-        return contact_work(self._ended, self._rest(elapsed))
-
-    def _rest(self, elapsed: float) -> Array:
-        """Return the energy below which all is rounding, J, ``(case,)``."""
-        return np.asarray(rest_energy(self._mobility, elapsed * self._pushed) + self._massless)
+        rest = rest_energy(self._mobility, elapsed * self._pushed) + self._massless
+        return Balance(self._ended, Content(gained, self._initial, elapsed * self._heating), rest)
 
 
 def _audit(modal: Decoupled, free: Coefficients, loss: Array, terms: Terms) -> Audit:

@@ -34,7 +34,7 @@ from workflow.schemes._fixed.outcome import ROUNDING, Outcome, effective_restitu
 from workflow.schemes._fixed.seen_casing import with_casing_seen
 from workflow.schemes._fixed.sliding import friction_message
 from workflow.schemes._fixed.stepping import Ended, Watch, block_lanes, blocks, collect, watch
-from workflow.schemes._fixed.totals import contact_work, content_of, in_order, residuals
+from workflow.schemes._fixed.totals import Balance, content_of, in_order
 from workflow.schemes._interface import Results, Sampling
 
 _CHUNK = 1024
@@ -173,13 +173,12 @@ def _marched(operator: DenseOperator, cases: Cases, sampling: Sampling) -> Resul
         own[:, part], totals[:, part] = lanes.own[:, :size], account.totals[:, :size]
         before, after = lanes.shown[..., :size].swapaxes(1, 2)
         last[part], reached[part] = after, watched.reached(before, after)
-    balances = effective_restitution(own) if contact.rebounds else {}
-    if sampling.balances:
-        balances |= residuals(totals, content_of(structure.content, cases, last, watched.elapsed, in_order))
+    rebounds = effective_restitution(own) if contact.rebounds else {}
+    content = content_of(structure.content, cases, last, watched.elapsed, in_order)
     closing = project(static_tip_growth(structure)[None, :], reached)[:, 0]
     outcome = with_casing_seen(watched, contact, _judged(operator, cases, kick[:, -1], watched))
-    work = contact_work(totals) if sampling.balances else None
-    return collect(Ended(watched, closing, balances, work), *outcome)
+    balance = Balance(totals, content) if sampling.balances else None
+    return collect(Ended(watched, closing, rebounds, balance), *outcome)
 
 
 def _drive_theta(free: FreeStep) -> float:

@@ -189,8 +189,5 @@ def march_blocks(batch: Batch, watched: Watch, duration: float) -> Ended:
         batch.own[:, part] = state.own[:, :count]
         reached = watched.reached(state.tau_before, state.tau)
         closing[part] += product(growth, reached)[:count]
-    balances = effective_restitution(batch.own) if batch.contact.rebounds else {}
-    if books is not None:
-        balances |= books.residuals(watched.elapsed)
-    work = None if books is None else books.contact_work(watched.elapsed)
-    return Ended(watched, closing, balances, work)
+    rebounds = effective_restitution(batch.own) if batch.contact.rebounds else {}
+    return Ended(watched, closing, rebounds, None if books is None else books.balance(watched.elapsed))

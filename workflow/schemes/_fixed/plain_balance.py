@@ -16,7 +16,7 @@ from workflow.models import Cases, Structure, directions, project
 from workflow.schemes._fixed import total_row
 from workflow.schemes._fixed.books import felt_modes, largest_load, rest_energy
 from workflow.schemes._fixed.decoupled import decouple, start
-from workflow.schemes._fixed.totals import content_of, in_order, residuals, row_totals
+from workflow.schemes._fixed.totals import Balance, content_of, in_order, row_totals
 
 States = tuple[Array, Array, Array]
 """Displacement and velocity ``(case, mechanical)``, temperature ``(case, thermal)``."""
@@ -49,12 +49,11 @@ class PlainBalance:
         self._totals[total_row.FRICTION_HEAT] += self._cases.alpha * impulse
         self._keep(energy)
 
-    @np.errstate(over="ignore", invalid="ignore")
-    def residuals(self, last: States) -> dict[str, Array]:
-        """Return ``energy_residual`` and ``heat_residual``; 0 where there is no energy, or no heat turned over."""
-        content, sums, elapsed = self._structure.content, self._row_sums, self._step * self._h
-        heat = content_of(content, self._cases, last[2], elapsed, sums)
-        return residuals(self._totals, heat, self._motion.rest(elapsed))
+    def balance(self, last: States) -> Balance:
+        """Return the balances up to the end of the last step, with its states."""
+        elapsed = self._step * self._h
+        heat = content_of(self._structure.content, self._cases, last[2], elapsed, self._row_sums)
+        return Balance(self._totals, heat, self._motion.rest(elapsed))
 
 
 class _InMatrices:

@@ -113,6 +113,7 @@ class Recorder:
         before = self._cases.casing_at((self._step - 1) * self._h)
         return np.asarray(before + share * (after - before))
 
+    @np.errstate(over="ignore", invalid="ignore")
     def results(self) -> Results:
         """Return what the batch gave; a case whose tip left the finite numbers is ``diverged``."""
         watched = self._watched
@@ -122,6 +123,6 @@ class Recorder:
         left = f"the state left the finite numbers at h = {self._h:.6g} s"
         reached = watched.reached(self._before[2], self._states[2])
         closing = project(self._growth[None, :], reached)[:, 0]
-        balances = {} if self._balances is None else self._balances.residuals(self._states)
+        balance = None if self._balances is None else self._balances.balance(self._states)
         outcome = judged(finite, np.zeros_like(finite), str, None, left)
-        return collect(Ended(watched, closing, balances), *outcome)
+        return collect(Ended(watched, closing, {}, balance), *outcome)

@@ -23,7 +23,8 @@ def slides(modal: Decoupled, cases: Cases) -> bool:
 
 def sliding(modal: Decoupled, inertia: Array) -> Sliding:
     """Return what friction does in a step in which the modes have an ``inertia``."""
-    along = _along(modal)
+    along = modal.along
+    assert along is not None, "a structure with a direction of friction"
     return Sliding(
         np.ascontiguousarray(modal.tip * along / inertia),
         np.ascontiguousarray(0.5 * modal.tip * along * inverse_square(modal.tip)),
@@ -33,11 +34,6 @@ def sliding(modal: Decoupled, inertia: Array) -> Sliding:
 def yields_aside(modal: Decoupled, inertia: Array) -> float:
     """Return Σ φ_n φᵀt / i, by which W falls per µ, 1/kg."""
     return 0.0 if modal.along is None else total(modal.tip * modal.along / inertia)
-
-
-def _along(modal: Decoupled) -> Array:
-    assert modal.along is not None, "a structure with a direction of friction"
-    return modal.along
 
 
 def friction_message(h: float, friction: float, name: str) -> str:

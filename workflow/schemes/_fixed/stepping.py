@@ -23,6 +23,7 @@ from workflow.schemes._fixed import tip_load, tip_row
 from workflow.schemes._fixed.contact import Drive, End
 from workflow.schemes._fixed.drive import cut_gap, drive_lanes, fill_drive, with_harmonics
 from workflow.schemes._fixed.marks import NEVER, WAITING, Block, Marks, Record, take_marks
+from workflow.schemes._fixed.totals import Balance
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, complete_periods, schedule
 
 
@@ -155,10 +156,9 @@ class Ended(NamedTuple):
     watched: Watch
     closing: Array
     """Quasi-static tip growth at the end, m, ``(case,)``."""
-    balances: dict[str, Array]
-    """Metrics beside the common ones, ``(case,)``."""
-    contact_work: Array | None = None
-    """:attr:`~workflow.schemes.Results.contact_work`, ``(case, 2)``."""
+    own: dict[str, Array]
+    """Metrics of the scheme beside the common ones, ``(case,)``."""
+    balance: Balance | None
 
 
 def watch(cases: Cases, mean: Array, sampling: Sampling, h: float, drive: Drive | None = None) -> Watch:
@@ -264,7 +264,8 @@ def collect(ended: Ended, status: NDArray[np.int8], messages: dict[int, str]) ->
         "max_penetration": tip[tip_row.PENETRATION],
         "max_temperature": np.maximum(tip[tip_row.HOTTEST], tip[tip_row.PERIOD_HOTTEST]),
         "thermal_closing": ended.closing,
-        **ended.balances,
+        **ended.own,
+        **({} if ended.balance is None else ended.balance.residuals()),
     }
     lost = ~watched.finite(tip_row.DISPLACEMENT, tip_row.VELOCITY, tip_row.TEMPERATURE, tip_row.IMPULSE)
     for values in metrics.values():
@@ -280,5 +281,5 @@ def collect(ended: Ended, status: NDArray[np.int8], messages: dict[int, str]) ->
         period_contact=contact * watched.cases.period_frequency[:, None],
         status=status,
         messages=messages,
-        contact_work=ended.contact_work,
+        contact_work=None if ended.balance is None else ended.balance.contact_work(),
     )

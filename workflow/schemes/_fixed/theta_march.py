@@ -125,10 +125,8 @@ def _natural(operator: Operator) -> Array:
 
 
 def _largest_stable_step(operator: Operator) -> float:
-    """Return the step up to which no free mode grows: 2 Re λ + (1-2θ) h |λ|² <= 0 for every λ."""
+    """Return the step up to which no free mode grows where θ < 1/2: 2 Re λ + (1-2θ) h |λ|² <= 0 for every λ."""
     motion, theta = operator.motion, operator.theta
-    if theta >= 0.5:
-        return float("inf")
     if operator.structure.has_massless_tip:
         return 0.0
     lam = np.concatenate([poles(motion.frequency, motion.damping).ravel(), -motion.rate + 0j])

@@ -41,8 +41,11 @@ class Operator:
     contact: Contact
 
     def delassus(self, h: float, alpha: Array, friction: Array | float = 0.0) -> Array:
-        """Return the Delassus operator W of a step h, 1/kg, ``(case,)``."""
-        return delassus(self.motion, h, self.theta, alpha, friction)
+        """Return the Delassus operator W = e_nᵀ Ŵ⁻¹ (e_n - µ t + α hθ K12 T̂⁻¹ e_n) of a step h, 1/kg, ``(case,)``."""
+        motion, theta = self.motion, self.theta
+        cold, per_alpha = motion.delassus(h, theta)
+        w = np.asarray(cold + alpha * per_alpha)
+        return w if isinstance(motion, Swept) else w - friction * yields_aside(motion, motion.inertia(h, theta))
 
     def factor(self, h: float, alpha: Array, friction: Array | float = 0.0) -> Array:
         """Return what contact divides by in a step h, ``(case,)``: it has one solution where that is positive."""
@@ -63,22 +66,13 @@ def thermal_amplification(rate: Array, h: float, theta: float) -> Array:
     return np.asarray((1 - (1 - theta) * h * rate) / (1 + theta * h * rate))
 
 
-def delassus(motion: Decoupled | Swept, h: float, theta: float, alpha: Array, friction: Array | float = 0.0) -> Array:
-    """Return the Delassus operator W = e_nᵀ Ŵ⁻¹ (e_n - µ t + α hθ K12 T̂⁻¹ e_n), 1/kg, ``(case,)``."""
-    cold, per_alpha = motion.delassus(h, theta)
-    inverse_mass = np.asarray(cold + alpha * per_alpha)
-    if isinstance(motion, Swept) or motion.along is None:
-        return inverse_mass
-    return inverse_mass - friction * yields_aside(motion, motion.inertia(h, theta))
-
-
 def coefficients(modal: Decoupled, h: float, theta: float, slides: bool = False) -> Coefficients:
     """Return the step's coefficients, with or without thermal states, with friction along the tangent or without."""
     omega2, c, tip, mu = modal.frequency**2, modal.damping, modal.tip, modal.rate
     inertia = modal.inertia(h, theta)
     warm = modal.heat_tip / (1 + h * theta * mu)
     thermal_kick = -h * theta * product(modal.coupling, warm) / inertia
-    decay, scale = (1 - h * (1 - theta) * mu) / (1 + h * theta * mu), modal.heat_scale
+    decay, scale = thermal_amplification(mu, h, theta), modal.heat_scale
     j, k = modal.pairs.T
     return Coefficients(
         modes=by_mode(

@@ -25,13 +25,13 @@ from workflow.schemes._fixed import total_row
 
 
 class Content(NamedTuple):
-    """Heat content of cases [J], each ``(case,)`` or of one case."""
+    """Heat content of cases [J], ``(case,)``."""
 
-    gained: Array | float
+    gained: Array
     """H_end - H_0."""
-    initial: Array | float
+    initial: Array
     """Σ|c T_0|."""
-    heating: Array | float
+    heating: Array
     """Q = ∫Σq."""
 
 
@@ -56,23 +56,30 @@ def content_of(
     return Content(sums(content * last - initial), sums(np.abs(initial)), elapsed * sums(cases.heating))
 
 
-def residuals(totals: Array, content: Content, rest: Array | float = 0.0) -> dict[str, Array]:
-    """Return ``energy_residual`` and ``heat_residual`` by totals of cases, ``(row, case)``, or of one case, ``(row,)``.
+class Balance(NamedTuple):
+    """The balances of cases that have been marched."""
 
-    max E is at least ``rest``, the energy below which all is rounding, J.
-    """
-    largest = np.maximum(totals[total_row.LARGEST_ENERGY], rest)
-    change = totals[total_row.LAST_ENERGY] - totals[total_row.FIRST_ENERGY] + totals[total_row.DISSIPATED]
-    friction, heating = totals[total_row.FRICTION_HEAT], content.heating
-    gained = content.gained - friction - heating + totals[total_row.LOST]
-    turned = friction + np.abs(heating) + totals[total_row.TURNED_OVER] + content.initial
-    return {"energy_residual": ratio(change, largest), "heat_residual": ratio(gained, turned)}
+    totals: Array
+    """``(row, case)``, rows of ``total_row``."""
+    content: Content
+    rest: Array | float = 0.0
+    """Energy below which all is rounding, J: max E is at least that."""
 
+    def residuals(self) -> dict[str, Array]:
+        """Return ``energy_residual`` and ``heat_residual``, ``(case,)``."""
+        totals, content = self.totals, self.content
+        change = totals[total_row.LAST_ENERGY] - totals[total_row.FIRST_ENERGY] + totals[total_row.DISSIPATED]
+        friction, heating = totals[total_row.FRICTION_HEAT], content.heating
+        gained = content.gained - friction - heating + totals[total_row.LOST]
+        turned = friction + np.abs(heating) + totals[total_row.TURNED_OVER] + content.initial
+        return {"energy_residual": self._over_energy(change), "heat_residual": ratio(gained, turned)}
 
-def contact_work(totals: Array, rest: Array | float = 0.0) -> Array:
-    """Return the contact work of cases, 1, ``(case, 2)``, by totals, ``(row, case)``; ``rest`` as in `residuals`."""
-    largest = np.maximum(totals[total_row.LARGEST_ENERGY], rest)
-    return ratio(totals[[total_row.MOST_CONTACT_WORK, total_row.MOST_STEP_WORK]], largest).T
+    def contact_work(self) -> Array:
+        """Return the contact work, 1, ``(case, 2)``."""
+        return self._over_energy(self.totals[[total_row.MOST_CONTACT_WORK, total_row.MOST_STEP_WORK]]).T
+
+    def _over_energy(self, energy: Array) -> Array:
+        return ratio(energy, np.maximum(self.totals[total_row.LARGEST_ENERGY], self.rest))
 
 
 def ratio(part: Array, whole: Array) -> Array:

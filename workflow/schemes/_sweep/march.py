@@ -17,7 +17,7 @@ from workflow.schemes._fixed.marks import Block
 from workflow.schemes._fixed.stepping import Ended, blocks, count_stored, load_impulse, step_at, store_end, watch
 from workflow.schemes._fixed.theta_method import Operator
 from workflow.schemes._fixed.tip_load import start_load, turn_load
-from workflow.schemes._fixed.totals import contact_work, content_of, residuals
+from workflow.schemes._fixed.totals import Balance, content_of
 from workflow.schemes._interface import Sampling
 from workflow.schemes._sweep import node_row, step_row
 from workflow.schemes._sweep.balance import Account, account_step, open_account, weights
@@ -98,7 +98,5 @@ def sweep(operator: Operator, law: Law, cases: Cases, sampling: Sampling, heated
                 nodes.state[node_row.WARMED, inside] + own[case_row.HEAT, 0] * step[step_row.HEAT_ANSWER, inside]
             )
             closing[case] = total(swept.static_growth * (heat[case] - (1 - watched.schedule.weight[-1]) * in_last_step))
-    balances = {}
-    if sampling.balances:
-        balances = residuals(totals, content_of(chain.heat_capacities, cases, heat, watched.elapsed))
-    return Ended(watched, closing, balances, contact_work(totals) if sampling.balances else None)
+    balance = Balance(totals, content_of(chain.heat_capacities, cases, heat, watched.elapsed))
+    return Ended(watched, closing, {}, balance if sampling.balances else None)
