@@ -21,7 +21,7 @@ from scenes import cases, step
 from sliding import structure
 from workflow.models import Cases, Rayleigh, Structure, critical_friction, frequencies, tip_flexibility
 from workflow.schemes import Sampling, Status, penalty
-from workflow.schemes._fixed.spring_limits import lasting_limit
+from workflow.schemes._fixed.spring_limits import lasting_limit, tip_modes
 
 CASES, PERIODS, MOST_STEPS, LENGTH = 16, 50, 200_000, 5e-5
 
@@ -126,7 +126,7 @@ def test_the_limits_are_those_of_the_matrices() -> None:
     for options in (of.options, soft):
         stiffness = of.structure.stiffness_matrix + options.stiffness * np.outer(push, normal)
         fastest = np.abs(np.linalg.eigvals(np.linalg.solve(of.structure.mass, stiffness))).max()
-        lasting = lasting_limit(of.structure, options.stiffness, of.friction)
+        lasting = lasting_limit(tip_modes(of.structure, of.friction), options.stiffness)
         assert lasting == pytest.approx(2 / np.sqrt(fastest), rel=1e-9)
     assert penalty.contact_limit(of.structure, soft, of.friction) == 0.95 * lasting
 

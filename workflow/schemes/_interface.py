@@ -169,7 +169,7 @@ def merge(parts: list[tuple[NDArray[np.int64], Results]]) -> Results:
         wide = [_widened(a, width) if a.ndim == 2 and a.shape[1] < width else a for a in arrays]
         return np.concatenate(wide)[order]
 
-    works = [r.contact_work for r in results]
+    works = [r.contact_work for r in results if r.contact_work is not None]
     return Results(
         histories={name: joined([r.histories[name] for r in results]) for name in results[0].histories},
         metrics={name: joined([r.metrics[name] for r in results]) for name in results[0].metrics},
@@ -178,9 +178,7 @@ def merge(parts: list[tuple[NDArray[np.int64], Results]]) -> Results:
         period_contact=joined([r.period_contact for r in results]),
         status=np.concatenate([r.status for r in results])[order],
         messages={int(where[k]): text for where, r in parts for k, text in r.messages.items()},
-        contact_work=None
-        if any(work is None for work in works)
-        else joined([work for work in works if work is not None]),
+        contact_work=joined(works) if works else None,
     )
 
 

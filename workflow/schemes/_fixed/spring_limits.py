@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from workflow.kernels import Array
@@ -19,48 +17,44 @@ _SWITCHING_IMPLICIT, DISSIPATES = 0.25, 0.75
 """The same of the θ-method, and the θ from which on it has no limit, see :func:`implicit_limit`."""
 
 
-class _Push(NamedTuple):
-    """Modes, and what a contact force acts by on each."""
-
-    frequency: Array
-    """ω, rad/s."""
-    tip: Array
-    """φ_n, 1/√kg."""
-    push: Array | None
-    """φ_n - µ φᵀt where friction acts."""
+TipModes = tuple[Array, Array, Array]
+"""ω [rad/s], φ_n and φ_n - µ φᵀt [1/√kg] of all modes; φ_n twice where no friction acts."""
 
 
-def _push(structure: Structure, friction: float) -> _Push:
+def tip_modes(structure: Structure, friction: float = 0.0) -> TipModes:
+    """Return how the modes of a structure meet a contact force at a coefficient of friction along its tangent."""
     modes = mechanical_modes(structure)
     if structure.tangent is None or friction == 0:
-        return _Push(modes.values, modes.tip, None)
-    return _Push(modes.values, modes.tip, modes.tip - friction * product(modes.shapes.T, structure.tangent))
+        return modes.values, modes.tip, modes.tip
+    return modes.values, modes.tip, modes.tip - friction * product(modes.shapes.T, structure.tangent)
 
 
-def lasting_limit(structure: Structure, stiffness: float, friction: float = 0.0) -> float:
+def lasting_limit(modes: TipModes, stiffness: float) -> float:
     """Return the step up to which no motion grows while the tip stays in contact, s: 2/ω_max of K1 with κ at the tip.
 
     Central damping does not move it. Where friction turns the contact force away from the tip's own share, ω_max² is
     the largest |eigenvalue| of diag(ω²) + κ (φ_n - µ φᵀt) φ_nᵀ. Where that matrix has eigenvalues that are not positive
     the motion itself grows in contact, at any step.
     """
-    return _lasting(_push(structure, friction), stiffness)
-
-
-def _lasting(of: _Push, stiffness: float) -> float:
-    if of.push is not None:
-        spectrum = eigenvalues(np.diag(of.frequency**2) + stiffness * of.push[:, None] * of.tip)
+    frequency, tip, force = modes
+    if force is not tip:
+        spectrum = eigenvalues(np.diag(frequency**2) + stiffness * force[:, None] * tip)
         return float(2 / np.sqrt(np.sqrt(np.max(spectrum.real**2 + spectrum.imag**2))))
-    at_tip = np.sqrt(stiffness) * of.tip  # the root of κ at the tip, beside that of K1
-    return float(2 / singular(np.vstack([np.diag(of.frequency), at_tip])).values[0])
+    at_tip = np.sqrt(stiffness) * tip  # the root of κ at the tip, beside that of K1
+    return float(2 / singular(np.vstack([np.diag(frequency), at_tip])).values[0])
+
+
+def _mobility(modes: TipModes) -> float:
+    """Return W = e_nᵀ M⁻¹ e_n, or e_nᵀ M⁻¹ (e_n - µ t) where friction makes that larger, 1/kg."""
+    _, tip, force = modes
+    return max(total(tip**2), total(tip * force))
 
 
 def switching_limit(structure: Structure, stiffness: float, friction: float) -> float:
     """Return the step up to which central differences hold while contact comes and goes, s.
 
-    That is the smaller of 0.95 · 2/ω_max, with ω_max of K1 with κ at the tip, and 0.5/√(κ W), with W = e_nᵀ M⁻¹ e_n,
-    or e_nᵀ M⁻¹ (e_n - µ t) where friction makes that larger:
-    a quarter of 2/ω of the tip mass on the contact spring alone. 2/ω_max is the theory of a tip that stays in contact
+    That is the smaller of 0.95 · 2/ω_max, with ω_max of K1 with κ at the tip, and 0.5/√(κ W): a quarter of 2/ω of the
+    tip mass on the contact spring alone. 2/ω_max is the theory of a tip that stays in contact
     (:func:`lasting_limit`); at 2/ω_max itself rounding grows too. The second is measured, as no theory of
     switching contact gives it: each contact that begins or ends within a step makes or takes some energy, and above
     it the sum of all grows. ``tests/schemes/test_contact_limit.py`` repeats the measurement: 120 scenes of 16 cases,
@@ -74,8 +68,8 @@ def switching_limit(structure: Structure, stiffness: float, friction: float) -> 
     stays near at an eighth of the limit; there it comes at most 1.84 times as far at the limit, and more than twice as
     far at 1.5 times the limit in 9 % of them, at 2 times in 21 %, at 4 times in 88 %.
     """
-    of = _push(structure, friction)
-    return float(min(_LASTING * _lasting(of, stiffness), _SWITCHING / np.sqrt(stiffness * _yields(of))))
+    modes = tip_modes(structure, friction)
+    return float(min(_LASTING * lasting_limit(modes, stiffness), _SWITCHING / np.sqrt(stiffness * _mobility(modes))))
 
 
 def implicit_limit(structure: Structure, stiffness: float, friction: float) -> float:
@@ -87,10 +81,4 @@ def implicit_limit(structure: Structure, stiffness: float, friction: float) -> f
     limit in 1.7 % of the scenes, at 4 times in 13 %, at 30 times in 95 %. With θ = 0.75 nothing is created at 30 times
     that limit, 0.24 at most at 100 times.
     """
-    return float(_SWITCHING_IMPLICIT / np.sqrt(stiffness * _yields(_push(structure, friction))))
-
-
-def _yields(of: _Push) -> float:
-    """Return W, 1/kg, without friction or with it, whichever is larger."""
-    cold = total(of.tip**2)
-    return cold if of.push is None else max(cold, total(of.tip * of.push))
+    return float(_SWITCHING_IMPLICIT / np.sqrt(stiffness * _mobility(tip_modes(structure, friction))))
