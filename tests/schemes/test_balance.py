@@ -19,8 +19,8 @@ from workflow.schemes import Results, Sampling, Status, carpenter, event_driven,
 from workflow.schemes._exact import energy_balance
 from workflow.schemes._exact.modal_system import ModalSystem
 from workflow.schemes._fixed import central, dense, modal_lanes, recorder, theta_march, theta_method
-from workflow.schemes._fixed.books import felt_modes
 from workflow.schemes._fixed.decoupled import Decoupled, decouple, start
+from workflow.schemes._fixed.modal_balance import felt_modes
 from workflow.schemes._fixed.theta_method import coefficients as theta_method_coefficients
 from workflow.schemes._sweep.sweeps import Swept
 
@@ -67,7 +67,11 @@ def relative_motion(structure: Structure, batch: Cases, h: float, path: Trajecto
 def looked_at(energy: np.ndarray) -> np.ndarray:
     """The energies of which a balance takes the largest."""
     steps = energy.size - 1
-    return energy[np.append(np.arange(0, steps, min(modal_lanes.SELDOM, steps // modal_lanes.LOOKS + 1)), steps)]
+    return energy[
+        np.append(
+            np.arange(0, steps, min(modal_lanes.ENERGY_INTERVAL, steps // modal_lanes.FEWEST_ENERGIES + 1)), steps
+        )
+    ]
 
 
 def left_over(structure: Structure, batch: Cases, h: float, path: Trajectory, theta: float) -> float:
@@ -239,7 +243,11 @@ def test_a_theta_below_one_half_creates_energy() -> None:
 @pytest.mark.parametrize("theta", [0.7, 1.0])
 def test_every_representation_counts_alike(theta: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """Modes, nodes, plain states and full matrices, where no heat makes their energies different ones."""
-    structure, h, over = heavy_chain(), 1e-4, audited(sampling(0.012, 0.012))  # fewer steps than looks: all are taken
+    structure, h, over = (
+        heavy_chain(),
+        1e-4,
+        audited(sampling(0.012, 0.012)),
+    )
     batch = cases(structure, 3, e=[0.0, 0.5, 0.9], gap=5e-5, mean=60.0, amplitude=100.0, frequency=50.0)
 
     paths = [march(structure, alone(batch, case), h, theta, over.steps(h)) for case in range(3)]

@@ -50,11 +50,11 @@ from workflow.models import Array
 from workflow.schemes._fixed import case_row, total_row
 from workflow.schemes._fixed.contact import End, Free, Law, TipStep, add_contact_work, contact_gain, driven, was_pressed
 
-AUDIT_DAMPING, AUDIT_HEAT_SPEED, AUDIT_HEAT_PLACE = range(3)
+BALANCE_DAMPING, BALANCE_HEAT_SPEED, BALANCE_HEAT_PLACE = range(3)
 """Coefficients of a mechanical mode, all over φ_n²: hc/4, and -1 times the work of a unit of friction heat per ζ at the
 step's beginning and per ξ at its end without the heat."""
 
-AUDIT_KINETIC, AUDIT_ELASTIC = range(3, 5)
+BALANCE_KINETIC, BALANCE_ELASTIC = range(3, 5)
 """Energy per ζ² and per η²."""
 
 SUM_RELATIVE, SUM_DRAGGED = range(total_row.ROWS, total_row.ROWS + 2)
@@ -73,11 +73,11 @@ SPAN = 8
 """Steps whose heat loss is counted at once: what temperatures at their beginning and friction heat in them lose."""
 
 
-class Audit(NamedTuple):
+class Account(NamedTuple):
     """Coefficients and sums of a block; kernels are given ``None`` in its place where no balances are asked for."""
 
     modes: Array
-    """``(mode, coefficient)``, rows ``AUDIT_…``."""
+    """``(mode, coefficient)``, rows ``BALANCE_…``."""
     losses: Array
     """Heat that a unit of τ loses in so many steps, of which the first row is one, J, ``(steps, thermal mode)``."""
     heat_losses: Array
@@ -105,97 +105,98 @@ class Audit(NamedTuple):
 
 
 @inlined
-def lay_out_audit(audit: Audit | None) -> None:
+def lay_out_account(account: Account | None) -> None:
     """Assert how far apart rows lie, as :func:`~workflow.schemes._fixed.modal_lanes.lay_out` does for a march."""
-    if audit is None:
+    if account is None:
         return
-    assert audit.modes.shape[1] == AUDIT_ELASTIC + 1
-    assert audit.pulled.shape[1] == ROW
-    assert audit.sums.shape[1] == ROW
+    assert account.modes.shape[1] == BALANCE_ELASTIC + 1
+    assert account.pulled.shape[1] == ROW
+    assert account.sums.shape[1] == ROW
 
 
 @inlined
-def add_dissipation(audit: Audit | None, j: int, speed: Pack, slid: Any, dissipated: Pack, lane: Lane) -> Pack:
+def add_dissipation(account: Account | None, j: int, speed: Pack, slid: Any, dissipated: Pack, lane: Lane) -> Pack:
     """Add the energy that damping and friction along a tangent took from mode j in a step that ended at ζ = ``speed``.
 
     ``speed`` is stored for the next step.
     """
-    if audit is None:
+    if account is None:
         return dissipated
-    twice = speed + pack(audit.former, (j, lane))
-    store(audit.former, (j, lane), speed)
-    dissipated = fused(shared(audit.modes, (j, AUDIT_DAMPING), lane) * twice, twice, dissipated)
+    twice = speed + pack(account.former, (j, lane))
+    store(account.former, (j, lane), speed)
+    dissipated = fused(shared(account.modes, (j, BALANCE_DAMPING), lane) * twice, twice, dissipated)
     return dissipated if slid is None else dissipated - shared(slid.works, (j,), lane) * twice * slid.impulse
 
 
 @inlined
-def add_heat_work(audit: Audit | None, j: int, place: Pack, on_heat: Pack, lane: Lane) -> Pack:
+def add_heat_work(account: Account | None, j: int, place: Pack, on_heat: Pack, lane: Lane) -> Pack:
     """Add the energy that a unit of friction heat takes from mode j, which ended with ξ = ``place`` but for that heat.
 
     The impulse's share in it is the same in all steps (:func:`store_dissipation`). To be called before
     :func:`add_dissipation`.
     """
-    if audit is None:
+    if account is None:
         return on_heat
-    on_heat = fused(shared(audit.modes, (j, AUDIT_HEAT_SPEED), lane), pack(audit.former, (j, lane)), on_heat)
-    return fused(shared(audit.modes, (j, AUDIT_HEAT_PLACE), lane), place, on_heat)
+    on_heat = fused(shared(account.modes, (j, BALANCE_HEAT_SPEED), lane), pack(account.former, (j, lane)), on_heat)
+    return fused(shared(account.modes, (j, BALANCE_HEAT_PLACE), lane), place, on_heat)
 
 
 @inlined
 def store_dissipation(
-    audit: Audit | None, dissipated: Pack, on_heat: Pack, impulse: Pack, heat: Pack | None, slid: Any, lane: Lane
+    account: Account | None, dissipated: Pack, on_heat: Pack, impulse: Pack, heat: Pack | None, slid: Any, lane: Lane
 ) -> None:
     """Add the energy that all modes dissipated in a step to the sums."""
-    if audit is None:
+    if account is None:
         return
-    on_heat = on_heat if slid is None else on_heat + audit.heat_on_slid * slid.impulse
-    on_heat = plus(on_heat + audit.heat_on_impulse * impulse, spread(audit.heat_on_heat, lane), heat)
+    on_heat = on_heat if slid is None else on_heat + account.heat_on_slid * slid.impulse
+    on_heat = plus(on_heat + account.heat_on_impulse * impulse, spread(account.heat_on_heat, lane), heat)
     store(
-        audit.sums,
+        account.sums,
         (total_row.DISSIPATED, lane),
-        plus(pack(audit.sums, (total_row.DISSIPATED, lane)) + dissipated, on_heat, heat),
+        plus(pack(account.sums, (total_row.DISSIPATED, lane)) + dissipated, on_heat, heat),
     )
 
 
 @inlined
-def add_pair_work(audit: Audit | None, pair: int, j: int, speed: Pack, heat: Pack, lane: Lane) -> None:
+def add_pair_work(account: Account | None, pair: int, j: int, speed: Pack, heat: Pack, lane: Lane) -> None:
     """Count the work of a thermal mode near resonance with mode j in a step that ended with ζ = ``speed``."""
-    if audit is None:
+    if account is None:
         return
-    sums, pulled, mean = audit.sums, pack(audit.pulled, (pair, lane)), 0.5 * (speed + pack(audit.former, (j, lane)))
-    on_heat = shared(audit.pair_heat, (pair,), lane) * heat
-    dissipated = (on_heat - shared(audit.pair_work, (pair,), lane) * mean) * pulled
+    sums, pulled = account.sums, pack(account.pulled, (pair, lane))
+    mean = 0.5 * (speed + pack(account.former, (j, lane)))
+    on_heat = shared(account.pair_heat, (pair,), lane) * heat
+    dissipated = (on_heat - shared(account.pair_work, (pair,), lane) * mean) * pulled
     store(sums, (total_row.DISSIPATED, lane), pack(sums, (total_row.DISSIPATED, lane)) + dissipated)
 
 
 @inlined
-def store_pull(audit: Audit | None, pair: int, pull: Pack, lane: Lane) -> None:
+def store_pull(account: Account | None, pair: int, pull: Pack, lane: Lane) -> None:
     """Store what a thermal mode adds to ζ of a mode near resonance with it."""
-    if audit is None:
+    if account is None:
         return
-    store(audit.pulled, (pair, lane), pull)
+    store(account.pulled, (pair, lane), pull)
 
 
 @inlined
-def store_dragged_velocity(audit: Audit | None, velocity: Pack, lane: Lane) -> None:
+def store_dragged_velocity(account: Account | None, velocity: Pack, lane: Lane) -> None:
     """Store the tip's dragged velocity at a step's end, without the friction heat in the step."""
-    if audit is None:
+    if account is None:
         return
-    store(audit.sums, (SUM_DRAGGED, lane), velocity)
+    store(account.sums, (SUM_DRAGGED, lane), velocity)
 
 
 @inlined
-def account(
-    audit: Audit | None, law: Law, step: TipStep, end: End, free: Free, own: Array, tip: Array, lane: Lane
+def count_work(
+    account: Account | None, law: Law, step: TipStep, end: End, free: Free, own: Array, tip: Array, lane: Lane
 ) -> None:
     """Count the work of load and contact in a step that contact has closed."""
-    if audit is None:
+    if account is None:
         return
-    sums, impulse = audit.sums, pack(own, (case_row.IMPULSE, lane))
+    sums, impulse = account.sums, pack(own, (case_row.IMPULSE, lane))
     before, relative = pack(sums, (SUM_RELATIVE, lane)), driven(law, step, end, own, lane)
     relative -= pack(sums, (SUM_DRAGGED, lane))
     if was_pressed(own, lane):
-        relative -= audit.dragged * pack(own, (case_row.HEAT, lane))
+        relative -= account.dragged * pack(own, (case_row.HEAT, lane))
     store(sums, (SUM_RELATIVE, lane), relative)
     add_contact_work(law, end, free, tip, sums, lane)
     dissipated = pack(sums, (total_row.DISSIPATED, lane)) + contact_gain(
@@ -205,21 +206,21 @@ def account(
 
 
 @inlined
-def account_heat(audit: Audit | None, step: int, steps: int, own: Array, lane: Lane) -> None:
+def count_friction_heat(account: Account | None, step: int, steps: int, own: Array, lane: Lane) -> None:
     """Count the friction heat of a step, and its loss in this span."""
-    if audit is None:
+    if account is None:
         return
     if was_pressed(own, lane):
-        sums, heat = audit.sums, pack(own, (case_row.HEAT, lane))
-        lost = shared(audit.heat_losses, (min(SPAN - step % SPAN, steps - step),), lane) * heat
+        sums, heat = account.sums, pack(own, (case_row.HEAT, lane))
+        lost = shared(account.heat_losses, (min(SPAN - step % SPAN, steps - step),), lane) * heat
         store(sums, (SUM_LOST_AHEAD, lane), pack(sums, (SUM_LOST_AHEAD, lane)) + lost)
         store(sums, (total_row.FRICTION_HEAT, lane), pack(sums, (total_row.FRICTION_HEAT, lane)) + heat)
 
 
 @inlined
-def lose_heat(audit: Audit, step: int, steps: int, h: float, tau: Array, lane: Lane) -> None:
+def count_lost_heat(account: Account, step: int, steps: int, h: float, tau: Array, lane: Lane) -> None:
     """Close a span of steps, and count what the temperatures at its end lose in the next one, if there is one."""
-    sums, ahead = audit.sums, min(SPAN, steps - step)
+    sums, ahead = account.sums, min(SPAN, steps - step)
     lost = pack(sums, (SUM_LOST_AHEAD, lane))
     store(sums, (total_row.LOST, lane), pack(sums, (total_row.LOST, lane)) + lost)
     store(sums, (total_row.TURNED_OVER, lane), pack(sums, (total_row.TURNED_OVER, lane)) + magnitude(lost))
@@ -229,21 +230,21 @@ def lose_heat(audit: Audit, step: int, steps: int, h: float, tau: Array, lane: L
         lost = pack(sums, (SUM_SETTLED_LOSS, lane)) + middle * pack(sums, (SUM_SETTLED_RISE, lane))
         lost = (ahead * h) * lost
         for k in range(tau.shape[0]):
-            lost = fused(shared(audit.losses, (ahead - 1, k), lane), pack(tau, (k, lane)), lost)
+            lost = fused(shared(account.losses, (ahead - 1, k), lane), pack(tau, (k, lane)), lost)
     store(sums, (SUM_LOST_AHEAD, lane), lost)
 
 
 @inlined
-def with_energy(audit: Audit, j: int, speed: Pack, place: Pack, energy: Pack, lane: Lane) -> Pack:
+def with_energy(account: Account, j: int, speed: Pack, place: Pack, energy: Pack, lane: Lane) -> Pack:
     """Add the energy of mode j from ζ and ξ."""
-    eta = fused(spread(audit.lever, lane), speed, place)
-    kinetic, elastic = shared(audit.modes, (j, AUDIT_KINETIC), lane), shared(audit.modes, (j, AUDIT_ELASTIC), lane)
-    return fused(elastic * eta, eta, fused(kinetic * speed, speed, energy))
+    eta = fused(spread(account.lever, lane), speed, place)
+    energy = fused(shared(account.modes, (j, BALANCE_KINETIC), lane) * speed, speed, energy)
+    return fused(shared(account.modes, (j, BALANCE_ELASTIC), lane) * eta, eta, energy)
 
 
 @inlined
-def keep_energy(audit: Audit, energy: Pack, lane: Lane) -> None:
+def store_energy(account: Account, energy: Pack, lane: Lane) -> None:
     """Store the energy at the end of a step and the largest one; a NaN stays."""
-    largest = pack(audit.sums, (total_row.LARGEST_ENERGY, lane))
-    store(audit.sums, (total_row.LAST_ENERGY, lane), energy)
-    store(audit.sums, (total_row.LARGEST_ENERGY, lane), where(energy <= largest, largest, energy))
+    largest = pack(account.sums, (total_row.LARGEST_ENERGY, lane))
+    store(account.sums, (total_row.LAST_ENERGY, lane), energy)
+    store(account.sums, (total_row.LARGEST_ENERGY, lane), where(energy <= largest, largest, energy))

@@ -32,9 +32,9 @@ import numpy as np
 from workflow.kernels.complex_numbers import square_root
 from workflow.kernels.sums import product, total
 from workflow.models import Array, Structure
-from workflow.schemes._fixed.books import Terms
 from workflow.schemes._fixed.contact import Contact, TipStep
 from workflow.schemes._fixed.decoupled import Decoupled, Motion, decouple, dragged
+from workflow.schemes._fixed.modal_balance import Terms
 from workflow.schemes._fixed.modal_lanes import Coefficients, by_mode
 from workflow.schemes._fixed.sliding import sliding, yields_aside
 

@@ -16,8 +16,7 @@ from workflow.kernels.lanes import PACK
 from workflow.kernels.packs import Lane, Pack, narrow, of_lane, pack, some, some_nonzero, spread, store, where
 from workflow.models import Array, Cases, Structure, needs_matrices, project
 from workflow.schemes._fixed import case_row, central, contact, dense, tip_row
-from workflow.schemes._fixed.balance import Audit
-from workflow.schemes._fixed.books import Books
+from workflow.schemes._fixed.balance import Account
 from workflow.schemes._fixed.central import Differences, Linear, Operator
 from workflow.schemes._fixed.contact import Contact, End, Free, TipStep
 from workflow.schemes._fixed.decoupled import Decoupled, Motion, start
@@ -26,6 +25,7 @@ from workflow.schemes._fixed.drive import drive_of, gap_ahead, relative, relativ
 from workflow.schemes._fixed.march import Batch, case_rows, close_step, march_blocks, open_march
 from workflow.schemes._fixed.marches import kernels_of
 from workflow.schemes._fixed.marks import Block
+from workflow.schemes._fixed.modal_balance import ModalBalance
 from workflow.schemes._fixed.modal_lanes import Coefficients, State
 from workflow.schemes._fixed.outcome import ROUNDING, Outcome, by_heat, judged
 from workflow.schemes._fixed.sliding import friction_message, slides
@@ -116,13 +116,15 @@ def _spring_gain(
 
 
 @defines(open_march, Linear)
-def _open_march(law: Linear, operator: Coefficients, now: Now, state: State, block: Block, audit: Audit | None) -> None:
+def _open_march(
+    law: Linear, operator: Coefficients, now: Now, state: State, block: Block, account: Account | None
+) -> None:
     """Take the step at t = 0, whose p_0 spans half a step: it counts as the impulse of a whole one."""
     own = state.own
     for first in range(0, block.lanes, PACK):
         lane = narrow(first)
         alone = pack(own, (case_row.FIRST, lane)), spread(0.0, lane)
-        store_end(close_step(operator, law, now, alone, state, block, audit, lane), block.tip, lane)
+        store_end(close_step(operator, law, now, alone, state, block, account, lane), block.tip, lane)
         store(own, (case_row.LAST, lane), 2.0 * pack(own, (case_row.LAST, lane)))
 
 
@@ -167,11 +169,11 @@ def _batch(operator: Operator, cases: Cases, begun: Motion, balances: bool) -> B
     own = case_rows(cases, begun)
     own[case_row.AHEAD], own[case_row.FIRST] = cases.displacement[:, -1], free_tip
     own[case_row.HALF] = project(modal.tip[None, :], _half_step_before(modal, cases, h))[:, 0]
-    books = None
+    balance = None
     if balances:
-        books = Books(operator.structure, modal, free, cases, begun, central.terms(operator, begun, before))
+        balance = ModalBalance(operator.structure, modal, free, cases, begun, central.terms(operator, begun, before))
     law = operator.contact.law(h, cases, operator.delassus(cases.friction))
-    return Batch(modal, begun, free, operator.contact, law, speed * modal.tip, begun.position * modal.tip, own, books)
+    return Batch(modal, begun, free, operator.contact, law, speed * modal.tip, begun.position * modal.tip, own, balance)
 
 
 def _run(operator: Operator, cases: Cases, sampling: Sampling) -> Results:

@@ -44,7 +44,7 @@ class Account(NamedTuple):
     force: Array
     """Room for forces, ``(2 mechanical, lane)``."""
     totals: Array
-    """``(row, lane)``, rows of :mod:`~workflow.schemes._fixed.totals`."""
+    """``(row, lane)``, rows of :mod:`~workflow.schemes._fixed.total_row`."""
 
 
 @part
@@ -60,7 +60,7 @@ def multiply(matrix: Array, states: Array, forces: Array, lanes: int) -> None:
 
 
 @part
-def measure(account: Account, x: Array, ahead: Array, v: Array, lanes: int) -> None:
+def store_energy(account: Account, x: Array, ahead: Array, v: Array, lanes: int) -> None:
     """Store the energy ½ vᵀM v + ½ xᵀK1 x', x' = ``ahead``, and the largest; a NaN stays."""
     count, totals = v.shape[0], account.totals
     inertia, elastic = account.force[:count], account.force[count : 2 * count]
@@ -94,7 +94,7 @@ def add_dissipation(account: Account, h: float, impulse: Array, load: Array, lan
 
 
 @part
-def lose(account: Account, h: float, before: Array, after: Array, lanes: int) -> None:
+def count_lost_heat(account: Account, h: float, before: Array, after: Array, lanes: int) -> None:
     """Count the heat that a step loses by the mean of its temperatures, ``(thermal, lane)``."""
     for lane in range(lanes):
         flow = 0.0

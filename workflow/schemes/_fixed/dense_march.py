@@ -17,7 +17,7 @@ from workflow.kernels.lanes import PACK, ROW
 from workflow.kernels.packs import narrow, pack, spread, store
 from workflow.schemes._fixed import case_row, tip_row, total_row
 from workflow.schemes._fixed.contact import Free, Law, TipStep, add_contact_work, applied, contact_gain, leaves, meet
-from workflow.schemes._fixed.dense_balance import Account, add_dissipation, lose, measure, multiply
+from workflow.schemes._fixed.dense_balance import Account, add_dissipation, count_lost_heat, multiply, store_energy
 from workflow.schemes._fixed.drive import turn_drive
 from workflow.schemes._fixed.marks import Block
 from workflow.schemes._fixed.stepping import count_stored, store_end
@@ -83,7 +83,7 @@ def _move_freely(free: FreeStep, state: DenseState, load: Array, lanes: int) -> 
 def _meet(free: FreeStep, law: Law, state: DenseState, block: Block, account: Account, load: Array) -> None:
     """Close a step by contact; ``state.acts`` is left with what that does."""
     n, states, tip, own, step = state.kick.shape[0], state.states, block.tip, state.own, free.tip
-    audited = account.mass.shape[0] > 0
+    balances = account.mass.shape[0] > 0
     for first in range(0, block.lanes, PACK):
         lane = narrow(first)
         warmth = pack(state.ahead, (state.ahead.shape[0] - 1, lane))
@@ -92,7 +92,7 @@ def _meet(free: FreeStep, law: Law, state: DenseState, block: Block, account: Ac
         gap = pack(tip, (tip_row.GAP, lane))
         alone = Free(pack(state.ahead, (n - 1, lane)), warmth, spread(0.0, lane), gap, block.drive)
         end = meet(law, step, alone, own, tip, lane)
-        if audited:
+        if balances:
             before = pack(states, (2 * n - 1, lane))
             pushed = (step.h * account.load[n - 1]) * pack(load, (lane,))
             store(own, (case_row.IMPULSE, lane), pack(own, (case_row.IMPULSE, lane)) + pushed)
@@ -156,7 +156,7 @@ def _advance(free: FreeStep, state: DenseState, account: Account, lanes: int) ->
         for lane in range(lanes):
             states[n + i, lane] = ahead[i, lane]
     if account.mass.shape[0] > 0:
-        measure(account, states[:n] if free.heat_counts else before, states[:n], states[n : 2 * n], lanes)
+        store_energy(account, states[:n] if free.heat_counts else before, states[:n], states[n : 2 * n], lanes)
 
 
 @inlined
@@ -168,7 +168,7 @@ def _record(step: int, state: DenseState, block: Block, account: Account) -> Non
             account.totals[total_row.FRICTION_HEAT, lane] += (
                 state.own[case_row.ALPHA, lane] * tip[tip_row.STEP_IMPULSE, lane]
             )
-        lose(account, block.h, state.shown[0], state.shown[1], lanes)
+        count_lost_heat(account, block.h, state.shown[0], state.shown[1], lanes)
     count_stored(step, block)
 
 
@@ -183,20 +183,20 @@ def march_dense(
     assert loads.shape[1] == ROW
     assert state.states.shape[1] == ROW
     assert block.tip.shape[1] == ROW
-    lanes, h, theta, audited = block.lanes, free.tip.h, free.tip.theta, account.mass.shape[0] > 0
+    lanes, h, theta, balances = block.lanes, free.tip.h, free.tip.theta, account.mass.shape[0] > 0
     n = state.kick.shape[0]
     for row in range(loads.shape[0]):
         step, load = first + row, loads[row]
         if row == 0 and step <= 1 and (step == 0 or free.heat_counts):
             turn_drive(block.drive, 0, h, theta, block.tip, lanes)
-            if audited:
+            if balances:
                 _begin(free, state, account, n, lanes)
         if step > 0:
             turn_drive(block.drive, step, h, theta, block.tip, lanes)
         _move_freely(free, state, load, lanes)
         _meet(free, law, state, block, account, load)
         _strike(free, state, lanes)
-        if audited:
+        if balances:
             _count(free, state, account, load, block.tip, lanes)
         _advance(free, state, account, lanes)
         if step > 0:
@@ -215,6 +215,6 @@ def _begin(free: FreeStep, state: DenseState, account: Account, n: int, lanes: i
             before[i, lane] = state.states[i, lane]
             if not free.heat_counts:
                 before[i, lane] -= h * state.states[n + i, lane]
-    measure(account, before, state.states[:n], state.states[n : 2 * n], lanes)
+    store_energy(account, before, state.states[:n], state.states[n : 2 * n], lanes)
     for lane in range(lanes):
         account.totals[total_row.FIRST_ENERGY, lane] = account.totals[total_row.LAST_ENERGY, lane]

@@ -17,12 +17,12 @@ from workflow.kernels.packs import Lane, Pack, broad, broadest, narrow, pack
 from workflow.kernels.sums import product
 from workflow.models import Array, Cases
 from workflow.schemes._fixed import case_row, modal_lanes, stepping, tip_row
-from workflow.schemes._fixed.balance import Audit, account, account_heat, lay_out_audit
-from workflow.schemes._fixed.books import Books
+from workflow.schemes._fixed.balance import Account, count_friction_heat, count_work, lay_out_account
 from workflow.schemes._fixed.contact import Contact, End, Free, Law, meet, steps_from_tip
 from workflow.schemes._fixed.decoupled import Decoupled, Motion
 from workflow.schemes._fixed.drive import turn_drive
 from workflow.schemes._fixed.marks import Block
+from workflow.schemes._fixed.modal_balance import ModalBalance
 from workflow.schemes._fixed.modal_lanes import Coefficients, State, by_mode
 from workflow.schemes._fixed.outcome import effective_restitution
 from workflow.schemes._fixed.stepping import Ended, Now, Watch
@@ -36,7 +36,7 @@ Through more rows narrow packs were faster on the processor it was chosen on, wi
 
 
 @by_type
-def open_march(law: Law, operator: Coefficients, now: Now, state: State, block: Block, audit: Audit | None) -> None:
+def open_march(law: Law, operator: Coefficients, now: Now, state: State, block: Block, account: Account | None) -> None:
     """Do what a scheme does at t = 0: nothing where its contact law does not say otherwise."""
 
 
@@ -48,7 +48,7 @@ def close_step(
     alone: tuple[Pack, Pack],
     state: State,
     block: Block,
-    audit: Audit | None,
+    account: Account | None,
     lane: Lane,
 ) -> End:
     """Close a step by load and contact, and count what they do.
@@ -60,18 +60,18 @@ def close_step(
     free = Free(alone[0], alone[1], stepping.load_impulse(now, step.h, block, lane), gap, block.drive)
     end = meet(law, step, free, own, tip, lane)
     modal_lanes.slide(operator.sliding, law, end, own, lane)
-    account(audit, law, step, end, free, own, tip, lane)
-    account_heat(audit, now.step, block.steps, own, lane)
+    count_work(account, law, step, end, free, own, tip, lane)
+    count_friction_heat(account, now.step, block.steps, own, lane)
     return end
 
 
 @inlined
 def _step(
-    operator: Coefficients, law: Law, now: Now, state: State, block: Block, audit: Audit | None, lane: Lane
+    operator: Coefficients, law: Law, now: Now, state: State, block: Block, account: Account | None, lane: Lane
 ) -> None:
     """Take a pack of lanes through a step: free motion, load and contact, counts."""
-    alone = modal_lanes.step_freely(operator, now.warmed, now.t, state, audit, lane)
-    end = close_step(operator, law, now, alone, state, block, audit, lane)
+    alone = modal_lanes.step_freely(operator, now.warmed, now.t, state, account, lane)
+    end = close_step(operator, law, now, alone, state, block, account, lane)
     if now.marked:
         stepping.store_end(end, block.tip, lane)
     else:
@@ -80,30 +80,30 @@ def _step(
 
 
 @inlined
-def _rows(state: State, audit: Audit | None) -> int:
+def _rows(state: State, account: Account | None) -> int:
     """Return the rows of lanes that a step goes through."""
     rows: int = 2 * state.motion.shape[0] + state.tau.shape[0]
-    if audit is not None:
-        rows += audit.former.shape[0] + audit.sums.shape[0]
+    if account is not None:
+        rows += account.former.shape[0] + account.sums.shape[0]
     return rows
 
 
 @inlined
-def march(operator: Coefficients, law: Law, state: State, block: Block, audit: Audit | None) -> None:
+def march(operator: Coefficients, law: Law, state: State, block: Block, account: Account | None) -> None:
     """Step a block of cases; lanes never meet.
 
     ``state.tau_before`` is left with τ at the beginning of the last step, ``state.tau`` with τ at its end.
     """
     load, tip, lanes, h, theta = block.load, block.tip, block.lanes, block.h, operator.tip.theta
     modal_lanes.lay_out(operator, state, load, tip)
-    lay_out_audit(audit)
-    several = lanes if _rows(state, audit) <= FEW_ROWS else 0
+    lay_out_account(account)
+    several = lanes if _rows(state, account) <= FEW_ROWS else 0
     in_broad = several // broadest() * broadest()
     paired = operator.pair_mode.size > 0
     warmed, leader = modal_lanes.is_warmed(state.own, lanes), start_load(h, load, lanes)
     turn_drive(block.drive, 0, h, theta, tip, lanes)
-    open_march(law, operator, stepping.step_at(0, theta, leader, warmed, block), state, block, audit)
-    modal_lanes.look(audit, 0, block.steps, operator, state, lanes)
+    open_march(law, operator, stepping.step_at(0, theta, leader, warmed, block), state, block, account)
+    modal_lanes.count_at_intervals(account, 0, block.steps, operator, state, lanes)
     for step in range(1, block.steps + 1):
         turn_load(step, h, leader, load, lanes)
         turn_drive(block.drive, step, h, theta, tip, lanes)
@@ -111,13 +111,13 @@ def march(operator: Coefficients, law: Law, state: State, block: Block, audit: A
         if paired or now.last:
             modal_lanes.store_heat(operator, state, state.tau_before, lanes)
         for first in range(0, in_broad, broadest()):
-            _step(operator, law, now, state, block, audit, broad(first))
+            _step(operator, law, now, state, block, account, broad(first))
         for first in range(in_broad, lanes, PACK):
-            _step(operator, law, now, state, block, audit, narrow(first))
-        modal_lanes.look(audit, step, block.steps, operator, state, lanes)
+            _step(operator, law, now, state, block, account, narrow(first))
+        modal_lanes.count_at_intervals(account, step, block.steps, operator, state, lanes)
         if now.marked:
             stepping.count_stored(step, block)
-    modal_lanes.close_balance(audit, operator, state, lanes)
+    modal_lanes.close_balance(account, operator, state, lanes)
     modal_lanes.store_heat(operator, state, state.tau, lanes)
 
 
@@ -136,7 +136,7 @@ class Batch:
         ζ and ξ of each mode, times its share in the tip, ``(case, mode)``.
     own
         Rows of ``case_row``, ``(row, case)``; at the end what the last step left there.
-    books
+    balance
         Energy and heat balances, if they are asked for.
     """
 
@@ -148,7 +148,7 @@ class Batch:
     speed: Array
     place: Array
     own: Array
-    books: Books | None
+    balance: ModalBalance | None
 
 
 def case_rows(cases: Cases, begun: Motion) -> Array:
@@ -168,26 +168,26 @@ def law_lanes(law: Law) -> tuple[Law, list[tuple[Array, Array]]]:
 
 def march_blocks(batch: Batch, watched: Watch, duration: float) -> Ended:
     """Step all cases in blocks."""
-    modal, begun, operator, books = batch.modal, batch.begun, batch.operator, batch.books
+    modal, begun, operator, balance = batch.modal, batch.begun, batch.operator, batch.balance
     motion, tau = by_mode(batch.speed.T, batch.place.T), (begun.heat * modal.heat_scale).T
     lanes, before = lane_rows(tau.shape[0]), lane_rows(tau.shape[0])
     paired = before if operator.heat_counts else lanes
     state = State(lane_rows(case_row.ROWS), lane_rows(*motion.shape[:2]), lanes, before, paired)
     law, filled = law_lanes(batch.law)
     filled += [(state.own, batch.own), (state.motion, motion), (state.tau, tau)]
-    audit = None if books is None else books.audit
+    account = None if balance is None else balance.account
     closing = begun.closing + begun.closing_rate * duration
     growth = modal.static_growth / modal.heat_scale
     rows = 2 * motion.shape[0] + tau.shape[0]
-    if books is not None:
-        rows, filled = rows + books.rows, filled + books.filled
+    if balance is not None:
+        rows, filled = rows + balance.rows, filled + balance.filled
     for part, block in stepping.blocks(watched, stepping.block_lanes(rows), *filled):
-        batch.contact.kernels.modes(operator, law, state, block, audit)
-        if books is not None:
-            books.close(part, state)
+        batch.contact.kernels.modes(operator, law, state, block, account)
+        if balance is not None:
+            balance.close(part, state)
         count = part.stop - part.start
         batch.own[:, part] = state.own[:, :count]
         reached = watched.reached(state.tau_before, state.tau)
         closing[part] += product(growth, reached)[:count]
     rebounds = effective_restitution(batch.own) if batch.contact.rebounds else {}
-    return Ended(watched, closing, rebounds, None if books is None else books.balance(watched.elapsed))
+    return Ended(watched, closing, rebounds, None if balance is None else balance.result(watched.elapsed))

@@ -12,31 +12,32 @@ from __future__ import annotations
 from workflow.kernels.compiled import kept_with
 from workflow.kernels.packs import align_stack
 from workflow.models import Array
-from workflow.schemes._fixed.balance import Audit
+from workflow.schemes._fixed.balance import Account as ModalAccount
 from workflow.schemes._fixed.contact import Kernels, Law
-from workflow.schemes._fixed.dense_balance import Account
+from workflow.schemes._fixed.dense_balance import Account as DenseAccount
 from workflow.schemes._fixed.dense_march import DenseState, FreeStep, march_dense
 from workflow.schemes._fixed.march import march
 from workflow.schemes._fixed.marks import Block
 from workflow.schemes._fixed.modal_lanes import Coefficients, State
-from workflow.schemes._sweep import balance, sweeps
+from workflow.schemes._sweep.balance import Account as ChainAccount
 from workflow.schemes._sweep.march import march_nodes
+from workflow.schemes._sweep.sweeps import Nodes
 
 
 def kernels_of(module: str) -> Kernels:
     """Return the marches of a module that has a contact law."""
 
-    def march_modes(operator: Coefficients, law: Law, state: State, block: Block, audit: Audit | None) -> None:
+    def march_modes(operator: Coefficients, law: Law, state: State, block: Block, account: ModalAccount | None) -> None:
         align_stack()
-        march(operator, law, state, block, audit)
+        march(operator, law, state, block, account)
 
     def march_matrices(
-        free: FreeStep, law: Law, state: DenseState, block: Block, account: Account, loads: Array, first: int
+        free: FreeStep, law: Law, state: DenseState, block: Block, account: DenseAccount, loads: Array, first: int
     ) -> None:
         align_stack()
         march_dense(free, law, state, block, account, loads, first)
 
-    def sweep_nodes(nodes: sweeps.Nodes, law: Law, own: Array, block: Block, account: balance.Account) -> None:
+    def sweep_nodes(nodes: Nodes, law: Law, own: Array, block: Block, account: ChainAccount) -> None:
         march_nodes(nodes, law, own, block, account)
 
     return Kernels(*(kept_with(module, function) for function in (march_modes, march_matrices, sweep_nodes)))

@@ -21,13 +21,13 @@ from workflow.kernels.lanes import PACK, ROW
 from workflow.kernels.packs import Lane, Pack, narrow, pack, plus, shared, spread, store
 from workflow.models import Array
 from workflow.schemes._fixed import balance, case_row
-from workflow.schemes._fixed.balance import Audit
+from workflow.schemes._fixed.balance import Account
 from workflow.schemes._fixed.contact import End, Law, TipStep, applied, was_pressed
 
 MOTION_SPEED, MOTION_PLACE = range(2)
 """Rows of a mode's motion: ζ and ξ."""
 
-SELDOM, LOOKS = 32, 128
+ENERGY_INTERVAL, FEWEST_ENERGIES = 32, 128
 """The largest energy is looked for in every so many steps, in short runs at least so many times or in every step."""
 
 MODE_DECAY, MODE_SPRING, MODE_IMPULSE, MODE_HEAT_SPEED, MODE_HEAT_PLACE = range(5)
@@ -136,21 +136,21 @@ def _ended(
 
 @inlined
 def _step_modes(
-    operator: Coefficients, state: State, velocity: Pack, heat: Pack | None, audit: Audit | None, lane: Lane
+    operator: Coefficients, state: State, velocity: Pack, heat: Pack | None, account: Account | None, lane: Lane
 ) -> Pack:
     """Step the mechanical modes, and return the tip's velocity with theirs; ``heat`` is that of the last contact."""
     modes, h, slid = operator.modes, operator.tip.h, _slid_by(operator.sliding, state.own, lane)
     motion, impulse = state.motion, pack(state.own, (case_row.IMPULSE, lane))
     dissipated, on_heat = spread(0.0, lane), spread(0.0, lane)
     for j in range(motion.shape[0]):
-        on_heat = balance.add_heat_work(audit, j, pack(motion, (j, MOTION_PLACE, lane)), on_heat, lane)
+        on_heat = balance.add_heat_work(account, j, pack(motion, (j, MOTION_PLACE, lane)), on_heat, lane)
         before, place = _ended(modes, motion, j, impulse, heat, slid, lane)
         after = shared(modes, (j, MODE_DECAY), lane) * before + shared(modes, (j, MODE_SPRING), lane) * place
         store(motion, (j, MOTION_SPEED, lane), after)
         store(motion, (j, MOTION_PLACE, lane), place + h * before)
         velocity += after
-        dissipated = balance.add_dissipation(audit, j, before, slid, dissipated, lane)
-    balance.store_dissipation(audit, dissipated, on_heat, impulse, heat, slid, lane)
+        dissipated = balance.add_dissipation(account, j, before, slid, dissipated, lane)
+    balance.store_dissipation(account, dissipated, on_heat, impulse, heat, slid, lane)
     return velocity
 
 
@@ -161,7 +161,7 @@ def _step_heat(
     velocity: Pack,
     temperature: Pack,
     heat: Pack | None,
-    audit: Audit | None,
+    account: Account | None,
     lane: Lane,
 ) -> tuple[Pack, Pack]:
     """Step the thermal modes, and return velocity and temperature of the tip with theirs."""
@@ -171,7 +171,7 @@ def _step_heat(
         store(tau, (k, lane), after)
         velocity += shared(heat_modes, (k, HEAT_SPEED), lane) * after
         temperature += after
-    balance.store_dragged_velocity(audit, velocity, lane)
+    balance.store_dragged_velocity(account, velocity, lane)
     return velocity, temperature
 
 
@@ -187,24 +187,24 @@ def is_warmed(own: Array, lanes: int) -> bool:
 
 
 @inlined
-def _add_pair_work(operator: Coefficients, state: State, audit: Audit | None, lane: Lane) -> None:
+def _add_pair_work(operator: Coefficients, state: State, account: Account | None, lane: Lane) -> None:
     """Count what thermal modes near resonance with mechanical ones did in the last step."""
     impulse, heat = pack(state.own, (case_row.IMPULSE, lane)), pack(state.own, (case_row.HEAT, lane))
     slid = _slid_by(operator.sliding, state.own, lane)
     for pair in range(operator.pair_mode.size):
         j = operator.pair_mode[pair]
         speed, _ = _ended(operator.modes, state.motion, j, impulse, heat, slid, lane)
-        balance.add_pair_work(audit, pair, j, speed, heat, lane)
+        balance.add_pair_work(account, pair, j, speed, heat, lane)
 
 
 @inlined
-def _add_pairs(operator: Coefficients, state: State, velocity: Pack, audit: Audit | None, lane: Lane) -> Pack:
+def _add_pairs(operator: Coefficients, state: State, velocity: Pack, account: Account | None, lane: Lane) -> Pack:
     """Add what thermal modes do to mechanical modes near resonance with them; return the tip's velocity with it."""
     motion = state.motion
     for pair in range(operator.pair_mode.size):
         j, k = operator.pair_mode[pair], operator.pair_heat[pair]
         pull = shared(operator.pair_pull, (pair,), lane) * pack(state.tau_paired, (k, lane))
-        balance.store_pull(audit, pair, pull, lane)
+        balance.store_pull(account, pair, pull, lane)
         store(motion, (j, MOTION_SPEED, lane), pack(motion, (j, MOTION_SPEED, lane)) + pull)
         velocity += pull
     return velocity
@@ -212,7 +212,7 @@ def _add_pairs(operator: Coefficients, state: State, velocity: Pack, audit: Audi
 
 @inlined
 def step_freely(
-    operator: Coefficients, warmed: bool, t: float, state: State, audit: Audit | None, lane: Lane
+    operator: Coefficients, warmed: bool, t: float, state: State, account: Account | None, lane: Lane
 ) -> tuple[Pack, Pack]:
     """Step all modes to t; return velocity and temperature of the tip there without load and contact.
 
@@ -222,75 +222,77 @@ def step_freely(
     own, tau, heat_modes = state.own, state.tau, operator.heat_modes
     velocity, temperature, paired = spread(0.0, lane), spread(0.0, lane), operator.pair_mode.size > 0
     if tau.shape[0] == 0:
-        return _step_modes(operator, state, velocity, None, audit, lane), temperature
+        return _step_modes(operator, state, velocity, None, account, lane), temperature
     if warmed:
         velocity += pack(own, (case_row.DRIFT, lane))
         temperature = pack(own, (case_row.WARMTH, lane)) + pack(own, (case_row.WARMING, lane)) * t
     if paired:
-        _add_pair_work(operator, state, audit, lane)
+        _add_pair_work(operator, state, account, lane)
     if was_pressed(own, lane):
         heat = pack(own, (case_row.HEAT, lane))
-        velocity, temperature = _step_heat(heat_modes, tau, velocity, temperature, heat, audit, lane)
-        velocity = _step_modes(operator, state, velocity, heat, audit, lane)
+        velocity, temperature = _step_heat(heat_modes, tau, velocity, temperature, heat, account, lane)
+        velocity = _step_modes(operator, state, velocity, heat, account, lane)
     else:
-        velocity, temperature = _step_heat(heat_modes, tau, velocity, temperature, None, audit, lane)
-        velocity = _step_modes(operator, state, velocity, None, audit, lane)
+        velocity, temperature = _step_heat(heat_modes, tau, velocity, temperature, None, account, lane)
+        velocity = _step_modes(operator, state, velocity, None, account, lane)
     if paired:
-        velocity = _add_pairs(operator, state, velocity, audit, lane)
+        velocity = _add_pairs(operator, state, velocity, account, lane)
     return velocity, temperature
 
 
 @inlined
-def look(audit: Audit | None, step: int, steps: int, operator: Coefficients, state: State, lanes: int) -> None:
+def count_at_intervals(
+    account: Account | None, step: int, steps: int, operator: Coefficients, state: State, lanes: int
+) -> None:
     """Keep the energy at the end of some steps, and count the heat lost in the steps after some."""
-    if audit is None:
+    if account is None:
         return
-    if step % min(SELDOM, steps // LOOKS + 1) == 0:
-        _take_energies(audit, operator, state, lanes)
+    if step % min(ENERGY_INTERVAL, steps // FEWEST_ENERGIES + 1) == 0:
+        _store_energies(account, operator, state, lanes)
     if step % balance.SPAN == 0 or step == steps:
-        _lose_heat(audit, step, steps, operator.tip.h, state.tau, lanes)
+        _count_lost_heat(account, step, steps, operator.tip.h, state.tau, lanes)
 
 
 @part
-def _lose_heat(audit: Audit, step: int, steps: int, h: float, tau: Array, lanes: int) -> None:
+def _count_lost_heat(account: Account, step: int, steps: int, h: float, tau: Array, lanes: int) -> None:
     for first in range(0, lanes, PACK):
-        balance.lose_heat(audit, step, steps, h, tau, narrow(first))
+        balance.count_lost_heat(account, step, steps, h, tau, narrow(first))
 
 
 @part
-def _take_energies(audit: Audit, operator: Coefficients, state: State, lanes: int) -> None:
+def _store_energies(account: Account, operator: Coefficients, state: State, lanes: int) -> None:
     for first in range(0, lanes, PACK):
-        _take_energy(audit, operator, state, narrow(first))
+        _store_energy(account, operator, state, narrow(first))
 
 
 @inlined
-def _take_energy(audit: Audit, operator: Coefficients, state: State, lane: Lane) -> None:
+def _store_energy(account: Account, operator: Coefficients, state: State, lane: Lane) -> None:
     """Keep the energy at the end of the last step."""
     impulse, heat = pack(state.own, (case_row.IMPULSE, lane)), pack(state.own, (case_row.HEAT, lane))
     energy, slid = spread(0.0, lane), _slid_by(operator.sliding, state.own, lane)
     for j in range(state.motion.shape[0]):
         speed, place = _ended(operator.modes, state.motion, j, impulse, heat, slid, lane)
-        energy = balance.with_energy(audit, j, speed, place, energy, lane)
-    balance.keep_energy(audit, energy, lane)
+        energy = balance.with_energy(account, j, speed, place, energy, lane)
+    balance.store_energy(account, energy, lane)
 
 
 @inlined
-def close_balance(audit: Audit | None, operator: Coefficients, state: State, lanes: int) -> None:
+def close_balance(account: Account | None, operator: Coefficients, state: State, lanes: int) -> None:
     """Add what the modes dissipated in the last step to the sums, and the energy at its end."""
-    if audit is None:
+    if account is None:
         return
-    _take_energies(audit, operator, state, lanes)
+    _store_energies(account, operator, state, lanes)
     for first in range(0, lanes, PACK):
         lane = narrow(first)
         impulse, heat = pack(state.own, (case_row.IMPULSE, lane)), pack(state.own, (case_row.HEAT, lane))
-        _add_pair_work(operator, state, audit, lane)
+        _add_pair_work(operator, state, account, lane)
         dissipated, on_heat = spread(0.0, lane), spread(0.0, lane)
         slid = _slid_by(operator.sliding, state.own, lane)
         for j in range(state.motion.shape[0]):
-            on_heat = balance.add_heat_work(audit, j, pack(state.motion, (j, MOTION_PLACE, lane)), on_heat, lane)
+            on_heat = balance.add_heat_work(account, j, pack(state.motion, (j, MOTION_PLACE, lane)), on_heat, lane)
             speed, _ = _ended(operator.modes, state.motion, j, impulse, heat, slid, lane)
-            dissipated = balance.add_dissipation(audit, j, speed, slid, dissipated, lane)
-        balance.store_dissipation(audit, dissipated, on_heat, impulse, heat, slid, lane)
+            dissipated = balance.add_dissipation(account, j, speed, slid, dissipated, lane)
+        balance.store_dissipation(account, dissipated, on_heat, impulse, heat, slid, lane)
 
 
 @part

@@ -14,8 +14,8 @@ from workflow.kernels import Array
 from workflow.kernels.sums import product, total
 from workflow.models import Cases, Structure, directions, project
 from workflow.schemes._fixed import total_row
-from workflow.schemes._fixed.books import felt_modes, largest_load, rest_energy
 from workflow.schemes._fixed.decoupled import decouple, start
+from workflow.schemes._fixed.modal_balance import felt_modes, largest_load, rest_energy
 from workflow.schemes._fixed.totals import Balance, content_of, in_order, row_totals
 
 States = tuple[Array, Array, Array]
@@ -49,7 +49,7 @@ class PlainBalance:
         self._totals[total_row.FRICTION_HEAT] += self._cases.alpha * impulse
         self._keep(energy)
 
-    def balance(self, last: States) -> Balance:
+    def result(self, last: States) -> Balance:
         """Return the balances up to the end of the last step, with its states."""
         elapsed = self._step * self._h
         heat = content_of(self._structure.content, self._cases, last[2], elapsed, self._row_sums)

@@ -11,8 +11,8 @@ import numpy as np
 
 from workflow.kernels.sums import total
 from workflow.models import Array, Cases
-from workflow.schemes._fixed.books import inverse_square
 from workflow.schemes._fixed.decoupled import Decoupled
+from workflow.schemes._fixed.modal_balance import inverse_square
 from workflow.schemes._fixed.modal_lanes import Sliding
 
 

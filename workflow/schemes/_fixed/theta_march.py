@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from workflow.kernels.complex_numbers import magnitude
 from workflow.models import Array, Cases, Structure, needs_matrices, poles
 from workflow.schemes._fixed import dense, theta_method, tip_row
-from workflow.schemes._fixed.books import Books
 from workflow.schemes._fixed.contact import Contact, Law
 from workflow.schemes._fixed.decoupled import Decoupled, decouple, start
 from workflow.schemes._fixed.dense import DenseOperator
 from workflow.schemes._fixed.drive import drive_of
 from workflow.schemes._fixed.march import Batch, case_rows, march_blocks
+from workflow.schemes._fixed.modal_balance import ModalBalance
 from workflow.schemes._fixed.outcome import ROUNDING, Outcome, by_heat, judged
 from workflow.schemes._fixed.seen_casing import with_casing_seen
 from workflow.schemes._fixed.sliding import friction_message, slides
@@ -77,11 +77,11 @@ def step_modes(operator: Operator, modal: Decoupled, law: Law, cases: Cases, sam
     zeta = begun.velocity * modal.tip
     xi = begun.position * modal.tip - h * theta * zeta
     free = theta_method.coefficients(modal, h, theta, slides(modal, cases))
-    books = None
+    balance = None
     if sampling.balances:
         terms = theta_method.terms(modal, h, theta, begun)
-        books = Books(operator.structure, modal, free, stepped, begun, terms)
-    batch = Batch(modal, begun, free, operator.contact, law, zeta, xi, case_rows(cases, begun), books)
+        balance = ModalBalance(operator.structure, modal, free, stepped, begun, terms)
+    batch = Batch(modal, begun, free, operator.contact, law, zeta, xi, case_rows(cases, begun), balance)
     return march_blocks(batch, watched, sampling.duration)
 
 

@@ -19,9 +19,9 @@ import numpy as np
 from workflow.kernels.complex_numbers import over
 from workflow.kernels.sums import product, total
 from workflow.models import Array, Structure, poles
-from workflow.schemes._fixed.books import Terms
 from workflow.schemes._fixed.contact import Contact, TipStep
 from workflow.schemes._fixed.decoupled import Decoupled, Motion
+from workflow.schemes._fixed.modal_balance import Terms
 from workflow.schemes._fixed.modal_lanes import Coefficients, by_mode
 from workflow.schemes._fixed.sliding import sliding, yields_aside
 from workflow.schemes._sweep.sweeps import Swept

@@ -42,7 +42,7 @@ def weights(chain: Chain) -> Array:
 
 
 @inlined
-def open_account(nodes: Nodes, account: Account) -> None:
+def start_account(nodes: Nodes, account: Account) -> None:
     """Set the totals to the energy at t = 0 and keep the velocities for the first step."""
     state, weight, totals = nodes.state, account.weight, account.totals
     totals[:] = 0.0
@@ -55,7 +55,7 @@ def open_account(nodes: Nodes, account: Account) -> None:
 
 
 @inlined
-def account_step(nodes: Nodes, account: Account, heat: float, impulse: float) -> None:
+def count_step(nodes: Nodes, account: Account, heat: float, impulse: float) -> None:
     """Count a step that is done, and keep its velocities for the next one.
 
     ``impulse`` is that of the tip load less that of contact, N s; ``heat`` is that of contact, J.

@@ -20,7 +20,7 @@ from workflow.schemes._fixed.tip_load import start_load, turn_load
 from workflow.schemes._fixed.totals import Balance, content_of
 from workflow.schemes._interface import Sampling
 from workflow.schemes._sweep import node_row, step_row
-from workflow.schemes._sweep.balance import Account, account_step, open_account, weights
+from workflow.schemes._sweep.balance import Account, count_step, start_account, weights
 from workflow.schemes._sweep.sweeps import Nodes, Swept, eliminate_heat, node_rows, step_to_root, step_to_tip
 
 
@@ -32,11 +32,11 @@ def march_nodes(nodes: Nodes, law: Law, own: Array, block: Block, account: Accou
     assert load.shape[1] == ROW
     assert tip.shape[1] == ROW
     assert account.totals.shape[1] == ROW
-    audited, lane, last = account.weight.shape[0] > 0, narrow(0), nodes.tip
+    balances, lane, last = account.weight.shape[0] > 0, narrow(0), nodes.tip
     leader = start_load(h, load, lanes)
     turn_drive(block.drive, 0, h, theta, tip, lanes)
-    if audited:
-        open_account(nodes, account)
+    if balances:
+        start_account(nodes, account)
     if nodes.heated:
         eliminate_heat(nodes)
     step = TipStep(
@@ -53,9 +53,9 @@ def march_nodes(nodes: Nodes, law: Law, own: Array, block: Block, account: Accou
         store_end(end, tip, lane)
         heat = own[case_row.HEAT, 0]
         step_to_root(nodes, tip[tip_row.NEW_DISPLACEMENT, 0], tip[tip_row.NEW_VELOCITY, 0], heat)
-        if audited:
+        if balances:
             add_contact_work(law, end, free, tip, account.totals, lane)
-            account_step(nodes, account, heat, own[case_row.IMPULSE, 0])
+            count_step(nodes, account, heat, own[case_row.IMPULSE, 0])
         count_stored(k, block)
 
 

@@ -174,9 +174,9 @@ class Nodes(NamedTuple):
     heated: bool
     """Whether it carries temperatures."""
     step: Array
-    """Coefficients, ``(row, node)``, rows ``STEP_…``."""
+    """Coefficients, ``(row, node)``, rows of ``step_row``."""
     state: Array
-    """``(row, node)``, rows ``NODE_…``."""
+    """``(row, node)``, rows of ``node_row``."""
     loads: Array
     """``(row, node)``, rows ``LOAD_…`` of ``node_row``."""
 

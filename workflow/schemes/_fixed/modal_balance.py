@@ -14,7 +14,7 @@ from workflow.kernels.lanes import lane_rows
 from workflow.kernels.sums import product, total
 from workflow.models import Array, Cases, Structure, project
 from workflow.schemes._fixed import balance, case_row, total_row
-from workflow.schemes._fixed.balance import Audit
+from workflow.schemes._fixed.balance import Account
 from workflow.schemes._fixed.decoupled import Decoupled, Motion
 from workflow.schemes._fixed.modal_lanes import HEAT_SPEED, Coefficients, State, by_mode
 from workflow.schemes._fixed.totals import Balance, Content
@@ -56,12 +56,12 @@ class Terms(NamedTuple):
     """Whether the march begins at the end of a step, whose beginning that is."""
 
 
-class Books:
-    """The balances of a batch: lanes :attr:`filled` for a block, :meth:`close` after it, :meth:`balance` at the end.
+class ModalBalance:
+    """The balances of a batch: lanes :attr:`filled` for a block, :meth:`close` after it, :meth:`result` at the end.
 
     Attributes
     ----------
-    audit
+    account
         What the kernel takes; all blocks share its arrays.
     """
 
@@ -77,7 +77,7 @@ class Books:
             begun.heat,
             begun.warming_modes,
         )
-        self.audit = _audit(modal, free, loss, terms)
+        self.account = _account(modal, free, loss, terms)
         self._speed = (terms.velocity * modal.tip).T
         self._sums = _sums(modal, free, loss, begun, terms)
         self._initial = project(np.abs(self._content)[None, :], np.abs(begun.heat + begun.settled))[:, 0]
@@ -90,23 +90,23 @@ class Books:
     @property
     def rows(self) -> int:
         """Rows of lanes that balances add to a step's."""
-        return balance.SUM_ROWS + int(self.audit.pulled.shape[0] + self.audit.former.shape[0])
+        return balance.SUM_ROWS + int(self.account.pulled.shape[0] + self.account.former.shape[0])
 
     @property
     def filled(self) -> list[tuple[Array, Array]]:
         """Rows of lanes, and what all cases begin with in them."""
-        pulled = np.zeros((self.audit.pulled.shape[0], self._sums.shape[1]))
-        return [(self.audit.sums, self._sums), (self.audit.former, self._speed), (self.audit.pulled, pulled)]
+        pulled = np.zeros((self.account.pulled.shape[0], self._sums.shape[1]))
+        return [(self.account.sums, self._sums), (self.account.former, self._speed), (self.account.pulled, pulled)]
 
     def close(self, part: slice, state: State) -> None:
         """Keep what the lanes of some cases ended with."""
         count = part.stop - part.start
-        self._ended[:, part] = self.audit.sums[:, :count]
+        self._ended[:, part] = self.account.sums[:, :count]
         self._ended_heat[part] = state.tau[:, :count].T
         if not self._counts:
             self._ended[total_row.FRICTION_HEAT, part] -= state.own[case_row.HEAT, :count]
 
-    def balance(self, elapsed: float) -> Balance:
+    def result(self, elapsed: float) -> Balance:
         """Return the balances after ``elapsed`` seconds."""
         warmed = self._ended_heat / self._scale - self._begun_heat + elapsed * self._warming
         gained = project(self._content[None, :], warmed)[:, 0]
@@ -114,7 +114,7 @@ class Books:
         return Balance(self._ended, Content(gained, self._initial, elapsed * self._heating), rest)
 
 
-def _audit(modal: Decoupled, free: Coefficients, loss: Array, terms: Terms) -> Audit:
+def _account(modal: Decoupled, free: Coefficients, loss: Array, terms: Terms) -> Account:
     """Return the coefficients of a batch, and room for its sums."""
     theta, h, tip, pull = free.tip.theta, free.tip.h, modal.tip, modal.frequency**2 * terms.heat_place
     share, half = inverse_square(tip), 0.5 * terms.heat_speed
@@ -123,7 +123,7 @@ def _audit(modal: Decoupled, free: Coefficients, loss: Array, terms: Terms) -> A
     place = -pull * tip * share
     decay, spring, impulse, heat_speed, heat_place = free.modes.T
     own = 0.5 * total(np.where(share > 0, pull * terms.heat_place, 0.0))
-    return Audit(
+    return Account(
         modes=by_mode(
             0.25 * h * modal.damping * share,
             begin + end * (decay - h * spring),
