@@ -67,11 +67,8 @@ def relative_motion(structure: Structure, batch: Cases, h: float, path: Trajecto
 def looked_at(energy: np.ndarray) -> np.ndarray:
     """The energies of which a balance takes the largest."""
     steps = energy.size - 1
-    return energy[
-        np.append(
-            np.arange(0, steps, min(modal_lanes.ENERGY_INTERVAL, steps // modal_lanes.FEWEST_ENERGIES + 1)), steps
-        )
-    ]
+    interval = min(modal_lanes.ENERGY_INTERVAL, steps // modal_lanes.FEWEST_ENERGIES + 1)
+    return energy[np.append(np.arange(0, steps, interval), steps)]
 
 
 def left_over(structure: Structure, batch: Cases, h: float, path: Trajectory, theta: float) -> float:

@@ -57,8 +57,8 @@ class Options:
 
 def _law(h: float, cases: Cases, w: Array | float) -> Linear:
     """Return the contact law of cases with the Delassus operator W, 1/kg."""
-    by, doubt = divisor(w)
-    return Linear(1 / (h * by), 0.0, 1 / by, -np.inf, holds=True, stiffness=0.0, mobility=w, doubt=doubt)
+    by, ambiguous = divisor(w)
+    return Linear(1 / (h * by), 0.0, 1 / by, -np.inf, holds=True, stiffness=0.0, mobility=w, ambiguous=ambiguous)
 
 
 CONTACT = contact.Contact(central_march.KERNELS, _law, contact.delassus_alone, "W", rebounds=True)

@@ -27,7 +27,7 @@ from workflow.schemes._fixed import case_row, contact, costs, dense, theta_march
 from workflow.schemes._fixed.complementarity import by_place
 from workflow.schemes._fixed.contact import Contact, End, Free, TipStep, press, was_pressed
 from workflow.schemes._fixed.dense import DenseOperator
-from workflow.schemes._fixed.drive import began, relative, relative_before, settled, wall
+from workflow.schemes._fixed.drive import casing_place, relative, relative_before, tip_after, tip_before
 from workflow.schemes._fixed.marches import kernels_of
 from workflow.schemes._fixed.theta_method import Operator
 from workflow.schemes._sweep import sweeps
@@ -60,10 +60,10 @@ def meet_by_prox(law: Prox, step: TipStep, free: Free, own: Array, tip: Array, l
     After an impulse the velocity is -e v_n,k to the bit, not to the rounding of v_free - W p: a tip
     at rest on its casing keeps its place and stays active for any number of steps.
     """
-    x, v = began(free.drive, tip, lane)
+    x, v = tip_before(free.drive, tip, lane)
     p, temperature = spread(0.0, lane), free.temperature
     after = relative(free.drive, free.velocity + step.inverse_mass * free.impulse, lane)
-    active = x + 0.5 * step.h * v >= wall(free.drive, free.gap, lane)
+    active = x + 0.5 * step.h * v >= casing_place(free.drive, free.gap, lane)
     engaged = some(active) or was_pressed(own, lane)
     if engaged:
         rebound = of_lane(law.restitution, lane) * v
@@ -74,7 +74,7 @@ def meet_by_prox(law: Prox, step: TipStep, free: Free, own: Array, tip: Array, l
         temperature += step.warming * press(some_nonzero(p), p, own, lane)
     store(own, (case_row.IMPULSE, lane), free.impulse - p)
     x += step.h * weighed(step.theta, after, step.rest, v)
-    x, v = settled(free.drive, x, after, free.gap, lane)
+    x, v = tip_after(free.drive, x, after, free.gap, lane)
     return End(engaged, x, v, temperature, p)
 
 

@@ -94,10 +94,10 @@ def _linear(stiffness: float, damping: float) -> Contact:
         return 1 + 0.5 * h * damping * w
 
     def law(h: float, cases: Cases, w: Array | float) -> central.Linear:
-        by, doubt = central.divisor(factor(h, w))
+        by, ambiguous = central.divisor(factor(h, w))
         share = h / by
         return central.Linear(
-            stiffness * share, 0.5 * damping * share, 0.5 * damping * share, 0.0, False, stiffness, w, doubt
+            stiffness * share, 0.5 * damping * share, 0.5 * damping * share, 0.0, False, stiffness, w, ambiguous
         )
 
     return Contact(central_march.KERNELS, law, factor, "1 + hcW/2", rebounds=True)

@@ -64,7 +64,7 @@ class Linear(NamedTuple):
     stiffness: Array | float
     mobility: Array | float
     """W, the tip's half-step velocity per impulse of contact, 1/kg."""
-    doubt: Array | float
+    ambiguous: Array | float
     """0, and NaN where no impulse of contact is the only one: contact ends the case."""
 
 

@@ -57,7 +57,7 @@ def meet_linearly(law: Linear, step: TipStep, free: Free, own: Array, tip: Array
     ahead = x + step.h * after
     if engaged:
         latest = pack(own, (case_row.LAST, lane))
-        p = where(presses, p + of_lane(law.doubt, lane), 0.0)
+        p = where(presses, p + of_lane(law.ambiguous, lane), 0.0)
         about = 0.5 * (latest + p)
         after -= of_lane(law.mobility, lane) * p
         ahead = x + step.h * after
@@ -185,7 +185,7 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
     ended = march_blocks(batch, watched, sampling.duration)
     # squared: a contact that grows can stop short of infinity where its energy is beyond it
     finite = np.isfinite(watched.tip[[tip_row.DISPLACEMENT, tip_row.VELOCITY, tip_row.TEMPERATURE]] ** 2).all(axis=0)
-    return collect(ended, *_judge(operator, cases, np.isnan(batch.law.doubt), np.asarray(finite)))
+    return collect(ended, *_judge(operator, cases, np.isnan(batch.law.ambiguous), np.asarray(finite)))
 
 
 def _judge(operator: Operator, cases: Cases, ambiguous: Any, finite: NDArray[np.bool_]) -> Outcome:

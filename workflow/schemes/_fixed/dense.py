@@ -27,7 +27,7 @@ from workflow.schemes._fixed import case_row, tip_row
 from workflow.schemes._fixed.central import Differences
 from workflow.schemes._fixed.contact import Contact, TipStep
 from workflow.schemes._fixed.dense_balance import account_of, no_account
-from workflow.schemes._fixed.dense_march import ACTS_SPEED, DenseState, FreeStep
+from workflow.schemes._fixed.dense_march import CONTACT_SPEED, DenseState, FreeStep
 from workflow.schemes._fixed.drive import drive_of
 from workflow.schemes._fixed.march import law_lanes
 from workflow.schemes._fixed.outcome import ROUNDING, Outcome, effective_restitution, judged
@@ -70,12 +70,12 @@ class DenseOperator:
     growth: float
     most: float
 
-    def kick(self, alpha: Array, friction: Array) -> Array:
+    def contact_response(self, alpha: Array, friction: Array) -> Array:
         """Return velocities per impulse of contact, 1/kg, ``(case, mechanical)``; the tip's is W."""
-        kicks = self.mobility[:, -1] + alpha[:, None] * self.dragged
+        responses = self.mobility[:, -1] + alpha[:, None] * self.dragged
         if self.structure.tangent is not None:
-            kicks = kicks - friction[:, None] * product(self.mobility, self.structure.tangent)
-        return np.asarray(kicks)
+            responses = responses - friction[:, None] * product(self.mobility, self.structure.tangent)
+        return np.asarray(responses)
 
 
 def init(structure: Structure, h: float, theta: float, contact: Contact) -> DenseOperator:
@@ -145,25 +145,25 @@ def _marched(operator: DenseOperator, cases: Cases, sampling: Sampling) -> Resul
     # loads have their harmonics already; central differences take the casing's velocity of the step ahead
     drive, begun = drive_of(replace(cases, load_harmonics=NO_HARMONICS), free.tip.h, _drive_theta(free))
     watched = watch(cases, cases.mean, sampling, free.tip.h, drive)
-    kick = operator.kick(cases.alpha, cases.friction)
-    push, states = _push(operator, cases), _begin(operator, cases, begun.velocity)
-    law, own = contact.law(free.tip.h, cases, kick[:, -1]), np.zeros((case_row.ROWS, count))
+    response = operator.contact_response(cases.alpha, cases.friction)
+    steady, states = _steady(operator, cases), _begin(operator, cases, begun.velocity)
+    law, own = contact.law(free.tip.h, cases, response[:, -1]), np.zeros((case_row.ROWS, count))
     own[case_row.ALPHA], own[case_row.AHEAD] = cases.alpha, cases.displacement[:, -1]
-    own[case_row.HALF] = states[:, 2 * kick.shape[1] - 1]
+    own[case_row.HALF] = states[:, 2 * response.shape[1] - 1]
     account, filled = account_of(structure, cases) if sampling.balances else (no_account(), [])
     lanes = DenseState(
         own=lane_rows(case_row.ROWS),
         states=lane_rows(states.shape[1]),
-        ahead=lane_rows(push.shape[1]),
-        kick=lane_rows(kick.shape[1]),
-        push=lane_rows(push.shape[1]),
-        shown=lane_rows(2, heats),
-        before=lane_rows(kick.shape[1]),
-        acts=lane_rows(ACTS_SPEED + 1),
+        ahead=lane_rows(steady.shape[1]),
+        contact_response=lane_rows(response.shape[1]),
+        steady=lane_rows(steady.shape[1]),
+        sampled=lane_rows(2, heats),
+        before=lane_rows(response.shape[1]),
+        by_contact=lane_rows(CONTACT_SPEED + 1),
     )
     laws, taken = law_lanes(law)
-    filled += [*taken, (lanes.own, own), (lanes.states, states.T), (lanes.kick, kick.T), (lanes.push, push.T)]
-    filled.append((lanes.shown[1], cases.temperature.T))
+    filled += [*taken, (lanes.own, own), (lanes.states, states.T), (lanes.steady, steady.T)]
+    filled += [(lanes.contact_response, response.T), (lanes.sampled[1], cases.temperature.T)]
     reached, last = np.zeros((2, count, heats))
     totals = np.zeros((account.totals.shape[0], count))
     for part, block in blocks(watched, block_lanes(4 * states.shape[1]), *filled):
@@ -171,12 +171,12 @@ def _marched(operator: DenseOperator, cases: Cases, sampling: Sampling) -> Resul
             contact.kernels.matrices(free, laws, lanes, block, account, loads, first)
         size = part.stop - part.start
         own[:, part], totals[:, part] = lanes.own[:, :size], account.totals[:, :size]
-        before, after = lanes.shown[..., :size].swapaxes(1, 2)
+        before, after = lanes.sampled[..., :size].swapaxes(1, 2)
         last[part], reached[part] = after, watched.reached(before, after)
     rebounds = effective_restitution(own) if contact.rebounds else {}
     content = content_of(structure.content, cases, last, watched.elapsed, in_order)
     closing = project(static_tip_growth(structure)[None, :], reached)[:, 0]
-    outcome = with_casing_seen(watched, contact, _judged(operator, cases, kick[:, -1], watched))
+    outcome = with_casing_seen(watched, contact, _judged(operator, cases, response[:, -1], watched))
     balance = Balance(totals, content) if sampling.balances else None
     return collect(Ended(watched, closing, rebounds, balance), *outcome)
 
@@ -186,7 +186,7 @@ def _drive_theta(free: FreeStep) -> float:
     return free.tip.theta if free.heat_counts else 0.0
 
 
-def _push(operator: DenseOperator, cases: Cases) -> Array:
+def _steady(operator: DenseOperator, cases: Cases) -> Array:
     """Return the velocities and temperatures that constant loads and heating add in a step, ``(case, …)``."""
     h, free = operator.free.tip.h, operator.free
     heat, force = h * project(operator.warming, cases.heating), cases.steady
@@ -224,7 +224,7 @@ def _loads(free: FreeStep, cases: Cases, steps: int) -> Iterator[tuple[int, Arra
 def _judged(operator: DenseOperator, cases: Cases, w: Array, watched: Watch) -> Outcome:
     """Decide what became of each case by what theory knows: no unique solution, or a free step that grows."""
     contact, h = operator.contact, operator.free.tip.h
-    jams = contact.factor(h, operator.kick(np.zeros(cases.count), cases.friction)[:, -1]) <= 0
+    jams = contact.factor(h, operator.contact_response(np.zeros(cases.count), cases.friction)[:, -1]) <= 0
 
     def explain(case: int) -> str:
         if jams[case]:

@@ -22,7 +22,7 @@ from workflow.schemes._fixed.drive import turn_drive
 from workflow.schemes._fixed.marks import Block
 from workflow.schemes._fixed.stepping import count_stored, store_end
 
-ACTS_IMPULSE, ACTS_PLACE, ACTS_SPEED = range(3)
+CONTACT_IMPULSE, CONTACT_PLACE, CONTACT_SPEED = range(3)
 """Rows of what contact leaves: the impulse that acts on the states [N s], place and velocity of the tip ahead."""
 
 
@@ -34,7 +34,7 @@ class FreeStep(NamedTuple):
     """V, ``(mechanical, state)``."""
     cooling: Array
     """D, ``(thermal, thermal)``."""
-    response: Array
+    load_response: Array
     """Velocities per impulse of the load, Ŵ⁻¹ b, 1/kg, ``(mechanical,)``."""
     warming: Array
     """Temperatures per heat at the tip, K/J, ``(thermal,)``."""
@@ -53,36 +53,36 @@ class DenseState(NamedTuple):
     """x, v and θ at the step's beginning."""
     ahead: Array
     """v and θ at its end."""
-    kick: Array
+    contact_response: Array
     """Velocities per impulse of contact, 1/kg, ``(mechanical, lane)``."""
-    push: Array
+    steady: Array
     """Velocities and temperatures that constant loads and heat loads add in a step, m/s and K."""
-    shown: Array
+    sampled: Array
     """Temperatures at the last step's beginning and end as samples show them, ``(2, thermal, lane)``."""
     before: Array
     """Displacements at the last step's beginning, ``(mechanical, lane)``."""
-    acts: Array
-    """Rows ``ACTS_…``."""
+    by_contact: Array
+    """Rows ``CONTACT_…``."""
 
 
 @inlined
 def _move_freely(free: FreeStep, state: DenseState, load: Array, lanes: int) -> None:
     """Take all states through a step without contact."""
-    n, heats, h = state.kick.shape[0], free.warming.size, free.tip.h
+    n, heats, h = state.contact_response.shape[0], free.warming.size, free.tip.h
     multiply(free.velocity, state.states, state.ahead[:n], lanes)
     multiply(free.cooling, state.states[2 * n :], state.ahead[n:], lanes)
     for i in range(n):
         for lane in range(lanes):
-            state.ahead[i, lane] += state.push[i, lane] + (h * load[lane]) * free.response[i]
+            state.ahead[i, lane] += state.steady[i, lane] + (h * load[lane]) * free.load_response[i]
     for j in range(n, n + heats):
         for lane in range(lanes):
-            state.ahead[j, lane] += state.push[j, lane]
+            state.ahead[j, lane] += state.steady[j, lane]
 
 
 @inlined
 def _meet(free: FreeStep, law: Law, state: DenseState, block: Block, account: Account, load: Array) -> None:
-    """Close a step by contact; ``state.acts`` is left with what that does."""
-    n, states, tip, own, step = state.kick.shape[0], state.states, block.tip, state.own, free.tip
+    """Close a step by contact; ``state.by_contact`` is left with what that does."""
+    n, states, tip, own, step = state.contact_response.shape[0], state.states, block.tip, state.own, free.tip
     balances = account.mass.shape[0] > 0
     for first in range(0, block.lanes, PACK):
         lane = narrow(first)
@@ -103,34 +103,34 @@ def _meet(free: FreeStep, law: Law, state: DenseState, block: Block, account: Ac
             add_contact_work(law, end, alone, tip, account.totals, lane)
         store_end(end, tip, lane)
         place, speed = leaves(law, end, own, lane)
-        store(state.acts, (ACTS_IMPULSE, lane), applied(law, end, own, lane))
-        store(state.acts, (ACTS_PLACE, lane), place)
-        store(state.acts, (ACTS_SPEED, lane), speed)
+        store(state.by_contact, (CONTACT_IMPULSE, lane), applied(law, end, own, lane))
+        store(state.by_contact, (CONTACT_PLACE, lane), place)
+        store(state.by_contact, (CONTACT_SPEED, lane), speed)
 
 
 @inlined
-def _strike(free: FreeStep, state: DenseState, lanes: int) -> None:
+def _add_impulse(free: FreeStep, state: DenseState, lanes: int) -> None:
     """Add what the impulse of contact and its heat do to all states; the tip's velocity is that of the contact law."""
-    n, ahead = state.kick.shape[0], state.ahead
+    n, ahead = state.contact_response.shape[0], state.ahead
     for i in range(n):
         for lane in range(lanes):
-            ahead[i, lane] -= state.acts[ACTS_IMPULSE, lane] * state.kick[i, lane]
+            ahead[i, lane] -= state.by_contact[CONTACT_IMPULSE, lane] * state.contact_response[i, lane]
     for lane in range(lanes):
-        ahead[n - 1, lane] = state.acts[ACTS_SPEED, lane]
+        ahead[n - 1, lane] = state.by_contact[CONTACT_SPEED, lane]
     for j in range(free.warming.size):
         for lane in range(lanes):
-            heat = state.own[case_row.ALPHA, lane] * state.acts[ACTS_IMPULSE, lane]
+            heat = state.own[case_row.ALPHA, lane] * state.by_contact[CONTACT_IMPULSE, lane]
             ahead[n + j, lane] += heat * free.warming[j]
             shows = ahead[n + j, lane]
             if not free.heat_counts:
                 shows = state.states[2 * n + j, lane] + (0.5 * free.warming[j]) * heat
-            state.shown[0, j, lane], state.shown[1, j, lane] = state.shown[1, j, lane], shows
+            state.sampled[0, j, lane], state.sampled[1, j, lane] = state.sampled[1, j, lane], shows
 
 
 @inlined
 def _count(free: FreeStep, state: DenseState, account: Account, load: Array, tip: Array, lanes: int) -> None:
     """Add a step to the balances, at the mean velocity; of central differences at the temperature of the middle."""
-    n, states, ahead, middle = state.kick.shape[0], state.states, state.ahead, account.middle
+    n, states, ahead, middle = state.contact_response.shape[0], state.states, state.ahead, account.middle
     for lane in range(lanes):
         for i in range(n):
             middle[i, lane] = 0.5 * (states[n + i, lane] + ahead[i, lane])
@@ -138,20 +138,20 @@ def _count(free: FreeStep, state: DenseState, account: Account, load: Array, tip
         for j in range(free.warming.size):
             now = states[2 * n + j, lane]
             middle[2 * n + j, lane] = 0.5 * (now + ahead[n + j, lane]) if free.heat_counts else now
-    add_dissipation(account, free.tip.h, state.acts[ACTS_IMPULSE], load, lanes)
+    add_dissipation(account, free.tip.h, state.by_contact[CONTACT_IMPULSE], load, lanes)
 
 
 @inlined
 def _advance(free: FreeStep, state: DenseState, account: Account, lanes: int) -> None:
     """Take places to the step's end, and all states with them."""
-    n, states, ahead, h, theta = state.kick.shape[0], state.states, state.ahead, free.tip.h, free.tip.theta
+    n, states, ahead, h, theta = state.contact_response.shape[0], state.states, state.ahead, free.tip.h, free.tip.theta
     before = state.before
     for i in range(n):
         for lane in range(lanes):
             before[i, lane] = states[i, lane]
             states[i, lane] += h * (theta * ahead[i, lane] + (1.0 - theta) * states[n + i, lane])
     for lane in range(lanes):
-        states[n - 1, lane] = state.acts[ACTS_PLACE, lane]
+        states[n - 1, lane] = state.by_contact[CONTACT_PLACE, lane]
     for i in range(n + free.warming.size):
         for lane in range(lanes):
             states[n + i, lane] = ahead[i, lane]
@@ -168,7 +168,7 @@ def _record(step: int, state: DenseState, block: Block, account: Account) -> Non
             account.totals[total_row.FRICTION_HEAT, lane] += (
                 state.own[case_row.ALPHA, lane] * tip[tip_row.STEP_IMPULSE, lane]
             )
-        count_lost_heat(account, block.h, state.shown[0], state.shown[1], lanes)
+        count_lost_heat(account, block.h, state.sampled[0], state.sampled[1], lanes)
     count_stored(step, block)
 
 
@@ -184,7 +184,7 @@ def march_dense(
     assert state.states.shape[1] == ROW
     assert block.tip.shape[1] == ROW
     lanes, h, theta, balances = block.lanes, free.tip.h, free.tip.theta, account.mass.shape[0] > 0
-    n = state.kick.shape[0]
+    n = state.contact_response.shape[0]
     for row in range(loads.shape[0]):
         step, load = first + row, loads[row]
         if row == 0 and step <= 1 and (step == 0 or free.heat_counts):
@@ -195,7 +195,7 @@ def march_dense(
             turn_drive(block.drive, step, h, theta, block.tip, lanes)
         _move_freely(free, state, load, lanes)
         _meet(free, law, state, block, account, load)
-        _strike(free, state, lanes)
+        _add_impulse(free, state, lanes)
         if balances:
             _count(free, state, account, load, block.tip, lanes)
         _advance(free, state, account, lanes)

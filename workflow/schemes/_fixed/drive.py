@@ -189,7 +189,7 @@ def with_harmonics(drive: Drive | None, load: Pack, lane: Lane) -> Pack:
 
 
 @inlined
-def began(drive: Drive | None, tip: Array, lane: Lane) -> tuple[Pack, Pack]:
+def tip_before(drive: Drive | None, tip: Array, lane: Lane) -> tuple[Pack, Pack]:
     """Return place and velocity of the tip at the step's beginning: r and u where the casing moves."""
     if drive is None:
         return pack(tip, (tip_row.DISPLACEMENT, lane)), pack(tip, (tip_row.VELOCITY, lane))
@@ -197,8 +197,8 @@ def began(drive: Drive | None, tip: Array, lane: Lane) -> tuple[Pack, Pack]:
 
 
 @inlined
-def wall(drive: Drive | None, gap: Pack, lane: Lane) -> Pack:
-    """Return where the casing is for what :func:`began` returns."""
+def casing_place(drive: Drive | None, gap: Pack, lane: Lane) -> Pack:
+    """Return where the casing is for what :func:`tip_before` returns."""
     return gap if drive is None else spread(0.0, lane)
 
 
@@ -215,7 +215,7 @@ def relative_before(drive: Drive | None, velocity: Pack, lane: Lane) -> Pack:
 
 
 @inlined
-def settled(drive: Drive | None, place: Pack, velocity: Pack, gap: Pack, lane: Lane) -> tuple[Pack, Pack]:
+def tip_after(drive: Drive | None, place: Pack, velocity: Pack, gap: Pack, lane: Lane) -> tuple[Pack, Pack]:
     """Return place and velocity of the tip at the step's end from those relative to the casing, which are kept."""
     if drive is None:
         return place, velocity

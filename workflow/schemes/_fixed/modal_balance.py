@@ -142,7 +142,7 @@ def _account(modal: Decoupled, free: Coefficients, loss: Array, terms: Terms) ->
         dragged=terms.dragged,
         heat_on_impulse=total(end * impulse),
         heat_on_heat=own + total(end * heat_speed + place * heat_place),
-        heat_on_slid=0.0 if free.sliding is None else total(end * free.sliding.kicks),
+        heat_on_slid=0.0 if free.sliding is None else total(end * free.sliding.speeds),
     )
 
 

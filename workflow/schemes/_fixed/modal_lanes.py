@@ -42,7 +42,7 @@ heat at the tip, and what the mode adds to the tip's velocity."""
 class Sliding(NamedTuple):
     """What friction along the tangent does, per µ times the impulse of contact; ``None`` without friction."""
 
-    kicks: Array
+    speeds: Array
     """ζ of each mode, ``(mode,)``."""
     works: Array
     """Half the work per ζ of each mode, 0 of those without a share in the tip, ``(mode,)``."""
@@ -51,7 +51,7 @@ class Sliding(NamedTuple):
 class Slid(NamedTuple):
     """The same in a pack of lanes."""
 
-    kicks: Array
+    speeds: Array
     works: Array
     impulse: Pack
     """µ times the impulse of contact in the last step, N s."""
@@ -120,7 +120,7 @@ def slide(sliding: Sliding | None, law: Law, end: End, own: Array, lane: Lane) -
 @inlined
 def _slid_by(sliding: Sliding | None, own: Array, lane: Lane) -> Slid | None:
     """Return what friction did in the last step."""
-    return None if sliding is None else Slid(sliding.kicks, sliding.works, pack(own, (case_row.SLID, lane)))
+    return None if sliding is None else Slid(sliding.speeds, sliding.works, pack(own, (case_row.SLID, lane)))
 
 
 @inlined
@@ -129,7 +129,7 @@ def _ended(
 ) -> tuple[Pack, Pack]:
     """Return ζ and ξ of mode j at the end of the last step, whose ``impulse`` and ``heat`` are not in its state yet."""
     speed = pack(motion, (j, MOTION_SPEED, lane)) + shared(modes, (j, MODE_IMPULSE), lane) * impulse
-    speed = speed if slid is None else speed + shared(slid.kicks, (j,), lane) * slid.impulse
+    speed = speed if slid is None else speed + shared(slid.speeds, (j,), lane) * slid.impulse
     place = plus(pack(motion, (j, MOTION_PLACE, lane)), shared(modes, (j, MODE_HEAT_PLACE), lane), heat)
     return plus(speed, shared(modes, (j, MODE_HEAT_SPEED), lane), heat), place
 

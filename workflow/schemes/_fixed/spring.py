@@ -22,7 +22,7 @@ from workflow.kernels.sums import total
 from workflow.models import Array, Cases, Structure, mechanical_modes
 from workflow.schemes._fixed import case_row, contact, tip_row
 from workflow.schemes._fixed.contact import Contact, End, Free, TipStep
-from workflow.schemes._fixed.drive import began, gap_before, relative, relative_before, settled, wall
+from workflow.schemes._fixed.drive import casing_place, gap_before, relative, relative_before, tip_after, tip_before
 from workflow.schemes._fixed.marches import kernels_of
 
 KERNELS = kernels_of(__name__)
@@ -40,7 +40,7 @@ class Spring(NamedTuple):
     """W, 1/kg."""
     share: Array | float
     """1 / (1 + hθW (hθκ + c)), NaN where that is not > 0."""
-    reach: Array | float
+    to_casing: Array | float
     """Force per depth that puts the tip on the casing, 1/(h²θ²W), N/m, infinite where no force does."""
 
 
@@ -48,13 +48,13 @@ class Spring(NamedTuple):
 def meet_spring(law: Spring, step: TipStep, free: Free, own: Array, tip: Array, lane: Lane) -> End:
     """Return the tip at the step's end."""
     h, theta = step.h, step.theta
-    x, v = began(free.drive, tip, lane)
+    x, v = tip_before(free.drive, tip, lane)
     w, held = of_lane(law.delassus, lane), pack(own, (case_row.LAST, lane))
     begun = h * (1.0 - theta) * held
     apart = relative(free.drive, free.velocity + step.inverse_mass * free.impulse - w * begun, lane)
-    depth = x + h * weighed(theta, apart, step.rest, v) - wall(free.drive, free.gap, lane)
+    depth = x + h * weighed(theta, apart, step.rest, v) - casing_place(free.drive, free.gap, lane)
     force = (of_lane(law.stiffness, lane) * depth + of_lane(law.damping, lane) * apart) * of_lane(law.share, lane)
-    most = depth * of_lane(law.reach, lane)
+    most = depth * of_lane(law.to_casing, lane)
     force = where(force > most, most, force)
     force = where(depth > 0.0, force, 0.0)
     force = where(force <= 0.0, 0.0, force)  # a NaN passes
@@ -69,7 +69,7 @@ def meet_spring(law: Spring, step: TipStep, free: Free, own: Array, tip: Array, 
         contact.press(pressed, p, own, lane)
         contact.count_rebounds(touches & ~touched, touched & ~touches, v, after, own, lane)
     temperature = free.temperature + step.warming * pack(own, (case_row.HEAT, lane))
-    x, v = settled(free.drive, x + h * weighed(theta, after, step.rest, v), after, free.gap, lane)
+    x, v = tip_after(free.drive, x + h * weighed(theta, after, step.rest, v), after, free.gap, lane)
     return End(engaged, x, v, temperature, p)
 
 
