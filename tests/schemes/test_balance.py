@@ -240,11 +240,7 @@ def test_a_theta_below_one_half_creates_energy() -> None:
 @pytest.mark.parametrize("theta", [0.7, 1.0])
 def test_every_representation_counts_alike(theta: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """Modes, nodes, plain states and full matrices, where no heat makes their energies different ones."""
-    structure, h, over = (
-        heavy_chain(),
-        1e-4,
-        audited(sampling(0.012, 0.012)),
-    )
+    structure, h, over = heavy_chain(), 1e-4, audited(sampling(0.012, 0.012))  # every step's energy is taken
     batch = cases(structure, 3, e=[0.0, 0.5, 0.9], gap=5e-5, mean=60.0, amplitude=100.0, frequency=50.0)
 
     paths = [march(structure, alone(batch, case), h, theta, over.steps(h)) for case in range(3)]

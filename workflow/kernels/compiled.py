@@ -76,10 +76,16 @@ def _whole_program() -> ModuleType | None:
     return whole_program
 
 
-def _compiler() -> dict[str, Any]:
-    """Return the option that chooses a compiler of our own, none where numba's is used."""
+def _options(**options: Any) -> dict[str, Any]:
+    """Return numba's options beside those that all kernels and parts have."""
     program = _whole_program()
-    return {} if program is None else {"pipeline_class": program.KernelCompiler}
+    if program is not None:
+        options["pipeline_class"] = program.KernelCompiler
+    return {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, **options}
+
+
+_PART = {"no_cpython_wrapper": True, "_nrt": False}
+"""Of what only kernels call: without an entry from Python, and arrays that are not counted."""
 
 
 class _Place:
@@ -135,24 +141,17 @@ def _compiled(function: Callable[..., Any], **options: Any) -> Any:
     """Return a kernel that is compiled at the first call, or loaded from the cache."""
     import numba
 
-    options |= {"nogil": True, "error_model": "numpy", **_compiler(), "no_cfunc_wrapper": True}
-    dispatcher = numba.njit(**options)(function)
+    dispatcher = numba.njit(**_options(**options))(function)
     if directory_of(function.__module__) is not None:
         dispatcher._cache = _cache_type()(function)  # what numba's option `cache` does, with its own place
     return dispatcher
-
-
-def _options(**options: Any) -> dict[str, Any]:
-    """Return numba's options for what only kernels call: without an entry from Python and a cache of its own."""
-    options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False}
-    return options | {"nogil": True, "error_model": "numpy", **_compiler()}
 
 
 def _translated(function: Callable[..., Any], **options: Any) -> Any:
     """Return a part that is translated where a kernel calls it first."""
     import numba
 
-    translated = numba.njit(**_options(**options))(function)
+    translated = numba.njit(**_options(**_PART, **options))(function)
     program = _whole_program()
     return translated if program is None else program.typed_alike(translated)
 
@@ -224,7 +223,7 @@ def by_type(function: F) -> F:
     def declare() -> None:
         from numba.extending import overload
 
-        options: Any = _options(forceinline=True)
+        options: Any = _options(**_PART, forceinline=True)
         overload(function, jit_options=options, strict=False)(choose)
 
     return function

@@ -81,7 +81,7 @@ def _latest(law: Linear, end: End, own: Array, lane: Lane) -> Pack:
     return pack(own, (case_row.LAST, lane))
 
 
-@defines(contact.leaves, Linear)
+@defines(contact.next_tip, Linear)
 def _ahead(law: Linear, end: End, own: Array, lane: Lane) -> tuple[Pack, Pack]:
     """Return x_n,k+1 and w_k+½."""
     return pack(own, (case_row.AHEAD, lane)), pack(own, (case_row.HALF, lane))

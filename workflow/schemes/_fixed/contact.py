@@ -166,7 +166,7 @@ def applied(law: Law, end: End, own: Array, lane: Lane) -> Pack:
 
 
 @by_type
-def leaves(law: Law, end: End, own: Array, lane: Lane) -> tuple[Pack, Pack]:
+def next_tip(law: Law, end: End, own: Array, lane: Lane) -> tuple[Pack, Pack]:
     """Return place and velocity of the tip with which the next step begins, where that keeps all states, m and m/s."""
     return end.displacement, end.velocity
 

@@ -142,8 +142,9 @@ def compute(operator: DenseOperator, cases: Cases, sampling: Sampling) -> Result
 def _marched(operator: DenseOperator, cases: Cases, sampling: Sampling) -> Results:
     structure, free, contact = operator.structure, operator.free, operator.contact
     count, heats = cases.count, free.warming.size
-    # loads have their harmonics already; central differences take the casing's velocity of the step ahead
-    drive, begun = drive_of(replace(cases, load_harmonics=NO_HARMONICS), free.tip.h, _drive_theta(free))
+    theta = free.tip.theta if free.heat_counts else 0.0  # central differences take V of the step ahead
+    # loads have their harmonics already
+    drive, begun = drive_of(replace(cases, load_harmonics=NO_HARMONICS), free.tip.h, theta)
     watched = watch(cases, cases.mean, sampling, free.tip.h, drive)
     response = operator.contact_response(cases.alpha, cases.friction)
     steady, states = _steady(operator, cases), _begin(operator, cases, begun.velocity)
@@ -179,11 +180,6 @@ def _marched(operator: DenseOperator, cases: Cases, sampling: Sampling) -> Resul
     outcome = with_casing_seen(watched, contact, _judged(operator, cases, response[:, -1], watched))
     balance = Balance(totals, content) if sampling.balances else None
     return collect(Ended(watched, closing, rebounds, balance), *outcome)
-
-
-def _drive_theta(free: FreeStep) -> float:
-    """Return the θ with which a casing's discrete velocity is defined."""
-    return free.tip.theta if free.heat_counts else 0.0
 
 
 def _steady(operator: DenseOperator, cases: Cases) -> Array:
