@@ -53,7 +53,7 @@ def _sinusoids(cases: Cases, i: int) -> Iterator[tuple[int, float, float, float]
 def tip_of(cases: Cases, i: int, basis: Basis, impulse: UnitImpulse, load: Load) -> Tip:
     """Return contact law, impact data and start of case ``i``."""
     place, velocity, reach, turning = load.gap, 0.0, abs(load.gap), 0.0
-    for omega, phase, _, amplitude in load.waves.tolist() if cases.casing_harmonics.width else ():
+    for omega, phase, _, amplitude in load.waves.tolist():
         if amplitude != 0:
             sin, cos = elementwise.sine_cosine(phase)
             place += float(amplitude * sin)
@@ -64,7 +64,7 @@ def tip_of(cases: Cases, i: int, basis: Basis, impulse: UnitImpulse, load: Load)
         float(cases.e[i]),
         float(cases.alpha[i]),
         basis.mobility - float(cases.friction[i]) * basis.aside,
-        basis.warming,
+        basis.heat_jump,
         *impulse,
         place - float(cases.displacement[i, -1]),
         0.0 if abs(speed) <= _ROUNDING * turning else speed,
@@ -74,7 +74,7 @@ def tip_of(cases: Cases, i: int, basis: Basis, impulse: UnitImpulse, load: Load)
 
 def unit_impulse(basis: Basis, free: Layout, friction: float) -> UnitImpulse:
     """Return what an impulse with friction µ does to a free tip: it moves the modes by φᵀ(e_n - µ t)."""
-    struck, modes = basis.tip if friction == 0 else basis.tip - friction * basis.along, basis.tip.size
+    struck, modes = basis.tip - friction * basis.along, basis.tip.size
     with np.errstate(divide="ignore", invalid="ignore"):  # a tip that no impulse moves has no law of impact
         drag = float(np.divide(dot(basis.damped_tip, struck), dot(basis.tip, struck)))
     if free.is_modal:

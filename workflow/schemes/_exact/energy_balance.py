@@ -7,13 +7,13 @@ with D = -∇E · X' the power that leaves the energy by the structure's own mat
 E_lost what impacts take, p (v⁻ + v⁺)/2 with v⁺ as the contact law gives it. An impact changes E by p (v⁻ + v⁺)/2 with
 the v⁺ of the modes, so that p times half the difference is left of it (:mod:`workflow.schemes._exact.impacts`).
 
-Phases between two events are gone through once more, from the state in which they began to their end at once. With that
-motion, X' = R,
+Some phases between two events are gone through once more, from the state in which they began to their end at once. With
+that motion, X' = R,
 
     ∫D dt = -ΔE + ∫∇E · (R - X') dt,
 
 where ΔE is known in closed form, and the last term is what the motion and the matrices disagree about, rounding where
-the regime is right. Those are all contacts, all flights from contacts and one in sixteen others
+the regime is right. These phases are all contacts, all flights from contacts and one in sixteen others
 (:mod:`workflow.schemes._exact.phase_log`); the power that is found in a flight counts up to the next of these. ∫L dt is
 that of an output of the regime, in flights as the march goes. The largest E is that of ends of these phases and of
 some steps. Modes that the held tip does not feel are left out where a contact with friction heat begins (see
@@ -39,8 +39,8 @@ from workflow.schemes._exact.regimes import linked
 from workflow.schemes._exact.tables import block, first, wave
 from workflow.schemes._exact.waves import wave_phase
 
-_LOOK = 1 / 16
-"""When the power is looked at, in shares of a phase."""
+_EVALUATED_AT = 1 / 16
+"""When the power is evaluated, in shares of a phase."""
 
 
 class Matrices(NamedTuple):
@@ -90,7 +90,7 @@ class EnergyBalance:
     def regimes(self, held: Layout, alpha: float, friction: float) -> Regimes:
         """Return the regimes of cases of one α and µ."""
         sliding = self._held.sliding(friction)
-        key = alpha > 0 or sliding.pushed is not None, friction
+        key = alpha > 0 or sliding.friction_force is not None, friction
         if key not in self._held_matrices:
             felt = linked(sliding) if key[0] else sliding
             self._held_matrices[key] = matrices(felt), felt.frequency.size < sliding.frequency.size
@@ -139,13 +139,13 @@ def residuals(
     """Return the energy and the heat residual of a case that completed."""
     free, held, load, T = regimes.free.layout, regimes.held.layout, case.load, case.load.duration
     motions = motions_of(free, held, load, memories)
-    spent, lost, turnover, power = tally.spent, tally.lost, tally.turned_over, 0.0
+    spent, lost, turnover, power = tally.spent, tally.lost, tally.turnover, 0.0
     for i in range(tally.phases):
         t, end, following = log.begun[i], log.ended[i], log.begun[i + 1] if i + 1 < tally.phases else T
         if end > t:
             motion = motions.held if log.held[i] else motions.free
             spent += _begin(motions, regimes.reduced, log, i, tally)
-            disagreement = _look(regimes, motions, load, log, i)
+            disagreement = _phase_disagreement(regimes, motions, load, log, i)
             advance(motion.r, motion.now, t, end - t, motion.after)
             if log.held[i]:
                 if motion.r.firsts > 0:
@@ -196,16 +196,16 @@ def _begin(motions: Motions, reduced: bool, log: Log, i: int, tally: Any) -> flo
 
 
 @part
-def _look(regimes: Regimes, motions: Motions, load: Load, log: Log, i: int) -> float:
+def _phase_disagreement(regimes: Regimes, motions: Motions, load: Load, log: Log, i: int) -> float:
     """Return the power by which the motion of a phase and the matrices disagree, W.
 
-    It is looked at a while after the phase has begun. At the beginning itself the rounding of the state moves poles far
+    It is evaluated a while after the phase has begun. At the beginning itself the rounding of the state moves poles far
     faster than the phase is long: with rates of 1e15 1/s beside forces that friction heat couples, 1e-5 of the
     energy, gone within 1e-6 s.
     """
     held, t = log.held[i], log.begun[i]
     motion, side = motions.held if held else motions.free, regimes.held if held else regimes.free
-    wait = _LOOK * (log.ended[i] - t)
+    wait = _EVALUATED_AT * (log.ended[i] - t)
     copy_state(motion.now, motion.between)
     advance(motion.r, motion.between, t, wait, motion.now)
     fill_modal(motions, held, t + wait)

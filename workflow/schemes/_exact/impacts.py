@@ -47,8 +47,8 @@ class Tip(NamedTuple):
     """α, W/N."""
     mobility: float
     """e_nᵀ M⁻¹ (e_n - µ t), 1/kg: the Delassus operator of an impact."""
-    warming: float
-    """e_nᵀ C2⁻¹ e_n, K/J."""
+    heat_jump: float
+    """Rise of the tip temperature per heat at the tip, e_nᵀ C2⁻¹ e_n, K/J."""
     drag: float
     kick: Array
     """Both see :class:`UnitImpulse`."""
@@ -82,8 +82,8 @@ than the threshold, 1e-7 of the displacement scale: the message of the case says
 def impact(motions: Motions, case: Case, tally: Any) -> tuple[bool, float]:
     """Strike the free tip with the speed ``tally.speed`` of approach; return whether it stays in contact, since when.
 
-    It takes the energy p (v⁻ + v⁺)/2 from the modes, v = d' - g', less p µ tᵀ(x'⁻ + x'⁺)/2 that friction gives. With v⁺
-    as the law says that is what an impact takes: what is left in the balance is p times half of what v⁺ is above.
+    It takes the energy p (v⁻ + v⁺)/2 from the modes, v = d' - g', less p µ tᵀ(x'⁻ + x'⁺)/2 that friction gives. The
+    balance has p times half the difference between g'⁺ of the modes and that of the law.
     """
     tip, free, speed = case.tip, motions.free, tally.speed
     p = (1.0 + tip.e) * speed / tip.mobility

@@ -24,8 +24,8 @@ _SAME_TIME = 16.0 * 2.220446049250313e-16
 _LATE = 1e-9
 """Samples are due at the end up to this share of the duration: it is a multiple of their interval up to that."""
 
-_LOOKS = 16
-"""Steps from one look at the energy, of which the balance takes the largest, to the next."""
+_ENERGY_STEPS = 16
+"""The balance takes the largest energy of every so many steps, and of the ends of phases."""
 
 _FIRST_STEP = 0.1
 """First step tried after an event, in times of the fastest pole; longer ones follow if it is certified."""
@@ -60,7 +60,7 @@ def march(free: Layout, held: Layout, case: Case, record: Record, memories: tupl
         if not np.isfinite(h):
             return outcome.NOT_FINITE
         if not tally.held:
-            # of a flight from impact to impact, a parabola's
+            # height of a flight from impact to impact that is a parabola
             height = 0.25 * h * min(start.speed, -observed.signal_rate)
             tally.length = max(tally.length, max(abs(observed.place - observed.signal), height))
             if event:
@@ -68,7 +68,7 @@ def march(free: Layout, held: Layout, case: Case, record: Record, memories: tupl
                 event = tally.speed > 0.0 or h == 0.0  # a tip that lies on the casing at this instant
         tally.time = T if h >= T - tally.time else tally.time + h
         start = Start(0, -1.0, False, 2.0 * h)
-        if audited and tally.steps % _LOOKS == 0:
+        if audited and tally.steps % _ENERGY_STEPS == 0:
             fill_modal(motions, tally.held != 0, tally.time)
             note_energy(log, motions.free.modal, tally)
     return ended
@@ -114,7 +114,7 @@ def _pass_event(motions: Motions, case: Case, tally: Any, observed: Observed) ->
     before, speed = tally.impulse, tip.e * tally.speed
     stays, since = impact(motions, case, tally)
     if tally.speed > 0.0:
-        temperature = observed.temperature + tip.alpha * (tally.impulse - before) * tip.warming
+        temperature = observed.temperature + tip.alpha * (tally.impulse - before) * tip.heat_jump
         observed = Observed(0.0, speed, temperature, 0.0, observed.place, observed.speed)
         note_temperature(tally, temperature)
     if not stays:

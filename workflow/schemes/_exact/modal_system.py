@@ -80,8 +80,8 @@ class ModalSystem:
     """… and back, ``(mode + 1, free mode)``."""
     tangent: Array | None = None
     """Direction t of friction on a held tip, ``(mechanical,)``; ``None`` for none."""
-    pushed: Array | None = None
-    """Forces on z'' per λ, µ φᵀt, ``(mode,)``; ``None`` without friction along t."""
+    friction_force: Array | None = None
+    """Force of friction on z'' per λ, µ φᵀt, ``(mode,)``; ``None`` without friction along t."""
 
     @property
     def is_free(self) -> bool:
@@ -96,20 +96,20 @@ class ModalSystem:
     def sliding(self, friction: float) -> ModalSystem:
         """Return the system of a held tip with friction µ along t.
 
-        Friction is a load µ λ t beside the others: λ (1 - µ signal_steady · t) is what λ is without it.
+        Friction is a load µ λ t beside the others: λ is what it is without it, divided by 1 - µ signal_steady · t.
         """
         if friction == 0 or self.tangent is None:
             return self
-        yields = 1.0 - friction * dot(self.signal_steady, self.tangent)
+        own_share = 1.0 - friction * dot(self.signal_steady, self.tangent)
         return replace(
             self,
-            reaction=self.reaction / yields,
-            reaction_slope=self.reaction_slope / yields,
-            thermal_reaction=self.thermal_reaction / yields,
-            signal_steady=self.signal_steady / yields,
-            signal_tip=self.signal_tip / yields,
-            signal_gap=self.signal_gap / yields,
-            pushed=friction * product(self.shapes.T, self.tangent[: self.shapes.shape[0]]),
+            reaction=self.reaction / own_share,
+            reaction_slope=self.reaction_slope / own_share,
+            thermal_reaction=self.thermal_reaction / own_share,
+            signal_steady=self.signal_steady / own_share,
+            signal_tip=self.signal_tip / own_share,
+            signal_gap=self.signal_gap / own_share,
+            friction_force=friction * product(self.shapes.T, self.tangent[: self.shapes.shape[0]]),
         )
 
 
@@ -132,9 +132,9 @@ class Basis:
     mobility: float
     """Delassus operator of an impact, e_nᵀ M⁻¹ e_n, 1/kg."""
     aside: float
-    """e_nᵀ M⁻¹ t, 1/kg, by which it falls per friction coefficient."""
-    warming: float
-    """e_nᵀ C2⁻¹ e_n, K/J."""
+    """e_nᵀ M⁻¹ t, 1/kg, by which the mobility falls per friction coefficient."""
+    heat_jump: float
+    """Rise of the tip temperature per heat at the tip, e_nᵀ C2⁻¹ e_n, K/J."""
     free: ModalSystem
     held: ModalSystem
 
@@ -154,7 +154,7 @@ def analyse(structure: Structure) -> Basis:
         closing=product(static_tip_growth(structure), thermal.shapes),
         mobility=dot(mechanical.tip, mechanical.tip),
         aside=dot(mechanical.tip, along),
-        warming=float(sum(float(tip) ** 2 for tip in thermal.tip)),
+        heat_jump=float(sum(float(tip) ** 2 for tip in thermal.tip)),
         free=free,
         held=held_system(structure),
     )
@@ -201,7 +201,7 @@ def held_system(structure: Structure) -> ModalSystem:
     row = product(tip_strain, product(strain, shapes))  # K_ni φ
     row[frequency == 0] = 0.0
     inertia = product(structure.mass[-1, :-1], shapes)  # M_ni φ
-    dragged = np.append(static, 1.0)  # s
+    constraint_mode = np.append(static, 1.0)  # s
     coupling = modal_coupling(interior, modes, thermal)
     force_steady = np.append(-product(shapes, inertia), 1.0)
     to_modes = product(mechanical.shapes.T, structure.mass)
@@ -219,13 +219,13 @@ def held_system(structure: Structure) -> ModalSystem:
         relaxation=structure.damping.stiffness,
         thermal_reaction=product(structure.coupling_matrix[-1], thermal.shapes) - product(inertia, coupling),
         signal_steady=force_steady,
-        signal_tip=1.0 if structure.load is None else dot(force_steady, structure.load),
+        signal_tip=dot(force_steady, structure.load_direction),
         load=structure.load_direction,
-        **_by_casing(structure, dragged, shapes, dot(whole_strain, tip_strain)),
+        **_by_casing(structure, constraint_mode, shapes, dot(whole_strain, tip_strain)),
         shapes=shapes,
         heat_shapes=thermal.shapes,
         entry=np.vstack([from_free.T, -product(shapes.T, product(interior.mass, static))]),
-        exit=np.vstack([product(to_modes[:, :-1], shapes).T, product(to_modes, dragged)]),
+        exit=np.vstack([product(to_modes[:, :-1], shapes).T, product(to_modes, constraint_mode)]),
         tangent=structure.tangent,
     )
 
@@ -238,14 +238,14 @@ def _held_damping(structure: Structure, modes: Modes, reaction: Array, inertia: 
     return damping, product(structure.damping_matrix[-1, :-1], modes.shapes) - product(inertia, damping)
 
 
-def _by_casing(structure: Structure, dragged: Array, shapes: Array, stiffness: float) -> dict[str, Any]:
+def _by_casing(structure: Structure, constraint_mode: Array, shapes: Array, stiffness: float) -> dict[str, Any]:
     """Return what place, velocity and acceleration of the casing do to a held tip; ``stiffness`` is sᵀ K1 s."""
-    momentum, inertia = product(structure.mass, dragged), product(structure.mass[-1, :-1], shapes)
+    momentum, inertia = product(structure.mass, constraint_mode), product(structure.mass[-1, :-1], shapes)
     if is_rayleigh(structure):  # K1 s is 0 but at the tip
         damped = structure.damping.mass * momentum
         damped[-1] += structure.damping.stiffness * stiffness
     else:
-        damped = product(structure.damping_matrix, dragged)
+        damped = product(structure.damping_matrix, constraint_mode)
     source = np.zeros((shapes.shape[1], 3))
     source[:, 1], source[:, 2] = -product(shapes.T, damped[:-1]), -product(shapes.T, momentum[:-1])
     rate, acceleration = damped[-1] + dot(inertia, source[:, 1]), momentum[-1] + dot(inertia, source[:, 2])
@@ -262,18 +262,18 @@ def state_space(system: ModalSystem, alpha: float) -> tuple[Array, Array, Array]
     size = 2 * modes + system.rate.size
     z, u, tau = slice(0, modes), slice(modes, 2 * modes), slice(2 * modes, size)
     row = np.concatenate([-system.reaction, -system.reaction_slope, -system.thermal_reaction])
-    warming = np.zeros(size)
-    warming[tau] = alpha * system.heat_tip
-    if system.pushed is not None:
-        warming[u] = system.pushed
+    per_force = np.zeros(size)
+    per_force[tau] = alpha * system.heat_tip
+    if system.friction_force is not None:
+        per_force[u] = system.friction_force
     A = np.zeros((size, size))
     A[z, u] = np.eye(modes)
     A[u, z] = -np.diag(system.frequency**2)
     A[u, u] = -system.damping if system.is_coupled else -np.diag(system.damping)
     A[u, tau] = -system.coupling
     A[tau, tau] = -np.diag(system.rate)
-    A += np.outer(warming, row)
-    B = np.outer(warming, signal_inputs(system))
+    A += np.outer(per_force, row)
+    B = np.outer(per_force, signal_inputs(system))
     B[u, : system.shapes.shape[0]] += system.shapes.T
     B[u, -4] += product(system.shapes.T, system.load[: system.shapes.shape[0]])  # as constant loads in its direction do
     B[u, -3:] += system.gap_source

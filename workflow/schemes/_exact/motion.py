@@ -125,12 +125,12 @@ def integral(r: Response, y: Array, out: Array, t: float, dt: float) -> float:
 def observe(r: Response, y: Array, t: float) -> Observed:
     """Return the outputs of a state."""
     b, f = r.block, r.first
-    signal, rate, heat, warming, place, speed = _observe_waves(r, t)
+    signal, rate, temperature, warming, place, speed = _observe_waves(r, t)
     for j in range(r.firsts):
         xi, slope = y[state.FIRST, j], y[state.FIRST_SLOPE, j]
         signal += f[first.SIGNAL_VALUE, j] * xi + f[first.SIGNAL_SLOPE, j] * slope
         rate += (f[first.SIGNAL_VALUE, j] - f[first.SIGNAL_SLOPE, j] * f[first.RATE, j]) * slope
-        heat += f[first.TEMPERATURE_VALUE, j] * xi + f[first.TEMPERATURE_SLOPE, j] * slope
+        temperature += f[first.TEMPERATURE_VALUE, j] * xi + f[first.TEMPERATURE_SLOPE, j] * slope
         warming += f[first.WARMING, j] * slope
     block_signal, block_rate = 0.0, 0.0
     for k in range(r.blocks):
@@ -139,23 +139,23 @@ def observe(r: Response, y: Array, t: float) -> Observed:
     signal, rate = signal + block_signal, rate + block_rate
     if r.two_way:
         more = _observe_two_way(r, y, t)
-        signal, rate, heat, warming = signal + more[0], rate + more[1], heat + more[2], warming + more[3]
-    return Observed(signal, rate, heat, warming, place, speed)
+        signal, rate, temperature, warming = signal + more[0], rate + more[1], temperature + more[2], warming + more[3]
+    return Observed(signal, rate, temperature, warming, place, speed)
 
 
 @inlined
 def _observe_waves(r: Response, t: float) -> Observed:
     """Return the casing, and what loads alone give of the outputs."""
-    waves, signal, heat, rate, warming = r.waves, r.outputs[SIGNAL], r.outputs[TEMPERATURE], 0.0, 0.0
+    waves, signal, temperature, rate, warming = r.waves, r.outputs[SIGNAL], r.outputs[TEMPERATURE], 0.0, 0.0
     for i in range(waves.shape[0]):
         omega = waves[i, wave.OMEGA]
         cos, sin = wave_phase(waves, i, t)
         signal = signal + waves[i, wave.SIGNAL_COS] * cos + waves[i, wave.SIGNAL_SIN] * sin
         rate += omega * (waves[i, wave.SIGNAL_SIN] * cos - waves[i, wave.SIGNAL_COS] * sin)
-        heat = heat + waves[i, wave.TEMPERATURE_COS] * cos + waves[i, wave.TEMPERATURE_SIN] * sin
+        temperature = temperature + waves[i, wave.TEMPERATURE_COS] * cos + waves[i, wave.TEMPERATURE_SIN] * sin
         warming += omega * (waves[i, wave.TEMPERATURE_SIN] * cos - waves[i, wave.TEMPERATURE_COS] * sin)
     place, speed = casing_at(r, t)
-    return Observed(signal, rate, heat, warming, place, speed)
+    return Observed(signal, rate, temperature, warming, place, speed)
 
 
 @part
@@ -167,14 +167,14 @@ def _observe_two_way(r: Response, y: Array, t: float) -> tuple[float, float, flo
     for i in range(r.explicits):
         k = int(b[block.EXPLICIT_COLUMNS, i])
         b[block.WORK, k] += explicit_force(r, k, y, t)
-    signal, rate, heat, warming = 0.0, 0.0, 0.0, 0.0
+    signal, rate, temperature, warming = 0.0, 0.0, 0.0, 0.0
     for k in range(r.blocks):
         value, slope, bend = y[state.VALUE, k], y[state.SLOPE, k], b[block.WORK, k]
         signal += b[block.SIGNAL_SLOPE, k] * slope
         rate += b[block.SIGNAL_SLOPE, k] * bend
-        heat += b[block.TEMPERATURE_VALUE, k] * value + b[block.TEMPERATURE_SLOPE, k] * slope
+        temperature += b[block.TEMPERATURE_VALUE, k] * value + b[block.TEMPERATURE_SLOPE, k] * slope
         warming += b[block.TEMPERATURE_VALUE, k] * slope + b[block.TEMPERATURE_SLOPE, k] * bend
-    return signal, rate, heat, warming
+    return signal, rate, temperature, warming
 
 
 @part
@@ -215,9 +215,9 @@ def to_rates(r: Response, y: Array, t: float, rates: Array) -> None:
         speed, mu = y[state.FIRST_SLOPE, j], f[first.RATE, j]
         for k in range(r.blocks):
             if b[block.EXPLICIT, k] == 0.0:
-                dragged = (r.coupling[1, j, k] - r.coupling[2, j, k] * mu) * speed
-                value[k] += dragged
-                slope[k] -= mu * dragged
+                quasi_static = (r.coupling[1, j, k] - r.coupling[2, j, k] * mu) * speed
+                value[k] += quasi_static
+                slope[k] -= mu * quasi_static
         for i in range(r.waves.shape[0]):
             cos, sin = wave_phase(r.waves, i, t)
             at = i * first.WAVE

@@ -1,6 +1,6 @@
 """What the march keeps for the balances of energy and heat: phases that are gone through once more, and heat loss.
 
-Those are all contacts, the flights that follow them, and one of :data:`FLIGHTS` others.
+These phases are all contacts, the flights that follow them, and one of :data:`FLIGHTS` others.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def note_loss(log: Log, m: Motion, dt: float, tally: Any) -> None:
     for j in range(m.r.firsts):
         lost += log.loss[j] * (y[state.FIRST, j] + dt * y[state.FIRST_SLOPE, j] * f[first.PHI2, j])
     tally.lost += dt * lost
-    tally.turned_over += abs(dt * lost)
+    tally.turnover += abs(dt * lost)
 
 
 @part

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from workflow.kernels.complex_numbers import complex_product, complex_total, magnitude, over, times
 from workflow.models import Array
 from workflow.schemes._exact.modal_system import ModalSystem
-from workflow.schemes._exact.spectrum import Complex, conditions, coupled_spectrum
+from workflow.schemes._exact.spectrum import Complex, condition_numbers, coupled_spectrum
 from workflow.schemes._interface import RefusedStructureError
 
 INSEPARABLE = (
@@ -71,7 +71,8 @@ def pole_pairs(system: ModalSystem, A: Array) -> PolePairs:
     count = spectrum.values.size - system.rate.size
     poles, right = spectrum.values[:count], spectrum.right[:, :count]
     if system.is_free:
-        poles = np.where(conditions(right, spectrum.left[:count]) < _SIMPLE, sharpened(poles, right, system), poles)
+        simple = condition_numbers(right, spectrum.left[:count]) < _SIMPLE
+        poles = np.where(simple, sharpened(poles, right, system), poles)
     one, other = _partners(poles)
     twin = (one == other)[:, None]
     s, t = poles[one], np.where(twin[:, 0], poles[other].conj(), poles[other])

@@ -38,10 +38,10 @@ TALLY = np.dtype(
         ("phases", "i8"),  # in the log of the balances
         ("logged", "i8"),  # whether the present one is there
         ("flights", "i8"),  # since the last one of those that is logged
-        ("max_energy", "f8"),  # largest energy that was looked at, J
+        ("max_energy", "f8"),  # largest energy that was evaluated, J
         ("spent", "f8"),  # what impacts leave in the balance of energy, J
         ("lost", "f8"),  # heat lost in flights, J
-        ("turned_over", "f8"),  # … without regard to sign, J
+        ("turnover", "f8"),  # … without regard to sign, J
         ("thermal_closing", "f8"),  # quasi-static growth of the tip at the end, m
     ]
 )

@@ -110,7 +110,7 @@ def regime_of(system: ModalSystem, alpha: float = 0.0) -> Regime:
 
 def _solved(system: ModalSystem, alpha: float) -> Regime:
     """Return the regime by its eigenvalues: with friction heat or friction along t, with coupled modes, or neither."""
-    if alpha > 0 or system.pushed is not None:
+    if alpha > 0 or system.friction_force is not None:
         return _two_way(system, alpha)
     return _coupled(system) if system.is_coupled else _one_way(system)
 
@@ -175,7 +175,7 @@ def _some(held: ModalSystem, keep: NDArray[np.bool_]) -> ModalSystem:
         shapes=held.shapes[:, keep],
         entry=held.entry[:, keep],
         exit=held.exit[np.append(keep, True)],
-        pushed=None if held.pushed is None else held.pushed[keep],
+        friction_force=None if held.friction_force is None else held.friction_force[keep],
     )
 
 

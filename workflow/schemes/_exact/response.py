@@ -83,7 +83,7 @@ def respond(regime: Layout, load: Load, memory: Memory) -> Response:
             aperiodics += 1
         _subtract_particular(b, k, memory.waves, memory.outputs)
         for j in range(firsts):
-            _subtract_dragged(b, k, f, j, coupling)
+            _subtract_thermal_response(b, k, f, j, coupling)
     for j in range(firsts):
         _subtract_harmonics(f, j, memory.waves)
     growth, fastest, fastest_first = regime.growth, regime.fastest, 0.0
@@ -243,7 +243,7 @@ def _subtract_particular(b: Array, k: int, waves: Array, outputs: Array) -> None
 
 
 @part
-def _subtract_dragged(b: Array, k: int, f: Array, j: int, coupling: Array) -> None:
+def _subtract_thermal_response(b: Array, k: int, f: Array, j: int, coupling: Array) -> None:
     """Subtract the response η = a ξ + b ξ' of a block to a first-order state: outputs then see it in ξ and ξ'."""
     at, lag = coupling[1, j, k], coupling[2, j, k]
     speed = at - lag * f[first.RATE, j]

@@ -98,12 +98,12 @@ def _matrix(held: ModalSystem, split: Complex, response: Array, alpha: float) ->
     upper, lower = -c / 2 + root, -c / 2 - root
     overdamped = (root.imag == 0) & (c > 0)
     upper[overdamped] = omega2[overdamped] / lower[overdamped]  # no cancellation
-    warming = held.heat_tip if held.pushed is None else alpha * held.heat_tip
-    u0, u1 = -product(response, warming), product(response, mu * warming)
-    u1 = u1 if held.pushed is None else u1 + held.pushed
+    heats = held.heat_tip if held.friction_force is None else alpha * held.heat_tip
+    u0, u1 = -product(response, heats), product(response, mu * heats)
+    u1 = u1 if held.friction_force is None else u1 + held.friction_force
     d = np.concatenate([upper, lower, -mu + 0j])
     block_u = np.tile(u1, 2) + (d[: 2 * modes] + np.tile(c, 2)) * np.tile(u0, 2)
-    u = np.concatenate([over(block_u, np.concatenate([split, -split])), warming])
+    u = np.concatenate([over(block_u, np.concatenate([split, -split])), heats])
     thermal_w = -held.thermal_reaction - product(held.reaction, response) * (1 - aK * mu)
     w = np.concatenate([-np.tile(held.reaction, 2) * (1 + aK * d[: 2 * modes]), thermal_w])
     return rank_one(d, u, w, mu.size)
@@ -176,14 +176,14 @@ def general_spectrum(A: Array, force: Array) -> Spectrum:
     return Spectrum(values[keep], right, left[keep], complex_product(force, right))
 
 
-def conditions(right: Complex, left: Complex) -> Array:
+def condition_numbers(right: Complex, left: Complex) -> Array:
     """Return Σ |l_k x_k| of each pole, 1 where its eigenvector depends on no other, whatever the units."""
     return np.asarray(total(magnitude(left) * magnitude(right.T), 1))
 
 
 def is_trusted(right: Complex, left: Complex) -> bool:
     """Tell whether no eigenvector nearly depends on others."""
-    return bool(np.all(conditions(right, left) <= _TRUSTED))
+    return bool(np.all(condition_numbers(right, left) <= _TRUSTED))
 
 
 def guesses_of(A: Array) -> Array:
@@ -204,7 +204,7 @@ def secular_spectrum(held: ModalSystem, alpha: float, A: Array) -> Spectrum | No
 
 def _factor(held: ModalSystem, alpha: float) -> float:
     """Return α, 1 where friction along a tangent is in u too."""
-    return alpha if held.pushed is None else 1.0
+    return alpha if held.friction_force is None else 1.0
 
 
 def _spectrum(solver: Any, system: Any, alpha: float, A: Array) -> Spectrum | None:
@@ -230,11 +230,11 @@ def _rounded(spectrum: Spectrum) -> Spectrum:
     return Spectrum(spectrum.values, right, left, force)
 
 
-def _dragged(system: ModalSystem, moved: Array, poles: Complex) -> Array | None:
+def _thermal_response(system: ModalSystem, moved: Array, poles: Complex) -> Array | None:
     """Return the response [z, z'] to each thermal mode, ``(N, thermal mode)``; ``None`` where a pole is at its rate.
 
-    A mode that loses no heat drags along what it deforms statically: where the pole of a motion that nothing holds is 0
-    too, heat does not drive that motion.
+    That to a mode that loses no heat is static: where the pole of a motion that nothing holds is 0 too, heat does not
+    drive that motion.
     """
     modes, size, fastest = system.frequency.size, moved.shape[0], magnitude(poles).max(initial=0.0)
     response = np.zeros((size, system.rate.size))
@@ -246,7 +246,7 @@ def _dragged(system: ModalSystem, moved: Array, poles: Complex) -> Array | None:
         at = distance <= np.maximum(_NEAR_RATE * (magnitude(poles) + mu), _ROUNDING * fastest)
         if not np.any(at):
             response[:, j] = solve(moved[:, :size] + mu * np.eye(size), -drive)
-        elif mu == 0 and system.pushed is None:
+        elif mu == 0 and system.friction_force is None:
             elastic = system.frequency > 0
             response[:modes][elastic, j] = -system.coupling[elastic, j] / system.frequency[elastic] ** 2
         else:
@@ -272,14 +272,14 @@ _SEPARATED: WeakKeyDictionary[ModalSystem, _Separate | None] = WeakKeyDictionary
 
 
 def _separate(system: ModalSystem, moved: Array, row: Array) -> _Separate | None:
-    """Return a system whose modes damping couples without friction heat, ``None`` where that cannot be trusted.
+    """Return the coordinates that part a system whose modes damping couples, ``None`` where they cannot be trusted.
 
     ``moved`` are [z', z''] per X, ``(2 mode, N)``.
     """
     size, mu = moved.shape[0], system.rate
     try:
         values, right, left = eigenvectors(moved[:, :size])
-        response = _dragged(system, moved, values) if is_trusted(right, left) else None
+        response = _thermal_response(system, moved, values) if is_trusted(right, left) else None
     except np.linalg.LinAlgError:
         return None
     if response is None:
@@ -293,16 +293,16 @@ def _separate(system: ModalSystem, moved: Array, row: Array) -> _Separate | None
 def coupled_spectrum(held: ModalSystem, alpha: float, A: Array) -> Spectrum | None:
     """Return the spectrum where damping couples the modes, ``None`` where it cannot be trusted.
 
-    The eigenvectors V of the mechanical part alone are those of a general matrix. A thermal mode drags the response R
-    along, (A_m + μ) R = -A_mτ, so that D holds the poles and the rates in the coordinates of [[V, R], [0, 1]]. Without
+    The eigenvectors V of the mechanical part alone are those of a general matrix. Its response to a thermal mode is R,
+    (A_m + μ) R = -A_mτ, so that D holds the poles and the rates in the coordinates of [[V, R], [0, 1]]. Without
     friction heat that is the spectrum: poles first, then rates in their order.
     """
     size = 2 * held.frequency.size
     row = np.concatenate([-held.reaction, -held.reaction_slope, -held.thermal_reaction])
-    warming = np.concatenate([np.zeros(size), held.heat_tip])
-    if held.pushed is not None:
-        push = np.concatenate([np.zeros(size // 2), held.pushed])
-        warming = np.concatenate([push, alpha * held.heat_tip])
+    per_force = np.concatenate([np.zeros(size), held.heat_tip])
+    if held.friction_force is not None:
+        push = np.concatenate([np.zeros(size // 2), held.friction_force])
+        per_force = np.concatenate([push, alpha * held.heat_tip])
         system = _separate(held, A[:size] - np.outer(push, row), row)
     else:
         if held not in _SEPARATED:
@@ -310,10 +310,10 @@ def coupled_spectrum(held: ModalSystem, alpha: float, A: Array) -> Spectrum | No
         system = _SEPARATED[held]
     if system is None:
         return None
-    if alpha == 0 and held.pushed is None:
+    if alpha == 0 and held.friction_force is None:
         keep = system.poles.imag >= 0
         return Spectrum(system.poles[keep], system.whole[:, keep], system.inverse[keep], system.force[keep])
-    matrix = rank_one(system.poles, complex_product(system.inverse, warming), system.force, held.rate.size)
+    matrix = rank_one(system.poles, complex_product(system.inverse, per_force), system.force, held.rate.size)
     spectrum = _spectrum(_solve_matrix, matrix, _factor(held, alpha), A)
     if spectrum is None:
         return None

@@ -31,7 +31,7 @@ class TwoWay(NamedTuple):
     """τ' per input, but for friction heat, ``(thermal mode, input)``."""
     inputs: Array
     """Contact force per input, ``(input,)``."""
-    warming: Array
+    heat_tip: Array
     """χ_n, ``(thermal mode,)``."""
     entry: Array
     exit: Array
@@ -91,10 +91,10 @@ def _regime_at(h: TwoWay, alpha: float, guesses: Array, work: Scratch) -> tuple[
     for i in range(size):
         _fill_inward(t, work.left, i, pairs, firsts, inward)
         _fill_outward(t, work.right, i, pairs, firsts, outward)
-    heats = h.warming.size
+    heats = h.heat_tip.size
     for q in range(size):
         for j in range(heats):
-            temperature[q] += h.warming[j] * outward[q, size - heats + j]
+            temperature[q] += h.heat_tip[j] * outward[q, size - heats + j]
     for i in range(h.inputs.size):
         for first in range(0, size, 8):
             _fill_source(h, alpha, inward, i, source, narrow(first))
@@ -134,7 +134,7 @@ def _fill_outward(t: Array, right: Array, i: int, pairs: int, firsts: int, outwa
 @part
 def _fill_source(h: TwoWay, alpha: float, inward: Array, i: int, source: Array, lane: Lane) -> None:
     """Fill the sources of a pack of coordinates per input ``i``."""
-    (modes, inputs), heats, total = h.force.shape, h.warming.size, spread(0.0, lane)
+    (modes, inputs), heats, total = h.force.shape, h.heat_tip.size, spread(0.0, lane)
     if i < h.mechanical or i >= inputs - 4:
         for m in range(modes):
             total = total + h.force[m, i] * pack(inward, (modes + m, lane))
@@ -143,5 +143,5 @@ def _fill_source(h: TwoWay, alpha: float, inward: Array, i: int, source: Array, 
             total = total + h.heating[j, i] * pack(inward, (2 * modes + j, lane))
     if h.inputs[i] != 0.0:
         for j in range(heats):
-            total = total + alpha * h.inputs[i] * h.warming[j] * pack(inward, (2 * modes + j, lane))
+            total = total + alpha * h.inputs[i] * h.heat_tip[j] * pack(inward, (2 * modes + j, lane))
     store(source, (i, lane), total)
