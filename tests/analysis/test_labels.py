@@ -36,3 +36,8 @@ def test_numbers_are_as_short_as_they_can_be() -> None:
 def test_pictures_round() -> None:
     dataset = xr.Dataset(coords={"h": ("h", [3.16227766017e-05], {"units": "s"})})
     assert labels_of(dataset, "h", rounded=True) == ["h 3.162e-05 s"]
+
+
+def test_values_that_four_digits_do_not_tell_apart_are_not_rounded() -> None:
+    dataset = xr.Dataset(coords={"h": ("h", [1.00001e-5, 1.00002e-5], {"units": "s"})})
+    assert labels_of(dataset, "h", named=False, rounded=True) == ["1.00001e-05 s", "1.00002e-05 s"]

@@ -88,11 +88,25 @@ def test_an_axis_below_the_error_is_named() -> None:
     assert [one.dim for one in effects] == ["e"]
     assert effects[0].effect == pytest.approx(0.9 * 1.5e-3 / (1.5 + 0.9 * 1.5e-3))
     assert effects[0].within == {"rough": "h = 0.001 s and more"}
-    assert not effects[0].everywhere
     nothing = [one for one in hidden(study(0.0)) if one.metric == "contact_impulse"]
     assert nothing[0].effect == 0.0
     assert nothing[0].within == {"rough": "every h"}
-    assert nothing[0].everywhere
+
+
+def test_cases_that_diverged_hide_no_axis() -> None:
+    """The errors of blown-up cases, 1e280, made every axis an effect below the error."""
+    dataset = study(0.5)
+    dataset["status"][0, 1:] = 1
+    for name in ("impulse_error", "temperature_error", "displacement_error"):
+        dataset[name][0, 1:] = 1e280
+    assert not [one for one in hidden(dataset) if one.metric == "contact_impulse"]
+
+
+def test_a_smaller_error_at_a_larger_step_ends_what_is_said_of_steps() -> None:
+    dataset = study(1.5e-3)
+    dataset["impulse_error"][0] = np.array([0.1, 1e-5, 0.1])[:, None, None]
+    (one,) = (one for one in hidden(dataset) if one.metric == "contact_impulse")
+    assert one.within == {"rough": "h = 0.01 s and more"}
 
 
 def test_an_option_of_a_scheme_is_no_axis_of_the_scene() -> None:

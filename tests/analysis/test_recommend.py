@@ -342,3 +342,16 @@ def test_an_answer_without_contact_or_with_cases_not_run_is_cautioned() -> None:
     assert list(recommendation_cautions(diverged)) == [said]
     waiting = xr.Dataset({"status": xr.DataArray([Status.OK, Status.NOT_RUN]), "contact_impulse": touched})
     assert list(recommendation_cautions(waiting)) == ["1 of 2 cases are not run yet"]
+
+
+def test_a_scheme_that_diverges_at_every_step_is_not_said_to_read_none() -> None:
+    dataset = archive(0, bad=0.0)
+    dataset["status"].loc[{"scheme": "carpenter"}] = 1
+    for name in ERRORS:
+        dataset[name].loc[{"scheme": "carpenter"}] = np.nan
+    dataset["wall_time"].loc[{"scheme": "carpenter"}] = 1e-6
+    recommendation = recommend(dataset.isel(model=[0]), 100.0)
+    assert recommendation.next is not None
+    assert recommendation.next.settings["scheme"] == "carpenter"
+    assert recommendation.next.step_matters
+    assert "whatever h" not in sentence(recommendation)

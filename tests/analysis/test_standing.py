@@ -56,6 +56,15 @@ def test_a_part_that_is_lost_is_reported() -> None:
     assert [row.counts for row in standings(dataset)][1] == {"ok": 1, "diverged": 1}
 
 
+def test_a_gain_shows_beside_a_larger_loss() -> None:
+    """The residual of the largest magnitude, a loss, hid the case that gained."""
+    dataset = archive(Status.OK, 0.001)
+    dataset["energy_residual"][0, 0] = [-0.4, 0.03]
+    dataset["energy_residual"][0, 1] = [-0.4, 0.0]
+    assert [row.verdict for row in standings(dataset)] == ["gains energy", "accurate", "accurate"]
+    assert standings(dataset)[0].residual == -0.4
+
+
 def test_ranges_end_before_the_first_step_that_is_not_good() -> None:
     dataset = archive([Status.OK, Status.OK, Status.DIVERGED], [0.001, 0.05, 7.0], depth=[1e-6, 4e-4, 3.0])
     (row,) = ranges(dataset)

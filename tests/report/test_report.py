@@ -16,6 +16,7 @@ from workflow.analysis import recommend, sentence
 from workflow.archive import ArchiveError, open_archive
 from workflow.cli import app
 from workflow.report import Written, duration_of, write_report
+from workflow.report import _sections as sections
 from workflow.run import run_study
 
 REFERRED = (
@@ -72,6 +73,26 @@ def test_a_report_draws_growth_in_permanent_contact(reports: list[Written]) -> N
     assert "Growth in permanent contact" in text
     assert "Pressed &lt;tips&gt; &amp; heat" in text
     assert "Speed against error" not in text
+
+
+def test_what_diverged_has_no_part_in_errors_and_growth(tmp_path: Path) -> None:
+    """Errors of 1e280 stood in the table; a tip that was thrown was drawn as one that grows in permanent contact."""
+    lost = "axes: {scheme: [penalty, carpenter], h: [1e-4, 3.16227766017e-4], alpha: [0, 2000]}"
+    study = PRESSED.replace("axes: {alpha: [0, 1000, 2000]}", lost)
+    archive = tmp_path / "lost.nc"
+    assert run_study(parsed(study), archive).counts == {"diverged": 8}
+    text = write_report(archive).page.read_text(encoding="utf-8")
+    assert "Growth in permanent contact" not in text
+    assert '<td class="tight">0.0003162 s</td>' in text
+    with open_archive(archive) as dataset:
+        mixed = dataset.load().copy(deep=True)
+    mixed["status"][0, 0] = 0
+    for name in ("displacement_error", "temperature_error", "impulse_error"):
+        mixed[name] = mixed["status"].astype(float) * 1e280
+    mixed["predictability"] = 0.0 * mixed["impulse_error"]
+    table = sections.errors(mixed)[-1]
+    assert "0 / 0" in table
+    assert "e+280" not in table
 
 
 def test_a_report_of_exact_cases_draws_maps_and_asks_for_no_step(tmp_path: Path) -> None:

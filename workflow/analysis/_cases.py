@@ -79,7 +79,7 @@ def labels_of(dataset: xr.Dataset, dim: str, named: bool = True, rounded: bool =
     named
         Put the coordinate's name before its value, ``alpha 30 W/N``.
     rounded
-        Give four digits, as fit in a picture, instead of all.
+        Give four digits, as fit in a picture or a table, instead of all where they tell the values apart.
     """
     names = [str(name) for name in dataset.coords if dataset[name].dims == (dim,)]
     if not names:
@@ -92,10 +92,11 @@ def _labels(coordinate: xr.DataArray, named: bool, rounded: bool) -> list[str]:
     unit = readable(str(coordinate.attrs.get("units", "1")))
     before = f"{coordinate.name} ".replace("_", " ") if named else ""
     after = f" {unit}" if unit else ""
-    numbers = rounded and np.issubdtype(coordinate.dtype, np.floating)
-    return [
-        before + (f"{value:.4g}" if numbers else value_text(coordinate, value)) + after for value in coordinate.values
-    ]
+    texts = [value_text(coordinate, value) for value in coordinate.values]
+    if rounded and np.issubdtype(coordinate.dtype, np.floating):
+        few = [f"{value:.4g}" for value in coordinate.values]
+        texts = few if len(set(few)) == len(set(texts)) else texts
+    return [before + text + after for text in texts]
 
 
 _MOST_GROUPS = 1000
@@ -174,7 +175,7 @@ def finest(dataset: xr.Dataset) -> dict[str, int]:
     return place
 
 
-def shown_dim(dataset: xr.Dataset, most: int = 9) -> str | None:
+def shown_dim(dataset: xr.Dataset, most: int = 8) -> str | None:
     """Return the dimension whose values one picture compares: α if it varies, then the scheme, else the largest."""
     dims = case_dims(dataset)
     fitting = [dim for dim in dims if 1 < dataset.sizes[dim] <= most]

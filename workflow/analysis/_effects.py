@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import takewhile
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from workflow.analysis._cases import exact, finest, labels_of
+from workflow.analysis._cases import finest, labels_of
 from workflow.analysis._recommend import numerical_dims
 from workflow.schemes import Status
 
@@ -48,15 +49,12 @@ class Hidden:
         Its effect in the most accurate computation, as :func:`effect` counts it.
     within
         For each scheme, ``every h`` or the step from which on its median error is at least as large.
-    everywhere
-        Whether that holds for every scheme at every step, the reference's own aside.
     """
 
     dim: str
     metric: str
     effect: float
     within: dict[str, str]
-    everywhere: bool
 
 
 def hidden(dataset: xr.Dataset) -> list[Hidden]:
@@ -81,17 +79,18 @@ def hidden(dataset: xr.Dataset) -> list[Hidden]:
         for dim in (d for d in place if d not in numerical and dataset.sizes[d] > 1):
             size = effect(best, metric, dim)
             blurred = {at: value >= size for at, value in medians.items() if value > 0}
-            if any(blurred.values()):
-                within = _within(chosen, stepped, blurred)
-                axes.append(Hidden(dim, metric, size, within, all(blurred.values())))
+            within = _within(chosen, stepped, blurred)
+            if within:
+                axes.append(Hidden(dim, metric, size, within))
     return axes
 
 
 def _medians(dataset: xr.Dataset, error: str, dims: list[str]) -> dict[tuple[int, ...], float]:
-    """Return the median error at every place along some dimensions that has one."""
+    """Return the median error of ok cases at every place along some dimensions that has one."""
+    of_ok = dataset[error].where(dataset["status"] == Status.OK)
     medians = {}
     for at in np.ndindex(*(dataset.sizes[dim] for dim in dims)):
-        values = np.asarray(dataset[error].isel(dict(zip(dims, at, strict=True))).values, dtype=float)
+        values = np.asarray(of_ok.isel(dict(zip(dims, at, strict=True))).values, dtype=float)
         if np.isfinite(values).any():
             medians[at] = float(np.median(values[np.isfinite(values)]))
     return medians
@@ -111,5 +110,7 @@ def _within(dataset: xr.Dataset, dims: list[str], blurred: dict[tuple[int, ...],
             steps_of[name] = "every h"
         elif any(steps.values()):
             h = np.asarray(dataset["h"].values)
-            steps_of[name] = f"h = {exact(min(h[k] for k, blur in steps.items() if blur))} s and more"
+            largest = list(takewhile(steps.__getitem__, sorted(steps, key=h.__getitem__, reverse=True)))
+            if largest:
+                steps_of[name] = f"h = {h[largest[-1]]:.4g} s and more"
     return steps_of

@@ -324,7 +324,7 @@ class Table:
 
     def _step_matters(self, row: int) -> bool:
         """Tell whether a choice differs from its neighbours along ``h``."""
-        if "h" not in self.rows or (self.status == Status.NOT_RUN).all():
+        if "h" not in self.rows or np.isnan(self.error[row]).all():
             return True
         sizes = [self.dataset.sizes[dim] for dim in self.rows]
         place = list(np.unravel_index(row, sizes))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from workflow.analysis._cases import case_dims, exact, finest, labels_of
+from workflow.analysis._cases import case_dims, finest, labels_of
 from workflow.schemes import Status
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ class Standing:
 def standings(dataset: xr.Dataset) -> list[Standing]:
     """Return the standing of every scheme at every step, in the archive's order."""
     dims = [dim for dim in ("scheme", "h") if dim in case_dims(dataset)]
-    labels = {dim: labels_of(dataset, dim, named=False) for dim in dims}
+    labels = {dim: labels_of(dataset, dim, named=False, rounded=True) for dim in dims}
     rows = []
     for place in np.ndindex(*(dataset.sizes[dim] for dim in dims)):
         at = dict(zip(dims, place, strict=True))
@@ -101,7 +101,8 @@ def _standing(chosen: xr.Dataset, scheme: str, step: str) -> Standing:
     h = float(chosen["h"]) if "h" in chosen.coords and chosen["h"].ndim == 0 else float("nan")
     penetration = float(depth.max()) if depth.size else float("nan")
     restitution = _median(chosen, "effective_restitution", ok)
-    verdict = _verdict(counts, error, residual)
+    gained = np.asarray(chosen["energy_residual"].values)[ok] if "energy_residual" in chosen else np.zeros(0)
+    verdict = _verdict(counts, error, bool((gained > GAINS).any()))
     return Standing(scheme, step, h, counts, error, residual, penetration, restitution, verdict)
 
 
@@ -133,12 +134,12 @@ def _largest(chosen: xr.Dataset, name: str, ok: np.ndarray) -> float:
     return float(values[np.argmax(np.abs(values))]) if values.size else float("nan")
 
 
-def _verdict(counts: dict[str, int], error: float, residual: float) -> str:
+def _verdict(counts: dict[str, int], error: float, gains: bool) -> str:
     bad = {name: n for name, n in counts.items() if name != "ok"}
     if bad:
         name = max(bad, key=lambda key: bad[key]).replace("_", "-")
         return name if "ok" not in counts else f"{name} in part"
-    if residual > GAINS:
+    if gains:
         return "gains energy"
     if np.isnan(error):
         return "stable"
@@ -211,4 +212,4 @@ def _up_to(rows: list[Standing], good: list[bool]) -> str:
     if all(good):
         return "every h"
     first_bad = good.index(False)
-    return f"{exact(rows[first_bad - 1].h)} s" if first_bad else "no h"
+    return f"{rows[first_bad - 1].h:.4g} s" if first_bad else "no h"

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workflow.analysis import effect, finest, labels_of
+from workflow.analysis import effect, finest
+from workflow.plots._page_data import axis_of
 from workflow.plots._style import COLOURS, GREY, trim
+from workflow.study import readable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -15,6 +19,12 @@ if TYPE_CHECKING:
 
 MOST_PANELS = 6
 """Axes that a picture of a metric shows, those with the largest effect."""
+
+_LETTER = 0.075
+"""Width of a letter of a tick label, inches: 0.62 of its 8 points, and some room."""
+
+_FREE = 0.8
+"""Share of a panel's width that ticks span."""
 
 
 def metric_by_axis(archive: xr.Dataset, metric: str) -> Figure:
@@ -24,35 +34,32 @@ def metric_by_axis(archive: xr.Dataset, metric: str) -> Figure:
     place = finest(archive)
     varied = [dim for dim in place if archive.sizes[dim] > 1]
     strongest = sorted(varied, key=lambda dim: -np.nan_to_num(effect(archive, metric, dim)))[:MOST_PANELS]
-    dims = [dim for dim in varied if dim in strongest]
-    figure = Figure(figsize=(min(3.0 * len(dims) + 0.6, 12.0), 3.1), layout="constrained")
-    panels: Any = np.atleast_1d(figure.subplots(1, max(len(dims), 1), sharey=True))
+    axes = {dim: axis_of(archive, dim) for dim in varied if dim in strongest}
+    width = min(3.0, 11.4 / max(len(axes), 1))
+    upright = {dim: len(axis["texts"]) * _room(axis["texts"]) > _FREE * width for dim, axis in axes.items()}
+    height = 2.9 + max((_room(axis["texts"]) for dim, axis in axes.items() if upright[dim]), default=0.0)
+    figure = Figure(figsize=(max(width * len(axes), 3.0) + 0.6, height), layout="constrained")
+    panels: Any = np.atleast_1d(figure.subplots(1, max(len(axes), 1), sharey=True))
     values = archive[metric].where(archive["status"] == 0)
-    for panel, dim in zip(panels, dims, strict=True):
+    for panel, (dim, axis) in zip(panels, axes.items(), strict=True):
         others = [name for name in place if name != dim]
         at = np.arange(archive.sizes[dim])
         low, high = values.min(others).values, values.max(others).values
-        panel.fill_between(at, low, high, color=GREY, alpha=0.2, lw=0, label="all cases")
+        panel.fill_between(at, low, high, color=GREY, alpha=0.2, lw=0, label="all ok cases")
         line = values.isel({name: place[name] for name in others}).values
-        panel.plot(at, line, "o-", color=COLOURS[0], ms=4, lw=1.2, label="through the case shown")
-        names = labels_of(archive, dim, named=False, rounded=True)
-        panel.set_xticks(at[:: max(1, len(at) // 6)])
-        short = [", ".join(part.split()[-1] for part in name.split(", ")) for name in names]
-        if dim in archive.coords and archive[dim].dtype.kind == "f":
-            short = [f"{value:.4g}" for value in archive[dim].values]
-        panel.set_xticklabels(
-            short[:: max(1, len(at) // 6)], fontsize=8, rotation=20 if len(max(short, key=len)) > 6 else 0
-        )
-        panel.set_xlabel(_axis_label(archive, dim))
+        panel.plot(at, line, "o-", color=COLOURS[0], ms=4, lw=1.2, label="one axis varied, the others fixed")
+        every = int(np.ceil(len(at) * _room([""] if upright[dim] else axis["texts"]) / (_FREE * width)))
+        panel.set_xticks(at[::every], axis["texts"][::every], fontsize=8, rotation=90 if upright[dim] else 0)
+        title = axis["title"] + (f" [{axis['unit']}]" if axis["unit"] else "")
+        panel.set_xlabel(fill(title, int(width / _LETTER)), fontsize=9)
         trim(panel)
-    panels[0].set_ylabel(f"{metric.replace('_', ' ')} [{archive[metric].attrs.get('units', '1')}]")
-    if dims:
+    panels[0].set_ylabel(f"{metric.replace('_', ' ')} [{readable(archive[metric].attrs.get('units', '1')) or 1}]")
+    if axes:
         handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False, fontsize=8)
     return figure
 
 
-def _axis_label(archive: xr.Dataset, dim: str) -> str:
-    """Return a dimension's name with its unit."""
-    unit = archive[dim].attrs.get("units", "1") if dim in archive.coords else "1"
-    return dim.replace("_", " ") + ("" if unit == "1" else f" [{unit}]")
+def _room(texts: Sequence[str]) -> float:
+    """Return what the longest of some tick labels takes beside the others, inches."""
+    return _LETTER * (2 + max(map(len, texts)))

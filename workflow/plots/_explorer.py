@@ -18,8 +18,8 @@ TOLERANCES = (0.1, 0.01, 0.001)
 EXACT, CHOSEN = COLOURS[5], COLOURS[6]
 SELECTED = COLOURS[1]
 
-STATUS_COLOURS = ("#56B4E9", "#D55E00", "#CC79A7", "#000000", "#f2f2f2")
-"""Of the statuses in the order of their numbers; the page names them too."""
+STATUS_COLOURS = ("#56B4E9", "#F0E442", "#CC79A7", "#000000", "#f2f2f2")
+"""Of the statuses in the order of their numbers, none of them :data:`SELECTED`; the page names them too."""
 
 
 def explorer(description: dict[str, Any], status_names: Sequence[str]) -> dict[str, Any]:

@@ -55,7 +55,7 @@ def middle(archive: xr.Dataset, dims: tuple[str, str]) -> dict[str, int]:
 
 
 def scene_maps(archive: xr.Dataset, dims: tuple[str, str], place: Mapping[str, int]) -> Figure:
-    """Draw four maps over the dimensions across and up, at one place along all others.
+    """Draw up to four maps over the dimensions across and up, at one place along all others; empty ones are left out.
 
     Impulse of the last load period over that of the first; share of the last period in contact; impacts; largest
     temperature rise. Grey: no contact, or not ok. A dashed line is the critical coupling, above which a tip in
@@ -74,11 +74,13 @@ def scene_maps(archive: xr.Dataset, dims: tuple[str, str], place: Mapping[str, i
 
     cut = _cut(archive, dims, place)
     figure = Figure(figsize=(10.5, 8.0), layout="constrained")
-    grid = figure.subplots(2, 2, sharex=True, sharey=True)
-    for axes, panel in zip(grid.flat, _panels(cut), strict=True):
+    grid, panels = figure.subplots(2, 2, sharex=True, sharey=True), _panels(cut)
+    for axes in grid.flat[len(panels) :]:
+        axes.remove()
+    for axes, panel in zip(grid.flat, panels, strict=False):
         _draw(axes, cut, dims, panel)
-    for axes in grid.flat:
-        axes.label_outer()
+        if len(panels) == grid.size:
+            axes.label_outer()
     figure.suptitle(position_text(archive, place), fontsize=10)
     return figure
 
@@ -119,7 +121,7 @@ def _draw(axes: Any, cut: xr.Dataset, dims: tuple[str, str], panel: Panel) -> No
 
 
 def _panels(cut: xr.Dataset) -> list[Panel]:
-    """Return the four maps of a cut ``(up, across)``, NaN where a tip never touches."""
+    """Return the maps of a cut ``(up, across)`` that have a value, four at most, NaN where a tip never touches."""
     ok = np.asarray(cut["status"].values) == 0
     touches = ok & (np.asarray(cut["contact_impulse"].values) > 0)
 
@@ -129,12 +131,13 @@ def _panels(cut: xr.Dataset) -> list[Panel]:
     periods = np.isfinite(cut["period_impulse"].values).sum(axis=-1)
     last = np.take_along_axis(cut["period_contact"].values, np.maximum(periods - 1, 0)[..., None], axis=-1)[..., 0]
     growth = impulse_growth(cut)
-    return [
+    panels = [
         Panel("growth of the impulse: last load period over the first", shown(np.nan if growth is None else growth)),
         Panel("share of the last load period in contact; 1: has run away", shown(last)),
         Panel("impacts", shown(cut["impacts"].values), has_contours=False),
         Panel("largest temperature rise of the tip [K]", shown(cut["max_temperature"].values)),
     ]
+    return [panel for panel in panels if np.isfinite(panel.values).any()]
 
 
 def _axis(cut: xr.Dataset, dim: str) -> tuple[NDArray[np.float64], str]:

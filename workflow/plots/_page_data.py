@@ -139,7 +139,7 @@ def page_data(
     pack = Pack()
     status = np.asarray(part["status"].values).ravel().astype(np.int8)
     described: dict[str, Any] = {
-        "dims": [_axis(part, dim) for dim in case_dims(part)],
+        "dims": [axis_of(part, dim) for dim in case_dims(part)],
         "scheme_dim": _place_of(part, "scheme"),
         "h_dim": _place_of(part, "h"),
         "numerical": [case_dims(part).index(dim) for dim in numerical_dims(part)],
@@ -157,7 +157,7 @@ def page_data(
     return _finite(described), pack.text()
 
 
-def _axis(part: xr.Dataset, dim: str) -> dict[str, Any]:
+def axis_of(part: xr.Dataset, dim: str) -> dict[str, Any]:
     """Describe a dimension: title, unit, texts of its values, and what selects them."""
     names = [str(name) for name in part.coords if part[name].dims == (dim,)]
     size, own = part.sizes[dim], dim in part.coords and part[dim].dims == (dim,)

@@ -59,6 +59,7 @@ def work_precision(lines: Sequence[Line], beside: Sequence[Line] = (), title: st
     low, high = panels[0].get_ylim()
     panels[0].set_ylim(max(low, _FLOOR), max(high, 1.0))
     panels[0].set_xlim(panels[0].get_xlim()[0] / 5)  # room for the names of the steps
+    _tick_seconds(panels)
     _leave_room(panels[0], stepping)
     _name_steps(panels[0], stepping)
     handles, labels = panels[0].get_legend_handles_labels()
@@ -72,6 +73,18 @@ def work_precision(lines: Sequence[Line], beside: Sequence[Line] = (), title: st
     if title:
         figure.suptitle(title, fontsize=11)
     return figure
+
+
+def _tick_seconds(panels: Any) -> None:
+    """Write times between powers of ten too where these are few; Matplotlib's labels of minor ticks collide there."""
+    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+
+    low, high = panels[0].get_xlim()
+    for panel in panels:
+        panel.xaxis.set_minor_formatter(NullFormatter())
+        if high < 100 * low:
+            panel.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            panel.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
 
 
 def _drawn(x: Any, y: Any) -> tuple[Any, Any]:
@@ -127,7 +140,7 @@ def convergence(lines: Sequence[Line], title: str = "") -> Figure:
             colour, marker = COLOURS[k % len(COLOURS)], MARKERS[k % len(MARKERS)]
             if name in ERRORS:
                 values, order = line.errors[name], line.order(name)
-                label = "order –" if np.isnan(order) else f"order {round(order, 2) + 0.0:.2f}"
+                label = "order –" if np.isnan(order) else f"order {order:z.2f}"
             else:
                 values, label = np.abs(line.penetration if name == "penetration" else line.residual), None
             with np.errstate(invalid="ignore"):
@@ -136,7 +149,6 @@ def convergence(lines: Sequence[Line], title: str = "") -> Figure:
             panel.plot(x, y, marker=marker, color=colour, ms=4.5, lw=1.3, label=label)
             _cross_out(panel, line.h[line.lost], k)
         panel.set(xscale="log", yscale="log")
-        _leave_room(panel, stepping)
         if name in ERRORS:
             _slopes(panel, stepping, name)
             panel.set_title(f"{ERRORS[name]}: relative L2 error", fontsize=10)
@@ -146,6 +158,7 @@ def convergence(lines: Sequence[Line], title: str = "") -> Figure:
                 "largest penetration [m]" if name == "penetration" else "|energy residual| / largest energy",
                 fontsize=10,
             )
+        _leave_room(panel, stepping)
         trim(panel)
     for panel in panels[len(names) :]:
         panel.remove()

@@ -20,6 +20,9 @@ SHADE = "#0072B2"
 MOST_SHADED = 40
 """Contact phases that are shaded; more would be a grey wall."""
 
+_LINE = 0.09
+"""Share of a panel's height that a line of text takes."""
+
 _LENGTHS = ((1.0, "m", 1.0), (1e-3, "mm", 1e3), (0.0, "µm", 1e6))
 """From which largest displacement on which unit serves, and its factor."""
 
@@ -93,6 +96,7 @@ def tip_response(curves: list[Curve], title: str = "", phases_of: int | None = N
 def _draw_casing(panel: Axes, curves: list[Curve], scale: float, unit: str) -> None:
     """Draw where the casing of each case is: a line at the gap, its motion dotted in the colour of the case."""
     stays: dict[float, bool] = {}
+    top: dict[float, float] = {}
     for curve in curves:
         if "gap" not in curve.case.coords:
             continue
@@ -100,11 +104,17 @@ def _draw_casing(panel: Axes, curves: list[Curve], scale: float, unit: str) -> N
         stays[gap] = stays.get(gap, False) or motion is None
         if motion is not None:
             panel.plot(curve.case["t"].values, motion[0] * scale, color=curve.colour, lw=0.9, ls=":")
-    for gap in sorted(stays):
-        if stays[gap]:
+        top[gap] = max(top.get(gap, gap), gap if motion is None else float(np.max(motion[0])))
+        if motion is None:
             panel.axhline(gap * scale, color="black", lw=0.8, ls=":")
+    low, high = panel.get_ylim()
+    above = -np.inf
+    for gap in sorted(stays):
+        if top[gap] * scale < above + _LINE * (high - low):  # the legend names gaps that are compared
+            continue
+        above = top[gap] * scale
         panel.annotate(
-            f"gap {gap * scale:.4g} {unit}" + ("" if stays[gap] else ", casing dotted"), (1.0, gap * scale),
+            f"gap {gap * scale:.4g} {unit}" + ("" if stays[gap] else ", casing dotted"), (1.0, above),
             xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=8, xytext=(-3, 2),
             textcoords="offset points",
         )  # fmt: skip

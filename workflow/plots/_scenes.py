@@ -18,6 +18,10 @@ _OFF_THE_PANEL = 10.0
 """Growth by so many factors of e leaves the panel: it would flatten all else."""
 
 
+_COLUMNS = 3
+"""Panels beside each other that are read on a page."""
+
+
 def growth_against_prediction(archive: xr.Dataset) -> Figure:
     """Draw the contact force over time for each α, and dashed what theory predicts.
 
@@ -70,19 +74,27 @@ def impact_speed_map(archive: xr.Dataset, quantile: float = 0.9) -> Figure:
     from matplotlib.figure import Figure
 
     gaps = np.atleast_1d(archive["gap"].values)
-    figure = Figure(figsize=(3.6 * len(gaps) + 0.8, 4.4), layout="constrained")
-    panels: Any = np.atleast_1d(figure.subplots(1, len(gaps), sharex=True, sharey=True))
+    columns, rows = min(len(gaps), _COLUMNS), -(-len(gaps) // _COLUMNS)
+    figure = Figure(figsize=(3.6 * columns + 0.8, 3.6 * rows + 0.8), layout="constrained")
+    grid: Any = np.ravel(figure.subplots(rows, columns, sharex=True, sharey=True))
     frequency = np.asarray(archive["frequency"].values)
     half = archive.isel(t=slice(archive.sizes["t"] // 2, None))
-    for panel, gap in zip(panels, gaps, strict=True):
+    for place, (panel, gap) in enumerate(zip(grid, gaps, strict=False)):
         for k, e in enumerate(archive["e"].values):
             chosen = half.sel(gap=gap, e=e) if "gap" in half.dims else half.sel(e=e)
             speeds = [impact_speeds(chosen.sel(frequency=f)) for f in frequency]
             quantiles = np.array([np.quantile(one, quantile) if one.size else np.nan for one in speeds])
-            panel.plot(frequency, quantiles, marker=MARKERS[k], color=COLOURS[k], ms=4, lw=1.3, label=f"e = {e:g}")
-        panel.set(title=f"gap {gap * 1e6:.3g} µm", xlabel="load frequency [Hz]")
+            look = {"marker": MARKERS[k % len(MARKERS)], "color": COLOURS[k % len(COLOURS)]}
+            panel.plot(frequency, quantiles, **look, ms=4, lw=1.3, label=f"e = {e:g}")
+        panel.set_title(f"gap {gap * 1e6:.3g} µm")
+        if place % columns == 0:
+            panel.set_ylabel("impact speed [m/s]")
+        if place + columns >= len(gaps):  # nothing is drawn below it
+            panel.set_xlabel("load frequency [Hz]")
+            panel.tick_params(labelbottom=True)
         trim(panel)
-    panels[0].set_ylabel("impact speed [m/s]")
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False, fontsize=9)
+    for panel in grid[len(gaps) :]:
+        panel.remove()
+    handles, labels = grid[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=2 * columns, frameon=False, fontsize=9)
     return figure

@@ -209,7 +209,7 @@ def _hard(telling_cases: Sequence[Telling], cases: Sequence[int], dims: Sequence
         place = np.unravel_index(case, shape) if shape else ()
         named = [f"{d['title']} {d['texts'][k]} {d['unit']}".strip() for d, k in zip(dims, place, strict=True)]
         varied = [text for text, size in zip(named, shape, strict=True) if size > 1]
-        button = tag("button", "show", type="button", **{"data-case": str(case)})
+        button = tag("button", "show", type="button", **{"data-case": str(case), "aria-label": f"show {one.why}"})
         rows.append(tag("tr", tag("td", one.why), tag("td", ", ".join(varied) or "the only case"), tag("td", button)))
-    head = tag("tr", tag("th", "what is telling"), tag("th", "case"), tag("th", ""))
+    head = tag("tr", tag("th", "what is telling"), tag("th", "case"), tag("th", "select"))
     return [tag("h3", "Hard and telling cases"), tag("div", tag("table", head, *rows), kind="wide")]

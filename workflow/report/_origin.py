@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workflow.archive import ArchiveError, provenance
-from workflow.report._html import table, tag
+from workflow.report._html import tag
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -61,9 +61,10 @@ def origin(dataset: xr.Dataset, archive: Path, damaged: bool) -> list[str]:
     rows += [["run", _run(stored["run"])]] if "run" in stored else []
     rows += [[name.replace("_", " "), stored[name]] for name in _SHOWN if name in stored]
     rows += [["versions", _versions(stored.get("versions", ""))]]
+    facts = [tag("tr", tag("th", name, scope="row"), tag("td", text)) for name, text in rows if text]
     return [
         tag("h2", "Where this comes from"),
-        table(["", ""], [row for row in rows if row[1]]),
+        tag("div", tag("table", *facts), kind="scroll"),
         tag("details", tag("summary", "The study as written"), tag("pre", stored.get("study", ""))),
     ]
 

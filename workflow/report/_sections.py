@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,6 @@ from workflow.analysis import (
     case_dims,
     decided,
     effect,
-    exact,
     failures,
     finest,
     hidden,
@@ -104,7 +104,7 @@ def cases(dataset: xr.Dataset) -> list[str]:
         if len(entries) > _FAILURES_SHOWN:
             body.append(tag("p", f"… and {len(entries) - _FAILURES_SHOWN} more messages."))
     body += _decided(dataset)
-    dims = [[dim, str(dataset.sizes[dim]), _listed(labels_of(dataset, dim, named=False))] for dim in case_dims(dataset)]
+    dims = [[dim, str(dataset.sizes[dim]), _listed(labels_of(dataset, dim, False, True))] for dim in case_dims(dataset)]
     if dims:
         body.append(table(["dimension", "size", "values"], dims))
     return body
@@ -130,18 +130,21 @@ def maps(dataset: xr.Dataset) -> Drawn:
     if dims is None or "impulse_error" in dataset or not any_ok(dataset):
         return Drawn([], None)
     place = middle(dataset, dims)
-    where, cut = position_text(dataset, place), (dataset, dims, place)
+    pictures = [image(one, "map of the scene over two axes") for one in single_maps(dataset, dims, place)]
+    if not pictures:
+        return Drawn([], None)
+    where = position_text(dataset, place)
     about = (
         f"In the middle of all other axes{f' ({where})' if where else ''}; the map below moves through all of them. "
-        "Grey: the tip never touches its casing, or the case is not ok. Dashed: the critical coupling, above which a "
-        "tip in permanent contact runs away."
+        "Grey: the tip never touches its casing (growth: not in the first load period), or the case is not ok. Dashed: "
+        "the critical coupling, above which a tip in permanent contact runs away."
     )
     body: list[str] = [
         tag("h2", "Maps"),
         tag("p", about, kind="muted"),
-        tag("div", *(image(one, "map of the scene over two axes") for one in single_maps(*cut)), kind="panels"),
+        tag("div", *pictures, kind="panels"),
     ]
-    return Drawn(body, scene_maps(*cut))
+    return Drawn(body, scene_maps(dataset, dims, place))
 
 
 def effects(dataset: xr.Dataset) -> list[str]:
@@ -156,7 +159,9 @@ def effects(dataset: xr.Dataset) -> list[str]:
         tag("p", "Largest change along each axis, all others fixed, as a share of the largest value of all cases."),
         table(["axis", *(name.replace("_", " ") for name in names)], rows),
         *_hidden(dataset),
-        *(image(metric_by_axis(dataset, name), name) for name in ("contact_impulse", "max_temperature")),
+        tag("p", f"Grey: from the least to the largest ok case. The line changes one axis of {_named(dataset, dims)}."),
+        image(metric_by_axis(dataset, "contact_impulse"), "contact impulse along each axis"),
+        image(metric_by_axis(dataset, "max_temperature"), "largest temperature along each axis"),
     ]
 
 
@@ -164,12 +169,11 @@ def _hidden(dataset: xr.Dataset) -> list[str]:
     entries = []
     for one in hidden(dataset):
         who = "; ".join(f"{scheme} at {steps}" for scheme, steps in one.within.items())
-        about = "every time-stepping scheme at every h" if one.everywhere else who
         entries.append(
             tag(
                 "li",
                 f"{one.dim} changes the {one.metric.replace('_', ' ')} by {_percent(one.effect)} in the most accurate "
-                f"computation, no more than the median error of {about}.",
+                f"computation, no more than the median error of {who}.",
             )
         )
     return [tag("p", "Axes whose effect lies below the error:"), tag("ul", *entries)] if entries else []
@@ -192,15 +196,9 @@ def standing(dataset: xr.Dataset) -> list[str]:
         for row in rows[:_STANDINGS_SHOWN]
     ]
     head = [
-        "scheme",
-        "h",
-        "cases",
-        "scheme's impulse error",
-        "energy residual",
-        "penetration / gap",
-        "effective e",
+        "scheme", "h", "cases", "scheme's impulse error", "energy residual", "penetration / gap", "effective e",
         "verdict",
-    ]
+    ]  # fmt: skip
     new = [k > 0 and row.scheme != rows[k - 1].scheme for k, row in enumerate(rows)]
     more = [tag("p", f"… and {len(rows) - len(body)} more.")] if len(rows) > len(body) else []
     return [
@@ -217,21 +215,21 @@ def errors(dataset: xr.Dataset) -> list[str]:
     if "impulse_error" not in dataset or not any_ok(dataset):
         return []
     dims = [dim for dim in ("scheme", "h") if dim in case_dims(dataset)]
-    labels = {dim: labels_of(dataset, dim, named=False) for dim in dims}
+    labels = {dim: labels_of(dataset, dim, named=False, rounded=True) for dim in dims}
     rows = []
     for index in np.ndindex(*(dataset.sizes[dim] for dim in dims)):
         chosen = dataset.isel(dict(zip(dims, index, strict=True)))
         row = [labels[dim][k] for dim, k in zip(dims, index, strict=True)]
         for name in ("displacement_error", "temperature_error", "impulse_error"):
-            values = np.asarray(chosen[name].values, dtype=float)
+            values = np.asarray(chosen[name].where(chosen["status"] == 0).values, dtype=float)
             values = values[np.isfinite(values)]
-            row.append(f"{np.median(values):.1e} / {values.max():.1e}" if values.size else "–")
+            row.append(f"{short(np.median(values))} / {short(values.max())}" if values.size else "–")
         rows.append(row)
     about = tag(
         "p",
-        "Relative L2 distance from the reference, median / largest over all other axes; reduced models carry their "
-        f"own error in it. Predictability of the references: {_largest(dataset, 'predictability'):.1e}, the change of "
-        "a reference when its gap changes by 1e-12.",
+        "Relative L2 distance from the reference, median / largest of the ok cases over all other axes; reduced models "
+        f"carry their own error. Predictability of the references: {_largest(dataset, 'predictability'):.1e}, the "
+        "change of a reference when its gap changes by 1e-12.",
     )
     head = [*dims, *(name.replace("_", " ") for name in ("displacement_error", "temperature_error", "impulse_error"))]
     return [tag("h2", "Errors"), about, table(head, rows)]
@@ -242,14 +240,13 @@ def precision(dataset: xr.Dataset, duration: float) -> Drawn:
     if "impulse_error" not in dataset or dataset.sizes.get("h", 1) < 3 or not any_ok(dataset):
         return Drawn([], None)
     model = _model_dim(dataset)
-    place = finest(dataset)
     drawn_lines = lines(dataset, duration)
     beside: list[Line] = []
     if model is not None:
         beside = lines(dataset, duration, {model: _fewest_modes(dataset, model)})
-    shown = "; ".join(labels_of(dataset, dim)[k] for dim, k in place.items() if dim not in ("scheme", "h"))
+    shown = _named(dataset, [dim for dim in case_dims(dataset) if dim not in ("scheme", "h")])
     orders = [
-        [line.scheme, *(short(line.order(name), ".2f") for name in ERRORS), _limit(line)]
+        [line.scheme, *(short(line.order(name), "z.2f") for name in ERRORS), _limit(line)]
         for line in drawn_lines
         if not line.exact
     ]
@@ -274,9 +271,9 @@ def precision(dataset: xr.Dataset, duration: float) -> Drawn:
 def _fastest(drawn_lines: list[Line]) -> str:
     rows = [
         [
-            f"{w.target:.0e}", w.scheme or "nobody", "–" if np.isnan(w.h) else exact(w.h), short(w.error),
+            f"{w.target:.0e}", w.scheme or "nobody", short(w.h, ".4g"), short(w.error),
             short(w.seconds, ".2g"), w.runner_up or "nobody else",
-            "–" if np.isnan(w.times) else f"{w.times:.2g} times as long",
+            "–" if np.isnan(w.times) else f"{w.times:.3g} times as long",
         ]
         for w in winners(drawn_lines)
     ]  # fmt: skip
@@ -285,7 +282,7 @@ def _fastest(drawn_lines: list[Line]) -> str:
 
 def _limit(line: Line) -> str:
     steps = line.stable_steps()
-    return "every h" if not line.lost.any() else exact(steps[0]) if steps else "none"
+    return "every h" if not line.lost.any() else f"{steps[0]:.4g}" if steps else "none"
 
 
 def _model_dim(dataset: xr.Dataset) -> str | None:
@@ -293,6 +290,12 @@ def _model_dim(dataset: xr.Dataset) -> str | None:
         if name in dataset.coords and dataset[name].ndim == 1 and dataset[name].size > 1:
             return str(dataset[name].dims[0])
     return None
+
+
+def _named(dataset: xr.Dataset, dims: Sequence[str]) -> str:
+    """Return where the finest case lies along some dimensions."""
+    place = finest(dataset)
+    return "; ".join(labels_of(dataset, dim, rounded=True)[place[dim]] for dim in dims)
 
 
 def _fewest_modes(dataset: xr.Dataset, dim: str) -> int:
@@ -312,11 +315,7 @@ def scene_pictures(dataset: xr.Dataset) -> list[str]:
             "What a tenth of the impact speeds in the second half of the time exceeds, from the samples before each "
             "contact.",
         )
-        body += [
-            tag("h2", "Impact speeds"),
-            about,
-            image(impact_speed_map(dataset), "impact speeds by load frequency"),
-        ]
+        body += [tag("h2", "Impact speeds"), about, image(impact_speed_map(dataset), "impact speeds by load frequency")]
     if (
         "alpha" in dims
         and "contact_force" in dataset
@@ -324,8 +323,10 @@ def scene_pictures(dataset: xr.Dataset) -> list[str]:
         and _always_touching(dataset)
     ):
         at = {dim: k for dim, k in finest(dataset).items() if dim != "alpha"}
-        picture = growth_against_prediction(dataset.isel(at))
-        body += [tag("h2", "Growth in permanent contact"), image(picture, "contact force by heat coupling")]
+        pressed = dataset.isel(at)
+        if bool((pressed["status"] == 0).all()):
+            picture = growth_against_prediction(pressed)
+            body += [tag("h2", "Growth in permanent contact"), image(picture, "contact force by heat coupling")]
     return body
 
 

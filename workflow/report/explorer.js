@@ -89,7 +89,7 @@
     const number = numberOf(place), entry = about.cases?.entries[number];
     const name = about.statuses[status[number]];
     say("case-labels", labels(place));
-    say("case-status", name === "ok" ? "" : `This case is ${name}. ${entry?.message ?? ""}`);
+    say("case-status", name === "ok" ? "" : `This case is ${name}${entry?.message ? `: ${entry.message}` : "."}`);
     say("case-command", selection(place));
     const rows = [...metrics.values()].map((metric) => [metric, valueOf(metric, number)]);
     $("case-metrics").replaceChildren(...rows.filter(([, value]) => Number.isFinite(value)).map(([metric, value]) => {
@@ -277,7 +277,7 @@
     const mean = (list) => list.reduce((sum, value) => sum + value, 0) / list.length;
     const [mh, me] = [mean(h), mean(e)];
     const slope = h.reduce((sum, one, k) => sum + (one - mh) * (e[k] - me), 0) / h.reduce((sum, one) => sum + (one - mh) ** 2, 0);
-    return `order ${slope.toFixed(2)}`;
+    return `order ${(Number(slope.toFixed(2)) + 0).toFixed(2)}`; // no -0.00
   }
   const SIGNS = { circle: "●", square: "■", triangle: "▲", diamond: "◆", inverted_triangle: "▼", plus: "✚", x: "✖", star: "★", line: "┊" };
   function writeKey(id, keys) {
@@ -345,7 +345,7 @@
     const period = impulse.map((_, k) => k + 1), n = impulse.length;
     fill("period_impulses", { period, impulse });
     const growth = entry?.growth, predicted = { period: [], impulse: [] };
-    let text = "The page does not hold the load periods of this case.";
+    let text = entry ? "This case has no impulses of load periods." : "The page does not hold the load periods of this case.";
     if (n > 0) text = `${n} load periods.`;
     const [low, high] = [Math.min(...impulse), Math.max(...impulse)], largest = Math.max(Math.abs(low), Math.abs(high));
     if (n > 1 && high > low && high - low < ALIKE * largest) text += ` They differ by ${short((high - low) / largest)} of the largest.`;
