@@ -14,10 +14,10 @@ import pytest
 
 from quick import quick
 from workflow import schemes
-from workflow.archive import ArchiveError, content_hash, describe, parts_of, provenance, start_parts
+from workflow.archive import ArchiveError, _describe, content_hash, describe, parts_of, provenance, start_parts
 from workflow.archive._seal import BLANK, FILE_CHECKSUM, seal
 from workflow.grid import arrange, solve, units_of
-from workflow.run import _verify, run_study, verify
+from workflow.run import _study, _verify, run_study, verify
 from workflow.run._compare import sensitivity
 from workflow.study import parse_study
 
@@ -92,6 +92,23 @@ def flip(path: Path, place: int, bit: int = 0) -> None:
         byte = file.read(1)[0]
         file.seek(place)
         file.write(bytes([byte ^ 1 << bit]))
+
+
+def test_an_unfinished_run_that_other_software_began_is_compared_within_rounding(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The archive said that the software which ended the run had run all of its cases."""
+    archive, revision = tmp_path / "a.nc", _describe.code_revision()
+    for begun_by in ("another", revision):  # what another began stays known
+        with monkeypatch.context() as patch:
+            patch.setattr(_describe, "code_revision", lambda begun_by=begun_by: begun_by)
+            patch.setattr(_study, "gather", lambda *_: (_ for _ in ()).throw(ArchiveError("stopped")))
+            with pytest.raises(ArchiveError, match="stopped"):
+                run_study(STUDY, archive)
+    run_study(STUDY, archive)
+    [sample] = [check for check in verify(archive, 18) if check.name == "sample"]
+    assert sample.holds
+    assert "other origin of some cases" in sample.detail
 
 
 @pytest.mark.parametrize("count", [25, pytest.param(250, marks=pytest.mark.slow)])

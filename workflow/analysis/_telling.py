@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.analysis._cases import case_dims, finest, mode_counts
-from workflow.analysis._recommend import COMPARED, Choice, numerical_dims
+from workflow.analysis._recommend import COMPARED, Choice, is_numerical, numerical_dims
 from workflow.schemes import Status
 
 if TYPE_CHECKING:
@@ -144,7 +144,8 @@ def is_exact(dataset: xr.Dataset, methods: Mapping[str, str]) -> bool:
 def exact_partners(dataset: xr.Dataset, methods: Mapping[str, str]) -> NDArray[np.int64]:
     """Return, for each case, the number of the case that is the exact solution of its scene; -1 where there is none.
 
-    That is a case of the scheme :data:`EXACT` with the most modes that the archive holds.
+    That is a case of the scheme :data:`EXACT` with the most modes that the archive holds; along a dimension that
+    changes the scene too, as a zip may, with those of the case.
 
     Parameters
     ----------
@@ -166,8 +167,9 @@ def exact_partners(dataset: xr.Dataset, methods: Mapping[str, str]) -> NDArray[n
     exact = np.asarray([methods.get(label, label) == EXACT for label in labels])
     if not exact.any():
         return none
-    numerical, place = numerical_dims(dataset), finest(dataset)
-    at = {dim: place[dim] for dim in numerical}
+    place, coords = finest(dataset), dataset.coords.items()
+    scenic = {dim for name, values in coords if not is_numerical(dataset, str(name)) for dim in values.dims}
+    at = {dim: place[dim] for dim in numerical_dims(dataset) if dim not in scenic}
     if dataset["scheme"].ndim:
         at[str(dataset["scheme"].dims[0])] = _most_modes(dataset, exact)
     places: list[NDArray[np.int64]] = list(np.indices(status.shape, sparse=True))
