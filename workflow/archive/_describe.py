@@ -66,8 +66,8 @@ def describe(study: Study, grid: Grid, units: Units) -> Layout:
         attrs={
             "title": study.title,
             "summary": (
-                f"Study {study.name}: tip response of a thermo-elastic {study.scene.model} that rubs on its casing, "
-                f"over {', '.join(name for name, _ in grid.dims) or 'a single case'}"
+                f"Study {study.name}: tip response of a thermo-elastic structure ({study.scene.model}) that rubs on "
+                f"its casing, over {', '.join(name for name, _ in grid.dims) or 'a single case'}"
             ),
             **({"license": study.license} if study.license else {}),
             "source": f"rotor-stator-workflow {workflow.__version__}, nonsmooth thermo-elastic contact solver",

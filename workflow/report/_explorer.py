@@ -34,7 +34,10 @@ _ABOUT = {
         "Largest relative error of displacement, temperature and impulse, for the scene of the selected case; lines "
         "lead through the steps of a scheme. Dotted across: 10 %, 1 %, 0.1 %. A click selects."
     ),
-    "order": "For the scene of the selected case; order is the slope of log error over log h, errors below a tenth.",
+    "order": (
+        "For the scene of the selected case; order is the slope of log error over log h, where three errors or more "
+        "are below a tenth."
+    ),
     "modes": "For the scene of the selected case, which is framed. The star is the study's own choice",
 }
 

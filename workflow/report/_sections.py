@@ -80,7 +80,8 @@ def cases(dataset: xr.Dataset) -> list[str]:
     body: list[str] = [tag("h2", "Cases"), table(["status", "cases"], [[name, str(n)] for name, n in counts.items()])]
     above, flutter = runaways(dataset)
     if above:
-        critical = np.unique(np.round(np.asarray(dataset["critical_alpha"].values, dtype=float), 12))
+        limits = dataset["critical_alpha"].where(dataset["status"] == 0)
+        critical = np.unique(limits.where(dataset["alpha"] > limits).values.round(12))
         text = ", ".join(f"{value:.4g}" for value in critical[np.isfinite(critical)][:5])
         body.append(
             tag(
@@ -260,7 +261,7 @@ def precision(dataset: xr.Dataset, duration: float) -> Drawn:
         ),
         image(figure, "relative error against wall seconds per simulated second"),
         image(convergence(drawn_lines), "relative error, penetration and energy residual against the step"),
-        tag("p", "Observed orders: slope of log error over log h by least squares, errors below a tenth."),
+        tag("p", "Observed orders: slope of log error over log h by least squares, of three errors or more below 0.1."),
         table(["scheme", *(f"order in {about}" for about in ERRORS.values()), "last stable step [s]"], orders),
         tag("p", "Who reaches an error of the impulse in the least time:"),
         _fastest(drawn_lines),
