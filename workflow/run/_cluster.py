@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import secrets
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -38,6 +39,9 @@ LOST = (
     "`workflow run --retry` repeats it, --threads 1 shows what happens"
 )
 
+_QUIETLY = "ignore:resource_tracker:UserWarning"
+"""Option of Python for processes started here: one of them removes semaphores after a signal, and warned of it."""
+
 
 @contextmanager
 def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
@@ -56,6 +60,7 @@ def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     for name in _LOGGERS:
         logging.getLogger(name).setLevel(logging.CRITICAL + 1)  # what went wrong is reported here, once
     if scheduler is None:
+        sys.warnoptions += [] if _QUIETLY in sys.warnoptions else [_QUIETLY]
         preload = [*config.get("distributed.worker.preload", []), _IGNORE_INTERRUPTS]
         with (
             config.set({"distributed.worker.preload": preload}),
