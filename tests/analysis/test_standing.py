@@ -27,7 +27,7 @@ def archive(status: object, error: object, residual: object = 0.0, depth: object
             "energy_residual": spread(residual),
             "max_penetration": spread(depth),
         },
-        coords={"scheme": ["one"], "h": H, "e": [0.0, 0.5], "gap": 1e-3},
+        coords={"scheme": ["one"], "h": ("h", H, {"units": "s"}), "e": [0.0, 0.5], "gap": 1e-3},
     )
 
 
@@ -73,6 +73,13 @@ def test_ranges_end_before_the_first_step_that_is_not_good() -> None:
     assert (row.finest, row.coarsest) == (0.001, 0.05)  # what diverged has no error
     assert row.penetration == pytest.approx(0.4)
     assert row.verdicts == ("accurate", "rough", "diverged")
+
+
+def test_steps_near_a_limit_are_told_apart() -> None:
+    """Four digits named both 0.00010028 s, the last that holds, and 0.00010031 s, which diverges."""
+    dataset = archive([Status.OK, Status.OK, Status.DIVERGED], 0.0)
+    near = dataset.assign_coords(h=("h", [1e-4, 1.0028e-4, 1.0031e-4], {"units": "s"}))
+    assert ranges(near)[0].stable == "0.00010028 s"
 
 
 def test_every_and_no_step() -> None:

@@ -212,4 +212,4 @@ def _up_to(rows: list[Standing], good: list[bool]) -> str:
     if all(good):
         return "every h"
     first_bad = good.index(False)
-    return f"{rows[first_bad - 1].h:.4g} s" if first_bad else "no h"
+    return rows[first_bad - 1].step if first_bad else "no h"

@@ -283,7 +283,7 @@ def _fastest(drawn_lines: list[Line]) -> str:
 
 def _limit(line: Line) -> str:
     steps = line.stable_steps()
-    return "every h" if not line.lost.any() else f"{steps[0]:.4g}" if steps else "none"
+    return "every h" if not line.lost.any() else f"{steps[0]:.6g}" if steps else "none"
 
 
 def _model_dim(dataset: xr.Dataset) -> str | None:
