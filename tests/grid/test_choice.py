@@ -225,6 +225,14 @@ def test_what_the_exact_scheme_refuses_is_tried_by_implicit_euler(monkeypatch: p
     assert choice.against == "confirmed by moreau (theta = 1, h = 0.0001 s) against the full model"
 
 
+def test_a_choice_of_a_structure_that_is_no_chain_names_its_coordinates() -> None:
+    table = "modes: {table: [{frequency: 300, damping_ratio: 0, tip: 9}, {frequency: 900, damping_ratio: 0, tip: 3}]}"
+    scene = f"scene: {{{table}, casing: {{gap: 1 um}}, load: {{amplitude: 9, frequency: 50}}, duration: 20 ms}}"
+    requested = parsed(f"study: a\n{scene}\naxes: {{scheme: event_driven, {AUTO}, tolerance: 1e-2}}\n")
+    [line] = plan_study(requested).choices
+    assert line.startswith("tolerance 0.01, craig_bampton, 2 + 1 coordinates: ")
+
+
 def test_choices_are_read_as_they_are_written() -> None:
     choices = {0: Choice(3, 4, 1e-3 / 7, (("alpha", 5.0),), "as it is"), 7: Choice(1, 2, math.nan, (), "failed")}
     references = {3: choices[0]}

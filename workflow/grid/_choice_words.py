@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from workflow import models
 from workflow.grid._arrangement import TOLERANCE, Grid
 from workflow.grid._choice import Choice
+from workflow.grid._figures import size_text
 from workflow.grid._reference import reference_cell
 from workflow.study import Cell
 
@@ -44,8 +44,7 @@ def _all(grid: Grid) -> Iterator[tuple[str, float, Choice]]:
 
 def _for(cell: Cell, tolerance: float) -> str:
     """Return for which tolerance, basis and structure a choice is."""
-    size = models.sizes(cell.scene.model, cell.scene.parameters)[0]
-    return f"tolerance {tolerance:g}, {cell.reduction}, {size} nodes"
+    return f"tolerance {tolerance:g}, {cell.reduction}, {size_text(cell)}"
 
 
 def _counts(choice: Choice) -> str:

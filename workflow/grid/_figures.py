@@ -46,7 +46,7 @@ def figures(cell: Cell) -> Figures:
         times = 1.0 / rates(structure)
     flexibility = tip_flexibility(structure)
     return Figures(
-        label=_label(cell),
+        label=f"{cell.scene.model}, {size_text(cell)}{_condensed(cell)}",
         first_frequency=float(frequencies(structure)[0] / (2 * np.pi)),
         tip_stiffness=0.0 if np.isinf(flexibility) else 1.0 / flexibility,
         slowest=float(times.max()),
@@ -55,12 +55,11 @@ def figures(cell: Cell) -> Figures:
     )
 
 
-def _label(cell: Cell) -> str:
-    """Return the model of a cell and its size: nodes of a chain, coordinates of displacement and heat of others."""
+def size_text(cell: Cell) -> str:
+    """Return the size of a cell's structure: nodes of a chain, coordinates of displacement and heat of others."""
     mechanical, thermal = models.sizes(cell.scene.model, cell.scene.parameters)
     is_chain = isinstance(structure_of(cell.scene.model, cell.scene.parameters), Chain)
-    size = f"{mechanical} nodes" if is_chain else f"{mechanical} + {thermal} coordinates"
-    return f"{cell.scene.model}, {size}{_condensed(cell)}"
+    return f"{mechanical} nodes" if is_chain else f"{mechanical} + {thermal} coordinates"
 
 
 def _condensed(cell: Cell) -> str:
