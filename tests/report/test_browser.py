@@ -208,6 +208,14 @@ def test_one_case_has_a_page(wide: Any, tmp_path: Path) -> None:
     assert "holds no exact case" in message
 
 
+def test_ticks_of_a_tip_that_has_run_away_are_short(wide: Any, page: Path) -> None:
+    """Temperatures of 1e17 K were labelled with all their zeros."""
+    opened(wide, page)
+    script = MODEL + "return model('panel_temperature').left[0].formatter.doFormat(arguments[0], {loc: 0})"
+    assert max(map(len, wide.execute_script(script, [0, 5e16, 1e17, 1.5e17]))) < 10
+    assert wide.execute_script(script, [0, 0.0005, 0.001]) == ["0", "0.0005", "0.001"]
+
+
 def test_load_periods_that_are_alike_are_a_level_line(wide: Any, tmp_path: Path) -> None:
     """Without heat every period is as the one before; ticks that differ by rounding would all read the same."""
     study = "study: alike\n" + SCENE + "axes: {scheme: event_driven, e: 0, alpha: [0, 50], h: 1e-5}\n"

@@ -52,7 +52,7 @@ def explorer(description: dict[str, Any], status_names: Sequence[str]) -> dict[s
 
 def _figure(name: str, height: int, tools: str = "pan,box_zoom,wheel_zoom,reset,save", **options: Any) -> Any:
     """Return an empty figure on which a finger scrolls the page until a tool is chosen."""
-    from bokeh.models import PrintfTickFormatter
+    from bokeh.models import BasicTickFormatter
     from bokeh.plotting import figure
 
     panel: Any = figure(name=name, height=height, sizing_mode="stretch_width", tools=tools, **options)
@@ -63,7 +63,7 @@ def _figure(name: str, height: int, tools: str = "pan,box_zoom,wheel_zoom,reset,
     panel.axis.axis_label_text_font_style = "normal"
     panel.min_border_right = 12
     for axis in panel.axis:
-        axis.formatter = PrintfTickFormatter(format="%.4g")
+        axis.formatter = BasicTickFormatter(power_limit_low=-5)
     return panel
 
 

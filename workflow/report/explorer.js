@@ -333,7 +333,8 @@
     const ticks = [];
     for (let k = Math.ceil(low / step); k * step <= high; k++) {
       const digits = k === 0 ? 1 : Math.floor(Math.log10(Math.abs(k * step) * 1.0001)) - Math.floor(Math.log10(step * 1.0001)) + 1;
-      ticks.push([k * step, String(Number((k * step).toPrecision(Math.min(15, Math.max(1, digits)))))]);
+      const value = Number((k * step).toPrecision(Math.min(15, Math.max(1, digits))));
+      ticks.push([k * step, Math.abs(value) < 1e6 ? String(value) : value.toExponential()]);
     }
     model(name).ticker.ticks = ticks.map(([at]) => at);
     model(name).major_label_overrides = new Map(ticks);
