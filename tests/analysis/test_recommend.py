@@ -178,6 +178,14 @@ def test_the_larger_part_limits() -> None:
     said = sentence(recommend(by_step, 1e-3))
     assert "Nothing in this study meets 0.1 % in all cases" in said
     assert "smaller steps: at order one" in said
+    for tolerance in (
+        4.5e-3,
+        4.99e-3,
+    ):  # the step's part alone is within them
+        failing = recommend(by_step, tolerance)
+        assert failing.next is not None
+        advised = float(sentence(failing).partition("at order one about h = ")[2].split()[0])
+        assert 0.5 < advised / failing.next.settings["h"] < 1
 
 
 def test_a_case_without_an_error_misses_and_is_named() -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workflow.analysis._recommend import COMPARED, SPREAD, Choice, Recommendation, Worst
-from workflow.schemes import Status
+from workflow.schemes import Status, limit_text
 from workflow.study import AUTO, MODES
 
 if TYPE_CHECKING:
@@ -235,7 +235,7 @@ def _nearest(recommendation: Recommendation) -> str:
     )
     worst, h = choice.worst, choice.settings.get("h")
     if worst.limited_by == "step" and h is not None and choice.step_matters:
-        return text + f"Add smaller steps: at order one about h = {h * tolerance / worst.scheme_error:.1g} s."
+        return text + f"Add smaller steps: at order one about h = {limit_text(h * tolerance / worst.error, 1)} s."
     if worst.limited_by == "basis" and choice.used:
         return text + "Add a smaller tolerance of `auto`."
     if worst.limited_by == "basis":
