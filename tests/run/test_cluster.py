@@ -6,8 +6,10 @@ import json
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
+import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -22,7 +24,7 @@ import pytest
 from studies import SCENE, SMALL, parsed, written
 from terminal import workflow
 from workflow.archive import content_hash, open_archive, parts_of
-from workflow.run import ClusterError, run_study
+from workflow.run import ClusterError, _cluster, run_study
 from workflow.run._worker import Session, join, software
 
 PRELOAD = Path(__file__).with_name("watched_worker.py")
@@ -273,6 +275,19 @@ def test_a_worker_that_sees_other_files_is_refused(tmp_path: Path) -> None:
     own.question.write_text(own.token)
     assert join(own, me) == "me"
     assert own.answer("me").exists()
+
+
+def test_what_listens_and_says_nothing_is_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run waited for it for ever."""
+    monkeypatch.setattr(_cluster, "_ANSWER", 0.5)
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        ended = threading.Timer(PATIENCE, listening.close)
+        ended.start()
+        address = f"tcp://127.0.0.1:{listening.getsockname()[1]}"
+        with pytest.raises(ClusterError, match="no dask scheduler answers there"), _cluster.connected(None, address):
+            pass
+        ended.cancel()
+        assert listening.fileno() >= 0  # it was not asked in vain until its end
 
 
 @pytest.mark.parametrize(

@@ -76,8 +76,14 @@ def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
         ):
             yield client
         return
+
+    class Client(distributed.Client):
+        def start(self, **how: Any) -> None:
+            """Wait no longer for the first word than for the connection: what listens there may be no scheduler."""
+            super().start(callback_timeout=2 * _ANSWER, **how)  # type: ignore[no-untyped-call]
+
     try:
-        client = distributed.Client(scheduler, timeout=_ANSWER)
+        client = Client(scheduler, timeout=_ANSWER)  # type: ignore[no-untyped-call]
     except (OSError, ValueError, TypeError) as error:
         why = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
         raise ClusterError(
