@@ -138,7 +138,7 @@ def _half_step_before(modal: Decoupled, cases: Cases, h: float) -> Array:
     return np.asarray(velocity - 0.5 * h * acceleration)
 
 
-def _relative_before(operator: Operator, cases: Cases, begun: Motion) -> Array:
+def _remaining_before(operator: Operator, cases: Cases, begun: Motion) -> Array:
     """Return the remaining modal w_-½, relative to what heat drags along, ``(case, mode)``."""
     modal, slope = operator.modal, operator.differences.slope(operator.h, operator.modal.rate)
     half = _half_step_before(modal, cases, operator.h)
@@ -161,31 +161,26 @@ def _first_free(operator: Operator, begun: Motion, before: Array) -> tuple[Array
     return free, whole
 
 
-def _batch(operator: Operator, cases: Cases, begun: Motion, balances: bool) -> Batch:
-    """Return the cases at t = 0, with the velocities half a step before and after."""
+def _run(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
+    """Step cases that all carry thermal states, or that all carry none."""
     h, modal, free = operator.h, operator.modal, operator.coefficients(slides(operator.modal, cases))
-    before = _relative_before(operator, cases, begun)
+    begun = start(modal, cases)
+    drive, _ = drive_of(cases, h, theta=0.0)
+    watched = watch(cases, cases.mean + begun.tip_force, sampling, h, drive)
+    before = _remaining_before(operator, cases, begun)
     speed, free_tip = _first_free(operator, begun, before)
     own = case_rows(cases, begun)
     own[case_row.AHEAD], own[case_row.FIRST] = cases.displacement[:, -1], free_tip
     own[case_row.HALF] = project(modal.tip[None, :], _half_step_before(modal, cases, h))[:, 0]
     balance = None
-    if balances:
+    if sampling.balances:
         balance = ModalBalance(operator.structure, modal, free, cases, begun, central.terms(operator, begun, before))
-    law = operator.contact.law(h, cases, operator.delassus(cases.friction))
-    return Batch(modal, begun, free, operator.contact, law, speed * modal.tip, begun.position * modal.tip, own, balance)
-
-
-def _run(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
-    """Step cases that all carry thermal states, or that all carry none."""
-    begun = start(operator.modal, cases)
-    drive, _ = drive_of(cases, operator.h, theta=0.0)
-    watched = watch(cases, cases.mean + begun.tip_force, sampling, operator.h, drive)
-    batch = _batch(operator, cases, begun, sampling.balances)
+    law, place = operator.contact.law(h, cases, operator.delassus(cases.friction)), begun.position * modal.tip
+    batch = Batch(modal, begun, free, operator.contact, law, speed * modal.tip, place, own, balance)
     ended = march_blocks(batch, watched, sampling.duration)
     # squared: a contact that grows can stop short of infinity where its energy is beyond it
     finite = np.isfinite(watched.tip[[tip_row.DISPLACEMENT, tip_row.VELOCITY, tip_row.TEMPERATURE]] ** 2).all(axis=0)
-    return collect(ended, *_judge(operator, cases, np.isnan(batch.law.ambiguous), np.asarray(finite)))
+    return collect(ended, *_judge(operator, cases, np.isnan(law.ambiguous), np.asarray(finite)))
 
 
 def _judge(operator: Operator, cases: Cases, ambiguous: Any, finite: NDArray[np.bool_]) -> Outcome:

@@ -133,13 +133,9 @@ def _growth(structure: Structure, free: FreeStep) -> tuple[float, float]:
     return float(magnitude(eigenvalues(A)).max(initial=0.0)), 1 + (np.sqrt(rounding) if is_rigid else rounding)
 
 
+@np.errstate(over="ignore", invalid="ignore")  # the status of a case that left the finite numbers says so
 def compute(operator: DenseOperator, cases: Cases, sampling: Sampling) -> Results:
     """Step a whole batch."""
-    with np.errstate(over="ignore", invalid="ignore"):  # the status of a case that left the finite numbers says so
-        return _marched(operator, cases, sampling)
-
-
-def _marched(operator: DenseOperator, cases: Cases, sampling: Sampling) -> Results:
     structure, free, contact = operator.structure, operator.free, operator.contact
     count, heats = cases.count, free.warming.size
     theta = free.tip.theta if free.heat_counts else 0.0  # central differences take V of the step ahead

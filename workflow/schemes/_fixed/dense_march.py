@@ -184,13 +184,13 @@ def march_dense(
     assert state.states.shape[1] == ROW
     assert block.tip.shape[1] == ROW
     lanes, h, theta, balances = block.lanes, free.tip.h, free.tip.theta, account.mass.shape[0] > 0
-    n = state.contact_response.shape[0]
+    begins = 1 if free.heat_counts else 0
     for row in range(loads.shape[0]):
         step, load = first + row, loads[row]
-        if row == 0 and step <= 1 and (step == 0 or free.heat_counts):
+        if step == begins:
             turn_drive(block.drive, 0, h, theta, block.tip, lanes)
             if balances:
-                _begin(free, state, account, n, lanes)
+                _begin(free, state, account, lanes)
         if step > 0:
             turn_drive(block.drive, step, h, theta, block.tip, lanes)
         _move_freely(free, state, load, lanes)
@@ -207,9 +207,9 @@ def march_dense(
 
 
 @part
-def _begin(free: FreeStep, state: DenseState, account: Account, n: int, lanes: int) -> None:
+def _begin(free: FreeStep, state: DenseState, account: Account, lanes: int) -> None:
     """Take the energy with which the first step begins."""
-    before, h = state.before, free.tip.h
+    n, before, h = state.contact_response.shape[0], state.before, free.tip.h
     for i in range(n):
         for lane in range(lanes):
             before[i, lane] = state.states[i, lane]

@@ -15,9 +15,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from workflow.kernels import Array
 from workflow.schemes._fixed import tip_row
-from workflow.schemes._fixed.contact import Contact, Drive
+from workflow.schemes._fixed.contact import Contact
 from workflow.schemes._fixed.drive import WAVE_AMPLITUDE, WAVE_FREQUENCY, WAVE_SPEED_COSINE, WAVE_SPEED_SINE
 from workflow.schemes._fixed.outcome import Outcome
 from workflow.schemes._fixed.stable_steps import limit_text
@@ -44,7 +43,8 @@ def with_casing_seen(watched: Watch, contact: Contact, outcome: Outcome) -> Outc
         return outcome
     touched = (tip[tip_row.IMPACTS] > 0) | (tip[tip_row.PENETRATION] > 0)
     velocity = watched.record.histories[:, HISTORIES.index("velocity")]
-    frequency, true = drive.casing[:, WAVE_FREQUENCY], _speeds(drive)
+    frequency = drive.casing[:, WAVE_FREQUENCY]
+    true = 2 * np.pi * np.abs(drive.casing[:, WAVE_AMPLITUDE] * frequency)
     seen = np.sqrt(drive.casing[:, WAVE_SPEED_SINE] ** 2 + drive.casing[:, WAVE_SPEED_COSINE] ** 2)
     gain = np.where(true > 0, seen / np.where(true > 0, true, 1.0), 0.0)
     added = np.fmax(seen - true, 0.0).sum(axis=0)
@@ -59,8 +59,3 @@ def with_casing_seen(watched: Watch, contact: Contact, outcome: Outcome) -> Outc
             f"does, about two steps to its period; four take h = {limit_text(1 / (_STEPS * hertz))} s"
         )
     return status, messages
-
-
-def _speeds(drive: Drive) -> Array:
-    """Return the largest speed of each harmonic of the casing, m/s, ``(harmonic, case)``."""
-    return np.asarray(2 * np.pi * np.abs(drive.casing[:, WAVE_AMPLITUDE] * drive.casing[:, WAVE_FREQUENCY]))

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.kernels.complex_numbers import magnitude
-from workflow.models import Array, Cases, Structure, needs_matrices, poles
+from workflow.models import Cases, Structure, needs_matrices, poles
 from workflow.schemes._fixed import dense, theta_method, tip_row
 from workflow.schemes._fixed.contact import Contact, Law
 from workflow.schemes._fixed.decoupled import Decoupled, decouple, start
@@ -111,17 +111,12 @@ def _growth(operator: Operator) -> float:
     motion, h, theta = operator.motion, operator.h, operator.theta
     if theta >= 0.5:
         return 1.0
-    free = magnitude(theta_method.amplification(_natural(operator), motion.damping, h, theta)).max(initial=0.0)
-    heat = np.abs(theta_method.thermal_amplification(motion.rate, h, theta)).max(initial=0.0)
-    return float(max(free, heat))
-
-
-def _natural(operator: Operator) -> Array:
-    """Return ω of the modes that are stepped, rad/s, the last one infinite where the tip has no mass."""
-    frequency = operator.motion.frequency.copy()
+    frequency = motion.frequency.copy()
     if operator.structure.has_massless_tip:
         frequency[-1] = np.inf
-    return frequency
+    free = magnitude(theta_method.amplification(frequency, motion.damping, h, theta)).max(initial=0.0)
+    heat = np.abs(theta_method.thermal_amplification(motion.rate, h, theta)).max(initial=0.0)
+    return float(max(free, heat))
 
 
 def _largest_stable_step(operator: Operator) -> float:
