@@ -26,7 +26,7 @@ from workflow.kernels.packs import Lane, Pack, narrow, pack, spread, store
 from workflow.models import Array, Cases, Harmonics
 from workflow.schemes._fixed import tip_row
 from workflow.schemes._fixed.contact import Drive
-from workflow.schemes._fixed.tip_load import RESYNC
+from workflow.schemes._fixed.tip_load import EXACT_EVERY
 
 WAVE_SINE, WAVE_COSINE, WAVE_TURN_SINE, WAVE_TURN_COSINE = range(4)
 """Rows of a harmonic ``(harmonic, row, lane)``: its sine and cosine, and those of the angle of a step."""
@@ -47,7 +47,7 @@ DRIVE_APART, DRIVE_PARTING = range(6, 8)
 
 DRIVE_ROWS = DRIVE_PARTING + 1
 
-SNAP = 8 * np.finfo(float).eps
+_ROUNDING = 8 * np.finfo(float).eps
 """Share of the lengths and velocities in r and u up to which they are rounding at t = 0."""
 
 
@@ -80,7 +80,7 @@ def _moves_along(cases: Cases, apart: Array) -> NDArray[np.bool_]:
     lengths = np.abs(x) + np.abs(cases.gap) + casing.reach
     speeds = np.abs(v) + np.abs(casing.amplitude * casing.angular).sum(axis=1)
     beside = np.abs(v - cases.casing_velocity_at(0.0))
-    return np.asarray((np.abs(apart) <= SNAP * lengths) & (beside <= SNAP * speeds))
+    return np.asarray((np.abs(apart) <= _ROUNDING * lengths) & (beside <= _ROUNDING * speeds))
 
 
 def _gains(casing: Harmonics, h: float, theta: float) -> tuple[Array, Array]:
@@ -157,7 +157,7 @@ def turn_drive(drive: Drive | None, step: int, h: float, theta: float, tip: Arra
     assert casing.shape[1] == WAVE_ROWS
     assert casing.shape[2] == ROW
     assert state.shape[1] == ROW
-    placed = step % RESYNC == 0
+    placed = step % EXACT_EVERY == 0
     if placed:
         _place_waves(load, step * h, lanes)
         _place_waves(casing, step * h, lanes)

@@ -59,7 +59,7 @@ def close_step(
     gap = pack(tip, (tip_row.GAP, lane))
     free = Free(alone[0], alone[1], stepping.load_impulse(now, step.h, block, lane), gap, block.drive)
     end = meet(law, step, free, own, tip, lane)
-    modal_lanes.slide(operator.sliding, law, end, own, lane)
+    modal_lanes.store_slid(operator.sliding, law, end, own, lane)
     count_work(account, law, step, end, free, own, tip, lane)
     count_friction_heat(account, now.step, block.steps, own, lane)
     return end
@@ -97,8 +97,7 @@ def march(operator: Coefficients, law: Law, state: State, block: Block, account:
     load, tip, lanes, h, theta = block.load, block.tip, block.lanes, block.h, operator.tip.theta
     modal_lanes.lay_out(operator, state, load, tip)
     lay_out_account(account)
-    several = lanes if _rows(state, account) <= FEW_ROWS else 0
-    in_broad = several // broadest() * broadest()
+    in_broad = lanes // broadest() * broadest() if _rows(state, account) <= FEW_ROWS else 0
     paired = operator.pair_mode.size > 0
     warmed, leader = modal_lanes.is_warmed(state.own, lanes), start_load(h, load, lanes)
     turn_drive(block.drive, 0, h, theta, tip, lanes)

@@ -111,8 +111,8 @@ def lay_out(operator: Coefficients, state: State, load: Array, tip: Array) -> No
 
 
 @inlined
-def slide(sliding: Sliding | None, law: Law, end: End, own: Array, lane: Lane) -> None:
-    """Keep what friction does in a step that contact has closed."""
+def store_slid(sliding: Sliding | None, law: Law, end: End, own: Array, lane: Lane) -> None:
+    """Store µ times the impulse of contact in a step that contact has closed."""
     if sliding is not None:
         store(own, (case_row.SLID, lane), pack(own, (case_row.FRICTION, lane)) * applied(law, end, own, lane))
 

@@ -9,7 +9,7 @@ from workflow.kernels.compiled import inlined, part
 from workflow.kernels.packs import Lane, Pack, pack
 from workflow.models import Array
 
-RESYNC = 64
+EXACT_EVERY = 64
 """Steps between exact evaluations of sin and cos of a load; in between a rotation continues it,
 whose rounding stays below 64 eps = 1.4e-14 of the amplitude."""
 
@@ -57,7 +57,7 @@ def turn_load(step: int, h: float, leader: int, load: Array, lanes: int) -> None
         load[LOAD_SINE_BEFORE, lane] = s
         load[LOAD_SINE, lane] = s * load[LOAD_TURN_COSINE, lane] + c * load[LOAD_TURN_SINE, lane]
         load[LOAD_COSINE, lane] = c * load[LOAD_TURN_COSINE, lane] - s * load[LOAD_TURN_SINE, lane]
-    if step % RESYNC == 0:
+    if step % EXACT_EVERY == 0:
         for lane in range(first, last):
             angle = 2.0 * np.pi * (load[LOAD_FREQUENCY, lane] * (step * h)) + load[LOAD_PHASE, lane]
             load[LOAD_SINE, lane], load[LOAD_COSINE, lane] = elementary.sine_cosine(angle)
