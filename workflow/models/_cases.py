@@ -136,13 +136,14 @@ def distinct_rows(*tables: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 
 def project(matrix: Array, states: Array) -> Array:
-    """Return ``matrix @ state`` for every case, the same bits whatever cases stand beside it.
+    """Return ``matrix @ state`` for every case, ``(case, row)``, or of one row ``row @ state``, ``(case,)``.
 
-    A matrix product over the case axis would not do: its sums change order with the batch size.
-    Coordinates that are 0 in all cases are passed over: they would add zeros, and most batches
-    start at rest and cold.
+    Its bits are the same whatever cases stand beside it: a matrix product over the case axis changes the order of its
+    sums with the batch size. Coordinates that are 0 in all cases are passed over: they would add zeros, and most
+    batches start at rest and cold.
     """
-    result = np.zeros((states.shape[0], matrix.shape[0]))
+    rows = np.atleast_2d(matrix)
+    result = np.zeros((states.shape[0], rows.shape[0]))
     for column in np.flatnonzero(states.any(axis=0)):
-        result += matrix[:, column] * states[:, column, None]
-    return result
+        result += rows[:, column] * states[:, column, None]
+    return result if matrix.ndim == 2 else result[:, 0]

@@ -157,7 +157,7 @@ def _first_free(operator: Operator, begun: Motion, before: Array) -> tuple[Array
     for mode, heat in modal.pairs:
         free[:, mode] -= h * modal.coupling[mode, heat] / inertia[mode] * begun.heat[:, heat]
     row = np.concatenate([modal.tip, -slope * modal.tip_response])
-    whole = project(row[None, :], np.concatenate([free, begun.heat], axis=1))[:, 0] + begun.drift
+    whole = project(row, np.concatenate([free, begun.heat], axis=1)) + begun.drift
     return free, whole
 
 
@@ -171,7 +171,7 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
     speed, free_tip = _first_free(operator, begun, before)
     own = case_rows(cases, begun)
     own[case_row.AHEAD], own[case_row.FIRST] = cases.displacement[:, -1], free_tip
-    own[case_row.HALF] = project(modal.tip[None, :], _half_step_before(modal, cases, h))[:, 0]
+    own[case_row.HALF] = project(modal.tip, _half_step_before(modal, cases, h))
     balance = None
     if sampling.balances:
         balance = ModalBalance(operator.structure, modal, free, cases, begun, central.terms(operator, begun, before))

@@ -236,7 +236,7 @@ def start(modal: Decoupled, cases: Cases) -> Motion:
     participation = total(rigid_share**2)
     tip_force = np.zeros(cases.count)
     if participation > 0:
-        tip_force = project(rigid_share[None, :], load)[:, 0] / participation
+        tip_force = project(rigid_share, load) / participation
     load = load - tip_force[:, None] * modal.tip
 
     settled = np.where(conducting, heating / np.where(conducting, modal.rate, 1.0), 0.0)
@@ -251,19 +251,16 @@ def start(modal: Decoupled, cases: Cases) -> Motion:
     velocity = project(modal.to_modes, cases.velocity) - steady_velocity
     velocity += project(modal.response * modal.rate, heat)
 
-    def at_tip(row: Array, states: Array) -> Array:
-        return project(row[None, :], states)[:, 0]
-
     return Motion(
         position=position,
         velocity=velocity,
         heat=heat,
-        drift=at_tip(modal.tip, steady_velocity),
-        warmth=at_tip(modal.heat_tip, settled),
-        warming=at_tip(modal.heat_tip, warming),
+        drift=project(modal.tip, steady_velocity),
+        warmth=project(modal.heat_tip, settled),
+        warming=project(modal.heat_tip, warming),
         settled=settled,
         warming_modes=warming,
-        closing=at_tip(modal.static_growth, settled),
-        closing_rate=at_tip(modal.static_growth, warming),
+        closing=project(modal.static_growth, settled),
+        closing_rate=project(modal.static_growth, warming),
         tip_force=tip_force,
     )

@@ -172,7 +172,7 @@ def compute(operator: DenseOperator, cases: Cases, sampling: Sampling) -> Result
         last[part], reached[part] = after, watched.reached(before, after)
     rebounds = effective_restitution(own) if contact.rebounds else {}
     content = content_of(structure.content, cases, last, watched.elapsed, in_order)
-    closing = project(static_tip_growth(structure)[None, :], reached)[:, 0]
+    closing = project(static_tip_growth(structure), reached)
     outcome = with_casing_seen(watched, contact, _judged(operator, cases, response[:, -1], watched))
     balance = Balance(totals, content) if sampling.balances else None
     return collect(Ended(watched, closing, rebounds, balance), *outcome)

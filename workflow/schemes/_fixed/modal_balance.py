@@ -68,21 +68,14 @@ class ModalBalance:
     def __init__(
         self, structure: Structure, modal: Decoupled, free: Coefficients, cases: Cases, begun: Motion, terms: Terms
     ):
-        heated = modal.rate.size > 0
-        loss = product(structure.loss_row, modal.heat_shapes) if heated else np.zeros(0)
-        self._content = product(structure.content, modal.heat_shapes) if heated else np.zeros(0)
-        self._scale, self._counts, self._begun_heat, self._warming = (
-            modal.heat_scale,
-            free.heat_counts,
-            begun.heat,
-            begun.warming_modes,
-        )
+        loss, self._content = (product(row, modal.heat_shapes) for row in (structure.loss_row, structure.content))
+        self._scale, self._begun_heat, self._warming = modal.heat_scale, begun.heat, begun.warming_modes
+        self._counts = free.heat_counts
         self.account = _account(modal, free, loss, terms)
         self._speed = (terms.velocity * modal.tip).T
         self._sums = _sums(modal, free, loss, begun, terms)
-        self._initial = project(np.abs(self._content)[None, :], np.abs(begun.heat + begun.settled))[:, 0]
-        heating = project(modal.heat_shapes.T, cases.heating)
-        self._heating = project(self._content[None, :], heating)[:, 0]
+        self._initial = project(np.abs(self._content), np.abs(begun.heat + begun.settled))
+        self._heating = project(self._content, project(modal.heat_shapes.T, cases.heating))
         self._mobility, self._pushed = total(modal.mass * modal.tip**2), largest_load(cases, begun)
         self._massless = massless_energy(modal, free.tip.h, terms.velocity)
         self._ended, self._ended_heat = np.zeros_like(self._sums), np.zeros_like(begun.heat)
@@ -109,7 +102,7 @@ class ModalBalance:
     def result(self, elapsed: float) -> Balance:
         """Return the balances after ``elapsed`` seconds."""
         warmed = self._ended_heat / self._scale - self._begun_heat + elapsed * self._warming
-        gained = project(self._content[None, :], warmed)[:, 0]
+        gained = project(self._content, warmed)
         rest = rest_energy(self._mobility, elapsed * self._pushed) + self._massless
         return Balance(self._ended, Content(gained, self._initial, elapsed * self._heating), rest)
 
@@ -167,20 +160,16 @@ def _sums(modal: Decoupled, free: Coefficients, loss: Array, begun: Motion, term
     """Return the sums of a batch where its balance begins, ``(row, case)``."""
     felt, h = np.where(felt_modes(modal.tip), 1.0, 0.0), free.tip.h
     eta = terms.place + terms.lever * terms.velocity
-
-    def over(row: Array, states: Array) -> Array:
-        return project(row[None, :], states)[:, 0]
-
     sums = np.zeros((balance.SUM_ROWS, terms.velocity.shape[0]))
     squares = terms.velocity**2
-    energy = 0.5 * (over(felt * terms.kinetic, squares) + over(felt * modal.frequency**2, eta**2))
+    energy = 0.5 * (project(felt * terms.kinetic, squares) + project(felt * modal.frequency**2, eta**2))
     sums[[total_row.FIRST_ENERGY, total_row.LAST_ENERGY, total_row.LARGEST_ENERGY]] = energy
     if not terms.opens:  # the first step of the march counts the dissipation of a step that ends at t = 0
-        sums[total_row.DISSIPATED] = -over(h * felt * modal.damping, squares)
-    sums[balance.SUM_RELATIVE] = over(modal.tip, terms.velocity)
-    sums[balance.SUM_DRAGGED] = over(free.heat_modes[:, HEAT_SPEED] * modal.heat_scale, begun.heat) + begun.drift
-    sums[balance.SUM_SETTLED_LOSS] = over(loss, begun.settled)
-    sums[balance.SUM_SETTLED_RISE] = over(loss, begun.warming_modes)
+        sums[total_row.DISSIPATED] = -project(h * felt * modal.damping, squares)
+    sums[balance.SUM_RELATIVE] = project(modal.tip, terms.velocity)
+    sums[balance.SUM_DRAGGED] = project(free.heat_modes[:, HEAT_SPEED] * modal.heat_scale, begun.heat) + begun.drift
+    sums[balance.SUM_SETTLED_LOSS] = project(loss, begun.settled)
+    sums[balance.SUM_SETTLED_RISE] = project(loss, begun.warming_modes)
     return sums
 
 
@@ -217,4 +206,4 @@ def massless_energy(modal: Decoupled, h: float, velocity: Array) -> Array:
     Of a massless tip that begins with a velocity and no displacement all other energy is rounding.
     """
     massless = modal.mass == 0
-    return 0.5 * project((h * modal.frequency[massless])[None, :] ** 2, velocity[:, massless] ** 2)[:, 0]
+    return 0.5 * project((h * modal.frequency[massless]) ** 2, velocity[:, massless] ** 2)

@@ -42,7 +42,7 @@ class PlainBalance:
         """Add a step from its states at both ends, the impulse p and the load F_θ in it, N s and N, ``(case,)``."""
         self._step += 1
         dissipated, energy = self._motion.step(before, after, impulse, load)
-        loss = self._h * project(self._structure.loss_row[None, :], 0.5 * (before[2] + after[2]))[:, 0]
+        loss = self._h * project(self._structure.loss_row, 0.5 * (before[2] + after[2]))
         self._totals[total_row.DISSIPATED] += dissipated
         self._totals[total_row.LOST] += loss
         self._totals[total_row.TURNED_OVER] += np.abs(loss)

@@ -122,7 +122,7 @@ class Recorder:
         finite = watched.finite(tip_row.DISPLACEMENT, tip_row.VELOCITY, tip_row.TEMPERATURE)
         left = f"the state left the finite numbers at h = {self._h:.6g} s"
         reached = watched.reached(self._before[2], self._states[2])
-        closing = project(self._growth[None, :], reached)[:, 0]
+        closing = project(self._growth, reached)
         balance = None if self._balances is None else self._balances.result(self._states)
         outcome = judged(finite, np.zeros_like(finite), str, None, left)
         return collect(Ended(watched, closing, {}, balance), *outcome)
