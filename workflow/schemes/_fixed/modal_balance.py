@@ -68,16 +68,10 @@ class ModalBalance:
     def __init__(
         self, structure: Structure, modal: Decoupled, free: Coefficients, cases: Cases, begun: Motion, terms: Terms
     ):
+        self._modal, self._free, self._cases, self._begun, self._terms = modal, free, cases, begun, terms
         loss, self._content = (product(row, modal.heat_shapes) for row in (structure.loss_row, structure.content))
-        self._scale, self._begun_heat, self._warming = modal.heat_scale, begun.heat, begun.warming_modes
-        self._counts = free.heat_counts
         self.account = _account(modal, free, loss, terms)
-        self._speed = (terms.velocity * modal.tip).T
         self._sums = _sums(modal, free, loss, begun, terms)
-        self._initial = project(np.abs(self._content), np.abs(begun.heat + begun.settled))
-        self._heating = project(self._content, project(modal.heat_shapes.T, cases.heating))
-        self._mobility, self._pushed = total(modal.mass * modal.tip**2), largest_load(cases, begun)
-        self._massless = massless_energy(modal, free.tip.h, terms.velocity)
         self._ended, self._ended_heat = np.zeros_like(self._sums), np.zeros_like(begun.heat)
 
     @property
@@ -88,23 +82,27 @@ class ModalBalance:
     @property
     def filled(self) -> list[tuple[Array, Array]]:
         """Rows of lanes, and what all cases begin with in them."""
+        speed = (self._terms.velocity * self._modal.tip).T
         pulled = np.zeros((self.account.pulled.shape[0], self._sums.shape[1]))
-        return [(self.account.sums, self._sums), (self.account.former, self._speed), (self.account.pulled, pulled)]
+        return [(self.account.sums, self._sums), (self.account.former, speed), (self.account.pulled, pulled)]
 
     def close(self, part: slice, state: State) -> None:
         """Keep what the lanes of some cases ended with."""
         count = part.stop - part.start
         self._ended[:, part] = self.account.sums[:, :count]
         self._ended_heat[part] = state.tau[:, :count].T
-        if not self._counts:
+        if not self._free.heat_counts:
             self._ended[total_row.FRICTION_HEAT, part] -= state.own[case_row.HEAT, :count]
 
     def result(self, elapsed: float) -> Balance:
         """Return the balances after ``elapsed`` seconds."""
-        warmed = self._ended_heat / self._scale - self._begun_heat + elapsed * self._warming
-        gained = project(self._content, warmed)
-        rest = rest_energy(self._mobility, elapsed * self._pushed) + self._massless
-        return Balance(self._ended, Content(gained, self._initial, elapsed * self._heating), rest)
+        modal, cases, begun = self._modal, self._cases, self._begun
+        warmed = self._ended_heat / modal.heat_scale - begun.heat + elapsed * begun.warming_modes
+        initial = project(np.abs(self._content), np.abs(begun.heat + begun.settled))
+        heating = elapsed * project(self._content, project(modal.heat_shapes.T, cases.heating))
+        rest = rest_energy(modal, cases, begun, elapsed)
+        rest += massless_energy(modal, self._free.tip.h, self._terms.velocity)
+        return Balance(self._ended, Content(project(self._content, warmed), initial, heating), rest)
 
 
 def _account(modal: Decoupled, free: Coefficients, loss: Array, terms: Terms) -> Account:
@@ -184,20 +182,15 @@ def inverse_square(tip: Array) -> Array:
     return np.where(felt, 1 / np.where(felt, tip, 1.0) ** 2, 0.0)
 
 
-def largest_load(cases: Cases, begun: Motion) -> Array:
-    """Return a bound of the load at the tip, N, ``(case,)``."""
-    swing = np.abs(cases.amplitude) + cases.load_harmonics.reach
-    return np.asarray(np.abs(cases.mean + begun.tip_force) + swing)
+def rest_energy(modal: Decoupled, cases: Cases, begun: Motion, elapsed: float) -> Array:
+    """Return the energy below which the tip is at rest, J, ``(case,)``.
 
-
-def rest_energy(mobility: float, push: Array) -> Array:
-    """Return the energy below which the tip is at rest, J: what :data:`REST` times an impulse ``push`` gives it.
-
-    ``mobility`` is its velocity per impulse, 1/kg.
-
-    Where load and contact force cancel at a gap of 0 nothing else moves, and energy and residual are both rounding.
+    It is what :data:`REST` times a bound of the load at the tip over ``elapsed`` seconds gives it. Where load and
+    contact force cancel at a gap of 0 nothing else moves, and energy and residual are both rounding.
     """
-    return np.asarray(0.5 * mobility * (REST * push) ** 2)
+    swing = np.abs(cases.amplitude) + cases.load_harmonics.reach
+    impulse = elapsed * (np.abs(cases.mean + begun.tip_force) + swing)
+    return np.asarray(0.5 * total(modal.mass * modal.tip**2) * (REST * impulse) ** 2)
 
 
 def massless_energy(modal: Decoupled, h: float, velocity: Array) -> Array:

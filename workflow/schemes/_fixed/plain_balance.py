@@ -15,7 +15,7 @@ from workflow.kernels.sums import product, total
 from workflow.models import Cases, Structure, directions, project
 from workflow.schemes._fixed import total_row
 from workflow.schemes._fixed.decoupled import decouple, start
-from workflow.schemes._fixed.modal_balance import felt_modes, largest_load, rest_energy
+from workflow.schemes._fixed.modal_balance import felt_modes, rest_energy
 from workflow.schemes._fixed.totals import Balance, content_of, in_order, row_totals
 
 States = tuple[Array, Array, Array]
@@ -136,5 +136,4 @@ class _InModes:
 
     def rest(self, elapsed: float) -> Array:
         """Return the energy below which the tip is at rest."""
-        mobility = total(self._modal.mass * self._modal.tip**2)
-        return rest_energy(mobility, elapsed * largest_load(self._cases, self._begun))
+        return rest_energy(self._modal, self._cases, self._begun, elapsed)
