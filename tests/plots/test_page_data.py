@@ -124,6 +124,12 @@ def test_exact_partners_have_the_same_scene() -> None:
     assert (exact_partners(dataset, {}) == -1).all()
 
 
+def test_exact_partners_have_the_frequency_that_a_zip_gives_with_the_step() -> None:
+    dataset = archive(scheme=2, f=3).assign_coords(h=("f", [4e-4, 2e-4, 1e-4]), frequency=("f", [1.0, 2.0, 4.0]))
+    partners = exact_partners(dataset, {"b": "event_driven"}).reshape(2, 3)
+    assert partners.tolist() == [[3, 4, -1]] * 2  # the last one diverged
+
+
 def test_a_large_archive_is_shown_in_part_and_the_page_says_which() -> None:
     dataset = archive(h=3, alpha=90_000)
     telling_cases = telling(dataset, recommend(dataset, 0.0025).choice)
