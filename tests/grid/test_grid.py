@@ -302,6 +302,14 @@ def test_a_plan_names_every_operator_and_the_basis_a_caution_is_of() -> None:
     assert diverging.endswith("-fold at h = 4e-05 s (worst with 3 + 2 modes)")
 
 
+def test_a_mode_that_does_not_swing_is_not_said_to_be_damped_numerically() -> None:
+    """Beyond critical damping the factor of a step is real: the ratio was infinite."""
+    for ratio, expected in ((0.9, 1), (5, 0)):
+        text = SCENE.replace("damping: {mass: 10, stiffness: 2.0e-7}", f"damping: {{ratio: {ratio}}}")
+        warnings = plan_study(parsed(f"study: a\n{text}axes: {{h: 1e-4}}\n")).warnings
+        assert sum("damps the first mode" in line for line in warnings) == expected
+
+
 def test_a_plan_says_how_many_structures_it_does_not_show() -> None:
     masses = ", ".join(f"{1e-3 * (k + 1):g}" for k in range(10))
     text = "study: a\n" + SCENE.replace("damping: {mass: 10, stiffness: 2.0e-7}", "damping: {mass: 0}")

@@ -260,7 +260,7 @@ def _beware(grid: Grid, cell: Cell) -> list[_Caution]:
         if cell.h > limit:
             measured = f"{schemes.limit_text(limit)} s (measured with contact that comes and goes)"
             cautions.append(caution("grows in contact, which is stable only up to", measured, -limit))
-    if 0 < omega[0] < np.inf:
+    if 0 < omega[0] < np.inf and damping[0] < 2 * omega[0]:  # a mode that swings
         physical = float(damping[0] / (2 * omega[0]))
         numerical = _first_mode_damping(scheme, omega[:1], damping[:1], cell) - physical
         if numerical > physical + _GROWS:
