@@ -99,6 +99,12 @@ def test_names_of_slopes_are_below_the_crosses() -> None:
         assert max(box.y1 for box in names) < lowest
 
 
+def test_names_of_slopes_are_apart_where_errors_hardly_change() -> None:
+    figure = convergence([line("flat", 1e-3 * H**0.1, H > 0, 1e-8 / H)])
+    for panel in figure.axes[:3]:
+        assert_apart(figure, [text for text in panel.texts if "slope" in text.get_text()], 2)
+
+
 def test_many_gaps_and_restitutions_are_drawn() -> None:
     """Nine values of e ended with an index out of range, nine gaps were a strip 33 inches wide."""
     e, gap, frequency = np.linspace(0, 0.8, 9), 1e-5 * np.arange(1, 8), np.array([10.0, 20.0])

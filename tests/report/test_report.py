@@ -17,6 +17,7 @@ from workflow.archive import ArchiveError, open_archive
 from workflow.cli import app
 from workflow.report import Written, duration_of, write_report
 from workflow.report import _sections as sections
+from workflow.report._answer import answer
 from workflow.run import run_study
 
 REFERRED = (
@@ -105,6 +106,13 @@ def test_a_report_of_exact_cases_draws_maps_and_asks_for_no_step(tmp_path: Path)
     assert text.count("map of the scene over two axes") == 4
     assert written.figure is not None
     assert "impulse growth" in text
+
+
+def test_what_an_answer_quotes_is_code(archives: list[Path]) -> None:
+    with open_archive(archives[0]) as dataset:
+        reduced = dataset.isel(model=[0]).sel(scheme=["event_driven"]).assign_coords(tolerance=1e-9)
+        body = answer(reduced, {}).body
+    assert any("Add more modes, or <code>full</code>." in part for part in body)
 
 
 def test_several_archives_share_a_page(archives: list[Path], tmp_path: Path) -> None:

@@ -192,8 +192,8 @@ def _slopes(panel: Any, stepping: Sequence[Line], name: str) -> None:
     for slope, style in ((1, "--"), (2, ":")):
         y = float(np.exp(np.median(np.log(error)))) * (ends / middle) ** slope
         panel.plot(ends, y, style, color=GREY, lw=1.0, zorder=0)
-        # a line that leaves the panel is named where it does
-        top = min(float(y[1]), float(high) / (high / low) ** 0.08)
+        # a line that leaves the panel is named below where it does, slope 1 below slope 2
+        top = min(float(y[1]), float(high) / (high / low) ** (0.08 * (3 - slope)))
         place = (ends[1] * (top / y[1]) ** (1 / slope), top)
         note = panel.annotate(f"slope {slope}", place, fontsize=7.5, color=GREY, ha="right", va="bottom")
         note.set_in_layout(False)

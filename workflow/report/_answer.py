@@ -63,7 +63,7 @@ def answer(dataset: xr.Dataset, methods: Mapping[str, str]) -> Answer:
     rows = [recommendation if other == recommendation.tolerance else recommend(dataset, other) for other in others]
     body = [
         tag("h2", "Answer"),
-        tag("p", sentence(recommendation), kind="quoted"),
+        tag("p", prose(sentence(recommendation)), kind="quoted"),
         *(tag("p", prose(f"Beware: {caution}.")) for caution in recommendation_cautions(dataset)),
         *_undecidable(rows),
         table(RECOMMENDATION_COLUMNS, [recommendation_row(row) for row in rows]),
