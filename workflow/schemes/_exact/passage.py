@@ -58,12 +58,19 @@ def _change_modes(matrix: Array, casing: tuple[float, float], source: Array, tar
 @part
 def fill_modal(motions: Motions, held: bool, t: float) -> None:
     """Fill [y, y', τ] of the free tip with the present state of the motion with the tip held, or free."""
-    m = motions.held if held else motions.free
+    if held:
+        _fill(motions.held, t)
+        _change_modes(motions.exit, casing_at(motions.held.r, t), motions.held.modal, motions.free.modal)
+    else:
+        _fill(motions.free, t)
+
+
+@part
+def _fill(m: Motion, t: float) -> None:
+    """Fill [z, z', τ] of a motion with its present state."""
     to_coordinates(m.r, m.now, t, m.coordinates)
     if not m.is_modal:
         multiply(m.outward, m.coordinates, m.modal)
-    if held:
-        _change_modes(motions.exit, casing_at(m.r, t), m.modal, motions.free.modal)
 
 
 @part

@@ -92,9 +92,10 @@ their eigenvectors eleven digits."""
 
 
 def regime_of(system: ModalSystem, alpha: float = 0.0) -> Regime:
-    """Return the regime of a structure with its tip free, or held at α [W/N]; at α > 0 of the modes that are linked.
+    """Return the regime of a structure with its tip free, or held at α [W/N].
 
-    Where poles coincide, its damping is changed by as little as parts them.
+    At α > 0 or with friction along t ``system`` is one of :func:`linked` modes. Where poles coincide, its damping is
+    changed by as little as parts them.
 
     Raises
     ------
