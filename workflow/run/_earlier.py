@@ -261,10 +261,10 @@ def stored_choices(texts: Mapping[str, str]) -> Decided:
         return Decided()
 
 
-def begun_choices(study: Study, parts: Path) -> Decided:
-    """Return the counts of modes that an unfinished run of a study began with; none where there is no such run."""
+def begun_texts(study: Study, parts: Path) -> Mapping[str, str]:
+    """Return the texts of provenance with which an unfinished run of a study began; none where there is no such run."""
     left = _unfinished(parts)
-    return stored_choices(left.provenance) if left is not None and left.key == study_key(study) else Decided()
+    return left.provenance if left is not None and left.key == study_key(study) else {}
 
 
 def is_unfinished(study: Study, archive: Path) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -27,7 +28,7 @@ from workflow.archive import (
     start_parts,
 )
 from workflow.grid import Grid, case_hashes, units_of
-from workflow.run._earlier import Hashes, Reuse, cells_there, clear_other_parts, reused_cells
+from workflow.run._earlier import Hashes, Reuse, begun_texts, cells_there, clear_other_parts, reused_cells
 from workflow.run._task import Job
 
 _HASHED_ASIDE = 100_000
@@ -101,8 +102,10 @@ def prepare(grid: Grid, archive: Path, hashes: CaseHashes, reuse: Reuse) -> Prep
     if layout.cells > _HASHED_ASIDE:
         hashes.result()
     stored_cells = reused_cells(study, archive, layout, hashes.result(), reuse) if archive.exists() else None
+    earlier = [begun_texts(study, parts)]
     if stored_cells is not None and np.any(stored_cells.cells >= 0):
-        layout = replace(layout, provenance={**layout.provenance, **_made_elsewhere(archive, layout)})
+        earlier.append(provenance(archive))
+    layout = replace(layout, provenance={**layout.provenance, **_made_elsewhere(filter(None, earlier), layout)})
     clear_other_parts(study, parts, layout, hashes.result, reuse.drop)
     start_parts(parts, layout)
     if stored_cells is not None and (reuse.retry or reuse.recompute) and not are_saved(parts, stored_cells):
@@ -118,8 +121,7 @@ def prepare(grid: Grid, archive: Path, hashes: CaseHashes, reuse: Reuse) -> Prep
     return Prepared(Job(grid, units, layout, parts, stored_cells), done, there, resumed)
 
 
-def _made_elsewhere(archive: Path, layout: Layout) -> dict[str, str]:
-    """Return the attribute :data:`COPIED` where other software or another processor ran cases of an archive."""
-    texts = provenance(archive)
-    same = all(texts.get(name) == layout.provenance[name] for name in SOFTWARE)
-    return {} if same and COPIED not in texts else {COPIED: "cases that other software or another processor ran"}
+def _made_elsewhere(earlier: Iterable[Mapping[str, str]], layout: Layout) -> dict[str, str]:
+    """Return the attribute :data:`COPIED` where other software or another processor ran earlier cases, by texts."""
+    same = all(COPIED not in texts and texts.get(n) == layout.provenance[n] for texts in earlier for n in SOFTWARE)
+    return {} if same else {COPIED: "cases that other software or another processor ran"}

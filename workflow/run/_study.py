@@ -27,7 +27,7 @@ from workflow.archive import (
     study_key,
 )
 from workflow.grid import Task, arrange, compiling, measured_run, tasks
-from workflow.run._earlier import Reuse, begun_choices, cells_there, check_name, is_unfinished
+from workflow.run._earlier import Reuse, begun_texts, cells_there, check_name, is_unfinished, stored_choices
 from workflow.run._notebook import in_notebook, notebook_line
 from workflow.run._outcome import Outcome, summarise
 from workflow.run._prepare import CaseHashes, Prepared, prepare
@@ -109,7 +109,7 @@ def _run(study: Study, archive: Path, where: Where, reuse: Reuse, progress: Prog
             with holding(parts):
                 remove_parts(parts)
         return replace(summarise(archive, None), seconds=time.perf_counter() - begun)
-    grid = arrange(study, begun_choices(study, parts))
+    grid = arrange(study, stored_choices(begun_texts(study, parts)))
     with (
         CaseHashes(grid) as hashes,
         runner(where) as run_tasks,
