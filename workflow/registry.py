@@ -12,7 +12,7 @@ import pkgutil
 import sys
 from collections.abc import Iterable
 from functools import cache
-from importlib.metadata import entry_points
+from importlib.metadata import distributions, entry_points
 from types import ModuleType
 
 
@@ -40,6 +40,13 @@ def _own(path: tuple[str, ...]) -> frozenset[str]:
 def _entries(package: str) -> dict[str, str]:
     """Return the modules that entry points add, by name."""
     return {entry.name: entry.value for entry in entry_points(group=package)}
+
+
+@cache
+def modules_from_outside() -> frozenset[str]:
+    """Return the modules that entry points add to any registry of this package."""
+    added = (entry for distribution in distributions() for entry in distribution.entry_points)
+    return frozenset(entry.value for entry in added if entry.group.startswith("workflow."))
 
 
 def fault(package: str, name: str, required: Iterable[str]) -> str | None:

@@ -194,17 +194,36 @@ def test_a_pipe_is_not_waited_for(lumps: Path) -> None:
         read_study(lumps)
 
 
+def outside(folder: Path, group: str, name: str, module: str) -> dict[str, str]:
+    """Return the environment of a program that finds a module of a folder by an entry point."""
+    about = folder / "outside-1.0.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: outside\nVersion: 1.0\n")
+    (about / "entry_points.txt").write_text(f"[{group}]\n{name} = {module}\n")
+    return {**os.environ, "PYTHONPATH": os.pathsep.join([str(folder), os.environ.get("PYTHONPATH", "")])}
+
+
 def test_entry_points_add_a_scheme(tmp_path: Path) -> None:
     """As an installed distribution does: a module of its own and its entry point."""
     shutil.copy(HERE / "projected_euler.py", tmp_path / "from_outside.py")
-    about = tmp_path / "outside-1.0.dist-info"
-    about.mkdir()
-    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: outside\nVersion: 1.0\n")
-    (about / "entry_points.txt").write_text("[workflow.schemes]\nprojected = from_outside\n")
+    environment = outside(tmp_path, "workflow.schemes", "projected", "from_outside")
     code = "from workflow import schemes; print(schemes.names(), schemes.load('projected').about)"
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])}
     output = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment
     ).stdout
     assert "'projected'" in output
     assert "Symplectic Euler" in output
+
+
+def test_an_error_of_a_model_from_outside_is_said_to_be_its_own(tmp_path: Path) -> None:
+    text = (HERE / "lumps_from_a_table.py").read_text(encoding="utf-8")
+    (tmp_path / "lumps_outside.py").write_text(text.replace("np.zeros(masses.size)", "masses / [1.0, 2.0]"))
+    environment = outside(tmp_path, "workflow.models", "lumps_outside", "lumps_outside")
+    (tmp_path / "lumps.txt").write_text("2.5e-3 4e6 1.3\n" * 4)
+    (tmp_path / "lumps.yaml").write_text(f"study: lumps\n{LUMPS}".replace("lumps_from_a_table", "lumps_outside"))
+    call = [sys.executable, "-m", "workflow", "plan", "lumps.yaml"]
+    ended = subprocess.run(call, capture_output=True, text=True, check=False, env=environment, cwd=tmp_path)
+    assert ended.returncode == 2
+    said = " ".join(ended.stderr.split())
+    assert "lumps_outside.py, line 23: ValueError: operands could not be broadcast" in said
+    assert "defect of this program" not in said

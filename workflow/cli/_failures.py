@@ -80,6 +80,10 @@ def _last_resort(error: Exception) -> int:
             "study on fewer threads"
         )
         return WRONG
+    outside = _from_outside(error)
+    if outside is not None:
+        complain(f"{outside}: {type(error).__name__}: {error}; it is no part of this program, correct it there")
+        return WRONG
     where = _innermost(error)
     complain(
         f"a defect of this program: {type(error).__name__}{where}: {error}; finished results stay where they are. "
@@ -119,6 +123,18 @@ def _innermost(error: BaseException) -> str:
         file = Path(step.tb_frame.f_code.co_filename)
         if "workflow" in file.parts and file.parent.name != "cli":
             location = f" in {file.parent.name}/{file.name}, line {step.tb_lineno}"
+        step = step.tb_next
+    return location
+
+
+def _from_outside(error: BaseException) -> str | None:
+    """Return the file and line of a scheme, model or basis from outside that an error came through last."""
+    from workflow.registry import modules_from_outside
+
+    location, step = None, error.__traceback__
+    while step is not None:
+        if step.tb_frame.f_globals.get("__name__") in modules_from_outside():
+            location = f"{step.tb_frame.f_code.co_filename}, line {step.tb_lineno}"
         step = step.tb_next
     return location
 
