@@ -118,9 +118,17 @@ def _free_flight(cell: Cell, case: Cases, duration: float) -> float:
     structure = structure_of(cell.scene.model, cell.scene.parameters)
     assert not isinstance(structure, Sparse), "it is held"
     mass = structure.masses.sum() if isinstance(structure, Chain) else np.diag(structure.mass).sum()
-    load = float(np.abs(case.mean[0]) + np.abs(case.amplitude[0]) + np.abs(case.steady[0]).sum())
-    load += float(case.load_harmonics.reach[0])
+    load = float(_largest_load(structure, case)[0])
     return load * duration * duration / float(mass) + float(np.abs(case.velocity[0]).max()) * duration
+
+
+def _largest_load(structure: Structure, cases: Cases) -> Array:
+    """Return the largest load of each case, those of all coordinates added up, N, ``(case,)``.
+
+    A load direction counts as at least that of the tip: its entries may be those of modes, 1/√kg.
+    """
+    moving = np.abs(cases.mean) + np.abs(cases.amplitude) + cases.load_harmonics.reach
+    return np.asarray(moving * max(1.0, np.abs(structure.load_direction).sum()) + np.abs(cases.steady).sum(axis=1))
 
 
 def _reach(results: Results, cases: Cases) -> Array:
@@ -134,13 +142,12 @@ def _reach(results: Results, cases: Cases) -> Array:
 def _accounted(cell: Cell, cases: Cases, flexibility: float, growth: Array, duration: float) -> Array:
     """Return the largest length of what acts on each case without contact, m, ``(case,)``.
 
-    |gap| and how far the casing moves from it; S times the largest load, constant ones of all nodes added up; the
+    |gap| and how far the casing moves from it; S times the largest load, that of all nodes added up; the
     quasi-static growth of the initial temperatures and of what the heating brings in over the duration, each node's
     heat kept in it; and √(2 S E) with the initial energy E, the largest |x_n| that an energy E can bring about.
     """
     structure = structure_of(cell.scene.model, cell.scene.parameters)
-    load = np.abs(cases.mean) + np.abs(cases.amplitude) + np.abs(cases.steady).sum(axis=1)
-    load, place = load + cases.load_harmonics.reach, np.abs(cases.gap) + cases.casing_harmonics.reach
+    load, place = _largest_load(structure, cases), np.abs(cases.gap) + cases.casing_harmonics.reach
     warm = np.abs((growth * cases.temperature).sum(axis=1))
     capacity = _heat_capacities(structure)
     heated = (np.abs(growth) * np.abs(cases.heating) / capacity).sum(axis=1) * duration
