@@ -18,6 +18,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import dask
 import numpy as np
 import pytest
 
@@ -288,6 +289,7 @@ def test_what_listens_and_says_nothing_is_no_scheduler(monkeypatch: pytest.Monke
             pass
         ended.cancel()
         assert listening.fileno() >= 0  # it was not asked in vain until its end
+    assert dask.config.get("scheduler", None) is None  # what is computed next does not wait for it
 
 
 @pytest.mark.parametrize(

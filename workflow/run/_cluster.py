@@ -83,7 +83,8 @@ def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
             super().start(callback_timeout=2 * _ANSWER, **how)  # type: ignore[no-untyped-call]
 
     try:
-        client = Client(scheduler, timeout=_ANSWER)  # type: ignore[no-untyped-call]
+        # not the default of this process: one that fails would stay it, and what dask computes next would wait for it
+        client = Client(scheduler, timeout=_ANSWER, set_as_default=False)  # type: ignore[no-untyped-call]
     except (OSError, ValueError, TypeError) as error:
         why = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
         raise ClusterError(
