@@ -168,8 +168,8 @@ def exact_partners(dataset: xr.Dataset, methods: Mapping[str, str]) -> NDArray[n
     if not exact.any():
         return none
     place, coords = finest(dataset), dataset.coords.items()
-    scenic = {dim for name, values in coords if not is_numerical(dataset, str(name)) for dim in values.dims}
-    at = {dim: place[dim] for dim in numerical_dims(dataset) if dim not in scenic}
+    changing_scene = {dim for name, values in coords if not is_numerical(dataset, str(name)) for dim in values.dims}
+    at = {dim: place[dim] for dim in numerical_dims(dataset) if dim not in changing_scene}
     if dataset["scheme"].ndim:
         at[str(dataset["scheme"].dims[0])] = _most_modes(dataset, exact)
     places: list[NDArray[np.int64]] = list(np.indices(status.shape, sparse=True))

@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from traceback import format_exception, walk_tb
 from typing import Any, NoReturn, TextIO
 
 import typer
@@ -70,9 +71,7 @@ def _last_resort(error: Exception) -> int:
         _tell_usage(error)
         return int(getattr(error, "exit_code", WRONG))
     if os.environ.get(TRACEBACK):
-        import traceback
-
-        for line in "".join(traceback.format_exception(error)).splitlines():
+        for line in "".join(format_exception(error)).splitlines():
             complain(line)
     if lacks_memory(error):
         complain(
@@ -118,12 +117,11 @@ def lacks_memory(error: BaseException) -> bool:
 
 def _innermost(error: BaseException) -> str:
     """Return the file and line of this package that an error came through last."""
-    location, step = "", error.__traceback__
-    while step is not None:
-        file = Path(step.tb_frame.f_code.co_filename)
+    location = ""
+    for frame, line in walk_tb(error.__traceback__):
+        file = Path(frame.f_code.co_filename)
         if "workflow" in file.parts and file.parent.name != "cli":
-            location = f" in {file.parent.name}/{file.name}, line {step.tb_lineno}"
-        step = step.tb_next
+            location = f" in {file.parent.name}/{file.name}, line {line}"
     return location
 
 
@@ -131,11 +129,10 @@ def _from_outside(error: BaseException) -> str | None:
     """Return the file and line of a scheme, model or basis from outside that an error came through last."""
     from workflow.registry import modules_from_outside
 
-    location, step = None, error.__traceback__
-    while step is not None:
-        if step.tb_frame.f_globals.get("__name__") in modules_from_outside():
-            location = f"{step.tb_frame.f_code.co_filename}, line {step.tb_lineno}"
-        step = step.tb_next
+    location, modules = None, modules_from_outside()
+    for frame, line in walk_tb(error.__traceback__):
+        if frame.f_globals.get("__name__") in modules:
+            location = f"{frame.f_code.co_filename}, line {line}"
     return location
 
 

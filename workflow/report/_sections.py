@@ -39,6 +39,7 @@ from workflow.plots import (
 )
 from workflow.report._html import image, short, table, tag
 from workflow.run import status_counts
+from workflow.schemes import Status
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -71,7 +72,7 @@ _STANDINGS_SHOWN = 150
 
 def any_ok(dataset: xr.Dataset) -> bool:
     """Tell whether any case is ok."""
-    return bool((dataset["status"] == 0).any())
+    return bool((dataset["status"] == Status.OK).any())
 
 
 def cases(dataset: xr.Dataset) -> list[str]:
@@ -80,7 +81,7 @@ def cases(dataset: xr.Dataset) -> list[str]:
     body: list[str] = [tag("h2", "Cases"), table(["status", "cases"], [[name, str(n)] for name, n in counts.items()])]
     above, flutter = runaways(dataset)
     if above:
-        limits = dataset["critical_alpha"].where(dataset["status"] == 0)
+        limits = dataset["critical_alpha"].where(dataset["status"] == Status.OK)
         critical = np.unique(limits.where(dataset["alpha"] > limits).values.round(12))
         text = ", ".join(f"{value:.4g}" for value in critical[np.isfinite(critical)][:5])
         body.append(
@@ -222,7 +223,7 @@ def errors(dataset: xr.Dataset) -> list[str]:
         chosen = dataset.isel(dict(zip(dims, index, strict=True)))
         row = [labels[dim][k] for dim, k in zip(dims, index, strict=True)]
         for name in ("displacement_error", "temperature_error", "impulse_error"):
-            values = np.asarray(chosen[name].where(chosen["status"] == 0).values, dtype=float)
+            values = np.asarray(chosen[name].where(chosen["status"] == Status.OK).values, dtype=float)
             values = values[np.isfinite(values)]
             row.append(f"{short(np.median(values))} / {short(values.max())}" if values.size else "–")
         rows.append(row)
@@ -325,14 +326,14 @@ def scene_pictures(dataset: xr.Dataset) -> list[str]:
     ):
         at = {dim: k for dim, k in finest(dataset).items() if dim != "alpha"}
         pressed = dataset.isel(at)
-        if bool((pressed["status"] == 0).all()):
+        if bool((pressed["status"] == Status.OK).all()):
             picture = growth_against_prediction(pressed)
             body += [tag("h2", "Growth in permanent contact"), image(picture, "contact force by heat coupling")]
     return body
 
 
 def _always_touching(dataset: xr.Dataset) -> bool:
-    ok = dataset["status"] == 0
+    ok = dataset["status"] == Status.OK
     return bool((dataset["contact_force"].isel(t=slice(1, None)).where(ok, 1.0) > 0).all())
 
 

@@ -60,7 +60,8 @@ def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     for name in _LOGGERS:
         logging.getLogger(name).setLevel(logging.CRITICAL + 1)  # what went wrong is reported here, once
     if scheduler is None:
-        sys.warnoptions += [] if _QUIETLY in sys.warnoptions else [_QUIETLY]
+        if _QUIETLY not in sys.warnoptions:
+            sys.warnoptions.append(_QUIETLY)
         preload = [*config.get("distributed.worker.preload", []), _IGNORE_INTERRUPTS]
         with (
             config.set({"distributed.worker.preload": preload}),

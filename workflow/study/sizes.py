@@ -37,9 +37,9 @@ def assembled_sizes(written: Written, model: str, where: Mapping[str, Any]) -> S
     form = parameters_form(models.load(model).Parameters)
     try:
         read = TypeAdapter(form).validate_python(mapping(written.tree, "scene", model), context=where)
-        both = models.sizes(model, read)
-        coordinates = {path: (size,) for path, size in zip(MODES, both, strict=True)}
         structure = models.load(model).assemble(read)
+        both = structure.mechanical_size, structure.thermal_size
+        coordinates = {path: (size,) for path, size in zip(MODES, both, strict=True)}
         nodes, temperatures = ((size,) for size in structure.input_sizes)
         return Sizes(nodes, temperatures, coordinates, models.most_modes(model, read), structure.input_contact)
     except models.UnusableMatricesError as error:
