@@ -58,7 +58,7 @@ def replaced(source: Source, settings: Mapping[str, Any], option: str = OPTION) 
     Raises
     ------
     StudyError
-        A path leads nowhere, or a value is none that YAML has.
+        A path leads nowhere, an axis or a zip varies it, or a value is none that YAML has.
     """
     tree = copy.deepcopy(source.tree)
     new = Source(source.file, source.text, tree, dict(source.lines), list(source.mistakes))
@@ -68,6 +68,13 @@ def replaced(source: Source, settings: Mapping[str, Any], option: str = OPTION) 
         if fault:
             raise StudyError([Mistake(name, None, "", *fault)])
         new.named[tuple(int(step) if str(step).isdigit() else step for step in place)] = name
+    hidden = [(key, varied) for key in settings if (varied := _varied_at(tree, key))]
+    if hidden:
+        problem = "has no effect, as {} varies this value"
+        raise StudyError(
+            Mistake(f"{option} {key}", None, "", problem.format(varied), f"set {varied} instead")
+            for key, varied in hidden
+        )
     new.text = text_of(tree, source.text, {key: _plain(value, key) for key, value in settings.items()})
     return new
 
@@ -128,6 +135,15 @@ def _place(key: str) -> Place:
     if head == "zip" and "." in rest:
         return (head, *rest.split(".", 1))
     return tuple(key.split("."))
+
+
+def _varied_at(tree: Any, path: str) -> str | None:
+    """Return the key of the axis or the column of a zip that varies a path, ``None`` where none does."""
+    sections = {"axes": tree.get("axes")} if isinstance(tree, dict) else {}
+    if isinstance(tree, dict) and isinstance(tree.get("zip"), dict):
+        sections |= {f"zip.{name}": zipped for name, zipped in tree["zip"].items()}
+    owners = (name for name, section in sections.items() if isinstance(section, dict) and section.get(path) is not None)
+    return next((f"{owner}.{path}" for owner in owners), None)
 
 
 def _put(tree: Any, place: Place, value: Any) -> tuple[str, str] | None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from workflow import reduction, schemes
+from workflow import models, reduction, schemes
 from workflow.models import Array
 from workflow.study.addresses import DEFAULT_SCHEME, MODES, REDUCTION, TOLERANCE, Address, harmonic_counts
 from workflow.study.axes import Axis
@@ -22,10 +22,6 @@ MOST_SAMPLES = 2_000_000
 
 MOST_STEPS = 10**12
 """Steps of a case: at 10 ns a step about three hours of one core."""
-
-LONGEST_STEP = 1e3
-"""A step, in durations; one step of any length covers the duration, this leaves room and no overflow."""
-
 
 MOST_COMBINATIONS = 10**7
 """Combinations of start and casing that are judged before a study runs."""
@@ -84,13 +80,20 @@ def judge_parts(written: Written) -> None:
                 _judge_harmonic(written, f"scene.{group}.harmonics.{k}", entry)
 
 
+def judge_either(written: Written, place: Place, entry: Mapping[str, Any], names: tuple[str, str]) -> bool:
+    """Report a mapping that has none or both of two keys; tell whether it has one."""
+    given = [name in entry for name in names]
+    if all(given):
+        written.source.report(place, f"has both `{names[0]}` and `{names[1]}`", "write one of the two")
+    elif not any(given):
+        written.source.report(place, f"has neither `{names[0]}` nor `{names[1]}`", "write one of the two")
+    return sum(given) == 1
+
+
 def _judge_harmonic(written: Written, path: str, entry: Mapping[str, Any]) -> None:
     """Report one entry of ``harmonics`` that has no frequency, two, or an order of no speed."""
-    frequency_keys = [name for name in ("frequency", "order") if name in entry]
-    if len(frequency_keys) != 1:
-        problem = "has both `frequency` and `order`" if frequency_keys else "has neither `frequency` nor `order`"
-        written.source.report(place_of_path(path), problem, "write one of the two")
-    elif frequency_keys == ["order"] and "speed" not in mapping(written.tree, "scene"):
+    one = judge_either(written, place_of_path(path), entry, ("frequency", "order"))
+    if one and "order" in entry and "speed" not in mapping(written.tree, "scene"):
         remedy = "write `speed` in the scene, e.g. `speed: 9000 rpm`, or `frequency` in the place of `order`"
         written.source.report(
             written.place_of((f"{path}.order",)), "is a multiple of a speed that is not given", remedy
@@ -167,6 +170,14 @@ def judge_support(written: Written, methods: Mapping[str, Sequence[str]]) -> Non
                 written.source.report(place, f"`{name}` {reason}", remedy)
 
 
+def judge_model(written: Written, model: str | None) -> None:
+    """Refuse parameters of which the model takes one, where there are none or two."""
+    parameters = mapping(written.tree, "scene").get(str(model))
+    names = getattr(models.load(model), "EITHER", None) if model is not None else None
+    if names is not None and isinstance(parameters, dict):
+        judge_either(written, ("scene", str(model)), parameters, names)
+
+
 def judge_damping(written: Written, model: str | None) -> None:
     """Refuse a damping ratio beside Rayleigh's coefficients."""
     damping = mapping(written.tree, "scene", str(model), "damping")
@@ -229,7 +240,7 @@ def _begins(harmonic: CasingHarmonic, k: int, values: Mapping[str, Any]) -> Any:
 def judge_extent(
     written: Written, scene: Mapping[str, Any], groups: Sequence[tuple[Axis, ...]], methods: Mapping[str, Sequence[str]]
 ) -> None:
-    """Refuse more load periods or steps than any case can have, and steps far beyond the duration.
+    """Refuse more load periods or steps than any case can have, and steps longer than the duration.
 
     ``methods`` holds the methods that each label of a scheme may stand for.
     """
@@ -249,8 +260,8 @@ def judge_extent(
     if shortest is not None and duration / shortest > MOST_STEPS:
         problem = f"{shortest:g} s makes {duration / shortest:.3g} steps of a duration of {duration:g} s"
         written.source.report(written.place_of(("h",)), problem, f"write at least {duration / MOST_STEPS:.3g} s")
-    elif longest is not None and longest > LONGEST_STEP * duration:
-        problem = f"{longest:g} s is far longer than the duration of {duration:g} s"
+    elif longest is not None and longest > duration:
+        problem = f"{longest:g} s is longer than the duration of {duration:g} s"
         written.source.report(written.place_of(("h",)), problem, f"write at most {duration:g} s")
 
 

@@ -67,9 +67,16 @@ def details(error: PydanticCustomError, place: Place, value: Any) -> InitErrorDe
     return InitErrorDetails(type=error, loc=place, input=value)
 
 
+_SYNONYMS = {"restitution": "e", "step": "h", "time_step": "h", "dt": "h", "clearance": "gap"}
+"""What people write, and the word of a study."""
+
+
 def nearest(word: str, choices: Iterable[str]) -> str | None:
-    """Return the known word that looks most like ``word``, ``None`` where none does."""
-    matches = difflib.get_close_matches(word, list(choices), n=1, cutoff=0.6)
+    """Return the known word that means the same or looks most like ``word``, ``None`` where none does."""
+    choices = list(choices)
+    if _SYNONYMS.get(word) in choices:
+        return _SYNONYMS[word]
+    matches = difflib.get_close_matches(word, choices, n=1, cutoff=0.6)
     return matches[0] if matches else None
 
 

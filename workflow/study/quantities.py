@@ -31,12 +31,13 @@ _SPOKEN = {
     "m": ("a length", "metres", "20 um"),
     "s": ("a time", "seconds", "1 ms"),
     "kg": ("a mass", "kilograms", "2.5 g"),
-    "K": ("a temperature difference", "kelvin", "20 K"),
+    "K": ("a temperature difference", "the rise above the root in kelvin", "20 K"),
     "Hz": ("a frequency", "hertz", "5 Hz"),
     "rad": ("an angle", "radians", "90 deg"),
     "N": ("a force", "newtons", "24 N"),
     "W": ("a heat load", "watts", "2 W"),
     "m/s": ("a velocity", "metres per second", "0.1 m/s"),
+    "Pa": ("a modulus", "pascals", "114e9 Pa"),
     "N/m": ("a stiffness", "newtons per metre", "1e6 N/m"),
 }
 
@@ -44,7 +45,17 @@ Unit = tuple[Decimal, dict[str, float]]
 """Factor to pint's root units, and the exponents of those."""
 
 
-_PREFIXES = {"": "1", "k": "1e3", "M": "1e6", "c": "1e-2", "m": "1e-3", "u": "1e-6", "µ": "1e-6", "n": "1e-9"}
+_PREFIXES = {
+    "": "1",
+    "k": "1e3",
+    "M": "1e6",
+    "G": "1e9",
+    "c": "1e-2",
+    "m": "1e-3",
+    "u": "1e-6",
+    "µ": "1e-6",
+    "n": "1e-9",
+}
 _SYMBOLS: dict[str, tuple[str, dict[str, float]]] = {
     "m": ("1", {"meter": 1}),
     "s": ("1", {"second": 1}),
@@ -54,6 +65,7 @@ _SYMBOLS: dict[str, tuple[str, dict[str, float]]] = {
     "N": ("1e3", {"gram": 1, "meter": 1, "second": -2}),
     "J": ("1e3", {"gram": 1, "meter": 2, "second": -2}),
     "W": ("1e3", {"gram": 1, "meter": 2, "second": -3}),
+    "Pa": ("1e3", {"gram": 1, "meter": -1, "second": -2}),
     "rad": ("1", {"radian": 1}),
 }
 
@@ -122,9 +134,10 @@ def _registry() -> Any:
 
 
 def _named(name: str) -> Unit:
-    """Return what a bare name is worth; ``rpm`` counts cycles here, as engineers do, not radians."""
+    """Return what a bare name is worth; as engineers have it ``rpm`` counts cycles and ``mil`` is a thou."""
     if name == "rpm":
         return _EXACT.divide(Decimal(1), Decimal(60)), {"second": -1}
+    name = "thou" if name == "mil" else name
     return COMMON[name] if name in COMMON else pint_unit(name)
 
 
@@ -168,7 +181,7 @@ def readable(unit: str) -> str:
 def expected(declared: Quantity) -> str:
     """Return the remedy for a value of the wrong kind: the unit by name, with an example."""
     _, units, example = _SPOKEN.get(declared.unit, ("", declared.unit, f"1 {declared.unit}"))
-    return f"write {units}, e.g. `{example}`"
+    return f"write {units}, e.g. `{declared.example or example}`"
 
 
 def admissible(declared: Quantity) -> str:

@@ -26,6 +26,7 @@ from workflow.study.judges import (
     judge_auto,
     judge_damping,
     judge_extent,
+    judge_model,
     judge_parts,
     judge_schemes,
     judge_start,
@@ -154,6 +155,7 @@ class _Reader:
         self._judge_zips()
         judge_schemes(self._written())
         judge_auto(self._written())
+        judge_model(self._written(), self.model)
         judge_damping(self._written(), self.model)
         arrangement = Arrangement(self.source, self.addresses, self.nodes, self.sizes, self._reserved())
         dimensions, scalars = arrangement.arrange(axes, zips)
