@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workflow.kernels.compiled import kernel
+from workflow.kernels.complex_numbers import Complex
 from workflow.kernels.sums import product
 from workflow.models import Array
 from workflow.schemes._exact.modal_system import ModalSystem
@@ -168,6 +169,8 @@ class Memory(NamedTuple):
     """Of signal and tip temperature what constant loads alone give, ``(2,)``."""
     waves: Array
     """See :mod:`workflow.schemes._exact.tables.wave`."""
+    differences: Complex
+    """Divided differences of an explicit block, ``(11, 5)``; scratch."""
     expansion: Expansion
 
 
@@ -185,6 +188,7 @@ def memory(regime: Layout, heated: bool, waves: int) -> Memory:
         states=np.zeros((3, state.ROWS, max(columns, wide))),
         outputs=np.zeros(2),
         waves=np.zeros((waves, wave.COLUMNS)),
+        differences=np.zeros((11, 5), dtype=np.complex128),
         expansion=Expansion(
             np.zeros((expansion.ROWS, regime.blocks + 1)), np.zeros((expansion.ROWS, columns)), np.zeros(ORDER + 1)
         ),

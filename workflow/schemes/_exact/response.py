@@ -7,8 +7,7 @@ Loads and casing are constants and waves of phase ψ = Ω t + φ, pairs of coeff
 
 the particular solution is subtracted, and its response η = a ξ + b ξ' to each first-order state: what is left moves
 freely and costs one exponential. Where that would lose digits (slow blocks, resonance with a wave or with a
-first-order state) the block is *explicit*: it keeps its force and is advanced by Taylor series, which hold for every
-ω² and c.
+first-order state) the block is *explicit*: it keeps its force, see :mod:`workflow.schemes._exact.explicit_blocks`.
 """
 
 from __future__ import annotations
@@ -19,12 +18,13 @@ import numpy as np
 
 from workflow.kernels import elementary
 from workflow.kernels.compiled import part
+from workflow.kernels.complex_numbers import Complex
 from workflow.models import Array
 from workflow.schemes._exact.layout import Layout, Load, Memory
 from workflow.schemes._exact.tables import block, first, state, wave
 from workflow.schemes._exact.waves import wave_phase
 
-SLOW_POLE = 0.3
+_SLOW_POLE = 0.3
 """A block whose slowest pole times the duration is below this is explicit: subtracting F/ω² would lose digits
 like (slow pole · duration)⁻²."""
 
@@ -44,12 +44,13 @@ class Response(NamedTuple):
     """Number of first-order states, 0 without heat."""
     explicits: int
     aperiodics: int
-    """Numbers of explicit blocks, and of others that do not oscillate."""
+    """Numbers of explicit blocks, and of blocks that do not oscillate."""
     block: Array
     first: Array
     coupling: Array
     outputs: Array
     waves: Array
+    differences: Complex
     gap: float
     """d0, m."""
     growth: float
@@ -74,13 +75,13 @@ def respond(regime: Layout, load: Load, memory: Memory) -> Response:
     explicits, aperiodics = 0, 0
     for k in range(blocks):
         _fill_force(regime, load, k, firsts > 0, memory)
+        if b[block.STIFFNESS, k] <= 0.25 * b[block.DAMPING, k] * b[block.DAMPING, k]:
+            b[block.APERIODIC_COLUMNS, aperiodics] = k
+            aperiodics += 1
         if (firsts > 0 and b[block.RESONANT, k] > 0.0) or _keeps_force(b, k, load):
             b[block.EXPLICIT, k], b[block.EXPLICIT_COLUMNS, explicits] = 1.0, k
             explicits += 1
             continue
-        if b[block.STIFFNESS, k] <= 0.25 * b[block.DAMPING, k] * b[block.DAMPING, k]:
-            b[block.APERIODIC_COLUMNS, aperiodics] = k
-            aperiodics += 1
         _subtract_particular(b, k, memory.waves, memory.outputs)
         for j in range(firsts):
             _subtract_thermal_response(b, k, f, j, coupling)
@@ -104,6 +105,7 @@ def respond(regime: Layout, load: Load, memory: Memory) -> Response:
         coupling,
         memory.outputs,
         memory.waves,
+        memory.differences,
         load.gap,
         growth,
         fastest,
@@ -207,7 +209,7 @@ def _keeps_force(b: Array, k: int, load: Load) -> bool:
     w2, half = b[block.STIFFNESS, k], abs(b[block.HALF_DAMPING, k])
     square = w2 - half * half
     slow = np.sqrt(w2) if square >= 0.0 else w2 / (half + np.sqrt(-square))
-    if slow * load.duration < SLOW_POLE:
+    if slow * load.duration < _SLOW_POLE:
         return True
     if square < 0.0:
         return False
