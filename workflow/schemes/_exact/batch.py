@@ -159,6 +159,7 @@ class _Batch:
         """Return the results of the batch."""
         status = np.where(self.ended == outcome.COMPLETED, Status.OK, Status.FAILED).astype(np.int8)
         status[self.ended == outcome.NO_IMPACT_LAW] = Status.ILL_POSED
+        status[self.ended == outcome.NOT_FINITE] = Status.DIVERGED
         histories = {name: self.histories[:, k].copy() for k, name in enumerate(HISTORIES)}
         share = self.period_values[:, 2] * self.frequency[:, None]
         return Results(

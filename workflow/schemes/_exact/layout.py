@@ -156,6 +156,8 @@ class Memory(NamedTuple):
     Without columns for first-order states where no heat acts.
     """
 
+    heated: bool
+    """Whether heat acts in the case."""
     block: Array
     first: Array
     """Tables of the layout, completed by what the loads of the case decide."""
@@ -181,6 +183,7 @@ def memory(regime: Layout, heated: bool, waves: int) -> Memory:
     modal = regime.inward.shape[0] if heated else 2 * regime.entry.shape[1]
     coordinates = np.zeros(2 * regime.blocks + firsts)
     return Memory(
+        heated=heated,
         block=np.zeros((block.ROWS + block.WAVE * waves, columns)),
         first=np.zeros((first.ROWS + first.WAVE * waves, wide)),
         coordinates=coordinates,

@@ -57,7 +57,7 @@ def march(free: Layout, held: Layout, case: Case, record: Record, memories: tupl
         if tally.steps > case.budget.steps:
             return outcome.OUT_OF_STEPS
         h, event, observed = _step(motions.held if tally.held else motions.free, record, start, T, observed, log)
-        if not np.isfinite(h):
+        if not (np.isfinite(h) and np.isfinite(observed.signal) and np.isfinite(observed.temperature)):
             return outcome.NOT_FINITE
         if not tally.held:
             # height of a flight from impact to impact that is a parabola

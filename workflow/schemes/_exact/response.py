@@ -40,6 +40,8 @@ class Response(NamedTuple):
     """A regime under the loads of one case; tables are those of :class:`~workflow.schemes._exact.layout.Memory`."""
 
     blocks: int
+    heated: bool
+    """Whether heat acts in the case; a regime without first-order states may have it all the same."""
     firsts: int
     """Number of first-order states, 0 without heat."""
     explicits: int
@@ -69,12 +71,12 @@ class Response(NamedTuple):
 def respond(regime: Layout, load: Load, memory: Memory) -> Response:
     """Return the response of a regime to the loads of one case, and complete the tables of its memory."""
     b, f, coupling = memory.block, memory.first, regime.coupling
-    blocks, firsts = regime.blocks, regime.firsts if memory.first.shape[1] > 0 else 0
+    blocks, firsts, heated = regime.blocks, regime.firsts if memory.heated else 0, memory.heated
     _clear(regime, load, memory)
     _fill_sources(regime, load, firsts, memory)
     explicits, aperiodics = 0, 0
     for k in range(blocks):
-        _fill_force(regime, load, k, firsts > 0, memory)
+        _fill_force(regime, load, k, heated, memory)
         if b[block.STIFFNESS, k] <= 0.25 * b[block.DAMPING, k] * b[block.DAMPING, k]:
             b[block.APERIODIC_COLUMNS, aperiodics] = k
             aperiodics += 1
@@ -97,6 +99,7 @@ def respond(regime: Layout, load: Load, memory: Memory) -> Response:
         steady &= memory.waves[i, wave.TEMPERATURE_COS] == 0.0 and memory.waves[i, wave.TEMPERATURE_SIN] == 0.0
     return Response(
         blocks,
+        heated,
         firsts,
         explicits,
         aperiodics,
@@ -160,7 +163,7 @@ def _wave_source(regime: Layout, load: Load, row: int, i: int) -> tuple[float, f
 def _fill_sources(regime: Layout, load: Load, firsts: int, memory: Memory) -> None:
     """Fill the sources of the signal and of first-order states."""
     f, outputs, waves, signal = memory.first, memory.outputs, memory.waves, 2 * regime.blocks + regime.firsts
-    outputs[SIGNAL] = _source(regime, load, signal, firsts > 0)
+    outputs[SIGNAL] = _source(regime, load, signal, memory.heated)
     for i in range(waves.shape[0]):
         waves[i, wave.SIGNAL_COS], waves[i, wave.SIGNAL_SIN] = _wave_source(regime, load, signal, i)
     for j in range(firsts):
