@@ -57,7 +57,7 @@ def march(free: Layout, held: Layout, case: Case, record: Record, memories: tupl
         if tally.steps > case.budget.steps:
             return outcome.OUT_OF_STEPS
         h, event, observed = _step(motions.held if tally.held else motions.free, record, start, T, observed, log)
-        if not (np.isfinite(h) and np.isfinite(observed.signal) and np.isfinite(observed.temperature)):
+        if not np.isfinite(h):
             return outcome.NOT_FINITE
         if not tally.held:
             # height of a flight from impact to impact that is a parabola
@@ -130,7 +130,7 @@ def _pass_event(motions: Motions, case: Case, tally: Any, observed: Observed) ->
 def _step(
     m: Motion, record: Record, start: Start, T: float, observed: Observed, log: Log
 ) -> tuple[float, bool, Observed]:
-    """Take a certified step; return its length (NaN: none found), whether an event ends it, and its last outputs."""
+    """Take a certified step; return its length (NaN: the state leaves the finite numbers), whether an event ends it, and its last outputs."""
     tally, t, tolerance = record.tally, record.tally.time, _SAME_TIME * T
     if not start.expanded:
         expand(m.r, m.now, t, m.expansion)
@@ -144,6 +144,8 @@ def _step(
     elif log.loss.size > 0:
         note_loss(log, m, h, tally)
     after = observe(m.r, m.after, t + h)
+    if not (np.isfinite(after.signal) and np.isfinite(after.temperature)):
+        return np.nan, False, after
     record_step(record, m, t, h, after, tolerance)
     copy_state(m.after, m.now)
     tally.impulse += impulse
