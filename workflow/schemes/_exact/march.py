@@ -130,7 +130,10 @@ def _pass_event(motions: Motions, case: Case, tally: Any, observed: Observed) ->
 def _step(
     m: Motion, record: Record, start: Start, T: float, observed: Observed, log: Log
 ) -> tuple[float, bool, Observed]:
-    """Take a certified step; return its length (NaN: the state leaves the finite numbers), whether an event ends it, and its last outputs."""
+    """Take a certified step; return its length, whether an event ends it, and its last outputs.
+
+    The length is NaN where the state leaves the finite numbers.
+    """
     tally, t, tolerance = record.tally, record.tally.time, _SAME_TIME * T
     if not start.expanded:
         expand(m.r, m.now, t, m.expansion)
