@@ -94,13 +94,15 @@ def _differences(r: Response, k: int, a: complex, dt: float, size: int) -> None:
 
 
 @part
-def explicit_response(r: Response, k: int, y: Array, t: float, dt: float, size: int) -> tuple[float, float, float]:
-    """Return η and η' a time ``dt`` after the state ``y`` of time t by the force alone, and ∫η dt of the whole motion.
+def advance_explicit(r: Response, k: int, y: Array, t: float, dt: float, size: int) -> tuple[float, float, float]:
+    """Return η, η' and ∫η dt of an explicit block a time ``dt`` after the state ``y`` of time t.
 
-    ``size`` is 3, or 4 where the integral is asked for: else it has no meaning.
+    What the block has at the beginning acts as constant forces do, so that no small change is lost beside 1. ``size``
+    is 3, or 4 where the integral is asked for: else it has no meaning.
     """
-    m, b, constant = r.differences, r.block, r.block[block.FORCE, k]
-    value, slope, area = 0.0, 0.0, 0.0
+    m, b, before, pace = r.differences, r.block, y[state.VALUE, k], y[state.SLOPE, k]
+    c, w2 = b[block.DAMPING, k], b[block.STIFFNESS, k]
+    constant, value, slope, area = b[block.FORCE, k], 0.0, 0.0, 0.0
     for i in range(r.waves.shape[0]):
         if forced(b, k, i):
             row, (cos, sin) = i * block.WAVE, wave_phase(r.waves, i, t)
@@ -112,17 +114,15 @@ def explicit_response(r: Response, k: int, y: Array, t: float, dt: float, size: 
     for j in range(r.firsts):
         g = r.coupling[0, j, k]
         if g != 0.0:  # ξ is what it was, and ξ' times the integral of e^(-μ t)
-            constant += g * y[state.FIRST, j]
-            pace = g * y[state.FIRST_SLOPE, j]
             _differences(r, k, complex(-r.first[first.RATE, j], 0.0), dt, size + 1)
-            value += pace * m[0, 3].real
-            slope += pace * m[0, 2].real
-            area += pace * m[0, 4].real
+            constant, change = constant + g * y[state.FIRST, j], g * y[state.FIRST_SLOPE, j]
+            value += change * m[0, 3].real
+            slope += change * m[0, 2].real
+            area += change * m[0, 4].real
     _differences(r, k, complex(0.0, 0.0), dt, size)
-    value += constant * m[0, 2].real
-    slope += constant * m[0, 1].real
-    area += constant * m[0, 3].real  # and of what moves without a force, η' + c η = const. - ω² ∫η dt
-    area += (y[state.SLOPE, k] + b[block.DAMPING, k] * y[state.VALUE, k]) * m[0, 2].real + y[state.VALUE, k] * m[
-        0, 1
-    ].real
-    return value, slope, area
+    once, twice = m[0, 1].real, m[0, 2].real
+    area += before * once + (pace + c * before) * twice + constant * m[0, 3].real
+    constant -= w2 * before
+    value += pace * once + constant * twice
+    slope += (constant - c * pace) * once - w2 * pace * twice
+    return before + value, pace + slope, area

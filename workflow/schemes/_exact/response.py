@@ -46,7 +46,7 @@ class Response(NamedTuple):
     """Number of first-order states, 0 without heat."""
     explicits: int
     aperiodics: int
-    """Numbers of explicit blocks, and of blocks that do not oscillate."""
+    """Numbers of explicit blocks, and of others that do not oscillate."""
     block: Array
     first: Array
     coupling: Array
@@ -77,13 +77,13 @@ def respond(regime: Layout, load: Load, memory: Memory) -> Response:
     explicits, aperiodics = 0, 0
     for k in range(blocks):
         _fill_force(regime, load, k, heated, memory)
-        if b[block.STIFFNESS, k] <= 0.25 * b[block.DAMPING, k] * b[block.DAMPING, k]:
-            b[block.APERIODIC_COLUMNS, aperiodics] = k
-            aperiodics += 1
         if (firsts > 0 and b[block.RESONANT, k] > 0.0) or _keeps_force(b, k, load):
             b[block.EXPLICIT, k], b[block.EXPLICIT_COLUMNS, explicits] = 1.0, k
             explicits += 1
             continue
+        if b[block.STIFFNESS, k] <= 0.25 * b[block.DAMPING, k] * b[block.DAMPING, k]:
+            b[block.APERIODIC_COLUMNS, aperiodics] = k
+            aperiodics += 1
         _subtract_particular(b, k, memory.waves, memory.outputs)
         for j in range(firsts):
             _subtract_thermal_response(b, k, f, j, coupling)

@@ -177,7 +177,9 @@ def _explicit_series(m: Motion, k: int, t: float, order: int) -> None:
         for i in range(waves.shape[0]):
             row, (cos, sin) = i * block.WAVE, wave_phase(waves, i, t)
             f = complex(b[block.FORCE_COS + row, k], -b[block.FORCE_SIN + row, k]) * complex(cos, sin)
-            force += (f * elementary.power(complex(0.0, waves[i, wave.OMEGA]), n + 1)).real
+            for _ in range(n + 1):
+                f *= complex(0.0, waves[i, wave.OMEGA])
+            force += f.real
         for j in range(r.firsts):
             decay = elementary.power(-r.first[first.RATE, j], n)
             force += r.coupling[0, j, k] * y[state.FIRST_SLOPE, j] * decay

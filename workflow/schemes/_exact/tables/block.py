@@ -22,7 +22,7 @@ NU = 5  # ν = √(ω² - c²/4), 1/s; 1 where the block does not oscillate
 RESONANT = 6  # 1 where a first-order state is near a pole of the block, see `Regime.resonant`
 EXPLICIT = 7  # 1 where the block keeps its force
 EXPLICIT_COLUMNS = 8  # of the explicit blocks, `Response.explicits` of them
-APERIODIC_COLUMNS = 9  # of those that do not oscillate, `Response.aperiodics` of them
+APERIODIC_COLUMNS = 9  # of others that do not oscillate, `Response.aperiodics` of them
 
 # outputs per η and η'
 SIGNAL_VALUE = 10
