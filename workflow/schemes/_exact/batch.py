@@ -7,22 +7,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.kernels.compiled import uncounted
 from workflow.kernels.sums import product
 from workflow.models import Array, Cases, Structure
 from workflow.schemes._exact import outcome
 from workflow.schemes._exact.conditions import load_of, penetration, tip_of, unit_impulse
 from workflow.schemes._exact.energy_balance import EnergyBalance, Regimes, without_balances
 from workflow.schemes._exact.impacts import Case, Thresholds, UnitImpulse
-from workflow.schemes._exact.layout import TAYLOR_SPAN, Layout, Memory, free_layout, memory
+from workflow.schemes._exact.layout import Layout, Memory, free_layout, memory
 from workflow.schemes._exact.modal_system import Basis, analyse
 from workflow.schemes._exact.one_case import march_and_balance
 from workflow.schemes._exact.outcome import Budget
 from workflow.schemes._exact.phase_log import Log, empty_log
 from workflow.schemes._exact.pole_pairs import InseparablePolesError
 from workflow.schemes._exact.record import TALLY, Record
-from workflow.schemes._exact.response import SLOW_POLE
-from workflow.schemes._exact.tables import block
 from workflow.schemes._exact.two_way import HeldRegimes
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Status, complete_periods
 
@@ -87,8 +84,7 @@ class _Batch:
         self.logs: dict[int, Log] = {}
         self.impulses: dict[float, UnitImpulse] = {}
         self.regimes = HeldRegimes(basis.held)
-        self.stiff = _taylor_steps(operator.free.block, sampling.duration) > operator.budget.steps
-        self.held: tuple[tuple[float, float], Layout, Regimes, bool] | None = None
+        self.held: tuple[tuple[float, float], Layout, Regimes] | None = None
         self.memory: dict[tuple[int, int, bool, int, bool], Memory] = {}
         self.histories = np.full((count, len(HISTORIES), sampling.count), np.nan)
         self.period_values = np.full((count, 3, int(self.periods.max(initial=0))), np.nan)
@@ -101,20 +97,19 @@ class _Batch:
         if not self.finite[i]:
             return
         try:
-            held, balanced, stiff = self._held(float(self.cases.alpha[i]), float(self.cases.friction[i]))
-            self.ended[i] = outcome.STIFF if stiff else self._march(i, held, balanced)
+            held, balanced = self._held(float(self.cases.alpha[i]), float(self.cases.friction[i]))
+            self.ended[i] = self._march(i, held, balanced)
         except np.linalg.LinAlgError:
             self.ended[i] = outcome.NO_SPECTRUM
         except InseparablePolesError:
             self.ended[i] = outcome.INSEPARABLE_POLES
 
-    def _held(self, alpha: float, friction: float) -> tuple[Layout, Regimes, bool]:
-        """Return the held regime at α and µ, what balances take of both, and whether Taylor steps exceed the budget."""
+    def _held(self, alpha: float, friction: float) -> tuple[Layout, Regimes]:
+        """Return the held regime at α and µ, and what balances take of both."""
         if self.held is None or self.held[0] != (alpha, friction):
             held, free, balance = self.regimes.at(alpha, friction), self.operator.free, self.balance
-            stiff = _taylor_steps(held.block, self.sampling.duration) > self.operator.budget.steps
             balanced = without_balances(free, held) if balance is None else balance.regimes(held, alpha, friction)
-            self.held = (alpha, friction), held, balanced, stiff or self.stiff
+            self.held = (alpha, friction), held, balanced
         return self.held[1:]
 
     def _memory(self, regime: Layout, heated: bool, waves: int) -> Memory:
@@ -164,6 +159,7 @@ class _Batch:
         """Return the results of the batch."""
         status = np.where(self.ended == outcome.COMPLETED, Status.OK, Status.FAILED).astype(np.int8)
         status[self.ended == outcome.NO_IMPACT_LAW] = Status.ILL_POSED
+        status[self.ended == outcome.NOT_FINITE] = Status.DIVERGED
         histories = {name: self.histories[:, k].copy() for k, name in enumerate(HISTORIES)}
         share = self.period_values[:, 2] * self.frequency[:, None]
         return Results(
@@ -195,21 +191,3 @@ class _Batch:
             elif tally["summed_speed"] > 0:
                 messages[i] = outcome.extrapolation(tally, budget)
         return messages
-
-
-@uncounted
-def _taylor_steps(b: Array, duration: float) -> float:
-    """Return the Taylor steps that the stiffest explicit block of a table takes over the duration, 0 for none.
-
-    Explicit are overdamped blocks whose slow pole times the duration is below ``SLOW_POLE``. Their poles are separated
-    unless a thermal rate lies as near as quasi-static responses allow.
-    """
-    fastest = 0.0
-    for k in range(b.shape[1]):
-        c, w2 = b[block.DAMPING, k], b[block.STIFFNESS, k]
-        half = 0.5 * abs(c)
-        root = np.sqrt(max(half * half - w2, 0.0))
-        slow = w2 / (half + root) if root > 0.0 else np.sqrt(abs(w2))
-        if slow * duration < SLOW_POLE and (b[block.RESONANT, k] > 0.0 or c < 0.0):
-            fastest = max(fastest, abs(c))
-    return fastest * duration / TAYLOR_SPAN

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workflow.kernels.compiled import kernel
+from workflow.kernels.complex_numbers import Complex
 from workflow.kernels.sums import product
 from workflow.models import Array
 from workflow.schemes._exact.modal_system import ModalSystem
@@ -155,6 +156,8 @@ class Memory(NamedTuple):
     Without columns for first-order states where no heat acts.
     """
 
+    heated: bool
+    """Whether heat acts in the case."""
     block: Array
     first: Array
     """Tables of the layout, completed by what the loads of the case decide."""
@@ -168,6 +171,8 @@ class Memory(NamedTuple):
     """Of signal and tip temperature what constant loads alone give, ``(2,)``."""
     waves: Array
     """See :mod:`workflow.schemes._exact.tables.wave`."""
+    differences: Complex
+    """Divided differences of an explicit block, ``(11, 5)``; scratch."""
     expansion: Expansion
 
 
@@ -178,6 +183,7 @@ def memory(regime: Layout, heated: bool, waves: int) -> Memory:
     modal = regime.inward.shape[0] if heated else 2 * regime.entry.shape[1]
     coordinates = np.zeros(2 * regime.blocks + firsts)
     return Memory(
+        heated=heated,
         block=np.zeros((block.ROWS + block.WAVE * waves, columns)),
         first=np.zeros((first.ROWS + first.WAVE * waves, wide)),
         coordinates=coordinates,
@@ -185,6 +191,7 @@ def memory(regime: Layout, heated: bool, waves: int) -> Memory:
         states=np.zeros((3, state.ROWS, max(columns, wide))),
         outputs=np.zeros(2),
         waves=np.zeros((waves, wave.COLUMNS)),
+        differences=np.zeros((11, 5), dtype=np.complex128),
         expansion=Expansion(
             np.zeros((expansion.ROWS, regime.blocks + 1)), np.zeros((expansion.ROWS, columns)), np.zeros(ORDER + 1)
         ),

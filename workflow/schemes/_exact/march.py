@@ -130,7 +130,10 @@ def _pass_event(motions: Motions, case: Case, tally: Any, observed: Observed) ->
 def _step(
     m: Motion, record: Record, start: Start, T: float, observed: Observed, log: Log
 ) -> tuple[float, bool, Observed]:
-    """Take a certified step; return its length (NaN: none found), whether an event ends it, and its last outputs."""
+    """Take a certified step; return its length, whether an event ends it, and its last outputs.
+
+    The length is NaN where the state leaves the finite numbers.
+    """
     tally, t, tolerance = record.tally, record.tally.time, _SAME_TIME * T
     if not start.expanded:
         expand(m.r, m.now, t, m.expansion)
@@ -144,6 +147,8 @@ def _step(
     elif log.loss.size > 0:
         note_loss(log, m, h, tally)
     after = observe(m.r, m.after, t + h)
+    if not (np.isfinite(after.signal) and np.isfinite(after.temperature)):
+        return np.nan, False, after
     record_step(record, m, t, h, after, tolerance)
     copy_state(m.after, m.now)
     tally.impulse += impulse

@@ -85,7 +85,7 @@ def advance(r: Response, y: Array, t: float, dt: float, out: Array) -> None:
         store(out, (state.SLOPE, lane), slope + -pack(b, (block.STIFFNESS, lane)) * S * value)
     for i in range(r.explicits):
         k = int(b[block.EXPLICIT_COLUMNS, i])
-        out[state.VALUE, k], out[state.SLOPE, k], b[block.EXPLICIT_INTEGRAL, k] = advance_explicit(r, k, y, t, dt)
+        out[state.VALUE, k], out[state.SLOPE, k], _ = advance_explicit(r, k, y, t, dt, 3)
     if r.firsts > 0:
         first_propagators(f, dt)
         for j in range(0, f.shape[1], 8):
@@ -102,7 +102,7 @@ def integral(r: Response, y: Array, out: Array, t: float, dt: float) -> float:
     for i in range(r.explicits):
         k = int(b[block.EXPLICIT_COLUMNS, i])
         change = out[state.VALUE, k] - y[state.VALUE, k]
-        area += b[block.SIGNAL_VALUE, k] * b[block.EXPLICIT_INTEGRAL, k] + b[block.SIGNAL_SLOPE, k] * change
+        area += b[block.SIGNAL_VALUE, k] * advance_explicit(r, k, y, t, dt, 4)[2] + b[block.SIGNAL_SLOPE, k] * change
     for j in range(r.firsts):
         step = y[state.FIRST_SLOPE, j] * dt
         value, slope = f[first.SIGNAL_VALUE, j], f[first.SIGNAL_SLOPE, j]

@@ -26,9 +26,8 @@ LOG_FULL = 5  # more phases than the log of the balances takes: the case is run 
 RUNNING = 6
 INVALID = 7  # a value of the case is not finite
 NO_SPECTRUM = 8  # the eigenvalues of the held tip were not found
-STIFF = 9  # a block that cannot follow its load in closed form is damped so fast that its steps exceed the budget
-NO_IMPACT_LAW = 10  # the tip meets its casing, and friction pushes it further in than the contact force pushes it out
-INSEPARABLE_POLES = 11  # poles of the held tip cannot be separated, see :mod:`workflow.schemes._exact.pole_pairs`
+NO_IMPACT_LAW = 9  # the tip meets its casing, and friction pushes it further in than the contact force pushes it out
+INSEPARABLE_POLES = 10  # poles of the held tip cannot be separated, see :mod:`workflow.schemes._exact.pole_pairs`
 
 _NEARLY_ELASTIC = 0.99
 """Restitution above which the message about the budget of events says how many impacts it takes to come to rest."""
@@ -45,8 +44,6 @@ def failure(ended: int, tally: Any, budget: Budget, e: float) -> str:
         f"the last of {tally['impacts']} impacts had a speed of {speed:.3g} m/s; {_more_events(e)}",
         OUT_OF_STEPS: f"stopped {at} after {budget.steps} steps between contact events, its budget; "
         "raise the scheme's option `steps`",
-        STIFF: "a mode is damped too fast and moves too slowly for its load to be followed within the budget of "
-        f"{budget.steps} steps; raise the scheme's option `steps`, lower the damping, or use moreau",
         NO_IMPACT_LAW: f"contact has no unique solution {at} (W <= 0 as the step vanishes): friction pushes the tip "
         "into the casing more than the contact force pushes it out; lower the friction coefficient",
         INSEPARABLE_POLES: f"with the tip held, the damping of the structure {INSEPARABLE}",

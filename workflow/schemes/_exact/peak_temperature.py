@@ -14,6 +14,8 @@ Otherwise the interval is halved.
 
 from __future__ import annotations
 
+import numpy as np
+
 from workflow.kernels.compiled import part
 from workflow.schemes._exact.expansion import (
     SUM_ROUNDING,
@@ -71,6 +73,8 @@ def _searched(m: Motion, t: float, left: float, right: float, largest: float) ->
         if not m.r.cooling:
             accumulate(m.r, m.expansion)
         largest = max(largest, m.expansion.sums[expansion.D0, m.r.blocks])
+        if not np.isfinite(m.expansion.sums[expansion.FOURTH, m.r.blocks]):
+            return largest
         span = right - at
         while span > _SHORTEST * right:
             if _peaks_at_an_end(m, span, largest):

@@ -120,7 +120,7 @@ def record_step(record: Record, m: Motion, t: float, dt: float, final: Observed,
 
     The largest temperature is followed from load period to load period, whatever the samples between.
     """
-    tally, heated, left = record.tally, m.r.firsts > 0, t
+    tally, heated, left = record.tally, m.r.heated, t
     while next_due(record) < t + dt - tolerance:
         at = max(t, next_due(record))
         advance(m.r, m.now, t, at - t, m.between)

@@ -7,8 +7,7 @@ Loads and casing are constants and waves of phase ψ = Ω t + φ, pairs of coeff
 
 the particular solution is subtracted, and its response η = a ξ + b ξ' to each first-order state: what is left moves
 freely and costs one exponential. Where that would lose digits (slow blocks, resonance with a wave or with a
-first-order state) the block is *explicit*: it keeps its force and is advanced by Taylor series, which hold for every
-ω² and c.
+first-order state) the block is *explicit*: it keeps its force, see :mod:`workflow.schemes._exact.explicit_blocks`.
 """
 
 from __future__ import annotations
@@ -19,12 +18,13 @@ import numpy as np
 
 from workflow.kernels import elementary
 from workflow.kernels.compiled import part
+from workflow.kernels.complex_numbers import Complex
 from workflow.models import Array
 from workflow.schemes._exact.layout import Layout, Load, Memory
 from workflow.schemes._exact.tables import block, first, state, wave
 from workflow.schemes._exact.waves import wave_phase
 
-SLOW_POLE = 0.3
+_SLOW_POLE = 0.3
 """A block whose slowest pole times the duration is below this is explicit: subtracting F/ω² would lose digits
 like (slow pole · duration)⁻²."""
 
@@ -40,6 +40,8 @@ class Response(NamedTuple):
     """A regime under the loads of one case; tables are those of :class:`~workflow.schemes._exact.layout.Memory`."""
 
     blocks: int
+    heated: bool
+    """Whether heat acts in the case; a regime without first-order states may have it all the same."""
     firsts: int
     """Number of first-order states, 0 without heat."""
     explicits: int
@@ -50,6 +52,7 @@ class Response(NamedTuple):
     coupling: Array
     outputs: Array
     waves: Array
+    differences: Complex
     gap: float
     """d0, m."""
     growth: float
@@ -68,12 +71,12 @@ class Response(NamedTuple):
 def respond(regime: Layout, load: Load, memory: Memory) -> Response:
     """Return the response of a regime to the loads of one case, and complete the tables of its memory."""
     b, f, coupling = memory.block, memory.first, regime.coupling
-    blocks, firsts = regime.blocks, regime.firsts if memory.first.shape[1] > 0 else 0
+    blocks, firsts, heated = regime.blocks, regime.firsts if memory.heated else 0, memory.heated
     _clear(regime, load, memory)
     _fill_sources(regime, load, firsts, memory)
     explicits, aperiodics = 0, 0
     for k in range(blocks):
-        _fill_force(regime, load, k, firsts > 0, memory)
+        _fill_force(regime, load, k, heated, memory)
         if (firsts > 0 and b[block.RESONANT, k] > 0.0) or _keeps_force(b, k, load):
             b[block.EXPLICIT, k], b[block.EXPLICIT_COLUMNS, explicits] = 1.0, k
             explicits += 1
@@ -96,6 +99,7 @@ def respond(regime: Layout, load: Load, memory: Memory) -> Response:
         steady &= memory.waves[i, wave.TEMPERATURE_COS] == 0.0 and memory.waves[i, wave.TEMPERATURE_SIN] == 0.0
     return Response(
         blocks,
+        heated,
         firsts,
         explicits,
         aperiodics,
@@ -104,6 +108,7 @@ def respond(regime: Layout, load: Load, memory: Memory) -> Response:
         coupling,
         memory.outputs,
         memory.waves,
+        memory.differences,
         load.gap,
         growth,
         fastest,
@@ -158,7 +163,7 @@ def _wave_source(regime: Layout, load: Load, row: int, i: int) -> tuple[float, f
 def _fill_sources(regime: Layout, load: Load, firsts: int, memory: Memory) -> None:
     """Fill the sources of the signal and of first-order states."""
     f, outputs, waves, signal = memory.first, memory.outputs, memory.waves, 2 * regime.blocks + regime.firsts
-    outputs[SIGNAL] = _source(regime, load, signal, firsts > 0)
+    outputs[SIGNAL] = _source(regime, load, signal, memory.heated)
     for i in range(waves.shape[0]):
         waves[i, wave.SIGNAL_COS], waves[i, wave.SIGNAL_SIN] = _wave_source(regime, load, signal, i)
     for j in range(firsts):
@@ -207,7 +212,7 @@ def _keeps_force(b: Array, k: int, load: Load) -> bool:
     w2, half = b[block.STIFFNESS, k], abs(b[block.HALF_DAMPING, k])
     square = w2 - half * half
     slow = np.sqrt(w2) if square >= 0.0 else w2 / (half + np.sqrt(-square))
-    if slow * load.duration < SLOW_POLE:
+    if slow * load.duration < _SLOW_POLE:
         return True
     if square < 0.0:
         return False

@@ -10,7 +10,7 @@ from workflow.kernels import elementary
 from workflow.kernels.compiled import part
 from workflow.kernels.sums import row_sum
 from workflow.schemes._exact.expansion import SUM_ROUNDING, accumulate, expand
-from workflow.schemes._exact.explicit_blocks import begin_derivatives, explicit_force, next_derivative
+from workflow.schemes._exact.explicit_blocks import explicit_force
 from workflow.schemes._exact.layout import ORDER, TAYLOR_SPAN
 from workflow.schemes._exact.motion import Motion, advance
 from workflow.schemes._exact.search import cubic_zero, longest_without_zero, zero_crossing
@@ -48,7 +48,7 @@ def certified_step(m: Motion, start: Start, t: float, left: float, tolerance: fl
     beyond. The expansion is used up.
     """
     sums, n, zeros = m.expansion.sums, m.r.blocks, start.zeros
-    if not np.isfinite(sums[expansion.SIZE, 0]):
+    if not np.isfinite(sums[expansion.SIZE, 0] * max(1.0, m.r.fastest) ** 4):  # a bound of the fourth derivative
         return np.nan, False
     if start.speed >= 0.0:
         sums[expansion.D1, n] = start.speed
@@ -170,11 +170,16 @@ def _explicit_series(m: Motion, k: int, t: float, order: int) -> None:
     r, y, b, waves = m.r, m.now, m.r.block, m.r.waves
     value, slope = y[state.VALUE, k], y[state.SLOPE, k]
     force = explicit_force(r, k, y, t)
-    begin_derivatives(r, k, t)
     for n in range(order + 1):
         m.expansion.derivatives[n] += b[block.SIGNAL_VALUE, k] * value + b[block.SIGNAL_SLOPE, k] * slope
         value, slope = slope, force - b[block.DAMPING, k] * slope - b[block.STIFFNESS, k] * value
-        force = next_derivative(waves)
+        force = 0.0
+        for i in range(waves.shape[0]):
+            row, (cos, sin) = i * block.WAVE, wave_phase(waves, i, t)
+            f = complex(b[block.FORCE_COS + row, k], -b[block.FORCE_SIN + row, k]) * complex(cos, sin)
+            for _ in range(n + 1):
+                f *= complex(0.0, waves[i, wave.OMEGA])
+            force += f.real
         for j in range(r.firsts):
             decay = elementary.power(-r.first[first.RATE, j], n)
             force += r.coupling[0, j, k] * y[state.FIRST_SLOPE, j] * decay

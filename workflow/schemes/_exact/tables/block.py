@@ -2,7 +2,7 @@
 
 The force on a block is F(t) = F0 + Σ (Fc cos ψ + Fs sin ψ) + Σ_j g_j ξ_j: a constant, the waves of phase ψ = Ω t + φ
 (:mod:`~workflow.schemes._exact.tables.wave`) and the first-order states ξ_j.
-An *explicit* block keeps F and is advanced by Taylor series. Of every other block the particular solution is
+An *explicit* block keeps F. Of every other block the particular solution is
 subtracted, so that what is left moves without a force. Outputs o (0: the signal, 1: the tip temperature) are linear in
 η and η': the row of output o lies 2 o below that of the signal.
 
@@ -47,17 +47,16 @@ C = 24  # of η(dt) = C η + S η'
 S = 25
 WORK = 26
 POWER = 27
-EXPLICIT_INTEGRAL = 28  # ∫η dt of explicit blocks over the last propagation
 
-ROWS = 29
+ROWS = 28
 
 # each wave
-FORCE_COS = 29  # Fc
-FORCE_SIN = 30  # Fs
-SOURCE_COS = 31  # βc
-SOURCE_SIN = 32  # βs
-PARTICULAR_COS = 33  # its part of the particular solution
-PARTICULAR_SIN = 34
+FORCE_COS = 28  # Fc
+FORCE_SIN = 29  # Fs
+SOURCE_COS = 30  # βc
+SOURCE_SIN = 31  # βs
+PARTICULAR_COS = 32  # its part of the particular solution
+PARTICULAR_SIN = 33
 
 WAVE = 6
 

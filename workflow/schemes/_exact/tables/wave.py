@@ -26,10 +26,4 @@ SIGNAL_SIN = 11
 TEMPERATURE_COS = 12
 TEMPERATURE_SIN = 13
 
-# scratch of a Taylor series: a derivative of the force on an explicit block, and cos ψ and sin ψ where it begins
-FORCE_COS = 14
-FORCE_SIN = 15
-COS_BEGUN = 16
-SIN_BEGUN = 17
-
-COLUMNS = 18
+COLUMNS = 14
