@@ -76,3 +76,11 @@ def test_a_state_that_leaves_the_numbers_ends_its_case(tmp_path: Path) -> None:
     assert int(archive["status"]) == int(Status.DIVERGED)
     assert int(archive["runaway"]) == 1
     assert "left the finite numbers" in str(archive["message"].values)
+
+
+def test_heat_on_a_temperature_without_heat_capacity_pushes_the_structure(tmp_path: Path) -> None:
+    archive = solved("heated_without_capacity", tmp_path)
+    exact = archive.sel(scheme="event_driven").squeeze()
+    assert float(exact["contact_impulse"]) == pytest.approx(0.06404588799630, rel=1e-9)
+    assert float(exact["temperature"].isel(t=-1)) == pytest.approx(1.606764362717, rel=1e-9)
+    assert float(archive["contact_impulse"].sel(scheme="moreau").squeeze()) == pytest.approx(0.06404588799630, rel=0.02)

@@ -1,7 +1,8 @@
 """A structure from its matrices M, K1, K12, C2, K2 and a contact x_n = wᵀx, in whatever coordinates they come.
 
 What the equations are not in yet, they are brought to in two steps. Motions N without mass, M N = 0, follow the others
-statically, z = -(NᵀK1 N)⁻¹ Nᵀ (K1 x + K12 θ), and are eliminated, those without heat capacity alike. Then the last
+statically, z = -(NᵀK1 N)⁻¹ Nᵀ (K1 x + K12 θ), and are eliminated, those without heat capacity alike; what heat loads on
+these make of them pushes the structure with the constant force -K12 N (NᵀK2 N)⁻¹ Nᵀq. Then the last
 coordinate is made the tip: with the largest |w_j|, y = (x without x_j, wᵀx) and
 
     x = E y,   M ← Eᵀ M E,   K1 ← Eᵀ K1 E,   K12 ← Eᵀ K12 E_θ,   C2 ← E_θᵀ C2 E_θ,   K2 ← E_θᵀ K2 E_θ,
@@ -104,7 +105,8 @@ def structure_from_matrices(matrices: GivenMatrices) -> Matrices:
     heat_basis, heat_projection = _contact_last(
         matrices.heat_capacity, matrices.conductance, matrices.thermal_contact, "heat_capacity", "conductance"
     )
-    coordinates = Coordinates(basis, projection, heat_basis, heat_projection, matrices.steady, matrices.heating)
+    steady = matrices.steady - product(matrices.coupling, _heated_at_once(matrices))
+    coordinates = Coordinates(basis, projection, heat_basis, heat_projection, steady, matrices.heating)
     mass, capacity = _congruent(matrices.mass, basis), _congruent(matrices.heat_capacity, heat_basis)
     springs = _factored(_congruent(matrices.stiffness, basis), "stiffness")
     conductors = _factored(_congruent(matrices.conductance, heat_basis), "conductance")
@@ -127,6 +129,14 @@ def structure_from_matrices(matrices: GivenMatrices) -> Matrices:
         tangent=None if matrices.tangent is None else product(basis.T, matrices.tangent),
         coordinates=coordinates,
     )
+
+
+def _heated_at_once(matrices: GivenMatrices) -> Array:
+    """Return N (NᵀK2 N)⁻¹ Nᵀq, by which temperatures N without heat capacity follow the heat loads on them."""
+    _, loose, null = _without_inertia(matrices.heat_capacity, "heat_capacity")
+    if not loose.size:
+        return np.zeros(matrices.heating.size)
+    return product(null, _following(matrices.conductance, null, matrices.heating[:, None], "conductance"))[:, 0]
 
 
 def _elsewhere(load: Array | None, basis: Array) -> Array | None:
@@ -201,7 +211,7 @@ def _contact_last(inertia: Array, stiffness: Array, contact: Array, *names: str)
     projection[:-1, loose] = -null[inertial[others]]
     projection[-1] = contact
     if loose.size:
-        into += product(null, _following(stiffness, null, into, names[1]))
+        into -= product(null, _following(stiffness, null, product(stiffness, into), names[1]))
     return into, projection
 
 
@@ -227,18 +237,17 @@ def _solved_upper(upper: Array, right: Array) -> Array:
     return solve_triangular(upper.T, right, transposed=True)
 
 
-def _following(stiffness: Array, null: Array, into: Array, name: str) -> Array:
-    """Return -(NᵀK N)⁻¹ NᵀK, by which motions N without inertia follow the others."""
-    pushed = product(null.T, stiffness)
+def _following(stiffness: Array, null: Array, forces: Array, name: str) -> Array:
+    """Return (NᵀK N)⁻¹ Nᵀf, by which motions N without inertia follow forces f on them."""
     try:
-        root = cholesky(product(pushed, null))
+        root = cholesky(product(product(null.T, stiffness), null))
     except np.linalg.LinAlgError:
         raise UnusableMatricesError(
             f"{null.shape[1]} degrees of freedom have no inertia, and {name} does not hold them",
             "leave out what is neither held nor has inertia",
         ) from None
-    halfway = solve_triangular(root, product(pushed, into))
-    return -solve_triangular(root, halfway, transposed=True)
+    halfway = solve_triangular(root, product(null.T, forces))
+    return solve_triangular(root, halfway, transposed=True)
 
 
 def _congruent(matrix: Array, basis: Array) -> Array:
