@@ -5,9 +5,9 @@ Three rules, all about what no motion of the model can do:
 - Energy was created, by the balances (:mod:`workflow.grid._created_energy`): of every scheme where the study has
   them, of a contact spring beyond the step up to which it holds in any case. What a scheme dissipates never counts.
 - Contact gave the tip energy (:mod:`workflow.grid._contact_work`), of ``moreau`` where the study has balances.
-- With or without balances, where K1 is regular: the largest |x_n| exceeds both :data:`EXCESS` times the largest
-  length that the case accounts for without contact (:func:`_accounted`) and twice the growth by friction heat
-  (:func:`_farthest`).
+- Of time-stepping, with or without balances, where K1 is regular: the largest |x_n| exceeds both :data:`EXCESS` times
+  the largest length that the case accounts for without contact (:func:`_accounted`) and twice the growth by friction
+  heat (:func:`_farthest`).
 
 The largest |x_n| is that of the samples and of gap + ``max_penetration``, which fixed-step schemes take over all
 steps. It is a lower bound: a motion that blows up between two samples shows in the penetration, as it comes back to
@@ -20,6 +20,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from workflow import schemes
 from workflow.grid._arrangement import Indices
 from workflow.grid._contact_work import contact_gave_too_much, contact_work_text
 from workflow.grid._created_energy import advice, created_energy
@@ -64,7 +65,8 @@ def mark_blown_up(cell: Cell, cases: Cases, results: Results, sampling: Sampling
     blown: dict[int, str] = {}
     reach = _reach(results, cases)
     start = np.abs(results.histories["displacement"][:, 0])
-    far = np.flatnonzero(ok & (reach > EXCESS * np.fmax(np.abs(cases.gap), start)))
+    stepped = "h" in schemes.load(cell.scheme.method).READS
+    far = np.flatnonzero(ok & stepped & (reach > EXCESS * np.fmax(np.abs(cases.gap), start)))
     if far.size:
         flexibility, growth = statics_of(cell.scene.model, cell.scene.parameters)
         if np.isfinite(flexibility):

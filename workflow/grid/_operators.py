@@ -153,9 +153,11 @@ def _critical_alpha(by: Reduced, friction: float) -> float:
     return critical_alpha(structure_on(by), friction)
 
 
-def kernel_variant(cell: Cell, balances: bool) -> KernelVariant:
-    """Return what of its scheme must be compiled for a cell, with balances or without."""
+def kernel_variant(cell: Cell, balances: bool) -> KernelVariant | None:
+    """Return what of its scheme must be compiled for a cell, with balances or without; ``None`` if it is refused."""
     scheme, (structure, is_reduced) = schemes.load(cell.scheme.method), _structure_for_kernels(reduced(cell))
+    if scheme.refusal(structure, cell.scheme.options) is not None:
+        return None
     nodes = MOST_NODES_WITH_MATRICES + 1 if scheme.sweeps(structure) and not is_reduced else 1
     coupled = needs_matrices(structure)  # its loads have their harmonics without a kernel for them
     driven = bool(cell.scene.casing.harmonics or (cell.scene.load.harmonics and not coupled))
@@ -166,7 +168,9 @@ def kernel_variant(cell: Cell, balances: bool) -> KernelVariant:
 
 def compile_for(cell: Cell, balances: bool) -> None:
     """Have the kernels of a cell compiled, so that no case's wall time holds that."""
-    compile_scheme(kernel_variant(cell, balances), waiting)
+    variant = kernel_variant(cell, balances)
+    if variant is not None:
+        compile_scheme(variant, waiting)
 
 
 def runaways_of(cell: Cell, alpha: Array, friction: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
