@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from workflow import models, schemes
+from workflow.grid._blow_up import mark_blown_up
 from workflow.grid._compile import KernelVariant, compile_scheme
 from workflow.grid._conditions import at_rest
 from workflow.grid._costs import batch_part, growth_part, measured, setup_part, workload_of
@@ -197,6 +198,20 @@ def on_basis(cell: Cell, cases: Cases) -> tuple[Structure, Cases]:
     """Return the structure that a cell is run on, and cases given on the nodes in its coordinates."""
     reduction = reduction_of(reduced(cell))
     return reduced_structure(cell), cases if reduction is None else reduction.project(cases)
+
+
+def judged(cell: Cell, cases: Cases, results: Results, duration: float) -> Results:
+    """Return what :func:`run_batch` has made of cases, with those marked that blew up."""
+    model, parameters = cell.scene.model, cell.scene.parameters
+    return mark_blown_up(
+        structure_of(model, parameters),
+        lambda: statics_of(model, parameters),
+        lambda some: runaways_of(cell, some.alpha, some.friction)[1],
+        cases,
+        results,
+        duration,
+        is_stepped="h" in schemes.load(cell.scheme.method).READS,
+    )
 
 
 def run_batch(cell: Cell, cases: Cases, sampling: Sampling) -> Results:

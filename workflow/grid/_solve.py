@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from workflow import schemes, variables
 from workflow.grid._arrangement import TOLERANCE, Grid, Indices
-from workflow.grid._blow_up import mark_blown_up
 from workflow.grid._conditions import conditions
 from workflow.grid._frequencies import longest_period_count
-from workflow.grid._operators import compile_for, projection_residual_of, run_batch, runaways_of, structure_of
+from workflow.grid._operators import compile_for, judged, projection_residual_of, run_batch, runaways_of, structure_of
 from workflow.grid._reason import reason_of
 from workflow.grid._reference import against_reference, tells_basis_error
 from workflow.grid._shaken import Shaken
@@ -106,7 +105,7 @@ def _solve_distinct(grid: Grid, outer: int, inner: Indices, shaken: Shaken | Non
     cases = cases if shaken is None else shaken.cases(cases)
     compile_for(cell, grid.sampling.balances)
     results, seconds = _timed(grid, cell, cases)
-    results = mark_blown_up(cell, cases, results, grid.sampling)
+    results = judged(cell, cases, results, grid.sampling.duration)
     critical, growth, runaway = runaways_of(cell, cases.alpha, cases.friction)
     values: dict[str, NDArray[Any]] = {
         **results.histories,

@@ -141,9 +141,6 @@ class Results:
     messages
         What a case that is not ok did, by position; deterministic, no addresses, no paths. That of a
         case that is ok begins with :data:`EXTRAPOLATED`.
-    contact_work
-        The most that the work of contact on the tip, relative to the casing, has ever been, and the most of one step,
-        over the largest energy, 1, ``(case, 2)``; ``None`` without balances. It is judged, not stored.
     """
 
     histories: dict[str, Array]
@@ -153,7 +150,6 @@ class Results:
     period_contact: Array
     status: NDArray[np.int8]
     messages: dict[int, str]
-    contact_work: Array | None = None
 
 
 def merge(parts: list[tuple[NDArray[np.int64], Results]]) -> Results:
@@ -169,7 +165,6 @@ def merge(parts: list[tuple[NDArray[np.int64], Results]]) -> Results:
         wide = [_widened(a, width) if a.ndim == 2 and a.shape[1] < width else a for a in arrays]
         return np.concatenate(wide)[order]
 
-    works = [r.contact_work for r in results if r.contact_work is not None]
     return Results(
         histories={name: joined([r.histories[name] for r in results]) for name in results[0].histories},
         metrics={name: joined([r.metrics[name] for r in results]) for name in results[0].metrics},
@@ -178,7 +173,6 @@ def merge(parts: list[tuple[NDArray[np.int64], Results]]) -> Results:
         period_contact=joined([r.period_contact for r in results]),
         status=np.concatenate([r.status for r in results])[order],
         messages={int(where[k]): text for where, r in parts for k, text in r.messages.items()},
-        contact_work=joined(works) if works else None,
     )
 
 
