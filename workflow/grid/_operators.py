@@ -15,7 +15,7 @@ from workflow import models, schemes
 from workflow.grid._blow_up import mark_blown_up
 from workflow.grid._compile import KernelVariant, compile_scheme
 from workflow.grid._conditions import at_rest
-from workflow.grid._costs import batch_part, growth_part, measured, setup_part, workload_of
+from workflow.grid._costs import batch_part, growth_part, measured, setup_part
 from workflow.grid._turns import waiting
 from workflow.models import (
     MOST_NODES_WITH_MATRICES,
@@ -222,7 +222,8 @@ def run_batch(cell: Cell, cases: Cases, sampling: Sampling) -> Results:
     _, projected = on_basis(cell, cases)
     if scene.initial == "static":
         projected = at_rest(reduced_structure(cell), projected)
-    part = batch_part(cell, reduced_structure(cell), sampling, workload_of(cases, sampling))
+    periods = float(cases.fastest_frequency.max()) * sampling.duration
+    part = batch_part(cell, reduced_structure(cell), sampling, cases.count, periods)
     with measured(part):
         results = schemes.load(method).compute(operator, projected, sampling)
     return schemes.checked(results, projected, sampling)

@@ -23,7 +23,7 @@ from workflow.kernels.compiled import defines
 from workflow.kernels.lanes import FEWEST_LANES
 from workflow.kernels.packs import Lane, of_lane, some, some_nonzero, spread, store, weighed, where
 from workflow.models import Array, Cases, Structure
-from workflow.schemes._fixed import case_row, contact, costs, dense, theta_march, theta_method
+from workflow.schemes._fixed import case_row, contact, dense, theta_march, theta_method
 from workflow.schemes._fixed.complementarity import by_place
 from workflow.schemes._fixed.contact import Contact, End, Free, TipStep, press, was_pressed
 from workflow.schemes._fixed.dense import DenseOperator
@@ -36,6 +36,7 @@ READS = frozenset({"e", "h", "alpha"})
 GENERAL = frozenset({"damping", "friction", "load"})
 HARMONICS = frozenset({"load", "casing"})
 TOGETHER = FEWEST_LANES
+STEP_SECONDS = 6e-11
 is_swept = sweeps.is_swept
 
 
@@ -115,6 +116,3 @@ def amplification(frequency: Array, damping: Array, h: float, options: Options) 
 def thermal_amplification(rate: Array, h: float, options: Options) -> Array:
     """Return (1 - (1-θ)hμ)/(1 + θhμ) of each thermal mode."""
     return theta_method.thermal_amplification(rate, h, options.theta)
-
-
-cost = costs.theta_cost
