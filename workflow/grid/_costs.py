@@ -26,6 +26,9 @@ _SAMPLE = 1.5e-8
 _ALWAYS, _EACH_PERIOD = 400, 30
 """Steps of a scheme that finds its own: to set an α up, and in each period of the fastest load or casing."""
 
+_TIP = 10
+"""States that take as long as the tip and its contact."""
+
 _SWEPT, _COUPLED = 20.0, 4.0
 """How many times as long a state takes that is swept along a chain, and a product of two that a matrix couples."""
 
@@ -54,7 +57,7 @@ class Part:
 def case_seconds(cell: Cell, structure: Structure, sampling: Sampling, periods: float) -> float:
     """Return what a case costs by the fixed model: steps × blocks × one measured figure of its scheme.
 
-    Blocks are its states; what a matrix couples has as many as products of two. ``periods`` are those of the fastest
+    Blocks are its states and the tip; what a matrix couples has as many as products of two. ``periods`` are those of the fastest
     sinusoid of load and casing within the duration.
     """
     scheme = schemes.load(cell.scheme.method)
@@ -62,7 +65,7 @@ def case_seconds(cell: Cell, structure: Structure, sampling: Sampling, periods: 
     steps = sampling.steps(cell.h) if "h" in scheme.READS else own
     if not scheme.STEP_SECONDS:
         return STEP_SECONDS * (steps + sampling.count)
-    blocks = float(2 * structure.mechanical_size + structure.thermal_size)
+    blocks = float(2 * structure.mechanical_size + structure.thermal_size + _TIP)
     if scheme.sweeps(structure):
         blocks *= _SWEPT
     elif "h" in scheme.READS and needs_matrices(structure):

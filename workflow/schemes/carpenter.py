@@ -32,7 +32,7 @@ GENERAL = frozenset({"damping", "friction", "load"})
 HARMONICS = frozenset({"load", "casing"})
 
 TOGETHER = FEWEST_LANES
-STEP_SECONDS = 7e-11
+STEP_SECONDS = 1.3e-10
 
 
 @dataclass(frozen=True)

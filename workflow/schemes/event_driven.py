@@ -33,7 +33,7 @@ GENERAL = frozenset({"damping", "friction", "load"})
 
 HARMONICS = frozenset({"load", "casing"})
 KERNEL_CALLS = batch.KERNEL_CALLS
-STEP_SECONDS = 8e-9
+STEP_SECONDS = 1.4e-8
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,7 @@ READS = frozenset({"e", "h", "alpha"})
 GENERAL = frozenset({"damping", "friction", "load"})
 HARMONICS = frozenset({"load", "casing"})
 TOGETHER = FEWEST_LANES
-STEP_SECONDS = 6e-11
+STEP_SECONDS = 1.2e-10
 is_swept = sweeps.is_swept
 
 

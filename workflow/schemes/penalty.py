@@ -34,7 +34,7 @@ READS = frozenset({"h", "alpha"})
 GENERAL = frozenset({"damping", "friction", "load"})
 HARMONICS = frozenset({"load", "casing"})
 TOGETHER = FEWEST_LANES
-STEP_SECONDS = 7e-11
+STEP_SECONDS = 1.3e-10
 
 Operator = central.Operator | theta_method.Operator | dense.DenseOperator
 
