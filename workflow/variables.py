@@ -113,7 +113,9 @@ _BASIS_ERROR = (
     "scene, event_driven against the full model (of more than 300 coordinates: against 100 + 100 vectors; what "
     "event_driven refuses: moreau, theta = 1, at the shortest step); a corner takes the hardest or mildest value of "
     "each dimension (alpha, gap, answer at the load frequency, magnitude of all else), 16 at most; the text choices of "
-    "the provenance group names the worst; missing where the study gives both counts, or no corner ended ok"
+    "the provenance group names the worst; where the reference is event_driven and as rich, a case whose "
+    "model error is above the tolerance has its own; missing where the study gives both counts, no corner ended ok, or "
+    "more than 50 + 50 vectors of 100 + 100 are needed"
 )
 
 _REFINEMENT = (

@@ -363,3 +363,16 @@ def test_a_scheme_that_diverges_at_every_step_is_not_said_to_read_none() -> None
     assert recommendation.next.settings["scheme"] == "carpenter"
     assert recommendation.next.step_matters
     assert "whatever h" not in sentence(recommendation)
+
+
+def test_a_value_of_a_zip_that_holds_not_all_cases_of_the_scene_is_judged_in_its_own(tmp_path: Path) -> None:
+    zipped = "zip: {pair: {h: [1e-4, 5e-5], scene.casing.gap: [1e-5, 2e-5]}}"
+    reference = "reference: {scheme: event_driven, mechanical_modes: full, thermal_modes: full}"
+    study = parsed(f"study: a\n{SCENE}axes: {{scheme: moreau}}\n{zipped}\n{reference}\noutput: {{interval: 1 ms}}\n")
+    run_study(study, tmp_path / "a.nc", threads=1)
+    with open_archive(tmp_path / "a.nc") as archived:
+        dataset = archived.load()
+    for tolerance in (10.0, 1e-12):
+        text = sentence(recommend(dataset, tolerance))
+        assert "in all of its cases" in text
+        assert "at gap = " in text

@@ -210,7 +210,7 @@ def test_a_directory_that_cannot_be_written(tmp_path: Path) -> None:
 def test_every_scheme_offers_what_plan_and_run_ask() -> None:
     for name in schemes.names():
         scheme = schemes.load(name)
-        for part in ("Options", "READS", "init", "compute", "cost", "amplification", "thermal_amplification"):
+        for part in ("Options", "READS", "init", "compute", "STEP_SECONDS", "amplification", "thermal_amplification"):
             assert getattr(scheme, part) is not None, f"{name} lacks {part}"
 
 

@@ -22,7 +22,7 @@ from workflow.schemes import Status
 STILL = '''
 """A scheme that reads neither e nor its step."""
 from workflow.schemes import moreau
-from workflow.schemes.moreau import Options, amplification, compute, cost, thermal_amplification
+from workflow.schemes.moreau import Options, amplification, compute, thermal_amplification
 READS = frozenset({"alpha"})
 def init(structure, h, options):
     return moreau.init(structure, 1e-4, options)

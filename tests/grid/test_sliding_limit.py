@@ -48,15 +48,14 @@ def test_plan_says_the_limit_of_the_largest_friction(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("balances", [True, False])
-def test_a_case_that_slides_away_names_a_step_at_which_it_stays(tmp_path: Path, balances: bool) -> None:
+def test_a_case_that_slides_away_is_not_ok(tmp_path: Path, balances: bool) -> None:
     """At the limit without friction it comes 1e22 m far, with an energy balance that the casing's drive closes."""
     text = study(tmp_path, limit(0.0), "scene.friction.coefficient: [0, 0.9]", balances)
     grid = arrange(parsed(text))
     (outer,) = grid.places
     results = solve(grid, outer, np.arange(2))
     assert results.values["status"].tolist() == [Status.OK, Status.DIVERGED]
-    named = float(results.messages[1].split("up to h = ")[1].split()[0])
-    assert named == pytest.approx(limit(FRICTION), rel=1e-3)
-    again = arrange(parsed(study(tmp_path, named, "scene.friction.coefficient: [0, 0.9]", balances)))
+    assert "the tip moved" in results.messages[1]
+    again = arrange(parsed(study(tmp_path, limit(FRICTION), "scene.friction.coefficient: [0, 0.9]", balances)))
     (outer,) = again.places
     assert solve(again, outer, np.arange(2)).values["status"].tolist() == [Status.OK, Status.OK]

@@ -30,8 +30,7 @@ DECIDABLE = 0.1
 
 SPREAD = 0.25
 """Costs that differ by less than this share are named as alike. A convention: on an idle machine neighbouring choices
-near the cost of a call differ by 1 to 17 % (``data/work_precision_blade.nc``); three runs of
-``studies/first_blade.yaml`` beside other work, four processes a core, differed by a factor of 2.3 in the median."""
+near the cost of a call differ by 1 to 17 % (``data/work_precision_blade.nc``), on a busy one by a factor of 2.3."""
 
 
 class NoReferenceError(ValueError):
@@ -96,6 +95,8 @@ class Choice:
         Whether its cases differ along ``h`` at all; the exact scheme's do not.
     used
         Counts of modes that its tolerance decided, by the name of their setting; the largest of the scene's cases.
+    tied
+        Settings of the scene that a zip ties to it.
     """
 
     settings: dict[str, Any]
@@ -105,6 +106,7 @@ class Choice:
     worst: Worst
     step_matters: bool
     used: dict[str, int] = field(default_factory=dict)
+    tied: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -158,8 +160,7 @@ def recommend(dataset: xr.Dataset, tolerance: float | str | None = None) -> Reco
     """
     if not all(f"{name}_error" in dataset for name in COMPARED):
         raise NoReferenceError("the archive holds no errors: its study has no `reference`")
-    share = stated_tolerance(dataset) if tolerance is None else as_tolerance(tolerance)
-    table = Table(dataset)
+    share, table = stated_tolerance(dataset) if tolerance is None else as_tolerance(tolerance), Table(dataset)
     within = table.error <= share
     rank = np.argsort(table.cost, kind="stable")
     good = [int(k) for k in rank if within[k].all()]
@@ -266,16 +267,17 @@ class Table:
 
     def choice(self, row: int, within: NDArray[np.bool_]) -> Choice:
         """Return a choice with its evidence."""
-        duration = simulated_seconds(self.dataset)
         cost = float(self.cost[row])
+        settings = self._values(self.rows, row, scalars=True)
         return Choice(
-            self._values(self.rows, row, scalars=True),
+            settings,
             cost,
-            cost / duration,
+            cost / simulated_seconds(self.dataset),
             float(within.mean()),
             self._worst(row),
             self._step_matters(row),
             self._used(row),
+            {name: value for name, value in settings.items() if not is_numerical(self.dataset, name)},
         )
 
     def _values(self, dims: Sequence[str], place: int, scalars: bool = False) -> dict[str, Any]:

@@ -31,7 +31,7 @@ COLUMNS = ("tolerance", "choice", "cost per simulated second", "cases within", "
 
 def named_choice(choice: Choice, units: Mapping[str, str]) -> str:
     """Return scheme, step, modes and options of a choice in words, with the units of its coordinates."""
-    settings = dict(choice.settings)
+    settings = {name: value for name, value in choice.settings.items() if name not in choice.tied}
     words = [str(settings.pop("scheme", "the scheme"))]
     h = settings.pop("h", None)
     if h is not None:
@@ -45,7 +45,13 @@ def named_choice(choice: Choice, units: Mapping[str, str]) -> str:
     if reduction is not None:
         words.append(str(reduction))
     words += [f"{name.replace('_', ' ')} {_with_unit(name, value, units)}" for name, value in settings.items()]
+    words += [f"at {name} = {_with_unit(name, value, units)}" for name, value in choice.tied.items()]
     return ", ".join(words)
+
+
+def _judged(choice: Choice | None) -> str:
+    """Return in which cases a choice was judged: all, or those of the scene's values that a zip ties to it."""
+    return "all of its cases" if choice is not None and choice.tied else "all cases"
 
 
 def named_case(case: Mapping[str, Any], units: Mapping[str, str]) -> str:
@@ -58,10 +64,11 @@ def sentence(recommendation: Recommendation) -> str:
     tolerance, units = percent(recommendation.tolerance), recommendation.units
     if recommendation.choice is None:
         nearest = _nearest(recommendation)
-        return f"Nothing in this study meets {tolerance} in all cases. {nearest}"
+        return f"Nothing in this study meets {tolerance} in {_judged(recommendation.next)}. {nearest}"
     worst = recommendation.choice.worst
     text = (
-        f"The cheapest choice within {tolerance} in all cases is {named_choice(recommendation.choice, units)}, at "
+        f"The cheapest choice within {tolerance} in {_judged(recommendation.choice)} is "
+        f"{named_choice(recommendation.choice, units)}, at "
         f"{_cost(recommendation.choice)}; its largest error is {percent(worst.error)} ({worst.variable}, "
         f"{named_case(worst.case, units)}), {_limit(worst)}."
     )

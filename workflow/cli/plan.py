@@ -13,6 +13,7 @@ import typer
 from workflow.cli._failures import errors_in_words
 from workflow.cli._terminal import say, write_json
 from workflow.cli._words import Settings, StudyFile, named, read
+from workflow.cli.show import decided_lines
 
 if TYPE_CHECKING:
     from workflow.grid import Figures, Plan, Time
@@ -33,6 +34,7 @@ def plan(
     With an archive: how many cases it holds, how many are missing, how many the study no longer asks for.
     """
     with errors_in_words():
+        from workflow.archive import open_archive
         from workflow.grid import arrange, units_of
         from workflow.grid import plan as make_plan
         from workflow.run import holdings
@@ -46,8 +48,12 @@ def plan(
             return
         for line in _lines(plan):
             say(line)
-        if held is not None:
+        if output is not None and held is not None:
             say(f"  in {output}: {held.stored} stored, {held.missing} missing, {held.dropped} no longer asked for")
+            if held.stored and grid.study.is_auto:
+                with open_archive(named(output)) as dataset:
+                    for line in decided_lines(dataset):
+                        say(line)
             if held.note:
                 say(f"  beware: {held.note}")
 

@@ -43,7 +43,7 @@ def _lines(archive: Path, dataset: xr.Dataset) -> Iterator[str]:
         yield f"damaged: {dataset.attrs['damaged']}; any value may be wrong"
     yield f"{archive}: {dataset.attrs.get('title', 'without a title')}"
     yield from _coordinates(dataset)
-    yield from _decided(dataset)
+    yield from decided_lines(dataset)
     yield from _statuses(dataset)
 
 
@@ -97,13 +97,13 @@ def _coordinates(dataset: xr.Dataset) -> Iterator[str]:
         yield f"  t: {t.size} samples to {exact(t[-1])} s"
 
 
-def _decided(dataset: xr.Dataset) -> Iterator[str]:
+def decided_lines(dataset: xr.Dataset) -> Iterator[str]:
+    """Yield counts of modes that tolerances decided, and in how many conditions they meet them."""
     from workflow.analysis import decided
 
     models = decided(dataset)
     for one in models[:VALUES_SHOWN]:
-        modes = f"{one.mechanical_modes} + {one.thermal_modes} modes"
-        yield f"  auto: {modes} for {one.where}, basis error {one.error:.2g}"
+        yield f"  auto: {one.text}"
     if len(models) > VALUES_SHOWN:
         yield f"  auto: … {len(models)} in all"
 

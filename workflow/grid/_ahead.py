@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, suppress
+from functools import partial
+from typing import Any
 
 from workflow.grid._arrangement import Grid
 from workflow.grid._compile import KernelVariant
@@ -11,6 +13,7 @@ from workflow.grid._helpers import at_work, compiled_ahead
 from workflow.grid._operators import kernel_variant
 from workflow.grid._reference import exact_cell, reference_cell
 from workflow.grid._turns import Turns
+from workflow.study import Cell
 
 
 def compiling(grid: Grid, processes: int) -> AbstractContextManager[None]:
@@ -35,14 +38,16 @@ def kernel_variants(grid: Grid) -> Iterator[KernelVariant]:
 
     A case that cannot even be set up needs nothing: it will say so itself.
     """
+    cells: list[tuple[Callable[[], Cell], bool]] = []
     labels = [value for dim in grid.outer for axis in dim.axes if axis.path == "scheme" for value in axis.values]
     for label in labels or [grid.base["scheme"]]:
-        with suppress(Exception):
-            yield kernel_variant(grid.settings(0, {"scheme": label}), grid.sampling.balances)
+        cells.append((partial(grid.settings, 0, {"scheme": label}), grid.sampling.balances))
     if grid.study.reference is not None:
+        cells += [(partial(reference_cell, grid, 0), False), (partial(exact_cell, grid, 0), False)]
+    seen: set[tuple[Any, ...]] = set()
+    for cell, balances in cells:
         with suppress(Exception):
-            truth = kernel_variant(reference_cell(grid, 0), balances=False)
-            yield truth
-            exact = kernel_variant(exact_cell(grid, 0), balances=False)
-            if exact.method != truth.method:
-                yield exact
+            variant = kernel_variant(cell(), balances)
+            if variant is not None and variant.words not in seen:
+                seen.add(variant.words)
+                yield variant

@@ -17,6 +17,7 @@ from math import isnan, nan
 from types import MappingProxyType
 from typing import NamedTuple
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from workflow.grid._trials import Setting, Trials, trials_of
@@ -43,7 +44,7 @@ class Choice:
         The counts.
     error
         Larger of the relative L2 errors of the tip's displacement and temperature in the hardest corner, 1; NaN
-        where none ended ok.
+        where none ended ok, or where trials cannot confirm so many vectors.
     hardest
         Path and value of every axis of the corner with that error.
     against
@@ -72,7 +73,8 @@ def choose(setting: Setting, requested: Counts, tolerance: float) -> Choice:
     """Return the counts of the smallest reduced model that meets a tolerance.
 
     Where a count that is given stands in its way, or rounding, the model that adds no more than the tolerance to what
-    is then left; where no corner ends ok the counts that the transfer functions ask for.
+    is then left; where no corner ends ok the counts that the transfer functions ask for. Where more vectors are needed
+    than the trials can confirm, all that errors are measured against, without an error.
 
     Parameters
     ----------
@@ -85,19 +87,27 @@ def choose(setting: Setting, requested: Counts, tolerance: float) -> Choice:
     """
     with threadpool_limits(limits=1, user_api="blas"):
         trials = trials_of(replace(setting, cell=replace(setting.cell, mechanical_modes=CHOSEN, thermal_modes=CHOSEN)))
-        least, most = ends(requested, trials.most)
-        guess = trials.begin(tolerance)
-        first = _within(guess, least, most)
-        counts = first if trials.failure else _confirmed(trials, first, least, most, tolerance)
-        errors = [float("nan")] if trials.failure else trials.errors(*counts, trials.sound)
+        least, richest = ends(requested, trials.most)
+        _, most = ends(requested, trials.confirmable)
+        first = _within(trials.begin(tolerance), least, richest if trials.failure else most)
+        counts = first if trials.failure else _smallest_of(trials, first, least, most, richest, tolerance)
+        is_confirmed = not trials.failure and all(np.less_equal(counts, trials.confirmable))
+        errors = trials.errors(*counts, trials.sound) if is_confirmed else [nan]
         worst = errors.index(max(errors))
-    hardest = trials.corners[0 if trials.failure else trials.sound[worst]]
-    return Choice(*counts, errors[worst], tuple(hardest.items()), _against(trials))
+    hardest = trials.corners[trials.sound[worst] if is_confirmed else 0]
+    return Choice(*counts, errors[worst], tuple(hardest.items()), _against(trials, is_confirmed))
 
 
-def _confirmed(trials: Trials, first: Counts, least: Counts, most: Counts, tolerance: float) -> Counts:
-    """Return the smallest counts that meet a tolerance in all corners: decided by few, and by what then misses it."""
+def _smallest_of(
+    trials: Trials, first: Counts, least: Counts, most: Counts, richest: Counts, tolerance: float
+) -> Counts:
+    """Return the smallest counts up to ``most`` that meet a tolerance in all corners, ``richest`` if only these do.
+
+    They are decided by few corners, and by what then misses the tolerance.
+    """
     floor = max(trials.errors(*most, trials.sound))
+    if floor > tolerance and most != richest and max(trials.errors(*richest, trials.sound)) <= tolerance:
+        return richest
     allowed = tolerance if floor <= tolerance else tolerance + floor
     deciding = [trials.sound[0]]
     while True:
@@ -160,11 +170,14 @@ def _within(counts: Counts, least: Counts, most: Counts) -> Counts:
     return min(max(counts[0], least[0]), most[0]), min(max(counts[1], least[1]), most[1])
 
 
-def _against(trials: Trials) -> str:
+def _against(trials: Trials, is_confirmed: bool) -> str:
     if trials.failure:
         why = f"no corner of the scene ended ok by {trials.by}: {trials.failure}"
         return f"as transfer functions ask for, not confirmed: {why}"
     model = "the full model" if trials.is_full else f"the model of {trials.most[0]} + {trials.most[1]} vectors"
+    if not is_confirmed:
+        confirmable = f"{trials.confirmable[0]} + {trials.confirmable[1]}"
+        return f"not confirmed: {model}, which trials measure against, confirms no more than {confirmable}"
     lost = len(trials.corners) - len(trials.sound)
     but = f", without {lost} of {len(trials.corners)} corners of the scene that did not end ok" if lost else ""
     return f"confirmed by {trials.by} against {model}{but}"

@@ -67,11 +67,12 @@ class Share:
         return self.variants[0].method
 
     def compile(self) -> None:
-        """Compile into the cache of kernels."""
+        """Compile into the cache of kernels, but for what the scheme refuses."""
         if self.call:
-            scheme, arguments = _example(self.variants[0])
-            with measured(compiling_parts(self.method)[self.call]):
-                scheme.KERNEL_CALLS[self.call](*arguments)
+            with suppress(Exception):
+                scheme, arguments = _example(self.variants[0])
+                with measured(compiling_parts(self.method)[self.call]):
+                    scheme.KERNEL_CALLS[self.call](*arguments)
             return
         for variant in self.variants:
             _compile(variant)
@@ -130,7 +131,10 @@ SHARES = _Shares()
 
 
 def compile_scheme(variant: KernelVariant, waiting: Callable[[], AbstractContextManager[None]] = nullcontext) -> None:
-    """Compile what a scheme needs, so that no case's time holds it; wait for helper processes within ``waiting``."""
+    """Compile what a scheme needs, so that no case's time holds it; wait for helper processes within ``waiting``.
+
+    Nothing is raised: the case may be another than the one that is refused, and says itself why it fails.
+    """
     shares = SHARES.of(variant.method)
     for share in reversed(shares):  # helpers begin with the first
         if SHARES.take(share):
@@ -147,13 +151,16 @@ def compile_scheme(variant: KernelVariant, waiting: Callable[[], AbstractContext
 
 @cache
 def _compile(variant: KernelVariant) -> None:
-    """Run a scheme once: it compiles all kernels that are not in the cache, and loads the others."""
-    scheme, arguments = _example(variant)
-    with measured(_part(variant)):
-        scheme.compute(*arguments)
-    note = _note(variant)
-    if note is not None:
-        with suppress(OSError):
+    """Run a scheme once: it compiles all kernels that are not in the cache, and loads the others.
+
+    What raises compiles nothing and leaves no note.
+    """
+    with suppress(Exception):
+        scheme, arguments = _example(variant)
+        with measured(_part(variant)):
+            scheme.compute(*arguments)
+        note = _note(variant)
+        if note is not None:
             note.touch()
 
 

@@ -2,29 +2,35 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from workflow import schemes
 from workflow.grid._speed import SLOWEST, timed
-from workflow.kernels.lanes import LANES, PACK
-from workflow.models import MOST_BY_SUPERLU, Cases, Sparse, Structure, expected_fill, has_cholmod
-from workflow.schemes import Sampling, Workload
+from workflow.kernels.lanes import PACK
+from workflow.models import MOST_BY_SUPERLU, Sparse, Structure, expected_fill, has_cholmod, needs_matrices
+from workflow.schemes import Sampling
 from workflow.study import Cell, SchemeChoice
 
-WAITING = 2.5e-8
-"""Seconds that a step of a block of cases takes however few they are, of which a scheme's own cost per case holds
-:data:`TIP`: 8 cases of the heavy chain take 53 ns a step, 64 take 203 ns."""
+STEP_SECONDS = 1e-6
+"""Seconds of a step of a scheme that nobody has measured."""
 
-TIP = 5e-10
+_CASE = 5e-6
+"""Seconds of a case beside its steps and samples."""
 
-COLD = 0.65
-"""Share of its time that a case takes whose thermal states cannot act."""
+_SAMPLE = 1.5e-8
+"""Seconds of a sample."""
+
+_ALWAYS, _EACH_PERIOD = 400, 30
+"""Steps of a scheme that finds its own: to set an α up, and in each period of the fastest load or casing."""
+
+_TIP = 10
+"""States that take as long as the tip and its contact."""
+
+_SWEPT, _COUPLED = 20.0, 4.0
+"""How many times as long a state takes that is swept along a chain, and a product of two that a matrix couples."""
 
 _DENSE = 300
 """States of a structure up to which its growth rate comes from all of them."""
@@ -48,48 +54,40 @@ class Part:
     """Whether the model knows nothing of the part: it is measured however far from the model it is."""
 
 
-def workload_of(cases: Cases, sampling: Sampling) -> Workload:
-    """Return what decides how long a batch takes."""
-    return Workload(cases.e, cases.alpha, cases.heated, cases.fastest_frequency * sampling.duration)
+def case_seconds(cell: Cell, structure: Structure, sampling: Sampling, periods: float) -> float:
+    """Return what a case costs by the fixed model: steps × blocks × one measured figure of its scheme.
+
+    Blocks are its states and the tip; what a matrix couples has as many as products of two. ``periods`` are those of the fastest
+    sinusoid of load and casing within the duration.
+    """
+    scheme = schemes.load(cell.scheme.method)
+    own = sampling.count / 2 + _ALWAYS + _EACH_PERIOD * (1 + periods)
+    steps = sampling.steps(cell.h) if "h" in scheme.READS else own
+    if not scheme.STEP_SECONDS:
+        return STEP_SECONDS * (steps + sampling.count)
+    blocks = float(2 * structure.mechanical_size + structure.thermal_size + _TIP)
+    if scheme.sweeps(structure):
+        blocks *= _SWEPT
+    elif "h" in scheme.READS and needs_matrices(structure):
+        blocks *= _COUPLED * blocks
+    return steps * blocks * scheme.STEP_SECONDS * (1.5 if sampling.balances else 1.0) + sampling.count * _SAMPLE + _CASE
 
 
-def batch_part(cell: Cell, structure: Structure, sampling: Sampling, workload: Workload) -> Part:
-    """Return what a batch costs on the structure it is run on."""
+def batch_part(cell: Cell, structure: Structure, sampling: Sampling, count: int, periods: float) -> Part:
+    """Return what a batch of so many cases costs on the structure it is run on, whole packs where it has any."""
     scheme, choice = schemes.load(cell.scheme.method), cell.scheme
     general = f"{choice.method} {_kind(choice)}{' balances' if sampling.balances else ''}"
     sized = f"{general}/{structure.mechanical_size}+{structure.thermal_size}"
-    if scheme.batch_cost is not None:
-        seconds = scheme.batch_cost(structure, choice.options, sampling, workload)
-        return Part(float(seconds), (f"{sized}/{_scene_digest(cell)}", sized, general))
-    each = scheme.cost(structure, cell.h, choice.options, sampling)
-    if scheme.has_unknown_cost:
-        return Part(each * workload.e.size, (sized, general), is_guess=True)
-    if scheme.TOGETHER == 1 or scheme.sweeps(structure):
-        return Part(each * workload.e.size, (f"{sized} alone", f"{general} alone"))
-    return Part(_packed_seconds(each, sampling.steps(cell.h), workload), (sized, general))
+    packed = scheme.TOGETHER > 1 and not scheme.sweeps(structure)
+    padded = -(-count // PACK) * PACK if packed else count
+    seconds = padded * case_seconds(cell, structure, sampling, periods)
+    return Part(seconds, (sized, general), is_guess=not scheme.STEP_SECONDS)
 
 
 def _kind(choice: SchemeChoice) -> str:
     """Return the options of a scheme that are words: they choose other kernels."""
     words = (getattr(choice.options, name) for name in type(choice.options).__dataclass_fields__)
     return " ".join(word for word in words if isinstance(word, str))
-
-
-def _packed_seconds(each: float, steps: int, workload: Workload) -> float:
-    """Return the seconds of a batch whose cases are stepped in packs and blocks, with heat and without apart."""
-    step = max(each / steps - TIP, 0.2 * each / steps)
-    total, heated = 5e-4 + 4e-6 * workload.e.size, int(np.count_nonzero(workload.heated))
-    for count, share in ((heated, 1.0), (workload.e.size - heated, COLD)):
-        padded, blocks = -(-count // PACK) * PACK, -(-count // LANES)
-        total += steps * (WAITING * blocks + share * step * padded)
-    return total
-
-
-def _scene_digest(cell: Cell) -> str:
-    """Return a hash of what the number of contact events of a scene depends on."""
-    scene = cell.scene
-    key = repr((scene.model, scene.parameters, scene.load, scene.initial, scene.duration))
-    return hashlib.sha256(key.encode()).hexdigest()[:12]
 
 
 def setup_part(method: str, structure: Structure) -> Part:

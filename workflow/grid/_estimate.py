@@ -34,7 +34,6 @@ from workflow.grid._solve import REPEATS, SHORT
 from workflow.grid._tasks import Segment, Task, Units, tasks
 from workflow.grid._truth import BLOCK, distinct_shape
 from workflow.models import Array
-from workflow.schemes import Workload
 from workflow.study import Cell
 
 REFERENCE_RUNS = 3
@@ -198,40 +197,28 @@ class _Costs:
         grid, cell = self.grid, self.grid.settings(outer)
         structure = reduced_structure(cell)
         distinct = np.unique(grid.canonical_inner(cell, inner))
-        workload, scale = self._workload(cell, distinct)
-        part = batch_part(cell, structure, grid.sampling, workload)
+        part = batch_part(cell, structure, grid.sampling, distinct.size, self._periods(cell, distinct))
         once = self.seconds(part)
         self.measured |= any(key in self.speeds.sums for key in part.keys)
         repeats = min(REPEATS, 1 + int(SHORT / max(once, 1e-9))) if grid.study.reference is not None else 1
         histories = len(grid.study.output.histories)
         places = sum(1 for _ in grid.places[outer])
         handling = handling_part(inner.size * places, places, grid.sampling.count, histories)
-        seconds = (
-            scale * repeats * once + self.seconds(handling) + self.seconds(setup_part(cell.scheme.method, structure))
-        )
-        new = {(hash(reduced(cell)), float(alpha)) for alpha in np.unique(workload.alpha)} - self._grown
+        seconds = repeats * once + self.seconds(handling) + self.seconds(setup_part(cell.scheme.method, structure))
+        new = {(hash(reduced(cell)), float(alpha)) for alpha in np.unique(self._alpha(cell, distinct))} - self._grown
         self._grown |= new
         return seconds + len(new) * self.seconds(growth_part(structure))
 
-    def _workload(self, cell: Cell, inner: Indices) -> tuple[Workload, float]:
-        """Return what decides the time of some cases, and how many cases each of its entries stands for."""
-        scale = max(1.0, inner.size / MOST_LOOKED_AT)
-        looked_at = inner if scale == 1 else inner[:: int(np.ceil(scale))]
-        values = self.grid.inner_values(looked_at)
-        scene, count = cell.scene, looked_at.size
+    def _alpha(self, cell: Cell, inner: Indices) -> Array:
+        """Return α of some cases, of very many those of a part."""
+        looked_at = inner[:: -(-inner.size // MOST_LOOKED_AT)]
+        return alpha_of(cell, self.grid.inner_values(looked_at), looked_at.size)
 
-        def of_case(path: str, value: float) -> Array:
-            return np.array(np.broadcast_to(values.get(path, np.float64(value)), (count,)), dtype=np.float64)
-
-        alpha = alpha_of(cell, values, count)
-        heated = alpha != 0
-        start = 0.0 if isinstance(scene.initial, str) else scene.initial.temperature
-        heating = getattr(scene.parameters, "heating", 0.0)
-        for path, value in ((f"scene.{scene.model}.heating", heating), ("scene.initial.temperature", start)):
-            heated |= np.any(values[path]) if path in values else bool(np.any(value))
-        periods = fastest_frequency(scene, values, count) * self.grid.sampling.duration
-        workload = Workload(of_case("e", cell.e), alpha, heated, periods)
-        return workload, inner.size / count
+    def _periods(self, cell: Cell, inner: Indices) -> float:
+        """Return the most periods of load and casing that any of some cases has."""
+        looked_at = inner[:: -(-inner.size // MOST_LOOKED_AT)]
+        frequency = fastest_frequency(cell.scene, self.grid.inner_values(looked_at), looked_at.size)
+        return float(frequency.max()) * self.grid.sampling.duration
 
     def _references(self, segment: Segment) -> float:
         """Return the seconds of the references and exact solutions that a segment is the first to ask for."""
@@ -252,7 +239,6 @@ class _Costs:
             return 0.0
         rows = number[np.isin(number // BLOCK, [block for _, block in new])]
         places = np.ravel_multi_index(np.unravel_index(rows, shape), grid.inner_shape) if shape else rows
-        workload, scale = self._workload(cell, places)
         sampling = replace(grid.sampling, balances=False)
-        part = batch_part(cell, reduced_structure(cell), sampling, workload)
-        return runs * scale * self.seconds(part)
+        part = batch_part(cell, reduced_structure(cell), sampling, places.size, self._periods(cell, places))
+        return runs * self.seconds(part)

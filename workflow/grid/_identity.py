@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from workflow import schemes
 from workflow.declare import plain
-from workflow.grid._arrangement import Grid
+from workflow.grid._arrangement import TOLERANCE, Grid
 from workflow.grid._conditions import FRICTION, alpha_of, friction_of, harmonics_of, heat_load
 from workflow.grid._operators import structure_of
 from workflow.grid._reference import exact_cell, reference_cell
@@ -65,6 +65,7 @@ def _shared(grid: Grid, outer: int, cell: Cell) -> dict[str, Any]:
         "reference": None if reference is None else _numerics(reference_cell(grid, outer), frozenset({"h"})),
         **_widths(cell.scene),
         **({} if choice is None else {"basis_error": choice.error.hex()}),
+        **({} if choice is None or reference is None else {"tolerance": float(grid.value(outer, TOLERANCE))}),
         "lists": {path: value for path, value in _per_node(cell).items() if not isinstance(value, float)},
     }
 

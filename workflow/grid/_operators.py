@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from workflow import models, schemes
+from workflow.grid._blow_up import mark_blown_up
 from workflow.grid._compile import KernelVariant, compile_scheme
 from workflow.grid._conditions import at_rest
-from workflow.grid._costs import batch_part, growth_part, measured, setup_part, workload_of
+from workflow.grid._costs import batch_part, growth_part, measured, setup_part
 from workflow.grid._turns import waiting
 from workflow.models import (
     MOST_NODES_WITH_MATRICES,
@@ -153,9 +154,11 @@ def _critical_alpha(by: Reduced, friction: float) -> float:
     return critical_alpha(structure_on(by), friction)
 
 
-def kernel_variant(cell: Cell, balances: bool) -> KernelVariant:
-    """Return what of its scheme must be compiled for a cell, with balances or without."""
+def kernel_variant(cell: Cell, balances: bool) -> KernelVariant | None:
+    """Return what of its scheme must be compiled for a cell, with balances or without; ``None`` if it is refused."""
     scheme, (structure, is_reduced) = schemes.load(cell.scheme.method), _structure_for_kernels(reduced(cell))
+    if scheme.refusal(structure, cell.scheme.options) is not None:
+        return None
     nodes = MOST_NODES_WITH_MATRICES + 1 if scheme.sweeps(structure) and not is_reduced else 1
     coupled = needs_matrices(structure)  # its loads have their harmonics without a kernel for them
     driven = bool(cell.scene.casing.harmonics or (cell.scene.load.harmonics and not coupled))
@@ -166,7 +169,9 @@ def kernel_variant(cell: Cell, balances: bool) -> KernelVariant:
 
 def compile_for(cell: Cell, balances: bool) -> None:
     """Have the kernels of a cell compiled, so that no case's wall time holds that."""
-    compile_scheme(kernel_variant(cell, balances), waiting)
+    variant = kernel_variant(cell, balances)
+    if variant is not None:
+        compile_scheme(variant, waiting)
 
 
 def runaways_of(cell: Cell, alpha: Array, friction: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
@@ -195,6 +200,20 @@ def on_basis(cell: Cell, cases: Cases) -> tuple[Structure, Cases]:
     return reduced_structure(cell), cases if reduction is None else reduction.project(cases)
 
 
+def judged(cell: Cell, cases: Cases, results: Results, duration: float) -> Results:
+    """Return what :func:`run_batch` has made of cases, with those marked that blew up."""
+    model, parameters = cell.scene.model, cell.scene.parameters
+    return mark_blown_up(
+        structure_of(model, parameters),
+        lambda: statics_of(model, parameters),
+        lambda some: runaways_of(cell, some.alpha, some.friction)[1],
+        cases,
+        results,
+        duration,
+        is_stepped="h" in schemes.load(cell.scheme.method).READS,
+    )
+
+
 def run_batch(cell: Cell, cases: Cases, sampling: Sampling) -> Results:
     """Run cases, given on the nodes, on the structure and with the scheme of a cell."""
     scene, method = cell.scene, cell.scheme.method
@@ -203,7 +222,8 @@ def run_batch(cell: Cell, cases: Cases, sampling: Sampling) -> Results:
     _, projected = on_basis(cell, cases)
     if scene.initial == "static":
         projected = at_rest(reduced_structure(cell), projected)
-    part = batch_part(cell, reduced_structure(cell), sampling, workload_of(cases, sampling))
+    periods = float(cases.fastest_frequency.max()) * sampling.duration
+    part = batch_part(cell, reduced_structure(cell), sampling, cases.count, periods)
     with measured(part):
         results = schemes.load(method).compute(operator, projected, sampling)
     return schemes.checked(results, projected, sampling)

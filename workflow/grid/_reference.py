@@ -94,6 +94,15 @@ def exact_cell(grid: Grid, outer: int) -> Cell:
     return only_what_is_read(cell)
 
 
+def tells_basis_error(grid: Grid, outer: int) -> bool:
+    """Tell whether the model's part of an error is that of the case's basis: the reference is exact and as rich."""
+    if grid.study.reference is None:
+        return False
+    ours, theirs = reference_cell(grid, outer), exact_cell(grid, outer)
+    is_as_rich = ours.mechanical_modes >= theirs.mechanical_modes and ours.thermal_modes >= theirs.thermal_modes
+    return ours.scheme.method == EXACT and is_as_rich
+
+
 def exact_motion(grid: Grid, outer: int, inner: Indices, shaken: Shaken | None = None) -> dict[str, Array]:
     """Return histories of the exact solutions of the reduced models of some cases, with their data changed if asked.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow import schemes, variables
-from workflow.grid._arrangement import Grid, Indices
-from workflow.grid._blow_up import mark_blown_up
+from workflow.grid._arrangement import TOLERANCE, Grid, Indices
 from workflow.grid._conditions import conditions
 from workflow.grid._frequencies import longest_period_count
-from workflow.grid._operators import compile_for, projection_residual_of, run_batch, runaways_of, structure_of
+from workflow.grid._operators import compile_for, judged, projection_residual_of, run_batch, runaways_of, structure_of
 from workflow.grid._reason import reason_of
-from workflow.grid._reference import against_reference
+from workflow.grid._reference import against_reference, tells_basis_error
 from workflow.grid._shaken import Shaken
+from workflow.grid._trials import COMPARED as DECIDING
 from workflow.models import Array, Cases
 from workflow.schemes import Results, Sampling, Status, complete_periods
 from workflow.study import Cell, Study
@@ -49,22 +50,33 @@ def solve(grid: Grid, outer: int, inner: Indices, shaken: Shaken | None = None) 
     canonical, place = np.unique(grid.canonical_inner(cell, inner), return_inverse=True)
     solved = _solve_or_tell(grid, outer, canonical, shaken)
     where = place.ravel()
-    values = {name: array[where] for name, array in solved.values.items()} | _basis(grid, outer, inner.size)
+    values = {name: array[where] for name, array in solved.values.items()}
     with np.errstate(all="ignore"):
         errors, remarks = against_reference(grid, outer, inner, values)
+        values |= _basis(grid, outer, inner.size, errors)
     own = {k: solved.messages[int(source)] for k, source in enumerate(where) if int(source) in solved.messages}
     both = {k: "; ".join(text[k] for text in (remarks, own) if k in text) for k in {*remarks, *own}}
+    choice = grid.choice(outer)
+    if choice is not None and not choice.is_confirmed:
+        both = {k: "; ".join(filter(None, (both.get(k), f"basis_error: {choice.against}"))) for k in range(inner.size)}
     return Solved({**values, **errors}, both)
 
 
-def _basis(grid: Grid, outer: int, count: int) -> dict[str, Array]:
-    """Return counts of vectors and their error, ``(case,)`` each, where a tolerance decides some of a study."""
+def _basis(grid: Grid, outer: int, count: int, errors: Mapping[str, Array]) -> dict[str, Array]:
+    """Return counts of vectors and their error, ``(case,)`` each, where a tolerance decides some of a study.
+
+    The error is that of the trials, but of a case that misses the tolerance its own where the reference tells it.
+    """
     if not grid.study.is_auto:
         return {}
     cell, choice = grid.settings(outer), grid.choice(outer)
     used = {f"{path}_used": getattr(cell, path) for path in ("mechanical_modes", "thermal_modes")}
     columns = {**used, "basis_error": np.nan if choice is None else choice.error}
-    return {name: np.full(count, float(value)) for name, value in columns.items()}
+    basis = {name: np.full(count, float(value)) for name, value in columns.items()}
+    if choice is not None and tells_basis_error(grid, outer):
+        own = np.max([errors[f"{name}_model_error"] for name in DECIDING], axis=0)
+        basis["basis_error"] = np.where(own > float(grid.value(outer, TOLERANCE)), own, basis["basis_error"])
+    return basis
 
 
 def _solve_or_tell(grid: Grid, outer: int, inner: Indices, shaken: Shaken | None) -> Solved:
@@ -93,7 +105,7 @@ def _solve_distinct(grid: Grid, outer: int, inner: Indices, shaken: Shaken | Non
     cases = cases if shaken is None else shaken.cases(cases)
     compile_for(cell, grid.sampling.balances)
     results, seconds = _timed(grid, cell, cases)
-    results = mark_blown_up(cell, cases, results, grid.sampling)
+    results = judged(cell, cases, results, grid.sampling.duration)
     critical, growth, runaway = runaways_of(cell, cases.alpha, cases.friction)
     values: dict[str, NDArray[Any]] = {
         **results.histories,

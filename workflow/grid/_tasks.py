@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from workflow import schemes
 from workflow.grid._arrangement import Grid, Indices
-from workflow.grid._frequencies import longest_period_count
+from workflow.grid._costs import case_seconds
+from workflow.grid._frequencies import fastest, longest_period_count
 from workflow.grid._operators import reduced_structure
 
 SHORTEST, LONGEST = 0.1, 5.0
@@ -101,8 +102,7 @@ class Units:
 def seconds_per_case(grid: Grid, outer: int) -> float:
     """Return the estimated seconds of one case, from the scheme's fixed cost model."""
     cell = grid.settings(outer)
-    scheme = schemes.load(cell.scheme.method)
-    return scheme.cost(reduced_structure(cell), cell.h, cell.scheme.options, grid.sampling)
+    return case_seconds(cell, reduced_structure(cell), grid.sampling, fastest(grid) * grid.sampling.duration)
 
 
 def together(grid: Grid, outer: int) -> int:

@@ -5,8 +5,8 @@ or largest gap, the load frequency at which the tip answers most or least, the l
 everything else but phases; of axes that vary together alpha decides first, then the gap, then the frequency, then the
 others by name, and of equals the first. Of more than 16 corners those are taken that have the fewest mild or the fewest
 hard values. They are run by `event_driven` on the full structure; one of more than 300 coordinates is reduced to
-100 + 100 vectors of the same basis. What `event_driven` refuses is run by `moreau` with θ = 1 at the study's shortest
-step, full and reduced alike. A corner that does not end ok so is left out.
+100 + 100 vectors of the same basis, which confirm at most half as many. What `event_driven` refuses is run by `moreau`
+with θ = 1 at the study's shortest step, full and reduced alike. A corner that does not end ok so is left out.
 """
 
 from __future__ import annotations
@@ -81,6 +81,8 @@ class Trials:
     ----------
     most
         Counts of vectors of the model that errors are measured against, n - 1 where that is the full one.
+    confirmable
+        Largest counts whose errors that model can tell: half of its own, all of them where it leaves nothing out.
     corners
         Values of the axes of each corner, by path; the first has the hardest value of each dimension.
     sound
@@ -93,7 +95,10 @@ class Trials:
         self._cell, self._sampling, self._shortest = exactly(setting), setting.sampling, setting.shortest
         structure = structure_of(setting.cell.scene.model, setting.cell.scene.parameters)
         self.most = _most(structure.mechanical_size), _most(structure.thermal_size)
-        self.is_full = self.most == (structure.mechanical_size - 1, structure.thermal_size - 1)
+        all_of_them = structure.mechanical_size - 1, structure.thermal_size - 1
+        self.is_full = self.most == all_of_them
+        halves = [most if most == every else most // 2 for most, every in zip(self.most, all_of_them, strict=True)]
+        self.confirmable = halves[0], halves[1]
         self.corners = corners_of(setting.inner, structure_on(reduced(self._with(*self.most))))
         varying = {path: np.array([corner[path] for corner in self.corners]) for path in self.corners[0]}
         self._cases = conditions(setting.cell, structure, varying, len(self.corners))

@@ -12,10 +12,9 @@ import numpy as np
 
 from workflow import schemes
 from workflow.grid._arrangement import Grid, Indices, reads
-from workflow.grid._blow_up import mark_blown_up
 from workflow.grid._conditions import conditions
 from workflow.grid._distance import relative_distance
-from workflow.grid._operators import compile_for, run_batch, structure_of
+from workflow.grid._operators import compile_for, judged, run_batch, structure_of
 from workflow.grid._reason import reason_of
 from workflow.grid._turns import waiting
 from workflow.models import Array, Cases
@@ -178,7 +177,7 @@ def _compute(grid: Grid, cell: Cell, shape: tuple[int, ...], own: Indices, pertu
 
 
 def _run(cell: Cell, cases: Cases, sampling: Sampling) -> Results:
-    return mark_blown_up(cell, cases, run_batch(cell, cases, sampling), sampling)
+    return judged(cell, cases, run_batch(cell, cases, sampling), sampling.duration)
 
 
 def _predictability(cell: Cell, cases: Cases, sampling: Sampling, displacement: Array) -> Array:

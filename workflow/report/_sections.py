@@ -123,7 +123,7 @@ def _decided(dataset: xr.Dataset) -> list[str]:
         [one.where, f"{one.mechanical_modes} + {one.thermal_modes}", _percent(one.error)]
         for one in decided(dataset)[:_DECIDED_SHOWN]
     ]
-    return [table(["modes that the tolerance decided for", "modes", "error in the worst corner"], rows)] if rows else []
+    return [table(["modes that the tolerance decided for", "modes", "largest known error"], rows)] if rows else []
 
 
 def maps(dataset: xr.Dataset) -> Drawn:

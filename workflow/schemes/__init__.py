@@ -20,7 +20,6 @@ from workflow.schemes._interface import (
     Schedule,
     Scheme,
     Status,
-    Workload,
     complete_periods,
     schedule,
 )
@@ -70,7 +69,6 @@ __all__ = [
     "Schedule",
     "Scheme",
     "Status",
-    "Workload",
     "checked",
     "complete_periods",
     "fault",

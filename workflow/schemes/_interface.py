@@ -101,26 +101,6 @@ def schedule(sampling: Sampling, h: float) -> Schedule:
 
 
 @dataclass(frozen=True, eq=False)
-class Workload:
-    """What decides, beside structure, step and sampling, how long a batch takes; each array is ``(case,)``.
-
-    Attributes
-    ----------
-    e, alpha
-        Restitution coefficient [1] and heat coupling [W/N].
-    heated
-        Whether thermal states can act, see :attr:`workflow.models.Cases.heated`.
-    periods
-        Periods of the fastest sinusoid of load and casing within the duration.
-    """
-
-    e: Array
-    alpha: Array
-    heated: NDArray[np.bool_]
-    periods: Array
-
-
-@dataclass(frozen=True, eq=False)
 class Results:
     """What a scheme returns for a batch.
 
@@ -141,9 +121,6 @@ class Results:
     messages
         What a case that is not ok did, by position; deterministic, no addresses, no paths. That of a
         case that is ok begins with :data:`EXTRAPOLATED`.
-    contact_work
-        The most that the work of contact on the tip, relative to the casing, has ever been, and the most of one step,
-        over the largest energy, 1, ``(case, 2)``; ``None`` without balances. It is judged, not stored.
     """
 
     histories: dict[str, Array]
@@ -153,7 +130,6 @@ class Results:
     period_contact: Array
     status: NDArray[np.int8]
     messages: dict[int, str]
-    contact_work: Array | None = None
 
 
 def merge(parts: list[tuple[NDArray[np.int64], Results]]) -> Results:
@@ -169,7 +145,6 @@ def merge(parts: list[tuple[NDArray[np.int64], Results]]) -> Results:
         wide = [_widened(a, width) if a.ndim == 2 and a.shape[1] < width else a for a in arrays]
         return np.concatenate(wide)[order]
 
-    works = [r.contact_work for r in results if r.contact_work is not None]
     return Results(
         histories={name: joined([r.histories[name] for r in results]) for name in results[0].histories},
         metrics={name: joined([r.metrics[name] for r in results]) for name in results[0].metrics},
@@ -178,7 +153,6 @@ def merge(parts: list[tuple[NDArray[np.int64], Results]]) -> Results:
         period_contact=joined([r.period_contact for r in results]),
         status=np.concatenate([r.status for r in results])[order],
         messages={int(where[k]): text for where, r in parts for k, text in r.messages.items()},
-        contact_work=joined(works) if works else None,
     )
 
 
@@ -190,11 +164,6 @@ def _widened(array: Array, width: int) -> Array:
 def complete_periods(frequency: Array, sampling: Sampling) -> NDArray[np.int64]:
     """Return how many whole periods of each frequency fit in the duration, up to rounding (1e-9 of one)."""
     return np.floor(sampling.duration * frequency * (1 + 1e-12) + 1e-9).astype(np.int64)
-
-
-def _unknown_cost(structure: Structure, h: float, options: Any, sampling: Sampling) -> float:
-    """Return seconds per case of a scheme that gives no estimate: a microsecond for each step and sample."""
-    return 1e-6 * (sampling.steps(h) + sampling.count)
 
 
 class RefusedStructureError(ValueError):
@@ -230,8 +199,8 @@ class Scheme:
     compute
         ``compute(operator, cases, sampling)`` runs a whole batch and returns :class:`Results`; it never raises for
         what a case does, and a case's numbers do not depend on its neighbours, bit for bit.
-    cost
-        ``cost(structure, h, options, sampling)``: estimated seconds of one heated case, a fixed model.
+    STEP_SECONDS
+        Measured seconds of a step of one case over its states; 0 where nobody has measured it.
     amplification
         ``amplification(frequency, damping, h, options)``: eigenvalues of the free step of modes
         x'' + c x' + ω² x = 0, complex, ``(mode, 2)``, for ω [rad/s] and c [1/s] of shape ``(mode,)``. A scheme
@@ -248,9 +217,6 @@ class Scheme:
     is_swept, operator_name
         ``is_swept(structure)``: whether it steps a structure node by node instead of by its modes, each case by
         itself; ``operator_name(structure)``: how ``plan`` says so, empty where there is nothing to say.
-    batch_cost
-        ``batch_cost(structure, options, sampling, workload)``: estimated seconds of a whole batch, for ``plan``, where
-        ``cost`` times the number of cases is far from it.
     contact_stiffness_of
         ``contact_stiffness_of(structure, options)``: stiffness of its contact spring, N/m, where it has one.
     rigid
@@ -275,7 +241,7 @@ class Scheme:
     READS: frozenset[str]
     init: Callable[[Structure, float, Any], Any]
     compute: Callable[[Any, Cases, Sampling], Results]
-    cost: Callable[[Structure, float, Any, Sampling], float] = _unknown_cost
+    STEP_SECONDS: float = 0.0
     amplification: Callable[[Array, Array, float, Any], Any] | None = None
     thermal_amplification: Callable[[Array, float, Any], Array] | None = None
     METRICS: Mapping[str, tuple[str, str]] = field(default_factory=dict)
@@ -283,7 +249,6 @@ class Scheme:
     contact_limit: Callable[[Structure, Any, float], float] | None = None
     is_swept: Callable[[Structure], bool] | None = None
     operator_name: Callable[[Structure], str] | None = None
-    batch_cost: Callable[[Structure, Any, Sampling, Workload], float] | None = None
     contact_stiffness_of: Callable[[Structure, Any], float] | None = None
     rigid: Callable[[Structure, float], Any] | None = None
     HARMONICS: frozenset[str] = frozenset({"load"})
@@ -291,11 +256,6 @@ class Scheme:
     massless_tip: Callable[[Any], str | None] = _needs_mass
     KERNEL_CALLS: Mapping[str, Callable[[Any, Cases, Sampling], object]] = field(default_factory=dict)
     about: str = ""
-
-    @property
-    def has_unknown_cost(self) -> bool:
-        """Whether it gives no estimate of its own."""
-        return self.cost is _unknown_cost
 
     @classmethod
     def required(cls) -> tuple[str, ...]:

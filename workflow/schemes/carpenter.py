@@ -19,7 +19,7 @@ import numpy as np
 
 from workflow.kernels.lanes import FEWEST_LANES
 from workflow.models import Array, Cases, Structure
-from workflow.schemes._fixed import central_march, contact, costs, dense
+from workflow.schemes._fixed import central_march, contact, dense
 from workflow.schemes._fixed.central import NEEDS_MASS, Differences, Linear, Operator, divisor
 from workflow.schemes._fixed.dense import DenseOperator
 
@@ -32,6 +32,7 @@ GENERAL = frozenset({"damping", "friction", "load"})
 HARMONICS = frozenset({"load", "casing"})
 
 TOGETHER = FEWEST_LANES
+STEP_SECONDS = 1.3e-10
 
 
 @dataclass(frozen=True)
@@ -86,6 +87,3 @@ def amplification(frequency: Array, damping: Array, h: float, options: Options) 
 def thermal_amplification(rate: Array, h: float, options: Options) -> Array:
     """Return 1 - hμ of each thermal mode, 1/(1 + hμ) where heat is implicit."""
     return options.differences.decay(h, rate)
-
-
-cost = costs.central_cost

@@ -20,21 +20,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from workflow.declare import quantity
 from workflow.kernels import elementwise
-from workflow.models import Array, Cases, Structure, couples_free_modes, is_rayleigh, poles
+from workflow.models import Array, Cases, Structure, couples_free_modes, poles
 from workflow.schemes._exact import batch
 from workflow.schemes._exact.batch import Operator, make_operator, run_batch
 from workflow.schemes._exact.outcome import Budget
-from workflow.schemes._interface import Results, Sampling, Workload
+from workflow.schemes._interface import Results, Sampling
 
 READS = frozenset({"e", "alpha"})
 GENERAL = frozenset({"damping", "friction", "load"})
 
 HARMONICS = frozenset({"load", "casing"})
 KERNEL_CALLS = batch.KERNEL_CALLS
+STEP_SECONDS = 1.4e-8
 
 
 @dataclass(frozen=True)
@@ -84,35 +83,3 @@ def amplification(frequency: Array, damping: Array, h: float, options: Options) 
 def thermal_amplification(rate: Array, h: float, options: Options) -> Array:
     """Return exp(-μ h) of each thermal mode."""
     return elementwise.exp(-rate * h)
-
-
-def cost(structure: Structure, h: float, options: Options, sampling: Sampling) -> float:
-    """Return estimated seconds per heated case: its events are not known beforehand, its samples are.
-
-    Balances take about half as long again.
-    """
-    states = structure.mechanical_size + structure.thermal_size
-    return (2e-8 * states * (sampling.count + 1000) + 1e-8 * states**3) * (1.5 if sampling.balances else 1)
-
-
-def batch_cost(structure: Structure, options: Options, sampling: Sampling, workload: Workload) -> float:
-    """Return the estimated seconds of a batch: a fixed model of its α, its certified steps, impacts and samples.
-
-    Numbers are those of one core of a server processor of 2024 on chains of 5 to 100 nodes. Each α costs the
-    eigenvalues of the structure with its tip held, the cube of its states where damping couples its modes. A load
-    period takes about twenty certified steps, and one more for each impact: their number until an accumulation with
-    restitution e ends is taken as 0.4 ln(1e-10)/ln(e), what rubbing chains and blades at rest, in resonance and above
-    their critical coupling have.
-    """
-    states = 2 * structure.mechanical_size + structure.thermal_size
-    alphas = np.unique(workload.alpha).size
-    regimes = 2.5e-8 * states**2 * alphas
-    if not is_rayleigh(structure):
-        regimes += (_SEPARATING + _EACH_ALPHA * alphas) * float(states) ** 3
-    with np.errstate(divide="ignore"):
-        impacts = np.minimum(1 + 0.4 * np.log(1e-10) / np.log(np.clip(workload.e, 0.0, 0.99)), 1000.0)
-    steps = (20 + impacts) * (1 + workload.periods)
-    each = 2e-4 + 8e-9 * states * steps + 3.5e-9 * states * sampling.count
-    if sampling.balances:
-        each = 1.5 * each
-    return float(regimes + each.sum())

@@ -21,13 +21,13 @@ from typing import Any, NamedTuple
 from workflow.declare import quantity
 from workflow.kernels.compiled import defines
 from workflow.kernels.lanes import FEWEST_LANES
-from workflow.kernels.packs import Lane, of_lane, pack, some, some_nonzero, spread, store, weighed, where
+from workflow.kernels.packs import Lane, of_lane, some, some_nonzero, spread, store, weighed, where
 from workflow.models import Array, Cases, Structure
-from workflow.schemes._fixed import case_row, contact, costs, dense, theta_march, theta_method, tip_row, total_row
+from workflow.schemes._fixed import case_row, contact, dense, theta_march, theta_method
 from workflow.schemes._fixed.complementarity import by_place
 from workflow.schemes._fixed.contact import Contact, End, Free, TipStep, press, was_pressed
 from workflow.schemes._fixed.dense import DenseOperator
-from workflow.schemes._fixed.drive import casing_place, relative, relative_before, tip_after, tip_before
+from workflow.schemes._fixed.drive import casing_place, relative, tip_after, tip_before
 from workflow.schemes._fixed.marches import kernels_of
 from workflow.schemes._fixed.theta_method import Operator
 from workflow.schemes._sweep import sweeps
@@ -36,6 +36,7 @@ READS = frozenset({"e", "h", "alpha"})
 GENERAL = frozenset({"damping", "friction", "load"})
 HARMONICS = frozenset({"load", "casing"})
 TOGETHER = FEWEST_LANES
+STEP_SECONDS = 1.2e-10
 is_swept = sweeps.is_swept
 
 
@@ -78,31 +79,13 @@ def meet_by_prox(law: Prox, step: TipStep, free: Free, own: Array, tip: Array, l
     return End(engaged, x, v, temperature, p)
 
 
-@defines(contact.add_contact_work, Prox)
-def _add_contact_work(law: Prox, end: End, free: Free, tip: Array, sums: Array, lane: Lane) -> None:
-    """Add -p (u_k + u_k+1)/2, u relative to the casing: p u_k (1 - e)/2 > 0 of a tip that is leaving, still inside."""
-    if not end.engaged:
-        return
-    before, after = pack(tip, (tip_row.VELOCITY, lane)), relative(free.drive, end.velocity, lane)
-    twice = relative_before(free.drive, before, lane) + after
-    work = -0.5 * end.impulse * twice
-    if not some_nonzero(work):  # of a tip at rest on its casing
-        return
-    most = pack(sums, (total_row.MOST_STEP_WORK, lane))
-    store(sums, (total_row.MOST_STEP_WORK, lane), where(work > most, work, most))
-    work += pack(sums, (total_row.CONTACT_WORK, lane))
-    most = pack(sums, (total_row.MOST_CONTACT_WORK, lane))
-    store(sums, (total_row.CONTACT_WORK, lane), work)
-    store(sums, (total_row.MOST_CONTACT_WORK, lane), where(work > most, work, most))
-
-
 def _prox(h: float, cases: Cases, w: Array) -> Prox:
     """Return Newton's law of cases with the Delassus operator W, 1/kg, ``(case,)``."""
     return Prox(cases.e, contact.inverse_or_nan(w))
 
 
 KERNELS = kernels_of(__name__)
-CONTACT = Contact(KERNELS, _prox, contact.delassus_alone, "W", takes_velocities=True)
+CONTACT = Contact(KERNELS, _prox, contact.delassus_alone, "W")
 
 
 def operator_name(structure: Structure) -> str:
@@ -133,6 +116,3 @@ def amplification(frequency: Array, damping: Array, h: float, options: Options) 
 def thermal_amplification(rate: Array, h: float, options: Options) -> Array:
     """Return (1 - (1-θ)hμ)/(1 + θhμ) of each thermal mode."""
     return theta_method.thermal_amplification(rate, h, options.theta)
-
-
-cost = costs.theta_cost

@@ -23,7 +23,7 @@ from typing import Any, Literal
 from workflow.declare import quantity
 from workflow.kernels.lanes import FEWEST_LANES
 from workflow.models import Array, Cases, Structure
-from workflow.schemes._fixed import central, central_march, costs, dense, spring_limits, theta_march, theta_method
+from workflow.schemes._fixed import central, central_march, dense, spring_limits, theta_march, theta_method
 from workflow.schemes._fixed.contact import METRICS as METRICS
 from workflow.schemes._fixed.contact import Contact
 from workflow.schemes._fixed.decoupled import decouple
@@ -34,6 +34,7 @@ READS = frozenset({"h", "alpha"})
 GENERAL = frozenset({"damping", "friction", "load"})
 HARMONICS = frozenset({"load", "casing"})
 TOGETHER = FEWEST_LANES
+STEP_SECONDS = 1.3e-10
 
 Operator = central.Operator | theta_method.Operator | dense.DenseOperator
 
@@ -141,6 +142,3 @@ def thermal_amplification(rate: Array, h: float, options: Options) -> Array:
     if options.integration == "implicit":
         return theta_method.thermal_amplification(rate, h, options.theta)
     return _CENTRAL.decay(h, rate)
-
-
-cost = costs.central_cost

@@ -48,7 +48,7 @@ from workflow.kernels.lanes import ROW
 from workflow.kernels.packs import Lane, Pack, fused, magnitude, pack, plus, shared, spread, store, where
 from workflow.models import Array
 from workflow.schemes._fixed import case_row, total_row
-from workflow.schemes._fixed.contact import End, Free, Law, TipStep, add_contact_work, contact_gain, driven, was_pressed
+from workflow.schemes._fixed.contact import End, Free, Law, TipStep, contact_gain, driven, was_pressed
 
 BALANCE_DAMPING, BALANCE_HEAT_SPEED, BALANCE_HEAT_PLACE = range(3)
 """Coefficients of a mechanical mode, all over φ_n²: hc/4, and -1 times the work of a unit of friction heat per ζ at the
@@ -198,7 +198,6 @@ def count_work(
     if was_pressed(own, lane):
         relative -= account.dragged * pack(own, (case_row.HEAT, lane))
     store(sums, (SUM_RELATIVE, lane), relative)
-    add_contact_work(law, end, free, tip, sums, lane)
     dissipated = pack(sums, (total_row.DISSIPATED, lane)) + contact_gain(
         law, step, end, relative - before, free, own, tip, lane
     )

@@ -59,8 +59,6 @@ class Contact:
         Whether it gives the metric ``effective_restitution``.
     judges_heat
         Whether a free heat step that grows ends cases that carry no heat too (θ-method in modes, θ < 1/2).
-    takes_velocities
-        Whether the tip leaves by the casing's velocity as a step sees it.
     """
 
     kernels: Kernels
@@ -69,7 +67,6 @@ class Contact:
     name: str
     rebounds: bool = False
     judges_heat: bool = True
-    takes_velocities: bool = False
 
 
 def delassus_alone(h: float, w: Any) -> Any:
@@ -181,14 +178,6 @@ def contact_gain(
     velocity; ``tip`` still holds the tip at the step's beginning.
     """
     return spread(0.0, lane)
-
-
-@by_type
-def add_contact_work(law: Law, end: End, free: Free, tip: Array, sums: Array, lane: Lane) -> None:
-    """Add the work of contact in a step to ``total_row.CONTACT_WORK``: nothing where a law does not say otherwise.
-
-    ``tip`` still holds the tip at the step's beginning.
-    """
 
 
 @inlined

@@ -31,7 +31,6 @@ from workflow.schemes._fixed.dense_march import CONTACT_SPEED, DenseState, FreeS
 from workflow.schemes._fixed.drive import drive_of
 from workflow.schemes._fixed.march import law_lanes
 from workflow.schemes._fixed.outcome import ROUNDING, Outcome, effective_restitution, judged
-from workflow.schemes._fixed.seen_casing import with_casing_seen
 from workflow.schemes._fixed.sliding import friction_message
 from workflow.schemes._fixed.stepping import Ended, Watch, block_lanes, blocks, collect, watch
 from workflow.schemes._fixed.totals import Balance, content_of, in_order
@@ -173,7 +172,7 @@ def compute(operator: DenseOperator, cases: Cases, sampling: Sampling) -> Result
     rebounds = effective_restitution(own) if contact.rebounds else {}
     content = content_of(structure.content, cases, last, watched.elapsed, in_order)
     closing = project(static_tip_growth(structure), reached)
-    outcome = with_casing_seen(watched, contact, _judged(operator, cases, response[:, -1], watched))
+    outcome = _judged(operator, cases, response[:, -1], watched)
     balance = Balance(totals, content) if sampling.balances else None
     return collect(Ended(watched, closing, rebounds, balance), *outcome)
 

@@ -16,7 +16,7 @@ from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lanes import PACK, ROW
 from workflow.kernels.packs import narrow, pack, spread, store
 from workflow.schemes._fixed import case_row, tip_row, total_row
-from workflow.schemes._fixed.contact import Free, Law, TipStep, add_contact_work, applied, contact_gain, meet, next_tip
+from workflow.schemes._fixed.contact import Free, Law, TipStep, applied, contact_gain, meet, next_tip
 from workflow.schemes._fixed.dense_balance import Account, add_dissipation, count_lost_heat, multiply, store_energy
 from workflow.schemes._fixed.drive import turn_drive
 from workflow.schemes._fixed.marks import Block
@@ -100,7 +100,6 @@ def _meet(free: FreeStep, law: Law, state: DenseState, block: Block, account: Ac
             store(
                 account.totals, (total_row.DISSIPATED, lane), pack(account.totals, (total_row.DISSIPATED, lane)) + gain
             )
-            add_contact_work(law, end, alone, tip, account.totals, lane)
         store_end(end, tip, lane)
         place, speed = next_tip(law, end, own, lane)
         store(state.by_contact, (CONTACT_IMPULSE, lane), applied(law, end, own, lane))

@@ -281,5 +281,4 @@ def collect(ended: Ended, status: NDArray[np.int8], messages: dict[int, str]) ->
         period_contact=contact * watched.cases.period_frequency[:, None],
         status=status,
         messages=messages,
-        contact_work=None if ended.balance is None else ended.balance.contact_work(),
     )

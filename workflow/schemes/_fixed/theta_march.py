@@ -21,7 +21,6 @@ from workflow.schemes._fixed.drive import drive_of
 from workflow.schemes._fixed.march import Batch, case_rows, march_blocks
 from workflow.schemes._fixed.modal_balance import ModalBalance
 from workflow.schemes._fixed.outcome import ROUNDING, Outcome, by_heat, judged
-from workflow.schemes._fixed.seen_casing import with_casing_seen
 from workflow.schemes._fixed.sliding import friction_message, slides
 from workflow.schemes._fixed.stable_steps import largest_step, limit_text
 from workflow.schemes._fixed.stepping import Ended, collect, watch
@@ -64,8 +63,7 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling, heated: bool) -> 
         if not operator.contact.judges_heat:
             operator = replace(operator, motion=modal)
     finite = ended.watched.finite(tip_row.DISPLACEMENT, tip_row.TEMPERATURE)
-    outcome = _judge(operator, cases, sampling.duration, finite)
-    return collect(ended, *with_casing_seen(ended.watched, operator.contact, outcome))
+    return collect(ended, *_judge(operator, cases, sampling.duration, finite))
 
 
 def step_modes(operator: Operator, modal: Decoupled, law: Law, cases: Cases, sampling: Sampling) -> Ended:

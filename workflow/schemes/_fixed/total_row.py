@@ -8,8 +8,4 @@ FIRST_ENERGY, LAST_ENERGY, LARGEST_ENERGY, DISSIPATED = range(4)
 LOST, TURNED_OVER, FRICTION_HEAT = range(4, 7)
 """Heat lost, turned over by loss, and taken in by friction [J]."""
 
-CONTACT_WORK, MOST_CONTACT_WORK, MOST_STEP_WORK = range(7, 10)
-"""Work of contact on the tip relative to the casing, of the laws that count it: so far, the most it has ever been, and
-the most of one step [J]."""
-
-ROWS = MOST_STEP_WORK + 1
+ROWS = FRICTION_HEAT + 1

@@ -5,10 +5,8 @@ heating Q (∫Σq) of a whole march,
 
     energy residual = (E_end - E_0 + D) / max E
     heat residual = (H_end - H_0 - αJ - Q + L) / (αJ + |Q| + ∫|dL| + Σ|c T_0|)
-    contact work = (the most that the work of contact on the tip has ever been, the most of one step) / max E
 
-and 0 where the denominator is 0. The contact work, relative to the casing, is judged and not stored
-(``workflow/grid/_contact_work.py``).
+and 0 where the denominator is 0.
 """
 
 from __future__ import annotations
@@ -72,14 +70,8 @@ class Balance(NamedTuple):
         friction, heating = totals[total_row.FRICTION_HEAT], content.heating
         gained = content.gained - friction - heating + totals[total_row.LOST]
         turned = friction + np.abs(heating) + totals[total_row.TURNED_OVER] + content.initial
-        return {"energy_residual": self._over_energy(change), "heat_residual": ratio(gained, turned)}
-
-    def contact_work(self) -> Array:
-        """Return the contact work, 1, ``(case, 2)``."""
-        return self._over_energy(self.totals[[total_row.MOST_CONTACT_WORK, total_row.MOST_STEP_WORK]]).T
-
-    def _over_energy(self, energy: Array) -> Array:
-        return ratio(energy, np.maximum(self.totals[total_row.LARGEST_ENERGY], self.rest))
+        largest = np.maximum(totals[total_row.LARGEST_ENERGY], self.rest)
+        return {"energy_residual": ratio(change, largest), "heat_residual": ratio(gained, turned)}
 
 
 def ratio(part: Array, whole: Array) -> Array:

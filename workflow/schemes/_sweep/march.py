@@ -10,7 +10,7 @@ from workflow.kernels.packs import narrow, pack, spread
 from workflow.kernels.sums import total
 from workflow.models import Array, Cases
 from workflow.schemes._fixed import case_row, tip_row, total_row
-from workflow.schemes._fixed.contact import Free, Law, TipStep, add_contact_work, meet
+from workflow.schemes._fixed.contact import Free, Law, TipStep, meet
 from workflow.schemes._fixed.drive import drive_of, turn_drive
 from workflow.schemes._fixed.march import law_lanes
 from workflow.schemes._fixed.marks import Block
@@ -54,7 +54,6 @@ def march_nodes(nodes: Nodes, law: Law, own: Array, block: Block, account: Accou
         heat = own[case_row.HEAT, 0]
         step_to_root(nodes, tip[tip_row.NEW_DISPLACEMENT, 0], tip[tip_row.NEW_VELOCITY, 0], heat)
         if balances:
-            add_contact_work(law, end, free, tip, account.totals, lane)
             count_step(nodes, account, heat, own[case_row.IMPULSE, 0])
         count_stored(k, block)
 
