@@ -57,8 +57,8 @@ class Part:
 def case_seconds(cell: Cell, structure: Structure, sampling: Sampling, periods: float) -> float:
     """Return what a case costs by the fixed model: steps × blocks × one measured figure of its scheme.
 
-    Blocks are its states and the tip; what a matrix couples has as many as products of two. ``periods`` are those of the fastest
-    sinusoid of load and casing within the duration.
+    Blocks are its states and the tip; what a matrix couples has as many as products of two. ``periods`` are those of
+    the fastest sinusoid of load and casing within the duration.
     """
     scheme = schemes.load(cell.scheme.method)
     own = sampling.count / 2 + _ALWAYS + _EACH_PERIOD * (1 + periods)
