@@ -8,12 +8,15 @@ u = s₁ ξ₁ + s₂ ξ₂, ξ = l X, so that η' = u, u' = (s₁ + s₂) u - s
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workflow.kernels.complex_numbers import complex_product, complex_total, magnitude, over, times
+from workflow.kernels.solving import solve
+from workflow.kernels.sums import product, total
 from workflow.models import Array
 from workflow.schemes._exact.modal_system import ModalSystem
 from workflow.schemes._exact.spectrum import Complex, condition_numbers, coupled_spectrum
@@ -60,38 +63,59 @@ def pole_pairs(system: ModalSystem, A: Array) -> PolePairs:
     Complex poles are paired with their conjugates, real ones with each other, the slowest with the fastest. With the
     tip free each pole that has no other near it has its own relative accuracy, see :func:`sharpened`.
 
+    A rigid motion y, on which nothing depends, has the pole 0. It is one block with the real pole s whose velocities v
+    are the most rigid, X = y η + (v, [shapes that follow]) u, y the rigid part of v: no division by s, however small.
+
     Raises
     ------
     InseparablePolesError
         Poles coincide, one is a thermal rate, or a real one is positive.
     """
-    spectrum = coupled_spectrum(system, 0.0, A)
+    size, modes, rigid = A.shape[0], system.frequency.size, np.flatnonzero(system.frequency == 0)
+    kept = np.delete(np.arange(size), rigid)
+    lists = {name: np.delete(getattr(system, name), rigid, axis=0) for name in ("frequency", "coupling", "reaction")}
+    spectrum = coupled_spectrum(replace(system, **lists), 0.0, A[np.ix_(kept, kept)])
     if spectrum is None:
         raise InseparablePolesError
-    count = spectrum.values.size - system.rate.size
-    poles, right = spectrum.values[:count], spectrum.right[:, :count]
+    values, count = spectrum.values, spectrum.values.size - system.rate.size
+    right, left = np.zeros((2, size, values.size), dtype=np.complex128)
+    right[kept], left[kept] = spectrum.right, spectrum.left.T
+    right[rigid] = over(right[modes + rigid], np.where(values == 0, 1.0, values))
+    poles, speeds = values[:count], right[modes : 2 * modes, :count]
+    share = total(magnitude(speeds[rigid]) ** 2, 0) / total(magnitude(speeds) ** 2, 0)
+    drifts = np.argsort(np.where(poles.imag == 0, -share, 1.0), kind="stable")[: rigid.size]
+    others = np.setdiff1d(np.arange(count), drifts)
+    if np.any(poles[drifts].imag > 0):
+        raise InseparablePolesError
+    drift, drag = speeds[np.ix_(rigid, drifts)].real, product(system.damping[rigid], speeds[:, drifts].real)
+    right[np.ix_(rigid, drifts)] = 0.0
     if system.is_free:
-        simple = condition_numbers(right, spectrum.left[:count]) < _SIMPLE
-        poles = np.where(simple, sharpened(poles, right, system), poles)
-    one, other = _partners(poles)
+        simple = condition_numbers(spectrum.right[:, :count], spectrum.left[:count]) < _SIMPLE
+        simple[drifts] = False
+        poles = np.where(simple, sharpened(poles, right[:, :count], system), poles)
+    one, other = (others[k] for k in _partners(poles[others]))
     twin = (one == other)[:, None]
     s, t = poles[one], np.where(twin[:, 0], poles[other].conj(), poles[other])
-    l1, l2 = spectrum.left[one], np.where(twin, spectrum.left[other].conj(), spectrum.left[other])
-    x1, x2 = spectrum.right.T[one], np.where(twin, spectrum.right.T[other].conj(), spectrum.right.T[other])
+    l1, l2 = left.T[one], np.where(twin, left.T[other].conj(), left.T[other])
+    x1, x2 = right.T[one], np.where(twin, right.T[other].conj(), right.T[other])
     apart = (s - t)[:, None]
-    into = [(l1 + l2).real, (times(s[:, None], l1) + times(t[:, None], l2)).real, spectrum.left[count:].real]
+    into = [(l1 + l2).real, (times(s[:, None], l1) + times(t[:, None], l2)).real, left.T[count:].real]
     back = [
         over(times(s[:, None], x2) - times(t[:, None], x1), apart).real,
         over(x1 - x2, apart).real,
-        spectrum.right.T[count:].real,
+        right.T[count:].real,
     ]
+    place = np.eye(size)[rigid] - product(np.concatenate(back)[:, rigid].T, np.concatenate(into))
+    into = [solve(drift, place), into[0], left.T[drifts].real, *into[1:]]
+    back = [product(drift.T, np.eye(size)[rigid]), back[0], right.T[drifts].real, *back[1:]]
     fastest = magnitude(poles).max(initial=0.0)
     stiffness = _without_rounding(times(s, t).real, fastest * np.maximum(magnitude(s), magnitude(t)))
     if np.any(stiffness < 0):
         raise InseparablePolesError
+    damping = np.append(total(drift * drag, 0) / total(drift * drift, 0), -(s + t).real)
     return PolePairs(
-        _without_rounding(-(s + t).real, np.full(s.size, fastest)),
-        stiffness,
+        _without_rounding(damping, np.full(damping.size, fastest)),
+        np.append(np.zeros(rigid.size), stiffness),
         np.concatenate(into),
         np.concatenate(back).T,
     )

@@ -295,9 +295,10 @@ def coupled_spectrum(held: ModalSystem, alpha: float, A: Array) -> Spectrum | No
 
     The eigenvectors V of the mechanical part alone are those of a general matrix. Its response to a thermal mode is R,
     (A_m + μ) R = -A_mτ, so that D holds the poles and the rates in the coordinates of [[V, R], [0, 1]]. Without
-    friction heat that is the spectrum: poles first, then rates in their order.
+    friction heat that is the spectrum: poles first, then rates in their order. ``A`` and ``held`` may leave out
+    displacements on which nothing depends.
     """
-    size = 2 * held.frequency.size
+    size = A.shape[0] - held.rate.size
     row = np.concatenate([-held.reaction, -held.reaction_slope, -held.thermal_reaction])
     per_force = np.concatenate([np.zeros(size), held.heat_tip])
     if held.friction_force is not None:
