@@ -1,0 +1,104 @@
+"""Bodies that nothing holds, under fast loads: closed forms, and the matrix exponential in 50 digits."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import mpmath as mp
+import numpy as np
+import pytest
+import xarray as xr
+
+from scenes import cases, chain, sampling
+from workflow import read_study, run_study
+from workflow.schemes import Status, event_driven
+
+HERE = Path(__file__).parent / "free"
+
+
+def flown(name: str, tmp_path: Path) -> xr.Dataset:
+    """Run a study in which nothing touches."""
+    archive = run_study(read_study(HERE / f"{name}.yaml"), tmp_path / "x.nc", threads=1).dataset.load()
+    assert (archive["status"] == int(Status.OK)).all()
+    assert (archive["impacts"] == 0).all()
+    return archive
+
+
+def test_two_masses_on_a_weak_dashpot(tmp_path: Path) -> None:
+    """The number is that of an event solver in 80-bit arithmetic."""
+    spring = np.array([[1e6, -1e6], [-1e6, 1e6]])
+    matrices = {"mass": np.eye(2) / 100, "stiffness": spring, "damping": np.diag([1e-9, 0.0]), "contact": [0.0, 1.0]}
+    np.savez(tmp_path / "weak_ground.npz", **matrices)
+    shutil.copy(HERE / "weak_ground.yaml", tmp_path)
+    archive = flown(str(tmp_path / "weak_ground"), tmp_path)
+    x = archive["displacement"].values.ravel()
+    assert x[-1] == np.abs(x).max() == pytest.approx(1.2652566785403e-2, rel=1e-13)
+
+
+@pytest.mark.parametrize("amplitude", [0.0, 5.0])
+@pytest.mark.parametrize("dashpot", [0.0, 1e-20, 1e-9, 1e-7, 1e-3, 1.0, 30.0])
+@pytest.mark.parametrize("springs", [[0.0, 1e6, 1e6], [0.0, 0.0, 1e6]])
+def test_dashpots_to_ground_from_none_to_strong(springs: list[float], dashpot: float, amplitude: float) -> None:
+    """One rigid motion, and two, beside the matrix exponential of [x, v, sin, cos, 1]."""
+    structure = replace(
+        chain(nodes=3, mass=0.01, stiffness=springs).matrices(),
+        damper=dashpot * np.array([[3.0, -1.0, 0.0], [-1.0, 1.5, 0.0], [0.0, 0.0, 0.5]]),
+    )
+    over, w = sampling(0.02, 1e-3), 2 * np.pi * 300
+    case = cases(structure, gap=1.0, mean=1.0, amplitude=amplitude, frequency=300.0, velocity=[[0.1, 0.2, -0.3]])
+    results = event_driven.compute(event_driven.init(structure, 0.0, event_driven.Options()), case, over)
+    assert results.status[0] == Status.OK
+    with mp.workdps(50):
+        A = mp.zeros(9)
+        for i in range(3):
+            A[i, 3 + i] = 1
+            for j in range(3):
+                A[3 + i, j] = -mp.mpf(structure.stiffness_matrix[i, j]) / structure.mass[i, i]
+                A[3 + i, 3 + j] = -mp.mpf(structure.damper[i, j]) / structure.mass[i, i]
+        A[5, 6], A[5, 8] = mp.mpf(amplitude) / structure.mass[2, 2], mp.mpf(1) / structure.mass[2, 2]
+        A[6, 7], A[7, 6] = w, -w
+        state, step = mp.matrix([0, 0, 0, 0.1, 0.2, -0.3, 0, 1, 1]), mp.expm(A * mp.mpf(over.times[1]))
+        places, speeds = [0.0], [-0.3]
+        for _ in over.times[1:]:
+            state = step * state
+            places.append(float(state[2]))
+            speeds.append(float(state[5]))
+    for name, exact in (("displacement", places), ("velocity", speeds)):
+        np.testing.assert_allclose(results.histories[name][0], exact, rtol=0, atol=1e-10 * np.abs(exact).max())
+
+
+def test_three_oscillators_under_one_sinusoid(tmp_path: Path) -> None:
+    """x'' + 2 ζ ω x' + ω² x = sin Ω t, from rest; one of them with ω = 0."""
+    archive = flown("free_flight_of_modes", tmp_path)
+    t, drive, exact = archive["t"].values, 2 * np.pi * 2000, 0.0
+    for frequency, ratio in ((0.0, 0.0), (1000.0, 0.02), (5000.0, 0.03)):
+        w = 2 * np.pi * frequency
+        if w == 0:
+            exact = exact + t / drive - np.sin(drive * t) / drive**2
+            continue
+        forced = 1 / complex(w**2 - drive**2, 2 * ratio * w * drive)
+        s = w * complex(-ratio, np.sqrt(1 - ratio**2))
+        # Im(forced e^(iΩt)) + Re(a e^(st)) with value and slope 0
+        value, slope = -forced.imag, -drive * forced.real
+        a = complex(value, (s.real * value - slope) / s.imag)
+        exact = exact + (forced * np.exp(1j * drive * t)).imag + (a * np.exp(s * t)).real
+    ours = archive["displacement"].sel(scheme="event_driven").values.ravel()
+    np.testing.assert_allclose(ours, exact, rtol=0, atol=1e-9 * np.abs(exact).max())
+
+
+def test_a_ball_that_air_brakes_lightly(tmp_path: Path) -> None:
+    """m (x'' + a x') = F sin(Ω t + φ), from rest, for a = 0 and next to 0."""
+    archive = flown("ball_lightly_damped", tmp_path)
+    m, force, w, phase, times = 1e-2, 5.0, 2 * np.pi * 3000, 1.57, archive["t"].values
+    x, v = (archive[name].transpose("mass", "t", ...).values.reshape(5, -1) for name in ("displacement", "velocity"))
+    for k, a in enumerate(archive["mass"].values):
+        with mp.workdps(50):
+            brake, load = mp.mpf(a) + mp.mpf(10) ** -30, force / mp.mpf(m) * mp.expj(phase)
+            ends = -load / (1j * w * brake), load / (brake * (1j * w + brake)), load / (1j * w * (1j * w + brake))
+            motions = [(ends[1] * mp.exp(-brake * t), ends[2] * mp.expj(w * t)) for t in map(mp.mpf, times)]
+            place = np.array([float(mp.im(ends[0] + slow + fast)) for slow, fast in motions])
+            speed = np.array([float(mp.im(-brake * slow + 1j * w * fast)) for slow, fast in motions])
+        np.testing.assert_allclose(x[k], place, rtol=0, atol=1e-10 * np.abs(place).max())
+        np.testing.assert_allclose(v[k], speed, rtol=0, atol=1e-10 * np.abs(speed).max())
