@@ -100,11 +100,8 @@ def pole_pairs(system: ModalSystem, A: Array) -> PolePairs:
     x1, x2 = right.T[one], np.where(twin, right.T[other].conj(), right.T[other])
     apart = (s - t)[:, None]
     into = [(l1 + l2).real, (times(s[:, None], l1) + times(t[:, None], l2)).real, left.T[count:].real]
-    back = [
-        over(times(s[:, None], x2) - times(t[:, None], x1), apart).real,
-        over(x1 - x2, apart).real,
-        right.T[count:].real,
-    ]
+    between = over(times(s[:, None], x2) - times(t[:, None], x1), apart).real
+    back = [between, over(x1 - x2, apart).real, right.T[count:].real]
     place = np.eye(size)[rigid] - product(np.concatenate(back)[:, rigid].T, np.concatenate(into))
     into = [solve(drift, place), into[0], left.T[drifts].real, *into[1:]]
     back = [product(drift.T, np.eye(size)[rigid]), back[0], right.T[drifts].real, *back[1:]]

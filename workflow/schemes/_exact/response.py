@@ -25,15 +25,13 @@ from workflow.schemes._exact.tables import block, first, state, wave
 from workflow.schemes._exact.waves import wave_phase
 
 _SLOW_POLE = 0.3
-"""A block whose slowest pole times the duration is below this is explicit: subtracting F/ω² would lose digits
-like (slow pole · duration)⁻²."""
+"""A block whose slowest pole times the duration, x, is below this is explicit: F/ω² would lose digits like x⁻²."""
 
 _RESONANT_POLE = 0.1
 """Likewise a block with a pole whose distance to that of a wave, times the duration, is below this."""
 
 SIGNAL, TEMPERATURE = 0, 1
-"""Outputs of a regime: the signal whose fall through zero ends it (free tip: gap, m; held tip: contact force, N), and
-the temperature of the tip, K."""
+"""Outputs of a regime: the signal that ends it at zero (gap, m, or contact force, N), and the tip temperature, K."""
 
 
 class Response(NamedTuple):
@@ -41,9 +39,8 @@ class Response(NamedTuple):
 
     blocks: int
     heated: bool
-    """Whether heat acts in the case; a regime without first-order states may have it all the same."""
     firsts: int
-    """Number of first-order states, 0 without heat."""
+    """Whether heat acts in the case, and the number of first-order states, 0 without heat (and sometimes with it)."""
     explicits: int
     aperiodics: int
     """Numbers of explicit blocks, and of others that do not oscillate."""
@@ -54,13 +51,11 @@ class Response(NamedTuple):
     waves: Array
     differences: Complex
     gap: float
-    """d0, m."""
     growth: float
-    """Largest rate at which a block or first-order state grows, 1/s, not negative."""
+    """d0, m, and the largest rate at which a block or first-order state grows, 1/s, not negative."""
     fastest: float
-    """Bound of all poles and of the Ω of waves, 1/s."""
     fastest_first: float
-    """Largest |μ|, 1/s."""
+    """Bound of all poles and of the Ω of waves, and the largest |μ|, 1/s."""
     two_way: bool
     """Whether blocks show in the tip temperature or their η' in the signal."""
     cooling: bool
