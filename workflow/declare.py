@@ -37,8 +37,6 @@ class Quantity:
         ``"node"``, ``"spring"`` or ``"temperature"`` where a list of one value for each is welcome beside a scalar.
     later
         Whether it was declared when archives without it were there: at its default it enters no identity.
-    example
-        What a message suggests; that of its unit where left out.
     """
 
     unit: str
@@ -48,7 +46,6 @@ class Quantity:
     at_most: float | None = None
     per: Literal["node", "spring", "temperature"] | None = None
     later: bool = False
-    example: str = ""
 
 
 def quantity(
@@ -61,10 +58,9 @@ def quantity(
     at_most: float | None = None,
     per: Literal["node", "spring", "temperature"] | None = None,
     later: bool = False,
-    example: str = "",
 ) -> Any:
     """Declare a dataclass field as a :class:`Quantity`; without ``default`` it is required."""
-    declared = Quantity(unit, description, above, at_least, at_most, per, later, example)
+    declared = Quantity(unit, description, above, at_least, at_most, per, later)
     return field(default=default, metadata={"quantity": declared})
 
 

@@ -27,7 +27,7 @@ CHANGED = [
         "length: 40 kg",
         "scene.blade.length",
         "`40 kg` is not a length",
-        "write metres, e.g. `40 mm`",
+        "write metres, e.g. `0.5 mm`",
     ),
     (6, "length: 40 mm", "length: 40 furlong_per", "scene.blade.length", "is not a unit", "metres"),
     (6, "length: 40 mm", "length: 9**9**9 m", "scene.blade.length", "`**9**9 m` is not a unit", "metres"),

@@ -86,7 +86,7 @@ def test_any_text_is_a_number_or_a_mistake(text: str) -> None:
         remedy = (error.context or {})["remedy"]
     else:
         return
-    assert remedy == "write metres, e.g. `20 um`"
+    assert remedy == "write metres, e.g. `0.5 mm`"
 
 
 @given(st.text(alphabet="msKgradzWN_µ·*/^-+1 23.e", max_size=20))

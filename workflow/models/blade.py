@@ -16,9 +16,9 @@ class Parameters:
     """Geometry and material of a uniform blade."""
 
     nodes: int = quantity("1", "number of cells, the tip's half cell included", at_least=1, at_most=MOST_NODES)
-    length: float = quantity("m", "length from root to tip", above=0, example="40 mm")
-    width: float = quantity("m", "width of the section", above=0, example="30 mm")
-    thickness: float = quantity("m", "thickness of the section", above=0, example="1 mm")
+    length: float = quantity("m", "length from root to tip", above=0)
+    width: float = quantity("m", "width of the section", above=0)
+    thickness: float = quantity("m", "thickness of the section", above=0)
     density: float = quantity("kg/m**3", "density", above=0)
     specific_heat: float = quantity("J/kg/K", "specific heat", above=0)
     conductivity: float = quantity("W/m/K", "thermal conductivity", at_least=0)

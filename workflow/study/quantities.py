@@ -28,7 +28,7 @@ _EXACT = Context(prec=60, traps=[])
 
 _SPOKEN = {
     "1": ("a pure number", "a number", "0.5"),
-    "m": ("a length", "metres", "20 um"),
+    "m": ("a length", "metres", "0.5 mm"),
     "s": ("a time", "seconds", "1 ms"),
     "kg": ("a mass", "kilograms", "2.5 g"),
     "K": ("a temperature difference", "the rise above the root in kelvin", "20 K"),
@@ -181,7 +181,7 @@ def readable(unit: str) -> str:
 def expected(declared: Quantity) -> str:
     """Return the remedy for a value of the wrong kind: the unit by name, with an example."""
     _, units, example = _SPOKEN.get(declared.unit, ("", declared.unit, f"1 {declared.unit}"))
-    return f"write {units}, e.g. `{declared.example or example}`"
+    return f"write {units}, e.g. `{example}`"
 
 
 def admissible(declared: Quantity) -> str:
