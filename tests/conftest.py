@@ -9,9 +9,11 @@ from typing import Any
 
 import pytest
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-"""Before NumPy is imported, here and in all processes that tests start: threads of BLAS that wait for each other's core
-take most of the time of a plain scheme's small products."""
+import workflow
+
+workflow.pin()
+"""Before NumPy is imported, here and in all processes that tests start: hashes of results are compared, and threads of
+BLAS that wait for each other's core take most of the time of a plain scheme's small products."""
 
 os.environ["PYTHONSAFEPATH"] = "1"
 """Processes that tests start import the package that the tests import, as installed, not the one in the directory they

@@ -49,7 +49,7 @@ def crafted(text: str) -> Callable[[Any], None]:
     """Return what puts a text wherever an archive has room for one."""
 
     def change(file: Any) -> None:
-        file.title = file.summary = file.study = text
+        file.title = file.summary = file.study = file.warnings = text
         file["provenance"].study = text
         for name in ("code_revision", "platform"):
             file["provenance"].setncattr(name, text)

@@ -9,7 +9,11 @@ import pytest
 
 from workflow.grid import Solved, arrange, solve
 from workflow.grid import _tasks as cutting
+from workflow.pinning import is_pinned
 from workflow.study import Study, parse_study
+
+pinned = pytest.mark.skipif(not is_pinned(), reason="the environment chooses other machine code, or there is no choice")
+"""Mark of a test that expects the same bits."""
 
 SCENE = """
 scene:

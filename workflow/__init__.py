@@ -11,9 +11,12 @@ __version__ = "0.1.0"
 _EXPORTS = {
     "compare": "workflow.analysis",
     "contact_phases": "workflow.analysis",
+    "labels": "workflow.analysis",
     "observed_order": "workflow.analysis",
     "open_archive": "workflow.archive",
+    "pin": "workflow.pinning",
     "plan_study": "workflow.grid",
+    "plots": "workflow.plots",
     "read_study": "workflow.study",
     "recommend": "workflow.analysis",
     "run_study": "workflow.run",
@@ -23,10 +26,16 @@ _EXPORTS = {
 __all__ = ["__version__", *_EXPORTS]
 
 
+def __dir__() -> list[str]:
+    """Return the public names, also of what is not imported yet."""
+    return __all__
+
+
 def __getattr__(name: str) -> Any:
-    """Import what is asked for, when it is asked for: the command line starts fast."""
+    """Import what is asked for, a name or a whole module, when it is asked for: the command line starts fast."""
     if name not in _EXPORTS:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from importlib import import_module
 
-    return getattr(import_module(_EXPORTS[name]), name)
+    module = import_module(_EXPORTS[name])
+    return getattr(module, name, module)

@@ -60,18 +60,16 @@ _ENERGY = (
     "loads drag along, of all modes with a share in the tip; what does work does it at the mean velocity of a step's "
     "ends, that of the tip as the contact law gives it; what a contact spring gives as contact begins or ends "
     "counts; the load counts as the step takes it; max E is at least what 1e-12 of the impulse of the tip load would "
-    "give the tip. Chains stepped node by node and event_driven: E = vMv/2 + xK1x/2 of the whole motion, with the work "
-    "of all loads and against thermal forces (steps: midpoint values of the motion). 0 where max E is 0; NaN where "
-    "event_driven cannot "
-    "integrate it at a reasonable cost"
+    "give the tip. Chains stepped node by node: E = vMv/2 + xK1x/2 of the whole motion, with the work of all loads and "
+    "against thermal forces (midpoint values of the motion). 0 where max E is 0; NaN for event_driven, which is exact"
 )
 
 _HEAT = (
     "(change of the heat content - alpha times impulse - heating + conduction to the root and convection) / heat "
     "turned over (the sum of the absolute values of alpha times impulse, heating, losses, eight steps together, and "
-    "initial content); "
-    "time-stepping schemes: midpoint values of whole steps; 0 where no heat is turned over; of a reduced model also "
-    "what its basis does not hold of an even temperature, alike in all schemes"
+    "initial content), over whole steps, losses as the step weighs them, of recorded plain states at midpoint values; "
+    "0 where no heat is turned over; a reduced model sums over the nodes by its projection of an even temperature; NaN "
+    "for event_driven, which is exact"
 )
 
 _GROWTH = (

@@ -19,17 +19,23 @@ def line(scheme: str, error: np.ndarray, seconds: np.ndarray, ok: np.ndarray | N
 
 @pytest.mark.parametrize("order", [0.5, 1.0, 2.0])
 def test_orders_are_slopes(order: float) -> None:
-    assert line("one", 0.05 * (H / H[-1]) ** order, 1 / H).order("impulse_error") == pytest.approx(order)
+    assert line("one", 0.05 * (H / H[-1]) ** order, 1 / H).order("impulse_error") == pytest.approx((order, 0.0))
 
 
 def test_orders_leave_out_what_is_no_order() -> None:
     error = np.minimum(5e4 * H, 1.0)  # no longer of any order at the end
     error[0] = 1e-3  # what cannot be predicted
     bent = line("one", error, 1 / H, limit=1e-2)
-    assert np.isnan(bent.order("impulse_error"))
-    assert line("one", np.maximum(50 * H, 1e-3), 1 / H, limit=1e-4).order("impulse_error") == pytest.approx(
-        1.0, abs=0.02
-    )
+    assert np.isnan(bent.order("impulse_error")).all()
+    order, _ = line("one", np.maximum(50 * H, 1e-3), 1 / H, limit=1e-4).order("impulse_error")
+    assert order == pytest.approx(1.0, abs=0.02)
+
+
+def test_the_scatter_of_an_order_is_that_of_the_points_about_the_line() -> None:
+    """Points a factor 2 above and below a line of slope 1, which mirror each other and leave the slope as it is."""
+    about = np.array([2.0, 0.5, 0.5, 1.0, 0.5, 0.5, 2.0])
+    expected = np.sqrt(np.mean((np.log10(about) - np.log10(about).mean()) ** 2))
+    assert line("one", 10 * H * about, 1 / H).order("impulse_error") == pytest.approx((1.0, expected))
 
 
 def test_limits_of_stability() -> None:
@@ -137,7 +143,8 @@ def orders() -> xr.Dataset:
     dims = ("scheme", "alpha", "h")
     return xr.Dataset(
         {
-            "impulse_error": (dims, error),
+            "impulse_scheme_error": (dims, error),
+            "impulse_error": (dims, error + 1e-2),
             "status": (dims, status),
             "predictability": (dims, np.broadcast_to([[[1e-14], [1e-14]], [[1.0], [1e-14]]], error.shape)),
         },
@@ -146,22 +153,40 @@ def orders() -> xr.Dataset:
 
 
 def test_observed_orders_of_effects() -> None:
-    observed = observed_order(orders())
+    observed = observed_order(orders())["order"]
     assert observed.dims == ("scheme", "alpha")
     assert observed.values == pytest.approx(np.array([[1.0, 1.0], [np.nan, np.nan]]), nan_ok=True)
-    assert float(observed_order(orders().isel(scheme=1, alpha=1, h=slice(None, 3)).assign(status=0))) == pytest.approx(
-        2
-    )
+    two = orders().isel(scheme=1, alpha=1, h=slice(None, 3)).assign(status=0)
+    assert float(observed_order(two)["order"]) == pytest.approx(2)
     shuffled = orders().isel(h=[3, 0, 6, 1, 5, 2, 4]).transpose("h", "alpha", "scheme")
-    assert observed_order(shuffled).sel(scheme="one").values == pytest.approx([1.0, 1.0])
+    assert observed_order(shuffled)["order"].sel(scheme="one").values == pytest.approx([1.0, 1.0])
+
+
+def test_observed_orders_are_those_of_the_scheme_s_part() -> None:
+    """A reduced model adds its own error to the whole, which bends the line."""
+    whole, part = observed_order(orders(), "impulse_error"), observed_order(orders())
+    assert (part["scatter"].sel(scheme="one") < 1e-12).all()
+    assert (whole["order"].sel(scheme="one") < 0.5).all()
+    assert (whole["scatter"].sel(scheme="one") > 0.05).all()
+    assert part["order"].attrs["long_name"] == "observed order of the impulse scheme error in h"
+    assert "log10" in part["scatter"].attrs["long_name"]
+
+
+def test_a_scheme_that_does_not_read_h_has_no_order() -> None:
+    """The error of the exact scheme on a reduced model is the same at every step: its slope was 4e-15."""
+    same = orders().assign(impulse_error=0.003 + 0 * orders()["impulse_error"])
+    observed = observed_order(same, "impulse_error")
+    assert np.isnan(observed["order"].values).all()
+    assert np.isnan(observed["scatter"].values).all()
 
 
 def test_observed_orders_are_those_of_the_lines() -> None:
     dataset = study(0.1).assign_coords(h=[1e-4, 1e-3, 1e-2])
-    (rough, exact), observed = lines(dataset, 2.0), observed_order(dataset)
-    assert np.isnan(exact.order("impulse_error"))
-    assert np.isnan(observed.sel(scheme="exact").values).all()
-    assert float(observed.sel(scheme="rough", e=0, alpha=1)) == rough.order("impulse_error") == pytest.approx(1.0)
+    (rough, exact), observed = lines(dataset, 2.0), observed_order(dataset, "impulse_error")
+    assert np.isnan(exact.order("impulse_error")).all()
+    assert np.isnan(observed["order"].sel(scheme="exact").values).all()
+    one = observed.sel(scheme="rough", e=0, alpha=1)
+    assert (float(one["order"]), float(one["scatter"])) == rough.order("impulse_error") == pytest.approx((1.0, 0.0))
 
 
 def test_an_order_needs_errors_and_steps() -> None:

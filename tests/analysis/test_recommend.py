@@ -65,17 +65,20 @@ def archive(seed: int, bad: float = 0.1, parts: bool = True) -> xr.Dataset:
 
 
 def brute(dataset: xr.Dataset, tolerance: float) -> tuple[float, dict[str, int]] | None:
-    """Return cost and place of the cheapest choice that is within a tolerance in all cases, case by case."""
-    best = None
+    """Return cost and place of the answer, case by case: the most accurate within 25 % of the least cost."""
+    good = []
     for k, m, s in itertools.product(range(2), range(2), range(3)):
-        times, met = [], True
+        times, met, worst = [], True, 0.0
         for e, gap in itertools.product(range(2), range(3)):
             case = dataset.isel(e=e, scheme=k, model=m, gap=gap, h=s)
             met &= int(case.status) == 0 and all(float(case[name]) <= tolerance for name in ERRORS)
+            worst = max(worst, *(float(case[name]) for name in ERRORS))
             times.append(float(case.wall_time))
-        if met and (best is None or np.mean(times) < best[0]):
-            best = float(np.mean(times)), {"scheme": k, "model": m, "h": s}
-    return best
+        if met:
+            good.append((worst, float(np.mean(times)), {"scheme": k, "model": m, "h": s}))
+    least = min((cost for _, cost, _ in good), default=np.inf)
+    among = [one for one in good if one[1] <= 1.25 * least]
+    return min(among, key=lambda one: one[0])[1:] if among else None
 
 
 @settings(max_examples=60, deadline=None)
@@ -118,35 +121,67 @@ def test_the_answers_of_the_kept_archives_are_what_a_plain_search_finds(name: st
         schemes, steps, modes = opened.scheme.values, opened.h.values, opened.mechanical_modes.values
         answers = {tolerance: recommend(opened, tolerance) for tolerance in (0.1, 0.01, 0.001)}
     for tolerance, recommended in answers.items():
-        best, chosen = np.inf, None
+        good = []
         for k, m, s in np.ndindex(value["status"].shape[:3]):
-            met, seconds = True, []
+            met, seconds, worst = True, [], 0.0
             for i, j in np.ndindex(value["status"].shape[3:]):
                 at = (k, m, s, i, j)
                 met = met and value["status"][at] == 0 and all(value[error][at] <= tolerance for error in ERRORS)
+                worst = max(worst, *(value[error][at] for error in ERRORS))
                 seconds.append(value["wall_time"][at])
-            if met and sum(seconds) / len(seconds) < best * (1 - 1e-12):
-                best, chosen = sum(seconds) / len(seconds), (schemes[k], steps[s], modes[m])
+            if met:
+                good.append((worst, sum(seconds) / len(seconds), (schemes[k], steps[s], modes[m])))
+        least = min(cost for _, cost, _ in good)
+        worst, cost, chosen = min((one for one in good if one[1] <= 1.25 * least), key=lambda one: one[:2])
         assert recommended.choice is not None
         settings = recommended.choice.settings
         assert (settings["scheme"], settings["h"], settings["mechanical_modes"]) == chosen
-        assert recommended.choice.cost == pytest.approx(best, rel=1e-12)
-        assert recommended.choice.worst.error <= tolerance
-        assert all(best <= other.cost <= best * (1 + SPREAD) and other.share == 1 for other in recommended.alike)
+        assert recommended.choice.cost == pytest.approx(cost, rel=1e-12)
+        assert recommended.choice.worst.error == worst
+        bounds = least * (1 - 1e-12), least * (1 + SPREAD)
+        assert all(bounds[0] <= other.cost <= bounds[1] and other.share == 1 for other in recommended.alike)
 
 
-def test_choices_of_about_the_same_cost_are_named_with_the_largest_step_first() -> None:
+def test_noise_of_the_costs_does_not_change_the_answer() -> None:
+    """Two choices within 17 % of each other: whichever a run finds cheaper, the more accurate one is the answer."""
+    dataset = even().isel(model=[0], h=[0])
+    dataset["impulse_error"][{"scheme": 0}] = 5e-3
+    answers = []
+    for ratio in (0.85, 1.17):
+        dataset["wall_time"] = xr.ones_like(dataset["wall_time"]) * xr.where(dataset.scheme == "moreau", ratio, 1.0)
+        recommended = recommend(dataset, 0.01)
+        assert recommended.choice is not None
+        answers.append(recommended.choice.settings["scheme"])
+    assert answers == ["carpenter"] * 2
+
+
+def test_a_step_is_named_with_the_digits_that_select_it() -> None:
+    dataset = even().assign_coords(h=[1e-6, 10**-5.5, 1e-4])
+    dataset["impulse_error"][{"h": 0}] = dataset["impulse_error"][{"h": 2}] = 0.5
+    written = sentence(recommend(dataset, 0.01)).partition("h = ")[2].split(" s")[0]
+    assert dataset.sel(h=float(written)).h == 10**-5.5
+
+
+def test_an_answer_counts_the_decidable_cases() -> None:
+    dataset = even()
+    assert "Within 1 % in all 6 cases" in sentence(recommend(dataset, 0.01))
+    dataset["predictability"][{"e": 1, "gap": 0}] = 0.1
+    assert "Within 1 % in all 5 decidable of 6 cases" in sentence(recommend(dataset, 0.01))
+
+
+def test_choices_of_about_the_same_cost_stand_with_the_largest_step_first() -> None:
     dataset = even()
     dataset["wall_time"] = xr.full_like(dataset["wall_time"], 1.0)
-    dataset["wall_time"][{"scheme": 0, "model": 1, "h": 0}] = 1 - 1e-3
+    dataset["wall_time"][{"scheme": 0, "model": 1, "h": 0}] = 1 + 1e-3
     dataset["wall_time"][{"scheme": 1}] = 1.01 + SPREAD
-    dataset["impulse_error"][{"h": 0}] = 2e-4
+    dataset["impulse_error"][{"h": 1}] = 2e-4
+    for name in ERRORS:
+        dataset[name][{"scheme": 0, "model": 1, "h": 0}] = 9e-5
     recommended = recommend(dataset, 0.01)
     assert recommended.choice is not None
     assert recommended.choice.settings == {"scheme": "moreau", "h": 1e-6, "mechanical_modes": 19, "thermal_modes": 19}
     steps = [(one.settings["h"], one.settings["mechanical_modes"]) for one in recommended.alike]
     assert steps == [(1e-4, 3), (1e-4, 19), (1e-5, 3), (1e-5, 19), (1e-6, 3)]
-    assert "h = 0.0001 s, 3 + 12 modes" in sentence(recommended).split("same cost")[1]
     assert [one["h"] for one in recommendation_json(recommended)["alike"]] == [h for h, _ in steps]
 
 
@@ -176,7 +211,7 @@ def test_the_larger_part_limits() -> None:
     by_step = even(impulse_error=5e-3, impulse_scheme_error=4e-3, impulse_model_error=1e-3)
     by_step["impulse_error"][{"h": 2}] = 5e-2
     said = sentence(recommend(by_step, 1e-3))
-    assert "Nothing in this study meets 0.1 % in all cases" in said
+    assert "Nothing in this study meets 0.1 % in all 6 cases" in said
     assert "smaller steps: at order one" in said
     for tolerance in (
         4.5e-3,
@@ -302,7 +337,7 @@ def test_the_command_answers(tmp_path: Path) -> None:
     assert workflow("run", "small.yaml", cwd=tmp_path).returncode == 0
     text = workflow("recommend", "small.nc", "--tolerance", "10%", cwd=tmp_path)
     assert text.returncode == 0
-    assert "cheapest choice within 10 %" in text.stdout
+    assert text.stdout.startswith("Within 10 % in all 4 cases ")
     answer = workflow("recommend", "small.nc", "--json", cwd=tmp_path)
     choice = json.loads(answer.stdout)
     assert choice["tolerance"] == 0.01

@@ -36,11 +36,9 @@ from workflow.schemes import event_driven
 NAMES = ("displacement", "temperature", "impulse")
 
 
-def measure(
-    e: float, count: int, runs: int, distinct: bool = False, balances: bool = False
-) -> tuple[float, float, float]:
+def measure(e: float, count: int, runs: int, distinct: bool = False) -> tuple[float, float, float]:
     """Return milliseconds per case, error and impacts; ``distinct``: each case has an α of its own, 50 first."""
-    structure, over = heavy_chain(), replace(sampling(0.3, 1e-3), balances=balances)
+    structure, over = heavy_chain(), sampling(0.3, 1e-3)
     alpha = np.linspace(50.0, 49.0, count) if distinct else 50.0
     batch = cases(structure, count, e=e, alpha=alpha, gap=5e-5, amplitude=100.0, frequency=20.0)
     operator = event_driven.init(structure, 1.0, event_driven.Options())
@@ -58,23 +56,18 @@ def measure(
 
 
 def compared(count: int, runs: int) -> list[Line]:
-    """What α of their own, and balances, make of a batch's time, full and reduced: all four take turns."""
+    """What α of their own make of a batch's time, full and reduced: both take turns."""
     full, lines = heavy_chain(), []
-    reduction, over = reduce_structure(full, 3, 12), replace(sampling(0.3, 1e-3), balances=False)
+    reduction, over = reduce_structure(full, 3, 12), sampling(0.3, 1e-3)
     for name, structure in (("20 + 20 modes", full), ("3 + 12 modes", reduction.structure)):
         operator, works = event_driven.init(structure, 1.0, event_driven.Options()), []
         for alpha in (50.0, np.linspace(50.0, 49.0, count)):
             batch = cases(full, count, e=0.5, alpha=alpha, gap=5e-5, amplitude=100.0, frequency=20.0)
             loaded = batch if structure is full else reduction.project(batch)
-            for balances in (False, True):
-                call = operator, loaded, replace(over, balances=balances)
-                works.append(partial(event_driven.compute, *call))
-        one, audited, own, own_audited = least(runs, *works)
+            works.append(partial(event_driven.compute, operator, loaded, over))
+        one, own = least(runs, *works)
         what = f"`event_driven`, {name}, each case another alpha over one alpha"
         lines.append((what, "<= 1.2", f"{1e3 * own / count:.2f} ms", f"{own / one:.2f}"))
-        for label, plain, with_balances in (("one alpha", one, audited), ("each case another alpha", own, own_audited)):
-            what = f"`event_driven`, {name}, {label}, with balances over without"
-            lines.append((what, "<= 1.5", f"{1e3 * with_balances / count:.2f} ms", f"{with_balances / plain:.2f}"))
     return lines
 
 

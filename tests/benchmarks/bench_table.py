@@ -40,7 +40,6 @@ HEADLINES = (
     "reduced, with balances over without",
     "NumPy, a matrix per step",
     "`event_driven`, e = 0.5, each case another alpha, over one alpha",
-    "`event_driven`, e = 0.5, each case another alpha, with balances over without",
     "run of ",
     "workflow run studies/blade.yaml, nothing compiled |",
     "workflow run studies/blade.yaml, later |",
@@ -89,9 +88,6 @@ def exact(count: int, runs: int) -> list[Line]:
         distinct, _, _ = bench_event_driven.measure(e, count, runs, distinct=True)
         what = f"`event_driven`, e = {e:g}, each case another alpha, over one alpha"
         lines.append((what, "<= 1.2", f"{distinct:.2f} ms", f"{distinct / milliseconds:.2f}"))
-        audited, _, _ = bench_event_driven.measure(e, count, runs, distinct=True, balances=True)
-        what = f"`event_driven`, e = {e:g}, each case another alpha, with balances over without"
-        lines.append((what, "<= 1.5", f"{audited:.2f} ms", f"{audited / distinct:.2f}"))
     return lines + bench_event_driven.compared(count, runs)
 
 
@@ -142,9 +138,9 @@ def whole_run(cases: int, runs: int) -> Line:
 
 
 def atlas_run(alphas: int) -> Line:
-    """A run of exact cases with balances, each of another α, gap and load, over its kernels on as many threads."""
+    """A run of exact cases, each of another α, gap and load, over its kernels on as many threads."""
     cases, wall, kernels = bench_workflow.atlas_run(alphas)
-    what = f"`studies/atlas.yaml`, {cases} exact cases with balances over their kernels, {available_threads()} threads"
+    what = f"`studies/atlas.yaml`, {cases} exact cases over their kernels, {available_threads()} threads"
     return what, "<= 1.1", f"{wall:.2f} s", f"{wall / kernels:.2f}"
 
 

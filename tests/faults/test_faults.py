@@ -22,7 +22,7 @@ from typer.testing import CliRunner
 import workflow.run._task as running
 from hostile import resealed
 from quick import quick
-from studies import cut_finely, written
+from studies import cut_finely, pinned, written
 from workflow.archive import ArchiveError, _files, content_hash, holding, load_stored_cells, parts_of, save_stored_cells
 from workflow.archive._stored_cells import STORED_CELLS, StoredCells
 from workflow.cli import app
@@ -195,6 +195,7 @@ def test_a_second_run_exits_with_two_and_says_who_has_it(tmp_path: Path) -> None
     assert workflow("run", text, "-o", archive)[0] == 0
 
 
+@pinned
 def test_a_study_is_repeated_from_its_archive_alone(tmp_path: Path, expected: str) -> None:
     first, second = tmp_path / "a.nc", tmp_path / "new" / "b.nc"
     run_study(STUDY, first)

@@ -51,12 +51,12 @@ event.register("numba:compile", Seen())
 with compiled_ahead([variant_of("event_driven"), variant_of("moreau")], 1):
     compile_scheme(variant_of("event_driven"))
     compile_scheme(variant_of("moreau"))
-from workflow.schemes._exact.one_case import march_and_balance
+from workflow.schemes._exact.march import march
 from workflow.schemes import moreau
 ours = {f.__name__: n for f, n in Seen.functions.items() if f.__module__.startswith("workflow.schemes.")}
-print(max(ours.values()), "march_and_balance" in ours, "_regime_at" in ours)
-print(sum(march_and_balance.dispatcher.stats.cache_hits.values()))
-print(*(len(k.dispatcher.signatures) for k in (march_and_balance, moreau.KERNELS.modes)))
+print(max(ours.values()), "march" in ours, "_regime_at" in ours)
+print(sum(march.dispatcher.stats.cache_hits.values()))
+print(*(len(k.dispatcher.signatures) for k in (march, moreau.KERNELS.modes)))
 """
 
 KILLED = """
@@ -167,7 +167,7 @@ def test_helpers_end_when_the_run_is_killed(tmp_path: Path) -> None:
         assert alive(helper)
         run.send_signal(signal.SIGKILL)
     assert until(lambda: not alive(helper))
-    assert not list(tmp_path.rglob("one_case.march_and_balance*.nbc"))  # the kernel that takes long
+    assert not list(tmp_path.rglob("march.march-*.nbc"))  # the kernel that takes long
     assert not list(tmp_path.rglob("*.compiled"))
 
 
@@ -203,7 +203,7 @@ def test_a_run_compiles_beside_a_helper_what_a_scheme_names_apart(
 
 @pytest.mark.parametrize("call", schemes.load("event_driven").KERNEL_CALLS)
 def test_each_call_of_the_exact_scheme_needs_one_large_kernel(call: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    kernels = {"march": (batch, "march_and_balance"), "held regime": (two_way, "_regime_at")}
+    kernels = {"march": (batch, "march"), "held regime": (two_way, "_regime_at")}
     called: set[str] = set()
 
     def counted(name: str, kernel: Callable[..., object]) -> Callable[..., object]:

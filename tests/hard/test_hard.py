@@ -41,8 +41,6 @@ def test_the_exact_solution_is_ok_in_every_hard_case() -> None:
         if "scheme" in archive.dims and "event_driven" in archive["scheme"]:
             exact = archive.sel(scheme="event_driven")
             assert set(statuses(exact)) == {OK}, path.stem
-            allowed = 1e-6 if path.stem == "near_rigid" else 1e-10  # its matrices hold the tip's stiffness to 1e-3
-            assert float(np.abs(exact["energy_residual"]).max()) < allowed, path.stem
 
 
 # A ball, exactly solved.

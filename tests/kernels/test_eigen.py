@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from workflow.kernels.eigen import eigenvalues, eigenvectors
+from workflow.kernels.algebra import eigenvalues, eigenvectors
 
 EPS = np.finfo(float).eps
 

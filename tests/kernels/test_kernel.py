@@ -99,7 +99,7 @@ def test_docstrings_comments_and_other_modules_compile_nothing_anew(ran: tuple[P
     before = {path: path.stat().st_mtime_ns for path in first.root.rglob("*.nb?")}
     for module in ("schemes/_fixed/tip_load", "schemes/moreau", "kernels/elementary", "kernels/elementwise"):
         edit(copied, module, '"""', '"""Another word, on more lines.\n\n')
-    edit(copied, "kernels/sums", "from __future__", "# a comment\nfrom __future__")
+    edit(copied, "kernels/lanes", "from __future__", "# a comment\nfrom __future__")
     edit(
         copied,
         "schemes/_exact/response",

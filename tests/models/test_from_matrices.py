@@ -108,6 +108,29 @@ def test_motions_without_mass_may_be_any() -> None:
         assert np.abs(projection @ basis - np.eye(basis.shape[1])).max() < 1e-12
 
 
+def test_dampers_on_what_has_no_mass_are_multiples_of_its_springs() -> None:
+    """Also in coordinates in which no row of M is zero; what is damped elsewhere is nobody's business."""
+    matrices = with_massless(given(heavy_chain(nodes=8)))
+    elsewhere, on_one = np.diag([0.0, 4, 0, 0, 1, 0, 0, 2]), np.diag([0.0, 0, 3, 0, 0, 0, 0, 0])
+    names = tuple("abcdefgh")
+    mixed = np.triu(np.random.default_rng(5).integers(-2, 3, (8, 8)), 1) + np.eye(8)
+    for share, beside, follows in ((1e-5, elsewhere, True), (0.0, elsewhere, True), (1e-5, on_one, False)):
+        given_ones = replace(matrices, damper=share * matrices.stiffness + beside, labels=names)
+        turned_ones = replace(turned(matrices, mixed.T, mixed), damper=mixed @ given_ones.damper @ mixed.T)
+        if follows:
+            structure_from_matrices(given_ones)
+            structure_from_matrices(turned_ones)
+            continue
+        with pytest.raises(UnusableMatricesError, match="`damping` acts on displacement c, which has no mass: give it"):
+            structure_from_matrices(given_ones)
+        with pytest.raises(
+            UnusableMatricesError, match=r"`damping` acts on displacement \d, which has no mass: give it"
+        ):
+            structure_from_matrices(turned_ones)
+    with pytest.raises(UnusableMatricesError, match="which has no mass"):
+        structure_from_matrices(replace(matrices, damper=-1e-5 * matrices.stiffness))
+
+
 @pytest.mark.parametrize(
     ("change", "problem"),
     [

@@ -229,3 +229,11 @@ def test_massless_degrees_of_freedom_of_a_large_structure_follow() -> None:
     for basis in ("craig_bampton", "rubin"):
         of_dense, of_large = (reduce_structure(whole, 4, 4, basis).structure for whole in (dense, large))
         assert frequencies(of_large) == pytest.approx(frequencies(of_dense), rel=1e-8)
+    dashpot = np.where(np.arange(NODES) == 4, 0.1, 0.0)
+    held, loose = (
+        replace(given, damper=csc_array(1e-3 * given.stiffness + diags_array(d))) for d in (0 * dashpot, dashpot)
+    )
+    for structure_of in (_sparse_structure, structure_from_sparse):
+        structure_of(held)
+        with pytest.raises(UnusableMatricesError, match="displacement 4, which has no mass"):
+            structure_of(loose)

@@ -11,15 +11,14 @@ import xarray as xr
 
 from workflow.analysis import ERRORS, Line
 from workflow.plots import (
-    convergence,
+    error_by_cost,
+    error_by_step,
     growth_against_prediction,
+    histories,
     impact_speed_map,
     map_dims,
-    middle,
-    overview,
     save,
-    scene_maps,
-    work_precision,
+    scene_map,
 )
 
 H = np.logspace(-7, -3, 9)
@@ -43,7 +42,7 @@ def crosses(panel: object) -> list[np.ndarray]:
 
 
 def test_work_precision(tmp_path: Path) -> None:
-    figure = work_precision(FOUND, [line("robust", 200 * H)])
+    figure = error_by_cost(FOUND, [line("robust", 200 * H)])
     assert [panel.get_title() for panel in figure.axes] == ["impulse", "temperature", "displacement"]
     panel = figure.axes[0]
     labels = {drawn.get_label(): np.asarray(drawn.get_xdata()) for drawn in panel.get_lines()}
@@ -57,12 +56,12 @@ def test_work_precision(tmp_path: Path) -> None:
 
 
 def test_convergence(tmp_path: Path) -> None:
-    figure = convergence(FOUND)
+    figure = error_by_step(FOUND)
     titles = [panel.get_title() for panel in figure.axes]
     assert titles[:3] == [f"{about}: relative L2 error" for about in ERRORS.values()]
     assert titles[3:] == ["largest penetration [m]", "|energy residual| / largest energy"]
     orders = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
-    assert orders == ["order 1.00", "order 2.00", "order 0.00"]
+    assert orders == [f"order {order}, scatter 0.00" for order in ("1.00", "2.00", "0.00")]
     for panel in figure.axes[:3]:  # both slopes are named inside the panel
         slopes = [text for text in panel.texts if "slope" in text.get_text()]
         assert [text.get_text() for text in slopes] == ["slope 1", "slope 2"]
@@ -70,10 +69,15 @@ def test_convergence(tmp_path: Path) -> None:
     assert save(figure, tmp_path / "a.png").stat().st_size > 10_000
 
 
+def test_a_line_of_too_few_points_has_neither_order_nor_scatter() -> None:
+    figure = error_by_step([line("short", 100 * H, H < 5e-7), EXACT])
+    assert figure.axes[0].get_legend() is None
+
+
 def test_residuals_of_rounding_are_drawn_and_every_column_has_its_steps() -> None:
     """A residual below 1e-12 had no point, and the third column, of one row, no numbers at its axis."""
     exact_balance = replace(FOUND[0], residual=np.full(H.size, 1e-16))
-    figure = convergence([exact_balance, *FOUND[1:]])
+    figure = error_by_step([exact_balance, *FOUND[1:]])
     *_, third, _, residuals = figure.axes
     assert np.asarray(residuals.get_lines()[0].get_ydata()).tolist() == [1e-16] * H.size
     assert third.get_xlabel() == "step h [s]"
@@ -81,8 +85,8 @@ def test_residuals_of_rounding_are_drawn_and_every_column_has_its_steps() -> Non
 
 
 def test_convergence_of_schemes_that_are_all_lost(tmp_path: Path) -> None:
-    save(convergence([line("lost", H, H < 0), EXACT]), tmp_path / "a.png")
-    save(work_precision([line("lost", H, H < 0)]), tmp_path / "b.png")
+    save(error_by_step([line("lost", H, H < 0), EXACT]), tmp_path / "a.png")
+    save(error_by_cost([line("lost", H, H < 0)]), tmp_path / "b.png")
 
 
 def pressed(share: np.ndarray) -> xr.Dataset:
@@ -143,13 +147,13 @@ def test_an_overview_leaves_out_what_is_not_ok() -> None:
         },
         coords={"scheme": ["a", "b", "c"], "h": [1e-4, 1e-3], "t": t, "gap": 3.0},
     )
-    figure = overview(archive)
+    figure = histories(archive)
     drawn = [one for one in figure.axes[0].get_lines() if len(np.asarray(one.get_xdata())) == t.size]
     assert [one.get_label() for one in drawn] == ["scheme a", "scheme c"]
     assert figure.axes[0].get_ylim()[1] < 10
     lost = archive.copy(deep=True)
     lost["status"][:, 0] = 1
-    assert len(overview(lost).axes) == 1  # the finest is lost in every scheme: whatever is ok
+    assert len(histories(lost).axes) == 1  # the finest is lost in every scheme: whatever is ok
 
 
 def scene(values: int) -> xr.Dataset:
@@ -180,7 +184,7 @@ def test_maps_of_a_scene(tmp_path: Path) -> None:
     dataset = scene(8)
     dims = map_dims(dataset)
     assert dims == ("alpha", "gap")
-    figure = scene_maps(dataset, dims, middle(dataset, dims))
+    figure = scene_map(dataset, *dims)
     growth, share, impacts, hot = (panel for panel in figure.axes if panel.get_title())
     assert (impacts.get_xlabel(), impacts.get_ylabel()) == ("alpha [W/N]", "gap [µm]")
     touches = dataset["gap"].values < 5e-6

@@ -14,12 +14,12 @@ from matplotlib.figure import Figure
 from workflow.analysis import ERRORS, Line
 from workflow.plots import (
     Curve,
-    convergence,
+    error_by_cost,
+    error_by_step,
     impact_speed_map,
     metric_by_axis,
-    scene_maps,
+    scene_map,
     tip_response,
-    work_precision,
 )
 from workflow.plots._explorer import SELECTED, STATUS_COLOURS
 
@@ -79,7 +79,7 @@ def test_axes_that_vary_together_show_their_values() -> None:
 
 @pytest.mark.parametrize("decades", [0.1, 0.7, 1.5, 4.0])
 def test_times_of_work_precision_are_apart(decades: float) -> None:
-    figure = work_precision([line("one", 100 * H, H > 0, np.logspace(-2, -2 - decades, H.size))])
+    figure = error_by_cost([line("one", 100 * H, H > 0, np.logspace(-2, -2 - decades, H.size))])
     for panel in figure.axes:
         ticks = [*panel.get_xticklabels(), *panel.get_xticklabels(minor=True)]
         low, high = panel.get_xlim()
@@ -89,7 +89,7 @@ def test_times_of_work_precision_are_apart(decades: float) -> None:
 def test_names_of_slopes_are_below_the_crosses() -> None:
     """Up to six rows of crosses stand above what is drawn."""
     lost = [line(name, 50 * H, H < 2e-6, 1e-8 / H) for name in SCHEMES[1:5]]
-    figure = convergence([line("robust", 100 * H, H > 0, 1e-8 / H), *lost])
+    figure = error_by_step([line("robust", 100 * H, H > 0, 1e-8 / H), *lost])
     FigureCanvasAgg(figure).draw()
     for panel in figure.axes[:3]:
         names = places(figure, [text for text in panel.texts if "slope" in text.get_text()])
@@ -100,7 +100,7 @@ def test_names_of_slopes_are_below_the_crosses() -> None:
 
 
 def test_names_of_slopes_are_apart_where_errors_hardly_change() -> None:
-    figure = convergence([line("flat", 1e-3 * H**0.1, H > 0, 1e-8 / H)])
+    figure = error_by_step([line("flat", 1e-3 * H**0.1, H > 0, 1e-8 / H)])
     for panel in figure.axes[:3]:
         assert_apart(figure, [text for text in panel.texts if "slope" in text.get_text()], 2)
 
@@ -143,7 +143,7 @@ def test_maps_without_a_value_are_left_out() -> None:
         period_contact=xr.concat([0 * impulse, 0.1 * impulse], "period").transpose(*dims, "period"),
         impacts=impulse, max_temperature=impulse, critical_alpha=0 * impulse + 2.5,
     )  # fmt: skip
-    figure = scene_maps(archive, ("alpha", "gap"), {})
+    figure = scene_map(archive, "alpha", "gap")
     titles = [panel.get_title().split(" ")[0] for panel in figure.axes if panel.get_title()]
     assert titles == ["share", "impacts", "largest"]
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import platform
 from pathlib import Path
 
 import numpy as np
+
+from workflow.pinning import CHOSEN
 
 CHAIN = """
   chain: {nodes: 6, mass: 2.5e-3, stiffness: 4.0e6, damping: {mass: 10, stiffness: 2.0e-7}, spacing: 2.5e-3,
@@ -149,30 +150,12 @@ ROOT = HERE.parents[2]
 FILES = [*sorted((ROOT / "studies" / "hard").glob("*.yaml")), ROOT / "studies" / "abstract_figure.yaml"]
 FILES += [ROOT / "studies" / "blade.yaml"]
 
-NUMPY = {"X86_V4": "X86_V4 AVX512_ICL AVX512_SPR", "X86_V3": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR"}
+PINNED: dict[str, str] = dict(CHOSEN)
 
-NATIVE: dict[str, str | None] = {"OPENBLAS_CORETYPE": None, "OPENBLAS_L2_SIZE": None}
-
-SETTINGS: dict[str, dict[str, str | None]] = {
-    "native": NATIVE,
-    "SkylakeX": {**NATIVE, "OPENBLAS_CORETYPE": "SkylakeX"},
-    "Haswell": {**NATIVE, "OPENBLAS_CORETYPE": "Haswell"},
-    "Nehalem": {**NATIVE, "OPENBLAS_CORETYPE": "Nehalem"},
-    "numpy without AVX-512": {**NATIVE, "NPY_DISABLE_CPU_FEATURES": NUMPY["X86_V4"]},
-    "numpy without AVX": {**NATIVE, "NPY_DISABLE_CPU_FEATURES": NUMPY["X86_V3"]},
-    "C library without FMA": {**NATIVE, "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA"},
-    "oldest": {
-        "OPENBLAS_CORETYPE": "Nehalem",
-        "OPENBLAS_L2_SIZE": None,
-        "NPY_DISABLE_CPU_FEATURES": NUMPY["X86_V3"],
-        "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA",
-    },
+SETTINGS: dict[str, dict[str, str]] = {
+    "one processor": PINNED,
+    "C library without FMA": {**PINNED, "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA"},
+    "numba for Haswell": {**PINNED, "NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": ""},
+    "numba without AVX": {**PINNED, "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""},
 }
-
-COMPILED: dict[str, dict[str, str | None]] = {
-    "numba without AVX-512": {**NATIVE, "NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": ""},
-    "numba without AVX": {**NATIVE, "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""},
-}
-"""Settings under which all kernels are compiled anew."""
-
-IS_X86 = platform.machine() in ("x86_64", "AMD64")
+"""What differs among processors that are pinned; with the last two all kernels are compiled anew."""

@@ -138,11 +138,32 @@ def test_the_command_takes_several_archives(
     assert [path.name for path in tmp_path.iterdir()] == ["all.html"]
 
 
-def test_a_joint_report_never_overwrites_an_archive(archives: list[Path]) -> None:
-    before = archives[1].read_bytes()
+def test_a_joint_report_never_overwrites_an_archive(archives: list[Path], tmp_path: Path) -> None:
+    page = tmp_path / "pressed.html"
+    page.write_bytes(before := archives[1].read_bytes())
     with pytest.raises(ArchiveError, match="would be one file"):
-        write_report(archives, archives[1])
-    assert archives[1].read_bytes() == before
+        write_report([archives[0], page], page)
+    assert page.read_bytes() == before
+
+
+@pytest.mark.parametrize("kind", ["png", "svg", "pdf"])
+def test_the_figure_alone_is_what_its_name_says(kind: str, archives: list[Path], tmp_path: Path) -> None:
+    """``-o figure.pdf`` wrote HTML."""
+    begins = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}[kind]
+    done = CliRunner().invoke(app, ["report", str(archives[1]), "-o", str(tmp_path / f"figure.{kind}")])
+    assert done.exit_code == 0, done.output
+    assert [path.read_bytes()[: len(begins)] for path in tmp_path.iterdir()] == [begins]
+
+
+def test_a_report_is_a_page_or_a_figure(archives: list[Path], tmp_path: Path) -> None:
+    for name in ("report", "report.txt", "report.nc"):
+        with pytest.raises(
+            ArchiveError, match=r"a page, \.html, or of one archive its figure alone, \.png, \.svg, \.pdf"
+        ):
+            write_report(archives[0], tmp_path / name)
+    with pytest.raises(ArchiveError, match=r"of one archive"):
+        write_report(archives, tmp_path / "both.png")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_page_never_replaces_a_device(archives: list[Path], tmp_path: Path) -> None:

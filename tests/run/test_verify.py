@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from quick import quick
+from studies import pinned
 from workflow import schemes
 from workflow.archive import ArchiveError, _describe, content_hash, describe, parts_of, provenance, start_parts
 from workflow.archive._seal import BLANK, FILE_CHECKSUM, seal
@@ -59,6 +60,7 @@ def resealed(path: Path) -> None:
     seal(path)
 
 
+@pinned
 def test_a_fresh_archive_passes(whole: Path) -> None:
     checks = list(verify(whole, 18))
     assert [check.name for check in checks] == ["bytes", "content", "solver", "cases", "sample"]
@@ -108,7 +110,7 @@ def test_an_unfinished_run_that_other_software_began_is_compared_within_rounding
     run_study(STUDY, archive)
     [sample] = [check for check in verify(archive, 18) if check.name == "sample"]
     assert sample.holds
-    assert "other origin of some cases" in sample.detail
+    assert "origin of some cases" in sample.detail
 
 
 @pytest.mark.parametrize("count", [25, pytest.param(250, marks=pytest.mark.slow)])
@@ -154,6 +156,7 @@ EDITS = {
 }
 
 
+@pinned
 @pytest.mark.parametrize("editing", EDITS.values(), ids=EDITS.keys())
 def test_a_value_edited_by_hand_is_noticed(copied: Path, editing: Callable[[Path], None]) -> None:
     editing(copied)
@@ -170,6 +173,7 @@ def test_what_differs_is_named(copied: Path) -> None:
     assert "e = 0.5, alpha = 5.0: contact_impulse is 42.0 in the archive" in detail
 
 
+@pinned
 def test_another_architecture_may_change_what_rounding_does_and_no_more(
     copied: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -184,6 +188,7 @@ def test_another_architecture_may_change_what_rounding_does_and_no_more(
     assert wrong(copied) == {"sample"}
 
 
+@pinned
 def test_another_processor_of_the_same_architecture_changes_no_bit(
     copied: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -294,6 +299,7 @@ def test_an_edited_identity_is_noticed(copied: Path) -> None:
     assert wrong(copied, 0) == {"cases"}
 
 
+@pinned
 def test_cases_that_failed_are_not_compared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from workflow.grid import _solve
 

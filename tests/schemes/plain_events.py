@@ -1,210 +1,180 @@
-"""An independent solution of the equations of motion, on a casing in motion: DOP853 in physical coordinates.
+"""An independent solution of the equations of motion, on a casing in motion, in 80-bit arithmetic.
 
-It shares nothing with the scheme but the matrices of the structure: no modes, no closed forms. It
-stops where it can no longer tell events apart (accumulating impacts) and says how far it came.
+Load and casing are sums of sinusoids; with these, a constant 1 and the impulse J among the states y = [r, v, θ, J, 1,
+sines, cosines] the tip moves by y' = A y while it is free, and by another A while it is held. The tip's place and
+velocity are those relative to the casing, r = x_n - d and u = v_n - d', so that a gap keeps its digits however small it
+is. Steps take exp(A τ) - 1 for τ, τ/2, τ/4 …, which come from the shortest by (1 + F)² - 1 = F² + 2 F; a step in which
+something happens is halved until it is the shortest.
+
+It shares nothing with the scheme but the matrices of the structure: no modes, no closed forms, no bounds. It stops
+where events cannot be predicted (a tip that grazes, impacts that accumulate) and says how far it came.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import plain_casing
-from scipy.integrate import DOP853
-from scipy.optimize import brentq, minimize_scalar
 
-from workflow.models import Cases, Harmonics, Structure
+from workflow.models import Array, Cases, Harmonics, Structure
+
+Long = np.longdouble
+HALVINGS = 52
+GRAZES = 1e-3
+"""Share of the largest approach speed so far below which an impact amplifies errors too much."""
 
 
 @dataclass
 class Solution:
-    displacement: np.ndarray
-    temperature: np.ndarray
-    impulse: np.ndarray
-    hottest: np.ndarray
+    displacement: Array
+    velocity: Array
+    temperature: Array
+    impulse: Array
+    hottest: Array
     """Largest tip temperature up to each sample."""
     reached: float
     impacts: int
 
 
+class Phase(NamedTuple):
+    """Tip free or held: exp(A τ) - 1 of the steps from the shortest to the longest, and what is watched.
+
+    Rows are the open gap, or the contact force, that ends the phase where it falls through 0, the tip's temperature,
+    and the rates of both.
+    """
+
+    steps: list[Array]
+    rows: Array
+
+
+def inverse(matrix: Array) -> Array:
+    """Return the inverse in 80 bits, by Newton's method from that in 64."""
+    matrix, one = matrix.astype(Long), np.eye(len(matrix), dtype=Long)
+    result = np.linalg.inv(matrix.astype(float)).astype(Long)
+    for _ in range(3):
+        result = result + result @ (one - matrix @ result)
+    return result
+
+
 def _waves(harmonics: Harmonics) -> list[tuple[float, float, float]]:
-    """Return amplitude, rad/s and phase of the harmonics of the first case."""
-    rows = harmonics.amplitude[0], 2 * np.pi * harmonics.frequency[0], harmonics.phase[0]
-    return list(zip(*(row.tolist() for row in rows), strict=True))
-
-
-Rate = Callable[[float, np.ndarray], np.ndarray]
+    """Return amplitude, Hz and phase of the harmonics of the first case."""
+    return list(zip(*(row[0].tolist() for row in harmonics.rows), strict=True))
 
 
 class Reference:
-    """The states are y = [x, v, θ, J], J the impulse; y' is linear in them with the tip free, and with the tip held."""
+    """The motion of the first case of a batch on a structure."""
 
     def __init__(self, s: Structure, cases: Cases) -> None:
-        """Take the first case of a batch on a structure."""
-        self.nm, self.nt, self.cases = s.mechanical_size, s.thermal_size, cases
-        inverse, self.warming = np.linalg.inv(s.mass), np.linalg.inv(s.heat_capacity)
-        along = plain_casing.direction(s, cases)
-        self.kick = inverse @ along
-        held_inverse = np.linalg.inv(np.column_stack([s.mass[:, :-1], along]))  # from forces to [a_i, λ]
-        self.e, self.alpha, self.gap = (float(v[0]) for v in (cases.e, cases.alpha, cases.gap))
-        self.loads = _waves(cases.load_harmonics)
-        self.loads.append((float(cases.amplitude[0]), 2 * math.pi * float(cases.frequency[0]), float(cases.phase[0])))
-        self.moves = _waves(cases.casing_harmonics)
-        none = np.zeros(self.nm)
-        self.free = self._rate(s, inverse, none)
-        self.held = self._rate(s, np.vstack([held_inverse[:-1], none]), held_inverse[-1])
-        turning = max(w for _, w, _ in self.loads + self.moves)
-        fastest = (
-            np.sqrt(np.abs(np.linalg.eigvals(inverse @ s.stiffness_matrix)).max())
-            + np.abs(np.linalg.eigvals(inverse @ s.damping_matrix)).max()
-        )
-        self.max_step = 0.25 / max(fastest, turning, 1.0)
+        """Take the equations as they stand."""
+        self.s, self.cases = s, cases
+        self.nm, self.nt = s.mechanical_size, s.thermal_size
+        loads, moves = _waves(cases.load_harmonics), _waves(cases.casing_harmonics)
+        loads.append((cases.amplitude[0], cases.frequency[0], cases.phase[0]))
+        waves = [(a, 0.0, f, phi) for a, f, phi in loads] + [(0.0, a, f, phi) for a, f, phi in moves]
+        by_load, by_casing, frequency, phase = np.array(waves, dtype=Long).T
+        first, turning = 2 * self.nm + self.nt + 2, 8 * np.arctan(Long(1)) * frequency
+        count = len(waves)
+        sines, cosines = first + np.arange(count), first + count + np.arange(count)
+        one = np.eye(first + 2 * count, dtype=Long)
+        self.constant = one[first - 1]
+        self.load = float(cases.mean[0]) * self.constant + by_load @ one[sines]
+        self.turns = np.zeros_like(one)
+        self.turns[sines, cosines], self.turns[cosines, sines] = turning, -turning
+        self.casing = float(cases.gap[0]) * self.constant + by_casing @ one[sines]
+        self.moving = self.casing @ self.turns
+        self.x, self.v = one[: self.nm].copy(), one[self.nm : 2 * self.nm].copy()
+        self.theta = one[2 * self.nm : first - 2]
+        self.x[-1] += self.casing
+        self.v[-1] += self.moving
+        self.mobility, self.warming = inverse(s.mass), inverse(s.heat_capacity)
+        self.along = plain_casing.direction(s, cases)
+        rate = np.linalg.eigvals((self.mobility @ s.stiffness_matrix).astype(float))
+        fastest = np.sqrt(np.abs(rate).max()) + np.abs(self.mobility @ s.damping_matrix).max()
+        self.longest = 0.12 / float(max(fastest, turning.max(), 1e-3))
+        self.start = np.concatenate(
+            [cases.displacement[0], cases.velocity[0], cases.temperature[0], [0, 1], np.sin(phase), np.cos(phase)]
+        ).astype(Long)
+        self.start[self.nm - 1] -= self.casing @ self.start
+        self.start[2 * self.nm - 1] -= self.moving @ self.start
 
-    def _rate(self, s: Structure, mobility: np.ndarray, contact: np.ndarray) -> Rate:
-        """Return y'(t, y): forces f - C1 v - K1 x - K12 θ times ``mobility`` are v', times ``contact`` λ.
+    def phase(self, held: bool, step: float) -> Phase:
+        """Return the motion with the tip free, or held on the casing."""
+        s, c, n, heats = self.s, self.cases, self.nm, slice(2 * self.nm, 2 * self.nm + self.nt)
+        forces = np.outer(c.steady[0], self.constant) + np.outer(s.load_direction, self.load)
+        forces = forces - s.stiffness_matrix @ self.x - s.damping_matrix @ self.v - s.coupling_matrix @ self.theta
+        rates, follows = self.turns.copy(), self.moving @ self.turns
+        rates[:n], force = self.v, 0 * self.constant
+        rates[n - 1] -= self.moving
+        if held:  # M_i a_i + (e_n - µt) λ = forces - M_n d''
+            answers = inverse(np.column_stack([s.mass[:, :-1], self.along])) @ (
+                forces - np.outer(s.mass[:, -1], follows)
+            )
+            rates[n : 2 * n - 1], force = answers[:-1], answers[-1]
+            rates[n - 1] = 0
+        else:
+            rates[n : 2 * n] = self.mobility @ forces
+            rates[2 * n - 1] -= follows
+        flows = np.outer(c.heating[0], self.constant) - s.conductance_matrix @ self.theta
+        flows[-1] += c.alpha[0] * force
+        rates[heats], rates[heats.stop] = self.warming @ flows, force
+        gap, hot = -np.eye(len(rates), dtype=Long)[n - 1], self.theta[-1]
+        watched = force if held else gap
+        small = rates * (Long(step) / 2**HALVINGS)
+        steps = [small @ (np.eye(len(rates), dtype=Long) + small @ (np.eye(len(rates)) + small / 3) / 2)]
+        for _ in range(HALVINGS):
+            steps.append(steps[-1] @ steps[-1] + 2 * steps[-1])
+        return Phase(steps, np.array([watched, watched @ rates, hot, hot @ rates]))
 
-        With the tip held, where λ is not 0, they are less by M_n d'', and the tip's own acceleration is d''.
-        """
-        n, cases = self.nm, self.cases
-        heats = slice(2 * n, 2 * n + self.nt)
-
-        def answers(forces: np.ndarray) -> np.ndarray:
-            rates = np.zeros((2 * n + self.nt + 1, *forces.shape[1:]))
-            rates[n : 2 * n], rates[-1] = mobility @ forces, contact @ forces
-            rates[heats] = np.multiply.outer(self.alpha * self.warming[:, -1], rates[-1])
-            return rates
-
-        matrix = np.zeros((2 * n + self.nt + 1,) * 2)
-        matrix[:, :-1] = answers(-np.hstack([s.stiffness_matrix, s.damping_matrix, s.coupling_matrix]))
-        matrix[:n, n : 2 * n] = np.eye(n)
-        matrix[heats, heats] -= self.warming @ s.conductance_matrix
-        constant = answers(cases.steady[0] + cases.mean[0] * s.load_direction)
-        constant[heats] += self.warming @ cases.heating[0]
-        by_load, by_casing = answers(s.load_direction), answers(-s.mass[:, -1])
-        by_casing[2 * n - 1] = 1.0
-        follows = bool(contact.any() and self.moves)
-
-        def rate(t: float, y: np.ndarray) -> np.ndarray:
-            load = sum(a * math.sin(w * t + phi) for a, w, phi in self.loads)
-            rates = matrix @ y + (constant + load * by_load)
-            return rates + self.casing(t)[2] * by_casing if follows else rates
-
-        return rate
-
-    def casing(self, t: float) -> tuple[float, float, float]:
-        """Return d, d' and d''."""
-        place, velocity, acceleration = self.gap, 0.0, 0.0
-        for a, w, phi in self.moves:
-            sin, cos = math.sin(w * t + phi), math.cos(w * t + phi)
-            place, velocity, acceleration = place + a * sin, velocity + a * w * cos, acceleration - a * w * w * sin
-        return place, velocity, acceleration
-
-    def rate(self, held: bool) -> Rate:
-        return self.held if held else self.free
-
-    def signal(self, held: bool, t: float, y: np.ndarray) -> float:
-        """Return the contact force, or the open gap."""
-        return float(self.held(t, y)[-1] if held else self.casing(t)[0] - y[self.nm - 1])
-
-    def solve(self, times: np.ndarray, most_impacts: int = 50) -> Solution:
-        c, nm, nt = self.cases, self.nm, self.nt
-        y = np.concatenate([c.displacement[0], c.velocity[0], c.temperature[0], [0.0]])
-        out = np.full((times.size, 4), np.nan)
-        hot = 2 * nm + nt - 1
-        hottest = y[hot]
-        out[0] = y[nm - 1], y[hot], 0.0, hottest
-        k, t, impacts, held = 1, 0.0, 0, False
-        fresh = y[nm - 1] >= self.casing(0.0)[0]  # starts at the casing
-        just = fresh and y[2 * nm - 1] >= self.casing(0.0)[1]
-        last_event = -np.inf
-        end = times[-1]
-        while t < end:
-            if just:
-                just = False
-                if t - last_event < 4 * self.max_step and last_event > 0 and 0 < self.e < 1:
-                    break  # accumulating
-                last_event = t
+    def solve(self, times: Array, most_impacts: int = 50) -> Solution:
+        """Return the tip's motion at evenly spaced times from 0."""
+        n, tip, speed = self.nm, self.nm - 1, 2 * self.nm - 1
+        parts = int(np.ceil((times[1] - times[0]) / self.longest))
+        step = (Long(times[-1]) - Long(times[0])) / ((times.size - 1) * parts)
+        phases, held = [self.phase(held, step) for held in (False, True)], False
+        kick = self.mobility @ self.along
+        per_sample, shortest = parts << HALVINGS, step / 2**HALVINGS
+        y, now, impacts, fastest = self.start, 0, 0, Long(0)
+        out = np.full((5, times.size), np.nan)
+        hottest, strikes = y[2 * n + self.nt - 1], y[tip] >= 0 and y[speed] >= 0
+        while True:
+            if now % per_sample == 0:
+                x, v = self.x[-1] @ y, self.v[-1] @ y
+                out[:, now // per_sample] = x, v, y[2 * n + self.nt - 1], y[2 * n + self.nt], hottest
+                if now == (times.size - 1) * per_sample:
+                    break
+            if strikes:
                 if held:
                     held = False
                 else:
-                    place, moving, _ = self.casing(t)
-                    v = y[2 * nm - 1] - moving
-                    y[nm - 1] = place
-                    w = self.kick
-                    p = (1 + self.e) * max(v, 0.0) / w[-1]
-                    impacts += v > 0
-                    if impacts > most_impacts:
+                    approach = y[speed]
+                    fastest = max(fastest, approach)
+                    impacts += approach > 0
+                    p = (1 + self.cases.e[0]) * approach / kick[-1]
+                    y = y.copy()
+                    y[n : 2 * n] -= p * kick
+                    y[2 * n : 2 * n + self.nt] += self.cases.alpha[0] * p * self.warming[:, -1]
+                    y[2 * n + self.nt] += p
+                    y[tip], y[speed] = 0, -self.cases.e[0] * approach
+                    hottest = max(hottest, y[2 * n + self.nt - 1])
+                    held = y[speed] == 0 and phases[1].rows[0] @ y > 0
+                    grazes = 0 < approach < GRAZES * fastest and not held
+                    if grazes or impacts > most_impacts:
                         break
-                    y[nm : 2 * nm] -= p * w
-                    y[2 * nm : 2 * nm + nt] += self.alpha * p * self.warming[:, -1]
-                    y[-1] += p
-                    hottest = max(hottest, y[hot])
-                    if self.e == 0 or v <= 0:
-                        y[2 * nm - 1] = moving
-                        held = self.signal(True, t, y) > 0
-                fresh = True
-            solver = DOP853(self.rate(held), t, y, end, rtol=1e-12, atol=1e-14, max_step=self.max_step)
-            if fresh and not held:
-                solver.h_abs = min(solver.h_abs, 1e-2 * self.max_step)
-            while solver.status == "running":
-                y_old = solver.y.copy()
-                t_old = solver.t
-                solver.step()
-                dense = solver.dense_output()
-                grid = np.linspace(t_old, solver.t, 5)[1:]
-                values = [self.signal(held, s, dense(s)) for s in grid[:-1]] + [self.signal(held, solver.t, solver.y)]
-                hit = next((i for i, s in enumerate(values) if s < 0), None)
-                if hit is not None and fresh and hit == 0 and t_old == t:
-                    return Solution(*out.T, t, impacts)  # cannot tell
-                t_new, y_new = solver.t, solver.y
-                if hit is not None:
-                    low = grid[hit - 1] if hit else t_old
-                    g = lambda s, d=dense, h=held: self.signal(h, s, d(s))  # noqa: E731
-                    if g(low) <= 0:
-                        return Solution(*out.T, t, impacts)
-                    t_new = brentq(g, low, grid[hit], xtol=1e-15, rtol=1e-15)
-                    y_new = y_old
-                    for _ in range(3):  # integrate to the event again and correct: dense output is coarse
-                        y_new = self.run(held, t_old, y_old, t_new)
-                        s = self.signal(held, t_new, y_new)
-                        eps = 1e-6 * self.max_step
-                        slope = (self.signal(held, t_new + eps, y_new + eps * self.rate(held)(t_new, y_new)) - s) / eps
-                        t_new -= s / slope
-                    y_new = self.run(held, t_old, y_old, t_new)
-                left = t_old
-                while k < times.size and times[k] < t_new:
-                    y_k = self.run(held, t_old, y_old, times[k])
-                    hottest = max(hottest, y_k[hot], self.warmest(dense, left, times[k], hottest))
-                    out[k] = y_k[nm - 1], y_k[hot], y_k[-1], hottest
-                    left = times[k]
-                    k += 1
-                hottest = max(hottest, y_new[hot], self.warmest(dense, left, t_new, hottest))
-                t, y = t_new, y_new
-                fresh = False
-                if hit is not None:
-                    just = True
+            phase = phases[int(held)]
+            watched, rate, hot, warms = phase.rows @ y
+            size = min((now & -now).bit_length() - 1, HALVINGS) if now else HALVINGS
+            while True:
+                after = y + phase.steps[size] @ y
+                later, later_rate, later_hot, later_warms = phase.rows @ after
+                length = shortest * 2**size
+                dips = rate < 0 < later_rate and watched + length * rate < 0
+                peaks = warms > 0 > later_warms and hot + length * warms > hottest
+                strikes = later < 0
+                if size == 0 or not (strikes or dips or peaks):
                     break
-        if k < times.size and t >= end:
-            out[k] = y[nm - 1], y[hot], y[-1], hottest
-        return Solution(*out.T, t, impacts)
-
-    def warmest(self, dense, left: float, right: float, largest: float) -> float:
-        """Return the largest tip temperature of a step's interpolant between two instants, or one below the known."""
-        at, index = np.linspace(left, right, 9), 2 * self.nm + self.nt - 1
-        values = dense(at)[index]
-        i = int(np.argmax(values))
-        if values[i] + np.ptp(values) < largest:  # it bends little within a step
-            return values[i]
-        around = at[max(i - 1, 0)], at[min(i + 1, 8)]
-        top = minimize_scalar(lambda s: -dense(s)[index], bounds=around, method="bounded")
-        return max(values[i], -top.fun)
-
-    def run(self, held, t0, y0, t1):
-        if t1 <= t0:
-            return y0.copy()
-        s = DOP853(self.rate(held), t0, y0, t1, rtol=1e-12, atol=1e-14)
-        while s.status == "running":
-            s.step()
-        return s.y
+                size -= 1
+            if not strikes or held:
+                y, now, hottest = after, now + 2**size, max(hottest, later_hot)
+        return Solution(*out, float(now * shortest), impacts)

@@ -232,20 +232,13 @@ def test_energy_of_the_relative_motion_closes(options: dict[str, str]) -> None:
     assert abs(results.metrics["energy_residual"][0]) < 1e-12
 
 
-@pytest.mark.parametrize(("heat", "sign"), [("explicit", 1), ("implicit", -1)])
-def test_heat_residual_is_that_of_euler(heat: str, sign: int) -> None:
-    """Half a step of the change of the loss, -(θ - 1/2) h ΔL, over the heat turned over: opposite for the two."""
+@pytest.mark.parametrize("heat", ["explicit", "implicit"])
+def test_heat_is_kept(heat: str) -> None:
     structure = heavy_chain(convection=200.0)
     batch = cases(structure, alpha=30.0, gap=5e-5, amplitude=100.0, frequency=200.0)
-
-    def residual(h: float) -> float:
-        results = step(structure, batch, h, audited(sampling(0.02, 0.02)), "carpenter", heat=heat)
-        return float(results.metrics["heat_residual"][0])
-
-    coarse, fine = residual(1e-5), residual(5e-6)
-    assert np.sign(coarse) == sign
-    assert 1.7 < coarse / fine < 2.3
-    assert 0 < abs(coarse) < 1e-3
+    results = step(structure, batch, 1e-5, audited(sampling(0.02, 0.02)), "carpenter", heat=heat)
+    assert results.metrics["impacts"][0] > 0
+    assert abs(results.metrics["heat_residual"][0]) < 1e-12
 
 
 def test_effective_restitution_vanishes_with_the_step() -> None:

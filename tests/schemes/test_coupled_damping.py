@@ -63,7 +63,7 @@ def random_damper(rng: np.random.Generator, size: int) -> Array:
 
 def solved(structure: Structure, case: Cases, gap: float = 0.0) -> Results:
     operator = event_driven.init(structure, 0.0, event_driven.Options(events=1000))
-    return event_driven.compute(operator, replace(case, gap=case.gap + gap), replace(OVER, balances=True))
+    return event_driven.compute(operator, replace(case, gap=case.gap + gap), OVER)
 
 
 def compare(seed: int) -> int:
@@ -81,9 +81,6 @@ def compare(seed: int) -> int:
     for name in ("displacement", "temperature", "impulse"):
         ours, theirs = results.histories[name][0, reached], getattr(reference, name)[reached]
         assert np.linalg.norm(ours - theirs) <= 1e-9 * max(float(np.linalg.norm(theirs)), 1e-3), (seed, name)
-    if results.status[0] == Status.OK:
-        assert abs(results.metrics["energy_residual"][0]) < 1e-11, seed
-        assert abs(results.metrics["heat_residual"][0]) < 1e-11, seed
     return reference.impacts
 
 
@@ -105,13 +102,12 @@ def test_friction_along_a_tangent() -> None:
     case = cases(
         structure, e=0.5, alpha=0.3, friction=0.2, gap=0.01, mean=30.0, amplitude=60.0, frequency=9.0, phase=0.4
     )
-    over = replace(sampling(0.4, 0.01), balances=True)
+    over = sampling(0.4, 0.01)
     results, reference = step(structure, case, 0.0, over, "event_driven"), Reference(structure, case).solve(over.times)
     reached = over.times < reference.reached - 1e-9
     assert reference.impacts > 1
     for name in ("displacement", "temperature", "impulse"):
         assert relative(results.histories[name][0, reached], getattr(reference, name)[reached]) < 1e-9
-    assert abs(results.metrics["energy_residual"][0]) < 1e-11
 
 
 def test_each_pole_has_its_own_accuracy() -> None:
@@ -161,21 +157,19 @@ def test_the_limit_of_no_coupling_is_the_solution_in_modes(e: float) -> None:
     apart = replace(structure, damper=moved @ np.diag(np.full(6, 10.0)) @ moved.T)
     assert couples_free_modes(coupled)
     assert free_damping(apart, modes).ndim == 1
-    over = replace(sampling(0.01, 1e-4), balances=True)
+    over = sampling(0.01, 1e-4)
     one, other = (step(s, cases(s, e=e, **LOAD), 0.0, over, "event_driven") for s in (apart, coupled))
     assert one.metrics["impacts"][0] > 0
     for name in ("displacement", "temperature", "impulse"):
         assert relative(other.histories[name], one.histories[name]) < 1e-10
 
 
-def test_moreau_comes_to_it_and_balances_close() -> None:
+def test_moreau_comes_to_it() -> None:
     """Impacts that accumulate, permanent contact and friction heat; a case does not depend on its neighbours."""
     structure = with_dashpot()
     batch = cases(structure, 3, e=np.array([0.0, 0.5, 0.9]), mean=300.0, **LOAD)
-    over = replace(sampling(0.01, 1e-4), balances=True)
+    over = sampling(0.01, 1e-4)
     exact = step(structure, batch, 0.0, over, "event_driven")
-    assert np.abs(exact.metrics["energy_residual"]).max() < 1e-11
-    assert np.abs(exact.metrics["heat_residual"]).max() < 1e-11
     assert np.all(exact.metrics["releases"] > 0)
     short = sampling(0.002, 1e-4)
     impulse = exact.histories["impulse"][:, : short.count]

@@ -13,7 +13,7 @@ from plain_events import Reference
 from scenes import cases, chain, heavy_chain, relative, sampling
 from workflow.models import Cases, Harmonics, Rayleigh, Structure
 from workflow.reduction import reduce_structure
-from workflow.schemes import Sampling, Status, event_driven
+from workflow.schemes import Sampling, event_driven
 
 TIMES = sampling(20.0, 0.1)
 DAMPING = (Rayleigh(), Rayleigh(0.1, 0.0), Rayleigh(0.05, 0.02), Rayleigh(2.0, 1.0))
@@ -87,7 +87,7 @@ def compare(seed: int, moving: bool = False, over: Sampling = TIMES) -> int:
     structure, case = (moving_scene if moving else scene)(np.random.default_rng(seed))
     accuracy = 1e-9 if moving else 1e-8
     operator = event_driven.init(structure, 0.0, event_driven.Options(events=1000))
-    results = event_driven.compute(operator, case, replace(over, balances=moving))
+    results = event_driven.compute(operator, case, over)
     moved = np.where(case.displacement[:, -1] == case.casing_at(0.0), 0.0, 1e-12 * np.maximum(np.abs(case.gap), 0.1))
     nearby = event_driven.compute(operator, replace(case, gap=case.gap + moved), over)
     reference = Reference(structure, case).solve(over.times)
@@ -98,8 +98,6 @@ def compare(seed: int, moving: bool = False, over: Sampling = TIMES) -> int:
         ours, theirs = results.histories[name][0, reached], getattr(reference, name)[reached]
         scale = max(float(np.linalg.norm(theirs)), 1e-3)
         assert np.linalg.norm(ours - theirs) <= accuracy * scale, (seed, name)
-    for name in ("energy_residual", "heat_residual") if moving and results.status[0] == Status.OK else ():
-        assert abs(results.metrics[name][0]) <= 1e-9, (seed, name)
     last = int(np.flatnonzero(reached)[-1])
     if last > 0:  # run to there with no sample between: the largest temperature knows of none
         end = float(over.times[last])

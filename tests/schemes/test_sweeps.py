@@ -192,7 +192,7 @@ def test_reduction_of_a_long_chain_is_that_of_a_short_one(monkeypatch: pytest.Mo
     structure, batch, h = rubs(60)
     over = sampling(1000 * h, 100 * h)
     plain = reduce_structure(structure, 5, 12)
-    monkeypatch.setattr(_tip_held, "MOST_PORTABLE", 10)
+    monkeypatch.setattr(_tip_held, "MOST_BY_JACOBI", 10)
     long = reduce_structure(structure, 5, 12)
     assert long.displacement_basis.tobytes() != plain.displacement_basis.tobytes()
     expected = step(plain.structure, plain.project(batch), h, over)

@@ -20,9 +20,6 @@ def truth(name: str, tmp_path: Path, **settings: object) -> xr.Dataset:
     tmp_path.mkdir(exist_ok=True)
     archive = run_study(study.with_(settings) if settings else study, tmp_path / "x.nc", threads=1).dataset.load()
     assert (archive["status"] == int(Status.OK)).all()
-    if "event_driven" in np.ravel(archive["scheme"]):
-        exact = archive.sel(scheme="event_driven") if "scheme" in archive.dims else archive
-        assert float(np.abs(exact["energy_residual"]).max()) <= 1e-9
     return archive
 
 

@@ -8,6 +8,7 @@ from workflow.analysis._cases import (
     exact,
     failures,
     finest,
+    labels,
     labels_of,
     mode_counts,
     runaways,
@@ -31,7 +32,15 @@ from workflow.analysis._precision import (
     observed_order,
     winners,
 )
-from workflow.analysis._recommend import Choice, NoReferenceError, Recommendation, Worst, numerical_dims, recommend
+from workflow.analysis._recommend import (
+    Choice,
+    NoReferenceError,
+    Recommendation,
+    Worst,
+    numerical_dims,
+    recommend,
+    simulated_seconds,
+)
 from workflow.analysis._recommend_words import COLUMNS as RECOMMENDATION_COLUMNS
 from workflow.analysis._recommend_words import as_json as recommendation_json
 from workflow.analysis._recommend_words import cautions as recommendation_cautions
@@ -78,6 +87,7 @@ __all__ = [
     "impact_speeds",
     "impulse_growth",
     "is_exact",
+    "labels",
     "labels_of",
     "lines",
     "mode_counts",
@@ -92,6 +102,7 @@ __all__ = [
     "runaways",
     "sentence",
     "shown_dim",
+    "simulated_seconds",
     "standings",
     "telling",
     "total_error",

@@ -23,6 +23,14 @@ def case_dims(dataset: xr.Dataset) -> tuple[str, ...]:
     return tuple(str(name) for name in dataset["status"].dims)
 
 
+def labels(status: xr.DataArray) -> xr.DataArray:
+    """Return the word of each status, ``ok``, ``diverged``, ``ill_posed`` or ``failed``, in an array of its shape."""
+    import xarray as xr
+
+    words: xr.DataArray = xr.apply_ufunc(np.vectorize(status_name, otypes=[str]), status)
+    return words
+
+
 def runaways(dataset: xr.Dataset) -> tuple[int, int]:
     """Return how many ok cases lie above their critical coupling, and how many others grow in permanent contact.
 

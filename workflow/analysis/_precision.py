@@ -37,7 +37,7 @@ LEAST_STEPS = 3
 Array = NDArray[np.float64]
 
 
-def observed_order(dataset: xr.Dataset, error: str = "impulse_error") -> xr.DataArray:
+def observed_order(dataset: xr.Dataset, error: str = "impulse_scheme_error") -> xr.Dataset:
     """Return the observed order of convergence of every case: the slope of log error over log h by least squares.
 
     Steps count whose case is ok and whose error is below a tenth of the solution (:data:`ASYMPTOTIC`) and above ten
@@ -48,19 +48,22 @@ def observed_order(dataset: xr.Dataset, error: str = "impulse_error") -> xr.Data
     dataset
         An archive whose study has a reference and several steps ``h``.
     error
-        Which error: ``displacement_error``, ``temperature_error`` or ``impulse_error``; with ``_scheme_error`` in its
-        place the part that the scheme makes, which a reduced model does not hide.
+        Which error: the scheme's part of ``displacement``, ``temperature`` or ``impulse``, which a reduced model does
+        not hide, or without ``_scheme`` in its name the whole.
 
     Returns
     -------
-    xarray.DataArray
-        Over all dimensions of the cases but that of ``h``; NaN where fewer than three steps count.
+    xarray.Dataset
+        ``order`` and ``scatter``, the root mean square of log10 error about the line, over all dimensions of the cases
+        but that of ``h``; NaN where fewer than three steps count, and where no step changes the error.
 
     Raises
     ------
     ValueError
         The dataset has no such error, or one step only.
     """
+    import xarray as xr
+
     if error not in dataset:
         raise ValueError(f"the dataset has no `{error}`; errors need a `reference` in the study")
     if "h" not in dataset.coords or dataset["h"].ndim != 1:
@@ -70,13 +73,16 @@ def observed_order(dataset: xr.Dataset, error: str = "impulse_error") -> xr.Data
     if "predictability" in dataset:
         errors = errors.where(errors > UNPREDICTABLE * dataset["predictability"].fillna(0.0))
     errors = errors.transpose(..., dim)
-    orders = slope(np.asarray(dataset["h"].values, dtype=float), np.asarray(errors.values, dtype=float))
-    attributes = {"units": "1", "long_name": f"observed order of the {error.replace('_', ' ')} in h"}
-    return errors.isel({dim: 0}, drop=True).copy(data=orders).rename("observed_order").assign_attrs(attributes)
+    order, scatter = fitted(np.asarray(dataset["h"].values, dtype=float), np.asarray(errors.values, dtype=float))
+    dims, what = errors.dims[:-1], error.replace("_", " ")
+    about = {"units": "1", "long_name": f"observed order of the {what} in h"}
+    about_scatter = {"units": "1", "long_name": f"root mean square of log10 of the {what} about the line of the order"}
+    variables = {"order": (dims, order, about), "scatter": (dims, scatter, about_scatter)}
+    return xr.Dataset(variables, errors.isel({dim: 0}, drop=True).coords)
 
 
-def slope(h: Array, errors: Array) -> Array:
-    """Return the slope of log error over log h by least squares, see :func:`observed_order`.
+def fitted(h: Array, errors: Array) -> tuple[Array, Array]:
+    """Return slope and scatter of log10 error over log10 h by least squares, see :func:`observed_order`.
 
     Parameters
     ----------
@@ -88,10 +94,14 @@ def slope(h: Array, errors: Array) -> Array:
     with np.errstate(invalid="ignore", divide="ignore"):
         used = (errors > 0) & (errors < ASYMPTOTIC)
         count = used.sum(axis=-1)
-        x, y = np.where(used, np.log(h), 0.0), np.log(np.where(used, errors, 1.0))
-        x = np.where(used, x - (x.sum(axis=-1) / count)[..., None], 0.0)
-        slopes = (x * y).sum(axis=-1) / (x * x).sum(axis=-1)
-    return np.asarray(np.where(count >= LEAST_STEPS, slopes, np.nan))
+        x, y = (
+            np.where(used, value - (np.where(used, value, 0.0).sum(axis=-1) / count)[..., None], 0.0)
+            for value in (np.log10(h), np.log10(np.where(used, errors, 1.0)))
+        )
+        slope = (x * y).sum(axis=-1) / (x * x).sum(axis=-1)
+        scatter = np.sqrt(((y - slope[..., None] * x) ** 2).sum(axis=-1) / count)
+    is_line = (count >= LEAST_STEPS) & np.any(errors != errors[..., :1], axis=-1)
+    return np.where(is_line, slope, np.nan), np.where(is_line, scatter, np.nan)
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,15 +146,13 @@ class Line:
         with np.errstate(invalid="ignore"):
             return np.asarray(~self.ok | (self.errors["impulse_error"] > SENSELESS))
 
-    def order(self, name: str) -> float:
-        """Return the observed order of an error: the slope of log error over log h by least squares.
-
-        As :func:`observed_order` has it.
-        """
+    def order(self, name: str) -> tuple[float, float]:
+        """Return the observed order of an error and its scatter, as :func:`observed_order` has them."""
         error = self.errors[name]
         with np.errstate(invalid="ignore"):
             used = self.ok & (error > UNPREDICTABLE * self.predictability)
-        return float(slope(self.h, np.where(used, error, np.nan)))
+        order, scatter = fitted(self.h, np.where(used, error, np.nan))
+        return float(order), float(scatter)
 
     def stable_steps(self) -> tuple[float, float] | None:
         """Return the largest step before the first that is lost, and that one, where there are both."""

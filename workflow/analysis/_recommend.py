@@ -1,4 +1,4 @@
-"""The cheapest scheme, step and reduced model that meet a tolerance, and by what evidence."""
+"""The scheme, step and reduced model that meet a tolerance at about the least cost, and by what evidence."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ DECIDABLE = 0.1
 """Share of the tolerance that a case's predictability must not exceed for its error to be a scheme's own."""
 
 SPREAD = 0.25
-"""Costs that differ by less than this share are named as alike. A convention: on an idle machine neighbouring choices
-near the cost of a call differ by 1 to 17 % (``data/work_precision_blade.nc``), on a busy one by a factor of 2.3."""
+"""Share of the least cost by which a more accurate choice may cost more: neighbours near the cost of a call differ by 1
+to 17 % on an idle machine (``data/work_precision_blade.nc``), by a factor of 2.3 on a busy one."""
 
 
 class NoReferenceError(ValueError):
@@ -118,12 +118,14 @@ class Recommendation:
     tolerance
         Largest admissible error of any history in any case of the scene, 1.
     choice
-        The cheapest choice within it; ``None`` where none is.
+        The most accurate of those within it whose cost exceeds the least of theirs by at most :data:`SPREAD`; ``None``
+        where none is within it.
     next
-        The dearest of the cheaper ones, all of which fail; without a choice the one that comes nearest.
+        The dearest that is cheaper than all within the tolerance; without a choice the one that comes nearest.
     alike
-        Other choices within the tolerance whose cost exceeds that of the choice by less than :data:`SPREAD`: another
-        run of the study may find one of them the cheapest. Largest step first, then fewest modes.
+        The others among which the choice is the most accurate. Largest step first, then fewest modes.
+    cases
+        Number of cases of the scene.
     undecidable
         Cases of the scene whose predictability exceeds a tenth of the tolerance, by their coordinates.
     units
@@ -134,12 +136,13 @@ class Recommendation:
     choice: Choice | None
     next: Choice | None
     alike: tuple[Choice, ...]
+    cases: int
     undecidable: tuple[dict[str, Any], ...]
     units: dict[str, str] = field(default_factory=dict)
 
 
 def recommend(dataset: xr.Dataset, tolerance: float | str | None = None) -> Recommendation:
-    """Return the cheapest choice that meets a tolerance in all cases of the scene.
+    """Return the most accurate of the choices that meet a tolerance in all cases of the scene at about the least cost.
 
     The error of a case is the largest of its displacement, temperature and impulse error; a case that is not ok or
     has no error misses. Cost is the mean wall time over the cases of the scene.
@@ -164,16 +167,17 @@ def recommend(dataset: xr.Dataset, tolerance: float | str | None = None) -> Reco
     within = table.error <= share
     rank = np.argsort(table.cost, kind="stable")
     good = [int(k) for k in rank if within[k].all()]
-    if good:
-        cheaper = [int(k) for k in rank if table.cost[k] < table.cost[good[0]]]
-        nearest = cheaper[-1] if cheaper else None
-    else:
-        nearest = max(range(len(rank)), key=lambda k: (within[k].mean(), -_shortfall(table.error[k])), default=None)
+    least = table.cost[good[0]] if good else np.inf
+    alike = sorted((k for k in good if table.cost[k] <= (1 + SPREAD) * least), key=lambda k: _largest(table.error[k]))
+    nearest = max((int(k) for k in rank if table.cost[k] < least), key=lambda k: table.cost[k], default=None)
+    if not good:
+        nearest = max(range(len(rank)), key=lambda k: (within[k].mean(), -_largest(table.error[k])), default=None)
     return Recommendation(
         share,
-        table.choice(good[0], within[good[0]]) if good else None,
+        table.choice(alike[0], within[alike[0]]) if alike else None,
         None if nearest is None else table.choice(nearest, within[nearest]),
-        _alike([table.choice(k, within[k]) for k in good if table.cost[k] <= (1 + SPREAD) * table.cost[good[0]]]),
+        _alike([table.choice(k, within[k]) for k in alike]),
+        table.error.shape[1],
         table.unpredictable(DECIDABLE * share),
         coordinate_units(dataset),
     )
@@ -185,16 +189,12 @@ def _alike(choices: list[Choice]) -> tuple[Choice, ...]:
     for choice in choices:
         idle = () if choice.step_matters else ("h",)
         distinct.setdefault(tuple(sorted((k, v) for k, v in choice.settings.items() if k not in idle)), choice)
-    modes = ("mechanical_modes", "thermal_modes")
-    return tuple(
-        sorted(
-            list(distinct.values())[1:],
-            key=lambda one: (-one.settings.get("h", 0.0), sum(one.settings.get(name, 0) for name in modes)),
-        )
-    )
+    others = list(distinct.values())[1:]
+    others.sort(key=lambda one: (-one.settings.get("h", 0.0), sum(one.settings.get(name, 0) for name in MODES)))
+    return tuple(others)
 
 
-def _shortfall(errors: NDArray[np.float64]) -> float:
+def _largest(errors: NDArray[np.float64]) -> float:
     """Return the largest error of a choice, infinity where a case has none."""
     return float(np.max(np.where(np.isnan(errors), np.inf, errors)))
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from workflow.analysis._cases import exact
 from workflow.analysis._recommend import COMPARED, SPREAD, Choice, Recommendation, Worst
 from workflow.schemes import Status, limit_text
 from workflow.study import AUTO, MODES
@@ -17,9 +18,6 @@ if TYPE_CHECKING:
 
 SETTINGS = ("scheme", "h", "mechanical_modes", "thermal_modes", "reduction")
 """Settings that stand in every answer; ``None`` where the archive does not have one."""
-
-ALIKE = 2
-"""Choices of about the same cost that are named; of more the number is."""
 
 NAMED = 5
 """Undecidable cases that are named; of more the number is."""
@@ -35,7 +33,7 @@ def named_choice(choice: Choice, units: Mapping[str, str]) -> str:
     words = [str(settings.pop("scheme", "the scheme"))]
     h = settings.pop("h", None)
     if h is not None:
-        words.append(f"h = {h:.6g} s" if choice.step_matters else "whatever h")
+        words.append(f"h = {exact(h)} s" if choice.step_matters else "whatever h")
     modes = settings.pop("mechanical_modes", None), settings.pop("thermal_modes", None)
     if None not in modes:
         counts = [choice.used.get(name, count) for name, count in zip(MODES, modes, strict=True)]
@@ -49,9 +47,13 @@ def named_choice(choice: Choice, units: Mapping[str, str]) -> str:
     return ", ".join(words)
 
 
-def _judged(choice: Choice | None) -> str:
+def _judged(recommendation: Recommendation, choice: Choice | None) -> str:
     """Return in which cases a choice was judged: all, or those of the scene's values that a zip ties to it."""
-    return "all of its cases" if choice is not None and choice.tied else "all cases"
+    if choice is not None and choice.tied:
+        return "all of its cases"
+    if recommendation.choice is None or not recommendation.undecidable:
+        return f"all {recommendation.cases} cases"
+    return f"all {recommendation.cases - len(recommendation.undecidable)} decidable of {recommendation.cases} cases"
 
 
 def named_case(case: Mapping[str, Any], units: Mapping[str, str]) -> str:
@@ -64,18 +66,13 @@ def sentence(recommendation: Recommendation) -> str:
     tolerance, units = percent(recommendation.tolerance), recommendation.units
     if recommendation.choice is None:
         nearest = _nearest(recommendation)
-        return f"Nothing in this study meets {tolerance} in {_judged(recommendation.next)}. {nearest}"
-    worst = recommendation.choice.worst
+        return f"Nothing in this study meets {tolerance} in {_judged(recommendation, recommendation.next)}. {nearest}"
+    choice, worst = recommendation.choice, recommendation.choice.worst
     text = (
-        f"The cheapest choice within {tolerance} in {_judged(recommendation.choice)} is "
-        f"{named_choice(recommendation.choice, units)}, at "
-        f"{_cost(recommendation.choice)}; its largest error is {percent(worst.error)} ({worst.variable}, "
-        f"{named_case(worst.case, units)}), {_limit(worst)}."
+        f"Within {tolerance} in {_judged(recommendation, choice)} and within {100 * SPREAD:.0f} % of the least cost, "
+        f"the most accurate is {named_choice(choice, units)}, at {_cost(choice)}; its largest error is "
+        f"{percent(worst.error)} ({worst.variable}, {named_case(worst.case, units)}), {_limit(worst)}."
     )
-    if recommendation.alike:
-        named = "; ".join(f"{named_choice(one, units)} ({_cost(one)})" for one in recommendation.alike[:ALIKE])
-        more = f"; and {len(recommendation.alike) - ALIKE} more" if len(recommendation.alike) > ALIKE else ""
-        text += f" Of the same cost within {100 * SPREAD:.0f} %: {named}{more}."
     if recommendation.next is not None:
         cheaper = recommendation.next
         text += f" The next cheaper one, {named_choice(cheaper, units)} ({_cost(cheaper)}), {_failure(cheaper, units)}."
@@ -147,6 +144,7 @@ def as_json(recommendation: Recommendation) -> dict[str, Any]:
         "limited_by": None if chosen is None else chosen.worst.limited_by,
         "next": None if recommendation.next is None else _choice(recommendation.next),
         "alike": [_choice(one) for one in recommendation.alike],
+        "cases": recommendation.cases,
         "undecidable": list(recommendation.undecidable),
         "sentence": sentence(recommendation),
     }
@@ -191,9 +189,8 @@ def percent(share: float) -> str:
 
 
 def _with_unit(name: str, value: Any, units: Mapping[str, str]) -> str:
-    """Return the value of a coordinate, a number in at most six digits, with its unit."""
-    text = f"{value:.6g}" if isinstance(value, float) else str(value)
-    return f"{text} {units.get(name, '')}".rstrip()
+    """Return the value of a coordinate, in the digits that select it, with its unit."""
+    return f"{exact(value)} {units.get(name, '')}".rstrip()
 
 
 def _cost(choice: Choice) -> str:

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 def work_precision(dataset: xr.Dataset, error: str | None = None) -> xr.Dataset:
     """Return cost and error of every choice of scheme, step, modes and options of schemes.
 
-    Error and cost are those that :func:`recommend` weighs: ``work_precision(dataset)`` with ``error`` up to a tolerance
-    has its answer where ``cost`` is least.
+    Error and cost are those that :func:`recommend` weighs: its answer is, of ``work_precision(dataset)`` with
+    ``error`` up to a tolerance and ``cost`` at most 25 % above the least, where ``error`` is least.
 
     Parameters
     ----------

@@ -15,10 +15,10 @@ from workflow.archive._open import (
     archive_key,
     content_hash,
     discard_views,
-    endings,
     open_archive,
     provenance,
     statuses,
+    stored_values,
     study_text,
 )
 from workflow.archive._parts import clear_parts, is_begun, parts_of, read_layout, remove_parts, start_parts
@@ -60,7 +60,6 @@ __all__ = [
     "count_unmatched",
     "describe",
     "discard_views",
-    "endings",
     "find_shard",
     "find_shards",
     "find_stored_cells",
@@ -82,6 +81,7 @@ __all__ = [
     "statuses",
     "stored_hashes",
     "stored_status",
+    "stored_values",
     "study_key",
     "study_text",
     "truncated_message",

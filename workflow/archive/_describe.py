@@ -20,10 +20,11 @@ from workflow import variables
 from workflow.archive._layout import Attributes, Coordinate, Layout, Variable
 from workflow.grid import FRICTION, Grid, Units, alpha_of, choices_text, longest_period_count, metrics_of
 from workflow.models import FACTORISING, has_cholmod
+from workflow.pinning import is_pinned
 from workflow.schemes import SOLVER_VERSION, Status
 from workflow.study import AUTO, CHOSEN, MODES, Axis, Study, packed
 
-SOFTWARE = ("code_revision", "processor", "versions")
+SOFTWARE = ("code_revision", "processor", "versions", "pinned")
 """Texts of the provenance group that decide whether two runs must agree bit for bit."""
 
 COPIED = "copied"
@@ -89,6 +90,7 @@ def describe(study: Study, grid: Grid, units: Units) -> Layout:
             **({"choices": choices_text(grid.choices)} if any(grid.choices) else {}),
             "platform": platform.platform(),
             "processor": processor(),
+            "pinned": str(is_pinned()).lower(),
         },
         key=study_key(study),
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import os
 import tempfile
+from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,12 +19,11 @@ from workflow.archive._files import ArchiveError, reading, reason, unreadable, u
 from workflow.archive._gather import assemble
 from workflow.archive._guard import LONGEST, try_out, vouch
 from workflow.archive._judge import as_text, judge
-from workflow.archive._layout import OK, STATUS
+from workflow.archive._layout import STATUS
 from workflow.archive._parts import LAYOUT, parts_of, read_layout
 from workflow.archive._shard import find_shards
 from workflow.archive._whole import DAMAGED, is_whole, require_whole, stored_checksum
 from workflow.archive._with_xarray import opened
-from workflow.variables import COMPARED
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -117,15 +117,14 @@ def study_text(path: str | Path) -> tuple[str, str]:
 
 
 def statuses(path: str | Path, *, damaged: bool = False) -> NDArray[np.int8]:
-    """Return the status of every case of a finished archive, see :func:`endings`."""
-    return endings(path, damaged=damaged)[0]
+    """Return the status of every case of a finished archive, see :func:`stored_values`."""
+    return stored_values(path, (STATUS,), damaged=damaged)[1][STATUS]
 
 
-def endings(path: str | Path, *, damaged: bool = False) -> tuple[NDArray[np.int8], NDArray[np.bool_]]:
-    """Return how the cases of a finished archive ended, without what xarray takes to load.
-
-    That is the status of every case, and whether it is ok and yet has an error against the reference that is
-    missing: its message says why. None is where the study has no reference.
+def stored_values(
+    path: str | Path, names: Sequence[str], *, damaged: bool = False
+) -> tuple[dict[str, str], dict[str, NDArray[Any]]]:
+    """Return the attributes of a finished archive and those of some variables that it has, without loading xarray.
 
     Raises
     ------
@@ -139,9 +138,8 @@ def endings(path: str | Path, *, damaged: bool = False) -> tuple[NDArray[np.int8
     path = usable(path)
     _try_to_read(path, damaged)
     with LOCK, reading(path), h5py.File(path, "r") as file:
-        status = np.asarray(file[STATUS][...], dtype=np.int8)
-        missing = [np.isnan(file[name][...]) for name in map("{}_error".format, COMPARED) if name in file]
-    return status, np.asarray((status == OK) & np.any(missing, axis=0))
+        attributes = {name: as_text(value) for name, value in file.attrs.items()}
+        return attributes, {name: np.asarray(file[name][...]) for name in names if name in file}
 
 
 def content_hash(path: str | Path) -> str:

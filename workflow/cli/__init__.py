@@ -25,7 +25,9 @@ def main() -> None:
     gc.set_threshold(GARBAGE)
     atexit.register(gc.freeze)  # or Python looks through all objects for garbage when it ends
     from workflow.cli._stop import heed_signals
+    from workflow.pinning import pin
 
+    pin()
     heed_signals()
     from workflow.cli._failures import run_application
 

@@ -29,7 +29,7 @@ WIDE = 240
 
 
 def recommend(archive: ArchiveFile, tolerance: Tolerance = None, as_json: AsJson = False) -> None:
-    """Name the cheapest scheme, step and reduced model that meet a tolerance in all cases, and the evidence.
+    """Name scheme, step and reduced model that meet a tolerance in all cases at about the least cost, and the evidence.
 
     Exit status: 0 answered, 1 nothing in the archive meets it, 2 the archive has no reference.
     """

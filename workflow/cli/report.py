@@ -16,7 +16,13 @@ def report(
     archives: Annotated[list[Path], typer.Argument(metavar="ARCHIVE...", help="Archives that `workflow run` wrote.")],
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", metavar="PAGE", help="Default: ARCHIVE.html; of several: report.html."),
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="FILE",
+            help="A page, .html, with its figure beside it; or the figure alone, .png, .svg or .pdf. "
+            "Default: ARCHIVE.html; of several: report.html.",
+        ),
     ] = None,
     damaged: Damaged = False,
 ) -> None:
@@ -27,4 +33,5 @@ def report(
         written = write_report([named(archive) for archive in archives], output, damaged=damaged)
         if written.figure is not None:
             say(f"figure {written.figure}")
-        say(f"page   {written.page}")
+        if written.page is not None:
+            say(f"page   {written.page}")

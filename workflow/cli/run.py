@@ -109,6 +109,8 @@ def _tell(outcome: Outcome) -> None:
         resumed = "all" if outcome.resumed == cases else outcome.resumed
         before = f", {resumed} of them stored before" if outcome.resumed else ""
         say(f"{outcome.archive}: {cases} cases in {outcome.seconds:.1f} s{before} ({counts})")
+    for warning in outcome.warnings:
+        say(f"  beware: {warning}")
     if outcome.without_error:
         say(f"  {outcome.without_error} of the ok cases have an error against the reference that cannot be formed")
     for labels, message in outcome.failures:

@@ -39,9 +39,12 @@ def show(
 
 
 def _lines(archive: Path, dataset: xr.Dataset) -> Iterator[str]:
+    from workflow.run import warnings_of
+
     if "damaged" in dataset.attrs:
         yield f"damaged: {dataset.attrs['damaged']}; any value may be wrong"
     yield f"{archive}: {dataset.attrs.get('title', 'without a title')}"
+    yield from (f"  beware: {warning}" for warning in warnings_of(dataset))
     yield from _coordinates(dataset)
     yield from decided_lines(dataset)
     yield from _statuses(dataset)
@@ -50,7 +53,7 @@ def _lines(archive: Path, dataset: xr.Dataset) -> Iterator[str]:
 def _json(archive: Path, dataset: xr.Dataset) -> str:
     """Return what is shown as one line of JSON; all values of the coordinates, numbers that are not finite as null."""
     from workflow.analysis import failures
-    from workflow.run import status_counts
+    from workflow.run import status_counts, warnings_of
 
     coordinates = {
         str(name): {
@@ -65,6 +68,7 @@ def _json(archive: Path, dataset: xr.Dataset) -> str:
         "archive": str(archive),
         "title": dataset.attrs.get("title", ""),
         "damaged": dataset.attrs.get("damaged"),
+        "warnings": warnings_of(dataset),
         "dimensions": {str(name): size for name, size in dataset.sizes.items()},
         "coordinates": coordinates,
         "status": status_counts(dataset),

@@ -16,6 +16,7 @@ from workflow.grid._shaken import Shaken
 from workflow.grid._solve import Solved, metrics_of, solve
 from workflow.grid._tasks import Segment, Task, Units, bytes_per_case, seconds_per_case, tasks, units_of
 from workflow.grid._turns import Turns
+from workflow.grid._warnings import warning_lines
 
 __all__ = [
     "FRICTION",
@@ -61,4 +62,5 @@ __all__ = [
     "task_seconds",
     "tasks",
     "units_of",
+    "warning_lines",
 ]

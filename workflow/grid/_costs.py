@@ -70,7 +70,8 @@ def case_seconds(cell: Cell, structure: Structure, sampling: Sampling, periods: 
         blocks *= _SWEPT
     elif "h" in scheme.READS and needs_matrices(structure):
         blocks *= _COUPLED * blocks
-    return steps * blocks * scheme.STEP_SECONDS * (1.5 if sampling.balances else 1.0) + sampling.count * _SAMPLE + _CASE
+    audit = 1.5 if sampling.balances and "h" in scheme.READS else 1.0
+    return steps * blocks * scheme.STEP_SECONDS * audit + sampling.count * _SAMPLE + _CASE
 
 
 def batch_part(cell: Cell, structure: Structure, sampling: Sampling, count: int, periods: float) -> Part:

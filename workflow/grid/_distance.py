@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.kernels import Array
-from workflow.kernels.sums import norm
 
 
 def norms(rows: Array) -> Array:
     """Return the L2 norm of each row; squares neither overflow nor vanish, as a power of two is taken out first."""
     _, exponent = np.frexp(np.abs(rows).max(axis=1))
     scaled = np.ldexp(rows, -exponent[:, None])
-    return np.asarray(np.ldexp(norm(scaled, 1), exponent))
+    return np.asarray(np.ldexp(np.linalg.norm(scaled, axis=1), exponent))
 
 
 def relative(distance: Array, size: Array) -> Array:

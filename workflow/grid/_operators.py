@@ -27,6 +27,7 @@ from workflow.models import (
     Structure,
     critical_alpha,
     growth,
+    growth_at_once,
     in_contact,
     needs_matrices,
     static_tip_growth,
@@ -226,4 +227,5 @@ def run_batch(cell: Cell, cases: Cases, sampling: Sampling) -> Results:
     part = batch_part(cell, reduced_structure(cell), sampling, cases.count, periods)
     with measured(part):
         results = schemes.load(method).compute(operator, projected, sampling)
+    results.metrics["thermal_closing"] += growth_at_once(structure_of(scene.model, scene.parameters))
     return schemes.checked(results, projected, sampling)

@@ -25,8 +25,8 @@ from workflow.grid._distance import relative_distance
 from workflow.grid._operators import compile_for, reduced, run_batch, structure_of, structure_on
 from workflow.grid._reason import reason_of
 from workflow.grid._trials import COMPARED, Setting, corners_of, exactly, stepped
+from workflow.kernels.algebra import MOST_BY_JACOBI
 from workflow.models import Chain, Structure
-from workflow.models._dense import MOST_PORTABLE
 from workflow.models._sparse import MOST_REDUCED
 from workflow.models._tip_held import MOST_ONE_BY_ONE
 from workflow.schemes import Results, Status
@@ -44,7 +44,7 @@ def refine(setting: Setting, requested: Counts, tolerance: float) -> Choice:
     """
     structure = structure_of(setting.cell.scene.model, setting.cell.scene.parameters)
     sizes = structure.mechanical_size, structure.thermal_size
-    if max(sizes) <= MOST_PORTABLE:
+    if max(sizes) <= MOST_BY_JACOBI:
         return choose(setting, requested, tolerance)
     least, most = ends(requested, tuple(min(size - 1, _most(structure)) for size in sizes))  # type: ignore[arg-type]
     first = tuple(min(max(a, b), c) for a, b, c in zip(_FIRST, least, most, strict=True))

@@ -1,4 +1,4 @@
-"""What to beware of in a scene, whatever the scheme: a tip that stays clear, springs, temperatures and bases."""
+"""What to beware of in a scene, whatever the scheme: a tip that stays clear, springs and bases."""
 
 from __future__ import annotations
 
@@ -18,8 +18,7 @@ from workflow.models import (
     Sparse,
     Structure,
     critical_friction,
-    free_motion,
-    quasi_static_temperature,
+    free_reach,
     rounding_of_flexibility,
     static_tip_growth,
     tip_flexibility,
@@ -27,9 +26,6 @@ from workflow.models import (
 from workflow.models._tip_held import thermal_constraint
 from workflow.reduction import DEFAULT
 from workflow.study import Cell
-
-LINEAR = 1000.0
-"""Temperature rise, K, above which a linear model means nothing: metals melt, or conduct and expand otherwise."""
 
 LOST = 1e-3
 """Share of initial states and constant loads that a basis may lose without a word, see ``projection_residual``."""
@@ -77,10 +73,8 @@ def _scenes(grid: Grid) -> Iterator[str]:
             except NoEquilibriumError:
                 continue  # its cases fail and say so
         with np.errstate(all="ignore"):
-            free = free_motion(structure, cases, grid.sampling.duration)
-            warmest = quasi_static_temperature(structure, cases, free, grid.sampling.duration)
-        yield from _clear(cases, free.reach)
-        yield from _hot(cases, warmest)
+            reach = free_reach(structure, cases, grid.sampling.duration)
+        yield from _clear(cases, reach)
         yield from _jams(structure, cases)
 
 
@@ -113,19 +107,6 @@ def _clear(cases: Cases, reach: Array) -> Iterator[str]:
             f"the tip cannot reach the casing at gap = {_listed(f'{gap:g} m' for gap in clear)}: without contact it "
             f"stays below {most:.3g} m (static and harmonic answer, and a bound of what the start adds)"
         )
-
-
-def _hot(cases: Cases, warmest: Array) -> Iterator[str]:
-    """Yield the hottest case where it leaves what a linear model can mean."""
-    hottest = int(np.argmax(np.nan_to_num(warmest, nan=-np.inf, posinf=np.inf)))
-    if not warmest[hottest] > LINEAR:
-        return
-    many = int(np.sum(warmest > LINEAR))
-    most = f"reach about {warmest[hottest]:.2g} K" if np.isfinite(warmest[hottest]) else "grow without bound"
-    yield (
-        f"temperatures {most} (alpha = {cases.alpha[hottest]:g} W/N, gap = {cases.gap[hottest]:g} m; quasi-static "
-        f"estimate), beyond the {LINEAR:g} K that a linear model can mean, in {many} of {warmest.size} conditions"
-    )
 
 
 def _jams(structure: Structure, cases: Cases) -> Iterator[str]:

@@ -23,9 +23,8 @@ from workflow.grid._conditions import conditions
 from workflow.grid._distance import relative_distance
 from workflow.grid._operators import compile_for, reduced, reduction_of, run_batch, structure_of, structure_on
 from workflow.grid._reason import reason_of
-from workflow.kernels.sums import total
+from workflow.kernels.algebra import MOST_BY_JACOBI
 from workflow.models import Array, Cases, Structure, mechanical_modes
-from workflow.models._dense import MOST_PORTABLE
 from workflow.models._tip_held import MOST_ONE_BY_ONE
 from workflow.reduction import Reduction, reduce_structure
 from workflow.reduction._transfer import Excitation, least_counts
@@ -245,12 +244,12 @@ def _answer(omega: Array, tip: Array, w: float) -> float:
     square, share = omega[elastic] ** 2, tip[elastic] ** 2
     real, imaginary = square - w * w, 2 * _WIDTH * omega[elastic] * w
     size = real * real + imaginary * imaginary
-    return total(share * real / size) ** 2 + total(share * imaginary / size) ** 2
+    return np.sum(share * real / size) ** 2 + np.sum(share * imaginary / size) ** 2
 
 
 def _most(size: int) -> int:
     """Return the largest count of vectors that is tried of a structure of some coordinates."""
-    return size - 1 if size <= MOST_PORTABLE else MOST_ONE_BY_ONE
+    return size - 1 if size <= MOST_BY_JACOBI else MOST_ONE_BY_ONE
 
 
 def _tip(size: int) -> Array:

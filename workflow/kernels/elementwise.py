@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workflow.kernels import Array, elementary
+from workflow.kernels.algebra import Complex
 from workflow.kernels.compiled import uncounted
-from workflow.kernels.complex_numbers import Complex, complex_of
 
 
 @uncounted
@@ -67,4 +67,4 @@ def complex_exp(a: Any) -> Complex:
     """Return e^a of complex numbers."""
     a = np.asarray(a)
     (sin, cos), grown = sine_cosine(a.imag), exp(a.real)
-    return complex_of(grown * cos, grown * sin)
+    return grown * cos + 1j * (grown * sin)

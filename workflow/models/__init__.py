@@ -11,7 +11,7 @@ from typing import Any, Protocol, cast
 
 from workflow import registry
 from workflow.kernels import Array
-from workflow.models._bounds import FreeMotion, free_motion, quasi_static_temperature
+from workflow.models._bounds import free_reach
 from workflow.models._cases import Cases, distinct_rows, project
 from workflow.models._chain import MOST_NODES_WITH_MATRICES, Chain, TooManyNodesError
 from workflow.models._damping import (
@@ -37,7 +37,12 @@ from workflow.models._sliding import CriticalFriction, critical_friction, direct
 from workflow.models._sparse import MOST_REDUCED, Sparse, TooManyCoordinatesError
 from workflow.models._sparse_from_matrices import structure_from_sparse
 from workflow.models._spectrum import frequencies, rates
-from workflow.models._static import rounding_of_flexibility, static_displacements, static_temperatures
+from workflow.models._static import (
+    growth_at_once,
+    rounding_of_flexibility,
+    static_displacements,
+    static_temperatures,
+)
 from workflow.models._structure import Coordinates, Matrices, Rayleigh, Structure
 
 
@@ -102,7 +107,6 @@ __all__ = [
     "CoupledDampingError",
     "CriticalFriction",
     "Fill",
-    "FreeMotion",
     "GivenMatrices",
     "Growth",
     "Harmonics",
@@ -127,10 +131,11 @@ __all__ = [
     "expected_fill",
     "fault",
     "free_damping",
-    "free_motion",
+    "free_reach",
     "frequencies",
     "frequency_range",
     "growth",
+    "growth_at_once",
     "growth_rate",
     "has_cholmod",
     "held_damping",
@@ -146,7 +151,6 @@ __all__ = [
     "needs_matrices",
     "poles",
     "project",
-    "quasi_static_temperature",
     "rate_range",
     "rates",
     "rounding_of_flexibility",

@@ -135,6 +135,7 @@ def distinct_rows(*tables: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return order[is_new], which
 
 
+@np.errstate(over="ignore", invalid="ignore")  # of a case that is not finite
 def project(matrix: Array, states: Array) -> Array:
     """Return ``matrix @ state`` for every case, ``(case, row)``, or of one row ``row @ state``, ``(case,)``.
 

@@ -144,16 +144,9 @@ class Chain(Structure):
         return np.concatenate([self.conduction, self.convection])
 
     @property
-    def content(self) -> Array:  # type: ignore[override]
-        """Heat content per nodal temperature, J/K."""
-        return self.heat_capacities
-
-    @property
-    def grounded(self) -> Array:  # type: ignore[override]
-        """1 for the spring at the root and for the surroundings, else 0."""
-        leads_out = np.ones(2 * self.mechanical_size)
-        leads_out[1 : self.mechanical_size] = 0.0
-        return leads_out
+    def even_rise(self) -> Array:  # type: ignore[override]
+        """1 at each node."""
+        return np.ones(self.mechanical_size)
 
     def last(self, count: int) -> Chain:
         """Return the chain of the last ``count`` nodes, clamped and cold at the node before them."""

@@ -19,11 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.kernels import Array
-from workflow.kernels.eigen import eigenvalues
+from workflow.kernels.algebra import eigenvalues
 from workflow.models._chain import Chain
 from workflow.models._characteristic import Complexes, first_orders
 from workflow.models._damping import held_damping, is_rayleigh
-from workflow.models._dense import product
 from workflow.models._modes import Modes, poles
 from workflow.models._structure import Structure
 from workflow.models._tip_held import held_modes, mechanical_constraint, slowest_modes
@@ -109,13 +108,13 @@ class ContactClosed:
         force[place] = participation * omega
         force[speed] = participation * self.stiffness_damping * omega2
         if self.is_coupled:
-            force[speed] = product(participation, self.damping) - self.drag
+            force[speed] = participation @ self.damping - self.drag
         force[heat] = static
         for j in range(modes):
             force[heat] += participation[j] * self.coupling[j]
         if friction != 0:
             slid, along = self.slid[:-1], self.slid[-1]
-            force /= 1 - friction * (along - product(participation, slid))
+            force /= 1 - friction * (along - participation @ slid)
             A[speed] += friction * slid[:, None] * force
         A[heat] = alpha * tip[:, None] * force
         A[2 * modes + np.arange(heats), 2 * modes + np.arange(heats)] -= decay
@@ -139,17 +138,17 @@ def contact_closed(structure: Structure, few: int | None = None, slides: bool = 
             [
                 omega2,
                 structure.damping.mass + structure.damping.stiffness * omega2 if rayleigh else np.diag(damping),
-                product(shapes.T, structure.inertia_forces(constraint)),
+                shapes.T @ structure.inertia_forces(constraint),
             ]
         ),
-        heat=np.stack([thermal.values, thermal.tip, product(elongation, forces)]),
-        coupling=-product(structure.elongations(shapes).T, forces),
+        heat=np.stack([thermal.values, thermal.tip, elongation @ forces]),
+        coupling=-structure.elongations(shapes).T @ forces,
         mass_damping=structure.damping.mass,
         stiffness_damping=structure.damping.stiffness,
         has_rigid=bool(np.any(~elastic)),
         lumps=_lumps(structure) if rayleigh else np.zeros((6, 0)),
         damping=np.zeros((0, 0)) if rayleigh else damping,
-        drag=np.zeros(0) if rayleigh else product(shapes.T, product(structure.damping_matrix, constraint)),
+        drag=np.zeros(0) if rayleigh else shapes.T @ (structure.damping_matrix @ constraint),
         slid=_slid(structure, shapes, constraint),
     )
 
@@ -157,7 +156,7 @@ def contact_closed(structure: Structure, few: int | None = None, slides: bool = 
 def _slid(structure: Structure, shapes: Array, constraint: Array) -> Array:
     if structure.tangent is None:
         return np.zeros(0)
-    return product(np.column_stack([shapes, constraint]).T, structure.tangent)
+    return np.column_stack([shapes, constraint]).T @ structure.tangent
 
 
 def _lumps(structure: Structure) -> Array:

@@ -11,7 +11,6 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.kernels import Array
-from workflow.models._dense import product
 from workflow.models._modes import Modes, mechanical_modes
 from workflow.models._structure import Structure
 
@@ -31,8 +30,8 @@ def damping_matrix(structure: Structure) -> Array:
     whole = structure.damping.mass * structure.mass + structure.damping.stiffness * structure.stiffness_matrix
     if structure.damping.ratio != 0:
         modes = mechanical_modes(structure)
-        moved = product(structure.mass, modes.shapes)
-        whole = whole + product(moved, ((2 * structure.damping.ratio) * modes.values * modes.inertia * moved).T)
+        moved = structure.mass @ modes.shapes
+        whole = whole + moved @ ((2 * structure.damping.ratio) * modes.values * modes.inertia * moved).T
     return whole if structure.damper is None else whole + structure.damper
 
 
@@ -41,7 +40,7 @@ def modal_damping(structure: Structure, modes: Modes) -> Array:
     damping = structure.damping.of_modes(modes.values, modes.inertia)
     if structure.damper is None:
         return damping
-    return np.asarray(damping + np.diag(product(modes.shapes.T, product(structure.damper, modes.shapes))))
+    return np.asarray(damping + np.diag(modes.shapes.T @ (structure.damper @ modes.shapes)))
 
 
 def free_damping(structure: Structure, modes: Modes) -> Array:
@@ -62,7 +61,7 @@ def coupled_damping(structure: Structure, modes: Modes) -> Array:
     damping = structure.damping.of_modes(modes.values, modes.inertia)
     if structure.damper is None:
         return damping
-    own = product(modes.shapes.T, product(structure.damper, modes.shapes))
+    own = modes.shapes.T @ (structure.damper @ modes.shapes)
     if is_diagonal(own):
         return np.asarray(damping + np.diag(own))
     return np.asarray(np.diag(damping) + (own + own.T) / 2)
@@ -73,7 +72,7 @@ def held_damping(structure: Structure, modes: Modes) -> Array:
 
     Shapes have the row of the tip, which is 0.
     """
-    projected = product(modes.shapes.T, product(damping_matrix(structure), modes.shapes))
+    projected = modes.shapes.T @ (damping_matrix(structure) @ modes.shapes)
     return np.asarray((projected + projected.T) / 2)
 
 
@@ -87,7 +86,7 @@ def couples_free_modes(structure: Structure) -> bool:
     if structure.damper is None:
         return False
     shapes = mechanical_modes(structure).shapes
-    return not is_diagonal(product(shapes.T, product(structure.damper, shapes)))
+    return not is_diagonal(shapes.T @ (structure.damper @ shapes))
 
 
 def needs_matrices(structure: Structure) -> bool:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.kernels import Array
+from workflow.kernels.algebra import least_squares
 from workflow.models import _long_chain
 from workflow.models._chain import Chain
-from workflow.models._dense import least_squares, product
 from workflow.models._structure import Structure
 
 _UNBALANCED = 1e-9
@@ -25,7 +25,7 @@ def _solve(matrix: Array, load: Array) -> Array | None:
     if scale == 0.0:
         return np.zeros_like(load) if not np.any(load) else None
     solution = least_squares(matrix / scale, load / scale)
-    unbalanced = np.abs(product(matrix, solution) - load).max(initial=0.0)
+    unbalanced = np.abs(matrix @ solution - load).max(initial=0.0)
     return solution if unbalanced <= _UNBALANCED * np.abs(load).max(initial=0.0) else None
 
 
@@ -77,7 +77,7 @@ def _by_matrices(
     if temperature is None:
         return None, None
     stiffness = structure.stiffness_matrix
-    force = load - product(structure.coupling_matrix, temperature)
+    force = load - structure.coupling_matrix @ temperature
     free = _solve(stiffness, force)
     if free is not None and free[-1] <= gap:
         return free, temperature
@@ -86,8 +86,8 @@ def _by_matrices(
     interior = _solve(stiffness[:-1, :-1], force[:-1] - stiffness[:-1, -1] * gap)
     if interior is not None:
         pressed[:-1] = interior
-        reaction = force[-1] - product(stiffness[-1], pressed)
-        if reaction >= -_UNBALANCED * (abs(force[-1]) + product(np.abs(stiffness[-1]), np.abs(pressed))):
+        reaction = force[-1] - stiffness[-1] @ pressed
+        if reaction >= -_UNBALANCED * (abs(force[-1]) + np.abs(stiffness[-1]) @ np.abs(pressed)):
             return _dragged(structure, stiffness, pressed, reaction, friction), temperature
     return None, temperature
 
@@ -103,7 +103,7 @@ def _dragged(structure: Structure, stiffness: Array, pressed: Array, reaction: f
     moved = _solve(stiffness[:-1, :-1], structure.tangent[:-1])
     if moved is None:
         return None
-    yielding = 1 - friction * (structure.tangent[-1] - product(stiffness[-1, :-1], moved))
+    yielding = 1 - friction * (structure.tangent[-1] - stiffness[-1, :-1] @ moved)
     if yielding <= 0:
         return None
     return np.append(pressed[:-1] + friction * max(reaction, 0.0) / yielding * moved, pressed[-1])

@@ -1,9 +1,10 @@
 """A structure from its matrices M, K1, K12, C2, K2 and a contact x_n = wᵀx, in whatever coordinates they come.
 
 What the equations are not in yet, they are brought to in two steps. Motions N without mass, M N = 0, follow the others
-statically, z = -(NᵀK1 N)⁻¹ Nᵀ (K1 x + K12 θ), and are eliminated, those without heat capacity alike; what heat loads on
-these make of them pushes the structure with the constant force -K12 N (NᵀK2 N)⁻¹ Nᵀq. Then the last
-coordinate is made the tip: with the largest |w_j|, y = (x without x_j, wᵀx) and
+statically, z = -(NᵀK1 N)⁻¹ Nᵀ (K1 x + K12 θ), and are eliminated, those without heat capacity alike; dampers on them
+must keep to NᵀC1 = a NᵀK1. What heat loads on temperatures without heat capacity make of them pushes the structure
+with the constant force -K12 N (NᵀK2 N)⁻¹ Nᵀq. Then the last coordinate is made the tip: with the largest |w_j|,
+y = (x without x_j, wᵀx) and
 
     x = E y,   M ← Eᵀ M E,   K1 ← Eᵀ K1 E,   K12 ← Eᵀ K12 E_θ,   C2 ← E_θᵀ C2 E_θ,   K2 ← E_θᵀ K2 E_θ,
 
@@ -13,14 +14,14 @@ so that the contact force is -λ e_n and its heat α λ e_n, as equations (1a) a
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dpstrf
 
-from workflow.kernels import Array, semidefinite
-from workflow.kernels.solving import cholesky, solve_triangular
-from workflow.models._dense import MOST_PORTABLE, product
+from workflow.kernels import Array
 from workflow.models._structure import Coordinates, Matrices, Rayleigh
 
 _INDEFINITE = 1e3
@@ -68,6 +69,8 @@ class GivenMatrices:
         Temperatures at an even rise of 1 K, ``(temperature,)``: 1 each where ``None``. Balances of heat weigh with it.
     damping, damper
         Of the modes, or by Rayleigh's coefficients; and C1 as a matrix [N s/m], ``(displacement, displacement)``.
+    labels
+        Of the displacements; their indices where there are none.
     """
 
     mass: Array
@@ -84,6 +87,18 @@ class GivenMatrices:
     load: Array | None = None
     tangent: Array | None = None
     even_rise: Array | None = None
+    labels: tuple[str, ...] = ()
+
+
+class Factor(NamedTuple):
+    """R with A[order][:, order] = Rᵀ R + a rest that has no pivot above the threshold."""
+
+    upper: Array
+    """R, upper triangular with a positive diagonal, ``(rank, size)``."""
+    order: NDArray[np.int64]
+    """Rows of A in the order in which they became pivots, ``(size,)``."""
+    rest: float
+    """Largest magnitude in the rest: beyond rounding where A is indefinite."""
 
 
 class _Part(NamedTuple):
@@ -105,14 +120,15 @@ def structure_from_matrices(matrices: GivenMatrices) -> Matrices:
     heat_basis, heat_projection = _contact_last(
         matrices.heat_capacity, matrices.conductance, matrices.thermal_contact, "heat_capacity", "conductance"
     )
-    steady = matrices.steady - product(matrices.coupling, _heated_at_once(matrices))
-    coordinates = Coordinates(basis, projection, heat_basis, heat_projection, steady, matrices.heating)
+    refuse_dashpots(matrices, *_without_inertia(matrices.mass, "mass")[1:])
+    expansive = -(matrices.coupling @ _heated_at_once(matrices))
+    given = matrices.steady, matrices.heating, expansive
+    coordinates = Coordinates(basis, projection, heat_basis, heat_projection, *given)
     mass, capacity = _congruent(matrices.mass, basis), _congruent(matrices.heat_capacity, heat_basis)
-    springs = _factored(_congruent(matrices.stiffness, basis), "stiffness")
-    conductors = _factored(_congruent(matrices.conductance, heat_basis), "conductance")
-    coupling = product(product(basis.T, matrices.coupling), heat_basis)
+    springs = _factored(matrices.stiffness, "stiffness", basis)
+    conductors = _factored(matrices.conductance, "conductance", heat_basis)
+    coupling = basis.T @ matrices.coupling @ heat_basis
     even = np.ones(matrices.heat_capacity.shape[0]) if matrices.even_rise is None else matrices.even_rise
-    uniform = product(heat_projection, even)
     return Matrices(
         mass=mass,
         springs=np.ones(springs.deformation.shape[0]),
@@ -121,14 +137,30 @@ def structure_from_matrices(matrices: GivenMatrices) -> Matrices:
         heat_capacity=capacity,
         conductors=np.ones(conductors.deformation.shape[0]),
         difference=conductors.deformation,
-        content=product(capacity, uniform),
-        grounded=product(conductors.deformation, uniform),
+        even_rise=heat_projection @ even,
         damping=matrices.damping,
         damper=None if matrices.damper is None else _congruent(matrices.damper, basis),
         load=_elsewhere(matrices.load, basis),
-        tangent=None if matrices.tangent is None else product(basis.T, matrices.tangent),
+        tangent=None if matrices.tangent is None else basis.T @ matrices.tangent,
         coordinates=coordinates,
     )
+
+
+def refuse_dashpots(matrices: GivenMatrices, loose: NDArray[np.int64], null: Any) -> None:
+    """Refuse motions N without mass, dense or sparse, that C1 keeps from following statically: NᵀC1 = a NᵀK1 does not.
+
+    One a >= 0 serves all of them; ``loose`` are the displacements that the motions have 1 in.
+    """
+    if matrices.damper is None or not loose.size:
+        return
+    damped, held = null.T @ matrices.damper, null.T @ matrices.stiffness
+    apart = abs(damped - max(0.0, (damped * held).sum() / (held * held).sum()) * held)
+    if apart.max() > _UNBALANCED * abs(matrices.damper).max():
+        worst = int(loose[apart.argmax() // apart.shape[1]])
+        raise UnusableMatricesError(
+            f"`damping` acts on displacement {matrices.labels[worst] if matrices.labels else worst}, which has no mass",
+            "give it some, or damp all that has none by one multiple of `stiffness`",
+        )
 
 
 def _heated_at_once(matrices: GivenMatrices) -> Array:
@@ -136,14 +168,14 @@ def _heated_at_once(matrices: GivenMatrices) -> Array:
     _, loose, null = _without_inertia(matrices.heat_capacity, "heat_capacity")
     if not loose.size:
         return np.zeros(matrices.heating.size)
-    return product(null, _following(matrices.conductance, null, matrices.heating[:, None], "conductance"))[:, 0]
+    return (null @ _following(matrices.conductance, null, matrices.heating[:, None], "conductance"))[:, 0]
 
 
 def _elsewhere(load: Array | None, basis: Array) -> Array | None:
     """Return the direction of a load in the structure's coordinates, ``None`` where it is that of the contact."""
     if load is None:
         return None
-    direction = product(basis.T, load)
+    direction = basis.T @ load
     tip = np.zeros(direction.size)
     tip[-1] = 1.0
     return None if np.abs(direction - tip).max() <= _UNBALANCED * np.abs(direction).max() else direction
@@ -152,8 +184,8 @@ def _elsewhere(load: Array | None, basis: Array) -> Array | None:
 class Forms(NamedTuple):
     """M, K1, K12, C2 and K2 of a structure whose tip is the last coordinate.
 
-    ``content`` and ``losses`` are the heat content [J/K] and the heat flow out of the structure [W/K] per temperature,
-    ``tip_growth`` the quasi-static displacement of the tip per temperature [m/K].
+    ``even_rise`` are the temperatures at an even rise of 1 K, ``tip_growth`` is the quasi-static displacement of the
+    tip per temperature [m/K].
     """
 
     mass: Array
@@ -161,16 +193,14 @@ class Forms(NamedTuple):
     coupling: Array
     heat_capacity: Array
     conductance: Array
-    content: Array
-    losses: Array
+    even_rise: Array
     tip_growth: Array
     tangent: Array | None = None
 
 
 def structure_of_forms(forms: Forms, damping: Rayleigh) -> Matrices:
     """Return the structure of matrices whose tip is the last coordinate, such as forms Xᵀ K1 X of a fuller one."""
-    springs = _factored(_symmetric(forms.stiffness), "stiffness")
-    conductors = _factored(_symmetric(forms.conductance), "conductance")
+    springs, conductors = _factored(forms.stiffness, "stiffness"), _factored(forms.conductance, "conductance")
     return Matrices(
         mass=_symmetric(forms.mass),
         springs=np.ones(springs.deformation.shape[0]),
@@ -179,8 +209,7 @@ def structure_of_forms(forms: Forms, damping: Rayleigh) -> Matrices:
         heat_capacity=_symmetric(forms.heat_capacity),
         conductors=np.ones(conductors.deformation.shape[0]),
         difference=conductors.deformation,
-        content=forms.content,
-        grounded=_expansion(conductors, -forms.losses[:, None])[:, 0],
+        even_rise=forms.even_rise,
         damping=damping,
         tip_growth=forms.tip_growth,
         tangent=forms.tangent,
@@ -193,7 +222,7 @@ def _contact_last(inertia: Array, stiffness: Array, contact: Array, *names: str)
     Shapes ``(given, own)`` and ``(own, given)``; given = E own.
     """
     inertial, loose, null = _without_inertia(inertia, names[0])
-    share = product(contact, null)
+    share = contact @ null
     if np.abs(share).max(initial=0.0) > _UNBALANCED * np.abs(contact).max():
         raise UnusableMatricesError(
             f"the contact moves without {names[0].replace('_', ' ')}: there is no impact law for it",
@@ -211,7 +240,7 @@ def _contact_last(inertia: Array, stiffness: Array, contact: Array, *names: str)
     projection[:-1, loose] = -null[inertial[others]]
     projection[-1] = contact
     if loose.size:
-        into -= product(null, _following(stiffness, null, product(stiffness, into), names[1]))
+        into -= null @ _following(stiffness, null, stiffness @ into, names[1])
     return into, projection
 
 
@@ -221,53 +250,50 @@ def _without_inertia(inertia: Array, name: str) -> tuple[NDArray[np.int64], NDAr
     A motion without inertia has 1 in one of the others, 0 in the rest of them. Mostly it is nothing else, with a row of
     zeros in M; the incompatible modes of an element may share a mass, however, and then it is a difference of theirs.
     """
-    factor, _ = _pivots(inertia, name)
+    factor = _pivots(inertia, name, _scale(inertia))
     rank = factor.upper.shape[0]
     inertial, loose = np.sort(factor.order[:rank]), factor.order[rank:]
     null = np.zeros((inertia.shape[0], loose.size))
-    null[factor.order[:rank]] = -_solved_upper(factor.upper[:, :rank], factor.upper[:, rank:])
+    null[factor.order[:rank]] = -solve_triangular(factor.upper[:, :rank], factor.upper[:, rank:])
     scale = _scale(inertia)
     null *= scale[loose] / scale[:, None]
     null[loose, np.arange(loose.size)] = 1.0
     return inertial, loose, null
 
 
-def _solved_upper(upper: Array, right: Array) -> Array:
-    """Return R⁻¹ b of an upper triangular R, for each column of b."""
-    return solve_triangular(upper.T, right, transposed=True)
-
-
 def _following(stiffness: Array, null: Array, forces: Array, name: str) -> Array:
     """Return (NᵀK N)⁻¹ Nᵀf, by which motions N without inertia follow forces f on them."""
     try:
-        root = cholesky(product(product(null.T, stiffness), null))
+        root = np.linalg.cholesky(null.T @ stiffness @ null)
     except np.linalg.LinAlgError:
         raise UnusableMatricesError(
             f"{null.shape[1]} degrees of freedom have no inertia, and {name} does not hold them",
             "leave out what is neither held nor has inertia",
         ) from None
-    halfway = solve_triangular(root, product(null.T, forces))
-    return solve_triangular(root, halfway, transposed=True)
+    halfway = solve_triangular(root, null.T @ forces, lower=True)
+    return np.asarray(solve_triangular(root, halfway, lower=True, trans="T"))
 
 
 def _congruent(matrix: Array, basis: Array) -> Array:
     """Return basisᵀ · matrix · basis, symmetric to the bit."""
-    return _symmetric(product(basis.T, product(matrix, basis)))
+    return _symmetric(basis.T @ (matrix @ basis))
 
 
 def _symmetric(matrix: Array) -> Array:
     return np.asarray((matrix + matrix.T) / 2)
 
 
-def _factored(matrix: Array, name: str) -> _Part:
-    """Return the deformation of a stiffness, its rank decided on the matrix scaled to a diagonal of ones.
+def _factored(matrix: Array, name: str, basis: Array | None = None) -> _Part:
+    """Return the deformation of EᵀK E, E a basis: its rank is decided by the rounding of |E|ᵀ|K||E|.
 
     Raises
     ------
     UnusableMatricesError
         The matrix is indefinite.
     """
-    factor, scale = _pivots(matrix, name)
+    basis = np.eye(matrix.shape[0]) if basis is None else basis
+    scale = _scale(np.abs(basis).T @ np.abs(matrix) @ np.abs(basis))
+    factor = _pivots(_congruent(matrix, basis), name, scale)
     deformation = np.zeros_like(factor.upper)
     deformation[:, factor.order] = factor.upper
     return _Part(deformation * scale, factor.order)
@@ -278,29 +304,28 @@ def _scale(matrix: Array) -> Array:
     return np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
 
 
-def _pivots(matrix: Array, name: str) -> tuple[semidefinite.Factor, Array]:
-    """Return the factor of a matrix scaled to a diagonal of ones, and the scale, ``(coordinate,)``."""
-    scale = _scale(matrix)
+def _pivots(matrix: Array, name: str, scale: Array) -> Factor:
+    """Return the factor of a matrix over scales of its coordinates, ``(coordinate,)``."""
     least = 10 * matrix.shape[0] * np.finfo(float).eps  # rounding of assembled entries, after numpy's matrix_rank
     factor = _pivoted(matrix / scale / scale[:, None], least)
     if not factor.rest <= _INDEFINITE * least:
         raise UnusableMatricesError(
             f"{name} is not positive semi-definite", "check signs and that it was assembled in full"
         )
-    return factor, scale
+    return factor
 
 
-def _pivoted(matrix: Array, least: float) -> semidefinite.Factor:
-    """Return the pivoted factor, above :data:`MOST_PORTABLE` coordinates by LAPACK."""
-    if matrix.shape[0] <= MOST_PORTABLE:
-        return semidefinite.pivoted_factor(matrix, least)
-    from scipy.linalg.lapack import dpstrf  # imported here: reading a study needs none of it
+def _pivoted(matrix: Array, least: float) -> Factor:
+    """Return the factor of a symmetric matrix from pivots above ``least``, largest first.
 
+    Source: Higham, Accuracy and stability of numerical algorithms (SIAM 2002), section 10.3: the rank found is that of
+    a matrix within rounding of A.
+    """
     whole, order, rank, _ = dpstrf(matrix, tol=least)
     upper = np.triu(whole)[:rank]
     order = np.asarray(order, dtype=np.int64) - 1
     rest = matrix[np.ix_(order[rank:], order[rank:])] - upper[:, rank:].T @ upper[:, rank:]
-    return semidefinite.Factor(upper, order, float(np.abs(rest).max(initial=0.0)))
+    return Factor(upper, order, float(np.abs(rest).max(initial=0.0)))
 
 
 def _expansion(springs: _Part, coupling: Array) -> Array:
@@ -314,11 +339,11 @@ def _expansion(springs: _Part, coupling: Array) -> Array:
     rank = springs.deformation.shape[0]
     in_order = springs.deformation[:, springs.order]
     forces = -coupling[springs.order]
-    expansion = solve_triangular(in_order[:, :rank].T, forces[:rank])
-    beyond = np.abs(forces[rank:] - product(in_order[:, rank:].T, expansion)).max(initial=0.0)
+    expansion = solve_triangular(in_order[:, :rank].T, forces[:rank], lower=True)
+    beyond = np.abs(forces[rank:] - in_order[:, rank:].T @ expansion).max(initial=0.0)
     if beyond > _UNBALANCED * np.abs(forces).max(initial=0.0):
         raise UnusableMatricesError(
             "coupling pushes what nothing holds: stiffness moves freely where it acts",
             "thermal forces of a free body must balance; check sign and order of coupling",
         )
-    return expansion
+    return np.asarray(expansion)

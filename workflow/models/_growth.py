@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workflow.kernels import Array
-from workflow.kernels.eigen import eigenvalues
+from workflow.kernels.algebra import eigenvalues
 from workflow.models._chain import Chain
 from workflow.models._characteristic import Complexes, improve
 from workflow.models._contact_closed import ContactClosed, contact_closed

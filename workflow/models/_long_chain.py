@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.kernels import Array
-from workflow.kernels.sums import dot, total
 from workflow.models._chain import Chain
 from workflow.models._path import Path
 
@@ -36,7 +35,7 @@ def rate_range(chain: Chain) -> Array:
 
 def tip_flexibility(chain: Chain) -> float:
     """Return Σ 1/k_i, m/N; ``inf`` where a spring is broken."""
-    return total(1 / chain.springs) if np.all(chain.springs > 0) else float("inf")
+    return np.sum(1 / chain.springs) if np.all(chain.springs > 0) else float("inf")
 
 
 def static_tip_growth(chain: Chain) -> Array:
@@ -66,8 +65,8 @@ def critical_alpha(chain: Chain) -> float:
     temperature = path.solve(tip)
     if temperature is None:  # heat stays in the tip's part, which it warms evenly in the end
         first = int(np.flatnonzero(chain.conduction == 0)[-1])
-        return 0.0 if total(growth[first:]) > 0 else float("inf")
-    beta = dot(growth, temperature)
+        return 0.0 if np.sum(growth[first:]) > 0 else float("inf")
+    beta = np.dot(growth, temperature)
     return tip_flexibility(chain) / beta if beta > 0 else float("inf")
 
 

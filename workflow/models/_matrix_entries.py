@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 
 from workflow.kernels import Array
-from workflow.models._dense import MOST_PORTABLE
+from workflow.kernels.algebra import MOST_BY_JACOBI
 from workflow.models._from_matrices import COLD, GivenMatrices
 from workflow.models._matrix_files import LABELS, MATRICES, Entries, refuse
 from workflow.models._sparse_entries import ASYMMETRY, is_large, sparse_matrix, sparse_square
@@ -181,6 +181,7 @@ def checked_matrices(entries: Entries, chosen: Chosen, damping: Rayleigh) -> Giv
         tangent=_tangent(entries, labels, chosen.tangent, normal),
         damping=damping,
         steady=vector("steady", entries["steady"], size) if "steady" in entries else np.zeros(size),
+        labels=labels,
         **heat,
     )
 
@@ -218,7 +219,7 @@ def _heat(
     capacity = square("heat_capacity", entries["heat_capacity"])
     count = capacity.shape[0]
     coupling: Any = (
-        scipy.sparse.csc_array((size, count)) if max(size, count) > MOST_PORTABLE else np.zeros((size, count))
+        scipy.sparse.csc_array((size, count)) if max(size, count) > MOST_BY_JACOBI else np.zeros((size, count))
     )
     if "coupling" in entries:
         written = entries["coupling"]

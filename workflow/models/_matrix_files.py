@@ -1,12 +1,12 @@
 """Files of matrices: which reader reads what, and how much is read at most. Nothing in a file is executed.
 
-Every reader returns entries by name: dense arrays of NumPy, sparse ones of SciPy, labels as texts. Sizes are read
-before values, so that a file takes the memory that its matrices may have and no more, whatever it says.
+Every reader returns entries by name: dense arrays of NumPy, sparse ones of SciPy, labels as texts.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import warnings
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ import numpy as np
 from workflow.models._from_matrices import UnusableMatricesError
 
 MOST_BYTES = 2**30
-"""Of all entries of a file together: 1e5 degrees of freedom with 300 entries in each row of M and K1."""
+"""Of a file: 1e5 degrees of freedom with 300 entries in each row of M and K1."""
 
 MOST_COORDINATES = 200_000
 """Rows of a matrix."""
@@ -35,10 +35,7 @@ def refuse(problem: str, remedy: str) -> UnusableMatricesError:
 
 def too_large(name: str, shape: tuple[int, ...]) -> UnusableMatricesError:
     """Return the error of an entry that is larger than any structure may be."""
-    size = " x ".join(map(str, shape))
-    return refuse(
-        f"`{name}` says it is {size}", f"at most {MOST_COORDINATES} rows and {MOST_BYTES >> 20} MB in all are read"
-    )
+    return refuse(f"`{name}` is {' x '.join(map(str, shape))}", f"at most {MOST_COORDINATES} rows are read")
 
 
 def files_of(place: Path) -> tuple[Path, ...]:
@@ -85,27 +82,43 @@ def read_entries(place: Path) -> dict[str, Any]:
             f"`{place.name}` is of no kind that is known",
             f"name a file {', '.join(readers)} or a directory of .mtx files",
         )
-    try:
-        return combined(reader(place))
-    except OSError as error:
-        raise refuse(f"`{place.name}` cannot be read: {error.strerror}", "name a file that can be read") from None
+    return combined(read_file(reader, place))
 
 
-def checked_sparse(name: str, matrix: Any) -> Any:
-    """Return a sparse matrix by compressed rows, once its indices are known to lie within it.
+def read_file(reader: Callable[[Path], Any], place: Path) -> Any:
+    """Return what a reader makes of a file, its sparse matrices by compressed rows.
 
     Raises
     ------
     UnusableMatricesError
-        It is too large.
-    ValueError
-        They do not.
+        The file is too large, or the reader stumbles, over whatever it is.
     """
-    if max(matrix.shape) > MOST_COORDINATES:
-        raise too_large(name, matrix.shape)
-    if hasattr(matrix, "check_format"):
-        matrix.check_format(full_check=True)
-    return matrix.tocsr()
+    try:
+        if place.stat().st_size > MOST_BYTES:
+            raise refuse(f"`{place.name}` has {place.stat().st_size >> 20} MB", f"at most {MOST_BYTES >> 20} are read")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            read = reader(place)
+        if isinstance(read, dict):
+            return {name: _checked(name, value) for name, value in read.items()}
+        return _checked(place.stem, read)
+    except UnusableMatricesError:
+        raise
+    except (
+        Exception
+    ) as error:  # of NumPy's, SciPy's and pyyeti's readers: of damaged files they raise whatever they meet
+        reason = " ".join(str(error).split())[:100] or type(error).__name__
+        kind = place.suffix.removeprefix(".").upper()
+        raise refuse(f"`{place.name}` is no {kind} file, or damaged: {reason}", "write it anew") from None
+
+
+def _checked(name: str, value: Any) -> Any:
+    """Return an entry of a size that is read, a sparse one by compressed rows whose indices lie within it."""
+    if len(value.shape) == 2 and max(value.shape) > MOST_COORDINATES:
+        raise too_large(name, value.shape)
+    if hasattr(value, "check_format"):
+        value.check_format(full_check=True)
+    return value.tocsr() if hasattr(value, "tocsr") else value
 
 
 _SPARSE = ("data", "indices", "indptr", "shape", "row", "col", "format")
@@ -141,15 +154,13 @@ def _sparse(name: str, of: dict[str, Any]) -> Any:
 
     try:
         shape = tuple(int(length) for length in np.asarray(of["shape"]).ravel())
-        if len(shape) != 2 or not 0 < max(shape) <= MOST_COORDINATES:
-            raise too_large(name, shape)
         if "row" in of:
-            return sparse.coo_array((of["data"], (of["row"], of["col"])), shape=shape).tocsr()
+            return _checked(name, sparse.coo_array((of["data"], (of["row"], of["col"])), shape=shape))
         kind = str(np.asarray(of.get("format", "csr")).astype(str))
         matrix = (sparse.csc_array if kind == "csc" else sparse.csr_array)(
             (of["data"], of["indices"], of["indptr"]), shape=shape
         )
-        return checked_sparse(name, matrix)
+        return _checked(name, matrix)
     except KeyError as missing:
         raise refuse(f"`{name}` lacks {missing.args[0]}", "write data, indices, indptr and shape") from None
     except (ValueError, TypeError, OverflowError) as error:

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 
 from workflow.kernels import Array
-from workflow.kernels.solving import cholesky, solve_triangular
-from workflow.kernels.sums import dot, total
-from workflow.models._dense import product, singular
+from workflow.kernels.algebra import singular
 from workflow.models._structure import Structure
 
 
@@ -47,22 +46,25 @@ class Modes:
         return inertia
 
 
-def singular_modes(inertia: Array, deformation: Array, rounded: float = 0.0) -> Modes:
+def singular_modes(inertia: Array, deformation: Array, whole: Array | None = None) -> Modes:
     """Solve deformationᵀ deformation φ = s² inertia φ through singular values s.
 
     Singular values keep low frequencies of graded chains accurate to eps·ω_max/ω where the
-    eigenvalues of the squared matrix would only be so to eps·(ω_max/ω)². ``rounded`` is a value whose rounding the
-    deformation may hold, where that is larger than its own.
+    eigenvalues of the squared matrix would only be so to eps·(ω_max/ω)². ``whole`` is the deformation of which this one
+    is what condensing has left: ranks are decided by the rounding of the larger one.
     """
     size = inertia.shape[0]
     if size == 0:
         return Modes(np.zeros(0), np.zeros((0, 0)))
-    root = cholesky(inertia)
-    scaled = solve_triangular(root, deformation.T).T
+    root = np.linalg.cholesky(inertia)
+    scaled = solve_triangular(root, deformation.T, lower=True).T
     values, vectors = singular(scaled)
     rounding = max(scaled.shape) * np.finfo(float).eps  # numpy.linalg.matrix_rank's own rule
-    values[values <= rounding * values.max(initial=rounded)] = 0.0
-    shapes = solve_triangular(root, vectors, transposed=True)
+    before = 0.0  # or ten times the size of what was condensed: its entries are rounded sums
+    if whole is not None:
+        before = 10 * float(np.linalg.norm(solve_triangular(root, whole.T, lower=True)))
+    values[values <= rounding * values.max(initial=before)] = 0.0
+    shapes = solve_triangular(root, vectors, lower=True, trans="T")
     return Modes(values[::-1].copy(), np.ascontiguousarray(shapes[:, ::-1]))
 
 
@@ -106,14 +108,14 @@ def _condensed_modes(mass: Array, strain: Array) -> Modes:
     the tip alone, of stiffness K_nn. All are orthogonal in M, K1 and C1.
     """
     others, tip = strain[:, :-1], strain[:, -1]
-    stiffness, follows = dot(tip, tip), np.zeros(others.shape[1])
+    stiffness, follows = np.dot(tip, tip), np.zeros(others.shape[1])
     condensed = others
     for _ in range(2):  # once more, so that rounding of the first pass goes too
-        share = product(condensed.T, tip) / stiffness
+        share = (condensed.T @ tip) / stiffness
         condensed, follows = condensed - tip[:, None] * share, follows - share
-    modes = singular_modes(mass[:-1, :-1], condensed, float(np.sqrt(total(others**2, 0)).max(initial=0.0)))
+    modes = singular_modes(mass[:-1, :-1], condensed, others)
     shapes = np.zeros((strain.shape[1], strain.shape[1]))
-    shapes[:-1, :-1], shapes[-1, :-1], shapes[-1, -1] = modes.shapes, product(follows, modes.shapes), 1.0
+    shapes[:-1, :-1], shapes[-1, :-1], shapes[-1, -1] = modes.shapes, follows @ modes.shapes, 1.0
     return Modes(np.append(modes.values, np.sqrt(stiffness)), shapes, has_static=True)
 
 
@@ -129,6 +131,6 @@ def modal_coupling(structure: Structure, mechanical: Modes, thermal: Modes) -> A
     Rigid modes strain no spring, so no thermal force works on them: their rows are exactly zero.
     """
     forces = (structure.springs * structure.expansions(thermal.shapes).T).T
-    coupling = -product(structure.elongations(mechanical.shapes).T, forces)
+    coupling = -structure.elongations(mechanical.shapes).T @ forces
     coupling[mechanical.values == 0] = 0.0
     return coupling

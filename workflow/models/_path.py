@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 
 from workflow.kernels import Array
-from workflow.kernels.sums import total
 from workflow.models._modes import Modes
 
 _UNBALANCED = 1e-9
@@ -89,7 +88,7 @@ class Path:
         for i in range(self.size - 1, 0, -1):
             if pivot[i] > 0:
                 carried[i - 1] += joint[i] / pivot[i] * carried[i]
-        tolerated = _UNBALANCED * total(np.abs(load))
+        tolerated = _UNBALANCED * np.sum(np.abs(load))
         u = np.zeros(self.size)
         before, loose = 0.0, []
         for i in range(self.size):
@@ -104,7 +103,7 @@ class Path:
         ends = np.append(np.flatnonzero(self.joint == 0), self.size)
         for first, stop in pairwise(ends):
             if first in loose:
-                u[first:stop] -= total(u[first:stop]) / (stop - first)
+                u[first:stop] -= np.sum(u[first:stop]) / (stop - first)
         return u
 
     def _alternating(self, inertia: Array) -> Array:

@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.kernels import Array
-from workflow.kernels.sums import total
 from workflow.models import _long_chain
 from workflow.models._chain import Chain
-from workflow.models._dense import product
 from workflow.models._modes import mechanical_modes, thermal_modes
 from workflow.models._sliding import static_share
 from workflow.models._sparse import Sparse
@@ -35,7 +33,7 @@ def tip_flexibility(structure: Structure) -> float:
     if _tip_shares(modes.tip[moving], rigid[moving]):
         return float("inf")
     elastic = ~rigid
-    return total((modes.tip[elastic] / modes.values[elastic]) ** 2)
+    return float(np.sum((modes.tip[elastic] / modes.values[elastic]) ** 2))
 
 
 def static_tip_growth(structure: Structure) -> Array:
@@ -51,7 +49,7 @@ def static_tip_growth(structure: Structure) -> Array:
     modes = mechanical_modes(structure)
     elastic = modes.values > 0
     weights = modes.tip[elastic] / modes.values[elastic] ** 2
-    return -product(product(modes.shapes[:, elastic], weights), structure.coupling_matrix)
+    return -modes.shapes[:, elastic] @ weights @ structure.coupling_matrix
 
 
 def critical_alpha(structure: Structure, friction: float = 0.0) -> float:
@@ -73,10 +71,10 @@ def critical_alpha(structure: Structure, friction: float = 0.0) -> float:
         return float("inf")
     growth = static_tip_growth(structure)
     thermal = thermal_modes(structure)
-    per_mode = product(growth, thermal.shapes) * thermal.tip
+    per_mode = (growth @ thermal.shapes) * thermal.tip
     adiabatic = thermal.values == 0
-    stored = total(per_mode[adiabatic])
+    stored = np.sum(per_mode[adiabatic])
     if abs(stored) > _PARTICIPATES * np.abs(per_mode).max(initial=0.0) > 0:
         return 0.0 if stored > 0 else float("inf")
-    beta = total(per_mode[~adiabatic] / thermal.values[~adiabatic])
+    beta = np.sum(per_mode[~adiabatic] / thermal.values[~adiabatic])
     return flexibility / beta if beta > 0 else float("inf")

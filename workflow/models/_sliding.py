@@ -17,7 +17,6 @@ from typing import NamedTuple
 import numpy as np
 
 from workflow.kernels import Array
-from workflow.kernels.sums import dot
 from workflow.models._modes import mechanical_modes
 from workflow.models._structure import Structure
 from workflow.models._tip_held import mechanical_constraint
@@ -45,7 +44,7 @@ def static_share(structure: Structure) -> float:
     """Return s = ψᵀt, 1: tangential over normal displacement at standstill by a force along the normal."""
     if structure.tangent is None:
         return 0.0
-    return dot(mechanical_constraint(structure)[0], structure.tangent)
+    return float(mechanical_constraint(structure)[0] @ structure.tangent)
 
 
 def critical_friction(structure: Structure) -> CriticalFriction:
@@ -55,5 +54,5 @@ def critical_friction(structure: Structure) -> CriticalFriction:
     modes = mechanical_modes(structure)
     inertial = modes.inertia > 0
     tip, along = modes.tip[inertial], modes.shapes.T[inertial] @ structure.tangent
-    normal, aside, static = dot(tip, tip), dot(tip, along), static_share(structure)
+    normal, aside, static = np.dot(tip, tip), np.dot(tip, along), static_share(structure)
     return CriticalFriction(normal / aside if aside > 0 else np.inf, 1 / static if static > 0 else np.inf)

@@ -99,8 +99,7 @@ class Sparse(Structure):
             coupling=self.coupling.toarray(),
             heat_capacity=self.thermal.inertia.toarray(),
             conductance=self.thermal.stiffness.toarray(),
-            content=self.content,
-            losses=self.loss_row,
+            even_rise=self.even_rise,
             tip_growth=self.tip_growth,
             tangent=self.tangent,
         )
@@ -200,16 +199,6 @@ class Sparse(Structure):
         return self._dense.difference
 
     @property
-    def grounded(self) -> Array:  # type: ignore[override]
-        """What a uniform rise of 1 K leaves across each conductor of the dense matrices."""
-        return self._dense.grounded
-
-    @property
-    def content(self) -> Array:  # type: ignore[override]
-        """Heat content per temperature: C2 · 1, J/K, ``(thermal,)``."""
-        return self.heat_contents(np.ones(self.thermal_size))
-
-    @property
-    def loss_row(self) -> Array:
-        """Heat flow out of the structure per temperature: K2 · 1, W/K, ``(thermal,)``."""
-        return self.differences(np.ones(self.thermal_size))
+    def even_rise(self) -> Array:  # type: ignore[override]
+        """1 each, as the contact heats one temperature."""
+        return np.ones(self.thermal_size)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from workflow.models._dense import MOST_PORTABLE
+from workflow.kernels.algebra import MOST_BY_JACOBI
 from workflow.models._matrix_files import refuse
 
 ASYMMETRY = 1e-10
@@ -17,7 +17,7 @@ order, or of files with eleven digits. The mean of both halves is used."""
 
 def is_large(value: Any) -> bool:
     """Tell whether a matrix has more rows or columns than dense portable arrays are made of."""
-    return len(np.shape(value)) == 2 and max(np.shape(value)) > MOST_PORTABLE
+    return len(np.shape(value)) == 2 and max(np.shape(value)) > MOST_BY_JACOBI
 
 
 def sparse_matrix(name: str, value: Any) -> scipy.sparse.csc_array:

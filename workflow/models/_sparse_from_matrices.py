@@ -15,11 +15,12 @@ from threadpoolctl import threadpool_limits
 
 from workflow.kernels import Array
 from workflow.models._chain import MOST_NODES_WITH_MATRICES
-from workflow.models._factors import NotHeldError
+from workflow.models._factors import NotHeldError, factorised
 from workflow.models._fill import warn_of_fill
 from workflow.models._from_matrices import (
     GivenMatrices,
     UnusableMatricesError,
+    refuse_dashpots,
     structure_from_matrices,
 )
 from workflow.models._sparse import Sparse
@@ -95,9 +96,12 @@ def _sparse_structure(matrices: GivenMatrices) -> Sparse:
         raise NotHeldError("nothing holds the part that the contact acts on")
     damping, damper = matrices.damping, None
     if matrices.damper is not None:
+        loose = np.flatnonzero(matrices.mass.diagonal() == 0)
+        refuse_dashpots(matrices, loose, scipy.sparse.eye_array(matrices.mass.shape[0], format="csc")[:, loose])
         damper = _congruent(matrices.damper, basis)
         rayleigh = _as_rayleigh(damper, mechanical)
         damping, damper = (damping, damper) if rayleigh is None else (rayleigh, None)
+    given = matrices.steady, matrices.heating, -np.asarray(matrices.coupling @ _heated_at_once(matrices))
     return Sparse(
         mechanical=mechanical,
         thermal=thermal,
@@ -106,8 +110,15 @@ def _sparse_structure(matrices: GivenMatrices) -> Sparse:
         damping=damping,
         load=None if matrices.load is None else np.asarray(basis.T @ matrices.load),
         damper=damper,
-        coordinates=Coordinates(basis, projection, heat_basis, heat_projection, matrices.steady, matrices.heating),
+        coordinates=Coordinates(basis, projection, heat_basis, heat_projection, *given),
     )
+
+
+def _heated_at_once(matrices: GivenMatrices) -> Array:
+    """Return by how much temperatures without heat capacity follow the heat loads on them, K, ``(given,)``."""
+    loose, rise = np.flatnonzero(matrices.heat_capacity.diagonal() == 0), np.zeros(matrices.heating.size)
+    rise[loose] = factorised(scipy.sparse.csc_array(matrices.conductance)[loose][:, loose])(matrices.heating[loose])
+    return rise
 
 
 def _as_rayleigh(damper: scipy.sparse.csc_array, pair: SparsePair) -> Rayleigh | None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.kernels import Array
+from workflow.kernels.algebra import MOST_BY_JACOBI
 from workflow.models._chain import Chain
-from workflow.models._dense import MOST_PORTABLE
 from workflow.models._long_chain import frequency_range, rate_range
 from workflow.models._modes import mechanical_modes
 from workflow.models._sparse import Sparse
@@ -39,7 +39,7 @@ def rates(structure: Structure) -> Array:
 
 def fastest_rate(structure: Structure) -> float:
     """Return the largest μ, 1/s; of a chain above 300 nodes by passes along it, without the others."""
-    if isinstance(structure, Chain) and structure.thermal_size > MOST_PORTABLE:
+    if isinstance(structure, Chain) and structure.thermal_size > MOST_BY_JACOBI:
         return float(rate_range(structure)[-1])
     return float(rates(structure)[-1])
 

@@ -42,6 +42,14 @@ def static_temperatures(structure: Structure, heating: Array) -> Array:
     return _by_modes(modes, modes.values, heating)
 
 
+def growth_at_once(structure: Structure) -> float:
+    """Return the quasi-static tip growth by temperatures without heat capacity that heat loads raise at once, m."""
+    given = structure.coordinates
+    if given is None or not given.expansive.any():
+        return 0.0
+    return float(static_displacements(structure, (given.displacement_basis.T @ given.expansive)[None])[0, -1])
+
+
 def rounding_of_flexibility(structure: Structure) -> float:
     """Return about by which share the roundings of the entries of K1 change S = e_nᵀ K1⁻¹ e_n, 1.
 

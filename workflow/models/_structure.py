@@ -10,7 +10,6 @@ import numpy as np
 from workflow.declare import quantity
 from workflow.kernels import Array
 from workflow.models._cases import Cases, project
-from workflow.models._dense import product
 
 
 @dataclass(frozen=True)
@@ -42,6 +41,8 @@ class Coordinates:
         The same for temperatures.
     steady, heating
         Constant loads [N] and heat loads [W] that come with the structure, ``(given,)``.
+    expansive
+        Constant force of temperatures without heat capacity, which heat loads raise at once, N, ``(given,)``.
     """
 
     displacement_basis: Array
@@ -50,12 +51,13 @@ class Coordinates:
     temperature_projection: Array
     steady: Array
     heating: Array
+    expansive: Array
 
     def transformed(self, cases: Cases) -> Cases:
         """Return cases given in these coordinates in those of the structure, its constant loads added."""
         return replace(
             cases,
-            steady=_brought(self.displacement_basis.T, cases.steady + self.steady),
+            steady=_brought(self.displacement_basis.T, cases.steady + (self.steady + self.expansive)),
             heating=_brought(self.temperature_basis.T, cases.heating + self.heating),
             displacement=_brought(self.displacement_projection, cases.displacement),
             velocity=_brought(self.displacement_projection, cases.velocity),
@@ -113,12 +115,9 @@ class Structure:
         κ and b, shape (conductor,), W/K.
     difference
         Temperature difference across each conductor, shape (conductor, thermal).
-    content
-        Heat content Σ c_i θ_i over the nodes per thermal coordinate, shape (thermal,), J/K.
-    grounded
-        Temperature difference across each conductor at a uniform temperature rise of 1 K: in a chain 1 where
-        it leads to the root or the surroundings, 0 within the structure, shape (conductor,).
-        Content and losses sum over the nodes in any basis.
+    even_rise
+        Temperatures p at an even rise of 1 K, shape (thermal,), the tip's 1: 1 at each node, and in a basis that does
+        not hold them what is closest to that. The heat balance is pᵀ (1b).
     coordinates
         Coordinates that loads and initial states are given in, ``None`` where they are its own.
     """
@@ -130,8 +129,7 @@ class Structure:
     heat_capacity: Array
     conductors: Array
     difference: Array
-    content: Array
-    grounded: Array
+    even_rise: Array
     damping: Rayleigh
     load: Array | None = None
     damper: Array | None = None
@@ -167,27 +165,27 @@ class Structure:
 
     def elongations(self, displacements: Array) -> Array:
         """Return the elongation of each spring, m, ``(spring, …)``, for displacements ``(mechanical, …)``."""
-        return product(self.elongation, displacements)
+        return self.elongation @ displacements
 
     def forces_of(self, tensions: Array) -> Array:
         """Return elongationᵀ N, N, ``(mechanical, …)``: what spring forces ``(spring, …)`` ask of the coordinates."""
-        return product(self.elongation.T, tensions)
+        return self.elongation.T @ tensions
 
     def expansions(self, temperatures: Array) -> Array:
         """Return the free thermal elongation of each spring, m, ``(spring, …)``, for temperatures ``(thermal, …)``."""
-        return product(self.expansion, temperatures)
+        return self.expansion @ temperatures
 
     def differences(self, temperatures: Array) -> Array:
         """Return the temperature difference across each conductor, K, ``(conductor, …)``."""
-        return product(self.difference, temperatures)
+        return self.difference @ temperatures
 
     def inertia_forces(self, accelerations: Array) -> Array:
         """Return M a, N, ``(mechanical, …)``."""
-        return product(self.mass, accelerations)
+        return self.mass @ accelerations
 
     def heat_contents(self, temperatures: Array) -> Array:
         """Return C2 θ, J, ``(thermal, …)``."""
-        return product(self.heat_capacity, temperatures)
+        return self.heat_capacity @ temperatures
 
     def strains(self, deformation: Array) -> bool:
         """Tell whether elongations ``(spring,)`` strain a spring."""
@@ -208,12 +206,12 @@ class Structure:
     @property
     def stiffness_matrix(self) -> Array:
         """K1, N/m."""
-        return product(self.elongation.T, self.springs[:, None] * self.elongation)
+        return self.elongation.T @ (self.springs[:, None] * self.elongation)
 
     @property
     def coupling_matrix(self) -> Array:
         """K12, N/K: the spring forces of a temperature rise, equation (1a)."""
-        return -product(self.elongation.T, self.springs[:, None] * self.expansion)
+        return -self.elongation.T @ (self.springs[:, None] * self.expansion)
 
     @property
     def damping_matrix(self) -> Array:
@@ -225,12 +223,17 @@ class Structure:
     @property
     def conductance_matrix(self) -> Array:
         """K2, W/K."""
-        return product(self.difference.T, self.conductors[:, None] * self.difference)
+        return self.difference.T @ (self.conductors[:, None] * self.difference)
+
+    @property
+    def content(self) -> Array:
+        """Heat content C2 p per thermal coordinate, J/K: over nodes Σ c_i θ_i."""
+        return self.heat_contents(self.even_rise)
 
     @property
     def loss_row(self) -> Array:
-        """Heat flow κ_1 θ_1 + Σ b_i θ_i out of the structure per thermal coordinate, W/K."""
-        return product(self.conductors * self.grounded, self.difference)
+        """Heat flow K2 p out of the structure per thermal coordinate, W/K: of a chain κ_1 θ_1 + Σ b_i θ_i."""
+        return (self.conductors * (self.difference @ self.even_rise)) @ self.difference
 
     @property
     def has_massless_tip(self) -> bool:
@@ -259,8 +262,7 @@ class Matrices(Structure):
     heat_capacity: Array
     conductors: Array
     difference: Array
-    content: Array
-    grounded: Array
+    even_rise: Array
     damping: Rayleigh = field(default_factory=Rayleigh)
     tip_growth: Array | None = None
     """Quasi-static tip displacement per temperature, m/K, ``(thermal,)``, where it is known from a fuller structure."""

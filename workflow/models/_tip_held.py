@@ -8,9 +8,8 @@ from functools import lru_cache
 import numpy as np
 
 from workflow.kernels import Array
-from workflow.kernels.sums import norm
+from workflow.kernels.algebra import MOST_BY_JACOBI, least_squares
 from workflow.models._chain import Chain
-from workflow.models._dense import MOST_PORTABLE, least_squares, product
 from workflow.models._long_chain import mechanical_path, thermal_path
 from workflow.models._modes import Modes, mechanical_modes, singular_modes, thermal_modes
 from workflow.models._path import Path
@@ -55,9 +54,9 @@ def _least_squares(weights: Array, deformation: Array) -> tuple[Array, Array]:
     """Return the vector u of least deformation energy with u_n = 1, of minimum norm, and its deformation."""
     weighted = np.sqrt(weights)[:, None] * deformation
     shape = np.append(least_squares(weighted[:, :-1], -weighted[:, -1]), 1.0)
-    deformed = product(deformation, shape)
+    deformed = deformation @ shape
     rounding = max(weighted.shape) * np.finfo(float).eps  # numpy.linalg.matrix_rank's own rule
-    if norm(np.sqrt(weights) * deformed) <= rounding * norm(weighted):
+    if np.linalg.norm(np.sqrt(weights) * deformed) <= rounding * np.linalg.norm(weighted):
         deformed = np.zeros_like(deformed)
     return shape, deformed
 
@@ -103,7 +102,7 @@ def held_displacements(structure: Structure) -> Callable[[Array], Array]:
         return lambda force: _solved(interior, force)
     modes = held_modes(structure)
     stiffness = modes.values**2
-    return lambda force: product(modes.shapes, _divided(product(modes.shapes.T, force), stiffness))
+    return lambda force: modes.shapes @ _divided(modes.shapes.T @ force, stiffness)
 
 
 def held_temperatures(structure: Structure) -> Callable[[Array, float], Array]:
@@ -114,7 +113,7 @@ def held_temperatures(structure: Structure) -> Callable[[Array, float], Array]:
         interior, capacities = thermal_path(structure).without_tip(), structure.heat_capacities[:-1]
         return lambda heat, shift: _solved(Path(interior.ground + shift * capacities, interior.joint), heat)
     modes = held_thermal_modes(structure)
-    return lambda heat, shift: product(modes.shapes, product(modes.shapes.T, heat) / (modes.values + shift))
+    return lambda heat, shift: modes.shapes @ ((modes.shapes.T @ heat) / (modes.values + shift))
 
 
 def _solved(interior: Path, load: Array) -> Array:
@@ -187,4 +186,4 @@ def _few(pair: SparsePair, count: int | None) -> int:
 
 def _one_by_one(chain: Chain, count: int) -> bool:
     """Tell whether so few modes of so long a chain are requested that each is computed by passes along it."""
-    return count <= MOST_ONE_BY_ONE + 1 and chain.mechanical_size > MOST_PORTABLE
+    return count <= MOST_ONE_BY_ONE + 1 and chain.mechanical_size > MOST_BY_JACOBI

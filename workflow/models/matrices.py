@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from workflow.declare import File, file, label
-from workflow.models._dense import MOST_PORTABLE
+from workflow.kernels.algebra import MOST_BY_JACOBI
 from workflow.models._from_matrices import structure_from_matrices
 from workflow.models._matrix_entries import Chosen, checked_matrices, in_si
 from workflow.models._matrix_files import files_of, read_entries
@@ -66,5 +66,5 @@ def _assembled(parameters: Parameters, place: str) -> Matrices | Sparse:
         entries = shaken(entries, parameters.file.shaken)
     chosen = Chosen(parameters.contact, parameters.thermal_contact, parameters.tangent)
     matrices = checked_matrices(entries, chosen, parameters.damping)
-    large = max(matrices.mass.shape[0], matrices.heat_capacity.shape[0]) > MOST_PORTABLE
+    large = max(matrices.mass.shape[0], matrices.heat_capacity.shape[0]) > MOST_BY_JACOBI
     return structure_from_sparse(matrices) if large else structure_from_matrices(matrices)

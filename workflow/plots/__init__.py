@@ -1,15 +1,18 @@
-"""Pictures of an archive with Matplotlib; imported when something is drawn."""
+"""Pictures of an archive with Matplotlib; imported when something is drawn.
+
+For papers: ``histories``, ``scene_map``, ``work_precision`` and ``convergence`` each draw a dataset as a ``Figure``.
+"""
 
 from __future__ import annotations
 
 from workflow.plots._axes import metric_by_axis
 from workflow.plots._explorer import MARKS, explorer
-from workflow.plots._maps import map_dims, middle, position_text, scene_maps, single_maps
+from workflow.plots._maps import map_dims, middle, position_text, scene_map, single_maps
 from workflow.plots._page_data import Shown, page_data, shown_part
-from workflow.plots._precision import convergence, work_precision
-from workflow.plots._response import Curve, abstract_figure, overview, tip_response
+from workflow.plots._precision import convergence, error_by_cost, error_by_step, work_precision
+from workflow.plots._response import Curve, abstract_figure, histories, tip_response
 from workflow.plots._scenes import growth_against_prediction, impact_speed_map
-from workflow.plots._style import COLOURS, save, write_png
+from workflow.plots._style import COLOURS, save, write_figure
 
 __all__ = [
     "COLOURS",
@@ -18,20 +21,22 @@ __all__ = [
     "Shown",
     "abstract_figure",
     "convergence",
+    "error_by_cost",
+    "error_by_step",
     "explorer",
     "growth_against_prediction",
+    "histories",
     "impact_speed_map",
     "map_dims",
     "metric_by_axis",
     "middle",
-    "overview",
     "page_data",
     "position_text",
     "save",
-    "scene_maps",
+    "scene_map",
     "shown_part",
     "single_maps",
     "tip_response",
     "work_precision",
-    "write_png",
+    "write_figure",
 ]

@@ -54,25 +54,38 @@ def middle(archive: xr.Dataset, dims: tuple[str, str]) -> dict[str, int]:
     return {dim: archive.sizes[dim] // 2 for dim in case_dims(archive) if dim not in dims}
 
 
-def scene_maps(archive: xr.Dataset, dims: tuple[str, str], place: Mapping[str, int]) -> Figure:
-    """Draw up to four maps over the dimensions across and up, at one place along all others; empty ones are left out.
+def scene_map(dataset: xr.Dataset, across: str, up: str, variable: str | None = None) -> Figure:
+    """Draw maps of a scene over two of its axes, in the middle of all others: select what else is shown before.
 
-    Impulse of the last load period over that of the first; share of the last period in contact; impacts; largest
-    temperature rise. Grey: no contact, or not ok. A dashed line is the critical coupling, above which a tip in
-    permanent contact runs away.
+    Four maps where ``variable`` is left out: impulse of the last load period over that of the first, share of the last
+    period in contact, impacts, largest temperature rise. Grey is no contact, or a case that is not ok; dashed the
+    critical coupling, above which a tip in permanent contact runs away.
 
     Parameters
     ----------
-    archive
-        An archive with load periods.
-    dims
-        Its dimensions across and up, numbers both.
-    place
-        Positions along the other dimensions of its cases.
+    dataset
+        An archive, or a selection of its cases.
+    across, up
+        Two of its dimensions, numbers both.
+    variable
+        The one metric that is drawn, such as ``contact_impulse``; grey is then a case that is not ok.
+
+    Raises
+    ------
+    ValueError
+        A dimension has no numbers, or there is no such metric.
     """
     from matplotlib.figure import Figure
 
-    cut = _cut(archive, dims, place)
+    dims = (across, up)
+    _refuse(dataset, dims, variable)
+    place = middle(dataset, dims)
+    cut = _cut(dataset, dims, place)
+    if variable is not None:
+        figure = Figure(figsize=(5.25, 4.0), layout="constrained")
+        _draw(figure.subplots(), cut, dims, _metric(cut, variable))
+        figure.suptitle(position_text(dataset, place), fontsize=10)
+        return figure
     figure = Figure(figsize=(10.5, 8.0), layout="constrained")
     grid, panels = figure.subplots(2, 2, sharex=True, sharey=True), _panels(cut)
     for axes in grid.flat[len(panels) :]:
@@ -81,12 +94,33 @@ def scene_maps(archive: xr.Dataset, dims: tuple[str, str], place: Mapping[str, i
         _draw(axes, cut, dims, panel)
         if len(panels) == grid.size:
             axes.label_outer()
-    figure.suptitle(position_text(archive, place), fontsize=10)
+    figure.suptitle(position_text(dataset, place), fontsize=10)
     return figure
 
 
+def _refuse(dataset: xr.Dataset, dims: tuple[str, str], variable: str | None) -> None:
+    """Refuse dimensions and metrics that no map can show."""
+    for dim in dims:
+        if dim not in case_dims(dataset) or dim not in dataset.coords or dataset[dim].dtype.kind not in "if":
+            raise ValueError(
+                f"`{dim}` is no dimension with numbers; the cases lie along {', '.join(case_dims(dataset))}"
+            )
+    if variable is None and "period_impulse" not in dataset:
+        raise ValueError("the dataset has no load periods; name the `variable` to draw, such as contact_impulse")
+    if variable is not None and (variable not in dataset or dataset[variable].dims != dataset["status"].dims):
+        raise ValueError(f"`{variable}` is no metric of the dataset, one number for each case")
+
+
+def _metric(cut: xr.Dataset, variable: str) -> Panel:
+    """Return the map of a metric, NaN where a case is not ok."""
+    about = cut[variable].attrs
+    unit = readable(str(about.get("units", "1")))
+    title = str(about.get("long_name", variable.replace("_", " "))) + (f" [{unit}]" if unit else "")
+    return Panel(title, np.where(cut["status"].values == 0, cut[variable].values, np.nan))
+
+
 def single_maps(archive: xr.Dataset, dims: tuple[str, str], place: Mapping[str, int]) -> list[Figure]:
-    """Draw the maps of :func:`scene_maps` as a figure each, to stand below each other where a page is narrow."""
+    """Draw the maps of :func:`scene_map` as a figure each, to stand below each other where a page is narrow."""
     from matplotlib.figure import Figure
 
     cut, figures = _cut(archive, dims, place), []

@@ -7,17 +7,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workflow.analysis import ERRORS, SENSELESS, Line
+from workflow.analysis import ERRORS, SENSELESS, Line, has_lines, lines, simulated_seconds
 from workflow.plots._style import COLOURS, GREY, MARKERS, trim
 
 if TYPE_CHECKING:
+    import xarray as xr
     from matplotlib.figure import Figure
 
 _FLOOR, _CEILING = 1e-12, SENSELESS
 """Errors outside are not drawn: rounding below, nothing right above."""
 
 
-def work_precision(lines: Sequence[Line], beside: Sequence[Line] = (), title: str = "") -> Figure:
+def error_by_cost(lines: Sequence[Line], beside: Sequence[Line] = (), title: str = "") -> Figure:
     """Draw relative errors against wall seconds per simulated second, log-log.
 
     Markers are at steps h; a cross on the upper edge is a step beyond the scheme's limit (not ok, or an
@@ -122,10 +123,11 @@ def _name_steps(panel: Any, stepping: Sequence[Line]) -> None:
             note.set_bbox({"facecolor": "white", "alpha": 0.75, "lw": 0, "pad": 0.8})
 
 
-def convergence(lines: Sequence[Line], title: str = "") -> Figure:
+def error_by_step(lines: Sequence[Line], title: str = "") -> Figure:
     """Draw errors, penetration and energy residual against the step, with slopes 1 and 2.
 
-    The observed order stands in the legend; crosses as in :func:`work_precision`.
+    Observed orders and their scatter (:func:`workflow.analysis.observed_order`) stand in the legend; crosses as in
+    :func:`error_by_cost`.
     """
     from matplotlib.figure import Figure
 
@@ -139,8 +141,8 @@ def convergence(lines: Sequence[Line], title: str = "") -> Figure:
         for k, line in enumerate(stepping):
             colour, marker = COLOURS[k % len(COLOURS)], MARKERS[k % len(MARKERS)]
             if name in ERRORS:
-                values, order = line.errors[name], line.order(name)
-                label = "order –" if np.isnan(order) else f"order {order:z.2f}"
+                values, (order, scatter) = line.errors[name], line.order(name)
+                label = None if np.isnan(order) else f"order {order:z.2f}, scatter {scatter:.2f}"
             else:
                 values, label = np.abs(line.penetration if name == "penetration" else line.residual), None
             with np.errstate(invalid="ignore"):
@@ -152,7 +154,8 @@ def convergence(lines: Sequence[Line], title: str = "") -> Figure:
         if name in ERRORS:
             _slopes(panel, stepping, name)
             panel.set_title(f"{ERRORS[name]}: relative L2 error", fontsize=10)
-            panel.legend(frameon=False, fontsize=7.5, loc="lower right")
+            if panel.get_legend_handles_labels()[0]:
+                panel.legend(frameon=False, fontsize=7.5, loc="lower right")
         else:
             panel.set_title(
                 "largest penetration [m]" if name == "penetration" else "|energy residual| / largest energy",
@@ -198,3 +201,48 @@ def _slopes(panel: Any, stepping: Sequence[Line], name: str) -> None:
         note = panel.annotate(f"slope {slope}", place, fontsize=7.5, color=GREY, ha="right", va="bottom")
         note.set_in_layout(False)
     panel.set_ylim(low, high)
+
+
+def work_precision(dataset: xr.Dataset, beside: xr.Dataset | None = None) -> Figure:
+    """Draw relative errors against wall seconds per simulated second, a line per scheme with a marker per step.
+
+    Of all other dimensions the most modes, the largest α and the first of the rest are shown. Crosses on the upper edge
+    are steps at which a scheme is not ok or errs by more than three times the solution.
+
+    Parameters
+    ----------
+    dataset
+        An archive whose study has a ``reference`` and several steps ``h``, or a selection of its cases.
+    beside
+        The same schemes in a reduced model, drawn thin and dashed.
+
+    Raises
+    ------
+    ValueError
+        A dataset has no errors or one step only.
+    """
+    return error_by_cost(_lines(dataset), [] if beside is None else _lines(beside))
+
+
+def convergence(dataset: xr.Dataset) -> Figure:
+    """Draw errors, largest penetration and energy residual against the step h, a line per scheme, and slopes 1 and 2.
+
+    Of the other dimensions and of crosses as :func:`work_precision`; the observed orders stand in the legend.
+
+    Parameters
+    ----------
+    dataset
+        An archive whose study has a ``reference`` and several steps ``h``, or a selection of its cases.
+
+    Raises
+    ------
+    ValueError
+        The dataset has no errors or one step only.
+    """
+    return error_by_step(_lines(dataset))
+
+
+def _lines(dataset: xr.Dataset) -> list[Line]:
+    if not has_lines(dataset):
+        raise ValueError("errors over steps need a `reference` in the study and several steps `h` in the dataset")
+    return lines(dataset, simulated_seconds(dataset))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from workflow.analysis import casing_motion, contact_phases, finest, labels_of, shown_dim
+from workflow.analysis import case_dims, casing_motion, contact_phases, finest, labels_of, shown_dim
 from workflow.plots._style import COLOURS, GREY, trim
 
 if TYPE_CHECKING:
@@ -143,20 +143,42 @@ def abstract_figure(archive: xr.Dataset) -> Figure:
     )
 
 
-def overview(archive: xr.Dataset) -> Figure:
-    """Draw the finest case of any archive, beside the others along one dimension; of those that are ok."""
-    place = finest(archive)
-    dim = shown_dim(archive)
-    along = [{**place, dim: k} for k in range(archive.sizes[dim])] if dim else [place]
-    shown = [at for at in along if int(archive["status"].isel(at)) == 0]
+def histories(dataset: xr.Dataset, along: str | None = None) -> Figure:
+    """Draw the histories of the cases along one dimension below each other: select what else is shown before.
+
+    Of all other dimensions the smallest step, the most modes and the largest α are shown. Cases that are not ok are
+    left out; contact phases of the last case are shaded.
+
+    Parameters
+    ----------
+    dataset
+        An archive that keeps histories, or a selection of its cases.
+    along
+        Dimension whose cases are compared; where left out α, the scheme or the longest with at most eight cases.
+
+    Raises
+    ------
+    ValueError
+        There are no histories, no case is ok, or there is no such dimension.
+    """
+    if not any(name in dataset for name in _PANELS):
+        raise ValueError("the dataset keeps no histories; name them under `output.histories` of the study")
+    if not bool((dataset["status"] == 0).any()):
+        raise ValueError("no case of the dataset is ok")
+    if along is not None and along not in case_dims(dataset):
+        raise ValueError(f"`{along}` is no dimension of the cases; they lie along {', '.join(case_dims(dataset))}")
+    place = finest(dataset)
+    dim = along or shown_dim(dataset)
+    compared = [{**place, dim: k} for k in range(dataset.sizes[dim])] if dim else [place]
+    shown = [at for at in compared if int(dataset["status"].isel(at)) == 0]
     if not shown:  # the finest is lost: whatever is ok
-        first = np.argwhere(np.asarray(archive["status"].values) == 0)[0]
-        shown = [dict(zip(map(str, archive["status"].dims), map(int, first), strict=True))]
+        first = np.argwhere(np.asarray(dataset["status"].values) == 0)[0]
+        shown = [dict(zip(map(str, dataset["status"].dims), map(int, first), strict=True))]
         place, dim = shown[0], None
     if dim is None:
-        curves = [Curve(archive.isel(shown[0]), "the case shown")]
+        curves = [Curve(dataset.isel(shown[0]), "the case shown")]
     else:
-        labels = labels_of(archive, dim, rounded=True)
-        curves = [Curve(archive.isel(at), labels[at[dim]], COLOURS[at[dim] % len(COLOURS)]) for at in shown]
-    rest = [labels_of(archive, name, rounded=True)[k] for name, k in place.items() if name != dim]
+        labels = labels_of(dataset, dim, rounded=True)
+        curves = [Curve(dataset.isel(at), labels[at[dim]], COLOURS[at[dim] % len(COLOURS)]) for at in shown]
+    rest = [labels_of(dataset, name, rounded=True)[k] for name, k in place.items() if name != dim]
     return tip_response(curves, title="; ".join(rest), phases_of=len(curves) - 1)

@@ -21,8 +21,9 @@ def trim(panel: Any, grid: str = "both") -> None:
     panel.grid(axis=grid, alpha=0.25, lw=0.5)
 
 
-def write_png(figure: Figure, file: IO[bytes], dpi: int) -> None:
-    """Write a figure as PNG; labels and titles come from files, and a dollar sign in them begins no formula."""
+def write_figure(figure: Figure, file: IO[bytes], dpi: int, form: str = "png") -> None:
+    """Write a figure as PNG, SVG or PDF; texts come from files, and a dollar sign in them begins no formula."""
+    from matplotlib import rc_context
     from matplotlib.text import Text
     from matplotlib.ticker import FixedFormatter
 
@@ -34,13 +35,13 @@ def write_png(figure: Figure, file: IO[bytes], dpi: int) -> None:
     for text in figure.findobj(Text):
         if text not in ticks:  # those that Matplotlib writes have exponents
             text.set_parse_math(False)
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), rc_context({"pdf.fonttype": 42}):  # journals refuse fonts of type 3
         warnings.filterwarnings("ignore", message="Glyph", category=UserWarning)  # a box is drawn in its place
-        figure.savefig(file, dpi=dpi, format="png")
+        figure.savefig(file, dpi=dpi, format=form)
 
 
 def save(figure: Figure, path: Path) -> Path:
-    """Write a figure as PNG and return its path."""
+    """Write a figure as PNG, SVG or PDF, as the path ends, and return the path."""
     with open(path, "wb") as file:
-        write_png(figure, file, 150)
+        write_figure(figure, file, 150, path.suffix[1:].lower())
     return path

@@ -6,9 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from workflow.kernels.sums import dot
 from workflow.models import Array, Structure
-from workflow.models._dense import product
 from workflow.models._tip_held import held_modes, slowest_modes, thermal_constraint
 
 Inertia = Callable[[Array], Array]
@@ -62,7 +60,7 @@ def relative(shapes: Array, constraint: Array, inertia: Inertia, count: int) -> 
     for shape in shapes.T:
         new = shape - shape[-1] * constraint
         new[-1] = 0.0
-        span.add(new, np.sqrt(dot(shape, inertia(shape))))
+        span.add(new, np.sqrt(np.dot(shape, inertia(shape))))
     return span.all()
 
 
@@ -97,11 +95,11 @@ class Orthonormal:
         if self.is_full:
             return None
         vectors, count = self._vectors, self._count
-        size = np.sqrt(dot(vector, self._inertia(vector))) if length is None else length
+        size = np.sqrt(np.dot(vector, self._inertia(vector))) if length is None else length
         if size == 0:
             return None
         new = self.apart(vector)
-        rest = np.sqrt(dot(new, self._inertia(new)))
+        rest = np.sqrt(np.dot(new, self._inertia(new)))
         if not rest > DEPENDENT * size:
             return None
         vectors[:, count] = new / rest
@@ -112,7 +110,7 @@ class Orthonormal:
         """Return the part of a vector that is orthogonal to those added so far."""
         vectors = self._vectors[:, : self._count]
         for _ in range(2):  # once more, so that rounding of the first pass goes too
-            vector = vector - product(vectors, product(vectors.T, self._inertia(vector)))
+            vector = vector - vectors @ (vectors.T @ self._inertia(vector))
         return vector
 
     def add_each(self, vectors: Array) -> None:

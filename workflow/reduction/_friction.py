@@ -9,9 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workflow.kernels.sums import dot
 from workflow.models import Array, Structure, UnusableMatricesError
-from workflow.models._dense import product
 from workflow.models._tip_held import held_displacements
 from workflow.reduction._bases import DEPENDENT
 from workflow.reduction._reduction import Vectors, mechanical_vectors
@@ -33,10 +31,10 @@ def with_friction(structure: Structure, tangent: Array, mechanical: Vectors) -> 
     interior = mechanical.shapes[:, :-1]
     answer = held_displacements(structure)(tangent)
     answer[-1] = 0.0
-    new, size = answer, np.sqrt(dot(answer, structure.inertia_forces(answer)))
+    new, size = answer, np.sqrt(np.dot(answer, structure.inertia_forces(answer)))
     for _ in range(2):  # once more, so that rounding of the first pass goes too
-        new = new - product(interior, product(structure.inertia_forces(interior).T, new))
-    rest = np.sqrt(dot(new, structure.inertia_forces(new)))
+        new = new - interior @ (structure.inertia_forces(interior).T @ new)
+    rest = np.sqrt(np.dot(new, structure.inertia_forces(new)))
     if interior.shape[1] >= structure.mechanical_size - 1 or not rest > DEPENDENT * size:
         return mechanical
     return mechanical_vectors(structure, np.column_stack([interior, new / rest]))

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workflow.models import Array, Cases, Matrices, Structure, project, static_tip_growth
-from workflow.models._dense import product
 from workflow.models._from_matrices import Forms, structure_of_forms
 from workflow.models._sparse import Sparse
 from workflow.models._tip_held import mechanical_constraint, thermal_constraint
@@ -119,7 +118,7 @@ def _projection(onto_interior: Array, constraint: Array) -> Array:
     tip = np.zeros(constraint.size)
     tip[-1] = 1.0
     rows = np.vstack([onto_interior, tip])
-    rows[:-1, -1] = -product(onto_interior[:, :-1], constraint[:-1])
+    rows[:-1, -1] = -onto_interior[:, :-1] @ constraint[:-1]
     return rows
 
 
@@ -129,12 +128,12 @@ def _mass(structure: Structure, mechanical: Vectors) -> Array:
         mass = np.eye(mechanical.shapes.shape[1])
         mass[-1, -1] = 0.0
         return mass
-    return product(mechanical.shapes.T, structure.inertia_forces(mechanical.shapes))
+    return mechanical.shapes.T @ structure.inertia_forces(mechanical.shapes)
 
 
 def _along(structure: Structure, shapes: Array) -> Array | None:
     """Return Xᵀt of the direction of friction, ``None`` where there is none."""
-    return None if structure.tangent is None else product(shapes.T, structure.tangent)
+    return None if structure.tangent is None else shapes.T @ structure.tangent
 
 
 def quadratic_forms(structure: Sparse, mechanical: Vectors, thermal: Vectors, carried: Array | None) -> Matrices:
@@ -145,19 +144,18 @@ def quadratic_forms(structure: Sparse, mechanical: Vectors, thermal: Vectors, ca
         forces = forces + structure.elongations(carried)
     forms = Forms(
         mass=_mass(structure, mechanical),
-        stiffness=product(x.T, mechanical.deformation),
-        coupling=product(x.T, forces),
-        heat_capacity=product(theta.T, structure.heat_contents(theta)),
-        conductance=product(theta.T, thermal.deformation),
-        content=product(structure.content, theta),
-        losses=product(structure.loss_row, theta),
-        tip_growth=product(static_tip_growth(structure), theta),
+        stiffness=x.T @ mechanical.deformation,
+        coupling=x.T @ forces,
+        heat_capacity=theta.T @ structure.heat_contents(theta),
+        conductance=theta.T @ thermal.deformation,
+        even_rise=thermal.projection @ structure.even_rise,
+        tip_growth=static_tip_growth(structure) @ theta,
         tangent=_along(structure, x),
     )
     return replace(
         structure_of_forms(forms, structure.damping),
-        load=None if structure.load is None else product(x.T, structure.load),
-        damper=None if structure.damper is None else product(x.T, np.asarray(structure.damper @ x)),
+        load=None if structure.load is None else x.T @ structure.load,
+        damper=None if structure.damper is None else x.T @ np.asarray(structure.damper @ x),
     )
 
 
@@ -188,15 +186,14 @@ def galerkin(structure: Structure, mechanical: Vectors, thermal: Vectors, carrie
         springs=structure.springs,
         elongation=mechanical.deformation,
         expansion=expansion if carried is None else expansion - structure.elongations(carried),
-        heat_capacity=product(theta.T, structure.heat_contents(theta)),
+        heat_capacity=theta.T @ structure.heat_contents(theta),
         conductors=structure.conductors,
         difference=thermal.deformation,
-        content=product(structure.content, theta),
-        grounded=structure.grounded,
+        even_rise=thermal.projection @ structure.even_rise,
         damping=structure.damping,
-        load=None if structure.load is None else product(x.T, structure.load),
-        damper=None if structure.damper is None else product(x.T, product(structure.damper, x)),
+        load=None if structure.load is None else x.T @ structure.load,
+        damper=None if structure.damper is None else x.T @ (structure.damper @ x),
         tangent=_along(structure, x),
-        tip_growth=product(static_tip_growth(structure), theta),
+        tip_growth=static_tip_growth(structure) @ theta,
     )
     return Reduction(reduced, x, theta, mechanical.projection, thermal.projection, carried)

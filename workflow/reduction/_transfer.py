@@ -17,10 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workflow.kernels.elementwise import exp, log
-from workflow.kernels.solving import solve
-from workflow.kernels.sums import norm
 from workflow.models import Array, Structure, critical_alpha
-from workflow.models._dense import product
 from workflow.reduction._reduction import Reduction
 
 _Matrix = Callable[[complex], tuple[Array, Array]]
@@ -78,12 +75,12 @@ def least_counts(
 
     def misses_displacement(count: int) -> bool:
         reduced = reduce(count, 0)
-        forces = product(reduced.displacement_basis.T, excitation.forces)
+        forces = reduced.displacement_basis.T @ excitation.forces
         return _difference(displacement_answer(reduced.structure, excitation, forces), displacements) > tolerance
 
     def misses_temperature(count: int) -> bool:
         reduced = reduce(0, count)
-        heats = product(reduced.temperature_basis.T, excitation.heats)
+        heats = reduced.temperature_basis.T @ excitation.heats
         return _difference(temperature_answer(reduced.structure, excitation, heats), temperatures) > tolerance
 
     mechanical, thermal = _fewest(misses_displacement, most[0]), _fewest(misses_temperature, most[1])
@@ -123,7 +120,7 @@ def _answers(matrix: _Matrix, points: list[tuple[complex, float]], loads: Array)
     for s, weight in points:
         real, imaginary = matrix(s)
         both = np.block([[real, -imaginary], [imaginary, real]])
-        answer = solve(both, np.vstack([loads, np.zeros_like(loads)]))
+        answer = np.linalg.solve(both, np.vstack([loads, np.zeros_like(loads)]))
         size = real.shape[0]
         rows += [weight * answer[size - 1], weight * answer[2 * size - 1]]
     return np.array(rows)
@@ -142,8 +139,8 @@ def _points(first: float, last: float) -> list[tuple[complex, float]]:
 
 def _difference(answers: Array, exact: Array) -> float:
     """Return the largest relative difference of the answers to a load."""
-    size = norm(exact, 0)
-    apart = norm(answers - exact, 0)
+    size = np.linalg.norm(exact, axis=0)
+    apart = np.linalg.norm(answers - exact, axis=0)
     return float(np.max(np.divide(apart, size, out=np.zeros_like(apart), where=size > 0), initial=0.0))
 
 

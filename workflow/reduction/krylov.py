@@ -31,9 +31,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from workflow.kernels.algebra import MOST_BY_JACOBI
 from workflow.kernels.elementwise import exp, log
 from workflow.models import Array, Structure
-from workflow.models._dense import MOST_PORTABLE
 from workflow.models._spectrum import fastest_rate
 from workflow.models._tip_held import (
     held_displacements,
@@ -97,7 +97,7 @@ def thermal(structure: Structure, count: int, duration: float | None) -> Vectors
 
 def _is_small(structure: Structure) -> bool:
     """Tell whether answers and modes of a structure have the same bits on every processor."""
-    return max(structure.mechanical_size, structure.thermal_size) <= MOST_PORTABLE
+    return max(structure.mechanical_size, structure.thermal_size) <= MOST_BY_JACOBI
 
 
 def _add_moments(structure: Structure, span: Orthonormal, begin: Array) -> None:

@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from workflow.kernels.sums import dot
 from workflow.models import Structure
 from workflow.models._tip_held import lowest_modes, mechanical_constraint
 from workflow.reduction import rubin
@@ -41,7 +40,7 @@ def mechanical(structure: Structure, count: int, duration: float | None) -> Vect
             span.add(constraint)
         span.add_each(lowest_modes(structure, count).shapes)
     left = span.add(answer) if is_held or count > 0 else None
-    if left is None or dot(left, structure.inertia_forces(answer)) * left[-1] <= DEPENDENT * answer[-1]:
+    if left is None or np.dot(left, structure.inertia_forces(answer)) * left[-1] <= DEPENDENT * answer[-1]:
         return rubin.mechanical(structure, count, duration)
     modes, tip = span.all()[:, :count], left / left[-1]
     interior = modes - np.outer(tip, modes[-1])

@@ -14,9 +14,9 @@ Source: Monjaraz Tec, Gross, Krack, arXiv 2111.07693.
 
 from __future__ import annotations
 
-from workflow.kernels.sums import dot
+import numpy as np
+
 from workflow.models import Structure
-from workflow.models._dense import product
 from workflow.models._tip_held import mechanical_constraint
 from workflow.reduction._bases import DEPENDENT, fixed_interface_modes
 from workflow.reduction._reduction import Vectors, massless_vectors, mechanical_vectors
@@ -30,8 +30,8 @@ def mechanical(structure: Structure, count: int, duration: float | None) -> Vect
     modes = fixed_interface_modes(structure, count)
     constraint, strain = mechanical_constraint(structure)
     inertia = structure.inertia_forces(constraint)
-    share = product(modes.T, inertia)
-    if not structure.strains(strain) and dot(share, share) <= DEPENDENT**2 * dot(constraint, inertia):
+    share = modes.T @ inertia
+    if not structure.strains(strain) and np.dot(share, share) <= DEPENDENT**2 * np.dot(constraint, inertia):
         return mechanical_vectors(structure, modes)
-    tip = constraint - product(modes, share)
-    return massless_vectors(structure, modes, tip, strain - product(structure.elongations(modes), share), modes)
+    tip = constraint - modes @ share
+    return massless_vectors(structure, modes, tip, strain - structure.elongations(modes) @ share, modes)

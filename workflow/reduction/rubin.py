@@ -15,7 +15,6 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.models import Array, Structure
-from workflow.models._dense import product
 from workflow.models._modes import Modes
 from workflow.models._tip_held import lowest_modes, mechanical_constraint
 from workflow.reduction._bases import relative, relative_thermal_modes
@@ -40,4 +39,4 @@ def elastic(structure: Structure) -> Array:
     """Return the elastic displacement by a unit force on a tip that nothing holds, m/N, ``(node,)``."""
     modes: Modes = lowest_modes(structure, structure.mechanical_size)
     held = modes.values > 0
-    return product(modes.shapes[:, held], modes.tip[held] / modes.values[held] ** 2)
+    return modes.shapes[:, held] @ (modes.tip[held] / modes.values[held] ** 2)

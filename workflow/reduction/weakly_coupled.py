@@ -18,7 +18,6 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.models import Array, Structure
-from workflow.models._dense import product
 from workflow.models._tip_held import held_displacements
 from workflow.reduction._reduction import Vectors
 from workflow.reduction.craig_bampton import mechanical, thermal
@@ -31,4 +30,4 @@ def carried(structure: Structure, mechanical: Vectors, thermal: Vectors) -> Arra
     answer = held_displacements(structure)
     static = np.column_stack([answer(force) for force in structure.thermal_forces(thermal.shapes).T])
     modes = mechanical.shapes[:, :-1]
-    return static - product(modes, product(structure.inertia_forces(modes).T, static))
+    return static - modes @ (structure.inertia_forces(modes).T @ static)

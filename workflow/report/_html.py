@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from workflow.plots import write_png
+from workflow.plots import write_figure
 
 STYLE = files("workflow.report").joinpath("page.css").read_text(encoding="utf-8")
 
@@ -114,7 +114,7 @@ def _plain(value: Any) -> Any:
 def image(figure: Any, about: str) -> Html:
     """Return a figure as an inlined PNG."""
     buffer = io.BytesIO()
-    write_png(figure, buffer, 130)
+    write_figure(figure, buffer, 130)
     data = base64.b64encode(buffer.getvalue()).decode()
     return tag("div", Html(f'<img alt="{escaped(about)}" src="data:image/png;base64,{data}">'), kind="scroll")
 

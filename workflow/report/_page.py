@@ -10,15 +10,17 @@ from typing import TYPE_CHECKING
 
 from workflow.analysis import RULE, ranges
 from workflow.archive import ArchiveError, commit, open_archive, usable
-from workflow.plots import overview, save
+from workflow.plots import histories, save
 from workflow.report import _sections as sections
 from workflow.report._answer import answer
 from workflow.report._explorer import PAGE_BYTES, interactive
 from workflow.report._html import THEN, image, page, short, table, tag
 from workflow.report._origin import duration_of, methods_of, origin, scene_of
+from workflow.run import warnings_of
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.figure import Figure
 
 _MARGIN = 20_000
 """Bytes of a page beside its parts."""
@@ -26,15 +28,18 @@ _MARGIN = 20_000
 _RESPONSES = ("displacement", "temperature", "contact_force")
 
 
+_FIGURES = (".png", ".svg", ".pdf")
+
+
 @dataclass(frozen=True)
 class Written:
     """Where a report and its figure are."""
 
-    page: Path
+    page: Path | None
     figure: Path | None
 
 
-def write_report(archive: Path | Sequence[Path], page_path: Path | None = None, *, damaged: bool = False) -> Written:
+def write_report(archive: Path | Sequence[Path], output: Path | None = None, *, damaged: bool = False) -> Written:
     """Write the report of an archive: ``ARCHIVE.html``, and its main figure as ``ARCHIVE.png``.
 
     The main figure is the tip's response; where no histories are kept speed against error, or maps of the scene.
@@ -46,62 +51,66 @@ def write_report(archive: Path | Sequence[Path], page_path: Path | None = None, 
     ----------
     archive
         One archive or several.
-    page_path
-        The page to write.
+    output
+        The page to write, ``.html``; or its figure alone, ``.png``, ``.svg`` or ``.pdf``.
     damaged
         Draw a damaged archive too, as far as it can be read; the page says that it is damaged.
 
     Raises
     ------
     ArchiveError
-        There is no such archive, it is damaged and ``damaged`` is false, or the report would overwrite it.
+        There is no such archive, it is damaged and ``damaged`` is false, the report would overwrite it, or there is no
+        figure.
     OSError
         The page cannot be written.
     """
     archives = [archive] if isinstance(archive, Path) else list(archive)
-    if page_path is not None:
-        _refuse_place(page_path)
+    if output is not None:
+        _refuse_place(output, len(archives))
+        if output.suffix.lower() in _FIGURES:
+            return _write_figure(archives[0], output, damaged)
     if len(archives) > 1:
-        return _write_joint(archives, page_path or Path("report.html"), damaged)
-    return _write_single(archives[0], page_path or archives[0].with_suffix(".html"), damaged)
+        return _write_joint(archives, output or Path("report.html"), damaged)
+    return _write_single(archives[0], output or archives[0].with_suffix(".html"), damaged)
 
 
-def _refuse_place(written: Path) -> None:
-    """Refuse what can be no page before anything is drawn: written aside and renamed, it would replace a device."""
+def _refuse_place(written: Path, archives: int) -> None:
+    """Refuse what can be no report before anything is drawn: written aside and renamed, it would replace a device."""
     usable(written)
     if written.is_dir():
         raise ArchiveError(f"{written}: a directory, not a page; name a file in it")
     if not written.parent.is_dir():
         raise ArchiveError(f"{written.parent}: no such directory; make it, or choose another place with -o")
+    if written.suffix.lower() not in (".html", *(_FIGURES if archives == 1 else ())):
+        raise ArchiveError(
+            f"{written}: a report is a page, .html, or of one archive its figure alone, {', '.join(_FIGURES)}"
+        )
 
 
-def _refuse_overwriting(archives: Sequence[Path], written: Path, picture: Path | None) -> None:
-    if not written.name:
-        raise ArchiveError(f"{written}: a directory, not a page; name a file, e.g. {archives[0].stem}.html")
+def _refuse_overwriting(archives: Sequence[Path], *written: Path) -> None:
     for archive in archives:
-        places = [archive, written] + ([picture] if picture is not None else [])
-        if len({os.path.realpath(place) for place in places}) < len(places):
-            others = f", the page and the picture {picture}" if picture is not None else " and the page"
-            raise ArchiveError(
-                f"{written}: the archive {archive}{others} would be one file; "
-                f"choose another page with -o, e.g. {archive.stem}-report.html"
-            )
+        for place in written:
+            if os.path.realpath(place) == os.path.realpath(archive):
+                raise ArchiveError(
+                    f"{place}: the archive and its report would be one file; "
+                    f"choose another with -o, e.g. {archive.stem}-report.html"
+                )
 
 
 def _write_single(archive: Path, written: Path, damaged: bool) -> Written:
-    picture = written.with_suffix(".png") if written.name else None
+    picture = written.with_suffix(".png")
     _refuse_overwriting([archive], written, picture)
     with open_archive(archive, damaged=damaged) as dataset:
-        figure = overview(dataset) if any(name in dataset for name in _RESPONSES) and sections.any_ok(dataset) else None
         precision, maps = sections.precision(dataset, duration_of(archive, damaged)), sections.maps(dataset)
-        figure = figure or precision.figure or maps.figure
-        figure_path = save(figure, picture) if figure is not None and picture is not None else None
+        figure = _response(dataset) or precision.figure or maps.figure
+        figure_path = None if figure is None else save(figure, picture)
         methods, scene = methods_of(archive, damaged), scene_of(archive, damaged)
         first_block = answer(dataset, methods)
         head = [
             tag("h1", _title(dataset, archive)),
             tag("p", str(dataset.attrs.get("summary", "")), kind="muted"),
             *_damage(dataset),
+            *_warnings(dataset),
             *first_block.body,
             *maps.body,
         ]
@@ -120,8 +129,29 @@ def _write_single(archive: Path, written: Path, damaged: bool) -> Written:
     return Written(written, figure_path)
 
 
+def _response(dataset: xr.Dataset) -> Figure | None:
+    """Draw the tip's response, where its histories are kept and a case is ok."""
+    has_one = any(name in dataset for name in _RESPONSES) and sections.any_ok(dataset)
+    return histories(dataset) if has_one else None
+
+
+def _write_figure(archive: Path, written: Path, damaged: bool) -> Written:
+    """Write the main figure of an archive without its page."""
+    _refuse_overwriting([archive], written)
+    with open_archive(archive, damaged=damaged) as dataset:
+        figure = _response(dataset)
+        figure = figure or sections.precision(dataset, duration_of(archive, damaged)).figure
+        figure = figure or sections.maps(dataset).figure
+        if figure is None:
+            raise ArchiveError(
+                f"{archive}: has no figure: it keeps no histories, no errors at three steps and no two axes of four "
+                f"values, or no case is ok; {archive.stem}.html would be its page"
+            )
+        return Written(None, save(figure, written))
+
+
 def _write_joint(archives: Sequence[Path], written: Path, damaged: bool) -> Written:
-    _refuse_overwriting(archives, written, None)
+    _refuse_overwriting(archives, written)
     rows, new = [], []
     parts: list[str] = []
     for number, archive in enumerate(archives):
@@ -137,9 +167,9 @@ def _write_joint(archives: Sequence[Path], written: Path, damaged: bool) -> Writ
                 )  # fmt: skip
                 new.append(k == 0 and number > 0)
             parts += [tag("h2", name), tag("p", f"{title}.")]
-            parts += _damage(dataset) + answer(dataset, methods_of(archive, damaged)).body
-            if any(one in dataset for one in _RESPONSES) and sections.any_ok(dataset):
-                parts.append(image(overview(dataset), "tip response"))
+            parts += _damage(dataset) + _warnings(dataset) + answer(dataset, methods_of(archive, damaged)).body
+            response = _response(dataset)
+            parts += [] if response is None else [image(response, "tip response")]
             parts += sections.scene_pictures(dataset)
             parts += sections.standing(dataset)[3:]
             if dataset.sizes.get("h", 1) > 4:
@@ -170,3 +200,8 @@ def _damage(dataset: xr.Dataset) -> list[str]:
     """Return what is said of a damaged archive."""
     what = dataset.attrs.get("damaged")
     return [tag("p", tag("strong", f"Damaged: {what}; any value may be wrong."))] if what else []
+
+
+def _warnings(dataset: xr.Dataset) -> list[str]:
+    """Return what is to be aware of before anything is read off the results."""
+    return [tag("p", f"Beware: {warning}.") for warning in warnings_of(dataset)]

@@ -26,16 +26,16 @@ from workflow.analysis import (
     winners,
 )
 from workflow.plots import (
-    convergence,
+    error_by_cost,
+    error_by_step,
     growth_against_prediction,
     impact_speed_map,
     map_dims,
     metric_by_axis,
     middle,
     position_text,
-    scene_maps,
+    scene_map,
     single_maps,
-    work_precision,
 )
 from workflow.report._html import image, short, table, tag
 from workflow.run import status_counts
@@ -146,7 +146,7 @@ def maps(dataset: xr.Dataset) -> Drawn:
         tag("p", about, kind="muted"),
         tag("div", *pictures, kind="panels"),
     ]
-    return Drawn(body, scene_maps(dataset, dims, place))
+    return Drawn(body, scene_map(dataset, *dims))
 
 
 def effects(dataset: xr.Dataset) -> list[str]:
@@ -243,16 +243,14 @@ def precision(dataset: xr.Dataset, duration: float) -> Drawn:
         return Drawn([], None)
     model = _model_dim(dataset)
     drawn_lines = lines(dataset, duration)
-    beside: list[Line] = []
-    if model is not None:
-        beside = lines(dataset, duration, {model: _fewest_modes(dataset, model)})
+    beside = [] if model is None else lines(dataset, duration, {model: _fewest_modes(dataset, model)})
     shown = _named(dataset, [dim for dim in case_dims(dataset) if dim not in ("scheme", "h")])
     orders = [
-        [line.scheme, *(short(line.order(name), "z.2f") for name in ERRORS), _limit(line)]
+        [line.scheme, *(" / ".join(short(one, "z.2f") for one in line.order(name)) for name in ERRORS), _limit(line)]
         for line in drawn_lines
         if not line.exact
     ]
-    figure = work_precision(drawn_lines, beside)
+    figure = error_by_cost(drawn_lines, beside)
     body = [
         tag("h2", "Speed against error"),
         tag(
@@ -261,9 +259,9 @@ def precision(dataset: xr.Dataset, duration: float) -> Drawn:
             "the share of a case in its batch.",
         ),
         image(figure, "relative error against wall seconds per simulated second"),
-        image(convergence(drawn_lines), "relative error, penetration and energy residual against the step"),
-        tag("p", "Observed orders: slope of log error over log h by least squares, of three errors or more below 0.1."),
-        table(["scheme", *(f"order in {about}" for about in ERRORS.values()), "last stable step [s]"], orders),
+        image(error_by_step(drawn_lines), "relative error, penetration and energy residual against the step"),
+        tag("p", "Observed orders: slopes of log error over log h of three errors or more below 0.1; rms about them:"),
+        table(["scheme", *(f"{one}: order / scatter" for one in ERRORS.values()), "last stable step [s]"], orders),
         tag("p", "Who reaches an error of the impulse in the least time:"),
         _fastest(drawn_lines),
     ]

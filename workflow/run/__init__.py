@@ -6,7 +6,7 @@ line that shows it in a notebook; ``_outcome`` how a run ended; ``_verify`` runs
 """
 
 from workflow.run._earlier import Holdings, Reuse, holdings
-from workflow.run._outcome import SHOWN, Outcome, status_counts, status_name, summarise
+from workflow.run._outcome import SHOWN, Outcome, status_counts, status_name, summarise, warnings_of
 from workflow.run._progress import Advance, Progress, in_words, repeating
 from workflow.run._study import ReuseOptions, run_study
 from workflow.run._task import Job, Stored, compute_segment, store_task
@@ -37,4 +37,5 @@ __all__ = [
     "store_task",
     "summarise",
     "verify",
+    "warnings_of",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -10,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.archive import endings, open_archive
+from workflow.archive import open_archive, stored_values
 from workflow.schemes import Status
+from workflow.variables import COMPARED
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -33,6 +35,8 @@ class Outcome:
         Wall time of this run.
     resumed
         Cases that were stored before; all of them where there was nothing to do.
+    warnings
+        What to beware of, one sentence each, see :func:`warnings_of`.
     """
 
     archive: Path
@@ -44,6 +48,7 @@ class Outcome:
     """Cases that are ok and have an error against the reference that cannot be formed."""
     written: bool = True
     """Whether this run wrote the archive: it did not where there was nothing to do."""
+    warnings: tuple[str, ...] = ()
 
     @cached_property
     def dataset(self) -> xr.Dataset:
@@ -58,6 +63,14 @@ class Outcome:
 
 SHOWN = 10
 """Failed cases that a summary names."""
+
+_ERRORS = tuple(f"{name}_error" for name in COMPARED)
+
+WARNINGS = "warnings"
+"""Attribute of an archive: what its plan warned of, a line each."""
+
+LINEAR = 1000.0
+"""Temperature rise, K, above which a linear model means nothing: metals melt, or conduct and expand otherwise."""
 
 
 def status_name(value: int) -> str:
@@ -83,6 +96,30 @@ def labels_of_case(dataset: xr.Dataset, cell: int) -> str:
     )
 
 
+def warnings_of(dataset: xr.Dataset) -> tuple[str, ...]:
+    """Return what to beware of in an archive, one sentence each: its temperatures, and what its plan warned of."""
+    return (*_hottest(dataset), *_planned(dataset.attrs))
+
+
+def _planned(attributes: Mapping[str, Any]) -> tuple[str, ...]:
+    return tuple(str(attributes.get(WARNINGS, "")).splitlines())
+
+
+def _hottest(dataset: xr.Dataset) -> Iterator[str]:
+    """Yield how many ok cases exceed :data:`LINEAR`, and the hottest of them."""
+    if "max_temperature" not in dataset:
+        return
+    ok = dataset["status"].values == Status.OK
+    temperature = np.where(ok, dataset["max_temperature"].values, np.nan)
+    hot = int(np.sum(temperature > LINEAR))
+    if hot:
+        hottest = int(np.nanargmax(temperature))
+        yield (
+            f"{hot} of {np.sum(ok)} ok cases are hotter than the {LINEAR:g} K that a linear model can mean; the "
+            f"hottest reaches {temperature.flat[hottest]:.4g} K: {labels_of_case(dataset, hottest) or 'the only case'}"
+        )
+
+
 def _case(dataset: xr.Dataset, cell: int) -> xr.Dataset:
     dims = dataset["status"].dims
     index = np.unravel_index(cell, dataset["status"].shape) if dims else ()
@@ -94,17 +131,30 @@ def summarise(archive: Path, resumed: int | None) -> Outcome:
 
     ``resumed`` is ``None`` where there was nothing to do.
     """
-    status, without_error = endings(archive)
-    telling = np.flatnonzero((status != Status.OK).ravel() | without_error.ravel())[:SHOWN].tolist()
-    failures = _labelled_messages(archive, telling) if telling else ()
-    before = status.size if resumed is None else resumed
-    missing = int(np.sum(without_error))
-    return Outcome(archive, _counted(status), failures, 0.0, before, missing, written=resumed is not None)
+    attributes, values = stored_values(archive, ("status", "max_temperature", *_ERRORS))
+    status = values["status"]
+    missing = [np.isnan(values[name]) for name in _ERRORS if name in values]
+    without_error = (status == Status.OK) & np.any(missing, axis=0)
+    telling = np.flatnonzero((status != Status.OK) | without_error)[:SHOWN].tolist()
+    failures: tuple[tuple[str, str], ...] = ()
+    warnings = _planned(attributes)
+    if telling or np.any((status == Status.OK) & (values.get("max_temperature", np.nan) > LINEAR)):
+        with open_archive(archive) as dataset:
+            failures, warnings = _labelled_messages(dataset, telling), warnings_of(dataset)
+    return Outcome(
+        archive,
+        _counted(status),
+        failures,
+        0.0,
+        status.size if resumed is None else resumed,
+        int(np.sum(without_error)),
+        resumed is not None,
+        warnings,
+    )
 
 
-def _labelled_messages(archive: Path, cells: list[int]) -> tuple[tuple[str, str], ...]:
+def _labelled_messages(dataset: xr.Dataset, cells: list[int]) -> tuple[tuple[str, str], ...]:
     """Return labels and message of some cases."""
-    with open_archive(archive) as dataset:
-        return tuple(
-            (labels_of_case(dataset, cell) or "the case", str(_case(dataset, cell)["message"].item())) for cell in cells
-        )
+    return tuple(
+        (labels_of_case(dataset, cell) or "the case", str(_case(dataset, cell)["message"].item())) for cell in cells
+    )

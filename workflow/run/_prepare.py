@@ -27,8 +27,9 @@ from workflow.archive import (
     save_stored_cells,
     start_parts,
 )
-from workflow.grid import Grid, case_hashes, units_of
+from workflow.grid import Grid, case_hashes, units_of, warning_lines
 from workflow.run._earlier import Hashes, Reuse, begun_texts, cells_there, clear_other_parts, reused_cells
+from workflow.run._outcome import WARNINGS
 from workflow.run._task import Job
 
 _HASHED_ASIDE = 100_000
@@ -89,8 +90,10 @@ class Prepared:
         return int(np.sum(cells_there(self.job.layout, self.there)))
 
 
-def prepare(grid: Grid, archive: Path, hashes: CaseHashes, reuse: Reuse) -> Prepared:
+def prepare(grid: Grid, archive: Path, hashes: CaseHashes, reuse: Reuse, here: bool) -> Prepared:
     """Take what an earlier archive and an interrupted run hold of a study, and begin the directory of its shards.
+
+    Processes that are not started ``here`` are not asked by what linear algebra they compute: they count as not pinned.
 
     Raises
     ------
@@ -99,6 +102,7 @@ def prepare(grid: Grid, archive: Path, hashes: CaseHashes, reuse: Reuse) -> Prep
     """
     study, parts, units = grid.study, parts_of(archive), units_of(grid)
     layout = describe(study, grid, units)
+    layout = layout if here else replace(layout, provenance={**layout.provenance, "pinned": "false"})
     if layout.cells > _HASHED_ASIDE:
         hashes.result()
     stored_cells = reused_cells(study, archive, layout, hashes.result(), reuse) if archive.exists() else None
@@ -107,6 +111,8 @@ def prepare(grid: Grid, archive: Path, hashes: CaseHashes, reuse: Reuse) -> Prep
         earlier.append(provenance(archive))
     layout = replace(layout, provenance={**layout.provenance, **_made_elsewhere(filter(None, earlier), layout)})
     clear_other_parts(study, parts, layout, hashes.result, reuse.drop)
+    warned = "\n".join(warning_lines(grid))
+    layout = replace(layout, attrs={**layout.attrs, **({WARNINGS: warned} if warned else {})})
     start_parts(parts, layout)
     if stored_cells is not None and (reuse.retry or reuse.recompute) and not are_saved(parts, stored_cells):
         clear_parts(parts)  # of a run that took other cases, or was killed when its archive was in place

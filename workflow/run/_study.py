@@ -36,7 +36,7 @@ from workflow.run._runner import RunTasks, Where, runner
 from workflow.run._task import Job, Stored, not_ok
 from workflow.run._worker import ClusterError
 from workflow.schemes import Status
-from workflow.study import Study
+from workflow.study import Study, StudySource, read_study
 
 
 class ReuseOptions(TypedDict, total=False):
@@ -48,8 +48,8 @@ class ReuseOptions(TypedDict, total=False):
 
 
 def run_study(
-    study: Study,
-    archive: str | Path,
+    study: StudySource,
+    archive: str | Path | None = None,
     threads: int | None = None,
     progress: Progress | bool | None = None,
     *,
@@ -65,9 +65,10 @@ def run_study(
     Parameters
     ----------
     study
-        From :func:`workflow.study.read_study`.
+        All that :func:`workflow.read_study` takes.
     archive
-        Where the archive goes; an interrupted run of the same study goes on where it stopped.
+        Where the archive goes, ``NAME.nc`` here where left out, NAME being the study's; an interrupted run of the same
+        study goes on where it stopped.
     threads
         Threads of dask; as many as there are processors where not given.
     progress
@@ -88,13 +89,15 @@ def run_study(
     ClusterError
         The workers cannot be used.
     """
+    study = read_study(study)
+    archive = Path(f"{study.name}.nc" if archive is None else archive)
     if progress is None and in_notebook():
-        with notebook_line(Path(archive).name) as line:
+        with notebook_line(archive.name) as line:
             outcome = run_study(study, archive, threads, line, workers=workers, scheduler=scheduler, **reuse)
             line.end(outcome)
             return outcome
     where, chosen = Where(threads, workers, scheduler), Reuse(**reuse)
-    archive, tell = Path(archive), progress if callable(progress) else None
+    tell = progress if callable(progress) else None
     if chosen.retry and parts_of(archive).exists():  # an unfinished run ends first
         _run(study, archive, where, Reuse(drop=chosen.drop), tell)
     return _run(study, archive, where, chosen, tell)
@@ -117,7 +120,7 @@ def _run(study: Study, archive: Path, where: Where, reuse: Reuse, progress: Prog
         compiling(grid, where.computing - 1 if where.here else 0),
         measured_run(grid, processor_begun, where.here),
     ):
-        prepared = prepare(grid, archive, hashes, reuse)
+        prepared = prepare(grid, archive, hashes, reuse, where.here)
         tally = None if progress is None else _tally(prepared, where.computing, begun, progress)
         _run_missing(prepared, run_tasks, hashes, tally)
         layout = _with_record(prepared, where, time.perf_counter() - begun)

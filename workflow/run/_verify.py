@@ -28,7 +28,8 @@ from workflow.archive import (
     truncated_message,
     versions,
 )
-from workflow.grid import Choice, Grid, arrange, case_hashes, seconds_per_case, solve, structure_of, units_of
+from workflow.grid import Choice, Grid, arrange, case_hashes, seconds_per_case, solve, units_of
+from workflow.pinning import is_pinned
 from workflow.run._compare import differences, sensitivity, without_digits
 from workflow.run._earlier import stored_choices
 from workflow.run._outcome import labels_of_case
@@ -42,19 +43,14 @@ SAMPLE = 12
 """Cases that are run again unless another number is asked for."""
 
 _SAME = 0.01
-"""Relative difference of a reduced model's errors up to which they are one: rounding of LAPACK in structures of more
-than 300 coordinates changes them by far less, another count by far more."""
+"""Relative difference of a reduced model's errors up to which they are one: rounding changes them by far less, another
+count by far more."""
 
 _ROUNDED = 1e-8
 """Difference of errors up to which they are one too: what rounding leaves of the motion of a large structure."""
 
 SECONDS = 60.0
 """Estimated seconds of the sample; a case that takes longer alone is not in it, unless all do."""
-
-MOST_PORTABLE = 300
-"""Coordinates of a structure up to which no bit depends on the processor: above, modes are found by LAPACK."""
-
-_LAPACK = f"linear algebra of more than {MOST_PORTABLE} coordinates"
 
 SHOWN = 10
 """Differences that are named."""
@@ -180,14 +176,10 @@ def _agree(stored: Choice, again: Choice) -> bool:
 
 
 def _repeat(path: Path, grid: Grid, texts: dict[str, str], sample: int) -> Iterator[Check]:
-    """Run a sample again and compare it, bit for bit where the same software runs on the same architecture.
-
-    Of large structures LAPACK finds the modes, whose bits depend on which of its kernels a processor has.
-    """
+    """Run a sample again and compare it, bit for bit where the same software computes by the same machine code."""
     from threadpoolctl import threadpool_limits
 
     other = _other_than_here(texts)
-    large: list[str] = []
     layout = describe(grid.study, grid, units_of(grid))
     stored_cells = StoredCells(path, np.arange(layout.cells, dtype=np.int64))
     differ: list[str] = []
@@ -206,19 +198,16 @@ def _repeat(path: Path, grid: Grid, texts: dict[str, str], sample: int) -> Itera
             where = labels_of_case(dataset, cell) or "the case"
             again = {v.name: solved.values[v.name].astype(v.dtype) for v in layout.variables if v.name not in LEFT_OUT}
             unlike = list(differences(stored, again))
-            may_differ = bool(other) or _is_large(grid, outer)
-            if may_differ and unlike:
-                large = large if other else [_LAPACK]
+            if other and unlike:
                 allowed = sensitivity(grid, outer, np.array([inner]), solved)
                 unlike = list(differences(stored, again, allowed))
                 lost = without_digits(again, allowed)
                 blurred += [f"{where} ({', '.join(lost)})"] if lost else []
             differ += [f"{where}: {text}" for text in unlike]
             message = truncated_message(solved.messages.get(0, ""))
-            if messages.get(0, "") != message and not may_differ:
+            if messages.get(0, "") != message and not other:
                 differ.append(f"{where}: message {messages.get(0)!r} stored, {message!r} now")
-    reasons = [f"other {', '.join(other)}"] if other else large
-    how = f"within what rounding makes of each ({reasons[0]})" if reasons else "bit for bit"
+    how = f"within what rounding makes of each (other {', '.join(other)})" if other else "bit for bit"
     if not differ:
         left = "" if not failed else f"; {failed} that failed hold nothing to compare"
         left += f"; rounding leaves no digit to compare of {'; '.join(blurred[:SHOWN])}" if blurred else ""
@@ -232,20 +221,15 @@ def _repeat(path: Path, grid: Grid, texts: dict[str, str], sample: int) -> Itera
 def _other_than_here(texts: dict[str, str]) -> list[str]:
     """Return what an archive was made with that is not what is here, and that may change the bits of its results.
 
-    Of processors it is the architecture alone: see ``tests/portability``.
+    Of processors it is the architecture alone where both computed with :func:`workflow.pin`: see ``tests/portability``.
     """
     here = {"code_revision": code_revision(), "versions": json.dumps(versions(), sort_keys=True)}
     other = [name.replace("_", " ") for name, value in here.items() if texts.get(name) != value]
     if texts.get("processor", "").split(" ")[0] != processor().split(" ")[0]:
         other.append("architecture")
+    if texts.get("pinned") != "true" or not is_pinned():
+        other.append("linear algebra")
     return other + (["origin of some cases"] if COPIED in texts else [])
-
-
-def _is_large(grid: Grid, outer: int) -> bool:
-    """Tell whether LAPACK takes part in the results of a batch."""
-    scene = grid.settings(outer).scene
-    structure = structure_of(scene.model, scene.parameters)
-    return max(structure.mechanical_size, structure.thermal_size) > MOST_PORTABLE
 
 
 def _sample(path: Path, grid: Grid, texts: dict[str, str], count: int) -> list[int]:

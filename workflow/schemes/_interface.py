@@ -45,7 +45,7 @@ class Sampling:
     count
         Number of samples, the initial state included.
     balances
-        Whether the metrics ``energy_residual`` and ``heat_residual`` are computed.
+        Whether the metrics ``energy_residual`` and ``heat_residual`` are given; NaN where the scheme is exact.
     """
 
     duration: float

@@ -8,7 +8,7 @@ from workflow.study.axes import Axis, Dimension
 from workflow.study.edits import setting
 from workflow.study.mistakes import Mistake, StudyError
 from workflow.study.quantities import readable, udunits
-from workflow.study.reader import parse_study, read_study
+from workflow.study.reader import StudySource, parse_study, read_study
 from workflow.study.resolved import ResolvedValue, resolved_values
 from workflow.study.schema import json_schema
 from workflow.study.settings import AUTO, CHOSEN, Cell, Initial, Load, Output, Scene, SchemeChoice
@@ -31,6 +31,7 @@ __all__ = [
     "SchemeChoice",
     "Study",
     "StudyError",
+    "StudySource",
     "json_schema",
     "packed",
     "parse_study",

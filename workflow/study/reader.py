@@ -40,15 +40,18 @@ from workflow.study.source import Source, compose, read_text
 from workflow.study.study import Reference, Study
 from workflow.variables import reserved_names
 
+StudySource = Study | Mapping[str, Any] | str | Path
+"""What :func:`read_study` takes."""
 
-def read_study(source: str | Path | Mapping[str, Any], settings: Mapping[str, Any] | None = None) -> Study:
+
+def read_study(source: StudySource, settings: Mapping[str, Any] | None = None) -> Study:
     """Read a study.
 
     Parameters
     ----------
     source
         Path of a YAML file; or the text itself, which has more than one line; or what the text would hold, as a
-        mapping.
+        mapping; or a study that was read.
     settings
         Values that replace some of it, by dotted path, see :func:`parse_study`.
 
@@ -57,6 +60,8 @@ def read_study(source: str | Path | Mapping[str, Any], settings: Mapping[str, An
     StudyError
         The file cannot be read or the study has mistakes; all of them are in ``mistakes``.
     """
+    if isinstance(source, Study):
+        return source.with_(settings) if settings else source
     if isinstance(source, Mapping):
         return parse_study(text_of(plain_tree(source)), "study", settings)
     if isinstance(source, str) and "\n" in source.strip():

@@ -7,24 +7,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.kernels.sums import product
-from workflow.models import Array, Cases, Structure
+from workflow.models import Array, Cases, Structure, project
 from workflow.schemes._exact import outcome
 from workflow.schemes._exact.conditions import load_of, penetration, tip_of, unit_impulse
-from workflow.schemes._exact.energy_balance import EnergyBalance, Regimes, without_balances
 from workflow.schemes._exact.impacts import Case, Thresholds, UnitImpulse
 from workflow.schemes._exact.layout import Layout, Memory, free_layout, memory
+from workflow.schemes._exact.march import march
 from workflow.schemes._exact.modal_system import Basis, analyse
-from workflow.schemes._exact.one_case import march_and_balance
 from workflow.schemes._exact.outcome import Budget
-from workflow.schemes._exact.phase_log import Log, empty_log
 from workflow.schemes._exact.pole_pairs import InseparablePolesError
 from workflow.schemes._exact.record import TALLY, Record
 from workflow.schemes._exact.two_way import HeldRegimes
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Status, complete_periods
-
-_PHASES = 1024
-"""Phases for which the log of the balances has room; a case with more is run again with eight times the room."""
 
 THRESHOLDS = Thresholds(height=1e-10, speed=1e-3, force=64.0)
 
@@ -33,7 +27,6 @@ THRESHOLDS = Thresholds(height=1e-10, speed=1e-3, force=64.0)
 class Operator:
     """What the cases of a batch share; ``budget`` is what one case may take."""
 
-    structure: Structure
     basis: Basis
     free: Layout
     budget: Budget
@@ -43,7 +36,7 @@ class Operator:
 def make_operator(structure: Structure, budget: Budget) -> Operator:
     """Diagonalise the structure with its tip free and held."""
     basis = analyse(structure)
-    return Operator(structure, basis, free_layout(basis.free), budget)
+    return Operator(basis, free_layout(basis.free), budget)
 
 
 def run_batch(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
@@ -55,8 +48,8 @@ def run_batch(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
 
 
 def march_unheated(operator: Operator, cases: Cases, sampling: Sampling) -> None:
-    """Run a batch without friction heat and balances: of the two large kernels it needs the march alone."""
-    run_batch(operator, replace(cases, alpha=np.zeros(cases.count)), replace(sampling, balances=False))
+    """Run a batch without friction heat: of the two large kernels it needs the march alone."""
+    run_batch(operator, replace(cases, alpha=np.zeros(cases.count)), sampling)
 
 
 def solve_held_regime(operator: Operator, cases: Cases, sampling: Sampling) -> None:
@@ -78,17 +71,14 @@ class _Batch:
         self.frequency = cases.period_frequency
         self.periods = complete_periods(self.frequency, sampling)
         self.finite = cases.finite
-        moving = (product(states, basis.to_modes.T) for states in (cases.displacement, cases.velocity))
-        self.modal = np.hstack([*moving, product(cases.temperature, basis.to_thermal.T)])
-        self.balance = EnergyBalance(operator.structure, basis, operator.free) if sampling.balances else None
-        self.logs: dict[int, Log] = {}
+        moving = (project(basis.to_modes, states) for states in (cases.displacement, cases.velocity))
+        self.modal = np.hstack([*moving, project(basis.to_thermal, cases.temperature)])
         self.impulses: dict[float, UnitImpulse] = {}
         self.regimes = HeldRegimes(basis.held)
-        self.held: tuple[tuple[float, float], Layout, Regimes] | None = None
+        self.held: tuple[tuple[float, float], Layout] | None = None
         self.memory: dict[tuple[int, int, bool, int, bool], Memory] = {}
         self.histories = np.full((count, len(HISTORIES), sampling.count), np.nan)
         self.period_values = np.full((count, 3, int(self.periods.max(initial=0))), np.nan)
-        self.residuals = np.full((count, 2), np.nan)
         self.tally = np.zeros(count, dtype=TALLY)
         self.ended = np.full(count, outcome.INVALID)
 
@@ -97,20 +87,17 @@ class _Batch:
         if not self.finite[i]:
             return
         try:
-            held, balanced = self._held(float(self.cases.alpha[i]), float(self.cases.friction[i]))
-            self.ended[i] = self._march(i, held, balanced)
+            self.ended[i] = self._march(i)
         except np.linalg.LinAlgError:
             self.ended[i] = outcome.NO_SPECTRUM
         except InseparablePolesError:
             self.ended[i] = outcome.INSEPARABLE_POLES
 
-    def _held(self, alpha: float, friction: float) -> tuple[Layout, Regimes]:
-        """Return the held regime at α and µ, and what balances take of both."""
+    def _held(self, alpha: float, friction: float) -> Layout:
+        """Return the held regime at α and µ, which the cases that follow share."""
         if self.held is None or self.held[0] != (alpha, friction):
-            held, free, balance = self.regimes.at(alpha, friction), self.operator.free, self.balance
-            balanced = without_balances(free, held) if balance is None else balance.regimes(held, alpha, friction)
-            self.held = (alpha, friction), held, balanced
-        return self.held[1:]
+            self.held = (alpha, friction), self.regimes.at(alpha, friction)
+        return self.held[1]
 
     def _memory(self, regime: Layout, heated: bool, waves: int) -> Memory:
         """Return the memory that cases of regimes of one size use one after the other."""
@@ -119,21 +106,14 @@ class _Batch:
             self.memory[key] = memory(regime, heated, waves)
         return self.memory[key]
 
-    def _march(self, i: int, held: Layout, balanced: Regimes) -> int:
+    def _march(self, i: int) -> int:
         """March case ``i`` and return how it ended."""
-        (case, memories), balance, phases = self._prepared(i, held), self.balance, _PHASES
+        held = self._held(float(self.cases.alpha[i]), float(self.cases.friction[i]))
+        case, memories = self._prepared(i, held)
         n, frequency = int(self.periods[i]), float(self.frequency[i])
         ends = np.arange(1, n + 1) / frequency if n else np.zeros(0)
-        while True:
-            self.tally[i] = np.zeros((), dtype=TALLY)
-            record = Record(self.times, ends, self.histories[i], self.period_values[i], self.tally[i])
-            log = empty_log() if balance is None else self._log(balance, case.modal.size, phases)
-            solved = march_and_balance(self.operator.free, held, balanced, case, record, memories, log)
-            if solved[0] != outcome.LOG_FULL:
-                break
-            phases *= 8
-        self.residuals[i] = solved[1:]
-        return int(solved[0])
+        record = Record(self.times, ends, self.histories[i], self.period_values[i], self.tally[i])
+        return int(march(self.operator.free, held, case, record, memories))
 
     def _prepared(self, i: int, held: Layout) -> tuple[Case, tuple[Memory, Memory]]:
         """Return what the march reads of case ``i``, and the memory of its free and its held motion."""
@@ -148,12 +128,6 @@ class _Batch:
         modal, waves = self.modal[i, : 2 * basis.tip.size + heats], load.waves.shape[0]
         case = Case(load, tip, modal, basis.closing[:heats], operator.budget, operator.thresholds)
         return case, (self._memory(operator.free, heated, waves), self._memory(held, heated, waves))
-
-    def _log(self, balance: EnergyBalance, states: int, phases: int) -> Log:
-        """Return the log that cases of so many states use one after the other, with room for so many phases or more."""
-        if states not in self.logs or self.logs[states].held.size < phases:
-            self.logs[states] = balance.log(states, phases)
-        return self.logs[states]
 
     def results(self) -> Results:
         """Return the results of the batch."""
@@ -175,11 +149,11 @@ class _Batch:
     def _metrics(self, completed: NDArray[np.bool_], displacement: Array) -> dict[str, Array]:
         """Return the metrics; those of cases that did not complete are NaN, but for the steps that they took."""
         names = ("impacts", "contact_time", "max_temperature", "thermal_closing", "releases")
+        residuals = ("energy_residual", "heat_residual") if self.sampling.balances else ()
         metrics = {name: np.where(completed, self.tally[name], np.nan) for name in names}
         metrics["steps"] = np.where(self.tally["steps"] > 0, self.tally["steps"], np.nan)
+        metrics |= {name: np.full(completed.size, np.nan) for name in residuals}  # those of steps; there are none
         metrics["max_penetration"] = penetration(self.cases, displacement, self.times)
-        if self.balance is not None:
-            metrics |= {"energy_residual": self.residuals[:, 0].copy(), "heat_residual": self.residuals[:, 1].copy()}
         return metrics
 
     def _messages(self) -> dict[int, str]:

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from workflow.kernels import elementwise
-from workflow.kernels.sums import dot, product
 from workflow.models import Array, Cases
 from workflow.schemes._exact.impacts import Tip, UnitImpulse
 from workflow.schemes._exact.layout import Layout, Load
@@ -76,10 +75,10 @@ def unit_impulse(basis: Basis, free: Layout, friction: float) -> UnitImpulse:
     """Return what an impulse with friction µ does to a free tip: it moves the modes by φᵀ(e_n - µ t)."""
     struck, modes = basis.tip - friction * basis.along, basis.tip.size
     with np.errstate(divide="ignore", invalid="ignore"):  # a tip that no impulse moves has no law of impact
-        drag = float(np.divide(dot(basis.damped_tip, struck), dot(basis.tip, struck)))
+        drag = float(np.divide(np.dot(basis.damped_tip, struck), np.dot(basis.tip, struck)))
     if free.is_modal:
         return UnitImpulse(drag, np.stack([np.zeros(modes), struck]))
-    return UnitImpulse(drag, product(struck, free.inward[modes : 2 * modes, : 2 * modes]).reshape(2, modes))
+    return UnitImpulse(drag, (struck @ free.inward[modes : 2 * modes, : 2 * modes]).reshape(2, modes))
 
 
 def penetration(cases: Cases, displacement: Array, times: Array) -> Array:

@@ -11,7 +11,7 @@ from workflow.models import Array
 from workflow.schemes._exact.accumulation import Bounces, settle
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
 from workflow.schemes._exact.layout import Load
-from workflow.schemes._exact.motion import copy_state, observe, strike
+from workflow.schemes._exact.motion import copy_state, strike
 from workflow.schemes._exact.outcome import Budget
 from workflow.schemes._exact.passage import Motions, enter_contact
 from workflow.schemes._exact.tables import expansion
@@ -80,27 +80,20 @@ than the threshold, 1e-7 of the displacement scale: the message of the case says
 
 @part
 def impact(motions: Motions, case: Case, tally: Any) -> tuple[bool, float]:
-    """Strike the free tip with the speed ``tally.speed`` of approach; return whether it stays in contact, since when.
-
-    It takes the energy p (v⁻ + v⁺)/2 from the modes, v = d' - g', less p µ tᵀ(x'⁻ + x'⁺)/2 that friction gives. The
-    balance has p times half the difference between g'⁺ of the modes and that of the law.
-    """
+    """Strike the free tip, which approaches with ``tally.speed``; return whether it stays in contact, since when."""
     tip, free, speed = case.tip, motions.free, tally.speed
     p = (1.0 + tip.e) * speed / tip.mobility
     tally.max_speed = max(tally.max_speed, speed)
     strike(free.r, tip.kick, free.now, p, tip.alpha * p)
     expand(free.r, free.now, tally.time, free.expansion)
-    parting = free.expansion.sums[expansion.D1, free.r.blocks]
-    stays, since, e = speed <= 0.0 or tip.e == 0.0, tally.time, tip.e
+    stays, since = speed <= 0.0 or tip.e == 0.0, tally.time
     if not stays:
         end = _end_of_bounces(motions, case, tally)
         if not np.isnan(end):  # p and what all later impacts would add is m v⁻ and the contact force
-            stays, since, p, e = True, end, speed / tip.mobility, 0.0
-            parting = observe(free.r, free.now, tally.time).signal_rate
+            stays, since, p = True, end, speed / tip.mobility
     if speed > 0.0:
         tally.impacts += 1
         tally.impulse += p
-        tally.spent += 0.5 * p * (parting - e * speed)
     return stays, since
 
 

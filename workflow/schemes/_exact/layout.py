@@ -9,9 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from workflow.kernels.algebra import Complex
 from workflow.kernels.compiled import kernel
-from workflow.kernels.complex_numbers import Complex
-from workflow.kernels.sums import product
 from workflow.models import Array
 from workflow.schemes._exact.modal_system import ModalSystem
 from workflow.schemes._exact.regimes import Regime, regime_of
@@ -129,7 +128,7 @@ def free_layout(system: ModalSystem) -> Layout:
     if not system.is_coupled:
         return packed._replace(is_modal=True)
     blocks, b = packed.blocks, packed.block
-    jump = product(system.heat_tip, regime.inward[2 * blocks :])
+    jump = system.heat_tip @ regime.inward[2 * blocks :]
     b[block.HEAT_JUMP_VALUE, :blocks] = jump[:blocks]
     b[block.HEAT_JUMP_SLOPE, :blocks] = jump[blocks : 2 * blocks]
     return packed

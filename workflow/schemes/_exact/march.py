@@ -6,14 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from workflow.kernels.compiled import part
+from workflow.kernels.compiled import part, rolled, uncounted
 from workflow.schemes._exact import outcome
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
 from workflow.schemes._exact.impacts import Case, impact
 from workflow.schemes._exact.layout import Layout, Memory
 from workflow.schemes._exact.motion import Motion, Observed, advance, copy_state, integral, observe
 from workflow.schemes._exact.passage import Motions, enter_contact, fill_modal, motions_of, release, set_free
-from workflow.schemes._exact.phase_log import Log, begin_phase, end_phase, note_energy, note_loss, note_phase
 from workflow.schemes._exact.record import Record, contact_time, next_due, note_temperature, record_step, write
 from workflow.schemes._exact.step import Start, certified_step
 from workflow.schemes._exact.tables import expansion
@@ -24,19 +23,17 @@ _SAME_TIME = 16.0 * 2.220446049250313e-16
 _LATE = 1e-9
 """Samples are due at the end up to this share of the duration: it is a multiple of their interval up to that."""
 
-_ENERGY_STEPS = 16
-"""The balance takes the largest energy of every so many steps, and of the ends of phases."""
-
 _FIRST_STEP = 0.1
 """First step tried after an event, in times of the fastest pole; longer ones follow if it is certified."""
 
 
-@part
-def march(free: Layout, held: Layout, case: Case, record: Record, memories: tuple[Memory, Memory], log: Log) -> int:
+@uncounted
+@rolled
+def march(free: Layout, held: Layout, case: Case, record: Record, memories: tuple[Memory, Memory]) -> int:
     """Run one case and return how it ended, see :mod:`workflow.schemes._exact.outcome`; never raises."""
     motions = motions_of(free, held, case.load, memories)
-    tally, T, audited = record.tally, case.load.duration, log.held.size > 0
-    ended, event, start, observed = _begin(motions, case, record, log)
+    tally, T = record.tally, case.load.duration
+    ended, event, start, observed = _begin(motions, case, record)
     while ended == outcome.RUNNING:
         if event:
             if case.tip.mobility <= 0.0:
@@ -44,19 +41,14 @@ def march(free: Layout, held: Layout, case: Case, record: Record, memories: tupl
             tally.events += 1
             if tally.events > case.budget.events:
                 return outcome.OUT_OF_EVENTS
-            released = tally.held != 0
-            if tally.logged:
-                end_phase(log, motions, tally)
             start, observed = _pass_event(motions, case, tally, observed)
-            if audited and not note_phase(log, motions, released, tally):
-                return outcome.LOG_FULL
         if tally.time >= T:
-            _finish(motions, case, record, log, observed)
+            _finish(motions, case, record, observed)
             return outcome.COMPLETED
         tally.steps += 1
         if tally.steps > case.budget.steps:
             return outcome.OUT_OF_STEPS
-        h, event, observed = _step(motions.held if tally.held else motions.free, record, start, T, observed, log)
+        h, event, observed = _step(motions.held if tally.held else motions.free, record, start, T, observed)
         if not np.isfinite(h):
             return outcome.NOT_FINITE
         if not tally.held:
@@ -68,14 +60,11 @@ def march(free: Layout, held: Layout, case: Case, record: Record, memories: tupl
                 event = tally.speed > 0.0 or h == 0.0  # a tip that lies on the casing at this instant
         tally.time = T if h >= T - tally.time else tally.time + h
         start = Start(0, -1.0, False, 2.0 * h)
-        if audited and tally.steps % _ENERGY_STEPS == 0:
-            fill_modal(motions, tally.held != 0, tally.time)
-            note_energy(log, motions.free.modal, tally)
     return ended
 
 
 @part
-def _begin(motions: Motions, case: Case, record: Record, log: Log) -> tuple[int, bool, Start, Observed]:
+def _begin(motions: Motions, case: Case, record: Record) -> tuple[int, bool, Start, Observed]:
     """Take the initial state; return how the case ended, if it did, whether it begins with an event, and how."""
     free, tip, tally = motions.free, case.tip, record.tally
     for i in range(case.modal.size):
@@ -94,8 +83,6 @@ def _begin(motions: Motions, case: Case, record: Record, log: Log) -> tuple[int,
     touches = abs(tip.distance) <= 4.0 * SUM_ROUNDING * (tally.length + free.expansion.sums[expansion.SIZE, 0])
     if tip.distance < 0.0 and not touches:
         return outcome.INSIDE_CASING, False, start, observed
-    if log.held.size > 0:
-        begin_phase(log, case.modal, tally)
     event = touches and tip.speed >= 0.0
     if touches:
         tally.speed = tip.speed
@@ -127,9 +114,7 @@ def _pass_event(motions: Motions, case: Case, tally: Any, observed: Observed) ->
 
 
 @part
-def _step(
-    m: Motion, record: Record, start: Start, T: float, observed: Observed, log: Log
-) -> tuple[float, bool, Observed]:
+def _step(m: Motion, record: Record, start: Start, T: float, observed: Observed) -> tuple[float, bool, Observed]:
     """Take a certified step; return its length, whether an event ends it, and its last outputs.
 
     The length is NaN where the state leaves the finite numbers.
@@ -141,11 +126,7 @@ def _step(
     if not np.isfinite(h):
         return h, False, observed
     advance(m.r, m.now, t, h, m.after)
-    impulse = 0.0
-    if tally.held:
-        impulse = integral(m.r, m.now, m.after, t, h)
-    elif log.loss.size > 0:
-        note_loss(log, m, h, tally)
+    impulse = integral(m.r, m.now, m.after, t, h) if tally.held else 0.0
     after = observe(m.r, m.after, t + h)
     if not (np.isfinite(after.signal) and np.isfinite(after.temperature)):
         return np.nan, False, after
@@ -156,14 +137,10 @@ def _step(
 
 
 @part
-def _finish(motions: Motions, case: Case, record: Record, log: Log, observed: Observed) -> None:
+def _finish(motions: Motions, case: Case, record: Record, observed: Observed) -> None:
     """Write what is due at the end, after any event there."""
     tally, modal, T = record.tally, motions.free.modal, case.load.duration
     fill_modal(motions, tally.held != 0, tally.time)
-    if tally.logged:
-        end_phase(log, motions, tally)
-    for i in range(log.final.size):
-        log.final[i] = modal[i]
     while next_due(record) <= T * (1.0 + _LATE):
         write(record, T, observed, tally.impulse)
     for j in range(case.closing.size):

@@ -16,8 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from workflow.kernels.singular import least_squares
-from workflow.kernels.sums import dot, product
+from workflow.kernels.algebra import least_squares
 from workflow.models import (
     Array,
     Modes,
@@ -100,7 +99,7 @@ class ModalSystem:
         """
         if friction == 0 or self.tangent is None:
             return self
-        own_share = 1.0 - friction * dot(self.signal_steady, self.tangent)
+        own_share = 1.0 - friction * np.dot(self.signal_steady, self.tangent)
         return replace(
             self,
             reaction=self.reaction / own_share,
@@ -109,7 +108,7 @@ class ModalSystem:
             signal_steady=self.signal_steady / own_share,
             signal_tip=self.signal_tip / own_share,
             signal_gap=self.signal_gap / own_share,
-            friction_force=friction * product(self.shapes.T, self.tangent[: self.shapes.shape[0]]),
+            friction_force=friction * (self.shapes.T @ self.tangent[: self.shapes.shape[0]]),
         )
 
 
@@ -144,16 +143,16 @@ def analyse(structure: Structure) -> Basis:
     mechanical, thermal = mechanical_modes(structure), thermal_modes(structure)
     free, along = free_system(structure), np.zeros(mechanical.values.size)
     if structure.tangent is not None:
-        along = product(mechanical.shapes.T, structure.tangent)
+        along = mechanical.shapes.T @ structure.tangent
     return Basis(
-        to_modes=product(mechanical.shapes.T, structure.mass),
-        to_thermal=product(thermal.shapes.T, structure.heat_capacity),
+        to_modes=mechanical.shapes.T @ structure.mass,
+        to_thermal=thermal.shapes.T @ structure.heat_capacity,
         tip=mechanical.tip.copy(),
-        damped_tip=product(free.damping, mechanical.tip) if free.is_coupled else free.damping * mechanical.tip,
+        damped_tip=free.damping @ mechanical.tip if free.is_coupled else free.damping * mechanical.tip,
         along=along,
-        closing=product(static_tip_growth(structure), thermal.shapes),
-        mobility=dot(mechanical.tip, mechanical.tip),
-        aside=dot(mechanical.tip, along),
+        closing=static_tip_growth(structure) @ thermal.shapes,
+        mobility=np.dot(mechanical.tip, mechanical.tip),
+        aside=np.dot(mechanical.tip, along),
         heat_jump=float(sum(float(tip) ** 2 for tip in thermal.tip)),
         free=free,
         held=held_system(structure),
@@ -197,15 +196,15 @@ def held_system(structure: Structure) -> ModalSystem:
     strain = root[:, None] * interior.elongation
     tip_strain = root * structure.elongation[:, -1]
     static = least_squares(strain, -tip_strain)  # shape under a unit displacement of the tip, of minimum norm
-    whole_strain = product(strain, static) + tip_strain
-    row = product(tip_strain, product(strain, shapes))  # K_ni φ
+    whole_strain = strain @ static + tip_strain
+    row = tip_strain @ (strain @ shapes)  # K_ni φ
     row[frequency == 0] = 0.0
-    inertia = product(structure.mass[-1, :-1], shapes)  # M_ni φ
+    inertia = structure.mass[-1, :-1] @ shapes  # M_ni φ
     constraint_mode = np.append(static, 1.0)  # s
     coupling = modal_coupling(interior, modes, thermal)
-    force_steady = np.append(-product(shapes, inertia), 1.0)
-    to_modes = product(mechanical.shapes.T, structure.mass)
-    from_free = product(product(shapes.T, interior.mass), mechanical.shapes[:-1])
+    force_steady = np.append(-shapes @ inertia, 1.0)
+    to_modes = mechanical.shapes.T @ structure.mass
+    from_free = shapes.T @ interior.mass @ mechanical.shapes[:-1]
     reaction = row - inertia * frequency**2
     damping, slope = _held_damping(structure, modes, reaction, inertia)
     return ModalSystem(
@@ -217,15 +216,15 @@ def held_system(structure: Structure) -> ModalSystem:
         reaction=reaction,
         reaction_slope=slope,
         relaxation=structure.damping.stiffness,
-        thermal_reaction=product(structure.coupling_matrix[-1], thermal.shapes) - product(inertia, coupling),
+        thermal_reaction=structure.coupling_matrix[-1] @ thermal.shapes - inertia @ coupling,
         signal_steady=force_steady,
-        signal_tip=dot(force_steady, structure.load_direction),
+        signal_tip=np.dot(force_steady, structure.load_direction),
         load=structure.load_direction,
-        **_by_casing(structure, constraint_mode, shapes, dot(whole_strain, tip_strain)),
+        **_by_casing(structure, constraint_mode, shapes, np.dot(whole_strain, tip_strain)),
         shapes=shapes,
         heat_shapes=thermal.shapes,
-        entry=np.vstack([from_free.T, -product(shapes.T, product(interior.mass, static))]),
-        exit=np.vstack([product(to_modes[:, :-1], shapes).T, product(to_modes, constraint_mode)]),
+        entry=np.vstack([from_free.T, -shapes.T @ (interior.mass @ static)]),
+        exit=np.vstack([(to_modes[:, :-1] @ shapes).T, to_modes @ constraint_mode]),
         tangent=structure.tangent,
     )
 
@@ -235,20 +234,20 @@ def _held_damping(structure: Structure, modes: Modes, reaction: Array, inertia: 
     if is_rayleigh(structure):
         return structure.damping.of_modes(modes.values), structure.damping.stiffness * reaction
     damping = held_damping(structure, Modes(modes.values, np.vstack([modes.shapes, np.zeros(modes.values.size)])))
-    return damping, product(structure.damping_matrix[-1, :-1], modes.shapes) - product(inertia, damping)
+    return damping, structure.damping_matrix[-1, :-1] @ modes.shapes - inertia @ damping
 
 
 def _by_casing(structure: Structure, constraint_mode: Array, shapes: Array, stiffness: float) -> dict[str, Any]:
     """Return what place, velocity and acceleration of the casing do to a held tip; ``stiffness`` is sᵀ K1 s."""
-    momentum, inertia = product(structure.mass, constraint_mode), product(structure.mass[-1, :-1], shapes)
+    momentum, inertia = structure.mass @ constraint_mode, structure.mass[-1, :-1] @ shapes
     if is_rayleigh(structure):  # K1 s is 0 but at the tip
         damped = structure.damping.mass * momentum
         damped[-1] += structure.damping.stiffness * stiffness
     else:
-        damped = product(structure.damping_matrix, constraint_mode)
+        damped = structure.damping_matrix @ constraint_mode
     source = np.zeros((shapes.shape[1], 3))
-    source[:, 1], source[:, 2] = -product(shapes.T, damped[:-1]), -product(shapes.T, momentum[:-1])
-    rate, acceleration = damped[-1] + dot(inertia, source[:, 1]), momentum[-1] + dot(inertia, source[:, 2])
+    source[:, 1], source[:, 2] = -shapes.T @ damped[:-1], -shapes.T @ momentum[:-1]
+    rate, acceleration = damped[-1] + np.dot(inertia, source[:, 1]), momentum[-1] + np.dot(inertia, source[:, 2])
     return {"signal_gap": np.array([-stiffness, -rate, -acceleration]), "gap_source": source}
 
 
@@ -275,7 +274,7 @@ def state_space(system: ModalSystem, alpha: float) -> tuple[Array, Array, Array]
     A += np.outer(per_force, row)
     B = np.outer(per_force, signal_inputs(system))
     B[u, : system.shapes.shape[0]] += system.shapes.T
-    B[u, -4] += product(system.shapes.T, system.load[: system.shapes.shape[0]])  # as constant loads in its direction do
+    B[u, -4] += system.shapes.T @ system.load[: system.shapes.shape[0]]  # as constant loads in its direction do
     B[u, -3:] += system.gap_source
     B[tau, mechanical : mechanical + thermal] = system.heat_shapes.T
     return A, row, B

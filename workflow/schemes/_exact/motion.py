@@ -190,38 +190,3 @@ def strike(r: Response, kick: Array, y: Array, p: float, heat: float) -> None:
     for k in range(r.blocks):
         y[state.VALUE, k] += heat * b[block.HEAT_JUMP_VALUE, k] - p * kick[0, k]
         y[state.SLOPE, k] += heat * b[block.HEAT_JUMP_SLOPE, k] - p * kick[1, k]
-
-
-@part
-def to_rates(r: Response, y: Array, t: float, rates: Array) -> None:
-    """Fill the derivatives of the coordinates [η, u, ξ] from the state ``y`` of time t."""
-    b, f = r.block, r.first
-    value, slope = rates[: r.blocks], rates[r.blocks : 2 * r.blocks]
-    for k in range(r.blocks):
-        value[k] = y[state.SLOPE, k]
-        slope[k] = -b[block.DAMPING, k] * y[state.SLOPE, k] - b[block.STIFFNESS, k] * y[state.VALUE, k]
-    for i in range(r.explicits):
-        k = int(b[block.EXPLICIT_COLUMNS, i])
-        slope[k] += explicit_force(r, k, y, t)
-    for i in range(r.waves.shape[0]):
-        row, omega = i * block.WAVE, r.waves[i, wave.OMEGA]
-        cos, sin = wave_phase(r.waves, i, t)
-        for k in range(r.blocks):
-            a_cos, a_sin = b[block.PARTICULAR_COS + row, k], b[block.PARTICULAR_SIN + row, k]
-            value[k] += omega * (a_sin * cos - a_cos * sin)
-            slope[k] -= omega * omega * (a_cos * cos + a_sin * sin)
-            slope[k] -= omega * (b[block.SOURCE_SIN + row, k] * cos - b[block.SOURCE_COS + row, k] * sin)
-    for j in range(r.firsts):
-        speed, mu = y[state.FIRST_SLOPE, j], f[first.RATE, j]
-        for k in range(r.blocks):
-            if b[block.EXPLICIT, k] == 0.0:
-                quasi_static = (r.coupling[1, j, k] - r.coupling[2, j, k] * mu) * speed
-                value[k] += quasi_static
-                slope[k] -= mu * quasi_static
-        for i in range(r.waves.shape[0]):
-            cos, sin = wave_phase(r.waves, i, t)
-            at = i * first.WAVE
-            speed += r.waves[i, wave.OMEGA] * (
-                f[first.HARMONIC_SIN + at, j] * cos - f[first.HARMONIC_COS + at, j] * sin
-            )
-        rates[2 * r.blocks + j] = speed

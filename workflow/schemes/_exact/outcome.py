@@ -22,12 +22,11 @@ OUT_OF_EVENTS = 1
 OUT_OF_STEPS = 2
 INSIDE_CASING = 3
 NOT_FINITE = 4
-LOG_FULL = 5  # more phases than the log of the balances takes: the case is run again with a longer one
-RUNNING = 6
-INVALID = 7  # a value of the case is not finite
-NO_SPECTRUM = 8  # the eigenvalues of the held tip were not found
-NO_IMPACT_LAW = 9  # the tip meets its casing, and friction pushes it further in than the contact force pushes it out
-INSEPARABLE_POLES = 10  # poles of the held tip cannot be separated, see :mod:`workflow.schemes._exact.pole_pairs`
+RUNNING = 5
+INVALID = 6  # a value of the case is not finite
+NO_SPECTRUM = 7  # the eigenvalues of the held tip were not found
+NO_IMPACT_LAW = 8  # the tip meets its casing, and friction pushes it further in than the contact force pushes it out
+INSEPARABLE_POLES = 9  # poles of the held tip cannot be separated, see :mod:`workflow.schemes._exact.pole_pairs`
 
 _NEARLY_ELASTIC = 0.99
 """Restitution above which the message about the budget of events says how many impacts it takes to come to rest."""

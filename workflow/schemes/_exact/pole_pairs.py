@@ -14,9 +14,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.kernels.complex_numbers import complex_product, complex_total, magnitude, over, times
-from workflow.kernels.solving import solve
-from workflow.kernels.sums import product, total
 from workflow.models import Array
 from workflow.schemes._exact.modal_system import ModalSystem
 from workflow.schemes._exact.spectrum import Complex, condition_numbers, coupled_spectrum
@@ -80,42 +77,52 @@ def pole_pairs(system: ModalSystem, A: Array) -> PolePairs:
     values, count = spectrum.values, spectrum.values.size - system.rate.size
     right, left = np.zeros((2, size, values.size), dtype=np.complex128)
     right[kept], left[kept] = spectrum.right, spectrum.left.T
-    right[rigid] = over(right[modes + rigid], np.where(values == 0, 1.0, values))
+    right[rigid] = right[modes + rigid] / np.where(values == 0, 1.0, values)
     poles, speeds = values[:count], right[modes : 2 * modes, :count]
-    share = total(magnitude(speeds[rigid]) ** 2, 0) / total(magnitude(speeds) ** 2, 0)
+    share = np.sum(np.abs(speeds[rigid]) ** 2, 0) / np.sum(np.abs(speeds) ** 2, 0)
     drifts = np.argsort(np.where(poles.imag == 0, -share, 1.0), kind="stable")[: rigid.size]
     others = np.setdiff1d(np.arange(count), drifts)
     if np.any(poles[drifts].imag > 0):
         raise InseparablePolesError
-    drift, drag = speeds[np.ix_(rigid, drifts)].real, product(system.damping[rigid], speeds[:, drifts].real)
+    drift, drag = speeds[np.ix_(rigid, drifts)].real, system.damping[rigid] @ speeds[:, drifts].real
     right[np.ix_(rigid, drifts)] = 0.0
     if system.is_free:
         simple = condition_numbers(spectrum.right[:, :count], spectrum.left[:count]) < _SIMPLE
         simple[drifts] = False
         poles = np.where(simple, sharpened(poles, right[:, :count], system), poles)
-    one, other = (others[k] for k in _partners(poles[others]))
-    twin = (one == other)[:, None]
-    s, t = poles[one], np.where(twin[:, 0], poles[other].conj(), poles[other])
-    l1, l2 = left.T[one], np.where(twin, left.T[other].conj(), left.T[other])
-    x1, x2 = right.T[one], np.where(twin, right.T[other].conj(), right.T[other])
+    (s, t), (l1, l2), (x1, x2) = _paired(poles, left.T, right.T, others)
     apart = (s - t)[:, None]
-    into = [(l1 + l2).real, (times(s[:, None], l1) + times(t[:, None], l2)).real, left.T[count:].real]
-    between = over(times(s[:, None], x2) - times(t[:, None], x1), apart).real
-    back = [between, over(x1 - x2, apart).real, right.T[count:].real]
-    place = np.eye(size)[rigid] - product(np.concatenate(back)[:, rigid].T, np.concatenate(into))
-    into = [solve(drift, place), into[0], left.T[drifts].real, *into[1:]]
-    back = [product(drift.T, np.eye(size)[rigid]), back[0], right.T[drifts].real, *back[1:]]
-    fastest = magnitude(poles).max(initial=0.0)
-    stiffness = _without_rounding(times(s, t).real, fastest * np.maximum(magnitude(s), magnitude(t)))
+    into = [(l1 + l2).real, (s[:, None] * l1 + t[:, None] * l2).real, left.T[count:].real]
+    between = ((s[:, None] * x2 - t[:, None] * x1) / apart).real
+    back = [between, ((x1 - x2) / apart).real, right.T[count:].real]
+    place = np.eye(size)[rigid] - np.concatenate(back)[:, rigid].T @ np.concatenate(into)
+    into = [np.linalg.solve(drift, place), into[0], left.T[drifts].real, *into[1:]]
+    back = [drift.T @ np.eye(size)[rigid], back[0], right.T[drifts].real, *back[1:]]
+    fastest = np.abs(poles).max(initial=0.0)
+    stiffness = _without_rounding((s * t).real, fastest * np.maximum(np.abs(s), np.abs(t)))
     if np.any(stiffness < 0):
         raise InseparablePolesError
-    damping = np.append(total(drift * drag, 0) / total(drift * drift, 0), -(s + t).real)
+    damping = np.append(np.sum(drift * drag, 0) / np.sum(drift * drift, 0), -(s + t).real)
     return PolePairs(
         _without_rounding(damping, np.full(damping.size, fastest)),
         np.append(np.zeros(rigid.size), stiffness),
         np.concatenate(into),
         np.concatenate(back).T,
     )
+
+
+def _paired(poles: Complex, left: Complex, right: Complex, others: Any) -> tuple[tuple[Any, Any], ...]:
+    """Return both poles of each block, their left eigenvectors and their right ones, ``(block, N)``.
+
+    Vectors of two real poles do not point opposite ways: those of poles that nearly coincide nearly agree.
+    """
+    one, other = (others[k] for k in _partners(poles[others]))
+    twin = (one == other)[:, None]
+    x1, x2 = right[one], np.where(twin, right[other].conj(), right[other])
+    sign = np.where(~twin & (np.sum(x1 * x2, 1, keepdims=True).real < 0), -1.0, 1.0)
+    second = np.where(twin[:, 0], poles[other].conj(), poles[other])
+    l2 = sign * np.where(twin, left[other].conj(), left[other])
+    return (poles[one], second), (left[one], l2), (x1, sign * x2)
 
 
 def sharpened(values: Complex, right: Complex, system: ModalSystem) -> Complex:
@@ -131,20 +138,20 @@ def sharpened(values: Complex, right: Complex, system: ModalSystem) -> Complex:
         Poles, ``(pole,)``, and their eigenvectors in [z, z', …], ``(N, pole)``.
     """
     y = right[: system.frequency.size]
-    squares = times(y, y)
-    inertia = complex_total(squares, 0)
-    dissipation = complex_total(times(y, complex_product(system.damping, y)), 0)
-    strain = complex_total(system.frequency[:, None] ** 2 * squares, 0)
-    off = times(values, times(values, inertia) + dissipation) + strain
-    return np.asarray(values - over(off, times(2 * values, inertia) + dissipation))
+    squares = y * y
+    inertia = np.sum(squares, 0)
+    dissipation = np.sum(y * (system.damping @ y), 0)
+    strain = np.sum(system.frequency[:, None] ** 2 * squares, 0)
+    off = values * (values * inertia + dissipation) + strain
+    return np.asarray(values - off / ((2 * values) * inertia + dissipation))
 
 
 def _partners(values: Any) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return the two poles of each block, ascending by their product; twice the same for a complex pair."""
     pair, real = np.flatnonzero(values.imag > 0), np.flatnonzero(values.imag == 0)
-    real = real[np.argsort(magnitude(values[real]), kind="stable")]
+    real = real[np.argsort(np.abs(values[real]), kind="stable")]
     one, other = np.concatenate([pair, real[: real.size // 2]]), np.concatenate([pair, real[::-1][: real.size // 2]])
-    order = np.argsort(magnitude(values[one]) * magnitude(values[other]), kind="stable")
+    order = np.argsort(np.abs(values[one]) * np.abs(values[other]), kind="stable")
     return one[order], other[order]
 
 

@@ -18,8 +18,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.kernels.complex_numbers import magnitude, times
-from workflow.kernels.sums import product
 from workflow.models import Array
 from workflow.schemes._exact.modal_system import ModalSystem, signal_inputs, state_space
 from workflow.schemes._exact.pole_pairs import InseparablePolesError, pole_pairs
@@ -130,7 +128,7 @@ def _regime(
         coupling=np.zeros((3, firsts, blocks)),
         resonant=np.zeros(blocks),
         signal=signal,
-        temperature=product(system.heat_tip, outward[2 * system.frequency.size :]),
+        temperature=system.heat_tip @ outward[2 * system.frequency.size :],
         source=np.concatenate([source, signal_inputs(system)[None]]).T,
         inward=inward.T,
         outward=outward.T,
@@ -209,7 +207,7 @@ def _coupled(system: ModalSystem) -> Regime:
     inward[np.ix_(at, own)], outward[np.ix_(own, at)] = pairs.inward, pairs.outward
     damping = np.concatenate([np.diag(system.damping)[rigid], pairs.damping])
     poles = damping, np.concatenate([np.zeros(still), pairs.stiffness]), system.rate
-    return _regime(system, poles, product(row, outward), product(inward, source), inward, outward)
+    return _regime(system, poles, row @ outward, inward @ source, inward, outward)
 
 
 def _two_way(held: ModalSystem, alpha: float) -> Regime:
@@ -226,9 +224,9 @@ def _two_way(held: ModalSystem, alpha: float) -> Regime:
             raise InseparablePolesError
     first = np.flatnonzero(spectrum.values.imag == 0)
     pairs = np.flatnonzero(spectrum.values.imag > 0)
-    pairs = pairs[np.argsort(magnitude(spectrum.values[pairs]), kind="stable")]
+    pairs = pairs[np.argsort(np.abs(spectrum.values[pairs]), kind="stable")]
     s, left = spectrum.values[pairs], spectrum.left[pairs]
-    inward = np.concatenate([left.real, times(s[:, None], left).real, spectrum.left[first].real])
+    inward = np.concatenate([left.real, (s[:, None] * left).real, spectrum.left[first].real])
 
     def outputs(vectors: Any) -> Array:
         """Return values per η and u of pairs and per ξ from those per eigenvector."""
@@ -238,4 +236,4 @@ def _two_way(held: ModalSystem, alpha: float) -> Regime:
         )
 
     poles = -2 * s.real, s.real**2 + s.imag**2, -spectrum.values[first].real
-    return _regime(held, poles, outputs(spectrum.force), product(inward, source), inward, outputs(spectrum.right))
+    return _regime(held, poles, outputs(spectrum.force), inward @ source, inward, outputs(spectrum.right))

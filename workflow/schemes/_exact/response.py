@@ -17,8 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 from workflow.kernels import elementary
+from workflow.kernels.algebra import Complex
 from workflow.kernels.compiled import part
-from workflow.kernels.complex_numbers import Complex
 from workflow.models import Array
 from workflow.schemes._exact.layout import Layout, Load, Memory
 from workflow.schemes._exact.tables import block, first, state, wave

@@ -9,12 +9,9 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from workflow.kernels.algebra import eigenvalues, eigenvectors
 from workflow.kernels.compiled import part, uncounted
-from workflow.kernels.complex_numbers import complex_of, complex_product, magnitude, over, square_root
-from workflow.kernels.eigen import eigenvalues, eigenvectors
 from workflow.kernels.packs import Lane, complex_at, narrow, store_complex, times
-from workflow.kernels.solving import solve
-from workflow.kernels.sums import product, total
 from workflow.models import Array
 from workflow.schemes._exact import secular
 from workflow.schemes._exact import zeros as row
@@ -77,17 +74,17 @@ def uncoupled(held: ModalSystem, alpha: float = 1.0) -> Uncoupled | None:
     if held.is_coupled:
         return None
     c, mu, omega2 = held.damping, held.rate, held.frequency**2
-    split = 2 * square_root((c / 2) ** 2 - omega2 + 0j)
+    split = 2 * np.sqrt((c / 2) ** 2 - omega2 + 0j)
     polynomial = mu**2 - mu * c[:, None] + omega2[:, None]
     size = mu**2 + mu * c[:, None] + omega2[:, None]
     if (
         np.any(held.frequency == 0)
-        or np.any(magnitude(split) <= _CRITICAL * (held.frequency + c))
+        or np.any(np.abs(split) <= _CRITICAL * (held.frequency + c))
         or np.any(np.abs(polynomial) <= _CRITICAL * size)
     ):
         return None
     response = -held.coupling / polynomial
-    matrix, inverse = _matrix(held, split, response, alpha), over(1.0, split)
+    matrix, inverse = _matrix(held, split, response, alpha), 1.0 / split
     return Uncoupled(matrix, c, np.array([inverse.real, inverse.imag]), response, response * mu)
 
 
@@ -99,12 +96,12 @@ def _matrix(held: ModalSystem, split: Complex, response: Array, alpha: float) ->
     overdamped = (root.imag == 0) & (c > 0)
     upper[overdamped] = omega2[overdamped] / lower[overdamped]  # no cancellation
     heats = held.heat_tip if held.friction_force is None else alpha * held.heat_tip
-    u0, u1 = -product(response, heats), product(response, mu * heats)
+    u0, u1 = -response @ heats, response @ (mu * heats)
     u1 = u1 if held.friction_force is None else u1 + held.friction_force
     d = np.concatenate([upper, lower, -mu + 0j])
     block_u = np.tile(u1, 2) + (d[: 2 * modes] + np.tile(c, 2)) * np.tile(u0, 2)
-    u = np.concatenate([over(block_u, np.concatenate([split, -split])), heats])
-    thermal_w = -held.thermal_reaction - product(held.reaction, response) * (1 - aK * mu)
+    u = np.concatenate([block_u / np.concatenate([split, -split]), heats])
+    thermal_w = -held.thermal_reaction - (held.reaction @ response) * (1 - aK * mu)
     w = np.concatenate([-np.tile(held.reaction, 2) * (1 + aK * d[: 2 * modes]), thermal_w])
     return rank_one(d, u, w, mu.size)
 
@@ -173,12 +170,12 @@ def general_spectrum(A: Array, force: Array) -> Spectrum:
     values, right, left = eigenvectors(A)
     keep = values.imag >= 0
     right = right[:, keep]
-    return Spectrum(values[keep], right, left[keep], complex_product(force, right))
+    return Spectrum(values[keep], right, left[keep], force @ right)
 
 
 def condition_numbers(right: Complex, left: Complex) -> Array:
     """Return Σ |l_k x_k| of each pole, 1 where its eigenvector depends on no other, whatever the units."""
-    return np.asarray(total(magnitude(left) * magnitude(right.T), 1))
+    return np.asarray(np.sum(np.abs(left) * np.abs(right.T), 1))
 
 
 def is_trusted(right: Complex, left: Complex) -> bool:
@@ -216,9 +213,9 @@ def _spectrum(solver: Any, system: Any, alpha: float, A: Array) -> Spectrum | No
     if count == 0 and A.size:
         return None
     t = work.lanes[:, :count]
-    values = complex_of(t[row.D] + t[row.SHIFT], t[row.D_IM] + t[row.SHIFT_IM])
-    right, left = (complex_of(side[::2, :count], side[1::2, :count]) for side in (work.right, work.left))
-    force = complex_of(t[row.FORCE], t[row.FORCE_IM])
+    values = t[row.D] + t[row.SHIFT] + 1j * (t[row.D_IM] + t[row.SHIFT_IM])
+    right, left = (side[::2, :count] + 1j * side[1::2, :count] for side in (work.right, work.left))
+    force = t[row.FORCE] + 1j * (t[row.FORCE_IM])
     return Spectrum(values, right, left.T, force)
 
 
@@ -236,16 +233,16 @@ def _thermal_response(system: ModalSystem, moved: Array, poles: Complex) -> Arra
     That to a mode that loses no heat is static: where the pole of a motion that nothing holds is 0 too, heat does not
     drive that motion.
     """
-    modes, size, fastest = system.frequency.size, moved.shape[0], magnitude(poles).max(initial=0.0)
+    modes, size, fastest = system.frequency.size, moved.shape[0], np.abs(poles).max(initial=0.0)
     response = np.zeros((size, system.rate.size))
     for j, mu in enumerate(system.rate):
         drive = moved[:, size + j]
         if not np.any(drive):
             continue
-        distance = magnitude(poles + mu)
-        at = distance <= np.maximum(_NEAR_RATE * (magnitude(poles) + mu), _ROUNDING * fastest)
+        distance = np.abs(poles + mu)
+        at = distance <= np.maximum(_NEAR_RATE * (np.abs(poles) + mu), _ROUNDING * fastest)
         if not np.any(at):
-            response[:, j] = solve(moved[:, :size] + mu * np.eye(size), -drive)
+            response[:, j] = np.linalg.solve(moved[:, :size] + mu * np.eye(size), -drive)
         elif mu == 0 and system.friction_force is None:
             elastic = system.frequency > 0
             response[:modes][elastic, j] = -system.coupling[elastic, j] / system.frequency[elastic] ** 2
@@ -286,8 +283,8 @@ def _separate(system: ModalSystem, moved: Array, row: Array) -> _Separate | None
         return None
     whole, inverse = (np.eye(size + mu.size, dtype=np.complex128) for _ in range(2))
     whole[:size, :size], whole[:size, size:] = right, response
-    inverse[:size, :size], inverse[:size, size:] = left, -complex_product(left, response)
-    return _Separate(np.concatenate([values, -mu + 0j]), whole, inverse, complex_product(row, whole))
+    inverse[:size, :size], inverse[:size, size:] = left, -left @ response
+    return _Separate(np.concatenate([values, -mu + 0j]), whole, inverse, row @ whole)
 
 
 def coupled_spectrum(held: ModalSystem, alpha: float, A: Array) -> Spectrum | None:
@@ -314,9 +311,9 @@ def coupled_spectrum(held: ModalSystem, alpha: float, A: Array) -> Spectrum | No
     if alpha == 0 and held.friction_force is None:
         keep = system.poles.imag >= 0
         return Spectrum(system.poles[keep], system.whole[:, keep], system.inverse[keep], system.force[keep])
-    matrix = rank_one(system.poles, complex_product(system.inverse, per_force), system.force, held.rate.size)
+    matrix = rank_one(system.poles, system.inverse @ per_force, system.force, held.rate.size)
     spectrum = _spectrum(_solve_matrix, matrix, _factor(held, alpha), A)
     if spectrum is None:
         return None
-    right, left = complex_product(system.whole, spectrum.right), complex_product(spectrum.left, system.inverse)
+    right, left = system.whole @ spectrum.right, spectrum.left @ system.inverse
     return Spectrum(spectrum.values, right, left, spectrum.force)

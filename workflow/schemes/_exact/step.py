@@ -8,8 +8,7 @@ import numpy as np
 
 from workflow.kernels import elementary
 from workflow.kernels.compiled import part
-from workflow.kernels.sums import row_sum
-from workflow.schemes._exact.expansion import SUM_ROUNDING, accumulate, expand
+from workflow.schemes._exact.expansion import SUM_ROUNDING, accumulate, expand, row_sum
 from workflow.schemes._exact.explicit_blocks import explicit_force
 from workflow.schemes._exact.layout import ORDER, TAYLOR_SPAN
 from workflow.schemes._exact.motion import Motion, advance

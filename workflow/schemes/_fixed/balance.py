@@ -29,10 +29,9 @@ The load counts as the step weighs it, F_θ, in every representation of a struct
 A mode's velocity at the end of a step is known when the next one begins, which adds the impulse to it: damping and
 friction heat are counted then, and for the last step by :func:`~workflow.schemes._fixed.modal_lanes.close_balance`.
 
-The heat residual compares the change of the content H = Σ c_i θ_i with αJ + ∫Σq - ∫L(θ) dt, the loss
-L = κ_1 θ_1 + Σ b_i θ_i by the mean of a step's ends, counted for :data:`SPAN` steps at once. A full model leaves
--(θ - 1/2) h [L(end) - L(0)]; a reduced one adds what its basis loses: no combination of its equations gives the sum
-over the nodes unless a uniform temperature lies in the basis. Σq is taken as far as the basis holds one.
+The heat residual is that of pᵀ (1b), with p the temperatures at an even rise (``Structure.even_rise``): the change of
+the content H = pᵀC2 θ less αJ + ∫pᵀq - ∫L dt, the loss L = pᵀK2 θ by the temperatures θ of a step as the step weighs
+them, counted for :data:`SPAN` steps at once. Full or reduced, it leaves rounding.
 
 The balances run over whole steps: from t = 0 to the end of the last step, which lies at the duration
 or, where the duration is no multiple of h, up to one step beyond it; those of central differences are h/2 longer at
@@ -61,11 +60,9 @@ SUM_RELATIVE, SUM_DRAGGED = range(total_row.ROWS, total_row.ROWS + 2)
 """Rows of a block's sums beside those of ``total_row``: velocity of the tip relative to the dragged one at the last
 step's end; the dragged one without the heat of this step [m/s]."""
 
-SUM_SETTLED_LOSS, SUM_SETTLED_RISE = range(SUM_DRAGGED + 1, SUM_DRAGGED + 3)
-"""Heat loss of the temperatures that constant heat loads lead to [W], and its rise while these grow [W/s]."""
-
-SUM_LOST_AHEAD = SUM_SETTLED_RISE + 1
-"""Heat lost in the present span of steps, all of it, which ``total_row.LOST`` has not in it yet [J]."""
+SUM_SETTLED_LOSS, SUM_LOST_AHEAD = range(SUM_DRAGGED + 1, SUM_DRAGGED + 3)
+"""Heat loss of the temperatures that constant heat loads lead to [W]; heat lost in the present span of steps, all of
+it, which ``total_row.LOST`` has not in it yet [J]."""
 
 SUM_ROWS = SUM_LOST_AHEAD + 1
 
@@ -225,9 +222,7 @@ def count_lost_heat(account: Account, step: int, steps: int, h: float, tau: Arra
     store(sums, (total_row.TURNED_OVER, lane), pack(sums, (total_row.TURNED_OVER, lane)) + magnitude(lost))
     lost = spread(0.0, lane)
     if ahead > 0:
-        middle = (step + 0.5 * ahead) * h
-        lost = pack(sums, (SUM_SETTLED_LOSS, lane)) + middle * pack(sums, (SUM_SETTLED_RISE, lane))
-        lost = (ahead * h) * lost
+        lost = (ahead * h) * pack(sums, (SUM_SETTLED_LOSS, lane))
         for k in range(tau.shape[0]):
             lost = fused(shared(account.losses, (ahead - 1, k), lane), pack(tau, (k, lane)), lost)
     store(sums, (SUM_LOST_AHEAD, lane), lost)

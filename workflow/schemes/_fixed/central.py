@@ -29,8 +29,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from workflow.kernels.complex_numbers import square_root
-from workflow.kernels.sums import product, total
 from workflow.models import Array, Structure
 from workflow.schemes._fixed.contact import Contact, TipStep
 from workflow.schemes._fixed.decoupled import Decoupled, Motion, decouple, dragged
@@ -100,7 +98,7 @@ class Differences:
         q = h * frequency * (h * frequency) / (2 * inertia)
         lost = (1 - factor) / 2
         half = (1 + factor) / 2 - q
-        root = square_root(lost * lost - q * (1 + factor - q))
+        root = np.sqrt(lost * lost - q * (1 + factor - q) + 0j)
         return np.stack([half + root, half - root], axis=-1)
 
     def largest_stable_step(self, frequency: Array, damping: Array, rate: Array) -> float:
@@ -155,8 +153,8 @@ class Operator:
                 factor + h * pull,
                 pull,
                 tip**2 / inertia,
-                tip * product(self.lead, slope * enters),
-                -tip * product(self.lead, enters),
+                tip * (self.lead @ (slope * enters)),
+                -tip * (self.lead @ enters),
             ),
             heat_modes=by_mode(
                 decay, modal.heat_scale * enters / decay, -slope * modal.tip_response / modal.heat_scale
@@ -164,7 +162,7 @@ class Operator:
             pair_mode=j,
             pair_heat=k,
             pair_pull=-h * tip[j] * modal.coupling[j, k] / (inertia[j] * modal.heat_scale[k]),
-            tip=TipStep(h, 1.0, 0.0, total(tip**2 / inertia), total(modal.heat_tip * enters)),
+            tip=TipStep(h, 1.0, 0.0, np.sum(tip**2 / inertia), np.sum(modal.heat_tip * enters)),
             heat_counts=False,
             sliding=sliding(modal, inertia) if slides else None,
         )
@@ -179,16 +177,17 @@ def terms(operator: Operator, begun: Motion, before: Array) -> Terms:
     h, modal, differences = operator.h, operator.modal, operator.differences
     inertia, _ = differences.damped(h, modal.damping)
     enters = modal.heat_tip * (differences.decay(h, modal.rate) if differences.implicit_heat else 1.0)
-    slope, drags = differences.slope(h, modal.rate) * enters, product(modal.tip, operator.lead)
-    place = -product(operator.lead, enters)
+    slope, drags = differences.slope(h, modal.rate) * enters, modal.tip @ operator.lead
+    place = -operator.lead @ enters
     kinetic = 1 - (h * modal.frequency) ** 2 / 4 - (h * modal.damping / 2 if differences.lagged else 0.0)
     return Terms(
         lever=h / 2,
         kinetic=kinetic,
         inertia=inertia,
-        heat_speed=inertia * product(operator.lead, slope),
+        heat_speed=inertia * (operator.lead @ slope),
         heat_place=place,
-        dragged=-total(drags * slope),
+        dragged=-np.sum(drags * slope),
+        heat_theta=float(differences.implicit_heat),
         decay=differences.decay(h, modal.rate),
         warm=np.zeros_like(modal.rate),
         warm_next=enters,
@@ -208,7 +207,7 @@ def divisor(factor: Array | float) -> tuple[Array | float, Array | float]:
 def delassus(modal: Decoupled, h: float, differences: Differences) -> float:
     """Return W = e_nᵀ (M + h/2 C1)⁻¹ e_n, 1/kg: the tip's half-step velocity per unit impulse."""
     inertia, _ = differences.damped(h, modal.damping)
-    return total(modal.tip**2 / inertia)
+    return np.sum(modal.tip**2 / inertia)
 
 
 def operator(structure: Structure, h: float, differences: Differences, contact: Contact) -> Operator:

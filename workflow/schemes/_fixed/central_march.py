@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.kernels.compiled import defines
-from workflow.kernels.complex_numbers import magnitude
 from workflow.kernels.lanes import PACK
 from workflow.kernels.packs import Lane, Pack, narrow, of_lane, pack, some, some_nonzero, spread, store, where
 from workflow.models import Array, Cases, Structure, needs_matrices, project
@@ -186,7 +185,7 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
 def _judge(operator: Operator, cases: Cases, ambiguous: Any, finite: NDArray[np.bool_]) -> Outcome:
     """Decide what became of each case; ``ambiguous`` are those whose contact has no unique solution, or one for all."""
     h, modal, differences = operator.h, operator.modal, operator.differences
-    free = magnitude(differences.amplification(modal.frequency, modal.damping, h)).max(initial=0.0)
+    free = np.abs(differences.amplification(modal.frequency, modal.damping, h)).max(initial=0.0)
     heat = np.abs(differences.decay(h, modal.rate)).max(initial=0.0)
     growth, grown = float(max(free, heat)), None
     if growth > 1 + ROUNDING:

@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.kernels.sums import product, total
 from workflow.models import (
     Array,
     Cases,
@@ -38,6 +37,10 @@ of the largest of its terms: the transformation then loses at most three of sixt
 
 _LEAST_SHARE = 1e-30
 """Share in the tip's temperature, of the largest, below which a thermal mode is given that share."""
+
+
+LEAST_SHARE = 1e-14
+"""Share of a mode in the tip, of the largest, below which it has none but by the rounding of its shape."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +100,7 @@ class Decoupled:
     @property
     def tip_response(self) -> Array:
         """Tip displacement that each thermal mode drags along, ``(thermal mode,)``."""
-        return product(self.tip, self.response)
+        return self.tip @ self.response
 
     def inertia(self, h: float, theta: float) -> Array:
         """Return m + hθc + h²θ²ω² of each mode, the diagonal of Ŵ of a step of the θ-method."""
@@ -108,8 +111,8 @@ class Decoupled:
         """Return e_nᵀ Ŵ⁻¹ e_n and e_nᵀ Ŵ⁻¹ hθ K12 T̂⁻¹ e_n, the parts of the Delassus operator W, 1/kg."""
         inertia = self.inertia(h, theta)
         warm = self.heat_tip / (1 + h * theta * self.rate)
-        heat = total(self.tip * h * theta * product(self.coupling, warm) / inertia)
-        return total(self.tip**2 / inertia), heat
+        heat = np.sum(self.tip * h * theta * (self.coupling @ warm) / inertia)
+        return np.sum(self.tip**2 / inertia), heat
 
     def without_heat(self) -> Decoupled:
         """Return the same structure without thermal states, for cases where none can act."""
@@ -133,7 +136,7 @@ def dragged(coupling: Array, *terms: Array) -> tuple[Array, NDArray[np.int64]]:
     The terms are those of the denominator, which a scheme's own steps may alter.
     """
     parts = np.stack(np.broadcast_arrays(*terms))
-    denominator = total(parts, 0)
+    denominator = np.sum(parts, 0)
     near = np.abs(denominator) <= _NEAR_RESONANCE * np.abs(parts).max(axis=0)
     response = np.zeros_like(coupling)
     response[~near] = -coupling[~near] / denominator[~near]
@@ -159,19 +162,19 @@ def decouple(structure: Structure) -> Decoupled:
         response=response,
         pairs=pairs,
         to_modes=_to_modes(structure, mechanical),
-        to_thermal=product(thermal.shapes.T, structure.heat_capacity),
+        to_thermal=thermal.shapes.T @ structure.heat_capacity,
         shapes=mechanical.shapes,
         heat_shapes=thermal.shapes,
         static_growth=_static_growth(structure, mechanical, thermal, coupling),
-        along=None if structure.tangent is None else product(mechanical.shapes.T, structure.tangent),
+        along=None if structure.tangent is None else mechanical.shapes.T @ structure.tangent,
     )
 
 
 def _to_modes(structure: Structure, modes: Modes) -> Array:
     """Return what takes displacements to modal ones; the static deformation of a tip is what the modes leave of it."""
-    projection = product(modes.shapes.T, structure.mass)
+    projection = modes.shapes.T @ structure.mass
     if modes.has_static:
-        projection[-1] = -product(modes.tip[:-1], projection[:-1])
+        projection[-1] = -modes.tip[:-1] @ projection[:-1]
         projection[-1, -1] += 1.0
     return projection
 
@@ -183,9 +186,14 @@ def _static_growth(structure: Structure, mechanical: Modes, thermal: Modes, coup
     """
     elastic = mechanical.values > 0
     if isinstance(structure, Matrices) and structure.tip_growth is not None and not elastic.all():
-        return product(structure.tip_growth, thermal.shapes)
+        return structure.tip_growth @ thermal.shapes
     weights = mechanical.tip[elastic] / mechanical.values[elastic] ** 2
-    return product(-weights, coupling[elastic])
+    return -weights @ coupling[elastic]
+
+
+def felt_modes(tip: Array) -> NDArray[np.bool_]:
+    """Return which modes have a share in the tip, ``(mode,)``."""
+    return np.asarray(np.abs(tip) > LEAST_SHARE * np.abs(tip).max(initial=0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,8 +240,8 @@ def start(modal: Decoupled, cases: Cases) -> Motion:
     load = project(modal.shapes.T, cases.steady)
     heating = project(modal.heat_shapes.T, cases.heating)
 
-    rigid_share = np.where(elastic, 0.0, modal.tip)
-    participation = total(rigid_share**2)
+    rigid_share = np.where(elastic | ~felt_modes(modal.tip), 0.0, modal.tip)
+    participation = np.sum(rigid_share**2)
     tip_force = np.zeros(cases.count)
     if participation > 0:
         tip_force = project(rigid_share, load) / participation

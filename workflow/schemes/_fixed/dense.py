@@ -17,11 +17,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workflow.kernels import Array
-from workflow.kernels.complex_numbers import magnitude
-from workflow.kernels.eigen import eigenvalues
+from workflow.kernels.algebra import eigenvalues, inverse
 from workflow.kernels.lanes import ROW, lane_rows
-from workflow.kernels.solving import inverse
-from workflow.kernels.sums import product
 from workflow.models import NO_HARMONICS, Cases, Structure, mechanical_modes, needs_matrices, project, static_tip_growth
 from workflow.schemes._fixed import case_row, tip_row
 from workflow.schemes._fixed.central import Differences
@@ -33,7 +30,7 @@ from workflow.schemes._fixed.march import law_lanes
 from workflow.schemes._fixed.outcome import ROUNDING, Outcome, effective_restitution, judged
 from workflow.schemes._fixed.sliding import friction_message
 from workflow.schemes._fixed.stepping import Ended, Watch, block_lanes, blocks, collect, watch
-from workflow.schemes._fixed.totals import Balance, content_of, in_order
+from workflow.schemes._fixed.totals import Balance, content_of
 from workflow.schemes._interface import Results, Sampling
 
 _CHUNK = 1024
@@ -73,7 +70,7 @@ class DenseOperator:
         """Return velocities per impulse of contact, 1/kg, ``(case, mechanical)``; the tip's is W."""
         responses = self.mobility[:, -1] + alpha[:, None] * self.dragged
         if self.structure.tangent is not None:
-            responses = responses - friction[:, None] * product(self.mobility, self.structure.tangent)
+            responses = responses - friction[:, None] * (self.mobility @ self.structure.tangent)
         return np.asarray(responses)
 
 
@@ -84,16 +81,16 @@ def init(structure: Structure, h: float, theta: float, contact: Contact) -> Dens
     heats, rest = capacity.shape[0], 1 - theta
     mobility = inverse(M + h * theta * C + h * h * theta * theta * K)
     warming = inverse(capacity + h * theta * losses)
-    cooled = product(warming, capacity - h * rest * losses)
+    cooled = warming @ (capacity - h * rest * losses)
     velocity = (
-        -h * product(mobility, K),
-        product(mobility, M - h * rest * C - h * h * theta * rest * K),
-        -h * product(mobility, product(coupling, theta * cooled + rest * np.eye(heats))),
+        -h * (mobility @ K),
+        mobility @ (M - h * rest * C - h * h * theta * rest * K),
+        -h * (mobility @ (coupling @ (theta * cooled + rest * np.eye(heats)))),
     )
-    dragged = h * theta * product(mobility, product(coupling, warming[:, -1]))
+    dragged = h * theta * (mobility @ (coupling @ warming[:, -1]))
     tip = TipStep(h, theta, rest, float(mobility[-1, -1]), float(warming[-1, -1]))
-    response, warm = product(mobility, structure.load_direction), warming[:, -1].copy()
-    free = FreeStep(tip, np.hstack(velocity), cooled, response, warm, heat_counts=True, lagged=False)
+    response, warm = mobility @ structure.load_direction, warming[:, -1].copy()
+    free = FreeStep(tip, np.hstack(velocity), cooled, response, warm, heat_counts=True, heat_theta=theta, lagged=False)
     return DenseOperator(structure, contact, free, mobility, warming, dragged, *_growth(structure, free))
 
 
@@ -104,11 +101,12 @@ def init_central(structure: Structure, h: float, differences: Differences, conta
     ahead, behind = (M, M - h * C) if differences.lagged else (M + h / 2 * C, M - h / 2 * C)
     mobility = inverse(ahead)
     warming = inverse(capacity + h * losses if differences.implicit_heat else capacity)
-    cooled = product(warming, capacity if differences.implicit_heat else capacity - h * losses)
-    pulls = -h * product(mobility, K), product(mobility, behind), -h * product(mobility, structure.coupling_matrix)
+    cooled = warming @ (capacity if differences.implicit_heat else capacity - h * losses)
+    pulls = -h * (mobility @ K), mobility @ behind, -h * (mobility @ structure.coupling_matrix)
     tip = TipStep(h, 1.0, 0.0, float(mobility[-1, -1]), float(warming[-1, -1]))
-    response, warm = product(mobility, structure.load_direction), warming[:, -1].copy()
-    free = FreeStep(tip, np.hstack(pulls), cooled, response, warm, heat_counts=False, lagged=differences.lagged)
+    response, warm = mobility @ structure.load_direction, warming[:, -1].copy()
+    implicit, lagged = float(differences.implicit_heat), differences.lagged
+    free = FreeStep(tip, np.hstack(pulls), cooled, response, warm, False, implicit, lagged)
     none = np.zeros(M.shape[0])
     return DenseOperator(structure, contact, free, mobility, warming, none, *_growth(structure, free))
 
@@ -129,7 +127,7 @@ def _growth(structure: Structure, free: FreeStep) -> tuple[float, float]:
     modes = mechanical_modes(structure)
     is_rigid = bool(np.any((modes.values == 0) & (modes.inertia > 0)))
     rounding = ROUNDING * size
-    return float(magnitude(eigenvalues(A)).max(initial=0.0)), 1 + (np.sqrt(rounding) if is_rigid else rounding)
+    return float(np.abs(eigenvalues(A)).max(initial=0.0)), 1 + (np.sqrt(rounding) if is_rigid else rounding)
 
 
 @np.errstate(over="ignore", invalid="ignore")  # the status of a case that left the finite numbers says so
@@ -168,9 +166,10 @@ def compute(operator: DenseOperator, cases: Cases, sampling: Sampling) -> Result
         size = part.stop - part.start
         own[:, part], totals[:, part] = lanes.own[:, :size], account.totals[:, :size]
         before, after = lanes.sampled[..., :size].swapaxes(1, 2)
-        last[part], reached[part] = after, watched.reached(before, after)
+        last[part], reached[part] = lanes.states[2 * response.shape[1] :, :size].T, watched.reached(before, after)
     rebounds = effective_restitution(own) if contact.rebounds else {}
-    content = content_of(structure.content, cases, last, watched.elapsed, in_order)
+    elapsed = watched.elapsed + (0.0 if free.heat_counts else free.tip.h)
+    content = content_of(structure, cases, last, elapsed)
     closing = project(static_tip_growth(structure), reached)
     outcome = _judged(operator, cases, response[:, -1], watched)
     balance = Balance(totals, content) if sampling.balances else None

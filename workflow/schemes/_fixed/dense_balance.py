@@ -94,12 +94,12 @@ def add_dissipation(account: Account, h: float, impulse: Array, load: Array, lan
 
 
 @part
-def count_lost_heat(account: Account, h: float, before: Array, after: Array, lanes: int) -> None:
-    """Count the heat that a step loses by the mean of its temperatures, ``(thermal, lane)``."""
+def count_lost_heat(account: Account, h: float, theta: float, before: Array, after: Array, lanes: int) -> None:
+    """Count the heat that a step loses with the temperatures at its ends, ``(thermal, lane)``, weighed by θ."""
     for lane in range(lanes):
         flow = 0.0
         for j in range(before.shape[0]):
-            flow += account.losses[j] * (0.5 * (before[j, lane] + after[j, lane]))
+            flow += account.losses[j] * ((1.0 - theta) * before[j, lane] + theta * after[j, lane])
         account.totals[total_row.LOST, lane] += h * flow
         account.totals[total_row.TURNED_OVER, lane] += abs(h * flow)
 

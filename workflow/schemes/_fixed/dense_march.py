@@ -40,6 +40,8 @@ class FreeStep(NamedTuple):
     """Temperatures per heat at the tip, K/J, ``(thermal,)``."""
     heat_counts: bool
     """Whether temperatures at a step's end hold the heat of the contact in it: not those of central differences."""
+    heat_theta: float
+    """Weight of the temperatures at a step's end in what it loses."""
     lagged: bool
     """Whether the velocity at the step's beginning damps, instead of the mean one."""
 
@@ -127,8 +129,8 @@ def _add_impulse(free: FreeStep, state: DenseState, lanes: int) -> None:
 
 
 @inlined
-def _count(free: FreeStep, state: DenseState, account: Account, load: Array, tip: Array, lanes: int) -> None:
-    """Add a step to the balances, at the mean velocity; of central differences at the temperature of the middle."""
+def _count(free: FreeStep, state: DenseState, account: Account, load: Array, lanes: int) -> None:
+    """Add a step to the balances, energy at the mean velocity; of central differences at the middle's temperature."""
     n, states, ahead, middle = state.contact_response.shape[0], state.states, state.ahead, account.middle
     for lane in range(lanes):
         for i in range(n):
@@ -138,6 +140,10 @@ def _count(free: FreeStep, state: DenseState, account: Account, load: Array, tip
             now = states[2 * n + j, lane]
             middle[2 * n + j, lane] = 0.5 * (now + ahead[n + j, lane]) if free.heat_counts else now
     add_dissipation(account, free.tip.h, state.by_contact[CONTACT_IMPULSE], load, lanes)
+    for lane in range(lanes):
+        heat = state.own[case_row.ALPHA, lane] * state.by_contact[CONTACT_IMPULSE, lane]
+        account.totals[total_row.FRICTION_HEAT, lane] += heat
+    count_lost_heat(account, free.tip.h, free.heat_theta, states[2 * n :], ahead[n:], lanes)
 
 
 @inlined
@@ -156,19 +162,6 @@ def _advance(free: FreeStep, state: DenseState, account: Account, lanes: int) ->
             states[n + i, lane] = ahead[i, lane]
     if account.mass.shape[0] > 0:
         store_energy(account, states[:n] if free.heat_counts else before, states[:n], states[n : 2 * n], lanes)
-
-
-@inlined
-def _record(step: int, state: DenseState, block: Block, account: Account) -> None:
-    """Count the tip at the end of a step, the samples in it, and the heat that it took and lost."""
-    tip, lanes = block.tip, block.lanes
-    if account.mass.shape[0] > 0:
-        for lane in range(lanes):
-            account.totals[total_row.FRICTION_HEAT, lane] += (
-                state.own[case_row.ALPHA, lane] * tip[tip_row.STEP_IMPULSE, lane]
-            )
-        count_lost_heat(account, block.h, state.sampled[0], state.sampled[1], lanes)
-    count_stored(step, block)
 
 
 @inlined
@@ -196,10 +189,10 @@ def march_dense(
         _meet(free, law, state, block, account, load)
         _add_impulse(free, state, lanes)
         if balances:
-            _count(free, state, account, load, block.tip, lanes)
+            _count(free, state, account, load, lanes)
         _advance(free, state, account, lanes)
         if step > 0:
-            _record(step, state, block, account)
+            count_stored(step, block)
         else:
             for lane in range(lanes):
                 state.own[case_row.LAST, lane] *= 2.0

@@ -14,8 +14,7 @@ import numpy as np
 from workflow.kernels.compiled import by_type, inlined
 from workflow.kernels.lanes import PACK, lane_rows
 from workflow.kernels.packs import Lane, Pack, broad, broadest, narrow, pack
-from workflow.kernels.sums import product
-from workflow.models import Array, Cases
+from workflow.models import Array, Cases, project
 from workflow.schemes._fixed import case_row, modal_lanes, stepping, tip_row
 from workflow.schemes._fixed.balance import Account, count_friction_heat, count_work, lay_out_account
 from workflow.schemes._fixed.contact import Contact, End, Free, Law, meet, steps_from_tip
@@ -187,6 +186,6 @@ def march_blocks(batch: Batch, watched: Watch, duration: float) -> Ended:
         count = part.stop - part.start
         batch.own[:, part] = state.own[:, :count]
         reached = watched.reached(state.tau_before, state.tau)
-        closing[part] += product(growth, reached)[:count]
+        closing[part] += project(growth, reached.T)[:count]
     rebounds = effective_restitution(batch.own) if batch.contact.rebounds else {}
     return Ended(watched, closing, rebounds, None if balance is None else balance.result(watched.elapsed))

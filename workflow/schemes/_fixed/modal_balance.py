@@ -8,23 +8,18 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from workflow.kernels.lanes import lane_rows
-from workflow.kernels.sums import product, total
 from workflow.models import Array, Cases, Structure, project
 from workflow.schemes._fixed import balance, case_row, total_row
 from workflow.schemes._fixed.balance import Account
-from workflow.schemes._fixed.decoupled import Decoupled, Motion
+from workflow.schemes._fixed.decoupled import Decoupled, Motion, felt_modes
 from workflow.schemes._fixed.modal_lanes import HEAT_SPEED, Coefficients, State, by_mode
 from workflow.schemes._fixed.totals import Balance, Content
 
 REST = 1e-12
 """A tip that is slower than this share of what the tip load could give it within the run is at rest: a few thousand
 roundings of that."""
-
-LEAST_SHARE = 1e-14
-"""Share of a mode in the tip, of the largest, below which it has none but by the rounding of its shape."""
 
 
 class Terms(NamedTuple):
@@ -42,6 +37,8 @@ class Terms(NamedTuple):
     """a, what a unit of friction heat adds to η; its work per η_m is ω²a."""
     dragged: float
     """Velocity of the tip that a unit of friction heat drags along in its step."""
+    heat_theta: float
+    """Weight of the temperatures at a step's end in what it loses."""
     decay: Array
     """τ at a step's end per τ at its beginning, ``(thermal mode,)``."""
     warm: Array
@@ -69,7 +66,8 @@ class ModalBalance:
         self, structure: Structure, modal: Decoupled, free: Coefficients, cases: Cases, begun: Motion, terms: Terms
     ):
         self._modal, self._free, self._cases, self._begun, self._terms = modal, free, cases, begun, terms
-        loss, self._content = (product(row, modal.heat_shapes) for row in (structure.loss_row, structure.content))
+        self._content = structure.content @ modal.heat_shapes
+        loss = self._content * modal.rate
         self.account = _account(modal, free, loss, terms)
         self._sums = _sums(modal, free, loss, begun, terms)
         self._ended, self._ended_heat = np.zeros_like(self._sums), np.zeros_like(begun.heat)
@@ -113,7 +111,7 @@ def _account(modal: Decoupled, free: Coefficients, loss: Array, terms: Terms) ->
     end = (-0.5 * h * theta * pull - half) * tip * share
     place = -pull * tip * share
     decay, spring, impulse, heat_speed, heat_place = free.modes.T
-    own = 0.5 * total(np.where(share > 0, pull * terms.heat_place, 0.0))
+    own = 0.5 * np.sum(np.where(share > 0, pull * terms.heat_place, 0.0))
     return Account(
         modes=by_mode(
             0.25 * h * modal.damping * share,
@@ -122,7 +120,7 @@ def _account(modal: Decoupled, free: Coefficients, loss: Array, terms: Terms) ->
             0.5 * terms.kinetic * share,
             0.5 * modal.frequency**2 * share,
         ),
-        losses=_lost(loss / modal.heat_scale, terms.decay, h)[1:],
+        losses=_lost(loss / modal.heat_scale, terms, h)[1:],
         heat_losses=_heat_lost(loss, terms, h),
         former=lane_rows(tip.size),
         pulled=lane_rows(free.pair_mode.size),
@@ -131,27 +129,32 @@ def _account(modal: Decoupled, free: Coefficients, loss: Array, terms: Terms) ->
         sums=lane_rows(balance.SUM_ROWS),
         lever=terms.lever,
         dragged=terms.dragged,
-        heat_on_impulse=total(end * impulse),
-        heat_on_heat=own + total(end * heat_speed + place * heat_place),
-        heat_on_slid=0.0 if free.sliding is None else total(end * free.sliding.speeds),
+        heat_on_impulse=np.sum(end * impulse),
+        heat_on_heat=own + np.sum(end * heat_speed + place * heat_place),
+        heat_on_slid=0.0 if free.sliding is None else np.sum(end * free.sliding.speeds),
     )
 
 
-def _lost(rate: Array, decay: Array, h: float) -> Array:
-    """Return what a unit of τ loses in 0 … SPAN steps by the mean of their ends, J, ``(steps, thermal mode)``."""
+def _lost(rate: Array, terms: Terms, h: float) -> Array:
+    """Return what a unit of τ loses in 0 … SPAN steps, J, ``(steps, thermal mode)``."""
     lost = np.zeros((balance.SPAN + 1, rate.size))
     for step in range(balance.SPAN):
-        lost[step + 1] = lost[step] + 0.5 * h * rate * (1 + decay)
-        rate = rate * decay
+        lost[step + 1] = lost[step] + h * rate * _weighed(1.0, terms.decay, terms)
+        rate = rate * terms.decay
     return lost
+
+
+def _weighed(begin: Array | float, end: Array, terms: Terms) -> Array:
+    """Return temperatures as the loss of a step is that of."""
+    return (1 - terms.heat_theta) * begin + terms.heat_theta * end
 
 
 def _heat_lost(loss: Array, terms: Terms, h: float) -> Array:
     """Return the share of a friction heat that is lost in its own step and 0 … SPAN steps after it, ``(steps,)``."""
-    own = 0.5 * h * total(loss * terms.warm)
-    later = _lost(loss * terms.warm_next, terms.decay, h)
-    first = own + 0.5 * h * total(loss * (terms.warm + terms.warm_next))
-    return np.concatenate([[own], [first + total(row) for row in later[:-1]]])
+    own = h * np.sum(loss * _weighed(0.0, terms.warm, terms))
+    later = _lost(loss * terms.warm_next, terms, h)
+    first = own + h * np.sum(loss * _weighed(terms.warm, terms.warm_next, terms))
+    return np.concatenate([[own], [first + np.sum(row) for row in later[:-1]]])
 
 
 def _sums(modal: Decoupled, free: Coefficients, loss: Array, begun: Motion, terms: Terms) -> Array:
@@ -167,13 +170,7 @@ def _sums(modal: Decoupled, free: Coefficients, loss: Array, begun: Motion, term
     sums[balance.SUM_RELATIVE] = project(modal.tip, terms.velocity)
     sums[balance.SUM_DRAGGED] = project(free.heat_modes[:, HEAT_SPEED] * modal.heat_scale, begun.heat) + begun.drift
     sums[balance.SUM_SETTLED_LOSS] = project(loss, begun.settled)
-    sums[balance.SUM_SETTLED_RISE] = project(loss, begun.warming_modes)
     return sums
-
-
-def felt_modes(tip: Array) -> NDArray[np.bool_]:
-    """Return which modes have a share in the tip, ``(mode,)``."""
-    return np.asarray(np.abs(tip) > LEAST_SHARE * np.abs(tip).max(initial=0.0))
 
 
 def inverse_square(tip: Array) -> Array:
@@ -190,7 +187,7 @@ def rest_energy(modal: Decoupled, cases: Cases, begun: Motion, elapsed: float) -
     """
     swing = np.abs(cases.amplitude) + cases.load_harmonics.reach
     impulse = elapsed * (np.abs(cases.mean + begun.tip_force) + swing)
-    return np.asarray(0.5 * total(modal.mass * modal.tip**2) * (REST * impulse) ** 2)
+    return np.asarray(0.5 * np.sum(modal.mass * modal.tip**2) * (REST * impulse) ** 2)
 
 
 def massless_energy(modal: Decoupled, h: float, velocity: Array) -> Array:

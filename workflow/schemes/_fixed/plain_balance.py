@@ -11,12 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from workflow.kernels import Array
-from workflow.kernels.sums import product, total
 from workflow.models import Cases, Structure, directions, project
 from workflow.schemes._fixed import total_row
-from workflow.schemes._fixed.decoupled import decouple, start
-from workflow.schemes._fixed.modal_balance import felt_modes, rest_energy
-from workflow.schemes._fixed.totals import Balance, content_of, in_order, row_totals
+from workflow.schemes._fixed.decoupled import decouple, felt_modes, start
+from workflow.schemes._fixed.modal_balance import rest_energy
+from workflow.schemes._fixed.totals import Balance, content_of, row_totals
 
 States = tuple[Array, Array, Array]
 """Displacement and velocity ``(case, mechanical)``, temperature ``(case, thermal)``."""
@@ -28,7 +27,6 @@ class PlainBalance:
     def __init__(self, structure: Structure, cases: Cases, h: float, coupled: bool) -> None:
         self._structure, self._cases, self._h, self._step = structure, cases, h, 0
         self._motion = (_InMatrices if coupled else _InModes)(structure, cases, h)
-        self._row_sums = in_order if coupled else row_totals
         self._totals = np.zeros((total_row.ROWS, cases.count))
         self._keep(self._motion.first)
         self._totals[total_row.FIRST_ENERGY] = self._motion.first
@@ -52,7 +50,7 @@ class PlainBalance:
     def result(self, last: States) -> Balance:
         """Return the balances up to the end of the last step, with its states."""
         elapsed = self._step * self._h
-        heat = content_of(self._structure.content, self._cases, last[2], elapsed, self._row_sums)
+        heat = content_of(self._structure, self._cases, last[2], elapsed)
         return Balance(self._totals, heat, self._motion.rest(elapsed))
 
 
@@ -65,16 +63,16 @@ class _InMatrices:
         self.first = self._energy(cases.displacement, cases.velocity)
 
     def _energy(self, x: Array, v: Array) -> Array:
-        kinetic = in_order(v * project(self._structure.mass, v))
-        return 0.5 * (kinetic + in_order(x * project(self._structure.stiffness_matrix, x)))
+        kinetic = row_totals(v * project(self._structure.mass, v))
+        return 0.5 * (kinetic + row_totals(x * project(self._structure.stiffness_matrix, x)))
 
     def step(self, before: States, after: States, impulse: Array, load: Array) -> tuple[Array, Array]:
         """Return the energy that a step dissipates less the work of load and contact, and that at its end."""
         structure = self._structure
         v, temperature = (0.5 * (begun + ended) for begun, ended in zip(before[1:], after[1:], strict=True))
         forces = project(structure.damping_matrix, v) + project(structure.coupling_matrix, temperature)
-        work = in_order(v * (forces - self._cases.steady))
-        driven, pushed = in_order(structure.load_direction * v), in_order(self._pushes * v)
+        work = row_totals(v * (forces - self._cases.steady))
+        driven, pushed = row_totals(structure.load_direction * v), row_totals(self._pushes * v)
         return self._h * (work - load * driven) + impulse * pushed, self._energy(after[0], after[1])
 
     def rest(self, elapsed: float) -> Array:
@@ -110,20 +108,20 @@ class _InModes:
         eta = project(modal.to_modes, states[0]) - rest - t * drift - project(response, tau)
         zeta = project(modal.to_modes, states[1]) - drift + project(response * modal.rate, tau)
         stretch, zeta = (modal.frequency * eta)[:, self._felt], zeta[:, self._felt]
-        return _Relative(stretch, zeta, tau, 0.5 * total(stretch**2 + modal.mass[self._felt] * zeta**2, 1))
+        return _Relative(stretch, zeta, tau, 0.5 * row_totals(stretch**2 + modal.mass[self._felt] * zeta**2))
 
     def _dissipation(self, after: _Relative, impulse: Array, slid: Array, heat: Array) -> Array:
         """Return the energy that damping, friction and heat take in a step, less the work of load and contact, J."""
         modal, felt, before, h = self._modal, self._felt, self._before, self._h
         zeta, stretch = (0.5 * (a + b) for a, b in ((before.zeta, after.zeta), (before.stretch, after.stretch)))
-        drags = product(modal.response, modal.heat_tip)[felt] * modal.frequency[felt]
-        pushes = (modal.mass * product(modal.response, modal.rate * modal.heat_tip))[felt]
+        drags = (modal.response @ modal.heat_tip)[felt] * modal.frequency[felt]
+        pushes = (modal.mass * (modal.response @ (modal.rate * modal.heat_tip)))[felt]
         near = np.where(modal.response == 0, modal.coupling, 0.0)[felt]
         work = h * modal.damping[felt] * zeta + h * project(near, 0.5 * (before.tau + after.tau))
         work -= impulse[:, None] * modal.tip[felt] + heat[:, None] * pushes
         if modal.along is not None:
             work -= slid[:, None] * modal.along[felt]
-        return np.asarray(total(zeta * work + heat[:, None] * drags * stretch, 1))
+        return row_totals(zeta * work + heat[:, None] * drags * stretch)
 
     def step(self, before: States, after: States, impulse: Array, load: Array) -> tuple[Array, Array]:
         """Return the energy that a step dissipates less the work of load and contact, and that at its end."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from workflow.kernels.sums import total
 from workflow.models import Array, Cases
 from workflow.schemes._fixed.decoupled import Decoupled
 from workflow.schemes._fixed.modal_balance import inverse_square
@@ -33,7 +32,7 @@ def sliding(modal: Decoupled, inertia: Array) -> Sliding:
 
 def yields_aside(modal: Decoupled, inertia: Array) -> float:
     """Return Σ φ_n φᵀt / i, by which W falls per µ, 1/kg."""
-    return 0.0 if modal.along is None else total(modal.tip * modal.along / inertia)
+    return 0.0 if modal.along is None else np.sum(modal.tip * modal.along / inertia)
 
 
 def friction_message(h: float, friction: float, name: str) -> str:

@@ -18,7 +18,6 @@ import numpy as np
 
 from workflow.kernels.compiled import defines
 from workflow.kernels.packs import Lane, Pack, of_lane, pack, some, some_nonzero, spread, store, weighed, where
-from workflow.kernels.sums import total
 from workflow.models import Array, Cases, Structure, mechanical_modes
 from workflow.schemes._fixed import case_row, contact, tip_row
 from workflow.schemes._fixed.contact import Contact, End, Free, TipStep
@@ -102,7 +101,7 @@ def default_stiffness(structure: Structure) -> float:
     """
     modes = mechanical_modes(structure)
     elastic = modes.values > 0
-    flexibility = total((modes.tip[elastic] / modes.values[elastic]) ** 2)
+    flexibility = np.sum((modes.tip[elastic] / modes.values[elastic]) ** 2)
     if flexibility == 0:
         raise ValueError("a free mass has no stiffness to take ten times of; give the scheme's `stiffness` in N/m")
     return _TIMES_STATIC / flexibility

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.kernels import Array
-from workflow.kernels.eigen import eigenvalues
-from workflow.kernels.singular import singular
-from workflow.kernels.sums import product, total
+from workflow.kernels.algebra import eigenvalues, singular
 from workflow.models import Structure, mechanical_modes
 
 _SWITCHING, _LASTING = 0.5, 0.95
@@ -26,7 +24,7 @@ def tip_modes(structure: Structure, friction: float = 0.0) -> TipModes:
     modes = mechanical_modes(structure)
     if structure.tangent is None or friction == 0:
         return modes.values, modes.tip, modes.tip
-    return modes.values, modes.tip, modes.tip - friction * product(modes.shapes.T, structure.tangent)
+    return modes.values, modes.tip, modes.tip - friction * (modes.shapes.T @ structure.tangent)
 
 
 def lasting_limit(modes: TipModes, stiffness: float) -> float:
@@ -41,13 +39,13 @@ def lasting_limit(modes: TipModes, stiffness: float) -> float:
         spectrum = eigenvalues(np.diag(frequency**2) + stiffness * force[:, None] * tip)
         return float(2 / np.sqrt(np.sqrt(np.max(spectrum.real**2 + spectrum.imag**2))))
     at_tip = np.sqrt(stiffness) * tip  # the root of κ at the tip, beside that of K1
-    return float(2 / singular(np.vstack([np.diag(frequency), at_tip])).values[0])
+    return float(2 / singular(np.vstack([np.diag(frequency), at_tip]))[0][0])
 
 
 def _mobility(modes: TipModes) -> float:
     """Return W = e_nᵀ M⁻¹ e_n, or e_nᵀ M⁻¹ (e_n - µ t) where friction makes that larger, 1/kg."""
     _, tip, force = modes
-    return max(total(tip**2), total(tip * force))
+    return max(np.sum(tip**2), np.sum(tip * force))
 
 
 def switching_limit(structure: Structure, stiffness: float, friction: float) -> float:

@@ -11,7 +11,6 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.kernels.complex_numbers import magnitude
 from workflow.models import Cases, Structure, needs_matrices, poles
 from workflow.schemes._fixed import dense, theta_method, tip_row
 from workflow.schemes._fixed.contact import Contact, Law
@@ -112,7 +111,7 @@ def _growth(operator: Operator) -> float:
     frequency = motion.frequency.copy()
     if operator.structure.has_massless_tip:
         frequency[-1] = np.inf
-    free = magnitude(theta_method.amplification(frequency, motion.damping, h, theta)).max(initial=0.0)
+    free = np.abs(theta_method.amplification(frequency, motion.damping, h, theta)).max(initial=0.0)
     heat = np.abs(theta_method.thermal_amplification(motion.rate, h, theta)).max(initial=0.0)
     return float(max(free, heat))
 

@@ -16,8 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from workflow.kernels.complex_numbers import over
-from workflow.kernels.sums import product, total
 from workflow.models import Array, Structure, poles
 from workflow.schemes._fixed.contact import Contact, TipStep
 from workflow.schemes._fixed.decoupled import Decoupled, Motion
@@ -56,7 +54,7 @@ def amplification(frequency: Array, damping: Array, h: float, theta: float) -> A
     """Return the eigenvalues (1 + (1-θ)hλ)/(1 - θhλ) of the free step of each mode; -(1-θ)/θ where ω is infinite."""
     infinite = np.isinf(frequency)
     lam = poles(np.where(infinite, 0.0, frequency), np.where(infinite, 0.0, damping))
-    factors = over(1 + (1 - theta) * h * lam, 1 - theta * h * lam)
+    factors = (1 + (1 - theta) * h * lam) / (1 - theta * h * lam)
     factors[infinite] = -(1 - theta) / theta if theta > 0 else -np.inf
     return factors
 
@@ -71,7 +69,7 @@ def coefficients(modal: Decoupled, h: float, theta: float, slides: bool = False)
     omega2, c, tip, mu = modal.frequency**2, modal.damping, modal.tip, modal.rate
     inertia = modal.inertia(h, theta)
     warm = modal.heat_tip / (1 + h * theta * mu)
-    thermal_kick = -h * theta * product(modal.coupling, warm) / inertia
+    thermal_kick = -h * theta * (modal.coupling @ warm) / inertia
     decay, scale = thermal_amplification(mu, h, theta), modal.heat_scale
     j, k = modal.pairs.T
     return Coefficients(
@@ -79,14 +77,14 @@ def coefficients(modal: Decoupled, h: float, theta: float, slides: bool = False)
             (modal.mass - h * (1 - theta) * c - h * h * theta * (2 - theta) * omega2) / inertia,
             -h * omega2 / inertia,
             tip**2 / inertia,
-            tip * (thermal_kick + product(modal.response, mu * warm)),
-            -tip * product(modal.response, modal.heat_tip),
+            tip * (thermal_kick + modal.response @ (mu * warm)),
+            -tip * (modal.response @ modal.heat_tip),
         ),
         heat_modes=by_mode(decay, scale * warm, -mu * modal.tip_response / scale),
         pair_mode=j,
         pair_heat=k,
         pair_pull=-h * tip[j] * modal.coupling[j, k] * (theta * decay[k] + 1 - theta) / (inertia[j] * scale[k]),
-        tip=TipStep(h, theta, 1.0 - theta, total(tip**2 / inertia), total(modal.heat_tip * warm)),
+        tip=TipStep(h, theta, 1.0 - theta, np.sum(tip**2 / inertia), np.sum(modal.heat_tip * warm)),
         heat_counts=True,
         sliding=sliding(modal, inertia) if slides else None,
     )
@@ -101,9 +99,10 @@ def terms(modal: Decoupled, h: float, theta: float, begun: Motion) -> Terms:
         lever=h * theta,
         kinetic=modal.mass,
         inertia=modal.inertia(h, theta),
-        heat_speed=modal.mass * product(modal.response, modal.rate * modal.heat_tip) - h * theta * product(near, warm),
-        heat_place=-product(modal.response, modal.heat_tip),
-        dragged=-total(modal.rate * modal.tip_response * warm),
+        heat_speed=modal.mass * (modal.response @ (modal.rate * modal.heat_tip)) - h * theta * (near @ warm),
+        heat_place=-modal.response @ modal.heat_tip,
+        dragged=-np.sum(modal.rate * modal.tip_response * warm),
+        heat_theta=theta,
         decay=decay,
         warm=warm,
         warm_next=decay * warm,

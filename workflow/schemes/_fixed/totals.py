@@ -1,7 +1,7 @@
 """What a march adds up for its balances, and the residuals that the totals leave.
 
 With the energy E, dissipation D less the work of loads and contact, heat content H, losses L, friction heat αJ and
-heating Q (∫Σq) of a whole march,
+heating Q = ∫pᵀq of a whole march, all summed over the nodes: pᵀ (1b) with p = ``Structure.even_rise``,
 
     energy residual = (E_end - E_0 + D) / max E
     heat residual = (H_end - H_0 - αJ - Q + L) / (αJ + |Q| + ∫|dL| + Σ|c T_0|)
@@ -11,14 +11,12 @@ and 0 where the denominator is 0.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from workflow.kernels import Array
-from workflow.kernels.sums import product, total
-from workflow.models import Cases
+from workflow.models import Cases, Structure
 from workflow.schemes._fixed import total_row
 
 
@@ -30,28 +28,19 @@ class Content(NamedTuple):
     initial: Array
     """Σ|c T_0|."""
     heating: Array
-    """Q = ∫Σq."""
+    """Q = ∫pᵀq."""
 
 
 def row_totals(terms: Array) -> Array:
     """Return the sums of rows, ``(row,)``."""
-    return total(terms, 1)
+    return np.asarray(np.ascontiguousarray(terms).sum(axis=1))  # in rows, so that a case sums alone as among others
 
 
-def in_order(terms: Array) -> Array:
-    """Return the sums of rows, added in their order, ``(row,)``."""
-    return product(terms, np.ones(terms.shape[1]))
-
-
-def content_of(
-    content: Array, cases: Cases, last: Array, elapsed: float, sums: Callable[[Array], Array] = row_totals
-) -> Content:
-    """Return the heat content of cases with the temperatures ``last`` after ``elapsed`` seconds, K.
-
-    ``content`` is J/K of each temperature; ``sums`` adds up each case.
-    """
+def content_of(structure: Structure, cases: Cases, last: Array, elapsed: float) -> Content:
+    """Return the heat content of cases with the temperatures ``last`` after ``elapsed`` seconds, K."""
+    content, heating = structure.content, structure.even_rise * cases.heating
     initial = content * cases.temperature
-    return Content(sums(content * last - initial), sums(np.abs(initial)), elapsed * sums(cases.heating))
+    return Content(row_totals(content * last - initial), row_totals(np.abs(initial)), elapsed * row_totals(heating))
 
 
 class Balance(NamedTuple):

@@ -68,16 +68,14 @@ def count_step(nodes: Nodes, account: Account, heat: float, impulse: float) -> N
         speed = state[node_row.V, i]
         before, middle = middle, 0.5 * (state[node_row.FORMER_V, i] + speed)
         state[node_row.FORMER_V, i] = speed
-        cold, warmth = (
-            warmth,
-            state[node_row.TAU, i] - 0.5 * (state[node_row.WARMED, i] + heat * step[step_row.HEAT_ANSWER, i]),
-        )
+        warmed = state[node_row.WARMED, i] + heat * step[step_row.HEAT_ANSWER, i]
+        cold, warmth = warmth, state[node_row.TAU, i] - 0.5 * warmed
         rate = middle - before
         energy += weight[WEIGHT_MASS, i] * (speed * speed) + weight[WEIGHT_SPRING, i] * (stretch * stretch)
         stretched = rate * (weight[WEIGHT_SPRING_DAMPING, i] * rate - weight[WEIGHT_EXPANSION, i] * (cold + warmth))
         dissipated += weight[WEIGHT_MASS_DAMPING, i] * (middle * middle) + stretched
         steady += nodes.loads[node_row.LOAD_STEADY, i] * middle
-        lost += weight[WEIGHT_LOSS, i] * warmth
+        lost += weight[WEIGHT_LOSS, i] * (warmth + (nodes.theta - 0.5) * warmed)
     energy, largest = 0.5 * energy, totals[total_row.LARGEST_ENERGY, 0]
     totals[total_row.LAST_ENERGY, 0] = energy
     totals[total_row.LARGEST_ENERGY, 0] = largest if energy <= largest else energy  # a NaN stays

@@ -7,7 +7,6 @@ import numpy as np
 from workflow.kernels.compiled import inlined
 from workflow.kernels.lanes import ROW, lane_rows
 from workflow.kernels.packs import narrow, pack, spread
-from workflow.kernels.sums import total
 from workflow.models import Array, Cases
 from workflow.schemes._fixed import case_row, tip_row, total_row
 from workflow.schemes._fixed.contact import Free, Law, TipStep, meet
@@ -96,6 +95,8 @@ def sweep(operator: Operator, law: Law, cases: Cases, sampling: Sampling, heated
             in_last_step = (
                 nodes.state[node_row.WARMED, inside] + own[case_row.HEAT, 0] * step[step_row.HEAT_ANSWER, inside]
             )
-            closing[case] = total(swept.static_growth * (heat[case] - (1 - watched.schedule.weight[-1]) * in_last_step))
-    balance = Balance(totals, content_of(chain.heat_capacities, cases, heat, watched.elapsed))
+            closing[case] = np.sum(
+                swept.static_growth * (heat[case] - (1 - watched.schedule.weight[-1]) * in_last_step)
+            )
+    balance = Balance(totals, content_of(chain, cases, heat, watched.elapsed))
     return Ended(watched, closing, {}, balance if sampling.balances else None)

@@ -1,0 +1,79 @@
+"""What a person is warned of, before a run by ``plan`` and after it by every command that shows results."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+import xarray as xr
+
+from studies import written
+from terminal import workflow
+
+RUB = """
+study: rub
+scene:
+  blade: {nodes: 6, length: 40 mm, width: 30 mm, thickness: 1 mm, density: 4430, specific_heat: 560, conductivity: 7.0,
+          convection: 400, expansion: 9.0e-6, tip_stiffness: 1.0e6, damping: {mass: 10.0, stiffness: 2.0e-7}}
+  casing: {gap: 15 um}
+  load: {amplitude: 24, frequency: 5 Hz}
+  duration: 2 s
+axes: {scheme: event_driven, alpha: [0, 1, 30]}
+"""
+
+
+def test_temperatures_that_a_linear_model_cannot_mean_are_told_of_results(tmp_path: Path) -> None:
+    """``run``, ``show`` and the page name the hottest case; ``plan`` cannot know it, and says nothing of it."""
+    study = written(RUB, tmp_path)
+    assert " 1000 K" not in workflow("plan", study, cwd=tmp_path).stdout
+    ran, again = (workflow("run", study, cwd=tmp_path).stdout for _ in range(2))
+    shown, shown_as_json = workflow("show", "rub.nc", cwd=tmp_path), workflow("show", "rub.nc", "--json", cwd=tmp_path)
+    [warning] = json.loads(shown_as_json.stdout)["warnings"]
+    assert warning.startswith("1 of 3 ok cases are hotter than the 1000 K that a linear model can mean")
+    assert warning.endswith("K: alpha = 30.0")
+    assert all(f"  beware: {warning}\n" in text for text in (ran, again))
+    assert shown.stdout.splitlines()[1] == f"  beware: {warning}"
+    workflow("report", "rub.nc", cwd=tmp_path)
+    page = (tmp_path / "rub.html").read_text(encoding="utf-8")
+    assert f"<p>Beware: {warning}.</p>" in page.split("<h2>")[0]
+
+
+def test_a_run_repeats_what_plan_warns_of(tmp_path: Path) -> None:
+    """A gap of 5 m that was meant in um: after a run, and where there is nothing left to do."""
+    study = written(RUB.replace("15 um", "5"), tmp_path)
+    planned = json.loads(workflow("plan", study, "--json", cwd=tmp_path).stdout)["warnings"]
+    assert [line[:31] for line in planned] == ["the tip cannot reach the casing"]
+    ran, again, shown = (
+        workflow(*words, cwd=tmp_path).stdout for words in (("run", study), ("run", study), ("show", "rub.nc"))
+    )
+    assert [line for text in (ran, again, shown) for line in text.splitlines()[1:2]] == [f"  beware: {planned[0]}"] * 3
+    with xr.open_dataset(tmp_path / "rub.nc") as archive:
+        assert archive.attrs["warnings"].splitlines() == planned
+    workflow("report", "rub.nc", cwd=tmp_path)
+    assert f"<p>Beware: {planned[0]}.</p>" in (tmp_path / "rub.html").read_text(encoding="utf-8").split("<h2>")[0]
+
+
+def test_a_run_repeats_at_most_ten_lines(tmp_path: Path) -> None:
+    springs = ", ".join(f"spring_{k}: {{method: penalty, stiffness: {k}.0e4}}" for k in range(1, 15))
+    axes = f"schemes: {{{springs}}}\naxes: {{scheme: [{', '.join(f'spring_{k}' for k in range(1, 15))}], h: 1e-5}}\n"
+    scene = RUB.split("axes")[0].replace("2 s", "20 ms")
+    study = written(scene + axes, tmp_path)
+    planned = json.loads(workflow("plan", study, "--json", cwd=tmp_path).stdout)["warnings"]
+    ran = workflow("run", study, cwd=tmp_path).stdout
+    beware = [line.removeprefix("  beware: ") for line in ran.splitlines() if "beware: " in line]
+    assert len(planned) == 14
+    assert beware == [*planned[:9], "… and 5 more, which `workflow plan` names"]
+
+
+def test_what_cannot_be_judged_ends_no_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A foreign scheme's amplification may raise, which no case needs."""
+
+    def raises(*_: object) -> None:
+        raise ValueError("no such step")
+
+    monkeypatch.setattr("workflow.schemes.moreau.amplification", raises)
+    study = written(RUB.replace("event_driven", "moreau, h: 1e-3"), tmp_path)
+    ran = workflow("run", study, cwd=tmp_path)
+    assert ran.returncode == 0
+    assert "beware: what to beware of could not be found: ValueError: no such step" in ran.stdout

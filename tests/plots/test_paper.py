@@ -1,0 +1,55 @@
+"""Figures for papers are drawn of a dataset with plain arguments, as the reference shows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scripts import script
+from workflow import open_archive, plots
+
+DATA = Path(__file__).parents[2] / "data"
+
+
+@pytest.mark.parametrize("name", ["histories", "scene_map", "work_precision", "convergence"])
+def test_the_examples_of_the_reference_draw(name: str) -> None:
+    reference = script("reference")
+    assert (reference.FILE.with_name("figures") / f"{name}.png").exists()
+    assert all(panel.has_data() for panel in reference.drawn(name).axes)
+
+
+def test_histories_along_a_dimension() -> None:
+    with open_archive(DATA / "abstract_figure.nc") as archive:
+        figure = plots.histories(archive.sel(alpha=30).isel(scheme=0), along="model")
+        drawn = [one for one in figure.axes[1].get_lines() if np.size(one.get_xdata()) == archive.sizes["t"]]
+        for k, one in enumerate(drawn):
+            expected = archive["temperature"].sel(alpha=30).isel(scheme=0, model=k).values
+            assert np.asarray(one.get_ydata()) == pytest.approx(expected)
+        assert len(drawn) == 2
+        with pytest.raises(ValueError, match=r"`h` is no dimension of the cases; they lie along scheme, model, alpha"):
+            plots.histories(archive, along="h")
+        with pytest.raises(ValueError, match="keeps no histories"):
+            plots.histories(archive.drop_dims("t"))
+
+
+def test_a_map_of_one_metric_and_lines_of_a_selection() -> None:
+    with open_archive(DATA / "work_precision.nc") as archive:
+        full = archive.isel(model=0).sel(scheme="event_driven", e=0)
+        panel, _ = plots.scene_map(full, "alpha", "h", "max_temperature").axes
+        shown = np.ma.filled(panel.collections[0].get_array(), np.nan)
+        assert shown == pytest.approx(full["max_temperature"].transpose("h", "alpha").values)
+        with pytest.raises(
+            ValueError, match="`scheme` is no dimension with numbers; the cases lie along scheme, model"
+        ):
+            plots.scene_map(archive, "scheme", "h")
+        with pytest.raises(ValueError, match="`t` is no metric"):
+            plots.scene_map(full, "alpha", "h", "t")
+        lines = plots.convergence(archive.sel(e=0.9, alpha=1).isel(model=0)).axes[0].get_lines()
+        euler = archive["impulse_error"].sel(scheme="implicit_euler", e=0.9, alpha=1).isel(model=0).values
+        drawn = np.asarray(lines[0].get_ydata())
+        assert drawn == pytest.approx(euler[euler < 3])
+        for draw in (plots.work_precision, plots.convergence):
+            with pytest.raises(ValueError, match="several steps `h`"):
+                draw(full.isel(h=0))

@@ -1,0 +1,50 @@
+"""What pins linear algebra to one machine code: the environment before NumPy is imported, or nothing."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from workflow.pinning import CHOSEN, _can_be_made, is_pinned
+
+
+def printed(code: str, **environment: str) -> str:
+    """Return the last line that a process prints, of standard error where it fails."""
+    left = {name: value for name, value in os.environ.items() if name not in CHOSEN}
+    done = subprocess.run([sys.executable, "-c", code], env={**left, **environment}, capture_output=True, text=True)
+    return (done.stdout if done.returncode == 0 else done.stderr).strip().splitlines()[-1]
+
+
+needs_choice = pytest.mark.skipif(not _can_be_made(), reason="this processor has no AVX2 and FMA")
+ASK = "import workflow; workflow.pin(); from workflow.pinning import is_pinned; print(is_pinned())"
+
+
+@needs_choice
+def test_a_process_that_pins_first_is_pinned() -> None:
+    assert printed(ASK) == "True"
+    assert printed("from workflow.pinning import is_pinned; print(is_pinned())") == "False"
+
+
+@needs_choice
+def test_after_numpy_it_is_too_late() -> None:
+    assert printed("import numpy, workflow; workflow.pin()").startswith("RuntimeError: NumPy is imported already")
+
+
+@needs_choice
+def test_what_the_environment_chooses_stands() -> None:
+    assert printed(ASK, OPENBLAS_CORETYPE="Nehalem") == "False"
+    assert printed(f"import numpy; {ASK}", **CHOSEN) == "True"
+
+
+@needs_choice
+def test_the_command_pins_itself() -> None:
+    code = "import sys; sys.argv = ['workflow', '--help']\nfrom workflow.cli import main\n"
+    asked = f"{code}try: main()\nexcept SystemExit: pass\nimport os; print(os.environ['OPENBLAS_CORETYPE'])"
+    assert printed(asked) == "Haswell"
+
+
+def test_tests_are_pinned_unless_the_environment_chooses() -> None:
+    assert is_pinned() == (_can_be_made() and all(os.environ[name] == value for name, value in CHOSEN.items()))
