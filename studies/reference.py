@@ -1,17 +1,22 @@
-"""Writes REFERENCE.md beside it: the keys of a study and the variables of an archive; ``python studies/reference.py``.
+"""Writes REFERENCE.md and its pictures: keys of a study, variables, figures; ``python studies/reference.py``.
 
 The text comes from the declarations that the program itself reads, and a test holds it against them.
 """
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import inspect
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
-from workflow import models, reduction, schemes, variables
+from matplotlib.figure import Figure
+
+from workflow import models, plots, reduction, schemes, variables
 from workflow.declare import quantity_of, word_of
 from workflow.study.addresses import TOLERANCE, settings
 from workflow.study.settings import Casing, CasingHarmonic, Cell, Friction, Initial, Load, LoadHarmonic, Output, Scene
@@ -188,10 +193,75 @@ def _row(about: variables.Variable, when: str) -> tuple[str, ...]:
     return f"`{about.name}`", SHAPES[about.shape], about.unit, meaning, when
 
 
+FIGURES = {
+    "histories": """archive = open_archive("../data/abstract_figure.nc")
+figure = histories(archive.sel(scheme="event_driven").isel(model=0), along="alpha")""",
+    "scene_map": """study = read_study("atlas.yaml").with_({
+    "axes.scene.load.amplitude": 12.875, "axes.e": 0.6,
+    "axes.scene.casing.gap": {"lin": [1e-6, 1.08e-5, 15]}, "axes.alpha": {"lin": [0, 5.5125, 15]},
+})
+figure = scene_map(run_study(study, directory + "/atlas.nc").dataset, "alpha", "gap")""",
+    "work_precision": """archive = open_archive("../data/work_precision.nc")
+figure = work_precision(archive.isel(model=0), beside=archive.isel(model=1))""",
+    "convergence": """archive = open_archive("../data/work_precision.nc")
+figure = convergence(archive.sel(e=0).isel(model=0))""",
+}
+"""What draws an example of each figure, in the directory of this file."""
+
+
+def figure_section() -> Iterator[str]:
+    """Yield the lines on the figures that Python draws."""
+    yield "## Figures for papers"
+    yield ""
+    yield (
+        "Functions of `workflow.plots` take a dataset, an archive or what is selected of one, and return a Matplotlib "
+        '`Figure`: `figure.savefig("rub.pdf")`, `figure.set_size_inches(6.3, 4)`, `figure.axes[0].set_ylim(0, 30)`.'
+    )
+    yield ""
+    for name, code in FIGURES.items():
+        function = getattr(plots, name)
+        about, _, rest = str(inspect.getdoc(function)).partition("\n\nParameters")
+        arguments = [line for line in rest.partition("\n\nRaises")[0].splitlines()[2:] if line.strip()]
+        signature = ", ".join(
+            str(p).partition(":")[0] + (f"={p.default}" if p.default is not p.empty else "")
+            for p in inspect.signature(function).parameters.values()
+        )
+        yield f"### `{name}({signature})`"
+        yield ""
+        yield about.replace("``", "`").replace(":func:", "")
+        yield ""
+        for line in arguments:
+            yield (
+                f"  {line.strip()}".replace("``", "`") if line.startswith(" ") else f"- `{line.replace(', ', '`, `')}`:"
+            )
+        yield ""
+        yield f"```python\n{code}\n```"
+        yield ""
+        yield f"![Example of {name}](figures/{name}.png)"
+        yield ""
+
+
+def drawn(name: str) -> Figure:
+    """Return the example of a figure."""
+    import workflow
+
+    with TemporaryDirectory() as directory, contextlib.chdir(FILE.parent):
+        known = {"directory": directory, name: getattr(plots, name)}
+        known |= {one: getattr(workflow, one) for one in ("open_archive", "read_study", "run_study")}
+        exec(FIGURES[name], known)
+        figure = known["figure"]
+        assert isinstance(figure, Figure)
+        figure.draw_without_rendering()
+        return figure
+
+
 def text() -> str:
     """Return the whole reference."""
-    return "\n".join([HEAD, *key_tables(), *variable_table()]).rstrip() + "\n"
+    return "\n".join([HEAD, *key_tables(), *variable_table(), *figure_section()]).rstrip() + "\n"
 
 
 if __name__ == "__main__":
     FILE.write_text(text(), encoding="utf-8")
+    for name in FIGURES:
+        figure = drawn(name)
+        figure.savefig(FILE.with_name("figures") / f"{name}.png", dpi=80)
