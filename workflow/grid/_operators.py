@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from workflow import models, schemes
-from workflow.grid._blow_up import mark_blown_up
 from workflow.grid._compile import KernelVariant, compile_scheme
 from workflow.grid._conditions import at_rest
 from workflow.grid._costs import batch_part, growth_part, measured, setup_part
 from workflow.grid._turns import waiting
+from workflow.judges.blow_ups import mark_blown_up
 from workflow.models import (
     MOST_NODES_WITH_MATRICES,
     Array,
