@@ -296,7 +296,7 @@ TABLE = (
 )
 """Every variable but those that a scheme declares for itself in ``METRICS``."""
 
-STRUCTURAL = frozenset({"t", "period", "message", "message_length", "provenance"})
+STRUCTURAL = frozenset({"t", "period", "message", "message_length", "provenance", "sample_point", "sample_matrix"})
 """Further names that an archive uses."""
 
 BY_NAME = {variable.name: variable for variable in TABLE}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from decimal import Decimal
 from fractions import Fraction
 from functools import lru_cache
@@ -17,6 +18,7 @@ from workflow import models, reduction, schemes
 from workflow.study.addresses import MODES, Address, harmonic_counts, scene_values, scheme_options, settings
 from workflow.study.axes import Arrangement, Axis, Dimension
 from workflow.study.document import SCENE_KEYS, study_form
+from workflow.study.draws import Drawn
 from workflow.study.edits import OPTION, plain_tree, replaced, text_of
 from workflow.study.forms import Form, entries_of, sound
 from workflow.study.judges import (
@@ -156,7 +158,7 @@ class _Reader:
         self.sizes = self._sizes()
         entries = self._read(supplied)
         axes = self._in_order(entries["axes"], "axes")
-        zips = {name: self._in_order(zipped, "zip", name) for name, zipped in entries["zip"].items()}
+        zips = {name: self._zip(zipped, name) for name, zipped in entries["zip"].items()}
         self._judge_zips()
         judge_schemes(self._written())
         judge_auto(self._written())
@@ -289,6 +291,12 @@ class _Reader:
         """Return the axes of a section in the order in which they are written."""
         content = dict(read)
         return {path: content[path] for path in mapping(self.tree, *keys) if content.get(path) is not None}
+
+    def _zip(self, read: Any, name: str) -> dict[str, Any] | Drawn:
+        """Return the axes of a zip, or the ranges of a drawn one, in the order in which they are written."""
+        if isinstance(read, Drawn):
+            return replace(read, ranges=self._in_order(read.ranges, "zip", name, "of"))
+        return self._in_order(read, "zip", name)
 
     def _judge_zips(self) -> None:
         for name, content in mapping(self.tree, "zip").items():
