@@ -202,10 +202,14 @@ def _row(about: variables.Variable, when: str) -> tuple[str, ...]:
 FIGURES = {
     "histories": """archive = open_archive("../data/abstract_figure.nc")
 figure = histories(archive.sel(scheme="event_driven").isel(model=0), along="alpha")""",
-    "scene_map": """study = read_study("atlas.yaml").with_({
-    "axes.scene.load.amplitude": 12.875, "axes.e": 0.6,
-    "axes.scene.casing.gap": {"lin": [1e-6, 1.08e-5, 15]}, "axes.alpha": {"lin": [0, 5.5125, 15]},
-})
+    "scene_map": """study = read_study("atlas.yaml").with_(
+    {
+        "axes.scene.load.amplitude": 12.875,
+        "axes.e": 0.6,
+        "axes.scene.casing.gap": {"lin": [1e-6, 1.08e-5, 15]},
+        "axes.alpha": {"lin": [0, 5.5125, 15]},
+    }
+)
 figure = scene_map(run_study(study, directory + "/atlas.nc").dataset, "alpha", "gap")""",
     "work_precision": """archive = open_archive("../data/work_precision.nc")
 figure = work_precision(archive.isel(model=0), beside=archive.isel(model=1))""",

@@ -11,7 +11,7 @@ ROOT = Path(workflow.__file__).parent
 DOCUMENT = Path(__file__).parents[1] / "ARCHITECTURE.md"
 BEGIN, END = "<!-- rooms -->\n", "<!-- end of rooms -->\n"
 ROOMS = (
-    ("Physics", ("declare", "variables", "registry", "kernels", "models", "reduction", "schemes")),
+    ("Physics", ("declare", "variables", "registry", "kernels", "models", "reduction", "schemes", "judges")),
     ("Workflow", ("study", "grid", "archive", "run", "analysis", "plots", "report", "cli")),
 )
 """The two floors, each from left to right."""

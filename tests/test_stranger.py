@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import json
 import os
 import re
 import shutil
 import subprocess
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from processors import printed_here
 
 from terminal import workflow
 
@@ -35,6 +36,15 @@ AXES = """axes:
   e: [0, 0.5]
   scene.casing.gap: [20 um, 24 um]
 """
+
+
+def printed_here(source: str, file: str) -> str:
+    """Return what a program prints in this process."""
+    output = io.StringIO()
+    with contextlib.redirect_stdout(output), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        exec(compile(source, file, "exec"), {"__name__": "__main__", "__file__": file})
+    return output.getvalue().strip()
 
 
 def block(language: str, holding: str = "") -> str:

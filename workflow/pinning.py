@@ -55,4 +55,4 @@ def is_pinned() -> bool:
     features = import_module("numpy._core._multiarray_umath").__cpu_features__
     libraries = [library for library in threadpool_info() if library["user_api"] == "blas"]
     chosen = [library.get("architecture") == "Haswell" and library["num_threads"] == 1 for library in libraries]
-    return all(chosen) and not any(there for name, there in features.items() if name.startswith(("AVX512", "X86_V4")))
+    return all(chosen) and not any(features.get(name) for name in CHOSEN["NPY_DISABLE_CPU_FEATURES"].split())

@@ -2,50 +2,45 @@
 
 from __future__ import annotations
 
-import fcntl
-import importlib
 import math
 import os
 import shutil
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
 
 import workflow
-from workflow.kernels import cache, sources
 
 RUN = """
 import sys
 sys.path.insert(0, {package!r})
 from pathlib import Path
-from workflow.kernels import cache, elementwise, sources
+from workflow.kernels import cache, elementwise
 from workflow.schemes import moreau
 value = float(elementwise.exp(1.0))
 hits = sum(elementwise._exp.dispatcher.stats.cache_hits.values())
-print(value, hits, cache.root(), sources.digest("workflow.schemes.moreau", Path({package!r}, "sources.json")))
+print(value, hits, cache.root())
 """
-"""A kernel that compiles in a second, and the digest of one that takes ten."""
+"""A kernel that compiles in a second."""
 
 
 class Ran(NamedTuple):
     value: float
     hits: int
     root: Path
-    moreau: str
 
 
 def run(package: Path, code: str = RUN, **environment: str) -> Ran:
     """Run it with no other directory of numba's than is given, whatever the tests themselves are run with."""
     around = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
-    value, hits, root, moreau = subprocess.run(
+    value, hits, root = subprocess.run(
         [sys.executable, "-c", code.format(package=str(package))],
         capture_output=True, text=True, check=True, cwd=package, env={**around, **environment},
     ).stdout.split()  # fmt: skip
-    return Ran(float(value), int(hits), Path(root), moreau)
+    return Ran(float(value), int(hits), Path(root))
 
 
 @pytest.fixture
@@ -87,27 +82,35 @@ def test_a_change_in_an_inlined_module_is_noticed(ran: tuple[Path, Ran]) -> None
     assert (before.hits, again.hits) == (0, 1)
     assert again.value == before.value
     edit(copied, "kernels/elementary", "return float(_scaled(1.0 +", "return float(_scaled(2.0 +")
-    edit(copied, "schemes/_fixed/tip_load", "return mean + (amplitude", "return 2.0 * mean + (amplitude")
     changed = run(copied)
     assert changed.hits == 0
     assert changed.value == pytest.approx(before.value + 2.0, rel=1e-12)  # e = 2 (1 + r)
-    assert changed.moreau != before.moreau
 
 
-def test_docstrings_comments_and_other_modules_compile_nothing_anew(ran: tuple[Path, Ran]) -> None:
+def test_a_change_on_the_workflow_floor_compiles_nothing_anew(ran: tuple[Path, Ran]) -> None:
     copied, first = ran
     before = {path: path.stat().st_mtime_ns for path in first.root.rglob("*.nb?")}
-    for module in ("schemes/_fixed/tip_load", "schemes/moreau", "kernels/elementary", "kernels/elementwise"):
-        edit(copied, module, '"""', '"""Another word, on more lines.\n\n')
-    edit(copied, "kernels/lanes", "from __future__", "# a comment\nfrom __future__")
-    edit(
-        copied,
-        "schemes/_exact/response",
-        "from __future__ import annotations",
-        "from __future__ import annotations; _NEW = 1",
-    )
+    edit(copied, "cli/__init__", '"""', '"""Another word.\n\n')
     assert run(copied) == first._replace(hits=1)
     assert {path: path.stat().st_mtime_ns for path in first.root.rglob("*.nb?")} == before
+
+
+def test_a_change_in_a_module_from_outside_is_noticed(copied: Path) -> None:
+    """Whichever module of its package the kernel inlines."""
+    outside = copied / "outside"
+    outside.mkdir()
+    (outside / "__init__.py").write_text("")
+    (outside / "law.py").write_text("STIFFNESS = 2.0\n")
+    text = (
+        "from workflow.kernels.compiled import kernel\n"
+        "from outside import law\n\n\n@kernel\ndef force(x):\n    return law.STIFFNESS * x\n"
+    )
+    (outside / "scheme.py").write_text(text)
+    force = RUN.replace("elementwise.exp(1.0)", "scheme.force(1.0)").replace("elementwise._exp", "scheme.force")
+    force = force.replace("import cache, elementwise", "import cache\nfrom outside import scheme")
+    assert [run(copied, force)[:2] for _ in range(2)] == [(2.0, 0), (2.0, 1)]
+    (outside / "law.py").write_text("STIFFNESS = 3.0\n")
+    assert run(copied, force)[:2] == (3.0, 0)
 
 
 def test_damaged_files_of_the_cache_are_compiled_anew(ran: tuple[Path, Ran]) -> None:
@@ -131,66 +134,16 @@ def test_a_cache_on_a_full_disk_keeps_nothing(ran: tuple[Path, Ran]) -> None:
 
 
 def test_directories_of_older_sources_are_removed(ran: tuple[Path, Ran]) -> None:
-    """But not within a day, nor while a process has them, nor what is not of this program."""
-    copied, (_, _, root, _) = ran
-    (own,) = root.glob("workflow.kernels.elementwise-*")
-    older, held, new, others = (
-        root / f"workflow.kernels.{name}"
-        for name in ("elementwise-0123456789abcdef", "elementwise-" + "1" * 16, "elementwise-" + "2" * 16, "other")
-    )
-    for directory in (older, held, new, others):
+    """But not within a day."""
+    copied, (_, _, root) = ran
+    (own,) = root.iterdir()
+    older, new = root / ("1" * 16), root / ("2" * 16)
+    for directory in (older, new):
         shutil.copytree(own, directory)
-    for directory in (older, held, others, own):
-        os.utime(directory / cache._LOCK, (1, 1))
-    with (held / cache._LOCK).open() as file:
-        fcntl.flock(file, fcntl.LOCK_SH)
-        assert run(copied).hits == 1
-    assert [each.is_dir() for each in (own, older, held, new, others)] == [True, False, True, True, True]
-    os.utime(own / cache._LOCK, (1, 1))
-    run(copied)
-    assert (own.is_dir(), held.is_dir()) == (True, False)
-    assert not list(root.glob("removed-*"))
-
-
-def test_a_source_that_changed_since_the_process_began_is_not_trusted(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Machine code of what was imported would be kept as that of the source as it is now."""
-    store = tmp_path / "sources.json"
-    name = "workflow.schemes.moreau"
-    assert sources.digest(name, store) is not None
-    sources._sources.cache_clear()
-    monkeypatch.setattr(sources, "_BEGUN", 1.0)
-    with pytest.raises(sources.ChangedSourceError):
-        sources.digest(name, store)
-    sources._sources.cache_clear()
-
-
-def test_imports_are_followed_to_the_module_that_defines_a_name(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    package = tmp_path / "made_up"
-    (package / "inner").mkdir(parents=True)
-    (package / "__init__.py").write_text("from made_up.inner import used\nfrom made_up.aside import other\n")
-    (package / "inner" / "__init__.py").write_text("from .deep import used\nfrom .unused import another\n")
-    for name, text in {"deep": "from ..base import C\ndef used():\n    return C\n", "unused": "another = 1\n"}.items():
-        (package / "inner" / f"{name}.py").write_text(text)
-    for name, text in {"base": "C = 1\n", "aside": "other = 1\n", "kernels": "from made_up import used\n"}.items():
-        (package / f"{name}.py").write_text(text)
-    monkeypatch.syspath_prepend(tmp_path)
-    importlib.import_module("made_up.kernels")
-
-    def digest() -> str | None:
-        sources._sources.cache_clear()
-        monkeypatch.setattr(sources, "_BEGUN", time.time() + 60)
-        return sources.digest("made_up.kernels", tmp_path / "sources.json")
-
-    first = digest()
-    for name in ("aside", "inner/unused"):
-        (package / f"{name}.py").write_text("other = another = 2\n")
-    assert digest() == first
-    (package / "base.py").write_text("C = 2  # and more\n")
-    assert digest() != first
+    for directory in (older, own):
+        os.utime(directory, (1, 1))
+    assert run(copied).hits == 1
+    assert [each.is_dir() for each in (own, older, new)] == [True, False, True]
 
 
 def test_nothing_writable_means_a_temporary_cache(copied: Path) -> None:

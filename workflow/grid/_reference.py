@@ -10,11 +10,11 @@ import numpy as np
 from workflow import schemes
 from workflow.grid._arrangement import Grid, Indices
 from workflow.grid._conditions import conditions
-from workflow.grid._distance import norms, relative
 from workflow.grid._operators import run_batch, structure_of
 from workflow.grid._shaken import Shaken
 from workflow.grid._trials import EXACT
 from workflow.grid._truth import Truth, distinct_shape, only_what_is_read, truths
+from workflow.judges.distances import norms, relative
 from workflow.models import Array
 from workflow.schemes import Status
 from workflow.study import Cell, SchemeChoice

@@ -21,10 +21,10 @@ from threadpoolctl import threadpool_limits
 
 from workflow.grid._choice import Choice, Counts, choose, ends
 from workflow.grid._conditions import conditions
-from workflow.grid._distance import relative_distance
 from workflow.grid._operators import compile_for, reduced, run_batch, structure_of, structure_on
 from workflow.grid._reason import reason_of
 from workflow.grid._trials import COMPARED, Setting, corners_of, exactly, stepped
+from workflow.judges.distances import relative_distance
 from workflow.kernels.algebra import MOST_BY_JACOBI
 from workflow.models import Chain, Structure
 from workflow.models._sparse import MOST_REDUCED

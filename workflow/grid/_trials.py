@@ -20,9 +20,9 @@ import numpy as np
 
 from workflow import schemes
 from workflow.grid._conditions import conditions
-from workflow.grid._distance import relative_distance
 from workflow.grid._operators import compile_for, reduced, reduction_of, run_batch, structure_of, structure_on
 from workflow.grid._reason import reason_of
+from workflow.judges.distances import relative_distance
 from workflow.kernels.algebra import MOST_BY_JACOBI
 from workflow.models import Array, Cases, Structure, mechanical_modes
 from workflow.models._tip_held import MOST_ONE_BY_ONE

@@ -13,10 +13,10 @@ import numpy as np
 from workflow import schemes
 from workflow.grid._arrangement import Grid, Indices, reads
 from workflow.grid._conditions import conditions
-from workflow.grid._distance import relative_distance
 from workflow.grid._operators import compile_for, judged, run_batch, structure_of
 from workflow.grid._reason import reason_of
 from workflow.grid._turns import waiting
+from workflow.judges.distances import relative_distance
 from workflow.models import Array, Cases
 from workflow.schemes import Results, Sampling, Status
 from workflow.study import Cell

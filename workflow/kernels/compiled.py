@@ -91,16 +91,16 @@ _PART = {"no_cpython_wrapper": True, "_nrt": False}
 class _Place:
     """Where numba keeps the machine code of a kernel: one of numba's cache locators.
 
-    The directory is of the kernel's sources as they are, so that what lies there is never out of date.
+    The directory is of the sources as they are, so that what lies there is never out of date.
     """
 
-    def __init__(self, directory: Path, file: str):
-        self._directory, self._py_file = directory, file  # numba names the file in its warnings
+    def __init__(self, directory: Path, module: str, file: str):
+        self._directory, self._module, self._py_file = directory, module, file  # numba names the file in its warnings
 
     @classmethod
     def from_function(cls, function: Callable[..., Any], file: str) -> Self | None:
         directory = directory_of(function.__module__)
-        return None if directory is None else cls(directory, file)
+        return None if directory is None else cls(directory, function.__module__, file)
 
     def ensure_cache_path(self) -> None:
         self._directory.mkdir(parents=True, exist_ok=True)
@@ -112,7 +112,7 @@ class _Place:
         return self._directory.name
 
     def get_disambiguator(self) -> str:
-        return ""  # instead of the function's first line, which a docstring above it moves
+        return self._module  # instead of the function's first line: numba itself keeps a module's last name alone
 
 
 @cache
