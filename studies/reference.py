@@ -43,8 +43,8 @@ TOP = (
     ("schemes", "label: method and its options; a bare method name needs no entry"),
     ("axes", "settings of a case and values of the scene or of schemes by dotted path: a value, a list, "
      "`{lin: [first, last, count]}` or `{log: [first, last, count]}`; each list is a dimension"),
-    ("zip", "axes that vary together, by the name of their dimension; or numbers of the scene, `e` and `alpha` drawn from "
-     "ranges: `{sample, points, seed, of}`"),
+    ("zip", "axes that vary together, by the name of their dimension; or numbers of the scene, `e` and `alpha`, "
+     "drawn: `{sample, points, seed, of}`"),
     ("zip.NAME.sample", "`random`, `latin_hypercube`, or `sobol_indices`: points × (numbers + 2) cases"),
     ("zip.NAME.points", "number of points; of `sobol_indices` a power of two"),
     ("zip.NAME.seed", "what the generator starts from; default 0"),
@@ -181,8 +181,8 @@ def variable_table() -> Iterator[str]:
     """Yield the lines on the variables of an archive."""
     yield "## Variables of an archive"
     yield ""
-    yield "`…` stands for the dimensions of the study. `message` says what a case did that is not ok. Along a drawn zip lie"
-    yield "`sample_point`, the point of the case, and `sample_matrix`: `A`, `B`, or the path of the number that A has from B."
+    yield "`…` stands for the dimensions of the study. `message` says what a case did that is not ok. Along a drawn zip"
+    yield "lie `sample_point`, the point of a case, and `sample_matrix`: `A`, `B`, or the path of what A has from B."
     yield ""
     rows = [_row(about, WHEN[about.condition]) for about in variables.TABLE]
     for name in schemes.names():
@@ -216,10 +216,8 @@ figure = work_precision(archive.isel(model=0), beside=archive.isel(model=1))""",
     "convergence": """archive = open_archive("../data/work_precision.nc")
 figure = convergence(archive.sel(e=0).isel(model=0))""",
     "sobol_indices": """ranges = {"scene.casing.gap": ["15 um", "22 um"], "alpha": {"log": [1, 30]}, "e": [0, 0.9]}
-study = read_study("blade.yaml").with_({
-    "axes": {"scheme": "event_driven", "mechanical_modes": 3, "thermal_modes": 12}, "reference": None,
-    "zip": {"design": {"sample": "sobol_indices", "points": 256, "of": ranges}},
-})
+design = {"sample": "sobol_indices", "points": 256, "of": ranges}
+study = read_study("blade.yaml").with_({"axes": {"scheme": "event_driven"}, "zip": {"design": design}})
 figure = sobol_indices(run_study(study, directory + "/drawn.nc").dataset)""",
 }
 """What draws an example of each figure, in the directory of this file."""

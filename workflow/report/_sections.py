@@ -14,7 +14,6 @@ from workflow.analysis import (
     Line,
     case_dims,
     decided,
-    drawn_dim,
     effect,
     failures,
     finest,
@@ -37,7 +36,6 @@ from workflow.plots import (
     position_text,
     scene_map,
     single_maps,
-    sobol_indices,
 )
 from workflow.report._html import image, short, table, tag
 from workflow.run import status_counts
@@ -152,16 +150,11 @@ def maps(dataset: xr.Dataset) -> Drawn:
 
 
 def effects(dataset: xr.Dataset) -> list[str]:
-    """Tell what each axis does, and which axes of the scene do less than the schemes err; or drawn numbers' shares."""
+    """Tell what each axis does, and which axes of the scene do less than the schemes err."""
     dims = [dim for dim in case_dims(dataset) if dataset.sizes[dim] > 1]
     if not dims or not any_ok(dataset):
         return []
     names = [name for name in _METRICS if name in dataset]
-    if (design := drawn_dim(dataset)) is not None:
-        shown = _named(dataset, [dim for dim in dims if dim != design])
-        names = [name for name in names if effect(dataset, name, design) > 0]
-        return [tag("h2", "What the drawn numbers do"), tag("p", f"{_SHARES} {shown}".strip(), kind="muted"),
-                image(sobol_indices(dataset, *names), "Sobol' indices of the drawn numbers")]  # fmt: skip
     rows = [[dim, *(_percent(effect(dataset, name, dim)) for name in names)] for dim in dims]
     return [
         tag("h2", "What the axes do"),
@@ -172,13 +165,6 @@ def effects(dataset: xr.Dataset) -> list[str]:
         image(metric_by_axis(dataset, "contact_impulse"), "contact impulse along each axis"),
         image(metric_by_axis(dataset, "max_temperature"), "largest temperature along each axis"),
     ]
-
-
-_SHARES = (
-    "Sobol' indices: the share of a metric's variance that a number makes alone (first order), and alone and together "
-    "with the others (total); lines are 95 % intervals of 999 resamples of the points. No index where the metric is "
-    "the same in all cases, or a case that it needs is not ok."
-)
 
 
 def _hidden(dataset: xr.Dataset) -> list[str]:

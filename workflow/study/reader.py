@@ -139,8 +139,7 @@ class _Reader:
     """Reads one study, section by section; a mistake in one hides none in another."""
 
     def __init__(self, source: Source, attached: Mapping[str, Path]) -> None:
-        self.source = source
-        self.tree = source.tree
+        self.source, self.tree = source, source.tree
         self.model = self._model()
         self.labels = self._labels()
         names = (self.model,) if self.model else models.names()
@@ -158,7 +157,7 @@ class _Reader:
         self.sizes = self._sizes()
         entries = self._read(supplied)
         axes = self._in_order(entries["axes"], "axes")
-        zips = {name: self._zip(zipped, name) for name, zipped in entries["zip"].items()}
+        zips = {name: self._in_order(zipped, "zip", name) for name, zipped in entries["zip"].items()}
         self._judge_zips()
         judge_schemes(self._written())
         judge_auto(self._written())
@@ -287,16 +286,12 @@ class _Reader:
         group = path.split(".")[1] if path.startswith("scene.") else ""
         return self.model is None and group in mapping(self.tree, "scene") and path not in self.addresses
 
-    def _in_order(self, read: Any, *keys: str) -> dict[str, Any]:
-        """Return the axes of a section in the order in which they are written."""
+    def _in_order(self, read: Any, *keys: str) -> Any:
+        """Return the axes of a section, or a drawn zip with its ranges, in the order in which they are written."""
+        if isinstance(read, Drawn):
+            return replace(read, ranges=self._in_order(read.ranges, *keys, "of"))
         content = dict(read)
         return {path: content[path] for path in mapping(self.tree, *keys) if content.get(path) is not None}
-
-    def _zip(self, read: Any, name: str) -> dict[str, Any] | Drawn:
-        """Return the axes of a zip, or the ranges of a drawn one, in the order in which they are written."""
-        if isinstance(read, Drawn):
-            return replace(read, ranges=self._in_order(read.ranges, "zip", name, "of"))
-        return self._in_order(read, "zip", name)
 
     def _judge_zips(self) -> None:
         for name, content in mapping(self.tree, "zip").items():
