@@ -170,6 +170,7 @@ SHAPES = {"history": "(…, t)", "metric": "(…)", "period": "(…, period)", "
 WHEN = {
     "always": "",
     "balances": "with `output.balances`",
+    "sections": "with `output.sections`",
     "reference": "with a `reference`",
     "scheme": "",
     "auto": "with `auto`",
@@ -219,6 +220,15 @@ figure = convergence(archive.sel(e=0).isel(model=0))""",
 design = {"sample": "sobol_indices", "points": 256, "of": ranges}
 study = read_study("blade.yaml").with_({"axes": {"scheme": "event_driven"}, "zip": {"design": design}})
 figure = sobol_indices(run_study(study, directory + "/drawn.nc").dataset)""",
+    "bifurcation": """scene = {
+    "chain": {"nodes": 1, "mass": 2.5e-3, "stiffness": 4e6, "damping": {"mass": 800}, "heat_capacity": 1},
+    "casing": {"gap": "5 um"},
+    "load": {"amplitude": 100},
+    "duration": "40 ms",
+}
+axes = {"scheme": "event_driven", "e": 0.8, "scene.load.frequency": {"lin": [14e3, 20e3, 301]}}
+study = read_study({"study": "rub", "scene": scene, "axes": axes, "output": {"sections": True, "histories": []}})
+figure = bifurcation(run_study(study, directory + "/rub.nc").dataset, "frequency")""",
 }
 """What draws an example of each figure, in the directory of this file."""
 

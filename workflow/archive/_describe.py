@@ -18,7 +18,7 @@ import numpy as np
 import workflow
 from workflow import variables
 from workflow.archive._layout import Attributes, Coordinate, Layout, Variable
-from workflow.grid import FRICTION, Grid, Units, alpha_of, choices_text, longest_period_count, metrics_of
+from workflow.grid import FRICTION, Grid, Units, alpha_of, choices_text, longest_period_count, metrics_of, periods_of
 from workflow.models import FACTORISING, has_cholmod
 from workflow.pinning import is_pinned
 from workflow.schemes import SOLVER_VERSION, Status
@@ -205,7 +205,7 @@ def _variables(study: Study, periods: int) -> tuple[Variable, ...]:
     stored = [_declared(variables.BY_NAME[name], precision) for name in study.output.histories]
     stored += [_declared(about) for about in metrics_of(study)]
     if periods:
-        stored += [_declared(about) for about in variables.select("period")]
+        stored += [_declared(about) for about in periods_of(study)]
     return (*stored, *(_flag(about) for about in variables.select("flag")))
 
 

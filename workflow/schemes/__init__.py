@@ -14,6 +14,7 @@ from workflow.schemes._fixed.recorder import Recorder
 from workflow.schemes._fixed.stable_steps import limit_text
 from workflow.schemes._interface import (
     HISTORIES,
+    SECTIONS,
     RefusedStructureError,
     Results,
     Sampling,
@@ -59,6 +60,7 @@ def metrics(name: str) -> tuple[Variable, ...]:
 
 __all__ = [
     "HISTORIES",
+    "SECTIONS",
     "SOLVER_VERSION",
     "Cases",
     "ContractError",

@@ -131,6 +131,7 @@ def _output(output: Output, written: Any) -> list[ResolvedValue]:
         "histories": output.histories or ("none",),
         "precision": (output.precision,),
         "balances": (output.balances,),
+        "sections": (output.sections,),
     }
     return [
         ResolvedValue(

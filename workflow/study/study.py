@@ -154,7 +154,7 @@ class Study:
                 "dimensions": [_without_empty(dataclasses.asdict(each), "drawn") for each in self.dimensions],
                 "scalars": [dataclasses.asdict(scalar) for scalar in self.scalars],
                 "reference": None if self.reference is None else dict(self.reference.values),
-                "output": dataclasses.asdict(self.output),
+                "output": _without_empty(dataclasses.asdict(self.output), "sections"),
             }
         )
         return resolved
