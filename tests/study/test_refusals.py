@@ -298,6 +298,7 @@ NODES = [
         "zip.b",
         "and so is another zip",
     ),
+    ("zip: {h: {sample: random, points: 4, of: {e: [0, 1]}}}", "zip.h", "name of a variable"),
     ("axes: {e: 0}\nzip: {a: {sample: random, points: 4, of: {e: [0, 1]}}}", "zip.a.of.e", "is an axis already"),
     ("axes: {scene.initial: [static]}", "axes.scene.initial", "does not belong"),
     ("schemes: {moreau: 3}", "schemes.moreau", "not a mapping"),

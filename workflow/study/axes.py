@@ -199,7 +199,7 @@ class Arrangement:
                 listed = ", ".join(f"{path} has {size}" for path, size in sizes.items())
                 self.source.report(place, f"has axes of different length: {listed}", "give each as many values")
             elif read:
-                self.groups.append(_Group(place, read, name, drawn))
+                self.groups.append(_Group(("zip", name), read, name, drawn))
 
     def _take_modes(self) -> None:
         """Put counts in place of ``full``, which follows the number of nodes where that varies."""
