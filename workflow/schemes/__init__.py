@@ -18,6 +18,7 @@ from workflow.schemes._fixed.theta_march import compute as step_theta
 from workflow.schemes._fixed.theta_march import init as init_theta
 from workflow.schemes._interface import (
     HISTORIES,
+    SECTIONS,
     RefusedStructureError,
     Results,
     Sampling,
@@ -63,6 +64,7 @@ def metrics(name: str) -> tuple[Variable, ...]:
 
 __all__ = [
     "HISTORIES",
+    "SECTIONS",
     "SOLVER_VERSION",
     "Cases",
     "Contact",

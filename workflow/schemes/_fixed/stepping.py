@@ -24,7 +24,7 @@ from workflow.schemes._fixed.contact import End
 from workflow.schemes._fixed.drive import Drive, cut_gap, drive_lanes, fill_drive, with_harmonics
 from workflow.schemes._fixed.marks import NEVER, WAITING, Block, Marks, Record, take_marks
 from workflow.schemes._fixed.totals import Balance
-from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, complete_periods, schedule
+from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, complete_periods, schedule, sections_of
 
 
 class Now(NamedTuple):
@@ -192,7 +192,7 @@ def watch(cases: Cases, mean: Array, sampling: Sampling, h: float, drive: Drive 
     record = Record(
         np.empty((cases.count, 4, plan.due.size)),  # the march fills it; zeros would be fresh pages each time
         lane_rows(4 * WAITING),
-        np.full((cases.count, 3, longest), np.nan),
+        np.full((cases.count, 7, longest), np.nan),
     )
     record.histories[..., 0] = tip[[tip_row.DISPLACEMENT, tip_row.VELOCITY, tip_row.TEMPERATURE, tip_row.IMPULSE]].T
     return Watch(cases, plan, sampling.interval, h, load, tip, drive, record, due, weight)
@@ -270,7 +270,8 @@ def collect(ended: Ended, status: NDArray[np.int8], messages: dict[int, str]) ->
         values[lost] = np.nan
     for case in np.flatnonzero(lost):
         _blank_what_was_lost(watched, int(case))
-    impulse, temperature, contact = record.periods.swapaxes(0, 1)
+    impulse, temperature, contact = record.periods[:, :3].swapaxes(0, 1)
+    periods = (watched.period_due < NEVER).sum(axis=1)
     return Results(
         histories=dict(zip(HISTORIES, record.histories.swapaxes(0, 1), strict=True)),
         metrics={**metrics, "steps": np.full(watched.cases.count, float(watched.schedule.steps))},
@@ -279,4 +280,5 @@ def collect(ended: Ended, status: NDArray[np.int8], messages: dict[int, str]) ->
         period_contact=contact * watched.cases.period_frequency[:, None],
         status=status,
         messages=messages,
+        sections=sections_of(record.periods[:, 3:], periods, record.histories[:, :3, 0]),
     )
