@@ -21,6 +21,7 @@ _EXPORTS = {
     "recommend": "workflow.analysis",
     "run_study": "workflow.run",
     "work_precision": "workflow.analysis",
+    "write_matrices": "workflow.models",
 }
 
 __all__ = ["__version__", *_EXPORTS]
