@@ -22,6 +22,7 @@ _EXPORTS = {
     "run_study": "workflow.run",
     "sobol": "workflow.analysis",
     "work_precision": "workflow.analysis",
+    "write_matrices": "workflow.models",
 }
 
 __all__ = ["__version__", *_EXPORTS]

@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.sparse
 
 from matrix_files import WRITERS, as_directory, as_npz, matrices_of
 from scenes import heavy_chain
 from workflow.declare import File
-from workflow.models import Matrices, UnusableMatricesError, load, mechanical_modes
+from workflow.models import Matrices, UnusableMatricesError, load, mechanical_modes, write_matrices
 
 CALCULIX = Path(__file__).parent / "calculix"
 CHAIN = heavy_chain(nodes=5)
@@ -202,3 +203,29 @@ def test_hostile_files_are_refused_and_nothing_in_them_is_executed(
     with pytest.raises(UnusableMatricesError, match=problem):
         assembled(write(tmp_path))
     assert not (tmp_path / "executed").exists()
+
+
+@pytest.mark.parametrize("kind", [np.asarray, scipy.sparse.coo_array, scipy.sparse.csc_matrix])
+def test_matrices_of_python_are_written_as_they_are_read(kind: Callable[[Any], Any], tmp_path: Path) -> None:
+    mass, stiffness, *rest = ENTRIES.items()
+    written = write_matrices(
+        tmp_path / "a.npz", **{name: kind(matrix) for name, matrix in (mass, stiffness, *rest)}, labels=list("abcde")
+    )
+    structure = assembled(written, contact="e", thermal_contact=4)
+    assert np.abs(structure.mass - ENTRIES["mass"]).max() <= 1e-14 * ENTRIES["mass"].max()
+    assert np.abs(structure.coupling_matrix - ENTRIES["coupling"]).max() <= 1e-14 * np.abs(ENTRIES["coupling"]).max()
+
+
+@pytest.mark.parametrize(
+    ("name", "changed", "problem"),
+    [
+        ("a.mat", {}, "no NPZ file"),
+        ("a.npz", {"stiffness": np.triu(ENTRIES["stiffness"])}, "`stiffness` is not symmetric"),
+        ("a.npz", {"coupling": ENTRIES["coupling"][:, 1:]}, "`coupling` has the shape"),
+        ("a.npz", {"springs": np.eye(5)}, "no entry is called springs"),
+    ],
+)
+def test_what_would_be_refused_is_not_written(name: str, changed: dict[str, Any], problem: str, tmp_path: Path) -> None:
+    with pytest.raises(UnusableMatricesError, match=problem):
+        write_matrices(tmp_path / name, **{**ENTRIES, **changed})
+    assert not (tmp_path / name).exists()

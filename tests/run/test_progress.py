@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections import Counter
 from pathlib import Path
 
 import IPython.display
@@ -14,6 +15,7 @@ from nbclient import NotebookClient
 from quick import quick
 from studies import ILL, SMALL, cut_finely, parsed
 from workflow.grid import _tasks as cutting
+from workflow.grid import _waiting_for, waiting_for
 from workflow.run import Advance, Outcome, in_words, repeating, run_study
 from workflow.run import _notebook as notebook_lines
 from workflow.run._progress import Tally, Work, time_left
@@ -128,6 +130,29 @@ def test_words() -> None:
     assert in_words(Advance(5, 4, {}, 0.8, 61.0, 2.0), 64.0, 3.0) == "80 %, 1:04 elapsed, 0:00 left; 4 of 5 cases"
     late = in_words(Advance(5, 4, {}, 0.8, 61.0, 2.0), 121.0, 60.0)
     assert late == "80 %, 2:01 elapsed, longer than estimated; 4 of 5 cases"
+
+
+@pytest.mark.parametrize("what", ["compiling (once)", "references", "trials of `auto`", "cases", "gathering"])
+def test_the_line_begins_with_what_is_waited_for(what: str) -> None:
+    with waiting_for("gathering"), waiting_for(what):
+        assert in_words(None, 0.4) == f"{what}; 0:00 elapsed"
+    assert in_words(None, 0.4) == "0:00 elapsed"
+
+
+def test_a_run_names_what_it_waits_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    named: list[str] = []
+
+    class Told(Counter[str]):
+        def __setitem__(self, what: str, number: int) -> None:
+            named.append(what)
+            super().__setitem__(what, number)
+
+    monkeypatch.setattr(_waiting_for, "_UNDER_WAY", Told())
+    auto = {"h": 1e-4, "mechanical_modes": "auto", "thermal_modes": "auto", "tolerance": 1e-3}
+    scene = {"chain.nodes": 3}
+    run_study(quick(auto, scene=scene, reference={"scheme": "event_driven"}), tmp_path / "a.nc")
+    stages = [name for name in dict.fromkeys(named) if name in ("trials of `auto`", "references", "cases", "gathering")]
+    assert stages == ["trials of `auto`", "cases", "references", "gathering"]
 
 
 def test_something_is_repeated_until_the_end() -> None:

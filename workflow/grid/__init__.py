@@ -16,10 +16,13 @@ from workflow.grid._shaken import Shaken
 from workflow.grid._solve import Solved, metrics_of, periods_of, solve
 from workflow.grid._tasks import Segment, Task, Units, bytes_per_case, seconds_per_case, tasks, units_of
 from workflow.grid._turns import Turns
+from workflow.grid._waiting_for import CASES, GATHERING, waited_for, waiting_for
 from workflow.grid._warnings import warning_lines
 
 __all__ = [
+    "CASES",
     "FRICTION",
+    "GATHERING",
     "Choice",
     "Decided",
     "Figures",
@@ -63,5 +66,7 @@ __all__ = [
     "task_seconds",
     "tasks",
     "units_of",
+    "waited_for",
+    "waiting_for",
     "warning_lines",
 ]

@@ -21,6 +21,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from workflow.grid._trials import Setting, Trials, trials_of
+from workflow.grid._waiting_for import TRIALS, waiting_for
 from workflow.study import CHOSEN
 
 Counts = tuple[int, int]
@@ -85,7 +86,7 @@ def choose(setting: Setting, requested: Counts, tolerance: float) -> Choice:
     tolerance
         Largest relative error.
     """
-    with threadpool_limits(limits=1, user_api="blas"):
+    with threadpool_limits(limits=1, user_api="blas"), waiting_for(TRIALS):
         trials = trials_of(replace(setting, cell=replace(setting.cell, mechanical_modes=CHOSEN, thermal_modes=CHOSEN)))
         least, richest = ends(requested, trials.most)
         _, most = ends(requested, trials.confirmable)

@@ -21,6 +21,7 @@ import numpy as np
 
 from workflow import models
 from workflow.grid._costs import Part, compiling_part, compiling_parts, measured
+from workflow.grid._waiting_for import COMPILING, waiting_for
 from workflow.kernels.cache import directory_of, is_lasting
 from workflow.models import Cases, Harmonics
 from workflow.schemes import Sampling, Scheme, load
@@ -138,11 +139,12 @@ def compile_scheme(variant: KernelVariant, waiting: Callable[[], AbstractContext
     for share in reversed(shares):  # helpers begin with the first
         if SHARES.take(share):
             try:
-                share.compile()
+                with waiting_for(COMPILING):
+                    share.compile()
             finally:
                 share.is_done.set()
     if not all(share.is_done.is_set() for share in shares):
-        with waiting():
+        with waiting(), waiting_for(COMPILING):
             for share in shares:
                 share.is_done.wait()
     _compile(variant)
@@ -154,7 +156,7 @@ def _compile(variant: KernelVariant) -> None:
 
     What raises compiles nothing and leaves no note.
     """
-    with suppress(Exception):
+    with suppress(Exception, SystemExit), waiting_for(COMPILING):
         scheme, arguments = _example(variant)
         with measured(_part(variant)):
             scheme.compute(*arguments)

@@ -24,6 +24,7 @@ from workflow.grid._conditions import conditions
 from workflow.grid._operators import compile_for, reduced, run_batch, structure_of, structure_on
 from workflow.grid._reason import reason_of
 from workflow.grid._trials import COMPARED, Setting, corners_of, exactly, stepped
+from workflow.grid._waiting_for import TRIALS, waiting_for
 from workflow.judges.distances import relative_distance
 from workflow.kernels.algebra import MOST_BY_JACOBI
 from workflow.models import Chain, Structure
@@ -48,7 +49,7 @@ def refine(setting: Setting, requested: Counts, tolerance: float) -> Choice:
         return choose(setting, requested, tolerance)
     least, most = ends(requested, tuple(min(size - 1, _most(structure)) for size in sizes))  # type: ignore[arg-type]
     first = tuple(min(max(a, b), c) for a, b, c in zip(_FIRST, least, most, strict=True))
-    with threadpool_limits(limits=1, user_api="blas"):
+    with threadpool_limits(limits=1, user_api="blas"), waiting_for(TRIALS):
         return _refined(_Solutions(setting, first), first, most, tolerance)  # type: ignore[arg-type]
 
 
@@ -104,11 +105,11 @@ class _Solutions:
         self._cases = conditions(setting.cell, structure, varying, len(self.corners))
         try:
             self._of(first)
-        except Exception:  # whatever refuses the scene or the basis
+        except (Exception, SystemExit):  # whatever refuses the scene or the basis
             self._cell = stepped(setting)
             try:
                 self._of(first)
-            except Exception as error:
+            except (Exception, SystemExit) as error:
                 self.failure = f"not confirmed: {reason_of(error)}"
         method = self._cell.scheme.method
         self.by = method if self._cell.h == 0 else f"{method} (theta = 1, h = {self._cell.h:g} s)"

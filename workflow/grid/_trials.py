@@ -106,7 +106,7 @@ class Trials:
         try:
             self._run(0, 0, (0,))
             truth: Results | None = self._run(*self.most, every)
-        except Exception:  # whatever refuses the scene or the basis
+        except (Exception, SystemExit):  # whatever refuses the scene or the basis
             self._cell = stepped(setting)
             truth, self.failure = self._tried(*self.most, every)
         self._truth = truth
@@ -169,7 +169,7 @@ class Trials:
         """Return solutions with some counts, or ``None`` and why there are none."""
         try:
             return self._run(mechanical, thermal, corners), ""
-        except Exception as error:  # whatever a model or basis raises
+        except (Exception, SystemExit) as error:  # whatever a model or basis raises
             return None, reason_of(error)
 
     def _run(self, mechanical: int, thermal: int, corners: Sequence[int]) -> Results:

@@ -16,6 +16,7 @@ from workflow.grid._conditions import conditions
 from workflow.grid._operators import compile_for, judged, run_batch, structure_of
 from workflow.grid._reason import reason_of
 from workflow.grid._turns import waiting
+from workflow.grid._waiting_for import REFERENCES, waiting_for
 from workflow.judges.distances import relative_distance
 from workflow.models import Array, Cases
 from workflow.schemes import Results, Sampling, Status
@@ -137,8 +138,9 @@ def _block(grid: Grid, cell: Cell, shape: tuple[int, ...], block: int, perturbed
 def _computed_or_lost(grid: Grid, cell: Cell, shape: tuple[int, ...], own: Indices, perturbed: bool) -> Truth:
     """Return solutions; one that raises is NaN, which harms neither its neighbours nor its cases."""
     try:
-        return _compute(grid, cell, shape, own, perturbed)
-    except Exception as error:  # whatever a model or scheme raises
+        with waiting_for(REFERENCES):
+            return _compute(grid, cell, shape, own, perturbed)
+    except (Exception, SystemExit) as error:  # whatever a model or scheme raises
         if own.size > 1:
             return _joined([_computed_or_lost(grid, cell, shape, own[k : k + 1], perturbed) for k in range(own.size)])
         lost = np.full((1, grid.sampling.count), np.nan)

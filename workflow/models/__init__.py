@@ -44,6 +44,7 @@ from workflow.models._static import (
     static_temperatures,
 )
 from workflow.models._structure import Coordinates, Matrices, Rayleigh, Structure
+from workflow.models._write_matrices import write_matrices
 
 
 class Model(Protocol):
@@ -164,4 +165,5 @@ __all__ = [
     "thermal_modes",
     "thermal_path",
     "tip_flexibility",
+    "write_matrices",
 ]

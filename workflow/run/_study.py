@@ -26,7 +26,7 @@ from workflow.archive import (
     stored_status,
     study_key,
 )
-from workflow.grid import Task, arrange, compiling, measured_run, tasks
+from workflow.grid import CASES, GATHERING, Task, arrange, compiling, measured_run, tasks, waiting_for
 from workflow.run._earlier import Reuse, begun_texts, cells_there, check_name, is_unfinished, stored_choices
 from workflow.run._notebook import in_notebook, notebook_line
 from workflow.run._outcome import Outcome, summarise
@@ -122,9 +122,11 @@ def _run(study: Study, archive: Path, where: Where, reuse: Reuse, progress: Prog
     ):
         prepared = prepare(grid, archive, hashes, reuse, where.here)
         tally = None if progress is None else _tally(prepared, where.computing, begun, progress)
-        _run_missing(prepared, run_tasks, hashes, tally)
+        with waiting_for(CASES):
+            _run_missing(prepared, run_tasks, hashes, tally)
         layout = _with_record(prepared, where, time.perf_counter() - begun)
-        gather(layout, parts, archive, hashes.result(), prepared.job.stored_cells)
+        with waiting_for(GATHERING):
+            gather(layout, parts, archive, hashes.result(), prepared.job.stored_cells)
         remove_parts(parts)
     return replace(summarise(archive, prepared.resumed), seconds=time.perf_counter() - begun)
 
