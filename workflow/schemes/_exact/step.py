@@ -47,7 +47,8 @@ def certified_step(m: Motion, start: Start, t: float, left: float, tolerance: fl
     beyond. The expansion is used up.
     """
     sums, n, zeros = m.expansion.sums, m.r.blocks, start.zeros
-    if not np.isfinite(sums[expansion.SIZE, 0] * max(1.0, m.r.fastest) ** 4):  # a bound of the fourth derivative
+    # a thousand times a bound of the fourth derivative: what its bound over a step is multiplied by must not overflow
+    if not np.isfinite(1e3 * sums[expansion.SIZE, 0] * max(1.0, m.r.fastest) ** 4):
         return np.nan, False
     if start.speed >= 0.0:
         sums[expansion.D1, n] = start.speed
