@@ -43,7 +43,12 @@ TOP = (
     ("schemes", "label: method and its options; a bare method name needs no entry"),
     ("axes", "settings of a case and values of the scene or of schemes by dotted path: a value, a list, "
      "`{lin: [first, last, count]}` or `{log: [first, last, count]}`; each list is a dimension"),
-    ("zip", "axes that vary together, by the name of their dimension"),
+    ("zip", "axes that vary together, by the name of their dimension; or numbers of the scene, `e` and `alpha`, "
+     "drawn: `{sample, points, seed, of}`"),
+    ("zip.NAME.sample", "`random`, `latin_hypercube`, or `sobol_indices`: points × (numbers + 2) cases"),
+    ("zip.NAME.points", "number of points; of `sobol_indices` a power of two"),
+    ("zip.NAME.seed", "what the generator starts from; default 0"),
+    ("zip.NAME.of", "path: `[low, high]`, uniform, or `{log: [low, high]}`, uniform in the logarithm"),
     ("reference", "settings of the solution that errors are measured against; the rest stays the case's own"),
     ("output", "what the archive keeps"),
 )  # fmt: skip
@@ -165,6 +170,7 @@ SHAPES = {"history": "(…, t)", "metric": "(…)", "period": "(…, period)", "
 WHEN = {
     "always": "",
     "balances": "with `output.balances`",
+    "sections": "with `output.sections`",
     "reference": "with a `reference`",
     "scheme": "",
     "auto": "with `auto`",
@@ -176,7 +182,8 @@ def variable_table() -> Iterator[str]:
     """Yield the lines on the variables of an archive."""
     yield "## Variables of an archive"
     yield ""
-    yield "`…` stands for the dimensions of the study. `message` says what a case did that is not ok."
+    yield "`…` stands for the dimensions of the study. `message` says what a case did that is not ok. Along a drawn zip"
+    yield "lie `sample_point`, the point of a case, and `sample_matrix`: `A`, `B`, or the path of what A has from B."
     yield ""
     rows = [_row(about, WHEN[about.condition]) for about in variables.TABLE]
     for name in schemes.names():
@@ -209,6 +216,19 @@ figure = scene_map(run_study(study, directory + "/atlas.nc").dataset, "alpha", "
 figure = work_precision(archive.isel(model=0), beside=archive.isel(model=1))""",
     "convergence": """archive = open_archive("../data/work_precision.nc")
 figure = convergence(archive.sel(e=0).isel(model=0))""",
+    "sobol_indices": """ranges = {"scene.casing.gap": ["15 um", "22 um"], "alpha": {"log": [1, 30]}, "e": [0, 0.9]}
+design = {"sample": "sobol_indices", "points": 256, "of": ranges}
+study = read_study("blade.yaml").with_({"axes": {"scheme": "event_driven"}, "zip": {"design": design}})
+figure = sobol_indices(run_study(study, directory + "/drawn.nc").dataset)""",
+    "bifurcation": """scene = {
+    "chain": {"nodes": 1, "mass": 2.5e-3, "stiffness": 4e6, "damping": {"mass": 800}, "heat_capacity": 1},
+    "casing": {"gap": "5 um"},
+    "load": {"amplitude": 100},
+    "duration": "40 ms",
+}
+axes = {"scheme": "event_driven", "e": 0.8, "scene.load.frequency": {"lin": [14e3, 20e3, 301]}}
+study = read_study({"study": "rub", "scene": scene, "axes": axes, "output": {"sections": True, "histories": []}})
+figure = bifurcation(run_study(study, directory + "/rub.nc").dataset, "frequency")""",
 }
 """What draws an example of each figure, in the directory of this file."""
 

@@ -20,6 +20,7 @@ _EXPORTS = {
     "read_study": "workflow.study",
     "recommend": "workflow.analysis",
     "run_study": "workflow.run",
+    "sobol": "workflow.analysis",
     "work_precision": "workflow.analysis",
     "write_matrices": "workflow.models",
 }

@@ -16,9 +16,9 @@ Shape = Literal["history", "metric", "period", "flag"]
 
 Origin = Literal["scheme", "workflow"]
 
-Condition = Literal["always", "balances", "reference", "scheme", "auto", "auto reference"]
-"""When an archive has the variable: always, with ``output.balances``, with a reference, if a scheme declares it,
-where a tolerance decides a count of modes."""
+Condition = Literal["always", "balances", "sections", "reference", "scheme", "auto", "auto reference"]
+"""When an archive has the variable: always, with ``output.balances`` or ``output.sections``, with a reference, if a
+scheme declares it, where a tolerance decides a count of modes."""
 
 
 @dataclass(frozen=True)
@@ -60,8 +60,9 @@ _ENERGY = (
     "loads drag along, of all modes with a share in the tip; what does work does it at the mean velocity of a step's "
     "ends, that of the tip as the contact law gives it; what a contact spring gives as contact begins or ends "
     "counts; the load counts as the step takes it; max E is at least what 1e-12 of the impulse of the tip load would "
-    "give the tip. Structures whose modes are coupled, or loaded elsewhere: E = vMv/2 + xK1x/2 of the whole motion, with the work of all loads and "
-    "against thermal forces (midpoint values of the motion). 0 where max E is 0; NaN for event_driven, which is exact"
+    "give the tip. Structures whose modes are coupled, or loaded elsewhere: E = vMv/2 + xK1x/2 of the whole motion, "
+    "with the work of all loads and against thermal forces (midpoint values of the motion). 0 where max E is 0; NaN "
+    "for event_driven, which is exact"
 )
 
 _HEAT = (
@@ -285,6 +286,27 @@ TABLE = (
         comment=_LARGEST,
     ),
     Variable("period_contact", "1", "share of a load period in contact", "period", "scheme"),
+    *(
+        Variable(name, unit, meaning, "period", "scheme", "sections", signed=True)
+        for name, unit, meaning in (
+            ("section_displacement", "m", "displacement of the blade tip at the start of a load period"),
+            ("section_velocity", "m s-1", "velocity of the blade tip at the start of a load period"),
+            ("section_temperature", "K", "temperature rise of the blade tip at the start of a load period"),
+            ("period_impacts", "1", "number of impacts in a load period, in which a step counts that begins in it"),
+        )
+    ),
+    *(
+        Variable(
+            f"period_displacement{end}",
+            "m",
+            f"{extreme} displacement of the blade tip in a load period",
+            "period",
+            condition="sections",
+            signed=True,
+            comment="of the output samples in it and of the sections at its ends",
+        )
+        for end, extreme in (("", "largest"), ("_min", "smallest"))
+    ),
     Variable("status", "1", "how the case ended", "flag", "scheme"),
     Variable(
         "runaway",
@@ -296,7 +318,7 @@ TABLE = (
 )
 """Every variable but those that a scheme declares for itself in ``METRICS``."""
 
-STRUCTURAL = frozenset({"t", "period", "message", "message_length", "provenance"})
+STRUCTURAL = frozenset({"t", "period", "message", "message_length", "provenance", "sample_point", "sample_matrix"})
 """Further names that an archive uses."""
 
 BY_NAME = {variable.name: variable for variable in TABLE}

@@ -13,7 +13,9 @@ from workflow import open_archive, plots
 DATA = Path(__file__).parents[2] / "data"
 
 
-@pytest.mark.parametrize("name", ["histories", "scene_map", "work_precision", "convergence"])
+@pytest.mark.parametrize(
+    "name", ["histories", "scene_map", "work_precision", "convergence", "sobol_indices", "bifurcation"]
+)
 def test_the_examples_of_the_reference_draw(name: str) -> None:
     reference = script("reference")
     assert (reference.FILE.with_name("figures") / f"{name}.png").exists()

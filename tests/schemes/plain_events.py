@@ -138,13 +138,19 @@ class Reference:
         y, now, impacts, fastest = self.start, 0, 0, Long(0)
         out = np.full((5, times.size), np.nan)
         hottest, strikes = y[2 * n + self.nt - 1], y[tip] >= 0 and y[speed] >= 0
-        while True:
+        struck, at_once, left = -1, 0, 20 * parts * times.size
+        while left:
+            left -= 1
             if now % per_sample == 0:
                 x, v = self.x[-1] @ y, self.v[-1] @ y
                 out[:, now // per_sample] = x, v, y[2 * n + self.nt - 1], y[2 * n + self.nt], hottest
                 if now == (times.size - 1) * per_sample:
                     break
             if strikes:
+                at_once = at_once + 1 if struck == now else 0
+                struck = now
+                if at_once > most_impacts:  # neither flies nor stays: a contact force of 0 but for rounding
+                    break
                 if held:
                     held = False
                 else:

@@ -132,3 +132,13 @@ def test_a_pressing_load_that_touches_zero(scene: tuple[Any, ...]) -> None:
     assert results.status[0] == Status.OK
     assert not results.messages
     assert results.metrics["contact_time"][0] >= 0.99 * 4 / frequency
+
+
+def test_bounces_end_where_the_load_only_just_presses() -> None:
+    """The force of the load touches 0 at 0.75 s; between a touch more and a touch less the time in contact is alike."""
+    ball, times = chain(nodes=1, mass=0.25, stiffness=0.0), sampling(2.0, 1e-2)
+    batch = cases(ball, 3, e=0.5, gap=1e-6, mean=1.0, amplitude=np.array([1 + 1e-7, 1.0, 1 - 1e-7]), frequency=1.0)
+    results = event_driven.compute(event_driven.init(ball, 0.0, event_driven.Options()), batch, times)
+    assert np.all(results.status == Status.OK)
+    least, between, most = results.metrics["contact_time"]
+    assert least <= between <= most <= least + 1e-3

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from plain_events import Reference
 from plain_structures import plain_chain
@@ -18,10 +18,16 @@ from workflow.schemes import Status
 
 ACCURACY = 1e-9
 SAMPLES = 60
+ROUNDING = 4e-13
+"""A thousand roundings."""
+
+PHASES = (Phase.explicit, Phase.generate)
+"""Nothing is shrunk: the 80-bit solution takes long where hypothesis finds simple bodies."""
 
 
 def numbers(draw: st.DrawFn, count: int, low: float, high: float) -> np.ndarray:
-    return np.array(draw(st.lists(st.floats(low, high), min_size=count, max_size=count)))
+    every = st.floats(low, high, allow_subnormal=False)
+    return np.array(draw(st.lists(every, min_size=count, max_size=count)))
 
 
 @st.composite
@@ -58,22 +64,31 @@ def bodies(draw: st.DrawFn) -> tuple[float, Described]:
     )
 
 
-@settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=60, deadline=None, derandomize=True, phases=PHASES, suppress_health_check=[HealthCheck.too_slow])
 @given(bodies())
 def test_free_bodies_move_as_in_80_bits(body: tuple[float, Described]) -> None:
-    """Relative to the largest motion so far, beside rounding of gap and start, up to the first impact that grazes."""
+    """Relative to the largest motion, up to the first impact that grazes.
+
+    Beside that, what roundings of gap, load and phase become, which impacts amplify, and rounding of the start.
+    """
     steps, scene = body
     reference = Reference(scene.plain, scene.plain_case)
     interval = float(f"{steps * reference.longest:.3g}")
     over = sampling(SAMPLES * interval, interval)
     truth = reference.solve(over.times, most_impacts=20)
+    given = scene.plain_case
+    rounded = {"gap": given.gap * (1 + ROUNDING), "mean": given.mean * (1 + ROUNDING), "phase": given.phase + ROUNDING}
+    changed = [replace(given, **{name: value}) for name, value in rounded.items()]
+    moved = [Reference(scene.plain, case).solve(over.times, most_impacts=20) for case in changed]
     results = step(scene.structure, scene.case, 0.0, over, "event_driven")
     assert results.status[0] == Status.OK
-    reached = over.times < truth.reached
+    reached = over.times < min(each.reached for each in (truth, *moved))
     speed = np.abs(scene.plain_case.velocity).max()  # of nodes that are not at the tip, too
     sizes = {"displacement": scene.case.gap[0] + speed * over.duration, "velocity": speed}
     sizes["impulse"] = speed * float(np.trace(scene.plain.mass))
     for name in ("displacement", "velocity", "impulse"):
         ours, theirs = results.histories[name][0, reached], getattr(truth, name)[reached]
-        largest = np.maximum.accumulate(np.abs(theirs))
-        assert np.max(np.abs(ours - theirs) - ACCURACY * largest, initial=0.0) <= 1e-15 * sizes[name], name
+        largest = np.abs(theirs).max(initial=0.0)
+        apart = [np.abs(getattr(each, name)[reached] - theirs) for each in moved]
+        amplified = np.maximum.accumulate(np.max(apart, axis=0))
+        assert np.max(np.abs(ours - theirs) - ACCURACY * largest - amplified, initial=0.0) <= 1e-14 * sizes[name], name

@@ -267,6 +267,39 @@ NODES = [
     ("axes: {scene.chain.nodes: {lin: [2, 5, 3]}}", "axes.scene.chain.nodes", "not whole numbers"),
     ("zip: {a: {}}", "zip.a", "is empty"),
     ("zip: {e: {e: [0, 1]}}", "zip.e", "name of a variable"),
+    ("zip: {a: {sample: random, points: 4, of: {e: [0.5, 0]}}}", "zip.a.of.e", "does not end above its begin"),
+    ("zip: {a: {sample: random, points: 4, of: {e: [0, 2]}}}", "zip.a.of.e[1]", "`2` is out of range"),
+    ("zip: {a: {sample: random, points: 4, of: {e: {log: [0, 1]}}}}", "zip.a.of.e", "needs positive ends"),
+    ("zip: {a: {sample: random, points: 4, of: {e: {lin: [0, 1]}}}}", "zip.a.of.e", "is no range"),
+    ("zip: {a: {sample: random, points: 4, of: {h: [1e-5, 1e-4]}}}", "zip.a.of.h", "does not belong here"),
+    ("zip: {a: {sample: random, points: 4, of: {}}}", "zip.a.of", "has 0 numbers"),
+    ("zip: {a: {sample: random, points: 1, of: {e: [0, 1]}}}", "zip.a.points", "`1` is out of range"),
+    ("zip: {a: {sample: random, of: {e: [0, 1]}}}", "zip.a.points", "is missing"),
+    ("zip: {a: {sample: sobol, points: 4, of: {e: [0, 1]}}}", "zip.a.sample", "is none of the choices"),
+    ("zip: {a: {sample: random, points: 4, of: {e: [0, 1]}, alpha: [1]}}", "zip.a.alpha", "is not known here"),
+    ("zip: {a: {sample: sobol_indices, points: 4, of: {e: [0, 1]}}}", "zip.a.of", "has 1 numbers"),
+    (
+        "zip: {a: {sample: sobol_indices, points: 12, of: {e: [0, 1], alpha: [0, 1]}}}",
+        "zip.a.points",
+        "12 is no power of two",
+    ),
+    (
+        "zip: {a: {sample: sobol_indices, points: 524288, of: {e: [0, 1], alpha: [0, 1]}}}",
+        "zip.a.points",
+        "come to 2097152 cases",
+    ),
+    (
+        "axes: {alpha: [0, 1], h: {lin: [1e-5, 1e-4, 1000]}}\nzip: {a: {sample: random, points: 1e6, of: {e: [0, 1]}}}",
+        "axes",
+        "come to 2e+09 cases",
+    ),
+    (
+        "zip: {a: {sample: random, points: 4, of: {e: [0, 1]}}, b: {sample: random, points: 4, of: {alpha: [0, 1]}}}",
+        "zip.b",
+        "and so is another zip",
+    ),
+    ("zip: {h: {sample: random, points: 4, of: {e: [0, 1]}}}", "zip.h", "name of a variable"),
+    ("axes: {e: 0}\nzip: {a: {sample: random, points: 4, of: {e: [0, 1]}}}", "zip.a.of.e", "is an axis already"),
     ("axes: {scene.initial: [static]}", "axes.scene.initial", "does not belong"),
     ("schemes: {moreau: 3}", "schemes.moreau", "not a mapping"),
     ("axes: 5", "axes", "not a mapping"),
@@ -281,7 +314,8 @@ def test_added_lines(lines: str, key: str, problem: str) -> None:
     mistakes = mistakes_of(f"{CHAIN}{lines}\n")
     assert [mistake.key for mistake in mistakes] == [key], "\n".join(map(str, mistakes))
     assert problem in mistakes[0].problem
-    assert mistakes[0].line == 6 + lines[: lines.find("reference") + 1].count("\n")
+    first = key.partition(".")[0]
+    assert mistakes[0].line == 6 + lines[: lines.index(f"{first}:")].count("\n")
 
 
 def test_lists_per_node_must_fit_every_number_of_nodes() -> None:

@@ -318,7 +318,8 @@ def test_schema_accepts_the_examples_and_refuses_what_the_reader_refuses() -> No
     schema = json_schema()
     jsonschema.Draft202012Validator.check_schema(schema)
     validator = jsonschema.Draft202012Validator(schema)
-    for text in (BLADE, CHAIN):
+    drawn = "zip: {design: {sample: random, points: 4, of: {e: [0, 1], scene.casing.gap: {log: [1 um, 2]}}}}\n"
+    for text in (BLADE, CHAIN, CHAIN + drawn):
         validator.validate(compose(text, "f").tree)
     for old, new in (
         ("length: 40 mm", "lenght: 40 mm"),
@@ -331,6 +332,8 @@ def test_schema_accepts_the_examples_and_refuses_what_the_reader_refuses() -> No
         ("precision: float64", "precision: float16"),
     ):
         assert not validator.is_valid(compose(BLADE.replace(old, new), "f").tree), new
+    for old, new in (("random", "grid"), ("points: 4, ", ""), ("[0, 1]", "[0]"), ("e:", "h:"), ("log", "lin")):
+        assert not validator.is_valid(compose(CHAIN + drawn.replace(old, new), "f").tree), new
 
 
 def test_a_licence_is_that_of_the_study_or_none() -> None:

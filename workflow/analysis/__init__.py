@@ -11,6 +11,8 @@ from workflow.analysis._cases import (
     labels,
     labels_of,
     mode_counts,
+    naming,
+    rounded_texts,
     runaways,
     shown_dim,
     value_text,
@@ -46,6 +48,7 @@ from workflow.analysis._recommend_words import as_json as recommendation_json
 from workflow.analysis._recommend_words import cautions as recommendation_cautions
 from workflow.analysis._recommend_words import row as recommendation_row
 from workflow.analysis._recommend_words import sentence, undecidable
+from workflow.analysis._sobol import drawn_dim, sobol
 from workflow.analysis._standing import ACCURATE, RULE, Range, Standing, ranges, standings
 from workflow.analysis._telling import Telling, exact_partners, is_exact, telling, total_error
 from workflow.analysis._work import work_precision
@@ -75,6 +78,7 @@ __all__ = [
     "contact_loss",
     "contact_phases",
     "decided",
+    "drawn_dim",
     "effect",
     "energy_kept",
     "exact",
@@ -91,6 +95,7 @@ __all__ = [
     "labels_of",
     "lines",
     "mode_counts",
+    "naming",
     "numerical_dims",
     "observed_order",
     "period_frequency",
@@ -99,10 +104,12 @@ __all__ = [
     "recommendation_cautions",
     "recommendation_json",
     "recommendation_row",
+    "rounded_texts",
     "runaways",
     "sentence",
     "shown_dim",
     "simulated_seconds",
+    "sobol",
     "standings",
     "telling",
     "total_error",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from workflow.run import status_name
 from workflow.schemes import Status
-from workflow.study import AUTO, CHOSEN, MODES, readable
+from workflow.study import AUTO, CHOSEN, MATRIX, MODES, POINT, readable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -75,6 +75,22 @@ def mode_counts(dataset: xr.Dataset, name: str) -> NDArray[np.float64]:
     return counts
 
 
+def naming(dataset: xr.Dataset, dim: str) -> list[str]:
+    """Return the coordinates that name the values of a dimension; points and matrices of a drawn zip do not."""
+    return [str(name) for name in dataset.coords if dataset[name].dims == (dim,) and name not in (POINT, MATRIX)]
+
+
+def rounded_texts(values: Iterable[float]) -> list[str]:
+    """Return numbers in the fewest digits, four at least, that tell different ones apart."""
+    values = list(values)
+    different = len(set(values))
+    for digits in range(4, 18):
+        texts = [f"{value:.{digits}g}" for value in values]
+        if len(set(texts)) == different:
+            break
+    return texts
+
+
 def labels_of(dataset: xr.Dataset, dim: str, named: bool = True, rounded: bool = False) -> list[str]:
     """Return a label for each value of a dimension, zipped coordinates side by side.
 
@@ -87,9 +103,9 @@ def labels_of(dataset: xr.Dataset, dim: str, named: bool = True, rounded: bool =
     named
         Put the coordinate's name before its value, ``alpha 30 W/N``.
     rounded
-        Give four digits, as fit in a picture or a table, instead of all where they tell the values apart.
+        Give as many digits as tell the values apart, four at least, as fit in a picture or a table.
     """
-    names = [str(name) for name in dataset.coords if dataset[name].dims == (dim,)]
+    names = naming(dataset, dim)
     if not names:
         return [str(k) for k in range(dataset.sizes[dim])]
     columns = [_labels(dataset[name], named or len(names) > 1, rounded) for name in names]
@@ -100,10 +116,9 @@ def _labels(coordinate: xr.DataArray, named: bool, rounded: bool) -> list[str]:
     unit = readable(str(coordinate.attrs.get("units", "1")))
     before = f"{coordinate.name} ".replace("_", " ") if named else ""
     after = f" {unit}" if unit else ""
-    texts = [value_text(coordinate, value) for value in coordinate.values]
-    if rounded and np.issubdtype(coordinate.dtype, np.floating):
-        few = [f"{value:.4g}" for value in coordinate.values]
-        texts = few if len(set(few)) == len(set(texts)) else texts
+    few = rounded and np.issubdtype(coordinate.dtype, np.floating)
+    values = coordinate.values
+    texts = rounded_texts(values) if few else [value_text(coordinate, value) for value in values]
     return [before + text + after for text in texts]
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from workflow.analysis._cases import case_dims, coordinate_units, is_auto
 from workflow.schemes import Status
-from workflow.study import MODES
+from workflow.study import MATRIX, MODES, POINT
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -287,7 +287,7 @@ class Table:
         coordinates: dict[str, Any] = {}
         for name, coordinate in self.dataset.coords.items():
             fixed = coordinate.ndim == 0 and scalars and is_numerical(self.dataset, str(name))
-            if fixed or (coordinate.ndim == 1 and coordinate.dims[0] in at):
+            if fixed or (coordinate.ndim == 1 and coordinate.dims[0] in at and name not in (POINT, MATRIX)):
                 value = coordinate.values if fixed else coordinate.values[at[str(coordinate.dims[0])]]
                 coordinates[str(name)] = value.item() if hasattr(value, "item") else value
         return coordinates

@@ -18,11 +18,11 @@ import numpy as np
 import workflow
 from workflow import variables
 from workflow.archive._layout import Attributes, Coordinate, Layout, Variable
-from workflow.grid import FRICTION, Grid, Units, alpha_of, choices_text, longest_period_count, metrics_of
+from workflow.grid import FRICTION, Grid, Units, alpha_of, choices_text, longest_period_count, metrics_of, periods_of
 from workflow.models import FACTORISING, has_cholmod
 from workflow.pinning import is_pinned
 from workflow.schemes import SOLVER_VERSION, Status
-from workflow.study import AUTO, CHOSEN, MODES, Axis, Study, packed
+from workflow.study import AUTO, CHOSEN, MATRIX, MODES, POINT, Axis, Drawn, Study, packed
 
 SOFTWARE = ("code_revision", "processor", "versions", "pinned")
 """Texts of the provenance group that decide whether two runs must agree bit for bit."""
@@ -142,6 +142,9 @@ def _coordinates(study: Study, grid: Grid, periods: int) -> tuple[Coordinate, ..
         _coordinate(axis, (dimension.name,)) for dimension in (*grid.outer, *grid.inner) for axis in dimension.axes
     ]
     coordinates += [_coordinate(axis, ()) for axis in study.scalars]
+    coordinates += [
+        one for each in study.dimensions if each.drawn is not None for one in _design(each.name, each.drawn)
+    ]
     moves = _motion_of_casing(study)
     coordinates = [
         dataclasses.replace(one, attrs={**one.attrs, **moves}) if one.name == "gap" else one for one in coordinates
@@ -158,6 +161,17 @@ def _coordinates(study: Study, grid: Grid, periods: int) -> tuple[Coordinate, ..
         number = {"units": "1", "long_name": "number of the load period"}
         coordinates.append(Coordinate("period", ("period",), np.arange(1, periods + 1), number))
     return tuple(coordinates)
+
+
+def _design(name: str, drawn: Drawn) -> tuple[Coordinate, Coordinate]:
+    """Return which point and which matrix of a drawn zip each of its cases is."""
+    about = "matrix of the case: A, B, or the path of the number that A has from B"
+    points = np.repeat(np.arange(drawn.points), len(drawn.matrices))
+    matrices = np.tile(np.array(drawn.matrices, dtype=object), drawn.points)
+    return (
+        Coordinate(POINT, (name,), points, {"units": "1", "long_name": "number of the drawn point"}),
+        Coordinate(MATRIX, (name,), matrices, {"long_name": about}),
+    )
 
 
 def _motion_of_casing(study: Study) -> dict[str, str]:
@@ -191,7 +205,7 @@ def _variables(study: Study, periods: int) -> tuple[Variable, ...]:
     stored = [_declared(variables.BY_NAME[name], precision) for name in study.output.histories]
     stored += [_declared(about) for about in metrics_of(study)]
     if periods:
-        stored += [_declared(about) for about in variables.select("period")]
+        stored += [_declared(about) for about in periods_of(study)]
     return (*stored, *(_flag(about) for about in variables.select("flag")))
 
 

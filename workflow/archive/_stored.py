@@ -61,11 +61,11 @@ def cut_of(status: Any) -> Cut | None:
 def holds(file: Any, variable: Variable, layout: Layout) -> bool:
     """Tell whether a file has a variable as exactly as it is wanted, along ``t`` to its end.
 
-    One that is optional, or given per load period, is missing in all of the cases of a file without it.
+    One that is optional is missing in all of the cases of a file without it, and so are load periods without any.
     """
     stored = file.get(variable.name)
     if stored is None:
-        return variable.optional or variable.kind == "period"
+        return variable.optional or (variable.kind == "period" and "period" not in file)
     if np.dtype(variable.dtype).itemsize > stored.dtype.itemsize:
         return False
     return variable.kind != "history" or stored.shape[-1] == layout.samples

@@ -158,7 +158,9 @@ def narrowed(path: Path, layout: Layout) -> list[str]:
     names = []
     with _opened(path) as file:
         for variable in BY_NAME.values():
-            if variable.name not in file or not (variable.shape == "history" or variable.condition == "balances"):
+            if variable.name not in file or not (
+                variable.shape == "history" or variable.condition in ("balances", "sections")
+            ):
                 continue
             if variable.name not in declared:
                 names.append(variable.name)

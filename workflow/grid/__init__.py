@@ -13,7 +13,7 @@ from workflow.grid._operators import reduced_structure, structure_of
 from workflow.grid._plan import Plan, plan, plan_study
 from workflow.grid._reference import exact_motion, solution_counts
 from workflow.grid._shaken import Shaken
-from workflow.grid._solve import Solved, metrics_of, solve
+from workflow.grid._solve import Solved, metrics_of, periods_of, solve
 from workflow.grid._tasks import Segment, Task, Units, bytes_per_case, seconds_per_case, tasks, units_of
 from workflow.grid._turns import Turns
 from workflow.grid._waiting_for import CASES, GATHERING, waited_for, waiting_for
@@ -53,6 +53,7 @@ __all__ = [
     "measured",
     "measured_run",
     "metrics_of",
+    "periods_of",
     "plan",
     "plan_study",
     "read_choices",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +20,7 @@ from workflow.grid._reference import against_reference, tells_basis_error
 from workflow.grid._shaken import Shaken
 from workflow.grid._trials import COMPARED as DECIDING
 from workflow.models import Array, Cases
-from workflow.schemes import Results, Sampling, Status, complete_periods
+from workflow.schemes import SECTIONS, Results, Sampling, Status, complete_periods
 from workflow.study import Cell, Study
 from workflow.variables import Condition, Variable
 
@@ -159,7 +159,31 @@ def _contact(results: Results, cases: Cases, grid: Grid) -> dict[str, Array]:
         "period_force": _largest_per_period(force[:, 1:], cases.period_frequency, grid.sampling, periods),
         "period_temperature": widened(results.period_temperature),
         "period_contact": widened(results.period_contact),
+        **(_sections(results, cases, grid, periods) if grid.study.output.sections else {}),
     }
+
+
+def _sections(results: Results, cases: Cases, grid: Grid, periods: int) -> dict[str, Array]:
+    """Return the sections of load periods, and the extremes of the displacement; NaN where a scheme gives none."""
+    values = {name: np.full((cases.count, periods), np.nan) for name in SECTIONS}
+    for name, section in results.sections.items():
+        values[name][:, : section.shape[1]] = section
+    x, starts = results.histories["displacement"], values["section_displacement"]
+    largest, smallest = np.full_like(starts, np.nan), np.full_like(starts, np.nan)
+    counts = complete_periods(cases.period_frequency, grid.sampling)
+    for case, frequency in enumerate(cases.period_frequency):
+        position, number = grid.sampling.times * frequency, np.arange(counts[case])
+        first = np.searchsorted(position, number * (1 - 1e-12))
+        stop = np.searchsorted(position, (number + 1) * (1 + 1e-12), side="right")
+        for k in number:
+            within = np.concatenate([x[case, first[k] : stop[k]], starts[case, k : k + 2]])
+            largest[case, k], smallest[case, k] = np.fmax.reduce(within), np.fmin.reduce(within)
+    return {**values, "period_displacement": largest, "period_displacement_min": smallest}
+
+
+def periods_of(study: Study) -> Iterator[Variable]:
+    """Yield the variables of load periods of a study's archive."""
+    return variables.select("period", None, "always", *(("sections",) if study.output.sections else ()))
 
 
 def _largest_per_period(force: Array, frequency: Array, sampling: Sampling, periods: int) -> Array:
@@ -204,7 +228,7 @@ def _failed(grid: Grid, text: str) -> Solved:
     nan = {"history": (1, grid.sampling.count), "metric": (1,), "period": (1, longest_period_count(grid))}
     values: dict[str, NDArray[Any]] = {
         about.name: np.full(nan[about.shape], np.nan)
-        for about in (*variables.select("history"), *metrics_of(grid.study), *variables.select("period"))
+        for about in (*variables.select("history"), *metrics_of(grid.study), *periods_of(grid.study))
         if about.condition not in ("reference", "auto", "auto reference")
     }
     values |= {"status": np.full(1, Status.FAILED, dtype=np.int8), "runaway": np.zeros(1, dtype=np.int8)}

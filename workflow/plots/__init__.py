@@ -1,17 +1,20 @@
 """Pictures of an archive with Matplotlib; imported when something is drawn.
 
-For papers: ``histories``, ``scene_map``, ``work_precision`` and ``convergence`` each draw a dataset as a ``Figure``.
+For papers: ``histories``, ``scene_map``, ``work_precision``, ``convergence``, ``sobol_indices`` and
+``bifurcation`` each draw a dataset as a ``Figure``.
 """
 
 from __future__ import annotations
 
 from workflow.plots._axes import metric_by_axis
+from workflow.plots._bifurcation import bifurcation
 from workflow.plots._explorer import MARKS, explorer
 from workflow.plots._maps import map_dims, middle, position_text, scene_map, single_maps
 from workflow.plots._page_data import Shown, page_data, shown_part
 from workflow.plots._precision import convergence, error_by_cost, error_by_step, work_precision
 from workflow.plots._response import Curve, abstract_figure, histories, tip_response
 from workflow.plots._scenes import growth_against_prediction, impact_speed_map
+from workflow.plots._sobol import sobol_indices
 from workflow.plots._style import COLOURS, save, write_figure
 
 __all__ = [
@@ -20,6 +23,7 @@ __all__ = [
     "Curve",
     "Shown",
     "abstract_figure",
+    "bifurcation",
     "convergence",
     "error_by_cost",
     "error_by_step",
@@ -36,6 +40,7 @@ __all__ = [
     "scene_map",
     "shown_part",
     "single_maps",
+    "sobol_indices",
     "tip_response",
     "work_precision",
     "write_figure",

@@ -11,7 +11,7 @@ import numpy as np
 from workflow.analysis import effect, finest
 from workflow.plots._page_data import axis_of
 from workflow.plots._style import COLOURS, GREY, trim
-from workflow.study import readable
+from workflow.study import POINT, readable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -47,7 +47,8 @@ def metric_by_axis(archive: xr.Dataset, metric: str) -> Figure:
         low, high = values.min(others).values, values.max(others).values
         panel.fill_between(at, low, high, color=GREY, alpha=0.2, lw=0, label="all ok cases")
         line = values.isel({name: place[name] for name in others}).values
-        panel.plot(at, line, "o-", color=COLOURS[0], ms=4, lw=1.2, label="one axis varied, the others fixed")
+        form = "o" if POINT in archive.coords and archive[POINT].dims == (dim,) else "o-"  # what is drawn has no order
+        panel.plot(at, line, form, color=COLOURS[0], ms=4, lw=1.2, label="one axis varied, the others fixed")
         every = int(np.ceil(len(at) * _room([""] if upright[dim] else axis["texts"]) / (_FREE * width)))
         panel.set_xticks(at[::every], axis["texts"][::every], fontsize=8, rotation=90 if upright[dim] else 0)
         title = axis["title"] + (f" [{axis['unit']}]" if axis["unit"] else "")

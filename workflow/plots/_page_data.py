@@ -10,7 +10,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.analysis import Telling, case_dims, exact_partners, finest, impulse_growth, numerical_dims, total_error
+from workflow.analysis import (
+    Telling,
+    case_dims,
+    exact_partners,
+    finest,
+    impulse_growth,
+    naming,
+    numerical_dims,
+    total_error,
+)
 from workflow.plots._page_cases import MOST_READ, append_cases
 from workflow.plots._thinned import Pack, rounded
 from workflow.plots._units import coordinate_texts, scaled, selector
@@ -159,7 +168,7 @@ def page_data(
 
 def axis_of(part: xr.Dataset, dim: str) -> dict[str, Any]:
     """Describe a dimension: title, unit, texts of its values, and what selects them."""
-    names = [str(name) for name in part.coords if part[name].dims == (dim,)]
+    names = naming(part, dim)
     size, own = part.sizes[dim], dim in part.coords and part[dim].dims == (dim,)
     if not names:
         texts, title, unit = [str(k) for k in range(size)], dim, ""

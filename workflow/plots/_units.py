@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.analysis import exact
+from workflow.analysis import exact, rounded_texts
 from workflow.study import readable
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def scaled(unit: str, values: NDArray[Any]) -> tuple[str, float]:
 
 
 def coordinate_texts(coordinate: xr.DataArray) -> tuple[str, list[str]]:
-    """Return the unit and the values of a coordinate as texts, numbers in at most four digits."""
+    """Return the unit and the values of a coordinate as texts, numbers in the fewest digits from four on."""
     values = np.atleast_1d(coordinate.values)
     if str(coordinate.name).endswith("_modes"):
         return "", ["auto" if value == AUTO else str(value) for value in values]
@@ -45,8 +45,7 @@ def coordinate_texts(coordinate: xr.DataArray) -> tuple[str, list[str]]:
         return "", [str(value) for value in values]
     unit = str(coordinate.attrs.get("units", "1"))
     name, factor = (readable(unit), 1.0) if coordinate.name in _UNSCALED else scaled(unit, values)
-    texts = [f"{value * factor:.4g}" for value in values]
-    return name, texts if len(set(texts)) == len(texts) else [exact(float(value) * factor) for value in values]
+    return name, rounded_texts(values * factor)
 
 
 def selector(coordinate: xr.DataArray, k: int) -> str:

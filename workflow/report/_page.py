@@ -16,6 +16,7 @@ from workflow.report._answer import answer
 from workflow.report._explorer import PAGE_BYTES, interactive
 from workflow.report._html import THEN, image, page, short, table, tag
 from workflow.report._origin import duration_of, methods_of, origin, scene_of
+from workflow.report._shares import shares
 from workflow.run import warnings_of
 
 if TYPE_CHECKING:
@@ -119,7 +120,7 @@ def _write_single(archive: Path, written: Path, damaged: bool) -> Written:
             *sections.scene_pictures(dataset),
             *sections.standing(dataset),
             *precision.body,
-            *sections.effects(dataset),
+            *(shares(dataset) or sections.effects(dataset)),
             *sections.errors(dataset),
             *origin(dataset, archive, damaged),
         ]

@@ -12,7 +12,7 @@ from workflow.kernels import Array
 from workflow.models import Cases
 from workflow.schemes._interface import Results, Sampling, Scheme, Status, complete_periods
 
-PERIODS = tuple(about.name for about in variables.select("period", "scheme"))
+PERIODS = tuple(about.name for about in variables.select("period", "scheme", "always"))
 
 
 class ContractError(ValueError):
@@ -37,7 +37,7 @@ def refuse(scheme: Scheme, cases: Cases) -> None:
 def arrays_by_name(results: Results) -> dict[str, Array]:
     """Return all arrays of results by the names that the table of variables gives them."""
     periods = {name: getattr(results, name) for name in PERIODS}
-    return {**results.histories, **results.metrics, **periods}
+    return {**results.histories, **results.metrics, **periods, **results.sections}
 
 
 def checked(results: Results, cases: Cases, sampling: Sampling) -> Results:
@@ -55,6 +55,7 @@ def checked(results: Results, cases: Cases, sampling: Sampling) -> Results:
     arrays = arrays_by_name(results)
     expected = [about for about in variables.select(None, "scheme") if about.shape != "flag"]
     expected = [about for about in expected if about.condition != "balances" or sampling.balances]
+    expected = [about for about in expected if about.condition != "sections" or results.sections]
     for about in expected:
         _check_shape(about, arrays.get(about.name), cases, sampling)
     if results.status.shape != (cases.count,) or not np.isin(results.status, [int(s) for s in Status]).all():
@@ -116,4 +117,5 @@ def _with_failed(results: Results, messages: dict[int, str]) -> Results:
         **{name: blank(getattr(results, name)) for name in PERIODS},
         status=status,
         messages={**results.messages, **messages},
+        sections={name: blank(values) for name, values in results.sections.items()},
     )

@@ -115,6 +115,9 @@ class Results:
     period_impulse, period_temperature, period_contact
         Per complete load period, shape ``(case, period)``, NaN beyond a case's last one:
         impulse [N s], largest tip temperature [K], share of the period in contact [1].
+    sections
+        ``section_displacement`` [m], ``section_velocity`` [m/s] and ``section_temperature`` [K] at the start of each of
+        these periods, and their ``period_impacts`` [1]; empty of a scheme that does not give them.
     status
         :class:`Status` of every case, int8, shape ``(case,)``. A case that is not ok has NaN
         from the moment it failed, never another case's or an earlier value.
@@ -130,6 +133,7 @@ class Results:
     period_contact: Array
     status: NDArray[np.int8]
     messages: dict[int, str]
+    sections: dict[str, Array] = field(default_factory=dict)
 
 
 def merge(parts: list[tuple[NDArray[np.int64], Results]]) -> Results:
@@ -153,7 +157,30 @@ def merge(parts: list[tuple[NDArray[np.int64], Results]]) -> Results:
         period_contact=joined([r.period_contact for r in results]),
         status=np.concatenate([r.status for r in results])[order],
         messages={int(where[k]): text for where, r in parts for k, text in r.messages.items()},
+        sections={name: joined([r.sections[name] for r in results]) for name in results[0].sections},
     )
+
+
+SECTIONS = ("section_displacement", "section_velocity", "section_temperature", "period_impacts")
+
+
+def sections_of(starts: Array, periods: NDArray[np.int64], start: Array) -> dict[str, Array]:
+    """Return :attr:`Results.sections`.
+
+    Parameters
+    ----------
+    starts
+        States at the ends of load periods, and the impacts in them, ``(case, 4, period)``.
+    periods
+        Number of complete load periods, ``(case,)``.
+    start
+        Tip displacement, velocity and temperature at t = 0, ``(case, 3)``.
+    """
+    values = starts.copy()
+    values[:, :3, 1:] = starts[:, :3, :-1]
+    values[:, :3, :1] = start[:, :, None]
+    values[np.broadcast_to(np.arange(values.shape[2]) >= periods[:, None, None], values.shape)] = np.nan
+    return dict(zip(SECTIONS, values.swapaxes(0, 1), strict=True))
 
 
 def _widened(array: Array, width: int) -> Array:

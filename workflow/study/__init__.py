@@ -5,6 +5,7 @@ from __future__ import annotations
 from workflow.study.addresses import MODES
 from workflow.study.attached import packed, unpacked
 from workflow.study.axes import Axis, Dimension
+from workflow.study.draws import MATRIX, POINT, Drawn
 from workflow.study.edits import setting
 from workflow.study.mistakes import Mistake, StudyError
 from workflow.study.quantities import readable, udunits
@@ -17,10 +18,13 @@ from workflow.study.study import Reference, Study
 __all__ = [
     "AUTO",
     "CHOSEN",
+    "MATRIX",
     "MODES",
+    "POINT",
     "Axis",
     "Cell",
     "Dimension",
+    "Drawn",
     "Initial",
     "Load",
     "Mistake",

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from workflow.study.addresses import MODES, Address, setting_defaults
+from workflow.study.draws import Drawn
 from workflow.study.leaves import Listed, Reading, Single, Spread
 from workflow.study.mistakes import Place, quoted
 from workflow.study.settings import AUTO, CHOSEN, FULL, Sizes
@@ -45,10 +46,11 @@ class Axis:
 
 @dataclass(frozen=True)
 class Dimension:
-    """A dimension of the archive: one axis, or axes that vary together."""
+    """A dimension of the archive: one axis, or axes that vary together, as listed or as drawn."""
 
     name: str
     axes: tuple[Axis, ...]
+    drawn: Drawn | None = None
 
     @property
     def size(self) -> int:
@@ -96,6 +98,7 @@ class _Group:
     place: Place
     columns: dict[str, tuple[Value, ...]]
     name: str | None = None
+    drawn: Drawn | None = None
 
     def column(self, path: str) -> Place:
         """Return where an axis stands in the study, for messages."""
@@ -133,7 +136,7 @@ class Arrangement:
         self.singles: dict[str, Value] = {}
 
     def arrange(
-        self, axes: Mapping[str, Any], zips: Mapping[str, Mapping[str, Any]]
+        self, axes: Mapping[str, Any], zips: Mapping[str, Mapping[str, Any] | Drawn]
     ) -> tuple[tuple[Dimension, ...], tuple[Axis, ...]]:
         """Return dimensions and scalars of the axes that could be read."""
         if not self._few_enough(axes, zips):
@@ -145,10 +148,14 @@ class Arrangement:
             self._judge_distinct(group)
         return self._named()
 
-    def _few_enough(self, axes: Mapping[str, Any], zips: Mapping[str, Mapping[str, Any]]) -> bool:
+    def _few_enough(self, axes: Mapping[str, Any], zips: Mapping[str, Mapping[str, Any] | Drawn]) -> bool:
         """Judge the number of cases before any axis is expanded."""
         sizes = [content.count for content in axes.values() if not isinstance(content, Single)]
-        sizes += [max(content.count for content in zipped.values()) for zipped in zips.values() if zipped]
+        sizes += [
+            zipped.count if isinstance(zipped, Drawn) else max(content.count for content in zipped.values())
+            for zipped in zips.values()
+            if zipped
+        ]
         cases: int = math.prod(sizes)
         if cases > MOST_CASES:
             count = f"{cases:.3g}" if cases < 1e300 else "more than 1e300"
@@ -172,12 +179,18 @@ class Arrangement:
             elif values is not None:
                 self.groups.append(_Group(("axes", path), {path: values}))
 
-    def _take_zips(self, axes: Mapping[str, Any], zips: Mapping[str, Mapping[str, Any]]) -> None:
+    def _take_zips(self, axes: Mapping[str, Any], zips: Mapping[str, Mapping[str, Any] | Drawn]) -> None:
         varied = set(axes)
         for name, zipped in zips.items():
-            place = ("zip", name)
-            columns = {path: self._expand((*place, path), path, content) for path, content in zipped.items()}
-            read = {path: values for path, values in columns.items() if values is not None}
+            place: Place = ("zip", name)
+            drawn = zipped if isinstance(zipped, Drawn) else None
+            if isinstance(zipped, Drawn):
+                if any(group.drawn for group in self.groups):
+                    self.source.report(place, "is drawn, and so is another zip", "draw all numbers under one `of`")
+                place, read = (*place, "of"), dict[str, tuple[Value, ...]](zipped.columns())
+            else:
+                columns = {path: self._expand((*place, path), path, content) for path, content in zipped.items()}
+                read = {path: values for path, values in columns.items() if values is not None}
             for path in varied & set(read):
                 self.source.report((*place, path), "is an axis already", "keep one of the two")
             varied |= set(read)
@@ -186,7 +199,7 @@ class Arrangement:
                 listed = ", ".join(f"{path} has {size}" for path, size in sizes.items())
                 self.source.report(place, f"has axes of different length: {listed}", "give each as many values")
             elif read:
-                self.groups.append(_Group(place, read, name))
+                self.groups.append(_Group(("zip", name), read, name, drawn))
 
     def _take_modes(self) -> None:
         """Put counts in place of ``full``, which follows the number of nodes where that varies."""
@@ -257,7 +270,7 @@ class Arrangement:
         dimensions = []
         for group in self.groups:
             axes = tuple(axis(path, values) for path, values in group.columns.items())
-            dimensions.append(Dimension(group.name or axes[0].name, axes))
+            dimensions.append(Dimension(group.name or axes[0].name, axes, group.drawn))
         return tuple(dimensions), tuple(axis(path, (value,)) for path, value in singles.items())
 
 

@@ -8,12 +8,14 @@ from functools import cache
 from types import GenericAlias
 from typing import Any, ClassVar
 
-from pydantic import AfterValidator, ConfigDict, Field, create_model
+from pydantic import AfterValidator, ConfigDict, Discriminator, Field, Tag, create_model
 
 from workflow import models, schemes
+from workflow.declare import Quantity
 from workflow.study.addresses import TOLERANCE, Address, setting_defaults, settings
+from workflow.study.draws import SAMPLES, Between, Drawn, drawn
 from workflow.study.forms import ByShape, Form, annotated, entry_of, explicit_entries, form, keys_form, summary
-from workflow.study.leaves import Axial, Choice, Line, Name
+from workflow.study.leaves import MOST_VALUES, Axial, Choice, Line, Name, Reading
 from workflow.study.settings import Casing, Friction, Initial, Load, Output, Scene
 
 LONGEST_TITLE = 1000
@@ -105,6 +107,47 @@ def axes_form(addresses: Mapping[str, Address], zipped: bool = False) -> type[Fo
     return create_model("zip" if zipped else "axes", __base__=_Axes, __doc__=summary(_Axes), **entries)
 
 
+def zip_form(addresses: Mapping[str, Address]) -> Any:
+    """Return the annotation that reads a zip: axes that vary together, or numbers that are drawn."""
+    keys = _drawn_form(addresses)
+
+    def tag(value: Any) -> str:
+        return "<drawn>" if isinstance(value, dict) and set(keys.model_fields) & set(value) else "<listed>"
+
+    def build(read: Any) -> Drawn:
+        return drawn(read.sample, read.points, read.seed, explicit_entries(read.of))
+
+    listed = annotated(axes_form(addresses, zipped=True), Tag("<listed>"))
+    return annotated(listed | annotated(annotated(keys, AfterValidator(build)), Tag("<drawn>")), Discriminator(tag))
+
+
+def _drawn_form(addresses: Mapping[str, Address]) -> type[Form]:
+    """Return the form of a drawn zip: real numbers of the scene, e and alpha."""
+    drawable = {
+        path: address.value
+        for path, address in addresses.items()
+        if (path.startswith("scene.") or path in ("e", "alpha"))
+        and isinstance(address.value, Reading)
+        and not address.value.whole
+    }
+    ranges: dict[str, Any] = {
+        path: (annotated(Any, Between(value)), Field(None, description=f"range of the {addresses[path].description}"))
+        for path, value in drawable.items()
+    }
+    of = create_model("ranges", __base__=_Axes, __doc__="Ranges that numbers are drawn from.", **ranges)
+    remedy = "draw real numbers of the scene, `e` and `alpha`; vary this one under `axes`"
+    of.moved = {**_Axes.moved, **dict.fromkeys(set(addresses) - set(drawable), remedy)}
+    points = Quantity("1", "number of points; of sobol_indices a power of two", at_least=2, at_most=MOST_VALUES)
+    seed = Quantity("1", "what the generator starts from", at_least=0)
+    entries: dict[str, Any] = {
+        "sample": (annotated(Any, Choice(SAMPLES)), Field(description="how points are drawn")),
+        "points": (annotated(Any, Reading(points, whole=True)), Field(description=points.description)),
+        "seed": (annotated(Any, Reading(seed, whole=True)), Field(0, description=seed.description)),
+        "of": (of, Field(description="ranges of what is drawn, [low, high] or {log: [low, high]} by path")),
+    }
+    return create_model("drawn", __base__=Form, __doc__="A zip whose numbers are drawn.", **entries)
+
+
 def reference_form(labels: tuple[str, ...], bases: tuple[str, ...]) -> Any:
     """Return the annotation that reads ``reference`` as the settings that it names."""
     entries: dict[str, Any] = {
@@ -127,7 +170,7 @@ def output_form() -> type[Form]:
 def study_form(addresses: Mapping[str, Address], labels: tuple[str, ...], bases: tuple[str, ...]) -> type[Form]:
     """Return the form of a study whose axes may vary some addresses, for some schemes and bases."""
     axes: Any = axes_form(addresses)
-    zips: Any = GenericAlias(dict, (annotated(str, Name("the dimension")), axes_form(addresses, zipped=True)))
+    zips: Any = GenericAlias(dict, (annotated(str, Name("the dimension")), zip_form(addresses)))
     choices: Any = GenericAlias(dict, (annotated(str, Name("the scheme")), scheme_form()))
     entries: dict[str, Any] = {
         "study": (

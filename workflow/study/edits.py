@@ -128,12 +128,13 @@ def _numbers(value: Any) -> Any:
 
 
 def _place(key: str) -> Place:
-    """Return where a dotted path leads; what follows ``axes.`` or ``zip.NAME.`` is one key."""
+    """Return where a dotted path leads; what follows ``axes.``, ``zip.NAME.`` or ``zip.NAME.of.`` is one key."""
     head, _, rest = key.partition(".")
     if head == "axes" and rest:
         return (head, rest)
     if head == "zip" and "." in rest:
-        return (head, *rest.split(".", 1))
+        name, path = rest.split(".", 1)
+        return (head, name, "of", path[3:]) if path.startswith("of.") else (head, name, path)
     return tuple(key.split("."))
 
 
@@ -142,6 +143,8 @@ def _varied_at(tree: Any, path: str) -> str | None:
     sections = {"axes": tree.get("axes")} if isinstance(tree, dict) else {}
     if isinstance(tree, dict) and isinstance(tree.get("zip"), dict):
         sections |= {f"zip.{name}": zipped for name, zipped in tree["zip"].items()}
+        drawn = {f"{name}.of": zipped.get("of") for name, zipped in sections.items() if isinstance(zipped, dict)}
+        sections |= drawn
     owners = (name for name, section in sections.items() if isinstance(section, dict) and section.get(path) is not None)
     return next((f"{owner}.{path}" for owner in owners), None)
 

@@ -55,8 +55,9 @@ class Written:
             (("axes", path), path, content) for path, content in mapping(self.tree, "axes").items()
         ]
         for name in mapping(self.tree, "zip"):
-            columns = mapping(self.tree, "zip", name).items()
-            written += [(("zip", name, path), path, content) for path, content in columns]
+            place: Place = ("zip", name, "of") if "of" in mapping(self.tree, "zip", name) else ("zip", name)
+            columns = mapping(self.tree, *map(str, place)).items()
+            written += [((*place, path), path, content) for path, content in columns]
         return [entry for entry in written if entry[1] in self.addresses]
 
     def place_of(self, paths: tuple[str, ...]) -> Place:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from decimal import Decimal
 from fractions import Fraction
 from functools import lru_cache
@@ -17,6 +18,7 @@ from workflow import models, reduction, schemes
 from workflow.study.addresses import MODES, Address, harmonic_counts, scene_values, scheme_options, settings
 from workflow.study.axes import Arrangement, Axis, Dimension
 from workflow.study.document import SCENE_KEYS, study_form
+from workflow.study.draws import Drawn
 from workflow.study.edits import OPTION, plain_tree, replaced, text_of
 from workflow.study.forms import Form, entries_of, sound
 from workflow.study.judges import (
@@ -137,8 +139,7 @@ class _Reader:
     """Reads one study, section by section; a mistake in one hides none in another."""
 
     def __init__(self, source: Source, attached: Mapping[str, Path]) -> None:
-        self.source = source
-        self.tree = source.tree
+        self.source, self.tree = source, source.tree
         self.model = self._model()
         self.labels = self._labels()
         names = (self.model,) if self.model else models.names()
@@ -285,8 +286,10 @@ class _Reader:
         group = path.split(".")[1] if path.startswith("scene.") else ""
         return self.model is None and group in mapping(self.tree, "scene") and path not in self.addresses
 
-    def _in_order(self, read: Any, *keys: str) -> dict[str, Any]:
-        """Return the axes of a section in the order in which they are written."""
+    def _in_order(self, read: Any, *keys: str) -> Any:
+        """Return the axes of a section, or a drawn zip with its ranges, in the order in which they are written."""
+        if isinstance(read, Drawn):
+            return replace(read, ranges=self._in_order(read.ranges, *keys, "of"))
         content = dict(read)
         return {path: content[path] for path in mapping(self.tree, *keys) if content.get(path) is not None}
 

@@ -10,6 +10,7 @@ from typing import Any, Literal
 from workflow import reduction
 from workflow.declare import File, word_of
 from workflow.study.addresses import MODES, TOLERANCE, Address, scene_values, scheme_options, settings
+from workflow.study.draws import Range
 from workflow.study.mistakes import StudyError
 from workflow.study.quantities import readable
 from workflow.study.settings import AUTO, CHOSEN, Cell, Output
@@ -28,10 +29,14 @@ class ResolvedValue:
     values: tuple[Any, ...]
     unit: str
     origin: Origin
+    drawn: Range | None = None
 
     @property
     def text(self) -> str:
-        """The values as a line: a few of them, of many the ends."""
+        """The values as a line: a few of them, of many the ends; the range of drawn ones."""
+        if self.drawn is not None:
+            law = "drawn in the logarithm" if self.drawn.law == "log" else "drawn"
+            return f"{self.drawn.low:.12g} to {self.drawn.high:.12g} {readable(self.unit)}".rstrip() + f", {law}"
         texts = [f"{value:.12g}" if isinstance(value, float) else str(value) for value in self.values]
         few = texts if len(texts) <= 6 else [texts[0], texts[1], "…", f"{texts[-1]} ({len(texts)} values)"]
         words = any(isinstance(value, str) for value in self.values)  # `static` has no unit
@@ -41,6 +46,7 @@ class ResolvedValue:
 def resolved_values(study: Study, cell: Cell) -> tuple[ResolvedValue, ...]:
     """Return the values of a study: scene, settings, scheme options and output; ``cell`` is one of its cases."""
     axes = {axis.path: axis for dimension in study.dimensions for axis in dimension.axes}
+    ranges = {path: span for each in study.dimensions if each.drawn for path, span in each.drawn.ranges.items()}
     single = {axis.path: axis for axis in study.scalars}
     written = _written(study)
     labels = {label: (choice.method,) for label, choice in study.schemes.items()}
@@ -52,7 +58,8 @@ def resolved_values(study: Study, cell: Cell) -> tuple[ResolvedValue, ...]:
     for path, address in addresses.items():
         unit = "s" if address is None else address.unit
         if path in axes:
-            resolved.append(ResolvedValue(path, _in_words(path, axes[path].values), unit, "axis"))
+            varied = _in_words(path, axes[path].values)
+            resolved.append(ResolvedValue(path, varied, unit, "axis", ranges.get(path)))
             continue
         if path == TOLERANCE and path not in single:
             continue
@@ -124,6 +131,7 @@ def _output(output: Output, written: Any) -> list[ResolvedValue]:
         "histories": output.histories or ("none",),
         "precision": (output.precision,),
         "balances": (output.balances,),
+        "sections": (output.sections,),
     }
     return [
         ResolvedValue(

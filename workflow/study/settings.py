@@ -154,6 +154,8 @@ class Cell:
 
 _BALANCES = "whether to keep energy_residual and heat_residual; a step takes about half as long again with them"
 
+_SECTIONS = "whether to keep the tip's state at the start of each load period, its impacts and extreme displacements"
+
 
 @dataclass(frozen=True)
 class Output:
@@ -170,12 +172,15 @@ class Output:
     balances
         Whether energy and heat balances are kept, metrics ``energy_residual`` and ``heat_residual``.
         A step takes about half as long again with them.
+    sections
+        Whether the tip's state at the start of each load period is kept, with what else describes a period.
     """
 
     interval: float = quantity("s", "sampling of all histories; default: duration/1000", above=0)
     histories: tuple[History, ...] = ("displacement", "temperature", "contact_force")
     precision: Precision = "float64"
     balances: bool = field(default=True, metadata={"meaning": _BALANCES})
+    sections: bool = field(default=False, metadata={"meaning": _SECTIONS})
 
 
 Counts = tuple[int, ...] | None

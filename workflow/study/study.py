@@ -151,10 +151,10 @@ class Study:
                 "schemes": {
                     label: {"method": choice.method, **plain(choice.options)} for label, choice in self.schemes.items()
                 },
-                "dimensions": [dataclasses.asdict(dimension) for dimension in self.dimensions],
+                "dimensions": [_without_empty(dataclasses.asdict(each), "drawn") for each in self.dimensions],
                 "scalars": [dataclasses.asdict(scalar) for scalar in self.scalars],
                 "reference": None if self.reference is None else dict(self.reference.values),
-                "output": dataclasses.asdict(self.output),
+                "output": _without_empty(dataclasses.asdict(self.output), "sections"),
             }
         )
         return resolved

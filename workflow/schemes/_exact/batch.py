@@ -18,7 +18,7 @@ from workflow.schemes._exact.outcome import Budget
 from workflow.schemes._exact.pole_pairs import InseparablePolesError
 from workflow.schemes._exact.record import TALLY, Record
 from workflow.schemes._exact.two_way import HeldRegimes
-from workflow.schemes._interface import HISTORIES, Results, Sampling, Status, complete_periods
+from workflow.schemes._interface import HISTORIES, Results, Sampling, Status, complete_periods, sections_of
 
 THRESHOLDS = Thresholds(height=1e-10, speed=1e-3, force=64.0)
 
@@ -78,7 +78,7 @@ class _Batch:
         self.held: tuple[tuple[float, float], Layout] | None = None
         self.memory: dict[tuple[int, int, bool, int, bool], Memory] = {}
         self.histories = np.full((count, len(HISTORIES), sampling.count), np.nan)
-        self.period_values = np.full((count, 3, int(self.periods.max(initial=0))), np.nan)
+        self.period_values = np.full((count, 7, int(self.periods.max(initial=0))), np.nan)
         self.tally = np.zeros(count, dtype=TALLY)
         self.ended = np.full(count, outcome.INVALID)
 
@@ -144,6 +144,7 @@ class _Batch:
             period_contact=share,
             status=status,
             messages=self._messages(),
+            sections=sections_of(self.period_values[:, 3:], self.periods, self.histories[:, :3, 0]),
         )
 
     def _metrics(self, completed: NDArray[np.bool_], displacement: Array) -> dict[str, Array]:

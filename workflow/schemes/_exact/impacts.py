@@ -125,6 +125,8 @@ def _end_of_bounces(motions: Motions, case: Case, tally: Any) -> float:
     if enter_contact(motions, thresholds.force, tally.time) == 0:
         bounces = Bounces(tip.e, tip.mobility, tip.drag, 4.0 * max(height, most), case.load.duration)
         end, leaving, count = settle(motions.held, tally.time, tip.e * speed, bounces)
+    else:  # the force is 0 but for rounding, which would press the tip back for ever
+        end = tally.time
     if height < most and np.isfinite(end):
         return end
     if count > left:

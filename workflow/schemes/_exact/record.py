@@ -25,6 +25,7 @@ TALLY = np.dtype(
         ("period_temperature", "f8"),  # largest tip temperature of the present load period, K
         ("period_impulse", "f8"),  # impulse at its beginning, N s
         ("period_contact", "f8"),  # time in contact until its beginning, s
+        ("period_impacts", "i8"),  # velocity jumps until its beginning
         ("events", "i8"),  # impacts and releases that count for the budget
         ("steps", "i8"),  # certified steps
         ("impacts", "i8"),  # velocity jumps
@@ -43,7 +44,7 @@ TALLY = np.dtype(
 _DISPLACEMENT, _VELOCITY, _TEMPERATURE, _IMPULSE = range(4)
 """Rows of :attr:`Record.histories`, as in :data:`workflow.schemes.HISTORIES`."""
 
-_PERIOD_IMPULSE, _PERIOD_TEMPERATURE, _PERIOD_CONTACT = range(3)
+_PERIOD_IMPULSE, _PERIOD_TEMPERATURE, _PERIOD_CONTACT, _END, _PERIOD_IMPACTS = 0, 1, 2, 3, 6
 """Rows of :attr:`Record.periods`."""
 
 
@@ -57,7 +58,8 @@ class Record(NamedTuple):
     histories: Array
     """m, m/s, K, N s, ``(4, t)``."""
     periods: Array
-    """Impulse [N s], largest tip temperature [K], time in contact [s] of load periods, ``(3, period)``."""
+    """Impulse [N s], largest tip temperature [K], time in contact [s] of load periods, the tip's displacement [m],
+    velocity [m/s] and temperature [K] at their ends, and impacts in them, ``(7, period)``."""
     tally: Any
     """One element of an array of :data:`TALLY`."""
 
@@ -92,9 +94,11 @@ def write(record: Record, t: float, outputs: Observed, impulse: float) -> None:
     sample, period = tally.next_sample, tally.next_period
     due = record.times[sample] if sample < record.times.size else np.inf
     end = record.period_ends[period] if period < record.period_ends.size else np.inf
+    x = outputs.place if tally.held else outputs.place - outputs.signal
+    v = outputs.speed if tally.held else -(outputs.signal_rate - outputs.speed)
     if due <= end:
-        histories[_DISPLACEMENT, sample] = outputs.place if tally.held else outputs.place - outputs.signal
-        histories[_VELOCITY, sample] = outputs.speed if tally.held else -(outputs.signal_rate - outputs.speed)
+        histories[_DISPLACEMENT, sample] = x
+        histories[_VELOCITY, sample] = v
         histories[_TEMPERATURE, sample] = outputs.temperature
         histories[_IMPULSE, sample] = impulse
         tally.next_sample += 1
@@ -103,6 +107,9 @@ def write(record: Record, t: float, outputs: Observed, impulse: float) -> None:
         periods[_PERIOD_IMPULSE, period] = impulse - tally.period_impulse
         periods[_PERIOD_TEMPERATURE, period] = tally.period_temperature
         periods[_PERIOD_CONTACT, period] = contact - tally.period_contact
+        periods[_END, period], periods[_END + 1, period], periods[_END + 2, period] = x, v, outputs.temperature
+        periods[_PERIOD_IMPACTS, period] = tally.impacts - tally.period_impacts
+        tally.period_impacts = tally.impacts
         tally.period_impulse, tally.period_contact, tally.period_temperature = impulse, contact, outputs.temperature
         tally.next_period += 1
 

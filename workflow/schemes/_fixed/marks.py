@@ -12,7 +12,7 @@ from workflow.kernels.lanes import PACK
 from workflow.kernels.packs import fetch, narrow, pack, store
 from workflow.models import Array
 from workflow.schemes._fixed import tip_row
-from workflow.schemes._fixed.contact import Drive
+from workflow.schemes._fixed.drive import Drive
 
 NEVER = np.iinfo(np.int64).max
 
@@ -43,7 +43,8 @@ class Record(NamedTuple):
     samples: Array
     """Samples not written yet, a row for each quantity and sample, ``(4 * WAITING, lane)``."""
     periods: Array
-    """Impulse, largest temperature and contact time, ``(case, 3, period)``."""
+    """Impulse, largest temperature, contact time, displacement, velocity and temperature at the end, and impacts,
+    ``(case, 7, period)``."""
 
 
 class Block(NamedTuple):
@@ -85,6 +86,12 @@ def _close_periods(step: int, block: Block) -> None:
             periods[lane, 0, k] = impulse - tip[tip_row.PERIOD_IMPULSE, lane]
             periods[lane, 1, k] = max(tip[tip_row.PERIOD_HOTTEST, lane], reached)
             periods[lane, 2, k] = contact - tip[tip_row.PERIOD_CONTACT, lane]
+            for j in range(2):
+                periods[lane, 3 + j, k] = _between(tip[j, lane], tip[tip_row.NEW_DISPLACEMENT + j, lane], share)
+            periods[lane, 5, k] = reached
+            strikes = 1.0 if p > 0.0 and tip[tip_row.TOUCHING, lane] == 0.0 else 0.0
+            periods[lane, 6, k] = tip[tip_row.IMPACTS, lane] + strikes - tip[tip_row.PERIOD_IMPACTS, lane]
+            tip[tip_row.PERIOD_IMPACTS, lane] = tip[tip_row.IMPACTS, lane] + strikes
             tip[tip_row.HOTTEST, lane] = max(tip[tip_row.HOTTEST, lane], periods[lane, 1, k])
             tip[tip_row.PERIOD_IMPULSE, lane] = impulse
             tip[tip_row.PERIOD_CONTACT, lane] = contact

@@ -1,0 +1,32 @@
+"""Section of a report on drawn numbers: their Sobol' indices."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from workflow.analysis import drawn_dim, effect, finest, labels_of
+from workflow.plots import sobol_indices
+from workflow.report._html import image, tag
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+_METRICS = ("contact_impulse", "impacts", "max_temperature", "max_penetration")
+
+_SHARES = (
+    "Sobol' indices: the share of a metric's variance that a number makes alone (first order), and alone and together "
+    "with the others (total); lines are 95 % intervals of 999 resamples of the points. No index where the metric is "
+    "the same in all cases, or a case that it needs is not ok."
+)
+
+
+def shares(dataset: xr.Dataset) -> list[str]:
+    """Draw the Sobol' indices of metrics that the drawn numbers change; nothing where an archive has no matrices."""
+    design = drawn_dim(dataset)
+    if design is None:
+        return []
+    changing = [name for name in _METRICS if name in dataset and effect(dataset, name, design) > 0]
+    place = {dim: k for dim, k in finest(dataset).items() if dim != design and dataset.sizes[dim] > 1}
+    where = "; ".join(labels_of(dataset, dim, rounded=True)[k] for dim, k in place.items())
+    picture = [image(sobol_indices(dataset, *changing), "Sobol' indices of the drawn numbers")] if changing else []
+    return [tag("h2", "What the drawn numbers do"), tag("p", f"{_SHARES} {where}".strip(), kind="muted"), *picture]
