@@ -1,4 +1,4 @@
-"""What each basis is worth: ``python tests/benchmarks/bench_bases.py``; ``--write`` keeps the table in ARCHITECTURE.md.
+"""What each basis is worth: ``python tests/benchmarks/bench_bases.py``; ``--write`` keeps the table in BASES.md.
 
 The heavy chain in 20 and in 200 nodes of the same totals rubs for 0.1 s, stepped by ``moreau``. Errors are those of the
 tip against the full model under the same scheme, so that no error of the scheme is in them.
@@ -19,7 +19,7 @@ from workflow.models import Cases, Rayleigh, Structure, critical_alpha, frequenc
 from workflow.reduction import reduce_structure
 from workflow.schemes import HISTORIES, Results
 
-DOCUMENT = Path(__file__).parents[2] / "ARCHITECTURE.md"
+DOCUMENT = Path(__file__).with_name("BASES.md")
 BEGIN, END = "<!-- bases -->\n", "<!-- end of bases -->\n"
 
 H, ALPHA, DURATION = 1e-5, 0.5, 0.1

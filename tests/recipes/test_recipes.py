@@ -17,6 +17,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "schemes"))
 
 import plain_moreau
 
+from quick import quick
 from scenes import alone, cases, heavy_chain, relative, same_bits, sampling, step, taken
 from studies import SCENE, parsed
 from workflow import models, reduction, schemes, variables
@@ -231,6 +232,24 @@ def test_an_error_of_a_model_from_outside_is_said_to_be_its_own(tmp_path: Path) 
     said = " ".join(ended.stderr.split())
     assert "lumps_outside.py, line 23: ValueError: operands could not be broadcast" in said
     assert "defect of this program" not in said
+
+
+@pytest.mark.parametrize("where", ["--threads", "--workers"])
+def test_a_scheme_from_outside_that_exits_is_a_failed_case(where: str, tmp_path: Path) -> None:
+    """What it prints is no part of what the command says."""
+    text = (HERE / "projected_euler.py").read_text(encoding="utf-8")
+    ended = "    print('as it likes')\n    raise SystemExit(3)\n    structure, h, mobility, warming = operator"
+    (tmp_path / "exiting.py").write_text(text.replace("    structure, h, mobility, warming = operator", ended))
+    environment = outside(tmp_path, "workflow.schemes", "exiting", "exiting")
+    study = quick({"scheme": ["moreau", "carpenter"], "e": 0, "alpha": 0}).text.replace("carpenter", "exiting")
+    (tmp_path / "quick.yaml").write_text(study, encoding="utf-8")
+    call = [sys.executable, "-m", "workflow", "run", "quick.yaml", where, "1"]
+    done = subprocess.run(call, capture_output=True, text=True, check=False, env=environment, cwd=tmp_path)
+    assert done.returncode == 1, done.stderr
+    assert "1 ok, 1 failed" in done.stdout
+    assert "SystemExit: 3" in done.stdout
+    assert "as it likes" in done.stderr
+    assert "as it likes" not in done.stdout
 
 
 @pytest.fixture

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from contextlib import redirect_stdout
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -76,7 +78,11 @@ def run(
         archive = Path(f"{requested.name}.nc") if output is None else named(output)
         follower, options = Follower(), ReuseOptions(retry=reuse.retry, recompute=reuse.recompute, drop=reuse.drop)
         try:
-            with following(follower, archive.name, quiet), saying(lambda: _stopped(archive, follower)):
+            with (
+                following(follower, archive.name, quiet),
+                saying(lambda: _stopped(archive, follower)),
+                redirect_stdout(sys.stderr),
+            ):
                 outcome = run_study(
                     requested, archive, where.threads, follower,
                     workers=where.workers, scheduler=where.scheduler, **options,

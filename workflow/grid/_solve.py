@@ -84,7 +84,7 @@ def _solve_or_tell(grid: Grid, outer: int, inner: Indices, shaken: Shaken | None
     try:
         with np.errstate(all="ignore"):  # a case that leaves the numbers says so by its status
             return _solve_distinct(grid, outer, inner, shaken)
-    except Exception as error:  # whatever a model or scheme raises is that case's result
+    except (Exception, SystemExit) as error:  # whatever a model or scheme raises is that case's result
         if inner.size == 1:
             return _failed(grid, reason_of(error))
         return _joined([_solve_or_tell(grid, outer, inner[k : k + 1], shaken) for k in range(inner.size)])

@@ -66,7 +66,7 @@ def warning_lines(grid: Grid) -> tuple[str, ...]:
     with threadpool_limits(limits=1, user_api="blas"):  # matrices are small
         try:
             told = warnings(grid)
-        except Exception as error:  # of a foreign scheme's amplification, say: no run fails by it
+        except (Exception, SystemExit) as error:  # of a foreign scheme's amplification, say: no run fails by it
             told = (f"what to beware of could not be found: {reason_of(error)}",)
     if len(told) <= _REPEATED:
         return told

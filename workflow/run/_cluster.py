@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import logging
 import secrets
+import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import chain, islice
+from multiprocessing import resource_tracker
 from queue import Empty, SimpleQueue
 from typing import Any
 
@@ -31,8 +33,8 @@ where no task ends meanwhile."""
 _LOGGERS = ("distributed", "distributed.client", "distributed.gc", "tornado", "tornado.application", "asyncio")
 """Those to which distributed gives levels of their own."""
 
-_IGNORE_INTERRUPTS = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
-"""What worker processes here do first: a terminal's Ctrl-C reaches them too, but their parent ends them."""
+_BEGINNING = "import sys; sys.stdout = sys.stderr"
+"""What worker processes here do first: what a scheme or a model prints is no part of what a command says."""
 
 LOST = (
     "its worker process died whenever it computed the task that holds this case; "
@@ -62,9 +64,10 @@ def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     if scheduler is None:
         if _QUIETLY not in sys.warnoptions:
             sys.warnoptions.append(_QUIETLY)
-        preload = [*config.get("distributed.worker.preload", []), _IGNORE_INTERRUPTS]
+        preload = [*config.get("distributed.worker.preload", []), _BEGINNING]
         with (
             config.set({"distributed.worker.preload": preload}),
+            _without_interrupts(),
             distributed.LocalCluster(
                 n_workers=workers,
                 threads_per_worker=1,
@@ -101,6 +104,20 @@ def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
                 "the command again"
             ) from None
         yield client
+
+
+@contextmanager
+def _without_interrupts() -> Iterator[None]:
+    """Keep SIGINT from this thread and from all threads and processes that it starts.
+
+    A terminal's Ctrl-C reaches worker processes too, from their first instruction on; their parent ends them.
+    """
+    resource_tracker.ensure_running()  # as it begins it lets the signal through again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager
