@@ -1,0 +1,1 @@
+"""Moreau's step along the nodes of a long chain."""
