@@ -5,7 +5,7 @@ X' = A X moves in blocks η' = u, u' = -c u - ω² η and first-order states ξ'
     X = p η + q u + x ξ,   A q = p - c q,   A p = -ω² q,
 
 q any vector of the space of both poles of a block that is no eigenvector. Of a pair s = σ ± iν with the eigenvector x
-it is 2 Im x/ν. Eigenvectors of two poles near each other nearly agree: the first two vectors of an ordered Schur form
+it is 2 Im x/ν, and p = 2 Re x - σ q. Eigenvectors of two poles near each other nearly agree: the first two vectors of an ordered Schur form
 span their space instead (Golub, Van Loan, Matrix computations (4th ed., 2013), section 7.6).
 """
 
@@ -52,9 +52,11 @@ def real_blocks(A: Array) -> RealBlocks:
     blocks, firsts = [], []
     for k in np.flatnonzero(values.imag > 0):
         x = right[:, k]
-        near = np.linalg.norm(x.imag) < _NEAR  # its largest entry is real
-        own = -2 * values[k].real, abs(values[k]) ** 2, 2 * x.imag / values[k].imag
-        blocks.append(_between(balanced, values, values[k].real) if near else own)
+        if np.linalg.norm(x.imag) < _NEAR:  # its largest entry is real
+            blocks.append(_between(balanced, values, values[k].real))
+        else:
+            q = 2 * x.imag / values[k].imag
+            blocks.append((-2 * values[k].real, abs(values[k]) ** 2, 2 * x.real - values[k].real * q, q))
     real = np.flatnonzero(values.imag == 0)
     left = list(real[np.argsort(values[real].real)])
     while left:
@@ -68,16 +70,17 @@ def real_blocks(A: Array) -> RealBlocks:
             firsts.append(left.pop(0))
     blocks.sort(key=lambda block: block[1])
     damping, stiffness = (np.array([block[i] for block in blocks]) for i in range(2))
-    q = np.array([block[2] for block in blocks]).reshape(len(blocks), A.shape[0]).T
-    outward = np.concatenate([balanced @ q + damping * q, q, right[:, firsts].real], 1)
+    p, q = (np.array([block[i] for block in blocks]).reshape(len(blocks), A.shape[0]).T for i in (2, 3))
+    outward = np.concatenate([p, q, right[:, firsts].real], 1)
     return RealBlocks(damping, stiffness, -values[firsts].real, inverse(outward) / scale, scale[:, None] * outward)
 
 
-def _between(A: Array, values: Complex, middle: float) -> tuple[float, float, Array]:
-    """Return c, ω² and q of the two poles nearest to ``middle``."""
+def _between(A: Array, values: Complex, middle: float) -> tuple[float, float, Array, Array]:
+    """Return c, ω², p and q of the two poles nearest to ``middle``."""
     distance = np.sort(np.abs(values - middle))
     radius = (distance[1] + distance[2]) / 2 if distance.size > 2 else np.inf
     form, vectors, _ = scipy.linalg.schur(A, sort=lambda re, im: np.hypot(re - middle, im) < radius)
     pair = form[:2, :2]
-    c = -np.trace(pair)
-    return c, np.linalg.det(pair), vectors[:, :2] @ np.linalg.svd(pair + c / 2 * np.eye(2))[2][0]
+    c, space = -np.trace(pair), vectors[:, :2]
+    q = np.linalg.svd(pair + c / 2 * np.eye(2))[2][0]
+    return c, np.linalg.det(pair), space @ (pair @ q + c * q), space @ q

@@ -22,9 +22,11 @@ from workflow.schemes._exact.zeros import RankOne, Scratch, difference, fill_up,
 
 NEWTON_STEPS, CONVERGED = 12, 1e-10
 """Newton ends where a shift changes by less than this, relatively: its next change would be about the square of it."""
-DISTINCT = 3e-2
-"""Two zeros nearer than this share of their shifts, and eigenvectors whose product is below this share of its terms,
-lose digits by its square: :func:`~workflow.schemes._exact.real_blocks.real_blocks` does better."""
+DISTINCT = 1e-6
+"""Two zeros nearer than this share of their shifts keep fewer than ten digits: the general solver does no worse."""
+INDEPENDENT = 3e-2
+"""Eigenvectors whose product is below this share of its terms lose digits by its square and more: another pole comes
+near that has the same one, see :func:`~workflow.schemes._exact.real_blocks.real_blocks`."""
 
 
 @part
@@ -107,7 +109,7 @@ def _vectors(matrix: RankOne, alpha: float, t: Array, right: Array, left: Array,
     for k in range(u.shape[1]):
         p, q = complex_at(left, 2 * k, lane)
         store_complex(left, 2 * k, lane, times(p, q, back, back_im))
-    return not some(~(square > DISTINCT * DISTINCT * terms * terms))
+    return not some(~(square > INDEPENDENT * INDEPENDENT * terms * terms))
 
 
 @part
