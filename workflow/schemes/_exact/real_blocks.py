@@ -5,8 +5,8 @@ X' = A X moves in blocks η' = u, u' = -c u - ω² η and first-order states ξ'
     X = p η + q u + x ξ,   A q = p - c q,   A p = -ω² q,
 
 q any vector of the space of both poles of a block that is no eigenvector. Of a pair s = σ ± iν with the eigenvector x
-it is 2 Im x/ν, and p = 2 Re x - σ q. Eigenvectors of two poles near each other nearly agree: the first two vectors of an ordered Schur form
-span their space instead (Golub, Van Loan, Matrix computations (4th ed., 2013), section 7.6).
+it is 2 Im x/ν, and p = 2 Re x - σ q. Eigenvectors of two poles near each other nearly agree: the first two vectors of
+an ordered Schur form span their space instead (Golub, Van Loan, Matrix computations (4th ed., 2013), section 7.6).
 """
 
 from __future__ import annotations
