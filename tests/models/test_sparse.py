@@ -12,17 +12,20 @@ from scipy.sparse import csc_array, diags_array
 from scenes import blade, cases, relative
 from workflow.models import (
     GivenMatrices,
+    Rayleigh,
     Sparse,
     Structure,
     TooManyCoordinatesError,
     UnusableMatricesError,
     critical_alpha,
     frequencies,
+    growth_at_once,
     growth_rate,
     rates,
     static_displacements,
     static_temperatures,
     static_tip_growth,
+    structure_from_matrices,
     structure_from_sparse,
     tip_flexibility,
 )
@@ -237,3 +240,28 @@ def test_massless_degrees_of_freedom_of_a_large_structure_follow() -> None:
         structure_of(held)
         with pytest.raises(UnusableMatricesError, match="displacement 4, which has no mass"):
             structure_of(loose)
+
+
+@pytest.mark.parametrize("is_sparse", [False, True])
+def test_heat_without_heat_capacity_grows_the_structure_at_once(is_sparse: bool) -> None:
+    """Of 4 W on a conductance of 2.5 W/K: 1.6 K, 0.32 N on each node, (1 · 0.32 + 2 · 0.32)/10⁴ m at the tip."""
+    springs, conductors = (
+        1e4 * np.array([[2.0, -1.0], [-1.0, 1.0]]),
+        np.array([[3.0, -1, 0], [-1, 2.5, -1], [0, -1, 1.5]]),
+    )
+    matrices = GivenMatrices(
+        mass=0.01 * np.eye(2),
+        stiffness=springs,
+        coupling=np.array([[-0.1, -0.2, 0.0], [0.0, -0.2, -0.1]]),
+        heat_capacity=np.diag([0.1, 0.0, 0.1]),
+        conductance=conductors,
+        contact=np.array([0.0, 1.0]),
+        thermal_contact=np.array([0.0, 0.0, 1.0]),
+        steady=np.zeros(2),
+        heating=np.array([0.0, 4.0, 0.0]),
+        damping=Rayleigh(),
+    )
+    names = ("mass", "stiffness", "coupling", "heat_capacity", "conductance")
+    sparse = replace(matrices, **{name: csc_array(getattr(matrices, name)) for name in names})
+    structure = _sparse_structure(sparse) if is_sparse else structure_from_matrices(matrices)
+    assert growth_at_once(structure) == pytest.approx(9.6e-5, rel=1e-12)
