@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-import scipy.linalg
 from test_event_driven_random import scene
 
-from scenes import chain, heavy_chain
-from workflow.models import Array, Rayleigh, Structure
+from scenes import heavy_chain
+from workflow.models import Structure
 from workflow.reduction import reduce_structure
 from workflow.schemes._exact import two_way
 from workflow.schemes._exact.layout import Layout
@@ -20,21 +17,15 @@ from workflow.schemes._exact.tables import block, first
 from workflow.schemes._exact.two_way import HeldRegimes
 
 
-def motion_of(regime: Layout) -> Array:
-    """Return the matrix by which coordinates move, q' = G q."""
-    blocks, size = regime.blocks, 2 * regime.blocks + regime.firsts
-    moves = np.zeros((size, size))
+def apart(structure: Structure, alpha: float, regime: Layout) -> tuple[float, float]:
+    """Return how far coordinates are from invertible, and from what A makes of them, relative to the largest."""
+    A, row, _ = state_space(linked(analyse(structure).held), alpha)
+    size, blocks = row.size, regime.blocks
+    moves = np.zeros((size, size))  # q' = moves q
     moves[:blocks, blocks : 2 * blocks] = np.eye(blocks)
     moves[blocks : 2 * blocks, :blocks] = -np.diag(regime.block[block.STIFFNESS, :blocks])
     moves[blocks : 2 * blocks, blocks : 2 * blocks] = -np.diag(regime.block[block.DAMPING, :blocks])
     moves[2 * blocks :, 2 * blocks :] = -np.diag(regime.first[first.RATE, : regime.firsts])
-    return moves
-
-
-def apart(structure: Structure, alpha: float, regime: Layout) -> tuple[float, float]:
-    """Return how far coordinates are from invertible, and from what A makes of them, relative to the largest."""
-    A, row, _ = state_space(linked(analyse(structure).held), alpha)
-    size, blocks, moves = row.size, regime.blocks, motion_of(regime)
     inward, outward = regime.inward[:, :size], regime.outward
     inverse = np.abs(outward @ inward - np.eye(size)) / (np.abs(outward) @ np.abs(inward)).max()
     wrong = A @ outward.T - outward.T @ moves
@@ -82,31 +73,3 @@ def test_a_regime_depends_on_its_own_alpha_alone() -> None:
         assert getattr(once, name).tobytes() == getattr(again, name).tobytes()
     size = once.outward.shape[0]
     assert once.inward[:, :size].tobytes() == again.inward[:, :size].tobytes()
-
-
-def poles_held(structure: Structure, alpha: float) -> Array:
-    """Return the poles of the held tip."""
-    return np.linalg.eigvals(state_space(linked(analyse(structure).held), alpha)[0])
-
-
-@pytest.mark.parametrize("dashpot", [0.0, 3.0])
-@pytest.mark.parametrize("beside", [0.0, 1e-14, -1e-14, 1e-10, -1e-10, 1e-6, -1e-6, 1e-4, -1e-4, 1e-2, -1e-2])
-def test_real_poles_that_meet_are_one_block(beside: float, dashpot: float) -> None:
-    """A mode a little beyond critical damping: friction heat brings its two poles together."""
-    heat = {"spacing": 1e-2, "expansion": 1e-4, "heat_capacity": 1e-3, "conductance": 1.0}
-    structure = chain(nodes=3, mass=0.01, stiffness=1e5, damping=Rayleigh(2.1 * np.sqrt(1e7)), **heat)
-    if dashpot:
-        structure = replace(structure.matrices(), damper=np.diag([dashpot, 0.0, 0.0]))
-    low, high = 1e-4, 10.0
-    assert np.isreal(poles_held(structure, low)).sum() > np.isreal(poles_held(structure, high)).sum()
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        meet = np.isreal(poles_held(structure, middle)).sum() < np.isreal(poles_held(structure, 1e-4)).sum()
-        low, high = (low, middle) if meet else (middle, high)
-    alpha = high * (1 + beside)
-    regime = HeldRegimes(analyse(structure).held).at(alpha)
-    A = state_space(linked(analyse(structure).held), alpha)[0]
-    for t in (1e-5, 1e-4, 1e-3):
-        exact = scipy.linalg.expm(A * t)
-        ours = regime.outward.T @ scipy.linalg.expm(motion_of(regime) * t) @ regime.inward[:, : len(A)].T
-        assert np.all(np.abs(ours - exact).max(1) <= 1e-10 * np.abs(exact).max(1))

@@ -28,10 +28,9 @@ def test_the_hottest_moment_of_a_held_tip_whose_poles_are_all_complex(tmp_path: 
     assert float(archive["temperature"].isel(t=-1).squeeze()) == pytest.approx(5.697016726177, rel=1e-9)
 
 
-@pytest.mark.parametrize("alpha", [6e4, 7e4, 7.4e4, 8e4, 8.2e4])
-def test_a_state_that_leaves_the_numbers_ends_its_case(alpha: float, tmp_path: Path) -> None:
-    """Growth rate times duration is 943 at 8e4: the exponential overflows, at last or before the bounds of a step."""
-    archive = solved("never_ends", tmp_path, **{"axes.alpha": alpha})
+def test_a_state_that_leaves_the_numbers_ends_its_case(tmp_path: Path) -> None:
+    """Growth rate times duration is 943: the exponential overflows."""
+    archive = solved("never_ends", tmp_path)
     assert int(archive["status"]) == int(Status.DIVERGED)
     assert int(archive["runaway"]) == 1
     assert "left the finite numbers" in str(archive["message"].values)

@@ -6,9 +6,8 @@
 so that a motion of any length costs one exponential per block. Without friction heat (tip free, or α = 0) regimes are
 one-way: blocks are mechanical modes and first-order states thermal modes, to which the blocks respond
 quasi-statically. With the tip held and α > 0 heat and motion act on each other: the matrix is that of α = 0 plus α
-times a rank-one term, blocks are its complex pairs of eigenvalues and pairs of real ones that nearly coincide,
-first-order states the other real ones. So it is with friction along a tangent, which is another such term with the same
-row.
+times a rank-one term, blocks are its complex pairs of eigenvalues and first-order states its real ones. So it is with
+friction along a tangent, which is another such term with the same row.
 """
 
 from __future__ import annotations
@@ -22,8 +21,7 @@ from numpy.typing import NDArray
 from workflow.models import Array
 from workflow.schemes._exact.modal_system import ModalSystem, signal_inputs, state_space
 from workflow.schemes._exact.pole_pairs import InseparablePolesError, pole_pairs
-from workflow.schemes._exact.real_blocks import real_blocks
-from workflow.schemes._exact.spectrum import is_trusted, secular_spectrum
+from workflow.schemes._exact.spectrum import general_spectrum, is_trusted, secular_spectrum
 
 
 class Regime(NamedTuple):
@@ -213,7 +211,7 @@ def _coupled(system: ModalSystem) -> Regime:
 
 
 def _two_way(held: ModalSystem, alpha: float) -> Regime:
-    """Return the regime of a held tip at α > 0: complex pairs of eigenvalues as blocks, other real ones apart.
+    """Return the regime of a held tip at α > 0: complex pairs of eigenvalues as blocks, real ones apart.
 
     A pair s = σ ± iν with right and left eigenvectors x and ξ = l X has the real coordinates η = Re ξ
     and u = Re(s ξ), so that η' = u, u' = 2σ u - |s|² η and X = 2 Re(x ξ).
@@ -221,10 +219,9 @@ def _two_way(held: ModalSystem, alpha: float) -> Regime:
     A, row, source = state_space(held, alpha)
     spectrum = secular_spectrum(held, alpha, A)
     if spectrum is None:
-        damping, stiffness, rate, inward, outward = real_blocks(A)
-        if not is_trusted(outward, inward):
+        spectrum = general_spectrum(A, row)
+        if held.is_coupled and not is_trusted(spectrum.right, spectrum.left):
             raise InseparablePolesError
-        return _regime(held, (damping, stiffness, rate), row @ outward, inward @ source, inward, outward)
     first = np.flatnonzero(spectrum.values.imag == 0)
     pairs = np.flatnonzero(spectrum.values.imag > 0)
     pairs = pairs[np.argsort(np.abs(spectrum.values[pairs]), kind="stable")]

@@ -22,9 +22,9 @@ from workflow.schemes._exact.zeros import RankOne, Scratch, difference, fill_up,
 
 NEWTON_STEPS, CONVERGED = 12, 1e-10
 """Newton ends where a shift changes by less than this, relatively: its next change would be about the square of it."""
-DISTINCT = 3e-2
+DISTINCT = 1e-6
 """Two zeros nearer than this share of their shifts, and eigenvectors whose product is below this share of its terms,
-lose digits by its square: :func:`~workflow.schemes._exact.real_blocks.real_blocks` does better."""
+keep fewer than ten digits: the general solver does no worse."""
 
 
 @part

@@ -20,9 +20,9 @@ from workflow.schemes._exact.zeros import RankOne, Scratch, rank_one, scratch
 
 Complex = NDArray[np.complex128]
 
-_CRITICAL = 1e-2
-"""Two poles of a block nearer than this, relatively, and a pole so near a thermal rate, lose digits by its square:
-:func:`~workflow.schemes._exact.real_blocks.real_blocks` does better."""
+_CRITICAL = 1e-4
+"""Two poles of a block nearer than this, relatively, leave fewer than twelve digits in their own
+eigenvectors: then the general solver does no worse."""
 
 _TRUSTED = 1e6
 """Σ |l_k x_k| of a pole up to which its eigenvectors, l x = 1, keep ten digits: it grows without bound as another
@@ -165,12 +165,20 @@ def _solve_system(held: Uncoupled, alpha: float, guesses: Array, work: Scratch) 
     return solve_uncoupled(held, alpha, guesses, work)
 
 
-def condition_numbers(right: Any, left: Any) -> Array:
+def general_spectrum(A: Array, force: Array) -> Spectrum:
+    """Return the spectrum by the general solver."""
+    values, right, left = eigenvectors(A)
+    keep = values.imag >= 0
+    right = right[:, keep]
+    return Spectrum(values[keep], right, left[keep], force @ right)
+
+
+def condition_numbers(right: Complex, left: Complex) -> Array:
     """Return Σ |l_k x_k| of each pole, 1 where its eigenvector depends on no other, whatever the units."""
     return np.asarray(np.sum(np.abs(left) * np.abs(right.T), 1))
 
 
-def is_trusted(right: Any, left: Any) -> bool:
+def is_trusted(right: Complex, left: Complex) -> bool:
     """Tell whether no eigenvector nearly depends on others."""
     return bool(np.all(condition_numbers(right, left) <= _TRUSTED))
 
@@ -303,8 +311,6 @@ def coupled_spectrum(held: ModalSystem, alpha: float, A: Array) -> Spectrum | No
     if alpha == 0 and held.friction_force is None:
         keep = system.poles.imag >= 0
         return Spectrum(system.poles[keep], system.whole[:, keep], system.inverse[keep], system.force[keep])
-    if condition_numbers(system.whole, system.inverse).max(initial=0.0) > 1 / _CRITICAL:
-        return None
     matrix = rank_one(system.poles, system.inverse @ per_force, system.force, held.rate.size)
     spectrum = _spectrum(_solve_matrix, matrix, _factor(held, alpha), A)
     if spectrum is None:

@@ -47,8 +47,7 @@ def certified_step(m: Motion, start: Start, t: float, left: float, tolerance: fl
     beyond. The expansion is used up.
     """
     sums, n, zeros = m.expansion.sums, m.r.blocks, start.zeros
-    # a thousand times a bound of the fourth derivative: what its bound over a step is multiplied by must not overflow
-    if not np.isfinite(1e3 * sums[expansion.SIZE, 0] * max(1.0, m.r.fastest) ** 4):
+    if not np.isfinite(sums[expansion.SIZE, 0] * max(1.0, m.r.fastest) ** 4):  # a bound of the fourth derivative
         return np.nan, False
     if start.speed >= 0.0:
         sums[expansion.D1, n] = start.speed
