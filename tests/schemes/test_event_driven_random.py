@@ -94,6 +94,8 @@ def compare(seed: int, moving: bool = False, over: Sampling = TIMES) -> int:
     reached = over.times < reference.reached - 1e-9
     apart = ~(np.abs(nearby.histories["displacement"][0] - results.histories["displacement"][0]) < 3e-11)
     reached &= np.cumsum(apart) == 0
+    if not reached.any():  # events that cannot be told apart at the start, as where speed and casing agree to rounding
+        return 0
     for name in ("displacement", "temperature", "impulse"):
         ours, theirs = results.histories[name][0, reached], getattr(reference, name)[reached]
         scale = max(float(np.linalg.norm(theirs)), 1e-3)
