@@ -15,14 +15,15 @@ from workflow.archive._open import (
     archive_key,
     content_hash,
     discard_views,
+    is_whole,
     open_archive,
     provenance,
+    require_whole,
     statuses,
     stored_values,
     study_text,
 )
 from workflow.archive._parts import clear_parts, is_begun, parts_of, read_layout, remove_parts, start_parts
-from workflow.archive._seal import is_sealed_with
 from workflow.archive._shard import Shard, Shards, find_shard, find_shards, stored_status, write_shard
 from workflow.archive._stored_cells import (
     StoredCells,
@@ -66,7 +67,7 @@ __all__ = [
     "gather",
     "holding",
     "is_begun",
-    "is_sealed_with",
+    "is_whole",
     "load_stored_cells",
     "match_hashes",
     "narrowed",
@@ -76,6 +77,7 @@ __all__ = [
     "provenance",
     "read_layout",
     "remove_parts",
+    "require_whole",
     "save_stored_cells",
     "start_parts",
     "statuses",

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.archive._layout import CHUNK_BYTES, FORMAT, MESSAGE, Attributes, Coordinate, Layout, truncated_message
-from workflow.archive._seal import BLANK, FILE_CHECKSUM
 from workflow.archive._shard import LEVEL
 
 CONVENTIONS = "CF-1.11"
@@ -19,12 +18,6 @@ FORMAT_NAME = "archive_format"
 """Global attribute that marks a NetCDF file as an archive of this package, with its version."""
 
 LENGTH = "message_length"
-
-STRINGS_BYTES = 16 * 2**20
-"""Messages are strings in an archive that takes at most this much memory for them; xarray reads all of them at once."""
-
-_STRING_BYTES = 800
-"""Counted for a string however short it is: of those in 20000 cases an empty one takes 48 bytes of the file."""
 
 PROVENANCE = "provenance"
 CASE_HASH = "case_hash"
@@ -65,31 +58,29 @@ def create(layout: Layout, path: Path, messages: Mapping[int, str], hashes: NDAr
 
 
 def _create_coordinates(file: Any, layout: Layout) -> None:
-    """Write coordinates; those of a zip are cut along its dimension as the results are, so that dask's chunks agree."""
+    """Write coordinates, those of a zip cut along its dimension as the results are, so that dask's chunks agree."""
     lengths = dict(zip((name for name, _ in layout.dims), layout.stored.lengths, strict=True))
     for coordinate in layout.coordinates:
         kind = str if coordinate.text else coordinate.values.dtype
         zipped = coordinate.dims not in ((), (coordinate.name,))
-        if zipped and coordinate.text and layout.stored.count > 1:
+        if zipped and coordinate.text:
             _create_characters(file, layout, coordinate, lengths)
             continue
         chunks = tuple(lengths[name] for name in coordinate.dims) if zipped else None
-        target = file.createVariable(coordinate.name, kind, coordinate.dims, chunksizes=chunks)
+        checked = bool(coordinate.dims) and not coordinate.text
+        target = file.createVariable(coordinate.name, kind, coordinate.dims, chunksizes=chunks, fletcher32=checked)
         target.setncatts(_typed(coordinate.attrs, coordinate.values.dtype))
         target[...] = coordinate.values
 
 
 def _create_characters(file: Any, layout: Layout, coordinate: Coordinate, lengths: Mapping[str, int]) -> None:
-    """Write texts of a zip as characters: xarray forgets the chunks of strings.
-
-    xarray alone decodes them to objects, so that ``scheme == "moreau"`` holds, and cuts them with ``chunks={}`` only.
-    """
+    """Write texts of a zip as characters: xarray forgets the chunks of strings."""
     encoded = [text.encode() for text in coordinate.values.ravel()]
     width = max(1, *map(len, encoded))
     name = f"{coordinate.name}_length"
     file.createDimension(name, width)
     chunks = (*(lengths[dim] for dim in coordinate.dims), width)
-    target = file.createVariable(coordinate.name, "S1", (*coordinate.dims, name), chunksizes=chunks)
+    target = file.createVariable(coordinate.name, "S1", (*coordinate.dims, name), chunksizes=chunks, fletcher32=True)
     target.setncatts({**coordinate.attrs, "_Encoding": "utf-8"})
     target.set_auto_chartostring(False)
     target[...] = np.array(encoded, f"S{width}").view("S1").reshape(*coordinate.values.shape, width)
@@ -105,6 +96,7 @@ def _create_variables(file: Any, layout: Layout) -> None:
             compression="zlib" if dims else None,
             complevel=LEVEL,
             shuffle=True,
+            fletcher32=bool(dims),
             chunksizes=layout.archive_chunk_of(variable) or None,
             fill_value=False if variable.dtype == "i1" else np.nan,
         )
@@ -112,26 +104,13 @@ def _create_variables(file: Any, layout: Layout) -> None:
 
 
 def _create_messages(file: Any, layout: Layout, messages: Mapping[int, str]) -> None:
-    """Write texts, in a small archive as strings, else as characters along a last dimension, which are read lazily.
+    """Write texts as characters along a last dimension: xarray makes Python strings of them when they are read.
 
-    xarray reads strings when it opens a file and makes fixed-width texts of them. Characters without an attribute
-    ``_Encoding`` it leaves as bytes, which dask cuts in chunks of any size; with it, it makes Python objects of them,
-    which dask refuses to cut with ``chunks="auto"``. :func:`workflow.archive.open_archive` decodes the bytes. Chunks
-    without a message are never allocated.
+    Chunks without a message are never allocated.
     """
-    messages = {cell: truncated_message(text) for cell, text in messages.items()}
-    length = max([2, *(len(text.encode()) for text in messages.values())])  # xarray joins single bytes once more
+    encoded = {cell: truncated_message(text).encode() for cell, text in messages.items()}
+    length = max([2, *map(len, encoded.values())])  # xarray joins single bytes once more
     dims = tuple(name for name, _ in layout.dims)
-    as_strings = layout.stored.count == 1 and layout.cells * max(_STRING_BYTES, 4 * length) <= STRINGS_BYTES
-    about = {"long_name": "what a case has to say: why it is not ok, or what it could not be given"}
-    if as_strings:
-        target = file.createVariable(MESSAGE, str, dims, chunksizes=layout.stored.lengths or None)
-        target.setncatts(about | _labels(layout, dims))
-        if messages:
-            target[...] = np.array([messages.get(cell, "") for cell in range(layout.cells)], object).reshape(
-                layout.shape
-            )
-        return
     file.createDimension(LENGTH, length)
     target = file.createVariable(
         MESSAGE,
@@ -139,11 +118,13 @@ def _create_messages(file: Any, layout: Layout, messages: Mapping[int, str]) -> 
         (*dims, LENGTH),
         compression="zlib",
         complevel=LEVEL,
+        fletcher32=True,
         chunksizes=(*layout.stored.lengths, max(1, min(length, CHUNK_BYTES // layout.stored.size))),
     )
-    target.setncatts({**about, "comment": "bytes of UTF-8", **_labels(layout, dims)})
+    about = {"long_name": "what a case has to say: why it is not ok, or what it could not be given"}
+    target.setncatts({**about, "_Encoding": "utf-8", **_labels(layout, dims)})
     target.set_auto_chartostring(False)
-    _write_characters(target, layout, {cell: text.encode() for cell, text in messages.items()}, length)
+    _write_characters(target, layout, encoded, length)
 
 
 def _write_characters(target: Any, layout: Layout, encoded: Mapping[int, bytes], length: int) -> None:
@@ -177,12 +158,9 @@ def _create_provenance(file: Any, layout: Layout, hashes: NDArray[np.uint8] | No
             group.createDimension(f"{name}_bytes", len(encoded))
             target = group.createVariable(name, "S1", (f"{name}_bytes",), compression="zlib", complevel=LEVEL)
             target[:] = np.frombuffer(encoded, "S1")
-    group.createDimension("digit", len(BLANK))
-    place = group.createVariable(FILE_CHECKSUM, "S1", ("digit",), contiguous=True)
-    place[:] = np.frombuffer(BLANK.encode(), "S1")
     if hashes is not None:
         group.createDimension("byte", hashes.shape[1])
-        target = group.createVariable(CASE_HASH, "u1", (*(name for name, _ in layout.dims), "byte"))
+        target = group.createVariable(CASE_HASH, "u1", (*(name for name, _ in layout.dims), "byte"), fletcher32=True)
         target.setncattr("long_name", "identity of the case: a hash of what its results depend on")
         target[...] = hashes.reshape(*layout.shape, hashes.shape[1])
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from workflow.archive._create import FORMAT_NAME, LENGTH, PROVENANCE
 from workflow.archive._files import ArchiveError
-from workflow.archive._layout import FORMAT, LONGEST_MESSAGE, MESSAGE, STATUS
+from workflow.archive._layout import EARLIER, FORMAT, LONGEST_MESSAGE, MESSAGE, STATUS
 
 LONGEST_TEXT = 2**28
 """Bytes of a text of the provenance; a resolved study whose axes have a million values takes a tenth."""
@@ -43,7 +43,7 @@ def recognise(path: Path, attributes: Any) -> None:
             "an archive that `workflow run` wrote is expected"
         )
     version = as_text(attributes[FORMAT_NAME])
-    if version != str(FORMAT):
+    if version not in (str(EARLIER), str(FORMAT)):
         raise ArchiveError(
             f"{path}: archive format {version}, this version reads {FORMAT}; use the version that wrote it"
         )

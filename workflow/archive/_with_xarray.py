@@ -1,4 +1,4 @@
-"""An archive's file as a dataset of xarray: texts that it holds as characters, and chunks for dask."""
+"""An archive's file as a dataset of xarray: chunks for dask, texts among them, and the indices of a zip."""
 
 from __future__ import annotations
 
@@ -14,19 +14,18 @@ if TYPE_CHECKING:
 
 
 def opened(path: Path, chunks: Any, lock: Any) -> xr.Dataset:
-    """Open a file with xarray; what it holds as characters becomes texts when it is read.
+    """Open a file with xarray; each coordinate of a zip has an index.
 
     ``chunks="auto"`` cuts each variable by the size of its numbers: dimensions are then cut as finely as any of them,
-    so that all have one set of chunks.
+    so that all have one set of chunks. xarray makes Python strings of characters, of which dask knows no size.
     """
     import xarray as xr
 
     open_file = partial(xr.open_dataset, path, engine="netcdf4", decode_timedelta=False, lock=lock)
     dataset = open_file()
-    widths = _widths(dataset)
-    dataset.update(_decoded(dataset[list(widths)]))
     if chunks is None:
-        return dataset
+        return _indexed(dataset)
+    widths = _widths(dataset)
     if not widths:  # netCDF-C 4.10 crashes where several threads read strings of a file that is open twice
         dataset.close()
     if chunks == "auto":
@@ -36,8 +35,21 @@ def opened(path: Path, chunks: Any, lock: Any) -> xr.Dataset:
     for name, width in widths.items():
         own = {dim: sizes[dim] for dim in dataset[name].dims if dim in sizes}
         with_chunks[name] = dataset[name].chunk(own).astype(f"U{width}")
-    with_chunks.set_close(_closing(with_chunks, dataset))
+    close = _closing(with_chunks, dataset)
+    with_chunks = _indexed(with_chunks)
+    with_chunks.set_close(close)
     return with_chunks
+
+
+def _indexed(dataset: xr.Dataset) -> xr.Dataset:
+    """Give an index to each coordinate of a zip: one along a dimension that has not its name."""
+    zipped = [name for name, coordinate in dataset.coords.items() if coordinate.ndim == 1]
+    indexed = dataset
+    for name in zipped:
+        if name not in dataset.xindexes:
+            indexed = indexed.set_xindex(name)
+    indexed.set_close(dataset._close)
+    return indexed
 
 
 def _finest(dataset: xr.Dataset) -> dict[str, int]:
@@ -51,23 +63,9 @@ def _finest(dataset: xr.Dataset) -> dict[str, int]:
 
 
 def _widths(dataset: xr.Dataset) -> dict[str, int]:
-    """Return how many bytes the texts have that a file holds as characters; no text has more characters than bytes.
-
-    Of characters with an attribute ``_Encoding`` (a zip's texts, messages of older archives) xarray makes objects.
-    """
+    """Return how many bytes the texts have that a file holds as characters; no text has more characters than bytes."""
     several = {str(name): variable for name, variable in dataset.variables.items() if variable.ndim > 0}
-    stored = {name: variable.dtype.itemsize for name, variable in several.items() if variable.dtype.kind == "S"}
-    decoded = {n: v.encoding["original_shape"][-1] for n, v in several.items() if v.dtype.kind == "O"}
-    return stored | decoded
-
-
-def _decoded(characters: xr.Dataset) -> xr.Dataset:
-    """Return variables of bytes as variables of texts, which xarray decodes when they are read."""
-    import xarray as xr
-
-    encoded = [name for name in characters.data_vars if characters[name].dtype.kind == "S"]
-    named = characters.assign({n: characters[n].assign_attrs(_Encoding="utf-8") for n in encoded})
-    return xr.decode_cf(named, decode_times=False)
+    return {name: v.encoding["original_shape"][-1] for name, v in several.items() if v.dtype.kind == "O"}
 
 
 def _closing(*datasets: xr.Dataset) -> Callable[[], None]:
