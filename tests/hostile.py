@@ -7,10 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import h5py
 import netCDF4
 
-from workflow.archive._seal import BLANK, FILE_CHECKSUM, seal
+from workflow.archive._seal import seal
 
 SCRIPT = "<script>document.title='run'</script><b onclick=x>"
 ESCAPES = "\x1b]0;owned\x07\x1b[31mred\x9b2J\x7f\u202eback\u2066"
@@ -21,24 +20,12 @@ def changed(sound: Path, path: Path, change: Callable[[Any], None]) -> Path:
     shutil.copy(sound, path)
     with netCDF4.Dataset(path, "a") as file:
         change(file)
-    resealed(path)
+    seal(path)
     return path
 
 
-def resealed(path: Path) -> None:
-    with h5py.File(path) as file:
-        place = file["provenance"][FILE_CHECKSUM].id.get_offset()
-    with open(path, "r+b") as file:
-        file.seek(place)
-        file.write(BLANK.encode())
-    seal(path)
-
-
 def write(variable: Any, place: tuple[int, ...], text: str) -> None:
-    """Write a text in its place, as a string or as so many characters as there is room for."""
-    if variable.dtype == str:
-        variable[place] = text
-        return
+    """Write a text in its place, as many characters as there is room for."""
     variable.set_auto_chartostring(False)
     size = variable.shape[-1]
     for k, byte in enumerate(text.encode()[:size].decode(errors="ignore").encode().ljust(size, b"\0")):

@@ -41,6 +41,8 @@ class Variable:
         Whether a case that ended ok may have NaN or an infinite value.
     comment
         Definition, where the meaning leaves something open.
+    cell_methods
+        How the values stand for the cells of a dimension, in CF's words, where they are not those at its points.
     """
 
     name: str
@@ -52,6 +54,7 @@ class Variable:
     signed: bool = False
     gaps: bool = False
     comment: str = ""
+    cell_methods: str = ""
 
 
 _ENERGY = (
@@ -153,7 +156,13 @@ TABLE = (
     Variable("velocity", "m s-1", "velocity of the blade tip towards the casing", "history", "scheme", signed=True),
     Variable("temperature", "K", "temperature rise of the blade tip above the root", "history", "scheme", signed=True),
     Variable("impulse", "N s", "impulse of the casing on the blade tip since the start", "history", "scheme"),
-    Variable("contact_force", "N", "contact force on the blade tip, mean over the preceding interval", "history"),
+    Variable(
+        "contact_force",
+        "N",
+        "contact force on the blade tip, mean over the preceding interval",
+        "history",
+        cell_methods="t: mean (over the preceding interval of t)",
+    ),
     Variable("contact_impulse", "N s", "impulse of the casing on the blade tip over the duration"),
     Variable(
         "impacts",

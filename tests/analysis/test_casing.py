@@ -1,7 +1,5 @@
 """The casing's motion, read from an archive."""
 
-import json
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -21,10 +19,15 @@ ENTRIES = [
 ]
 
 
+def attributes(entries: list[dict]) -> dict:
+    """What the coordinate ``gap`` of an archive says of the casing's harmonics."""
+    return {f"casing_{name}": [np.nan if e[name] is None else e[name] for e in entries] for name in entries[0]}
+
+
 def test_axes_replace_what_the_study_gives() -> None:
     motion = casing_motion(
         case(
-            {"casing_harmonics": json.dumps(ENTRIES), "speed": "2.0"},
+            {**attributes(ENTRIES), "speed": 2.0},
             speed=(5.0, "scene.speed"),
             harmonic_amplitude=(4e-6, "scene.casing.harmonics.0.amplitude"),
         )
@@ -36,9 +39,11 @@ def test_axes_replace_what_the_study_gives() -> None:
     assert np.abs(motion[1] - np.gradient(place, t))[1:-1].max() < 1e-3 * np.abs(motion[1]).max()
 
 
-@pytest.mark.parametrize("text", ["[]", "no json", '[{"amplitude": 1}]', "[1]", '{"a": 1}'])
-def test_what_makes_no_sense_does_not_move(text: str) -> None:
-    assert casing_motion(case({"casing_harmonics": text})) is None
+@pytest.mark.parametrize(
+    "wrong", [{}, {"casing_phase": "none"}, {"casing_phase": [0.0]}, {"casing_amplitude": None}, {"speed": "fast"}]
+)
+def test_what_makes_no_sense_does_not_move(wrong: dict) -> None:
+    assert casing_motion(case({**attributes(ENTRIES), "speed": 2.0, **wrong} if wrong else {})) is None
 
 
 @pytest.mark.parametrize(
@@ -64,7 +69,8 @@ def test_a_scene_without_sense_has_no_periods(scene: dict) -> None:
 
 def test_impact_speeds_are_relative_to_the_casing() -> None:
     """A tip that moves on at 3 mm/s meets a casing that comes with up to 2π · 0.2 mm/s."""
-    dataset = case({"casing_harmonics": json.dumps([{"amplitude": 2e-4, "frequency": 1.0, "phase": np.pi}])})
+    moves = [{"amplitude": 2e-4, "frequency": 1.0, "order": None, "phase": np.pi}]
+    dataset = case({**attributes(moves), "speed": 0.0})
     t = dataset["t"].values
     x = 3e-3 * (t - 0.5) + 1e-5 + 2e-4 * np.sin(np.pi)
     place = casing_motion(dataset)

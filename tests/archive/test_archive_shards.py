@@ -7,11 +7,15 @@ import errno
 import os
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from archive_samples import check_dataset, put_all, put_shard, sample_layout, sample_results
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 
 from workflow import archive
+from workflow.archive._shard import fletcher32
 
 LAYOUT = sample_layout()
 RESULTS = sample_results(LAYOUT)
@@ -288,6 +292,20 @@ def test_a_damaged_layout_is_said(parts: Path, content: bytes) -> None:
 
 
 def test_a_layout_of_a_later_format_is_said(parts: Path) -> None:
-    (parts / "layout.json").write_text('{"format": 2}')
-    with pytest.raises(archive.ArchiveError, match="format 2"):
+    (parts / "layout.json").write_text('{"format": 3}')
+    with pytest.raises(archive.ArchiveError, match="format 3"):
         archive.read_layout(parts)
+
+
+@settings(max_examples=100, deadline=None)
+@given(image=st.binary(min_size=1, max_size=2000))
+@example(bytes(6))
+@example(b"\xff" * 1999)
+@example(b"\xff\xff" * 700)
+def test_the_checksum_of_a_chunk_is_hdf5_s(image: bytes) -> None:
+    with h5py.File("a.h5", "w", driver="core", backing_store=False) as file:
+        values = np.frombuffer(image, np.uint8)
+        file.create_dataset("a", data=values, chunks=(len(image),), fletcher32=True)
+        file.flush()
+        _, chunk = file["a"].id.read_direct_chunk((0,))
+    assert chunk == image + fletcher32(values)

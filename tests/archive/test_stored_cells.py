@@ -179,7 +179,7 @@ def test_a_damaged_archive_is_said(path: Path, tmp_path: Path, name: str) -> Non
     damaged.write_bytes(path.read_bytes())
     with h5py.File(damaged, "r+") as file:
         del file[name]
-    with pytest.raises(archive.ArchiveError, match=r"damaged|did not keep|without"):
+    with pytest.raises(archive.ArchiveError, match=r"damaged|without"):
         find_stored_cells(damaged, LAYOUT, HASHES)
     damaged.write_bytes(path.read_bytes()[:2000])
     with pytest.raises(archive.ArchiveError, match="damaged"):

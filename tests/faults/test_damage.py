@@ -1,9 +1,10 @@
-"""Archives whose bytes have changed are refused by whatever uses them, unless they are asked for as they are."""
+"""Archives whose bytes have changed: named by what takes cases from them, errors where a changed chunk is read."""
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import time
-import warnings
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,8 +13,6 @@ import pytest
 from typer.testing import CliRunner
 
 from quick import quick
-from workflow import open_archive
-from workflow.archive import ArchiveError, provenance
 from workflow.cli import app
 from workflow.run import run_study
 
@@ -75,89 +74,87 @@ def damaged(sound: Path, path: Path, number: int) -> None:
     path.write_bytes(changed)
 
 
-def check_refused(sound: Path, path: Path) -> None:
-    """Use a damaged archive in every way there is."""
-    page, other, study = path.with_suffix(".html"), path.with_suffix(".other.nc"), sound.with_suffix(".yaml")
-    commands = {
-        "run": ("run", study, "-o", path),
-        "extend": ("run", study, "-o", path, "--retry"),
-        "repeat": ("run", path, "-o", other),
-        "plan": ("plan", study, "-o", path),
-        "show": ("show", path),
-        "report": ("report", path, "-o", page),
-        "verify": ("verify", path, "--sample", "0"),
-    }
-    before = path.read_bytes()
-    for name, words in commands.items():
-        begun = time.monotonic()
-        result = CliRunner().invoke(app, [str(word) for word in words])
-        assert time.monotonic() - begun < LONGEST, name
-        assert result.exception is None or isinstance(result.exception, SystemExit), (name, result.exception)
-        assert result.exit_code in ((1, 2) if name == "verify" else (2,)), (name, result.output)
-        assert str(path.name) in result.output + result.stderr, name
+def used(name: str, *words: str | Path) -> tuple[int, str]:
+    """Return exit status and output of a command that ends soon and without a traceback."""
+    begun = time.monotonic()
+    result = CliRunner().invoke(app, [name, *map(str, words)])
+    assert time.monotonic() - begun < LONGEST, name
+    assert result.exception is None or isinstance(result.exception, SystemExit), (name, result.exception)
+    return result.exit_code, result.output + result.stderr
+
+
+def check_named(sound: Path, path: Path) -> None:
+    """Whatever takes cases or the study from a damaged archive names it, and leaves it as it is."""
+    study, other, before = sound.with_suffix(".yaml"), path.with_suffix(".other.nc"), path.read_bytes()
+    for words in (
+        ("run", study, "-o", path),
+        ("run", study, "-o", path, "--retry"),
+        ("run", path, "-o", other),
+        ("plan", study, "-o", path),
+    ):
+        status, output = used(*words)
+        assert (status, path.name in output) == (2, True), words
+    status, output = used("verify", path, "--sample", "0")
+    assert status == 2 or (status == 1 and "bytes    DIFFERS" in output)
+    assert path.name in output
     assert path.read_bytes() == before
-    assert not page.exists()
     assert not other.exists()
-    for read in (open_archive, provenance):
-        with pytest.raises(ArchiveError):
-            read(path)
 
 
 @pytest.mark.parametrize("number", range(2 * len(DAMAGES)))
-def test_a_damaged_archive_is_refused(sound: Path, tmp_path: Path, number: int) -> None:
+def test_a_damaged_archive_is_named(sound: Path, tmp_path: Path, number: int) -> None:
     damaged(sound, tmp_path / "a.nc", number)
-    check_refused(sound, tmp_path / "a.nc")
+    check_named(sound, tmp_path / "a.nc")
+
+
+READ = """
+import os, sys, signal
+import xarray as xr
+sound = xr.open_dataset(sys.argv[1], decode_timedelta=False).load()
+sound.close()
+counts = {"same": 0, "raised": 0, "differs": 0}
+for path in sys.argv[2:]:
+    child = os.fork()
+    if not child:
+        signal.alarm(30)  # HDF5 may come to no end
+        try:
+            with xr.open_dataset(path, decode_timedelta=False) as dataset:
+                same = dataset.load().equals(sound)
+        except BaseException:
+            os._exit(1)
+        os._exit(0 if same else 2)
+    ended = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    counts[{0: "same", 2: "differs"}.get(ended, "raised")] += 1
+print(counts["same"], counts["raised"], counts["differs"])
+"""
+
+
+def read_plainly(sound: Path, paths: list[Path]) -> list[int]:
+    """Return how many files plain xarray reads as the sound one, refuses, and reads otherwise in silence."""
+    call = [sys.executable, "-c", READ, str(sound), *map(str, paths)]
+    done = subprocess.run(call, capture_output=True, text=True, check=True)
+    return [int(count) for count in done.stdout.split()]
 
 
 @pytest.mark.slow
-def test_a_thousand_damaged_archives_are_refused(sound: Path, tmp_path: Path) -> None:
+def test_five_hundred_archives_with_flipped_bytes_are_named(sound: Path, tmp_path: Path) -> None:
+    """Plain reading gets a value wrong in silence where what changed is no chunk: at most in one of a hundred."""
+    paths = [tmp_path / f"{number}.nc" for number in range(500)]
+    for number, path in enumerate(paths):
+        random, image = np.random.default_rng(number), bytearray(sound.read_bytes())
+        image[int(random.integers(len(image)))] ^= int(random.integers(1, 256))
+        path.write_bytes(image)
+        check_named(sound, path)
+    same, raised, differs = read_plainly(sound, paths)
+    print(f"of 500 with a flipped byte plain xarray read {same} as they were, {raised} not at all, {differs} otherwise")
+    assert same + raised + differs == 500
+    assert differs <= 5
+
+
+@pytest.mark.slow
+def test_a_thousand_damaged_archives_are_named(sound: Path, tmp_path: Path) -> None:
     for number in range(1000):
         path = tmp_path / f"{number}.nc"
         damaged(sound, path, number)
-        check_refused(sound, path)
+        check_named(sound, path)
         path.unlink()
-
-
-def test_a_damaged_archive_is_opened_when_it_is_asked_for(sound: Path, tmp_path: Path) -> None:
-    path = tmp_path / "a.nc"
-    path.write_bytes(sound.read_bytes() + b"\0")
-    with pytest.raises(ArchiveError, match=r"damaged=True.*--damaged"):
-        open_archive(path)
-    with pytest.warns(UserWarning, match="its bytes are not those that were written"):
-        opened = open_archive(path, damaged=True)
-    with opened as dataset, open_archive(sound) as whole:
-        assert "not those that were written" in dataset.attrs["damaged"]
-        assert dataset.drop_attrs().identical(whole.drop_attrs())
-    for words in (("show",), ("report", "-o", str(tmp_path / "page.html"))):
-        assert CliRunner().invoke(app, [*words, str(path)]).exit_code == 2
-        result = CliRunner().invoke(app, [*words, str(path), "--damaged"])
-        assert result.exit_code == 0
-    assert "Damaged: its bytes" in (tmp_path / "page.html").read_text()
-    assert "damaged: its bytes" in CliRunner().invoke(app, ["show", str(path), "--damaged"]).output
-
-
-def test_a_sound_archive_is_not_said_to_be_damaged(sound: Path) -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        with open_archive(sound, damaged=True) as dataset:
-            assert "damaged" not in dataset.attrs
-    assert "damaged" not in CliRunner().invoke(app, ["show", str(sound), "--damaged"]).output
-
-
-def test_a_file_changed_back_in_time_is_read_again(sound: Path, tmp_path: Path) -> None:
-    """Same size, same file, same time of change: what tells it from the one that was sound is when it was touched."""
-    import os
-
-    path = tmp_path / "a.nc"
-    path.write_bytes(sound.read_bytes())
-    with open_archive(path):
-        pass
-    before = path.stat()
-    with open(path, "r+b") as file:
-        file.seek(before.st_size // 2)
-        byte = file.read(1)[0]
-        file.seek(before.st_size // 2)
-        file.write(bytes([byte ^ 1]))
-    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
-    with pytest.raises(ArchiveError, match="damaged"):
-        open_archive(path)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import copy
-import json
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from workflow.archive import HARMONIC
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -17,9 +18,6 @@ Array = NDArray[np.float64]
 
 _PATHS = ("scene.speed", "scene.load.", "scene.casing.")
 """Beginnings of the axes on which the motion of load and casing depends."""
-
-HARMONICS, SPEED = "casing_harmonics", "speed"
-"""Attributes of the coordinate ``gap``: the study's ``casing.harmonics`` as JSON, and ``scene.speed`` in Hz."""
 
 
 def casing_motion(case: xr.Dataset) -> tuple[Array, Array] | None:
@@ -81,8 +79,9 @@ def _entries(case: xr.Dataset) -> list[tuple[float, float, float]]:
     """Return amplitude [m], frequency [Hz] and phase of each harmonic; none where what is said makes no sense."""
     about = case["gap"].attrs
     try:
-        harmonics = json.loads(str(about.get(HARMONICS, "[]")))
-        scene = _of_case(case, {"speed": about.get(SPEED, 0.0), "casing": {"harmonics": harmonics}})
+        columns = [np.atleast_1d(about[f"casing_{name}"]).tolist() for name in HARMONIC]
+        harmonics = [dict(zip(HARMONIC, entry, strict=True)) for entry in zip(*columns, strict=True)]
+        scene = _of_case(case, {"speed": about["speed"], "casing": {"harmonics": harmonics}})
         speed, entries = float(scene["speed"]), scene["casing"]["harmonics"]
         return [
             (float(entry["amplitude"]), _frequency(entry, speed), float(entry.get("phase", 0.0))) for entry in entries
@@ -107,6 +106,6 @@ def _of_case(case: xr.Dataset, scene: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _frequency(entry: Mapping[str, Any], speed: float) -> float:
-    """Return the frequency of a harmonic, Hz."""
-    order = entry.get("order")
-    return float(entry["frequency"]) if order is None else float(order) * speed
+    """Return the frequency of a harmonic, Hz; it has an order where its frequency is None or NaN."""
+    frequency = entry.get("frequency")
+    return float(entry["order"]) * speed if frequency is None or np.isnan(frequency) else float(frequency)

@@ -60,7 +60,8 @@ def sobol(dataset: xr.Dataset, metric: str) -> xr.Dataset:
         raise ValueError(f"`{metric}` is no metric along `{dim}`")
     paths = [path for path in dict.fromkeys(dataset[MATRIX].values.tolist()) if path not in ("A", "B")]
     names = {values.attrs.get("study_path"): str(name) for name, values in dataset.coords.items()}
-    f = dataset[metric].where(dataset["status"] == Status.OK).reset_coords(drop=True)
+    f = dataset[metric].where(dataset["status"] == Status.OK)
+    f = f.drop_vars([name for name in f.coords if name not in f.dims])
     f = f.assign_coords({name: (dim, dataset[name].values) for name in (POINT, MATRIX)})
     index: dict[str, Any] = {dim: (POINT, MATRIX)}
     f = f.set_index(index).unstack(dim).transpose(..., MATRIX, POINT)

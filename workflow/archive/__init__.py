@@ -6,7 +6,16 @@ xarray, netCDF4 and h5py are imported when they are needed, not with this packag
 """
 
 from workflow.archive._content import LEFT_OUT
-from workflow.archive._describe import COPIED, SOFTWARE, code_revision, describe, processor, study_key, versions
+from workflow.archive._describe import (
+    COPIED,
+    HARMONIC,
+    SOFTWARE,
+    code_revision,
+    describe,
+    processor,
+    study_key,
+    versions,
+)
 from workflow.archive._files import ArchiveError, commit, usable
 from workflow.archive._gather import gather
 from workflow.archive._hold import holding
@@ -15,14 +24,15 @@ from workflow.archive._open import (
     archive_key,
     content_hash,
     discard_views,
+    is_whole,
     open_archive,
     provenance,
+    require_whole,
     statuses,
     stored_values,
     study_text,
 )
 from workflow.archive._parts import clear_parts, is_begun, parts_of, read_layout, remove_parts, start_parts
-from workflow.archive._seal import is_sealed_with
 from workflow.archive._shard import Shard, Shards, find_shard, find_shards, stored_status, write_shard
 from workflow.archive._stored_cells import (
     StoredCells,
@@ -39,6 +49,7 @@ from workflow.archive._stored_cells import (
 
 __all__ = [
     "COPIED",
+    "HARMONIC",
     "LEFT_OUT",
     "SOFTWARE",
     "STATUS",
@@ -66,7 +77,7 @@ __all__ = [
     "gather",
     "holding",
     "is_begun",
-    "is_sealed_with",
+    "is_whole",
     "load_stored_cells",
     "match_hashes",
     "narrowed",
@@ -76,6 +87,7 @@ __all__ = [
     "provenance",
     "read_layout",
     "remove_parts",
+    "require_whole",
     "save_stored_cells",
     "start_parts",
     "statuses",

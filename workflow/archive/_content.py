@@ -11,9 +11,8 @@ from typing import Any
 
 import numpy as np
 
-LEFT_OUT = frozenset({"processor_time", "wall_time", "batch_width"})
-"""Variables that differ between two runs of one study: how long a case took (in archives of solver versions up to 7
-``wall_time``), and with how many others it ran."""
+LEFT_OUT = frozenset({"processor_time", "batch_width"})
+"""Variables that differ between two runs of one study: how long a case took, and with how many others it ran."""
 
 BLOCK = 16 * 2**20
 """Bytes of a variable that are decoded at once, or one chunk along the cases where that is larger."""
@@ -23,8 +22,8 @@ def hash_content(path: Path) -> str:
     """Return the SHA-256 of an archive's decoded arrays, in hexadecimal.
 
     For each variable and coordinate, by name, except :data:`LEFT_OUT`: a line of JSON with name,
-    dimensions, dtype and shape, then the values in C order: numbers as little-endian bytes, each
-    text as its length in UTF-8 (8 bytes, little-endian) and its bytes. Attributes, chunks and
+    dimensions, dtype and shape, then the values in C order: numbers as little-endian bytes, characters
+    as they are, each string as its length in UTF-8 (8 bytes, little-endian) and its bytes. Attributes, chunks and
     compression do not enter.
 
     Raises
@@ -85,8 +84,5 @@ def blocks(shape: Sequence[int], chunks: Sequence[int], limit: int) -> Iterator[
 
 
 def _texts(values: Any) -> bytes:
-    texts = np.asarray(values, dtype=object).ravel()
-    if not any(texts):
-        return bytes(8 * texts.size)
-    encoded = [text.encode() for text in texts]
+    encoded = [text.encode() for text in np.asarray(values, dtype=object).ravel()]
     return b"".join(len(text).to_bytes(8, "little") + text for text in encoded)

@@ -2,29 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.archive._layout import CHUNK_BYTES, FORMAT, MESSAGE, Attributes, Coordinate, Layout, truncated_message
-from workflow.archive._seal import BLANK, FILE_CHECKSUM
+from workflow.archive._layout import CHUNK_BYTES, FORMAT, MESSAGE, Attributes, Layout, truncated_message
 from workflow.archive._shard import LEVEL
 
 CONVENTIONS = "CF-1.11"
 FORMAT_NAME = "archive_format"
 """Global attribute that marks a NetCDF file as an archive of this package, with its version."""
-
-LENGTH = "message_length"
-
-STRINGS_BYTES = 16 * 2**20
-"""Messages are strings in an archive that takes at most this much memory for them; xarray reads all of them at once."""
-
-_STRING_BYTES = 800
-"""Counted for a string however short it is: of those in 20000 cases an empty one takes 48 bytes of the file."""
 
 PROVENANCE = "provenance"
 CASE_HASH = "case_hash"
@@ -68,31 +60,47 @@ def _create_coordinates(file: Any, layout: Layout) -> None:
     """Write coordinates; those of a zip are cut along its dimension as the results are, so that dask's chunks agree."""
     lengths = dict(zip((name for name, _ in layout.dims), layout.stored.lengths, strict=True))
     for coordinate in layout.coordinates:
-        kind = str if coordinate.text else coordinate.values.dtype
-        zipped = coordinate.dims not in ((), (coordinate.name,))
-        if zipped and coordinate.text and layout.stored.count > 1:
-            _create_characters(file, layout, coordinate, lengths)
-            continue
-        chunks = tuple(lengths[name] for name in coordinate.dims) if zipped else None
-        target = file.createVariable(coordinate.name, kind, coordinate.dims, chunksizes=chunks)
-        target.setncatts(_typed(coordinate.attrs, coordinate.values.dtype))
-        target[...] = coordinate.values
+        name, dims, values = coordinate.name, coordinate.dims, coordinate.values
+        chunks = values.shape if dims in ((), (name,)) else tuple(lengths[dim] for dim in dims)
+        if coordinate.text and dims == (name,):  # CF allows an axis no further dimension
+            target = file.createVariable(name, str, dims)
+            target.setncatts(coordinate.attrs)
+            target[...] = values
+        elif coordinate.text:
+            encoded = [text.encode() for text in values.ravel()]
+            target = _create_text(file, name, dims, chunks, max(1, *map(len, encoded)), coordinate.attrs)
+            target[...] = _characters(encoded, values.shape, target.shape[-1])
+        else:
+            target = file.createVariable(name, values.dtype, dims, chunksizes=chunks or None, fletcher32=bool(dims))
+            target.setncatts(_typed(coordinate.attrs, values.dtype))
+            target[...] = values
 
 
-def _create_characters(file: Any, layout: Layout, coordinate: Coordinate, lengths: Mapping[str, int]) -> None:
-    """Write texts of a zip as characters: xarray forgets the chunks of strings.
+def _create_text(
+    file: Any, name: str, dims: tuple[str, ...], chunks: tuple[int, ...], length: int, attrs: Attributes
+) -> Any:
+    """Create a variable of texts: UTF-8 characters along a last dimension, of which xarray makes strings as it reads.
 
-    xarray alone decodes them to objects, so that ``scheme == "moreau"`` holds, and cuts them with ``chunks={}`` only.
+    HDF5's strings of variable length have no checksum, and xarray reads all of them as it opens a file.
     """
-    encoded = [text.encode() for text in coordinate.values.ravel()]
-    width = max(1, *map(len, encoded))
-    name = f"{coordinate.name}_length"
-    file.createDimension(name, width)
-    chunks = (*(lengths[dim] for dim in coordinate.dims), width)
-    target = file.createVariable(coordinate.name, "S1", (*coordinate.dims, name), chunksizes=chunks)
-    target.setncatts({**coordinate.attrs, "_Encoding": "utf-8"})
+    file.createDimension(f"{name}_length", length)
+    target = file.createVariable(
+        name,
+        "S1",
+        (*dims, f"{name}_length"),
+        compression="zlib",
+        complevel=LEVEL,
+        fletcher32=True,
+        chunksizes=(*chunks, max(1, min(length, CHUNK_BYTES // math.prod(chunks)))),
+    )
+    target.setncatts({**attrs, "_Encoding": "utf-8"})
     target.set_auto_chartostring(False)
-    target[...] = np.array(encoded, f"S{width}").view("S1").reshape(*coordinate.values.shape, width)
+    return target
+
+
+def _characters(encoded: Sequence[bytes], shape: tuple[int, ...], length: int) -> NDArray[np.bytes_]:
+    """Return texts in UTF-8 as single bytes, ``(…, length)``."""
+    return np.array(encoded, f"S{length}").view("S1").reshape(*shape, length)
 
 
 def _create_variables(file: Any, layout: Layout) -> None:
@@ -105,6 +113,7 @@ def _create_variables(file: Any, layout: Layout) -> None:
             compression="zlib" if dims else None,
             complevel=LEVEL,
             shuffle=True,
+            fletcher32=bool(dims),
             chunksizes=layout.archive_chunk_of(variable) or None,
             fill_value=False if variable.dtype == "i1" else np.nan,
         )
@@ -112,54 +121,24 @@ def _create_variables(file: Any, layout: Layout) -> None:
 
 
 def _create_messages(file: Any, layout: Layout, messages: Mapping[int, str]) -> None:
-    """Write texts, in a small archive as strings, else as characters along a last dimension, which are read lazily.
-
-    xarray reads strings when it opens a file and makes fixed-width texts of them. Characters without an attribute
-    ``_Encoding`` it leaves as bytes, which dask cuts in chunks of any size; with it, it makes Python objects of them,
-    which dask refuses to cut with ``chunks="auto"``. :func:`workflow.archive.open_archive` decodes the bytes. Chunks
-    without a message are never allocated.
-    """
-    messages = {cell: truncated_message(text) for cell, text in messages.items()}
-    length = max([2, *(len(text.encode()) for text in messages.values())])  # xarray joins single bytes once more
-    dims = tuple(name for name, _ in layout.dims)
-    as_strings = layout.stored.count == 1 and layout.cells * max(_STRING_BYTES, 4 * length) <= STRINGS_BYTES
+    """Write the messages of cells; chunks without a message are never allocated."""
+    dims, cut = tuple(name for name, _ in layout.dims), layout.stored
+    encoded = {cell: truncated_message(text).encode() for cell, text in messages.items()}
     about = {"long_name": "what a case has to say: why it is not ok, or what it could not be given"}
-    if as_strings:
-        target = file.createVariable(MESSAGE, str, dims, chunksizes=layout.stored.lengths or None)
-        target.setncatts(about | _labels(layout, dims))
-        if messages:
-            target[...] = np.array([messages.get(cell, "") for cell in range(layout.cells)], object).reshape(
-                layout.shape
-            )
-        return
-    file.createDimension(LENGTH, length)
-    target = file.createVariable(
-        MESSAGE,
-        "S1",
-        (*dims, LENGTH),
-        compression="zlib",
-        complevel=LEVEL,
-        chunksizes=(*layout.stored.lengths, max(1, min(length, CHUNK_BYTES // layout.stored.size))),
-    )
-    target.setncatts({**about, "comment": "bytes of UTF-8", **_labels(layout, dims)})
-    target.set_auto_chartostring(False)
-    _write_characters(target, layout, {cell: text.encode() for cell, text in messages.items()}, length)
-
-
-def _write_characters(target: Any, layout: Layout, encoded: Mapping[int, bytes], length: int) -> None:
-    """Write the messages of one block after the other."""
+    length = max([1, *map(len, encoded.values())])
+    target = _create_text(file, MESSAGE, dims, cut.lengths, length, about | _labels(layout, dims))
     by_block: dict[int, list[int]] = defaultdict(list)
     for cell in encoded:
-        by_block[layout.stored.block_of(cell)[0]].append(cell)
+        by_block[cut.block_of(cell)[0]].append(cell)
     for number, in_block in sorted(by_block.items()):
-        cells, offset = layout.stored.cells_of(number), layout.stored.offset_of(number)
-        block = np.zeros(len(cells), dtype=f"S{length}")
+        cells = cut.cells_of(number)
+        block = [b""] * len(cells)
         for cell in in_block:
             block[cell - cells.start] = encoded[cell]
-        ends = zip(offset, layout.stored.lengths, layout.shape, strict=True)
+        ends = zip(cut.offset_of(number), cut.lengths, layout.shape, strict=True)
         place = tuple(slice(first, min(first + size, most)) for first, size, most in ends)
         shape = tuple(part.stop - part.start for part in place)
-        target[(*place, slice(None))] = block.view("S1").reshape(*shape, length)
+        target[(*place, slice(None))] = _characters(block, shape, length)
 
 
 def _create_provenance(file: Any, layout: Layout, hashes: NDArray[np.uint8] | None) -> None:
@@ -177,12 +156,9 @@ def _create_provenance(file: Any, layout: Layout, hashes: NDArray[np.uint8] | No
             group.createDimension(f"{name}_bytes", len(encoded))
             target = group.createVariable(name, "S1", (f"{name}_bytes",), compression="zlib", complevel=LEVEL)
             target[:] = np.frombuffer(encoded, "S1")
-    group.createDimension("digit", len(BLANK))
-    place = group.createVariable(FILE_CHECKSUM, "S1", ("digit",), contiguous=True)
-    place[:] = np.frombuffer(BLANK.encode(), "S1")
     if hashes is not None:
         group.createDimension("byte", hashes.shape[1])
-        target = group.createVariable(CASE_HASH, "u1", (*(name for name, _ in layout.dims), "byte"))
+        target = group.createVariable(CASE_HASH, "u1", (*(name for name, _ in layout.dims), "byte"), fletcher32=True)
         target.setncattr("long_name", "identity of the case: a hash of what its results depend on")
         target[...] = hashes.reshape(*layout.shape, hashes.shape[1])
 

@@ -24,6 +24,9 @@ from workflow.pinning import is_pinned
 from workflow.schemes import SOLVER_VERSION, Status
 from workflow.study import AUTO, CHOSEN, MATRIX, MODES, POINT, Axis, Drawn, Study, packed
 
+HARMONIC = ("amplitude", "frequency", "order", "phase")
+"""Numbers of a harmonic of the casing."""
+
 SOFTWARE = ("code_revision", "processor", "versions", "pinned")
 """Texts of the provenance group that decide whether two runs must agree bit for bit."""
 
@@ -174,10 +177,17 @@ def _design(name: str, drawn: Drawn) -> tuple[Coordinate, Coordinate]:
     )
 
 
-def _motion_of_casing(study: Study) -> dict[str, str]:
-    """Return what the coordinate ``gap`` says of the casing's motion about it: nothing where it stays there."""
+def _motion_of_casing(study: Study) -> Attributes:
+    """Return what the coordinate ``gap`` says of the casing's motion about it: nothing where it stays there.
+
+    A number for each harmonic, ``casing_amplitude`` [m], ``casing_frequency`` [Hz] or ``casing_order``, the other being
+    NaN, and ``casing_phase`` [rad]; ``speed`` in Hz.
+    """
     harmonics = [dataclasses.asdict(entry) for entry in study.scene.casing.harmonics]
-    return {"casing_harmonics": json.dumps(harmonics), "speed": repr(study.scene.speed)} if harmonics else {}
+    if not harmonics:
+        return {}
+    columns = {name: [math.nan if one[name] is None else float(one[name]) for one in harmonics] for name in HARMONIC}
+    return {"speed": [study.scene.speed], **{f"casing_{name}": column for name, column in columns.items()}}
 
 
 def _made_by_friction(study: Study, grid: Grid) -> Coordinate:
@@ -196,7 +206,8 @@ def _made_by_friction(study: Study, grid: Grid) -> Coordinate:
 
 def _declared(about: variables.Variable, dtype: str = "f8") -> Variable:
     """Return a variable of the table as the archive declares it."""
-    attrs = {"units": about.unit, "long_name": about.meaning} | ({"comment": about.comment} if about.comment else {})
+    attrs = {"units": about.unit, "long_name": about.meaning}
+    attrs |= {name: text for name in ("comment", "cell_methods") if (text := getattr(about, name))}
     return Variable(about.name, about.shape, dtype, attrs, optional=about.condition == "scheme")
 
 

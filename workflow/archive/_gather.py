@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from workflow.archive._content import hash_content
 from workflow.archive._create import PROVENANCE, create
 from workflow.archive._files import ArchiveError, free_space, sync, writing
-from workflow.archive._guard import vouch
 from workflow.archive._layout import NOT_RUN, STATUS, Layout, Variable
 from workflow.archive._seal import seal
 from workflow.archive._shard import Shards, decode_chunk, encode_chunk, find_shards, stored_chunks, stored_values
@@ -73,7 +72,6 @@ def gather(
         with writing("the archive", target.parent):
             os.replace(aside, target)
             sync(target.parent)
-            vouch(target)
     except BaseException:
         aside.unlink(missing_ok=True)
         raise

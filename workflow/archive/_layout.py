@@ -18,7 +18,7 @@ from workflow.archive._cut import Cut, largest_cut
 Kind = Literal["history", "metric", "period", "flag"]
 Attributes = Mapping[str, str | Sequence[int] | Sequence[float]]
 
-FORMAT = 1
+FORMAT = 2
 """Version of shards and archives; raised when an older reader would misread them."""
 
 CHUNK_BYTES = 4 * 2**20
@@ -36,7 +36,7 @@ LONGEST_MESSAGE = 4000
 """Bytes of a case's message that are kept; those of this package have a few hundred."""
 
 MESSAGE = "message"
-RESERVED = ("key", "content_hash", "file_checksum", "case_hash")
+RESERVED = ("key", "content_hash", "case_hash")
 """Names of the provenance group that the archive fills in itself."""
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import atexit
 import os
 import tempfile
-from collections.abc import Sequence
-from importlib import import_module
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,34 +14,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.archive._content import hash_content
-from workflow.archive._create import PROVENANCE
+from workflow.archive._create import FORMAT_NAME, PROVENANCE
 from workflow.archive._files import ArchiveError, reading, reason, unreadable, usable, writing
 from workflow.archive._gather import assemble
-from workflow.archive._guard import LONGEST, try_out, vouch
-from workflow.archive._judge import as_text, judge
-from workflow.archive._layout import STATUS
+from workflow.archive._layout import FORMAT, STATUS
 from workflow.archive._parts import LAYOUT, parts_of, read_layout
+from workflow.archive._seal import is_intact, is_sealed
 from workflow.archive._shard import find_shards
-from workflow.archive._whole import DAMAGED, is_whole, require_whole, stored_checksum
 from workflow.archive._with_xarray import opened
 
 if TYPE_CHECKING:
     import xarray as xr
 
-_SLOWEST = 10e6
-"""Bytes per second at which values are read at least: it takes a tenth of the time from a local disk."""
-
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
 
-def open_archive(path: str | Path, chunks: Any = None, *, damaged: bool = False) -> xr.Dataset:
-    """Open an archive whose bytes are those that were written; its values are read when they are used.
+def open_archive(path: str | Path, chunks: Any = None) -> xr.Dataset:
+    """Open an archive as :func:`xarray.open_dataset` does, with an index for each coordinate of a zip.
 
-    All bytes are compared with the checksum in the file the first time that a process opens it, at about 0.7 s per GB;
-    nothing of them is kept in memory. :func:`xarray.open_dataset` opens the file without that.
-
-    While the study still runs, or was interrupted, this is a view of the shards there are at this
-    moment: status ``not_run`` and NaN elsewhere.
+    Values are read when they are used; a chunk whose bytes have changed is an error then. While the study still runs,
+    or was interrupted, this is a view of the shards there are at this moment: status ``not_run`` and NaN elsewhere.
 
     Parameters
     ----------
@@ -49,13 +41,11 @@ def open_archive(path: str | Path, chunks: Any = None, *, damaged: bool = False)
         The archive, as given to ``workflow run``.
     chunks
         As in :func:`xarray.open_dataset`, for dask arrays; ``{}`` takes the chunks of the file.
-    damaged
-        Open a damaged archive too, as far as it can be read: with a warning, and with an attribute ``damaged``.
 
     Raises
     ------
     ArchiveError
-        There is no such file, it is not an archive of this workflow, or it is damaged and ``damaged`` is false.
+        There is no such file, or it is not an archive of this workflow.
     """
     path = usable(path)
     if _unfinished(path):
@@ -64,42 +54,27 @@ def open_archive(path: str | Path, chunks: Any = None, *, damaged: bool = False)
         except ArchiveError:
             if not path.exists():  # the run may have ended just now
                 raise
-    return _open_dataset(path, chunks, path, damaged)
+    return _open_dataset(path, chunks, path)
 
 
-def provenance(path: str | Path, *, damaged: bool = False) -> dict[str, str]:
+def provenance(path: str | Path) -> dict[str, str]:
     """Return the texts of an archive's provenance group: ``key``, ``content_hash`` and the study's own.
 
     An unfinished archive has no ``content_hash`` yet.
 
-    Parameters
-    ----------
-    path
-        The archive.
-    damaged
-        Read those of a damaged archive too, as far as they can be read.
-
     Raises
     ------
     ArchiveError
-        There is no such file, it is not an archive of this workflow, or it is damaged and ``damaged`` is false.
+        There is no such file, or it is not an archive of this workflow.
     """
     path = usable(path)
     if _unfinished(path):
         layout = read_layout(parts_of(path))
         return {"key": layout.key, **layout.provenance}
-    import h5py
-
-    from workflow.archive._lock import LOCK
-
-    _try_to_read(path, damaged)
-    with LOCK, reading(path), h5py.File(path, "r") as file:
-        return _texts(file[PROVENANCE])
-
-
-def _texts(group: Any) -> dict[str, str]:
-    attributes = {name: as_text(value) for name, value in group.attrs.items() if not name.startswith("_")}
-    return attributes | {name: as_text(item[()].tobytes()) for name, item in group.items() if item.dtype == "S1"}
+    with _read(path) as file:
+        group = file[PROVENANCE]
+        attributes = {name: _as_text(value) for name, value in group.attrs.items() if not name.startswith("_")}
+        return attributes | {name: item[()].tobytes().decode() for name, item in group.items() if item.dtype == "S1"}
 
 
 def study_text(path: str | Path) -> tuple[str, str]:
@@ -108,37 +83,32 @@ def study_text(path: str | Path) -> tuple[str, str]:
     Raises
     ------
     ArchiveError
-        As :func:`provenance`, or the archive holds no study.
+        As :func:`provenance`, or the archive is damaged or holds no study.
     """
+    path = usable(path)
+    if path.exists():
+        require_whole(path)
     texts = provenance(path)
     if "study" not in texts:
         raise ArchiveError(f"{path}: its provenance is not as `workflow run` writes it: no study; restore a copy")
     return texts["study"], texts.get("files", "")
 
 
-def statuses(path: str | Path, *, damaged: bool = False) -> NDArray[np.int8]:
+def statuses(path: str | Path) -> NDArray[np.int8]:
     """Return the status of every case of a finished archive, see :func:`stored_values`."""
-    return stored_values(path, (STATUS,), damaged=damaged)[1][STATUS]
+    return stored_values(path, (STATUS,))[1][STATUS]
 
 
-def stored_values(
-    path: str | Path, names: Sequence[str], *, damaged: bool = False
-) -> tuple[dict[str, str], dict[str, NDArray[Any]]]:
+def stored_values(path: str | Path, names: Sequence[str]) -> tuple[dict[str, str], dict[str, NDArray[Any]]]:
     """Return the attributes of a finished archive and those of some variables that it has, without loading xarray.
 
     Raises
     ------
     ArchiveError
-        There is no such file, it is not an archive of this workflow, or it is damaged and ``damaged`` is false.
+        There is no such file, or it is not an archive of this workflow.
     """
-    import h5py
-
-    from workflow.archive._lock import LOCK
-
-    path = usable(path)
-    _try_to_read(path, damaged)
-    with LOCK, reading(path), h5py.File(path, "r") as file:
-        attributes = {name: as_text(value) for name, value in file.attrs.items()}
+    with _read(usable(path)) as file:
+        attributes = {name: _as_text(value) for name, value in file.attrs.items()}
         return attributes, {name: np.asarray(file[name][...]) for name in names if name in file}
 
 
@@ -155,10 +125,8 @@ def content_hash(path: str | Path) -> str:
     path = usable(path)
     if _unfinished(path):
         raise ArchiveError(f"{path}: unfinished, only its shards are there; run the study to its end first")
-    _look(path)
-    if not is_whole(path, try_out(path, _read_at_all)):
-        seconds = LONGEST + path.stat().st_size / _SLOWEST
-        return try_out(path, hash_content, seconds)  # values that are damaged may crash the process that reads them
+    with _read(path):
+        pass
     with reading(path):
         return hash_content(path)
 
@@ -177,6 +145,75 @@ def archive_key(path: str | Path) -> str | None:
     return provenance(path)["key"]
 
 
+def is_whole(path: str | Path) -> bool:
+    """Tell whether an archive's bytes are those that were written.
+
+    All of them are read, at about 1.5 GB/s from memory, before a library reads any.
+
+    Raises
+    ------
+    ArchiveError
+        There is no such file, it is not an archive of this workflow, or it cannot be read.
+    """
+    path = usable(path)
+    _look(path)
+    try:
+        if is_sealed(path):
+            return is_intact(path)
+    except OSError as error:
+        raise ArchiveError(f"{path}: cannot be read: {reason(error)}") from error
+    with _read(path):
+        return False
+
+
+def require_whole(path: str | Path) -> None:
+    """Refuse an archive whose bytes are not those that were written.
+
+    Raises
+    ------
+    ArchiveError
+        As :func:`is_whole`, or they are not.
+    """
+    if not is_whole(path):
+        raise ArchiveError(
+            f"{path}: damaged, its bytes are not those that were written; restore a copy, or run its study again "
+            "with --recompute"
+        )
+
+
+@contextmanager
+def _read(path: Path) -> Iterator[Any]:
+    """Open a finished archive with h5py."""
+    import h5py
+
+    from workflow.archive._lock import LOCK
+
+    _look(path)
+    with LOCK, reading(path), h5py.File(path, "r") as file:
+        _recognise(path, file.attrs)
+        yield file
+
+
+def _recognise(path: Path, attributes: Mapping[str, Any]) -> None:
+    """Refuse a file that does not say that it is an archive of this version."""
+    if FORMAT_NAME not in attributes:
+        raise ArchiveError(
+            f"{path}: a NetCDF file, but not an archive of this workflow (it has no {FORMAT_NAME}); "
+            "an archive that `workflow run` wrote is expected"
+        )
+    version = _as_text(attributes[FORMAT_NAME])
+    if version != str(FORMAT):
+        raise ArchiveError(
+            f"{path}: archive format {version}, this version reads {FORMAT}; use the version that wrote it"
+        )
+
+
+def _as_text(value: Any) -> str:
+    """Return an attribute as text: netCDF-C stores ASCII as characters, anything else as a string."""
+    value = np.ravel(value)[0] if isinstance(value, np.ndarray) and value.size else value
+    return value.decode(errors="replace") if isinstance(value, bytes) else str(value)
+
+
 def _unfinished(path: Path) -> bool:
     return not path.exists() and (parts_of(path) / LAYOUT).exists()
 
@@ -192,8 +229,7 @@ def _open_view(path: Path, chunks: Any) -> xr.Dataset:
     try:
         with writing("a view of the shards", view.parent):
             assemble(layout, find_shards(parts, layout), view)
-        vouch(view)
-        opened = _open_dataset(view, chunks, path, damaged=False)
+        opened = _open_dataset(view, chunks, path)
     except BaseException:
         view.unlink(missing_ok=True)
         raise
@@ -219,26 +255,20 @@ def discard_views() -> None:
         view.unlink(missing_ok=True)
 
 
-def _open_dataset(path: Path, chunks: Any, named: Path, damaged: bool) -> xr.Dataset:
+def _open_dataset(path: Path, chunks: Any, named: Path) -> xr.Dataset:
     _look(path)
-    for name in _LOADED:
-        import_module(name)
-    whole = require_whole(path, try_out(path, _opened_at_all), damaged)
-
-    from workflow.archive._lock import LOCK
-
     try:
-        with LOCK:
-            dataset = opened(path, chunks, LOCK)
+        dataset = opened(path, chunks)
     except Warning:  # about the chunks asked for, where warnings are errors
         raise
     except Exception as error:  # whatever xarray makes of a file that is not what it was
         raise unreadable(named, error) from error
-    return dataset if whole else dataset.assign_attrs(damaged=DAMAGED)
-
-
-_LOADED = ("xarray", "netCDF4", "dask.array", "pint")
-"""What xarray loads to open a file: once here, not in every process that tries a file out."""
+    try:
+        _recognise(named, dataset.attrs)
+    except ArchiveError:
+        dataset.close()
+        raise
+    return dataset
 
 
 def _look(path: Path) -> None:
@@ -268,33 +298,3 @@ def _expected(path: Path) -> str:
                 return f"did you mean {beside}?"
         return "a study is given where an archive that `workflow run` wrote is expected"
     return "an archive that `workflow run` wrote is expected"
-
-
-def _try_to_read(path: Path, damaged: bool = False) -> None:
-    """Refuse what is no archive, what cannot be read and, unless it is wanted, what is damaged."""
-    _look(path)
-    checksum = try_out(path, _read_at_all)
-    if not damaged:
-        require_whole(path, checksum)
-
-
-def _read_at_all(path: Path) -> str:
-    """Judge a file's headers, read its texts as :func:`provenance` does, and return its checksum."""
-    import h5py
-
-    judge(path)
-    with h5py.File(path, "r") as file:
-        _texts(file[PROVENANCE])
-        return stored_checksum(file)
-
-
-def _opened_at_all(path: Path) -> str:
-    """Judge a file's headers, open it as :func:`open_archive` does, and return its checksum."""
-    import h5py
-    import xarray as xr
-
-    judge(path)
-    with h5py.File(path, "r") as file:
-        checksum = stored_checksum(file)
-    xr.open_dataset(path, engine="netcdf4", decode_timedelta=False, cache=False).close()
-    return checksum

@@ -222,21 +222,35 @@ def stored_status(shard: Shard, layout: Layout) -> NDArray[np.int8]:
 
 
 def encode_chunk(values: NDArray[Any], level: int = LEVEL) -> bytes:
-    """Return one chunk as HDF5's filters shuffle and deflate would store it.
+    """Return one chunk as HDF5's filters Fletcher-32, shuffle and deflate would store it.
 
     Done here rather than in HDF5 because zlib and NumPy let other threads run meanwhile.
     """
-    size = values.dtype.itemsize
-    if size > 1:
-        values = np.ascontiguousarray(values.view(np.uint8).reshape(-1, size).T)
-    return zlib.compress(values.data, level)
+    size, image = values.dtype.itemsize, values.view(np.uint8).ravel()
+    image = np.concatenate([image, np.frombuffer(fletcher32(image), np.uint8)])
+    whole = image.size // size * size
+    shuffled = image[:whole].reshape(-1, size).T.ravel()
+    return zlib.compress(np.concatenate([shuffled, image[whole:]]).data, level)
 
 
 def decode_chunk(chunk: bytes, dtype: str) -> NDArray[Any]:
     """Return the values of a chunk that :func:`encode_chunk` made, ``(value,)``."""
     kind = np.dtype(dtype).newbyteorder("<")
-    shuffled = np.frombuffer(zlib.decompress(chunk), np.uint8).reshape(kind.itemsize, -1)
-    return np.ascontiguousarray(shuffled.T).view(kind).ravel()
+    image = np.frombuffer(zlib.decompress(chunk), np.uint8)
+    whole = image.size // kind.itemsize * kind.itemsize
+    return image[:whole].reshape(kind.itemsize, -1).T.ravel()[: image.size - 4].view(kind)
+
+
+def fletcher32(image: NDArray[np.uint8]) -> bytes:
+    """Return HDF5's checksum of some bytes, b_k: Σ w_k and Σ (n - k) w_k of their n words w_k, modulo 65535.
+
+    Words are big-endian; those of little-endian words are 256 times as large, modulo 65535. A sum that is not 0 ends
+    as 65535 where its remainder is 0.
+    """
+    words = np.append(image, np.zeros(image.size % 2, np.uint8)).view("<u2").astype(np.int64)
+    sums = int(words.sum()), int(words @ np.arange(words.size, 0, -1))
+    first, second = ((256 * value - 1) % 65535 + 1 if value else 0 for value in sums)
+    return (second << 16 | first).to_bytes(4, "little")
 
 
 def _stem(first: int, stop: int, task: int) -> str:

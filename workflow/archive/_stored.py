@@ -15,19 +15,14 @@ Cells = NDArray[np.int64]
 
 def with_messages(file: Any) -> NDArray[np.bool_]:
     """Tell which cells of an archive have a message, from its first character: an ok case may have one too."""
-    stored = file[MESSAGE]
-    first = stored[...] if stored.dtype == object else stored[..., 0]
-    return np.asarray(first != b"").ravel()
+    return np.asarray(file[MESSAGE][..., 0] != b"").ravel()
 
 
 def messages_of(file: Any, places: Cells) -> list[str]:
-    """Return messages, which are strings or, along one more dimension, characters."""
+    """Return the messages of some cells."""
     if not places.size:
         return []
-    stored = file[MESSAGE]
-    if stored.dtype == object:
-        return [row.decode() for row in _rows(stored, places, tail=0)]
-    return [row.tobytes().rstrip(b"\0").decode() for row in _rows(stored, places, tail=1)]
+    return [row.tobytes().rstrip(b"\0").decode() for row in _rows(file[MESSAGE], places, tail=1)]
 
 
 def same_chunks(stored: Any, variable: Variable, layout: Layout) -> bool:

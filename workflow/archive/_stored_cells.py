@@ -15,9 +15,7 @@ from numpy.typing import NDArray
 from workflow.archive._create import CASE_HASH, PROVENANCE
 from workflow.archive._files import ArchiveError, commit, reading, writing
 from workflow.archive._layout import OK, STATUS, Layout
-from workflow.archive._seal import FILE_CHECKSUM
 from workflow.archive._stored import Cells, cut_of, holds, messages_of, picked, same_chunks, with_messages
-from workflow.archive._whole import require_whole, stored_checksum
 from workflow.variables import BY_NAME
 
 STORED_CELLS = "known.npy"
@@ -132,14 +130,11 @@ def find_stored_cells(path: Path, layout: Layout, hashes: NDArray[np.uint8]) -> 
     Raises
     ------
     ArchiveError
-        It holds some of them without all of their variables, is not as it was written, or was made by
-        a version that kept no hashes.
+        It holds some of them without all of their variables.
     """
     stored = stored_hashes(path)
     with _opened(path) as file:
-        checksum = stored_checksum(file)
         lacking = [variable.name for variable in layout.variables if not holds(file, variable, layout)]
-    require_whole(path, checksum)
     cells = match_hashes(hashes, stored)
     if lacking and np.any(cells >= 0):
         raise ArchiveError(f"{path}: holds cases of this study, but without {', '.join(lacking)}; {_OTHERWISE}")
@@ -175,13 +170,10 @@ def stored_hashes(path: Path) -> NDArray[np.uint8]:
     Raises
     ------
     ArchiveError
-        It was made by a version that kept none, or is damaged.
+        It is damaged.
     """
     with _opened(path) as file:
-        group = file[PROVENANCE]
-        if CASE_HASH not in group or FILE_CHECKSUM not in group:
-            raise ArchiveError(f"{path}: made by a version that did not keep the identity of cases; {_OTHERWISE}")
-        hashes = group[CASE_HASH][...]
+        hashes = file[PROVENANCE][CASE_HASH][...]
         return np.asarray(hashes.reshape(-1, hashes.shape[-1]), dtype=np.uint8)
 
 

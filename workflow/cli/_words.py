@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,17 +13,7 @@ if TYPE_CHECKING:
 StudyFile = Annotated[Path, typer.Argument(metavar="STUDY", help="YAML study, or an archive whose study to repeat.")]
 ArchiveFile = Annotated[Path, typer.Argument(metavar="ARCHIVE", help="Archive that `workflow run` wrote.")]
 
-Damaged = Annotated[bool, typer.Option("--damaged", help="Open a damaged archive, as far as it can be read.")]
-
 _HDF5 = b"\x89HDF\r\n\x1a\n"
-
-
-@contextmanager
-def unwarned() -> Iterator[None]:
-    """Keep the warning of a damaged archive from the terminal: the command says it in its own words."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)
-        yield
 
 
 def named(archive: Path) -> Path:

@@ -10,7 +10,7 @@ import typer
 
 from workflow.cli._failures import NOT_OK, WRONG, errors_in_words
 from workflow.cli._terminal import complain, console, say, write_json
-from workflow.cli._words import ArchiveFile, unwarned
+from workflow.cli._words import ArchiveFile
 
 if TYPE_CHECKING:
     from workflow.analysis import Recommendation
@@ -33,7 +33,7 @@ def recommend(archive: ArchiveFile, tolerance: Tolerance = None, as_json: AsJson
 
     Exit status: 0 answered, 1 nothing in the archive meets it, 2 the archive has no reference.
     """
-    with errors_in_words(), unwarned():
+    with errors_in_words():
         from workflow.analysis import NoReferenceError, recommendation_cautions
         from workflow.analysis import recommend as choose
         from workflow.archive import open_archive

@@ -9,7 +9,7 @@ import typer
 
 from workflow.cli._failures import errors_in_words
 from workflow.cli._terminal import say
-from workflow.cli._words import Damaged, named, unwarned
+from workflow.cli._words import named
 
 
 def report(
@@ -24,13 +24,12 @@ def report(
             "Default: ARCHIVE.html; of several: report.html.",
         ),
     ] = None,
-    damaged: Damaged = False,
 ) -> None:
     """Write figures and tables of one archive or several as one self-contained HTML page."""
-    with errors_in_words(), unwarned():
+    with errors_in_words():
         from workflow.report import write_report
 
-        written = write_report([named(archive) for archive in archives], output, damaged=damaged)
+        written = write_report([named(archive) for archive in archives], output)
         if written.figure is not None:
             say(f"figure {written.figure}")
         if written.page is not None:

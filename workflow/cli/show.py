@@ -13,7 +13,6 @@ import typer
 
 from workflow.cli._failures import errors_in_words
 from workflow.cli._terminal import say
-from workflow.cli._words import Damaged, unwarned
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -24,15 +23,14 @@ FAILURES_SHOWN = 20
 
 def show(
     archives: Annotated[list[Path], typer.Argument(metavar="ARCHIVE...", help="Archives that `workflow run` wrote.")],
-    damaged: Damaged = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON, one line for each archive.")] = False,
 ) -> None:
     """Say what archives hold: dimensions, statuses, what failed and why."""
-    with errors_in_words(), unwarned():
+    with errors_in_words():
         from workflow.archive import open_archive
 
         for archive in archives:
-            with open_archive(archive, damaged=damaged) as dataset:
+            with open_archive(archive) as dataset:
                 lines = [_json(archive, dataset)] if as_json else _lines(archive, dataset)
                 for line in lines:
                     say(line)
@@ -41,8 +39,6 @@ def show(
 def _lines(archive: Path, dataset: xr.Dataset) -> Iterator[str]:
     from workflow.run import warnings_of
 
-    if "damaged" in dataset.attrs:
-        yield f"damaged: {dataset.attrs['damaged']}; any value may be wrong"
     yield f"{archive}: {dataset.attrs.get('title', 'without a title')}"
     yield from (f"  beware: {warning}" for warning in warnings_of(dataset))
     yield from _coordinates(dataset)
@@ -67,7 +63,6 @@ def _json(archive: Path, dataset: xr.Dataset) -> str:
     shown = {
         "archive": str(archive),
         "title": dataset.attrs.get("title", ""),
-        "damaged": dataset.attrs.get("damaged"),
         "warnings": warnings_of(dataset),
         "dimensions": {str(name): size for name, size in dataset.sizes.items()},
         "coordinates": coordinates,

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 _SHOWN = ("processor", "platform", "solver_version", "code_revision", "content_hash")
 
 
-def duration_of(archive: Path, damaged: bool = False) -> float:
+def duration_of(archive: Path) -> float:
     """Return the simulated time of an archive's study, s."""
-    duration = _resolved(archive, damaged, "scene", "duration")
+    duration = _resolved(archive, "scene", "duration")
     if not isinstance(duration, int | float) or not 0 < duration < float("inf"):
         raise ArchiveError(
             f"{archive}: its provenance is not as `workflow run` writes it: no duration of a study; restore a copy"
@@ -27,23 +27,23 @@ def duration_of(archive: Path, damaged: bool = False) -> float:
     return float(duration)
 
 
-def methods_of(archive: Path, damaged: bool = False) -> dict[str, str]:
+def methods_of(archive: Path) -> dict[str, str]:
     """Return the method of each scheme of an archive's study by its label; empty where provenance does not hold it."""
-    schemes = _resolved(archive, damaged, "schemes")
+    schemes = _resolved(archive, "schemes")
     stored = schemes.items() if isinstance(schemes, dict) else ()
     return {str(label): str(form["method"]) for label, form in stored if isinstance(form, dict) and "method" in form}
 
 
-def scene_of(archive: Path, damaged: bool = False) -> dict[str, Any]:
+def scene_of(archive: Path) -> dict[str, Any]:
     """Return the scene of an archive's study as resolved; empty where provenance does not hold it."""
-    scene = _resolved(archive, damaged, "scene")
+    scene = _resolved(archive, "scene")
     return scene if isinstance(scene, dict) else {}
 
 
-def _resolved(archive: Path, damaged: bool, *path: str) -> Any:
+def _resolved(archive: Path, *path: str) -> Any:
     """Return a value of the study as resolved, ``None`` where there is none."""
     try:
-        value = json.loads(provenance(archive, damaged=damaged)["resolved"])
+        value = json.loads(provenance(archive)["resolved"])
         for key in path:
             value = value[key]
     except (ValueError, LookupError, TypeError, RecursionError):
@@ -51,9 +51,9 @@ def _resolved(archive: Path, damaged: bool, *path: str) -> Any:
     return value
 
 
-def origin(dataset: xr.Dataset, archive: Path, damaged: bool) -> list[str]:
+def origin(dataset: xr.Dataset, archive: Path) -> list[str]:
     """Return the section that says where an archive comes from."""
-    stored = provenance(archive, damaged=damaged)
+    stored = provenance(archive)
     rows = [
         ["written", str(dataset.attrs.get("history", "")).split(": ", 1)[0]],
         ["processor time", _computing(dataset)],

@@ -40,7 +40,7 @@ class Written:
     figure: Path | None
 
 
-def write_report(archive: Path | Sequence[Path], output: Path | None = None, *, damaged: bool = False) -> Written:
+def write_report(archive: Path | Sequence[Path], output: Path | None = None) -> Written:
     """Write the report of an archive: ``ARCHIVE.html``, and its main figure as ``ARCHIVE.png``.
 
     The main figure is the tip's response; where no histories are kept speed against error, or maps of the scene.
@@ -54,13 +54,11 @@ def write_report(archive: Path | Sequence[Path], output: Path | None = None, *, 
         One archive or several.
     output
         The page to write, ``.html``; or its figure alone, ``.png``, ``.svg`` or ``.pdf``.
-    damaged
-        Draw a damaged archive too, as far as it can be read; the page says that it is damaged.
 
     Raises
     ------
     ArchiveError
-        There is no such archive, it is damaged and ``damaged`` is false, the report would overwrite it, or there is no
+        There is no such archive, the report would overwrite it, or there is no
         figure.
     OSError
         The page cannot be written.
@@ -69,10 +67,10 @@ def write_report(archive: Path | Sequence[Path], output: Path | None = None, *, 
     if output is not None:
         _refuse_place(output, len(archives))
         if output.suffix.lower() in _FIGURES:
-            return _write_figure(archives[0], output, damaged)
+            return _write_figure(archives[0], output)
     if len(archives) > 1:
-        return _write_joint(archives, output or Path("report.html"), damaged)
-    return _write_single(archives[0], output or archives[0].with_suffix(".html"), damaged)
+        return _write_joint(archives, output or Path("report.html"))
+    return _write_single(archives[0], output or archives[0].with_suffix(".html"))
 
 
 def _refuse_place(written: Path, archives: int) -> None:
@@ -98,19 +96,18 @@ def _refuse_overwriting(archives: Sequence[Path], *written: Path) -> None:
                 )
 
 
-def _write_single(archive: Path, written: Path, damaged: bool) -> Written:
+def _write_single(archive: Path, written: Path) -> Written:
     picture = written.with_suffix(".png")
     _refuse_overwriting([archive], written, picture)
-    with open_archive(archive, damaged=damaged) as dataset:
-        precision, maps = sections.precision(dataset, duration_of(archive, damaged)), sections.maps(dataset)
+    with open_archive(archive) as dataset:
+        precision, maps = sections.precision(dataset, duration_of(archive)), sections.maps(dataset)
         figure = _response(dataset) or precision.figure or maps.figure
         figure_path = None if figure is None else save(figure, picture)
-        methods, scene = methods_of(archive, damaged), scene_of(archive, damaged)
+        methods, scene = methods_of(archive), scene_of(archive)
         first_block = answer(dataset, methods)
         head = [
             tag("h1", _title(dataset, archive)),
             tag("p", str(dataset.attrs.get("summary", "")), kind="muted"),
-            *_damage(dataset),
             *_warnings(dataset),
             *first_block.body,
             *maps.body,
@@ -122,7 +119,7 @@ def _write_single(archive: Path, written: Path, damaged: bool) -> Written:
             *precision.body,
             *(shares(dataset) or sections.effects(dataset)),
             *sections.errors(dataset),
-            *origin(dataset, archive, damaged),
+            *origin(dataset, archive),
         ]
         room = PAGE_BYTES - sum(len(part.encode()) for part in [*head, *rest]) - _MARGIN
         shown = interactive(dataset, archive.name, first_block.choice, methods, scene, room)
@@ -136,12 +133,12 @@ def _response(dataset: xr.Dataset) -> Figure | None:
     return histories(dataset) if has_one else None
 
 
-def _write_figure(archive: Path, written: Path, damaged: bool) -> Written:
+def _write_figure(archive: Path, written: Path) -> Written:
     """Write the main figure of an archive without its page."""
     _refuse_overwriting([archive], written)
-    with open_archive(archive, damaged=damaged) as dataset:
+    with open_archive(archive) as dataset:
         figure = _response(dataset)
-        figure = figure or sections.precision(dataset, duration_of(archive, damaged)).figure
+        figure = figure or sections.precision(dataset, duration_of(archive)).figure
         figure = figure or sections.maps(dataset).figure
         if figure is None:
             raise ArchiveError(
@@ -151,12 +148,12 @@ def _write_figure(archive: Path, written: Path, damaged: bool) -> Written:
         return Written(None, save(figure, written))
 
 
-def _write_joint(archives: Sequence[Path], written: Path, damaged: bool) -> Written:
+def _write_joint(archives: Sequence[Path], written: Path) -> Written:
     _refuse_overwriting(archives, written)
     rows, new = [], []
     parts: list[str] = []
     for number, archive in enumerate(archives):
-        with open_archive(archive, damaged=damaged) as dataset:
+        with open_archive(archive) as dataset:
             name, title = str(dataset.attrs.get("study", archive.stem)), _title(dataset, archive)
             for k, row in enumerate(ranges(dataset)):
                 rows.append(
@@ -168,13 +165,13 @@ def _write_joint(archives: Sequence[Path], written: Path, damaged: bool) -> Writ
                 )  # fmt: skip
                 new.append(k == 0 and number > 0)
             parts += [tag("h2", name), tag("p", f"{title}.")]
-            parts += _damage(dataset) + _warnings(dataset) + answer(dataset, methods_of(archive, damaged)).body
+            parts += _warnings(dataset) + answer(dataset, methods_of(archive)).body
             response = _response(dataset)
             parts += [] if response is None else [image(response, "tip response")]
             parts += sections.scene_pictures(dataset)
             parts += sections.standing(dataset)[3:]
             if dataset.sizes.get("h", 1) > 4:
-                parts += sections.precision(dataset, duration_of(archive, damaged)).body
+                parts += sections.precision(dataset, duration_of(archive)).body
     head = [
         "study", "scheme", "ok", "stable up to", "accurate up to", "error at the smallest h", "at the largest stable h",
         "energy residual", "penetration / gap", "verdict, from small h to large",
@@ -195,12 +192,6 @@ def _write_joint(archives: Sequence[Path], written: Path, damaged: bool) -> Writ
 
 def _title(dataset: xr.Dataset, archive: Path) -> str:
     return str(dataset.attrs.get("title") or archive.name)
-
-
-def _damage(dataset: xr.Dataset) -> list[str]:
-    """Return what is said of a damaged archive."""
-    what = dataset.attrs.get("damaged")
-    return [tag("p", tag("strong", f"Damaged: {what}; any value may be wrong."))] if what else []
 
 
 def _warnings(dataset: xr.Dataset) -> list[str]:

@@ -26,6 +26,7 @@ from workflow.archive import (
     parts_of,
     provenance,
     read_layout,
+    require_whole,
     statuses,
     stored_hashes,
     study_key,
@@ -92,6 +93,7 @@ def holdings(study: Study, archive: str | Path) -> Holdings:
     layout, hashes = describe(study, grid, units_of(grid)), case_hashes(grid)
     there, dropped, notes = np.zeros(layout.cells, dtype=bool), 0, []
     if archive.exists():
+        require_whole(archive)
         texts = provenance(archive)
         check_name(study, archive, texts)
         dropped += _unasked(archive, texts, hashes)[0]
@@ -124,11 +126,11 @@ def reused_cells(study: Study, archive: Path, layout: Layout, hashes: Hashes, re
         Another version of the solver made it, it lacks variables, is damaged, or holds cases or histories that the
         study no longer asks for: those are left out where ``reuse`` says so, or did when this very run began.
     """
-    texts = provenance(archive, damaged=reuse.recompute)
+    texts = provenance(archive)
     if not reuse.recompute:
         check_version(archive, texts)
     if not reuse.drop and not is_begun(parts_of(archive), layout, archive):
-        unasked, cases = _unasked(archive, texts, hashes, damaged=reuse.recompute)
+        unasked, cases = _unasked(archive, texts, hashes)
         if unasked:
             none = "holds another study of the same name: none of its cases is"
             which = none if unasked == cases else f"{unasked} of its {cases} cases are not"
@@ -212,7 +214,7 @@ def cells_there(layout: Layout, there: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return stored
 
 
-def _unasked(archive: Path, texts: dict[str, str], hashes: Hashes, damaged: bool = False) -> tuple[int, int]:
+def _unasked(archive: Path, texts: dict[str, str], hashes: Hashes) -> tuple[int, int]:
     """Return how many cases of an archive the study with these ``hashes`` does not ask for, and how many it has.
 
     Cases of another version of the solver are reused by the settings in the study that the archive keeps; all count
@@ -223,11 +225,10 @@ def _unasked(archive: Path, texts: dict[str, str], hashes: Hashes, damaged: bool
             stored = stored_hashes(archive)
             return count_unmatched(stored, hashes), len(stored)
         except ArchiveError:
-            if not damaged:
-                raise
+            pass  # damaged, where all is computed again
     was = _hashes_of(texts)
     if was is None:
-        cases = statuses(archive, damaged=damaged).size
+        cases = statuses(archive).size
         return cases, cases
     return count_unmatched(was, hashes), len(was)
 

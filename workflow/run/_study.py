@@ -22,6 +22,7 @@ from workflow.archive import (
     parts_of,
     provenance,
     remove_parts,
+    require_whole,
     statuses,
     stored_status,
     study_key,
@@ -190,7 +191,9 @@ def _run_missing(prepared: Prepared, run_tasks: RunTasks, hashes: CaseHashes, ta
 
 def _is_current(study: Study, archive: Path, recompute: bool) -> bool:
     """Tell whether an archive holds a study as it is, title and licence included; refuse another study's."""
-    texts = provenance(archive, damaged=recompute)
+    if not recompute:
+        require_whole(archive)
+    texts = provenance(archive)
     check_name(study, archive, texts)
     origin = archive_origin(archive, texts)
     return texts.get("key") == study_key(study) and (origin.title, origin.license) == (study.title, study.license)

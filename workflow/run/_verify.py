@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,7 +17,7 @@ from workflow.archive import (
     code_revision,
     content_hash,
     describe,
-    is_sealed_with,
+    is_whole,
     open_archive,
     processor,
     provenance,
@@ -35,9 +33,6 @@ from workflow.run._earlier import stored_choices
 from workflow.run._outcome import labels_of_case
 from workflow.schemes import SOLVER_VERSION, Status
 from workflow.study import StudyError, parse_study, unpacked
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 SAMPLE = 12
 """Cases that are run again unless another number is asked for."""
@@ -80,14 +75,14 @@ def verify(path: Path, sample: int = SAMPLE) -> Iterator[Check]:
     ArchiveError
         There is no such archive, or it cannot be read.
     """
-    texts = provenance(path, damaged=True)
-    if not path.exists():
+    if not path.exists() and provenance(path):
         raise ArchiveError(f"{path}: unfinished, only its shards are there; run the study to its end first")
-    whole, content = _bytes(path, texts), _content(path, texts)
-    yield whole
-    yield content
-    if not whole.holds and not content.holds:
+    whole = is_whole(path)
+    yield Check("bytes", whole, "those that were written" if whole else "some have changed since the file was written")
+    if not whole:
         return  # its values may crash the process that reads them
+    texts = provenance(path)
+    yield _content(path, texts)
     version = texts.get("solver_version", "none")
     same_version = version == str(SOLVER_VERSION)
     yield Check("solver", same_version, f"version {version}" + ("" if same_version else f", this is {SOLVER_VERSION}"))
@@ -108,21 +103,6 @@ def verify(path: Path, sample: int = SAMPLE) -> Iterator[Check]:
         yield Check("values", False, f"cannot be compared: that ended with {type(error).__name__}: {error}")
 
 
-def _opened(path: Path) -> xr.Dataset:
-    """Open an archive whether or not its bytes have changed: an earlier check has reported that."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)
-        return open_archive(path, damaged=True)
-
-
-def _bytes(path: Path, texts: dict[str, str]) -> Check:
-    checksum = texts.get("file_checksum")
-    if checksum is None:
-        return Check("bytes", False, "there is no checksum of the file")
-    holds = is_sealed_with(path, checksum)
-    return Check("bytes", holds, "those that were written" if holds else "some have changed since the file was written")
-
-
 def _content(path: Path, texts: dict[str, str]) -> Check:
     try:
         digest = content_hash(path)
@@ -136,7 +116,7 @@ def _identity(path: Path, grid: Grid, texts: dict[str, str]) -> Check:
     """Compare study, coordinates and the hashes of all cases with what the archive's own study gives."""
     layout = describe(grid.study, grid, units_of(grid))
     hashes = case_hashes(grid)
-    with _opened(path) as dataset:
+    with open_archive(path) as dataset:
         wrong = [c.name for c in layout.coordinates if c.name not in dataset.coords]
         wrong += [
             c.name
@@ -186,7 +166,7 @@ def _repeat(path: Path, grid: Grid, texts: dict[str, str], sample: int) -> Itera
     blurred: list[str] = []
     cells = _sample(path, grid, texts, sample)
     with (
-        _opened(path) as dataset,
+        open_archive(path) as dataset,
         threadpool_limits(limits=1, user_api="blas"),
         np.errstate(over="ignore", invalid="ignore"),
     ):
@@ -238,7 +218,7 @@ def _sample(path: Path, grid: Grid, texts: dict[str, str], count: int) -> list[i
     Those that failed hold nothing to compare, and need not fail again: a machine was to blame, say.
     """
     random = np.random.default_rng(int(texts.get("content_hash", "0")[:16], 16))
-    with _opened(path) as dataset:
+    with open_archive(path) as dataset:
         status = dataset["status"].values.ravel()
     order = random.permutation(np.flatnonzero(status != Status.FAILED))
     kinds: dict[tuple[str, int], int] = {}
