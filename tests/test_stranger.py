@@ -188,9 +188,7 @@ def printed_here(source: str, directory: Path) -> str:
     output = io.StringIO()
     with contextlib.chdir(directory), contextlib.redirect_stdout(output), warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        exec(
-            compile(f"import matplotlib\nmatplotlib.use('Agg')\n{source}", "newcomer", "exec"), {"__name__": "__main__"}
-        )
+        exec(f"import matplotlib\nmatplotlib.use('Agg')\n{source}", {"__name__": "__main__"})
     return output.getvalue()
 
 

@@ -35,7 +35,7 @@ from workflow.run import available_threads
 README = Path(__file__).parents[2] / "README.md"
 TABLE = Path(__file__).with_name("TABLE.md")
 HEADLINES = {
-    "workflow run studies/blade.yaml, nothing compiled |": "`workflow run studies/blade.yaml`, 540 cases, the first time",
+    "workflow run studies/blade.yaml, nothing compiled |": "`workflow run studies/blade.yaml`, 540 cases, first time",
     "workflow run studies/blade.yaml, later |": "the same, later",
     "included: `moreau`": "a case of 20 nodes over 0.3 s in a study of many, one thread: `moreau`, h = 1e-5 s",
     "included: `event_driven`": "… `event_driven`, exact",
@@ -268,13 +268,11 @@ def _parts(text: str) -> tuple[str, str, str]:
 def headlines(text: str) -> str:
     """Return the README's table: what a few rows were measured to take."""
     about, _, *rows = text.splitlines()
-    shown = [
-        (words, next(row.split("|")[3].strip() for row in rows if held in row)) for held, words in HEADLINES.items()
-    ]
-    return (
-        "\n".join([about, "", "| what | takes |", "|---|---|", *(f"| {what} | {takes} |" for what, takes in shown)])
-        + "\n"
-    )
+    shown = ["| what | takes |", "|---|---|"]
+    for held, words in HEADLINES.items():
+        takes = next(row.split("|")[3] for row in rows if held in row)
+        shown.append(f"| {words} |{takes}|")
+    return "\n".join([about, "", *shown]) + "\n"
 
 
 if __name__ == "__main__":
