@@ -48,7 +48,11 @@ def sensitivity(grid: Grid, outer: int, inner: NDArray[np.int64], solved: Solved
         for name, new in changed.items():
             if new.dtype.kind == "f":
                 spread[name] = max(spread.get(name, 0.0), _largest_change(solved.values[name], new))
-        again = exact_motion(grid, outer, inner, Shaken(direction, _largest(exact["displacement"]))) if blown_up else changed
+        again = (
+            exact_motion(grid, outer, inner, Shaken(direction, _largest(exact["displacement"])))
+            if blown_up
+            else changed
+        )
         for name in _COMPARED:
             moved[name] = max(moved.get(name, 0.0), _share_changed(exact[name], again[name]))
     own = float(np.nan_to_num(solved.values.get("predictability", np.zeros(1)))[0])
