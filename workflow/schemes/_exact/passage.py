@@ -99,8 +99,8 @@ def _set(m: Motion, t: float) -> None:
 def enter_contact(motions: Motions, threshold: float, t: float) -> int:
     """Set the held motion from the free one; return the order of the zero of its force at t.
 
-    Where nothing presses it is minus the order of the zero of the gap: -2, or -3 where the force falls from zero. A force
-    below ``threshold`` times the rounding of its terms is zero.
+    Where nothing presses it is minus the order of the zero of the gap: -2, or -3 where the force falls from zero. It is
+    zero below ``threshold`` times the rounding of its terms.
     """
     held = motions.held
     fill_modal(motions, False, t)
