@@ -41,7 +41,7 @@ def make_operator(structure: Structure, budget: Budget) -> Operator:
 
 def run_batch(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
     """Run all cases, one after the other; those of one α follow each other and share its regime."""
-    batch = _Batch(operator, cases, sampling)
+    batch = Batch(operator, cases, sampling)
     for i in np.argsort(cases.alpha, kind="stable"):
         batch.run(int(i))
     return batch.results()
@@ -61,7 +61,7 @@ KERNEL_CALLS = {"march": march_unheated, "held regime": solve_held_regime}
 """What needs one of the large kernels alone, see :attr:`workflow.schemes.Scheme.KERNEL_CALLS`."""
 
 
-class _Batch:
+class Batch:
     """The cases of a batch and the arrays of their results."""
 
     def __init__(self, operator: Operator, cases: Cases, sampling: Sampling):
@@ -112,8 +112,25 @@ class _Batch:
         case, memories = self._prepared(i, held)
         n, frequency = int(self.periods[i]), float(self.frequency[i])
         ends = np.arange(1, n + 1) / frequency if n else np.zeros(0)
-        record = Record(self.times, ends, self.histories[i], self.period_values[i], self.tally[i])
+        none = np.zeros((0, 0))
+        record = Record(self.times, ends, self.histories[i], self.period_values[i], self.tally[i], none)
         return int(march(self.operator.free, held, case, record, memories))
+
+    def advance(self, i: int, contact: bool) -> tuple[int, Array, Array]:
+        """March case ``i``, which may start in contact; return how it ended, [y, y', τ], and its events."""
+        held, kept = self._held(float(self.cases.alpha[i]), float(self.cases.friction[i])), 64
+        case, memories = self._prepared(i, held)
+        while True:
+            self.tally[i] = 0
+            self.tally["held"][i] = contact
+            events, modal = np.zeros((kept, 3 + self.modal.shape[1])), np.zeros(self.modal.shape[1])
+            none = np.zeros(0), np.zeros(0), np.zeros((len(HISTORIES), 0)), np.zeros((3, 0))
+            ended = int(march(self.operator.free, held, case, Record(*none, self.tally[i], events), memories))
+            count = int(self.tally["events"][i])
+            if count <= kept:
+                modal[: case.modal.size] = memories[0].modal
+                return ended, modal, events[:count]
+            kept = count
 
     def _prepared(self, i: int, held: Layout) -> tuple[Case, tuple[Memory, Memory]]:
         """Return what the march reads of case ``i``, and the memory of its free and its held motion."""
