@@ -228,7 +228,7 @@ def test_a_newcomer_installs_it_first(tmp_path: Path) -> None:
         assert typed("git", "clone", "-q", str(ROOT), str(copy), cwd=tmp_path).returncode == 0
     found = re.search(r"<!-- run -->\n```sh\n(.*?)\n```", README, re.DOTALL)
     assert found is not None
-    for command in found[1].split(" && "):
+    for command in re.split(" && |\n", found[1]):
         with timed(" ".join(command.split()[:3]).removeprefix(".venv/bin/")):
             done = typed("bash", "-c", command)
         print(done.stdout, done.stderr, sep="", end="")
