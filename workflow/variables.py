@@ -8,17 +8,20 @@ with and what results are checked against all come from this table.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
-Shape = Literal["history", "metric", "period", "flag"]
-"""``history``: (…, t); ``metric``: (…) float64; ``period``: (…, period) float64; ``flag``: (…) int8."""
+Shape = Literal["history", "metric", "period", "flag", "phase", "point", "point phase"]
+"""``history``: (…, t); ``metric``: (…) float64; ``period``: (…, period), ``phase``: (…, phase) float64; ``flag``: (…)
+int8; ``point``: (…, point) float64 or int8, ``point phase``: (…, point, phase), in archives of branches alone."""
 
 Origin = Literal["scheme", "workflow"]
 
-Condition = Literal["always", "balances", "sections", "reference", "scheme", "auto", "auto reference"]
-"""When an archive has the variable: always, with ``output.balances`` or ``output.sections``, with a reference, if a
-scheme declares it, where a tolerance decides a count of modes."""
+Condition = Literal[
+    "always", "balances", "sections", "steady", "branch", "reference", "scheme", "auto", "auto reference"
+]
+"""When an archive has the variable: always, with ``output.balances``, ``output.sections`` or ``output.steady``, where
+an axis is a branch, with a reference, if a scheme declares it, where a tolerance decides a count of modes."""
 
 
 @dataclass(frozen=True)
@@ -133,6 +136,45 @@ _MODEL_PART = (
     "of the exact solution (event_driven) of the same reduced model from the reference, over the norm of the "
     "reference; with another scheme as reference the error of that is part of it"
 )
+
+_STEADY = "NaN where there is no steady rub, or the case is not of event_driven"
+
+_STEADY_STATE = (
+    "settles: a periodic rub that is met and left, all Floquet multipliers below 1; no_contact, permanent_contact: a "
+    "settled motion without events; unstable: a multiplier of 1 or more, on branches alone; runs_away: a period in "
+    "contact with a positive growth_rate, or a temperature that leaves every bound; not_asked: of other schemes"
+)
+
+
+def _steady() -> Iterator[Variable]:
+    """Yield the variables of steady rubs, whose period is k common periods T of all loads."""
+    meant = "of the steady rub"
+    for name, unit, meaning in (
+        ("steady_periods", "1", f"number k of common periods of the loads in a period {meant}; 0 where there is none"),
+        ("steady_residual", "1", f"largest change of x, v, θ over a period {meant}, each over its own maximum"),
+        ("floquet_multiplier", "1", f"largest modulus of the Floquet multipliers {meant} over its period kT"),
+        ("floquet_angle", "rad", f"argument of the Floquet multiplier of largest modulus {meant}"),
+        ("settling_time", "s", "time in which a small disturbance falls to 1/e: -kT/ln of the largest multiplier"),
+        ("lyapunov", "s-1", "largest Lyapunov exponent along the last periods, where nothing periodic was found"),
+        ("steady_impulse", "N s", f"impulse of the casing {meant} over kT, divided by k"),
+        ("steady_impacts", "1", f"number of impacts {meant} over kT, divided by k"),
+        ("steady_contact", "s", f"time in contact {meant} over kT, divided by k"),
+        ("steady_max_temperature", "K", f"largest temperature rise of the blade tip {meant}"),
+        ("steady_mean_temperature", "K", f"mean temperature rise of the blade tip {meant}"),
+        ("steady_max_displacement", "m", f"largest displacement of the blade tip {meant}"),
+        ("steady_min_displacement", "m", f"smallest displacement of the blade tip {meant}"),
+        ("steady_closing", "m", f"mean quasi-static tip growth {meant} by its temperatures"),
+    ):
+        yield Variable(name, unit, meaning, condition="steady", signed=True, gaps=True, comment=_STEADY)
+    for name, unit, meaning in (
+        ("orbit_displacement", "m", f"displacement of the blade tip over a period {meant}"),
+        ("orbit_velocity", "m s-1", f"velocity of the blade tip over a period {meant}"),
+        ("orbit_temperature", "K", f"temperature rise of the blade tip over a period {meant}"),
+    ):
+        yield Variable(name, unit, meaning, "phase", condition="steady", signed=True, gaps=True, comment=_STEADY)
+    about = "what becomes of the rub"
+    yield Variable("steady_state", "1", about, "flag", condition="steady", comment=_STEADY_STATE)
+
 
 COMPARED = ("displacement", "temperature", "impulse")
 """Histories that are compared with the reference's."""
@@ -306,6 +348,8 @@ TABLE = (
         )
         for end, extreme in (("", "largest"), ("_min", "smallest"))
     ),
+    *_steady(),
+    Variable("bifurcation", "1", "what happens at a point of a branch of steady rubs", "point", condition="branch"),
     Variable("status", "1", "how the case ended", "flag", "scheme"),
     Variable(
         "runaway",
@@ -319,6 +363,9 @@ TABLE = (
 
 STRUCTURAL = frozenset({"t", "period", "message", "message_length", "provenance", "sample_point", "sample_matrix"})
 """Further names that an archive uses."""
+
+STEADY = frozenset({"phase", "point"})
+"""Dimensions of archives with steady rubs or branches."""
 
 BY_NAME = {variable.name: variable for variable in TABLE}
 
@@ -334,6 +381,13 @@ def select(shape: Shape | None = None, origin: Origin | None = None, *conditions
         fits = shape in (None, variable.shape) and origin in (None, variable.origin)
         if fits and (not conditions or variable.condition in conditions):
             yield variable
+
+
+def along_branch(name: str, unit: str, meaning: str) -> Iterator[Variable]:
+    """Yield the variables of an archive of branches, at each point: the axis, bifurcations and steady rubs."""
+    yield Variable(name, unit, meaning, "point", signed=True, gaps=True)
+    for variable in select(None, None, "steady", "branch"):
+        yield replace(variable, shape="point phase" if variable.shape == "phase" else "point")
 
 
 def reserved_names(declared: frozenset[str] = frozenset()) -> frozenset[str]:

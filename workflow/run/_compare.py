@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from workflow.grid import Grid, Shaken, Solved, exact_motion, solve
 from workflow.schemes import Status
+from workflow.variables import BY_NAME
 
 Values = Mapping[str, NDArray[Any]]
 
@@ -33,6 +34,23 @@ _COMPARED = ("displacement", "temperature", "impulse")
 
 MOTION = ("displacement", "velocity", "temperature", "impulse", "contact_force", "contact_impulse")
 """Variables whose lost digits are reported: all others follow from them."""
+
+
+FOLLOWED = 1e-6
+"""Share of a variable's largest number by which numbers along a branch may differ elsewhere: its steps are adapted."""
+
+CONVERGED = 1e-9
+"""Share of a variable's largest number added for steady rubs, which Newton's method approaches to 1e-10."""
+
+
+def followed(values: Values) -> dict[str, float]:
+    """Return by how much each number of a branch may differ elsewhere."""
+    return {name: _converged(name, array, FOLLOWED) for name, array in values.items() if array.dtype.kind == "f"}
+
+
+def _converged(name: str, values: NDArray[Any], share: float) -> float:
+    """Return a share of the largest number; residuals differ by as much as they may be."""
+    return share if name == "steady_residual" else share * float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
 
 
 def sensitivity(grid: Grid, outer: int, inner: NDArray[np.int64], solved: Solved) -> dict[str, float]:
@@ -60,6 +78,8 @@ def sensitivity(grid: Grid, outer: int, inner: NDArray[np.int64], solved: Solved
         reference = own if name.endswith("_error") or name == "predictability" else 0.0
         reference += moved.get(name.split("_")[0], 0.0) if name.endswith("_error") else 0.0  # else of a choice, stored
         rounded = SUMMED if name.endswith("_residual") else ROUNDED if name.endswith(_SMALL) else 0.0
+        if name in BY_NAME and BY_NAME[name].condition == "steady":
+            rounded = _converged(name, solved.values[name], CONVERGED)
         allowed[name] = TIMES * (change + reference) + rounded
     return allowed
 

@@ -151,6 +151,18 @@ def judge_auto(written: Written) -> None:
             written.source.report(place, "is `auto` without a `tolerance`", remedy)
 
 
+def judge_branch(
+    written: Written, path: str, groups: Sequence[tuple[Axis, ...]], methods: Mapping[str, Sequence[str]]
+) -> None:
+    """Refuse a branch of other schemes than event_driven, or beside a reference."""
+    labels = next((axis.values for group in groups for axis in group if axis.path == "scheme"), ())
+    if {method for label in labels for method in methods.get(str(label), ())} != {"event_driven"}:
+        remedy = "write `scheme: event_driven` under `axes`, or a list in the place of the branch"
+        written.source.report(("axes", path), "is a branch, which event_driven alone follows", remedy)
+    if "reference" in mapping(written.tree):
+        written.source.report(("reference",), "stands beside a branch, which has no errors", "leave it out")
+
+
 def _named(written: Written, setting: str) -> list[tuple[Place, Any]]:
     """Return where axes, zips and the reference name values of a setting, and what they name."""
     entries = [(place, name) for place, path, content in written.varied() if path == setting for name in flat(content)]

@@ -23,6 +23,8 @@ from workflow.study.quantities import NUMBER, admissible, expected, read_quantit
 Schema = dict[str, Any]
 MOST_VALUES = 10**6
 """Values of one spread axis."""
+MOST_POINTS = 10_000
+"""Points of a branch."""
 
 
 def read_each(values: list[Any], read: Callable[[Any], Any], *place: str) -> tuple[Any, ...]:
@@ -278,9 +280,9 @@ class Listed:
 
 @dataclass(frozen=True)
 class Spread:
-    """An axis of values at equal distances or ratios, not yet expanded."""
+    """An axis of values at equal distances or ratios, not yet expanded, or one that is followed as a curve."""
 
-    law: Literal["lin", "log"]
+    law: Literal["lin", "log", "branch"]
     first: float
     last: float
     count: int
@@ -288,7 +290,7 @@ class Spread:
 
 @dataclass(frozen=True)
 class Axial(Leaf):
-    """The values of an axis: a scalar, a list, ``{lin: [...]}`` or ``{log: [first, last, count]}``."""
+    """The values of an axis: a scalar, a list, or ``{LAW: [first, last, count]}``, LAW lin, log or branch."""
 
     value: Reading | Choice | Text
     zipped: bool = False
@@ -305,6 +307,11 @@ class Axial(Leaf):
             raise wrong(f"{quoted(value)} is not a list", "write a list as long as the others of this zip")
         return Single(self._one(value, context))
 
+    @property
+    def is_followed(self) -> bool:
+        """Whether a branch may run along the axis."""
+        return not self.zipped and isinstance(self.value, Reading) and not self.value.whole
+
     def _one(self, value: Any, context: Mapping[str, Any]) -> Any:
         if isinstance(value, list | dict):
             raise wrong(f"{quoted(value)} is not a single value", "an axis has single values")
@@ -312,16 +319,20 @@ class Axial(Leaf):
 
     def _spread(self, value: dict[str, Any]) -> Spread:
         form = "write a list, {lin: [first, last, count]} or {log: [first, last, count]}"
-        law: Literal["lin", "log"] = "log" if "log" in value else "lin"
+        laws: tuple[Literal["lin", "log", "branch"], ...] = ("lin", "log", "branch")
+        law = next((law for law in laws if law in value), laws[0])
         if set(value) != {law}:
-            raise wrong("is neither a list nor `lin` or `log`", form)
+            raise wrong("is neither a list nor `lin`, `log` or `branch`", form)
         if not isinstance(self.value, Reading):
             raise wrong("has words for values, which cannot be spread", "write a list")
+        if law == "branch" and not self.is_followed:
+            raise at(law, wrong("is followed along a real-valued axis of its own alone", "write a list or lin"), value)
         entries = value[law]
         if not isinstance(entries, list) or len(entries) != 3:
             raise at(law, wrong(f"{quoted(entries)} is not first, last and count", form), entries)
         reading = Reading(self.value.declared, self.value.whole)
-        count = Quantity("1", "number of values", at_least=2, at_most=MOST_VALUES)
+        most = MOST_POINTS if law == "branch" else MOST_VALUES
+        count = Quantity("1", "number of values", at_least=2, at_most=most)
         reads = iter([reading, reading, Reading(count, whole=True)])
         first, last, number = read_each(entries, lambda entry: next(reads).scalar(entry), law)
         if first == last:
@@ -337,7 +348,7 @@ class Axial(Leaf):
         forms = [listed] if self.zipped else [one, listed]
         if isinstance(self.value, Reading):
             numbers = Reading(self.value.declared, self.value.whole).schema()
-            forms += [spread_schema(law, numbers) for law in ("lin", "log")]
+            forms += [spread_schema(law, numbers) for law in ("lin", "log", *(("branch",) if self.is_followed else ()))]
         return {"anyOf": forms}
 
 

@@ -26,6 +26,7 @@ from workflow.study.judges import (
     Written,
     can_be_used,
     judge_auto,
+    judge_branch,
     judge_damping,
     judge_extent,
     judge_model,
@@ -36,11 +37,11 @@ from workflow.study.judges import (
     mapping,
 )
 from workflow.study.mistakes import Place, StudyError, one_of, place_of_path, quoted
-from workflow.study.settings import FULL, Output, Scene, SchemeChoice, Sizes
+from workflow.study.settings import FULL, Output, Scene, SchemeChoice, Sizes, Steady
 from workflow.study.sizes import assembled_sizes, node_sizes
 from workflow.study.source import Source, compose, read_text
 from workflow.study.study import Reference, Study
-from workflow.variables import reserved_names
+from workflow.variables import STEADY, reserved_names
 
 StudySource = Study | Mapping[str, Any] | str | Path
 """What :func:`read_study` takes."""
@@ -176,9 +177,15 @@ class _Reader:
         groups = [*(dimension.axes for dimension in dimensions), *((axis,) for axis in scalars)]
         judge_parts(self._written())
         judge_support(self._written(), self.labels)
+        branch = arrangement.branch
+        if branch is not None:
+            judge_branch(self._written(), branch.axis.path, groups, self.labels)
+            groups.append((branch.axis,))
         judge_start(self._written(), scene, groups, self.sizes.contact)
         judge_extent(self._written(), scene, groups, self.labels)
         output = self._output(entries["output"], scene.get("duration"))
+        if branch is not None:
+            output = replace(output, histories=(), balances=False, sections=False, steady=output.steady or Steady())
         if self.source.mistakes:
             raise StudyError(self.source.mistakes)
         return Study(
@@ -194,6 +201,7 @@ class _Reader:
             output=output,
             license=entries["license"],
             attached=self.where["attached"],
+            branch=branch,
         )
 
     def _model(self) -> str | None:
@@ -218,7 +226,9 @@ class _Reader:
     def _reserved(self) -> frozenset[str]:
         """Return the names of all variables that an archive of the study can have."""
         methods = {method for choices in self.labels.values() for method in choices if schemes.fault(method) is None}
-        return reserved_names(frozenset(about.name for method in methods for about in schemes.metrics(method)))
+        names = reserved_names(frozenset(about.name for method in methods for about in schemes.metrics(method)))
+        followed = any("branch" in mapping(content) for content in mapping(self.tree, "axes").values())
+        return names | STEADY if followed or mapping(self.tree, "output").get("steady") else names
 
     def _labels(self) -> dict[str, tuple[str, ...]]:
         """Return every label that a scheme can have with the methods it may stand for."""
