@@ -163,7 +163,8 @@ def _along_branches(dataset: xr.Dataset, faults: NDArray[Any], asked: NDArray[np
         ends = [(sign * values[place][k], faults[place][k] != "") for k in along[[0, -1]]]
         along = along[::-1] if ends[1] < ends[0] else along
         words = [
-            _cause(faults[place], flags[place], k, before) for before, k in zip([along[0], *along], along, strict=False)
+            _cause(faults[place], flags[place], int(k), int(before))
+            for before, k in zip([along[0], *along], along, strict=False)
         ]
         limit, _ = _range(name, values[place][along], words)
         each.append(replace(limit, at=_labels(dataset, case_dims(dataset), place)))
