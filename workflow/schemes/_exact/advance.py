@@ -57,13 +57,15 @@ def advance(operator: Operator, cases: Cases, states: States, t0: float, t1: flo
     States of a case that fails are NaN.
     """
     span, basis, end = t1 - t0, operator.basis, np.zeros(cases.count, dtype=bool)
-    batch = Batch(operator, _from(cases, states, t0), Sampling(span, span, 2))
+    batch = Batch(operator, _begun(cases, states, t0), Sampling(span, span, 2))
     modal, events = np.full_like(batch.modal, np.nan), [np.zeros((0, 4 + batch.modal.shape[1]))] * cases.count
     for i in np.argsort(cases.alpha, kind="stable"):
-        ended, final, own = batch.advance(int(i), bool(states.contact[i]))
-        if ended == outcome.COMPLETED:
-            modal[i], end[i] = final, bool(batch.tally["held"][i])
-            events[i] = np.column_stack([np.full(len(own), i), own])
+        done = batch.advance(int(i), bool(states.contact[i]))
+        if done.ended == outcome.COMPLETED:
+            size = done.modal.size
+            modal[i, :size], modal[i, size:], end[i] = done.modal, 0.0, bool(done.tally["held"])
+            events[i] = np.zeros((len(done.events), 4 + modal.shape[1]))
+            events[i][:, 0], events[i][:, 1 : 4 + size] = i, done.events
     case, time, kind, impulse, *rest = np.vstack(events).T
     at = np.array(rest).T.reshape(-1, batch.modal.shape[1])
 
@@ -78,7 +80,7 @@ def advance(operator: Operator, cases: Cases, states: States, t0: float, t1: flo
     )
 
 
-def _from(cases: Cases, states: States, t0: float) -> Cases:
+def _begun(cases: Cases, states: States, t0: float) -> Cases:
     """Return cases that begin with states at t0."""
 
     def later(harmonics: Harmonics) -> Harmonics:

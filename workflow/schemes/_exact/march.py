@@ -96,7 +96,9 @@ def _begin(motions: Motions, case: Case, record: Record) -> tuple[int, bool, Sta
     if tally.held:
         set_held(motions, 0.0)
         tally.contact_begin = 0.0
-        return outcome.RUNNING, False, start, observe(motions.held.r, motions.held.now, 0.0)
+        observed = observe(motions.held.r, motions.held.now, 0.0)
+        tally.max_temperature = observed.temperature
+        return outcome.RUNNING, False, start, observed
     set_free(motions, 0.0)
     observed = observe(free.r, free.now, 0.0)
     if not (np.isfinite(observed.signal) and np.isfinite(observed.signal_rate) and np.isfinite(observed.temperature)):
