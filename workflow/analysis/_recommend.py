@@ -159,10 +159,8 @@ def recommend(dataset: xr.Dataset, tolerance: float | str | None = None) -> Reco
     NoReferenceError
         The archive holds no errors.
     ValueError
-        The tolerance is no positive number, or the archive holds branches.
+        The tolerance is no positive number.
     """
-    if "point" in dataset.dims:
-        raise ValueError("the archive holds branches of steady rubs, which have no errors to recommend by")
     if not all(f"{name}_error" in dataset for name in COMPARED):
         raise NoReferenceError("the archive holds no errors: its study has no `reference`")
     share, table = stated_tolerance(dataset) if tolerance is None else as_tolerance(tolerance), Table(dataset)

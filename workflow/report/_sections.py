@@ -17,7 +17,6 @@ from workflow.analysis import (
     effect,
     failures,
     finest,
-    followed_axis,
     hidden,
     labels_of,
     lines,
@@ -27,7 +26,6 @@ from workflow.analysis import (
     winners,
 )
 from workflow.plots import (
-    branches,
     error_by_cost,
     error_by_step,
     growth_against_prediction,
@@ -149,19 +147,6 @@ def maps(dataset: xr.Dataset) -> Drawn:
         tag("div", *pictures, kind="panels"),
     ]
     return Drawn(body, scene_map(dataset, *dims))
-
-
-_ALONG = ("steady_max_temperature", "steady_impulse", "floquet_multiplier")
-
-
-def along_branches(dataset: xr.Dataset) -> Drawn:
-    """Draw the branches of an archive, where it has any."""
-    if followed_axis(dataset) is None or not any_ok(dataset):
-        return Drawn([], None)
-    about = "Solid: stable rubs; dashed: unstable ones, between which and beyond whose folds rubs run away or jump."
-    pictures = [image(branches(dataset, name), f"{name.replace('_', ' ')} along the branches") for name in _ALONG]
-    body: list[str] = [tag("h2", "Branches"), tag("p", about, kind="muted"), tag("div", *pictures, kind="panels")]
-    return Drawn(body, branches(dataset))
 
 
 def effects(dataset: xr.Dataset) -> list[str]:

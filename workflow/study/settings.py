@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from workflow import reduction
@@ -194,6 +194,11 @@ class Output:
     balances: bool = field(default=True, metadata={"meaning": _BALANCES})
     sections: bool = field(default=False, metadata={"meaning": _SECTIONS})
     steady: Steady | None = None
+
+    @property
+    def of_branches(self) -> Output:
+        """What an archive of branches keeps: no histories, balances and sections, always steady rubs."""
+        return replace(self, histories=(), balances=False, sections=False, steady=self.steady or Steady())
 
 
 Counts = tuple[int, ...] | None
