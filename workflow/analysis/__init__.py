@@ -69,11 +69,8 @@ __all__ = [
     "Limits",
     "Line",
     "NoReferenceError",
-<<<<<<< HEAD
-    "NothingSteadyError",
-=======
     "NotableCase",
->>>>>>> main
+    "NothingSteadyError",
     "Range",
     "Recommendation",
     "Standing",

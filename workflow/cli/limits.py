@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from workflow.cli._failures import NOT_OK, WRONG, errors_in_words
-from workflow.cli._terminal import complain, say, write_json
+from workflow.cli._terminal import print_error, say, write_json
 from workflow.cli._words import ArchiveFile
 
 _Bound = Annotated[str | None, typer.Option(metavar="QUANTITY", help="Bound of steady rubs, as 40K or 0.1mm.")]
@@ -39,7 +39,7 @@ def limits(
             try:
                 found = find(dataset, **bounds)
             except NothingSteadyError as error:
-                complain(f"{archive}: {error}")
+                print_error(f"{archive}: {error}")
                 raise typer.Exit(WRONG) from None
             lines = [limit_sentence(limit, dataset, bounds) for limit in found.limits]
         if as_json:

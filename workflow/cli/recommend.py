@@ -40,7 +40,7 @@ def recommend(archive: ArchiveFile, tolerance: Tolerance = None, as_json: AsJson
 
         with open_archive(archive) as dataset:
             if "point" in dataset.dims:
-                complain(f"{archive}: holds branches of steady rubs, which have no errors to recommend by")
+                print_error(f"{archive}: holds branches of steady rubs, which have no errors to recommend by")
                 raise typer.Exit(WRONG)
             try:
                 recommendation = choose(dataset, tolerance)
