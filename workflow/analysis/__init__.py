@@ -21,6 +21,7 @@ from workflow.analysis._casing import casing_motion, period_frequency
 from workflow.analysis._compare import compare
 from workflow.analysis._decided import Decided, decided
 from workflow.analysis._effects import Hidden, effect, hidden
+from workflow.analysis._limits import Limit, Limits, NothingSteadyError, flags_of, followed_axis, limit_sentence, limits
 from workflow.analysis._motion import contact_loss, energy_kept, growth, impact_speeds, impulse_growth
 from workflow.analysis._notable import NotableCase, exact_partners, is_exact, notable_cases, total_error
 from workflow.analysis._phases import contact_phases
@@ -64,9 +65,12 @@ __all__ = [
     "Decided",
     "Failures",
     "Hidden",
+    "Limit",
+    "Limits",
     "Line",
     "NoReferenceError",
     "NotableCase",
+    "NothingSteadyError",
     "Range",
     "Recommendation",
     "Standing",
@@ -85,6 +89,8 @@ __all__ = [
     "exact_partners",
     "failures",
     "finest",
+    "flags_of",
+    "followed_axis",
     "growth",
     "has_lines",
     "hidden",
@@ -93,6 +99,8 @@ __all__ = [
     "is_exact",
     "labels",
     "labels_of",
+    "limit_sentence",
+    "limits",
     "lines",
     "mode_counts",
     "naming",

@@ -39,6 +39,9 @@ def recommend(archive: ArchiveFile, tolerance: Tolerance = None, as_json: AsJson
         from workflow.archive import open_archive
 
         with open_archive(archive) as dataset:
+            if "point" in dataset.dims:
+                print_error(f"{archive}: holds branches of steady rubs, which have no errors to recommend by")
+                raise typer.Exit(WRONG)
             try:
                 recommendation = choose(dataset, tolerance)
                 others = sorted({*SHOWN, recommendation.tolerance}, reverse=True)

@@ -41,6 +41,7 @@ _FIRST = (
     "contact_impulse",
     "impulse_growth",
     "runaway",
+    "steady_state",
     "impacts",
     "max_penetration",
     "displacement_error",
@@ -211,7 +212,8 @@ def _metrics(part: xr.Dataset, pack: Pack, ok: NDArray[np.bool_], room: int) -> 
     """Take in the metrics of all cases, the most useful first, while there is room; return those left out too."""
     dims = part["status"].dims
     there = [str(name) for name in part.data_vars if part[name].dims == dims and part[name].dtype.kind == "f"]
-    there += ["runaway"] if "runaway" in part else []
+    flags = [name for name in ("runaway", "steady_state") if name in part and part[name].dims == dims]
+    there += flags
     ranked = [name for name in _FIRST if name in there or name in _DERIVED]
     entries, left = [], []
     for name in [*ranked, *(name for name in there if name not in ranked)]:
@@ -228,7 +230,8 @@ def _metrics(part: xr.Dataset, pack: Pack, ok: NDArray[np.bool_], room: int) -> 
         about = _EXPLAINED.get(name) or str(part[name].attrs.get("long_name", ""))
         entry = {"name": name, "title": name.replace("_", " "), "unit": shown_unit, "factor": factor, "about": about}
         entry["varies"] = bool(np.nanmax(small) > np.nanmin(small)) if np.isfinite(small).any() else False
-        entries.append({**entry, **pack.add(small)})
+        words = str(part[name].attrs["flag_meanings"]).split() if name == "steady_state" else None
+        entries.append({**entry, "words": words, **pack.add(small)})
     return entries, left
 
 

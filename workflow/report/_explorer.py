@@ -27,6 +27,7 @@ _TITLES = {
     "order": "Error against step",
     "modes": "Error of the reduced models",
     "periods": "Impulse of each load period",
+    "orbit": "The steady rub of the selected case",
 }
 
 _ABOUT = {
@@ -132,7 +133,7 @@ def _layout(figures: Mapping[str, Any], described: Mapping[str, Any], left_out: 
         omitted.append("metrics that do not fit: " + ", ".join(described["left_out"]))
     remark = "Not all of the archive is in this page: " + "; ".join(omitted) + "."
     panels = [tag("div", *_map_panel(figures), kind="panel") if "map" in figures else Html(""), _case_panel(figures)]
-    for name in ("cost", "order", "modes", "periods"):
+    for name in ("cost", "order", "modes", "periods", "orbit"):
         if name in figures:
             about = _about(name, described)
             key = [tag("p", "", id=f"{name}-key", kind="key")] if name in ("cost", "order") else []

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from workflow.grid import Grid, Shaken, Solved, exact_motion, solve
 from workflow.schemes import Status
+from workflow.variables import BY_NAME
 
 Values = Mapping[str, NDArray[Any]]
 
@@ -30,6 +31,20 @@ _COMPARED = ("displacement", "temperature", "impulse")
 
 MOTION = ("displacement", "velocity", "temperature", "impulse", "contact_force", "contact_impulse")
 """Variables whose lost digits are reported: all others follow from them."""
+
+FOLLOWED, CONVERGED = 1e-6, 1e-9
+"""In the place of :data:`ROUNDED` along branches, whose steps are adapted, and for steady rubs, which Newton's method
+approaches to 1e-10."""
+
+
+def followed(values: Values) -> dict[str, float]:
+    """Return by how much each number of a branch may differ elsewhere."""
+    return {name: FOLLOWED * _size(name, values) for name, array in values.items() if array.dtype.kind == "f"}
+
+
+def _size(name: str, values: Values) -> float:
+    """Return what a variable's differences are measured by: its largest value, 1 where it is a share itself."""
+    return 1.0 if name.endswith(_SHARES) else _largest(values[name])
 
 
 def sensitivity(grid: Grid, outer: int, inner: NDArray[np.int64], solved: Solved) -> dict[str, float]:
@@ -57,8 +72,8 @@ def sensitivity(grid: Grid, outer: int, inner: NDArray[np.int64], solved: Solved
     for name, change in spread.items():
         reference = own if name.endswith("_error") or name == "predictability" else 0.0
         reference += moved.get(name.split("_")[0], 0.0) if name.endswith("_error") else 0.0  # else of a choice, stored
-        size = 1.0 if name.endswith(_SHARES) else _largest(solved.values[name])
-        allowed[name] = TIMES * (change + reference) + ROUNDED * size
+        steady = name in BY_NAME and BY_NAME[name].condition == "steady"
+        allowed[name] = TIMES * (change + reference) + (CONVERGED if steady else ROUNDED) * _size(name, solved.values)
     return allowed
 
 
