@@ -90,7 +90,7 @@ _LARGEST = (
     "whatever the output interval; an instant between two load periods belongs to both"
 )
 
-_WALL_TIME = (
+_PROCESSOR_TIME = (
     "time of the whole batch / batch_width, so it depends on the lengths of the axes within a batch: a few cases take "
     "nearly as long as a full vector register of them; kernels compiled before; with its balances where "
     "output.balances is on, without its reference"
@@ -230,10 +230,10 @@ TABLE = (
     ),
     Variable("steps", "1", "number of steps", origin="scheme"),
     Variable(
-        "wall_time",
+        "processor_time",
         "s",
-        "computing time of the batch that the case ran in, divided by its number of cases",
-        comment=_WALL_TIME,
+        "processor time of the thread that computed the case's batch, shared equally among its cases",
+        comment=_PROCESSOR_TIME,
     ),
     Variable("batch_width", "1", "number of cases in the batch that the case ran in", comment=_BATCH_WIDTH),
     Variable(

@@ -40,7 +40,7 @@ def sample_layout(
     variables = [
         archive.Variable("status", "flag", "i1", STATUS_ATTRS),
         archive.Variable("impacts", "metric", "f8", {"units": "1", "long_name": "number of impacts"}),
-        archive.Variable("wall_time", "metric", "f8", {"units": "s", "long_name": "computing time"}),
+        archive.Variable("processor_time", "metric", "f8", {"units": "s", "long_name": "processor time"}),
         archive.Variable("batch_width", "metric", "f8", {"units": "1", "long_name": "cases of the batch"}),
     ]
     if samples:

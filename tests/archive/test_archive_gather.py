@@ -104,8 +104,8 @@ def test_results_in_pieces_have_one_content(tmp_path: Path) -> None:
     assert len(hashes) == 1
 
 
-@pytest.mark.parametrize("name", ["wall_time", "batch_width"])
-def test_content_does_not_depend_on_chunks_or_computing_time(tmp_path: Path, name: str) -> None:
+@pytest.mark.parametrize("name", ["processor_time", "batch_width"])
+def test_content_does_not_depend_on_chunks_or_processor_time(tmp_path: Path, name: str) -> None:
     results = sample_results(LAYOUTS["whole rows"])
     first = make_archive(tmp_path / "a.nc", LAYOUTS["whole rows"], results)
     later = results | {name: results[name] + 1}
@@ -166,7 +166,7 @@ def test_one_nan_is_as_good_as_another(tmp_path: Path) -> None:
     layout = LAYOUTS["metrics alone"]
     results = sample_results(layout)
     other = {name: values.copy() for name, values in results.items()}
-    for name in ("impacts", "wall_time"):
+    for name in ("impacts", "processor_time"):
         other[name][np.isnan(other[name])] = np.uint64(0xFFF8_0000_0000_0001).view(np.float64)
     assert other["impacts"].tobytes() != results["impacts"].tobytes()
     a = make_archive(tmp_path / "a.nc", layout, results)

@@ -49,7 +49,7 @@ def archive(**sizes: int) -> xr.Dataset:
     status[(-1,) * len(dims)] = 1
     data = {
         "status": (dims, status),
-        "wall_time": (dims, np.full(shape, 2e-3)),
+        "processor_time": (dims, np.full(shape, 2e-3)),
         "max_temperature": (dims, RNG.random(shape)),
         **{f"{name}_error": (dims, error) for name in ("displacement", "temperature", "impulse")},
     }

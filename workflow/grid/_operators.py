@@ -169,7 +169,7 @@ def kernel_variant(cell: Cell, balances: bool) -> KernelVariant | None:
 
 
 def compile_for(cell: Cell, balances: bool) -> None:
-    """Have the kernels of a cell compiled, so that no case's wall time holds that."""
+    """Have the kernels of a cell compiled, so that no case's processor time holds that."""
     variant = kernel_variant(cell, balances)
     if variant is not None:
         compile_scheme(variant, waiting)

@@ -39,8 +39,8 @@ def explorer(description: dict[str, Any], status_names: Sequence[str]) -> dict[s
         parts["controls"] = _controls(description, axes)
         parts["map"] = _map(status_names)
     if "error" in metrics and axes:
-        if "wall_time" in metrics and description["numerical"]:
-            parts["cost"] = _errors("cost", "computing time / simulated time [s/s]")
+        if "processor_time" in metrics and description["numerical"]:
+            parts["cost"] = _errors("cost", "processor time / simulated time [s/s]")
         if description["h_dim"] is not None and len(description["h"]) > 1:
             parts["order"] = _errors("order", "step h [s]")
         if description["modes"]:

@@ -34,7 +34,7 @@ MOST_CASES = 250_000
 
 _FIRST = (
     "error",
-    "wall_time",
+    "processor_time",
     "scheme_error",
     "model_error",
     "max_temperature",

@@ -207,7 +207,7 @@
   }
 
   // Errors against cost and step: a line through the steps for each scheme, the scene being that of the selected case.
-  const error = metrics.get("error"), cost = metrics.get("wall_time");
+  const error = metrics.get("error"), cost = metrics.get("processor_time");
   const ofScheme = metrics.get("scheme_error") ?? error, ofModel = metrics.get("model_error") ?? error;
   const schemes = about.scheme_dim === null ? [about.scheme] : dims[about.scheme_dim].texts;
   const look = (k) => ({ colour: about.colours[k % about.colours.length], marker: about.markers[k % about.markers.length] });
