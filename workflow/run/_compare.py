@@ -20,7 +20,7 @@ to 250 times of it in the studies of ``studies/hard``."""
 
 ROUNDED = 1e-12
 """Added, as a share of a variable's largest value: changes of data may cancel where roundings do not, as in a rate of
-conductance over capacity. Shares, errors and residuals take it as it is: they are small differences of large numbers."""
+conductance over capacity. Shares, errors and residuals take it as it is: small differences of large numbers."""
 
 _SHARES = ("_error", "_residual", "predictability")
 """Ends of the names of what is relative itself."""
@@ -48,7 +48,8 @@ def sensitivity(grid: Grid, outer: int, inner: NDArray[np.int64], solved: Solved
         for name, new in changed.items():
             if new.dtype.kind == "f":
                 spread[name] = max(spread.get(name, 0.0), _largest_change(solved.values[name], new))
-        again = exact_motion(grid, outer, inner, Shaken(direction, _largest(exact["displacement"]))) if blown_up else changed
+        changed_exact = Shaken(direction, _largest(exact["displacement"]))
+        again = exact_motion(grid, outer, inner, changed_exact) if blown_up else changed
         for name in _COMPARED:
             moved[name] = max(moved.get(name, 0.0), _share_changed(exact[name], again[name]))
     own = float(np.nan_to_num(solved.values.get("predictability", np.zeros(1)))[0])
