@@ -22,6 +22,7 @@ from workflow.analysis._compare import compare
 from workflow.analysis._decided import Decided, decided
 from workflow.analysis._effects import Hidden, effect, hidden
 from workflow.analysis._motion import contact_loss, energy_kept, growth, impact_speeds, impulse_growth
+from workflow.analysis._notable import NotableCase, exact_partners, is_exact, notable_cases, total_error
 from workflow.analysis._phases import contact_phases
 from workflow.analysis._precision import (
     ERRORS,
@@ -50,7 +51,6 @@ from workflow.analysis._recommend_words import row as recommendation_row
 from workflow.analysis._recommend_words import sentence, undecidable
 from workflow.analysis._sobol import drawn_dim, sobol
 from workflow.analysis._standing import ACCURATE, RULE, Range, Standing, ranges, standings
-from workflow.analysis._telling import Telling, exact_partners, is_exact, telling, total_error
 from workflow.analysis._work import work_precision
 
 __all__ = [
@@ -66,10 +66,10 @@ __all__ = [
     "Hidden",
     "Line",
     "NoReferenceError",
+    "NotableCase",
     "Range",
     "Recommendation",
     "Standing",
-    "Telling",
     "Winner",
     "Worst",
     "case_dims",
@@ -96,6 +96,7 @@ __all__ = [
     "lines",
     "mode_counts",
     "naming",
+    "notable_cases",
     "numerical_dims",
     "observed_order",
     "period_frequency",
@@ -111,7 +112,6 @@ __all__ = [
     "simulated_seconds",
     "sobol",
     "standings",
-    "telling",
     "total_error",
     "undecidable",
     "value_text",

@@ -16,11 +16,12 @@ from workflow.grid._shaken import Shaken
 from workflow.grid._solve import Solved, metrics_of, periods_of, solve
 from workflow.grid._tasks import Segment, Task, Units, bytes_per_case, seconds_per_case, tasks, units_of
 from workflow.grid._turns import Turns
-from workflow.grid._waiting_for import CASES, GATHERING, waited_for, waiting_for
+from workflow.grid._waiting_for import CASES, COMPILING, GATHERING, waited_for, waiting_for
 from workflow.grid._warnings import warning_lines
 
 __all__ = [
     "CASES",
+    "COMPILING",
     "FRICTION",
     "GATHERING",
     "Choice",

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.analysis import (
-    Telling,
+    NotableCase,
     case_dims,
     exact_partners,
     finest,
@@ -83,7 +83,7 @@ class Shown:
     dataset
         That part.
     cases
-        Number of each telling case in it.
+        Number of each notable case in it.
     left_out
         A sentence for every axis of which values are left out.
     """
@@ -93,10 +93,10 @@ class Shown:
     left_out: tuple[str, ...]
 
 
-def shown_part(dataset: xr.Dataset, telling_cases: Sequence[Telling]) -> Shown:
-    """Return the cases that a page holds: all, or evenly spread values of the longest axes and the telling cases."""
+def shown_part(dataset: xr.Dataset, notable: Sequence[NotableCase]) -> Shown:
+    """Return the cases that a page holds: all, or evenly spread values of the longest axes and the notable cases."""
     dims, shape = case_dims(dataset), dataset["status"].shape
-    places = [np.unravel_index(one.case, shape) if shape else () for one in telling_cases]
+    places = [np.unravel_index(one.case, shape) if shape else () for one in notable]
     most = dict.fromkeys(dims, MOST_VALUES)
     while np.prod([min(n, most[dim]) for dim, n in zip(dims, shape, strict=True)]) > MOST_CASES:
         longest = max(dims, key=lambda dim: min(dataset.sizes[dim], most[dim]))
@@ -243,7 +243,7 @@ def _modes(part: xr.Dataset) -> dict[str, Any] | None:
 
 
 def _order(part: xr.Dataset, first: Sequence[int], partners: NDArray[np.int32]) -> Iterator[int]:
-    """Yield every case once: telling ones, neighbours of the first along every axis, then the largest errors.
+    """Yield every case once: notable ones, neighbours of the first along every axis, then the largest errors.
 
     Before each comes its exact partner. Without errors the cases of the rest are spread evenly, by a fixed shuffle.
     """
