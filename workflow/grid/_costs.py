@@ -32,7 +32,7 @@ _TIP = 10
 _SWEPT, _COUPLED = 20.0, 4.0
 """How many times as long a state takes that is swept along a chain, and a product of two that a matrix couples."""
 
-_DENSE = 300
+_DENSE = 600
 """States of a structure up to which its growth rate comes from all of them."""
 
 COMPILING = {"event_driven": 18.0}
