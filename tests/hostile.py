@@ -25,7 +25,10 @@ def changed(sound: Path, path: Path, change: Callable[[Any], None]) -> Path:
 
 
 def write(variable: Any, place: tuple[int, ...], text: str) -> None:
-    """Write a text in its place, as many characters as there is room for."""
+    """Write a text in its place, as a string or as so many characters as there is room for."""
+    if variable.dtype == str:
+        variable[place] = text
+        return
     variable.set_auto_chartostring(False)
     size = variable.shape[-1]
     for k, byte in enumerate(text.encode()[:size].decode(errors="ignore").encode().ljust(size, b"\0")):

@@ -299,3 +299,29 @@ def test_each_coordinate_of_a_zip_selects(tmp_path: Path) -> None:
             for names in ({"mechanical_modes": 19}, {"thermal_modes": 19}):
                 np.testing.assert_array_equal(dataset["impacts"].sel(names).values, results["impacts"][:, 1])
             assert set(dataset.xindexes) >= {"e", "mechanical_modes", "thermal_modes"}
+
+
+READS = """
+import sys
+import xarray as xr
+from workflow.archive import open_archive
+
+def read():
+    return int(open("/proc/self/io").read().split()[1])
+
+counts = []
+for opened in (xr.open_dataset, open_archive, xr.open_dataset, open_archive):  # the first of each loads libraries
+    before = read()
+    opened(sys.argv[1]).close()
+    counts.append(read() - before)
+print(*counts[2:])
+"""
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/io"), reason="the system does not count what a process reads")
+def test_opening_reads_what_xarray_reads(tmp_path: Path) -> None:
+    layout = sample_layout((("e", 4), ("alpha", 25000)), samples=0, chunk=5000)
+    path = make_archive(tmp_path / "a.nc", layout, sample_results(layout))
+    done = subprocess.run([sys.executable, "-c", READS, str(path)], capture_output=True, text=True, check=True)
+    plain, ours = map(int, done.stdout.split())
+    assert 0 < ours <= 1.2 * plain

@@ -74,7 +74,7 @@ def test_its_cases_can_be_read_one_by_one(archive: Path) -> None:
     stored_cells = StoredCells(archive, np.arange(6))
     values, messages = stored_cells.take(dataclasses.replace(layout, variables=only), np.arange(6))
     assert values["status"].tolist() == [0, 2, 0] * 2
-    assert values["displacement"].shape == (6, layout.samples)
+    assert values["displacement"].shape == (6, layout.sizes["t"])
     assert sorted(messages) == [1, 4]
     assert stored_cells.messages(np.arange(6)) == messages
 
