@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from math import lcm
 from typing import Any
 
@@ -20,10 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.models import Array, Cases
-from workflow.orbits._linear import linear
+from workflow.orbits._linear import Linear, linear
 from workflow.schemes._exact import outcome
 from workflow.schemes._exact.batch import Batch, Operator, advance_one
 from workflow.schemes._exact.record import RELEASE, TOUCH
+from workflow.schemes._exact.two_way import HeldRegimes
 from workflow.schemes._interface import Sampling
 
 MOST_LOAD_PERIODS = 64
@@ -82,28 +84,46 @@ class Course:
         """Whether it ends as it began, in flight or in contact."""
         return self.contact == self.was_held and bool(np.isfinite(self.X).all())
 
+    @property
+    def stretches(self) -> tuple[Array, NDArray[np.bool_]]:
+        """Ends of flights and contacts, its own first, s, and which are contacts."""
+        ends = np.concatenate([[0.0], self.times, [self.span]])
+        return ends, np.concatenate([[self.was_held], self.kinds == TOUCH])
+
 
 class Flow:
     """One case as a first-order system."""
 
-    def __init__(self, operator: Operator, cases: Cases, duration: float):
-        """Take a case; under constant loads it is looked at in spans of ``duration`` [s]."""
+    def __init__(
+        self, operator: Operator, regimes: HeldRegimes, cases: Cases, duration: float, *, heated: bool = False
+    ):
+        """Take a case, with thermal states where heat acts or, ``heated``, in any case.
+
+        Under constant loads it is looked at in spans of ``duration`` [s].
+        """
         self.operator = operator
         self.cases, basis, friction = cases, self.operator.basis, float(cases.friction[0])
         self.period, self.alpha, self.e = common_period(cases), float(cases.alpha[0]), float(cases.e[0])
         self.is_constant = self.period == np.inf
         self.period = duration if self.is_constant else self.period
-        self.prepared = Batch(self.operator, cases, Sampling(1.0, 1.0, 2)).prepared(0)
+        self.prepared = Batch(operator, cases, Sampling(1.0, 1.0, 2), regimes).prepared(0, heated=heated)
         self.start, n = self.prepared.case.modal, basis.tip.size
         self.modes, self.load, size = n, self.prepared.case.load, self.start.size
-        heated = size > 2 * n
-        self.free = linear(basis.free, 0.0, heated)
-        self.held = linear(basis.held.sliding(friction), self.alpha, heated)
-        self.constant = self.free.B[:, :-3] @ np.concatenate([self.load.steady, self.load.heating, [self.load.mean]])
         self.tip = np.zeros((2, size))
         self.tip[0, :n] = self.tip[1, n : 2 * n] = basis.tip
         heat = self.alpha * basis.free.heat_tip[: size - 2 * n]
         self.kick = np.concatenate([np.zeros(n), friction * basis.along - basis.tip, heat])
+
+    @cached_property
+    def free(self) -> Linear:
+        """The tip free."""
+        return linear(self.operator.basis.free, 0.0, self.start.size > 2 * self.modes)
+
+    @cached_property
+    def held(self) -> Linear:
+        """The tip held."""
+        system = self.operator.basis.held.sliding(float(self.cases.friction[0]))
+        return linear(system, self.alpha, self.start.size > 2 * self.modes)
 
     def parts(self, X: Array) -> tuple[Array, Array, Array]:
         """Return displacements, velocities and temperatures of the structure's coordinates, ``(…, coordinate)``."""
@@ -136,8 +156,8 @@ class Flow:
 
     def derivative(self, course: Course) -> Array:
         """Return the derivative of the end of a course by its begin, ``(N, N)``."""
-        spans = np.diff(np.concatenate([[0.0], course.times, [course.span]]))
-        held = np.concatenate([[course.was_held], course.kinds == TOUCH])
+        ends, held = course.stretches
+        spans = np.diff(ends)
         factors = np.empty((spans.size, *self.free.A.shape))
         for regime, which in ((self.free, ~held), (self.held, held)):
             factors[which] = regime.propagators(spans[which])
@@ -165,7 +185,8 @@ class Flow:
         """Return X' of states in flight or held, ``(state, N)``."""
         push, waves = self.free.B[:, -4], self.load.waves
         force = np.sin(waves[:, 0] * t[:, None] + waves[:, 1]) @ waves[:, 2]
-        rates = X @ self.free.A.T + self.constant + force[:, None] * push
+        constant = np.concatenate([self.load.steady, self.load.heating, [self.load.mean]])
+        rates = X @ self.free.A.T + self.free.B[:, :-3] @ constant + force[:, None] * push
         excess = np.where(held, rates @ self.tip[1] - self._casing(t)[2], 0.0)
         return np.asarray(rates - excess[:, None] * self.kick / (self.tip[1] @ self.kick))
 

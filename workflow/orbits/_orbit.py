@@ -62,13 +62,14 @@ class Scale:
 
 
 def scale_of(flow: Flow, courses: list[Course]) -> Scale:
-    """Return the scale of a motion in courses, by their samples, events and ends."""
+    """Return the scale of a motion in courses, by their samples, events and ends; one of a velocity is at least x/T."""
     parts = flow.parts(np.vstack([np.vstack([course.states, course.X]) for course in courses]))
     samples = np.hstack([course.histories for course in courses])
     largest = [
         max(np.abs(part).max(initial=0.0), np.nanmax(np.abs(own))) for part, own in zip(parts, samples, strict=False)
     ]
-    return Scale(*(float(value) or 1.0 for value in largest))
+    x, v, theta = (float(value) for value in largest)
+    return Scale(x or 1.0, max(v, x / flow.period) or 1.0, theta or 1.0)
 
 
 def newton(flow: Flow, X: Array, contact: bool, begin: float, order: int, scale: Scale) -> Orbit | None:

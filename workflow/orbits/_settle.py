@@ -10,7 +10,6 @@ from workflow.models import Array
 from workflow.orbits._flow import MOST_LOAD_PERIODS, Course, Flow
 from workflow.orbits._options import NO_CONTACT, NOT_FOUND, PERMANENT_CONTACT, RUNS_AWAY, SETTLES, Options
 from workflow.orbits._orbit import Orbit, Scale, newton, scale_of, without_events
-from workflow.schemes._exact.record import TOUCH
 
 MOST_PERIODS = 1000
 """Common periods by which a transient is followed beyond its duration, at most."""
@@ -112,8 +111,7 @@ def _flight(courses: list[Course]) -> tuple[int, float]:
     """Return the number of the period, and the time in it, in the middle of the longest flight within a period."""
     best, place = -1.0, (0, 0.0)
     for number, course in enumerate(courses):
-        times = np.concatenate([[0.0], course.times, [course.span]])
-        held = np.concatenate([[course.was_held], course.kinds == TOUCH])
+        times, held = course.stretches
         flights = np.where(held, -1.0, np.diff(times))
         longest = int(np.argmax(flights))
         if flights[longest] > best:

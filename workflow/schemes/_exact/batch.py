@@ -48,6 +48,12 @@ def run_batch(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
     return batch.results()
 
 
+def heat_acts(cases: Cases, i: int) -> bool:
+    """Tell whether thermal states can act in case ``i``."""
+    sources = cases.alpha[i], cases.friction[i], cases.heating[i], cases.temperature[i]
+    return any(np.any(source != 0) for source in sources)
+
+
 class Prepared(NamedTuple):
     """What the march takes, but for the record."""
 
@@ -104,7 +110,8 @@ KERNEL_CALLS = {"march": march_unheated, "held regime": solve_held_regime}
 class Batch:
     """The cases of a batch and the arrays of their results."""
 
-    def __init__(self, operator: Operator, cases: Cases, sampling: Sampling):
+    def __init__(self, operator: Operator, cases: Cases, sampling: Sampling, regimes: HeldRegimes | None = None):
+        """Take cases; held regimes may be those of another batch with the operator that is done."""
         count, basis = cases.count, operator.basis
         self.operator, self.cases, self.sampling = operator, cases, sampling
         self.times = sampling.times
@@ -114,7 +121,7 @@ class Batch:
         moving = (project(basis.to_modes, states) for states in (cases.displacement, cases.velocity))
         self.modal = np.hstack([*moving, project(basis.to_thermal, cases.temperature)])
         self.impulses: dict[float, UnitImpulse] = {}
-        self.regimes = HeldRegimes(basis.held)
+        self.regimes = regimes or HeldRegimes(basis.held)
         self.held: tuple[tuple[float, float], Layout] | None = None
         self.memory: dict[tuple[int, int, bool, int, bool], Memory] = {}
         self.histories = np.full((count, len(HISTORIES), sampling.count), np.nan)
@@ -159,18 +166,15 @@ class Batch:
         """Advance case ``i``, which may start in contact, over the duration."""
         return advance_one(self.prepared(i), contact, self.times[-1:])
 
-    def prepared(self, i: int) -> Prepared:
-        """Return what the march reads of case ``i``, and the memory of its free and its held motion."""
+    def prepared(self, i: int, *, heated: bool = False) -> Prepared:
+        """Return what the march reads of case ``i``, with thermal states where heat acts, or they are asked for."""
         held = self._held(float(self.cases.alpha[i]), float(self.cases.friction[i]))
-        return Prepared(self.operator.free, held, *self._case(i, held))
+        return Prepared(self.operator.free, held, *self._case(i, held, heated=heated or heat_acts(self.cases, i)))
 
-    def _case(self, i: int, held: Layout) -> tuple[Case, tuple[Memory, Memory]]:
+    def _case(self, i: int, held: Layout, *, heated: bool) -> tuple[Case, tuple[Memory, Memory]]:
         """Return conditions and memory of case ``i``."""
         cases, operator, basis = self.cases, self.operator, self.operator.basis
-        friction = float(cases.friction[i])
-        sources = cases.alpha[i], friction, cases.heating[i], cases.temperature[i]
-        heated = any(np.any(source != 0) for source in sources)
-        heats = basis.closing.size if heated else 0
+        friction, heats = float(cases.friction[i]), basis.closing.size if heated else 0
         load = load_of(cases, i, self.sampling.duration)
         if friction not in self.impulses:
             self.impulses[friction] = unit_impulse(basis, operator.free, friction)
