@@ -20,6 +20,7 @@ import pytest
 import xarray as xr
 from archive_samples import (
     DIMS,
+    branch_layout,
     check_dataset,
     make_archive,
     put_all,
@@ -47,6 +48,7 @@ LAYOUTS = {
     "no histories": sample_layout(samples=0),
     "no periods": sample_layout(periods=0),
     "metrics alone": sample_layout(samples=0, periods=0),
+    "branches": branch_layout(),
 }
 
 
@@ -58,6 +60,15 @@ def test_what_goes_in_comes_out(tmp_path: Path, layout: archive.Layout) -> None:
     with archive.open_archive(path) as dataset:
         check_dataset(dataset, layout, results)
     with xr.open_dataset(path) as dataset:
+        check_dataset(dataset, layout, results)
+
+
+def test_orbits_of_branches_are_cut_along_their_points(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_layout, "CHUNK_BYTES", 3 * 4 * 8)
+    layout = branch_layout()
+    assert layout.chunk_of(layout.variables[-1]) == (1, 1, 3, 4)
+    results = sample_results(layout)
+    with archive.open_archive(make_archive(tmp_path / "a.nc", layout, results, range(1, layout.units, 4))) as dataset:
         check_dataset(dataset, layout, results)
 
 

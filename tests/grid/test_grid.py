@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 
 from studies import HEAVY_SCENE, ILL, SCENE, SINGLE, SMALL, parsed
 from workflow import schemes
+from workflow.cli.plan import _lines as plan_lines
 from workflow.grid import _tasks as cutting
 from workflow.grid import arrange, plan, plan_study, solve, tasks, units_of
 from workflow.schemes import Status
@@ -298,6 +299,22 @@ output: {interval: 1 ms}
     assert "0.32 at h = 0.0001 s" in warnings
     assert "early diverges, its free step grows" in warnings
     assert planned.bytes > 8 * 301 * 3 * 8
+
+
+@pytest.mark.parametrize("given", ["tip_stiffness: 2.1e8", "youngs_modulus: 210 GPa"])
+def test_a_plan_says_by_which_parameter_a_blade_is_how_stiff(given: str) -> None:
+    """A rod has K = EA/L, f1² = K/(16 m) and, without convection, α_c = 2 λA/(K a L²)."""
+    blade = "length: 40 mm, width: 40 mm, thickness: 1 mm, density: 7800, specific_heat: 460, conductivity: 45"
+    scene = f"{{blade: {{nodes: 100, {blade}, expansion: 1.2e-5, {given}}}, casing: {{gap: 1 um}}, duration: 1 ms}}"
+    planned = plan_study(f"study: stiff\nscene: {scene}\n")
+    [figures] = planned.structures
+    stiffness, mass, area = 2.1e8, 7800 * 0.04 * 40e-6, 40e-6
+    assert figures.tip_stiffness == pytest.approx(stiffness, rel=1e-9)
+    assert figures.first_frequency == pytest.approx((stiffness / (16 * mass)) ** 0.5, rel=1e-4)
+    assert figures.critical_alpha == pytest.approx(2 * 45 * area / (stiffness * 1.2e-5 * 0.04**2), rel=1e-9)
+    [line] = [line for line in plan_lines(planned) if "f1" in line]
+    assert f"tip stiffness 2.1e+08 N/m by {given.partition(':')[0]}, " in line
+    assert f"critical alpha {figures.critical_alpha:.4g} W/N" in line
 
 
 def test_a_plan_names_every_operator_and_the_basis_a_caution_is_of() -> None:

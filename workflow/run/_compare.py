@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from workflow.grid import Grid, Shaken, Solved, exact_motion, solve
 from workflow.schemes import Status
+from workflow.variables import BY_NAME
 
 Values = Mapping[str, NDArray[Any]]
 
@@ -20,7 +21,7 @@ to 250 times of it in the studies of ``studies/hard``."""
 
 ROUNDED = 1e-12
 """Added, as a share of a variable's largest value: changes of data may cancel where roundings do not, as in a rate of
-conductance over capacity. Shares, errors and residuals take it as it is: they are small differences of large numbers."""
+conductance over capacity. Shares, errors and residuals take it as it is: small differences of large numbers."""
 
 _SHARES = ("_error", "_residual", "predictability")
 """Ends of the names of what is relative itself."""
@@ -30,6 +31,20 @@ _COMPARED = ("displacement", "temperature", "impulse")
 
 MOTION = ("displacement", "velocity", "temperature", "impulse", "contact_force", "contact_impulse")
 """Variables whose lost digits are reported: all others follow from them."""
+
+FOLLOWED, CONVERGED = 1e-6, 1e-9
+"""In the place of :data:`ROUNDED` along branches, whose steps are adapted, and for steady rubs, which Newton's method
+approaches to 1e-10."""
+
+
+def followed(values: Values) -> dict[str, float]:
+    """Return by how much each number of a branch may differ elsewhere."""
+    return {name: FOLLOWED * _size(name, values) for name, array in values.items() if array.dtype.kind == "f"}
+
+
+def _size(name: str, values: Values) -> float:
+    """Return what a variable's differences are measured by: its largest value, 1 where it is a share itself."""
+    return 1.0 if name.endswith(_SHARES) else _largest(values[name])
 
 
 def sensitivity(grid: Grid, outer: int, inner: NDArray[np.int64], solved: Solved) -> dict[str, float]:
@@ -48,7 +63,8 @@ def sensitivity(grid: Grid, outer: int, inner: NDArray[np.int64], solved: Solved
         for name, new in changed.items():
             if new.dtype.kind == "f":
                 spread[name] = max(spread.get(name, 0.0), _largest_change(solved.values[name], new))
-        again = exact_motion(grid, outer, inner, Shaken(direction, _largest(exact["displacement"]))) if blown_up else changed
+        changed_exact = Shaken(direction, _largest(exact["displacement"]))
+        again = exact_motion(grid, outer, inner, changed_exact) if blown_up else changed
         for name in _COMPARED:
             moved[name] = max(moved.get(name, 0.0), _share_changed(exact[name], again[name]))
     own = float(np.nan_to_num(solved.values.get("predictability", np.zeros(1)))[0])
@@ -56,8 +72,8 @@ def sensitivity(grid: Grid, outer: int, inner: NDArray[np.int64], solved: Solved
     for name, change in spread.items():
         reference = own if name.endswith("_error") or name == "predictability" else 0.0
         reference += moved.get(name.split("_")[0], 0.0) if name.endswith("_error") else 0.0  # else of a choice, stored
-        size = 1.0 if name.endswith(_SHARES) else _largest(solved.values[name])
-        allowed[name] = TIMES * (change + reference) + ROUNDED * size
+        steady = name in BY_NAME and BY_NAME[name].condition == "steady"
+        allowed[name] = TIMES * (change + reference) + (CONVERGED if steady else ROUNDED) * _size(name, solved.values)
     return allowed
 
 

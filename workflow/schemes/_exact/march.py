@@ -136,7 +136,7 @@ def _pass_event(motions: Motions, case: Case, tally: Any, observed: Observed) ->
         return Start(1, speed, True, guess), observed
     zeros = enter_contact(motions, case.thresholds.force, t)
     if zeros < 0:
-        return Start(2, -1.0, False, guess), observed
+        return Start(-zeros, -1.0, False, guess), observed
     tally.held, tally.contact_begin = 1, since
     return Start(zeros, -1.0, True, guess), observe(motions.held.r, motions.held.now, t)
 

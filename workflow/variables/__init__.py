@@ -8,51 +8,24 @@ with and what results are checked against all come from this table.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import replace
 
-Shape = Literal["history", "metric", "period", "flag"]
-"""``history``: (…, t); ``metric``: (…) float64; ``period``: (…, period) float64; ``flag``: (…) int8."""
+from workflow.variables._steady import steady_variables
+from workflow.variables._variable import Condition, Origin, Shape, Variable
 
-Origin = Literal["scheme", "workflow"]
-
-Condition = Literal["always", "balances", "sections", "reference", "scheme", "auto", "auto reference"]
-"""When an archive has the variable: always, with ``output.balances`` or ``output.sections``, with a reference, if a
-scheme declares it, where a tolerance decides a count of modes."""
-
-
-@dataclass(frozen=True)
-class Variable:
-    """One variable of an archive.
-
-    Attributes
-    ----------
-    name, unit, meaning
-        As in the archive; the unit in CF spelling, the meaning is its long name.
-    shape
-        See :data:`Shape`.
-    origin
-        Who gives it: the scheme, or the workflow from what schemes give.
-    condition
-        See :data:`Condition`.
-    signed
-        Whether a case that ended ok may have a negative value.
-    gaps
-        Whether a case that ended ok may have NaN or an infinite value.
-    comment
-        Definition, where the meaning leaves something open.
-    """
-
-    name: str
-    unit: str
-    meaning: str
-    shape: Shape = "metric"
-    origin: Origin = "workflow"
-    condition: Condition = "always"
-    signed: bool = False
-    gaps: bool = False
-    comment: str = ""
-
+__all__ = [
+    "BY_NAME",
+    "COMPARED",
+    "STEADY",
+    "STRUCTURAL",
+    "TABLE",
+    "Condition",
+    "Variable",
+    "along_branch",
+    "of_scheme",
+    "reserved_names",
+    "select",
+]
 
 _ENERGY = (
     "(change of E + dissipation by damping - work of tip load, contact and friction heat) / max E: what the scheme "
@@ -74,9 +47,9 @@ _HEAT = (
 
 _GROWTH = (
     "eigenvalues, real or not, of the linear system with the tip held at the casing and heated by alpha times the "
-    "contact force; uncertain by 1e-12 of the largest modulus of an eigenvalue or by its last correction; of chains of "
-    "more than 2000 nodes the rightmost that the 12 lowest modes and the 60 nodes next to the tip lead to; NaN where "
-    "it was not found, which message then tells"
+    "contact force; uncertain by 1e-12 of the largest modulus of an eigenvalue; of more than 600 states the rightmost "
+    "that the 100 modes of each kind lead to which contact heat moves most, and all others by their first order in "
+    "alpha: flutter of these may be missed; NaN where it was not found, which message then tells"
 )
 
 _PROJECTION = (
@@ -306,6 +279,8 @@ TABLE = (
         )
         for end, extreme in (("", "largest"), ("_min", "smallest"))
     ),
+    *steady_variables(),
+    Variable("bifurcation", "1", "what happens at a point of a branch of steady rubs", "point", condition="branch"),
     Variable("status", "1", "how the case ended", "flag", "scheme"),
     Variable(
         "runaway",
@@ -319,6 +294,9 @@ TABLE = (
 
 STRUCTURAL = frozenset({"t", "period", "message", "message_length", "provenance", "sample_point", "sample_matrix"})
 """Further names that an archive uses."""
+
+STEADY = frozenset({"phase", "point"})
+"""Dimensions of archives with steady rubs or branches."""
 
 BY_NAME = {variable.name: variable for variable in TABLE}
 
@@ -334,6 +312,13 @@ def select(shape: Shape | None = None, origin: Origin | None = None, *conditions
         fits = shape in (None, variable.shape) and origin in (None, variable.origin)
         if fits and (not conditions or variable.condition in conditions):
             yield variable
+
+
+def along_branch(name: str, unit: str, meaning: str) -> Iterator[Variable]:
+    """Yield the variables of an archive of branches, at each point: the axis, bifurcations and steady rubs."""
+    yield Variable(name, unit, meaning, "point", signed=True, gaps=True)
+    for variable in select(None, None, "steady", "branch"):
+        yield replace(variable, shape="point phase" if variable.shape == "phase" else "point")
 
 
 def reserved_names(declared: frozenset[str] = frozenset()) -> frozenset[str]:
