@@ -11,7 +11,7 @@ from workflow.models import Array, Cases, Structure
 from workflow.orbits._flow import BUDGET, Flow
 from workflow.orbits._orbit import RESIDUAL, Orbit, Scale
 from workflow.schemes._exact.batch import heat_acts, make_operator
-from workflow.schemes._exact.two_way import HeldRegimes
+from workflow.schemes._exact.held_regime import HeldRegimes
 
 Problem = Callable[[float], tuple[Structure, Cases]]
 """Structure and one case at a value of the parameter."""

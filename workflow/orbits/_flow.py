@@ -24,8 +24,8 @@ from workflow.models import Array, Cases
 from workflow.orbits._linear import Linear, linear
 from workflow.schemes._exact import outcome
 from workflow.schemes._exact.batch import Batch, Operator, advance_one
+from workflow.schemes._exact.held_regime import HeldRegimes
 from workflow.schemes._exact.record import RELEASE, TOUCH
-from workflow.schemes._exact.two_way import HeldRegimes
 from workflow.schemes._interface import Sampling
 
 MOST_LOAD_PERIODS = 64

@@ -10,7 +10,7 @@ from workflow.orbits._options import STATES, Options
 from workflow.orbits._orbit import Orbit
 from workflow.orbits._settle import Settled, settle
 from workflow.schemes._exact.batch import make_operator
-from workflow.schemes._exact.two_way import HeldRegimes
+from workflow.schemes._exact.held_regime import HeldRegimes
 
 NUMBERS = (
     *("steady_periods", "steady_residual", "floquet_multiplier", "floquet_angle", "settling_time", "lyapunov"),
