@@ -63,6 +63,8 @@ def branch(
     found = _placed(curve, [*turned, *ahead[1:]], points)
     flags = np.zeros(len(found), dtype=np.int8)
     _locate(curve, found, flags)
+    order = np.argsort([point.place for point in found], kind="stable")
+    found, flags = [found[i] for i in order], flags[order]
     flags[0], flags[-1] = flags[0] or back, flags[-1] or end
     for i, point in enumerate(found):
         values["value"][i], values["bifurcation"][i] = curve.value(point.q), flags[i]

@@ -134,6 +134,21 @@ class Flow:
             (X[..., 2 * n :] @ shapes.heat_shapes[:, : X.shape[-1] - 2 * n].T),
         )
 
+    def growth_by_heat(self, X: Array) -> float:
+        """Return the quasi-static tip growth of a state, m."""
+        return float(self.operator.basis.closing[: X.size - 2 * self.modes] @ X[2 * self.modes :])
+
+    @property
+    def reach(self) -> float:
+        """The length that clearance, loads, heating and the initial temperatures account for, m."""
+        basis, load = self.operator.basis, self.load
+        with np.errstate(divide="ignore", invalid="ignore"):  # of a free root, or heat that cannot leave
+            flexibility = np.nansum((basis.tip / basis.free.frequency) ** 2)
+            warm = np.nansum(np.abs(basis.closing * (basis.free.heat_shapes.T @ load.heating) / basis.free.rate))
+        forces, places = np.abs(load.waves[:, 2:4]).sum(axis=0)
+        length = abs(load.gap) + places + flexibility * (abs(load.mean) + forces)
+        return float(length + warm + abs(self.growth_by_heat(self.start)))
+
     def march(self, X: Array, contact: bool, begin: float, span: float, kept: int = 64, samples: int = 1) -> Course:
         """Return the exact motion from X at ``begin`` [s] over ``span`` [s], with events unless ``kept`` is 0."""
         case, waves = self.prepared.case, self.load.waves.copy()
