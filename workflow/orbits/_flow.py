@@ -11,20 +11,19 @@ J Newton's law with the heat of its impulse, f∓ the rates before and after. A 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from math import lcm
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workflow.models import Array, Cases
-from workflow.orbits._linear import Linear, linear
 from workflow.schemes._exact import outcome
-from workflow.schemes._exact.batch import Batch, Operator, advance_one
+from workflow.schemes._exact.advance import Course, advance
+from workflow.schemes._exact.batch import Batch, Operator
 from workflow.schemes._exact.held_regime import HeldRegimes
+from workflow.schemes._exact.linear import Linear, linear
 from workflow.schemes._exact.record import RELEASE, TOUCH
 from workflow.schemes._interface import Sampling
 
@@ -48,47 +47,6 @@ def common_period(cases: Cases) -> float:
         return np.nan
     count = lcm(*(ratio.denominator for ratio in ratios))
     return count / base if count <= MOST_LOAD_PERIODS else np.nan
-
-
-@dataclass(frozen=True, eq=False)
-class Course:
-    """The exact motion from a state at ``begin`` over a span."""
-
-    begin: float
-    """s"""
-    span: float
-    """s"""
-    start: Array
-    """X at ``begin``."""
-    was_held: bool
-    """Whether it begins in contact."""
-    X: Array
-    """State at the end; NaN where it was not reached."""
-    contact: bool
-    """Whether it ends in contact."""
-    times: Array
-    """Of events after ``begin``, s, ``(event,)``."""
-    kinds: Array
-    impulses: Array
-    """N s"""
-    states: Array
-    """After the events, ``(event, N)``."""
-    histories: Array
-    """x_n, v_n, θ_n and the impulse at samples, ``(4, sample)``."""
-    tally: Any
-    failure: str
-    """Why it ended early, or ''."""
-
-    @property
-    def repeats(self) -> bool:
-        """Whether it ends as it began, in flight or in contact."""
-        return self.contact == self.was_held and bool(np.isfinite(self.X).all())
-
-    @property
-    def stretches(self) -> tuple[Array, NDArray[np.bool_]]:
-        """Ends of flights and contacts, its own first, s, and which are contacts."""
-        ends = np.concatenate([[0.0], self.times, [self.span]])
-        return ends, np.concatenate([[self.was_held], self.kinds == TOUCH])
 
 
 class Flow:
@@ -151,23 +109,7 @@ class Flow:
 
     def march(self, X: Array, contact: bool, begin: float, span: float, kept: int = 64, samples: int = 1) -> Course:
         """Return the exact motion from X at ``begin`` [s] over ``span`` [s], with events unless ``kept`` is 0."""
-        case, waves = self.prepared.case, self.load.waves.copy()
-        waves[:, 1] += begin * waves[:, 0]
-        place, speed, _ = self._casing(np.array([begin]))
-        x, v = (self.tip @ X).tolist()
-        tip = case.tip._replace(distance=float(place[0]) - x, speed=v - float(speed[0]))
-        case = case._replace(load=case.load._replace(waves=waves, duration=span), tip=tip, modal=X.copy())
-        ended, end, events, histories, tally = advance_one(
-            self.prepared._replace(case=case), contact, np.linspace(0.0, span, samples + 1), kept
-        )
-        done = ended == outcome.COMPLETED
-        failure = "" if done else outcome.failure(ended, tally, BUDGET, self.e)
-        end = end if done else np.full(X.size, np.nan)
-        times, kinds, impulses = events[:, :3].T
-        held = bool(tally["held"])
-        return Course(
-            begin, span, X, contact, end, held, times, kinds, impulses, events[:, 3:], histories, tally, failure
-        )
+        return advance(self.prepared, X, contact, begin, span, kept, samples)
 
     def derivative(self, course: Course) -> Array:
         """Return the derivative of the end of a course by its begin, ``(N, N)``."""
@@ -185,7 +127,7 @@ class Flow:
         """Return S of each event, ``(event, N, N)``."""
         X, t, stays = course.states, course.begin + course.times, course.kinds == TOUCH
         before = X - course.impulses[:, None] * self.kick
-        _, speed, acceleration = self._casing(t)
+        speed, acceleration = self._casing(t)
         jump = -(1 + np.where(stays, 0.0, self.e))[:, None] * self.kick / (self.tip[1] @ self.kick)
         law = np.eye(X.shape[1]) + jump[:, :, None] * self.tip[1]  # J = X + jump (v_n - d')
         before_rates = self._rates(before, t, np.zeros_like(stays))
@@ -202,12 +144,11 @@ class Flow:
         force = np.sin(waves[:, 0] * t[:, None] + waves[:, 1]) @ waves[:, 2]
         constant = np.concatenate([self.load.steady, self.load.heating, [self.load.mean]])
         rates = X @ self.free.A.T + self.free.B[:, :-3] @ constant + force[:, None] * push
-        excess = np.where(held, rates @ self.tip[1] - self._casing(t)[2], 0.0)
+        excess = np.where(held, rates @ self.tip[1] - self._casing(t)[1], 0.0)
         return np.asarray(rates - excess[:, None] * self.kick / (self.tip[1] @ self.kick))
 
-    def _casing(self, t: Array) -> tuple[Array, Array, Array]:
-        """Return place, velocity and acceleration of the casing at some times."""
+    def _casing(self, t: Array) -> tuple[Array, Array]:
+        """Return velocity and acceleration of the casing at some times."""
         omega, phase, _, amplitude = self.load.waves.T
         turn = omega * t[:, None] + phase
-        speed, acceleration = np.cos(turn) @ (omega * amplitude), -np.sin(turn) @ (omega**2 * amplitude)
-        return self.load.gap + np.sin(turn) @ amplitude, speed, acceleration
+        return np.cos(turn) @ (omega * amplitude), -np.sin(turn) @ (omega**2 * amplitude)

@@ -9,7 +9,8 @@ import numpy as np
 from workflow.kernels import algebra
 from workflow.kernels.algebra import Complex, eigenvalues
 from workflow.models import Array
-from workflow.orbits._flow import Course, Flow
+from workflow.orbits._flow import Flow
+from workflow.schemes._exact.advance import Course
 
 RESIDUAL = 1e-10
 """Largest change of x, v and θ over kT, each over its own maximum."""

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.models import Array, Cases, Structure
-from workflow.orbits._flow import BUDGET, Course, Flow
+from workflow.orbits._flow import BUDGET, Flow
 from workflow.orbits._options import STATES, Options
 from workflow.orbits._orbit import Orbit
 from workflow.orbits._settle import Settled, settle
+from workflow.schemes._exact.advance import Course
 from workflow.schemes._exact.batch import make_operator
 from workflow.schemes._exact.held_regime import HeldRegimes
 

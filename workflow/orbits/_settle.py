@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from workflow.models import Array
-from workflow.orbits._flow import MOST_LOAD_PERIODS, Course, Flow
+from workflow.orbits._flow import MOST_LOAD_PERIODS, Flow
 from workflow.orbits._options import NO_CONTACT, NOT_FOUND, PERMANENT_CONTACT, RUNS_AWAY, SETTLES, Options
 from workflow.orbits._orbit import Orbit, Scale, newton, scale_of, without_events
+from workflow.schemes._exact.advance import Course
 
 MOST_PERIODS = 1000
 """Common periods by which a transient is followed beyond its duration, at most."""
