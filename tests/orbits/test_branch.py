@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from scenes import blade, blade_rub, cases, chain
-from workflow.models import Cases, Rayleigh, Structure, critical_alpha
+from workflow.models import Cases, Rayleigh, Structure, critical_alpha, growth_rate
 from workflow.orbits import BIFURCATIONS, STATES, Options, branch, steady_rubs
 from workflow.orbits._curve import Problem
 from workflow.reduction import reduce_structure
@@ -112,6 +113,20 @@ def test_equilibria_of_permanent_contact_under_a_constant_load() -> None:
     np.testing.assert_allclose(values["steady_impulse"], 2 * (values["value"] - 1.0), rtol=1e-8)
     assert set(states(values)) == {"permanent_contact"}
     assert np.isnan(values["floquet_multiplier"]).all()
+
+
+def test_permanent_contact_flutters_where_its_growth_rate_passes_zero() -> None:
+    """Below α_c, by a pair of poles: a torus under a load that is periodic."""
+    lumps = {"mass": 1.85, "stiffness": 3190.0, "spacing": 0.1, "expansion": 2.04e-3, "heat_capacity": 0.21}
+    lumps |= {"conductance": 3.36, "convection": 0.16, "damping": Rayleigh(0.6, 3e-4)}
+    structure = chain(nodes=8, **lumps)
+    scene, limit = cases(structure, gap=1e-3, mean=20.0, amplitude=1.0, frequency=0.7), critical_alpha(structure)
+    flutter = brentq(lambda alpha: growth_rate(structure, alpha), 0.3 * limit, 0.5 * limit, xtol=1e-12)
+    values = followed(along("alpha", structure, scene), 0.3 * limit, 0.6 * limit, 10, 100.0)
+    (torus,) = flagged(values, "torus")
+    assert values["value"][torus] == pytest.approx(flutter, abs=1e-8 * 0.3 * limit)
+    assert states(values)[:torus] == torus * ["permanent_contact"]
+    assert states(values)[torus + 1 :] == (9 - torus) * ["unstable"]
 
 
 def test_without_a_periodic_rub_it_says_so() -> None:

@@ -29,7 +29,7 @@ _FIRST, _LARGEST, _LEAST = 1e-2, 0.25, 1e-7
 """Steps along the curve: range and motion are of length 1."""
 
 _FAR = 4.0
-"""Size of w at which a branch is followed no further: temperatures of an unstable one may grow without bound."""
+"""Size of w at which an unstable branch is followed no further: its temperatures may grow without bound."""
 
 _TURN = 0.9
 """Least cosine between tangents of successive points."""
@@ -100,7 +100,7 @@ def _followed(curve: Curve, first: Point) -> tuple[list[Point], int]:
     Where the map is smooth a branch has no end: it ends where the order of events changes.
     """
     points, step = [first], _FIRST
-    while len(points) < _MOST_STEPS and np.linalg.norm(points[-1].w) < _FAR:
+    while len(points) < _MOST_STEPS and (points[-1].orbit.growth < 0 or np.linalg.norm(points[-1].w) < _FAR):
         here = points[-1]
         if here.q in (0.0, 1.0) and (here.tangent[-1] > 0) == (here.q == 1.0):
             return points, _NONE
