@@ -113,8 +113,8 @@ def _beware(grid: Grid, cell: Cell) -> list[_Caution]:
     """Return the cautions about one scheme at one step on one structure."""
     scheme = schemes.load(cell.scheme.method)
     structure = reduced_structure(cell)
-    if isinstance(structure, Chain) and not structure.has_matrices and scheme.is_swept is None:
-        what = f"fails, as only moreau steps more than {MOST_NODES_WITH_MATRICES} nodes, with"
+    if isinstance(structure, Chain) and not structure.has_matrices:
+        what = f"fails, as at most {MOST_NODES_WITH_MATRICES} nodes can be kept full, with"
         return [_Caution(_basis(cell), cell.scheme.label, what, cell.h, f"{structure.mechanical_size} nodes", 0.0)]
     refusal = scheme.refusal(structure, cell.scheme.options)
     if refusal is not None:

@@ -9,8 +9,7 @@
 with v_free,n the tip's velocity without contact. Acary & Brogliato (2008), chapters 8 and 10; θ = 1 is the implicit
 Euler scheme of Thorin, Guérin and Legrand. A tip that its reduction leaves without mass has no impacts: contact is a
 complementarity of place and impulse (:mod:`workflow.schemes._fixed.complementarity`), and e is not read. A structure is
-stepped in its modes (:mod:`workflow.schemes._fixed`); a chain of so many nodes that its modes take longer to find than
-they save is swept node by node (:mod:`workflow.schemes._sweep.sweeps`).
+stepped in its modes (:mod:`workflow.schemes._fixed`).
 """
 
 from __future__ import annotations
@@ -30,14 +29,12 @@ from workflow.schemes._fixed.dense import DenseOperator
 from workflow.schemes._fixed.drive import casing_place, relative, tip_after, tip_before
 from workflow.schemes._fixed.marches import kernels_of
 from workflow.schemes._fixed.theta_method import Operator
-from workflow.schemes._sweep import sweeps
 
 READS = frozenset({"e", "h", "alpha"})
 GENERAL = frozenset({"damping", "friction", "load"})
 HARMONICS = frozenset({"load", "casing"})
 TOGETHER = FEWEST_LANES
 STEP_SECONDS = 1.2e-10
-is_swept = sweeps.is_swept
 
 
 @dataclass(frozen=True)
@@ -88,19 +85,15 @@ KERNELS = kernels_of(__name__)
 CONTACT = Contact(KERNELS, _prox, contact.delassus_alone, "W")
 
 
-def operator_name(structure: Structure) -> str:
-    """Return what a structure is stepped by, as ``plan`` says it."""
-    return f"sweeps along {structure.mechanical_size} nodes" if is_swept(structure) else dense.operator_name(structure)
-
-
 def init(structure: Structure, h: float, options: Options) -> Operator | DenseOperator:
-    """Diagonalise the structure once for a batch; a long chain and coupled modes are left as they are."""
+    """Diagonalise the structure once for a batch; or invert its matrices."""
     theta = float(options.theta)
     meets = by_place(theta) if structure.has_massless_tip else CONTACT
-    return theta_march.init(structure, float(h), theta, meets, sweeps=True)
+    return theta_march.init(structure, float(h), theta, meets)
 
 
 compute = theta_march.compute
+operator_name = dense.operator_name
 
 
 def massless_tip(options: Options) -> str | None:

@@ -38,8 +38,6 @@ class Kernels(NamedTuple):
 
     modes: Callable[..., None]
     matrices: Callable[..., None]
-    nodes: Callable[..., None]
-    """Along the nodes of a long chain."""
 
 
 @dataclass(frozen=True, eq=False)

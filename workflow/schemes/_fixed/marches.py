@@ -1,4 +1,4 @@
-"""Marches compiled for the contact law of a scheme: by modes, by a dense matrix, along the nodes of a long chain.
+"""Marches compiled for the contact law of a scheme: by modes, by a dense matrix.
 
 A kernel is kept with the module that has the law, whose imports numba's cache follows::
 
@@ -19,9 +19,6 @@ from workflow.schemes._fixed.dense_march import DenseState, FreeStep, march_dens
 from workflow.schemes._fixed.march import march
 from workflow.schemes._fixed.marks import Block
 from workflow.schemes._fixed.modal_lanes import Coefficients, State
-from workflow.schemes._sweep.balance import Account as ChainAccount
-from workflow.schemes._sweep.march import march_nodes
-from workflow.schemes._sweep.sweeps import Nodes
 
 
 def kernels_of(module: str) -> Kernels:
@@ -37,7 +34,4 @@ def kernels_of(module: str) -> Kernels:
         align_stack()
         march_dense(free, law, state, block, account, loads, first)
 
-    def sweep_nodes(nodes: Nodes, law: Law, own: Array, block: Block, account: ChainAccount) -> None:
-        march_nodes(nodes, law, own, block, account)
-
-    return Kernels(*(kept_with(module, function) for function in (march_modes, march_matrices, sweep_nodes)))
+    return Kernels(*(kept_with(module, function) for function in (march_modes, march_matrices)))

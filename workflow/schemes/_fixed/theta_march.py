@@ -1,4 +1,4 @@
-"""Steps a batch by the θ-method: in modes, along the nodes of a long chain or by a dense matrix, and judges its cases.
+"""Steps a batch by the θ-method, in modes or by a dense matrix, and judges its cases.
 
 The equations stand in :mod:`workflow.schemes._fixed.theta_method`.
 """
@@ -25,22 +25,17 @@ from workflow.schemes._fixed.stable_steps import largest_step, limit_text
 from workflow.schemes._fixed.stepping import Ended, collect, watch
 from workflow.schemes._fixed.theta_method import Operator
 from workflow.schemes._interface import Results, Sampling
-from workflow.schemes._sweep.march import sweep
-from workflow.schemes._sweep.sweeps import Swept, is_swept
 
 _MOST_GROWTH = 300.0
 """Logarithm of the largest growth within a run that still has squares among the finite numbers (355), with a margin of
 1e24 for loads and units."""
 
 
-def init(
-    structure: Structure, h: float, theta: float, contact: Contact, sweeps: bool = False
-) -> Operator | DenseOperator:
-    """Diagonalise a structure once for a batch; coupled modes and, where a scheme ``sweeps``, a long chain are not."""
+def init(structure: Structure, h: float, theta: float, contact: Contact) -> Operator | DenseOperator:
+    """Diagonalise a structure once for a batch, or invert its matrices where its modes are coupled."""
     if needs_matrices(structure):
         return dense.init(structure, h, theta, contact)
-    motion = Swept(structure) if sweeps and is_swept(structure) else decouple(structure)
-    return Operator(structure, h, theta, motion, contact)
+    return Operator(structure, h, theta, decouple(structure), contact)
 
 
 def compute(operator: Operator | DenseOperator, cases: Cases, sampling: Sampling) -> Results:
@@ -54,13 +49,10 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling, heated: bool) -> 
     """Step cases that all carry thermal states, or that all carry none."""
     motion, w = operator.motion, operator.delassus(operator.h, cases.alpha, cases.friction)
     law = operator.contact.law(operator.h, cases, w)
-    if isinstance(motion, Swept):
-        ended = sweep(operator, law, cases, sampling, heated)
-    else:
-        modal = motion if heated else motion.without_heat()
-        ended = step_modes(operator, modal, law, cases, sampling)
-        if not operator.contact.judges_heat:
-            operator = replace(operator, motion=modal)
+    modal = motion if heated else motion.without_heat()
+    ended = step_modes(operator, modal, law, cases, sampling)
+    if not operator.contact.judges_heat:
+        operator = replace(operator, motion=modal)
     finite = ended.watched.finite(tip_row.DISPLACEMENT, tip_row.TEMPERATURE)
     return collect(ended, *_judge(operator, cases, sampling.duration, finite))
 
