@@ -186,6 +186,12 @@ def _call(builder, name, returned, args):
     return builder.call(cgutils.get_or_insert_function(builder.module, kind, name), args)
 
 
+@_implements(packs.lanes_of, lambda lane: types.UniTuple(types.intp, 2))
+def _lanes_of(context, builder, sig, args):
+    behind = builder.add(args[0], ir.Constant(cgutils.intp_t, sig.args[0].width))
+    return context.make_tuple(builder, sig.return_type, [args[0], behind])
+
+
 @_implements(packs.pack, lambda rows, at: _PackType(at[-1].width))
 def _pack(context, builder, sig, args):
     return builder.load(_address(context, builder, sig.args, args, sig.return_type.content), align=8)

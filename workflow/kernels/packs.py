@@ -79,6 +79,11 @@ def broad(first: int) -> Lane:
     _only_in_kernels()
 
 
+def lanes_of(lane: Lane) -> tuple[int, int]:
+    """Return the first lane of a pack and the one behind its last."""
+    _only_in_kernels()
+
+
 def broadest() -> int:
     """Return the lanes of the largest packs on this processor, a constant of the compiled kernel.
 

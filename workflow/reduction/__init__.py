@@ -14,6 +14,7 @@ from workflow import registry
 from workflow.models import Array, Chain, Structure
 from workflow.models._sparse import MOST_REDUCED, Sparse, TooManyCoordinatesError
 from workflow.models._tip_held import MOST_ONE_BY_ONE
+from workflow.reduction._bases import fixed_interface_modes, relative_thermal_modes
 from workflow.reduction._friction import with_friction
 from workflow.reduction._reduction import (
     Reduction,
@@ -139,10 +140,12 @@ __all__ = [
     "Reduction",
     "Vectors",
     "fault",
+    "fixed_interface_modes",
     "load",
     "mechanical_vectors",
     "names",
     "projection_residual",
     "reduce_structure",
+    "relative_thermal_modes",
     "thermal_vectors",
 ]

@@ -18,15 +18,16 @@ converges to the motion with this spring; to that of a rigid casing only as κ �
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from workflow.declare import quantity
 from workflow.kernels.lanes import FEWEST_LANES
 from workflow.models import Array, Cases, Structure
 from workflow.schemes._fixed import central, central_march, dense, spring_limits, theta_march, theta_method
 from workflow.schemes._fixed.contact import METRICS as METRICS
-from workflow.schemes._fixed.contact import Contact
+from workflow.schemes._fixed.contact import Contact, Response, Tip
 from workflow.schemes._fixed.decoupled import decouple
+from workflow.schemes._fixed.marches import contact_law
 from workflow.schemes._fixed.spring import by_spring, default_stiffness
 from workflow.schemes._interface import Results, Sampling
 
@@ -88,27 +89,42 @@ def contact_limit(structure: Structure, options: Options, friction: float = 0.0)
     return spring_limits.implicit_limit(structure, contact_stiffness_of(structure, options), friction)
 
 
-def _linear(stiffness: float, damping: float) -> Contact:
+class Spring(NamedTuple):
+    """A contact spring κ [N/m] and a damper c [N s/m] in central differences."""
+
+    stiffness: Any
+    damping: Any
+
+
+@contact_law(Spring)
+def respond(law: Spring, tip: Tip, h: float, theta: float) -> Response:
+    """Return the impulse p_k, and the velocity from t_k to t_k+1."""
+    depth = tip.place - tip.gap
+    if depth <= 0.0:
+        return 0.0, tip.free, 0.0
+    force = law.stiffness * depth + 0.5 * law.damping * (tip.velocity + tip.free)
+    p = h * force / (1.0 + 0.5 * h * law.damping * tip.mobility)
+    if p <= 0.0:
+        return 0.0, tip.free, 0.0
+    return p, tip.free - tip.mobility * p, p
+
+
+def _explicitly(stiffness: float, damping: float) -> Contact:
     """Return the contact by a spring κ [N/m] and a damper c [N s/m] in central differences."""
-
-    def factor(h: float, w: Any) -> Any:
-        return 1 + 0.5 * h * damping * w
-
-    def law(h: float, cases: Cases, w: Array | float) -> central.Linear:
-        by, ambiguous = central.divisor(factor(h, w))
-        share = h / by
-        return central.Linear(
-            stiffness * share, 0.5 * damping * share, 0.5 * damping * share, 0.0, False, stiffness, w, ambiguous
-        )
-
-    return Contact(central_march.KERNELS, law, factor, "1 + hcW/2", rebounds=True)
+    return Contact(
+        lambda cases: Spring(stiffness, damping),
+        lambda h, w: 1 + 0.5 * h * damping * w,
+        "1 + hcW/2",
+        stiffness=stiffness,
+        rebounds=True,
+    )
 
 
 def init(structure: Structure, h: float, options: Options) -> Operator:
     """Diagonalise the structure once for a batch, or invert its matrices."""
     h, stiffness, damping = float(h), contact_stiffness_of(structure, options), float(options.damping)
     if options.integration == "explicit":
-        return central_march.init(structure, h, _CENTRAL, _linear(stiffness, damping))
+        return central_march.init(structure, h, _CENTRAL, _explicitly(stiffness, damping))
     theta = float(options.theta)
     return theta_march.init(structure, h, theta, by_spring(theta, stiffness, damping))
 
