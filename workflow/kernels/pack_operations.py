@@ -214,16 +214,6 @@ def _spread_out(context, builder, sig, args):
     return _spread(builder, context.cast(builder, args[0], sig.args[0], types.float64), sig.return_type.width)
 
 
-@_implements(packs.of_lane, lambda value, lane: _PackType(lane.width))
-def _of_lane(context, builder, sig, args):
-    (value, lane), kind = sig.args, sig.return_type
-    if not isinstance(value, types.Array):
-        return _spread_out(context, builder, sig, args)
-    place = types.Tuple([lane])
-    parts = args[0], context.make_tuple(builder, place, [args[1]])
-    return builder.load(_address(context, builder, (value, place), parts, kind.content), align=8)
-
-
 @_implements(packs.where, lambda condition, this, other: _PackType(condition.width))
 def _where(context, builder, sig, args):
     return builder.select(args[0], *_as_packs(builder, sig.args[1:], args[1:], sig.return_type.width))

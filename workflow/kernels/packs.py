@@ -111,11 +111,6 @@ def shared(array: Array, at: tuple[int, ...], lane: Lane) -> Pack:
     _only_in_kernels()
 
 
-def of_lane(value: Array | float, lane: Lane) -> Pack:
-    """Return a coefficient that all lanes share, a number, or one of each lane, an array ``(lane,)``."""
-    _only_in_kernels()
-
-
 def fetch(array: Array, at: tuple[int, ...]) -> None:
     """Let the line of the cache that holds a number of an array be fetched, which is written some steps later."""
     _only_in_kernels()
