@@ -11,6 +11,7 @@ import pytest
 from scenes import cases, heavy_chain, same_bits, taken
 from workflow.models import Cases, Structure
 from workflow.schemes import Sampling, penalty
+from workflow.schemes._fixed.spring import CentralSpring
 
 SAMPLING = Sampling(0.02, 1e-3, 21, balances=True)
 
@@ -40,7 +41,7 @@ def test_cases_of_one_batch_may_have_contact_springs_of_their_own() -> None:
     structure, stiffnesses = heavy_chain(), np.array([2e7, 1e8, 5e7])
     loaded, over = batch(structure, 3), replace(SAMPLING, balances=False)
     operators = [penalty.init(structure, 2e-6, penalty.Options(stiffness=k, damping=20.0)) for k in stiffnesses]
-    together = with_law(operators[0], penalty.Spring(stiffnesses, 20.0))
+    together = with_law(operators[0], CentralSpring(stiffnesses, 20.0))
     results = penalty.compute(together, loaded, over)
     assert len(set(results.histories["impulse"][:, -1])) == 3
     for k, operator in enumerate(operators):

@@ -111,7 +111,7 @@ def reduce_structure(
             raise ValueError(f"{count} interior modes of a structure that has {size - 1}")
         long = isinstance(structure, Chain) and not structure.has_matrices
         if long and (count is None or count > MOST_ONE_BY_ONE):
-            raise ValueError(f"a chain of {size} nodes is kept full or reduced to at most {MOST_ONE_BY_ONE} modes")
+            raise ValueError(f"a chain of {size} nodes is reduced to at most {MOST_ONE_BY_ONE} modes")
         large = isinstance(structure, Sparse) and not structure.has_matrices and size > MOST_REDUCED + 1
         if large and (count is None or count > MOST_REDUCED):
             raise TooManyCoordinatesError(size)

@@ -16,6 +16,7 @@ import numpy as np
 
 from workflow.kernels import Array
 from workflow.kernels.compiled import by_type, defines, inlined, of_case, part
+from workflow.kernels.lanes import ROW
 from workflow.kernels.packs import (
     Lane,
     Pack,
@@ -184,7 +185,11 @@ class Ahead(NamedTuple):
 
 @part
 def _ask(law: Law, step: TipStep, own: Array, first: int, stop: int) -> None:
-    """Ask the law in some lanes, and add contacts that have ended to the sums of ``effective_restitution``."""
+    """Ask the law in some lanes, and add contacts that have ended to the sums of ``effective_restitution``.
+
+    Without branches but those of the law, so that the compiler asks one of plain arithmetic in many lanes at once.
+    """
+    assert own.shape[1] == ROW
     for lane in range(first, stop):
         tip = Tip(
             own[case_row.PLACE, lane],
@@ -194,13 +199,13 @@ def _ask(law: Law, step: TipStep, own: Array, first: int, stop: int) -> None:
             own[case_row.CASING, lane],
             own[case_row.MOBILITY, lane],
         )
-        impulse, velocity, force = respond(of_case(law, lane), tip, step.h, step.theta)
-        if force > 0.0 and not tip.force > 0.0:
-            own[case_row.APPROACH, lane] = tip.velocity
-        if tip.force > 0.0 and not force > 0.0:
-            approach = own[case_row.APPROACH, lane]
-            own[case_row.APPROACHED, lane] += approach * approach
-            own[case_row.SEPARATED, lane] -= approach * velocity
+        impulse, velocity, force = respond(of_case(law, own, lane), tip, step.h, step.theta)
+        was, presses = tip.force > 0.0, force > 0.0
+        approach = own[case_row.APPROACH, lane]
+        own[case_row.APPROACH, lane] = approach if was or not presses else tip.velocity
+        ended = approach if was and not presses else 0.0
+        own[case_row.APPROACHED, lane] += ended * ended
+        own[case_row.SEPARATED, lane] -= ended * velocity
         own[case_row.CONTACT, lane], own[case_row.AFTER, lane], own[case_row.LAST, lane] = impulse, velocity, force
 
 

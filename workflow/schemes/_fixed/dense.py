@@ -26,7 +26,7 @@ from workflow.schemes._fixed.contact import CentralStep, Contact, TipStep
 from workflow.schemes._fixed.dense_balance import account_of, no_account
 from workflow.schemes._fixed.dense_march import CONTACT_SPEED, DenseState, FreeStep
 from workflow.schemes._fixed.drive import drive_of
-from workflow.schemes._fixed.march import law_lanes
+from workflow.schemes._fixed.march import law_rows
 from workflow.schemes._fixed.marches import KERNELS
 from workflow.schemes._fixed.outcome import ROUNDING, Outcome, effective_restitution, judged
 from workflow.schemes._fixed.sliding import friction_message
@@ -142,13 +142,14 @@ def compute(operator: DenseOperator, cases: Cases, sampling: Sampling) -> Result
     watched = watch(cases, cases.mean, sampling, free.tip.h, drive)
     response = operator.contact_response(cases.alpha, cases.friction)
     steady, states = _steady(operator, cases), _begin(operator, cases, begun.velocity)
-    law, own = contact.law(cases), np.zeros((case_row.ROWS, count))
+    own = np.zeros((case_row.ROWS, count))
     own[case_row.MOBILITY] = contact.mobility(free.tip.h, response[:, -1])
     own[case_row.ALPHA], own[case_row.AHEAD] = cases.alpha, cases.displacement[:, -1]
     own[case_row.HALF] = states[:, 2 * response.shape[1] - 1]
+    own, law = law_rows(own, contact.law(cases))
     account, filled = account_of(structure, cases) if sampling.balances else (no_account(), [])
     lanes = DenseState(
-        own=lane_rows(case_row.ROWS),
+        own=lane_rows(len(own)),
         states=lane_rows(states.shape[1]),
         ahead=lane_rows(steady.shape[1]),
         contact_response=lane_rows(response.shape[1]),
@@ -157,14 +158,13 @@ def compute(operator: DenseOperator, cases: Cases, sampling: Sampling) -> Result
         before=lane_rows(response.shape[1]),
         by_contact=lane_rows(CONTACT_SPEED + 1),
     )
-    laws, taken = law_lanes(law)
-    filled += [*taken, (lanes.own, own), (lanes.states, states.T), (lanes.steady, steady.T)]
+    filled += [(lanes.own, own), (lanes.states, states.T), (lanes.steady, steady.T)]
     filled += [(lanes.contact_response, response.T), (lanes.sampled[1], cases.temperature.T)]
     reached, last = np.zeros((2, count, heats))
     totals = np.zeros((account.totals.shape[0], count))
     for part, block in blocks(watched, block_lanes(4 * states.shape[1]), *filled):
         for first, loads in _loads(free, cases.take(part), watched.schedule.steps):
-            KERNELS[type(law)].matrices(free, laws, lanes, block, account, loads, first)
+            KERNELS[type(law)].matrices(free, law, lanes, block, account, loads, first)
         size = part.stop - part.start
         own[:, part], totals[:, part] = lanes.own[:, :size], account.totals[:, :size]
         before, after = lanes.sampled[..., :size].swapaxes(1, 2)

@@ -182,11 +182,12 @@ def case_rows(cases: Cases, begun: Motion, w: Array) -> Array:
     return own
 
 
-def law_lanes(law: Law) -> tuple[Law, list[tuple[Array, Array]]]:
-    """Return a law whose coefficients ``(case,)`` are rows of lanes, and each of these with what it takes."""
+def law_rows(own: Array, law: Law) -> tuple[Array, Law]:
+    """Return the cases' rows with parameters of a law that differ between them, and the law with the rows of these."""
     each = {name: values for name, values in law._asdict().items() if isinstance(values, np.ndarray)}
-    lanes = law._replace(**{name: lane_rows() for name in each})
-    return lanes, [(getattr(lanes, name), values) for name, values in each.items()]
+    rows = dict(zip(each, range(len(own), len(own) + len(each)), strict=True))
+    shared = {name: float(value) for name, value in law._asdict().items() if name not in each}
+    return np.vstack([own, *each.values()]), law._replace(**shared, **rows)
 
 
 def march_blocks(batch: Batch, watched: Watch, duration: float) -> Ended:
@@ -195,9 +196,9 @@ def march_blocks(batch: Batch, watched: Watch, duration: float) -> Ended:
     motion, tau = by_mode(batch.speed.T, batch.place.T), (begun.heat * modal.heat_scale).T
     lanes, before = lane_rows(tau.shape[0]), lane_rows(tau.shape[0])
     paired = before if operator.heat_counts else lanes
-    state = State(lane_rows(case_row.ROWS), lane_rows(*motion.shape[:2]), lanes, before, paired)
-    law, filled = law_lanes(batch.law)
-    filled += [(state.own, batch.own), (state.motion, motion), (state.tau, tau)]
+    own, law = law_rows(batch.own, batch.law)
+    state = State(lane_rows(len(own)), lane_rows(*motion.shape[:2]), lanes, before, paired)
+    filled = [(state.own, own), (state.motion, motion), (state.tau, tau)]
     account = None if balance is None else balance.account
     closing = begun.closing + begun.closing_rate * duration
     growth = modal.static_growth / modal.heat_scale
@@ -209,8 +210,8 @@ def march_blocks(batch: Batch, watched: Watch, duration: float) -> Ended:
         if balance is not None:
             balance.close(part, state)
         count = part.stop - part.start
-        batch.own[:, part] = state.own[:, :count]
+        own[:, part] = state.own[:, :count]
         reached = watched.reached(state.tau_before, state.tau)
         closing[part] += project(growth, reached.T)[:count]
-    rebounds = effective_restitution(batch.own) if batch.contact.rebounds else {}
+    rebounds = effective_restitution(own) if batch.contact.rebounds else {}
     return Ended(watched, closing, rebounds, None if balance is None else balance.result(watched.elapsed))

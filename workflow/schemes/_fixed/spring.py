@@ -1,13 +1,20 @@
-"""Contact by a spring and a damper in a step of the θ-method, with an implicit force at the step's end.
+"""Contact by a spring and a damper: in a step of the θ-method, with an implicit force, or of central differences.
 
-The impulse of a step is p = h (θ λ' + (1-θ) λ), both forces by the law λ = max(0, κ (x_n - d) + c v_n) where
-x_n > d. With the tip at (x_a, v_a) for λ' = 0 there are two branches:
+In the θ-method the impulse of a step is p = h (θ λ' + (1-θ) λ), both forces by the law λ = max(0, κ (x_n - d) + c v_n)
+where x_n > d. With the tip at (x_a, v_a) for λ' = 0 there are two branches:
 
     apart      λ' = 0,                                            consistent where x_a <= d or λ' below is not > 0
     in contact λ' = (κ (x_a - d) + c v_a) / (1 + hθW (hθκ + c)),  consistent where then x_n' > d
 
 The force jumps by c v_n at the casing: where neither is consistent (the damper alone would push the
 tip out again) λ' is what puts the tip on the casing, between the two.
+
+In central differences λ_k is linear in the tip's motion, its impulse hλ_k
+
+    p_k = max(0, s κ (x_n,k - d) + s c/2 (w_k-½ + w_free)),   s = h / (1 + hcW/2)
+    W = e_nᵀ (M + h/2 C1)⁻¹ (e_n - µ t),
+
+with w_k-½ the tip's velocity in the step before and w_free that in the step from t_k on without contact.
 """
 
 from __future__ import annotations
@@ -25,7 +32,14 @@ _TIMES_STATIC = 10.0
 
 
 class Spring(NamedTuple):
-    """A contact spring κ [N/m] and a damper c [N s/m]."""
+    """A contact spring κ [N/m] and a damper c [N s/m] in the θ-method."""
+
+    stiffness: Any
+    damping: Any
+
+
+class CentralSpring(NamedTuple):
+    """The same in central differences."""
 
     stiffness: Any
     damping: Any
@@ -45,6 +59,18 @@ def _respond(law: Spring, tip: Tip, h: float, theta: float) -> Response:
     return begun + lever * force, apart - tip.mobility * (lever * force), force
 
 
+@contact_law(CentralSpring)
+def _respond_centrally(law: CentralSpring, tip: Tip, h: float, theta: float) -> Response:
+    depth = tip.place - tip.gap
+    if depth <= 0.0:
+        return 0.0, tip.free, 0.0
+    force = law.stiffness * depth + 0.5 * law.damping * (tip.velocity + tip.free)
+    p = h * force / (1.0 + 0.5 * h * law.damping * tip.mobility)
+    if p <= 0.0:
+        return 0.0, tip.free, 0.0
+    return p, tip.free - tip.mobility * p, p
+
+
 def default_stiffness(structure: Structure) -> float:
     """Return ten times the static stiffness of the tip against its rigid motion, N/m.
 
@@ -61,7 +87,7 @@ def default_stiffness(structure: Structure) -> float:
     return _TIMES_STATIC / flexibility
 
 
-def by_spring(theta: float, stiffness: float, damping: float) -> Contact:
+def by_theta(theta: float, stiffness: float, damping: float) -> Contact:
     """Return the contact by a spring κ [N/m] and a damper c [N s/m] in steps of the θ-method."""
 
     def factor(h: float, w: Any) -> Any:
@@ -74,4 +100,15 @@ def by_spring(theta: float, stiffness: float, damping: float) -> Contact:
         stiffness=stiffness,
         rebounds=True,
         judges_heat=False,
+    )
+
+
+def in_differences(stiffness: float, damping: float) -> Contact:
+    """Return the contact by a spring κ [N/m] and a damper c [N s/m] in central differences."""
+    return Contact(
+        lambda cases: CentralSpring(stiffness, damping),
+        lambda h, w: 1 + 0.5 * h * damping * w,
+        "1 + hcW/2",
+        stiffness=stiffness,
+        rebounds=True,
     )
