@@ -105,7 +105,7 @@ def test_the_kept_table_is_what_the_script_prints(capsys: pytest.CaptureFixture[
 
     text, curves = bench_table.main(bench_limits.TINY, 1, 4, (8, 20), processes=False, extent=bench_scaling.TINY)
     assert capsys.readouterr().out == text
-    assert [curve.unit for curve in curves] == ["cases", "nodes", "nodes", "modes"]
+    assert [curve.unit for curve in curves] == ["cases", "nodes", "modes"]
     bench_scaling.draw(curves, tmp_path / "scaling.png")
     assert (tmp_path / "scaling.png").stat().st_size > 10_000
     kept = bench_table._parts(bench_table.TABLE.read_text())[1]
