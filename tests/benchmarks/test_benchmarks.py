@@ -89,7 +89,7 @@ def test_limits_print_their_table(capsys: pytest.CaptureFixture[str]) -> None:
         "NumPy",
         "SciPy",
         "histories",
-        "3000 nodes, 8 cases",
+        "200 nodes, 8 cases",
     ):
         assert any(what in line for line in lines), what
     assert any("two threads" in line and "same bits" in line for line in lines)
