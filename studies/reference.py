@@ -19,7 +19,18 @@ from matplotlib.figure import Figure
 from workflow import models, plots, reduction, schemes, variables
 from workflow.declare import quantity_of, word_of
 from workflow.study.addresses import TOLERANCE, settings
-from workflow.study.settings import Casing, CasingHarmonic, Cell, Friction, Initial, Load, LoadHarmonic, Output, Scene
+from workflow.study.settings import (
+    Casing,
+    CasingHarmonic,
+    Cell,
+    Friction,
+    Initial,
+    Load,
+    LoadHarmonic,
+    Output,
+    Scene,
+    Steady,
+)
 
 FILE = Path(__file__).with_name("REFERENCE.md")
 
@@ -42,7 +53,8 @@ TOP = (
     ("scene", "one model, `casing`, `load`, `initial`, `duration`, `speed`, `friction`"),
     ("schemes", "label: method and its options; a bare method name needs no entry"),
     ("axes", "settings of a case and values of the scene or of schemes by dotted path: a value, a list, "
-     "`{lin: [first, last, count]}` or `{log: [first, last, count]}`; each list is a dimension"),
+     "`{lin: [first, last, count]}` or `{log: [first, last, count]}`; each list is a dimension. One real-valued axis "
+     "may be `{branch: [from, to, points]}`: branches of steady rubs are followed along it"),
     ("zip", "axes that vary together, by the name of their dimension; or numbers of the scene, `e` and `alpha`, "
      "drawn: `{sample, points, seed, of}`"),
     ("zip.NAME.sample", "`random`, `latin_hypercube`, or `sobol_indices`: points × (numbers + 2) cases"),
@@ -130,10 +142,12 @@ def key_tables() -> Iterator[str]:
     ]
     groups += [(f"Options of `{n}`", schemes.load(n).Options, "schemes.LABEL.") for n in schemes.names()]
     groups.append(("Output", Output, "output."))
+    groups.append(("Steady rubs; or `steady: true`", Steady, "output.steady."))
     for title, declared, path in groups:
         rows = [
             row for row in keys(declared, path) if declared is not Scene or row[0] in ("scene.duration", "scene.speed")
         ]
+        rows = [row for row in rows if row[0] != "output.steady"]
         rows = [row for row in rows if declared is not Cell or is_setting(_field(Cell, row[0]))]
         rows += [tolerance()] if declared is Cell else []
         if rows:
@@ -166,11 +180,20 @@ def _field(declared: Any, name: str) -> dataclasses.Field[Any]:
     return next(entry for entry in dataclasses.fields(declared) if entry.name == name.split(".")[0])
 
 
-SHAPES = {"history": "(…, t)", "metric": "(…)", "period": "(…, period)", "flag": "(…), int8"}
+SHAPES = {
+    "history": "(…, t)",
+    "metric": "(…)",
+    "period": "(…, period)",
+    "flag": "(…), int8",
+    "phase": "(…, phase)",
+    "point": "(…, point), int8",
+}
 WHEN = {
     "always": "",
     "balances": "with `output.balances`",
     "sections": "with `output.sections`",
+    "steady": "with `output.steady`; along `point` of a branch",
+    "branch": "where an axis is a branch",
     "reference": "with a `reference`",
     "scheme": "",
     "auto": "with `auto`",

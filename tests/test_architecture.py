@@ -15,7 +15,18 @@ ROOT = Path(workflow.__file__).parent
 REPOSITORY = Path(__file__).parents[1]
 KEPT = REPOSITORY / "data" / "hard" / "grazing.nc"
 WITH_ERRORS = REPOSITORY / "data" / "work_precision.nc"
-PHYSICS = ("pinning", "declare", "variables", "registry", "kernels", "models", "reduction", "schemes", "judges")
+PHYSICS = (
+    "pinning",
+    "declare",
+    "variables",
+    "registry",
+    "kernels",
+    "models",
+    "reduction",
+    "schemes",
+    "orbits",
+    "judges",
+)
 FLOOR = ("study", "grid", "archive", "run", "analysis", "plots", "report", "cli")
 ORDER = {room: place for place, room in enumerate((*PHYSICS, *FLOOR))}
 HEAVY = ("bokeh", "xarray", "netCDF4", "h5py", "dask", "distributed", "numba", "matplotlib", "scipy", "pint")

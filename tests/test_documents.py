@@ -39,6 +39,12 @@ KEPT = [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for
 """Studies whose archives are kept in ``data/``, by path; ``pytest -m "slow or not slow" --regenerate`` writes them."""
 
 
+def said() -> str:
+    """Return README and guide, their lines joined."""
+    texts = (path.read_text(encoding="utf-8") for path in (ROOT / "README.md", ROOT / "studies" / "GUIDE.md"))
+    return " ".join(" ".join(texts).split())
+
+
 def blocks(language: str) -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
 
@@ -71,6 +77,31 @@ def test_the_recipes_of_the_architecture_are_those_that_run() -> None:
     ]
 
 
+def test_readme_is_read_at_one_sitting() -> None:
+    """Its links lead somewhere: files, and headings of what is written in Markdown."""
+    lines = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
+    assert len(lines) <= 170
+    assert max(map(len, lines)) <= 400
+    for document in (ROOT / "README.md", ROOT / "studies" / "GUIDE.md"):
+        for link in re.findall(r"\]\(([^)\s]+)\)", document.read_text(encoding="utf-8")):
+            name, _, heading = link.partition("#")
+            target = document.parent / name if name else document
+            assert target.exists(), link
+            titles = re.findall(r"^#+ (.*)$", target.read_text(encoding="utf-8"), re.MULTILINE) if heading else []
+            anchors = [re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-") for title in titles]
+            assert not heading or heading in anchors, link
+
+
+def test_words_of_the_workshop_stand_nowhere_that_users_read() -> None:
+    """In documents, studies with their titles, and notebooks; pages are made of these and of their own words."""
+    read = [ROOT / "README.md", *(ROOT / "studies").rglob("*.md"), *STUDIES, *(ROOT / "studies").rglob("*.ipynb")]
+    read += (ROOT / "workflow" / "report").glob("*.py")
+    for path in read:
+        words = " ".join(path.read_text(encoding="utf-8").lower().split())
+        for word in ("heavy chain", "first-order form", "multiply-adds", "telling"):
+            assert word not in words, (path, word)
+
+
 def test_readme_names_every_command() -> None:
     from workflow.cli import app
 
@@ -84,7 +115,7 @@ def test_readme_s_caption_is_what_its_notebook_prints() -> None:
     printed = "".join(line for cell in cells for out in cell.get("outputs", []) for line in out.get("text", []))
     shares = re.findall(r"(displacement|temperature|contact_force) +scheme ([\d.]+)%, reduction ([\d.]+)%", printed)
     (_, x, x_basis), (_, heat, heat_basis), (_, force, _) = shares
-    text = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    text = said()
     assert f"{x} % in displacement, {float(heat):.1f} % in temperature, {float(force):.1f} % in contact force" in text
     assert f"change its displacement by {x_basis} %, its temperature by {heat_basis} %" in text
 
@@ -104,12 +135,12 @@ def test_readme_s_errors_are_those_of_the_kept_archives() -> None:
     rebounds = heavy("impulse_error", "carpenter", 1e-6, 0.9)
     spring = heavy("impulse_error", "penalty_100", 1e-7)
     half_decade = 10**-5.5
-    central, cost = (heavy(name, "carpenter", half_decade) for name in ("impulse_error", "wall_time"))
-    cost /= heavy("wall_time", "event_driven", half_decade)
+    central, cost = (heavy(name, "carpenter", half_decade) for name in ("impulse_error", "processor_time"))
+    cost /= heavy("processor_time", "event_driven", half_decade)
     exact, euler, midpoint = (
         blade("displacement_error", scheme, half_decade) for scheme in ("event_driven", "implicit_euler", "midpoint")
     )
-    text = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    text = said()
     for claim in (
         f"impulse error {carpenter:.1g} against {moreau:.1g} at 1e-5 s",
         f"with errors of {min(coarse):.1%} to {max(coarse):.0%} at 1e-4 s".replace("%", " %"),

@@ -1,4 +1,7 @@
-"""A stranger's path: a study of their own from the README's snippets, run, decided on, reported, sliced in Python."""
+"""A newcomer's path by README and guide alone, from the clone to the answer; ``-m slow -s`` prints what its parts take.
+
+Blocks of the documents are run as they stand. What a newcomer adds is in this file.
+"""
 
 from __future__ import annotations
 
@@ -9,8 +12,10 @@ import os
 import re
 import shutil
 import subprocess
+import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -18,7 +23,7 @@ import pytest
 from terminal import workflow
 
 ROOT = Path(__file__).parents[1]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
+README, GUIDE = ((ROOT / name).read_text(encoding="utf-8") for name in ("README.md", "studies/GUIDE.md"))
 
 OWN = {
     "study: rub": "study: mine",
@@ -27,119 +32,220 @@ OWN = {
     "density: 4430": "density: 7800",
     "amplitude: 24": "amplitude: 30",
 }
-"""What a stranger changes in the README's study to have their own blade in it."""
+"""What a newcomer changes in the README's study to have their own blade in it."""
 
 AXES = """axes:
   scheme: [moreau, midpoint, event_driven]
   h: [1e-5, 1e-4]
-  alpha: 30
+  alpha: [0, 30]
   e: [0, 0.5]
   scene.casing.gap: [20 um, 24 um]
 """
 
+BEAM = """
+import numpy as np
 
-def printed_here(source: str, file: str) -> str:
-    """Return what a program prints in this process."""
-    output = io.StringIO()
-    with contextlib.redirect_stdout(output), warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        exec(compile(source, file, "exec"), {"__name__": "__main__", "__file__": file})
-    return output.getvalue().strip()
+n, ell = 20, 60e-3 / 20  # elements of a steel blade of 60 mm × 30 mm × 1.5 mm, pressed along its length
+EA, rhoA, cA, kA, expansion = 2.1e11 * 45e-6, 7800 * 45e-6, 7800 * 460 * 45e-6, 45 * 45e-6, 1.2e-5
 
 
-def block(language: str, holding: str = "") -> str:
-    """Return the README's first block of code in a language that holds some text."""
-    texts = re.findall(rf"```{language}\n(.*?)```", README, re.DOTALL)
-    return str(next(text for text in texts if holding in text))
+def assembled(element):
+    whole = np.zeros((n + 1, n + 1))
+    for k in range(n):
+        whole[k : k + 2, k : k + 2] += element
+    return whole[1:, 1:]  # clamped and kept cold at the root
 
 
-def own_study() -> str:
+share, difference = ell / 6 * np.array([[2, 1], [1, 2]]), np.array([[1, -1], [-1, 1]]) / ell
+M, K1 = assembled(rhoA * share), assembled(EA * difference)
+C2, K2 = assembled(cA * share), assembled(kA * difference)
+K12 = assembled(EA * expansion / 2 * np.array([[1, 1], [-1, -1]]))
+w = s = np.eye(n)[-1]
+"""
+"""Matrices that somebody brings: bar elements whose temperatures are linear, as their displacements."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """A directory, what runs ``workflow`` in it, and what returns the output of Python there."""
+
+    directory: Path
+    run: Callable[..., subprocess.CompletedProcess[str]]
+    python: Callable[[str], str]
+
+    def say(self, *words: str, fails: int = 0) -> str:
+        """Return what a command prints; it ends with a status."""
+        done = self.run(*words, cwd=self.directory)
+        assert done.returncode == fails, done.stderr
+        if fails:
+            return done.stderr
+        assert all("elapsed" in line for line in done.stderr.splitlines())  # of a run that takes minutes
+        return done.stdout
+
+    def write(self, name: str, text: str) -> str:
+        """Write a file and return its name."""
+        (self.directory / name).write_text(text, encoding="utf-8")
+        return name
+
+
+def block(language: str, holding: str = "", document: str = README) -> str:
+    """Return a document's first block of code in a language that holds some text."""
+    return next(text for text in re.findall(rf"```{language}\n(.*?)```", document, re.DOTALL) if holding in text)
+
+
+def own_study(axes: str = AXES) -> str:
     """Return the README's study with another blade and axes of their own."""
     text = block("yaml")
     for old, new in OWN.items():
         assert old in text
         text = text.replace(old, new)
-    return re.sub(r"axes:.*?(?=zip:)", AXES, text, flags=re.DOTALL)
+    return re.sub(r"axes:.*?(?=zip:)", axes, text, flags=re.DOTALL)
 
 
-def executed(file: Path) -> str:
-    """Return what a file of Python prints, run in this process and in its own directory."""
-    with contextlib.chdir(file.parent):
-        return printed_here(file.read_text(encoding="utf-8"), file.name)
-
-
-def follow(
-    directory: Path, run: Callable[..., subprocess.CompletedProcess[str]], python: Callable[[Path], str]
-) -> None:
-    """Go the whole path in a directory, with commands and with what prints the output of a file of Python there."""
-
-    def say(*words: str) -> str:
-        done = run(*words, cwd=directory)
-        assert done.returncode == 0, done.stderr
-        assert all("elapsed" in line for line in done.stderr.splitlines())  # of a run that takes minutes
-        return done.stdout
-
-    (directory / "mine.yaml").write_text(own_study(), encoding="utf-8")
-    assert "mine: " in say("plan", "mine.yaml")
-    assert "mine.nc: 72 cases" in say("run", "mine.yaml")
-    assert "status: 72 ok" in say("show", "mine.nc")
-    said = say("recommend", "mine.nc", "--tolerance", "2%")
+def own_blade(place: Place) -> None:
+    """Plan, run and decide on a study of one's own."""
+    place.write("mine.yaml", own_study())
+    assert "mine: " in place.say("plan", "mine.yaml")
+    assert "mine.nc: 144 cases" in place.say("run", "mine.yaml")
+    assert "status: 144 ok" in place.say("show", "mine.nc")
+    said = place.say("recommend", "mine.nc", "--tolerance", "2%")
     assert said.startswith("Within 2 % in all ")
-    answer = json.loads(say("recommend", "mine.nc", "--tolerance", "2%", "--json"))
-    assert answer["tolerance"] == 0.02
-    assert answer["worst"]["error"] <= 0.02
+    answer = json.loads(place.say("recommend", "mine.nc", "--tolerance", "2%", "--json"))
+    assert answer["worst"]["error"] <= answer["tolerance"] == 0.02
     assert answer["scheme"] in said
-    assert "page   mine.html" in say("report", "mine.nc")
-    page = (directory / "mine.html").read_text(encoding="utf-8")
-    assert 10_000 < len(page) < 6e6
-    sliced = block("python", "open_archive").replace('"blade.nc"', '"mine.nc"').replace("alpha=30, ", "")
-    script = f"import matplotlib\nmatplotlib.use('Agg')\n{sliced}\n{CURVE}"
-    (directory / "slice.py").write_text(script, encoding="utf-8")
-    assert python(directory / "slice.py").split() == ["('t',)", "2001", "N", "True"]
+    assert "page   mine.html" in place.say("report", "mine.nc")
+    assert 10_000 < (place.directory / "mine.html").stat().st_size < 6e6
 
 
-CURVE = """
-curve = hot["contact_force"].sel(e=0, h=1e-5)
-print(curve.dims, curve.size, curve.attrs["units"], bool(curve.max() > 1))
+def figure_and_tables(place: Place) -> None:
+    """Slice and plot as in the first screen, and write both tables for a paper, with steps as ``1e-05``."""
+    first = block("python", "open_archive").replace('"blade.nc"', '"mine.nc"')
+    assert "temperature_error" in place.python(first + block("python", "to_latex"))
+    assert (place.directory / "rub.pdf").read_bytes().startswith(b"%PDF")
+    head, *rows = (place.directory / "errors.csv").read_text().splitlines()
+    assert head == "h,moreau,midpoint,event_driven"
+    assert [row.split(",")[0] for row in rows] == ["1e-05", "0.0001"]
+    latex = (place.directory / "errors.tex").read_text()
+    assert "1e-05 & " in latex
+    assert r"event\_driven" in latex
+    assert "figure mine.pdf" in place.say("report", "mine.nc", "-o", "mine.pdf")
+
+
+def mistakes(place: Place) -> None:
+    """Two mistakes are told at once, each with its line and what would be right."""
+    text = own_study().replace("e: [0, 0.5]", "e: [0, 1.5]").replace("casing: {gap: 20 um}", "casing: {gap: 20 degC}")
+    lines = text.splitlines()
+    said = place.say("run", place.write("wrong.yaml", text), fails=2)
+    for wrong, right in (("e: [0, 1.5]", "1"), ("gap: 20 degC", "m")):
+        number = next(k for k, line in enumerate(lines, start=1) if wrong in line)
+        assert re.search(rf"wrong\.yaml:{number}\b.*{right}", said), said
+    said = place.say("run", "mine.yaml", "-s", "scene.casing.gap=10 um", fails=2)
+    assert "axes.scene.casing.gap" in said
+
+
+def own_beam(place: Place) -> None:
+    """Matrices of finite elements, written and run as README says."""
+    place.python(BEAM + block("python", "write_matrices"))
+    model = block("yaml", "matrices:").partition("scene:\n")[2]
+    text = re.sub(r"  blade: .*?\n(?=  casing)", model, own_study(), flags=re.DOTALL).replace(
+        "study: mine", "study: fe"
+    )
+    for old, new in (("amplitude: 30", "amplitude: 4500"), ("alpha: [0, 30]", "alpha: [0, 1e-3]")):  # it is stiffer
+        text = text.replace(old, new)
+    place.write("fe.yaml", text)
+    said = place.say("plan", "fe.yaml")
+    assert f"tip stiffness {2.1e11 * 45e-6 / 60e-3:.4g} N/m" in said
+    assert "fe.nc: 144 cases" in place.say("run", "fe.yaml")
+    assert place.say("recommend", "fe.nc").startswith("Within 1 % in all ")
+
+
+def shares(place: Place) -> None:
+    """Sobol' indices of two clearances (at rest, and what the casing lacks of being round) and α."""
+    axes = "axes: {scheme: event_driven, mechanical_modes: 3, thermal_modes: 12}\n"
+    text = own_study(axes).replace("study: mine", "study: shares")
+    casing = "casing: {gap: 20 um, harmonics: [{order: 2, amplitude: 5 um}]}"
+    assert casing in GUIDE
+    text = text.replace("casing: {gap: 20 um}", casing).replace("duration: 2 s", "duration: 0.4 s\n  speed: 300 rpm")
+    drawn = block("yaml", "sobol_indices", GUIDE).replace("points: 256", "points: 32")
+    drawn = drawn.replace("alpha: {log", "scene.casing.harmonics.0.amplitude: [1 um, 5 um], alpha: {log")
+    text = re.sub(r"zip:.*?(?=reference:)", drawn, text, flags=re.DOTALL)
+    place.write("shares.yaml", re.sub(r"reference: .*\n", "", text))
+    assert "shares.nc: 160 cases" in place.say("run", "shares.yaml")
+    code = """import workflow
+
+indices = workflow.sobol(workflow.open_archive("shares.nc"), "contact_impulse")
+print(*indices["number"].values, float(indices["total"].sum()) > 0.9)
 """
+    assert place.python(code).strip() == "gap harmonic_amplitude alpha True"
+    place.say("report", "shares.nc")
 
 
-def test_a_study_of_their_own(tmp_path: Path) -> None:
+PARTS = (own_blade, figure_and_tables, mistakes, own_beam, shares)
+
+
+def printed_here(source: str, directory: Path) -> str:
+    """Return what a program prints in this process."""
+    output = io.StringIO()
+    with contextlib.chdir(directory), contextlib.redirect_stdout(output), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        exec(f"import matplotlib\nmatplotlib.use('Agg')\n{source}", {"__name__": "__main__"})
+    return output.getvalue()
+
+
+def test_own_blade_mistakes_beam_tables_and_shares(tmp_path: Path) -> None:
     """In this process; the slow test starts the commands that are installed."""
-    follow(tmp_path, workflow, executed)
+    place = Place(tmp_path, workflow, lambda source: printed_here(source, tmp_path))
+    for part in PARTS:
+        part(place)
 
 
-def test_the_python_of_the_readme_runs(tmp_path: Path) -> None:
-    """`In Python` as it stands, beside the studies it names."""
+def test_the_python_of_the_guide_runs(tmp_path: Path) -> None:
+    """Beside the studies it names."""
     shutil.copytree(ROOT / "studies", tmp_path / "studies", ignore=shutil.ignore_patterns("*.ipynb", "*.png"))
-    (tmp_path / "in_python.py").write_text(block("python", "run_study"), encoding="utf-8")
-    assert "{'ok': " in executed(tmp_path / "in_python.py")
+    assert "{'ok': " in printed_here(block("python", "run_study", GUIDE), tmp_path)
     assert (tmp_path / "coarse.nc").exists()
 
 
+@contextlib.contextmanager
+def timed(part: str) -> Iterator[None]:
+    """Print what a part takes."""
+    begun = time.perf_counter()
+    yield
+    print(f"{part:24} {time.perf_counter() - begun:6.1f} s", flush=True)
+
+
 @pytest.mark.slow
-def test_a_stranger_installs_it_first(tmp_path: Path) -> None:
-    """The README's own commands in a fresh copy of what is under version control, then the whole path."""
-    copy = tmp_path / "copy"
-    subprocess.run(["git", "clone", "-q", str(ROOT), str(copy)], check=True)
-    install = re.search(r"<!-- run -->\n```sh\n(.*?)\n```", README, re.DOTALL)
-    assert install is not None
+def test_a_newcomer_installs_it_first(tmp_path: Path) -> None:
+    """The README's commands in a fresh clone, with nothing compiled, then the whole path with what is installed."""
+    copy = tmp_path / "clone"
     environment = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "VIRTUAL_ENV")}
-    done = subprocess.run(
-        install[1], shell=True, cwd=copy, capture_output=True, text=True, timeout=1800, env=environment
-    )
-    assert done.returncode == 0, done.stderr
-    assert (copy / "blade.nc").exists()
-    assert (copy / "blade.html").exists()
+    environment["NUMBA_CACHE_DIR"] = str(tmp_path / "kernels")
+
+    def typed(*command: str, cwd: Path = copy) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=1800, env=environment)
+
+    with timed("clone"):
+        assert typed("git", "clone", "-q", str(ROOT), str(copy), cwd=tmp_path).returncode == 0
+    found = re.search(r"<!-- run -->\n```sh\n(.*?)\n```", README, re.DOTALL)
+    assert found is not None
+    for command in re.split(" && |\n", found[1]):
+        with timed(" ".join(command.split()[:3]).removeprefix(".venv/bin/")):
+            done = typed("bash", "-c", command)
+        print(done.stdout, done.stderr, sep="", end="")
+        assert done.returncode == 0
+    assert all((copy / f"blade.{kind}").exists() for kind in ("nc", "png", "html"))
     (tmp_path / "work").mkdir()
     binary = copy / ".venv" / "bin"
-
-    def installed(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-        command = [str(binary / "workflow"), *words]
-        return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=300)
-
-    def executed_there(file: Path) -> str:
-        command = [str(binary / "python"), file.name]
-        return subprocess.run(command, cwd=file.parent, capture_output=True, text=True, timeout=120, check=True).stdout
-
-    follow(tmp_path / "work", installed, executed_there)
+    place = Place(
+        tmp_path / "work",
+        lambda *words, cwd: typed(str(binary / "workflow"), *words, cwd=cwd),
+        lambda source: typed(str(binary / "python"), "-c", source, cwd=tmp_path / "work").stdout,
+    )
+    with timed("README's answer"):
+        answer = typed(str(binary / "workflow"), "recommend", "blade.nc").stdout
+    quoted = block("console").partition("\n")[2].replace("\n", " ")
+    for words in (r"^.*?, at ", r"its largest error is .*?,"):  # costs are those of a machine
+        assert re.findall(words, answer) == re.findall(words, quoted)
+    for part in PARTS:
+        with timed(part.__name__.replace("_", " ")):
+            part(place)

@@ -20,7 +20,7 @@ def cases(scale: float = 1.0, interval: float = 0.1, alphas: tuple[float, ...] =
             "displacement": (("alpha", "t"), scale * (1 + alpha[:, None]) * np.sin(t)),
             "contact_impulse": ("alpha", scale * alpha),
             "critical_alpha": ("alpha", np.full(alpha.size, np.inf)),
-            "wall_time": ("alpha", np.full(alpha.size, scale)),
+            "processor_time": ("alpha", np.full(alpha.size, scale)),
             "status": ("alpha", np.zeros(alpha.size, dtype=np.int8)),
         },
         coords={"alpha": alpha, "t": t, "h": 1e-3 * scale},
@@ -51,7 +51,7 @@ def test_cases_are_paired_by_label_and_samples_by_instant() -> None:
 
 def test_what_cannot_be_compared_is_said() -> None:
     with pytest.raises(ValueError, match="no result in common"):
-        compare(cases()[["wall_time"]], cases())
+        compare(cases()[["processor_time"]], cases())
     with pytest.raises(ValueError, match="no `alpha` in common"):
         compare(cases(), cases(1.0, 0.1, (7.0,)).sel(alpha=[7.0]))
     late = cases().assign_coords(t=cases()["t"] + 0.05)

@@ -81,7 +81,7 @@ def study(e_matters: float) -> xr.Dataset:
             "contact_impulse": (dims, impulse),
             "max_temperature": (dims, np.zeros(shape)),
             **dict.fromkeys(names, (dims, error)),
-            "wall_time": (dims, np.broadcast_to(1e-3 / h[:, None, None], shape)),
+            "processor_time": (dims, np.broadcast_to(1e-3 / h[:, None, None], shape)),
             "max_penetration": (dims, error),
             "predictability": (dims, np.full(shape, 1e-13)),
         },

@@ -22,7 +22,7 @@ def archive() -> xr.Dataset:
         {
             **{name: (dims, value) for name, value in values.items()},
             "status": (dims, status),
-            "wall_time": (dims, np.broadcast_to(np.array([3e-8, 1e-8])[:, None, None] / h[:, None], shape)),
+            "processor_time": (dims, np.broadcast_to(np.array([3e-8, 1e-8])[:, None, None] / h[:, None], shape)),
         },
         coords={"scheme": ["fine", "rough"], "h": h, "gap": gap, "alpha": 30.0},
         attrs={"duration": 2.0},

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -40,7 +41,7 @@ def sample_layout(
     variables = [
         archive.Variable("status", "flag", "i1", STATUS_ATTRS),
         archive.Variable("impacts", "metric", "f8", {"units": "1", "long_name": "number of impacts"}),
-        archive.Variable("wall_time", "metric", "f8", {"units": "s", "long_name": "computing time"}),
+        archive.Variable("processor_time", "metric", "f8", {"units": "s", "long_name": "processor time"}),
         archive.Variable("batch_width", "metric", "f8", {"units": "1", "long_name": "cases of the batch"}),
     ]
     if samples:
@@ -55,8 +56,7 @@ def sample_layout(
         variables.append(archive.Variable("period_impulse", "period", "f8", attrs))
     return archive.Layout(
         dims=dims,
-        samples=samples,
-        periods=periods,
+        tails={name: size for name, size in {"t": samples, "period": periods}.items() if size},
         chunk=chunk or min(10, dims[-1][1] if dims else 1),
         coordinates=tuple(coordinates),
         variables=tuple(variables),
@@ -71,6 +71,18 @@ def sample_layout(
         provenance={"study": "study: été\ntitle: x\n", "versions": "{}", "hashes": "0123456789abcdef\n" * 5000},
         key=key,
     )
+
+
+def branch_layout() -> archive.Layout:
+    """A layout of branches: metrics and flags along ``point``, orbits along ``phase`` too."""
+    layout, attrs = sample_layout(DIMS[1:], samples=0, periods=0, chunk=1), {"units": "m", "long_name": "displacement"}
+    flags = {"long_name": "what happens at a point", "flag_values": [0, 1], "flag_meanings": "none fold"}
+    along = (
+        archive.Variable("gap", "point", "f8", attrs),
+        archive.Variable("bifurcation", "point", "i1", flags),
+        archive.Variable("orbit_displacement", "point phase", "f8", attrs),
+    )
+    return dataclasses.replace(layout, tails={"point": 7, "phase": 4}, variables=(*layout.variables, *along))
 
 
 def _coordinate(name: str, size: int) -> archive.Coordinate:
@@ -92,7 +104,7 @@ def sample_results(layout: archive.Layout, seed: int = 0) -> dict[str, Any]:
             results["status"] = failed.astype("i1")
         else:
             values = random.normal(size=shape).astype(variable.dtype)
-            values[failed] = np.nan
+            values[failed] = variable.fill
             results[variable.name] = values
     return results
 

@@ -120,7 +120,7 @@ def test_what_the_checker_does_not_ask(tmp_path: Path) -> None:
         assert np.isnan(file["impacts"].getncattr("_FillValue"))
         assert file["status"].getncattr("flag_values").dtype == np.int8
     with xr.open_dataset(path) as dataset:
-        assert dataset["wall_time"].dtype == float  # seconds, not a timedelta
+        assert dataset["processor_time"].dtype == float  # seconds, not a timedelta
         assert dataset["t"].dtype == float
 
 

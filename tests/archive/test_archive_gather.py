@@ -20,6 +20,7 @@ import pytest
 import xarray as xr
 from archive_samples import (
     DIMS,
+    branch_layout,
     check_dataset,
     make_archive,
     put_all,
@@ -47,6 +48,7 @@ LAYOUTS = {
     "no histories": sample_layout(samples=0),
     "no periods": sample_layout(periods=0),
     "metrics alone": sample_layout(samples=0, periods=0),
+    "branches": branch_layout(),
 }
 
 
@@ -58,6 +60,15 @@ def test_what_goes_in_comes_out(tmp_path: Path, layout: archive.Layout) -> None:
     with archive.open_archive(path) as dataset:
         check_dataset(dataset, layout, results)
     with xr.open_dataset(path) as dataset:
+        check_dataset(dataset, layout, results)
+
+
+def test_orbits_of_branches_are_cut_along_their_points(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_layout, "CHUNK_BYTES", 3 * 4 * 8)
+    layout = branch_layout()
+    assert layout.chunk_of(layout.variables[-1]) == (1, 1, 3, 4)
+    results = sample_results(layout)
+    with archive.open_archive(make_archive(tmp_path / "a.nc", layout, results, range(1, layout.units, 4))) as dataset:
         check_dataset(dataset, layout, results)
 
 
@@ -104,8 +115,8 @@ def test_results_in_pieces_have_one_content(tmp_path: Path) -> None:
     assert len(hashes) == 1
 
 
-@pytest.mark.parametrize("name", ["wall_time", "batch_width"])
-def test_content_does_not_depend_on_chunks_or_computing_time(tmp_path: Path, name: str) -> None:
+@pytest.mark.parametrize("name", ["processor_time", "batch_width"])
+def test_content_does_not_depend_on_chunks_or_processor_time(tmp_path: Path, name: str) -> None:
     results = sample_results(LAYOUTS["whole rows"])
     first = make_archive(tmp_path / "a.nc", LAYOUTS["whole rows"], results)
     later = results | {name: results[name] + 1}
@@ -166,7 +177,7 @@ def test_one_nan_is_as_good_as_another(tmp_path: Path) -> None:
     layout = LAYOUTS["metrics alone"]
     results = sample_results(layout)
     other = {name: values.copy() for name, values in results.items()}
-    for name in ("impacts", "wall_time"):
+    for name in ("impacts", "processor_time"):
         other[name][np.isnan(other[name])] = np.uint64(0xFFF8_0000_0000_0001).view(np.float64)
     assert other["impacts"].tobytes() != results["impacts"].tobytes()
     a = make_archive(tmp_path / "a.nc", layout, results)

@@ -85,7 +85,7 @@ def test_values_of_an_axis_keep_the_order_of_the_study(tmp_path: Path) -> None:
     values = [0.5, 0.0, 0.9]
     axis = archive.Coordinate("e", ("e",), np.array(values), {"units": "1", "long_name": "restitution"})
     status = archive.Variable("status", "flag", "i1", {"long_name": "how the case ended"})
-    layout = archive.Layout((("e", 3),), 0, 0, 2, (axis,), (status,), {}, {}, "key")
+    layout = archive.Layout((("e", 3),), {}, 2, (axis,), (status,), {}, {}, "key")
     path = make_archive(tmp_path / "a.nc", layout, {"status": np.zeros(3, "i1")})
     with archive.open_archive(path) as dataset:
         assert dataset["e"].values.tolist() == values

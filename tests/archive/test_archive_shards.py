@@ -228,7 +228,7 @@ def test_layouts_that_contradict_themselves_are_refused() -> None:
     wrong = {
         "chunk": {"chunk": 26},
         "distinct names": {"dims": (("e", 3), ("e", 25))},
-        "no such dimension": {"samples": 0, "coordinates": ()},
+        "no such dimension": {"tails": {}, "coordinates": ()},
         "flag 'status'": {"variables": tuple(others)},
         "names used twice": {"variables": (status, status)},
         "does not fit": {"dims": (("scheme", 2), ("e", 4), ("alpha", 25))},
@@ -248,7 +248,7 @@ def test_layouts_that_contradict_themselves_are_refused() -> None:
 def test_the_layout_comes_back_from_its_directory(parts: Path) -> None:
     stored = archive.read_layout(parts)
     assert stored.structure == LAYOUT.structure
-    for name in ("dims", "samples", "periods", "chunk", "attrs", "provenance", "key", "variables"):
+    for name in ("dims", "tails", "chunk", "attrs", "provenance", "key", "variables"):
         mine, theirs = getattr(LAYOUT, name), getattr(stored, name)
         if name == "variables":
             mine, theirs = [vars(v) for v in mine], [vars(v) for v in theirs]

@@ -26,7 +26,7 @@ def test_a_line_comes_again_and_again_without_a_terminal(tmp_path: Path, monkeyp
     lines: list[str] = []
     twice = threading.Event()
 
-    def complain(line: str) -> None:
+    def print_error(line: str) -> None:
         lines.append(line)
         if len([line for line in lines if "34 %" in line]) >= 2:
             twice.set()
@@ -38,7 +38,7 @@ def test_a_line_comes_again_and_again_without_a_terminal(tmp_path: Path, monkeyp
 
     assert _progress.EVERY == 60
     monkeypatch.setattr(_progress, "EVERY", 0.01)
-    monkeypatch.setattr(_progress, "complain", complain)
+    monkeypatch.setattr(_progress, "print_error", print_error)
     monkeypatch.setattr(workflow.run, "run_study", slow_run)
     result = CliRunner().invoke(app, ["run", str(written(SINGLE, tmp_path)), "-o", str(tmp_path / "a.nc")])
     assert result.exit_code == 0

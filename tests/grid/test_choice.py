@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from quick import hashes_of
 from random_scenes import random_scene
@@ -15,7 +16,8 @@ from scenes import relative
 from studies import SCENE, parsed
 from workflow import schemes
 from workflow.analysis import decided, labels_of, mode_counts, recommend, recommendation_json, sentence
-from workflow.archive import open_archive
+from workflow.archive import open_archive, provenance
+from workflow.cli import app
 from workflow.grid import (
     Choice,
     Decided,
@@ -210,6 +212,28 @@ def test_a_hardest_case_that_fails_leaves_what_transfer_functions_ask_for(monkey
     assert "not confirmed" in choice.against
     assert any("transfer functions" in text for text in plan_study(requested).warnings)
     assert np.isnan(solve(arrange(requested), 0, np.arange(1)).values["basis_error"]).all()
+
+
+@pytest.mark.parametrize(
+    ("reference", "told"),
+    [("", "only a `reference` would tell"), ("reference: {mechanical_modes: full, thermal_modes: full}", "own errors")],
+)
+def test_corners_that_are_left_out_are_named_with_what_that_means(tmp_path: Path, reference: str, told: str) -> None:
+    """By `plan`, by the archive and by `show`: a tip that runs away leaves the numbers at the stronger coupling."""
+    requested = study(f"alpha: [1, 1e9], {AUTO}, tolerance: 1e-2", reference)
+    [choice] = arrange(requested).choices.cases.values()
+    assert choice.error <= 1e-2
+    assert choice.untried.startswith("without 1 of 2 corners of the scene: alpha = 1e+09 (diverged: the state left")
+    [caution] = [text for text in plan_study(requested).warnings if "corners" in text]
+    assert choice.untried in caution
+    assert told in caution
+    path = tmp_path / "a.nc"
+    assert caution in run_study(requested, path, threads=1).warnings
+    assert caution in CliRunner().invoke(app, ["show", str(path)]).output
+    with open_archive(path) as archive:
+        assert caution in archive.attrs["warnings"]
+    [kept] = read_choices(provenance(path)["choices"]).cases.values()
+    assert kept == choice
 
 
 def test_what_the_exact_scheme_refuses_is_tried_by_implicit_euler(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import sys
+import time
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ from hypothesis import strategies as st
 
 from studies import HEAVY_SCENE, ILL, SCENE, SINGLE, SMALL, parsed
 from workflow import schemes
+from workflow.cli.plan import _lines as plan_lines
 from workflow.grid import _tasks as cutting
 from workflow.grid import arrange, plan, plan_study, solve, tasks, units_of
 from workflow.schemes import Status
@@ -215,19 +218,34 @@ def test_what_raises_fails_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     assert partly_failed.messages[2] == "FloatingPointError: no luck with alpha = 10"
     assert np.all(np.isnan(partly_failed.values["displacement"][bad]))
     for name in clean.values:
-        if name not in ("wall_time", "batch_width"):
+        if name not in ("processor_time", "batch_width"):
             assert np.array_equal(partly_failed.values[name][~bad], clean.values[name][~bad], equal_nan=True)
 
 
-def test_wall_time_has_the_width_of_its_batch_beside_it() -> None:
+def test_processor_time_has_the_width_of_its_batch_beside_it() -> None:
     """Cases are timed by the batch: of three values of alpha and two of e six ran together, of carpenter's three."""
     text = "study: a\n" + SCENE + "axes: {scheme: [moreau, carpenter], h: 1e-5, alpha: [1, 2, 3], e: [0, 0.5]}\n"
     grid = arrange(parsed(text))
     for outer, width in ((0, 6), (1, 3)):
         values = solve(grid, outer, np.arange(6)).values
         assert np.all(values["batch_width"] == width)
-        assert np.unique(values["wall_time"]).size == 1
+        assert np.unique(values["processor_time"]).size == 1
     assert np.all(solve(grid, 0, np.arange(2)).values["batch_width"] == 2)
+
+
+def test_waiting_is_no_processor_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Work of one thread counts, not what others do meanwhile: a scheme sleeps 0.3 s."""
+    grid = arrange(parsed("study: a\n" + SCENE + "axes: {h: 1e-4, alpha: [1, 2]}\n"))
+    moreau = import_module("workflow.schemes.moreau")
+    compute = moreau.compute
+
+    def sleepy(*given: Any) -> Any:
+        time.sleep(0.3)
+        return compute(*given)
+
+    monkeypatch.setattr(moreau, "compute", sleepy)
+    seconds = solve(grid, 0, np.arange(2)).values["processor_time"]
+    assert 0 < seconds.sum() < 0.15
 
 
 def test_start_in_equilibrium_stays_there() -> None:
@@ -281,6 +299,22 @@ output: {interval: 1 ms}
     assert "0.32 at h = 0.0001 s" in warnings
     assert "early diverges, its free step grows" in warnings
     assert planned.bytes > 8 * 301 * 3 * 8
+
+
+@pytest.mark.parametrize("given", ["tip_stiffness: 2.1e8", "youngs_modulus: 210 GPa"])
+def test_a_plan_says_by_which_parameter_a_blade_is_how_stiff(given: str) -> None:
+    """A rod has K = EA/L, f1² = K/(16 m) and, without convection, α_c = 2 λA/(K a L²)."""
+    blade = "length: 40 mm, width: 40 mm, thickness: 1 mm, density: 7800, specific_heat: 460, conductivity: 45"
+    scene = f"{{blade: {{nodes: 100, {blade}, expansion: 1.2e-5, {given}}}, casing: {{gap: 1 um}}, duration: 1 ms}}"
+    planned = plan_study(f"study: stiff\nscene: {scene}\n")
+    [figures] = planned.structures
+    stiffness, mass, area = 2.1e8, 7800 * 0.04 * 40e-6, 40e-6
+    assert figures.tip_stiffness == pytest.approx(stiffness, rel=1e-9)
+    assert figures.first_frequency == pytest.approx((stiffness / (16 * mass)) ** 0.5, rel=1e-4)
+    assert figures.critical_alpha == pytest.approx(2 * 45 * area / (stiffness * 1.2e-5 * 0.04**2), rel=1e-9)
+    [line] = [line for line in plan_lines(planned) if "f1" in line]
+    assert f"tip stiffness 2.1e+08 N/m by {given.partition(':')[0]}, " in line
+    assert f"critical alpha {figures.critical_alpha:.4g} W/N" in line
 
 
 def test_a_plan_names_every_operator_and_the_basis_a_caution_is_of() -> None:

@@ -1,4 +1,4 @@
-"""What a page holds of an archive: thinned histories, rounded metrics, telling cases, and bounds of size."""
+"""What a page holds of an archive: thinned histories, rounded metrics, notable cases, and bounds of size."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from workflow.analysis import exact_partners, recommend, telling
+from workflow.analysis import exact_partners, notable_cases, recommend
 from workflow.plots import explorer, page_data, shown_part
 from workflow.plots._thinned import Pack, levels, rounded, thinned, thinned_times
 from workflow.plots._units import scaled
@@ -49,7 +49,7 @@ def archive(**sizes: int) -> xr.Dataset:
     status[(-1,) * len(dims)] = 1
     data = {
         "status": (dims, status),
-        "wall_time": (dims, np.full(shape, 2e-3)),
+        "processor_time": (dims, np.full(shape, 2e-3)),
         "max_temperature": (dims, RNG.random(shape)),
         **{f"{name}_error": (dims, error) for name in ("displacement", "temperature", "impulse")},
     }
@@ -105,14 +105,14 @@ def test_units_are_those_of_what_is_small() -> None:
 
 def test_the_first_case_is_the_worst_of_the_choice_and_each_extreme_is_named() -> None:
     dataset = archive(scheme=3, h=4, gap=5)
-    telling_cases = telling(dataset, recommend(dataset, 0.0025).choice)
-    scheme, step, _ = np.unravel_index(telling_cases[0].case, (3, 4, 5))
+    notable = notable_cases(dataset, recommend(dataset, 0.0025).choice)
+    scheme, step, _ = np.unravel_index(notable[0].case, (3, 4, 5))
     assert (scheme, step) == (0, 0) or scheme == 1
-    named = {one.why: one.case for one in telling_cases}
+    named = {one.why: one.case for one in notable}
     assert named["the first case that is diverged"] == 59
     hottest = np.where(dataset["status"] == 0, dataset["max_temperature"], 0)
     assert named["hottest tip"] == int(np.argmax(hottest))
-    assert len({one.case for one in telling_cases}) == len(telling_cases)
+    assert len({one.case for one in notable}) == len(notable)
 
 
 def test_exact_partners_have_the_same_scene() -> None:
@@ -132,12 +132,12 @@ def test_exact_partners_have_the_frequency_that_a_zip_gives_with_the_step() -> N
 
 def test_a_large_archive_is_shown_in_part_and_the_page_says_which() -> None:
     dataset = archive(h=3, alpha=90_000)
-    telling_cases = telling(dataset, recommend(dataset, 0.0025).choice)
-    shown = shown_part(dataset, telling_cases)
+    notable = notable_cases(dataset, recommend(dataset, 0.0025).choice)
+    shown = shown_part(dataset, notable)
     assert shown.dataset.sizes["h"] == 3
-    assert 2000 <= shown.dataset.sizes["alpha"] <= 2000 + len(telling_cases) + 1
+    assert 2000 <= shown.dataset.sizes["alpha"] <= 2000 + len(notable) + 1
     assert shown.left_out == (f"alpha: {shown.dataset.sizes['alpha']} of its 90000 values",)
-    for one, case in zip(telling_cases, shown.cases, strict=True):
+    for one, case in zip(notable, shown.cases, strict=True):
         whole, part = np.unravel_index(one.case, (3, 90_000)), np.unravel_index(case, shown.dataset["status"].shape)
         assert dataset["alpha"][whole[1]] == shown.dataset["alpha"][part[1]]
 
@@ -146,8 +146,8 @@ def test_a_block_keeps_to_its_room_and_tells_what_it_leaves_out() -> None:
     dataset = archive(h=2, alpha=1000, gap=50)
     for k in range(12):
         dataset[f"extra_{k}"] = (dataset["status"].dims, RNG.random(dataset["status"].shape))
-    telling_cases = telling(dataset, recommend(dataset, 0.0025).choice)
-    shown = shown_part(dataset, telling_cases)
+    notable = notable_cases(dataset, recommend(dataset, 0.0025).choice)
+    shown = shown_part(dataset, notable)
     described, text = page_data(shown.dataset, shown.cases, {}, {}, 3_000_000)
     assert len(text) < 3_000_000
     assert described["left_out"]

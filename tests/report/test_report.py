@@ -216,7 +216,7 @@ def test_a_report_begins_with_the_answer_and_says_where_it_comes_from(
     )
     assert 'class="accurate"' in text  # the exact scheme, though a model of one mode errs
     assert "its study has no <code>reference</code>" in reports[1].page.read_text(encoding="utf-8")
-    for word in ("computing time", "processor", " threads", "written", "numba", "Effective e: ", "Energy residual: "):
+    for word in ("processor time", "processor", " threads", "written", "numba", "Effective e: ", "Energy residual: "):
         assert word in text, word
 
 

@@ -212,6 +212,23 @@ def test_workers_end_with_their_parent_and_the_next_run_goes_on(how: str, tmp_pa
     assert len(computed(again)) == 16 - done
 
 
+@pytest.mark.slow
+def test_ctrl_c_while_workers_start_leaves_one_sentence(tmp_path: Path) -> None:
+    """At two dozen instants after the first process has been started, as a terminal sends it: to all of them."""
+    study = written(STUDY, tmp_path)
+    for instant in np.arange(24) * 0.08:
+        settings = environment(tmp_path / f"{instant}", WATCHED_SLEEP="0.3")
+        with started("workflow", "run", study, "--workers", "2", cwd=tmp_path, env=settings) as run:
+            children = Path(f"/proc/{run.pid}/task/{run.pid}/children")
+            until(lambda children=children: children.read_text() != "")  # type: ignore[misc]
+            time.sleep(instant)
+            os.killpg(run.pid, signal.SIGINT)
+            _, err = run.communicate(timeout=PATIENCE)
+        assert run.returncode == 130, (instant, err)
+        assert len(err.splitlines()) == 1, (instant, err)
+        assert err.startswith("stopped; "), (instant, err)
+
+
 def test_a_run_whose_workers_have_all_left_ends_and_the_next_one_goes_on(tmp_path: Path, expected: str) -> None:
     study, notes, archive = written(STUDY, tmp_path), tmp_path / "notes", tmp_path / "many.nc"
     words = ("run", study, "--scheduler")

@@ -130,6 +130,8 @@ def test_words() -> None:
     assert in_words(Advance(5, 4, {}, 0.8, 61.0, 2.0), 64.0, 3.0) == "80 %, 1:04 elapsed, 0:00 left; 4 of 5 cases"
     late = in_words(Advance(5, 4, {}, 0.8, 61.0, 2.0), 121.0, 60.0)
     assert late == "80 %, 2:01 elapsed, longer than estimated; 4 of 5 cases"
+    with waiting_for("compiling (once)"):
+        assert in_words(advance, 60.0, 47.0).startswith("compiling (once); 34 %, 1:00 elapsed; 204 of 540 cases")
 
 
 @pytest.mark.parametrize("what", ["compiling (once)", "references", "trials of `auto`", "cases", "gathering"])

@@ -42,7 +42,8 @@ def bodies(draw: st.DrawFn) -> tuple[float, Described]:
         springs = np.append(0.0, numbers(draw, n - 1, 1e4, 1e8))
         lumps: dict[str, Any] = {"nodes": n, "mass": numbers(draw, n, 1e-3, 0.1), "stiffness": springs}
         lumps |= {"heat_capacity": 1.0}
-        damping = Rayleigh(draw(st.floats(0.0, 100.0))) if kind == "braked by air" else Rayleigh()
+        drag = draw(st.one_of(st.just(0.0), st.floats(-8.0, 2.0).map(lambda power: 10.0**power)))
+        damping = Rayleigh(drag) if kind == "braked by air" else Rayleigh()
         items = {name: value if np.isscalar(value) else tuple(value) for name, value in lumps.items()}
         structure, plain = chain(**items, damping=damping), plain_chain(lumps, damping)
         if kind == "on dashpots":  # from node to node and to the ground

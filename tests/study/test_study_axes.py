@@ -342,7 +342,7 @@ def test_schema_follows_the_declarations() -> None:
     assert not re.search(text["pattern"], "mm")
     axes = schema["$defs"]["axes"]["properties"]
     assert {"e", "h", "alpha", "scheme", "scene.casing.gap", "scene.blade.length", "scene.chain.mass"} <= set(axes)
-    assert {"lin", "log"} == {key for form in axes["e"]["anyOf"] for key in form.get("properties", {})}
+    assert {"lin", "log", "branch"} == {key for form in axes["e"]["anyOf"] for key in form.get("properties", {})}
 
 
 def test_schema_accepts_the_examples_and_refuses_what_the_reader_refuses() -> None:

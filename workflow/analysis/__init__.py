@@ -21,7 +21,9 @@ from workflow.analysis._casing import casing_motion, period_frequency
 from workflow.analysis._compare import compare
 from workflow.analysis._decided import Decided, decided
 from workflow.analysis._effects import Hidden, effect, hidden
+from workflow.analysis._limits import Limit, Limits, NothingSteadyError, flags_of, followed_axis, limit_sentence, limits
 from workflow.analysis._motion import contact_loss, energy_kept, growth, impact_speeds, impulse_growth
+from workflow.analysis._notable import NotableCase, exact_partners, is_exact, notable_cases, total_error
 from workflow.analysis._phases import contact_phases
 from workflow.analysis._precision import (
     ERRORS,
@@ -50,7 +52,6 @@ from workflow.analysis._recommend_words import row as recommendation_row
 from workflow.analysis._recommend_words import sentence, undecidable
 from workflow.analysis._sobol import drawn_dim, sobol
 from workflow.analysis._standing import ACCURATE, RULE, Range, Standing, ranges, standings
-from workflow.analysis._telling import Telling, exact_partners, is_exact, telling, total_error
 from workflow.analysis._work import work_precision
 
 __all__ = [
@@ -64,12 +65,15 @@ __all__ = [
     "Decided",
     "Failures",
     "Hidden",
+    "Limit",
+    "Limits",
     "Line",
     "NoReferenceError",
+    "NotableCase",
+    "NothingSteadyError",
     "Range",
     "Recommendation",
     "Standing",
-    "Telling",
     "Winner",
     "Worst",
     "case_dims",
@@ -85,6 +89,8 @@ __all__ = [
     "exact_partners",
     "failures",
     "finest",
+    "flags_of",
+    "followed_axis",
     "growth",
     "has_lines",
     "hidden",
@@ -93,9 +99,12 @@ __all__ = [
     "is_exact",
     "labels",
     "labels_of",
+    "limit_sentence",
+    "limits",
     "lines",
     "mode_counts",
     "naming",
+    "notable_cases",
     "numerical_dims",
     "observed_order",
     "period_frequency",
@@ -111,7 +120,6 @@ __all__ = [
     "simulated_seconds",
     "sobol",
     "standings",
-    "telling",
     "total_error",
     "undecidable",
     "value_text",

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from workflow.archive import LEFT_OUT
 from workflow.variables import BY_NAME
 
 if TYPE_CHECKING:
@@ -14,9 +15,6 @@ if TYPE_CHECKING:
 _SAME_INSTANT = 1e-9
 """Share of the last instant within which two samples are of one instant; a study's duration is a multiple of its
 interval to the same share."""
-
-_NOT_RESULTS = frozenset({"wall_time", "batch_width"})
-"""Variables that describe the computation, not the blade."""
 
 
 def compare(dataset: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
@@ -70,7 +68,7 @@ def _norm(history: xr.DataArray) -> xr.DataArray:
 
 def _is_result(name: str) -> bool:
     variable = BY_NAME[name]
-    return variable.shape != "flag" and name not in _NOT_RESULTS and not name.endswith(("_error", "_residual"))
+    return variable.shape != "flag" and name not in LEFT_OUT and not name.endswith(("_error", "_residual"))
 
 
 def _paired(dataset: xr.Dataset, other: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:

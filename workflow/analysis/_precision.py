@@ -1,4 +1,4 @@
-"""Error against computing time and step: lines, observed orders, and who is fastest at a wanted error."""
+"""Error against processor time and step: lines, observed orders, and who is fastest at a wanted error."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ class Line:
     errors
         By name, each ``(h,)``; NaN where the case is not ok.
     seconds
-        Wall seconds per simulated second, ``(h,)``.
+        Processor seconds per simulated second, ``(h,)``.
     penetration, residual
         Largest penetration, m, and energy residual (NaN without balances), ``(h,)``.
     ok
@@ -197,7 +197,7 @@ def lines(dataset: xr.Dataset, duration: float, place: Mapping[str, int] | None 
                 name or str(dataset["scheme"].values.item() if "scheme" in dataset.coords else "scheme"),
                 np.asarray(one["h"].values, dtype=float),
                 {error: values(error) for error in ERRORS},
-                np.asarray(one["wall_time"].values, dtype=float) / duration,
+                np.asarray(one["processor_time"].values, dtype=float) / duration,
                 values("max_penetration"),
                 values("energy_residual") if "energy_residual" in one else blank,
                 ok,
@@ -216,7 +216,7 @@ class Winner:
     target
         The error wanted.
     scheme, h, error, seconds
-        The fastest that reaches it, and its wall seconds per simulated second; the scheme is empty where none does.
+        The fastest that reaches it, and its processor seconds per simulated second; no scheme where none does.
     runner_up, times
         The next scheme, and how many times as long it takes; empty and NaN where there is none.
     """

@@ -84,7 +84,7 @@ class Choice:
     settings
         Value of every numerical coordinate, by name.
     cost
-        Mean wall time of its cases, s.
+        Mean processor time of its cases, s.
     cost_per_second
         The same per simulated second; NaN where the archive does not hold its duration.
     share
@@ -145,7 +145,7 @@ def recommend(dataset: xr.Dataset, tolerance: float | str | None = None) -> Reco
     """Return the most accurate of the choices that meet a tolerance in all cases of the scene at about the least cost.
 
     The error of a case is the largest of its displacement, temperature and impulse error; a case that is not ok or
-    has no error misses. Cost is the mean wall time over the cases of the scene.
+    has no error misses. Cost is the mean processor time over the cases of the scene.
 
     Parameters
     ----------
@@ -248,7 +248,7 @@ class Table:
         self.status = self._array("status").astype(np.int8)
         self.errors = np.stack([self.of_ok_cases(f"{name}_error") for name in COMPARED])
         self.error = np.max(self.errors, axis=0)
-        seconds = self._array("wall_time")
+        seconds = self._array("processor_time")
         run = np.isfinite(seconds)
         total = np.where(run, seconds, 0.0).sum(axis=1)
         self.cost = np.where(run.any(axis=1), total / np.maximum(run.sum(axis=1), 1), np.inf)

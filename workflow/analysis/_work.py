@@ -1,4 +1,4 @@
-"""Error against computing time: what every choice of scheme, step and model costs and how far it errs."""
+"""Error against processor time: what every choice of scheme, step and model costs and how far it errs."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def work_precision(dataset: xr.Dataset, error: str | None = None) -> xr.Dataset:
     -------
     xarray.Dataset
         Over the dimensions that change the computation (scheme, h, modes, options), not the scene: ``error``, the
-        largest over all cases of the scene, NaN where one is not ok or has none; ``cost``, the mean wall time of a
+        largest over all cases of the scene, NaN where one is not ok or has none; ``cost``, the mean processor time of a
         case in s; ``cost_per_second``, the same per simulated second; ``efficient``, whether no other choice has at
         most this error at less cost.
 
@@ -53,8 +53,8 @@ def work_precision(dataset: xr.Dataset, error: str | None = None) -> xr.Dataset:
     worst = np.max(errors, axis=1)
     variables = {
         "error": (worst, "1", f"largest {'error of any history' if error is None else error.replace('_', ' ')}"),
-        "cost": (table.cost, "s", "mean wall time of a case"),
-        "cost_per_second": (table.cost / simulated_seconds(dataset), "1", "mean wall time per simulated time"),
+        "cost": (table.cost, "s", "mean processor time of a case"),
+        "cost_per_second": (table.cost / simulated_seconds(dataset), "1", "mean processor time per simulated time"),
         "efficient": (_efficient(worst, table.cost), "1", "whether no other choice is as accurate at less cost"),
     }
     sizes = [dataset.sizes[dim] for dim in table.rows]

@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
-LEFT_OUT = frozenset({"wall_time", "batch_width"})
-"""Variables that differ between two runs of one study: how long a case took, and with how many others it ran."""
+LEFT_OUT = frozenset({"processor_time", "wall_time", "batch_width"})
+"""Variables that differ between two runs of one study: how long a case took (in archives of solver versions up to 7
+``wall_time``), and with how many others it ran."""
 
 BLOCK = 16 * 2**20
 """Bytes of a variable that are decoded at once, or one chunk along the cases where that is larger."""

@@ -10,6 +10,7 @@ import json
 import math
 import platform
 import sys
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
@@ -18,7 +19,17 @@ import numpy as np
 import workflow
 from workflow import variables
 from workflow.archive._layout import Attributes, Coordinate, Layout, Variable
-from workflow.grid import FRICTION, Grid, Units, alpha_of, choices_text, longest_period_count, metrics_of, periods_of
+from workflow.grid import (
+    FRICTION,
+    Grid,
+    Units,
+    alpha_of,
+    choices_text,
+    longest_period_count,
+    metrics_of,
+    periods_of,
+    steady_of,
+)
 from workflow.models import FACTORISING, has_cholmod
 from workflow.pinning import is_pinned
 from workflow.schemes import SOLVER_VERSION, Status
@@ -37,7 +48,8 @@ def study_key(study: Study) -> str:
     How the program describes an axis does not enter: other words are no other study.
     """
     resolved = {name: value for name, value in study.resolved().items() if name not in ("title", "license")}
-    for axis in (*resolved["scalars"], *(axis for group in resolved["dimensions"] for axis in group["axes"])):
+    followed = [resolved["branch"]["axis"]] if "branch" in resolved else []
+    for axis in (*followed, *resolved["scalars"], *(axis for each in resolved["dimensions"] for axis in each["axes"])):
         del axis["description"]
     identity = json.dumps({"study": resolved, "solver": SOLVER_VERSION}, sort_keys=True)
     return hashlib.sha256(identity.encode()).hexdigest()
@@ -55,15 +67,13 @@ def code_revision() -> str:
 
 def describe(study: Study, grid: Grid, units: Units) -> Layout:
     """Return the layout of a study's archive."""
-    histories = study.output.histories
-    periods = longest_period_count(grid)
+    tails = _tails(study, grid)
     return Layout(
         dims=grid.dims,
-        samples=grid.sampling.count if histories else 0,
-        periods=periods,
+        tails=tails,
         chunk=units.chunk,
-        coordinates=_coordinates(study, grid, periods),
-        variables=_variables(study, periods),
+        coordinates=_coordinates(study, grid, tails),
+        variables=_variables(study, tails),
         attrs={
             "title": study.title,
             "summary": (
@@ -94,6 +104,18 @@ def describe(study: Study, grid: Grid, units: Units) -> Layout:
         },
         key=study_key(study),
     )
+
+
+def _tails(study: Study, grid: Grid) -> dict[str, int]:
+    """Return the sizes of the dimensions beyond the cases, those that there are."""
+    steady, branch = study.output.steady, study.branch
+    tails = {
+        "t": grid.sampling.count if study.output.histories else 0,
+        "period": longest_period_count(grid) if branch is None else 0,
+        "point": 0 if branch is None else branch.points,
+        "phase": 0 if steady is None else steady.samples,
+    }
+    return {name: size for name, size in tails.items() if size}
 
 
 def _attached(study: Study) -> dict[str, str]:
@@ -137,7 +159,7 @@ def _coordinate(axis: Axis, dims: tuple[str, ...]) -> Coordinate:
     return Coordinate(axis.name, dims, values if dims else values.reshape(()), attrs)
 
 
-def _coordinates(study: Study, grid: Grid, periods: int) -> tuple[Coordinate, ...]:
+def _coordinates(study: Study, grid: Grid, tails: Mapping[str, int]) -> tuple[Coordinate, ...]:
     coordinates = [
         _coordinate(axis, (dimension.name,)) for dimension in (*grid.outer, *grid.inner) for axis in dimension.axes
     ]
@@ -149,17 +171,23 @@ def _coordinates(study: Study, grid: Grid, periods: int) -> tuple[Coordinate, ..
     coordinates = [
         dataclasses.replace(one, attrs={**one.attrs, **moves}) if one.name == "gap" else one for one in coordinates
     ]
-    coordinates += [_made_by_friction(study, grid)] if study.scene.friction is not None else []
+    followed = "" if study.branch is None else study.branch.axis.path
+    makes_alpha = study.scene.friction is not None and not followed.startswith(FRICTION)
+    coordinates += [_made_by_friction(study, grid)] if makes_alpha else []
     names = {coordinate.name for coordinate in coordinates} | {name for name, _ in grid.dims}
-    if "gap" not in names:
+    if "gap" not in names and followed != "scene.casing.gap":
         about = {"units": "m", "long_name": "tip clearance at rest, cold", **moves}
         coordinates.append(Coordinate("gap", (), np.asarray(study.scene.gap), about))
-    if study.output.histories:
+    if "t" in tails:
         time = {"units": "s", "long_name": "time since the start"}
         coordinates.append(Coordinate("t", ("t",), grid.sampling.times, time))
-    if periods:
-        number = {"units": "1", "long_name": "number of the load period"}
-        coordinates.append(Coordinate("period", ("period",), np.arange(1, periods + 1), number))
+    for name, meaning in (("period", "number of the load period"), ("point", "number of the point, by arclength")):
+        if name in tails:
+            number = {"units": "1", "long_name": meaning}
+            coordinates.append(Coordinate(name, (name,), np.arange(1, tails[name] + 1), number))
+    if "phase" in tails:
+        share = {"units": "1", "long_name": "share of the period of the steady rub"}
+        coordinates.append(Coordinate("phase", ("phase",), np.arange(tails["phase"]) / tails["phase"], share))
     return tuple(coordinates)
 
 
@@ -197,29 +225,33 @@ def _made_by_friction(study: Study, grid: Grid) -> Coordinate:
 def _declared(about: variables.Variable, dtype: str = "f8") -> Variable:
     """Return a variable of the table as the archive declares it."""
     attrs = {"units": about.unit, "long_name": about.meaning} | ({"comment": about.comment} if about.comment else {})
-    return Variable(about.name, about.shape, dtype, attrs, optional=about.condition == "scheme")
+    return Variable(about.name, about.shape, dtype, attrs, optional=about.condition in ("scheme", "steady"))
 
 
-def _variables(study: Study, periods: int) -> tuple[Variable, ...]:
+def _variables(study: Study, tails: Mapping[str, int]) -> tuple[Variable, ...]:
     precision = {"float64": "f8", "float32": "f4"}[study.output.precision]
     stored = [_declared(variables.BY_NAME[name], precision) for name in study.output.histories]
-    stored += [_declared(about) for about in metrics_of(study)]
-    if periods:
-        stored += [_declared(about) for about in periods_of(study)]
-    return (*stored, *(_flag(about) for about in variables.select("flag")))
+    others = [*metrics_of(study), *(periods_of(study) if "period" in tails else ()), *steady_of(study)]
+    flags = _flags(study)
+    stored += [_declared(about) for about in others if about.name not in flags]
+    names = ("status", "runaway") if study.branch is None else ("status",)
+    kept = [variables.BY_NAME[name] for name in names]
+    return (*stored, *(_flag(about, flags[about.name]) for about in (*others, *kept) if about.name in flags))
 
 
-_FLAGS = {
-    "status": {status.name.lower(): int(status) for status in Status},
-    "runaway": {"bounded": 0, "runaway": 1},
-}
+def _flags(study: Study) -> dict[str, tuple[str, ...]]:
+    """Return what the values of flags mean, from 0 on."""
+    flags = {"status": tuple(status.name.lower() for status in Status), "runaway": ("bounded", "runaway")}
+    if study.output.steady is None:
+        return flags
+    from workflow.orbits import BIFURCATIONS, STATES
+
+    return flags | {"steady_state": STATES, "bifurcation": BIFURCATIONS}
 
 
-def _flag(about: variables.Variable) -> Variable:
-    meanings = _FLAGS[about.name]
-    attrs: dict[str, str | list[int]] = {
-        "long_name": about.meaning,
-        "flag_values": list(meanings.values()),
-        "flag_meanings": " ".join(meanings),
-    }
-    return Variable(about.name, "flag", "i1", attrs)
+def _flag(about: variables.Variable, meanings: tuple[str, ...]) -> Variable:
+    attrs: dict[str, str | list[int]] = {"long_name": about.meaning}
+    if about.name == "steady_state":
+        attrs["comment"] = about.comment
+    attrs |= {"flag_values": list(range(len(meanings))), "flag_meanings": " ".join(meanings)}
+    return Variable(about.name, about.shape, "i1", attrs, optional=about.condition == "steady")

@@ -199,12 +199,13 @@ def _leave_blank(archive: Any, layout: Layout, variable: Variable, missing: list
 
 
 def _tails(layout: Layout, variable: Variable) -> Iterator[tuple[int, ...]]:
-    """Yield where a unit's chunks of a variable begin along ``t`` or ``period``."""
+    """Yield where a unit's chunks of a variable begin beyond the cases; cut is the first of its dimensions."""
     length = layout.archive_chunk_of(variable)[len(layout.dims) :]
     if not length:
         yield ()
-    for name in layout.tail(variable):
-        yield from ((start,) for start in range(0, layout.sizes[name], length[0]))
+        return
+    name, *rest = layout.tail(variable)
+    yield from ((start, *(0 for _ in rest)) for start in range(0, layout.sizes[name], length[0]))
 
 
 def _messages(layout: Layout, shards: Shards) -> dict[int, str]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from workflow.archive._cut import Cut, largest_cut
 
-Kind = Literal["history", "metric", "period", "flag"]
+Kind = Literal["history", "metric", "period", "flag", "phase", "point", "point phase"]
 Attributes = Mapping[str, str | Sequence[int] | Sequence[float]]
 
 FORMAT = 1
@@ -34,6 +34,18 @@ OK, NOT_RUN = 0, 4
 
 LONGEST_MESSAGE = 4000
 """Bytes of a case's message that are kept; those of this package have a few hundred."""
+
+_TAILS: dict[Kind, tuple[str, ...]] = {
+    "history": ("t",),
+    "period": ("period",),
+    "phase": ("phase",),
+    "point": ("point",),
+    "point phase": ("point", "phase"),
+}
+"""Dimensions that variables of a kind have beyond the cases."""
+
+_BLANKS = {STATUS: NOT_RUN, "steady_state": 6}
+"""What flags are where nothing has run; ``not_asked`` of steady rubs, 0 of others."""
 
 MESSAGE = "message"
 RESERVED = ("key", "content_hash", "file_checksum", "case_hash")
@@ -80,7 +92,7 @@ class Coordinate:
 
 @dataclass(frozen=True, eq=False)
 class Variable:
-    """A result of every case: a metric or flag (…), a history (…, t) or one per load period (…, period).
+    """A result of every case: a metric or flag (…), a history (…, t) and so on, see :data:`_TAILS`.
 
     Attributes
     ----------
@@ -104,10 +116,8 @@ class Variable:
 
     @property
     def fill(self) -> float | int:
-        """What stands where nothing has run: NaN, :data:`NOT_RUN` for the status, 0 for other flags."""
-        if self.dtype != "i1":
-            return math.nan
-        return NOT_RUN if self.name == STATUS else 0
+        """What stands where nothing has run: NaN; of flags :data:`_BLANKS`."""
+        return math.nan if self.dtype != "i1" else _BLANKS.get(self.name, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,8 +131,8 @@ class Layout:
     ----------
     dims
         Names and sizes of the case dimensions, outermost first.
-    samples, periods
-        Sizes of ``t`` and ``period``; 0 where there is no such dimension.
+    tails
+        Sizes of ``t``, ``period`` and so on, those that the archive has.
     chunk
         Cells of a unit.
     attrs
@@ -139,8 +149,7 @@ class Layout:
     """
 
     dims: tuple[tuple[str, int], ...]
-    samples: int
-    periods: int
+    tails: Mapping[str, int]
     chunk: int
     coordinates: tuple[Coordinate, ...]
     variables: tuple[Variable, ...]
@@ -150,7 +159,7 @@ class Layout:
 
     def __post_init__(self) -> None:
         sizes = self.sizes
-        if len(sizes) != len(self.dims) + (self.samples > 0) + (self.periods > 0) or min(sizes.values(), default=1) < 1:
+        if len(sizes) != len(self.dims) + len(self.tails) or min(sizes.values(), default=1) < 1:
             raise ValueError(f"dimensions must have distinct names and positive sizes: {self.dims}")
         Cut(self.shape, self.chunk)
         names = [c.name for c in self.coordinates] + [v.name for v in self.variables] + [MESSAGE]
@@ -170,8 +179,7 @@ class Layout:
     @cached_property
     def sizes(self) -> dict[str, int]:
         """Every dimension and its size, the case dimensions first."""
-        extra = {"t": self.samples, "period": self.periods}
-        return dict(self.dims) | {name: size for name, size in extra.items() if size}
+        return dict(self.dims) | dict(self.tails)
 
     @cached_property
     def shape(self) -> tuple[int, ...]:
@@ -186,8 +194,7 @@ class Layout:
     @cached_property
     def stored(self) -> Cut:
         """How the cells are cut in the chunks of the archive, the same for all variables."""
-        tails = {"history": self.samples, "period": self.periods}
-        bytes_per_cell = max(np.dtype(v.dtype).itemsize * tails.get(v.kind, 1) for v in self.variables)
+        bytes_per_cell = max(np.dtype(v.dtype).itemsize * math.prod(self.shape_of(v, 1)[2:]) for v in self.variables)
         whole = all(self.chunk_of(v) == self.shape_of(v, 1) for v in self.variables)  # not cut along t
         if self.chunk * bytes_per_cell >= SMALL_BYTES or not whole:
             return self.cut
@@ -213,28 +220,29 @@ class Layout:
         return self.cut.cells_of(unit)
 
     def tail(self, variable: Variable) -> tuple[str, ...]:
-        """Return the dimension a variable has beyond the cases: ``t``, ``period`` or none."""
-        return {"history": ("t",), "period": ("period",)}.get(variable.kind, ())
+        """Return the dimensions a variable has beyond the cases."""
+        return _TAILS.get(variable.kind, ())
 
     def dims_of(self, variable: Variable) -> tuple[str, ...]:
         """Return a variable's dimensions in the archive."""
         return tuple(name for name, _ in self.dims) + self.tail(variable)
 
     def shape_of(self, variable: Variable, units: int) -> tuple[int, ...]:
-        """Return the shape of a variable's array of so many units: ``(units, chunk[, t or period])``."""
+        """Return the shape of a variable's array of so many units: ``(units, chunk, …)``."""
         return (units, self.chunk, *(self.sizes[name] for name in self.tail(variable)))
 
     def chunk_of(self, variable: Variable) -> tuple[int, ...]:
-        """Return the chunk of a variable in a shard, ``(1, chunk[, length])``, at most 4 MiB.
+        """Return the chunk of a variable in a shard, ``(1, chunk[, length, …])``, at most 4 MiB.
 
-        A long history is cut along ``t`` into nearly equal lengths.
+        A long history is cut along ``t``, orbits along ``point``, into nearly equal lengths.
         """
-        _, *sizes = self.shape_of(variable, 1)
-        if len(sizes) == 1:
+        _, _, *tail = self.shape_of(variable, 1)
+        if not tail:
             return (1, self.chunk)
-        longest = max(1, CHUNK_BYTES // (self.chunk * np.dtype(variable.dtype).itemsize))
-        pieces = -(-sizes[1] // longest)
-        return (1, self.chunk, -(-sizes[1] // pieces))
+        size, *rest = tail
+        longest = max(1, CHUNK_BYTES // (self.chunk * np.dtype(variable.dtype).itemsize * math.prod(rest)))
+        pieces = -(-size // longest)
+        return (1, self.chunk, -(-size // pieces), *rest)
 
     def archive_chunk_of(self, variable: Variable) -> tuple[int, ...]:
         """Return the chunk of a variable in the archive; joined ones are not cut along ``t``."""
@@ -245,7 +253,7 @@ class Layout:
     def structure(self) -> str:
         """Hash of what decides a shard's bytes: a shard of another structure cannot be gathered."""
         variables = [(v.name, v.kind, v.dtype, self.chunk_of(v)) for v in self.variables]
-        parts = json.dumps([FORMAT, self.key, self.dims, self.samples, self.periods, self.cut.lengths, variables])
+        parts = json.dumps([FORMAT, self.key, self.dims, dict(self.tails), self.cut.lengths, variables])
         return hashlib.sha256(parts.encode()).hexdigest()
 
 

@@ -148,8 +148,7 @@ def _to_json(layout: Layout) -> dict[str, Any]:
         "format": FORMAT,
         "key": layout.key,
         "dims": layout.dims,
-        "samples": layout.samples,
-        "periods": layout.periods,
+        "tails": dict(layout.tails),
         "chunk": layout.chunk,
         "coordinates": [
             {"name": c.name, "dims": c.dims, "type": "text" if c.text else c.values.dtype.str,
@@ -172,8 +171,7 @@ def _from_json(stored: Mapping[str, Any]) -> Layout:
     )
     return Layout(
         dims=tuple((name, size) for name, size in stored["dims"]),
-        samples=stored["samples"],
-        periods=stored["periods"],
+        tails=stored["tails"],
         chunk=stored["chunk"],
         coordinates=coordinates,
         variables=tuple(Variable(**v) for v in stored["variables"]),

@@ -97,7 +97,7 @@ def write_shard(
     first_unit
         The first unit of the range.
     arrays
-        One per variable, shape ``(units, chunk[, t or period])``; what pads a row's last unit is
+        One per variable, shape ``(units, chunk, …)``; what pads a row's last unit is
         free. :func:`blank` makes them.
     messages
         What a case that is not ok did, by its position ``unit * chunk + place`` in the first two
@@ -271,13 +271,14 @@ def _encode(values: NDArray[Any], variable: Variable, layout: Layout) -> list[by
         values = np.where(missing, np.array(np.nan, values.dtype), values)  # one NaN, whatever made it
     if layout.joined:
         return [encode_chunk(values, UNCOMPRESSED)]
-    *_, length = chunk = layout.chunk_of(variable)
-    if len(chunk) == 2:
+    _, _, *tail = layout.chunk_of(variable)
+    if not tail:
         return [encode_chunk(unit) for unit in values]
+    length, *rest = tail
     pieces = []
     for unit in values:
         starts = range(0, unit.shape[1], length)
-        padded = np.full((layout.chunk, len(starts) * length), variable.fill, dtype=values.dtype)
+        padded = np.full((layout.chunk, len(starts) * length, *rest), variable.fill, dtype=values.dtype)
         padded[:, : unit.shape[1]] = unit
         pieces += [encode_chunk(np.ascontiguousarray(padded[:, at : at + length])) for at in starts]
     return pieces

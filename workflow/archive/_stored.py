@@ -68,7 +68,7 @@ def holds(file: Any, variable: Variable, layout: Layout) -> bool:
         return variable.optional or (variable.kind == "period" and "period" not in file)
     if np.dtype(variable.dtype).itemsize > stored.dtype.itemsize:
         return False
-    return variable.kind != "history" or stored.shape[-1] == layout.samples
+    return variable.kind != "history" or stored.shape[-1] == layout.tails["t"]
 
 
 def picked(stored: Any, places: Cells, variable: Variable, layout: Layout) -> NDArray[Any]:
@@ -76,11 +76,11 @@ def picked(stored: Any, places: Cells, variable: Variable, layout: Layout) -> ND
     if stored is None:
         return np.full((len(places), *layout.shape_of(variable, 1)[2:]), variable.fill, dtype=variable.dtype)
     rows = _rows(stored, places, tail=len(layout.tail(variable)))
-    if variable.kind != "period" or rows.shape[1] == layout.periods:
+    if variable.kind != "period" or rows.shape[1] == layout.tails["period"]:
         with np.errstate(over="ignore"):  # as in a shard: a diverged float64 is an infinite float32
             return rows.astype(variable.dtype)
-    wide = np.full((len(rows), layout.periods), variable.fill, dtype=variable.dtype)
-    width = min(rows.shape[1], layout.periods)
+    wide = np.full((len(rows), layout.tails["period"]), variable.fill, dtype=variable.dtype)
+    width = min(rows.shape[1], layout.tails["period"])
     wide[:, :width] = rows[:, :width]
     return wide
 

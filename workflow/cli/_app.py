@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from workflow.cli._terminal import say
+from workflow.cli.limits import limits
 from workflow.cli.plan import plan
 from workflow.cli.recommend import recommend
 from workflow.cli.report import report
@@ -40,5 +41,5 @@ def workflow(
         raise typer.Exit
 
 
-for command in (run, plan, show, recommend, verify, report, schema):
+for command in (run, plan, show, recommend, limits, verify, report, schema):
     app.command()(command)

@@ -15,7 +15,7 @@ from typing import Any, NoReturn, TextIO
 import typer
 
 from workflow.cli._stop import ignore_signals
-from workflow.cli._terminal import complain, forgive
+from workflow.cli._terminal import forgive, print_error
 
 NOT_OK = 1
 """Exit status: some case is not ok; the rest is complete and stored."""
@@ -72,19 +72,19 @@ def _last_resort(error: Exception) -> int:
         return int(getattr(error, "exit_code", WRONG))
     if os.environ.get(TRACEBACK):
         for line in "".join(format_exception(error)).splitlines():
-            complain(line)
+            print_error(line)
     if lacks_memory(error):
-        complain(
+        print_error(
             "there is not enough memory; allow this process more of it (ulimit -v, at least 1 GiB), or run a smaller "
             "study on fewer threads"
         )
         return WRONG
     outside = _from_outside(error)
     if outside is not None:
-        complain(f"{outside}: {type(error).__name__}: {error}; it is no part of this program, correct it there")
+        print_error(f"{outside}: {type(error).__name__}: {error}; it is no part of this program, correct it there")
         return WRONG
     where = _innermost(error)
-    complain(
+    print_error(
         f"a defect of this program: {type(error).__name__}{where}: {error}; finished results stay where they are. "
         f"Please report it with the study and this line; {TRACEBACK}=1 in the environment shows the traceback"
     )
@@ -100,7 +100,7 @@ def _tell_usage(error: Any) -> None:
         usage = context.get_usage().splitlines() if context is not None else []
         lines = [*usage, f"Error: {message}"]
     for line in lines:
-        complain(line)
+        print_error(line)
 
 
 def lacks_memory(error: BaseException) -> bool:
@@ -153,7 +153,7 @@ def _warnings_in_words() -> Iterator[None]:
             line: str | None = None,
         ) -> None:
             if issubclass(category, LargeFactorsWarning):
-                complain(f"beware: {message}")
+                print_error(f"beware: {message}")
             else:
                 others(message, category, filename, lineno, file, line)
 
@@ -183,21 +183,21 @@ def errors_in_words() -> Iterator[None]:
             yield
     except StudyError as error:
         for mistake in error.mistakes:
-            complain(str(mistake))
+            print_error(str(mistake))
         raise typer.Exit(WRONG) from None
     except UnusableMatricesError as error:  # of one value of an axis: what is wrong with all is a mistake of the study
-        complain(f"a structure of this study cannot be used: {error}")
+        print_error(f"a structure of this study cannot be used: {error}")
         raise typer.Exit(WRONG) from None
     except ArchiveError as error:
-        complain(str(error))
+        print_error(str(error))
         raise typer.Exit(WRONG) from None
     except UnicodeDecodeError:
-        complain("a text in the archive is not UTF-8, as `workflow run` writes it; restore a copy")
+        print_error("a text in the archive is not UTF-8, as `workflow run` writes it; restore a copy")
         raise typer.Exit(WRONG) from None
     except RuntimeError as error:
         if not any(word in str(error) for word in ("NetCDF", "HDF")):
             raise
-        complain(f"the archive is damaged ({error}); restore a copy, or move it away and run its study again")
+        print_error(f"the archive is damaged ({error}); restore a copy, or move it away and run its study again")
         raise typer.Exit(WRONG) from None
     except OSError as error:
         if lacks_memory(error):
@@ -205,5 +205,5 @@ def errors_in_words() -> Iterator[None]:
         where = f"{error.filename}: " if error.filename else ""
         advice = "; choose a place that can be written" if error.errno in _PLACE else ""
         advice = "; choose a shorter name" if error.errno == errno.ENAMETOOLONG else advice
-        complain(f"{where}{(error.strerror or str(error)).lower()}{advice}")
+        print_error(f"{where}{(error.strerror or str(error)).lower()}{advice}")
         raise typer.Exit(WRONG) from None

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from workflow.cli._terminal import complain, console
+from workflow.cli._terminal import console, print_error
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -62,7 +62,7 @@ def following(follower: Follower, name: str, quiet: bool) -> Iterator[None]:
     else:
         from workflow.run import repeating
 
-        with repeating(lambda: complain(f"{name}: {follower.line()}"), EVERY):
+        with repeating(lambda: print_error(f"{name}: {follower.line()}"), EVERY):
             yield
 
 

@@ -84,7 +84,7 @@ def write_json(value: Any, indent: int | None = None) -> None:
     write("\n".join(_OBEYED.sub(lambda match: f"\\u{ord(match[0]):04x}", line) for line in lines))
 
 
-def complain(line: str) -> None:
+def print_error(line: str) -> None:
     """Print one line on the standard error, cleaned; nothing where that is closed."""
     with suppress(OSError, ValueError, AttributeError):
         print(clean(line), file=sys.stderr, flush=True)

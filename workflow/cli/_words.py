@@ -40,7 +40,7 @@ def named(archive: Path) -> Path:
 
 Settings = Annotated[
     list[str] | None,
-    typer.Option("-s", "--set", metavar="KEY=VALUE", help='Replace a value of the study: scene.casing.gap="10 um".'),
+    typer.Option("-s", "--set", metavar="KEY=VALUE", help='Replace a value of the study: scene.duration="1 s".'),
 ]
 
 

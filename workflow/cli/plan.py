@@ -95,9 +95,9 @@ def _structure(figures: Figures) -> str:
     first = f"{figures.first_frequency:.5g} Hz" if figures.first_frequency else "0, a free body"
     no_decay = figures.fastest == float("inf")  # no heat moves, and none leaves
     times = "no heat flows" if no_decay else f"thermal times {figures.fastest:.3g} to {figures.slowest:.3g} s"
-    return (
-        f"  {figures.label}: f1 {first}, tip stiffness {figures.tip_stiffness:.4g} N/m, {times}, critical alpha {alpha}"
-    )
+    by = f" by {figures.stiffness_by}" if figures.stiffness_by else ""
+    stiffness = f"tip stiffness {figures.tip_stiffness:.4g} N/m{by}"
+    return f"  {figures.label}: f1 {first}, {stiffness}, {times}, critical alpha {alpha}"
 
 
 def _time(time: Time) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from workflow.cli._failures import NOT_OK, WRONG, errors_in_words
-from workflow.cli._terminal import complain, console, say, write_json
+from workflow.cli._terminal import console, print_error, say, write_json
 from workflow.cli._words import ArchiveFile, unwarned
 
 if TYPE_CHECKING:
@@ -39,6 +39,9 @@ def recommend(archive: ArchiveFile, tolerance: Tolerance = None, as_json: AsJson
         from workflow.archive import open_archive
 
         with open_archive(archive) as dataset:
+            if "point" in dataset.dims:
+                print_error(f"{archive}: holds branches of steady rubs, which have no errors to recommend by")
+                raise typer.Exit(WRONG)
             try:
                 recommendation = choose(dataset, tolerance)
                 others = sorted({*SHOWN, recommendation.tolerance}, reverse=True)
@@ -46,14 +49,14 @@ def recommend(archive: ArchiveFile, tolerance: Tolerance = None, as_json: AsJson
                     recommendation if other == recommendation.tolerance else choose(dataset, other) for other in others
                 ]
             except NoReferenceError as error:
-                complain(f"{archive}: {error}; run it with one to another archive, e.g. {_with_reference(archive)}")
+                print_error(f"{archive}: {error}; run it with one to another archive, e.g. {_with_reference(archive)}")
                 raise typer.Exit(WRONG) from None
             except ValueError as error:
-                complain(str(error))
+                print_error(str(error))
                 raise typer.Exit(WRONG) from None
             cautions = recommendation_cautions(dataset)
         for caution in cautions:
-            complain(f"{archive}: {caution}")
+            print_error(f"{archive}: {caution}")
         _write_json(recommendation, table, cautions) if as_json else _write_text(recommendation, table)
         if recommendation.choice is None:
             raise typer.Exit(NOT_OK)

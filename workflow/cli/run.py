@@ -14,7 +14,7 @@ from workflow.cli._failures import NOT_OK, WRONG, errors_in_words
 from workflow.cli._groups import grouped
 from workflow.cli._progress import Follower, following
 from workflow.cli._stop import saying
-from workflow.cli._terminal import clean, complain, say
+from workflow.cli._terminal import clean, print_error, say
 from workflow.cli._words import Settings, StudyFile, named, read
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def run(
                 )  # fmt: skip
         except ClusterError as error:
             reached = "" if follower.advance is None else f"; {_reached(follower.advance)} {archive}"
-            complain(f"{error}{reached}")
+            print_error(f"{error}{reached}")
             raise typer.Exit(WRONG) from None
         if not (quiet and outcome.ok):
             _tell(outcome)

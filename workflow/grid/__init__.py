@@ -14,13 +14,15 @@ from workflow.grid._plan import Plan, plan, plan_study
 from workflow.grid._reference import exact_motion, solution_counts
 from workflow.grid._shaken import Shaken
 from workflow.grid._solve import Solved, metrics_of, periods_of, solve
+from workflow.grid._steady import steady_of
 from workflow.grid._tasks import Segment, Task, Units, bytes_per_case, seconds_per_case, tasks, units_of
 from workflow.grid._turns import Turns
-from workflow.grid._waiting_for import CASES, GATHERING, waited_for, waiting_for
+from workflow.grid._waiting_for import CASES, COMPILING, GATHERING, waited_for, waiting_for
 from workflow.grid._warnings import warning_lines
 
 __all__ = [
     "CASES",
+    "COMPILING",
     "FRICTION",
     "GATHERING",
     "Choice",
@@ -62,6 +64,7 @@ __all__ = [
     "seconds_per_case",
     "solution_counts",
     "solve",
+    "steady_of",
     "structure_of",
     "task_seconds",
     "tasks",

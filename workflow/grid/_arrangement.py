@@ -94,9 +94,15 @@ class Grid:
     def base(self) -> dict[str, Any]:
         """Values of the scalars, and the first ones of every axis."""
         first = {axis.path: axis.values[0] for axis in self.study.scalars}
-        for dimension in (*self.outer, *self.inner):
-            first.update({axis.path: axis.values[0] for axis in dimension.axes})
+        for axis in self._varied:
+            first[axis.path] = axis.values[0]
         return first
+
+    @property
+    def _varied(self) -> tuple[Axis, ...]:
+        """All axes, of dimensions and the one that is followed."""
+        followed = () if self.study.branch is None else (self.study.branch.axis,)
+        return (*(axis for dimension in (*self.outer, *self.inner) for axis in dimension.axes), *followed)
 
     def settings(self, outer: int, replaced: Mapping[str, Any] | None = None) -> Cell:
         """Return the settings of the first case of an outer index, some of them replaced."""
@@ -134,9 +140,17 @@ class Grid:
         first = int(self.alike(np.array([outer]), _decides)[0])
         if first not in self.decided.cases:
             cell = self.study.cell(self._values(first))
-            setting = Setting(cell, self.inner, replace(self.sampling, balances=False), self.shortest)
+            setting = Setting(cell, self._conditions, replace(self.sampling, balances=False), self.shortest)
             return choose(setting, (cell.mechanical_modes, cell.thermal_modes), float(values["tolerance"]))
         return self.decided.cases[first]
+
+    @property
+    def _conditions(self) -> tuple[Dimension, ...]:
+        """Dimensions in whose corners a tolerance decides: also the axis that is followed, by its ends."""
+        branch, model = self.study.branch, self.study.scene.model
+        if branch is None or fixes_operator(branch.axis.path, model):
+            return self.inner
+        return (*self.inner, Dimension(branch.axis.name, (branch.axis,)))
 
     def reference_choice(self, outer: int) -> Choice | None:
         """Return the counts of modes of an outer index's reference that its tolerance decides, ``None`` without one."""
@@ -174,8 +188,7 @@ class Grid:
     def shortest(self) -> float:
         """Shortest time that steps resolve, s; the samples where no scheme of the study has steps."""
         stepping = any("h" in schemes.load(choice.method).READS for choice in self.study.schemes.values())
-        axes = (axis for dimension in (*self.outer, *self.inner) for axis in dimension.axes)
-        steps = next((axis.values for axis in axes if axis.path == "h"), (self.base["h"],))
+        steps = next((axis.values for axis in self._varied if axis.path == "h"), (self.base["h"],))
         return float(min(map(float, steps))) if stepping else self.sampling.interval
 
     def inner_values(self, inner: Indices) -> Mapping[str, NDArray[np.float64]]:

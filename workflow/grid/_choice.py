@@ -10,7 +10,7 @@ ones are tried until they are three times too large.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from math import isnan, nan
@@ -35,6 +35,10 @@ _HOPELESS = 3.0
 up to a factor of two (heavy chain of 100 nodes: 1.4e-3 with 8 mechanical modes, 9.8e-4 with 5)."""
 
 
+_NAMED = 3
+"""Corners left out that are named, at most."""
+
+
 @dataclass(frozen=True)
 class Choice:
     """Counts that a tolerance decides.
@@ -50,6 +54,8 @@ class Choice:
         Path and value of every axis of the corner with that error.
     against
         What the error was measured against, in words.
+    untried
+        Which corners were left out, and why, in words; empty for none.
     """
 
     mechanical_modes: int
@@ -57,6 +63,7 @@ class Choice:
     error: float
     hardest: tuple[tuple[str, float], ...]
     against: str
+    untried: str = ""
 
     @property
     def is_confirmed(self) -> bool:
@@ -96,7 +103,8 @@ def choose(setting: Setting, requested: Counts, tolerance: float) -> Choice:
         errors = trials.errors(*counts, trials.sound) if is_confirmed else [nan]
         worst = errors.index(max(errors))
     hardest = trials.corners[trials.sound[worst] if is_confirmed else 0]
-    return Choice(*counts, errors[worst], tuple(hardest.items()), _against(trials, is_confirmed))
+    untried = _untried(trials) if is_confirmed else ""
+    return Choice(*counts, errors[worst], tuple(hardest.items()), _against(trials, is_confirmed), untried)
 
 
 def _smallest_of(
@@ -150,6 +158,7 @@ def read_choices(text: str) -> Decided:
             nan if entry["error"] is None else entry["error"],
             tuple(entry["hardest"].items()),
             entry["against"],
+            entry.get("untried", ""),
         )
         for key, entry in json.loads(text).items()
     }
@@ -179,9 +188,18 @@ def _against(trials: Trials, is_confirmed: bool) -> str:
     if not is_confirmed:
         confirmable = f"{trials.confirmable[0]} + {trials.confirmable[1]}"
         return f"not confirmed: {model}, which trials measure against, confirms no more than {confirmable}"
-    lost = len(trials.corners) - len(trials.sound)
-    but = f", without {lost} of {len(trials.corners)} corners of the scene that did not end ok" if lost else ""
-    return f"confirmed by {trials.by} against {model}{but}"
+    return f"confirmed by {trials.by} against {model}"
+
+
+def _untried(trials: Trials) -> str:
+    lost = [f"{corner_text(trials.corners[k].items())} ({why})" for k, why in trials.lost.items()]
+    named = "; ".join(lost[:_NAMED]) + (f"; and {len(lost) - _NAMED} more" if len(lost) > _NAMED else "")
+    return f"without {len(lost)} of {len(trials.corners)} corners of the scene: {named}" if lost else ""
+
+
+def corner_text(corner: Iterable[tuple[str, float]]) -> str:
+    """Return the values of a corner by their path."""
+    return ", ".join(f"{path.removeprefix('scene.')} = {value:.6g}" for path, value in corner)
 
 
 def _smallest(error: Callable[[int, int], float], first: Counts, least: Counts, most: Counts, allowed: float) -> Counts:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from workflow.grid._arrangement import TOLERANCE, Grid
-from workflow.grid._choice import Choice
+from workflow.grid._choice import Choice, corner_text
 from workflow.grid._figures import size_text
 from workflow.grid._reference import reference_cell
 from workflow.study import Cell
@@ -13,6 +13,12 @@ from workflow.study import Cell
 _SHOWN = 8
 
 _MISSED = "more of the modes that `auto` may choose change less than the tolerance"
+
+_UNTRIED = (
+    "a case there that ends ok and misses the tolerance says so by its own errors",
+    "whether a case there that ends ok meets the tolerance only a `reference` would tell",
+)
+"""What corners that were left out mean for cases with a reference, and without."""
 
 
 def choice_lines(grid: Grid) -> tuple[str, ...]:
@@ -23,8 +29,10 @@ def choice_lines(grid: Grid) -> tuple[str, ...]:
 
 
 def choice_cautions(grid: Grid) -> Iterator[str]:
-    """Yield the counts with which a tolerance is missed, or with which nobody knows."""
+    """Yield the counts with which a tolerance is missed, with which nobody knows, or that corners did not decide."""
     for name, tolerance, choice in _all(grid):
+        if choice.untried:
+            yield f"{name}: {_counts(choice)} are decided {choice.untried}; {_UNTRIED[grid.study.reference is None]}"
         if not choice.is_confirmed:
             yield f"{name}: {_counts(choice)}, {choice.against}"
         elif choice.error > tolerance:
@@ -55,6 +63,6 @@ def _error_text(choice: Choice) -> str:
     """Return the error of a choice, in which case, and against what."""
     if not choice.is_confirmed:
         return choice.against
-    case = ", ".join(f"{path.removeprefix('scene.')} = {value:.6g}" for path, value in choice.hardest)
+    case = corner_text(choice.hardest)
     where = f"in the worst corner ({case})" if case else "in the only case"
     return f"error {choice.error:.2g} {where}, {choice.against}"

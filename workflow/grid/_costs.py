@@ -12,7 +12,7 @@ from workflow.grid._speed import SLOWEST, timed
 from workflow.kernels.lanes import PACK
 from workflow.models import MOST_BY_SUPERLU, Sparse, Structure, expected_fill, has_cholmod, needs_matrices
 from workflow.schemes import Sampling
-from workflow.study import Cell, SchemeChoice
+from workflow.study import Cell, SchemeChoice, Study
 
 STEP_SECONDS = 1e-6
 """Seconds of a step of a scheme that nobody has measured."""
@@ -31,6 +31,9 @@ _TIP = 10
 
 _COUPLED = 4.0
 """How many times as long as a state a product of two takes that a matrix couples."""
+
+_RUB = 5e-5
+"""Seconds of a steady rub for each of its states squared."""
 
 _DENSE = 300
 """States of a structure up to which its growth rate comes from all of them."""
@@ -80,6 +83,14 @@ def batch_part(cell: Cell, structure: Structure, sampling: Sampling, count: int,
     padded = -(-count // PACK) * PACK if scheme.TOGETHER > 1 else count
     seconds = padded * case_seconds(cell, structure, sampling, periods)
     return Part(seconds, (sized, general), is_guess=not scheme.STEP_SECONDS)
+
+
+def steady_part(study: Study, cell: Cell, structure: Structure, count: int) -> Part:
+    """Return what the steady rubs of so many cases cost, nothing where they are not asked for."""
+    steady, branch = study.output.steady, study.branch
+    rubs = 0 if steady is None or cell.scheme.method != "event_driven" else count * (branch.points if branch else 1)
+    states = 2 * structure.mechanical_size + structure.thermal_size
+    return Part(rubs * _RUB * states**2, ("steady rubs",), is_guess=True)
 
 
 def _kind(choice: SchemeChoice) -> str:

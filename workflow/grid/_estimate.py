@@ -26,12 +26,13 @@ from workflow.grid._costs import (
     growth_part,
     handling_part,
     setup_part,
+    steady_part,
 )
 from workflow.grid._frequencies import fastest_frequency, longest_period_count
 from workflow.grid._operators import reduced, reduced_structure
 from workflow.grid._reference import exact_cell, reference_cell
 from workflow.grid._solve import REPEATS, SHORT
-from workflow.grid._tasks import Segment, Task, Units, tasks
+from workflow.grid._tasks import Segment, Task, Units, steady_bytes, tasks
 from workflow.grid._truth import BLOCK, distinct_shape
 from workflow.models import Array
 from workflow.study import Cell
@@ -94,7 +95,8 @@ def result_bytes(grid: Grid) -> int:
     """Return the size of a study's results before compression."""
     stored = 8 if grid.study.output.precision == "float64" else 4
     sampled = stored * len(grid.study.output.histories) * grid.sampling.count
-    return grid.outer_count * grid.inner_count * (8 * (4 * longest_period_count(grid) + 22) + sampled)
+    each = 8 * (4 * longest_period_count(grid) + 22) + sampled + steady_bytes(grid)
+    return grid.outer_count * grid.inner_count * each
 
 
 def estimate(grid: Grid, units: Units, threads: int | None = None) -> Time:
@@ -204,7 +206,10 @@ class _Costs:
         histories = len(grid.study.output.histories)
         places = sum(1 for _ in grid.places[outer])
         handling = handling_part(inner.size * places, places, grid.sampling.count, histories)
-        seconds = repeats * once + self.seconds(handling) + self.seconds(setup_part(cell.scheme.method, structure))
+        steady = self.seconds(steady_part(grid.study, cell, structure, distinct.size))
+        seconds = (
+            repeats * once + steady + self.seconds(handling) + self.seconds(setup_part(cell.scheme.method, structure))
+        )
         new = {(hash(reduced(cell)), float(alpha)) for alpha in np.unique(self._alpha(cell, distinct))} - self._grown
         self._grown |= new
         return seconds + len(new) * self.seconds(growth_part(structure))

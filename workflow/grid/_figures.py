@@ -25,6 +25,8 @@ class Figures:
         f1, Hz; 0 for a free body.
     tip_stiffness
         1/S, N/m; 0 for a free body.
+    stiffness_by
+        Parameter that gives it, of a model that takes one of several; else empty.
     slowest, fastest
         Longest and shortest thermal time 1/μ, s; ``inf`` for an adiabatic mode.
     critical_alpha
@@ -34,6 +36,7 @@ class Figures:
     label: str
     first_frequency: float
     tip_stiffness: float
+    stiffness_by: str
     slowest: float
     fastest: float
     critical_alpha: float
@@ -49,10 +52,16 @@ def figures(cell: Cell) -> Figures:
         label=f"{cell.scene.model}, {size_text(cell)}{_condensed(cell)}",
         first_frequency=float(frequencies(structure)[0] / (2 * np.pi)),
         tip_stiffness=0.0 if np.isinf(flexibility) else 1.0 / flexibility,
+        stiffness_by=_stiffness_by(cell),
         slowest=float(times.max()),
         fastest=float(times.min()),
         critical_alpha=critical_alpha(structure),
     )
+
+
+def _stiffness_by(cell: Cell) -> str:
+    names = getattr(models.load(cell.scene.model), "EITHER", ())
+    return next((name for name in names if getattr(cell.scene.parameters, name) is not None), "")
 
 
 def size_text(cell: Cell) -> str:

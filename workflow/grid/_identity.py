@@ -15,9 +15,10 @@ from workflow.grid._arrangement import TOLERANCE, Grid
 from workflow.grid._conditions import FRICTION, alpha_of, friction_of, harmonics_of, heat_load
 from workflow.grid._operators import structure_of
 from workflow.grid._reference import exact_cell, reference_cell
+from workflow.grid._trials import EXACT
 from workflow.reduction import DEFAULT
 from workflow.schemes import SOLVER_VERSION
-from workflow.study import Cell, Scene
+from workflow.study import Cell, Scene, Study
 
 HASH_BYTES = 16
 """Of the SHA-256: two of 1e8 cases share their first 128 bits with a probability of 1e-23."""
@@ -64,10 +65,22 @@ def _shared(grid: Grid, outer: int, cell: Cell) -> dict[str, Any]:
         "run": _numerics(cell, _read(cell)),
         "reference": None if reference is None else _numerics(reference_cell(grid, outer), frozenset({"h"})),
         **_widths(cell.scene),
+        **_steady(grid.study, cell),
         **({} if choice is None else {"basis_error": choice.error.hex()}),
         **({} if choice is None or reference is None else {"tolerance": float(grid.value(outer, TOLERANCE))}),
         "lists": {path: value for path, value in _per_node(cell).items() if not isinstance(value, float)},
     }
+
+
+def _steady(study: Study, cell: Cell) -> dict[str, Any]:
+    """Return what is asked of steady rubs, which event_driven alone has, and the axis that is followed."""
+    if study.output.steady is None or cell.scheme.method != EXACT:
+        return {}
+    asked = {"steady": plain(study.output.steady)}
+    branch = study.branch
+    if branch is not None:
+        asked["branch"] = [branch.axis.path, *(float(end).hex() for end in branch.axis.values), branch.points]
+    return asked
 
 
 def _widths(scene: Scene) -> dict[str, Any]:

@@ -167,7 +167,7 @@ def kernel_variant(cell: Cell, balances: bool) -> KernelVariant | None:
 
 
 def compile_for(cell: Cell, balances: bool) -> None:
-    """Have the kernels of a cell compiled, so that no case's wall time holds that."""
+    """Have the kernels of a cell compiled, so that no case's processor time holds that."""
     variant = kernel_variant(cell, balances)
     if variant is not None:
         compile_scheme(variant, waiting)
@@ -213,16 +213,20 @@ def judged(cell: Cell, cases: Cases, results: Results, duration: float) -> Resul
     )
 
 
+def as_run(cell: Cell, cases: Cases) -> tuple[Structure, Cases]:
+    """Return the structure that a cell is run on, and cases given on the nodes as they start on it."""
+    structure, projected = on_basis(cell, cases)
+    return structure, at_rest(structure, projected) if cell.scene.initial == "static" else projected
+
+
 def run_batch(cell: Cell, cases: Cases, sampling: Sampling) -> Results:
     """Run cases, given on the nodes, on the structure and with the scheme of a cell."""
     scene, method = cell.scene, cell.scheme.method
     schemes.refuse(schemes.load(method), cases)
     operator = _operator(reduced(cell), method, cell.scheme.options, cell.h)
-    _, projected = on_basis(cell, cases)
-    if scene.initial == "static":
-        projected = at_rest(reduced_structure(cell), projected)
+    structure, projected = as_run(cell, cases)
     periods = float(cases.fastest_frequency.max()) * sampling.duration
-    part = batch_part(cell, reduced_structure(cell), sampling, cases.count, periods)
+    part = batch_part(cell, structure, sampling, cases.count, periods)
     with measured(part):
         results = schemes.load(method).compute(operator, projected, sampling)
     results.metrics["thermal_closing"] += growth_at_once(structure_of(scene.model, scene.parameters))

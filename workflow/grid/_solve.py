@@ -18,6 +18,7 @@ from workflow.grid._operators import compile_for, judged, projection_residual_of
 from workflow.grid._reason import reason_of
 from workflow.grid._reference import against_reference, tells_basis_error
 from workflow.grid._shaken import Shaken
+from workflow.grid._steady import blank, branch_values, steady_values
 from workflow.grid._trials import COMPARED as DECIDING
 from workflow.models import Array, Cases
 from workflow.schemes import SECTIONS, Results, Sampling, Status, complete_periods
@@ -25,7 +26,7 @@ from workflow.study import Cell, Study
 from workflow.variables import Condition, Variable
 
 SHORT, REPEATS = 2e-3, 3
-"""A batch that took less, in seconds, is run up to so many times in all and the least time counts."""
+"""A batch that took less processor time, in seconds, is run up to so many times in all and the least time counts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +100,9 @@ def _joined(parts: list[Solved]) -> Solved:
 
 def _solve_distinct(grid: Grid, outer: int, inner: Indices, shaken: Shaken | None) -> Solved:
     cell = grid.settings(outer)
+    if grid.study.branch is not None:
+        compile_for(cell, grid.sampling.balances)
+        return _joined([_followed(grid, outer, inner[k : k + 1], shaken) for k in range(inner.size)])
     cell = cell if shaken is None else shaken.cell(cell)
     structure = structure_of(cell.scene.model, cell.scene.parameters)
     cases = conditions(cell, structure, grid.inner_values(inner), inner.size)
@@ -106,21 +110,24 @@ def _solve_distinct(grid: Grid, outer: int, inner: Indices, shaken: Shaken | Non
     compile_for(cell, grid.sampling.balances)
     results, seconds = _timed(grid, cell, cases)
     results = judged(cell, cases, results, grid.sampling.duration)
+    steady, remarks = steady_values(grid, cell, cases)
     critical, growth, runaway = runaways_of(cell, cases.alpha, cases.friction)
     values: dict[str, NDArray[Any]] = {
         **results.histories,
         **{about.name: np.full(inner.size, np.nan) for about in scheme_metrics(grid.study)},
         **results.metrics,
         **_contact(results, cases, grid),
+        **steady,
         "critical_alpha": critical,
         "growth_rate": growth,
         "projection_residual": projection_residual_of(cell, cases),
-        "wall_time": np.full(inner.size, seconds / inner.size),
+        "processor_time": np.full(inner.size, seconds / inner.size),
         "batch_width": np.full(inner.size, float(inner.size)),
         "status": results.status,
         "runaway": runaway.astype(np.int8),
     }
-    messages = dict(results.messages)
+    messages = {k: "; ".join(filter(None, (results.messages.get(k), text))) for k, text in enumerate(remarks)}
+    messages = {k: text for k, text in messages.items() if text}
     for case in np.flatnonzero(np.isnan(values["growth_rate"])):
         earlier = [messages[int(case)]] if int(case) in messages else []
         messages[int(case)] = "; ".join(
@@ -129,13 +136,20 @@ def _solve_distinct(grid: Grid, outer: int, inner: Indices, shaken: Shaken | Non
     return Solved(values, messages)
 
 
+def _followed(grid: Grid, outer: int, inner: Indices, shaken: Shaken | None) -> Solved:
+    """Return the branch of one case, which failed where it has no point."""
+    values, message = branch_values(grid, outer, inner, shaken)
+    status = Status.FAILED if np.isnan(values["steady_periods"]).all() else Status.OK
+    return Solved({**values, "status": np.full(1, status, dtype=np.int8)}, {0: message} if message else {})
+
+
 def _timed(grid: Grid, cell: Cell, cases: Cases) -> tuple[Results, float]:
-    """Run a batch and return its seconds; a short one is repeated where time is weighed against error."""
+    """Run a batch and return this thread's processor time, s; with a reference the least of some short runs."""
     seconds: list[float] = []
     while True:
-        begun = time.perf_counter()
+        begun = time.thread_time()
         results = run_batch(cell, cases, grid.sampling)
-        seconds.append(time.perf_counter() - begun)
+        seconds.append(time.thread_time() - begun)
         if grid.study.reference is None or sum(seconds) > SHORT or len(seconds) == REPEATS:
             return results, min(seconds)
 
@@ -214,13 +228,14 @@ def scheme_metrics(study: Study) -> tuple[Variable, ...]:
 
 
 def metrics_of(study: Study) -> tuple[Variable, ...]:
-    """Return all metrics of a study's archive, in its order."""
-    conditions: list[Condition] = ["always"]
+    """Return the metrics of a study's archive but those of steady rubs; of branches those of the basis."""
+    conditions: list[Condition] = ["always"] if study.branch is None else ["branch"]
     conditions += ["auto"] if study.is_auto else []
     conditions += ["balances"] if study.output.balances else []
     conditions += ["reference"] if study.reference is not None else []
     conditions += ["auto reference"] if study.reference is not None and study.reference.is_auto else []
-    return (*variables.select("metric", None, *conditions), *scheme_metrics(study))
+    own = () if study.branch is not None else scheme_metrics(study)
+    return (*variables.select("metric", None, *conditions), *own)
 
 
 def _failed(grid: Grid, text: str) -> Solved:
@@ -231,5 +246,6 @@ def _failed(grid: Grid, text: str) -> Solved:
         for about in (*variables.select("history"), *metrics_of(grid.study), *periods_of(grid.study))
         if about.condition not in ("reference", "auto", "auto reference")
     }
+    values |= blank(grid.study, 1)
     values |= {"status": np.full(1, Status.FAILED, dtype=np.int8), "runaway": np.zeros(1, dtype=np.int8)}
     return Solved(values, {0: text})

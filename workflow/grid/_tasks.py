@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from workflow import schemes
 from workflow.grid._arrangement import Grid, Indices
-from workflow.grid._costs import case_seconds
+from workflow.grid._costs import case_seconds, steady_part
 from workflow.grid._frequencies import fastest, longest_period_count
 from workflow.grid._operators import reduced_structure
 
@@ -102,7 +102,9 @@ class Units:
 def seconds_per_case(grid: Grid, outer: int) -> float:
     """Return the estimated seconds of one case, from the scheme's fixed cost model."""
     cell = grid.settings(outer)
-    return case_seconds(cell, reduced_structure(cell), grid.sampling, fastest(grid) * grid.sampling.duration)
+    structure, periods = reduced_structure(cell), fastest(grid) * grid.sampling.duration
+    steady = steady_part(grid.study, cell, structure, 1).seconds
+    return steady + case_seconds(cell, structure, grid.sampling, periods)
 
 
 def together(grid: Grid, outer: int) -> int:
@@ -140,7 +142,13 @@ def _decides_cost(path: str, model: str) -> bool:
 
 def bytes_per_case(grid: Grid) -> int:
     """Return the bytes of a case in memory: its results, what is derived of them, and the copy that is stored."""
-    return 8 * (10 * grid.sampling.count + 8 * longest_period_count(grid) + 60)
+    return 8 * (10 * grid.sampling.count + 8 * longest_period_count(grid) + 60) + steady_bytes(grid)
+
+
+def steady_bytes(grid: Grid) -> int:
+    """Return the bytes of a case's steady rubs, 0 where they are not asked for."""
+    steady, branch = grid.study.output.steady, grid.study.branch
+    return 0 if steady is None else 8 * (3 * steady.samples + 16) * (1 if branch is None else branch.points)
 
 
 def units_of(grid: Grid) -> Units:
@@ -150,6 +158,8 @@ def units_of(grid: Grid) -> Units:
     are stepped together. By time chunks hold a power of two of cases, so that a study that grows a little
     keeps the chunks of its archive.
     """
+    if grid.study.branch is not None:
+        return Units(grid.inner_count // (inner := grid.inner_shape[-1] if grid.inner else 1), inner, 1)
     seconds, at_once = _computed(grid)
     share = min(max(float(seconds.sum()) * grid.inner_count / TARGET_TASKS, CHUNK_SECONDS), LONGEST)
     by_size = CHUNK_BYTES // (8 * grid.sampling.count)

@@ -86,6 +86,8 @@ class Trials:
         Values of the axes of each corner, by path; the first has the hardest value of each dimension.
     sound
         Corners that ended ok.
+    lost
+        Why the others did not, by corner.
     failure
         Why no corner did, empty where some did.
     """
@@ -111,8 +113,9 @@ class Trials:
             truth, self.failure = self._tried(*self.most, every)
         self._truth = truth
         self.sound = () if truth is None else tuple(int(k) for k in np.flatnonzero(truth.status == Status.OK))
+        self.lost = {} if truth is None else {k: _ended(truth, k) for k in every if k not in self.sound}
         if truth is not None:
-            self.failure = "" if self.sound else truth.messages.get(0, "it did not end ok")
+            self.failure = "" if self.sound else self.lost[0]
 
     @property
     def by(self) -> str:
@@ -177,6 +180,12 @@ class Trials:
         compile_for(cell, self._sampling.balances)
         with np.errstate(all="ignore"):
             return run_batch(cell, self._cases.take(np.asarray(corners)), self._sampling)
+
+
+def _ended(results: Results, corner: int) -> str:
+    """Return how a corner ended that is not ok."""
+    status = Status(int(results.status[corner])).name.lower()
+    return ": ".join(filter(None, [status, results.messages.get(corner, "")]))
 
 
 def exactly(setting: Setting) -> Cell:

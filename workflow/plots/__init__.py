@@ -1,13 +1,14 @@
 """Pictures of an archive with Matplotlib; imported when something is drawn.
 
-For papers: ``histories``, ``scene_map``, ``work_precision``, ``convergence``, ``sobol_indices`` and
-``bifurcation`` each draw a dataset as a ``Figure``.
+For papers: ``histories``, ``scene_map``, ``work_precision``, ``convergence``, ``sobol_indices``, ``bifurcation`` and
+``branches`` each draw a dataset as a ``Figure``.
 """
 
 from __future__ import annotations
 
 from workflow.plots._axes import metric_by_axis
 from workflow.plots._bifurcation import bifurcation
+from workflow.plots._branches import branches
 from workflow.plots._explorer import MARKS, explorer
 from workflow.plots._maps import map_dims, middle, position_text, scene_map, single_maps
 from workflow.plots._page_data import Shown, page_data, shown_part
@@ -24,6 +25,7 @@ __all__ = [
     "Shown",
     "abstract_figure",
     "bifurcation",
+    "branches",
     "convergence",
     "error_by_cost",
     "error_by_step",

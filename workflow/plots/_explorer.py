@@ -21,6 +21,9 @@ SELECTED = COLOURS[1]
 STATUS_COLOURS = ("#56B4E9", "#F0E442", "#CC79A7", "#000000", "#f2f2f2")
 """Of the statuses in the order of their numbers, none of them :data:`SELECTED`; the page names them too."""
 
+STATE_COLOURS = ("#009E73", "#56B4E9", "#0072B2", "#E69F00", "#CC79A7", "#8a8a8a", "#f2f2f2")
+"""Of what becomes of rubs, in the order of ``steady_state``."""
+
 
 def explorer(description: dict[str, Any], status_names: Sequence[str]) -> dict[str, Any]:
     """Return what Bokeh's script draws for the description of :func:`workflow.plots.page_data`, by name of its place.
@@ -37,16 +40,18 @@ def explorer(description: dict[str, Any], status_names: Sequence[str]) -> dict[s
         parts["case"] = _histories(cases["histories"])
     if axes:
         parts["controls"] = _controls(description, axes)
-        parts["map"] = _map(status_names)
+        parts["map"] = _map(status_names, next((m["words"] for m in description["metrics"] if m["words"]), []))
     if "error" in metrics and axes:
-        if "wall_time" in metrics and description["numerical"]:
-            parts["cost"] = _errors("cost", "computing time / simulated time [s/s]")
+        if "processor_time" in metrics and description["numerical"]:
+            parts["cost"] = _errors("cost", "processor time / simulated time [s/s]")
         if description["h_dim"] is not None and len(description["h"]) > 1:
             parts["order"] = _errors("order", "step h [s]")
         if description["modes"]:
             parts["modes"] = _modes()
     if cases and any("periods" in entry for entry in cases["entries"].values()):
         parts["periods"] = _periods()
+    if cases and cases["orbit"]:
+        parts["orbit"] = _orbit(cases["orbit"]["unit"])
     return {name: json_item(model) for name, model in parts.items()}
 
 
@@ -107,7 +112,8 @@ def _controls(description: dict[str, Any], axes: Sequence[dict[str, Any]]) -> An
     metrics = [("status", "status")] + [(metric["name"], metric["title"]) for metric in description["metrics"]]
     varied = [metric["name"] for metric in description["metrics"] if metric["varies"]]
     start = next(
-        (name for name in ("error", "max_temperature", "contact_impulse", *varied) if name in varied), "status"
+        (name for name in ("error", "steady_state", "max_temperature", "contact_impulse", *varied) if name in varied),
+        "status",
     )
     widgets: list[Any] = [
         Select(name="metric", title="colour", options=metrics, value=start),
@@ -142,20 +148,21 @@ def map_axes(description: dict[str, Any]) -> tuple[str, str]:
     return (second, first) if second == "alpha" or (first, second) == ("scheme", "h") else (first, second)
 
 
-def _map(status_names: Sequence[str]) -> Any:
+def _map(status_names: Sequence[str], state_names: Sequence[str]) -> Any:
     """Return the map: an image, what is not ok, values where they fit, and the cell that is selected."""
     import numpy as np
     from bokeh.models import ColorBar, ColumnDataSource, FixedTicker, LinearColorMapper, LogColorMapper, Range1d
     from bokeh.palettes import Cividis256
 
     panel = _figure("map", 420, tools="reset,save", x_range=Range1d(0, 1), y_range=Range1d(0, 1))
-    mappers = {
+    mappers: dict[str, Any] = {
         "linear": LinearColorMapper(palette=Cividis256, nan_color="#dddddd", name="linear"),
         "log": LogColorMapper(palette=Cividis256, nan_color="#dddddd", low=1e-3, high=1, name="log"),
-        "statuses": LinearColorMapper(
-            palette=STATUS_COLOURS[: len(status_names)], low=-0.5, high=len(status_names) - 0.5, name="statuses"
-        ),
     }
+    words = {"statuses": (status_names, STATUS_COLOURS), "states": (state_names, STATE_COLOURS)}
+    for name, (meanings, colours) in words.items():
+        end = len(meanings) - 0.5
+        mappers[name] = LinearColorMapper(palette=colours, low=-0.5, high=max(end, 0.5), nan_color="#dddddd", name=name)
     blank = {"image": [np.zeros((1, 1), np.float32)], "x": [0], "y": [0], "dw": [1], "dh": [1]}
     for name, mapper in mappers.items():  # an image for each scale: one cannot change its own
         cells = ColumnDataSource(name=f"cells_{name}", data=blank)
@@ -169,9 +176,9 @@ def _map(status_names: Sequence[str]) -> Any:
     panel.rect("x", "y", 1, 1, source=_source("cell", "x", "y"), fill_color=None, line_color=SELECTED, line_width=3.5)
     for name, mapper in mappers.items():
         ticks: dict[str, Any] = {}
-        if name == "statuses":
-            ticks["ticker"] = FixedTicker(ticks=list(range(len(status_names))))
-            ticks["major_label_overrides"] = dict(enumerate(status_names))
+        if name in words:
+            ticks["ticker"] = FixedTicker(ticks=list(range(len(words[name][0]))))
+            ticks["major_label_overrides"] = {k: word.replace("_", "\n") for k, word in enumerate(words[name][0])}
         panel.add_layout(ColorBar(color_mapper=mapper, name=f"bar_{name}", height=10, padding=4, **ticks), "above")
     panel.grid.visible = False
     panel.xaxis.name, panel.yaxis.name = "map_x", "map_y"
@@ -234,6 +241,22 @@ def _modes() -> Any:
     panel.xaxis.ticker, panel.yaxis.ticker = FixedTicker(ticks=[]), FixedTicker(ticks=[])
     panel.xaxis.axis_label, panel.yaxis.axis_label = "mechanical modes", "thermal modes"
     return panel
+
+
+def _orbit(unit: str) -> Any:
+    """Return the phase plane of a steady rub, and its displacement and temperature over one period."""
+    from bokeh.layouts import column
+
+    source, panels = _source("orbit", "x", "v", "phase", "temperature"), []
+    for x, y, x_label, y_label in (
+        ("x", "v", f"displacement [{unit}]", "velocity [m/s]"),
+        ("phase", "x", "share of the period", f"displacement [{unit}]"),
+        ("phase", "temperature", "share of the period", "temperature rise [K]"),
+    ):
+        panels.append(_figure(f"orbit_{x}_{y}", 215))
+        panels[-1].line(x, y, source=source, line_color=COLOURS[0], line_width=1.5)
+        panels[-1].xaxis.axis_label, panels[-1].yaxis.axis_label = x_label, y_label
+    return column(*panels, sizing_mode="stretch_width", name="orbits")
 
 
 def _periods() -> Any:

@@ -26,6 +26,8 @@ TITLES = {
     "impulse": "impulse",
 }
 
+ORBIT = ("orbit_displacement", "orbit_velocity", "orbit_temperature")
+
 MOST_BUCKETS = 8 * BUCKETS
 
 MOST_READ = 64 * 2**20
@@ -49,8 +51,8 @@ def append_cases(
         Where each case lies; ``None`` where the archive keeps neither.
     """
     names = [name for name in TITLES if name in part] if "t" in part.coords and part.sizes["t"] > 1 else []
-    periodic = "period_impulse" in part
-    if not names and not periodic:
+    orbits = ORBIT[0] in part and "point" not in part.dims
+    if not names and "period_impulse" not in part and not orbits:
         return None
     buckets = _buckets(part, len(names), room - pack.size) if names else 0
     described: dict[str, Any] = {
@@ -59,9 +61,10 @@ def append_cases(
         "period_unit": "N s",
         "entries": {},
         "kept": bool(names),
+        "orbit": dict(zip(("unit", "factor"), scaled("m", part[ORBIT[0]].values), strict=True)) if orbits else None,
     }
     status, written = np.asarray(part["status"].values).ravel(), 0
-    part = _read(part, names)
+    part = _read(part, [*names, *(ORBIT if orbits else ())])
     for case in order:
         if len(described["entries"]) >= MOST or pack.size + written > room:
             break
@@ -72,9 +75,9 @@ def append_cases(
     return described
 
 
-def _read(part: xr.Dataset, histories: list[str]) -> xr.Dataset:
+def _read(part: xr.Dataset, curves: list[str]) -> xr.Dataset:
     """Return what an entry needs of an archive; numbers are read at once where they are few, else case by case."""
-    numbers = part[["status", *histories, *(name for name in ("period_impulse", "growth_rate") if name in part)]]
+    numbers = part[["status", *curves, *(name for name in ("period_impulse", "growth_rate") if name in part)]]
     if sum(array.nbytes for array in numbers.values()) <= MOST_READ:
         numbers = numbers.load()
     return numbers.assign(message=part["message"]) if "message" in part else numbers
@@ -101,6 +104,12 @@ def _history(part: xr.Dataset, name: str) -> dict[str, Any]:
     return {"name": name, "title": TITLES[name], "unit": shown, "factor": factor}
 
 
+def _curve(pack: Pack, values: NDArray[np.float64]) -> dict[str, Any]:
+    """Take in a curve as levels between its ends."""
+    steps, low, high = levels(values)
+    return {**pack.add(steps), "low": low, "high": high}
+
+
 def _entry(
     part: xr.Dataset, pack: Pack, case: int, names: list[str], buckets: int, scene: Mapping[str, Any], ok: bool
 ) -> dict[str, Any]:
@@ -110,18 +119,18 @@ def _entry(
     one = part.isel(dict(zip(dims, map(int, place), strict=True)))
     entry: dict[str, Any] = {"curves": []}
     for name in names:
-        steps, low, high = levels(thinned(np.asarray(one[name].values, dtype=float), buckets))
-        entry["curves"].append({**pack.add(steps), "low": low, "high": high})
+        entry["curves"].append(_curve(pack, thinned(np.asarray(one[name].values, dtype=float), buckets)))
     if "period_impulse" in one:
         entry["periods"] = pack.add(np.asarray(one["period_impulse"].values, dtype=np.float64))
         entry["growth"] = float(one["growth_rate"]) if "growth_rate" in one else None
+    if ORBIT[0] in one and np.isfinite(one[ORBIT[0]].values).all():
+        entry["orbit"] = [_curve(pack, np.asarray(one[name].values, dtype=float)) for name in ORBIT]
     entry["frequency"] = period_frequency(one, scene)
     if "gap" in one.coords:
         entry["gap"] = float(one["gap"])
         motion = casing_motion(one) if names else None
         if motion is not None:
-            steps, low, high = levels(thinned(motion[0], buckets))
-            entry["casing"] = {**pack.add(steps), "low": low, "high": high}
+            entry["casing"] = _curve(pack, thinned(motion[0], buckets))
     if not ok and "message" in one:
         entry["message"] = str(one["message"].values)[:_LONGEST_MESSAGE]
     return entry

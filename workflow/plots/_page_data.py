@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.analysis import (
-    Telling,
+    NotableCase,
     case_dims,
     exact_partners,
     finest,
@@ -34,13 +34,14 @@ MOST_CASES = 250_000
 
 _FIRST = (
     "error",
-    "wall_time",
+    "processor_time",
     "scheme_error",
     "model_error",
     "max_temperature",
     "contact_impulse",
     "impulse_growth",
     "runaway",
+    "steady_state",
     "impacts",
     "max_penetration",
     "displacement_error",
@@ -83,7 +84,7 @@ class Shown:
     dataset
         That part.
     cases
-        Number of each telling case in it.
+        Number of each notable case in it.
     left_out
         A sentence for every axis of which values are left out.
     """
@@ -93,10 +94,10 @@ class Shown:
     left_out: tuple[str, ...]
 
 
-def shown_part(dataset: xr.Dataset, telling_cases: Sequence[Telling]) -> Shown:
-    """Return the cases that a page holds: all, or evenly spread values of the longest axes and the telling cases."""
+def shown_part(dataset: xr.Dataset, notable: Sequence[NotableCase]) -> Shown:
+    """Return the cases that a page holds: all, or evenly spread values of the longest axes and the notable cases."""
     dims, shape = case_dims(dataset), dataset["status"].shape
-    places = [np.unravel_index(one.case, shape) if shape else () for one in telling_cases]
+    places = [np.unravel_index(one.case, shape) if shape else () for one in notable]
     most = dict.fromkeys(dims, MOST_VALUES)
     while np.prod([min(n, most[dim]) for dim, n in zip(dims, shape, strict=True)]) > MOST_CASES:
         longest = max(dims, key=lambda dim: min(dataset.sizes[dim], most[dim]))
@@ -211,7 +212,8 @@ def _metrics(part: xr.Dataset, pack: Pack, ok: NDArray[np.bool_], room: int) -> 
     """Take in the metrics of all cases, the most useful first, while there is room; return those left out too."""
     dims = part["status"].dims
     there = [str(name) for name in part.data_vars if part[name].dims == dims and part[name].dtype.kind == "f"]
-    there += ["runaway"] if "runaway" in part else []
+    flags = [name for name in ("runaway", "steady_state") if name in part and part[name].dims == dims]
+    there += flags
     ranked = [name for name in _FIRST if name in there or name in _DERIVED]
     entries, left = [], []
     for name in [*ranked, *(name for name in there if name not in ranked)]:
@@ -228,7 +230,8 @@ def _metrics(part: xr.Dataset, pack: Pack, ok: NDArray[np.bool_], room: int) -> 
         about = _EXPLAINED.get(name) or str(part[name].attrs.get("long_name", ""))
         entry = {"name": name, "title": name.replace("_", " "), "unit": shown_unit, "factor": factor, "about": about}
         entry["varies"] = bool(np.nanmax(small) > np.nanmin(small)) if np.isfinite(small).any() else False
-        entries.append({**entry, **pack.add(small)})
+        words = str(part[name].attrs["flag_meanings"]).split() if name == "steady_state" else None
+        entries.append({**entry, "words": words, **pack.add(small)})
     return entries, left
 
 
@@ -243,7 +246,7 @@ def _modes(part: xr.Dataset) -> dict[str, Any] | None:
 
 
 def _order(part: xr.Dataset, first: Sequence[int], partners: NDArray[np.int32]) -> Iterator[int]:
-    """Yield every case once: telling ones, neighbours of the first along every axis, then the largest errors.
+    """Yield every case once: notable ones, neighbours of the first along every axis, then the largest errors.
 
     Before each comes its exact partner. Without errors the cases of the rest are spread evenly, by a fixed shuffle.
     """

@@ -1,4 +1,4 @@
-"""Error against computing time and against the step, one line per scheme."""
+"""Error against processor time and against the step, one line per scheme."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _FLOOR, _CEILING = 1e-12, SENSELESS
 
 
 def error_by_cost(lines: Sequence[Line], beside: Sequence[Line] = (), title: str = "") -> Figure:
-    """Draw relative errors against wall seconds per simulated second, log-log.
+    """Draw relative errors against processor seconds per simulated second, log-log.
 
     Markers are at steps h; a cross on the upper edge is a step beyond the scheme's limit (not ok, or an
     error above 3), at what it cost; the exact scheme is the cost line.
@@ -54,7 +54,7 @@ def error_by_cost(lines: Sequence[Line], beside: Sequence[Line] = (), title: str
             if line.exact:
                 cost = float(np.median(line.seconds))
                 panel.axvline(cost, color="black", lw=1.2, ls=":", label=f"{line.scheme}: exact, at this cost")
-        panel.set(xscale="log", yscale="log", title=about, xlabel="wall seconds per simulated second")
+        panel.set(xscale="log", yscale="log", title=about, xlabel="processor seconds per simulated second")
         trim(panel)
     panels[0].set_ylabel("relative L2 error")
     low, high = panels[0].get_ylim()
@@ -204,7 +204,7 @@ def _slopes(panel: Any, stepping: Sequence[Line], name: str) -> None:
 
 
 def work_precision(dataset: xr.Dataset, beside: xr.Dataset | None = None) -> Figure:
-    """Draw relative errors against wall seconds per simulated second, a line per scheme with a marker per step.
+    """Draw relative errors against processor seconds per simulated second, a line per scheme with a marker per step.
 
     Of all other dimensions the most modes, the largest α and the first of the rest are shown. Crosses on the upper edge
     are steps at which a scheme is not ok or errs by more than three times the solution.

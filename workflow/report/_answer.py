@@ -1,4 +1,4 @@
-"""The first block of a report: the cheapest choice that meets a tolerance, or why the archive holds no answer."""
+"""The first block of a report: what the archive recommends at a tolerance, or why the archive holds no answer."""
 
 from __future__ import annotations
 

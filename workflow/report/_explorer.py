@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workflow.analysis import Choice, Telling, telling
+from workflow.analysis import Choice, NotableCase, notable_cases
 from workflow.plots import COLOURS, MARKS, explorer, page_data, shown_part
 from workflow.report._html import Html, block, tag
 from workflow.schemes import Status
@@ -27,6 +27,7 @@ _TITLES = {
     "order": "Error against step",
     "modes": "Error of the reduced models",
     "periods": "Impulse of each load period",
+    "orbit": "The steady rub of the selected case",
 }
 
 _ABOUT = {
@@ -81,8 +82,8 @@ def interactive(
     scripts = _library()
     own = files("workflow.report").joinpath("explorer.js").read_text(encoding="utf-8")
     room -= sum(len(script.encode()) for script in scripts) + len(own)
-    telling_cases = telling(dataset, choice)
-    shown = shown_part(dataset, telling_cases)
+    notable = notable_cases(dataset, choice)
+    shown = shown_part(dataset, notable)
     described, packed = page_data(shown.dataset, shown.cases, methods, scene, room)
     described |= {
         "archive": repr(archive),
@@ -95,7 +96,7 @@ def interactive(
     figures = explorer(described, described["statuses"])
     body = [
         *_layout(figures, described, shown.left_out),
-        *_hard(telling_cases, shown.cases, described["dims"]),
+        *_hard(notable, shown.cases, described["dims"]),
         block("description", described),
         block("figures", figures),
         tag("script", Html(packed), id="block", type="text/plain"),
@@ -132,7 +133,7 @@ def _layout(figures: Mapping[str, Any], described: Mapping[str, Any], left_out: 
         omitted.append("metrics that do not fit: " + ", ".join(described["left_out"]))
     remark = "Not all of the archive is in this page: " + "; ".join(omitted) + "."
     panels = [tag("div", *_map_panel(figures), kind="panel") if "map" in figures else Html(""), _case_panel(figures)]
-    for name in ("cost", "order", "modes", "periods"):
+    for name in ("cost", "order", "modes", "periods", "orbit"):
         if name in figures:
             about = _about(name, described)
             key = [tag("p", "", id=f"{name}-key", kind="key")] if name in ("cost", "order") else []
@@ -204,15 +205,15 @@ def _case_panel(figures: Mapping[str, Any]) -> Html:
     )  # fmt: skip
 
 
-def _hard(telling_cases: Sequence[Telling], cases: Sequence[int], dims: Sequence[Mapping[str, Any]]) -> list[str]:
+def _hard(notable: Sequence[NotableCase], cases: Sequence[int], dims: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return the cases that are worth a look, with a button that selects each."""
     shape = [len(dim["texts"]) for dim in dims]
     rows = []
-    for one, case in zip(telling_cases, cases, strict=True):
+    for one, case in zip(notable, cases, strict=True):
         place = np.unravel_index(case, shape) if shape else ()
         named = [f"{d['title']} {d['texts'][k]} {d['unit']}".strip() for d, k in zip(dims, place, strict=True)]
         varied = [text for text, size in zip(named, shape, strict=True) if size > 1]
         button = tag("button", "show", type="button", **{"data-case": str(case), "aria-label": f"show {one.why}"})
         rows.append(tag("tr", tag("td", one.why), tag("td", ", ".join(varied) or "the only case"), tag("td", button)))
-    head = tag("tr", tag("th", "what is telling"), tag("th", "case"), tag("th", "select"))
-    return [tag("h3", "Hard and telling cases"), tag("div", tag("table", head, *rows), kind="wide")]
+    head = tag("tr", tag("th", "why"), tag("th", "case"), tag("th", "select"))
+    return [tag("h3", "Cases worth a look"), tag("div", tag("table", head, *rows), kind="wide")]

@@ -56,7 +56,7 @@ def origin(dataset: xr.Dataset, archive: Path, damaged: bool) -> list[str]:
     stored = provenance(archive, damaged=damaged)
     rows = [
         ["written", str(dataset.attrs.get("history", "")).split(": ", 1)[0]],
-        ["computing time", _computing(dataset)],
+        ["processor time", _computing(dataset)],
     ]
     rows += [["run", _run(stored["run"])]] if "run" in stored else []
     rows += [[name.replace("_", " "), stored[name]] for name in _SHOWN if name in stored]
@@ -71,7 +71,7 @@ def origin(dataset: xr.Dataset, archive: Path, damaged: bool) -> list[str]:
 
 def _computing(dataset: xr.Dataset) -> str:
     """Return the sum of the cases' times."""
-    seconds = np.asarray(dataset["wall_time"].values, dtype=float) if "wall_time" in dataset else np.zeros(0)
+    seconds = np.asarray(dataset["processor_time"].values, dtype=float) if "processor_time" in dataset else np.zeros(0)
     finite = seconds[np.isfinite(seconds)]
     return f"{finite.sum():.3g} s, the sum over {finite.size} cases, references aside" if finite.size else ""
 

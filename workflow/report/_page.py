@@ -13,6 +13,7 @@ from workflow.archive import ArchiveError, commit, open_archive, usable
 from workflow.plots import histories, save
 from workflow.report import _sections as sections
 from workflow.report._answer import answer
+from workflow.report._branches import along_branches
 from workflow.report._explorer import PAGE_BYTES, interactive
 from workflow.report._html import THEN, image, page, short, table, tag
 from workflow.report._origin import duration_of, methods_of, origin, scene_of
@@ -103,7 +104,8 @@ def _write_single(archive: Path, written: Path, damaged: bool) -> Written:
     _refuse_overwriting([archive], written, picture)
     with open_archive(archive, damaged=damaged) as dataset:
         precision, maps = sections.precision(dataset, duration_of(archive, damaged)), sections.maps(dataset)
-        figure = _response(dataset) or precision.figure or maps.figure
+        branches = along_branches(dataset)
+        figure = _response(dataset) or precision.figure or maps.figure or branches.figure
         figure_path = None if figure is None else save(figure, picture)
         methods, scene = methods_of(archive, damaged), scene_of(archive, damaged)
         first_block = answer(dataset, methods)
@@ -114,6 +116,7 @@ def _write_single(archive: Path, written: Path, damaged: bool) -> Written:
             *_warnings(dataset),
             *first_block.body,
             *maps.body,
+            *branches.body,
         ]
         rest = [
             *sections.cases(dataset),
@@ -142,7 +145,7 @@ def _write_figure(archive: Path, written: Path, damaged: bool) -> Written:
     with open_archive(archive, damaged=damaged) as dataset:
         figure = _response(dataset)
         figure = figure or sections.precision(dataset, duration_of(archive, damaged)).figure
-        figure = figure or sections.maps(dataset).figure
+        figure = figure or sections.maps(dataset).figure or along_branches(dataset).figure
         if figure is None:
             raise ArchiveError(
                 f"{archive}: has no figure: it keeps no histories, no errors at three steps and no two axes of four "

@@ -62,6 +62,7 @@
   function say(id, text) { if ($(id)) $(id).textContent = text; }
   const unitOf = (thing) => (thing.unit ? ` ${thing.unit}` : "");
   const valueOf = (metric, number) => metric.values[number] * metric.factor;
+  const written = (metric, value) => metric.words ? metric.words[value] ?? "–" : short(value) + unitOf(metric);
 
   // The case that is selected.
   function labels(at) {
@@ -94,7 +95,7 @@
     const rows = [...metrics.values()].map((metric) => [metric, valueOf(metric, number)]);
     $("case-metrics").replaceChildren(...rows.filter(([, value]) => Number.isFinite(value)).map(([metric, value]) => {
       const row = document.createElement("tr");
-      for (const text of [metric.title, short(value) + unitOf(metric), metric.about]) row.insertCell().textContent = text;
+      for (const text of [metric.title, written(metric, value), metric.about]) row.insertCell().textContent = text;
       return row;
     }));
     if (!model("chosen")) return;
@@ -178,11 +179,11 @@
       if (value > 0) least = Math.min(least, value);
     }
     const logarithmic = low >= 0 && least < Infinity && high > 30 * least;
-    const name = !metric ? "statuses" : logarithmic ? "log" : "linear";
+    const name = !metric ? "statuses" : metric.words ? "states" : logarithmic ? "log" : "linear";
     const from = logarithmic ? least : low;
     const to = high > from ? high : from + (Math.abs(from) || 1);
-    if (name !== "statuses") Object.assign(model(name), Number.isFinite(from) ? { low: from, high: to } : { low: 0, high: 1 });
-    for (const other of ["statuses", "log", "linear"]) {
+    if (name === "log" || name === "linear") Object.assign(model(name), Number.isFinite(from) ? { low: from, high: to } : { low: 0, high: 1 });
+    for (const other of ["statuses", "states", "log", "linear"]) {
       model(`bar_${other}`).visible = model(`image_${other}`).visible = other === name;
     }
     const share = (value) => (logarithmic ? Math.log(value / from) / Math.log(to / from) : (value - from) / (to - from));
@@ -191,7 +192,7 @@
   const inkOn = (share) => (share > 0.5 ? "black" : "white");
   function writeValues(shown, metric, scale, nx, ny, width) { // where there is room for them
     const data = { x: [], y: [], text: [], colour: [] };
-    if (metric && width / nx > 48 && ny <= 20) shown.forEach((value, k) => {
+    if (metric && !metric.words && width / nx > 48 && ny <= 20) shown.forEach((value, k) => {
       if (!Number.isFinite(value)) return;
       data.x.push(k % nx + 0.5); data.y.push(Math.floor(k / nx) + 0.5);
       data.text.push(short(value)); data.colour.push(inkOn(scale.share(value)));
@@ -207,7 +208,7 @@
   }
 
   // Errors against cost and step: a line through the steps for each scheme, the scene being that of the selected case.
-  const error = metrics.get("error"), cost = metrics.get("wall_time");
+  const error = metrics.get("error"), cost = metrics.get("processor_time");
   const ofScheme = metrics.get("scheme_error") ?? error, ofModel = metrics.get("model_error") ?? error;
   const schemes = about.scheme_dim === null ? [about.scheme] : dims[about.scheme_dim].texts;
   const look = (k) => ({ colour: about.colours[k % about.colours.length], marker: about.markers[k % about.markers.length] });
@@ -372,6 +373,22 @@
     say("periods-about", text);
   }
 
+  // The steady rub: its phase plane, and displacement and temperature over one period.
+  function drawOrbit() {
+    if (!model("orbit")) return;
+    const curves = about.cases.entries[numberOf(place)]?.orbit, names = ["x", "v", "temperature"];
+    const data = { x: [], v: [], temperature: [], phase: [] };
+    curves?.forEach((entry, k) => {
+      data[names[k]] = curve(entry, k === 0 ? about.cases.orbit.factor : 1);
+      data[names[k]].push(data[names[k]][0]);
+    });
+    data.phase = data.x.map((_, k) => k / (data.x.length - 1));
+    fill("orbit", data);
+    const state = metrics.get("steady_state");
+    say("orbit-about", (state ? `${written(state, valueOf(state, numberOf(place))).replaceAll("_", " ")}. ` : "")
+      + (curves ? "Phase plane, then one period." : "The page holds no steady rub of this case."));
+  }
+
   function draw() {
     drawCase();
     drawMap();
@@ -379,6 +396,7 @@
     if (error) drawErrors("order", ofScheme, (number, at) => about.h[at[about.h_dim]]);
     if (error) drawModes();
     drawPeriods();
+    drawOrbit();
   }
   function select(wanted) {
     place = wanted;
@@ -403,7 +421,7 @@
     model("map").on_event("mousemove", (event) => {
       const at = cellAt(event), metric = metrics.get(model("metric").value);
       if (!at) return;
-      const value = status[numberOf(at)] !== 0 || !metric ? about.statuses[status[numberOf(at)]] : short(valueOf(metric, numberOf(at))) + unitOf(metric);
+      const value = status[numberOf(at)] !== 0 || !metric ? about.statuses[status[numberOf(at)]] : written(metric, valueOf(metric, numberOf(at)));
       say("map-here", `${labels(at)}: ${value}`);
     });
     // Bokeh tells of a new width while it paints, when no data may change.

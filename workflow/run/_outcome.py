@@ -135,12 +135,12 @@ def summarise(archive: Path, resumed: int | None) -> Outcome:
     status = values["status"]
     missing = [np.isnan(values[name]) for name in _ERRORS if name in values]
     without_error = (status == Status.OK) & np.any(missing, axis=0)
-    telling = np.flatnonzero((status != Status.OK) | without_error)[:SHOWN].tolist()
+    unsound = np.flatnonzero((status != Status.OK) | without_error)[:SHOWN].tolist()
     failures: tuple[tuple[str, str], ...] = ()
     warnings = _planned(attributes)
-    if telling or np.any((status == Status.OK) & (values.get("max_temperature", np.nan) > LINEAR)):
+    if unsound or np.any((status == Status.OK) & (values.get("max_temperature", np.nan) > LINEAR)):
         with open_archive(archive) as dataset:
-            failures, warnings = _labelled_messages(dataset, telling), warnings_of(dataset)
+            failures, warnings = _labelled_messages(dataset, unsound), warnings_of(dataset)
     return Outcome(
         archive,
         _counted(status),

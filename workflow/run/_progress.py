@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from threading import Event, Lock, Thread
 
-from workflow.grid import Task, compiling_seconds, task_seconds, waited_for
+from workflow.grid import COMPILING, Task, compiling_seconds, task_seconds, waited_for
 from workflow.run._task import Job, Stored, fresh_share
 
 
@@ -172,6 +172,8 @@ _OVERDUE = 10.0
 def in_words(advance: Advance | None, elapsed: float, waited: float = 0.0) -> str:
     """Return how far a run is, and what this process is waiting for, as one line.
 
+    While kernels compile it says no time that is left: that is the time of the cases.
+
     Parameters
     ----------
     advance
@@ -181,12 +183,14 @@ def in_words(advance: Advance | None, elapsed: float, waited: float = 0.0) -> st
     waited
         Seconds since that report.
     """
-    what = f"{waited_for()}; " if waited_for() else ""
+    awaited = waited_for()
+    what = f"{awaited}; " if awaited else ""
     if advance is None:
         return f"{what}{clock_time(elapsed)} elapsed"
     endings = "".join(f", {number} {name.replace('_', '-')}" for name, number in advance.endings.items() if number)
     left = "" if math.isnan(advance.left) else f", {clock_time(max(advance.left - waited, 0.0))} left"
     left = ", longer than estimated" if waited - advance.left > _OVERDUE else left
+    left = "" if awaited == COMPILING else left
     times = f"{math.floor(100 * advance.work)} %, {clock_time(elapsed)} elapsed{left}"
     return f"{what}{times}; {advance.stored} of {advance.cases} cases{endings}"
 

@@ -30,7 +30,7 @@ from workflow.archive import (
 )
 from workflow.grid import Choice, Grid, arrange, case_hashes, seconds_per_case, solve, units_of
 from workflow.pinning import is_pinned
-from workflow.run._compare import differences, sensitivity, without_digits
+from workflow.run._compare import differences, followed, sensitivity, without_digits
 from workflow.run._earlier import stored_choices
 from workflow.run._outcome import labels_of_case
 from workflow.schemes import SOLVER_VERSION, Status
@@ -198,8 +198,9 @@ def _repeat(path: Path, grid: Grid, texts: dict[str, str], sample: int) -> Itera
             where = labels_of_case(dataset, cell) or "the case"
             again = {v.name: solved.values[v.name].astype(v.dtype) for v in layout.variables if v.name not in LEFT_OUT}
             unlike = list(differences(stored, again))
-            if other and unlike:
-                allowed = sensitivity(grid, outer, np.array([inner]), solved)
+            if unlike and (other or grid.study.branch is not None):
+                is_branch = grid.study.branch is not None
+                allowed = followed(again) if is_branch else sensitivity(grid, outer, np.array([inner]), solved)
                 unlike = list(differences(stored, again, allowed))
                 lost = without_digits(again, allowed)
                 blurred += [f"{where} ({', '.join(lost)})"] if lost else []

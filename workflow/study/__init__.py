@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from workflow.study.addresses import MODES
 from workflow.study.attached import packed, unpacked
-from workflow.study.axes import Axis, Dimension
+from workflow.study.axes import Axis, Branch, Dimension
 from workflow.study.draws import MATRIX, POINT, Drawn
 from workflow.study.edits import setting
 from workflow.study.mistakes import Mistake, StudyError
@@ -12,7 +12,7 @@ from workflow.study.quantities import readable, udunits
 from workflow.study.reader import StudySource, parse_study, read_study
 from workflow.study.resolved import ResolvedValue, resolved_values
 from workflow.study.schema import json_schema
-from workflow.study.settings import AUTO, CHOSEN, Cell, Initial, Load, Output, Scene, SchemeChoice
+from workflow.study.settings import AUTO, CHOSEN, Cell, Initial, Load, Output, Scene, SchemeChoice, Steady
 from workflow.study.study import Reference, Study
 
 __all__ = [
@@ -22,6 +22,7 @@ __all__ = [
     "MODES",
     "POINT",
     "Axis",
+    "Branch",
     "Cell",
     "Dimension",
     "Drawn",
@@ -33,6 +34,7 @@ __all__ = [
     "ResolvedValue",
     "Scene",
     "SchemeChoice",
+    "Steady",
     "Study",
     "StudyError",
     "StudySource",

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from workflow.study.addresses import MODES, Address, setting_defaults
+from workflow.study.addresses import MODES, TOLERANCE, Address, setting_defaults
 from workflow.study.draws import Drawn
 from workflow.study.leaves import Listed, Reading, Single, Spread
 from workflow.study.mistakes import Place, quoted
@@ -56,6 +56,14 @@ class Dimension:
     def size(self) -> int:
         """Number of values along the dimension."""
         return len(self.axes[0].values)
+
+
+@dataclass(frozen=True)
+class Branch:
+    """The axis along which a branch of steady rubs is followed; the ends of its range are the values of ``axis``."""
+
+    axis: Axis
+    points: int
 
 
 def spread_values(spread: Spread) -> tuple[float, ...]:
@@ -134,11 +142,13 @@ class Arrangement:
         self.source, self.addresses, self.nodes, self.sizes = source, addresses, nodes, sizes
         self.groups: list[_Group] = []
         self.singles: dict[str, Value] = {}
+        self.followed: dict[str, Spread] = {}
+        self.branch: Branch | None = None
 
     def arrange(
         self, axes: Mapping[str, Any], zips: Mapping[str, Mapping[str, Any] | Drawn]
     ) -> tuple[tuple[Dimension, ...], tuple[Axis, ...]]:
-        """Return dimensions and scalars of the axes that could be read."""
+        """Return dimensions and scalars of the axes that could be read; one that is followed is then :attr:`branch`."""
         if not self._few_enough(axes, zips):
             return (), ()
         self._take_axes(axes)
@@ -173,6 +183,13 @@ class Arrangement:
 
     def _take_axes(self, axes: Mapping[str, Any]) -> None:
         for path, content in axes.items():
+            if isinstance(content, Spread) and content.law == "branch":
+                if self.followed or path in ("h", TOLERANCE):
+                    self.source.report(
+                        ("axes", path), "cannot be followed", "follow one axis of what event_driven reads"
+                    )
+                self.followed[path] = content
+                continue
             values = self._expand(("axes", path), path, content)
             if isinstance(content, Single):
                 self.singles[path] = content.value
@@ -256,7 +273,7 @@ class Arrangement:
         """Return dimensions and scalars under the names of their coordinates."""
         defaults = setting_defaults()
         held = {path: self.singles.get(path, default) for path, default in defaults.items()}
-        varied = {path for group in self.groups for path in group.columns}
+        varied = {path for group in self.groups for path in group.columns} | set(self.followed)
         singles = {path: value for path, value in (held | self.singles).items() if path not in varied}
         zips = [group.name for group in self.groups if group.name is not None]
         for group in self.groups:
@@ -269,6 +286,8 @@ class Arrangement:
             address = self.addresses[path]
             return Axis(path, names[path], values, address.unit, address.description)
 
+        for path, spread in self.followed.items():
+            self.branch = Branch(axis(path, (spread.first, spread.last)), spread.count)
         dimensions = []
         for group in self.groups:
             axes = tuple(axis(path, values) for path, values in group.columns.items())

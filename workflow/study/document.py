@@ -15,8 +15,8 @@ from workflow.declare import Quantity
 from workflow.study.addresses import TOLERANCE, Address, setting_defaults, settings
 from workflow.study.draws import SAMPLES, Between, Drawn, drawn
 from workflow.study.forms import ByShape, Form, annotated, entry_of, explicit_entries, form, keys_form, summary
-from workflow.study.leaves import MOST_VALUES, Axial, Choice, Line, Name, Reading
-from workflow.study.settings import Casing, Friction, Initial, Load, Output, Scene
+from workflow.study.leaves import MOST_VALUES, Axial, Choice, Flag, Line, Name, Reading
+from workflow.study.settings import Casing, Friction, Initial, Load, Output, Scene, Steady
 
 LONGEST_TITLE = 1000
 SCENE_KEYS = ("casing", "load", "initial", "duration", "speed", "friction")
@@ -160,11 +160,17 @@ def reference_form(labels: tuple[str, ...], bases: tuple[str, ...]) -> Any:
 
 @cache
 def output_form() -> type[Form]:
-    """Return the form of ``output``, whose interval may be left out."""
+    """Return the form of ``output``, whose interval may be left out; ``steady`` is a flag or its options."""
     fields = {entry.name: entry for entry in dataclasses.fields(Output)}
     annotation, described = entry_of(fields["interval"], float)
     interval = annotation, Field(None, description=described.description)
-    return keys_form(Output, "output", interval=interval)
+    flag, options = annotated(annotated(Any, Flag()), Tag("<flag>")), annotated(form(Steady), Tag("<options>"))
+    either = annotated(
+        flag | options, Discriminator(lambda given: "<options>" if isinstance(given, dict) else "<flag>")
+    )
+    asked = AfterValidator(lambda read: (Steady() if read else None) if isinstance(read, bool) else read)
+    steady = annotated(either, asked), Field(None, description=summary(Steady))
+    return keys_form(Output, "output", interval=interval, steady=steady)
 
 
 def study_form(addresses: Mapping[str, Address], labels: tuple[str, ...], bases: tuple[str, ...]) -> type[Form]:

@@ -21,9 +21,9 @@ POINT, MATRIX = "sample_point", "sample_matrix"
 
 @dataclass(frozen=True)
 class Range:
-    """Values between two ends, uniform or uniform in the logarithm."""
+    """Values between two ends, uniform or uniform in the logarithm, or those of a branch."""
 
-    law: Literal["lin", "log"]
+    law: Literal["lin", "log", "branch"]
     low: float
     high: float
 

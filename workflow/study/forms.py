@@ -79,7 +79,8 @@ def form(declared: Any, name: str = "") -> Any:
 def keys_form(declared: Any, name: str = "", **other: Any) -> type[Form]:
     """Return the form with the fields of a declared dataclass, and others that replace or follow them."""
     hints = get_type_hints(declared)
-    entries: dict[str, Any] = {entry.name: entry_of(entry, hints[entry.name]) for entry in dataclasses.fields(declared)}
+    own = [entry for entry in dataclasses.fields(declared) if entry.name not in other]
+    entries: dict[str, Any] = {entry.name: entry_of(entry, hints[entry.name]) for entry in own}
     return create_model(name or declared.__name__, __base__=Form, __doc__=summary(declared), **entries | other)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from workflow import models, reduction, schemes
 from workflow.models import Array
 from workflow.study.addresses import DEFAULT_SCHEME, MODES, REDUCTION, TOLERANCE, Address, harmonic_counts
-from workflow.study.axes import Axis
+from workflow.study.axes import Axis, Branch
 from workflow.study.mistakes import Place, place_of_path
 from workflow.study.settings import AUTO, CasingHarmonic, Initial, Load
 from workflow.study.source import Source
@@ -39,6 +39,21 @@ def mapping(value: Any, *keys: str) -> dict[str, Any]:
 def flat(content: Any) -> list[Any]:
     """Return the values of an axis as written: of a list each, else the one."""
     return content if isinstance(content, list) else [content]
+
+
+def first_value(content: Any) -> Any:
+    """Return the first value of an axis as written."""
+    while isinstance(content, dict | list) and content:
+        content = next(iter(content.values())) if isinstance(content, dict) else content[0]
+    return content
+
+
+def entry_at(owner: Any, word: str) -> Any:
+    """Return what a mapping or a list holds under a word of a path; a mapping gets what it lacks."""
+    if isinstance(owner, dict):
+        return owner.setdefault(word, {})
+    exists = isinstance(owner, list) and word.isdecimal() and int(word) < len(owner)
+    return owner[int(word)] if exists else None
 
 
 @dataclass(frozen=True)
@@ -149,6 +164,26 @@ def judge_auto(written: Written) -> None:
         if path in MODES and AUTO in flat(content):
             remedy = "write e.g. `tolerance: 1e-3` under `axes`"
             written.source.report(place, "is `auto` without a `tolerance`", remedy)
+
+
+def asks_for_steady(tree: Any) -> bool:
+    """Tell whether a study as written asks for steady rubs, or follows them along a branch."""
+    axes = mapping(tree, "axes").values()
+    return bool(mapping(tree, "output").get("steady")) or any("branch" in mapping(content) for content in axes)
+
+
+def judge_branch(
+    written: Written, branch: Branch | None, groups: Sequence[tuple[Axis, ...]], methods: Mapping[str, Sequence[str]]
+) -> None:
+    """Refuse a branch of other schemes than event_driven, or beside a reference."""
+    if branch is None:
+        return
+    labels = next((axis.values for group in groups for axis in group if axis.path == "scheme"), ())
+    if {method for label in labels for method in methods.get(str(label), ())} != {"event_driven"}:
+        remedy = "write `scheme: event_driven` under `axes`, or a list in the place of the branch"
+        written.source.report(("axes", branch.axis.path), "is a branch, which event_driven alone follows", remedy)
+    if "reference" in mapping(written.tree):
+        written.source.report(("reference",), "stands beside a branch, which has no errors", "leave it out")
 
 
 def _named(written: Written, setting: str) -> list[tuple[Place, Any]]:

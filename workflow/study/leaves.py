@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 from pydantic import ValidationError
 from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, core_schema
@@ -22,7 +22,8 @@ from workflow.study.quantities import NUMBER, admissible, expected, read_quantit
 
 Schema = dict[str, Any]
 MOST_VALUES = 10**6
-"""Values of one spread axis."""
+MOST_POINTS = 10_000
+"""Values of one spread axis, and points of a branch."""
 
 
 def read_each(values: list[Any], read: Callable[[Any], Any], *place: str) -> tuple[Any, ...]:
@@ -278,9 +279,9 @@ class Listed:
 
 @dataclass(frozen=True)
 class Spread:
-    """An axis of values at equal distances or ratios, not yet expanded."""
+    """An axis of values at equal distances or ratios, not yet expanded, or one that is followed as a curve."""
 
-    law: Literal["lin", "log"]
+    law: str
     first: float
     last: float
     count: int
@@ -288,7 +289,7 @@ class Spread:
 
 @dataclass(frozen=True)
 class Axial(Leaf):
-    """The values of an axis: a scalar, a list, ``{lin: [...]}`` or ``{log: [first, last, count]}``."""
+    """The values of an axis: a scalar, a list, or ``{LAW: [first, last, count]}``, LAW lin, log or branch."""
 
     value: Reading | Choice | Text
     zipped: bool = False
@@ -312,16 +313,18 @@ class Axial(Leaf):
 
     def _spread(self, value: dict[str, Any]) -> Spread:
         form = "write a list, {lin: [first, last, count]} or {log: [first, last, count]}"
-        law: Literal["lin", "log"] = "log" if "log" in value else "lin"
+        law = "branch" if "branch" in value else "log" if "log" in value else "lin"
         if set(value) != {law}:
-            raise wrong("is neither a list nor `lin` or `log`", form)
+            raise wrong("is neither a list nor `lin`, `log` or `branch`", form)
         if not isinstance(self.value, Reading):
             raise wrong("has words for values, which cannot be spread", "write a list")
+        if law == "branch" and (self.zipped or self.value.whole):
+            raise at(law, wrong("is followed along a real-valued axis of its own alone", "write a list or lin"), value)
         entries = value[law]
         if not isinstance(entries, list) or len(entries) != 3:
             raise at(law, wrong(f"{quoted(entries)} is not first, last and count", form), entries)
         reading = Reading(self.value.declared, self.value.whole)
-        count = Quantity("1", "number of values", at_least=2, at_most=MOST_VALUES)
+        count = Quantity("1", "number of values", at_least=2, at_most=MOST_POINTS if law == "branch" else MOST_VALUES)
         reads = iter([reading, reading, Reading(count, whole=True)])
         first, last, number = read_each(entries, lambda entry: next(reads).scalar(entry), law)
         if first == last:
@@ -333,11 +336,10 @@ class Axial(Leaf):
     def schema(self) -> Schema:
         """Return the forms that an axis may have."""
         one = self.value.schema()
-        listed: Schema = {"type": "array", "items": one, "minItems": 1}
-        forms = [listed] if self.zipped else [one, listed]
+        forms: list[Schema] = [*([] if self.zipped else [one]), {"type": "array", "items": one, "minItems": 1}]
         if isinstance(self.value, Reading):
             numbers = Reading(self.value.declared, self.value.whole).schema()
-            forms += [spread_schema(law, numbers) for law in ("lin", "log")]
+            forms += [spread_schema(law, numbers) for law in ("lin", "log", *(() if self.zipped else ("branch",)))]
         return {"anyOf": forms}
 
 

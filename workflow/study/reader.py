@@ -24,8 +24,12 @@ from workflow.study.forms import Form, entries_of, sound
 from workflow.study.judges import (
     MOST_SAMPLES,
     Written,
+    asks_for_steady,
     can_be_used,
+    entry_at,
+    first_value,
     judge_auto,
+    judge_branch,
     judge_damping,
     judge_extent,
     judge_model,
@@ -40,7 +44,7 @@ from workflow.study.settings import FULL, Output, Scene, SchemeChoice, Sizes
 from workflow.study.sizes import assembled_sizes, node_sizes
 from workflow.study.source import Source, compose, read_text
 from workflow.study.study import Reference, Study
-from workflow.variables import reserved_names
+from workflow.variables import STEADY, reserved_names
 
 StudySource = Study | Mapping[str, Any] | str | Path
 """What :func:`read_study` takes."""
@@ -107,13 +111,6 @@ def parse_study(
     return study
 
 
-def _first(content: Any) -> Any:
-    """Return the first value of an axis as written."""
-    while isinstance(content, dict | list) and content:
-        content = next(iter(content.values())) if isinstance(content, dict) else content[0]
-    return content
-
-
 @lru_cache(maxsize=32)
 def _forms(
     names: tuple[str, ...],
@@ -125,14 +122,6 @@ def _forms(
     """Return what may vary and the form of a study, for some models, schemes and bases."""
     addresses = settings(labels, bases) | scene_values(names, harmonics) | scheme_options(dict(methods))
     return addresses, study_form(addresses, labels, bases)
-
-
-def _entry(owner: Any, word: str) -> Any:
-    """Return what a mapping or a list holds under a word of a path; a mapping gets what it lacks."""
-    if isinstance(owner, dict):
-        return owner.setdefault(word, {})
-    exists = isinstance(owner, list) and word.isdecimal() and int(word) < len(owner)
-    return owner[int(word)] if exists else None
 
 
 class _Reader:
@@ -176,6 +165,9 @@ class _Reader:
         groups = [*(dimension.axes for dimension in dimensions), *((axis,) for axis in scalars)]
         judge_parts(self._written())
         judge_support(self._written(), self.labels)
+        branch = arrangement.branch
+        groups += [] if branch is None else [(branch.axis,)]
+        judge_branch(self._written(), branch, groups, self.labels)
         judge_start(self._written(), scene, groups, self.sizes.contact)
         judge_extent(self._written(), scene, groups, self.labels)
         output = self._output(entries["output"], scene.get("duration"))
@@ -191,9 +183,10 @@ class _Reader:
             dimensions=dimensions,
             scalars=scalars,
             reference=reference,
-            output=output,
+            output=output if branch is None else output.of_branches,
             license=entries["license"],
             attached=self.where["attached"],
+            branch=branch,
         )
 
     def _model(self) -> str | None:
@@ -218,7 +211,8 @@ class _Reader:
     def _reserved(self) -> frozenset[str]:
         """Return the names of all variables that an archive of the study can have."""
         methods = {method for choices in self.labels.values() for method in choices if schemes.fault(method) is None}
-        return reserved_names(frozenset(about.name for method in methods for about in schemes.metrics(method)))
+        names = reserved_names(frozenset(about.name for method in methods for about in schemes.metrics(method)))
+        return names | STEADY if asks_for_steady(self.tree) else names
 
     def _labels(self) -> dict[str, tuple[str, ...]]:
         """Return every label that a scheme can have with the methods it may stand for."""
@@ -244,14 +238,14 @@ class _Reader:
             *above, last = path.split(".")
             owner = self.tree
             for word in above:
-                owner = _entry(owner, word)
+                owner = entry_at(owner, word)
             if not above or above[0] != "scene":
                 continue
             if owner == "static":
                 remedy = "leave it out, or write `initial` as a mapping"
                 self.source.report(place, "varies a start that is `static`", remedy)
             elif isinstance(owner, dict) and last not in owner:
-                owner[last] = _first(content)
+                owner[last] = first_value(content)
                 supplied.add(place_of_path(path))
         return supplied
 

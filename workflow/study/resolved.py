@@ -23,7 +23,7 @@ Origin = Literal["study", "axis", "default"]
 
 @dataclass(frozen=True)
 class ResolvedValue:
-    """One value of a study, or the values of its axis, in SI."""
+    """One value of a study, or the values of its axis, in SI; ``drawn`` is a range in their place."""
 
     path: str
     values: tuple[Any, ...]
@@ -35,7 +35,7 @@ class ResolvedValue:
     def text(self) -> str:
         """The values as a line: a few of them, of many the ends; the range of drawn ones."""
         if self.drawn is not None:
-            law = "drawn in the logarithm" if self.drawn.law == "log" else "drawn"
+            law = {"lin": "drawn", "log": "drawn in the logarithm", "branch": "followed as a branch"}[self.drawn.law]
             return f"{self.drawn.low:.12g} to {self.drawn.high:.12g} {readable(self.unit)}".rstrip() + f", {law}"
         texts = [f"{value:.12g}" if isinstance(value, float) else str(value) for value in self.values]
         few = texts if len(texts) <= 6 else [texts[0], texts[1], "…", f"{texts[-1]} ({len(texts)} values)"]
@@ -47,6 +47,9 @@ def resolved_values(study: Study, cell: Cell) -> tuple[ResolvedValue, ...]:
     """Return the values of a study: scene, settings, scheme options and output; ``cell`` is one of its cases."""
     axes = {axis.path: axis for dimension in study.dimensions for axis in dimension.axes}
     ranges = {path: span for each in study.dimensions if each.drawn for path, span in each.drawn.ranges.items()}
+    if study.branch is not None:
+        axis = study.branch.axis
+        axes[axis.path], ranges[axis.path] = axis, Range("branch", *map(float, axis.values))
     single = {axis.path: axis for axis in study.scalars}
     written = _written(study)
     labels = {label: (choice.method,) for label, choice in study.schemes.items()}
@@ -133,6 +136,10 @@ def _output(output: Output, written: Any) -> list[ResolvedValue]:
         "balances": (output.balances,),
         "sections": (output.sections,),
     }
+    if output.steady is None:
+        values["steady"] = (False,)
+    else:
+        values |= {f"steady.{name}": (value,) for name, value in dataclasses.asdict(output.steady).items()}
     return [
         ResolvedValue(
             f"output.{name}",

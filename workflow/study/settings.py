@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Any, Literal
 
@@ -159,6 +159,16 @@ _SECTIONS = "whether to keep the tip's state at the start of each load period, i
 
 
 @dataclass(frozen=True)
+class Steady:
+    """What is looked for of the steady rub that each case of event_driven leads to."""
+
+    periods: int = quantity(
+        "1", "most common periods of the loads in a period of the rub", default=4, at_least=1, at_most=64
+    )
+    samples: int = quantity("1", "samples of its orbit", default=100, at_least=1, at_most=10_000)
+
+
+@dataclass(frozen=True)
 class Output:
     """What the archive keeps of every case.
 
@@ -175,6 +185,8 @@ class Output:
         A step takes about half as long again with them.
     sections
         Whether the tip's state at the start of each load period is kept, with what else describes a period.
+    steady
+        What is kept of the steady rub that each case leads to, ``None`` where it is not looked for.
     """
 
     interval: float = quantity("s", "sampling of all histories; default: duration/1000", above=0)
@@ -182,6 +194,12 @@ class Output:
     precision: Precision = "float64"
     balances: bool = field(default=True, metadata={"meaning": _BALANCES})
     sections: bool = field(default=False, metadata={"meaning": _SECTIONS})
+    steady: Steady | None = None
+
+    @property
+    def of_branches(self) -> Output:
+        """What an archive of branches keeps: no histories, balances and sections, always steady rubs."""
+        return replace(self, histories=(), balances=False, sections=False, steady=self.steady or Steady())
 
 
 Counts = tuple[int, ...] | None

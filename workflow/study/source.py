@@ -1,7 +1,8 @@
 """A study's text as plain values with line numbers: YAML 1.2, read event by event.
 
 ruamel.yaml's pure parser delivers the events; they are composed here without recursion, so that
-depth, aliases and tags are judged before anything grows. Plain scalars follow the core schema of
+depth and tags are judged before anything grows. An alias repeats the events of its anchor, which count as if they were
+written again. Plain scalars follow the core schema of
 YAML 1.2: ``1e-6`` and ``2.0e7`` are numbers, ``yes`` and ``010`` are no booleans and no octals.
 """
 
@@ -49,7 +50,7 @@ class Source:
     lines
         Line (from 1) of the entry at every place.
     mistakes
-        What is wrong already: duplicate keys, tags, aliases.
+        What is wrong already: duplicate keys, tags.
     named
         What the user calls values that do not stand in the file, by their place: ``-s scene.casing.gap``.
     """
@@ -117,7 +118,7 @@ def compose(text: str, file: str) -> Source:
     ------
     StudyError
         The text is not YAML, is empty, nests too deeply, is too long, has more than one document or too many entries,
-        or uses aliases, tags or keys that are no words.
+        or uses tags, keys that are no words or aliases without an anchor.
     """
     from ruamel.yaml import YAML
     from ruamel.yaml.error import YAMLError
@@ -153,6 +154,9 @@ class _Open:
     value: dict[str, Any] | list[Any]
     key: str | None = None
     dropped: bool = False
+    anchor: str | None = None
+    events: list[Any] = field(default_factory=list)
+    """What it is made of, for aliases; kept where it has an anchor."""
 
 
 class _Composer:
@@ -161,6 +165,7 @@ class _Composer:
     def __init__(self, source: Source) -> None:
         self.source = source
         self.open: list[_Open] = []
+        self.anchored: dict[str, list[Any]] = {}
         self.documents = 0
         self.entries = 0
         self.unread = False
@@ -172,14 +177,18 @@ class _Composer:
             remedy = "write long axes as {lin: [first, last, count]} or {log: [...]}"
             self._refuse((), f"has more than {MOST_ENTRIES} keys and values", remedy, event)
             raise StudyError(self.source.mistakes)
-        match type(event).__name__:
+        kind = type(event).__name__
+        if kind == "AliasEvent":
+            self._repeat(event)
+            return
+        for collection in self.open:
+            if collection.anchor:
+                collection.events.append(event)
+        match kind:
             case "DocumentStartEvent":
                 self.documents += 1
                 if self.documents == 2:
                     self._refuse((), "holds more than one document", "keep one study per file", event)
-            case "AliasEvent":
-                self._refuse(self._next(), "is an alias", "write the value out: aliases are not read", event)
-                self._put(None, event)
             case "ScalarEvent":
                 self._scalar(event)
             case "MappingStartEvent":
@@ -187,7 +196,19 @@ class _Composer:
             case "SequenceStartEvent":
                 self._start([], event)
             case "MappingEndEvent" | "SequenceEndEvent":
-                self.open.pop()
+                ended = self.open.pop()
+                if ended.anchor:
+                    self.anchored[ended.anchor] = ended.events
+
+    def _repeat(self, alias: Any) -> None:
+        """Take the events of an anchor again."""
+        events = self.anchored.get(alias.anchor)
+        if events is None:
+            remedy = f"write `&{alias.anchor}` before the value that it repeats, above"
+            self._refuse(self._next(), f"`*{alias.anchor}` has no anchor", remedy, alias)
+            raise StudyError(self.source.mistakes)
+        for event in events:
+            self.take(event)
 
     def _refuse(self, place: Place, problem: str, remedy: str, event: Any) -> None:
         self.unread = True
@@ -232,13 +253,15 @@ class _Composer:
         self._judge_tag(event)
         place = self._next()
         self._put(value, event)
-        self.open.append(_Open(place, value))
+        self.open.append(_Open(place, value, anchor=event.anchor, events=[event]))
         if len(self.open) > DEEPEST:
             self._refuse((), f"nests deeper than {DEEPEST} levels", "a study needs five", event)
             raise StudyError(self.source.mistakes)
 
     def _scalar(self, event: Any) -> None:
         self._judge_tag(event)
+        if event.anchor:
+            self.anchored[event.anchor] = [event]
         if any("\ud800" <= character <= "\udfff" for character in event.value):
             self._refuse(self._next(), "has an escape that is no character", "write the character itself", event)
             event.value = "".join(c for c in event.value if not "\ud800" <= c <= "\udfff")

@@ -11,7 +11,7 @@ from typing import Any
 from workflow import models
 from workflow.declare import plain
 from workflow.study.addresses import MODES
-from workflow.study.axes import Axis, Dimension, Value
+from workflow.study.axes import Axis, Branch, Dimension, Value
 from workflow.study.settings import CHOSEN, FULL, Cell, Output, Scene, SchemeChoice
 
 
@@ -54,6 +54,8 @@ class Study:
         Under which the archive may be used, empty where the study states none.
     attached
         Places of files that came with the study's text, by the names that it gives them.
+    branch
+        The axis that is followed as a curve, ``None`` where none is.
     """
 
     name: str
@@ -68,6 +70,7 @@ class Study:
     output: Output
     license: str = ""
     attached: Mapping[str, Path] = field(default_factory=dict)
+    branch: Branch | None = None
 
     @property
     def samples(self) -> int:
@@ -154,7 +157,8 @@ class Study:
                 "dimensions": [_without_empty(dataclasses.asdict(each), "drawn") for each in self.dimensions],
                 "scalars": [dataclasses.asdict(scalar) for scalar in self.scalars],
                 "reference": None if self.reference is None else dict(self.reference.values),
-                "output": _without_empty(dataclasses.asdict(self.output), "sections"),
+                **({} if self.branch is None else {"branch": dataclasses.asdict(self.branch)}),
+                "output": _without_empty(_without_empty(dataclasses.asdict(self.output), "sections"), "steady"),
             }
         )
         return resolved

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,10 +42,49 @@ def make_operator(structure: Structure, budget: Budget) -> Operator:
 
 def run_batch(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
     """Run all cases, one after the other; those of one α follow each other and share its regime."""
-    batch = _Batch(operator, cases, sampling)
+    batch = Batch(operator, cases, sampling)
     for i in np.argsort(cases.alpha, kind="stable"):
         batch.run(int(i))
     return batch.results()
+
+
+class Prepared(NamedTuple):
+    """What the march takes, but for the record."""
+
+    free: Layout
+    held: Layout
+    case: Case
+    memories: tuple[Memory, Memory]
+
+
+class Advanced(NamedTuple):
+    """Where a case went from a state: how it ended, [y, y', τ] there, events and samples."""
+
+    ended: int
+    modal: Array
+    events: Array
+    """Rows of [time, kind, impulse, y, y', τ], see :class:`~workflow.schemes._exact.record.Record`."""
+    histories: Array
+    """``(4, time)``."""
+    tally: Any
+    """One element of an array of ``TALLY``."""
+
+
+def advance_one(prepared: Prepared, contact: bool, times: Array, kept: int = 64) -> Advanced:
+    """March a case, which may start in contact, to the last of some times; ``kept`` events are a guess, 0 is none."""
+    free, held, case, memories = prepared
+    while True:
+        tally, events = np.zeros(1, dtype=TALLY)[0], np.zeros((kept, 3 + case.modal.size))
+        histories = np.full((len(HISTORIES), times.size), np.nan)
+        tally["held"] = contact
+        ended = int(
+            march(free, held, case, Record(times, np.zeros(0), histories, np.zeros((7, 0)), tally, events), memories)
+        )
+        count = int(tally["events"])
+        if count <= kept or not kept:
+            modal = memories[0].modal[: case.modal.size].copy()
+            return Advanced(ended, modal, events[:count], histories, tally)
+        kept = count
 
 
 def march_unheated(operator: Operator, cases: Cases, sampling: Sampling) -> None:
@@ -61,7 +101,7 @@ KERNEL_CALLS = {"march": march_unheated, "held regime": solve_held_regime}
 """What needs one of the large kernels alone, see :attr:`workflow.schemes.Scheme.KERNEL_CALLS`."""
 
 
-class _Batch:
+class Batch:
     """The cases of a batch and the arrays of their results."""
 
     def __init__(self, operator: Operator, cases: Cases, sampling: Sampling):
@@ -108,18 +148,28 @@ class _Batch:
 
     def _march(self, i: int) -> int:
         """March case ``i`` and return how it ended."""
-        held = self._held(float(self.cases.alpha[i]), float(self.cases.friction[i]))
-        case, memories = self._prepared(i, held)
+        free, held, case, memories = self.prepared(i)
         n, frequency = int(self.periods[i]), float(self.frequency[i])
         ends = np.arange(1, n + 1) / frequency if n else np.zeros(0)
-        record = Record(self.times, ends, self.histories[i], self.period_values[i], self.tally[i])
-        return int(march(self.operator.free, held, case, record, memories))
+        none = np.zeros((0, 0))
+        record = Record(self.times, ends, self.histories[i], self.period_values[i], self.tally[i], none)
+        return int(march(free, held, case, record, memories))
 
-    def _prepared(self, i: int, held: Layout) -> tuple[Case, tuple[Memory, Memory]]:
+    def advance(self, i: int, contact: bool) -> Advanced:
+        """Advance case ``i``, which may start in contact, over the duration."""
+        return advance_one(self.prepared(i), contact, self.times[-1:])
+
+    def prepared(self, i: int) -> Prepared:
         """Return what the march reads of case ``i``, and the memory of its free and its held motion."""
+        held = self._held(float(self.cases.alpha[i]), float(self.cases.friction[i]))
+        return Prepared(self.operator.free, held, *self._case(i, held))
+
+    def _case(self, i: int, held: Layout) -> tuple[Case, tuple[Memory, Memory]]:
+        """Return conditions and memory of case ``i``."""
         cases, operator, basis = self.cases, self.operator, self.operator.basis
-        alpha, friction = float(cases.alpha[i]), float(cases.friction[i])
-        heated = bool(alpha != 0 or friction != 0 or cases.heating[i].any() or cases.temperature[i].any())
+        friction = float(cases.friction[i])
+        sources = cases.alpha[i], friction, cases.heating[i], cases.temperature[i]
+        heated = any(np.any(source != 0) for source in sources)
         heats = basis.closing.size if heated else 0
         load = load_of(cases, i, self.sampling.duration)
         if friction not in self.impulses:

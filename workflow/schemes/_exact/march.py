@@ -12,8 +12,17 @@ from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
 from workflow.schemes._exact.impacts import Case, impact
 from workflow.schemes._exact.layout import Layout, Memory
 from workflow.schemes._exact.motion import Motion, Observed, advance, copy_state, integral, observe
-from workflow.schemes._exact.passage import Motions, enter_contact, fill_modal, motions_of, release, set_free
-from workflow.schemes._exact.record import Record, contact_time, next_due, note_temperature, record_step, write
+from workflow.schemes._exact.passage import Motions, enter_contact, fill_modal, motions_of, release, set_free, set_held
+from workflow.schemes._exact.record import (
+    IMPACT,
+    RELEASE,
+    Record,
+    contact_time,
+    next_due,
+    note_temperature,
+    record_step,
+    write,
+)
 from workflow.schemes._exact.step import Start, certified_step
 from workflow.schemes._exact.tables import expansion
 
@@ -41,7 +50,10 @@ def march(free: Layout, held: Layout, case: Case, record: Record, memories: tupl
             tally.events += 1
             if tally.events > case.budget.events:
                 return outcome.OUT_OF_EVENTS
+            was_held, before = tally.held != 0, tally.impulse
             start, observed = _pass_event(motions, case, tally, observed)
+            if tally.events <= record.events.shape[0]:
+                _note_event(motions, record, was_held, before)
         if tally.time >= T:
             _finish(motions, case, record, observed)
             return outcome.COMPLETED
@@ -64,17 +76,33 @@ def march(free: Layout, held: Layout, case: Case, record: Record, memories: tupl
 
 
 @part
+def _note_event(motions: Motions, record: Record, was_held: bool, before: float) -> None:
+    """Keep an event and the state after it; the impulse ``before`` it, and whether the tip was held."""
+    tally, row = record.tally, record.events[record.tally.events - 1]
+    fill_modal(motions, tally.held != 0, tally.time)
+    row[0], row[1], row[2] = tally.time, RELEASE if was_held else IMPACT + tally.held, tally.impulse - before
+    for i in range(motions.free.modal.size):
+        row[3 + i] = motions.free.modal[i]
+
+
+@part
 def _begin(motions: Motions, case: Case, record: Record) -> tuple[int, bool, Start, Observed]:
     """Take the initial state; return how the case ended, if it did, whether it begins with an event, and how."""
     free, tip, tally = motions.free, case.tip, record.tally
     for i in range(case.modal.size):
         motions.free.modal[i] = case.modal[i]
+    start = Start(0, -1.0, False, case.load.duration)
+    tally.contact_begin = np.inf
+    if tally.held:
+        set_held(motions, 0.0)
+        tally.contact_begin = 0.0
+        observed = observe(motions.held.r, motions.held.now, 0.0)
+        tally.max_temperature = observed.temperature
+        return outcome.RUNNING, False, start, observed
     set_free(motions, 0.0)
     observed = observe(free.r, free.now, 0.0)
-    start = Start(0, -1.0, False, case.load.duration)
     if not (np.isfinite(observed.signal) and np.isfinite(observed.signal_rate) and np.isfinite(observed.temperature)):
         return outcome.NOT_FINITE, False, start, observed
-    tally.contact_begin = np.inf
     tally.max_temperature = tally.period_temperature = observed.temperature
     given = Observed(tip.distance, -tip.speed, observed.temperature, 0.0, observed.place, observed.speed)
     write(record, 0.0, given, 0.0)
@@ -108,7 +136,7 @@ def _pass_event(motions: Motions, case: Case, tally: Any, observed: Observed) ->
         return Start(1, speed, True, guess), observed
     zeros = enter_contact(motions, case.thresholds.force, t)
     if zeros < 0:
-        return Start(2, -1.0, False, guess), observed
+        return Start(-zeros, -1.0, False, guess), observed
     tally.held, tally.contact_begin = 1, since
     return Start(zeros, -1.0, True, guess), observe(motions.held.r, motions.held.now, t)
 

@@ -97,9 +97,10 @@ def _set(m: Motion, t: float) -> None:
 
 @part
 def enter_contact(motions: Motions, threshold: float, t: float) -> int:
-    """Set the held motion from the free one; return the order of the zero of its force at t, -1 where nothing presses.
+    """Set the held motion from the free one; return the order of the zero of its force at t.
 
-    A force below ``threshold`` times the rounding of its terms is zero.
+    Where nothing presses it is minus the order of the zero of the gap: -2, or -3 where the force falls from zero. It is
+    zero below ``threshold`` times the rounding of its terms.
     """
     held = motions.held
     fill_modal(motions, False, t)
@@ -107,9 +108,9 @@ def enter_contact(motions: Motions, threshold: float, t: float) -> int:
     expand(held.r, held.now, t, held.expansion)
     force, rate = held.expansion.sums[expansion.D0, held.r.blocks], held.expansion.sums[expansion.D1, held.r.blocks]
     rounding = threshold * SUM_ROUNDING * held.expansion.sums[expansion.SIZE, 0]
-    if force > rounding:
-        return 0
-    return 1 if force >= -rounding and rate > 0.0 else -1
+    if abs(force) > rounding:
+        return 0 if force > 0.0 else -2
+    return 1 if rate > 0.0 else -3
 
 
 @part

@@ -48,6 +48,11 @@ _PERIOD_IMPULSE, _PERIOD_TEMPERATURE, _PERIOD_CONTACT, _END, _PERIOD_IMPACTS = 0
 """Rows of :attr:`Record.periods`."""
 
 
+RELEASE, IMPACT, TOUCH = 0.0, 1.0, 2.0
+"""Kinds of events: a contact ends, the tip flies on after an impact, a contact begins (by an impact, if with an
+impulse)."""
+
+
 class Record(NamedTuple):
     """Where one case writes."""
 
@@ -62,6 +67,9 @@ class Record(NamedTuple):
     velocity [m/s] and temperature [K] at their ends, and impacts in them, ``(7, period)``."""
     tally: Any
     """One element of an array of :data:`TALLY`."""
+    events: Array
+    """Of each event time [s], kind, impulse [N s] and the state [y, y', τ] after it, ``(event, 3 + N)``; those beyond
+    its rows are not kept."""
 
 
 @part

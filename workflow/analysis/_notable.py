@@ -1,4 +1,4 @@
-"""Which cases are worth a look, most telling first, and which case is the exact solution of the same scene."""
+"""Which cases are worth a look, the most notable first, and which case is the exact solution of the same scene."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _EXTREMES = (
 
 
 @dataclass(frozen=True)
-class Telling:
+class NotableCase:
     """A case that is worth a look.
 
     Attributes
@@ -70,8 +70,8 @@ def total_error(dataset: xr.Dataset, part: str = "") -> NDArray[np.float64] | No
     return np.asarray(np.where(ok, np.max(errors, axis=0), np.nan))
 
 
-def telling(dataset: xr.Dataset, choice: Choice | None) -> list[Telling]:
-    """Return the cases that are worth a look, each once, the most telling first.
+def notable_cases(dataset: xr.Dataset, choice: Choice | None) -> list[NotableCase]:
+    """Return the cases that are worth a look, each once, the most notable first.
 
     First comes the worst case of a choice; without one the hottest or hardest pressed case. Then cases that are not ok,
     the first of each status, and those with the largest magnitude of each metric.
@@ -99,7 +99,7 @@ def telling(dataset: xr.Dataset, choice: Choice | None) -> list[Telling]:
     for _, case, why in extremes:
         reasons.setdefault(case, why)
     reasons.setdefault(int(np.argmax(status == Status.OK)), "the first case")
-    return [Telling(case, why) for case, why in reasons.items()]
+    return [NotableCase(case, why) for case, why in reasons.items()]
 
 
 def _extremes(dataset: xr.Dataset, status: NDArray[np.int8]) -> list[tuple[str, int, str]]:
@@ -157,7 +157,7 @@ def exact_partners(dataset: xr.Dataset, methods: Mapping[str, str]) -> NDArray[n
     Returns
     -------
     ndarray
-        Shape ``(case,)``, cases counted as in :class:`Telling`.
+        Shape ``(case,)``, cases counted as in :class:`NotableCase`.
     """
     status = np.asarray(dataset["status"].values)
     none = np.full(status.size, -1, dtype=np.int64)

@@ -8,51 +8,24 @@ with and what results are checked against all come from this table.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import replace
 
-Shape = Literal["history", "metric", "period", "flag"]
-"""``history``: (…, t); ``metric``: (…) float64; ``period``: (…, period) float64; ``flag``: (…) int8."""
+from workflow.variables._steady import steady_variables
+from workflow.variables._variable import Condition, Origin, Shape, Variable
 
-Origin = Literal["scheme", "workflow"]
-
-Condition = Literal["always", "balances", "sections", "reference", "scheme", "auto", "auto reference"]
-"""When an archive has the variable: always, with ``output.balances`` or ``output.sections``, with a reference, if a
-scheme declares it, where a tolerance decides a count of modes."""
-
-
-@dataclass(frozen=True)
-class Variable:
-    """One variable of an archive.
-
-    Attributes
-    ----------
-    name, unit, meaning
-        As in the archive; the unit in CF spelling, the meaning is its long name.
-    shape
-        See :data:`Shape`.
-    origin
-        Who gives it: the scheme, or the workflow from what schemes give.
-    condition
-        See :data:`Condition`.
-    signed
-        Whether a case that ended ok may have a negative value.
-    gaps
-        Whether a case that ended ok may have NaN or an infinite value.
-    comment
-        Definition, where the meaning leaves something open.
-    """
-
-    name: str
-    unit: str
-    meaning: str
-    shape: Shape = "metric"
-    origin: Origin = "workflow"
-    condition: Condition = "always"
-    signed: bool = False
-    gaps: bool = False
-    comment: str = ""
-
+__all__ = [
+    "BY_NAME",
+    "COMPARED",
+    "STEADY",
+    "STRUCTURAL",
+    "TABLE",
+    "Condition",
+    "Variable",
+    "along_branch",
+    "of_scheme",
+    "reserved_names",
+    "select",
+]
 
 _ENERGY = (
     "(change of E + dissipation by damping - work of tip load, contact and friction heat) / max E: what the scheme "
@@ -91,7 +64,7 @@ _LARGEST = (
     "whatever the output interval; an instant between two load periods belongs to both"
 )
 
-_WALL_TIME = (
+_PROCESSOR_TIME = (
     "time of the whole batch / batch_width, so it depends on the lengths of the axes within a batch: a few cases take "
     "nearly as long as a full vector register of them; kernels compiled before; with its balances where "
     "output.balances is on, without its reference"
@@ -231,10 +204,10 @@ TABLE = (
     ),
     Variable("steps", "1", "number of steps", origin="scheme"),
     Variable(
-        "wall_time",
+        "processor_time",
         "s",
-        "computing time of the batch that the case ran in, divided by its number of cases",
-        comment=_WALL_TIME,
+        "processor time of the thread that computed the case's batch, shared equally among its cases",
+        comment=_PROCESSOR_TIME,
     ),
     Variable("batch_width", "1", "number of cases in the batch that the case ran in", comment=_BATCH_WIDTH),
     Variable(
@@ -307,6 +280,8 @@ TABLE = (
         )
         for end, extreme in (("", "largest"), ("_min", "smallest"))
     ),
+    *steady_variables(),
+    Variable("bifurcation", "1", "what happens at a point of a branch of steady rubs", "point", condition="branch"),
     Variable("status", "1", "how the case ended", "flag", "scheme"),
     Variable(
         "runaway",
@@ -320,6 +295,9 @@ TABLE = (
 
 STRUCTURAL = frozenset({"t", "period", "message", "message_length", "provenance", "sample_point", "sample_matrix"})
 """Further names that an archive uses."""
+
+STEADY = frozenset({"phase", "point"})
+"""Dimensions of archives with steady rubs or branches."""
 
 BY_NAME = {variable.name: variable for variable in TABLE}
 
@@ -335,6 +313,13 @@ def select(shape: Shape | None = None, origin: Origin | None = None, *conditions
         fits = shape in (None, variable.shape) and origin in (None, variable.origin)
         if fits and (not conditions or variable.condition in conditions):
             yield variable
+
+
+def along_branch(name: str, unit: str, meaning: str) -> Iterator[Variable]:
+    """Yield the variables of an archive of branches, at each point: the axis, bifurcations and steady rubs."""
+    yield Variable(name, unit, meaning, "point", signed=True, gaps=True)
+    for variable in select(None, None, "steady", "branch"):
+        yield replace(variable, shape="point phase" if variable.shape == "phase" else "point")
 
 
 def reserved_names(declared: frozenset[str] = frozenset()) -> frozenset[str]:

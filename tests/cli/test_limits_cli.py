@@ -1,0 +1,56 @@
+"""``workflow limits``, and what other commands make of archives with steady rubs."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from steady_studies import steady_study
+from workflow import run_study
+from workflow.cli import app
+
+
+@pytest.fixture(scope="module")
+def steady(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    axes = {"alpha": [0, 2, 5, 30], "scene.casing.gap": [20e-6, 22e-6]}
+    return run_study(steady_study(axes), tmp_path_factory.mktemp("limits") / "a.nc").archive
+
+
+@pytest.mark.parametrize(("options", "status"), [((), 0), (("--max-temperature", "-1 K"), 1)])
+def test_the_command_answers(steady: Path, options: tuple[str, ...], status: int) -> None:
+    told = CliRunner().invoke(app, ["limits", str(steady), *options, "--json"])
+    assert told.exit_code == status, told.output
+    answer = json.loads(told.output)
+    assert set(answer) == {"limits", "cases", "within"}
+    assert (answer["within"] > 0) == (status == 0)
+    assert {"axis", "from", "to", "next", "limited_by", "at"} == set(answer["limits"][0])
+
+
+def test_the_command_refuses(steady: Path) -> None:
+    told = CliRunner().invoke(app, ["limits", str(steady), "--max-temperature", "40 m"])
+    assert told.exit_code == 2
+    assert "40 m" in told.output
+
+
+def test_the_command_says_it_in_sentences(steady: Path) -> None:
+    told = CliRunner().invoke(app, ["limits", str(steady), "--max-temperature", "40K"])
+    assert told.exit_code == 0
+    assert "alpha from 0 to 2 W/N: all cases are within; at 5 W/N the temperature exceeds 40 K" in told.output
+    assert "5 of 8 within." in told.output
+
+
+def test_archives_without_steady_rubs_are_refused(tmp_path: Path) -> None:
+    plain = run_study(steady_study({"alpha": 0}, False), tmp_path / "b.nc").archive
+    told = CliRunner().invoke(app, ["limits", str(plain)])
+    assert told.exit_code == 2
+    assert "output: {steady: true}" in told.output
+
+
+def test_a_rub_that_runs_away_is_an_ok_case(tmp_path: Path) -> None:
+    study = tmp_path / "study.yaml"
+    study.write_text(steady_study({"alpha": 30}).text, encoding="utf-8")
+    told = CliRunner().invoke(app, ["run", str(study), "-o", str(tmp_path / "c.nc")])
+    assert told.exit_code == 0, told.output

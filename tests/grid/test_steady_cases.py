@@ -1,0 +1,95 @@
+"""Steady rubs of an archive: kept where they are asked for, part of a case's identity, extended and verified."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from quick import hashes_of, quick
+from steady_studies import steady_study
+from workflow import plan_study, run_study
+from workflow.run import verify
+
+AXES = {"scheme": ["event_driven", "moreau"], "h": 1e-3, "alpha": [0, 5, 30], "scene.casing.gap": [20e-6, 25e-6]}
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return run_study(steady_study(AXES, {"samples": 40}), tmp_path_factory.mktemp("steady") / "a.nc").archive
+
+
+@pytest.fixture
+def archive(path: Path) -> xr.Dataset:
+    return xr.open_dataset(path)
+
+
+def states(dataset: xr.Dataset) -> np.ndarray:
+    return np.array(dataset["steady_state"].attrs["flag_meanings"].split())[dataset["steady_state"].values]
+
+
+def test_a_rub_settles_runs_away_or_is_not_asked_for(archive: xr.Dataset) -> None:
+    exact, stepped = archive.sel(scheme="event_driven"), archive.sel(scheme="moreau")
+    assert states(exact.sel(gap=20e-6)).tolist() == ["settles", "settles", "runs_away"]
+    assert states(exact.sel(gap=25e-6)).tolist() == ["no_contact"] * 3
+    assert set(states(stepped).ravel()) == {"not_asked"}
+    assert np.isnan(stepped["floquet_multiplier"]).all()
+    assert (archive["status"] == 0).all()
+    rub = exact.sel(gap=20e-6, alpha=5)
+    assert float(rub["floquet_multiplier"]) == pytest.approx(0.96052457, abs=1e-8)
+    assert float(rub["orbit_temperature"][0]) == pytest.approx(48.59578199, abs=1e-8)
+    message = str(exact["message"].sel(gap=20e-6, alpha=30).values)
+    assert message.startswith("steady: ")
+    assert str(rub["message"].values) == ""
+
+
+def test_orbits_lie_along_their_phase(archive: xr.Dataset) -> None:
+    rub = archive.sel(scheme="event_driven", gap=20e-6, alpha=5)
+    assert archive["phase"].values == pytest.approx(np.arange(40) / 40)
+    assert archive["orbit_displacement"].dims[-1] == "phase"
+    largest = float(rub["orbit_displacement"].max())
+    assert largest <= float(rub["steady_max_displacement"]) == pytest.approx(20e-6)
+    assert float(rub["orbit_temperature"].mean()) == pytest.approx(float(rub["steady_mean_temperature"]), rel=1e-2)
+
+
+def test_the_archive_is_verified_and_extended(path: Path, tmp_path: Path) -> None:
+    assert all(check.holds for check in verify(path))
+    copy = tmp_path / "a.nc"
+    copy.write_bytes(path.read_bytes())
+    more = run_study(steady_study({**AXES, "alpha": [0, 2, 5, 30]}, {"samples": 40}), copy)
+    assert more.resumed == 12
+    with xr.open_dataset(path) as old, xr.open_dataset(copy) as new:
+        for name in ("steady_state", "floquet_multiplier", "orbit_velocity"):
+            np.testing.assert_array_equal(new[name].sel(alpha=old["alpha"]), old[name])
+        assert states(new.sel(scheme="event_driven", alpha=2, gap=20e-6)) == "settles"
+
+
+def test_what_is_asked_enters_the_identity_of_exact_cases_alone() -> None:
+    axes = {"scheme": ["event_driven", "moreau"], "alpha": [0, 5]}
+    plain, asked, finer = (
+        hashes_of(quick(axes, output=output)) for output in ({}, {"steady": True}, {"steady": {"samples": 7}})
+    )
+    assert plain == hashes_of(quick(axes, output={"steady": False}))
+    for k in range(6):
+        assert len({plain[k], asked[k], finer[k]}) == 3
+        assert plain[6 + k] == asked[6 + k] == finer[6 + k]
+
+
+def test_the_plan_counts_them() -> None:
+    plain, asked = (plan_study(quick({"scheme": "event_driven"}, output=output)) for output in ({}, {"steady": True}))
+    assert asked.bytes - plain.bytes > 9 * 3 * 8 * 100
+    assert asked.time.core_seconds > plain.time.core_seconds
+    assert {"output.steady.periods", "output.steady.samples"} <= {value.path for value in asked.scene}
+
+
+def test_where_they_are_not_asked_for_nothing_of_them_is_loaded() -> None:
+    script = (
+        "import sys; sys.path.insert(0, sys.argv[1]); from quick import quick; from workflow import run_study; "
+        "run_study(quick({'scheme': 'event_driven'}), sys.argv[2]); assert 'workflow.orbits' not in sys.modules"
+    )
+    tests = Path(__file__).parents[1]
+    subprocess.run([sys.executable, "-c", script, tests, "x.nc"], check=True, cwd=tests / ".." / "..", timeout=300)

@@ -1,0 +1,229 @@
+"""In which range of each axis every rub settles within given bounds, and what ends the range."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow.analysis._cases import case_dims, coordinate_units, exact, naming
+from workflow.analysis._recommend import is_numerical
+from workflow.schemes import Status
+from workflow.study import readable
+from workflow.variables import BY_NAME
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+BOUNDED = {
+    "temperature": "steady_max_temperature",
+    "displacement": "steady_max_displacement",
+    "impulse": "steady_impulse",
+}
+"""Variables that bounds may be given for."""
+
+_UNITS = {"temperature": "K", "displacement": "m", "impulse": "N s"}
+
+_WITHIN = ("settles", "no_contact", "permanent_contact")
+_MILD = {"alpha": 1, "gap": -1}
+"""Axes whose ranges begin at their mild end, and the direction away from it."""
+
+_WORDS = {
+    "fold": "a fold ends the branch",
+    "period_doubling": "the period doubles",
+    "torus": "the rub becomes quasi-periodic",
+    "grazing": "an impact begins or ends",
+    "unstable": "the rub is unstable",
+    "runs_away": "the rub runs away",
+    "not_found": "no steady rub is found",
+    "failed": "the case failed",
+}
+
+
+class NothingSteadyError(ValueError):
+    """The archive has neither steady rubs nor branches."""
+
+
+@dataclass(frozen=True)
+class Limit:
+    """The largest range of an axis in which all other cases are within, in SI; ``None`` where there is none.
+
+    Attributes
+    ----------
+    start, stop
+        Its ends, of an axis with a mild end that first.
+    next
+        The first value beyond, ``None`` where the range ends with the axis.
+    limited_by
+        What is there: a state, a bifurcation, or a bound that is exceeded.
+    at
+        Coordinates of the case where it is.
+    """
+
+    axis: str
+    start: float | None
+    stop: float | None
+    next: float | None
+    limited_by: str | None
+    at: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Limits of all numerical axes, the cases (of branches the points) that were asked for, and those within."""
+
+    limits: tuple[Limit, ...]
+    cases: int
+    within: int
+
+
+def followed_axis(dataset: xr.Dataset) -> str | None:
+    """Return the axis that the branches of an archive follow, ``None`` of an archive without branches."""
+    along = (str(name) for name, values in dataset.data_vars.items() if values.dims[-1:] == ("point",))
+    return next((name for name in along if name not in BY_NAME), None)
+
+
+def flags_of(dataset: xr.Dataset, name: str) -> NDArray[Any]:
+    """Return the words of a variable of flags, in an array of its shape."""
+    meanings = np.array(str(dataset[name].attrs["flag_meanings"]).split(), dtype=object)
+    return np.asarray(meanings[dataset[name].values])
+
+
+def limits(dataset: xr.Dataset, **bounds: float | None) -> Limits:
+    """Return in which range of each axis rubs settle, touch nothing or stay in contact, and keep within bounds.
+
+    Parameters
+    ----------
+    dataset
+        An archive with steady rubs or branches.
+    bounds
+        Largest ``temperature`` [K], ``displacement`` [m] and ``impulse`` [N s], see :data:`BOUNDED`.
+
+    Raises
+    ------
+    NothingSteadyError
+        It has neither.
+    """
+    if "steady_state" not in dataset:
+        raise NothingSteadyError("holds no steady rubs; run its study with `output: {steady: true}`")
+    faults, asked = _faults(dataset, bounds)
+    if not asked.any():
+        raise NothingSteadyError("holds no case of event_driven, which alone has steady rubs")
+    names = [d for d in case_dims(dataset) if d in dataset.coords and dataset[d].dtype.kind in "if"]
+    axes = [name for name in names if not is_numerical(dataset, name)]
+    found = [_along_dimension(dataset, dim, faults) for dim in axes]
+    if "point" in dataset.dims:
+        found.insert(0, _along_branches(dataset, faults, asked))
+    return Limits(tuple(found), int(asked.sum()), int(np.sum(asked & (faults == ""))))
+
+
+def _faults(dataset: xr.Dataset, bounds: Mapping[str, float | None]) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+    """Return why a case or point is not within, empty where it is, and whether it was asked for, ``(…[, point])``."""
+    state = flags_of(dataset, "steady_state")
+    faults = np.where(np.isin(state, _WITHIN), "", state).astype(object)
+    for name, most in bounds.items():
+        if most is not None:
+            exceeded = np.asarray(dataset[BOUNDED[name]].values) > most
+            faults[(faults == "") & exceeded] = name
+    status = np.asarray(dataset["status"].values)
+    asked = state != "not_asked"
+    if "point" in dataset.dims:
+        present = np.isfinite(dataset["steady_periods"].values) & (dataset["steady_periods"].values > 0)
+        asked = present | ((status == Status.FAILED)[..., None] & (np.arange(present.shape[-1]) == 0))
+        status = np.broadcast_to(status[..., None], state.shape)
+    faults[asked & (status != Status.OK)] = "failed"
+    return np.where(asked, faults, ""), asked
+
+
+def _along_dimension(dataset: xr.Dataset, dim: str, faults: NDArray[Any]) -> Limit:
+    """Return the limit of a dimension, at each value of which all other cases must be within."""
+    values, dims = np.asarray(dataset[dim].values, dtype=float), case_dims(dataset)
+    order = np.argsort(_MILD.get(dim, 1) * values)
+    rows = np.moveaxis(faults, dims.index(dim), 0)[order]
+    places = [tuple(np.argwhere(row != "")[0]) if np.any(row != "") else None for row in rows]
+    words = [row[place] if place is not None else "" for row, place in zip(rows, places, strict=True)]
+    limit, beyond = _range(dim, values[order], words)
+    if beyond is None:
+        return limit
+    others = [other for other in dims if other != dim]
+    return replace(limit, at=_labels(dataset, others, places[beyond] or ()))
+
+
+def _along_branches(dataset: xr.Dataset, faults: NDArray[Any], asked: NDArray[np.bool_]) -> Limit:
+    """Return the limit along the axis that is followed: the range in which no branch has a point that is not within."""
+    name = followed_axis(dataset)
+    assert name is not None
+    values, flags = np.asarray(dataset[name].values), flags_of(dataset, "bifurcation")
+    sign, each = _MILD.get(name, 1), []
+    for place in np.ndindex(asked.shape[:-1]):
+        along = np.flatnonzero(asked[place])
+        ends = [(sign * values[place][k], faults[place][k] != "") for k in along[[0, -1]]]
+        along = along[::-1] if ends[1] < ends[0] else along
+        words = [
+            _cause(faults[place], flags[place], int(k), int(before))
+            for before, k in zip([along[0], *along], along, strict=False)
+        ]
+        limit, _ = _range(name, values[place][along], words)
+        each.append(replace(limit, at=_labels(dataset, case_dims(dataset), place)))
+    last, first = (choose(each, key=lambda one: sign * end(one)) for choose, end in ((min, _stop), (max, _start)))
+    if last.start is None or sign * _start(first) > sign * _stop(last):
+        return replace(last, start=None, stop=None)
+    return replace(first if last.next is None and first.next is not None else last, start=first.start, stop=last.stop)
+
+
+def _cause(faults: NDArray[Any], flags: NDArray[Any], k: int, before: int) -> str:
+    """Return why a point is not within: the bifurcation there or just before, where it has lost its stability."""
+    flag = next((flags[j] for j in (k, before) if flags[j] != "none"), "none")
+    return str(flag if flag != "none" and faults[k] == "unstable" else faults[k])
+
+
+def _start(limit: Limit) -> float:
+    return np.inf * _MILD.get(limit.axis, 1) if limit.start is None else limit.start
+
+
+def _stop(limit: Limit) -> float:
+    return -np.inf * _MILD.get(limit.axis, 1) if limit.stop is None else limit.stop
+
+
+def _range(name: str, values: NDArray[np.float64], words: Sequence[str]) -> tuple[Limit, int | None]:
+    """Return the longest run of places without a word, from the first place of a mild axis, and the place beyond it."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[1], [word != "" for word in words], [1]])))
+    runs = [(int(first), int(stop) - 1) for first, stop in edges.reshape(-1, 2) if first == 0 or name not in _MILD]
+    if not runs:
+        beyond = next(k for k, word in enumerate(words) if word)
+        return Limit(name, None, None, float(values[beyond]), words[beyond], {}), beyond
+    first, last = max(runs, key=lambda run: abs(values[run[1]] - values[run[0]]))
+    beyond = last + 1 if last + 1 < len(words) else first - 1
+    start, stop = float(values[first]), float(values[last])
+    if beyond < 0:
+        return Limit(name, start, stop, None, None, {}), None
+    return Limit(name, start, stop, float(values[beyond]), words[beyond], {}), beyond
+
+
+def _labels(dataset: xr.Dataset, dims: Sequence[str], place: Sequence[int]) -> dict[str, Any]:
+    """Return the coordinates of a case."""
+    places = zip(dims, place, strict=False)  # of a branch the point is no label
+    return {name: dataset[name].values[k].item() for dim, k in places for name in naming(dataset, dim)}
+
+
+def limit_sentence(limit: Limit, dataset: xr.Dataset, bounds: Mapping[str, float | None]) -> str:
+    """Return a limit as a sentence."""
+    units = coordinate_units(dataset) | {limit.axis: readable(str(dataset[limit.axis].attrs.get("units", "1")))}
+
+    def valued(name: str, value: object) -> str:
+        return f"{exact(value)} {units.get(name, '')}".strip()
+
+    name = limit.axis.replace("_", " ")
+    if limit.start is None:
+        text = f"{name}: no value at which all cases are within"
+    else:
+        text = f"{name} from {exact(limit.start)} to {valued(limit.axis, limit.stop)}: all cases are within"
+    if limit.limited_by is None:
+        return f"{text}, as far as it was varied."
+    at = ", ".join(f"{other.replace('_', ' ')} = {valued(other, value)}" for other, value in limit.at.items())
+    most = bounds.get(limit.limited_by)
+    why = _WORDS.get(limit.limited_by) or f"the {limit.limited_by} exceeds {most:g} {_UNITS[limit.limited_by]}"
+    return f"{text}; at {valued(limit.axis, limit.next)} {why}{f' ({at})' if at else ''}."

@@ -1,0 +1,69 @@
+"""``workflow limits``."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Annotated
+
+import typer
+
+from workflow.cli._failures import NOT_OK, WRONG, errors_in_words
+from workflow.cli._terminal import print_error, say, write_json
+from workflow.cli._words import ArchiveFile
+
+_Bound = Annotated[str | None, typer.Option(metavar="QUANTITY", help="Bound of steady rubs, as 40K or 0.1mm.")]
+
+
+def limits(
+    archive: ArchiveFile,
+    max_temperature: _Bound = None,
+    max_displacement: _Bound = None,
+    max_impulse: _Bound = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Write JSON instead of text.")] = False,
+) -> None:
+    """Name the range of each axis in which every rub settles within bounds, and what ends it.
+
+    Exit status: 0 answered, 1 no case is within, 2 the archive has no steady rubs.
+    """
+    with errors_in_words():
+        from workflow.analysis import NothingSteadyError, limit_sentence
+        from workflow.analysis import limits as find
+        from workflow.archive import open_archive
+
+        bounds = {
+            "temperature": _read("--max-temperature", "K", max_temperature),
+            "displacement": _read("--max-displacement", "m", max_displacement),
+            "impulse": _read("--max-impulse", "N*s", max_impulse),
+        }
+        with open_archive(archive) as dataset:
+            try:
+                found = find(dataset, **bounds)
+            except NothingSteadyError as error:
+                print_error(f"{archive}: {error}")
+                raise typer.Exit(WRONG) from None
+            lines = [limit_sentence(limit, dataset, bounds) for limit in found.limits]
+        if as_json:
+            entries = [dataclasses.asdict(limit) for limit in found.limits]
+            named = [
+                {{"start": "from", "stop": "to"}.get(key, key): value for key, value in e.items()} for e in entries
+            ]
+            write_json({"limits": named, "cases": found.cases, "within": found.within}, indent=2)
+        else:
+            for line in lines:
+                say(line)
+            say(f"{found.within} of {found.cases} within.")
+        if not found.within:
+            raise typer.Exit(NOT_OK)
+
+
+def _read(option: str, unit: str, text: str | None) -> float | None:
+    """Return a bound in SI."""
+    from pydantic_core import PydanticCustomError
+
+    from workflow.declare import Quantity
+    from workflow.study.quantities import read_quantity
+
+    try:
+        return None if text is None else float(read_quantity(text, Quantity(unit, option)))
+    except PydanticCustomError as error:
+        raise typer.BadParameter(f"{option}: {error.message()}") from None

@@ -1,0 +1,93 @@
+"""Steady rubs that cases lead to, and branches of them, by event_driven on the structures that cases are run on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow import variables
+from workflow.grid._arrangement import Grid, Indices
+from workflow.grid._conditions import conditions
+from workflow.grid._costs import measured, steady_part
+from workflow.grid._operators import as_run, reduced_structure, structure_of
+from workflow.grid._shaken import Shaken
+from workflow.grid._trials import EXACT
+from workflow.models import Cases, Structure, growth_at_once
+from workflow.study import Cell, Study
+from workflow.variables import Variable
+
+Values = dict[str, NDArray[Any]]
+
+NOT_ASKED = 6
+"""Of ``steady_state``."""
+
+
+def steady_of(study: Study) -> Iterator[Variable]:
+    """Yield the variables of steady rubs of a study's archive, along its branch where it has one."""
+    if study.branch is not None:
+        axis = study.branch.axis
+        yield from variables.along_branch(axis.name, axis.unit, axis.description)
+    elif study.output.steady is not None:
+        yield from variables.select(None, None, "steady")
+
+
+def blank(study: Study, count: int) -> Values:
+    """Return the variables of steady rubs of so many cases that have none."""
+    steady, branch, values = study.output.steady, study.branch, Values()
+    points = () if branch is None else (branch.points,)
+    for about in steady_of(study):
+        assert steady is not None
+        shape = (count, *points, *((steady.samples,) if "phase" in about.shape else ()))
+        values[about.name] = np.full(shape, np.nan)
+    flags = {"steady_state": NOT_ASKED, "bifurcation": 0}
+    return values | {
+        name: np.full(values[name].shape, flag, dtype=np.int8) for name, flag in flags.items() if name in values
+    }
+
+
+def steady_values(grid: Grid, cell: Cell, cases: Cases) -> tuple[Values, list[str]]:
+    """Return the steady rubs of cases given on the nodes, and what is said of each; nothing where none is asked for."""
+    asked = grid.study.output.steady
+    if asked is None or cell.scheme.method != EXACT:
+        return blank(grid.study, cases.count), [""] * cases.count
+    from workflow.orbits import Options, steady_rubs
+
+    structure, projected = as_run(cell, cases)
+    with measured(steady_part(grid.study, cell, structure, cases.count)):
+        options = Options(asked.periods, asked.samples)
+        values, messages = steady_rubs(structure, projected, grid.sampling.duration, options)
+    return _with_growth_at_once(cell, values), messages
+
+
+def branch_values(grid: Grid, outer: int, inner: Indices, shaken: Shaken | None) -> tuple[Values, str]:
+    """Return the branch of one case, ``(1, point, …)``, and why it has no point, where it has none."""
+    from workflow.orbits import Options, branch
+
+    followed, asked, first = grid.study.branch, grid.study.output.steady, grid.settings(outer)
+    assert followed is not None
+    assert asked is not None
+
+    def problem(value: float) -> tuple[Structure, Cases]:
+        """Return structure and case at a value of the axis."""
+        cell = grid.settings(outer, {followed.axis.path: value})
+        cell = cell if shaken is None else shaken.cell(cell)
+        structure = structure_of(cell.scene.model, cell.scene.parameters)
+        cases = conditions(cell, structure, grid.inner_values(inner), inner.size)
+        return as_run(cell, cases if shaken is None else shaken.cases(cases))
+
+    with measured(steady_part(grid.study, first, reduced_structure(first), 1)):
+        start, stop = map(float, followed.axis.values)
+        options = Options(asked.periods, asked.samples)
+        values, message = branch(problem, start, stop, followed.points, grid.sampling.duration, options)
+    values = _with_growth_at_once(first, values)
+    values[followed.axis.name] = values.pop("value")
+    return {name: array[None] for name, array in values.items()}, message
+
+
+def _with_growth_at_once(cell: Cell, values: Values) -> Values:
+    """Return steady rubs with the tip growth by heat loads that temperatures without heat capacity follow at once."""
+    structure = structure_of(cell.scene.model, cell.scene.parameters)
+    return values | {"steady_closing": values["steady_closing"] + growth_at_once(structure)}

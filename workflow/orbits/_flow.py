@@ -1,0 +1,177 @@
+"""The exact motion of one case over whole periods, and its derivative by the state at the start.
+
+Between events X = [y, y', τ], in the modes of the free tip, moves by X' = A X + b(t), with A of the free tip or of the
+tip held on the casing. At an event where the gap g = d(t) - x_n falls to zero deviations are multiplied by the
+saltation matrix
+
+    S = J_X + (f⁺ - J_X f⁻ - J_t) ∇gᵀ/(∇g · f⁻ + g_t),
+
+J Newton's law with the heat of its impulse, f∓ the rates before and after. A release is continuous: S = 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from math import lcm
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow.models import Array, Cases
+from workflow.orbits._linear import linear
+from workflow.schemes._exact import outcome
+from workflow.schemes._exact.batch import Batch, Operator, advance_one
+from workflow.schemes._exact.record import RELEASE, TOUCH
+from workflow.schemes._interface import Sampling
+
+MOST_LOAD_PERIODS = 64
+"""Load periods in the common period of all sinusoids, at most."""
+
+BUDGET = outcome.Budget(events=10**6, steps=10**8)
+"""Of one march."""
+
+
+def common_period(cases: Cases) -> float:
+    """Return the least common period of all sinusoids that act on one case, s; inf without any, NaN where none is."""
+    acts = [(cases.amplitude[:, None], cases.frequency[:, None])]
+    acts += [(each.amplitude, each.frequency) for each in (cases.load_harmonics, cases.casing_harmonics)]
+    frequencies = np.unique(np.concatenate([f[0][(a[0] != 0) & (f[0] != 0)] for a, f in acts]))
+    if frequencies.size == 0:
+        return np.inf
+    base = float(cases.period_frequency[0]) or float(frequencies[0])
+    ratios = [Fraction(f / base).limit_denominator(MOST_LOAD_PERIODS) for f in frequencies]
+    if any(abs(float(ratio) * base / f - 1) > 1e-9 for ratio, f in zip(ratios, frequencies, strict=True)):
+        return np.nan
+    count = lcm(*(ratio.denominator for ratio in ratios))
+    return count / base if count <= MOST_LOAD_PERIODS else np.nan
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """The exact motion from a state at ``begin`` over a span."""
+
+    begin: float
+    """s"""
+    span: float
+    """s"""
+    start: Array
+    """X at ``begin``."""
+    was_held: bool
+    """Whether it begins in contact."""
+    X: Array
+    """State at the end; NaN where it was not reached."""
+    contact: bool
+    """Whether it ends in contact."""
+    times: Array
+    """Of events after ``begin``, s, ``(event,)``."""
+    kinds: Array
+    impulses: Array
+    """N s"""
+    states: Array
+    """After the events, ``(event, N)``."""
+    histories: Array
+    """x_n, v_n, θ_n and the impulse at samples, ``(4, sample)``."""
+    tally: Any
+    failure: str
+    """Why it ended early, or ''."""
+
+    @property
+    def repeats(self) -> bool:
+        """Whether it ends as it began, in flight or in contact."""
+        return self.contact == self.was_held and bool(np.isfinite(self.X).all())
+
+
+class Flow:
+    """One case as a first-order system."""
+
+    def __init__(self, operator: Operator, cases: Cases, duration: float):
+        """Take a case; under constant loads it is looked at in spans of ``duration`` [s]."""
+        self.operator = operator
+        self.cases, basis, friction = cases, self.operator.basis, float(cases.friction[0])
+        self.period, self.alpha, self.e = common_period(cases), float(cases.alpha[0]), float(cases.e[0])
+        self.is_constant = self.period == np.inf
+        self.period = duration if self.is_constant else self.period
+        self.prepared = Batch(self.operator, cases, Sampling(1.0, 1.0, 2)).prepared(0)
+        self.start, n = self.prepared.case.modal, basis.tip.size
+        self.modes, self.load, size = n, self.prepared.case.load, self.start.size
+        heated = size > 2 * n
+        self.free = linear(basis.free, 0.0, heated)
+        self.held = linear(basis.held.sliding(friction), self.alpha, heated)
+        self.constant = self.free.B[:, :-3] @ np.concatenate([self.load.steady, self.load.heating, [self.load.mean]])
+        self.tip = np.zeros((2, size))
+        self.tip[0, :n] = self.tip[1, n : 2 * n] = basis.tip
+        heat = self.alpha * basis.free.heat_tip[: size - 2 * n]
+        self.kick = np.concatenate([np.zeros(n), friction * basis.along - basis.tip, heat])
+
+    def parts(self, X: Array) -> tuple[Array, Array, Array]:
+        """Return displacements, velocities and temperatures of the structure's coordinates, ``(…, coordinate)``."""
+        shapes, n = self.operator.basis.free, self.modes
+        return (
+            X[..., :n] @ shapes.shapes.T,
+            X[..., n : 2 * n] @ shapes.shapes.T,
+            (X[..., 2 * n :] @ shapes.heat_shapes[:, : X.shape[-1] - 2 * n].T),
+        )
+
+    def march(self, X: Array, contact: bool, begin: float, span: float, kept: int = 64, samples: int = 1) -> Course:
+        """Return the exact motion from X at ``begin`` [s] over ``span`` [s], with events unless ``kept`` is 0."""
+        case, waves = self.prepared.case, self.load.waves.copy()
+        waves[:, 1] += begin * waves[:, 0]
+        place, speed, _ = self._casing(np.array([begin]))
+        x, v = (self.tip @ X).tolist()
+        tip = case.tip._replace(distance=float(place[0]) - x, speed=v - float(speed[0]))
+        case = case._replace(load=case.load._replace(waves=waves, duration=span), tip=tip, modal=X.copy())
+        ended, end, events, histories, tally = advance_one(
+            self.prepared._replace(case=case), contact, np.linspace(0.0, span, samples + 1), kept
+        )
+        done = ended == outcome.COMPLETED
+        failure = "" if done else outcome.failure(ended, tally, BUDGET, self.e)
+        end = end if done else np.full(X.size, np.nan)
+        times, kinds, impulses = events[:, :3].T
+        held = bool(tally["held"])
+        return Course(
+            begin, span, X, contact, end, held, times, kinds, impulses, events[:, 3:], histories, tally, failure
+        )
+
+    def derivative(self, course: Course) -> Array:
+        """Return the derivative of the end of a course by its begin, ``(N, N)``."""
+        spans = np.diff(np.concatenate([[0.0], course.times, [course.span]]))
+        held = np.concatenate([[course.was_held], course.kinds == TOUCH])
+        factors = np.empty((spans.size, *self.free.A.shape))
+        for regime, which in ((self.free, ~held), (self.held, held)):
+            factors[which] = regime.propagators(spans[which])
+        D = factors[0]
+        for saltation, factor in zip(self._saltations(course), factors[1:], strict=True):
+            D = factor @ saltation @ D
+        return np.asarray(D)
+
+    def _saltations(self, course: Course) -> Array:
+        """Return S of each event, ``(event, N, N)``."""
+        X, t, stays = course.states, course.begin + course.times, course.kinds == TOUCH
+        before = X - course.impulses[:, None] * self.kick
+        _, speed, acceleration = self._casing(t)
+        jump = -(1 + np.where(stays, 0.0, self.e))[:, None] * self.kick / (self.tip[1] @ self.kick)
+        law = np.eye(X.shape[1]) + jump[:, :, None] * self.tip[1]  # J = X + jump (v_n - d')
+        before_rates = self._rates(before, t, np.zeros_like(stays))
+        late = self._rates(X, t, stays) - np.einsum("eij,ej->ei", law, before_rates) + jump * acceleration[:, None]
+        approach = speed - before @ self.tip[1]
+        late[approach == 0] = 0.0
+        S = law - (late / np.where(approach == 0, 1.0, approach)[:, None])[:, :, None] * self.tip[0]
+        S[course.kinds == RELEASE] = np.eye(X.shape[1])
+        return np.asarray(S)
+
+    def _rates(self, X: Array, t: Array, held: NDArray[np.bool_]) -> Array:
+        """Return X' of states in flight or held, ``(state, N)``."""
+        push, waves = self.free.B[:, -4], self.load.waves
+        force = np.sin(waves[:, 0] * t[:, None] + waves[:, 1]) @ waves[:, 2]
+        rates = X @ self.free.A.T + self.constant + force[:, None] * push
+        excess = np.where(held, rates @ self.tip[1] - self._casing(t)[2], 0.0)
+        return np.asarray(rates - excess[:, None] * self.kick / (self.tip[1] @ self.kick))
+
+    def _casing(self, t: Array) -> tuple[Array, Array, Array]:
+        """Return place, velocity and acceleration of the casing at some times."""
+        omega, phase, _, amplitude = self.load.waves.T
+        turn = omega * t[:, None] + phase
+        speed, acceleration = np.cos(turn) @ (omega * amplitude), -np.sin(turn) @ (omega**2 * amplitude)
+        return self.load.gap + np.sin(turn) @ amplitude, speed, acceleration

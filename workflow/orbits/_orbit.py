@@ -1,0 +1,122 @@
+"""Periodic rubs: fixed points of the map of k periods, by Newton's method or, without events, in closed form."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from workflow.kernels import algebra
+from workflow.kernels.algebra import Complex, eigenvalues
+from workflow.models import Array
+from workflow.orbits._flow import Course, Flow
+
+RESIDUAL = 1e-10
+"""Largest change of x, v and θ over kT, each over its own maximum."""
+
+_MOST = 25
+"""Maps of Newton's method."""
+
+
+@dataclass(frozen=True, eq=False)
+class Orbit:
+    """A motion that repeats after kT."""
+
+    flow: Flow
+    order: int
+    """k"""
+    course: Course
+    """Over kT."""
+    D: Array
+    """Derivative of its end by its begin."""
+    residual: float
+
+    @property
+    def multipliers(self) -> Complex:
+        """Floquet multipliers, the largest first."""
+        values = eigenvalues(self.D)
+        return np.asarray(values[np.argsort(-np.abs(values), kind="stable")])
+
+    @property
+    def growth(self) -> float:
+        """Rate of the slowest deviation, ln|µ|/kT or, without events, the largest real part of the poles, 1/s."""
+        if self.course.times.size == 0:
+            return (self.flow.held if self.course.was_held else self.flow.free).growth
+        largest = float(np.abs(self.multipliers[0]))
+        return float(np.log(largest) / self.course.span) if largest > 0 else -np.inf
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Largest |x|, |v| and |θ| of a motion."""
+
+    displacement: float
+    velocity: float
+    temperature: float
+
+    def size(self, flow: Flow, X: Array) -> float:
+        """Return the largest of x, v and θ of a deviation, each over its maximum; inf where it is not finite."""
+        parts = zip(flow.parts(X), (self.displacement, self.velocity, self.temperature), strict=True)
+        size = max(float(np.abs(part).max(initial=0.0)) / largest for part, largest in parts)
+        return size if np.isfinite(X).all() else np.inf
+
+
+def scale_of(flow: Flow, courses: list[Course]) -> Scale:
+    """Return the scale of a motion in courses, by their samples, events and ends."""
+    parts = flow.parts(np.vstack([np.vstack([course.states, course.X]) for course in courses]))
+    samples = np.hstack([course.histories for course in courses])
+    largest = [
+        max(np.abs(part).max(initial=0.0), np.nanmax(np.abs(own))) for part, own in zip(parts, samples, strict=False)
+    ]
+    return Scale(*(float(value) or 1.0 for value in largest))
+
+
+def newton(flow: Flow, X: Array, contact: bool, begin: float, order: int, scale: Scale) -> Orbit | None:
+    """Return the orbit of order k near X at ``begin`` by damped steps of Newton's method; ``None`` where they fail.
+
+    A step is halved until the next one, by the same derivative, is shorter. Once the residual is small enough steps go
+    on for as long as they halve it.
+    """
+    best: Orbit | None = None
+    step, trial, share = np.zeros(X.size), X, 1.0
+    inverse: Array = np.eye(X.size)
+    for _ in range(_MOST):
+        course = flow.march(trial, contact, begin, order * flow.period)
+        change = course.X - trial
+        error = scale.size(flow, change) if course.repeats else np.inf
+        if best is not None and best.residual < RESIDUAL and not error < 0.5 * best.residual:
+            return best
+        if error < RESIDUAL or (
+            error < np.inf and (best is None or scale.size(flow, inverse @ change) < scale.size(flow, step))
+        ):
+            D = flow.derivative(course)
+            best, share = Orbit(flow, order, course, D, error), 1.0
+            try:
+                inverse = algebra.inverse(np.eye(X.size) - D)
+            except np.linalg.LinAlgError:
+                return None
+            step = np.asarray(inverse @ change, dtype=np.float64)
+        else:
+            share /= 2
+            if best is None or share * scale.size(flow, step) < RESIDUAL:
+                return None
+        trial = best.course.start + share * step
+    return best if best is not None and best.residual < RESIDUAL else None
+
+
+def without_events(flow: Flow, contact: bool, scale: Scale) -> Orbit | None:
+    """Return the orbit of a tip that stays free, or held; ``None`` where there is none.
+
+    Under constant loads it is an equilibrium, and T the span by which it is looked at.
+    """
+    try:
+        X, signal = (flow.held if contact else flow.free).steady(flow.load, 0.0)
+    except np.linalg.LinAlgError:
+        return None
+    if not (np.isfinite(X).all() and signal > 0):
+        return None
+    course = flow.march(X, contact, 0.0, flow.period)
+    if course.times.size or not course.repeats:
+        return None
+    D, residual = flow.derivative(course), scale.size(flow, course.X - X)
+    return Orbit(flow, 1, course, D, residual) if residual < RESIDUAL else None

@@ -1,0 +1,25 @@
+"""The section of a report that draws branches of steady rubs."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from workflow.analysis import followed_axis
+from workflow.plots import branches
+from workflow.report._html import image, tag
+from workflow.report._sections import Drawn, any_ok
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+_ALONG = ("steady_max_temperature", "steady_impulse", "floquet_multiplier")
+
+
+def along_branches(dataset: xr.Dataset) -> Drawn:
+    """Draw the branches of an archive, where it has any."""
+    if followed_axis(dataset) is None or not any_ok(dataset):
+        return Drawn([], None)
+    about = "Solid: stable rubs; dashed: unstable ones, between which and beyond whose folds rubs run away or jump."
+    pictures = [image(branches(dataset, name), f"{name.replace('_', ' ')} along the branches") for name in _ALONG]
+    body: list[str] = [tag("h2", "Branches"), tag("p", about, kind="muted"), tag("div", *pictures, kind="panels")]
+    return Drawn(body, branches(dataset))
