@@ -22,7 +22,7 @@ from workflow.grid import _compile as compilation
 from workflow.grid import _helpers as helpers
 from workflow.grid._compile import SHARES, KernelVariant, Share, compile_scheme
 from workflow.grid._helpers import at_work, compiled_ahead
-from workflow.schemes._exact import batch, two_way
+from workflow.schemes._exact import batch, held_regime
 
 ROOT = Path(workflow.__file__).parents[1]
 
@@ -204,7 +204,7 @@ def test_a_run_compiles_beside_a_helper_what_a_scheme_names_apart(
 
 @pytest.mark.parametrize("call", schemes.load("event_driven").KERNEL_CALLS)
 def test_each_call_of_the_exact_scheme_needs_one_large_kernel(call: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    kernels = {"march": (batch, "march"), "held regime": (two_way, "_regime_at")}
+    kernels = {"march": (batch, "march"), "held regime": (held_regime, "_regime_at")}
     called: set[str] = set()
 
     def counted(name: str, kernel: Callable[..., object]) -> Callable[..., object]:

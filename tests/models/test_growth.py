@@ -148,7 +148,7 @@ def characteristic(structure: Chain, alpha: float, s: float) -> float:
     return 1 + alpha * (force[-1] + k[-1] * (1 + s * a_k) * (x[-1] - x[-2]))  # λ = -N_n
 
 
-@pytest.mark.parametrize("nodes", [2001, 5000])
+@pytest.mark.parametrize("nodes", [600, 1000])
 @pytest.mark.parametrize("alpha", [500.0, 2000.0, 1e5, 1e6])
 def test_long_chains(nodes: int, alpha: float) -> None:
     """The characteristic function changes its sign within 1e-6 of the rate, and does no more further right."""

@@ -12,12 +12,12 @@ from test_event_driven_random import scene
 from scenes import chain, heavy_chain
 from workflow.models import Array, Rayleigh, Structure
 from workflow.reduction import reduce_structure
-from workflow.schemes._exact import two_way
+from workflow.schemes._exact import held_regime
+from workflow.schemes._exact.held_regime import HeldRegimes
 from workflow.schemes._exact.layout import Layout
 from workflow.schemes._exact.modal_system import analyse, state_space
 from workflow.schemes._exact.regimes import linked
 from workflow.schemes._exact.tables import block, first
-from workflow.schemes._exact.two_way import HeldRegimes
 
 
 def motion_of(regime: Layout) -> Array:
@@ -61,8 +61,8 @@ def test_coordinates_are_those_of_the_matrix(alpha: float, reduced: bool) -> Non
 def test_random_structures_by_either_start(monkeypatch: pytest.MonkeyPatch) -> None:
     """Strong friction heat of order one: where the poles are no start, the eigenvalues of the general solver are."""
     begun = []
-    guesses_of = two_way.guesses_of
-    monkeypatch.setattr(two_way, "guesses_of", lambda A: begun.append(len(A)) or guesses_of(A))
+    eigenvalues = held_regime.eigenvalues
+    monkeypatch.setattr(held_regime, "eigenvalues", lambda A: begun.append(len(A)) or eigenvalues(A))
     for seed in range(60):
         structure, case = scene(np.random.default_rng(seed))
         held = HeldRegimes(analyse(structure).held)

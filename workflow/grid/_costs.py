@@ -35,7 +35,7 @@ _COUPLED = 4.0
 _RUB = 5e-5
 """Seconds of a steady rub for each of its states squared."""
 
-_DENSE = 300
+_DENSE = 600
 """States of a structure up to which its growth rate comes from all of them."""
 
 COMPILING = {"event_driven": 18.0}

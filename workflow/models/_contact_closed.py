@@ -19,15 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.kernels import Array
-from workflow.kernels.algebra import eigenvalues
-from workflow.models._chain import Chain
-from workflow.models._characteristic import Complexes, first_orders
+from workflow.kernels.algebra import Complex
 from workflow.models._damping import held_damping, is_rayleigh
 from workflow.models._modes import Modes, poles
 from workflow.models._structure import Structure
 from workflow.models._tip_held import held_modes, mechanical_constraint, slowest_modes
 
 Indices = NDArray[np.intp]
+
+_NEAR = 1e-6
+"""Share of two roots of a mode below which their distance is not used."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,8 +47,6 @@ class ContactClosed:
         a_M [1/s] and a_K [s].
     has_rigid
         Whether an interior mode is rigid: it has the eigenvalues 0 and -a_M.
-    lumps
-        m, k, a ℓ, c, κ, b of a chain, ``(6, node)``; empty for other structures.
     damping, drag
         φᵀ C1 φ [1/s] and φᵀ C1 ψ [√kg/s], where damping is not Rayleigh's: then λ = g τ - L η'' - drag η'. Else empty.
     """
@@ -58,7 +57,6 @@ class ContactClosed:
     mass_damping: float
     stiffness_damping: float
     has_rigid: bool
-    lumps: Array
     damping: Array
     drag: Array
     slid: Array
@@ -69,26 +67,45 @@ class ContactClosed:
         """Whether damping couples the modes: then the characteristic function does not hold."""
         return self.drag.size > 0
 
-    def poles(self) -> Complexes:
-        """Return the eigenvalues without contact heat, 1/s: both roots of each mode, then -μ."""
-        if self.is_coupled:
-            modes = self.modes.shape[1]
-            return np.concatenate([eigenvalues(self.matrix(0.0)[: 2 * modes, : 2 * modes]), -self.heat[0] + 0j])
-        mechanical = poles(np.sqrt(self.modes[0]), self.modes[1])
-        return np.concatenate([mechanical.ravel(), -self.heat[0] + 0j])
+    def poles(self) -> Complex:
+        """Return the eigenvalues without contact heat where damping couples no modes, 1/s: roots of modes, then -μ."""
+        return np.append(poles(np.sqrt(self.modes[0]), self.modes[1]), -self.heat[0])
 
-    def first_orders(self) -> Complexes:
-        """Return ds/dα of the eigenvalue at each pole at α = 0, 1/s per m/s."""
-        return first_orders(self.modes, self.heat, self.coupling, self.mass_damping, self.poles())
+    def first_orders(self) -> Complex:
+        """Return ds/dα of the eigenvalue at each pole at α = 0, the residue of G there, 1/s per W/N."""
+        omega2, damping, participation = self.modes
+        decay, tip, static = self.heat
+        s = poles(np.sqrt(omega2), damping).T
+        driven = np.stack([(self.coupling * tip / (root[:, None] + decay)).sum(axis=1) for root in s])
+        apart, least = 2 * s + damping, _NEAR * np.abs(s)
+        inertia = participation * s * (s + self.mass_damping)
+        mechanical = inertia * driven / np.where(np.abs(apart) < least, least, apart)
+        k = -decay
+        rest = k * (k + damping[:, None]) + omega2[:, None]
+        share = participation[:, None] * k * (k + self.mass_damping)
+        share = np.divide(share, rest, out=np.zeros_like(rest), where=rest != 0)
+        return np.append(mechanical.T, tip * (static + (share * self.coupling).sum(axis=0)))
+
+    def contact_force(self, s: Complex) -> tuple[Complex, Complex]:
+        """Return G(s), the contact force by a unit heat load at the tip as exp(s t), and dG/ds; ``(s,)`` each.
+
+        G = Σ_k [g_k + Σ_j L_j h_j(s) κ_jk] t_k/(s + μ_k), h_j = (s² + a_M s)/(s² + c_j s + ω_j²).
+        """
+        omega2, damping, participation = self.modes
+        decay, tip, static = self.heat
+        s = s[:, None]
+        warmth = tip / (s + decay)
+        cooling = -warmth / (s + decay)
+        rest = s * (s + damping) + omega2
+        share = participation * s * (s + self.mass_damping) / rest
+        slope = (participation * (2 * s + self.mass_damping) - share * (2 * s + damping)) / rest
+        driven = static + share @ self.coupling
+        return (driven * warmth).sum(axis=1), (driven * cooling + (slope @ self.coupling) * warmth).sum(axis=1)
 
     def part(self, modes: Indices, heats: Indices) -> ContactClosed:
         """Return the system of some modes."""
-        return replace(
-            self,
-            modes=np.ascontiguousarray(self.modes[:, modes]),
-            heat=np.ascontiguousarray(self.heat[:, heats]),
-            coupling=np.ascontiguousarray(self.coupling[np.ix_(modes, heats)]),
-        )
+        coupling = self.coupling[np.ix_(modes, heats)]
+        return replace(self, modes=self.modes[:, modes], heat=self.heat[:, heats], coupling=coupling)
 
     def matrix(self, alpha: float, friction: float = 0.0) -> Array:
         """Return A of X' = A X, X = [ω η, η', τ], 1/s."""
@@ -146,7 +163,6 @@ def contact_closed(structure: Structure, few: int | None = None, slides: bool = 
         mass_damping=structure.damping.mass,
         stiffness_damping=structure.damping.stiffness,
         has_rigid=bool(np.any(~elastic)),
-        lumps=_lumps(structure) if rayleigh else np.zeros((6, 0)),
         damping=np.zeros((0, 0)) if rayleigh else damping,
         drag=np.zeros(0) if rayleigh else shapes.T @ (structure.damping_matrix @ constraint),
         slid=_slid(structure, shapes, constraint),
@@ -157,18 +173,3 @@ def _slid(structure: Structure, shapes: Array, constraint: Array) -> Array:
     if structure.tangent is None:
         return np.zeros(0)
     return np.column_stack([shapes, constraint]).T @ structure.tangent
-
-
-def _lumps(structure: Structure) -> Array:
-    if not isinstance(structure, Chain):
-        return np.zeros((6, 0))
-    return np.stack(
-        [
-            structure.masses,
-            structure.springs,
-            structure.free_expansion,
-            structure.heat_capacities,
-            structure.conduction,
-            structure.convection,
-        ]
-    )

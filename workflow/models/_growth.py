@@ -1,8 +1,9 @@
 """Growth rate of a tip in permanent contact: the rightmost eigenvalue of the contact-closed system.
 
-Of up to 300 states all eigenvalues are computed. Of more, the eigenvalues of a part of the modes are approximations,
-and those that could be the rightmost are improved as roots of the characteristic function of the whole structure
-(:mod:`workflow.models._characteristic`): what is returned is an eigenvalue of the structure itself.
+Of up to 600 states all eigenvalues are computed. Of more, those of the 100 + 100 modes that contact heat moves most
+are, and the other modes start where the first order in α puts them. What lies furthest right is improved on the whole
+system: with the tip held and its contact force λ heating it, equation (1) closes through one number, and an eigenvalue
+s fulfils G(s) = 1/α, where G(s) is the contact force that a unit heat load at the tip causes, both as exp(s t).
 """
 
 from __future__ import annotations
@@ -13,49 +14,32 @@ from typing import NamedTuple
 import numpy as np
 
 from workflow.kernels import Array
-from workflow.kernels.algebra import eigenvalues
+from workflow.kernels.algebra import Complex, eigenvalues
 from workflow.models._chain import Chain
-from workflow.models._characteristic import Complexes, improve
-from workflow.models._contact_closed import ContactClosed, contact_closed
-from workflow.models._modes import magnitudes
+from workflow.models._contact_closed import ContactClosed, Indices, contact_closed
 from workflow.models._structure import Structure
 
-_ALL_STATES = 300
+_ALL_STATES = 600
 """States up to which all eigenvalues are computed."""
 
-_STRONGEST = 60
-"""Modes of each kind of a larger structure whose eigenvalues are computed together: those that contact heat moves
-most. The eigenvalues of all others start where the first order in α puts them."""
+_STRONGEST = 100
+"""Modes of each kind of a larger structure whose eigenvalues are computed together."""
 
-_LOWEST_OF_A_LONG_CHAIN = 12
-"""Lowest modes of each kind of a chain without matrices, each of which costs passes along it."""
+_IMPROVED = 24
+"""Eigenvalues of largest real part that are improved."""
 
-_NEXT_TO_THE_TIP = 60
-"""Nodes at the tip of such a chain whose own eigenvalues are tried as well: light ones answer to contact heat first."""
-
-_IMPROVED, _IMPROVED_OF_A_LONG_CHAIN = 24, 6
-"""Eigenvalues of largest real part that are improved at first; more, while the next one could lie further right."""
+_STEPS = 30
+"""Of Newton's iteration; from eigenvalues of a part it takes three to ten."""
 
 _UNCERTAIN = 1e-12
 """Uncertainty of an eigenvalue as a share of the largest."""
 
-_WEAK = 1e-3
-"""Share of a pole by which contact heat may move an eigenvalue at most, to first order, for the first order and a part
-of the modes to tell which eigenvalues can be the rightmost; where it moves one further all are improved."""
-
-_ALL_IMPROVED = 1500
-"""States up to which that is done: all of 1200 take 0.03 to 0.7 s, with the square of their number."""
-
 _CONVERGED = 1e-7
-"""Share of an eigenvalue by which the last step of its improvement may change it: a tenth of what is promised."""
+"""Share of an eigenvalue by which the last step of its improvement may change it."""
 
 _ZERO = 1e-13
-"""Share of the slowest pole below which an eigenvalue is 0: what rounding leaves of one that is, and α within 1e-13 of
-α_c."""
-
-_APART = 1e-9
-"""Share by which real eigenvalues are moved off the real axis before they are improved: two of an approximate
-system may be a complex pair of the whole structure, and real numbers stay real."""
+"""Share of a pole that is rounding: contact heat that moves it no further leaves it where it is, and an eigenvalue
+below that share of the slowest pole is 0."""
 
 _FIRST_ORDER = 0.1
 """Share of a pole by which the first order in α may move an eigenvalue to begin with."""
@@ -73,20 +57,6 @@ class Growth(NamedTuple):
         return self.rate > self.uncertainty
 
 
-class _Trial(NamedTuple):
-    """A part of a system whose eigenvalues are computed, and poles whose eigenvalues start at the first order in α.
-
-    ``missing`` is what ds/dα at each pole of the part lacks of that of the whole system. ``is_all`` tells that the part
-    is the system, so that its eigenvalues need no improvement to be right.
-    """
-
-    part: ContactClosed
-    missing: Complexes
-    others: Complexes
-    first_orders: Complexes
-    is_all: bool
-
-
 @dataclass(frozen=True, eq=False)
 class InContact:
     """What the growth rate of a structure is computed from, the same for every α.
@@ -94,159 +64,90 @@ class InContact:
     Attributes
     ----------
     system
-        The contact-closed system whose characteristic function counts.
-    trials
-        Parts of the structure whose eigenvalues approximate those of the whole.
+        The contact-closed system.
+    part
+        That of the modes whose eigenvalues are computed: the system itself where it is small, or coupled by damping.
+    others
+        Which poles are those of the other modes.
+    orders
+        ds/dα of the eigenvalue at each pole, 1/s per W/N; empty where damping couples the modes.
     sliding
         The system with what friction drives beside, where there is a direction of it.
     """
 
     system: ContactClosed
-    trials: tuple[_Trial, ...]
+    part: ContactClosed
+    others: Indices
+    orders: Complex
     sliding: ContactClosed | None = None
 
 
 def in_contact(structure: Structure) -> InContact:
-    """Prepare the growth rates of a structure."""
-    none = np.zeros(0, dtype=np.complex128)
-    if isinstance(structure, Chain) and not structure.has_matrices:
-        system = contact_closed(structure, _LOWEST_OF_A_LONG_CHAIN)
-        tip = contact_closed(structure.last(_NEXT_TO_THE_TIP))
-        return InContact(system, (_Trial(system, none, none, none, False), _Trial(tip, none, none, none, False)))
-    system = contact_closed(structure)
+    """Prepare the growth rates of a structure; of a chain without matrices those of its lowest modes."""
+    few = _STRONGEST if isinstance(structure, Chain) and not structure.has_matrices else None
+    system = contact_closed(structure, few)
     sliding = None if structure.tangent is None else contact_closed(structure, slides=True)
-    if system.is_coupled or system.poles().size <= _ALL_STATES:
-        return InContact(system, (_Trial(system, none, none, none, True),), sliding)
-    return InContact(system, (_strongest(system),), sliding)
-
-
-def _strongest(system: ContactClosed) -> _Trial:
-    """Choose the modes that contact heat moves most, by ds/dα as a share of the pole."""
-    poles, orders, modes = system.poles(), system.first_orders(), system.modes.shape[1]
+    orders = np.zeros(0, dtype=np.complex128) if system.is_coupled else system.first_orders()
+    if orders.size <= _ALL_STATES:
+        return InContact(system, system, np.zeros(0, dtype=np.intp), orders, sliding)
+    poles, modes = system.poles(), system.modes.shape[1]
     with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.nan_to_num(magnitudes(orders) / magnitudes(poles), posinf=np.inf)
-    of_modes, of_heats = share[: 2 * modes].reshape(modes, 2).max(axis=1), share[2 * modes :]
-    chosen = np.sort(np.argsort(-of_modes, kind="stable")[:_STRONGEST])
-    heats = np.sort(np.argsort(-of_heats, kind="stable")[:_STRONGEST])
-    others = np.ones(poles.size, dtype=bool)
-    others[np.concatenate([2 * chosen, 2 * chosen + 1, 2 * modes + heats])] = False
-    part = system.part(chosen, heats)
-    return _Trial(part, orders[~others] - part.first_orders(), poles[others], orders[others], False)
+        share = np.nan_to_num(np.abs(orders) / np.abs(poles), posinf=np.inf)
+    chosen = np.sort(np.argsort(-share[: 2 * modes].reshape(modes, 2).max(axis=1), kind="stable")[:_STRONGEST])
+    heats = np.sort(np.argsort(-share[2 * modes :], kind="stable")[:_STRONGEST])
+    others = np.delete(np.arange(poles.size), np.concatenate([2 * chosen, 2 * chosen + 1, 2 * modes + heats]))
+    return InContact(system, system.part(chosen, heats), others, orders, sliding)
 
 
 def growth(prepared: InContact, alpha: float, friction: float = 0.0) -> Growth:
     """Return the largest real part of the eigenvalues of the contact-closed system, 1/s; negative: all decays.
 
-    With friction along the structure's tangent all eigenvalues are computed, and none is improved.
-
-    NaN where the improvement of an eigenvalue that could be the rightmost came to no end. Of chains without matrices
-    it is the rightmost eigenvalue among those that its 12 lowest modes and its last 60 nodes lead to.
+    Where damping or friction couples the modes all eigenvalues are computed, and none is improved. NaN where none of
+    a larger structure could be improved; flutter of modes that contact heat moves little may be missed there.
     """
-    system = prepared.system
-    if friction != 0 and prepared.sliding is not None:
-        return _of_all(prepared.sliding, alpha, friction)
-    if system.is_coupled:
-        return _of_all(system, alpha)
-    rigid = 0.0 if system.has_rigid else -np.inf
-    if alpha == 0.0:
-        poles = system.poles()
-        return Growth(max(float(poles.real.max()), rigid) + 0.0, _UNCERTAIN * float(magnitudes(poles).max()))
-    alone = len(prepared.trials) == 1
-    outcomes = [_rightmost(system, trial, alpha, alone) for trial in prepared.trials]
-    rate, last, _ = max(outcomes, key=lambda one: -np.inf if np.isnan(one[0]) else one[0])
-    largest = max(largest for _, _, largest in outcomes)
-    return Growth(rate if np.isnan(rate) else max(rate, rigid), max(_UNCERTAIN * largest, last))
+    sliding = prepared.sliding if friction != 0 else None
+    system = sliding or prepared.system
+    if sliding or system.is_coupled:
+        values = eigenvalues(system.matrix(alpha, friction if sliding else 0.0))
+        rates = values.real
+    else:
+        values, rates = _rates(prepared, alpha)
+    rate = float(rates.max(initial=0.0 if system.has_rigid else -np.inf)) + 0.0
+    return Growth(rate if np.isfinite(rate) else np.nan, _UNCERTAIN * float(np.abs(values).max(initial=0.0)))
 
 
-def _of_all(system: ContactClosed, alpha: float, friction: float = 0.0) -> Growth:
-    """Return the growth rate where damping or friction couples the modes, from all eigenvalues, not improved."""
-    spectrum = eigenvalues(system.matrix(alpha, friction))
-    largest = float(magnitudes(spectrum).max(initial=0.0))
-    rate = max(float(spectrum.real.max(initial=-np.inf)), 0.0 if system.has_rigid else -np.inf)
-    return Growth(rate, _UNCERTAIN * largest)
+def _rates(prepared: InContact, alpha: float) -> tuple[Complex, Array]:
+    """Return approximate eigenvalues and poles, and real parts of eigenvalues that are improved or stay where they are.
 
-
-def _rightmost(system: ContactClosed, trial: _Trial, alpha: float, alone: bool) -> tuple[float, float, float]:
-    """Return the largest real part, its last change and the largest |eigenvalue| of what a trial leads to.
-
-    NaN where it did not converge; where the trial is not ``alone``, where none did.
+    On a pole that takes no part in the contact 1/G says nothing.
     """
-    approximate, reach, is_exact = _approximate(trial, alpha)
-    poles = np.concatenate([trial.part.poles(), trial.others])
-    largest = float(max(magnitudes(approximate).max(), magnitudes(poles).max()))
-    count = min(_IMPROVED if alone else _IMPROVED_OF_A_LONG_CHAIN, approximate.size)
-    if trial.missing.size and poles.size <= _ALL_IMPROVED and not _is_weak(trial, alpha):
-        count = approximate.size
-    while True:
-        roots, left = _improved(system, alpha, poles, approximate, count)
-        converged = left <= np.maximum(_CONVERGED * magnitudes(roots), _UNCERTAIN * largest)
-        values = np.where(converged, roots.real, approximate[:count].real if alone else -np.inf)
-        best = int(np.argmax(values))
-        if count == approximate.size or values[best] >= reach[count]:
-            break
-        count = min(2 * count, approximate.size)
-    if not converged[best]:
-        return (float(values[best]) if is_exact else np.nan), 0.0, largest
-    scale = magnitudes(poles)
-    is_zero = abs(values[best]) <= _ZERO * scale[scale > 0].min(initial=largest)
-    return 0.0 if is_zero else float(values[best]), float(left[best]), largest
+    system, part, others, poles = prepared.system, prepared.part, prepared.others, prepared.system.poles()
+    moved, slowest = alpha * np.abs(prepared.orders), np.abs(poles[poles != 0]).min(initial=np.inf)
+    still = poles[moved <= _ZERO * np.maximum(np.abs(poles), slowest)]
+    step, most = alpha * prepared.orders[others], _FIRST_ORDER * np.abs(poles[others])
+    step *= np.divide(most, moved[others], out=np.ones_like(most), where=moved[others] > most)
+    spectrum = np.concatenate([eigenvalues(part.matrix(alpha)), poles[others] + step])
+    above = spectrum[spectrum.imag >= 0]
+    starts = above[np.argsort(-above.real, kind="stable")[:_IMPROVED]]
+    roots, left = _improved(system, alpha, starts)
+    converged = left <= np.maximum(_CONVERGED * np.abs(roots), _UNCERTAIN * np.abs(spectrum).max())
+    rates = np.where(converged, roots, starts).real[converged | (part is system)]
+    rates[np.abs(rates) <= _ZERO * slowest] = 0.0
+    return np.append(spectrum, poles), np.append(rates, still.real)
 
 
-def _is_weak(trial: _Trial, alpha: float) -> bool:
-    """Tell whether contact heat hardly moves what a trial knows to first order only."""
-    poles = np.concatenate([trial.part.poles(), trial.others])
-    moved = alpha * magnitudes(np.concatenate([trial.missing, trial.first_orders]))
-    return bool(np.all(moved <= _WEAK * magnitudes(poles)))
-
-
-def _approximate(trial: _Trial, alpha: float) -> tuple[Complexes, Array, bool]:
-    """Return the eigenvalues that a trial starts from, how far to the right each may lie, and whether they are exact.
-
-    The one that may lie furthest comes first. Where the eigenvalue solver does not converge all start at first order.
-    An eigenvalue of the part may lie further right by what the part lacks, to first order at the pole nearest to it.
-    """
-    others, is_exact = _first_order(trial.others, trial.first_orders, alpha), trial.is_all
-    try:
-        computed = eigenvalues(trial.part.matrix(alpha))
-        reach = computed.real
-        if trial.missing.size:
-            poles = trial.part.poles()
-            nearest = np.argmin(magnitudes(computed[:, None] - poles), axis=1)
-            reach = reach + magnitudes(_limited(alpha * trial.missing, poles)[nearest])
-    except np.linalg.LinAlgError:
-        computed, reach = _first_order(trial.part.poles(), trial.part.first_orders(), alpha)
-        is_exact = False
-    approximate, reach = np.concatenate([computed, others[0]]), np.concatenate([reach, others[1]])
-    order = np.argsort(-reach, kind="stable")
-    return approximate[order], reach[order], is_exact
-
-
-def _first_order(poles: Complexes, orders: Complexes, alpha: float) -> tuple[Complexes, Array]:
-    """Return where the first order in α puts the eigenvalues of some poles, and how far to the right they may lie."""
-    step = _limited(alpha * orders, poles)
-    approximate = poles + step
-    return approximate, approximate.real + magnitudes(step)
-
-
-def _limited(steps: Complexes, poles: Complexes) -> Complexes:
-    """Return steps from poles that are at most a share of the pole long."""
-    size, most = magnitudes(steps), _FIRST_ORDER * magnitudes(poles)
-    return np.asarray(steps * np.divide(most, size, out=np.ones_like(size), where=size > most))
-
-
-def _improved(
-    system: ContactClosed, alpha: float, poles: Complexes, approximate: Complexes, count: int
-) -> tuple[Complexes, Array]:
-    """Return the first ``count`` approximate eigenvalues improved on the whole structure, and the last step of each."""
-    roots = approximate.copy()
-    real = np.flatnonzero(approximate.imag == 0)
-    roots.imag[real] = _APART * magnitudes(approximate[real]) * np.where(real % 2, 1.0, -1.0)
-    is_chain = system.lumps.shape[1] > 0
-    arrays = (system.lumps,) * 3 if is_chain else (system.modes, system.heat, system.coupling)
-    damping = (system.mass_damping, system.stiffness_damping)
-    left = np.empty(count)
-    improve(alpha, arrays, is_chain, damping, poles, roots, left)
-    return roots[:count], left
+def _improved(system: ContactClosed, alpha: float, starts: Complex) -> tuple[Complex, Array]:
+    """Return eigenvalues improved by Newton's method on 1/G(s) = α, and the last step of each, 1/s."""
+    roots, left = starts.copy(), np.full(starts.size, np.inf)
+    with np.errstate(all="ignore"):
+        for _ in range(_STEPS):
+            force, slope = system.contact_force(roots)
+            step = force * (alpha * force - 1) / slope
+            step[~np.isfinite(step)] = 0.0
+            roots, left = roots - step, np.abs(step)
+            if np.all(left <= _ZERO * np.abs(roots)):
+                break
+    return roots, left
 
 
 def growth_rate(structure: Structure, alpha: float, friction: float = 0.0) -> float:

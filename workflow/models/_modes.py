@@ -85,11 +85,6 @@ def poles(frequency: Array, damping: Array) -> NDArray[np.complex128]:
     return pairs
 
 
-def magnitudes(values: NDArray[np.complex128]) -> Array:
-    """Return |s| by operations that are rounded alike on every processor, as those of ``abs`` are not."""
-    return np.sqrt(values.real**2 + values.imag**2)
-
-
 def mechanical_modes(structure: Structure) -> Modes:
     """Return the undamped mechanical modes: K1 φ = ω² M φ, φᵀ M φ = 1.
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from workflow.models import Array, Cases, Structure, project
 from workflow.schemes._exact import outcome
 from workflow.schemes._exact.conditions import load_of, penetration, tip_of, unit_impulse
+from workflow.schemes._exact.held_regime import HeldRegimes
 from workflow.schemes._exact.impacts import Case, Thresholds, UnitImpulse
 from workflow.schemes._exact.layout import Layout, Memory, free_layout, memory
 from workflow.schemes._exact.march import march
@@ -18,7 +19,6 @@ from workflow.schemes._exact.modal_system import Basis, analyse
 from workflow.schemes._exact.outcome import Budget
 from workflow.schemes._exact.pole_pairs import InseparablePolesError
 from workflow.schemes._exact.record import TALLY, Record
-from workflow.schemes._exact.two_way import HeldRegimes
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Status, complete_periods, sections_of
 
 THRESHOLDS = Thresholds(height=1e-10, speed=1e-3, force=64.0)

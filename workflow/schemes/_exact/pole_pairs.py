@@ -14,9 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from workflow.kernels.algebra import Complex
 from workflow.models import Array
 from workflow.schemes._exact.modal_system import ModalSystem
-from workflow.schemes._exact.spectrum import Complex, condition_numbers, coupled_spectrum
+from workflow.schemes._exact.spectrum import condition_numbers, secular_spectrum
 from workflow.schemes._interface import RefusedStructureError
 
 INSEPARABLE = (
@@ -71,7 +72,7 @@ def pole_pairs(system: ModalSystem, A: Array) -> PolePairs:
     size, modes, rigid = A.shape[0], system.frequency.size, np.flatnonzero(system.frequency == 0)
     kept = np.delete(np.arange(size), rigid)
     lists = {name: np.delete(getattr(system, name), rigid, axis=0) for name in ("frequency", "coupling", "reaction")}
-    spectrum = coupled_spectrum(replace(system, **lists), 0.0, A[np.ix_(kept, kept)])
+    spectrum = secular_spectrum(replace(system, **lists), 0.0, A[np.ix_(kept, kept)])
     if spectrum is None:
         raise InseparablePolesError
     values, count = spectrum.values, spectrum.values.size - system.rate.size

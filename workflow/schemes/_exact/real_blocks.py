@@ -16,9 +16,8 @@ from typing import NamedTuple
 import numpy as np
 import scipy.linalg
 
-from workflow.kernels.algebra import inverse
+from workflow.kernels.algebra import Complex, inverse
 from workflow.models import Array
-from workflow.schemes._exact.spectrum import Complex
 
 _NEAR = 1e-3
 """Distance up to which two eigenvectors of unit length take more than three digits from each other."""
