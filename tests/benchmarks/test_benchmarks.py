@@ -45,7 +45,7 @@ def test_event_driven_prints_its_lines(capsys: pytest.CaptureFixture[str]) -> No
     bench_event_driven.main(count=1, runs=1)
     lines = capsys.readouterr().out.splitlines()
     assert [line.split(":")[0] for line in lines[:3]] == ["e = 0", "e = 0.5", "e = 0.9"]
-    assert [line.split(";")[1].strip() for line in lines[3:]] == 2 * ["<= 1.2"]
+    assert [line.split(";")[1].strip() for line in lines[3:]] == 2 * ["<= 1.3"]
     for line in lines[:3]:
         assert float(line.split("error ")[1].split(",")[0]) <= 1e-10
 

@@ -86,10 +86,10 @@ def test_the_plan_counts_them() -> None:
     assert {"output.steady.periods", "output.steady.samples"} <= {value.path for value in asked.scene}
 
 
-def test_where_they_are_not_asked_for_nothing_of_them_is_loaded() -> None:
+def test_where_they_are_not_asked_for_nothing_of_them_is_loaded(tmp_path: Path) -> None:
     script = (
         "import sys; sys.path.insert(0, sys.argv[1]); from quick import quick; from workflow import run_study; "
         "run_study(quick({'scheme': 'event_driven'}), sys.argv[2]); assert 'workflow.orbits' not in sys.modules"
     )
     tests = Path(__file__).parents[1]
-    subprocess.run([sys.executable, "-c", script, tests, "x.nc"], check=True, cwd=tests / ".." / "..", timeout=300)
+    subprocess.run([sys.executable, "-c", script, tests, tmp_path / "x.nc"], check=True, timeout=300)

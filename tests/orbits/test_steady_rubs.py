@@ -141,6 +141,23 @@ def test_above_the_critical_coupling_it_runs_away() -> None:
     assert np.isnan(found["orbit_temperature"]).all()
 
 
+def test_it_runs_away_without_a_whole_period_in_contact_too() -> None:
+    """An intermittent rub whose temperature grows fourfold in each common period of casing and load."""
+    lumps = {"mass": 1.85, "stiffness": 3190.0, "spacing": 0.1, "expansion": 2.04e-3, "heat_capacity": 0.21}
+    lumps |= {"conductance": 3.36, "convection": 0.16, "damping": Rayleigh(0.6, 3e-4)}
+    structure, frequency = chain(nodes=8, **lumps), 0.716
+    harmonics = {
+        "casing_harmonics": [[0.0139, 1.5 * frequency, 3.73]],
+        "load_harmonics": [[9.2, 3 * frequency, 1.29]],
+    }
+    scene = {"mean": -1.0, "amplitude": 18.6, "frequency": frequency, "phase": 3.03, **harmonics}
+    start = np.linspace(0, -7.4e-3, 9)[1:]
+    batch = cases(structure, alpha=4.52, e=0.25, gap=4.5e-4, displacement=start, **scene)
+    found = rub(structure, batch, 28.0)
+    assert found["state"] == "runs_away"
+    assert found["message"].endswith("leaves every bound")
+
+
 def test_loads_without_a_common_period_are_said_so() -> None:
     batch = cases(oscillator(0.1), gap=1.0, amplitude=1.0, frequency=1.0, load_harmonics=[[1.0, np.sqrt(2), 0.0]])
     found = rub(oscillator(0.1), batch)

@@ -7,21 +7,29 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from scenes import blade, blade_rub, cases, chain, heavy_chain, sampling, step
+from scenes import blade, blade_rub, cases, chain, sampling, step
 from workflow.models import Cases, Structure
 from workflow.reduction import reduce_structure
-from workflow.schemes._exact.advance import KINDS, States, advance, start_of
-from workflow.schemes._exact.batch import make_operator
+from workflow.schemes._exact.advance import Course, advance
+from workflow.schemes._exact.batch import Batch, Prepared, make_operator
+from workflow.schemes._exact.modal_system import Basis
 from workflow.schemes._exact.outcome import Budget
+from workflow.schemes._exact.record import IMPACT, RELEASE, TOUCH
 
 
-def parts(structure: Structure, batch: Cases, times: list[float]) -> tuple[States, list[str]]:
-    """Advance over all times, one after the other."""
-    operator, states, kinds = make_operator(structure, Budget(10**5, 10**6)), start_of(batch), []
+def prepared(structure: Structure, batch: Cases) -> tuple[Prepared, Basis]:
+    """Return what advances the first case."""
+    operator = make_operator(structure, Budget(10**5, 10**6))
+    return Batch(operator, batch, sampling(1.0, 1.0)).prepared(0), operator.basis
+
+
+def parts(one: Prepared, times: list[float]) -> list[Course]:
+    """Advance over all times, one after the other, from the start of a case."""
+    X, contact, courses = one.case.modal, False, []
     for t0, t1 in pairwise(times):
-        states, events = advance(operator, batch, states, t0, t1)
-        kinds += [KINDS[kind] for kind in events.kind]
-    return states, kinds
+        courses.append(advance(one, X, contact, t0, t1 - t0, kept=1))
+        X, contact = courses[-1].X, courses[-1].contact
+    return courses
 
 
 @pytest.mark.parametrize("e", [0.0, 0.5])
@@ -29,49 +37,47 @@ def test_it_goes_on_in_flight_and_in_contact(e: float) -> None:
     structure = reduce_structure(blade(), 3, 12).structure
     batch = blade_rub(structure, e=e)
     whole = step(structure, batch, 1.0, sampling(0.6, 0.6), "event_driven")
-    once, kinds = parts(structure, batch, [0.0, 0.6])
-    times = np.linspace(0.0, 0.6, 61)
-    often, again = parts(structure, batch, list(times))
-    assert once.temperature[0, -1] == pytest.approx(whole.histories["temperature"][0, -1], rel=1e-12)
-    assert often.displacement[0] == pytest.approx(once.displacement[0], rel=1e-9, abs=1e-15)
-    assert often.temperature[0] == pytest.approx(once.temperature[0], rel=1e-9)
-    assert kinds == again
-    assert kinds.count("release") == whole.metrics["releases"][0] == 3
+    one, basis = prepared(structure, batch)
+    (once,), often = parts(one, [0.0, 0.6]), parts(one, list(np.linspace(0.0, 0.6, 61)))
+    warm = basis.free.heat_tip @ once.X[2 * basis.tip.size :]
+    assert warm == pytest.approx(whole.histories["temperature"][0, -1], rel=1e-12)
+    assert once.histories[2, -1] == pytest.approx(warm, rel=1e-12)
+    np.testing.assert_allclose(often[-1].X, once.X, rtol=1e-9, atol=1e-9 * np.abs(once.X).max())
+    assert np.concatenate([course.kinds for course in often]).tolist() == once.kinds.tolist()
+    later = np.concatenate([course.begin + course.times for course in often])
+    np.testing.assert_allclose(later, once.times, rtol=1e-9)
+    assert (once.kinds == RELEASE).sum() == whole.metrics["releases"][0] == 3
 
 
 def test_it_stops_in_contact() -> None:
     structure = reduce_structure(blade(), 3, 12).structure
-    states, kinds = parts(structure, blade_rub(structure), [0.0, 0.05])
-    assert states.contact[0]
-    assert kinds[-1] == "touch"
-    assert states.displacement[0, -1] == pytest.approx(20e-6, rel=1e-12)
+    one, basis = prepared(structure, blade_rub(structure))
+    (course,) = parts(one, [0.0, 0.05])
+    assert course.contact
+    assert course.kinds[-1] == TOUCH
+    assert basis.tip @ course.X[: basis.tip.size] == pytest.approx(20e-6, rel=1e-12)
 
 
 def test_energy_and_heat_of_free_bounces_are_kept() -> None:
     """Undamped, unloaded: energy falls by (1 - e²)/2 W p²/(1 + e)² at impacts alone; heat is α times the impulse."""
     e, alpha = 0.6, 2.0
     structure = chain(nodes=3, mass=0.1, stiffness=1e3, heat_capacity=2.0, conductance=0.0)
-    batch = cases(structure, e=e, alpha=alpha, gap=1e-3, velocity=[[0.3, 0.1, 0.5]])
-    operator = make_operator(structure, Budget(10**5, 10**6))
-    states, events = advance(operator, batch, start_of(batch), 0.0, 0.225)
-    M, K, C2 = structure.mass, structure.stiffness_matrix, structure.heat_capacity
+    one, basis = prepared(structure, cases(structure, e=e, alpha=alpha, gap=1e-3, velocity=[[0.3, 0.1, 0.5]]))
+    (course,), frequency = parts(one, [0.0, 0.225]), basis.free.frequency
 
-    def energy(s: States) -> float:
-        return float(s.velocity[0] @ M @ s.velocity[0] + s.displacement[0] @ K @ s.displacement[0]) / 2
+    def energy(X: np.ndarray) -> float:
+        return float(np.sum((frequency * X[:3]) ** 2 + X[3:6] ** 2)) / 2
 
-    lost = sum(0.5 * (1 - e**2) * (p * 10.0 / (1 + e)) ** 2 * 0.1 for p in events.impulse)
-    assert [KINDS[kind] for kind in events.kind] == 4 * ["impact"]
-    assert energy(start_of(batch)) - energy(states) == pytest.approx(lost, rel=1e-11)
-    assert C2[-1, -1] * states.temperature[0, -1] == pytest.approx(alpha * events.impulse.sum(), rel=1e-12)
+    lost = sum(0.5 * (1 - e**2) * (p * 10.0 / (1 + e)) ** 2 * 0.1 for p in course.impulses)
+    assert course.kinds.tolist() == 4 * [IMPACT]
+    assert energy(course.start) - energy(course.X) == pytest.approx(lost, rel=1e-11)
+    assert 2.0 * basis.free.heat_tip @ course.X[6:] == pytest.approx(alpha * course.impulses.sum(), rel=1e-12)
 
 
-def test_cases_are_their_own() -> None:
-    structure = heavy_chain()
-    batch = cases(structure, 3, alpha=[0.0, 1.0, 0.5], gap=5e-5, amplitude=100.0, frequency=20.0, e=0.5)
-    operator = make_operator(structure, Budget(10**5, 10**6))
-    together, events = advance(operator, batch, start_of(batch), 0.0, 0.1)
-    for i in range(3):
-        one = batch.take(slice(i, i + 1))
-        alone, own = advance(operator, one, start_of(one), 0.0, 0.1)
-        assert alone.velocity[0] == pytest.approx(together.velocity[i], rel=1e-12)
-        assert own.time.tobytes() == events.time[events.case == i].tobytes()
+def test_a_state_that_is_not_reached_is_told() -> None:
+    structure = chain(nodes=1, mass=1.0, stiffness=0.0)
+    batch = cases(structure, e=1.0, mean=1.0, gap=1.0)
+    one = Batch(make_operator(structure, Budget(10, 10**6)), batch, sampling(1.0, 1.0)).prepared(0)
+    (course,) = parts(one, [0.0, 100.0])
+    assert np.isnan(course.X).all()
+    assert "after 10 contact events" in course.failure

@@ -31,6 +31,9 @@ _WITHIN = ("settles", "no_contact", "permanent_contact")
 _MILD = {"alpha": 1, "gap": -1}
 """Axes whose ranges begin at their mild end, and the direction away from it."""
 
+_MARGINAL = ("fold", "period_doubling", "torus")
+"""Bifurcations at which a rub is no longer stable."""
+
 _WORDS = {
     "fold": "a fold ends the branch",
     "period_doubling": "the period doubles",
@@ -135,6 +138,8 @@ def _faults(dataset: xr.Dataset, bounds: Mapping[str, float | None]) -> tuple[ND
         asked = present | ((status == Status.FAILED)[..., None] & (np.arange(present.shape[-1]) == 0))
         status = np.broadcast_to(status[..., None], state.shape)
     faults[asked & (status != Status.OK)] = "failed"
+    if "bifurcation" in dataset:  # a multiplier of modulus 1
+        faults[(faults == "") & np.isin(flags_of(dataset, "bifurcation"), _MARGINAL)] = "unstable"
     return np.where(asked, faults, ""), asked
 
 

@@ -4,7 +4,8 @@ P is the map of one common period T of all loads on the states of the exact mode
 Pᵏ that is none of a smaller power; its Floquet multipliers are the eigenvalues of DPᵏ.
 """
 
-from workflow.orbits._branch import BIFURCATIONS, Problem, branch
+from workflow.orbits._branch import BIFURCATIONS, branch
+from workflow.orbits._curve import Problem
 from workflow.orbits._options import STATES, Options
 from workflow.orbits._rubs import steady_rubs
 

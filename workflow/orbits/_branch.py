@@ -1,17 +1,43 @@
-"""Branches of steady rubs along one parameter."""
+"""Branches of steady rubs along one parameter, through folds, with their bifurcations."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import astuple, replace
 
-from workflow.models import Array, Cases, Structure
-from workflow.orbits._options import Options
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from workflow.models import Array
+from workflow.orbits._curve import Curve, Point, Problem
+from workflow.orbits._options import NO_CONTACT, PERMANENT_CONTACT, SETTLES, UNSTABLE, Options
+from workflow.orbits._orbit import Orbit, Scale, scale_of
+from workflow.orbits._rubs import blank, fill
+from workflow.orbits._settle import Settled, settle
+from workflow.schemes._exact.record import TOUCH
 
 BIFURCATIONS = ("none", "fold", "period_doubling", "torus", "grazing")
 """Flags of ``bifurcation``."""
 
-Problem = Callable[[float], tuple[Structure, Cases]]
-"""Structure and one case at a value of the parameter."""
+_NONE, _FOLD, _PERIOD_DOUBLING, _TORUS, _GRAZING = range(5)
+
+_STARTS = (0.0, 1.0, 0.5, 0.25, 0.75)
+"""Shares of the range at which a periodic rub is looked for."""
+
+_FIRST, _LARGEST, _LEAST = 1e-2, 0.25, 1e-7
+"""Steps along the curve: range and motion are of length 1."""
+
+_FAR = 4.0
+"""Size of w at which an unstable branch is followed no further: its temperatures may grow without bound."""
+
+_TURN = 0.9
+"""Least cosine between tangents of successive points."""
+
+_MOST_STEPS = 500
+
+_ROOT, _ZERO, _GRAZED = 1e-12, 1e-6, 1e-7
+"""Bifurcations are located to these lengths, by a root of a test that is 0 up to ``_ZERO``, or by halving."""
 
 
 def branch(
@@ -25,4 +51,190 @@ def branch(
     ``not_found`` and ``bifurcation`` ``none``. Without any point all is so, and the message, which begins with
     ``steady:``, says why.
     """
-    raise NotImplementedError
+    values = blank(points, options.samples)
+    values["value"], values["bifurcation"] = np.full(points, np.nan), np.zeros(points, dtype=np.int8)
+    curve = Curve(problem, start, stop, duration)
+    first = _first(curve, options)
+    if first is None:
+        return values, f"steady: no periodic rub was found at {start:g}, at {stop:g} or between"
+    behind, back = _followed(curve, _reversed(first))
+    ahead, end = _followed(curve, first)
+    turned = [_reversed(point) for point in reversed(behind)]
+    found = _placed(curve, [*turned, *ahead[1:]], points)
+    flags = np.zeros(len(found), dtype=np.int8)
+    _locate(curve, found, flags)
+    order = np.argsort([point.place for point in found], kind="stable")
+    found, flags = [found[i] for i in order], flags[order]
+    flags[0], flags[-1] = flags[0] or back, flags[-1] or end
+    for i, point in enumerate(found):
+        values["value"][i], values["bifurcation"][i] = curve.value(point.q), flags[i]
+        fill(values, i, Settled(_state(point), "", point.orbit))
+    return values, ""
+
+
+def _reversed(point: Point) -> Point:
+    """Return a point from which the curve is followed the other way."""
+    return replace(point, tangent=-point.tangent, row=-point.row, place=-point.place)
+
+
+def _first(curve: Curve, options: Options) -> Point | None:
+    """Return the first periodic rub that is found; the scale of the curve is that of it and a distant one."""
+    found: list[tuple[float, Orbit]] = []
+    starts = list(_STARTS)
+    while starts and len(found) < 2:
+        q = starts.pop(0)
+        orbit = settle(curve.flow(q), curve.duration, options).orbit
+        if orbit is not None:
+            found.append((q, orbit))
+            starts = [q + (round(1 - q) - q) / 2**k for k in range(8)] if len(found) == 1 else []
+    if not found:
+        return None
+    scales = [scale_of(orbit.flow, [orbit.course]) for _, orbit in found]
+    largest = Scale(*np.max([astuple(scale) for scale in scales], axis=0).tolist())
+    return curve.rephased(curve.begin(found[0][1], largest, found[0][0]))
+
+
+def _followed(curve: Curve, first: Point) -> tuple[list[Point], int]:
+    """Return the points from one to the end of the range, or of the branch, and how it ends there.
+
+    Where the map is smooth a branch has no end: it ends where the order of events changes.
+    """
+    points, step = [first], _FIRST
+    while len(points) < _MOST_STEPS and (points[-1].orbit.growth < 0 or np.linalg.norm(points[-1].w) < _FAR):
+        here = points[-1]
+        if here.q in (0.0, 1.0) and (here.tangent[-1] > 0) == (here.q == 1.0):
+            return points, _NONE
+        if (
+            len(points) > 10
+            and np.linalg.norm(here.u - first.u) < 0.5 * here.place / len(points)
+            and here.phase == first.phase
+        ):
+            return points, _NONE  # it is closed
+        found, ahead = curve.step(here, step), here.q + step * here.tangent[-1]
+        if not 0.0 <= ahead <= 1.0:
+            bound = 0.0 if ahead < 0 else 1.0
+            found = curve.step(here, bound, np.append(np.zeros(here.w.size), 1.0))
+            if found is not None:
+                found = replace(found, q=bound, place=here.place + abs(float(here.row @ (found.u - here.u))))
+        if found is None or abs(here.row @ found.tangent - 1) > 1 - _TURN:
+            step /= 2
+            if step < _LEAST:
+                return points, _GRAZING
+            continue
+        points.append(curve.rephased(found))
+        step = min(1.5 * step, _LARGEST)
+    return points, _NONE
+
+
+def _placed(curve: Curve, trace: list[Point], count: int) -> list[Point]:
+    """Return points at equal distances along the curve, the first and the last those of the trace."""
+    places = np.array([point.place for point in trace])
+    found = []
+    for place in np.linspace(places[0], places[-1], count):
+        near = int(np.argmin(np.abs(places - place)))
+        point = trace[near] if abs(places[near] - place) < _LEAST else curve.step(trace[near], place - places[near])
+        if point is not None:
+            found.append(replace(point, place=place))
+    return found
+
+
+def _locate(curve: Curve, found: list[Point], flags: NDArray[np.int8]) -> None:
+    """Put a point where each bifurcation is, in the place of the nearer of its neighbours, and flag it."""
+    points = list(found)
+    for i in range(len(points) - 1):
+        a, b = points[i], points[i + 1]
+        for flag, test in _TESTS.items():
+            place = _root(curve, a, b, test)
+            if place is not None:
+                _put(found, flags, place, i, flag)
+        for grazing in _order_changes(curve, a, b) if _order(a) != _order(b) else ():
+            _put(found, flags, grazing, i, _GRAZING)
+
+
+def _put(found: list[Point], flags: NDArray[np.int8], point: Point, i: int, flag: int) -> None:
+    """Put a located point in the place of found[i] or found[i + 1], one that is no end and has no flag where it can."""
+    nearer = sorted((i, i + 1), key=lambda k: (k in (0, len(found) - 1), flags[k], abs(found[k].place - point.place)))
+    found[nearer[0]], flags[nearer[0]] = point, flag
+
+
+def _doubling(point: Point) -> float:
+    """Return a number that changes its sign where a real multiplier passes -1."""
+    real = point.orbit.multipliers
+    return float(np.prod(1 + real[real.imag == 0].real))
+
+
+def _ring(point: Point) -> float:
+    """Return by how much the largest modulus of the complex multipliers exceeds 1; NaN without any."""
+    values = point.orbit.multipliers
+    return float(np.abs(values[values.imag > 0]).max(initial=-np.inf)) - 1
+
+
+_TESTS: dict[int, Callable[[Point], float]] = {
+    _FOLD: lambda point: float(point.tangent[-1]),
+    _PERIOD_DOUBLING: _doubling,
+    _TORUS: _ring,
+}
+
+
+def _root(curve: Curve, a: Point, b: Point, test: Callable[[Point], float]) -> Point | None:
+    """Return the point between two where a test is 0; ``None`` where it does not change its sign, or by a jump."""
+    if not (test(a) * test(b) < 0 and np.isfinite(test(a) * test(b))):
+        return None
+    found: list[Point] = []
+
+    def at(length: float) -> float:
+        point = curve.step(a, length)
+        if point is None:
+            raise _LostError
+        found.append(point)
+        return test(point)
+
+    try:
+        brentq(at, 0.0, b.place - a.place, xtol=_ROOT, rtol=1e-14)
+    except (_LostError, ValueError):
+        return None
+    nearest = min(found, key=lambda point: abs(test(point)))
+    return nearest if abs(test(nearest)) < _ZERO else None
+
+
+class _LostError(Exception):
+    """A point between two was not found."""
+
+
+def _order(point: Point) -> tuple[int, int, bool]:
+    """Return how many contacts an orbit has, or impacts if there is none, and whether it is one contact.
+
+    Impacts that end in a contact are without number.
+    """
+    course = point.orbit.course
+    touches = int(np.sum(course.kinds == TOUCH))
+    return touches, 0 if touches else course.kinds.size, course.was_held and not course.times.size
+
+
+def _order_changes(curve: Curve, a: Point, b: Point) -> list[Point]:
+    """Return the points where the order of events ceases to be that of a, and where it becomes that of b."""
+    low, last, found = 0.0, a, list[Point]()
+    is_before: list[Callable[[Point], bool]] = [lambda p: _order(p) == _order(a), lambda p: _order(p) != _order(b)]
+    for before in is_before:
+        high, beyond = b.place - a.place, b
+        while high - low > _GRAZED:
+            middle = 0.5 * (low + high)
+            point = curve.step(a, middle)
+            if point is not None and before(point):
+                low, last = middle, point
+            else:
+                high, beyond = middle, point or beyond
+        found.append(last)
+        if _order(beyond) == _order(b):
+            break
+    return found
+
+
+def _state(point: Point) -> int:
+    """Return the state of a point on a branch."""
+    course = point.orbit.course
+    if not point.orbit.growth < 0:
+        return UNSTABLE
+    if course.times.size:
+        return SETTLES
+    return PERMANENT_CONTACT if course.was_held else NO_CONTACT

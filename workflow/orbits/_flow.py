@@ -11,18 +11,19 @@ J Newton's law with the heat of its impulse, f∓ the rates before and after. A 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from math import lcm
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workflow.models import Array, Cases
-from workflow.orbits._linear import linear
 from workflow.schemes._exact import outcome
-from workflow.schemes._exact.batch import Batch, Operator, advance_one
+from workflow.schemes._exact.advance import Course, advance
+from workflow.schemes._exact.batch import Batch, Operator
+from workflow.schemes._exact.held_regime import HeldRegimes
+from workflow.schemes._exact.linear import Linear, linear
 from workflow.schemes._exact.record import RELEASE, TOUCH
 from workflow.schemes._interface import Sampling
 
@@ -48,62 +49,39 @@ def common_period(cases: Cases) -> float:
     return count / base if count <= MOST_LOAD_PERIODS else np.nan
 
 
-@dataclass(frozen=True, eq=False)
-class Course:
-    """The exact motion from a state at ``begin`` over a span."""
-
-    begin: float
-    """s"""
-    span: float
-    """s"""
-    start: Array
-    """X at ``begin``."""
-    was_held: bool
-    """Whether it begins in contact."""
-    X: Array
-    """State at the end; NaN where it was not reached."""
-    contact: bool
-    """Whether it ends in contact."""
-    times: Array
-    """Of events after ``begin``, s, ``(event,)``."""
-    kinds: Array
-    impulses: Array
-    """N s"""
-    states: Array
-    """After the events, ``(event, N)``."""
-    histories: Array
-    """x_n, v_n, θ_n and the impulse at samples, ``(4, sample)``."""
-    tally: Any
-    failure: str
-    """Why it ended early, or ''."""
-
-    @property
-    def repeats(self) -> bool:
-        """Whether it ends as it began, in flight or in contact."""
-        return self.contact == self.was_held and bool(np.isfinite(self.X).all())
-
-
 class Flow:
     """One case as a first-order system."""
 
-    def __init__(self, operator: Operator, cases: Cases, duration: float):
-        """Take a case; under constant loads it is looked at in spans of ``duration`` [s]."""
+    def __init__(
+        self, operator: Operator, regimes: HeldRegimes, cases: Cases, duration: float, *, heated: bool = False
+    ):
+        """Take a case, with thermal states where heat acts or, ``heated``, in any case.
+
+        Under constant loads it is looked at in spans of ``duration`` [s].
+        """
         self.operator = operator
         self.cases, basis, friction = cases, self.operator.basis, float(cases.friction[0])
         self.period, self.alpha, self.e = common_period(cases), float(cases.alpha[0]), float(cases.e[0])
         self.is_constant = self.period == np.inf
         self.period = duration if self.is_constant else self.period
-        self.prepared = Batch(self.operator, cases, Sampling(1.0, 1.0, 2)).prepared(0)
+        self.prepared = Batch(operator, cases, Sampling(1.0, 1.0, 2), regimes).prepared(0, heated=heated)
         self.start, n = self.prepared.case.modal, basis.tip.size
         self.modes, self.load, size = n, self.prepared.case.load, self.start.size
-        heated = size > 2 * n
-        self.free = linear(basis.free, 0.0, heated)
-        self.held = linear(basis.held.sliding(friction), self.alpha, heated)
-        self.constant = self.free.B[:, :-3] @ np.concatenate([self.load.steady, self.load.heating, [self.load.mean]])
         self.tip = np.zeros((2, size))
         self.tip[0, :n] = self.tip[1, n : 2 * n] = basis.tip
         heat = self.alpha * basis.free.heat_tip[: size - 2 * n]
         self.kick = np.concatenate([np.zeros(n), friction * basis.along - basis.tip, heat])
+
+    @cached_property
+    def free(self) -> Linear:
+        """The tip free."""
+        return linear(self.operator.basis.free, 0.0, self.start.size > 2 * self.modes)
+
+    @cached_property
+    def held(self) -> Linear:
+        """The tip held."""
+        system = self.operator.basis.held.sliding(float(self.cases.friction[0]))
+        return linear(system, self.alpha, self.start.size > 2 * self.modes)
 
     def parts(self, X: Array) -> tuple[Array, Array, Array]:
         """Return displacements, velocities and temperatures of the structure's coordinates, ``(…, coordinate)``."""
@@ -114,30 +92,29 @@ class Flow:
             (X[..., 2 * n :] @ shapes.heat_shapes[:, : X.shape[-1] - 2 * n].T),
         )
 
+    def growth_by_heat(self, X: Array) -> float:
+        """Return the quasi-static tip growth of a state, m."""
+        return float(self.operator.basis.closing[: X.size - 2 * self.modes] @ X[2 * self.modes :])
+
+    @property
+    def reach(self) -> float:
+        """The length that clearance, loads, heating and the initial temperatures account for, m."""
+        basis, load = self.operator.basis, self.load
+        with np.errstate(divide="ignore", invalid="ignore"):  # of a free root, or heat that cannot leave
+            flexibility = np.nansum((basis.tip / basis.free.frequency) ** 2)
+            warm = np.nansum(np.abs(basis.closing * (basis.free.heat_shapes.T @ load.heating) / basis.free.rate))
+        forces, places = np.abs(load.waves[:, 2:4]).sum(axis=0)
+        length = abs(load.gap) + places + flexibility * (abs(load.mean) + forces)
+        return float(length + warm + abs(self.growth_by_heat(self.start)))
+
     def march(self, X: Array, contact: bool, begin: float, span: float, kept: int = 64, samples: int = 1) -> Course:
         """Return the exact motion from X at ``begin`` [s] over ``span`` [s], with events unless ``kept`` is 0."""
-        case, waves = self.prepared.case, self.load.waves.copy()
-        waves[:, 1] += begin * waves[:, 0]
-        place, speed, _ = self._casing(np.array([begin]))
-        x, v = (self.tip @ X).tolist()
-        tip = case.tip._replace(distance=float(place[0]) - x, speed=v - float(speed[0]))
-        case = case._replace(load=case.load._replace(waves=waves, duration=span), tip=tip, modal=X.copy())
-        ended, end, events, histories, tally = advance_one(
-            self.prepared._replace(case=case), contact, np.linspace(0.0, span, samples + 1), kept
-        )
-        done = ended == outcome.COMPLETED
-        failure = "" if done else outcome.failure(ended, tally, BUDGET, self.e)
-        end = end if done else np.full(X.size, np.nan)
-        times, kinds, impulses = events[:, :3].T
-        held = bool(tally["held"])
-        return Course(
-            begin, span, X, contact, end, held, times, kinds, impulses, events[:, 3:], histories, tally, failure
-        )
+        return advance(self.prepared, X, contact, begin, span, kept, samples)
 
     def derivative(self, course: Course) -> Array:
         """Return the derivative of the end of a course by its begin, ``(N, N)``."""
-        spans = np.diff(np.concatenate([[0.0], course.times, [course.span]]))
-        held = np.concatenate([[course.was_held], course.kinds == TOUCH])
+        ends, held = course.stretches
+        spans = np.diff(ends)
         factors = np.empty((spans.size, *self.free.A.shape))
         for regime, which in ((self.free, ~held), (self.held, held)):
             factors[which] = regime.propagators(spans[which])
@@ -150,7 +127,7 @@ class Flow:
         """Return S of each event, ``(event, N, N)``."""
         X, t, stays = course.states, course.begin + course.times, course.kinds == TOUCH
         before = X - course.impulses[:, None] * self.kick
-        _, speed, acceleration = self._casing(t)
+        speed, acceleration = self._casing(t)
         jump = -(1 + np.where(stays, 0.0, self.e))[:, None] * self.kick / (self.tip[1] @ self.kick)
         law = np.eye(X.shape[1]) + jump[:, :, None] * self.tip[1]  # J = X + jump (v_n - d')
         before_rates = self._rates(before, t, np.zeros_like(stays))
@@ -165,13 +142,13 @@ class Flow:
         """Return X' of states in flight or held, ``(state, N)``."""
         push, waves = self.free.B[:, -4], self.load.waves
         force = np.sin(waves[:, 0] * t[:, None] + waves[:, 1]) @ waves[:, 2]
-        rates = X @ self.free.A.T + self.constant + force[:, None] * push
-        excess = np.where(held, rates @ self.tip[1] - self._casing(t)[2], 0.0)
+        constant = np.concatenate([self.load.steady, self.load.heating, [self.load.mean]])
+        rates = X @ self.free.A.T + self.free.B[:, :-3] @ constant + force[:, None] * push
+        excess = np.where(held, rates @ self.tip[1] - self._casing(t)[1], 0.0)
         return np.asarray(rates - excess[:, None] * self.kick / (self.tip[1] @ self.kick))
 
-    def _casing(self, t: Array) -> tuple[Array, Array, Array]:
-        """Return place, velocity and acceleration of the casing at some times."""
+    def _casing(self, t: Array) -> tuple[Array, Array]:
+        """Return velocity and acceleration of the casing at some times."""
         omega, phase, _, amplitude = self.load.waves.T
         turn = omega * t[:, None] + phase
-        speed, acceleration = np.cos(turn) @ (omega * amplitude), -np.sin(turn) @ (omega**2 * amplitude)
-        return self.load.gap + np.sin(turn) @ amplitude, speed, acceleration
+        return np.cos(turn) @ (omega * amplitude), -np.sin(turn) @ (omega**2 * amplitude)

@@ -9,7 +9,8 @@ import numpy as np
 from workflow.kernels import algebra
 from workflow.kernels.algebra import Complex, eigenvalues
 from workflow.models import Array
-from workflow.orbits._flow import Course, Flow
+from workflow.orbits._flow import Flow
+from workflow.schemes._exact.advance import Course
 
 RESIDUAL = 1e-10
 """Largest change of x, v and θ over kT, each over its own maximum."""
@@ -62,13 +63,14 @@ class Scale:
 
 
 def scale_of(flow: Flow, courses: list[Course]) -> Scale:
-    """Return the scale of a motion in courses, by their samples, events and ends."""
+    """Return the scale of a motion in courses, by their samples, events and ends; one of a velocity is at least x/T."""
     parts = flow.parts(np.vstack([np.vstack([course.states, course.X]) for course in courses]))
     samples = np.hstack([course.histories for course in courses])
     largest = [
         max(np.abs(part).max(initial=0.0), np.nanmax(np.abs(own))) for part, own in zip(parts, samples, strict=False)
     ]
-    return Scale(*(float(value) or 1.0 for value in largest))
+    x, v, theta = (float(value) for value in largest)
+    return Scale(x or 1.0, max(v, x / flow.period) or 1.0, theta or 1.0)
 
 
 def newton(flow: Flow, X: Array, contact: bool, begin: float, order: int, scale: Scale) -> Orbit | None:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.models import Array, Cases, Structure
-from workflow.orbits._flow import BUDGET, Course, Flow
+from workflow.orbits._flow import BUDGET, Flow
 from workflow.orbits._options import STATES, Options
 from workflow.orbits._orbit import Orbit
 from workflow.orbits._settle import Settled, settle
-from workflow.schemes._exact.batch import Operator, make_operator
+from workflow.schemes._exact.advance import Course
+from workflow.schemes._exact.batch import make_operator
+from workflow.schemes._exact.held_regime import HeldRegimes
 
 NUMBERS = (
     *("steady_periods", "steady_residual", "floquet_multiplier", "floquet_angle", "settling_time", "lyapunov"),
@@ -42,18 +44,13 @@ def steady_rubs(
     ``orbit_displacement`` [m], ``orbit_velocity`` [m/s], ``orbit_temperature`` [K]; under constant loads all samples
     are the equilibrium. NaN where there is no steady rub. A message is '' or begins with ``steady:``.
     """
-    operator, values = make_operator(structure, BUDGET), blank(cases.count, options.samples)
-    messages = []
+    operator, values, messages = make_operator(structure, BUDGET), blank(cases.count, options.samples), []
+    regimes = HeldRegimes(operator.basis.held)
     for i in range(cases.count):
-        settled = _settled(operator, cases.take(slice(i, i + 1)), duration, options)
+        settled = settle(Flow(operator, regimes, cases.take(slice(i, i + 1)), duration), duration, options)
         fill(values, i, settled)
         messages.append(f"steady: {settled.message}" if settled.message else "")
     return values, messages
-
-
-def _settled(operator: Operator, case: Cases, duration: float, options: Options) -> Settled:
-    """Return what becomes of one case."""
-    return settle(Flow(operator, case, duration), duration, options)
 
 
 def blank(count: int, samples: int) -> dict[str, Array]:

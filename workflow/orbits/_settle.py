@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from workflow.models import Array
-from workflow.orbits._flow import MOST_LOAD_PERIODS, Course, Flow
+from workflow.orbits._flow import MOST_LOAD_PERIODS, Flow
 from workflow.orbits._options import NO_CONTACT, NOT_FOUND, PERMANENT_CONTACT, RUNS_AWAY, SETTLES, Options
 from workflow.orbits._orbit import Orbit, Scale, newton, scale_of, without_events
-from workflow.schemes._exact.record import TOUCH
+from workflow.schemes._exact.advance import Course
 
 MOST_PERIODS = 1000
 """Common periods by which a transient is followed beyond its duration, at most."""
@@ -20,6 +20,9 @@ _CHUNK = 50
 
 _NEAR = 1e-8
 """Deviation from an orbit, over the motion, below which the transient is there."""
+
+_EXCESS = 1000.0
+"""Quasi-static tip growth over what the scene accounts for, above which a temperature has left every bound."""
 
 _EXPONENT_PERIODS = 100
 """Periods over which the Lyapunov exponent is taken."""
@@ -51,6 +54,10 @@ def settle(flow: Flow, duration: float, options: Options) -> Settled:
             found = _found(flow, courses, options)
             if found is not None:
                 return found
+            if abs(flow.growth_by_heat(X)) > _EXCESS * flow.reach:
+                return Settled(
+                    RUNS_AWAY, f"the temperature of the tip is {flow.parts(X)[2][-1]:.3g} K and leaves every bound"
+                )
             more = min(done, MOST_PERIODS - done - window)
             X, contact, failure = _followed(flow, X, contact, more)
             done += window + more
@@ -112,8 +119,7 @@ def _flight(courses: list[Course]) -> tuple[int, float]:
     """Return the number of the period, and the time in it, in the middle of the longest flight within a period."""
     best, place = -1.0, (0, 0.0)
     for number, course in enumerate(courses):
-        times = np.concatenate([[0.0], course.times, [course.span]])
-        held = np.concatenate([[course.was_held], course.kinds == TOUCH])
+        times, held = course.stretches
         flights = np.where(held, -1.0, np.diff(times))
         longest = int(np.argmax(flights))
         if flights[longest] > best:
@@ -133,13 +139,14 @@ def _approaches(orbit: Orbit, before: Array, after: Array, scale: Scale) -> bool
 
 
 def _stays(orbit: Orbit, X: Array, scale: Scale) -> bool:
-    """Tell whether a transient that decays towards an orbit without events meets none on its way."""
-    flow, start, D = orbit.flow, orbit.course.start, orbit.D
-    deviation = X - start
+    """Tell whether a transient that decays towards an orbit without events meets none in periods ever further apart."""
+    flow, course, number = orbit.flow, orbit.course, 1
+    regime, deviation = flow.held if course.was_held else flow.free, X - course.start
     while scale.size(flow, deviation) > _NEAR:
-        if flow.march(start + deviation, orbit.course.was_held, 0.0, flow.period).times.size:
+        if flow.march(course.start + deviation, course.was_held, 0.0, flow.period).times.size:
             return False
-        deviation, D = D @ deviation, D @ D
+        deviation = regime.propagators(np.array([number * flow.period]))[0] @ (X - course.start)
+        number += 1 + number // 8
     return True
 
 

@@ -19,7 +19,7 @@ def along_branches(dataset: xr.Dataset) -> Drawn:
     """Draw the branches of an archive, where it has any."""
     if followed_axis(dataset) is None or not any_ok(dataset):
         return Drawn([], None)
-    about = "Solid: stable rubs; dashed: unstable ones, between which and beyond whose folds rubs run away or jump."
+    about = "Solid: stable rubs; dashed: unstable ones. Beyond the fold where both meet a rub runs away or jumps."
     pictures = [image(branches(dataset, name), f"{name.replace('_', ' ')} along the branches") for name in _ALONG]
     body: list[str] = [tag("h2", "Branches"), tag("p", about, kind="muted"), tag("div", *pictures, kind="panels")]
     return Drawn(body, branches(dataset))

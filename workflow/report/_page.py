@@ -118,18 +118,24 @@ def _write_single(archive: Path, written: Path, damaged: bool) -> Written:
             *maps.body,
             *branches.body,
         ]
-        rest = [
-            *sections.cases(dataset),
-            *sections.scene_pictures(dataset),
-            *sections.standing(dataset),
-            *precision.body,
-            *(shares(dataset) or sections.effects(dataset)),
-            *sections.errors(dataset),
-            *origin(dataset, archive, damaged),
-        ]
+        has_transients = "point" not in dataset.dims  # an archive of branches has steady rubs alone
+        rest = [*sections.cases(dataset)]
+        if has_transients:
+            rest += [
+                *sections.scene_pictures(dataset),
+                *sections.standing(dataset),
+                *precision.body,
+                *(shares(dataset) or sections.effects(dataset)),
+                *sections.errors(dataset),
+            ]
+        rest += origin(dataset, archive, damaged)
         room = PAGE_BYTES - sum(len(part.encode()) for part in [*head, *rest]) - _MARGIN
-        shown = interactive(dataset, archive.name, first_block.choice, methods, scene, room)
-    commit(written, page(archive.name, [*head, *shown.body, *rest], shown.scripts).encode())
+        if has_transients:
+            shown = interactive(dataset, archive.name, first_block.choice, methods, scene, room)
+            head, scripts = [*head, *shown.body], shown.scripts
+        else:
+            scripts = []
+    commit(written, page(archive.name, [*head, *rest], scripts).encode())
     return Written(written, figure_path)
 
 

@@ -14,10 +14,10 @@ from workflow.variables import BY_NAME
 
 Values = Mapping[str, NDArray[Any]]
 
-TIMES = 300.0
+TIMES = 30.0
 """Other libraries may change a result by so many times what a change of all data by 1e-12 does: the latter is one
-direction of many, and roundings are made all along the way. Kernels of Nehalem or Skylake for those of Haswell make up
-to 250 times of it in the studies of ``studies/hard``."""
+direction of many, and roundings are made all along the way. Kernels of Nehalem for those of Haswell make up to 30
+times of it in the studies of ``studies/hard``."""
 
 ROUNDED = 1e-12
 """Added, as a share of a variable's largest value: changes of data may cancel where roundings do not, as in a rate of

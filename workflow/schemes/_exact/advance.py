@@ -1,97 +1,93 @@
-"""The exact motion from state to state, with its events: what steady rubs and balances are made of."""
+"""The exact motion of one case from any state, with its events: what steady rubs are made of."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.models import Array, Cases, Harmonics
+from workflow.models import Array
 from workflow.schemes._exact import outcome
-from workflow.schemes._exact.batch import Batch, Operator
-from workflow.schemes._exact.record import IMPACT, RELEASE, TOUCH
-from workflow.schemes._interface import Sampling
-
-KINDS = {RELEASE: "release", IMPACT: "impact", TOUCH: "touch"}
-"""A contact ends; the tip flies on after an impact; a contact begins, where the tip was not at rest by an impact."""
+from workflow.schemes._exact.batch import Prepared
+from workflow.schemes._exact.march import march
+from workflow.schemes._exact.record import TALLY, TOUCH, Record
+from workflow.schemes._interface import HISTORIES
 
 
-@dataclass(frozen=True)
-class States:
-    """States of cases in the coordinates of the structure, ``(state, coordinate)``; the tip is last."""
+@dataclass(frozen=True, eq=False)
+class Course:
+    """The exact motion from a state X = [y, y', τ], in the modes of the free tip, over a span."""
 
-    displacement: Array
-    """m"""
-    velocity: Array
-    """m/s"""
-    temperature: Array
-    """K"""
-    contact: NDArray[np.bool_]
-    """Whether the tip is held on the casing, ``(state,)``."""
-
-
-@dataclass(frozen=True)
-class Events:
-    """Contact events of cases, each case's in the order of time, ``(event,)``."""
-
-    case: NDArray[np.intp]
-    time: Array
+    begin: float
     """s"""
-    kind: NDArray[np.int64]
-    """See :data:`KINDS`."""
-    impulse: Array
-    """Of an impact, N s."""
-    after: States
-    """States after the events."""
+    span: float
+    """s"""
+    start: Array
+    """X at ``begin``."""
+    was_held: bool
+    """Whether it begins in contact."""
+    X: Array
+    """State at the end; NaN where it was not reached."""
+    contact: bool
+    """Whether it ends in contact."""
+    times: Array
+    """Of events after ``begin``, s, ``(event,)``."""
+    kinds: Array
+    """A contact ends, an impact, or a contact begins: see :mod:`workflow.schemes._exact.record`."""
+    impulses: Array
+    """Of impacts, N s."""
+    states: Array
+    """X after the events, ``(event, N)``."""
+    histories: Array
+    """x_n, v_n, θ_n and the impulse at samples, ``(4, sample)``."""
+    tally: Any
+    """One element of an array of :data:`~workflow.schemes._exact.record.TALLY`."""
+    failure: str
+    """Why it ended early, or ''."""
+
+    @property
+    def repeats(self) -> bool:
+        """Whether it ends as it began, in flight or in contact."""
+        return self.contact == self.was_held and bool(np.isfinite(self.X).all())
+
+    @property
+    def stretches(self) -> tuple[Array, NDArray[np.bool_]]:
+        """Ends of flights and contacts after ``begin``, 0 first, s, and which are contacts."""
+        ends = np.concatenate([[0.0], self.times, [self.span]])
+        return ends, np.concatenate([[self.was_held], self.kinds == TOUCH])
 
 
-def start_of(cases: Cases) -> States:
-    """Return the initial states of cases, in flight."""
-    return States(cases.displacement, cases.velocity, cases.temperature, np.zeros(cases.count, dtype=bool))
+def advance(
+    prepared: Prepared, X: Array, contact: bool, begin: float, span: float, kept: int = 64, samples: int = 1
+) -> Course:
+    """Return the exact motion from X at ``begin`` [s] over ``span`` [s], with its events unless ``kept`` is 0.
 
-
-def advance(operator: Operator, cases: Cases, states: States, t0: float, t1: float) -> tuple[States, Events]:
-    """Return the states at t1 [s] that follow from ``states`` at t0, and the events between.
-
-    States of a case that fails are NaN.
+    ``kept`` is a guess of their number.
     """
-    span, basis, end = t1 - t0, operator.basis, np.zeros(cases.count, dtype=bool)
-    batch = Batch(operator, _begun(cases, states, t0), Sampling(span, span, 2))
-    modal, events = np.full_like(batch.modal, np.nan), [np.zeros((0, 4 + batch.modal.shape[1]))] * cases.count
-    for i in np.argsort(cases.alpha, kind="stable"):
-        done = batch.advance(int(i), bool(states.contact[i]))
-        if done.ended == outcome.COMPLETED:
-            size = done.modal.size
-            modal[i, :size], modal[i, size:], end[i] = done.modal, 0.0, bool(done.tally["held"])
-            events[i] = np.zeros((len(done.events), 4 + modal.shape[1]))
-            events[i][:, 0], events[i][:, 1 : 4 + size] = i, done.events
-    case, time, kind, impulse, *rest = np.vstack(events).T
-    at = np.array(rest).T.reshape(-1, batch.modal.shape[1])
-
-    def of(modal: Array, contact: NDArray[np.bool_]) -> States:
-        """Return states in the coordinates of the structure."""
-        y, v, tau = np.split(modal, [basis.tip.size, 2 * basis.tip.size], axis=1)
-        shapes = basis.free.shapes.T
-        return States(y @ shapes, v @ shapes, tau @ basis.free.heat_shapes.T, contact)
-
-    return of(modal, end), Events(
-        case.astype(np.intp), t0 + time, kind.astype(np.int64), impulse, of(at, kind == TOUCH)
-    )
-
-
-def _begun(cases: Cases, states: States, t0: float) -> Cases:
-    """Return cases that begin with states at t0."""
-
-    def later(harmonics: Harmonics) -> Harmonics:
-        return replace(harmonics, phase=harmonics.phase + 2 * np.pi * harmonics.frequency * t0)
-
-    return replace(
-        cases,
-        displacement=states.displacement,
-        velocity=states.velocity,
-        temperature=states.temperature,
-        phase=cases.phase + 2 * np.pi * cases.frequency * t0,
-        load_harmonics=later(cases.load_harmonics),
-        casing_harmonics=later(cases.casing_harmonics),
-    )
+    free, held, case, memories, tip = prepared
+    waves = case.load.waves.copy()
+    omega, phase, _, amplitude = case.load.waves.T
+    waves[:, 1] = turn = phase + begin * omega
+    apart = case.load.gap + np.sin(turn) @ amplitude - tip @ X[: tip.size]
+    speed = tip @ X[tip.size : 2 * tip.size] - np.cos(turn) @ (omega * amplitude)
+    moving = case.tip._replace(distance=float(apart), speed=float(speed))
+    case = case._replace(load=case.load._replace(waves=waves, duration=span), tip=moving, modal=X.copy())
+    due = np.linspace(0.0, span, samples + 1)
+    while True:
+        tally, events = np.zeros(1, dtype=TALLY)[0], np.zeros((kept, 3 + X.size))
+        histories = np.full((len(HISTORIES), due.size), np.nan)
+        tally["held"] = contact
+        record = Record(due, np.zeros(0), histories, np.zeros((7, 0)), tally, events)
+        ended = int(march(free, held, case, record, memories))
+        count = int(tally["events"])
+        if count <= kept or not kept:
+            break
+        kept = count
+    done = ended == outcome.COMPLETED
+    end = memories[0].modal[: X.size].copy() if done else np.full(X.size, np.nan)
+    failure = "" if done else outcome.failure(ended, tally, case.budget, case.tip.e)
+    times, kinds, impulses = events[:count, :3].T
+    at_end, states = bool(tally["held"]), events[:count, 3:]
+    return Course(begin, span, X, contact, end, at_end, times, kinds, impulses, states, histories, tally, failure)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +48,12 @@ def run_batch(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
     return batch.results()
 
 
+def heat_acts(cases: Cases, i: int) -> bool:
+    """Tell whether thermal states can act in case ``i``."""
+    sources = cases.alpha[i], cases.friction[i], cases.heating[i], cases.temperature[i]
+    return any(np.any(source != 0) for source in sources)
+
+
 class Prepared(NamedTuple):
     """What the march takes, but for the record."""
 
@@ -55,36 +61,8 @@ class Prepared(NamedTuple):
     held: Layout
     case: Case
     memories: tuple[Memory, Memory]
-
-
-class Advanced(NamedTuple):
-    """Where a case went from a state: how it ended, [y, y', τ] there, events and samples."""
-
-    ended: int
-    modal: Array
-    events: Array
-    """Rows of [time, kind, impulse, y, y', τ], see :class:`~workflow.schemes._exact.record.Record`."""
-    histories: Array
-    """``(4, time)``."""
-    tally: Any
-    """One element of an array of ``TALLY``."""
-
-
-def advance_one(prepared: Prepared, contact: bool, times: Array, kept: int = 64) -> Advanced:
-    """March a case, which may start in contact, to the last of some times; ``kept`` events are a guess, 0 is none."""
-    free, held, case, memories = prepared
-    while True:
-        tally, events = np.zeros(1, dtype=TALLY)[0], np.zeros((kept, 3 + case.modal.size))
-        histories = np.full((len(HISTORIES), times.size), np.nan)
-        tally["held"] = contact
-        ended = int(
-            march(free, held, case, Record(times, np.zeros(0), histories, np.zeros((7, 0)), tally, events), memories)
-        )
-        count = int(tally["events"])
-        if count <= kept or not kept:
-            modal = memories[0].modal[: case.modal.size].copy()
-            return Advanced(ended, modal, events[:count], histories, tally)
-        kept = count
+    tip: Array
+    """φ_n, ``(mode,)``."""
 
 
 def march_unheated(operator: Operator, cases: Cases, sampling: Sampling) -> None:
@@ -104,7 +82,8 @@ KERNEL_CALLS = {"march": march_unheated, "held regime": solve_held_regime}
 class Batch:
     """The cases of a batch and the arrays of their results."""
 
-    def __init__(self, operator: Operator, cases: Cases, sampling: Sampling):
+    def __init__(self, operator: Operator, cases: Cases, sampling: Sampling, regimes: HeldRegimes | None = None):
+        """Take cases; held regimes may be those of another batch with the operator that is done."""
         count, basis = cases.count, operator.basis
         self.operator, self.cases, self.sampling = operator, cases, sampling
         self.times = sampling.times
@@ -114,7 +93,7 @@ class Batch:
         moving = (project(basis.to_modes, states) for states in (cases.displacement, cases.velocity))
         self.modal = np.hstack([*moving, project(basis.to_thermal, cases.temperature)])
         self.impulses: dict[float, UnitImpulse] = {}
-        self.regimes = HeldRegimes(basis.held)
+        self.regimes = regimes or HeldRegimes(basis.held)
         self.held: tuple[tuple[float, float], Layout] | None = None
         self.memory: dict[tuple[int, int, bool, int, bool], Memory] = {}
         self.histories = np.full((count, len(HISTORIES), sampling.count), np.nan)
@@ -148,29 +127,23 @@ class Batch:
 
     def _march(self, i: int) -> int:
         """March case ``i`` and return how it ended."""
-        free, held, case, memories = self.prepared(i)
+        free, held, case, memories, _ = self.prepared(i)
         n, frequency = int(self.periods[i]), float(self.frequency[i])
         ends = np.arange(1, n + 1) / frequency if n else np.zeros(0)
         none = np.zeros((0, 0))
         record = Record(self.times, ends, self.histories[i], self.period_values[i], self.tally[i], none)
         return int(march(free, held, case, record, memories))
 
-    def advance(self, i: int, contact: bool) -> Advanced:
-        """Advance case ``i``, which may start in contact, over the duration."""
-        return advance_one(self.prepared(i), contact, self.times[-1:])
-
-    def prepared(self, i: int) -> Prepared:
-        """Return what the march reads of case ``i``, and the memory of its free and its held motion."""
+    def prepared(self, i: int, *, heated: bool = False) -> Prepared:
+        """Return what the march reads of case ``i``, with thermal states where heat acts, or they are asked for."""
         held = self._held(float(self.cases.alpha[i]), float(self.cases.friction[i]))
-        return Prepared(self.operator.free, held, *self._case(i, held))
+        case = self._case(i, held, heated=heated or heat_acts(self.cases, i))
+        return Prepared(self.operator.free, held, *case, self.operator.basis.tip)
 
-    def _case(self, i: int, held: Layout) -> tuple[Case, tuple[Memory, Memory]]:
+    def _case(self, i: int, held: Layout, *, heated: bool) -> tuple[Case, tuple[Memory, Memory]]:
         """Return conditions and memory of case ``i``."""
         cases, operator, basis = self.cases, self.operator, self.operator.basis
-        friction = float(cases.friction[i])
-        sources = cases.alpha[i], friction, cases.heating[i], cases.temperature[i]
-        heated = any(np.any(source != 0) for source in sources)
-        heats = basis.closing.size if heated else 0
+        friction, heats = float(cases.friction[i]), basis.closing.size if heated else 0
         load = load_of(cases, i, self.sampling.duration)
         if friction not in self.impulses:
             self.impulses[friction] = unit_impulse(basis, operator.free, friction)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.linalg import expm
@@ -75,6 +76,7 @@ class Linear:
         return np.asarray(X), float(self.signal @ Z + self.signal_inputs @ w)
 
 
+@lru_cache(maxsize=8)
 def linear(system: ModalSystem, alpha: float, heated: bool) -> Linear:
     """Return a regime at α, without thermal states where no heat acts."""
     A, row, B = state_space(system, alpha)
@@ -99,5 +101,6 @@ def _separated(A: Array) -> Eigen | None:
         eigen = eigenvectors(A)
     except np.linalg.LinAlgError:
         return None
-    rows = np.abs(eigen.right).max(axis=1, keepdims=True, initial=0.0)
-    return eigen if not A.size or np.linalg.cond(eigen.right / rows) < _DEPENDENT else None
+    rows = np.abs(eigen.right).max(axis=1, initial=0.0)
+    condition = np.linalg.norm(eigen.right / rows[:, None]) * np.linalg.norm(eigen.left * rows)
+    return eigen if condition < _DEPENDENT else None
