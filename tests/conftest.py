@@ -65,7 +65,7 @@ def compile_common() -> None:
         ("penalty", {"integration": "implicit"}, {"balances": True}),
     ]
     variants = [
-        KernelVariant(method, schemes.load(method).Options(**options), 1, **kind) for method, options, kind in chosen
+        KernelVariant(method, schemes.load(method).Options(**options), **kind) for method, options, kind in chosen
     ]
     with compiled_ahead(variants, 1):  # all but the first method in another process, which begins with the second
         for variant in (variants[0], *reversed(variants[1:])):

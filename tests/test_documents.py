@@ -71,7 +71,10 @@ def test_the_architecture_is_read_at_one_sitting() -> None:
 def test_the_recipes_of_the_architecture_are_those_that_run() -> None:
     shown = re.findall(r"```python\n(.*?)```", ARCHITECTURE.read_text(encoding="utf-8"), re.DOTALL)
     recipes = ROOT / "tests" / "recipes"
-    assert shown == [(recipes / f"{name}.py").read_text() for name in ("projected_euler", "lumps_from_a_table")]
+    assert shown == [
+        (recipes / f"{name}.py").read_text()
+        for name in ("projected_euler", "hunt_crossley", "heat_with_the_tip_held", "lumps_from_a_table")
+    ]
 
 
 def test_readme_is_read_at_one_sitting() -> None:

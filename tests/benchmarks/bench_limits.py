@@ -41,12 +41,12 @@ class Size:
     cases: int = 512
     steps: int = 30_000
     runs: int = 5
-    nodes: tuple[int, ...] = (1_000, 10_000, 100_000)
+    nodes: tuple[int, ...] = (1_000,)
     node_steps: int = 20_000_000
     rival_steps: int = 3_000
 
 
-TINY = Size(cases=9, steps=40, runs=1, nodes=(1_000, 3_000), node_steps=6_000, rival_steps=20)
+TINY = Size(cases=9, steps=40, runs=1, nodes=(200,), node_steps=6_000, rival_steps=20)
 
 
 def least(runs: int, *works: Callable[[], object], clock: Callable[[], float] = time.process_time) -> list[float]:

@@ -1,7 +1,7 @@
 """Cost per case over the number of cases, of nodes and of modes: ``python tests/benchmarks/bench_scaling.py``.
 
 Cases: whole runs of the trivial study, from the text to the archive on the disk. Nodes: a step of the full heavy
-chain by ``moreau``, in modes and swept. Modes: a step of a long chain reduced to more and more modes. Where cost should
+chain by ``moreau``, in modes. Modes: a step of a long chain reduced to more and more modes. Where cost should
 be proportional the slope of its logarithm is fitted: 1 is a straight line through 0. What a step costs beside its modes
 makes it smaller on a straight line too: how far cost lies from the best one, with any value at 0, is said as well.
 """
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import sys
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 
@@ -33,7 +33,6 @@ class Extent:
 
     cases: tuple[int, ...] = (1, 10, 1_000, 100_000, 1_000_000)
     nodes: tuple[int, ...] = (5, 10, 20, 40, 80, 160, 320)
-    long: tuple[int, ...] = (1_000, 3_000, 10_000, 30_000)
     modes: tuple[int, ...] = (2, 5, 10, 20, 40, 80)
     batch: int = 64
     steps: int = 4_000_000
@@ -41,7 +40,7 @@ class Extent:
     runs: int = 3
 
 
-TINY = Extent(cases=(1, 10), nodes=(5, 10), long=(1_000, 1_100), modes=(2, 5), batch=8, steps=400, runs=1)
+TINY = Extent(cases=(1, 10), nodes=(5, 10), modes=(2, 5), batch=8, steps=400, runs=1)
 
 
 @dataclass(frozen=True)
@@ -136,8 +135,7 @@ def _per_step(extent: Extent, steps: int, work: object) -> float:
 def curves(extent: Extent) -> list[Curve]:
     """Return all curves."""
     full = over_nodes(extent, "full in modes, a step", extent.nodes)
-    swept = over_nodes(replace(extent, batch=1), "full, swept, a step", extent.long)
-    return [over_cases(extent), full, swept, over_modes(extent)]
+    return [over_cases(extent), full, over_modes(extent)]
 
 
 def lines(measured_curves: list[Curve]) -> list[bench_limits.Line]:
@@ -164,8 +162,8 @@ def draw(measured_curves: list[Curve], to: Path = FIGURE) -> None:
     from matplotlib.figure import Figure
     from matplotlib.ticker import NullFormatter
 
-    figure = Figure(figsize=(11.0, 2.8), layout="constrained")
-    for axes, curve in zip(figure.subplots(1, 4), measured_curves, strict=True):
+    figure = Figure(figsize=(8.5, 2.8), layout="constrained")
+    for axes, curve in zip(figure.subplots(1, 3), measured_curves, strict=True):
         per_case = curve.unit == "cases"
         scale = 1e6 if per_case else 1e9
         values = scale * curve.seconds / (curve.numbers if per_case else 1)

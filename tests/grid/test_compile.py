@@ -36,7 +36,7 @@ from workflow.grid._compile import KernelVariant, compile_scheme
 from workflow.grid._helpers import compiled_ahead
 
 def variant_of(method):
-    return KernelVariant(method, schemes.load(method).Options(), 1, balances=True)
+    return KernelVariant(method, schemes.load(method).Options(), balances=True)
 """
 
 TOGETHER = """
@@ -53,10 +53,11 @@ with compiled_ahead([variant_of("event_driven"), variant_of("moreau")], 1):
     compile_scheme(variant_of("moreau"))
 from workflow.schemes._exact.march import march
 from workflow.schemes import moreau
+from workflow.schemes._fixed.marches import KERNELS
 ours = {f.__name__: n for f, n in Seen.functions.items() if f.__module__.startswith("workflow.schemes.")}
 print(max(ours.values()), "march" in ours, "_regime_at" in ours)
 print(sum(march.dispatcher.stats.cache_hits.values()))
-print(*(len(k.dispatcher.signatures) for k in (march, moreau.KERNELS.modes)))
+print(*(len(k.dispatcher.signatures) for k in (march, KERNELS[moreau.Newton].modes)))
 """
 
 KILLED = """
@@ -67,7 +68,7 @@ with compiled_ahead([variant_of("moreau"), variant_of("event_driven")], 1):
 
 
 def variant_of(method: str) -> KernelVariant:
-    return KernelVariant(method, schemes.load(method).Options(), 1, balances=True)
+    return KernelVariant(method, schemes.load(method).Options(), balances=True)
 
 
 @pytest.fixture
@@ -262,9 +263,9 @@ def test_what_is_compiled_needs_no_process(unnoted: Path, monkeypatch: pytest.Mo
 
 def test_words_among_the_options_have_a_kernel_of_their_own_and_numbers_have_none() -> None:
     moreau, penalty = schemes.load("moreau"), schemes.load("penalty")
-    words = [KernelVariant("moreau", moreau.Options(theta=theta), 1, True).words for theta in (0.5, 0.7, 1.0)]
+    words = [KernelVariant("moreau", moreau.Options(theta=theta), True).words for theta in (0.5, 0.7, 1.0)]
     assert words[0] == words[1] == words[2]
     kinds = [
-        KernelVariant("penalty", penalty.Options(integration=kind), 1, True).words for kind in ("explicit", "implicit")
+        KernelVariant("penalty", penalty.Options(integration=kind), True).words for kind in ("explicit", "implicit")
     ]
     assert kinds[0] != kinds[1]

@@ -19,7 +19,7 @@ AUDIT = Path(__file__).parent / "audit"
 
 
 def variant(massless_tip: bool) -> KernelVariant:
-    return KernelVariant("penalty", schemes.load("penalty").Options(), 1, True, massless_tip=massless_tip)
+    return KernelVariant("penalty", schemes.load("penalty").Options(), True, massless_tip=massless_tip)
 
 
 def test_a_refused_variant_of_the_same_scheme_raises_into_no_case() -> None:

@@ -13,10 +13,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "schemes"))
+
+import plain_moreau
+
 from quick import quick
-from scenes import cases, heavy_chain, relative, same_bits, step, taken
+from scenes import alone, cases, heavy_chain, relative, same_bits, sampling, step, taken
 from studies import SCENE, parsed
-from workflow import models, schemes, variables
+from workflow import models, reduction, schemes, variables
 from workflow.archive import open_archive
 from workflow.grid import arrange, case_hashes, solve
 from workflow.models import Harmonics, Structure
@@ -246,3 +250,63 @@ def test_a_scheme_from_outside_that_exits_is_a_failed_case(where: str, tmp_path:
     assert "SystemExit: 3" in done.stdout
     assert "as it likes" in done.stderr
     assert "as it likes" not in done.stdout
+
+
+@pytest.fixture
+def compiled_law(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    shutil.copy(HERE / "hunt_crossley.py", tmp_path)
+    added(schemes, tmp_path, monkeypatch)
+    yield "hunt_crossley"
+    sys.modules.pop("workflow.schemes.hunt_crossley", None)
+
+
+def test_a_compiled_contact_law_is_one_file_of_at_most_80_lines(compiled_law: str) -> None:
+    assert compiled_law in schemes.names()
+    assert len((HERE / "hunt_crossley.py").read_text(encoding="utf-8").splitlines()) <= 80
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_a_compiled_contact_law_is_that_of_plain_matrices(compiled_law: str, friction: float) -> None:
+    """Modes, and with a load elsewhere matrices; Hunt and Crossley's force written anew."""
+    stiffness, damping, h = 2e10, 5.0, 2e-6
+    whole = short_chain()
+    elsewhere = replace(whole.matrices(), load=np.eye(4)[1], tangent=0.3 * np.eye(4)[2])
+    for structure in (whole, elsewhere) if friction == 0.0 else (elsewhere,):
+        batch = cases(structure, 2, alpha=[0.0, 20.0], gap=1e-5, amplitude=100.0, frequency=250.0, friction=friction)
+        results = step(structure, batch, h, sampling(4e-3, h), compiled_law, stiffness=stiffness, damping=damping)
+        for case in range(2):
+            gap = float(batch.gap[case])
+
+            def law(k: int, x: float, v: float, free: float, kick: float, gap: float = gap) -> float:
+                spring = h * stiffness * max(0.0, x - gap) ** 1.5
+                return max(0.0, spring * (1 + damping * free) / (1 + spring * damping * kick))
+
+            plain = plain_moreau._march(structure, alone(batch, case), h, 1.0, 2000, law)
+            assert np.count_nonzero(plain.impulse) > 10
+            assert np.abs(results.histories["displacement"][case] - plain.displacement[:, -1]).max() < 1e-14
+            impulse = np.concatenate([[0.0], np.cumsum(plain.impulse)])
+            assert np.abs(results.histories["impulse"][case] - impulse).max() < 1e-10 * impulse[-1]
+
+
+def test_a_basis_is_one_file_that_imports_public_names_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With every vector kept nothing is lost; with fewer, fixed-interface modes of heat still come to the same."""
+    text = (HERE / "heat_with_the_tip_held.py").read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= 20
+    assert "._" not in text
+    shutil.copy(HERE / "heat_with_the_tip_held.py", tmp_path)
+    added(reduction, tmp_path, monkeypatch)
+    structure, batch = heavy_chain(), rubs_of_many()
+    full = step(structure, batch, H, OVER).histories["temperature"]
+    errors = []
+    for count in (3, 9, 19):
+        reduced = reduction.reduce_structure(structure, 19, count, "heat_with_the_tip_held")
+        few = step(reduced.structure, reduced.project(batch), H, OVER)
+        errors.append(relative(few.histories["temperature"], full))
+    sys.modules.pop("workflow.reduction.heat_with_the_tip_held", None)
+    assert errors[0] > errors[1] > errors[2]
+    assert errors[1] < 0.1
+    assert errors[2] < 1e-9
+
+
+def rubs_of_many() -> schemes.Cases:
+    return cases(heavy_chain(), 2, alpha=[20.0, 50.0], gap=5e-5, amplitude=100.0, frequency=50.0)

@@ -1,4 +1,4 @@
-"""Contact laws whose coefficients are numbers or differ from case to case of a batch."""
+"""Contact laws whose parameters are numbers or differ from case to case of a batch."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import pytest
 
 from scenes import cases, heavy_chain, same_bits, taken
 from workflow.models import Cases, Structure
-from workflow.schemes import Sampling, carpenter, penalty
-from workflow.schemes._fixed.central import Linear, Operator
+from workflow.schemes import Sampling, penalty
+from workflow.schemes._fixed.spring import CentralSpring
 
 SAMPLING = Sampling(0.02, 1e-3, 21, balances=True)
 
@@ -20,42 +20,30 @@ def batch(structure: Structure, count: int) -> Cases:
     return cases(structure, count, alpha=np.linspace(0.5, 5, count), gap=5e-5, amplitude=100.0, frequency=20.0)
 
 
-def law_of(operator: Operator) -> Linear:
-    """Return the law without friction."""
-    return operator.contact.law(operator.h, cases(operator.structure), operator.delassus(np.zeros(1)))
+def with_law(operator: Any, law: Any) -> Any:
+    """Return the operator with parameters of its law that stand for some cases."""
+    return replace(operator, contact=replace(operator.contact, law=lambda cases: law))
 
 
-def with_law(operator: Operator, law: Linear) -> Operator:
-    """Return the operator with a law that does not depend on W."""
-    return replace(operator, contact=replace(operator.contact, law=lambda *_: law))
-
-
-def spread_over(law: Linear, count: int) -> Linear:
-    """Return the law with each coefficient given once for each case."""
-    each = {name: np.full(count, value) for name, value in law._asdict().items() if name != "holds"}
-    return law._replace(**each)
-
-
-@pytest.mark.parametrize(("scheme", "options"), [(carpenter, {}), (penalty, {"damping": 50.0})])
-def test_coefficients_of_each_case_give_the_bits_of_shared_ones(scheme: Any, options: dict[str, float]) -> None:
+@pytest.mark.parametrize("integration", ["explicit", "implicit"])
+def test_parameters_of_each_case_give_the_bits_of_shared_ones(integration: str) -> None:
     structure = heavy_chain()
-    operator, loaded = scheme.init(structure, 2e-6, scheme.Options(**options)), batch(structure, 19)
-    shared = scheme.compute(operator, loaded, SAMPLING)
+    operator = penalty.init(structure, 2e-6, penalty.Options(damping=50.0, integration=integration))
+    loaded = batch(structure, 19)
+    shared = penalty.compute(operator, loaded, SAMPLING)
     assert shared.metrics["impacts"].max() > 0
-    each = spread_over(law_of(operator), loaded.count)
-    own = scheme.compute(with_law(operator, each), loaded, SAMPLING)
-    assert same_bits(shared, own)
+    law = operator.contact.law(loaded)
+    each = law._replace(**{name: np.full(loaded.count, value) for name, value in law._asdict().items()})
+    assert same_bits(shared, penalty.compute(with_law(operator, each), loaded, SAMPLING))
 
 
 def test_cases_of_one_batch_may_have_contact_springs_of_their_own() -> None:
-    structure, stiffnesses = heavy_chain(), (2e7, 1e8, 5e7)
-    loaded = batch(structure, 3)
+    structure, stiffnesses = heavy_chain(), np.array([2e7, 1e8, 5e7])
+    loaded, over = batch(structure, 3), replace(SAMPLING, balances=False)
     operators = [penalty.init(structure, 2e-6, penalty.Options(stiffness=k, damping=20.0)) for k in stiffnesses]
-    laws = [law_of(operator) for operator in operators if isinstance(operator, Operator)]
-    each = {name: np.array([getattr(law, name) for law in laws]) for name in Linear._fields if name != "holds"}
-    together = laws[0]._replace(**each)
-    results = penalty.compute(with_law(operators[0], together), loaded, SAMPLING)
+    together = with_law(operators[0], CentralSpring(stiffnesses, 20.0))
+    results = penalty.compute(together, loaded, over)
     assert len(set(results.histories["impulse"][:, -1])) == 3
     for k, operator in enumerate(operators):
-        alone = penalty.compute(operator, loaded.take(slice(k, k + 1)), SAMPLING)
+        alone = penalty.compute(operator, loaded.take(slice(k, k + 1)), over)
         assert same_bits(alone, taken(results, slice(k, k + 1)))

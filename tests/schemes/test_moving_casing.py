@@ -16,8 +16,7 @@ from test_carpenter import agree, audited, everything_acts, running_sum
 from scenes import alone, cases, chain, heavy_chain, same_bits, sampling, step, taken
 from workflow.models import Cases, Harmonics, Rayleigh, Structure, static_equilibrium
 from workflow.reduction import reduce_structure
-from workflow.schemes import Recorder, moreau
-from workflow.schemes._sweep.sweeps import Swept
+from workflow.schemes import Recorder
 
 
 def harmonics(*entries: tuple[float, float, float], count: int = 1) -> Harmonics:
@@ -214,36 +213,15 @@ def test_a_ball_bounces_once_in_each_period_of_its_table() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("swept", [False, True])
-def test_impacts_in_one_phase_of_the_casing_leave_rounding_in_the_balance(swept: bool) -> None:
+def test_impacts_in_one_phase_of_the_casing_leave_rounding_in_the_balance() -> None:
     """A rigid ball, θ = 0.7, h = T/250: what each impact takes is 0.75 of the largest energy, and its casing gives it.
 
     250 000 steps add up to 3e-13 of that energy.
     """
     (structure, batch), over = bouncing(e=0.5, frequency=10.0), replace(sampling(100.0, 0.1), balances=True)
-    if swept:
-        results = moreau.compute(moreau.Operator(structure, 4e-4, 0.7, Swept(structure), moreau.CONTACT), batch, over)
-    else:
-        results = step(structure, batch, 4e-4, over, theta=0.7)
+    results = step(structure, batch, 4e-4, over, theta=0.7)
     assert results.metrics["impacts"][0] >= 998  # the first and the last lie at the ends
     assert abs(results.metrics["energy_residual"][0]) < 2e-12
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("theta", [0.5, 1.0])
-def test_sweeps_step_as_modes_do(theta: float) -> None:
-    structure, h = heavy_chain(nodes=60), 1e-5
-    batch = moving(
-        cases(structure, 3, e=[0.0, 0.4, 0.9], alpha=[0.0, 10.0, 0.0], gap=5e-5, amplitude=100.0, frequency=20.0)
-    )
-    over = replace(sampling(1e-2, 1e-4), balances=True)
-    modes = step(structure, batch, h, over, theta=theta)
-    nodes = moreau.compute(moreau.Operator(structure, h, theta, Swept(structure), moreau.CONTACT), batch, over)
-    assert np.all(modes.metrics["impacts"] > 0)
-    for name, values in modes.histories.items():
-        assert np.abs(values - nodes.histories[name]).max() <= 1e-9 * np.abs(values).max()
-    if theta == 0.5:  # no energy is created; with another θ the two count different energies
-        assert np.abs([modes.metrics["energy_residual"], nodes.metrics["energy_residual"]]).max() < 1e-9
 
 
 @pytest.mark.slow

@@ -112,6 +112,38 @@ def test_full_follows_the_nodes() -> None:
     assert columns["thermal_modes"] == (1, 4)
 
 
+@pytest.mark.parametrize(
+    ("rest", "place"),
+    [
+        ("axes: {scene.chain.nodes: 2001}", "axes.mechanical_modes"),
+        ("axes: {scene.chain.nodes: 2001, mechanical_modes: 4, thermal_modes: [4, full]}", "axes.thermal_modes"),
+        ("axes: {scene.chain.nodes: 2001, mechanical_modes: [4, 2000], thermal_modes: 4}", "axes.mechanical_modes"),
+        ("axes: {scene.chain.nodes: [2, 2001], thermal_modes: 1}", "axes.mechanical_modes"),
+        (
+            "zip: {size: {scene.chain.nodes: [2, 2001], mechanical_modes: [full, full], thermal_modes: [1, 4]}}",
+            "zip.size",
+        ),
+        (
+            "axes: {scene.chain.nodes: 2001, mechanical_modes: 4, thermal_modes: 4}\nreference: {thermal_modes: full}",
+            "reference",
+        ),
+        (
+            "axes: {scene.chain.nodes: [2, 2001], mechanical_modes: 0, thermal_modes: 0}\n"
+            "reference: {thermal_modes: full}",
+            "reference",
+        ),
+    ],
+)
+def test_a_chain_of_more_than_2000_nodes_is_not_kept_full(rest: str, place: str) -> None:
+    with pytest.raises(StudyError) as refused:
+        chain(rest)
+    mistake = refused.value.mistakes[0]
+    assert mistake.key.startswith(place)
+    assert "too large for that" in mistake.problem
+    assert mistake.remedy == "write at most 100, or `auto` with a `tolerance`"
+    chain(rest.replace("2001", "2000").replace("[4, 2000]", "[4, 1999]"))
+
+
 def test_auto_is_stored_as_minus_one_beside_its_tolerance() -> None:
     study = chain("axes: {mechanical_modes: auto}\nzip: {model: {thermal_modes: [1, auto], tolerance: [0.1, 1e-3]}}")
     [dimension] = study.dimensions

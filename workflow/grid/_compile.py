@@ -33,7 +33,6 @@ class KernelVariant:
 
     method: str
     options: Any
-    nodes: int
     balances: bool
     massless_tip: bool = False
     harmonics: bool = False
@@ -50,7 +49,7 @@ class KernelVariant:
         kinds = {"harmonics": self.harmonics, "sliding": self.slides, "coupled": self.coupled}
         driven = [name for name, holds in kinds.items() if holds]
         others = (option for option in options if not isinstance(option[1], float))
-        return (self.method, self.nodes, self.balances, self.massless_tip, *driven, *others)
+        return (self.method, self.balances, self.massless_tip, *driven, *others)
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,18 +167,17 @@ def _compile(variant: KernelVariant) -> None:
 
 def _example(variant: KernelVariant) -> tuple[Scheme, tuple[Any, Cases, Sampling]]:
     """Return a scheme, and what its ``compute`` is called with for one small case of a kind."""
-    nodes = variant.nodes
     chain = models.load("chain")
-    parameters = chain.Parameters(nodes, mass=1.0, stiffness=1.0, heat_capacity=1.0, spacing=1.0, expansion=1.0)
+    parameters = chain.Parameters(1, mass=1.0, stiffness=1.0, heat_capacity=1.0, spacing=1.0, expansion=1.0)
     structure = chain.assemble(parameters)
     if variant.massless_tip:
-        structure = replace(structure.matrices(), mass=np.zeros((nodes, nodes)))
+        structure = replace(structure.matrices(), mass=np.zeros((1, 1)))
     if variant.slides:
-        structure = replace(structure.matrices(), tangent=np.ones(nodes))
+        structure = replace(structure.matrices(), tangent=np.ones(1))
     if variant.coupled:
-        structure = replace(structure.matrices(), load=np.ones(nodes))
+        structure = replace(structure.matrices(), load=np.ones(1))
     scheme = load(variant.method)
-    none, one, node = np.zeros(1), np.ones(1), np.zeros((1, nodes))
+    none, one, node = np.zeros(1), np.ones(1), np.zeros((1, 1))
     casing = Harmonics(*np.zeros((3, 1, int(variant.harmonics))))
     cases = Cases(none, one, one, none, none, none, none, node, node, node, node, node, casing_harmonics=casing)
     cases = replace(cases, friction=np.full(1, 0.5 * variant.slides))

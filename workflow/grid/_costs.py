@@ -29,8 +29,8 @@ _ALWAYS, _EACH_PERIOD = 400, 30
 _TIP = 10
 """States that take as long as the tip and its contact."""
 
-_SWEPT, _COUPLED = 20.0, 4.0
-"""How many times as long a state takes that is swept along a chain, and a product of two that a matrix couples."""
+_COUPLED = 4.0
+"""How many times as long as a state a product of two takes that a matrix couples."""
 
 _RUB = 5e-5
 """Seconds of a steady rub for each of its states squared."""
@@ -69,9 +69,7 @@ def case_seconds(cell: Cell, structure: Structure, sampling: Sampling, periods: 
     if not scheme.STEP_SECONDS:
         return STEP_SECONDS * (steps + sampling.count)
     blocks = float(2 * structure.mechanical_size + structure.thermal_size + _TIP)
-    if scheme.sweeps(structure):
-        blocks *= _SWEPT
-    elif "h" in scheme.READS and needs_matrices(structure):
+    if "h" in scheme.READS and needs_matrices(structure):
         blocks *= _COUPLED * blocks
     audit = 1.5 if sampling.balances and "h" in scheme.READS else 1.0
     return steps * blocks * scheme.STEP_SECONDS * audit + sampling.count * _SAMPLE + _CASE
@@ -82,8 +80,7 @@ def batch_part(cell: Cell, structure: Structure, sampling: Sampling, count: int,
     scheme, choice = schemes.load(cell.scheme.method), cell.scheme
     general = f"{choice.method} {_kind(choice)}{' balances' if sampling.balances else ''}"
     sized = f"{general}/{structure.mechanical_size}+{structure.thermal_size}"
-    packed = scheme.TOGETHER > 1 and not scheme.sweeps(structure)
-    padded = -(-count // PACK) * PACK if packed else count
+    padded = -(-count // PACK) * PACK if scheme.TOGETHER > 1 else count
     seconds = padded * case_seconds(cell, structure, sampling, periods)
     return Part(seconds, (sized, general), is_guess=not scheme.STEP_SECONDS)
 
@@ -105,8 +102,6 @@ def _kind(choice: SchemeChoice) -> str:
 def setup_part(method: str, structure: Structure) -> Part:
     """Return what an operator of a scheme costs to set up."""
     states = 2 * structure.mechanical_size + structure.thermal_size
-    if schemes.load(method).sweeps(structure):
-        return Part(6e-4 + 1e-8 * states, (f"set up {method} along nodes",))
     if structure.damper is not None:
         return Part(6e-4 + 3.5e-9 * states**3, (f"set up {method} with a damping matrix",))
     return Part(6e-4 + 1.2e-7 * states**2, (f"set up {method}",))

@@ -18,7 +18,6 @@ from workflow.grid._costs import batch_part, growth_part, measured, setup_part
 from workflow.grid._turns import waiting
 from workflow.judges.blow_ups import mark_blown_up
 from workflow.models import (
-    MOST_NODES_WITH_MATRICES,
     Array,
     Cases,
     Chain,
@@ -96,16 +95,16 @@ def _modes_kept(by: Reduced) -> tuple[int | None, int | None]:
     )
 
 
-def _structure_for_kernels(by: Reduced) -> tuple[Structure, bool]:
-    """Return a structure that needs the kernels of the one a case is run on, and whether it stands for a reduced one.
+def _structure_for_kernels(by: Reduced) -> Structure:
+    """Return a structure that needs the kernels of the one a case is run on.
 
-    It stands for one where fixed-interface modes reduce a chain: the chain itself tells what they need, so that
-    kernels can be compiled while the modes are being computed.
+    Where fixed-interface modes reduce a chain the chain itself tells what they need, so that kernels can be compiled
+    while the modes are being computed.
     """
     full = structure_of(by.model, by.parameters)
     if by.basis == DEFAULT and isinstance(full, Chain) and _modes_kept(by) != (None, None):
-        return full, True
-    return structure_on(by), False
+        return full
+    return structure_on(by)
 
 
 def structure_on(by: Reduced) -> Structure:
@@ -157,15 +156,14 @@ def _critical_alpha(by: Reduced, friction: float) -> float:
 
 def kernel_variant(cell: Cell, balances: bool) -> KernelVariant | None:
     """Return what of its scheme must be compiled for a cell, with balances or without; ``None`` if it is refused."""
-    scheme, (structure, is_reduced) = schemes.load(cell.scheme.method), _structure_for_kernels(reduced(cell))
+    scheme, structure = schemes.load(cell.scheme.method), _structure_for_kernels(reduced(cell))
     if scheme.refusal(structure, cell.scheme.options) is not None:
         return None
-    nodes = MOST_NODES_WITH_MATRICES + 1 if scheme.sweeps(structure) and not is_reduced else 1
     coupled = needs_matrices(structure)  # its loads have their harmonics without a kernel for them
     driven = bool(cell.scene.casing.harmonics or (cell.scene.load.harmonics and not coupled))
     slides = structure.tangent is not None and cell.scene.friction is not None
     kind = {"massless_tip": structure.has_massless_tip, "harmonics": driven, "slides": slides, "coupled": coupled}
-    return KernelVariant(cell.scheme.method, cell.scheme.options, nodes, balances, **kind)
+    return KernelVariant(cell.scheme.method, cell.scheme.options, balances, **kind)
 
 
 def compile_for(cell: Cell, balances: bool) -> None:

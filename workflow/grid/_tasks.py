@@ -109,10 +109,7 @@ def seconds_per_case(grid: Grid, outer: int) -> float:
 
 def together(grid: Grid, outer: int) -> int:
     """Return how many cases of an outer index the scheme steps at once."""
-    cell = grid.settings(outer)
-    scheme = schemes.load(cell.scheme.method)
-    alone = scheme.sweeps(reduced_structure(cell))
-    return 1 if alone else scheme.TOGETHER
+    return schemes.load(grid.settings(outer).scheme.method).TOGETHER
 
 
 def computed_seconds(grid: Grid) -> NDArray[np.float64]:

@@ -16,9 +16,7 @@ from workflow.grid._operators import Reduced, reduced, reduced_structure, struct
 from workflow.grid._reason import reason_of
 from workflow.grid._scene_cautions import scene_cautions
 from workflow.models import (
-    MOST_NODES_WITH_MATRICES,
     Array,
-    Chain,
     frequencies,
     mechanical_modes,
     modal_damping,
@@ -113,9 +111,6 @@ def _beware(grid: Grid, cell: Cell) -> list[_Caution]:
     """Return the cautions about one scheme at one step on one structure."""
     scheme = schemes.load(cell.scheme.method)
     structure = reduced_structure(cell)
-    if isinstance(structure, Chain) and not structure.has_matrices and scheme.is_swept is None:
-        what = f"fails, as only moreau steps more than {MOST_NODES_WITH_MATRICES} nodes, with"
-        return [_Caution(_basis(cell), cell.scheme.label, what, cell.h, f"{structure.mechanical_size} nodes", 0.0)]
     refusal = scheme.refusal(structure, cell.scheme.options)
     if refusal is not None:
         basis = f" with {cell.reduction}" if structure.has_massless_tip else ""

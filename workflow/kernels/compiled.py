@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from numba.core.caching import FunctionCache
 
 F = TypeVar("F", bound=Callable[..., Any])
+N = TypeVar("N", bound=tuple[Any, ...])
 
 TESTED = ("0.68",)
 """Minor versions of numba that :mod:`workflow.kernels.whole_program`, which reaches into it, was tested with."""
@@ -237,3 +238,26 @@ def defines(function: Callable[..., Any], kind: type) -> Callable[[F], F]:
         return definition
 
     return add
+
+
+def of_case(values: N, rows: Any, lane: int) -> N:
+    """Return a named tuple of numbers for a lane: integers in ``values`` are rows ``(row, lane)``; in kernels only."""
+    raise NotImplementedError
+
+
+@when_loaded
+def _declare_of_case() -> None:
+    from numba import types
+    from numba.extending import overload
+
+    def choose(values: Any, rows: Any, lane: Any) -> Any:
+        own = (
+            f"rows[values[{k}], lane]" if isinstance(kind, types.Integer) else f"values[{k}]"
+            for k, kind in enumerate(values.types)
+        )
+        made: dict[str, Any] = {"Kind": values.instance_class}
+        exec(f"def of_case(values, rows, lane):\n    return Kind({', '.join(own)})", made)
+        return made["of_case"]
+
+    options: Any = _options(**_PART, forceinline=True)
+    overload(of_case, jit_options=options, strict=False)(choose)

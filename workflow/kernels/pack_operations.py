@@ -186,6 +186,12 @@ def _call(builder, name, returned, args):
     return builder.call(cgutils.get_or_insert_function(builder.module, kind, name), args)
 
 
+@_implements(packs.lanes_of, lambda lane: types.UniTuple(types.intp, 2))
+def _lanes_of(context, builder, sig, args):
+    behind = builder.add(args[0], ir.Constant(cgutils.intp_t, sig.args[0].width))
+    return context.make_tuple(builder, sig.return_type, [args[0], behind])
+
+
 @_implements(packs.pack, lambda rows, at: _PackType(at[-1].width))
 def _pack(context, builder, sig, args):
     return builder.load(_address(context, builder, sig.args, args, sig.return_type.content), align=8)
@@ -206,16 +212,6 @@ def _shared(context, builder, sig, args):
 @_implements(packs.spread, lambda number, lane: _PackType(lane.width))
 def _spread_out(context, builder, sig, args):
     return _spread(builder, context.cast(builder, args[0], sig.args[0], types.float64), sig.return_type.width)
-
-
-@_implements(packs.of_lane, lambda value, lane: _PackType(lane.width))
-def _of_lane(context, builder, sig, args):
-    (value, lane), kind = sig.args, sig.return_type
-    if not isinstance(value, types.Array):
-        return _spread_out(context, builder, sig, args)
-    place = types.Tuple([lane])
-    parts = args[0], context.make_tuple(builder, place, [args[1]])
-    return builder.load(_address(context, builder, (value, place), parts, kind.content), align=8)
 
 
 @_implements(packs.where, lambda condition, this, other: _PackType(condition.width))

@@ -79,6 +79,11 @@ def broad(first: int) -> Lane:
     _only_in_kernels()
 
 
+def lanes_of(lane: Lane) -> tuple[int, int]:
+    """Return the first lane of a pack and the one behind its last."""
+    _only_in_kernels()
+
+
 def broadest() -> int:
     """Return the lanes of the largest packs on this processor, a constant of the compiled kernel.
 
@@ -103,11 +108,6 @@ def shared(array: Array, at: tuple[int, ...], lane: Lane) -> Pack:
     Nothing may write to the array while the kernel runs: the number is read once and stays in a register where there
     is one.
     """
-    _only_in_kernels()
-
-
-def of_lane(value: Array | float, lane: Lane) -> Pack:
-    """Return a coefficient that all lanes share, a number, or one of each lane, an array ``(lane,)``."""
     _only_in_kernels()
 
 

@@ -44,6 +44,7 @@ from workflow.models._static import (
     static_temperatures,
 )
 from workflow.models._structure import Coordinates, Matrices, Rayleigh, Structure
+from workflow.models._tip_held import MOST_ONE_BY_ONE
 from workflow.models._write_matrices import write_matrices
 
 
@@ -75,7 +76,9 @@ def sizes(name: str, parameters: Any) -> tuple[int, int]:
 def most_modes(name: str, parameters: Any) -> int | None:
     """Return the most modes of each kind of a structure that is too large to be kept full, ``None`` of any other."""
     structure = load(name).assemble(parameters)
-    return MOST_REDUCED if isinstance(structure, Sparse) and not structure.has_matrices else None
+    if not isinstance(structure, Chain | Sparse) or structure.has_matrices:
+        return None
+    return MOST_ONE_BY_ONE if isinstance(structure, Chain) else MOST_REDUCED
 
 
 def fault(name: str) -> str | None:
@@ -100,6 +103,7 @@ __all__ = [
     "FACTORISING",
     "MOST_BY_SUPERLU",
     "MOST_NODES_WITH_MATRICES",
+    "MOST_ONE_BY_ONE",
     "NO_HARMONICS",
     "Array",
     "Cases",

@@ -11,7 +11,6 @@ from workflow.kernels import Array
 from workflow.models._structure import Matrices, Rayleigh, Structure
 
 MOST_NODES = 200_000
-"""A step of a case then takes a millisecond."""
 
 MOST_NODES_WITH_MATRICES = 2000
 """Above, a chain has no matrices: one of them would hold 32 MB and more, its modes take a minute."""
@@ -22,8 +21,8 @@ class TooManyNodesError(ValueError):
 
     def __init__(self, nodes: int):
         super().__init__(
-            f"a chain of {nodes} nodes has no matrices (at most {MOST_NODES_WITH_MATRICES} nodes have): "
-            "only moreau steps it, with full modes or few of them"
+            f"a chain of {nodes} nodes cannot be kept full (at most {MOST_NODES_WITH_MATRICES} can): "
+            "write counts of modes, or `auto` with a `tolerance`"
         )
 
 

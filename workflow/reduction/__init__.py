@@ -14,6 +14,7 @@ from workflow import registry
 from workflow.models import Array, Chain, Structure
 from workflow.models._sparse import MOST_REDUCED, Sparse, TooManyCoordinatesError
 from workflow.models._tip_held import MOST_ONE_BY_ONE
+from workflow.reduction._bases import fixed_interface_modes, relative_thermal_modes
 from workflow.reduction._friction import with_friction
 from workflow.reduction._reduction import (
     Reduction,
@@ -110,7 +111,7 @@ def reduce_structure(
             raise ValueError(f"{count} interior modes of a structure that has {size - 1}")
         long = isinstance(structure, Chain) and not structure.has_matrices
         if long and (count is None or count > MOST_ONE_BY_ONE):
-            raise ValueError(f"a chain of {size} nodes is kept full or reduced to at most {MOST_ONE_BY_ONE} modes")
+            raise ValueError(f"a chain of {size} nodes is reduced to at most {MOST_ONE_BY_ONE} modes")
         large = isinstance(structure, Sparse) and not structure.has_matrices and size > MOST_REDUCED + 1
         if large and (count is None or count > MOST_REDUCED):
             raise TooManyCoordinatesError(size)
@@ -139,10 +140,12 @@ __all__ = [
     "Reduction",
     "Vectors",
     "fault",
+    "fixed_interface_modes",
     "load",
     "mechanical_vectors",
     "names",
     "projection_residual",
     "reduce_structure",
+    "relative_thermal_modes",
     "thermal_vectors",
 ]

@@ -10,8 +10,12 @@ from __future__ import annotations
 from workflow import registry
 from workflow.models import Cases
 from workflow.schemes._contract import ContractError, checked, refuse
+from workflow.schemes._fixed.contact import Contact, Response, Tip
+from workflow.schemes._fixed.marches import contact_law
 from workflow.schemes._fixed.recorder import Recorder
 from workflow.schemes._fixed.stable_steps import limit_text
+from workflow.schemes._fixed.theta_march import compute as step_theta
+from workflow.schemes._fixed.theta_march import init as init_theta
 from workflow.schemes._interface import (
     HISTORIES,
     SECTIONS,
@@ -63,21 +67,27 @@ __all__ = [
     "SECTIONS",
     "SOLVER_VERSION",
     "Cases",
+    "Contact",
     "ContractError",
     "Recorder",
     "RefusedStructureError",
+    "Response",
     "Results",
     "Sampling",
     "Schedule",
     "Scheme",
     "Status",
+    "Tip",
     "checked",
     "complete_periods",
+    "contact_law",
     "fault",
+    "init_theta",
     "limit_text",
     "load",
     "metrics",
     "names",
     "refuse",
     "schedule",
+    "step_theta",
 ]

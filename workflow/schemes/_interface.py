@@ -241,9 +241,9 @@ class Scheme:
     contact_limit
         ``contact_limit(structure, options, friction)``: the step, s, up to which it holds while contact comes and goes,
         at a friction coefficient along the structure's tangent; one of two arguments is the same for all of these.
-    is_swept, operator_name
-        ``is_swept(structure)``: whether it steps a structure node by node instead of by its modes, each case by
-        itself; ``operator_name(structure)``: how ``plan`` says so, empty where there is nothing to say.
+    operator_name
+        ``operator_name(structure)``: what it steps a structure by, as ``plan`` says it; empty where there is nothing to
+        say.
     contact_stiffness_of
         ``contact_stiffness_of(structure, options)``: stiffness of its contact spring, N/m, where it has one.
     rigid
@@ -274,7 +274,6 @@ class Scheme:
     METRICS: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     TOGETHER: int = 1
     contact_limit: Callable[[Structure, Any, float], float] | None = None
-    is_swept: Callable[[Structure], bool] | None = None
     operator_name: Callable[[Structure], str] | None = None
     contact_stiffness_of: Callable[[Structure, Any], float] | None = None
     rigid: Callable[[Structure, float], Any] | None = None
@@ -318,7 +317,3 @@ class Scheme:
         if load and "load" not in self.HARMONICS:
             return "does not take harmonics of the load"
         return "does not take a casing that moves" if casing and "casing" not in self.HARMONICS else None
-
-    def sweeps(self, structure: Structure) -> bool:
-        """Tell whether it steps a structure node by node."""
-        return self.is_swept is not None and self.is_swept(structure)

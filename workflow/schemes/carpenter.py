@@ -13,17 +13,16 @@ with none. Stable below h = 2/ω_max and, with explicit heat, 2/μ_max: see :mod
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
-
-import numpy as np
+from typing import Any, Literal, NamedTuple
 
 from workflow.kernels.lanes import FEWEST_LANES
-from workflow.models import Array, Cases, Structure
-from workflow.schemes._fixed import central_march, contact, dense
-from workflow.schemes._fixed.central import NEEDS_MASS, Differences, Linear, Operator, divisor
+from workflow.models import Array, Structure
+from workflow.schemes._fixed import central_march, dense
+from workflow.schemes._fixed.central import NEEDS_MASS, Differences, Operator
+from workflow.schemes._fixed.contact import METRICS as METRICS
+from workflow.schemes._fixed.contact import Contact, Response, Tip
 from workflow.schemes._fixed.dense import DenseOperator
-
-METRICS = contact.METRICS
+from workflow.schemes._fixed.marches import contact_law
 
 READS = frozenset({"h", "alpha"})
 
@@ -56,13 +55,23 @@ class Options:
         return Differences(lagged=self.damping == "lagged", implicit_heat=self.heat == "implicit")
 
 
-def _law(h: float, cases: Cases, w: Array | float) -> Linear:
-    """Return the contact law of cases with the Delassus operator W, 1/kg."""
-    by, ambiguous = divisor(w)
-    return Linear(1 / (h * by), 0.0, 1 / by, -np.inf, holds=True, stiffness=0.0, mobility=w, ambiguous=ambiguous)
+class Multiplier(NamedTuple):
+    """It has no parameter but one that numba cannot do without."""
+
+    unused: float = 0.0
 
 
-CONTACT = contact.Contact(central_march.KERNELS, _law, contact.delassus_alone, "W", rebounds=True)
+@contact_law(Multiplier)
+def respond(law: Multiplier, tip: Tip, h: float, theta: float) -> Response:
+    """Return the impulse p_k, and the velocity from t_k to t_k+1."""
+    closing = (tip.place - tip.gap) / h + tip.free
+    if closing <= 0.0:
+        return 0.0, tip.free, 0.0
+    p = closing / tip.mobility
+    return p, tip.free - tip.mobility * p, p
+
+
+CONTACT = Contact(lambda cases: Multiplier(), holds=True, rebounds=True)
 
 
 def init(structure: Structure, h: float, options: Options) -> Operator | DenseOperator:

@@ -9,8 +9,7 @@
 with v_free,n the tip's velocity without contact. Acary & Brogliato (2008), chapters 8 and 10; θ = 1 is the implicit
 Euler scheme of Thorin, Guérin and Legrand. A tip that its reduction leaves without mass has no impacts: contact is a
 complementarity of place and impulse (:mod:`workflow.schemes._fixed.complementarity`), and e is not read. A structure is
-stepped in its modes (:mod:`workflow.schemes._fixed`); a chain of so many nodes that its modes take longer to find than
-they save is swept node by node (:mod:`workflow.schemes._sweep.sweeps`).
+stepped in its modes (:mod:`workflow.schemes._fixed`).
 """
 
 from __future__ import annotations
@@ -19,25 +18,20 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from workflow.declare import quantity
-from workflow.kernels.compiled import defines
 from workflow.kernels.lanes import FEWEST_LANES
-from workflow.kernels.packs import Lane, of_lane, some, some_nonzero, spread, store, weighed, where
-from workflow.models import Array, Cases, Structure
-from workflow.schemes._fixed import case_row, contact, dense, theta_march, theta_method
-from workflow.schemes._fixed.complementarity import by_place
-from workflow.schemes._fixed.contact import Contact, End, Free, TipStep, press, was_pressed
+from workflow.models import Array, Structure
+from workflow.schemes._fixed import dense, theta_march, theta_method
+from workflow.schemes._fixed.complementarity import BY_PLACE
+from workflow.schemes._fixed.contact import Contact, Response, Tip
 from workflow.schemes._fixed.dense import DenseOperator
-from workflow.schemes._fixed.drive import casing_place, relative, tip_after, tip_before
-from workflow.schemes._fixed.marches import kernels_of
+from workflow.schemes._fixed.marches import contact_law
 from workflow.schemes._fixed.theta_method import Operator
-from workflow.schemes._sweep import sweeps
 
 READS = frozenset({"e", "h", "alpha"})
 GENERAL = frozenset({"damping", "friction", "load"})
 HARMONICS = frozenset({"load", "casing"})
 TOGETHER = FEWEST_LANES
 STEP_SECONDS = 1.2e-10
-is_swept = sweeps.is_swept
 
 
 @dataclass(frozen=True)
@@ -47,60 +41,39 @@ class Options:
     theta: float = quantity("1", "weight of the step's end, 1: implicit Euler", default=1.0, at_least=0, at_most=1)
 
 
-class Prox(NamedTuple):
-    """Newton's law: e [1] and 1/W [kg], ``(case,)`` or one for all; NaN where W <= 0, so that contact ends the case."""
+class Newton(NamedTuple):
+    """Newton's law."""
 
-    restitution: Array | float
-    inverse_delassus: Array | float
+    e: Any
+    """A number, or one of each case, ``(case,)``."""
 
 
-@defines(contact.meet, Prox)
-def meet_by_prox(law: Prox, step: TipStep, free: Free, own: Array, tip: Array, lane: Lane) -> End:
-    """Return the tip at the step's end.
+@contact_law(Newton)
+def respond(law: Newton, tip: Tip, h: float, theta: float) -> Response:
+    """Return impulse and velocity, which is -e v_n,k to the bit, not to the rounding of v_free - W p.
 
-    After an impulse the velocity is -e v_n,k to the bit, not to the rounding of v_free - W p: a tip
-    at rest on its casing keeps its place and stays active for any number of steps.
+    A tip at rest on its casing keeps its place and stays active for any number of steps.
     """
-    x, v = tip_before(free.drive, tip, lane)
-    p, temperature = spread(0.0, lane), free.temperature
-    after = relative(free.drive, free.velocity + step.inverse_mass * free.impulse, lane)
-    active = x + 0.5 * step.h * v >= casing_place(free.drive, free.gap, lane)
-    engaged = some(active) or was_pressed(own, lane)
-    if engaged:
-        rebound = of_lane(law.restitution, lane) * v
-        closing = (after + rebound) * of_lane(law.inverse_delassus, lane)
-        meets = active & ~(closing <= 0.0)  # a NaN meets
-        p = where(meets, closing, 0.0)
-        after = where(meets, -rebound, after)
-        temperature += step.warming * press(some_nonzero(p), p, own, lane)
-    store(own, (case_row.IMPULSE, lane), free.impulse - p)
-    x += step.h * weighed(step.theta, after, step.rest, v)
-    x, v = tip_after(free.drive, x, after, free.gap, lane)
-    return End(engaged, x, v, temperature, p)
+    if tip.place + 0.5 * h * tip.velocity < tip.gap:
+        return 0.0, tip.free, 0.0
+    p = (tip.free + law.e * tip.velocity) / tip.mobility
+    if p <= 0.0:
+        return 0.0, tip.free, 0.0
+    return p, -law.e * tip.velocity, p
 
 
-def _prox(h: float, cases: Cases, w: Array) -> Prox:
-    """Return Newton's law of cases with the Delassus operator W, 1/kg, ``(case,)``."""
-    return Prox(cases.e, contact.inverse_or_nan(w))
-
-
-KERNELS = kernels_of(__name__)
-CONTACT = Contact(KERNELS, _prox, contact.delassus_alone, "W")
-
-
-def operator_name(structure: Structure) -> str:
-    """Return what a structure is stepped by, as ``plan`` says it."""
-    return f"sweeps along {structure.mechanical_size} nodes" if is_swept(structure) else dense.operator_name(structure)
+CONTACT = Contact(lambda cases: Newton(cases.e))
 
 
 def init(structure: Structure, h: float, options: Options) -> Operator | DenseOperator:
-    """Diagonalise the structure once for a batch; a long chain and coupled modes are left as they are."""
+    """Diagonalise the structure once for a batch; or invert its matrices."""
     theta = float(options.theta)
-    meets = by_place(theta) if structure.has_massless_tip else CONTACT
-    return theta_march.init(structure, float(h), theta, meets, sweeps=True)
+    meets = BY_PLACE if structure.has_massless_tip else CONTACT
+    return theta_march.init(structure, float(h), theta, meets)
 
 
 compute = theta_march.compute
+operator_name = dense.operator_name
 
 
 def massless_tip(options: Options) -> str | None:

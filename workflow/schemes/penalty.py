@@ -4,15 +4,10 @@
 
 ``explicit`` steps by central differences with v_n,k = (x_n,k+1 - x_n,k-1)/2h, stable below h = 2/ω_max
 (:mod:`workflow.schemes._fixed.central`); with the tip in contact ω_max is that of the structure with κ at its
-tip, which grows with κ. λ_k is linear in the tip's motion, its impulse hλ_k
-
-    p_k = max(0, s κ (x_n,k - d) + s c/2 (w_k-½ + w_free)),   s = h / (1 + hcW/2)
-    W = e_nᵀ (M + h/2 C1)⁻¹ (e_n - µ t),
-
-with w_k-½ the tip's velocity in the step before and w_free that in the step from t_k on without contact.
-``implicit`` is the θ-method with λ at the step's end (:mod:`workflow.schemes._fixed.spring`). There is no
-restitution coefficient: without c a single mass leaves as fast as it came. As h → 0 the scheme
-converges to the motion with this spring; to that of a rigid casing only as κ → ∞, see :func:`rigid`.
+tip, which grows with κ; ``implicit`` is the θ-method with λ at the step's end. Both laws stand in
+:mod:`workflow.schemes._fixed.spring`. There is no restitution coefficient: without c a single mass leaves as fast as it
+came. As h → 0 the scheme converges to the motion with this spring; to that of a rigid casing only as κ → ∞, see
+:func:`rigid`.
 """
 
 from __future__ import annotations
@@ -23,11 +18,9 @@ from typing import Any, Literal
 from workflow.declare import quantity
 from workflow.kernels.lanes import FEWEST_LANES
 from workflow.models import Array, Cases, Structure
-from workflow.schemes._fixed import central, central_march, dense, spring_limits, theta_march, theta_method
+from workflow.schemes._fixed import central, central_march, dense, spring, spring_limits, theta_march, theta_method
 from workflow.schemes._fixed.contact import METRICS as METRICS
-from workflow.schemes._fixed.contact import Contact
 from workflow.schemes._fixed.decoupled import decouple
-from workflow.schemes._fixed.spring import by_spring, default_stiffness
 from workflow.schemes._interface import Results, Sampling
 
 READS = frozenset({"h", "alpha"})
@@ -63,7 +56,7 @@ class Options:
 
 def contact_stiffness_of(structure: Structure, options: Options) -> float:
     """Return κ [N/m]: what is given, or ten times the static stiffness of the tip against its rigid motion."""
-    return options.stiffness if options.stiffness > 0 else default_stiffness(structure)
+    return options.stiffness if options.stiffness > 0 else spring.default_stiffness(structure)
 
 
 def rigid(structure: Structure, h: float) -> Options:
@@ -88,29 +81,13 @@ def contact_limit(structure: Structure, options: Options, friction: float = 0.0)
     return spring_limits.implicit_limit(structure, contact_stiffness_of(structure, options), friction)
 
 
-def _linear(stiffness: float, damping: float) -> Contact:
-    """Return the contact by a spring κ [N/m] and a damper c [N s/m] in central differences."""
-
-    def factor(h: float, w: Any) -> Any:
-        return 1 + 0.5 * h * damping * w
-
-    def law(h: float, cases: Cases, w: Array | float) -> central.Linear:
-        by, ambiguous = central.divisor(factor(h, w))
-        share = h / by
-        return central.Linear(
-            stiffness * share, 0.5 * damping * share, 0.5 * damping * share, 0.0, False, stiffness, w, ambiguous
-        )
-
-    return Contact(central_march.KERNELS, law, factor, "1 + hcW/2", rebounds=True)
-
-
 def init(structure: Structure, h: float, options: Options) -> Operator:
     """Diagonalise the structure once for a batch, or invert its matrices."""
     h, stiffness, damping = float(h), contact_stiffness_of(structure, options), float(options.damping)
     if options.integration == "explicit":
-        return central_march.init(structure, h, _CENTRAL, _linear(stiffness, damping))
+        return central_march.init(structure, h, _CENTRAL, spring.in_differences(stiffness, damping))
     theta = float(options.theta)
-    return theta_march.init(structure, h, theta, by_spring(theta, stiffness, damping))
+    return theta_march.init(structure, h, theta, spring.by_theta(theta, stiffness, damping))
 
 
 def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:

@@ -225,7 +225,9 @@ class Arrangement:
             group = next((group for group in self.groups if path in group.columns), None)
             if group is None and varied is not None and self.singles.get(path, FULL) == FULL:
                 self.singles.pop(path, None)
-                varied.columns[path] = tuple(int(n) - 1 for n in varied.columns[str(self.nodes)])
+                counts = [int(n) for n in varied.columns[str(self.nodes)]]
+                self.mode_count(("axes", path), FULL, [max(counts)])
+                varied.columns[path] = tuple(n - 1 for n in counts)
             elif group is not None and group is varied:
                 pairs = zip(group.columns[path], group.columns[str(self.nodes)], strict=True)
                 resolved = [self.mode_count(group.column(path), modes, [int(n)]) for modes, n in pairs]
@@ -245,7 +247,7 @@ class Arrangement:
         if not counts:
             return modes
         most, limit = min(counts) - 1, self.sizes.most
-        if limit is not None and most > limit and (modes == FULL or int(modes) > limit):
+        if min(counts) > self.sizes.large and (modes == FULL or int(modes) > limit):
             complaint = "is `full`" if modes == FULL else f"{quoted(modes)} is too many"
             problem = f"{complaint}, and a structure of {min(counts)} coordinates is too large for that"
             self.source.report(place, problem, f"write at most {limit}, or `auto` with a `tolerance`")

@@ -297,8 +297,12 @@ class _Reader:
     ) -> dict[str, Any]:
         varied = any(axis.path == self.nodes for dimension in dimensions for axis in dimension.axes)
         for path in MODES:
-            if path in values and not (varied and values[path] == FULL):
-                values[path] = arrangement.mode_count(("reference", path), values[path], self.sizes.of(path))
+            if path in values:
+                sizes, follows = self.sizes.of(path), varied and values[path] == FULL
+                if follows and sizes:
+                    sizes = (max(sizes),)
+                count = arrangement.mode_count(("reference", path), values[path], sizes)
+                values[path] = FULL if follows else count
         return values
 
     def _used(

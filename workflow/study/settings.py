@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from math import inf
 from typing import Any, Literal
 
 from workflow import reduction
@@ -217,8 +218,8 @@ class Sizes:
         Numbers of temperatures that starts are given for.
     coordinates
         Numbers of mechanical and of thermal coordinates, by the setting of their modes.
-    most
-        Most modes of each kind where a structure is too large to be kept full, else ``None``.
+    large, most
+        Coordinates above which a structure cannot be kept full, and the most modes of each kind that it then has.
     contact
         Weights w of the displacements that a start is given for, x_n = wᵀx; ``None`` where the last one is the tip.
     """
@@ -226,7 +227,8 @@ class Sizes:
     nodes: Counts = None
     temperatures: Counts = None
     coordinates: Mapping[str, Counts] | None = None
-    most: int | None = None
+    large: float = inf
+    most: int = 0
     contact: Array | None = None
 
     def of(self, path: str) -> Counts:

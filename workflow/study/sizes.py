@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import inf
 from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
@@ -27,7 +28,7 @@ def node_sizes(written: Written, model: str, path: str, address: Address) -> Siz
         if isinstance(read, Spread) and read.count > 10_000:
             return Sizes()
         counts = tuple(int(count) for count in expanded(read, whole=True))
-        return Sizes(counts, counts)
+        return Sizes(counts, counts, large=models.MOST_NODES_WITH_MATRICES, most=models.MOST_ONE_BY_ONE)
     except (ValidationError, PydanticCustomError, ValueError):
         return Sizes()
 
@@ -41,7 +42,9 @@ def assembled_sizes(written: Written, model: str, where: Mapping[str, Any]) -> S
         both = structure.mechanical_size, structure.thermal_size
         coordinates = {path: (size,) for path, size in zip(MODES, both, strict=True)}
         nodes, temperatures = ((size,) for size in structure.input_sizes)
-        return Sizes(nodes, temperatures, coordinates, models.most_modes(model, read), structure.input_contact)
+        most = models.most_modes(model, read)
+        large = inf if most is None else most + 1
+        return Sizes(nodes, temperatures, coordinates, large, most or 0, structure.input_contact)
     except models.UnusableMatricesError as error:
         written.source.report(("scene", model), error.problem, error.remedy)
     except Exception:  # whatever a model from outside raises: its mistakes are reported where the scene is read

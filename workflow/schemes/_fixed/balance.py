@@ -9,7 +9,7 @@ values (·)_m = (end + begin)/2, the energy residual is the sum over modes and s
 
 with friction along t less µp φᵀt ζ_m; Σ runs over thermal modes near resonance: what the scheme gives (+) or takes
 (-) by itself, rounding for θ = 1/2.
-In it Σ φ_n ζ is the tip's velocity relative to the dragged one. That is taken from the contact law (:func:`driven`),
+In it Σ φ_n ζ is the tip's velocity relative to the dragged one. That is taken from the contact law (``Ahead.driven``),
 not from the modes: an impulse that does not have the effect its law states shows in the residual. Central differences
 conserve E = (w² + ω² η_k η_k+1)/2 with w = w_k+½; their step from w_k-½ to w_k+½ is the same equation with v_k for ζ_m
 and (η_k + η_k+1)/2 for η_m, and leaves nothing. Energy that a contact law gives beside its impulse, as a contact spring
@@ -47,7 +47,7 @@ from workflow.kernels.lanes import ROW
 from workflow.kernels.packs import Lane, Pack, fused, magnitude, pack, plus, shared, spread, store, where
 from workflow.models import Array
 from workflow.schemes._fixed import case_row, total_row
-from workflow.schemes._fixed.contact import End, Free, Law, TipStep, contact_gain, driven, was_pressed
+from workflow.schemes._fixed.contact import End, Free, TipStep, contact_gain, was_pressed
 
 BALANCE_DAMPING, BALANCE_HEAT_SPEED, BALANCE_HEAT_PLACE = range(3)
 """Coefficients of a mechanical mode, all over φ_n²: hc/4, and -1 times the work of a unit of friction heat per ζ at the
@@ -184,19 +184,18 @@ def store_dragged_velocity(account: Account | None, velocity: Pack, lane: Lane) 
 
 @inlined
 def count_work(
-    account: Account | None, law: Law, step: TipStep, end: End, free: Free, own: Array, tip: Array, lane: Lane
+    account: Account | None, step: TipStep, end: End, driven: Pack, free: Free, own: Array, tip: Array, lane: Lane
 ) -> None:
     """Count the work of load and contact in a step that contact has closed."""
     if account is None:
         return
     sums, impulse = account.sums, pack(own, (case_row.IMPULSE, lane))
-    before, relative = pack(sums, (SUM_RELATIVE, lane)), driven(law, step, end, own, lane)
-    relative -= pack(sums, (SUM_DRAGGED, lane))
+    before, relative = pack(sums, (SUM_RELATIVE, lane)), driven - pack(sums, (SUM_DRAGGED, lane))
     if was_pressed(own, lane):
         relative -= account.dragged * pack(own, (case_row.HEAT, lane))
     store(sums, (SUM_RELATIVE, lane), relative)
     dissipated = pack(sums, (total_row.DISSIPATED, lane)) + contact_gain(
-        law, step, end, relative - before, free, own, tip, lane
+        step, end, relative - before, free, own, tip, lane
     )
     store(sums, (total_row.DISSIPATED, lane), fused(impulse, -0.5 * (relative + before), dissipated))
 

@@ -10,14 +10,17 @@ IMPULSE, HEAT, PRESSED = range(4, 7)
 """Impulse of load less contact [N s] and friction heat [J] of the last step, and a flag of each pack that is raised
 where some lane was in contact: elsewhere there is no heat."""
 
-LAST, APPROACH, APPROACHED, SEPARATED = range(7, 11)
-"""The last force or impulse of contact, the velocity before the present contact, and sums over contacts that have
-ended of its square and of its product with the velocity after, (m/s)²."""
+CONTACT, AFTER, LAST, APPROACH, APPROACHED, SEPARATED = range(7, 13)
+"""What a contact law returned last: impulse [N s], velocity and force; the velocity before the present contact, and
+sums over contacts that have ended of its square and of its product with the velocity after, (m/s)²."""
 
-AHEAD, HALF, FIRST = range(11, 14)
+AHEAD, HALF, FIRST = range(13, 16)
 """Of central differences: x_n at the next step's end, the last half-step velocity, the first one without contact."""
 
-FRICTION, SLID = range(14, 16)
+FRICTION, SLID = range(16, 18)
 """Of a contact that slides: µ, and µ times the impulse of contact in the last step [N s]."""
 
-ROWS = SLID + 1
+PLACE, SPEED, FREE, CASING, MOBILITY = range(18, 23)
+"""What a contact law is given: :class:`~workflow.schemes._fixed.contact.Tip`."""
+
+ROWS = MOBILITY + 1

@@ -1,4 +1,4 @@
-"""Central differences with a contact force that is linear in the tip's motion: two schemes' common step.
+"""Central differences: the step that carpenter and explicit penalty share.
 
 With half-step velocities w_k+½ = (x_k+1 - x_k)/h a mode steps by
 
@@ -18,19 +18,18 @@ What a thermal mode drags along, η = R τ, is that of the difference equation: 
 A sample's temperature holds half the heat of p_k, as its impulse holds half of p_k: what friction has
 brought in is αJ up to rounding.
 
-The contact law is p = max(0, a (x_n - d) + b w_k-½ + c w_free) where x_n - d exceeds a threshold, with
-w_free the tip's velocity w_k+½ without contact.
+A contact law is given x_n,k, w_k-½ and w_free, the tip's velocity w_k+½ without contact.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from workflow.models import Array, Structure
-from workflow.schemes._fixed.contact import Contact, TipStep
+from workflow.schemes._fixed.contact import CentralStep, Contact
 from workflow.schemes._fixed.decoupled import Decoupled, Motion, decouple, dragged
 from workflow.schemes._fixed.modal_balance import Terms
 from workflow.schemes._fixed.modal_lanes import Coefficients, by_mode
@@ -44,26 +43,6 @@ NEEDS_MASS = (
 
 _NO_DECAY = 1e-30
 """Stands for a thermal factor D of exactly 0, by which what enters is divided: nothing beside 1."""
-
-
-class Linear(NamedTuple):
-    """Impulse p = max(0, depth (x_n - d) + before w_k-½ + free w_free) where x_n - d > threshold.
-
-    ``holds``: an impulse puts the tip on the casing exactly, where rounding would leave it beside.
-    ``stiffness``: of a contact spring, N/m, whose energy is not lost; 0 where there is none.
-    Each number may be one of each case, ``(case,)``.
-    """
-
-    depth: Array | float
-    before: Array | float
-    free: Array | float
-    threshold: Array | float
-    holds: bool
-    stiffness: Array | float
-    mobility: Array | float
-    """W, the tip's half-step velocity per impulse of contact, 1/kg."""
-    ambiguous: Array | float
-    """0, and NaN where no impulse of contact is the only one: contact ends the case."""
 
 
 @dataclass(frozen=True)
@@ -162,7 +141,9 @@ class Operator:
             pair_mode=j,
             pair_heat=k,
             pair_pull=-h * tip[j] * modal.coupling[j, k] / (inertia[j] * modal.heat_scale[k]),
-            tip=TipStep(h, 1.0, 0.0, np.sum(tip**2 / inertia), np.sum(modal.heat_tip * enters)),
+            tip=self.contact.felt_by(
+                CentralStep(h, 1.0, 0.0, np.sum(tip**2 / inertia), np.sum(modal.heat_tip * enters))
+            ),
             heat_counts=False,
             sliding=sliding(modal, inertia) if slides else None,
         )
@@ -195,13 +176,6 @@ def terms(operator: Operator, begun: Motion, before: Array) -> Terms:
         place=begun.position - h * before,
         opens=True,
     )
-
-
-def divisor(factor: Array | float) -> tuple[Array | float, Array | float]:
-    """Return a factor that contact divides by, 1 where it is not positive, and 0, NaN there: no solution is unique."""
-    if not isinstance(factor, np.ndarray):
-        return factor, 0.0
-    return np.where(factor <= 0, 1.0, factor), np.where(factor <= 0, np.nan, 0.0)
 
 
 def delassus(modal: Decoupled, h: float, differences: Differences) -> float:

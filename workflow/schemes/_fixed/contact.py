@@ -1,10 +1,9 @@
-"""The tip at the end of a step: what a contact law is given, what it returns, and what its type decides.
+"""The tip at the end of a step: a contact law, one scalar function, and the two steps that ask it.
 
-A contact law is a named tuple of coefficients, each a number or an array ``(case,)`` that becomes ``(lane,)`` in a
-block. Its type chooses, when a kernel is compiled, how the functions of this module are defined
-(:func:`~workflow.kernels.compiled.defines`): for moreau's prox in :mod:`workflow.schemes.moreau`, for a force
-linear in the tip's motion in :mod:`workflow.schemes._fixed.central`, for a spring at the step's end in
-:mod:`workflow.schemes._fixed.spring`.
+A contact law is a named tuple of parameters, each a number or an array ``(case,)``, and a function of it and of the tip
+in one case (:func:`respond`), which :func:`~workflow.schemes._fixed.marches.contact_law` compiles into the march. It is
+asked where the tip passes the casing within the step, moving at its velocity at the beginning or as it would move
+without contact, and where the law had a force in the step before. Free motion stays in packs.
 """
 
 from __future__ import annotations
@@ -16,10 +15,35 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from workflow.kernels import Array
-from workflow.kernels.compiled import by_type, inlined
-from workflow.kernels.packs import Lane, Mask, Pack, flag, pack, raised, some, spread, store, where
+from workflow.kernels.compiled import by_type, defines, inlined, of_case, part
+from workflow.kernels.lanes import ROW
+from workflow.kernels.packs import (
+    Lane,
+    Pack,
+    flag,
+    lanes_of,
+    pack,
+    raised,
+    some,
+    some_nonzero,
+    spread,
+    store,
+    weighed,
+    where,
+)
 from workflow.models import Cases
-from workflow.schemes._fixed import case_row
+from workflow.schemes._fixed import case_row, tip_row
+from workflow.schemes._fixed.drive import (
+    Drive,
+    casing_place,
+    gap_ahead,
+    gap_before,
+    onto_casing,
+    relative,
+    relative_before,
+    tip_after,
+    tip_before,
+)
 
 METRICS = {
     "effective_restitution": (
@@ -30,16 +54,37 @@ METRICS = {
 """What schemes without a restitution coefficient give beside the common metrics: unit and meaning."""
 
 Law = Any
-"""A contact law: a named tuple of numbers and arrays."""
+"""Parameters of a contact law: a named tuple of numbers and arrays."""
+
+Response = tuple[float, float, float]
+"""Impulse of contact in a step [N s], velocity of the tip at its end [m/s], and the force there or the impulse."""
 
 
-class Kernels(NamedTuple):
-    """Marches compiled for a contact law (:func:`workflow.schemes._fixed.marches.kernels_of`)."""
+class Tip(NamedTuple):
+    """The tip of one case in a step, relative to the casing where that moves."""
 
-    modes: Callable[..., None]
-    matrices: Callable[..., None]
-    nodes: Callable[..., None]
-    """Along the nodes of a long chain."""
+    place: float
+    """At the beginning, m."""
+    velocity: float
+    """At the beginning, m/s."""
+    free: float
+    """Its velocity at the end without contact, m/s."""
+    force: float
+    """What the law returned last in the step before: positive while in contact."""
+    gap: float
+    """Place of the casing, m: in contact from there on."""
+    mobility: float
+    """W: the velocity at the end that a unit impulse of contact takes away, 1/kg; NaN where contact has no unique
+    solution, so that its impulse is NaN and ends the case."""
+
+
+@by_type
+def respond(law: Law, tip: Tip, h: float, theta: float) -> Response:
+    """Return what contact does in a step h of one case.
+
+    ``theta`` is the weight of the step's end in the tip's velocity, 1 of central differences.
+    """
+    raise NotImplementedError
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,53 +93,39 @@ class Contact:
 
     Attributes
     ----------
-    kernels
-        The scheme's own.
     law
-        ``law(h, cases, w)``: the contact law of cases by the Delassus operator W of a step, 1/kg, ``(case,)`` or one
-        for all.
+        ``law(cases)``: the parameters of a contact law.
     factor, name
         ``factor(h, w)``: what contact divides by, which has one solution where that is positive; how messages write it.
+    stiffness
+        κ of a contact spring, N/m, whose energy is not lost; 0 where there is none.
+    holds
+        Whether an impulse puts the tip on the casing exactly, where rounding would leave it beside.
     rebounds
         Whether it gives the metric ``effective_restitution``.
     judges_heat
         Whether a free heat step that grows ends cases that carry no heat too (θ-method in modes, θ < 1/2).
     """
 
-    kernels: Kernels
-    law: Callable[[float, Cases, Any], Law]
-    factor: Callable[[float, Any], Any]
-    name: str
+    law: Callable[[Cases], Law]
+    factor: Callable[[float, Any], Any] = lambda h, w: w
+    name: str = "W"
+    stiffness: float = 0.0
+    holds: bool = False
     rebounds: bool = False
     judges_heat: bool = True
 
+    def mobility(self, h: float, w: Any) -> Any:
+        """Return W as the law is given it: NaN where contact has no unique solution."""
+        return np.where(self.factor(h, w) <= 0, np.nan, w)
 
-def delassus_alone(h: float, w: Any) -> Any:
-    """Return W, the factor of a contact that divides by nothing else."""
-    return w
-
-
-def inverse_or_nan(factor: Array) -> Array:
-    """Return 1 over what contact divides by, NaN where that is not positive, so that contact ends the case."""
-    return np.where(factor <= 0, np.nan, 1 / np.where(factor <= 0, 1.0, factor))
-
-
-class Drive(NamedTuple):
-    """Harmonics of the load and a casing that moves (:mod:`workflow.schemes._fixed.drive`), of all cases or a block.
-
-    Kernels are given ``None`` in its place where a scene has neither.
-    """
-
-    load: Array
-    """Harmonics of the load, ``(harmonic, row, lane)``."""
-    casing: Array
-    """Harmonics of the casing, ``(harmonic, row, lane)``."""
-    state: Array
-    """What they do in a step, ``(row, lane)``."""
+    def felt_by(self, step: TipStep) -> TipStep:
+        """Return a step with what its contact is."""
+        return step._replace(stiffness=self.stiffness, holds=self.holds)
 
 
 class TipStep(NamedTuple):
-    """A step as the tip feels it."""
+    """A step of the θ-method as the tip feels it."""
 
     h: float
     theta: float
@@ -105,10 +136,17 @@ class TipStep(NamedTuple):
     """Tip velocity per unit impulse, e_nᵀ Ŵ⁻¹ e_n, 1/kg."""
     warming: float
     """Tip temperature per unit heat, K/J."""
+    stiffness: float = 0.0
+    holds: bool = False
+    """Of :class:`Contact`."""
+
+
+class CentralStep(TipStep):
+    """A step of central differences: velocities of half steps, the impulse p_k about the step's beginning."""
 
 
 class Free(NamedTuple):
-    """What a contact law is given: the tip at the step's end without load and contact, and what acts there."""
+    """The tip at the step's end without load and contact, and what acts there."""
 
     velocity: Pack
     """m/s."""
@@ -123,7 +161,7 @@ class Free(NamedTuple):
 
 
 class End(NamedTuple):
-    """What a contact law returns: the tip at the step's end."""
+    """The tip at the step's end, as it is counted."""
 
     engaged: bool
     """Whether some lane may be in contact or was so before: else no count of contact changes."""
@@ -134,59 +172,72 @@ class End(NamedTuple):
     """Impulse of contact in the step, N s, >= 0."""
 
 
-@by_type
-def meet(law: Law, step: TipStep, free: Free, own: Array, tip: Array, lane: Lane) -> End:
-    """Close a step: return the tip at its end and the impulse of contact.
+class Ahead(NamedTuple):
+    """What the next step begins with."""
 
-    Leaves in ``own`` the impulse of load and contact (``IMPULSE``), the friction heat α p (``HEAT``) and whether the
-    heat may be other than 0 (``PRESSED``), all of which the modes' next step begins with.
+    impulse: Pack
+    """Impulse of contact that acts on the states, N s."""
+    place: Pack
+    velocity: Pack
+    driven: Pack
+    """The velocity that the contact law gives the tip, with which impulses do work, m/s."""
+
+
+@part
+def _ask(law: Law, step: TipStep, own: Array, first: int, stop: int) -> None:
+    """Ask the law in some lanes, and add contacts that have ended to the sums of ``effective_restitution``.
+
+    Without branches but those of the law, so that the compiler asks one of plain arithmetic in many lanes at once.
     """
-    raise NotImplementedError
-
-
-@by_type
-def steps_from_tip(law: Law) -> bool:
-    """Tell whether :func:`meet` reads displacement and velocity of the tip at the step's beginning."""
-    return True
-
-
-@by_type
-def driven(law: Law, step: TipStep, end: End, own: Array, lane: Lane) -> Pack:
-    """Return the velocity that the contact law gives the tip at the end of a step, with which impulses do work, m/s."""
-    return end.velocity
-
-
-@by_type
-def applied(law: Law, end: End, own: Array, lane: Lane) -> Pack:
-    """Return the impulse of contact that acts in the next step of the modes, N s."""
-    return end.impulse
-
-
-@by_type
-def next_tip(law: Law, end: End, own: Array, lane: Lane) -> tuple[Pack, Pack]:
-    """Return place and velocity of the tip with which the next step begins, where that keeps all states, m and m/s."""
-    return end.displacement, end.velocity
-
-
-@by_type
-def contact_gain(
-    law: Law, step: TipStep, end: End, change: Pack, free: Free, own: Array, tip: Array, lane: Lane
-) -> Pack:
-    """Return what the balance of a step takes for created, J, beside the work of its impulse at the mean velocity.
-
-    Of a contact spring that is what it holds more than its force has taken. ``change`` is that of the tip's relative
-    velocity; ``tip`` still holds the tip at the step's beginning.
-    """
-    return spread(0.0, lane)
+    assert own.shape[1] == ROW
+    for lane in range(first, stop):
+        tip = Tip(
+            own[case_row.PLACE, lane],
+            own[case_row.SPEED, lane],
+            own[case_row.FREE, lane],
+            own[case_row.LAST, lane],
+            own[case_row.CASING, lane],
+            own[case_row.MOBILITY, lane],
+        )
+        impulse, velocity, force = respond(of_case(law, own, lane), tip, step.h, step.theta)
+        was, presses = tip.force > 0.0, force > 0.0
+        approach = own[case_row.APPROACH, lane]
+        own[case_row.APPROACH, lane] = approach if was or not presses else tip.velocity
+        ended = approach if was and not presses else 0.0
+        own[case_row.APPROACHED, lane] += ended * ended
+        own[case_row.SEPARATED, lane] -= ended * velocity
+        own[case_row.CONTACT, lane], own[case_row.AFTER, lane], own[case_row.LAST, lane] = impulse, velocity, force
 
 
 @inlined
-def press(pressed: bool, p: Pack, own: Array, lane: Lane) -> Pack:
-    """Store the friction heat α p of an impulse, and whether the pack is in contact; return the heat, J."""
+def _is_near(place: Pack, reach: Pack, moved: Pack, gap: Pack, own: Array, lane: Lane) -> bool:
+    """Tell whether some tip of a pack may be in contact, or was so before."""
+    reach = where(reach > 0.0, reach, 0.0)
+    reach = where(moved > reach, moved, reach)
+    return some(~(place + reach < gap)) or was_pressed(own, lane)  # a NaN is near
+
+
+@inlined
+def _contact(
+    law: Law, step: TipStep, place: Pack, speed: Pack, free: Pack, gap: Pack, own: Array, lane: Lane
+) -> tuple[Pack, Pack, Pack]:
+    """Return impulse and heat of contact in a step, and the tip's velocity at its end, relative to the casing.
+
+    Leaves in ``own`` the impulse (``CONTACT``), the friction heat α p (``HEAT``) and whether the heat may be other than
+    0 or a force be left (``PRESSED``).
+    """
+    store(own, (case_row.PLACE, lane), place)
+    store(own, (case_row.SPEED, lane), speed)
+    store(own, (case_row.FREE, lane), free)
+    store(own, (case_row.CASING, lane), gap)
+    first, stop = lanes_of(lane)
+    before = some_nonzero(pack(own, (case_row.LAST, lane)))
+    _ask(law, step, own, first, stop)
+    p, force = pack(own, (case_row.CONTACT, lane)), pack(own, (case_row.LAST, lane))
     heat = pack(own, (case_row.ALPHA, lane)) * p
     store(own, (case_row.HEAT, lane), heat)
-    flag(own, (case_row.PRESSED, lane), pressed)
-    return heat
+    flag(own, (case_row.PRESSED, lane), before or some_nonzero(p) or some_nonzero(force))  # for a step more
+    return p, heat, pack(own, (case_row.AFTER, lane))
 
 
 @inlined
@@ -195,19 +246,98 @@ def was_pressed(own: Array, lane: Lane) -> bool:
     return raised(own, (case_row.PRESSED, lane))
 
 
-@inlined
-def count_rebounds(begins: Mask, ended: Mask, before: Pack, after: Pack, own: Array, lane: Lane) -> None:
-    """Add contacts that have ended to the sums of :func:`restitution`.
+@by_type
+def meet(step: TipStep, law: Law, free: Free, own: Array, tip: Array, lane: Lane) -> tuple[End, Ahead]:
+    """Close a step by load and contact; leave in ``own`` the impulse of both (``IMPULSE``) beside what contact does."""
+    raise NotImplementedError
 
-    ``before`` is the tip's velocity before contacts that begin, ``after`` that after contacts that have ended, m/s.
+
+@defines(meet, TipStep)
+def _meet_by_theta(step: TipStep, law: Law, free: Free, own: Array, tip: Array, lane: Lane) -> tuple[End, Ahead]:
+    x, v = tip_before(free.drive, tip, lane)
+    gap, p, temperature = casing_place(free.drive, free.gap, lane), spread(0.0, lane), free.temperature
+    after = relative(free.drive, free.velocity + step.inverse_mass * free.impulse, lane)
+    moved = step.h * weighed(step.theta, after, step.rest, v)
+    engaged = _is_near(x, step.h * v, moved, gap, own, lane)
+    if engaged:
+        p, heat, after = _contact(law, step, x, v, after, gap, own, lane)
+        moved = step.h * weighed(step.theta, after, step.rest, v)
+        temperature += step.warming * heat
+    store(own, (case_row.IMPULSE, lane), free.impulse - p)
+    x += moved
+    if step.holds:
+        x = where(p > 0.0, gap, x)
+    x, v = tip_after(free.drive, x, after, free.gap, lane)
+    return End(engaged, x, v, temperature, p), Ahead(p, x, v, v)
+
+
+@defines(meet, CentralStep)
+def _meet_centrally(step: TipStep, law: Law, free: Free, own: Array, tip: Array, lane: Lane) -> tuple[End, Ahead]:
+    """Return the tip at t_k and the impulse about it; the step from there on is closed with p_k."""
+    x, before, temperature = pack(own, (case_row.AHEAD, lane)), pack(own, (case_row.HALF, lane)), free.temperature
+    after, p, about = free.velocity + step.inverse_mass * free.impulse, spread(0.0, lane), spread(0.0, lane)
+    approach, leaving = relative_before(free.drive, before, lane), relative(free.drive, after, lane)
+    ahead = x + step.h * after
+    driven = after
+    engaged = _is_near(x, spread(0.0, lane), step.h * leaving, free.gap, own, lane)
+    if engaged:
+        latest = pack(own, (case_row.CONTACT, lane))
+        p, heat, leaving = _contact(law, step, x, approach, leaving, free.gap, own, lane)
+        about = 0.5 * (latest + p)
+        after = onto_casing(free.drive, leaving, lane)
+        temperature += 0.5 * step.warming * heat
+        ahead = x + step.h * after
+        driven = after
+        if step.holds:
+            ahead = where(p > 0.0, gap_ahead(free.drive, free.gap, step.h, lane), ahead)
+            driven = where(p > 0.0, (ahead - x) * (1.0 / step.h), after)
+    store(own, (case_row.AHEAD, lane), ahead)
+    store(own, (case_row.HALF, lane), after)
+    store(own, (case_row.IMPULSE, lane), free.impulse - p)
+    return End(engaged, x, 0.5 * (before + after), temperature, about), Ahead(p, ahead, after, driven)
+
+
+@by_type
+def contact_gain(step: TipStep, end: End, change: Pack, free: Free, own: Array, tip: Array, lane: Lane) -> Pack:
+    """Return what the balance of a step takes for created, J, beside the work of its impulse at the mean velocity.
+
+    Of a contact spring that is what it holds more than its force has taken. ``change`` is that of the tip's relative
+    velocity; ``tip`` still holds the tip at the step's beginning.
     """
-    if not (some(begins) or some(ended)):
-        return
-    approach = where(begins, before, pack(own, (case_row.APPROACH, lane)))
-    store(own, (case_row.APPROACH, lane), approach)
-    store(
-        own,
-        (case_row.APPROACHED, lane),
-        pack(own, (case_row.APPROACHED, lane)) + where(ended, approach * approach, 0.0),
-    )
-    store(own, (case_row.SEPARATED, lane), pack(own, (case_row.SEPARATED, lane)) - where(ended, approach * after, 0.0))
+    raise NotImplementedError
+
+
+@defines(contact_gain, TipStep)
+def _gain_by_theta(step: TipStep, end: End, change: Pack, free: Free, own: Array, tip: Array, lane: Lane) -> Pack:
+    """Return Δ(κ δ²/2) - h κ δ_θ (v + v')/2 with the depths δ, 0 where the tip is not beyond the casing.
+
+    Velocities are relative to the casing where that moves. A tip without mass is held by place: no impact changes its
+    velocity, impulses S work at v_θ as they act, which leaves -(θ - 1/2) S Δv.
+    """
+    if step.holds:
+        return (0.5 - step.theta) * (pack(own, (case_row.IMPULSE, lane)) * change)
+    drive = free.drive
+    begins = pack(tip, (tip_row.DISPLACEMENT, lane)) - gap_before(drive, free.gap, lane)
+    ended = end.displacement - free.gap
+    if step.stiffness == 0.0 or not (some(begins > 0.0) or some(ended > 0.0)):
+        return spread(0.0, lane)
+    before, after = where(begins > 0.0, begins, 0.0), where(ended > 0.0, ended, 0.0)
+    speeds = relative_before(drive, pack(tip, (tip_row.VELOCITY, lane)), lane) + relative(drive, end.velocity, lane)
+    worked = (step.theta * after + (1.0 - step.theta) * before) * (0.5 * step.h * speeds)
+    return step.stiffness * (0.5 * (after * after - before * before) - worked)
+
+
+@defines(contact_gain, CentralStep)
+def _gain_centrally(step: TipStep, end: End, change: Pack, free: Free, own: Array, tip: Array, lane: Lane) -> Pack:
+    """Return κ δ_k (s_k+1 - s_k-1)/2, with the depth δ and the distance s from the casing.
+
+    That is the change of κ δ_k δ_k+1 / 2 less the work of κ δ_k over (x_k+1 - x_k-1)/2: 0 while contact lasts.
+    """
+    depth = end.displacement - free.gap
+    if step.stiffness == 0.0 or not some(depth > 0.0):
+        return spread(0.0, lane)
+    ahead = pack(own, (case_row.AHEAD, lane)) - gap_ahead(free.drive, free.gap, step.h, lane)
+    moved = relative(free.drive, end.velocity, lane) + relative_before(free.drive, end.velocity, lane)
+    behind = ahead - step.h * moved
+    parted = where(behind < 0.0, behind, 0.0) - where(ahead < 0.0, ahead, 0.0)
+    return 0.5 * step.stiffness * where(depth > 0.0, depth, 0.0) * parted

@@ -22,11 +22,12 @@ from workflow.kernels.lanes import ROW, lane_rows
 from workflow.models import NO_HARMONICS, Cases, Structure, mechanical_modes, needs_matrices, project, static_tip_growth
 from workflow.schemes._fixed import case_row, tip_row
 from workflow.schemes._fixed.central import Differences
-from workflow.schemes._fixed.contact import Contact, TipStep
+from workflow.schemes._fixed.contact import CentralStep, Contact, TipStep
 from workflow.schemes._fixed.dense_balance import account_of, no_account
 from workflow.schemes._fixed.dense_march import CONTACT_SPEED, DenseState, FreeStep
 from workflow.schemes._fixed.drive import drive_of
-from workflow.schemes._fixed.march import law_lanes
+from workflow.schemes._fixed.march import law_rows
+from workflow.schemes._fixed.marches import KERNELS
 from workflow.schemes._fixed.outcome import ROUNDING, Outcome, effective_restitution, judged
 from workflow.schemes._fixed.sliding import friction_message
 from workflow.schemes._fixed.stepping import Ended, Watch, block_lanes, blocks, collect, watch
@@ -88,7 +89,7 @@ def init(structure: Structure, h: float, theta: float, contact: Contact) -> Dens
         -h * (mobility @ (coupling @ (theta * cooled + rest * np.eye(heats)))),
     )
     dragged = h * theta * (mobility @ (coupling @ warming[:, -1]))
-    tip = TipStep(h, theta, rest, float(mobility[-1, -1]), float(warming[-1, -1]))
+    tip = contact.felt_by(TipStep(h, theta, rest, float(mobility[-1, -1]), float(warming[-1, -1])))
     response, warm = mobility @ structure.load_direction, warming[:, -1].copy()
     free = FreeStep(tip, np.hstack(velocity), cooled, response, warm, heat_counts=True, heat_theta=theta, lagged=False)
     return DenseOperator(structure, contact, free, mobility, warming, dragged, *_growth(structure, free))
@@ -103,7 +104,7 @@ def init_central(structure: Structure, h: float, differences: Differences, conta
     warming = inverse(capacity + h * losses if differences.implicit_heat else capacity)
     cooled = warming @ (capacity if differences.implicit_heat else capacity - h * losses)
     pulls = -h * (mobility @ K), mobility @ behind, -h * (mobility @ structure.coupling_matrix)
-    tip = TipStep(h, 1.0, 0.0, float(mobility[-1, -1]), float(warming[-1, -1]))
+    tip = contact.felt_by(CentralStep(h, 1.0, 0.0, float(mobility[-1, -1]), float(warming[-1, -1])))
     response, warm = mobility @ structure.load_direction, warming[:, -1].copy()
     implicit, lagged = float(differences.implicit_heat), differences.lagged
     free = FreeStep(tip, np.hstack(pulls), cooled, response, warm, False, implicit, lagged)
@@ -141,12 +142,14 @@ def compute(operator: DenseOperator, cases: Cases, sampling: Sampling) -> Result
     watched = watch(cases, cases.mean, sampling, free.tip.h, drive)
     response = operator.contact_response(cases.alpha, cases.friction)
     steady, states = _steady(operator, cases), _begin(operator, cases, begun.velocity)
-    law, own = contact.law(free.tip.h, cases, response[:, -1]), np.zeros((case_row.ROWS, count))
+    own = np.zeros((case_row.ROWS, count))
+    own[case_row.MOBILITY] = contact.mobility(free.tip.h, response[:, -1])
     own[case_row.ALPHA], own[case_row.AHEAD] = cases.alpha, cases.displacement[:, -1]
     own[case_row.HALF] = states[:, 2 * response.shape[1] - 1]
+    own, law = law_rows(own, contact.law(cases))
     account, filled = account_of(structure, cases) if sampling.balances else (no_account(), [])
     lanes = DenseState(
-        own=lane_rows(case_row.ROWS),
+        own=lane_rows(len(own)),
         states=lane_rows(states.shape[1]),
         ahead=lane_rows(steady.shape[1]),
         contact_response=lane_rows(response.shape[1]),
@@ -155,14 +158,13 @@ def compute(operator: DenseOperator, cases: Cases, sampling: Sampling) -> Result
         before=lane_rows(response.shape[1]),
         by_contact=lane_rows(CONTACT_SPEED + 1),
     )
-    laws, taken = law_lanes(law)
-    filled += [*taken, (lanes.own, own), (lanes.states, states.T), (lanes.steady, steady.T)]
+    filled += [(lanes.own, own), (lanes.states, states.T), (lanes.steady, steady.T)]
     filled += [(lanes.contact_response, response.T), (lanes.sampled[1], cases.temperature.T)]
     reached, last = np.zeros((2, count, heats))
     totals = np.zeros((account.totals.shape[0], count))
     for part, block in blocks(watched, block_lanes(4 * states.shape[1]), *filled):
         for first, loads in _loads(free, cases.take(part), watched.schedule.steps):
-            contact.kernels.matrices(free, laws, lanes, block, account, loads, first)
+            KERNELS[type(law)].matrices(free, law, lanes, block, account, loads, first)
         size = part.stop - part.start
         own[:, part], totals[:, part] = lanes.own[:, :size], account.totals[:, :size]
         before, after = lanes.sampled[..., :size].swapaxes(1, 2)

@@ -16,7 +16,7 @@ from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lanes import PACK, ROW
 from workflow.kernels.packs import narrow, pack, spread, store
 from workflow.schemes._fixed import case_row, tip_row, total_row
-from workflow.schemes._fixed.contact import Free, Law, TipStep, applied, contact_gain, meet, next_tip
+from workflow.schemes._fixed.contact import Free, Law, TipStep, contact_gain, meet
 from workflow.schemes._fixed.dense_balance import Account, add_dissipation, count_lost_heat, multiply, store_energy
 from workflow.schemes._fixed.drive import turn_drive
 from workflow.schemes._fixed.marks import Block
@@ -93,20 +93,19 @@ def _meet(free: FreeStep, law: Law, state: DenseState, block: Block, account: Ac
             warmth = pack(states, (states.shape[0] - 1, lane))
         gap = pack(tip, (tip_row.GAP, lane))
         alone = Free(pack(state.ahead, (n - 1, lane)), warmth, spread(0.0, lane), gap, block.drive)
-        end = meet(law, step, alone, own, tip, lane)
+        end, ahead = meet(step, law, alone, own, tip, lane)
         if balances:
             before = pack(states, (2 * n - 1, lane))
             pushed = (step.h * account.load[n - 1]) * pack(load, (lane,))
             store(own, (case_row.IMPULSE, lane), pack(own, (case_row.IMPULSE, lane)) + pushed)
-            gain = contact_gain(law, step, end, end.velocity - before, alone, own, tip, lane)
+            gain = contact_gain(step, end, end.velocity - before, alone, own, tip, lane)
             store(
                 account.totals, (total_row.DISSIPATED, lane), pack(account.totals, (total_row.DISSIPATED, lane)) + gain
             )
         store_end(end, tip, lane)
-        place, speed = next_tip(law, end, own, lane)
-        store(state.by_contact, (CONTACT_IMPULSE, lane), applied(law, end, own, lane))
-        store(state.by_contact, (CONTACT_PLACE, lane), place)
-        store(state.by_contact, (CONTACT_SPEED, lane), speed)
+        store(state.by_contact, (CONTACT_IMPULSE, lane), ahead.impulse)
+        store(state.by_contact, (CONTACT_PLACE, lane), ahead.place)
+        store(state.by_contact, (CONTACT_SPEED, lane), ahead.velocity)
 
 
 @inlined
@@ -195,7 +194,7 @@ def march_dense(
             count_stored(step, block)
         else:
             for lane in range(lanes):
-                state.own[case_row.LAST, lane] *= 2.0
+                state.own[case_row.CONTACT, lane] *= 2.0
 
 
 @part

@@ -15,6 +15,7 @@ without it: what a scene does not have costs it nothing.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,6 @@ from workflow.kernels.lanes import PACK, ROW, fill_lanes, lane_rows
 from workflow.kernels.packs import Lane, Pack, narrow, pack, spread, store
 from workflow.models import Array, Cases, Harmonics
 from workflow.schemes._fixed import tip_row
-from workflow.schemes._fixed.contact import Drive
 from workflow.schemes._fixed.tip_load import EXACT_EVERY
 
 WAVE_SINE, WAVE_COSINE, WAVE_TURN_SINE, WAVE_TURN_COSINE = range(4)
@@ -49,6 +49,20 @@ DRIVE_ROWS = DRIVE_PARTING + 1
 
 _ROUNDING = 8 * np.finfo(float).eps
 """Share of the lengths and velocities in r and u up to which they are rounding at t = 0."""
+
+
+class Drive(NamedTuple):
+    """Harmonics of the load and a casing that moves, of all cases or a block.
+
+    Kernels are given ``None`` in its place where a scene has neither.
+    """
+
+    load: Array
+    """Harmonics of the load, ``(harmonic, row, lane)``."""
+    casing: Array
+    """Harmonics of the casing, ``(harmonic, row, lane)``."""
+    state: Array
+    """What they do in a step, ``(row, lane)``."""
 
 
 def drive_of(cases: Cases, h: float, theta: float) -> tuple[Drive | None, Cases]:
@@ -206,6 +220,12 @@ def casing_place(drive: Drive | None, gap: Pack, lane: Lane) -> Pack:
 def relative(drive: Drive | None, velocity: Pack, lane: Lane) -> Pack:
     """Return a velocity at the step's end, relative to the casing where that moves."""
     return velocity if drive is None else velocity - pack(drive.state, (DRIVE_SPEED, lane))
+
+
+@inlined
+def onto_casing(drive: Drive | None, velocity: Pack, lane: Lane) -> Pack:
+    """Return a velocity at the step's end from that relative to the casing."""
+    return velocity if drive is None else velocity + pack(drive.state, (DRIVE_SPEED, lane))
 
 
 @inlined

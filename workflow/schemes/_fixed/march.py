@@ -7,17 +7,18 @@ the scheme's (:mod:`workflow.schemes._fixed.marches`), so that numba's cache fin
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from workflow.kernels.compiled import by_type, inlined
+from workflow.kernels.compiled import by_type, defines, inlined
 from workflow.kernels.lanes import PACK, lane_rows
-from workflow.kernels.packs import Lane, Pack, broad, broadest, narrow, pack
+from workflow.kernels.packs import Lane, Pack, broad, broadest, narrow, pack, spread, store
 from workflow.models import Array, Cases, project
 from workflow.schemes._fixed import case_row, modal_lanes, stepping, tip_row
 from workflow.schemes._fixed.balance import Account, count_friction_heat, count_work, lay_out_account
-from workflow.schemes._fixed.contact import Contact, End, Free, Law, meet, steps_from_tip
+from workflow.schemes._fixed.contact import CentralStep, Contact, End, Free, Law, TipStep, meet
 from workflow.schemes._fixed.decoupled import Decoupled, Motion
 from workflow.schemes._fixed.drive import turn_drive
 from workflow.schemes._fixed.marks import Block
@@ -35,8 +36,10 @@ Through more rows narrow packs were faster on the processor it was chosen on, wi
 
 
 @by_type
-def open_march(law: Law, operator: Coefficients, now: Now, state: State, block: Block, account: Account | None) -> None:
-    """Do what a scheme does at t = 0: nothing where its contact law does not say otherwise."""
+def open_march(
+    step: TipStep, law: Law, operator: Coefficients, now: Now, state: State, block: Block, account: Account | None
+) -> None:
+    """Do what a scheme does at t = 0: nothing for the θ-method."""
 
 
 @inlined
@@ -57,11 +60,30 @@ def close_step(
     tip, own, step = block.tip, state.own, operator.tip
     gap = pack(tip, (tip_row.GAP, lane))
     free = Free(alone[0], alone[1], stepping.load_impulse(now, step.h, block, lane), gap, block.drive)
-    end = meet(law, step, free, own, tip, lane)
-    modal_lanes.store_slid(operator.sliding, law, end, own, lane)
-    count_work(account, law, step, end, free, own, tip, lane)
+    end, ahead = meet(step, law, free, own, tip, lane)
+    modal_lanes.store_slid(operator.sliding, ahead.impulse, own, lane)
+    count_work(account, step, end, ahead.driven, free, own, tip, lane)
     count_friction_heat(account, now.step, block.steps, own, lane)
     return end
+
+
+@defines(open_march, CentralStep)
+def _open_centrally(
+    step: TipStep,
+    law: Law,
+    operator: Coefficients,
+    now: Now,
+    state: State,
+    block: Block,
+    account: Account | None,
+) -> None:
+    """Take the step at t = 0, whose p_0 spans half a step: it counts as the impulse of a whole one."""
+    own = state.own
+    for first in range(0, block.lanes, PACK):
+        lane = narrow(first)
+        alone = pack(own, (case_row.FIRST, lane)), spread(0.0, lane)
+        stepping.store_end(close_step(operator, law, now, alone, state, block, account, lane), block.tip, lane)
+        store(own, (case_row.CONTACT, lane), 2.0 * pack(own, (case_row.CONTACT, lane)))
 
 
 @inlined
@@ -74,8 +96,7 @@ def _step(
     if now.marked:
         stepping.store_end(end, block.tip, lane)
     else:
-        moved = steps_from_tip(law) or now.next_marked
-        stepping.count_end(end, moved, now.next_marked, operator.tip.h, block.tip, lane)
+        stepping.count_end(end, now.next_marked, operator.tip.h, block.tip, lane)
 
 
 @inlined
@@ -100,7 +121,7 @@ def march(operator: Coefficients, law: Law, state: State, block: Block, account:
     paired = operator.pair_mode.size > 0
     warmed, leader = modal_lanes.is_warmed(state.own, lanes), start_load(h, load, lanes)
     turn_drive(block.drive, 0, h, theta, tip, lanes)
-    open_march(law, operator, stepping.step_at(0, theta, leader, warmed, block), state, block, account)
+    open_march(operator.tip, law, operator, stepping.step_at(0, theta, leader, warmed, block), state, block, account)
     modal_lanes.count_at_intervals(account, 0, block.steps, operator, state, lanes)
     for step in range(1, block.steps + 1):
         turn_load(step, h, leader, load, lanes)
@@ -128,8 +149,10 @@ class Batch:
     modal, begun
         The structure, and the cases' modal states with what is known of their motion.
     operator, contact, law
-        Free step, how the scheme meets the casing, and its contact law; coefficients of that which differ between cases
+        Free step, how the scheme meets the casing, and its contact law; parameters of that which differ between cases
         are ``(case,)``.
+    march
+        The kernel.
     speed, place
         ζ and ξ of each mode, times its share in the tip, ``(case, mode)``.
     own
@@ -143,25 +166,28 @@ class Batch:
     operator: Coefficients
     contact: Contact
     law: Law
+    march: Callable[..., None]
     speed: Array
     place: Array
     own: Array
     balance: ModalBalance | None
 
 
-def case_rows(cases: Cases, begun: Motion) -> Array:
-    """Return the rows of ``case_row`` at t = 0 as far as all schemes share them, ``(row, case)``."""
+def case_rows(cases: Cases, begun: Motion, w: Array) -> Array:
+    """Return the rows of ``case_row`` at t = 0 as far as all schemes share them, ``(row, case)``; W as a law has it."""
     own = np.zeros((case_row.ROWS, cases.count))
     own[case_row.ALPHA], own[case_row.DRIFT], own[case_row.WARMTH] = cases.alpha, begun.drift, begun.warmth
     own[case_row.WARMING], own[case_row.FRICTION] = begun.warming, cases.friction
+    own[case_row.MOBILITY] = w
     return own
 
 
-def law_lanes(law: Law) -> tuple[Law, list[tuple[Array, Array]]]:
-    """Return a law whose coefficients ``(case,)`` are rows of lanes, and each of these with what it takes."""
+def law_rows(own: Array, law: Law) -> tuple[Array, Law]:
+    """Return the cases' rows with parameters of a law that differ between them, and the law with the rows of these."""
     each = {name: values for name, values in law._asdict().items() if isinstance(values, np.ndarray)}
-    lanes = law._replace(**{name: lane_rows() for name in each})
-    return lanes, [(getattr(lanes, name), values) for name, values in each.items()]
+    rows = dict(zip(each, range(len(own), len(own) + len(each)), strict=True))
+    shared = {name: float(value) for name, value in law._asdict().items() if name not in each}
+    return np.vstack([own, *each.values()]), law._replace(**shared, **rows)
 
 
 def march_blocks(batch: Batch, watched: Watch, duration: float) -> Ended:
@@ -170,9 +196,9 @@ def march_blocks(batch: Batch, watched: Watch, duration: float) -> Ended:
     motion, tau = by_mode(batch.speed.T, batch.place.T), (begun.heat * modal.heat_scale).T
     lanes, before = lane_rows(tau.shape[0]), lane_rows(tau.shape[0])
     paired = before if operator.heat_counts else lanes
-    state = State(lane_rows(case_row.ROWS), lane_rows(*motion.shape[:2]), lanes, before, paired)
-    law, filled = law_lanes(batch.law)
-    filled += [(state.own, batch.own), (state.motion, motion), (state.tau, tau)]
+    own, law = law_rows(batch.own, batch.law)
+    state = State(lane_rows(len(own)), lane_rows(*motion.shape[:2]), lanes, before, paired)
+    filled = [(state.own, own), (state.motion, motion), (state.tau, tau)]
     account = None if balance is None else balance.account
     closing = begun.closing + begun.closing_rate * duration
     growth = modal.static_growth / modal.heat_scale
@@ -180,12 +206,12 @@ def march_blocks(batch: Batch, watched: Watch, duration: float) -> Ended:
     if balance is not None:
         rows, filled = rows + balance.rows, filled + balance.filled
     for part, block in stepping.blocks(watched, stepping.block_lanes(rows), *filled):
-        batch.contact.kernels.modes(operator, law, state, block, account)
+        batch.march(operator, law, state, block, account)
         if balance is not None:
             balance.close(part, state)
         count = part.stop - part.start
-        batch.own[:, part] = state.own[:, :count]
+        own[:, part] = state.own[:, :count]
         reached = watched.reached(state.tau_before, state.tau)
         closing[part] += project(growth, reached.T)[:count]
-    rebounds = effective_restitution(batch.own) if batch.contact.rebounds else {}
+    rebounds = effective_restitution(own) if batch.contact.rebounds else {}
     return Ended(watched, closing, rebounds, None if balance is None else balance.result(watched.elapsed))

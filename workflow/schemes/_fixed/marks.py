@@ -12,7 +12,7 @@ from workflow.kernels.lanes import PACK
 from workflow.kernels.packs import fetch, narrow, pack, store
 from workflow.models import Array
 from workflow.schemes._fixed import tip_row
-from workflow.schemes._fixed.contact import Drive
+from workflow.schemes._fixed.drive import Drive
 
 NEVER = np.iinfo(np.int64).max
 

@@ -22,7 +22,7 @@ from workflow.kernels.packs import Lane, Pack, narrow, pack, plus, shared, sprea
 from workflow.models import Array
 from workflow.schemes._fixed import balance, case_row
 from workflow.schemes._fixed.balance import Account
-from workflow.schemes._fixed.contact import End, Law, TipStep, applied, was_pressed
+from workflow.schemes._fixed.contact import TipStep, was_pressed
 
 MOTION_SPEED, MOTION_PLACE = range(2)
 """Rows of a mode's motion: ζ and ξ."""
@@ -111,10 +111,10 @@ def lay_out(operator: Coefficients, state: State, load: Array, tip: Array) -> No
 
 
 @inlined
-def store_slid(sliding: Sliding | None, law: Law, end: End, own: Array, lane: Lane) -> None:
+def store_slid(sliding: Sliding | None, impulse: Pack, own: Array, lane: Lane) -> None:
     """Store µ times the impulse of contact in a step that contact has closed."""
     if sliding is not None:
-        store(own, (case_row.SLID, lane), pack(own, (case_row.FRICTION, lane)) * applied(law, end, own, lane))
+        store(own, (case_row.SLID, lane), pack(own, (case_row.FRICTION, lane)) * impulse)
 
 
 @inlined

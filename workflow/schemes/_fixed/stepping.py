@@ -20,8 +20,8 @@ from workflow.kernels.lanes import PACK, cached_lanes, fill_lanes, lane_rows
 from workflow.kernels.packs import Lane, Pack, narrow, pack, some, some_nonzero, store, where
 from workflow.models import Array, Cases
 from workflow.schemes._fixed import tip_load, tip_row
-from workflow.schemes._fixed.contact import Drive, End
-from workflow.schemes._fixed.drive import cut_gap, drive_lanes, fill_drive, with_harmonics
+from workflow.schemes._fixed.contact import End
+from workflow.schemes._fixed.drive import Drive, cut_gap, drive_lanes, fill_drive, with_harmonics
 from workflow.schemes._fixed.marks import NEVER, WAITING, Block, Marks, Record, take_marks
 from workflow.schemes._fixed.totals import Balance
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, complete_periods, schedule, sections_of
@@ -70,17 +70,15 @@ def store_end(end: End, tip: Array, lane: Lane) -> None:
 
 
 @inlined
-def count_end(end: End, moved: bool, next_marked: bool, span: float, tip: Array, lane: Lane) -> None:
+def count_end(end: End, next_marked: bool, span: float, tip: Array, lane: Lane) -> None:
     """Count the tip's state at the end of a step of ``span`` s and the impulse in it.
 
-    Displacement and velocity are stored as the tip's where the next step needs them (``moved``), the temperature where
-    a sample or a period ends in the next step (``next_marked``).
+    The temperature is stored as the tip's where a sample or a period ends in the next step (``next_marked``).
     """
     x, temperature, p = end.displacement, end.temperature, end.impulse
     gap, hottest = pack(tip, (tip_row.GAP, lane)), pack(tip, (tip_row.PERIOD_HOTTEST, lane))
-    if moved:
-        store(tip, (tip_row.DISPLACEMENT, lane), x)
-        store(tip, (tip_row.VELOCITY, lane), end.velocity)
+    store(tip, (tip_row.DISPLACEMENT, lane), x)
+    store(tip, (tip_row.VELOCITY, lane), end.velocity)
     if next_marked:
         store(tip, (tip_row.TEMPERATURE, lane), temperature)
     if some(temperature > hottest):
@@ -104,7 +102,7 @@ def observe(span: float, tip: Array, lanes: int) -> None:
         lane = narrow(first)
         x, v = pack(tip, (tip_row.NEW_DISPLACEMENT, lane)), pack(tip, (tip_row.NEW_VELOCITY, lane))
         end = End(True, x, v, pack(tip, (tip_row.NEW_TEMPERATURE, lane)), pack(tip, (tip_row.STEP_IMPULSE, lane)))
-        count_end(end, True, True, span, tip, lane)
+        count_end(end, True, span, tip, lane)
 
 
 @inlined

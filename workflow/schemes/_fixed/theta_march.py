@@ -1,4 +1,4 @@
-"""Steps a batch by the θ-method: in modes, along the nodes of a long chain or by a dense matrix, and judges its cases.
+"""Steps a batch by the θ-method, in modes or by a dense matrix, and judges its cases.
 
 The equations stand in :mod:`workflow.schemes._fixed.theta_method`.
 """
@@ -11,13 +11,14 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.models import Cases, Structure, needs_matrices, poles
+from workflow.models import Array, Cases, Structure, needs_matrices, poles
 from workflow.schemes._fixed import dense, theta_method, tip_row
-from workflow.schemes._fixed.contact import Contact, Law
+from workflow.schemes._fixed.contact import Contact
 from workflow.schemes._fixed.decoupled import Decoupled, decouple, start
 from workflow.schemes._fixed.dense import DenseOperator
 from workflow.schemes._fixed.drive import drive_of
 from workflow.schemes._fixed.march import Batch, case_rows, march_blocks
+from workflow.schemes._fixed.marches import KERNELS
 from workflow.schemes._fixed.modal_balance import ModalBalance
 from workflow.schemes._fixed.outcome import ROUNDING, Outcome, by_heat, judged
 from workflow.schemes._fixed.sliding import friction_message, slides
@@ -25,22 +26,17 @@ from workflow.schemes._fixed.stable_steps import largest_step, limit_text
 from workflow.schemes._fixed.stepping import Ended, collect, watch
 from workflow.schemes._fixed.theta_method import Operator
 from workflow.schemes._interface import Results, Sampling
-from workflow.schemes._sweep.march import sweep
-from workflow.schemes._sweep.sweeps import Swept, is_swept
 
 _MOST_GROWTH = 300.0
 """Logarithm of the largest growth within a run that still has squares among the finite numbers (355), with a margin of
 1e24 for loads and units."""
 
 
-def init(
-    structure: Structure, h: float, theta: float, contact: Contact, sweeps: bool = False
-) -> Operator | DenseOperator:
-    """Diagonalise a structure once for a batch; coupled modes and, where a scheme ``sweeps``, a long chain are not."""
+def init(structure: Structure, h: float, theta: float, contact: Contact) -> Operator | DenseOperator:
+    """Diagonalise a structure once for a batch, or invert its matrices where its modes are coupled."""
     if needs_matrices(structure):
         return dense.init(structure, h, theta, contact)
-    motion = Swept(structure) if sweeps and is_swept(structure) else decouple(structure)
-    return Operator(structure, h, theta, motion, contact)
+    return Operator(structure, h, theta, decouple(structure), contact)
 
 
 def compute(operator: Operator | DenseOperator, cases: Cases, sampling: Sampling) -> Results:
@@ -53,20 +49,16 @@ def compute(operator: Operator | DenseOperator, cases: Cases, sampling: Sampling
 def _run(operator: Operator, cases: Cases, sampling: Sampling, heated: bool) -> Results:
     """Step cases that all carry thermal states, or that all carry none."""
     motion, w = operator.motion, operator.delassus(operator.h, cases.alpha, cases.friction)
-    law = operator.contact.law(operator.h, cases, w)
-    if isinstance(motion, Swept):
-        ended = sweep(operator, law, cases, sampling, heated)
-    else:
-        modal = motion if heated else motion.without_heat()
-        ended = step_modes(operator, modal, law, cases, sampling)
-        if not operator.contact.judges_heat:
-            operator = replace(operator, motion=modal)
+    modal = motion if heated else motion.without_heat()
+    ended = step_modes(operator, modal, operator.contact.mobility(operator.h, w), cases, sampling)
+    if not operator.contact.judges_heat:
+        operator = replace(operator, motion=modal)
     finite = ended.watched.finite(tip_row.DISPLACEMENT, tip_row.TEMPERATURE)
     return collect(ended, *_judge(operator, cases, sampling.duration, finite))
 
 
-def step_modes(operator: Operator, modal: Decoupled, law: Law, cases: Cases, sampling: Sampling) -> Ended:
-    """Step cases in modes by the scheme's kernel; ``modal`` has thermal states or has not."""
+def step_modes(operator: Operator, modal: Decoupled, w: Array, cases: Cases, sampling: Sampling) -> Ended:
+    """Step cases in modes by the scheme's kernel with W, ``(case,)``; ``modal`` has thermal states or has not."""
     h, theta = operator.h, operator.theta
     drive, stepped = drive_of(cases, h, theta)
     begun = start(modal, stepped)
@@ -74,11 +66,13 @@ def step_modes(operator: Operator, modal: Decoupled, law: Law, cases: Cases, sam
     zeta = begun.velocity * modal.tip
     xi = begun.position * modal.tip - h * theta * zeta
     free = theta_method.coefficients(modal, h, theta, slides(modal, cases))
+    free, law = free._replace(tip=operator.contact.felt_by(free.tip)), operator.contact.law(cases)
     balance = None
     if sampling.balances:
         terms = theta_method.terms(modal, h, theta, begun)
         balance = ModalBalance(operator.structure, modal, free, stepped, begun, terms)
-    batch = Batch(modal, begun, free, operator.contact, law, zeta, xi, case_rows(cases, begun), balance)
+    own, march = case_rows(cases, begun, w), KERNELS[type(law)].modes
+    batch = Batch(modal, begun, free, operator.contact, law, march, zeta, xi, own, balance)
     return march_blocks(batch, watched, sampling.duration)
 
 

@@ -22,7 +22,6 @@ from workflow.schemes._fixed.decoupled import Decoupled, Motion
 from workflow.schemes._fixed.modal_balance import Terms
 from workflow.schemes._fixed.modal_lanes import Coefficients, by_mode
 from workflow.schemes._fixed.sliding import sliding, yields_aside
-from workflow.schemes._sweep.sweeps import Swept
 
 NEEDS_IMPLICIT = "the reduction leaves the tip without mass, which an explicit step (theta = 0) cannot move"
 """Why an explicit θ-method cannot step a tip without mass."""
@@ -35,15 +34,14 @@ class Operator:
     structure: Structure
     h: float
     theta: float
-    motion: Decoupled | Swept
+    motion: Decoupled
     contact: Contact
 
     def delassus(self, h: float, alpha: Array, friction: Array | float = 0.0) -> Array:
         """Return the Delassus operator W = e_nᵀ Ŵ⁻¹ (e_n - µ t + α hθ K12 T̂⁻¹ e_n) of a step h, 1/kg, ``(case,)``."""
         motion, theta = self.motion, self.theta
         cold, per_alpha = motion.delassus(h, theta)
-        w = np.asarray(cold + alpha * per_alpha)
-        return w if isinstance(motion, Swept) else w - friction * yields_aside(motion, motion.inertia(h, theta))
+        return np.asarray(cold + alpha * per_alpha - friction * yields_aside(motion, motion.inertia(h, theta)))
 
     def factor(self, h: float, alpha: Array, friction: Array | float = 0.0) -> Array:
         """Return what contact divides by in a step h, ``(case,)``: it has one solution where that is positive."""

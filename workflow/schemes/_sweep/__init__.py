@@ -1,1 +1,0 @@
-"""Moreau's step along the nodes of a long chain."""
