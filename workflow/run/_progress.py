@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from threading import Event, Lock, Thread
 
-from workflow.grid import COMPILING, Task, compiling_seconds, task_seconds, waited_for
+from workflow.grid import COMPILING, Task, task_seconds, time_to_compile, waited_for
 from workflow.run._task import Job, Stored, fresh_share
 
 
@@ -88,7 +88,7 @@ def work_of(job: Job, is_missing: Callable[[Task], bool], threads: int) -> Work:
                 missing[task.number] = seconds
             else:
                 before += seconds
-    return Work(missing, before, threads, compiling_seconds(job.grid, threads) if threads else 0.0)
+    return Work(missing, before, threads, time_to_compile(job.grid, threads) if threads else 0.0)
 
 
 class Tally:

@@ -4,23 +4,23 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workflow.archive import STATUS, Layout, StoredCells, blank, find_shard, stored_status, write_shard
-from workflow.grid import Grid, Part, Segment, Task, Units, handling_part, measured, solve
+from workflow.grid import Grid, Segment, Solutions, Task, Units, solve
 from workflow.run._outcome import status_name
 from workflow.schemes import Status
 
 Arrays = dict[str, NDArray[Any]]
 Indices = NDArray[np.int64]
 
-_ALONE: AbstractContextManager[None] = nullcontext()
+_NONE: Solutions = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -60,11 +60,12 @@ def not_ok(layout: Layout, first: int, status: NDArray[Any]) -> Counter[str]:
     return endings
 
 
-def store_task(job: Job, task: Task, computing: AbstractContextManager[Any] = _ALONE) -> Stored:
-    """Compute a task, within ``computing``, and store it, in every place its results belong to.
+def store_task(job: Job, task: Task, known: Solutions = _NONE) -> Stored:
+    """Compute a task and store it, in every place its results belong to.
 
     A shard that this very task has stored before is left as it is: repeating a task whose worker died
-    between storing and reporting does no harm and costs nothing.
+    between storing and reporting does no harm and costs nothing. ``known`` are solutions that errors are measured
+    against and that are computed already.
     """
     solved: dict[Segment, tuple[Arrays, dict[int, str]]] = {}
     cases, endings = 0, Counter[str]()
@@ -74,13 +75,9 @@ def store_task(job: Job, task: Task, computing: AbstractContextManager[Any] = _A
         if shard is not None:
             status = stored_status(shard, job.layout)
         else:
-            with measured(_handling(job, group)):
-                with computing:
-                    for _, segment in group:
-                        if segment not in solved:
-                            solved[segment] = compute_segment(job, segment)
-                arrays, messages = _joined(group, solved, job.layout.chunk)
-                write_shard(job.parts, task.number, first, arrays, messages, job.layout)
+            solved |= {segment: compute_segment(job, segment, known) for _, segment in group if segment not in solved}
+            arrays, messages = _joined(group, solved, job.layout.chunk)
+            write_shard(job.parts, task.number, first, arrays, messages, job.layout)
             status = arrays[STATUS]
         cases += _cells(job.layout, first, stop)
         endings.update(not_ok(job.layout, first, status))
@@ -107,11 +104,11 @@ def store_lost(job: Job, task: Task, text: str) -> Stored:
     return Stored(task.number, cases, endings)
 
 
-def compute_segment(job: Job, segment: Segment) -> tuple[Arrays, dict[int, str]]:
+def compute_segment(job: Job, segment: Segment, known: Solutions = _NONE) -> tuple[Arrays, dict[int, str]]:
     """Return the arrays of a segment's units, and messages by place, as a shard holds them."""
 
     def solved(inner: Indices) -> tuple[Arrays, dict[int, str]]:
-        results = solve(job.grid, segment.outer, inner)
+        results = solve(job.grid, segment.outer, inner, known=known)
         return results.values, results.messages
 
     return _filled(job, segment, solved)
@@ -141,21 +138,21 @@ def _filled(
     return arrays, messages
 
 
+def fresh_cases(job: Job, task: Task) -> Iterator[tuple[int, Indices]]:
+    """Yield the cases of a task's segments that no earlier archive holds: outer and inner indices."""
+    for segment in task.segments:
+        inner, _ = job.units.cases(segment.first, segment.units)
+        cells = segment.outer * job.grid.inner_count + inner
+        fresh = inner if job.stored_cells is None else inner[job.stored_cells.cells[cells] < 0]
+        yield segment.outer, fresh
+
+
 def fresh_share(job: Job, task: Task) -> float:
     """Return the share of a task's cases that no earlier archive holds."""
     if job.stored_cells is None:
         return 1.0
-    is_fresh = []
-    for segment in task.segments:
-        inner, _ = job.units.cases(segment.first, segment.units)
-        is_fresh.append(job.stored_cells.cells[segment.outer * job.grid.inner_count + inner] < 0)
-    return float(np.mean(np.concatenate(is_fresh)))
-
-
-def _handling(job: Job, group: list[tuple[int, Segment]]) -> Part:
-    """Return what the cases of a group cost beside their schemes."""
-    cases = sum(segment.units for _, segment in group) * job.units.chunk
-    return handling_part(cases, len(group), job.grid.sampling.count, len(job.grid.study.output.histories))
+    fresh = sum(inner.size for _, inner in fresh_cases(job, task))
+    return fresh / sum(job.units.cases(segment.first, segment.units)[0].size for segment in task.segments)
 
 
 def _cells(layout: Layout, first: int, stop: int) -> int:

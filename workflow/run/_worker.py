@@ -10,7 +10,17 @@ from pathlib import Path
 from typing import Any
 
 from workflow.archive import ArchiveError, code_revision, load_stored_cells, read_layout, study_key
-from workflow.grid import Segment, Task, arrange, read_choices, units_of
+from workflow.grid import (
+    Block,
+    ReferenceSolution,
+    Segment,
+    Task,
+    arrange,
+    compute_block,
+    read_choices,
+    solutions_of,
+    units_of,
+)
 from workflow.models import FACTORISING, has_cholmod
 from workflow.run._task import Job, Stored, store_task
 from workflow.schemes import SOLVER_VERSION
@@ -106,8 +116,18 @@ def unshared(session: Session, why: str) -> str:
     )
 
 
-def run_task(session: Session, task: SmallTask) -> Stored:
+def run_block(session: Session, block: Block) -> list[ReferenceSolution]:
+    """Compute a block of solutions that tasks need."""
+    with _single_threaded_blas().limit(limits=1, user_api="blas"):
+        return compute_block(_job(session).grid, block)
+
+
+def run_task(
+    session: Session, task: SmallTask, blocks: list[Block], solutions: list[list[ReferenceSolution]]
+) -> Stored:
     """Compute a task on this worker and store it; a shard that is there already is not computed again.
+
+    ``solutions`` are those of the blocks that its cases are compared with.
 
     Raises
     ------
@@ -118,7 +138,9 @@ def run_task(session: Session, task: SmallTask) -> Stored:
     """
     number, segments = task
     with _single_threaded_blas().limit(limits=1, user_api="blas"):
-        return store_task(_job(session), Task(number, tuple(Segment(*s) for s in segments), 0.0, 0))
+        job = _job(session)
+        known = solutions_of(job.grid, zip(blocks, solutions, strict=True))
+        return store_task(job, Task(number, tuple(Segment(*s) for s in segments), 0.0, 0), known)
 
 
 def _job(session: Session) -> Job:
