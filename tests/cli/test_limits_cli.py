@@ -24,7 +24,7 @@ def test_the_command_answers(steady: Path, options: tuple[str, ...], status: int
     told = CliRunner().invoke(app, ["limits", str(steady), *options, "--json"])
     assert told.exit_code == status, told.output
     answer = json.loads(told.output)
-    assert set(answer) == {"limits", "cases", "within"}
+    assert set(answer) == {"limits", "branches", "cases", "within"}
     assert (answer["within"] > 0) == (status == 0)
     assert {"axis", "from", "to", "next", "limited_by", "at"} == set(answer["limits"][0])
 

@@ -42,12 +42,13 @@ def limits(
                 print_error(f"{archive}: {error}")
                 raise typer.Exit(WRONG) from None
             lines = [limit_sentence(limit, dataset, bounds) for limit in found.limits]
+            if len(found.branches) > 1:
+                lines += [limit_sentence(limit, dataset, bounds, of_branch=True) for limit in found.branches]
         if as_json:
-            entries = [dataclasses.asdict(limit) for limit in found.limits]
-            named = [
-                {{"start": "from", "stop": "to"}.get(key, key): value for key, value in e.items()} for e in entries
-            ]
-            write_json({"limits": named, "cases": found.cases, "within": found.within}, indent=2)
+            answer = dataclasses.asdict(found)
+            for limit in (*answer["limits"], *answer["branches"]):
+                limit["from"], limit["to"] = limit.pop("start"), limit.pop("stop")
+            write_json(answer, indent=2)
         else:
             for line in lines:
                 say(line)
