@@ -17,7 +17,7 @@ import workflow.run._worker as working
 
 
 def _noted(*args: Any) -> Any:
-    segment = args[-1]
+    segment = args[1]
     where = f"{segment.outer} {segment.first}"
     with open(os.environ["WATCHED_NOTES"], "a") as notes:
         notes.write(f"{os.getpid()} {where}\n")

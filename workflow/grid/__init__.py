@@ -5,7 +5,7 @@ from workflow.grid._arrangement import Grid, arrange, fixes_operator, reads
 from workflow.grid._choice import Choice, Decided, choices_text, read_choices
 from workflow.grid._compile import compiled_ahead
 from workflow.grid._conditions import FRICTION, alpha_of
-from workflow.grid._estimate import Time, estimate, measured_run, task_seconds, time_to_compile
+from workflow.grid._estimate import Time, estimate, measured_run, model_seconds, task_seconds, time_to_compile
 from workflow.grid._figures import Figures
 from workflow.grid._frequencies import longest_period_count
 from workflow.grid._identity import case_hashes
@@ -62,6 +62,7 @@ __all__ = [
     "longest_period_count",
     "measured_run",
     "metrics_of",
+    "model_seconds",
     "periods_of",
     "plan",
     "plan_study",

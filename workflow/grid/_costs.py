@@ -71,6 +71,12 @@ def setup_seconds(structure: Structure) -> float:
     return 6e-4 + (1.2e-7 * states**2 if structure.damper is None else 3.5e-9 * states**3)
 
 
+def modes_seconds(structure: Structure) -> float:
+    """Return what modes and the reduction of a full structure cost, of a large one those of few modes."""
+    states = _states(structure)
+    return 5e-3 + 1.2e-7 * min(states, _DENSE) ** 2 + (1e-6 * states if states > _DENSE else 0.0)
+
+
 def growth_seconds(structure: Structure) -> float:
     """Return what the growth rate at one α costs: the eigenvalues of a structure, of a large one those of few modes."""
     states = _states(structure)

@@ -6,9 +6,11 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
+from workflow import schemes
 from workflow.grid import _speed
 from workflow.grid._ahead import kernel_variants
 from workflow.grid._arrangement import Grid
@@ -21,13 +23,15 @@ from workflow.grid._costs import (
     compiling_seconds,
     growth_seconds,
     handling_seconds,
+    modes_seconds,
     setup_seconds,
 )
 from workflow.grid._frequencies import fastest, longest_period_count
-from workflow.grid._operators import reduced_structure
+from workflow.grid._operators import reduced_structure, structure_of
 from workflow.grid._reference import distinct_solutions
 from workflow.grid._reference_solutions import REFERENCE_RUNS
-from workflow.grid._tasks import Task, Units, decides_cost, steady_bytes, tasks
+from workflow.grid._tasks import Task, Units, decides_cost, seconds_per_case, steady_bytes, tasks
+from workflow.kernels.lanes import PACK
 
 MOST_LOOKED_AT = 20_000
 """Cases whose couplings are looked at."""
@@ -78,11 +82,10 @@ def result_bytes(grid: Grid) -> int:
 def estimate(grid: Grid, units: Units, threads: int | None = None) -> Time:
     """Return how long a study will take; ``threads`` is one for each processor where not given."""
     threads, factor = threads or len(os.sched_getaffinity(0)), _speed.factor()
-    seconds = [task.seconds for task in tasks(grid, units)]
-    scale = factor or 1.0
+    scale, seconds = factor or 1.0, [model_seconds(grid, units, task) for task in tasks(grid, units)]
     work = (sum(seconds) + beside_tasks(grid)) * scale
-    cases = grid.outer_count * grid.inner_count
-    beside = beside_seconds(cases, result_bytes(grid)) + LOADING * len(kernel_variants(grid))
+    beside = beside_seconds(grid.outer_count * grid.inner_count, result_bytes(grid))
+    beside += LOADING * len(kernel_variants(grid))
     return Time(
         seconds=max(work / threads, max(seconds) * scale) + beside,
         threads=threads,
@@ -95,12 +98,32 @@ def estimate(grid: Grid, units: Units, threads: int | None = None) -> Time:
 def task_seconds(grid: Grid, units: Units) -> Iterator[tuple[Task, float]]:
     """Yield the tasks of a study in their order, each with the processor seconds it will take on this machine.
 
-    What is shared by tasks, references above all, is spread evenly over their work.
+    What tasks share, references above all, is spread evenly over their work.
     """
-    total = sum(task.seconds for task in tasks(grid, units))
+    total = sum(model_seconds(grid, units, task) for task in tasks(grid, units))
     scale = (1 + beside_tasks(grid) / total) * (_speed.factor() or 1.0)
     for task in tasks(grid, units):
-        yield task, task.seconds * scale
+        yield task, model_seconds(grid, units, task) * scale
+
+
+def model_seconds(grid: Grid, units: Units, task: Task) -> float:
+    """Return the processor seconds of a task by the cost model, without references, operators and growth rates."""
+    model, seconds = grid.study.scene.model, 0.0
+    for segment in task.segments:
+        kind = int(grid.alike(np.array([segment.outer]), lambda path: decides_cost(path, model))[0])
+        seconds += _segment_seconds(grid, units, kind, segment.first, segment.units)
+    return seconds
+
+
+@lru_cache(maxsize=4096)
+def _segment_seconds(grid: Grid, units: Units, outer: int, first: int, count: int) -> float:
+    """Return model seconds of distinct cases, whole packs where the scheme steps those at once, and of handling all."""
+    cell, (inner, _) = grid.settings(outer), units.cases(first, count)
+    distinct = np.unique(grid.canonical_inner(cell, inner)).size
+    padded = -(-distinct // PACK) * PACK if schemes.load(cell.scheme.method).TOGETHER > 1 else distinct
+    histories = len(grid.study.output.histories)
+    handling = handling_seconds(inner.size, grid.sampling.count, histories)
+    return padded * seconds_per_case(grid, outer) + handling
 
 
 def time_to_compile(grid: Grid, threads: int) -> float:
@@ -110,20 +133,23 @@ def time_to_compile(grid: Grid, threads: int) -> float:
 
 
 def beside_tasks(grid: Grid) -> float:
-    """Return model seconds of what tasks do not count: references, operators, growth rates, handling."""
+    """Return model seconds of what tasks share: references, operators, growth rates."""
     return _reference_seconds(grid) + _operator_seconds(grid)
 
 
 def _reference_seconds(grid: Grid) -> float:
+    """Return model seconds of reference solutions, and of exact solutions beside them with their operators."""
     sampling, periods = replace(grid.sampling, balances=False), fastest(grid) * grid.sampling.duration
-    return sum(
-        (1 if is_exact else REFERENCE_RUNS) * count * case_seconds(cell, reduced_structure(cell), sampling, periods)
-        for cell, is_exact, count in distinct_solutions(grid)
-    )
+    seconds = 0.0
+    for cell, is_exact, count in distinct_solutions(grid):
+        structure, runs = reduced_structure(cell), count * (1 if is_exact else REFERENCE_RUNS)
+        seconds += runs * case_seconds(cell, structure, sampling, periods)
+        seconds += setup_seconds(structure) + modes_seconds(structure_of(cell.scene.model, cell.scene.parameters))
+    return seconds
 
 
 def _operator_seconds(grid: Grid) -> float:
-    """Return model seconds of operators, of growth rates at each distinct α of a structure, and of handling."""
+    """Return model seconds of operators, and of growth rates at each distinct α of a structure."""
 
     def matters(path: str) -> bool:
         return path not in ("scheme", "h") and not path.startswith("schemes.")
@@ -138,6 +164,7 @@ def _operator_seconds(grid: Grid) -> float:
         cell = grid.settings(outer)
         structure, alpha = reduced_structure(cell), alpha_of(cell, grid.inner_values(inner), inner.size)
         operators = count * len(grid.places) / structures.size
-        seconds += operators * setup_seconds(structure) + count * np.unique(alpha).size * growth_seconds(structure)
-    histories = len(grid.study.output.histories)
-    return seconds + handling_seconds(grid.outer_count * grid.inner_count, grid.sampling.count, histories)
+        full = structure_of(cell.scene.model, cell.scene.parameters)
+        once = modes_seconds(full) + np.unique(alpha).size * growth_seconds(structure)
+        seconds += operators * setup_seconds(structure) + count * once
+    return seconds

@@ -75,7 +75,9 @@ def store_task(job: Job, task: Task, known: Solutions = _NONE) -> Stored:
         if shard is not None:
             status = stored_status(shard, job.layout)
         else:
-            solved |= {segment: compute_segment(job, segment, known) for _, segment in group if segment not in solved}
+            for _, segment in group:
+                if segment not in solved:
+                    solved[segment] = compute_segment(job, segment, known)
             arrays, messages = _joined(group, solved, job.layout.chunk)
             write_shard(job.parts, task.number, first, arrays, messages, job.layout)
             status = arrays[STATUS]

@@ -9,7 +9,7 @@ from concurrent.futures import Future
 from functools import partial
 from itertools import islice
 
-from workflow.grid import Block, References, ReferenceSolution, Task, compute_block, solutions_of, timed
+from workflow.grid import Block, References, ReferenceSolution, Task, compute_block, model_seconds, solutions_of, timed
 from workflow.run._task import Job, Stored, fresh_cases, fresh_share, store_task
 
 _GRAPH = 512
@@ -38,7 +38,7 @@ def run_on_threads(job: Job, missing: Iterator[Task], stored: Callable[[Stored],
 
     def run_task(task: Task, blocks: dict[Block, Future[list[ReferenceSolution]]]) -> None:
         known = solutions_of(job.grid, [(block, solution.result()) for block, solution in blocks.items()])
-        with timed(task.seconds * fresh_share(job, task)):
+        with timed(model_seconds(job.grid, job.units, task) * fresh_share(job, task)):
             result = store_task(job, task, known)
         stored(result)
 
