@@ -24,7 +24,7 @@ from workflow.models._damping import (
     modal_damping,
     needs_matrices,
 )
-from workflow.models._equilibrium import NoEquilibriumError, static_equilibrium
+from workflow.models._equilibrium import NoEquilibriumError, at_rest, static_equilibrium
 from workflow.models._factors import FACTORISING, MOST_BY_SUPERLU, has_cholmod
 from workflow.models._fill import Fill, LargeFactorsWarning, expected_fill
 from workflow.models._from_matrices import GivenMatrices, UnusableMatricesError, structure_from_matrices
@@ -104,6 +104,7 @@ __all__ = [
     "MOST_BY_SUPERLU",
     "MOST_NODES_WITH_MATRICES",
     "MOST_ONE_BY_ONE",
+    "MOST_REDUCED",
     "NO_HARMONICS",
     "Array",
     "Cases",
@@ -127,6 +128,7 @@ __all__ = [
     "TooManyCoordinatesError",
     "TooManyNodesError",
     "UnusableMatricesError",
+    "at_rest",
     "coupled_damping",
     "couples_free_modes",
     "critical_alpha",
