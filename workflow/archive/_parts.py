@@ -118,7 +118,7 @@ def read_command(parts: str | Path) -> Command | None:
         command = Command(**{**stored, "archive": None if archive is None else tuple(archive)})
         assert command.study
         return command
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         return None
     except OSError as error:
         raise ArchiveError(f"{path}: cannot be read: {reason(error)}") from error
