@@ -120,7 +120,8 @@ class Found:
 
     def and_shards(self, parts: Path, layout: Layout) -> Stored:
         """Return what is stored when shards have been written."""
-        return replace(self, shards=tuple(s for s in find_shards(parts)[0] if not lacking(layout, s.kinds))).stored
+        shards = find_shards(parts, just_written=True)[0]
+        return replace(self, shards=tuple(shard for shard in shards if not lacking(layout, shard.kinds))).stored
 
     def require(self, drop: bool) -> None:
         """Refuse to go on with a run that cannot take what is stored, or would lose some of it.
