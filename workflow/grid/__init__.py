@@ -8,7 +8,7 @@ from workflow.grid._conditions import FRICTION, alpha_of
 from workflow.grid._estimate import Time, estimate, measured_run, model_seconds, task_seconds, time_to_compile
 from workflow.grid._figures import Figures
 from workflow.grid._frequencies import longest_period_count
-from workflow.grid._identity import case_hashes
+from workflow.grid._identity import CaseHashes, case_hashes
 from workflow.grid._operators import reduced_structure, structure_of
 from workflow.grid._perturbation import Perturbation
 from workflow.grid._plan import Plan, plan, plan_study
@@ -24,7 +24,7 @@ from workflow.grid._reference_solutions import (
 from workflow.grid._solve import Solved, metrics_of, periods_of, solve
 from workflow.grid._speed import timed
 from workflow.grid._steady import steady_of
-from workflow.grid._tasks import Segment, Task, Units, bytes_per_case, seconds_per_case, tasks, units_of
+from workflow.grid._tasks import Batch, Task, bytes_per_case, seconds_per_case, tasks
 from workflow.grid._waiting_for import CASES, COMPILING, GATHERING, waited_for, waiting_for
 from workflow.grid._warnings import warning_lines
 
@@ -33,7 +33,9 @@ __all__ = [
     "COMPILING",
     "FRICTION",
     "GATHERING",
+    "Batch",
     "Block",
+    "CaseHashes",
     "Choice",
     "Decided",
     "Figures",
@@ -42,12 +44,10 @@ __all__ = [
     "Plan",
     "ReferenceSolution",
     "References",
-    "Segment",
     "Solutions",
     "Solved",
     "Task",
     "Time",
-    "Units",
     "alpha_of",
     "arrange",
     "bytes_per_case",
@@ -79,7 +79,6 @@ __all__ = [
     "tasks",
     "time_to_compile",
     "timed",
-    "units_of",
     "waited_for",
     "waiting_for",
     "warning_lines",

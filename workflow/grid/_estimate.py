@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -30,7 +31,7 @@ from workflow.grid._frequencies import fastest, longest_period_count
 from workflow.grid._operators import reduced_structure, structure_of
 from workflow.grid._reference import distinct_solutions
 from workflow.grid._reference_solutions import REFERENCE_RUNS
-from workflow.grid._tasks import Task, Units, decides_cost, seconds_per_case, steady_bytes, tasks
+from workflow.grid._tasks import Task, decides_cost, seconds_per_case, steady_bytes, tasks
 from workflow.kernels.lanes import PACK
 
 MOST_LOOKED_AT = 20_000
@@ -79,10 +80,10 @@ def result_bytes(grid: Grid) -> int:
     return grid.outer_count * grid.inner_count * each
 
 
-def estimate(grid: Grid, units: Units, threads: int | None = None) -> Time:
+def estimate(grid: Grid, threads: int | None = None) -> Time:
     """Return how long a study will take; ``threads`` is one for each processor where not given."""
     threads, factor = threads or len(os.sched_getaffinity(0)), _speed.factor()
-    scale, seconds = factor or 1.0, [model_seconds(grid, units, task) for task in tasks(grid, units)]
+    scale, seconds = factor or 1.0, [model_seconds(grid, task) for task in tasks(grid)]
     work = (sum(seconds) + beside_tasks(grid)) * scale
     beside = beside_seconds(grid.outer_count * grid.inner_count, result_bytes(grid))
     beside += LOADING * len(kernel_variants(grid))
@@ -95,34 +96,33 @@ def estimate(grid: Grid, units: Units, threads: int | None = None) -> Time:
     )
 
 
-def task_seconds(grid: Grid, units: Units) -> Iterator[tuple[Task, float]]:
+def task_seconds(grid: Grid) -> Iterator[tuple[Task, float]]:
     """Yield the tasks of a study in their order, each with the processor seconds it will take on this machine.
 
     What tasks share, references above all, is spread evenly over their work.
     """
-    total = sum(model_seconds(grid, units, task) for task in tasks(grid, units))
+    total = sum(model_seconds(grid, task) for task in tasks(grid))
     scale = (1 + beside_tasks(grid) / total) * (_speed.factor() or 1.0)
-    for task in tasks(grid, units):
-        yield task, model_seconds(grid, units, task) * scale
+    for task in tasks(grid):
+        yield task, model_seconds(grid, task) * scale
 
 
-def model_seconds(grid: Grid, units: Units, task: Task) -> float:
+def model_seconds(grid: Grid, task: Task) -> float:
     """Return the processor seconds of a task by the cost model, without references, operators and growth rates."""
     model, seconds = grid.study.scene.model, 0.0
-    for segment in task.segments:
-        kind = int(grid.alike(np.array([segment.outer]), lambda path: decides_cost(path, model))[0])
-        seconds += _segment_seconds(grid, units, kind, segment.first, segment.units)
+    for batch in task.batches:
+        kind = int(grid.alike(np.array([batch.outer]), lambda path: decides_cost(path, model))[0])
+        seconds += _batch_seconds(grid, kind, batch.inner.size)
     return seconds
 
 
 @lru_cache(maxsize=4096)
-def _segment_seconds(grid: Grid, units: Units, outer: int, first: int, count: int) -> float:
-    """Return model seconds of distinct cases, whole packs where the scheme steps those at once, and of handling all."""
-    cell, (inner, _) = grid.settings(outer), units.cases(first, count)
-    distinct = np.unique(grid.canonical_inner(cell, inner)).size
+def _batch_seconds(grid: Grid, outer: int, count: int) -> float:
+    """Return model seconds of so many cases: the distinct ones are stepped, where a scheme has packs whole ones."""
+    cell = grid.settings(outer)
+    distinct = math.ceil(count * grid.distinct_inner(cell) / grid.inner_count)
     padded = -(-distinct // PACK) * PACK if schemes.load(cell.scheme.method).TOGETHER > 1 else distinct
-    histories = len(grid.study.output.histories)
-    handling = handling_seconds(inner.size, grid.sampling.count, histories)
+    handling = handling_seconds(count, grid.sampling.count, len(grid.study.output.histories))
     return padded * seconds_per_case(grid, outer) + handling
 
 

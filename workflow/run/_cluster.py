@@ -16,8 +16,8 @@ from typing import Any
 
 from workflow.archive import study_key
 from workflow.grid import Block, References, Task
-from workflow.run._task import Job, Stored, fresh_cases, store_lost
-from workflow.run._worker import ClusterError, Session, join, run_block, run_task, small, software, unshared
+from workflow.run._task import Job, Stored, store_lost
+from workflow.run._worker import ClusterError, Session, join, run_block, run_task, software, unshared
 
 _IN_FLIGHT = 512
 """Tasks that the scheduler knows of at a time, so that the graph of a large study is never there at
@@ -176,13 +176,13 @@ def _results(
 
     def submit(number: int) -> None:
         for task in islice(tasks, number):
-            blocks = references.blocks_of(fresh_cases(job, task))
+            blocks = references.blocks_of(task.batches)
             for block in blocks:
                 if block not in solutions:
                     key = f"{name}-reference-{block.number}"
                     solutions[block] = client.submit(run_block, session, block, key=key, pure=False)
             needed, key = [solutions[block] for block in blocks], f"{name}-{task.number}"
-            future = client.submit(run_task, session, small(task), blocks, needed, key=key, pure=False)
+            future = client.submit(run_task, session, task, blocks, needed, key=key, pure=False)
             under_way[future.key] = task
             future.add_done_callback(ended.put)
             for block in [block for block in solutions if not references.holds(block)]:

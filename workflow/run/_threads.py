@@ -10,7 +10,7 @@ from functools import partial
 from itertools import islice
 
 from workflow.grid import Block, References, ReferenceSolution, Task, compute_block, model_seconds, solutions_of, timed
-from workflow.run._task import Job, Stored, fresh_cases, fresh_share, store_task
+from workflow.run._task import Job, Stored, store_task
 
 _GRAPH = 512
 """Tasks given to dask at a time, so that the graph of a large study is never there at once."""
@@ -38,12 +38,12 @@ def run_on_threads(job: Job, missing: Iterator[Task], stored: Callable[[Stored],
 
     def run_task(task: Task, blocks: dict[Block, Future[list[ReferenceSolution]]]) -> None:
         known = solutions_of(job.grid, [(block, solution.result()) for block, solution in blocks.items()])
-        with timed(model_seconds(job.grid, job.units, task) * fresh_share(job, task)):
+        with timed(model_seconds(job.grid, task)):
             result = store_task(job, task, known)
         stored(result)
 
     def plan(task: Task) -> None:
-        blocks = references.blocks_of(fresh_cases(job, task))
+        blocks = references.blocks_of(task.batches)
         for block in blocks:
             if block not in solved:
                 solved[block] = Future()
