@@ -23,7 +23,7 @@ from workflow.archive import (
     statuses,
     study_key,
 )
-from workflow.grid import CASES, GATHERING, arrange, compiling, measured_run, waiting_for
+from workflow.grid import CASES, GATHERING, arrange, compiled_ahead, kernel_variants, measured_run, waiting_for
 from workflow.run._notebook import in_notebook, notebook_line
 from workflow.run._outcome import Outcome, summarise
 from workflow.run._prepare import Prepared, prepare
@@ -102,7 +102,7 @@ def run_study(
 
 def _run(study: Study, archive: Path, where: Where, reuse: Reuse, progress: Progress | None) -> Outcome:
     """Run what is missing of a study, as :func:`run_study`."""
-    begun, processor_begun = time.perf_counter(), time.process_time()
+    begun = time.perf_counter()
     parts = parts_of(archive)
     if archive.exists() and not _has_work(study, archive, reuse):
         if parts.exists():  # of a run that was killed between its last two steps
@@ -115,8 +115,8 @@ def _run(study: Study, archive: Path, where: Where, reuse: Reuse, progress: Prog
     with (
         runner(where) as run_tasks,
         holding(parts),
-        compiling(grid, where.computing - 1 if where.here else 0),
-        measured_run(grid, processor_begun, where.here),
+        compiled_ahead(kernel_variants(grid) if where.here and where.computing > 1 else []),
+        measured_run(where.here),
     ):
         prepared = prepare(grid, archive, reuse, where.here)
         job, missing = prepared.job, prepared.missing
