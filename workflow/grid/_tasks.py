@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,8 +50,7 @@ BATCH_SECONDS = 0.025
 """Work of a batch that is short enough for the last tasks of a run."""
 
 
-@dataclass(frozen=True, eq=False)
-class Batch:
+class Batch(NamedTuple):
     """Cases that share their operators: those of one outer index, with their inner indices, ``(case,)``."""
 
     outer: int
