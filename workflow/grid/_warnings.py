@@ -17,6 +17,7 @@ from workflow.grid._operators import Reduced, model_on, reduced, reduced_structu
 from workflow.grid._scene_cautions import basis_text, cautions_of_scene
 from workflow.judges.cautions import FEW, FreeModes, Step, StepCaution, free_modes, listed, step_cautions
 from workflow.judges.reasons import reason_of
+from workflow.judges.trials import EXACT
 from workflow.study import Cell
 
 _REPEATED = 10
@@ -38,7 +39,9 @@ def warnings(grid: Grid) -> tuple[str, ...]:
     cells = [grid.settings(outer) for outer in looked_at(computed)]
     cautions = [caution for cell in cells for caution in _cautions(grid, cell)]
     steps = _sentences(cautions, len(set(map(basis_text, cells))))
-    told = (*idle, *choice_cautions(grid), *cautions_of_scene(grid), *steps)
+    lacks_exact = grid.study.output.steady is not None and all(choice.method != EXACT for choice in choices)
+    steady = (f"no scheme of this study is {EXACT}, which alone has steady rubs",) if lacks_exact else ()
+    told = (*idle, *steady, *choice_cautions(grid), *cautions_of_scene(grid), *steps)
     return tuple(dict.fromkeys(told))
 
 

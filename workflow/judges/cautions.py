@@ -44,6 +44,9 @@ _COARSE = 20
 FEW = 6
 """Amounts that are named one by one."""
 
+_FAR = 100
+"""Gaps that a load may move the tip by in a scene as meant: a rub takes a few."""
+
 _RINGS = 0.9
 """What a step leaves of a disturbance of a tip without mass, from which on it rings."""
 
@@ -60,6 +63,7 @@ def scene_cautions(
         cases = at_rest(structure, cases) if is_static else cases
     except NoEquilibriumError:
         return  # its cases fail and say so
+    yield from _far(structure, cases)
     with np.errstate(all="ignore"):
         yield from _clear(cases, free_reach(structure, cases, duration))
     yield from _jams(structure, cases)
@@ -82,6 +86,18 @@ def _from_files(structure: Structure, cases: Cases) -> Iterator[str]:
                 f"`stiffness` holds the tip's static stiffness to about {lost:.1g}: entries that are far larger are "
                 "rounded in the file; join what near-rigid links hold together, or make them softer"
             )
+
+
+def _far(structure: Structure, cases: Cases) -> Iterator[str]:
+    """Yield that the load at the tip, were it constant, would move the tip by :data:`_FAR` gaps."""
+    moved = tip_flexibility(structure) * (np.abs(cases.mean) + np.abs(cases.amplitude))
+    far = np.isfinite(moved) & (moved > _FAR * cases.gap) & (cases.gap > 0)
+    if structure.load is None and np.any(far):
+        k = int(np.argmax(np.where(far, moved, 0.0)))
+        yield (
+            f"the load alone would move the tip by {moved[k]:.3g} m, over a gap of {cases.gap[k]:.3g} m: "
+            "check the units of stiffness and load"
+        )
 
 
 def _clear(cases: Cases, reach: Array) -> Iterator[str]:
@@ -195,8 +211,7 @@ def step_cautions(step: Step) -> Iterator[StepCaution]:
     if scheme.contact_limit is not None:
         limit = min(scheme.contact_limit(step.structure, step.options, coefficient) for coefficient in step.friction)
         if h > limit:
-            measured = f"{limit_text(limit)} s (measured with contact that comes and goes)"
-            yield StepCaution("grows in contact, which is stable only up to", measured, -limit)
+            yield StepCaution("is unstable in contact above a step of", f"{limit_text(limit)} s", -limit)
     yield from _numerical_damping(scheme, step)
     if step.frequency * h * _COARSE > 1:
         yield StepCaution("takes few steps per load period,", f"{1 / (step.frequency * h):.3g}", step.frequency * h)

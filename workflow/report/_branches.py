@@ -1,4 +1,4 @@
-"""The section of a report that draws branches of steady rubs."""
+"""What a report says of steady rubs: in which ranges they keep within limits, and the branches that were followed."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from workflow.analysis import followed_axis
+from workflow.analysis import NothingSteadyError, followed_axis, limit_sentence, limits
 from workflow.plots import branch_explorer, branches
 from workflow.report._explorer import Interactive, figure_place, library
-from workflow.report._html import block, image, tag
+from workflow.report._html import block, image, prose, tag
 from workflow.report._sections import Drawn, any_ok
 
 if TYPE_CHECKING:
@@ -28,6 +28,17 @@ def along_branches(dataset: xr.Dataset) -> Drawn:
     pictures = [image(branches(dataset, name), f"{name.replace('_', ' ')} along the branches") for name in names]
     body: list[str] = [tag("h2", "Branches"), tag("p", about, kind="muted"), tag("div", *pictures, kind="panels")]
     return Drawn(body, branches(dataset, names[0]))
+
+
+def where_it_settles(dataset: xr.Dataset) -> list[str]:
+    """Say in which range of each axis every rub settles, as ``workflow limits`` without bounds."""
+    try:
+        found = limits(dataset)
+    except NothingSteadyError:
+        return []
+    sentences = [tag("p", prose(limit_sentence(limit, dataset, {})), kind="quoted") for limit in found.limits]
+    count = tag("p", f"{found.within} of {found.cases} settle, stay in contact or touch nothing.")
+    return [tag("section", tag("h2", "Where it settles"), *sentences, count, kind="answer")]
 
 
 def interactive_branches(dataset: xr.Dataset) -> Interactive:
