@@ -11,10 +11,18 @@ from scipy.optimize import brentq
 
 from workflow.models import Array
 from workflow.orbits._curve import Curve, Point, Problem
-from workflow.orbits._options import NO_CONTACT, PERMANENT_CONTACT, SETTLES, UNSTABLE, Options
 from workflow.orbits._orbit import Orbit, Scale, scale_of
-from workflow.orbits._rubs import blank, fill
-from workflow.orbits._settle import Settled, settle
+from workflow.orbits._rubs import tabulated
+from workflow.orbits._settle import (
+    NO_CONTACT,
+    NOT_FOUND,
+    PERMANENT_CONTACT,
+    SETTLES,
+    UNSTABLE,
+    Options,
+    Settled,
+    settle,
+)
 from workflow.schemes._exact.record import TOUCH
 
 BIFURCATIONS = ("none", "fold", "period_doubling", "torus", "grazing")
@@ -51,25 +59,29 @@ def branch(
     ``not_found`` and ``bifurcation`` ``none``. Without any point all is so, and the message, which begins with
     ``steady:``, says why.
     """
-    values = blank(points, options.samples)
-    values["value"], values["bifurcation"] = np.full(points, np.nan), np.zeros(points, dtype=np.int8)
     curve = Curve(problem, start, stop, duration)
     first = _first(curve, options)
-    if first is None:
-        return values, f"steady: no periodic rub was found at {start:g}, at {stop:g} or between"
+    found, flags = _flagged(curve, first, points) if first is not None else ([], np.zeros(0, dtype=np.int8))
+    beyond, none = points - len(found), Settled(NOT_FOUND)
+    values = tabulated(
+        [*(Settled(_state(point), "", point.orbit) for point in found), *beyond * [none]], options.samples
+    )
+    values["value"] = np.pad([curve.value(point.q) for point in found], (0, beyond), constant_values=np.nan)
+    values["bifurcation"] = np.pad(flags, (0, beyond))
+    return values, "" if found else f"steady: no periodic rub was found at {start:g}, at {stop:g} or between"
+
+
+def _flagged(curve: Curve, first: Point, count: int) -> tuple[list[Point], NDArray[np.int8]]:
+    """Return at most ``count`` points of the branch through one, in order of arclength, and their bifurcations."""
     behind, back = _followed(curve, _reversed(first))
     ahead, end = _followed(curve, first)
-    turned = [_reversed(point) for point in reversed(behind)]
-    found = _placed(curve, [*turned, *ahead[1:]], points)
+    found = _placed(curve, [*map(_reversed, reversed(behind)), *ahead[1:]], count)
     flags = np.zeros(len(found), dtype=np.int8)
     _locate(curve, found, flags)
     order = np.argsort([point.place for point in found], kind="stable")
     found, flags = [found[i] for i in order], flags[order]
     flags[0], flags[-1] = flags[0] or back, flags[-1] or end
-    for i, point in enumerate(found):
-        values["value"][i], values["bifurcation"][i] = curve.value(point.q), flags[i]
-        fill(values, i, Settled(_state(point), "", point.orbit))
-    return values, ""
+    return found, flags
 
 
 def _reversed(point: Point) -> Point:

@@ -9,7 +9,7 @@ import numpy as np
 
 from workflow.models import Array, Cases, Structure
 from workflow.orbits._flow import BUDGET, Flow
-from workflow.orbits._orbit import RESIDUAL, Orbit, Scale
+from workflow.orbits._orbit import RESIDUAL, Orbit, Scale, longest
 from workflow.schemes._exact.batch import heat_acts, make_operator
 from workflow.schemes._exact.held_regime import HeldRegimes
 
@@ -150,22 +150,18 @@ class Curve:
         return tangent / length, row / length
 
     def _slope(self, w: Array, q: float, phase: float, orbit: Orbit) -> Array | None:
-        """Return the derivative of the map by q, of differences to both sides or to one."""
-        sides: list[float] = []
-        images: list[Array] = []
-        for side in (-_DIFFERENCE, _DIFFERENCE, 0.0):
-            if len(sides) == 2:
-                break
-            if not 0 <= q + side <= 1:
-                continue
-            flow = self.flow(q + side)
+        """Return the derivative of the map by q, of a difference to within the range."""
+        side = _DIFFERENCE if q < 0.5 else -_DIFFERENCE
+        images = []
+        for at in (q, q + side):
+            flow = self.flow(at)
             out, into = self._charts(flow)
             span = orbit.order * flow.period
             course = flow.march(into @ w, orbit.course.was_held, phase * flow.period, span, kept=0)
-            if course.repeats:
-                sides.append(side)
-                images.append(out @ course.X)
-        return np.asarray((images[1] - images[0]) / (sides[1] - sides[0])) if len(sides) == 2 else None
+            if not course.repeats:
+                return None
+            images.append(out @ course.X)
+        return np.asarray((images[1] - images[0]) / side)
 
     def _charts(self, flow: Flow) -> tuple[Array, Array]:
         """Return w per X and X per w.
@@ -191,33 +187,18 @@ class Curve:
 
     def rephased(self, point: Point) -> Point:
         """Return a point at the phase in the middle of its longest flight or contact, if an event came near its own."""
-        orbit, flow = point.orbit, point.orbit.flow
-        times, span = orbit.course.times, orbit.course.span
-        if not times.size:
+        orbit, flow, course = point.orbit, point.orbit.flow, point.orbit.course
+        lengths = np.diff(np.append(course.times, course.times[:1] + course.span))
+        if not lengths.size or min(course.times[0], course.span - course.times[-1]) > _NEAR_EVENT * lengths.max():
             return point
-        around = np.append(times, times[0] + span)
-        lengths = np.diff(around)
-        longest = int(np.argmax(lengths))
-        if min(times[0], span - times[-1]) > _NEAR_EVENT * lengths[longest]:
+        out, into = self._charts(flow)
+        part = flow.march(course.start, course.was_held, course.begin, longest(course))
+        phase = (point.phase + part.span / flow.period) % 1.0
+        course = flow.march(part.X, part.contact, phase * flow.period, course.span)
+        moved, w = replace(orbit, course=course, D=flow.derivative(course)), out @ part.X
+        slope = self._slope(w, point.q, phase, moved)
+        if slope is None or not course.repeats:
             return point
-        later = 0.5 * (around[longest] + around[longest + 1]) / flow.period  # in T
-        moved_to: list[Array] = []
-        for side in (0.0, -_DIFFERENCE, _DIFFERENCE):
-            u = point.u + side * point.tangent
-            at = self.flow(u[-1])
-            out, into = self._charts(at)
-            T, begin = at.period, point.phase * at.period
-            course = at.march(into @ u[:-1], orbit.course.was_held, begin, later * T)
-            moved_to.append(out @ course.X)
-            if side == 0.0:
-                X, held = course.X, course.contact
-        phase = (point.phase + later) % 1.0
-        flow = self.flow(point.q)
-        course = flow.march(X, held, phase * flow.period, span)
-        moved = replace(orbit, flow=flow, course=course, D=flow.derivative(course))
-        slope = self._slope(moved_to[0], point.q, phase, moved)
-        along = np.append((moved_to[2] - moved_to[1]) / (2 * _DIFFERENCE), point.tangent[-1])
-        if slope is None or not (course.repeats and np.isfinite(along).all()):
-            return point
+        along = np.append(out @ flow.derivative(part) @ into @ point.tangent[:-1], point.tangent[-1])
         tangent, row = self._tangent(moved, slope, along)
-        return replace(point, w=moved_to[0], phase=phase, orbit=moved, slope=slope, tangent=tangent, row=row)
+        return replace(point, w=w, phase=phase, orbit=moved, slope=slope, tangent=tangent, row=row)

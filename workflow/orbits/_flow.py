@@ -75,13 +75,13 @@ class Flow:
     @cached_property
     def free(self) -> Linear:
         """The tip free."""
-        return linear(self.operator.basis.free, 0.0, self.start.size > 2 * self.modes)
+        return linear(self.operator.basis.free, 0.0, self.is_heated)
 
     @cached_property
     def held(self) -> Linear:
         """The tip held."""
         system = self.operator.basis.held.sliding(float(self.cases.friction[0]))
-        return linear(system, self.alpha, self.start.size > 2 * self.modes)
+        return linear(system, self.alpha, self.is_heated)
 
     def parts(self, X: Array) -> tuple[Array, Array, Array]:
         """Return displacements, velocities and temperatures of the structure's coordinates, ``(…, coordinate)``."""
@@ -95,6 +95,22 @@ class Flow:
     def growth_by_heat(self, X: Array) -> float:
         """Return the quasi-static tip growth of a state, m."""
         return float(self.operator.basis.closing[: X.size - 2 * self.modes] @ X[2 * self.modes :])
+
+    @property
+    def is_heated(self) -> bool:
+        """Whether it has thermal states."""
+        return self.start.size > 2 * self.modes
+
+    def balanced(self, X: Array, force: float) -> Array:
+        """Return a state with the mean temperatures that a mean contact force λ [N] keeps, µ τ = χᵀq + α χ_n λ.
+
+        A thermal mode that loses no heat keeps its own.
+        """
+        free, size = self.operator.basis.free, X.size - 2 * self.modes
+        sources = free.heat_shapes.T @ self.load.heating + self.alpha * free.heat_tip * force
+        kept = X.copy()
+        np.divide(sources[:size], free.rate[:size], out=kept[2 * self.modes :], where=free.rate[:size] > 0)
+        return kept
 
     @property
     def reach(self) -> float:

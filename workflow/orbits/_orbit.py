@@ -73,6 +73,14 @@ def scale_of(flow: Flow, courses: list[Course]) -> Scale:
     return Scale(x or 1.0, max(v, x / flow.period) or 1.0, theta or 1.0)
 
 
+def longest(course: Course, *, flights: bool = False) -> float:
+    """Return the time after its begin in the middle of the longest flight, or contact, of a course, s."""
+    ends, held = course.stretches
+    lengths = np.where(held & flights, -1.0, np.diff(ends))
+    place = int(np.argmax(lengths))
+    return float(0.5 * (ends[place] + ends[place + 1]))
+
+
 def newton(flow: Flow, X: Array, contact: bool, begin: float, order: int, scale: Scale) -> Orbit | None:
     """Return the orbit of order k near X at ``begin`` by damped steps of Newton's method; ``None`` where they fail.
 
