@@ -28,8 +28,8 @@ from workflow.grid._waiting_for import TRIALS, waiting_for
 from workflow.judges.distances import relative_distance
 from workflow.kernels.algebra import MOST_BY_JACOBI
 from workflow.models import Chain, Structure
-from workflow.models._sparse import MOST_REDUCED
-from workflow.models._tip_held import MOST_ONE_BY_ONE
+from workflow.models._chain_pair import MOST_ONE_BY_ONE
+from workflow.models._sparse_pair import MOST_REDUCED
 from workflow.schemes import Results, Status
 
 _FIRST = (12, 6)

@@ -23,7 +23,6 @@ from workflow.models import (
     static_tip_growth,
     tip_flexibility,
 )
-from workflow.models._tip_held import thermal_constraint
 from workflow.reduction import DEFAULT
 from workflow.study import Cell
 
@@ -80,7 +79,7 @@ def _scenes(grid: Grid) -> Iterator[str]:
 
 def _from_files(structure: Structure, cases: Cases) -> Iterator[str]:
     """Yield what matrices of a file may hold otherwise than meant: which way heat moves the tip, and its stiffness."""
-    shares = static_tip_growth(structure) * thermal_constraint(structure)[0]
+    shares = static_tip_growth(structure) * structure.thermal.constraint
     closing = float(shares.sum())
     if cases.alpha.max() > 0 and closing < -_CANCELLED * np.abs(shares).max():
         yield (

@@ -25,7 +25,7 @@ from workflow.grid._reason import reason_of
 from workflow.judges.distances import relative_distance
 from workflow.kernels.algebra import MOST_BY_JACOBI
 from workflow.models import Array, Cases, Structure, mechanical_modes
-from workflow.models._tip_held import MOST_ONE_BY_ONE
+from workflow.models._chain_pair import MOST_ONE_BY_ONE
 from workflow.reduction import Reduction, reduce_structure
 from workflow.reduction._transfer import Excitation, least_counts
 from workflow.schemes import Results, Sampling, Status

@@ -13,7 +13,8 @@ from workflow import registry
 from workflow.kernels import Array
 from workflow.models._bounds import free_reach
 from workflow.models._cases import Cases, distinct_rows, project
-from workflow.models._chain import MOST_NODES_WITH_MATRICES, Chain, TooManyNodesError
+from workflow.models._chain import Chain
+from workflow.models._chain_pair import MOST_NODES_WITH_MATRICES, MOST_ONE_BY_ONE, TooManyNodesError
 from workflow.models._damping import (
     CoupledDampingError,
     coupled_damping,
@@ -30,21 +31,15 @@ from workflow.models._fill import Fill, LargeFactorsWarning, expected_fill
 from workflow.models._from_matrices import GivenMatrices, UnusableMatricesError, structure_from_matrices
 from workflow.models._growth import Growth, InContact, growth, growth_rate, in_contact
 from workflow.models._harmonics import NO_HARMONICS, Harmonics
-from workflow.models._long_chain import frequency_range, mechanical_path, rate_range, thermal_path
-from workflow.models._modes import Modes, mechanical_modes, modal_coupling, poles, thermal_modes
+from workflow.models._modes import mechanical_modes, modal_coupling, poles, thermal_modes
+from workflow.models._pair import Modes, Pair
 from workflow.models._runaway import critical_alpha, static_tip_growth, tip_flexibility
 from workflow.models._sliding import CriticalFriction, critical_friction, directions
-from workflow.models._sparse import MOST_REDUCED, Sparse, TooManyCoordinatesError
+from workflow.models._sparse import Sparse
 from workflow.models._sparse_from_matrices import structure_from_sparse
-from workflow.models._spectrum import frequencies, rates
-from workflow.models._static import (
-    growth_at_once,
-    rounding_of_flexibility,
-    static_displacements,
-    static_temperatures,
-)
+from workflow.models._sparse_pair import MOST_REDUCED, TooManyCoordinatesError
+from workflow.models._static import frequencies, growth_at_once, rates, rounding_of_flexibility
 from workflow.models._structure import Coordinates, Matrices, Rayleigh, Structure
-from workflow.models._tip_held import MOST_ONE_BY_ONE
 from workflow.models._write_matrices import write_matrices
 
 
@@ -121,6 +116,7 @@ __all__ = [
     "Model",
     "Modes",
     "NoEquilibriumError",
+    "Pair",
     "Rayleigh",
     "Sparse",
     "Structure",
@@ -138,7 +134,6 @@ __all__ = [
     "free_damping",
     "free_reach",
     "frequencies",
-    "frequency_range",
     "growth",
     "growth_at_once",
     "growth_rate",
@@ -148,7 +143,6 @@ __all__ = [
     "is_rayleigh",
     "load",
     "mechanical_modes",
-    "mechanical_path",
     "modal_coupling",
     "modal_damping",
     "most_modes",
@@ -156,18 +150,14 @@ __all__ = [
     "needs_matrices",
     "poles",
     "project",
-    "rate_range",
     "rates",
     "rounding_of_flexibility",
     "sizes",
-    "static_displacements",
     "static_equilibrium",
-    "static_temperatures",
     "static_tip_growth",
     "structure_from_matrices",
     "structure_from_sparse",
     "thermal_modes",
-    "thermal_path",
     "tip_flexibility",
     "write_matrices",
 ]

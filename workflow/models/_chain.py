@@ -8,22 +8,10 @@ from functools import cached_property
 import numpy as np
 
 from workflow.kernels import Array
+from workflow.models._chain_pair import MOST_NODES_WITH_MATRICES, ChainPair
 from workflow.models._structure import Matrices, Rayleigh, Structure
 
 MOST_NODES = 200_000
-
-MOST_NODES_WITH_MATRICES = 2000
-"""Above, a chain has no matrices: one of them would hold 32 MB and more, its modes take a minute."""
-
-
-class TooManyNodesError(ValueError):
-    """A chain is too long for what would be built of n x n matrices."""
-
-    def __init__(self, nodes: int):
-        super().__init__(
-            f"a chain of {nodes} nodes cannot be kept full (at most {MOST_NODES_WITH_MATRICES} can): "
-            "write counts of modes, or `auto` with a `tolerance`"
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +39,16 @@ class Chain(Structure):
     conduction: Array
     convection: Array
     damping: Rayleigh = field(default_factory=Rayleigh)
+
+    @cached_property
+    def mechanical(self) -> ChainPair:  # type: ignore[override]
+        """K1 and M."""
+        return ChainPair(self.springs, self.masses)
+
+    @cached_property
+    def thermal(self) -> ChainPair:  # type: ignore[override]
+        """K2 and C2."""
+        return ChainPair(self.conduction, self.heat_capacities, self.convection)
 
     @property
     def has_matrices(self) -> bool:
@@ -83,59 +81,30 @@ class Chain(Structure):
         names = set(Matrices.__dataclass_fields__) - {"tip_growth", "load", "damper", "coordinates"}
         return Matrices(**{name: getattr(self, name) for name in names})
 
-    def _shifted(self, offset: int) -> Array:
-        if not self.has_matrices:
-            raise TooManyNodesError(self.mechanical_size)
-        return np.eye(self.mechanical_size, k=offset)
-
-    @cached_property
+    @property
     def mass(self) -> Array:  # type: ignore[override]
         """M, kg."""
-        return self._shifted(0) * self.masses
+        return self.mechanical.dense.inertia
 
-    @cached_property
+    @property
     def elongation(self) -> Array:  # type: ignore[override]
         """Elongation of each spring per displacement."""
-        return self._shifted(0) - self._shifted(-1)
+        return self.mechanical.dense.deformation
 
     @cached_property
     def expansion(self) -> Array:  # type: ignore[override]
         """Free thermal elongation of each spring, at the mean temperature of its ends, m/K."""
-        return self.free_expansion[:, None] * ((self._shifted(0) + self._shifted(-1)) / 2)
+        return self.free_expansion[:, None] * (np.abs(self.elongation) / 2)
 
     @property
-    def stiffness_matrix(self) -> Array:
-        """K1, N/m."""
-        return self._tridiagonal(self.springs, np.zeros(self.mechanical_size))
-
-    @property
-    def coupling_matrix(self) -> Array:
-        """K12, N/K: N_i contains -k_i a ℓ_i (θ_{i-1} + θ_i)/2, and K12 θ is N_i - N_{i+1} at node i."""
-        half = self.springs * self.free_expansion / 2
-        beyond = np.append(half[1:], 0.0)
-        matrix = self._shifted(0) * (beyond - half)
-        matrix += self._shifted(1) * np.append(0.0, half[1:]) - (self._shifted(1) * np.append(0.0, half[1:])).T
-        return matrix
-
-    @property
-    def conductance_matrix(self) -> Array:
-        """K2, W/K."""
-        return self._tridiagonal(self.conduction, self.convection)
-
-    def _tridiagonal(self, joints: Array, grounds: Array) -> Array:
-        """Return the matrix of joints between neighbours (the first to the root) and of grounds."""
-        beside = self._shifted(1) * np.append(0.0, joints[1:])
-        return np.asarray(self._shifted(0) * (joints + np.append(joints[1:], 0.0) + grounds) - beside - beside.T)
-
-    @cached_property
     def heat_capacity(self) -> Array:  # type: ignore[override]
         """C2, J/K."""
-        return self._shifted(0) * self.heat_capacities
+        return self.thermal.dense.inertia
 
-    @cached_property
+    @property
     def difference(self) -> Array:  # type: ignore[override]
         """Temperature difference across each conductor: springs, then surroundings."""
-        return np.concatenate([self.elongation, self._shifted(0)])
+        return self.thermal.dense.deformation
 
     @property
     def conductors(self) -> Array:  # type: ignore[override]
@@ -146,19 +115,6 @@ class Chain(Structure):
     def even_rise(self) -> Array:  # type: ignore[override]
         """1 at each node."""
         return np.ones(self.mechanical_size)
-
-    def last(self, count: int) -> Chain:
-        """Return the chain of the last ``count`` nodes, clamped and cold at the node before them."""
-        own = slice(max(self.mechanical_size - count, 0), None)
-        return Chain(
-            masses=self.masses[own],
-            springs=self.springs[own],
-            free_expansion=self.free_expansion[own],
-            heat_capacities=self.heat_capacities[own],
-            conduction=self.conduction[own],
-            convection=self.convection[own],
-            damping=self.damping,
-        )
 
     def elongations(self, displacements: Array) -> Array:
         """Return x_i - x_{i-1}, m, ``(spring, …)``, for displacements ``(node, …)``."""

@@ -6,31 +6,6 @@ import numpy as np
 
 from workflow.kernels import Array
 from workflow.models._chain import Chain
-from workflow.models._path import Path
-
-
-def mechanical_path(chain: Chain) -> Path:
-    """Return K1 as a path."""
-    return Path(np.zeros(chain.mechanical_size), chain.springs)
-
-
-def thermal_path(chain: Chain) -> Path:
-    """Return K2 as a path."""
-    return Path(chain.convection, chain.conduction)
-
-
-def frequency_range(chain: Chain) -> Array:
-    """Return the lowest and the highest ω, rad/s; 0 for a body that a broken spring sets free."""
-    path, n = mechanical_path(chain), chain.mechanical_size
-    ends = [path.value(chain.masses, k) for k in (0, n - 1)]
-    return np.array(ends if np.all(chain.springs > 0) else [0.0, ends[1]])
-
-
-def rate_range(chain: Chain) -> Array:
-    """Return the lowest and the highest μ, 1/s; 0 where some part keeps its heat."""
-    path, n = thermal_path(chain), chain.thermal_size
-    ends = [path.value(chain.heat_capacities, k) ** 2 for k in (0, n - 1)]
-    return np.array(ends if np.all(path.pivots() > 0) else [0.0, ends[1]])
 
 
 def tip_flexibility(chain: Chain) -> float:
@@ -59,7 +34,7 @@ def critical_alpha(chain: Chain) -> float:
     """Return α_c = S/β, m/s; ``inf`` where heat at the tip does not push it out, 0 where it stays."""
     if np.any(chain.springs == 0):
         return float("inf")
-    growth, path = static_tip_growth(chain), thermal_path(chain)
+    growth, path = static_tip_growth(chain), chain.thermal.path
     tip = np.zeros(chain.thermal_size)
     tip[-1] = 1.0
     temperature = path.solve(tip)
@@ -72,12 +47,12 @@ def critical_alpha(chain: Chain) -> float:
 
 def static_equilibrium(chain: Chain, load: Array, heating: Array, gap: float) -> tuple[Array | None, Array | None]:
     """Return displacement and temperature at rest, casing included, each ``None`` where there is none."""
-    temperature = thermal_path(chain).solve(heating)
+    temperature = chain.thermal.path.solve(heating)
     if temperature is None:
         return None, None
     thermal = chain.spring_forces(temperature)
     force = load - thermal + np.append(thermal[1:], 0.0)
-    path = mechanical_path(chain)
+    path = chain.mechanical.path
     free = path.solve(force)
     if free is not None and free[-1] <= gap:
         return free, temperature

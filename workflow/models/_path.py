@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from workflow.kernels import Array
-from workflow.models._modes import Modes
+from workflow.models._pair import Modes
 
 _UNBALANCED = 1e-9
 """Load on a part that nothing holds, as a share of all loads, above which it moves for ever: far
@@ -27,7 +27,7 @@ above the rounding of its sum, far below a load that somebody meant."""
 
 
 _LIFT = 1e-6
-"""Share of the largest s² by which values are lifted: s² is then known to 1e-19 of the largest, while
+"""Share of the largest λ by which values are lifted: λ is then known to 1e-19 of the largest, while
 the slowest of 100 000 nodes lies at 1e-10 of it."""
 
 
@@ -120,18 +120,18 @@ class Path:
         return alternating
 
     def value(self, inertia: Array, which: int) -> float:
-        """Return s of the mode ``which`` (from 0, ascending) of A φ = s² inertia φ, as :meth:`modes` does."""
+        """Return λ of the mode ``which`` (from 0, ascending) of A φ = λ inertia φ, as :meth:`modes` does."""
         chosen = (self.size + which, self.size + which)
         ends = np.zeros(2 * self.size), self._alternating(inertia)
         roots = _tridiagonal(*ends, eigvals_only=True, select="i", select_range=chosen)
-        return max(float(roots[0]), 0.0)
+        return max(float(roots[0]), 0.0) ** 2
 
     def modes(self, inertia: Array, first: int, last: int) -> Modes:
-        """Return the modes ``first`` to ``last`` (from 0, ascending) of A φ = s² inertia φ.
+        """Return the modes ``first`` to ``last`` (from 0, ascending) of A φ = λ inertia φ.
 
         They are eigenvectors of [[0, Bᵀ], [B, 0]], which is tridiagonal where rows and columns of B
         alternate: singular values of B to eps times the largest of them, as in
-        :func:`~workflow.models._modes.singular_modes`. Where some part is held by nothing, all s² are
+        :func:`~workflow.models._pair.singular_modes`. Where some part is held by nothing, all λ are
         lifted for the while: the eigenvectors of a double 0 would mix rows and columns.
         """
         lift = 0.0 if np.all(self.pivots() > 0) else _LIFT * float(((self.ground + self.joint) / inertia).max() or 1.0)
@@ -140,7 +140,7 @@ class Path:
         ends = np.zeros(2 * self.size), lifted._alternating(inertia)
         values, vectors = _tridiagonal(*ends, select="i", select_range=chosen)
         shapes = np.sqrt(2) * vectors[1::2] / np.sqrt(inertia)[:, None]
-        return Modes(np.sqrt(np.maximum(values**2 - lift, 0.0)), shapes)
+        return Modes(np.maximum(values**2 - lift, 0.0), shapes)
 
 
 def _tridiagonal(diagonal: Array, beside: Array, **options: Any) -> Any:

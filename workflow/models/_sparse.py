@@ -14,23 +14,10 @@ import numpy as np
 import scipy
 
 from workflow.kernels import Array
-from workflow.models._chain import MOST_NODES_WITH_MATRICES
+from workflow.models._chain_pair import MOST_NODES_WITH_MATRICES
 from workflow.models._from_matrices import Forms, structure_of_forms
-from workflow.models._sparse_pair import SparsePair
+from workflow.models._sparse_pair import SparsePair, TooManyCoordinatesError
 from workflow.models._structure import Coordinates, Matrices, Rayleigh, Structure
-
-MOST_REDUCED = 300
-"""Modes or vectors of each kind that a sparse structure is reduced to: each is an array as long as the structure."""
-
-
-class TooManyCoordinatesError(ValueError):
-    """A structure has too many coordinates for what would be built of n x n matrices."""
-
-    def __init__(self, size: int):
-        super().__init__(
-            f"a structure of {size} coordinates cannot be kept full (at most {MOST_NODES_WITH_MATRICES} can): "
-            f"write `mechanical_modes` and `thermal_modes` of up to {MOST_REDUCED}, or `auto` with a `tolerance`"
-        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ import scipy
 from threadpoolctl import threadpool_limits
 
 from workflow.kernels import Array
-from workflow.models._chain import MOST_NODES_WITH_MATRICES
+from workflow.models._chain_pair import MOST_NODES_WITH_MATRICES
 from workflow.models._factors import NotHeldError, factorised
 from workflow.models._fill import warn_of_fill
 from workflow.models._from_matrices import (

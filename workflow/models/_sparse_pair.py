@@ -22,7 +22,9 @@ import numpy as np
 import scipy
 
 from workflow.kernels import Array
+from workflow.models._chain_pair import MOST_NODES_WITH_MATRICES
 from workflow.models._factors import Answer, NotHeldError, elimination_order, factorised
+from workflow.models._pair import Modes
 
 _RESIDUAL = 1e-8
 """Largest residual K φ - λ M φ of a mode as a share of λ M φ, beside the rounding of K φ itself: an eigenvalue is then
@@ -43,8 +45,21 @@ _NEGATIVE = 1e-10
 entries leaves 1e-13."""
 
 
+MOST_REDUCED = 300
+"""Modes or vectors of each kind that a sparse structure is reduced to: each is an array as long as the structure."""
+
 _CORRECTIONS = 2
 """Of the constraint mode: each leaves an error its share condition · rounding of the one before."""
+
+
+class TooManyCoordinatesError(ValueError):
+    """A structure has too many coordinates for what would be built of n x n matrices."""
+
+    def __init__(self, size: int):
+        super().__init__(
+            f"a structure of {size} coordinates cannot be kept full (at most {MOST_NODES_WITH_MATRICES} can): "
+            f"write `mechanical_modes` and `thermal_modes` of up to {MOST_REDUCED}, or `auto` with a `tolerance`"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,8 +110,8 @@ class SparsePair:
         return stiffness if stiffness > _RIGID * own else 0.0
 
     @property
-    def forces_of_constraint(self) -> Array:
-        """K ψ = σ e_n, ``(coordinate,)``."""
+    def deformed(self) -> Array:
+        """K ψ = σ e_n, ``(coordinate,)``: there are no springs to be deformed."""
         forces = np.zeros(self.size)
         forces[-1] = self.tip_stiffness
         return forces
@@ -121,7 +136,18 @@ class SparsePair:
             self.constraint, self.constraint @ loads / self.tip_stiffness
         )
 
-    def answer_balanced(self, load: Array) -> Array:
+    def static_answers(self, loads: Array) -> Array:
+        """Return K⁻¹ f for every case, ``(case, coordinate)``, each distinct load that is not 0 solved once."""
+        solved: dict[bytes, Array] = {}
+        answers = np.zeros_like(loads)
+        for case in np.flatnonzero(loads.any(axis=1)):
+            name = loads[case].tobytes()
+            if name not in solved:
+                solved[name] = self._balanced(loads[case])
+            answers[case] = solved[name]
+        return answers
+
+    def _balanced(self, load: Array) -> Array:
         """Return K⁻¹ f, ``(coordinate,)``; where the tip moves freely of a load that inertia balances, the tip at 0."""
         if self.tip_stiffness > 0:
             return self.answer(load)
@@ -142,26 +168,48 @@ class SparsePair:
 
         return answer
 
-    def held_modes(self, count: int) -> tuple[Array, Array]:
-        """Return the lowest λ, K φ = λ M φ with the tip held, and φ, ``(coordinate, mode)``, 0 at the tip."""
+    def held_modes(self, count: int | None = None) -> Modes:
+        """Return the lowest modes with the tip held.
+
+        Raises
+        ------
+        TooManyCoordinatesError
+            All are requested.
+        """
+        if count is None:
+            raise TooManyCoordinatesError(self.size)
         shapes = np.zeros((self.size, count))
         values, shapes[:-1] = _lowest(self.stiffness[:-1, :-1], self.inertia[:-1, :-1], self._interior, count, 0.0)
-        return values, shapes
+        return Modes(values, shapes)
 
-    def modes(self, count: int) -> tuple[Array, Array]:
-        """Return the lowest λ, K φ = λ M φ with the tip free, and φ, ``(coordinate, mode)``.
+    def modes(self, count: int | None = None) -> Modes:
+        """Return the lowest modes with the tip free; where it moves freely the lowest λ is exactly 0.
 
-        Where the tip moves freely the lowest λ is exactly 0.
+        Raises
+        ------
+        TooManyCoordinatesError
+            All are requested.
         """
+        if count is None:
+            raise TooManyCoordinatesError(self.size)
         if self.tip_stiffness > 0 or self.size == 1:
-            return _lowest(self.stiffness, self.inertia, self.answer, count, 0.0)
-        shift = float(self.held_modes(1)[0][0])
+            return Modes(*_lowest(self.stiffness, self.inertia, self.answer, count, 0.0))
+        shift = float(self.held_modes(1).values[0])
         moved = factorised(self.stiffness + shift * self.inertia)
         values, shapes = _lowest(self.stiffness, self.inertia, moved, count, -shift)
         values[:1] = 0.0
-        return values, shapes
+        return Modes(values, shapes)
+
+    def spectrum(self) -> Array:
+        """Return the lowest and about the largest λ."""
+        lowest = float(self.modes(1).values[0])
+        return np.array([lowest, max(self._largest(), lowest)])
 
     def largest(self) -> float:
+        """Return about the largest λ."""
+        return float(self.spectrum()[-1])
+
+    def _largest(self) -> float:
         """Return about the largest eigenvalue of the pair: of the inertia lumped on its diagonal, some percent low."""
         lumped = np.asarray(abs(self.inertia).sum(axis=0))
         root = scipy.sparse.diags_array(np.where(lumped > 0, 1 / np.sqrt(np.where(lumped > 0, lumped, 1.0)), 0.0))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from workflow.declare import quantity
 from workflow.kernels import Array
 from workflow.models._cases import Cases, project
+from workflow.models._pair import DensePair, Pair
 
 
 @dataclass(frozen=True)
@@ -92,6 +94,10 @@ class Structure:
 
     Attributes
     ----------
+    mechanical
+        K1 and M: what is asked of them beside the matrices.
+    thermal
+        K2 and C2, alike.
     mass
         M, shape (mechanical, mechanical), kg.
     springs
@@ -122,6 +128,8 @@ class Structure:
         Coordinates that loads and initial states are given in, ``None`` where they are its own.
     """
 
+    mechanical: Pair
+    thermal: Pair
     mass: Array
     springs: Array
     elongation: Array
@@ -271,6 +279,16 @@ class Matrices(Structure):
     tangent: Array | None = None
     coordinates: Coordinates | None = None
     """Coordinates that cases are given in, where they are not its own."""
+
+    @cached_property
+    def mechanical(self) -> Pair:  # type: ignore[override]
+        """K1 and M."""
+        return DensePair(self.mass, self.springs, self.elongation)
+
+    @cached_property
+    def thermal(self) -> Pair:  # type: ignore[override]
+        """K2 and C2."""
+        return DensePair(self.heat_capacity, self.conductors, self.difference)
 
     def matrices(self) -> Matrices:
         """Return it as it is."""

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 from workflow import registry
 from workflow.models import Array, Chain, Structure
-from workflow.models._sparse import MOST_REDUCED, Sparse, TooManyCoordinatesError
-from workflow.models._tip_held import MOST_ONE_BY_ONE
+from workflow.models._chain_pair import MOST_ONE_BY_ONE
+from workflow.models._sparse import Sparse
+from workflow.models._sparse_pair import MOST_REDUCED, TooManyCoordinatesError
 from workflow.reduction._bases import fixed_interface_modes, relative_thermal_modes
 from workflow.reduction._friction import with_friction
 from workflow.reduction._reduction import (

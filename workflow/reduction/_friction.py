@@ -10,7 +10,6 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.models import Array, Structure, UnusableMatricesError
-from workflow.models._tip_held import held_displacements
 from workflow.reduction._bases import DEPENDENT
 from workflow.reduction._reduction import Vectors, mechanical_vectors
 
@@ -29,7 +28,7 @@ def with_friction(structure: Structure, tangent: Array, mechanical: Vectors) -> 
             "what that deforms cannot be left without inertia; choose craig_bampton, rubin or krylov",
         )
     interior = mechanical.shapes[:, :-1]
-    answer = held_displacements(structure)(tangent)
+    answer = structure.mechanical.answer_held(tangent)
     answer[-1] = 0.0
     new, size = answer, np.sqrt(np.dot(answer, structure.inertia_forces(answer)))
     for _ in range(2):  # once more, so that rounding of the first pass goes too

@@ -10,7 +10,6 @@ import numpy as np
 from workflow.models import Array, Cases, Matrices, Structure, project, static_tip_growth
 from workflow.models._from_matrices import Forms, structure_of_forms
 from workflow.models._sparse import Sparse
-from workflow.models._tip_held import mechanical_constraint, thermal_constraint
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +76,7 @@ class Vectors:
 
 def mechanical_vectors(structure: Structure, interior: Array) -> Vectors:
     """Return the constraint mode behind interior displacements, which are orthonormal in M and 0 at the tip."""
-    constraint, elongation = mechanical_constraint(structure)
+    constraint, elongation = structure.mechanical.constraint, structure.mechanical.deformed
     deformation = np.column_stack([structure.elongations(interior), elongation])
     projection = _projection(structure.inertia_forces(interior).T, constraint)
     return Vectors(np.column_stack([interior, constraint]), deformation, projection)
@@ -104,7 +103,7 @@ def massless_vectors(structure: Structure, interior: Array, tip: Array, strain: 
 
 def thermal_vectors(structure: Structure, interior: Array) -> Vectors:
     """Return the constraint mode behind interior temperatures, which are orthonormal in C2 and 0 at the tip."""
-    constraint, difference = thermal_constraint(structure)
+    constraint, difference = structure.thermal.constraint, structure.thermal.deformed
     deformation = np.column_stack([structure.differences(interior), difference])
     projection = _projection(structure.heat_contents(interior).T, constraint)
     return Vectors(np.column_stack([interior, constraint]), deformation, projection)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from workflow.models import Array, Cases, Structure, distinct_rows, project, static_displacements, static_temperatures
+from workflow.models import Array, Cases, Structure, distinct_rows, project
 from workflow.reduction._reduction import Reduction
 
 
@@ -45,14 +45,14 @@ def _residual(structure: Structure, reduction: Reduction, cases: Cases) -> Array
     displacements = (
         (cases.displacement, small.displacement, carried),
         (
-            static_displacements(structure, loads),
-            static_displacements(reduction.structure, project(reduction.displacement_basis.T, loads)),
+            structure.mechanical.static_answers(loads),
+            reduction.structure.mechanical.static_answers(project(reduction.displacement_basis.T, loads)),
             0.0,
         ),
     )
     steady = (
-        static_temperatures(structure, cases.heating),
-        static_temperatures(reduction.structure, small.heating),
+        structure.thermal.static_answers(cases.heating),
+        reduction.structure.thermal.static_answers(small.heating),
     )
     velocity, temperature = (cases.velocity, small.velocity), (cases.temperature, small.temperature)
     x, theta = reduction.displacement_basis, reduction.temperature_basis

@@ -20,7 +20,6 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.models import Structure
-from workflow.models._tip_held import lowest_modes, mechanical_constraint
 from workflow.reduction import rubin
 from workflow.reduction._bases import DEPENDENT, Orthonormal
 from workflow.reduction._reduction import Vectors, massless_vectors
@@ -31,14 +30,14 @@ __all__ = ["mechanical", "thermal"]
 
 def mechanical(structure: Structure, count: int, duration: float | None) -> Vectors:
     """Return the lowest ``count`` free modes relative to ρ, and ρ without inertia."""
-    constraint, strain = mechanical_constraint(structure)
+    constraint, strain = structure.mechanical.constraint, structure.mechanical.deformed
     is_held = structure.strains(strain)
     answer = constraint if is_held else elastic(structure)  # of the tip to a force on it, up to a factor
     span = Orthonormal(structure.mechanical_size, count + 1, structure.inertia_forces)
     if count > 0:
         if not is_held:
             span.add(constraint)
-        span.add_each(lowest_modes(structure, count).shapes)
+        span.add_each(structure.mechanical.modes(count).shapes)
     left = span.add(answer) if is_held or count > 0 else None
     if left is None or np.dot(left, structure.inertia_forces(answer)) * left[-1] <= DEPENDENT * answer[-1]:
         return rubin.mechanical(structure, count, duration)
