@@ -27,9 +27,6 @@ from workflow.grid._trials import COMPARED, Setting, corners_of, exactly, steppe
 from workflow.grid._waiting_for import TRIALS, waiting_for
 from workflow.judges.distances import relative_distance
 from workflow.kernels.algebra import MOST_BY_JACOBI
-from workflow.models import Chain, Structure
-from workflow.models._chain_pair import MOST_ONE_BY_ONE
-from workflow.models._sparse_pair import MOST_REDUCED
 from workflow.schemes import Results, Status
 
 _FIRST = (12, 6)
@@ -47,15 +44,10 @@ def refine(setting: Setting, requested: Counts, tolerance: float) -> Choice:
     sizes = structure.mechanical_size, structure.thermal_size
     if max(sizes) <= MOST_BY_JACOBI:
         return choose(setting, requested, tolerance)
-    least, most = ends(requested, tuple(min(size - 1, _most(structure)) for size in sizes))  # type: ignore[arg-type]
+    least, most = ends(requested, tuple(min(size - 1, structure.mechanical.most_modes) for size in sizes))  # type: ignore[arg-type]
     first = tuple(min(max(a, b), c) for a, b, c in zip(_FIRST, least, most, strict=True))
     with threadpool_limits(limits=1, user_api="blas"), waiting_for(TRIALS):
         return _refined(_Solutions(setting, first), first, most, tolerance)  # type: ignore[arg-type]
-
-
-def _most(structure: Structure) -> int:
-    """Return the largest count of vectors that a large structure is reduced to."""
-    return MOST_ONE_BY_ONE if isinstance(structure, Chain) and not structure.has_matrices else MOST_REDUCED
 
 
 def _refined(solutions: _Solutions, counts: Counts, most: Counts, tolerance: float) -> Choice:

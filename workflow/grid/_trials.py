@@ -24,8 +24,7 @@ from workflow.grid._operators import compile_for, reduced, reduction_of, run_bat
 from workflow.grid._reason import reason_of
 from workflow.judges.distances import relative_distance
 from workflow.kernels.algebra import MOST_BY_JACOBI
-from workflow.models import Array, Cases, Structure, mechanical_modes
-from workflow.models._chain_pair import MOST_ONE_BY_ONE
+from workflow.models import MOST_ONE_BY_ONE, Array, Cases, Structure, mechanical_modes
 from workflow.reduction import Reduction, reduce_structure
 from workflow.reduction._transfer import Excitation, least_counts
 from workflow.schemes import Results, Sampling, Status
@@ -136,7 +135,7 @@ class Trials:
 
     def _excitation(self, structure: Structure, cases: Cases) -> Excitation:
         """Return what the first corner excites: the tip itself, and where they are not 0 its loads and start."""
-        steady, heating, warmth = cases.steady[0], cases.heating[0], structure.heat_contents(cases.temperature[0])
+        steady, heating, warmth = cases.steady[0], cases.heating[0], structure.thermal.inertia_of(cases.temperature[0])
         return Excitation(
             duration=self._sampling.duration,
             shortest=self._shortest,

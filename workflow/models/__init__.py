@@ -14,7 +14,7 @@ from workflow.kernels import Array
 from workflow.models._bounds import free_reach
 from workflow.models._cases import Cases, distinct_rows, project
 from workflow.models._chain import Chain
-from workflow.models._chain_pair import MOST_NODES_WITH_MATRICES, MOST_ONE_BY_ONE, TooManyNodesError
+from workflow.models._chain_pair import MOST_ONE_BY_ONE
 from workflow.models._damping import (
     CoupledDampingError,
     coupled_damping,
@@ -25,19 +25,20 @@ from workflow.models._damping import (
     modal_damping,
     needs_matrices,
 )
+from workflow.models._dense_pair import DensePair
 from workflow.models._equilibrium import NoEquilibriumError, static_equilibrium
 from workflow.models._factors import FACTORISING, MOST_BY_SUPERLU, has_cholmod
 from workflow.models._fill import Fill, LargeFactorsWarning, expected_fill
-from workflow.models._from_matrices import GivenMatrices, UnusableMatricesError, structure_from_matrices
+from workflow.models._from_matrices import GivenMatrices, structure_from_matrices
 from workflow.models._growth import Growth, InContact, growth, growth_rate, in_contact
 from workflow.models._harmonics import NO_HARMONICS, Harmonics
 from workflow.models._modes import mechanical_modes, modal_coupling, poles, thermal_modes
-from workflow.models._pair import Modes, Pair
+from workflow.models._pair import MOST_FULL, Modes, Pair, TooManyCoordinatesError
 from workflow.models._runaway import critical_alpha, static_tip_growth, tip_flexibility
+from workflow.models._semidefinite import UnusableMatricesError
 from workflow.models._sliding import CriticalFriction, critical_friction, directions
 from workflow.models._sparse import Sparse
 from workflow.models._sparse_from_matrices import structure_from_sparse
-from workflow.models._sparse_pair import MOST_REDUCED, TooManyCoordinatesError
 from workflow.models._static import frequencies, growth_at_once, rates, rounding_of_flexibility
 from workflow.models._structure import Coordinates, Matrices, Rayleigh, Structure
 from workflow.models._write_matrices import write_matrices
@@ -71,9 +72,7 @@ def sizes(name: str, parameters: Any) -> tuple[int, int]:
 def most_modes(name: str, parameters: Any) -> int | None:
     """Return the most modes of each kind of a structure that is too large to be kept full, ``None`` of any other."""
     structure = load(name).assemble(parameters)
-    if not isinstance(structure, Chain | Sparse) or structure.has_matrices:
-        return None
-    return MOST_ONE_BY_ONE if isinstance(structure, Chain) else MOST_REDUCED
+    return None if structure.has_matrices else structure.mechanical.most_modes
 
 
 def fault(name: str) -> str | None:
@@ -97,7 +96,7 @@ def load(name: str) -> Model:
 __all__ = [
     "FACTORISING",
     "MOST_BY_SUPERLU",
-    "MOST_NODES_WITH_MATRICES",
+    "MOST_FULL",
     "MOST_ONE_BY_ONE",
     "NO_HARMONICS",
     "Array",
@@ -106,6 +105,7 @@ __all__ = [
     "Coordinates",
     "CoupledDampingError",
     "CriticalFriction",
+    "DensePair",
     "Fill",
     "GivenMatrices",
     "Growth",
@@ -121,7 +121,6 @@ __all__ = [
     "Sparse",
     "Structure",
     "TooManyCoordinatesError",
-    "TooManyNodesError",
     "UnusableMatricesError",
     "coupled_damping",
     "couples_free_modes",

@@ -146,20 +146,19 @@ def contact_closed(structure: Structure, few: int | None = None, slides: bool = 
     pair, mechanical, thermal = structure.mechanical, structure.mechanical.held_modes(few), structure.thermal.modes(few)
     elastic = (mechanical.values > 0) | slides
     omega2, shapes = mechanical.values[elastic], np.ascontiguousarray(mechanical.shapes[:, elastic])
-    constraint, elongation = pair.constraint, pair.deformed
+    constraint, expansions = pair.constraint, structure.expansions(thermal.shapes)
     rayleigh = is_rayleigh(structure)
     damping = np.zeros((0, 0)) if rayleigh else held_damping(structure, Modes(omega2, shapes))
-    forces = (structure.springs * structure.expansions(thermal.shapes).T).T
     return ContactClosed(
         modes=np.stack(
             [
                 omega2,
                 structure.damping.mass + structure.damping.stiffness * omega2 if rayleigh else np.diag(damping),
-                shapes.T @ structure.inertia_forces(constraint),
+                shapes.T @ pair.inertia_of(constraint),
             ]
         ),
-        heat=np.stack([thermal.values, thermal.tip, elongation @ forces]),
-        coupling=-structure.elongations(shapes).T @ forces,
+        heat=np.stack([thermal.values, thermal.tip, pair.work(constraint, pair.deformed, expansions)]),
+        coupling=-pair.work(shapes, pair.deformation_of(shapes), expansions),
         mass_damping=structure.damping.mass,
         stiffness_damping=structure.damping.stiffness,
         has_rigid=bool(np.any(~elastic)),

@@ -35,13 +35,13 @@ def mechanical_modes(structure: Structure) -> Modes:
     Rayleigh damping is diagonal in them, c = a_M + a_K ω². Of a tip without mass the static deformation comes last, its
     value the root of its stiffness, √(N/m).
     """
-    modes = structure.matrices().mechanical.modes()
+    modes = structure.mechanical.modes()
     return replace(modes, values=np.sqrt(modes.values))
 
 
 def thermal_modes(structure: Structure) -> Modes:
     """Return the thermal modes, values μ [1/s]: K2 χ = μ C2 χ, χᵀ C2 χ = 1; a mode decays as exp(-μ t)."""
-    return structure.matrices().thermal.modes()
+    return structure.thermal.modes()
 
 
 def modal_coupling(structure: Structure, mechanical: Modes, thermal: Modes) -> Array:
@@ -49,7 +49,7 @@ def modal_coupling(structure: Structure, mechanical: Modes, thermal: Modes) -> A
 
     Rigid modes strain no spring, so no thermal force works on them: their rows are exactly zero.
     """
-    forces = (structure.springs * structure.expansions(thermal.shapes).T).T
-    coupling = -structure.elongations(mechanical.shapes).T @ forces
+    pair, shapes = structure.mechanical, mechanical.shapes
+    coupling = -pair.work(shapes, pair.deformation_of(shapes), structure.expansions(thermal.shapes))
     coupling[mechanical.values == 0] = 0.0
     return coupling

@@ -22,9 +22,10 @@ import numpy as np
 import scipy
 
 from workflow.kernels import Array
-from workflow.models._chain_pair import MOST_NODES_WITH_MATRICES
+from workflow.models._dense_pair import DensePair
 from workflow.models._factors import Answer, NotHeldError, elimination_order, factorised
-from workflow.models._pair import Modes
+from workflow.models._pair import MOST_FULL, UNBALANCED, Modes, TooManyCoordinatesError
+from workflow.models._semidefinite import factored
 
 _RESIDUAL = 1e-8
 """Largest residual K φ - λ M φ of a mode as a share of λ M φ, beside the rounding of K φ itself: an eigenvalue is then
@@ -52,19 +53,9 @@ _CORRECTIONS = 2
 """Of the constraint mode: each leaves an error its share condition · rounding of the one before."""
 
 
-class TooManyCoordinatesError(ValueError):
-    """A structure has too many coordinates for what would be built of n x n matrices."""
-
-    def __init__(self, size: int):
-        super().__init__(
-            f"a structure of {size} coordinates cannot be kept full (at most {MOST_NODES_WITH_MATRICES} can): "
-            f"write `mechanical_modes` and `thermal_modes` of up to {MOST_REDUCED}, or `auto` with a `tolerance`"
-        )
-
-
 @dataclass(frozen=True, eq=False)
 class SparsePair:
-    """K and M of one kind, shape ``(coordinate, coordinate)`` each, symmetric, the tip's coordinate last.
+    """K and M as matrices ``(coordinate, coordinate)``, the tip's coordinate last; see :class:`~workflow.models.Pair`.
 
     Attributes
     ----------
@@ -75,11 +66,45 @@ class SparsePair:
 
     stiffness: scipy.sparse.csc_array
     inertia: scipy.sparse.csc_array
+    most_modes = MOST_REDUCED
 
     @property
     def size(self) -> int:
         """Number of coordinates."""
         return int(self.inertia.shape[0])
+
+    @cached_property
+    def dense(self) -> DensePair:
+        """The same by dense matrices, K = DᵀD."""
+        if self.size > MOST_FULL:
+            raise TooManyCoordinatesError(self.size, MOST_REDUCED)
+        deformation = factored(self.stiffness.toarray(), "stiffness").deformation
+        return DensePair(self.inertia.toarray(), np.ones(len(deformation)), deformation)
+
+    @property
+    def weights(self) -> Array:
+        """1 each."""
+        return np.ones(self.size)
+
+    def inertia_of(self, u: Array) -> Array:
+        """Return M u."""
+        return np.asarray(self.inertia @ u)
+
+    def deformation_of(self, u: Array) -> Array:
+        """Return K u: there are no springs to be deformed."""
+        return np.asarray(self.stiffness @ u)
+
+    def forces(self, deformation: Array) -> Array:
+        """Return them as they are."""
+        return deformation
+
+    def work(self, u: Array, deformation: Array, expansion: Any) -> Array:
+        """Return uᵀ e."""
+        return np.asarray(u.T @ expansion)
+
+    def energies(self, u: Array) -> Array:
+        """Return u_i (K u)_i."""
+        return np.asarray(u * (self.stiffness @ u))
 
     @cached_property
     def _interior(self) -> Answer:
@@ -111,7 +136,7 @@ class SparsePair:
 
     @property
     def deformed(self) -> Array:
-        """K ψ = σ e_n, ``(coordinate,)``: there are no springs to be deformed."""
+        """K ψ = σ e_n, ``(coordinate,)``."""
         forces = np.zeros(self.size)
         forces[-1] = self.tip_stiffness
         return forces
@@ -154,6 +179,11 @@ class SparsePair:
         inertia = np.asarray(self.inertia @ self.constraint)
         return self.answer_held(load - inertia * (self.constraint @ load) / (self.constraint @ inertia))
 
+    def moves(self, load: Array, held: bool = False) -> bool:
+        """Tell whether a load drives a tip that moves freely; nothing else may be loose."""
+        driven = abs(float(self.constraint @ load)) > UNBALANCED * float(np.abs(self.constraint) @ np.abs(load))
+        return not held and self.tip_stiffness == 0 and driven
+
     def answers_held_shifted(self) -> Callable[[Array, float], Array]:
         """Return what gives (K + s M)⁻¹ f, ``(coordinate,)``, with the tip held by f and s; its last factors stay."""
         last: dict[float, Answer] = {}
@@ -169,29 +199,17 @@ class SparsePair:
         return answer
 
     def held_modes(self, count: int | None = None) -> Modes:
-        """Return the lowest modes with the tip held.
-
-        Raises
-        ------
-        TooManyCoordinatesError
-            All are requested.
-        """
+        """Return the lowest modes with the tip held."""
         if count is None:
-            raise TooManyCoordinatesError(self.size)
+            return self.dense.held_modes()
         shapes = np.zeros((self.size, count))
         values, shapes[:-1] = _lowest(self.stiffness[:-1, :-1], self.inertia[:-1, :-1], self._interior, count, 0.0)
         return Modes(values, shapes)
 
     def modes(self, count: int | None = None) -> Modes:
-        """Return the lowest modes with the tip free; where it moves freely the lowest λ is exactly 0.
-
-        Raises
-        ------
-        TooManyCoordinatesError
-            All are requested.
-        """
+        """Return the lowest modes with the tip free; where it moves freely the lowest λ is exactly 0."""
         if count is None:
-            raise TooManyCoordinatesError(self.size)
+            return self.dense.modes()
         if self.tip_stiffness > 0 or self.size == 1:
             return Modes(*_lowest(self.stiffness, self.inertia, self.answer, count, 0.0))
         shift = float(self.held_modes(1).values[0])

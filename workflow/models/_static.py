@@ -6,7 +6,6 @@ import numpy as np
 import scipy
 
 from workflow.kernels import Array
-from workflow.models._sparse import Sparse
 from workflow.models._structure import Structure
 
 
@@ -40,8 +39,7 @@ def rounding_of_flexibility(structure: Structure) -> float:
     tip = np.zeros((1, structure.mechanical_size))
     tip[0, -1] = 1.0
     answer = structure.mechanical.static_answers(tip)[0]
-    stiffness = structure.mechanical.stiffness if isinstance(structure, Sparse) else structure.stiffness_matrix
-    entries = scipy.sparse.coo_array(stiffness)
+    entries = scipy.sparse.coo_array(structure.mechanical.stiffness)
     row, column = entries.coords
     energies = answer[row] * entries.data * answer[column]
     return float(np.finfo(float).eps / 2 * np.linalg.norm(energies) / abs(answer[-1]))

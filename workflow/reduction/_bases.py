@@ -34,7 +34,7 @@ def relative_thermal_modes(structure: Structure, count: int) -> Array:
         Fewer modes are independent of the tip.
     """
     shapes = structure.thermal.modes(count + 1).shapes  # one may be the constraint mode
-    return relative(shapes, structure.thermal.constraint, structure.heat_contents, count)
+    return relative(shapes, structure.thermal.constraint, structure.thermal.inertia_of, count)
 
 
 def relative(shapes: Array, constraint: Array, inertia: Inertia, count: int) -> Array:

@@ -23,9 +23,8 @@ def mechanical(structure: Structure, count: int, duration: float | None) -> Vect
     """Return the lowest free modes relative to the constraint mode, and that."""
     pair = structure.mechanical
     modes = pair.modes(count + 1)  # one may be the constraint mode
-    strained = structure.strains(pair.deformed)
-    shapes = modes.shapes if strained else np.column_stack([elastic(structure), modes.shapes])
-    return mechanical_vectors(structure, relative(shapes, pair.constraint, structure.inertia_forces, count))
+    shapes = modes.shapes if pair.tip_stiffness > 0 else np.column_stack([elastic(structure), modes.shapes])
+    return mechanical_vectors(structure, relative(shapes, pair.constraint, pair.inertia_of, count))
 
 
 def thermal(structure: Structure, count: int, duration: float | None) -> Vectors:
@@ -35,6 +34,6 @@ def thermal(structure: Structure, count: int, duration: float | None) -> Vectors
 
 def elastic(structure: Structure) -> Array:
     """Return the elastic displacement by a unit force on a tip that nothing holds, m/N, ``(node,)``."""
-    modes = structure.mechanical.modes(structure.mechanical_size)
-    held = modes.values > 0
-    return modes.shapes[:, held] @ (modes.tip[held] / modes.values[held])
+    tip = np.zeros((1, structure.mechanical_size))
+    tip[0, -1] = 1.0
+    return np.asarray(structure.mechanical.static_answers(tip)[0])

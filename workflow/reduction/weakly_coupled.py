@@ -26,7 +26,7 @@ __all__ = ["carried", "mechanical", "thermal"]
 
 def carried(structure: Structure, mechanical: Vectors, thermal: Vectors) -> Array:
     """Return Γ, m/K, ``(node, thermal)``."""
-    answer = structure.mechanical.answer_held
-    static = np.column_stack([answer(force) for force in structure.thermal_forces(thermal.shapes).T])
+    pair = structure.mechanical
+    static = np.column_stack([pair.answer_held(force) for force in structure.thermal_forces(thermal.shapes).T])
     modes = mechanical.shapes[:, :-1]
-    return static - modes @ (structure.inertia_forces(modes).T @ static)
+    return static - modes @ (pair.inertia_of(modes).T @ static)
