@@ -68,7 +68,7 @@ def test_a_plan_tells_of_limits() -> None:
         (grows,) = [line for line in warnings if line.startswith(f"{scheme} diverges, its free step grows")]
         assert f"{steps[1]:g} s" in grows
         assert f"{steps[0]:g} s" not in grows
-    (contact,) = [line for line in warnings if "grows in contact, which is stable only up to" in line]
+    (contact,) = [line for line in warnings if "is unstable in contact above a step of" in line]
     assert contact.startswith("stiff")
     for outer in grid.places:
         solved = solve(grid, outer, np.arange(1))

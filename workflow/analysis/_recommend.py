@@ -121,7 +121,8 @@ class Recommendation:
         The most accurate of those within it whose cost exceeds the least of theirs by at most :data:`SPREAD`; ``None``
         where none is within it.
     next
-        The dearest that is cheaper than all within the tolerance; without a choice the one that comes nearest.
+        The dearest that is cheaper than all within the tolerance, of those with an error in all cases if there is one;
+        without a choice the one that comes nearest.
     alike
         The others among which the choice is the most accurate. Largest step first, then fewest modes.
     cases
@@ -169,7 +170,8 @@ def recommend(dataset: xr.Dataset, tolerance: float | str | None = None) -> Reco
     good = [int(k) for k in rank if within[k].all()]
     least = table.cost[good[0]] if good else np.inf
     alike = sorted((k for k in good if table.cost[k] <= (1 + SPREAD) * least), key=lambda k: _largest(table.error[k]))
-    nearest = max((int(k) for k in rank if table.cost[k] < least), key=lambda k: table.cost[k], default=None)
+    cheaper = (int(k) for k in rank if table.cost[k] < least)
+    nearest = max(cheaper, key=lambda k: (not np.isnan(table.error[k]).any(), table.cost[k]), default=None)
     if not good:
         nearest = max(range(len(rank)), key=lambda k: (within[k].mean(), -_largest(table.error[k])), default=None)
     return Recommendation(

@@ -17,7 +17,7 @@ from workflow.archive._content import hash_content
 from workflow.archive._create import FORMAT_NAME, PROVENANCE
 from workflow.archive._files import ArchiveError, reading, reason, unreadable, usable, writing
 from workflow.archive._gather import assemble
-from workflow.archive._layout import FORMAT, STATUS
+from workflow.archive._layout import FORMAT, MESSAGE, STATUS
 from workflow.archive._parts import LAYOUT, parts_of, read_layout
 from workflow.archive._seal import is_intact, is_sealed
 from workflow.archive._shard import find_shards
@@ -265,6 +265,9 @@ def _open_dataset(path: Path, chunks: Any, named: Path) -> xr.Dataset:
         raise unreadable(named, error) from error
     try:
         _recognise(named, dataset.attrs)
+        for name, kinds in ((STATUS, "i"), (MESSAGE, "OSU")):
+            if name not in dataset or dataset[name].dtype.kind not in kinds:
+                raise ArchiveError(f"{named}: its {name} is not as `workflow run` writes it; restore a copy")
     except ArchiveError:
         dataset.close()
         raise

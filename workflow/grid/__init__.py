@@ -10,9 +10,9 @@ from workflow.grid._figures import Figures
 from workflow.grid._frequencies import longest_period_count
 from workflow.grid._identity import case_hashes
 from workflow.grid._operators import reduced_structure, structure_of
+from workflow.grid._perturbation import Perturbation
 from workflow.grid._plan import Plan, plan, plan_study
 from workflow.grid._reference import exact_motion, solution_counts
-from workflow.grid._shaken import Shaken
 from workflow.grid._solve import Solved, metrics_of, periods_of, solve
 from workflow.grid._steady import steady_of
 from workflow.grid._tasks import Segment, Task, Units, bytes_per_case, seconds_per_case, tasks, units_of
@@ -30,9 +30,9 @@ __all__ = [
     "Figures",
     "Grid",
     "Part",
+    "Perturbation",
     "Plan",
     "Segment",
-    "Shaken",
     "Solved",
     "Task",
     "Time",

@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow import schemes
-from workflow.grid._choice import Choice, Decided, choose
+from workflow.grid._choice import Choice, Decided, Setting, choose, refine
 from workflow.grid._conditions import FRICTION
-from workflow.grid._refined import refine
-from workflow.grid._trials import EXACT, Setting
+from workflow.judges.trials import EXACT
 from workflow.schemes import Sampling
 from workflow.study import CHOSEN, Axis, Cell, Dimension, SchemeChoice, Study
 
@@ -141,7 +140,7 @@ class Grid:
         if first not in self.decided.cases:
             cell = self.study.cell(self._values(first))
             setting = Setting(cell, self._conditions, replace(self.sampling, balances=False), self.shortest)
-            return choose(setting, (cell.mechanical_modes, cell.thermal_modes), float(values["tolerance"]))
+            return choose(setting, float(values["tolerance"]))
         return self.decided.cases[first]
 
     @property
@@ -164,7 +163,7 @@ class Grid:
             remaining = [replace(d, axes=tuple(a for a in d.axes if a.path not in replaced)) for d in self.inner]
             inner = tuple(dimension for dimension in remaining if dimension.axes)
             setting = Setting(cell, inner, replace(self.sampling, balances=False), self.shortest)
-            return refine(setting, (cell.mechanical_modes, cell.thermal_modes), float(replaced[TOLERANCE]))
+            return refine(setting, float(replaced[TOLERANCE]))
         return self.decided.references[first]
 
     def _decides_reference(self, path: str) -> bool:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from workflow.grid._arrangement import TOLERANCE, Grid
-from workflow.grid._choice import Choice, corner_text
+from workflow.grid._choice import Choice
+from workflow.grid._corners import corner_text
 from workflow.grid._figures import size_text
 from workflow.grid._reference import reference_cell
 from workflow.study import Cell

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
 
 from workflow.declare import Values
-from workflow.models import Array, Cases, Harmonics, Structure, distinct_rows, static_equilibrium
+from workflow.models import Array, Cases, Harmonics, Structure
 from workflow.study import Cell, Initial, Scene
 
 FRICTION = "scene.friction."
@@ -18,7 +17,7 @@ FRICTION = "scene.friction."
 
 
 def conditions(cell: Cell, structure: Structure, varying: Mapping[str, Array], count: int) -> Cases:
-    """Return the cases of a batch on the full structure; ``initial: static`` is left to :func:`at_rest`.
+    """Return the cases of a batch on the full structure; ``initial: static`` is left to ``at_rest``.
 
     Parameters
     ----------
@@ -114,28 +113,3 @@ def heat_load(parameters: Any) -> Values:
     declared = {entry.name for entry in dataclasses.fields(parameters)}
     value: Values = parameters.heating if "heating" in declared else 0.0
     return value
-
-
-def at_rest(structure: Structure, cases: Cases) -> Cases:
-    """Return the cases started in equilibrium under their constant loads, each distinct one solved once.
-
-    A tip that rests on the casing, d(0), has its velocity ḋ(0).
-
-    ``structure`` is the one they are run on, reduced or full, so that none of its modes swings.
-
-    Raises
-    ------
-    NoEquilibriumError
-        The constant loads of a case move the structure for ever.
-    """
-    load = cases.steady.copy()
-    load += cases.mean[:, None] * structure.load_direction
-    casing = cases.casing_at(0.0)
-    first, which = distinct_rows(load, cases.heating, casing[:, None], cases.friction[:, None])
-    laws = list(zip(casing.tolist(), cases.friction.tolist(), strict=True))
-    states = [static_equilibrium(structure, load[k], cases.heating[k], *laws[k]) for k in first]
-    displacement = np.stack([x for x, _ in states])[which]
-    temperature = np.stack([theta for _, theta in states])[which]
-    velocity = np.zeros_like(displacement)
-    velocity[:, -1] = np.where(displacement[:, -1] == casing, cases.casing_velocity_at(0.0), 0.0)
-    return replace(cases, displacement=displacement, velocity=velocity, temperature=temperature)

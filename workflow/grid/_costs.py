@@ -131,13 +131,14 @@ def factor_lines(structure: Structure) -> Iterator[str]:
             yield f"{pair.size} {kind}: {expected_fill(pair.stiffness, has_cholmod())} each factorisation by {by}"
 
 
-def growth_part(structure: Structure) -> Part:
-    """Return what the growth rate at one α costs: the eigenvalues of a structure, of a large one those of few modes."""
+def growth_part(structure: Structure, count: int = 1) -> Part:
+    """Return what growth rates at so many α cost: the eigenvalues of a structure, of a large one those of few modes."""
     states = 2 * structure.mechanical_size + structure.thermal_size
     large = 1e-6 * states if states > _DENSE else 0.0
     size = "of large structures" if large else "of structures"
     return Part(
-        1e-4 + 1.5e-9 * min(states, _DENSE) ** 3 + large, (f"growth rates {size}/{states}", f"growth rates {size}")
+        count * (1e-4 + 1.5e-9 * min(states, _DENSE) ** 3 + large),
+        (f"growth rates {size}/{states}", f"growth rates {size}"),
     )
 
 

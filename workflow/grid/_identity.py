@@ -15,7 +15,7 @@ from workflow.grid._arrangement import TOLERANCE, Grid
 from workflow.grid._conditions import FRICTION, alpha_of, friction_of, harmonics_of, heat_load
 from workflow.grid._operators import structure_of
 from workflow.grid._reference import exact_cell, reference_cell
-from workflow.grid._trials import EXACT
+from workflow.judges.trials import EXACT
 from workflow.reduction import DEFAULT
 from workflow.schemes import SOLVER_VERSION
 from workflow.study import Cell, Scene, Study

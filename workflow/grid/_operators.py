@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -13,31 +12,23 @@ from threadpoolctl import threadpool_limits
 
 from workflow import models, schemes
 from workflow.grid._compile import KernelVariant, compile_scheme
-from workflow.grid._conditions import at_rest
 from workflow.grid._costs import batch_part, growth_part, measured, setup_part
 from workflow.grid._turns import waiting
 from workflow.judges.blow_ups import mark_blown_up
+from workflow.judges.runaways import Runaways
 from workflow.models import (
     Array,
     Cases,
-    Chain,
-    InContact,
-    Sparse,
     Structure,
-    critical_alpha,
-    growth,
+    at_rest,
     growth_at_once,
-    in_contact,
     needs_matrices,
     static_tip_growth,
     tip_flexibility,
 )
-from workflow.reduction import DEFAULT, Reduction, projection_residual, reduce_structure
+from workflow.reduction import ReducedModel, projection_residual, reduced_model
 from workflow.schemes import Results, Sampling
 from workflow.study import Cell
-
-_AT_CRITICAL = 1e-9
-"""Share of the critical coupling within which its own rounding, about 1e-14, decides nothing."""
 
 _MOST_OPERATORS = 16
 """Operators kept per process; tasks run through them in order, so few are alive at a time."""
@@ -65,7 +56,7 @@ class Reduced:
     parameters: Any
     basis: str
     modes: tuple[int, int]
-    duration: float | None
+    duration: float
 
 
 def reduced(cell: Cell) -> Reduced:
@@ -76,87 +67,32 @@ def reduced(cell: Cell) -> Reduced:
 
 
 @lru_cache(maxsize=_MOST_OPERATORS)
-def reduction_of(by: Reduced) -> Reduction | None:
-    """Return the reduction of a model, ``None`` where all modes are kept and nothing is to be done."""
-    structure, modes = structure_of(by.model, by.parameters), _modes_kept(by)
-    if modes == (None, None):
-        return None
+def model_on(by: Reduced) -> ReducedModel:
+    """Return the structure of a model as its basis leaves it, and its reduction."""
     with threadpool_limits(limits=1, user_api="blas"):
-        return reduce_structure(structure, *modes, by.basis, by.duration)
-
-
-def _modes_kept(by: Reduced) -> tuple[int | None, int | None]:
-    """Return the counts of mechanical and thermal modes, ``None`` for all."""
-    structure = structure_of(by.model, by.parameters)
-    mechanical, thermal = by.modes
-    return (
-        None if mechanical == structure.mechanical_size - 1 else mechanical,
-        None if thermal == structure.thermal_size - 1 else thermal,
-    )
-
-
-def _structure_for_kernels(by: Reduced) -> Structure:
-    """Return a structure that needs the kernels of the one a case is run on.
-
-    Where fixed-interface modes reduce a chain the chain itself tells what they need, so that kernels can be compiled
-    while the modes are being computed.
-    """
-    full = structure_of(by.model, by.parameters)
-    if by.basis == DEFAULT and isinstance(full, Chain) and _modes_kept(by) != (None, None):
-        return full
-    return structure_on(by)
-
-
-def structure_on(by: Reduced) -> Structure:
-    """Return the structure of a model as its basis leaves it."""
-    reduction = reduction_of(by)
-    if reduction is not None:
-        return reduction.structure
-    structure = structure_of(by.model, by.parameters)
-    return structure.matrices() if isinstance(structure, Sparse) else structure
+        return reduced_model(structure_of(by.model, by.parameters), *by.modes, by.basis, by.duration)
 
 
 def reduced_structure(cell: Cell) -> Structure:
     """Return the structure that a case is run on."""
-    return structure_on(reduced(cell))
+    return model_on(reduced(cell)).structure
 
 
 @lru_cache(maxsize=_MOST_OPERATORS)
 def _operator(by: Reduced, method: str, options: Any, h: float) -> Any:
-    structure = structure_on(by)
+    structure = model_on(by).structure
     with measured(setup_part(method, structure)):
         return schemes.load(method).init(structure, h, options)
 
 
 @lru_cache(maxsize=_MOST_OPERATORS)
-def _in_contact(by: Reduced) -> InContact:
-    structure = structure_on(by)
-    with threadpool_limits(limits=1, user_api="blas"):
-        return in_contact(structure)
-
-
-@lru_cache(maxsize=_MOST_OPERATORS)
-def _runaway(by: Reduced) -> Callable[[float, float], tuple[float, float, bool]]:
-    """Return what :func:`runaways_of` says at one α and µ, as a function that remembers: a structure is a large key."""
-
-    @lru_cache(maxsize=4096)
-    def at(alpha: float, friction: float) -> tuple[float, float, bool]:
-        with measured(growth_part(structure_on(by))):
-            rate = growth(_in_contact(by), alpha, friction)
-        critical, acts = _critical_alpha(by, friction), alpha > 0 or friction > 0
-        return critical, rate.rate, acts and (rate.is_positive or alpha > critical * (1 + _AT_CRITICAL))
-
-    return at
-
-
-@lru_cache(maxsize=_MOST_OPERATORS)
-def _critical_alpha(by: Reduced, friction: float) -> float:
-    return critical_alpha(structure_on(by), friction)
+def _runaways(by: Reduced) -> Runaways:
+    return Runaways(model_on(by).structure)
 
 
 def kernel_variant(cell: Cell, balances: bool) -> KernelVariant | None:
     """Return what of its scheme must be compiled for a cell, with balances or without; ``None`` if it is refused."""
-    scheme, structure = schemes.load(cell.scheme.method), _structure_for_kernels(reduced(cell))
+    scheme, structure = schemes.load(cell.scheme.method), reduced_structure(cell)
     if scheme.refusal(structure, cell.scheme.options) is not None:
         return None
     coupled = needs_matrices(structure)  # its loads have their harmonics without a kernel for them
@@ -174,20 +110,15 @@ def compile_for(cell: Cell, balances: bool) -> None:
 
 
 def runaways_of(cell: Cell, alpha: Array, friction: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return critical coupling and growth rate of the structure a cell is run on, and whether it grows, ``(case,)``.
-
-    Above the critical coupling a real eigenvalue is positive for certain, however small it is beside the largest
-    (1 - α G(s) is negative at 0 and 1 at infinity).
-    """
-    distinct, where = np.unique(np.stack([alpha, friction]), axis=1, return_inverse=True)
-    at = _runaway(reduced(cell))
-    critical, rate, grows = np.transpose([at(*map(float, pair)) for pair in distinct.T])[:, where.ravel()]
-    return critical, rate, grows != 0
+    """Return critical coupling, growth rate and whether a tip in contact runs away: see :class:`Runaways`."""
+    by = reduced(cell)
+    with measured(growth_part(model_on(by).structure, np.unique(alpha).size)):
+        return _runaways(by).of(alpha, friction)
 
 
 def projection_residual_of(cell: Cell, cases: Cases) -> Array:
     """Return what the bases of a cell cannot hold of cases given on the nodes, 1, ``(case,)``; 0 where it is full."""
-    reduction = reduction_of(reduced(cell))
+    reduction = model_on(reduced(cell)).reduction
     if reduction is None:
         return np.zeros(cases.count)
     return projection_residual(structure_of(cell.scene.model, cell.scene.parameters), reduction, cases)
@@ -195,8 +126,8 @@ def projection_residual_of(cell: Cell, cases: Cases) -> Array:
 
 def on_basis(cell: Cell, cases: Cases) -> tuple[Structure, Cases]:
     """Return the structure that a cell is run on, and cases given on the nodes in its coordinates."""
-    reduction = reduction_of(reduced(cell))
-    return reduced_structure(cell), cases if reduction is None else reduction.project(cases)
+    model = model_on(reduced(cell))
+    return model.structure, model.project(cases)
 
 
 def judged(cell: Cell, cases: Cases, results: Results, duration: float) -> Results:

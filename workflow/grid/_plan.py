@@ -145,9 +145,14 @@ def _operators(grid: Grid, computed: Indices) -> Iterator[str]:
         own, truth = grid.settings(outer), grid.study.reference is not None
         for cell in (own, reference_cell(grid, outer)) if truth else (own,):
             scheme = schemes.load(cell.scheme.method)
-            name = "" if scheme.operator_name is None else scheme.operator_name(reduced_structure(cell))
-            if name:
-                yield f"{cell.scheme.method}: {name}"
+            structure, parts = reduced_structure(cell), []
+            if scheme.operator_name is not None:
+                parts.append(scheme.operator_name(structure))
+            if scheme.contact_stiffness_of is not None:
+                stiffness = scheme.contact_stiffness_of(structure, cell.scheme.options)
+                parts.append(f"contact stiffness {stiffness:.4g} N/m")
+            if any(parts):
+                yield f"{cell.scheme.method}: {', '.join(filter(None, parts))}"
 
 
 def _factors(cells: list[Cell]) -> Iterator[str]:

@@ -11,10 +11,10 @@ from workflow import schemes
 from workflow.grid._arrangement import Grid, Indices
 from workflow.grid._conditions import conditions
 from workflow.grid._operators import run_batch, structure_of
-from workflow.grid._shaken import Shaken
-from workflow.grid._trials import EXACT
+from workflow.grid._perturbation import Perturbation
 from workflow.grid._truth import Truth, distinct_shape, only_what_is_read, truths
 from workflow.judges.distances import norms, relative
+from workflow.judges.trials import EXACT
 from workflow.models import Array
 from workflow.schemes import Status
 from workflow.study import Cell, SchemeChoice
@@ -103,19 +103,19 @@ def tells_basis_error(grid: Grid, outer: int) -> bool:
     return ours.scheme.method == EXACT and is_as_rich
 
 
-def exact_motion(grid: Grid, outer: int, inner: Indices, shaken: Shaken | None = None) -> dict[str, Array]:
+def exact_motion(grid: Grid, outer: int, inner: Indices, perturbation: Perturbation | None = None) -> dict[str, Array]:
     """Return histories of the exact solutions of the reduced models of some cases, with their data changed if asked.
 
     Shape ``(case, t)`` by name, NaN in those that do not end ok.
     """
     cell = exact_cell(grid, outer)
-    if shaken is None:
+    if perturbation is None:
         return truths(grid, cell, inner, perturbed=False).histories
     replaced = grid.study.reference.values if grid.study.reference is not None else {}
-    cell = shaken.cell(cell)
+    cell = perturbation.cell(cell)
     varying = {path: values for path, values in grid.inner_values(inner).items() if path not in replaced}
     cases = conditions(cell, structure_of(cell.scene.model, cell.scene.parameters), varying, inner.size)
-    results = run_batch(cell, shaken.cases(cases), replace(grid.sampling, balances=False))
+    results = run_batch(cell, perturbation.cases(cases), replace(grid.sampling, balances=False))
     ended = (results.status == Status.OK)[:, None]
     return {name: np.where(ended, results.histories[name], np.nan) for name in COMPARED}
 

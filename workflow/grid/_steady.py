@@ -13,8 +13,8 @@ from workflow.grid._arrangement import Grid, Indices
 from workflow.grid._conditions import conditions
 from workflow.grid._costs import measured, steady_part
 from workflow.grid._operators import as_run, reduced_structure, structure_of
-from workflow.grid._shaken import Shaken
-from workflow.grid._trials import EXACT
+from workflow.grid._perturbation import Perturbation
+from workflow.judges.trials import EXACT
 from workflow.models import Cases, Structure, growth_at_once
 from workflow.study import Cell, Study
 from workflow.variables import Variable
@@ -62,7 +62,7 @@ def steady_values(grid: Grid, cell: Cell, cases: Cases) -> tuple[Values, list[st
     return _with_growth_at_once(cell, values), messages
 
 
-def branch_values(grid: Grid, outer: int, inner: Indices, shaken: Shaken | None) -> tuple[Values, str]:
+def branch_values(grid: Grid, outer: int, inner: Indices, perturbation: Perturbation | None) -> tuple[Values, str]:
     """Return the branch of one case, ``(1, point, …)``, and why it has no point, where it has none."""
     from workflow.orbits import Options, branch
 
@@ -73,10 +73,10 @@ def branch_values(grid: Grid, outer: int, inner: Indices, shaken: Shaken | None)
     def problem(value: float) -> tuple[Structure, Cases]:
         """Return structure and case at a value of the axis."""
         cell = grid.settings(outer, {followed.axis.path: value})
-        cell = cell if shaken is None else shaken.cell(cell)
+        cell = cell if perturbation is None else perturbation.cell(cell)
         structure = structure_of(cell.scene.model, cell.scene.parameters)
         cases = conditions(cell, structure, grid.inner_values(inner), inner.size)
-        return as_run(cell, cases if shaken is None else shaken.cases(cases))
+        return as_run(cell, cases if perturbation is None else perturbation.cases(cases))
 
     with measured(steady_part(grid.study, first, reduced_structure(first), 1)):
         start, stop = map(float, followed.axis.values)

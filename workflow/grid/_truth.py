@@ -14,17 +14,14 @@ from workflow import schemes
 from workflow.grid._arrangement import Grid, Indices, reads
 from workflow.grid._conditions import conditions
 from workflow.grid._operators import compile_for, judged, run_batch, structure_of
-from workflow.grid._reason import reason_of
 from workflow.grid._turns import waiting
 from workflow.grid._waiting_for import REFERENCES, waiting_for
-from workflow.judges.distances import relative_distance
+from workflow.judges.perturbations import predictability
+from workflow.judges.reasons import reason_of
 from workflow.models import Array, Cases
-from workflow.schemes import Results, Sampling, Status
+from workflow.schemes import Results, Status
 from workflow.study import Cell
 from workflow.variables import COMPARED
-
-PERTURBATION = 1e-12
-"""Change of the gap, as a share of a length of the motion, by whose effect ``predictability`` is defined."""
 
 BLOCK = 64
 """Cases that are computed at a time: a couple of kernel blocks, and a few milliseconds."""
@@ -157,7 +154,7 @@ def _joined(alone: list[Truth]) -> Truth:
 
 
 def _compute(grid: Grid, cell: Cell, shape: tuple[int, ...], own: Indices, perturbed: bool) -> Truth:
-    """Run a block of cases; where ``perturbed``, run it again with the gap changed by :data:`PERTURBATION`."""
+    """Run a block of cases; where ``perturbed``, run it again with the gap changed by a trifle."""
     inner = np.ravel_multi_index(np.unravel_index(own, shape), grid.inner_shape) if shape else own
     replaced = grid.study.reference.values if grid.study.reference is not None else {}
     varying = {path: values for path, values in grid.inner_values(inner).items() if path not in replaced}
@@ -165,38 +162,19 @@ def _compute(grid: Grid, cell: Cell, shape: tuple[int, ...], own: Indices, pertu
     cases = conditions(cell, structure, varying, own.size)
     compile_for(cell, balances=False)
     sampling = replace(grid.sampling, balances=False)
-    results = _run(cell, cases, sampling)
+
+    def run(some: Cases) -> Results:
+        return judged(cell, some, run_batch(cell, some, sampling), sampling.duration)
+
+    results = run(cases)
     histories = {name: results.histories[name] for name in COMPARED}
     lost = results.status != Status.OK
     for values in histories.values():
         values[lost] = np.nan
-    predictability = np.full(own.size, np.nan)
+    change = np.full(own.size, np.nan)
     sound = np.flatnonzero(~lost)
     if perturbed and sound.size:
-        predictability[sound] = _predictability(cell, cases.take(sound), sampling, histories["displacement"][sound])
+        displacement, is_static = histories["displacement"][sound], cell.scene.initial == "static"
+        change[sound] = predictability(run, cases.take(sound), displacement, is_static=is_static)
     failures = {int(k): results.messages.get(int(k), "it did not end ok") for k in np.flatnonzero(lost)}
-    return Truth(histories, predictability, failures)
-
-
-def _run(cell: Cell, cases: Cases, sampling: Sampling) -> Results:
-    return judged(cell, cases, run_batch(cell, cases, sampling), sampling.duration)
-
-
-def _predictability(cell: Cell, cases: Cases, sampling: Sampling, displacement: Array) -> Array:
-    """Return the larger relative change of the displacement when the gap is opened or closed by a trifle.
-
-    The trifle is 1e-12 of a length of the motion, the larger of |gap| and the largest |x_n|. Where closing would
-    put the start inside the casing only opening counts; a static start moves with the gap. NaN where no
-    perturbed run ended ok.
-    """
-    trifle = PERTURBATION * np.maximum(np.abs(cases.gap), np.abs(displacement).max(axis=1))
-    change = np.full(cases.count, np.nan)
-    outside = cases.displacement[:, -1] <= cases.casing_at(0.0) - trifle
-    may_close = np.ones(cases.count, dtype=bool) if cell.scene.initial == "static" else outside
-    for which, sign in ((np.arange(cases.count), 1.0), (np.flatnonzero(may_close), -1.0)):
-        if which.size:
-            part = cases.take(which)
-            results = _run(cell, replace(part, gap=part.gap + sign * trifle[which]), sampling)
-            moved = np.where((results.status == Status.OK)[:, None], results.histories["displacement"], np.nan)
-            change[which] = np.fmax(change[which], relative_distance(moved, displacement[which]))
-    return change
+    return Truth(histories, change, failures)

@@ -26,7 +26,7 @@ from workflow.models._damping import (
     needs_matrices,
 )
 from workflow.models._dense_pair import DensePair
-from workflow.models._equilibrium import NoEquilibriumError, static_equilibrium
+from workflow.models._equilibrium import NoEquilibriumError, at_rest, static_equilibrium
 from workflow.models._factors import FACTORISING, MOST_BY_SUPERLU, has_cholmod
 from workflow.models._fill import Fill, LargeFactorsWarning, expected_fill
 from workflow.models._from_matrices import GivenMatrices, structure_from_matrices
@@ -39,6 +39,7 @@ from workflow.models._semidefinite import UnusableMatricesError
 from workflow.models._sliding import CriticalFriction, critical_friction, directions
 from workflow.models._sparse import Sparse
 from workflow.models._sparse_from_matrices import structure_from_sparse
+from workflow.models._sparse_pair import MOST_REDUCED
 from workflow.models._static import frequencies, growth_at_once, rates, rounding_of_flexibility
 from workflow.models._structure import Coordinates, Matrices, Rayleigh, Structure
 from workflow.models._write_matrices import write_matrices
@@ -98,6 +99,7 @@ __all__ = [
     "MOST_BY_SUPERLU",
     "MOST_FULL",
     "MOST_ONE_BY_ONE",
+    "MOST_REDUCED",
     "NO_HARMONICS",
     "Array",
     "Cases",
@@ -122,6 +124,7 @@ __all__ = [
     "Structure",
     "TooManyCoordinatesError",
     "UnusableMatricesError",
+    "at_rest",
     "coupled_damping",
     "couples_free_modes",
     "critical_alpha",

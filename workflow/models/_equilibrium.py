@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from workflow.kernels import Array
+from workflow.models._cases import Cases, distinct_rows
 from workflow.models._pair import UNBALANCED
 from workflow.models._sliding import static_share
 from workflow.models._structure import Structure
@@ -61,3 +64,26 @@ def static_equilibrium(
     if reaction < -UNBALANCED * (np.abs(moved).sum() + abs(pressing)) or yields <= 0 or pair.moves(force, held=True):
         raise NoEquilibriumError("the constant loads move the structure for ever, it has no equilibrium")
     return gap * pair.constraint + pair.answer_held(force), temperature
+
+
+def at_rest(structure: Structure, cases: Cases) -> Cases:
+    """Return cases that start in equilibrium under their constant loads; a pressed tip has the velocity ḋ(0).
+
+    ``structure`` is the one they are run on, so that none of its modes swings.
+
+    Raises
+    ------
+    NoEquilibriumError
+        The constant loads of a case move the structure for ever.
+    """
+    load = cases.steady.copy()
+    load += cases.mean[:, None] * structure.load_direction
+    casing = cases.casing_at(0.0)
+    first, which = distinct_rows(load, cases.heating, casing[:, None], cases.friction[:, None])
+    laws = list(zip(casing.tolist(), cases.friction.tolist(), strict=True))
+    states = [static_equilibrium(structure, load[k], cases.heating[k], *laws[k]) for k in first]
+    displacement = np.stack([x for x, _ in states])[which]
+    temperature = np.stack([theta for _, theta in states])[which]
+    velocity = np.zeros_like(displacement)
+    velocity[:, -1] = np.where(displacement[:, -1] == casing, cases.casing_velocity_at(0.0), 0.0)
+    return replace(cases, displacement=displacement, velocity=velocity, temperature=temperature)

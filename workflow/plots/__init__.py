@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from workflow.plots._axes import metric_by_axis
 from workflow.plots._bifurcation import bifurcation
+from workflow.plots._branch_explorer import branch_explorer
 from workflow.plots._branches import branches
 from workflow.plots._explorer import MARKS, explorer
 from workflow.plots._maps import map_dims, middle, position_text, scene_map, single_maps
@@ -25,6 +26,7 @@ __all__ = [
     "Shown",
     "abstract_figure",
     "bifurcation",
+    "branch_explorer",
     "branches",
     "convergence",
     "error_by_cost",

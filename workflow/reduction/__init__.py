@@ -14,6 +14,7 @@ from workflow import registry
 from workflow.models import Array, Structure, TooManyCoordinatesError
 from workflow.reduction._bases import fixed_interface_modes, relative_thermal_modes
 from workflow.reduction._friction import with_friction
+from workflow.reduction._model import ReducedModel, unreduced_model
 from workflow.reduction._reduction import (
     Reduction,
     Vectors,
@@ -126,9 +127,25 @@ def reduce_structure(
     return galerkin(structure, mechanical, thermal, carried)
 
 
+def reduced_model(
+    structure: Structure, mechanical_modes: int, thermal_modes: int, basis: str, duration: float
+) -> ReducedModel:
+    """Return a structure with so many vectors beside the tip's own; parameters are those of :func:`reduce_structure`.
+
+    Counts of ``size - 1`` leave displacements or temperatures as they are.
+    """
+    counts = (mechanical_modes, structure.mechanical_size), (thermal_modes, structure.thermal_size)
+    kept = [None if count == size - 1 else count for count, size in counts]
+    if kept == [None, None]:
+        return unreduced_model(structure)
+    reduction = reduce_structure(structure, kept[0], kept[1], basis, duration)
+    return ReducedModel(reduction.structure, reduction)
+
+
 __all__ = [
     "DEFAULT",
     "Basis",
+    "ReducedModel",
     "Reduction",
     "Vectors",
     "fault",
@@ -138,6 +155,7 @@ __all__ = [
     "names",
     "projection_residual",
     "reduce_structure",
+    "reduced_model",
     "relative_thermal_modes",
     "thermal_vectors",
 ]

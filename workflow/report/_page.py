@@ -13,7 +13,7 @@ from workflow.archive import ArchiveError, commit, open_archive, usable
 from workflow.plots import histories, save
 from workflow.report import _sections as sections
 from workflow.report._answer import answer
-from workflow.report._branches import along_branches
+from workflow.report._branches import along_branches, interactive_branches, where_it_settles
 from workflow.report._explorer import PAGE_BYTES, interactive
 from workflow.report._html import THEN, image, page, short, table, tag
 from workflow.report._origin import duration_of, methods_of, origin, scene_of
@@ -111,6 +111,7 @@ def _write_single(archive: Path, written: Path) -> Written:
             tag("h1", _title(dataset, archive)),
             tag("p", str(dataset.attrs.get("summary", "")), kind="muted"),
             *_warnings(dataset),
+            *where_it_settles(dataset),
             *first_block.body,
             *maps.body,
             *branches.body,
@@ -127,12 +128,12 @@ def _write_single(archive: Path, written: Path) -> Written:
             ]
         rest += origin(dataset, archive)
         room = PAGE_BYTES - sum(len(part.encode()) for part in [*head, *rest]) - _MARGIN
-        if has_transients:
-            shown = interactive(dataset, archive.name, first_block.choice, methods, scene, room)
-            head, scripts = [*head, *shown.body], shown.scripts
-        else:
-            scripts = []
-    commit(written, page(archive.name, [*head, *rest], scripts).encode())
+        shown = (
+            interactive(dataset, archive.name, first_block.choice, methods, scene, room)
+            if has_transients
+            else interactive_branches(dataset)
+        )
+    commit(written, page(archive.name, [*head, *shown.body, *rest], shown.scripts).encode())
     return Written(written, figure_path)
 
 

@@ -267,7 +267,8 @@ class Arrangement:
         if len(set(rows)) < len(rows):
             twice = next(row for row, count in Counter(rows).items() if count > 1)
             listed = ", ".join(f"{value:g}" if isinstance(value, float) else str(value) for value in twice)
-            self.source.report(group.place, f"has `{listed}` twice", "keep values distinct")
+            full = "; `full` is the largest count" if MODES[0] in group.columns or MODES[1] in group.columns else ""
+            self.source.report(group.place, f"has `{listed}` twice", f"keep values distinct{full}")
 
     def _named(self) -> tuple[tuple[Dimension, ...], tuple[Axis, ...]]:
         """Return dimensions and scalars under the names of their coordinates."""

@@ -33,9 +33,9 @@ _ENERGY = (
     "loads drag along, of all modes with a share in the tip; what does work does it at the mean velocity of a step's "
     "ends, that of the tip as the contact law gives it; what a contact spring gives as contact begins or ends "
     "counts; the load counts as the step takes it; max E is at least what 1e-12 of the impulse of the tip load would "
-    "give the tip. Structures whose modes are coupled, or loaded elsewhere: E = vMv/2 + xK1x/2 of the whole motion, "
-    "with the work of all loads and against thermal forces (midpoint values of the motion). 0 where max E is 0; NaN "
-    "for event_driven, which is exact"
+    "give the tip. Structures whose modes are coupled, or loaded elsewhere, and recorded plain states: E = vMv/2 + "
+    "xK1x/2 of the whole motion, with the work of all loads and against thermal forces (midpoint values of the "
+    "motion). 0 where max E is 0; NaN for event_driven, which is exact"
 )
 
 _HEAT = (

@@ -12,7 +12,7 @@ import numpy as np
 from workflow.kernels import Array
 from workflow.kernels.compiled import uncounted
 from workflow.kernels.lanes import LANES, lane_rows
-from workflow.models import Cases, Structure, needs_matrices, project, static_tip_growth
+from workflow.models import Cases, Structure, project, static_tip_growth
 from workflow.schemes._fixed import tip_row
 from workflow.schemes._fixed.marks import WAITING, Block
 from workflow.schemes._fixed.outcome import judged
@@ -57,8 +57,7 @@ class Recorder:
             for part in parts(cases.count, LANES)
         ]
         self._growth = static_tip_growth(structure)
-        coupled = needs_matrices(structure)
-        self._balances = PlainBalance(structure, cases, h, coupled) if sampling.balances else None
+        self._balances = PlainBalance(structure, cases, h) if sampling.balances else None
         self._step = 0
         self._states = cases.displacement, cases.velocity, cases.temperature
         self._before = self._states
