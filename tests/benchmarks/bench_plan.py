@@ -55,10 +55,10 @@ STUDIES = {
 PLANNED = """
 import json, sys
 from dataclasses import asdict
-from workflow.grid import arrange, estimate, units_of
+from workflow.grid import arrange, estimate
 from workflow.study import read_study
 grid = arrange(read_study(sys.argv[1]))
-print(json.dumps(asdict(estimate(grid, units_of(grid)))))
+print(json.dumps(asdict(estimate(grid))))
 """
 
 RUN = """

@@ -9,7 +9,7 @@ import pytest
 from matrix_files import as_npz, matrices_of
 from scenes import heavy_chain
 from studies import parsed, written
-from workflow.grid import arrange, plan, plan_study, units_of
+from workflow.grid import arrange, plan, plan_study
 from workflow.models import static_tip_growth
 from workflow.study import read_study
 
@@ -26,7 +26,7 @@ scene:
 
 def warnings(text: str, heating: str = "") -> list[str]:
     grid = arrange(parsed(text.replace("HEATING", heating)))
-    return list(plan(grid, units_of(grid)).warnings)
+    return list(plan(grid).warnings)
 
 
 def test_a_plausible_scene_has_nothing_to_say() -> None:

@@ -13,7 +13,7 @@ import pytest
 
 from studies import HEAVY_SCENE, parsed
 from workflow.archive import content_hash
-from workflow.grid import _estimate, _speed, arrange, estimate, units_of
+from workflow.grid import _estimate, _speed, arrange, estimate, tasks
 from workflow.grid._conditions import conditions
 from workflow.grid._costs import case_seconds
 from workflow.grid._frequencies import fastest_frequency
@@ -38,15 +38,15 @@ def empty_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def planned(of: Study, threads: int = 1) -> float:
     grid = arrange(of)
-    return estimate(grid, units_of(grid), threads).core_seconds
+    return estimate(grid, threads).core_seconds
 
 
 def test_a_run_measures_the_machine_and_plan_says_so(tmp_path: Path) -> None:
     requested = study("[1, 2]")
     grid = arrange(requested)
-    assert not estimate(grid, units_of(grid)).measured
+    assert not estimate(grid).measured
     run_study(requested, tmp_path / "a.nc", threads=1)
-    assert estimate(grid, units_of(grid)).measured
+    assert estimate(grid).measured
     parts = json.loads(_speed.speed_file().read_text())["parts"]
     assert parts["moreau  balances"] == parts["moreau  balances/20+20"]
     assert parts["moreau  balances"][1] > 0
@@ -139,7 +139,7 @@ def test_speed_is_no_part_of_results_or_tasks(tmp_path: Path) -> None:
     again = arrange(replace(requested))
     run_study(requested, tmp_path / "b.nc", threads=1)
     assert content_hash(tmp_path / "a.nc") == content_hash(tmp_path / "b.nc")
-    assert units_of(grid).chunk == units_of(again).chunk
+    assert [task.cases for task in tasks(grid)] == [task.cases for task in tasks(again)]
 
 
 def test_the_estimate_counts_what_takes_time(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -158,7 +158,7 @@ def test_the_estimate_counts_what_takes_time(monkeypatch: pytest.MonkeyPatch) ->
     assert planned(parsed(wide + exact)) > planned(parsed(wide)) + 0.5
     one = parsed(narrow.replace("ALPHA", "{lin: [1, 2, 512]}") + plain)
     grid = arrange(one)
-    alone, both = (estimate(grid, units_of(grid), threads) for threads in (1, 2))
+    alone, both = (estimate(grid, threads) for threads in (1, 2))
     assert alone.core_seconds == both.core_seconds
     assert 0.5 * alone.seconds < both.seconds < 0.75 * alone.seconds
 

@@ -8,14 +8,14 @@ from workflow.grid._costs import Part, handling_part, measured
 from workflow.grid._estimate import Time, compiling_seconds, estimate, measured_run, task_seconds
 from workflow.grid._figures import Figures
 from workflow.grid._frequencies import longest_period_count
-from workflow.grid._identity import case_hashes
+from workflow.grid._identity import CaseHashes, case_hashes
 from workflow.grid._operators import reduced_structure, structure_of
 from workflow.grid._perturbation import Perturbation
 from workflow.grid._plan import Plan, plan, plan_study
 from workflow.grid._reference import exact_motion, solution_counts
 from workflow.grid._solve import Solved, metrics_of, periods_of, solve
 from workflow.grid._steady import steady_of
-from workflow.grid._tasks import Segment, Task, Units, bytes_per_case, seconds_per_case, tasks, units_of
+from workflow.grid._tasks import Batch, Task, bytes_per_case, seconds_per_case, tasks
 from workflow.grid._turns import Turns
 from workflow.grid._waiting_for import CASES, COMPILING, GATHERING, waited_for, waiting_for
 from workflow.grid._warnings import warning_lines
@@ -25,6 +25,8 @@ __all__ = [
     "COMPILING",
     "FRICTION",
     "GATHERING",
+    "Batch",
+    "CaseHashes",
     "Choice",
     "Decided",
     "Figures",
@@ -32,12 +34,10 @@ __all__ = [
     "Part",
     "Perturbation",
     "Plan",
-    "Segment",
     "Solved",
     "Task",
     "Time",
     "Turns",
-    "Units",
     "alpha_of",
     "arrange",
     "bytes_per_case",
@@ -68,7 +68,6 @@ __all__ = [
     "structure_of",
     "task_seconds",
     "tasks",
-    "units_of",
     "waited_for",
     "waiting_for",
     "warning_lines",

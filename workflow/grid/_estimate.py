@@ -32,7 +32,7 @@ from workflow.grid._frequencies import fastest_frequency, longest_period_count
 from workflow.grid._operators import reduced, reduced_structure
 from workflow.grid._reference import exact_cell, reference_cell
 from workflow.grid._solve import REPEATS, SHORT
-from workflow.grid._tasks import Segment, Task, Units, steady_bytes, tasks
+from workflow.grid._tasks import Batch, Task, steady_bytes, tasks
 from workflow.grid._truth import BLOCK, distinct_shape
 from workflow.models import Array
 from workflow.study import Cell
@@ -99,14 +99,14 @@ def result_bytes(grid: Grid) -> int:
     return grid.outer_count * grid.inner_count * each
 
 
-def estimate(grid: Grid, units: Units, threads: int | None = None) -> Time:
+def estimate(grid: Grid, threads: int | None = None) -> Time:
     """Return how long a study will take; ``threads`` is one for each processor where not given."""
     threads = threads or len(os.sched_getaffinity(0))
     speeds = _speed.speeds()
-    costs = _Costs(grid, units, speeds)
+    costs = _Costs(grid, speeds)
     ends = [0.0] * threads
     work = 0.0
-    for _, seconds in _weighed(grid, units, costs):
+    for _, seconds in _weighed(grid, costs):
         work += seconds
         heapq.heapreplace(ends, ends[0] + seconds)
     beside = costs.seconds(beside_part(grid.outer_count * grid.inner_count, result_bytes(grid)))
@@ -120,14 +120,14 @@ def estimate(grid: Grid, units: Units, threads: int | None = None) -> Time:
     )
 
 
-def task_seconds(grid: Grid, units: Units) -> Iterator[tuple[Task, float]]:
+def task_seconds(grid: Grid) -> Iterator[tuple[Task, float]]:
     """Yield the tasks of a study in their order, each with the processor seconds it will take on this machine."""
-    return _weighed(grid, units, _Costs(grid, units, _speed.speeds()))
+    return _weighed(grid, _Costs(grid, _speed.speeds()))
 
 
-def _weighed(grid: Grid, units: Units, costs: _Costs) -> Iterator[tuple[Task, float]]:
-    for task in tasks(grid, units):
-        yield task, sum(costs.of(segment) for segment in task.segments)
+def _weighed(grid: Grid, costs: _Costs) -> Iterator[tuple[Task, float]]:
+    for task in tasks(grid):
+        yield task, sum(costs.of(batch) for batch in task.batches)
 
 
 def compiling_seconds(grid: Grid, threads: int) -> float:
@@ -159,10 +159,9 @@ def _measured_seconds(part: Part, speeds: _speed.Speeds) -> float:
 
 @dataclass
 class _Costs:
-    """Seconds of segments, those that are alike looked at once; references and growth rates count once."""
+    """Seconds of batches, those that are alike looked at once; references and growth rates count once."""
 
     grid: Grid
-    units: Units
     speeds: _speed.Speeds
     measured: bool = False
     _kinds: dict[tuple[int, int, int], tuple[float, int]] = field(default_factory=dict)
@@ -181,18 +180,17 @@ class _Costs:
         """Return the seconds of a part at the speed of this machine."""
         return _measured_seconds(part, self.speeds)
 
-    def of(self, segment: Segment) -> float:
-        """Return the seconds of a segment: its batch, its references and growth rates if they are new, its handling."""
-        kind = (self._kind[segment.outer], segment.first, segment.units)
+    def of(self, batch: Batch) -> float:
+        """Return the seconds of a batch, with its references and growth rates if they are new, and its handling."""
+        kind = (self._kind[batch.outer], int(batch.inner[0]), batch.inner.size)
         if kind not in self._kinds:
             if len(self._kinds) >= MOST_KINDS:
                 mean = sum(s for s, _ in self._kinds.values()) / sum(n for _, n in self._kinds.values())
-                return mean * segment.units * self.units.chunk
-            inner, _ = self.units.cases(segment.first, segment.units)
-            self._kinds[kind] = self._batch(segment.outer, inner), inner.size
+                return mean * batch.inner.size
+            self._kinds[kind] = self._batch(batch.outer, batch.inner), batch.inner.size
         seconds = self._kinds[kind][0]
         if self.grid.study.reference is not None:
-            seconds += self._references(segment)
+            seconds += self._references(batch)
         return seconds
 
     def _batch(self, outer: int, inner: Indices) -> float:
@@ -225,17 +223,16 @@ class _Costs:
         frequency = fastest_frequency(cell.scene, self.grid.inner_values(looked_at), looked_at.size)
         return float(frequency.max()) * self.grid.sampling.duration
 
-    def _references(self, segment: Segment) -> float:
-        """Return the seconds of the references and exact solutions that a segment is the first to ask for."""
-        ours, theirs = reference_cell(self.grid, segment.outer), exact_cell(self.grid, segment.outer)
-        seconds = self._solutions(segment, ours, REFERENCE_RUNS)
-        return seconds if theirs == ours else seconds + self._solutions(segment, theirs, 1)
+    def _references(self, batch: Batch) -> float:
+        """Return the seconds of the references and exact solutions that a batch is the first to ask for."""
+        ours, theirs = reference_cell(self.grid, batch.outer), exact_cell(self.grid, batch.outer)
+        seconds = self._solutions(batch, ours, REFERENCE_RUNS)
+        return seconds if theirs == ours else seconds + self._solutions(batch, theirs, 1)
 
-    def _solutions(self, segment: Segment, cell: Cell, runs: int) -> float:
+    def _solutions(self, batch: Batch, cell: Cell, runs: int) -> float:
         """Return the seconds of the blocks of solutions of some settings that are new, each run so many times."""
         grid, shape, key = self.grid, distinct_shape(self.grid, cell), hash(cell)
-        inner, _ = self.units.cases(segment.first, segment.units)
-        index = np.unravel_index(inner, grid.inner_shape) if grid.inner else ()
+        index = np.unravel_index(batch.inner, grid.inner_shape) if grid.inner else ()
         own = [np.minimum(i, size - 1) for i, size in zip(index, shape, strict=True)]
         number = np.unique(np.ravel_multi_index(own, shape)) if shape else np.zeros(1, dtype=np.int64)
         new = {(key, int(block)) for block in np.unique(number // BLOCK)} - self._blocks

@@ -15,7 +15,7 @@ from workflow.grid._estimate import Time, estimate, result_bytes
 from workflow.grid._figures import Figures, distinct_lines, figures
 from workflow.grid._operators import reduced_structure, structure_of
 from workflow.grid._reference import reference_cell, solution_counts
-from workflow.grid._tasks import Units, tasks, units_of
+from workflow.grid._tasks import tasks
 from workflow.grid._warnings import looked_at, warnings
 from workflow.study import Cell, ResolvedValue, StudySource, read_study, resolved_values
 
@@ -86,19 +86,18 @@ def plan_study(study: StudySource) -> Plan:
 
     ``study`` is all that :func:`workflow.read_study` takes.
     """
-    grid = arrange(read_study(study))
-    return plan(grid, units_of(grid))
+    return plan(arrange(read_study(study)))
 
 
-def plan(grid: Grid, units: Units) -> Plan:
+def plan(grid: Grid) -> Plan:
     """Return what a study comes to."""
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1, user_api="blas"):  # matrices are small
-        return _plan(grid, units)
+        return _plan(grid)
 
 
-def _plan(grid: Grid, units: Units) -> Plan:
+def _plan(grid: Grid) -> Plan:
     computed, model = grid.places.computed, grid.study.scene.model
     kinds, kind = np.unique(grid.alike(computed, lambda path: path in ("scheme", "h")), return_inverse=True)
     cells = [grid.settings(int(outer)) for outer in kinds]
@@ -109,9 +108,9 @@ def _plan(grid: Grid, units: Units) -> Plan:
     structures = np.unique(grid.alike(computed, lambda path: path.startswith(f"scene.{model}.")))
     shown = [grid.settings(int(outer)) for outer in structures[:_STRUCTURES_SHOWN]]
     number = batches = 0
-    for task in tasks(grid, units):
+    for task in tasks(grid):
         number += 1
-        batches += len(task.segments)
+        batches += len(task.batches)
     cases = grid.outer_count * grid.inner_count
     references, exact = solution_counts(grid)
     return Plan(
@@ -126,7 +125,7 @@ def _plan(grid: Grid, units: Units) -> Plan:
         batches=batches,
         tasks=number,
         steps=sum(int(n) * int(d) * int(c) for n, d, c in zip(marching, distinct, np.bincount(kind), strict=True)),
-        time=estimate(grid, units),
+        time=estimate(grid),
         bytes=result_bytes(grid),
         stored=tuple(grid.study.output.histories),
         structures=tuple(map(figures, shown)),

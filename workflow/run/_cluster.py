@@ -17,7 +17,7 @@ from typing import Any
 from workflow.archive import study_key
 from workflow.grid import Task
 from workflow.run._task import Job, Stored, store_lost
-from workflow.run._worker import ClusterError, Session, join, run_task, small, software, unshared
+from workflow.run._worker import ClusterError, Session, join, run_task, software, unshared
 
 _IN_FLIGHT = 512
 """Tasks that the scheduler knows of at a time, so that the graph of a large study is never there at
@@ -169,7 +169,7 @@ def _results(client: Any, session: Session, tasks: Iterator[Task], limit: int) -
 
     def submit(number: int) -> None:
         for task in islice(tasks, number):
-            future = client.submit(run_task, session, small(task), key=_key(session, task, limit), pure=False)
+            future = client.submit(run_task, session, task, key=_key(session, task, limit), pure=False)
             under_way[future.key] = task
             future.add_done_callback(ended.put)
 
