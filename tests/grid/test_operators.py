@@ -6,7 +6,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from studies import SCENE, parsed
-from workflow.grid import _operators, arrange, units_of
+from workflow.grid import _operators, arrange, tasks
 from workflow.reduction import reduce_structure
 
 
@@ -15,7 +15,7 @@ def test_a_reduction_does_not_depend_on_the_threads_of_blas() -> None:
     grid = arrange(parsed(text))
     _operators.model_on.cache_clear()
     with threadpool_limits(limits=2, user_api="blas"):
-        units_of(grid)
+        next(tasks(grid))
         cell = grid.settings(0)
         cached = _operators.model_on(_operators.reduced(cell))
     with threadpool_limits(limits=1, user_api="blas"):

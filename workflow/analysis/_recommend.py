@@ -121,8 +121,7 @@ class Recommendation:
         The most accurate of those within it whose cost exceeds the least of theirs by at most :data:`SPREAD`; ``None``
         where none is within it.
     next
-        The dearest that is cheaper than all within the tolerance, of those with an error in all cases if there is one;
-        without a choice the one that comes nearest.
+        The dearest that is cheaper, with an error in all cases if one has; without a choice the nearest.
     alike
         The others among which the choice is the most accurate. Largest step first, then fewest modes.
     cases
@@ -170,8 +169,9 @@ def recommend(dataset: xr.Dataset, tolerance: float | str | None = None) -> Reco
     good = [int(k) for k in rank if within[k].all()]
     least = table.cost[good[0]] if good else np.inf
     alike = sorted((k for k in good if table.cost[k] <= (1 + SPREAD) * least), key=lambda k: _largest(table.error[k]))
+    known = ~np.isnan(table.error).any(axis=1)
     cheaper = (int(k) for k in rank if table.cost[k] < least)
-    nearest = max(cheaper, key=lambda k: (not np.isnan(table.error[k]).any(), table.cost[k]), default=None)
+    nearest = max(cheaper, key=lambda k: (known[k], table.cost[k]), default=None)
     if not good:
         nearest = max(range(len(rank)), key=lambda k: (within[k].mean(), -_largest(table.error[k])), default=None)
     return Recommendation(

@@ -8,7 +8,7 @@ from workflow.grid._arrangement import TOLERANCE, Grid
 from workflow.grid._choice import Choice
 from workflow.grid._corners import corner_text
 from workflow.grid._figures import size_text
-from workflow.grid._reference import reference_cell
+from workflow.grid._reference_solutions import reference_cell
 from workflow.study import Cell
 
 _SHOWN = 8

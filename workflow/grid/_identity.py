@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from workflow import schemes
 from workflow.declare import plain
-from workflow.grid._arrangement import TOLERANCE, Grid
+from workflow.grid._arrangement import TOLERANCE, Grid, Indices
 from workflow.grid._conditions import FRICTION, alpha_of, friction_of, harmonics_of, heat_load
 from workflow.grid._operators import structure_of
-from workflow.grid._reference import exact_cell, reference_cell
+from workflow.grid._reference_solutions import exact_cell, reference_cell
 from workflow.judges.trials import EXACT
 from workflow.reduction import DEFAULT
 from workflow.schemes import SOLVER_VERSION
@@ -31,28 +31,51 @@ _AT_ONCE = 50_000
 """Cases of an outer index whose conditions are in memory at once."""
 
 
-def case_hashes(grid: Grid) -> NDArray[np.uint8]:
-    """Return the hash of every case in archive order, ``(case, HASH_BYTES)``.
+class CaseHashes:
+    """Hashes of the cases of a grid, each computed when it is first asked for.
 
-    It covers the solver's version, model, conditions, duration and sampling, the scheme with its
+    A hash covers the solver's version, model, conditions, duration and sampling, the scheme with its
     options, those of e, h and α that it reads, basis and mode counts (those that a tolerance decided, with the error
     that was found), and the reference in the same way: values
     in SI, to the bit. Labels, titles, the place in the grid and what else is stored do not enter.
     """
-    hashes = np.empty((grid.outer_count, grid.inner_count, HASH_BYTES), np.uint8)
-    for first in range(0, grid.inner_count, _AT_ONCE):
-        inner = np.arange(first, min(first + _AT_ONCE, grid.inner_count), dtype=np.int64)
-        varying = grid.inner_values(inner)
-        for outer in range(grid.outer_count):
-            cell = grid.settings(outer)
-            prefix = hashlib.sha256(json.dumps(_shared(grid, outer, cell), sort_keys=True).encode())
-            digests = []
-            for row in _rows(grid, outer, cell, varying, inner.size):
-                digest = prefix.copy()
-                digest.update(row.data)
-                digests.append(digest.digest()[:HASH_BYTES])
-            hashes[outer, inner] = np.frombuffer(b"".join(digests), np.uint8).reshape(-1, HASH_BYTES)
-    return hashes.reshape(-1, HASH_BYTES)
+
+    def __init__(self, grid: Grid) -> None:
+        self._grid = grid
+        self._hashes = np.zeros((grid.outer_count, grid.inner_count, HASH_BYTES), np.uint8)
+        self._known = np.zeros((grid.outer_count, grid.inner_count), bool)
+
+    def of(self, outer: int, inner: Indices) -> NDArray[np.uint8]:
+        """Return the hashes of some cases of an outer index, ``(case, HASH_BYTES)``."""
+        new = inner[~self._known[outer, inner]]
+        if new.size:
+            self._hashes[outer, new] = _hashed(self._grid, outer, new)
+            self._known[outer, new] = True
+        return np.asarray(self._hashes[outer, inner])
+
+    def all(self) -> NDArray[np.uint8]:
+        """Return those of all cases, in archive order."""
+        for first in range(0, self._grid.inner_count, _AT_ONCE):
+            inner = np.arange(first, min(first + _AT_ONCE, self._grid.inner_count), dtype=np.int64)
+            for outer in range(self._grid.outer_count):
+                self.of(outer, inner)
+        return self._hashes.reshape(-1, HASH_BYTES)
+
+
+def case_hashes(grid: Grid) -> NDArray[np.uint8]:
+    """Return the hash of every case in archive order, ``(case, HASH_BYTES)``."""
+    return CaseHashes(grid).all()
+
+
+def _hashed(grid: Grid, outer: int, inner: Indices) -> NDArray[np.uint8]:
+    cell = grid.settings(outer)
+    prefix = hashlib.sha256(json.dumps(_shared(grid, outer, cell), sort_keys=True).encode())
+    digests = []
+    for row in _rows(grid, outer, cell, grid.inner_values(inner), inner.size):
+        digest = prefix.copy()
+        digest.update(row.data)
+        digests.append(digest.digest()[:HASH_BYTES])
+    return np.frombuffer(b"".join(digests), np.uint8).reshape(-1, HASH_BYTES)
 
 
 def _shared(grid: Grid, outer: int, cell: Cell) -> dict[str, Any]:

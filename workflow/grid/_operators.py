@@ -12,8 +12,6 @@ from threadpoolctl import threadpool_limits
 
 from workflow import models, schemes
 from workflow.grid._compile import KernelVariant, compile_scheme
-from workflow.grid._costs import batch_part, growth_part, measured, setup_part
-from workflow.grid._turns import waiting
 from workflow.judges.blow_ups import mark_blown_up
 from workflow.judges.runaways import Runaways
 from workflow.models import (
@@ -80,9 +78,7 @@ def reduced_structure(cell: Cell) -> Structure:
 
 @lru_cache(maxsize=_MOST_OPERATORS)
 def _operator(by: Reduced, method: str, options: Any, h: float) -> Any:
-    structure = model_on(by).structure
-    with measured(setup_part(method, structure)):
-        return schemes.load(method).init(structure, h, options)
+    return schemes.load(method).init(model_on(by).structure, h, options)
 
 
 @lru_cache(maxsize=_MOST_OPERATORS)
@@ -106,14 +102,12 @@ def compile_for(cell: Cell, balances: bool) -> None:
     """Have the kernels of a cell compiled, so that no case's processor time holds that."""
     variant = kernel_variant(cell, balances)
     if variant is not None:
-        compile_scheme(variant, waiting)
+        compile_scheme(variant)
 
 
 def runaways_of(cell: Cell, alpha: Array, friction: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Return critical coupling, growth rate and whether a tip in contact runs away: see :class:`Runaways`."""
-    by = reduced(cell)
-    with measured(growth_part(model_on(by).structure, np.unique(alpha).size)):
-        return _runaways(by).of(alpha, friction)
+    return _runaways(reduced(cell)).of(alpha, friction)
 
 
 def projection_residual_of(cell: Cell, cases: Cases) -> Array:
@@ -155,10 +149,7 @@ def run_batch(cell: Cell, cases: Cases, sampling: Sampling) -> Results:
     scene, method = cell.scene, cell.scheme.method
     schemes.refuse(schemes.load(method), cases)
     operator = _operator(reduced(cell), method, cell.scheme.options, cell.h)
-    structure, projected = as_run(cell, cases)
-    periods = float(cases.fastest_frequency.max()) * sampling.duration
-    part = batch_part(cell, structure, sampling, cases.count, periods)
-    with measured(part):
-        results = schemes.load(method).compute(operator, projected, sampling)
+    _, projected = as_run(cell, cases)
+    results = schemes.load(method).compute(operator, projected, sampling)
     results.metrics["thermal_closing"] += growth_at_once(structure_of(scene.model, scene.parameters))
     return schemes.checked(results, projected, sampling)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from workflow.analysis import NothingSteadyError, followed_axis, limit_sentence, limits
-from workflow.plots import branch_explorer, branches
+from workflow.plots import branches
+from workflow.report._bokeh_branches import branch_explorer
 from workflow.report._explorer import Interactive, figure_place, library
 from workflow.report._html import block, image, prose, tag
 from workflow.report._sections import Drawn, any_ok

@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workflow.analysis import Choice, NotableCase, notable_cases
-from workflow.plots import COLOURS, MARKS, explorer, page_data, shown_part
+from workflow.plots import COLOURS
+from workflow.report._bokeh_figures import MARKS, explorer
 from workflow.report._html import Html, block, tag
+from workflow.report._page_data import page_data, shown_part
 from workflow.schemes import Status
 
 if TYPE_CHECKING:

@@ -9,10 +9,10 @@ import numpy as np
 
 from workflow.analysis import case_dims, flags_of, followed_axis, labels_of
 from workflow.plots._branches import in_units
-from workflow.plots._explorer import SELECTED, orbit_panels, panel_of, source_of
-from workflow.plots._page_cases import ORBIT
 from workflow.plots._style import COLOURS
 from workflow.plots._units import scaled
+from workflow.report._bokeh_figures import SELECTED, orbit_panels, panel_of, source_of
+from workflow.report._page_cases import ORBIT
 
 if TYPE_CHECKING:
     import xarray as xr
