@@ -188,8 +188,13 @@ def _along_branches(dataset: xr.Dataset, faults: NDArray[Any], asked: NDArray[np
 def _common(each: Sequence[Limit]) -> Limit:
     """Return the range that is within the limits of all branches."""
     sign = _MILD.get(each[0].axis, 1)
-    last, first = (choose(each, key=lambda one: sign * end(one)) for choose, end in ((min, _stop), (max, _start)))
-    if last.start is None or sign * _start(first) > sign * _stop(last):
+    for one in each:
+        if one.start is None:
+            return one
+    ranges = [(sign * float(one.start or 0), sign * float(one.stop or 0), one) for one in each]
+    start, _, first = max(ranges, key=lambda one: one[0])
+    _, stop, last = min(ranges, key=lambda one: one[1])
+    if start > stop:
         return replace(last, start=None, stop=None)
     return replace(first if last.next is None and first.next is not None else last, start=first.start, stop=last.stop)
 
@@ -198,14 +203,6 @@ def _cause(faults: NDArray[Any], flags: NDArray[Any], k: int, before: int) -> st
     """Return why a point is not within: the bifurcation there or just before, where it has lost its stability."""
     flag = next((flags[j] for j in (k, before) if flags[j] != "none"), "none")
     return str(flag if flag != "none" and faults[k] == "unstable" else faults[k])
-
-
-def _start(limit: Limit) -> float:
-    return np.inf * _MILD.get(limit.axis, 1) if limit.start is None else limit.start
-
-
-def _stop(limit: Limit) -> float:
-    return -np.inf * _MILD.get(limit.axis, 1) if limit.stop is None else limit.stop
 
 
 def _range(name: str, values: NDArray[np.float64], words: Sequence[str]) -> tuple[Limit, int | None]:

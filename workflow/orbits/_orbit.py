@@ -12,6 +12,11 @@ from workflow.models import Array
 from workflow.orbits._flow import Flow
 from workflow.schemes._exact.advance import Course
 
+STATES = ("settles", "no_contact", "permanent_contact", "unstable", "runs_away", "not_found", "not_asked")
+"""What becomes of a rub: the flags of ``steady_state``. ``unstable`` occurs on branches only."""
+
+SETTLES, NO_CONTACT, PERMANENT_CONTACT, UNSTABLE, RUNS_AWAY, NOT_FOUND, NOT_ASKED = range(7)
+
 RESIDUAL = 1e-10
 """Largest change of x, v and θ over kT, each over its own maximum."""
 
@@ -45,6 +50,15 @@ class Orbit:
             return (self.flow.held if self.course.was_held else self.flow.free).growth
         largest = float(np.abs(self.multipliers[0]))
         return float(np.log(largest) / self.course.span) if largest > 0 else -np.inf
+
+    @property
+    def state(self) -> int:
+        """An index in :data:`STATES`."""
+        if not self.growth < 0:
+            return UNSTABLE
+        if self.course.times.size:
+            return SETTLES
+        return PERMANENT_CONTACT if self.course.was_held else NO_CONTACT
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from workflow.models import Array, Cases, Structure
-from workflow.orbits._flow import BUDGET, Flow
+from workflow.orbits._flow import Analysed, Flow
 from workflow.orbits._orbit import Orbit
 from workflow.orbits._settle import Options, Settled, settle
 from workflow.schemes._exact.advance import Course
-from workflow.schemes._exact.batch import make_operator
-from workflow.schemes._exact.held_regime import HeldRegimes
 from workflow.variables import select
 
 _PER_TURN = 16
@@ -37,9 +35,8 @@ def steady_rubs(
     ``orbit_displacement`` [m], ``orbit_velocity`` [m/s], ``orbit_temperature`` [K]; under constant loads all samples
     are the equilibrium. NaN where there is no steady rub. A message is '' or begins with ``steady:``.
     """
-    operator = make_operator(structure, BUDGET)
-    regimes, each = HeldRegimes(operator.basis.held), [cases.take(slice(i, i + 1)) for i in range(cases.count)]
-    found = [settle(Flow(operator, regimes, case, duration), duration, options) for case in each]
+    shared, each = Analysed(structure), [cases.take(slice(i, i + 1)) for i in range(cases.count)]
+    found = [settle(Flow(shared, case, duration), duration, options) for case in each]
     return tabulated(found, options.samples), [f"steady: {one.message}" if one.message else "" for one in found]
 
 

@@ -8,13 +8,8 @@ import numpy as np
 
 from workflow.models import Array
 from workflow.orbits._flow import MOST_LOAD_PERIODS, Flow
-from workflow.orbits._orbit import Orbit, Scale, longest, newton, scale_of, without_events
+from workflow.orbits._orbit import NOT_FOUND, RUNS_AWAY, Orbit, Scale, longest, newton, scale_of, without_events
 from workflow.schemes._exact.advance import Course
-
-STATES = ("settles", "no_contact", "permanent_contact", "unstable", "runs_away", "not_found", "not_asked")
-"""What becomes of a rub: the flags of ``steady_state``. ``unstable`` occurs on branches only."""
-
-SETTLES, NO_CONTACT, PERMANENT_CONTACT, UNSTABLE, RUNS_AWAY, NOT_FOUND, NOT_ASKED = range(7)
 
 MOST_PERIODS = 1000
 """Common periods by which a transient is followed beyond its duration, at most."""
@@ -156,9 +151,8 @@ def _found(flow: Flow, courses: list[Course], options: Options) -> Settled | Non
         return Settled(RUNS_AWAY, f"in permanent contact deviations grow by {flow.held.growth:.4g} 1/s")
     else:
         orbit = without_events(flow, held, scale)
-        settles = orbit is not None and orbit.growth < 0 and _approaches(orbit, courses[-2].start, X, scale)
-        if orbit is not None and settles and _stays(orbit, X, scale):
-            return Settled(PERMANENT_CONTACT if held else NO_CONTACT, "", orbit)
+        if orbit is not None and _approaches(orbit, courses[-2].start, X, scale) and _stays(orbit, X, scale):
+            return Settled(orbit.state, "", orbit)
     if abs(flow.growth_by_heat(X)) > _EXCESS * flow.reach:
         return Settled(RUNS_AWAY, "the temperature of the tip leaves every bound")
     return None
@@ -172,7 +166,7 @@ def _rub(flow: Flow, courses: list[Course], options: Options, scale: Scale) -> S
     begin = longest(last, flights=True)
     start = flow.march(last.start, last.was_held, 0.0, begin)
     orbit = newton(flow, start.X, start.contact, begin, k, scale)
-    if orbit is None or orbit.growth >= 0:
+    if orbit is None:
         return None
     later = flow.march(start.X, start.contact, begin, 2 * orbit.course.span, kept=0)
     if not _approaches(orbit, start.X, later.X, scale):
@@ -180,19 +174,19 @@ def _rub(flow: Flow, courses: list[Course], options: Options, scale: Scale) -> S
     for order in range(1, k):
         least = newton(flow, orbit.course.start, orbit.course.was_held, begin, order, scale) if k % order == 0 else None
         if least is not None and scale.size(flow, least.course.start - orbit.course.start) < _NEAR:
-            return Settled(SETTLES, "", least)
-    return Settled(SETTLES, "", orbit)
+            return Settled(least.state, "", least)
+    return Settled(orbit.state, "", orbit)
 
 
 def _approaches(orbit: Orbit, before: Array, after: Array, scale: Scale) -> bool:
-    """Tell whether a transient comes nearer to an orbit over 2kT, by about as much as its multipliers say."""
+    """Tell whether a transient comes nearer to a stable orbit over 2kT, by about as much as its multipliers say."""
     flow, start = orbit.flow, orbit.course.start
     first, last = before - start, after - start
     away, left = scale.size(flow, first), scale.size(flow, last)
     change = orbit.D @ (orbit.D @ first) - first
     error = orbit.D @ (last - first - change)  # over one more map: what decays at once does not count
     by_rule = scale.size(flow, error) <= 0.5 * scale.size(flow, orbit.D @ change)
-    return max(away, left) < _NEAR or (left < away and by_rule)
+    return orbit.growth < 0 and (max(away, left) < _NEAR or (left < away and by_rule))
 
 
 def _stays(orbit: Orbit, X: Array, scale: Scale) -> bool:
