@@ -28,7 +28,7 @@ def node_sizes(written: WrittenStudy, model: str, path: str, address: Address) -
         if isinstance(read, Spread) and read.count > 10_000:
             return Sizes()
         counts = tuple(int(count) for count in expanded(read, whole=True))
-        return Sizes(counts, counts, large=models.MOST_NODES_WITH_MATRICES, most=models.MOST_ONE_BY_ONE)
+        return Sizes(counts, counts, large=models.MOST_FULL, most=models.MOST_ONE_BY_ONE)
     except (ValidationError, PydanticCustomError, ValueError):
         return Sizes()
 
