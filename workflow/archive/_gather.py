@@ -25,6 +25,8 @@ from workflow.archive._stored import PROVENANCE, Hashes, Places, Stored, boxes
 _VARIABLE_BYTES, _CHUNK_BYTES, _CELL_BYTES = 5000, 100, 16
 """What an archive takes beside its chunks: attributes and indices, up to these in archives of all sizes; hashes."""
 
+Index = NDArray[np.int64] | slice
+
 _HELD = 64
 """Sources of which the values of one variable are held at a time."""
 
@@ -116,21 +118,27 @@ def _chunks(
                     _put(values, where, held(number)[rows])
             values = values.reshape((*size, *tail))
             for piece in pieces:
-                chunk = np.full(shape, variable.fill, values.dtype)
-                part = values[len(size) * (slice(None),) + piece]
-                chunk[tuple(map(slice, part.shape))] = part
+                chunk = values[len(size) * (slice(None),) + piece]
+                if chunk.shape != shape:
+                    part, chunk = chunk, np.full(shape, variable.fill, values.dtype)
+                    chunk[tuple(map(slice, part.shape))] = part
                 yield variable.name, tuple(side.start for side in (*box, *piece)), chunk
 
 
 def _by_source(
     cells: NDArray[np.int64], source: NDArray[np.int64], row: NDArray[np.int64]
-) -> list[tuple[int, NDArray[np.int64], NDArray[np.int64]]]:
+) -> list[tuple[int, Index, Index]]:
     """Return by the sources that hold some cells which of the cells they are, and in which rows."""
     places = [(int(k), np.flatnonzero(source[cells] == k)) for k in np.unique(source[cells]) if k >= 0]
-    return [(number, where, row[cells[where]]) for number, where in places]
+    return [(number, _as_slice(where), _as_slice(row[cells[where]])) for number, where in places]
 
 
-def _put(values: NDArray[Any], where: NDArray[np.int64], there: NDArray[Any]) -> None:
+def _as_slice(index: NDArray[np.int64]) -> Index:
+    """Return indices that follow each other as a slice, by which nothing is copied."""
+    return slice(int(index[0]), int(index[-1]) + 1) if np.all(np.diff(index) == 1) else index
+
+
+def _put(values: NDArray[Any], where: Index, there: NDArray[Any]) -> None:
     """Put stored values of cases in their places; of load periods each case has as many as it had."""
     if there.shape[1:] != values.shape[1:]:
         width = min(there.shape[1], values.shape[1])
