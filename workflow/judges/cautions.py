@@ -25,7 +25,6 @@ from workflow.models import (
     static_tip_growth,
     tip_flexibility,
 )
-from workflow.models._tip_held import thermal_constraint
 from workflow.reduction import ReducedModel
 from workflow.schemes import Scheme, limit_text
 
@@ -71,7 +70,7 @@ def scene_cautions(
 
 def _from_files(structure: Structure, cases: Cases) -> Iterator[str]:
     """Yield what matrices of a file may hold otherwise than meant: which way heat moves the tip, and its stiffness."""
-    shares = static_tip_growth(structure) * thermal_constraint(structure)[0]
+    shares = static_tip_growth(structure) * structure.thermal.constraint
     closing = float(shares.sum())
     if cases.alpha.max() > 0 and closing < -_CANCELLED * np.abs(shares).max():
         yield (

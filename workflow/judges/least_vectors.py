@@ -95,7 +95,7 @@ class FullTrials:
         def reduce(mechanical: int, thermal: int) -> Reduction:
             return reduce_structure(structure, mechanical, thermal, problem.basis, problem.sampling.duration)
 
-        warmth = structure.heat_contents(cases.temperature[0])
+        warmth = structure.thermal.inertia_of(cases.temperature[0])
         excitation = Excitation(
             duration=problem.sampling.duration,
             shortest=problem.shortest,

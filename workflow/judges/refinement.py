@@ -16,7 +16,7 @@ from math import inf, isfinite, nan
 from workflow.judges.least_vectors import LeastVectors, ends
 from workflow.judges.trials import Counts, Problem, Trials, largest_change
 from workflow.kernels.algebra import MOST_BY_JACOBI
-from workflow.models import MOST_ONE_BY_ONE, MOST_REDUCED, Chain, Structure
+from workflow.models import MOST_REDUCED, Structure
 from workflow.schemes import Results
 
 _FIRST = (12, 6)
@@ -36,7 +36,7 @@ def coarsest(structure: Structure, requested: Counts) -> Counts:
 
 def _range(structure: Structure, requested: Counts) -> tuple[Counts, Counts]:
     """Return the smallest and the largest counts of vectors that a large structure may be reduced to."""
-    limit = MOST_ONE_BY_ONE if isinstance(structure, Chain) and not structure.has_matrices else MOST_REDUCED
+    limit = MOST_REDUCED if structure.has_matrices else structure.mechanical.most_modes
     return ends(requested, (min(structure.mechanical_size - 1, limit), min(structure.thermal_size - 1, limit)))
 
 
