@@ -146,10 +146,7 @@ def _merge(one: Path, into: Path) -> None:
             shutil.copyfile(file, target)
             continue
         theirs, mine = json.loads(target.read_text()), json.loads(file.read_text())
-        for key, (model, measured) in mine["parts"].items():
-            before = theirs["parts"].get(key, [0.0, 0.0])
-            theirs["parts"][key] = [before[0] + model, before[1] + measured]
-        target.write_text(json.dumps(theirs))
+        target.write_text(json.dumps({name: theirs[name] + mine[name] for name in mine}))
 
 
 def main(names: list[str] | None = None) -> None:

@@ -38,9 +38,9 @@ def counted() -> Iterator[list[int]]:
     """Count the cases that tasks ask the solver for."""
     solve, sizes = running.solve, []
 
-    def counting(grid: Any, outer: int, inner: Any) -> Any:
+    def counting(grid: Any, outer: int, inner: Any, **more: Any) -> Any:
         sizes.append(inner.size)
-        return solve(grid, outer, inner)
+        return solve(grid, outer, inner, **more)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(running, "solve", counting)

@@ -37,7 +37,7 @@ def broken(monkeypatch: pytest.MonkeyPatch) -> set[float]:
 def solved(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     cells: list[int] = []
     solve = running.solve
-    monkeypatch.setattr(running, "solve", lambda g, o, i: (cells.extend(i.tolist()), solve(g, o, i))[1])
+    monkeypatch.setattr(running, "solve", lambda g, o, i, **more: (cells.extend(i.tolist()), solve(g, o, i, **more))[1])
     return cells
 
 

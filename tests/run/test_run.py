@@ -29,7 +29,7 @@ def test_tasks_begin_in_their_order(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
     begun, store = [], threading.store_task
     monkeypatch.setattr(
-        threading, "store_task", lambda job, task, among: (begun.append(task.number), store(job, task))[1]
+        threading, "store_task", lambda job, task, known: (begun.append(task.number), store(job, task))[1]
     )
     run_study(parsed(SMALL), tmp_path / "a.nc", threads=1)
     assert begun == list(range(12))

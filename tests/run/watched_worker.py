@@ -17,7 +17,7 @@ import workflow.run._worker as working
 
 
 def _noted(*args: Any) -> Any:
-    batch = args[-1]
+    batch = args[1]
     where = f"{batch.outer} {batch.inner[0]}"
     with open(os.environ["WATCHED_NOTES"], "a") as notes:
         notes.write(f"{os.getpid()} {where}\n")

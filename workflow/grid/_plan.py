@@ -10,14 +10,15 @@ import numpy as np
 from workflow import schemes
 from workflow.grid._arrangement import Grid, Indices, arrange
 from workflow.grid._choice_words import choice_lines
-from workflow.grid._costs import factor_lines
 from workflow.grid._estimate import Time, estimate, result_bytes
 from workflow.grid._figures import Figures, distinct_lines, figures
 from workflow.grid._operators import reduced_structure, structure_of
-from workflow.grid._reference import reference_cell, solution_counts
+from workflow.grid._reference import solution_counts
+from workflow.grid._reference_solutions import reference_cell
 from workflow.grid._tasks import tasks
 from workflow.grid._warnings import looked_at, warnings
-from workflow.study import Cell, ResolvedValue, StudySource, read_study, resolved_values
+from workflow.models import MOST_BY_SUPERLU, Sparse, expected_fill, has_cholmod
+from workflow.study import CaseSettings, ResolvedValue, StudySource, read_study, resolved_values
 
 _STRUCTURES_SHOWN = 8
 
@@ -154,7 +155,13 @@ def _operators(grid: Grid, computed: Indices) -> Iterator[str]:
                 yield f"{cell.scheme.method}: {', '.join(filter(None, parts))}"
 
 
-def _factors(cells: list[Cell]) -> Iterator[str]:
+def _factors(cells: list[CaseSettings]) -> Iterator[str]:
     """Yield what factorising the first distinct structures takes."""
     for cell in cells:
-        yield from factor_lines(structure_of(cell.scene.model, cell.scene.parameters))
+        structure = structure_of(cell.scene.model, cell.scene.parameters)
+        if isinstance(structure, Sparse):
+            for pair, kind in ((structure.mechanical, "displacements"), (structure.thermal, "temperatures")):
+                if pair.size > MOST_BY_SUPERLU:
+                    by = "CHOLMOD" if has_cholmod() else "SuperLU"
+                    fill = expected_fill(pair.stiffness, has_cholmod())
+                    yield f"{pair.size} {kind}: {fill} each factorisation by {by}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -17,13 +18,14 @@ from workflow.grid._frequencies import longest_period_count
 from workflow.grid._operators import compile_for, judged, projection_residual_of, run_batch, runaways_of, structure_of
 from workflow.grid._perturbation import Perturbation
 from workflow.grid._reference import against_reference, tells_basis_error
+from workflow.grid._reference_solutions import Solutions
 from workflow.grid._steady import blank, branch_values, steady_values
 from workflow.judges.load_periods import contact_force, largest_per_period, sections, widened
 from workflow.judges.reasons import reason_of
 from workflow.judges.trials import DECIDING
 from workflow.models import Array, Cases
 from workflow.schemes import Results, Status
-from workflow.study import Cell, Study
+from workflow.study import CaseSettings, Study
 from workflow.variables import Condition, Variable
 
 SHORT, REPEATS = 2e-3, 3
@@ -41,12 +43,19 @@ class Solved:
     messages: dict[int, str]
 
 
-def solve(grid: Grid, outer: int, inner: Indices, perturbation: Perturbation | None = None) -> Solved:
+def solve(
+    grid: Grid,
+    outer: int,
+    inner: Indices,
+    perturbation: Perturbation | None = None,
+    known: Solutions = MappingProxyType({}),
+) -> Solved:
     """Run the cases ``inner`` of one outer index.
 
     Cases that differ only in axes their scheme does not read are run once; the reference may read
     them, so each has its own errors. What raises becomes cases of status ``failed``; it harms no
-    neighbour, which then run one by one. ``perturbation`` changes the data of the cases, not those of their reference.
+    neighbour, which then run one by one. ``perturbation`` changes the data of the cases, not those of their reference;
+    ``known`` are solutions that errors are measured against and that are computed already.
     """
     cell = grid.settings(outer)
     canonical, place = np.unique(grid.canonical_inner(cell, inner), return_inverse=True)
@@ -54,7 +63,7 @@ def solve(grid: Grid, outer: int, inner: Indices, perturbation: Perturbation | N
     where = place.ravel()
     values = {name: array[where] for name, array in solved.values.items()}
     with np.errstate(all="ignore"):
-        errors, remarks = against_reference(grid, outer, inner, values)
+        errors, remarks = against_reference(grid, outer, inner, values, known)
         values |= _basis(grid, outer, inner.size, errors)
     own = {k: solved.messages[int(source)] for k, source in enumerate(where) if int(source) in solved.messages}
     both = {k: "; ".join(text[k] for text in (remarks, own) if k in text) for k in {*remarks, *own}}
@@ -144,7 +153,7 @@ def _followed(grid: Grid, outer: int, inner: Indices, perturbation: Perturbation
     return Solved({**values, "status": np.full(1, status, dtype=np.int8)}, {0: message} if message else {})
 
 
-def _timed(grid: Grid, cell: Cell, cases: Cases) -> tuple[Results, float]:
+def _timed(grid: Grid, cell: CaseSettings, cases: Cases) -> tuple[Results, float]:
     """Run a batch and return this thread's processor time, s; with a reference the least of some short runs."""
     seconds: list[float] = []
     while True:

@@ -6,13 +6,14 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workflow import schemes
 from workflow.grid._arrangement import Grid, Indices
-from workflow.grid._costs import case_seconds, steady_part
+from workflow.grid._costs import case_seconds, steady_seconds
 from workflow.grid._frequencies import fastest, longest_period_count
 from workflow.grid._operators import reduced_structure
 
@@ -49,8 +50,7 @@ BATCH_SECONDS = 0.025
 """Work of a batch that is short enough for the last tasks of a run."""
 
 
-@dataclass(frozen=True, eq=False)
-class Batch:
+class Batch(NamedTuple):
     """Cases that share their operators: those of one outer index, with their inner indices, ``(case,)``."""
 
     outer: int
@@ -71,8 +71,7 @@ def seconds_per_case(grid: Grid, outer: int) -> float:
     """Return the estimated seconds of one case, from the scheme's fixed cost model."""
     cell = grid.settings(outer)
     structure, periods = reduced_structure(cell), fastest(grid) * grid.sampling.duration
-    steady = steady_part(grid.study, cell, structure, 1).seconds
-    return steady + case_seconds(cell, structure, grid.sampling, periods)
+    return steady_seconds(grid.study, cell, structure) + case_seconds(cell, structure, grid.sampling, periods)
 
 
 def together(grid: Grid, outer: int) -> int:
@@ -97,14 +96,15 @@ def _computed(grid: Grid) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
 
     model = grid.study.scene.model
     alike, where = np.unique(
-        grid.alike(grid.places.computed, lambda path: _decides_cost(path, model)), return_inverse=True
+        grid.alike(grid.places.computed, lambda path: decides_cost(path, model)), return_inverse=True
     )
     with threadpool_limits(limits=1, user_api="blas"):
         seconds = np.array([seconds_per_case(grid, int(outer)) for outer in alike])
         return seconds[where], np.array([together(grid, int(outer)) for outer in alike])[where]
 
 
-def _decides_cost(path: str, model: str) -> bool:
+def decides_cost(path: str, model: str) -> bool:
+    """Tell whether the cost model knows of an axis."""
     return not path.startswith(f"scene.{model}.") or path == f"scene.{model}.nodes"
 
 

@@ -11,10 +11,9 @@ from scipy.optimize import brentq
 
 from workflow.models import Array
 from workflow.orbits._curve import Curve, Point, Problem
-from workflow.orbits._options import NO_CONTACT, PERMANENT_CONTACT, SETTLES, UNSTABLE, Options
-from workflow.orbits._orbit import Orbit, Scale, scale_of
-from workflow.orbits._rubs import blank, fill
-from workflow.orbits._settle import Settled, settle
+from workflow.orbits._orbit import NOT_FOUND, Orbit, Scale, scale_of
+from workflow.orbits._rubs import tabulated
+from workflow.orbits._settle import Options, Settled, settle
 from workflow.schemes._exact.record import TOUCH
 
 BIFURCATIONS = ("none", "fold", "period_doubling", "torus", "grazing")
@@ -51,25 +50,27 @@ def branch(
     ``not_found`` and ``bifurcation`` ``none``. Without any point all is so, and the message, which begins with
     ``steady:``, says why.
     """
-    values = blank(points, options.samples)
-    values["value"], values["bifurcation"] = np.full(points, np.nan), np.zeros(points, dtype=np.int8)
     curve = Curve(problem, start, stop, duration)
     first = _first(curve, options)
-    if first is None:
-        return values, f"steady: no periodic rub was found at {start:g}, at {stop:g} or between"
+    found, flags = _flagged(curve, first, points) if first is not None else ([], np.zeros(0, dtype=np.int8))
+    beyond, rubs = points - len(found), [Settled(point.orbit.state, "", point.orbit) for point in found]
+    values = tabulated(rubs + beyond * [Settled(NOT_FOUND)], options.samples)
+    values["value"] = np.pad([curve.value(point.q) for point in found], (0, beyond), constant_values=np.nan)
+    values["bifurcation"] = np.pad(flags, (0, beyond))
+    return values, "" if found else f"steady: no periodic rub was found at {start:g}, at {stop:g} or between"
+
+
+def _flagged(curve: Curve, first: Point, count: int) -> tuple[list[Point], NDArray[np.int8]]:
+    """Return at most ``count`` points of the branch through one, in order of arclength, and their bifurcations."""
     behind, back = _followed(curve, _reversed(first))
     ahead, end = _followed(curve, first)
-    turned = [_reversed(point) for point in reversed(behind)]
-    found = _placed(curve, [*turned, *ahead[1:]], points)
+    found = _placed(curve, [*map(_reversed, reversed(behind)), *ahead[1:]], count)
     flags = np.zeros(len(found), dtype=np.int8)
     _locate(curve, found, flags)
     order = np.argsort([point.place for point in found], kind="stable")
     found, flags = [found[i] for i in order], flags[order]
     flags[0], flags[-1] = flags[0] or back, flags[-1] or end
-    for i, point in enumerate(found):
-        values["value"][i], values["bifurcation"][i] = curve.value(point.q), flags[i]
-        fill(values, i, Settled(_state(point), "", point.orbit))
-    return values, ""
+    return found, flags
 
 
 def _reversed(point: Point) -> Point:
@@ -91,7 +92,8 @@ def _first(curve: Curve, options: Options) -> Point | None:
         return None
     scales = [scale_of(orbit.flow, [orbit.course]) for _, orbit in found]
     largest = Scale(*np.max([astuple(scale) for scale in scales], axis=0).tolist())
-    return curve.rephased(curve.begin(found[0][1], largest, found[0][0]))
+    first = curve.begin(found[0][1], largest, found[0][0])
+    return first and curve.rephased(first)
 
 
 def _followed(curve: Curve, first: Point) -> tuple[list[Point], int]:
@@ -184,21 +186,15 @@ def _root(curve: Curve, a: Point, b: Point, test: Callable[[Point], float]) -> P
 
     def at(length: float) -> float:
         point = curve.step(a, length)
-        if point is None:
-            raise _LostError
-        found.append(point)
-        return test(point)
+        found.extend([point] if point is not None else [])
+        return np.nan if point is None else test(point)
 
     try:
         brentq(at, 0.0, b.place - a.place, xtol=_ROOT, rtol=1e-14)
-    except (_LostError, ValueError):
+    except ValueError:  # a point between was not found
         return None
     nearest = min(found, key=lambda point: abs(test(point)))
     return nearest if abs(test(nearest)) < _ZERO else None
-
-
-class _LostError(Exception):
-    """A point between two was not found."""
 
 
 def _order(point: Point) -> tuple[int, int, bool]:
@@ -228,13 +224,3 @@ def _order_changes(curve: Curve, a: Point, b: Point) -> list[Point]:
         if _order(beyond) == _order(b):
             break
     return found
-
-
-def _state(point: Point) -> int:
-    """Return the state of a point on a branch."""
-    course = point.orbit.course
-    if not point.orbit.growth < 0:
-        return UNSTABLE
-    if course.times.size:
-        return SETTLES
-    return PERMANENT_CONTACT if course.was_held else NO_CONTACT

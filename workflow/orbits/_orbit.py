@@ -12,6 +12,11 @@ from workflow.models import Array
 from workflow.orbits._flow import Flow
 from workflow.schemes._exact.advance import Course
 
+STATES = ("settles", "no_contact", "permanent_contact", "unstable", "runs_away", "not_found", "not_asked")
+"""What becomes of a rub: the flags of ``steady_state``. ``unstable`` occurs on branches only."""
+
+SETTLES, NO_CONTACT, PERMANENT_CONTACT, UNSTABLE, RUNS_AWAY, NOT_FOUND, NOT_ASKED = range(7)
+
 RESIDUAL = 1e-10
 """Largest change of x, v and θ over kT, each over its own maximum."""
 
@@ -46,6 +51,15 @@ class Orbit:
         largest = float(np.abs(self.multipliers[0]))
         return float(np.log(largest) / self.course.span) if largest > 0 else -np.inf
 
+    @property
+    def state(self) -> int:
+        """An index in :data:`STATES`."""
+        if not self.growth < 0:
+            return UNSTABLE
+        if self.course.times.size:
+            return SETTLES
+        return PERMANENT_CONTACT if self.course.was_held else NO_CONTACT
+
 
 @dataclass(frozen=True)
 class Scale:
@@ -71,6 +85,14 @@ def scale_of(flow: Flow, courses: list[Course]) -> Scale:
     ]
     x, v, theta = (float(value) for value in largest)
     return Scale(x or 1.0, max(v, x / flow.period) or 1.0, theta or 1.0)
+
+
+def longest(course: Course, *, flights: bool = False) -> float:
+    """Return the time after its begin in the middle of the longest flight, or contact, of a course, s."""
+    ends, held = course.stretches
+    lengths = np.where(held & flights, -1.0, np.diff(ends))
+    place = int(np.argmax(lengths))
+    return float(0.5 * (ends[place] + ends[place + 1]))
 
 
 def newton(flow: Flow, X: Array, contact: bool, begin: float, order: int, scale: Scale) -> Orbit | None:

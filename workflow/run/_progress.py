@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from threading import Event, Lock, Thread
 
-from workflow.grid import COMPILING, Grid, Task, compiling_seconds, task_seconds, waited_for
+from workflow.grid import COMPILING, Grid, Task, task_seconds, time_to_compile, waited_for
 from workflow.run._task import Stored
 
 
@@ -83,10 +83,10 @@ def work_of(grid: Grid, share: Callable[[Task], float], threads: int) -> Work:
         for task, seconds in task_seconds(grid):
             missing[task.number] = seconds * share(task)
             before += seconds - missing[task.number]
-    return Work(missing, before, threads, compiling_seconds(grid, threads) if threads else 0.0)
+    return Work(missing, before, threads, time_to_compile(grid, threads) if threads else 0.0)
 
 
-class Tally:
+class ProgressCounter:
     """Counts what tasks store and reports how far the run is.
 
     Parameters

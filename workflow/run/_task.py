@@ -4,23 +4,23 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workflow.archive import STATUS, Hashes, Layout, write_shard
-from workflow.grid import Batch, CaseHashes, Grid, Task, handling_part, measured, solve
+from workflow.grid import Batch, CaseHashes, Grid, Solutions, Task, solve
 from workflow.run._outcome import status_name
 from workflow.schemes import Status
 
 Results = tuple[dict[str, NDArray[Any]], dict[int, str]]
 """Arrays of some cases, ``(case, …)`` by name, and messages by position."""
 
-_ALONE: AbstractContextManager[None] = nullcontext()
+_NONE: Solutions = MappingProxyType({})
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,13 +49,12 @@ def not_ok(status: NDArray[Any], times: int = 1) -> Counter[str]:
     return Counter({status_name(int(v)): times * int(n) for v, n in zip(values, numbers, strict=True)})
 
 
-def store_task(job: Job, task: Task, computing: AbstractContextManager[Any] = _ALONE) -> Stored:
-    """Compute the cases of a task, within ``computing``, and store them, of equal hashes one."""
-    histories = len(job.grid.study.output.histories)
-    with measured(handling_part(task.cases, len(task.batches), job.grid.sampling.count, histories)):
-        with computing:
-            solved = [compute_batch(job, distinct(job, batch)[0]) for batch in task.batches]
-        return _store(job, task, solved)
+def store_task(job: Job, task: Task, known: Solutions = _NONE) -> Stored:
+    """Compute the cases of a task and store them, of equal hashes one.
+
+    ``known`` are solutions that errors are measured against and that are computed already.
+    """
+    return _store(job, task, [compute_batch(job, distinct(job, batch)[0], known) for batch in task.batches])
 
 
 def store_lost(job: Job, task: Task, text: str) -> Stored:
@@ -69,9 +68,9 @@ def store_lost(job: Job, task: Task, text: str) -> Stored:
     return _store(job, task, lost)
 
 
-def compute_batch(job: Job, batch: Batch) -> Results:
+def compute_batch(job: Job, batch: Batch, known: Solutions = _NONE) -> Results:
     """Return the results of a batch."""
-    solved = solve(job.grid, batch.outer, batch.inner)
+    solved = solve(job.grid, batch.outer, batch.inner, known=known)
     return solved.values, solved.messages
 
 

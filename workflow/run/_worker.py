@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from workflow.archive import ArchiveError, code_revision, describe, grid_of, read_command, study_key
-from workflow.grid import CaseHashes, Task
+from workflow.grid import Block, CaseHashes, ReferenceSolution, Task, compute_block, solutions_of
 from workflow.models import FACTORISING, has_cholmod
 from workflow.run._task import Job, Stored, store_task
 from workflow.schemes import SOLVER_VERSION
@@ -97,8 +97,14 @@ def unshared(session: Session, why: str) -> str:
     )
 
 
-def run_task(session: Session, task: Task) -> Stored:
-    """Compute a task on this worker and store it.
+def run_block(session: Session, block: Block) -> list[ReferenceSolution]:
+    """Compute a block of solutions that tasks need."""
+    with _single_threaded_blas().limit(limits=1, user_api="blas"):
+        return compute_block(_job(session).grid, block)
+
+
+def run_task(session: Session, task: Task, blocks: list[Block], solutions: list[list[ReferenceSolution]]) -> Stored:
+    """Compute a task on this worker and store it; ``solutions`` are those of the blocks that its cases need.
 
     Raises
     ------
@@ -108,7 +114,8 @@ def run_task(session: Session, task: Task) -> Stored:
         This worker may not work for the run; it came after the run had asked all workers.
     """
     with _single_threaded_blas().limit(limits=1, user_api="blas"):
-        return store_task(_job(session), task)
+        job = _job(session)
+        return store_task(job, task, solutions_of(job.grid, zip(blocks, solutions, strict=True)))
 
 
 def _job(session: Session) -> Job:
