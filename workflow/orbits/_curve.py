@@ -90,7 +90,7 @@ class Curve:
             error = self._charts(orbit.flow)[0] @ orbit.course.X - u[:-1]
             size = max(orbit.residual, abs(float(row @ u - target)))
             if size < 0.01 * RESIDUAL or (size < RESIDUAL and not size < 0.5 * last):
-                return self._point(u, point.phase, orbit, point.row, point.place + abs(length))
+                return self._point(u, point.phase, orbit, point.row, point.place + length)
             last, slope = size, self._slope(u, point.phase, orbit)
             if slope is None:
                 return None
