@@ -21,7 +21,16 @@ from workflow.analysis._casing import casing_motion, period_frequency
 from workflow.analysis._compare import compare
 from workflow.analysis._decided import Decided, decided
 from workflow.analysis._effects import Hidden, effect, hidden
-from workflow.analysis._limits import Limit, Limits, NothingSteadyError, flags_of, followed_axis, limit_sentence, limits
+from workflow.analysis._limits import (
+    Limit,
+    Limits,
+    NothingSteadyError,
+    count_sentence,
+    flags_of,
+    followed_axis,
+    limit_sentence,
+    limits,
+)
 from workflow.analysis._motion import contact_loss, energy_kept, growth, impact_speeds, impulse_growth
 from workflow.analysis._notable import NotableCase, exact_partners, is_exact, notable_cases, total_error
 from workflow.analysis._phases import contact_phases
@@ -81,6 +90,7 @@ __all__ = [
     "compare",
     "contact_loss",
     "contact_phases",
+    "count_sentence",
     "decided",
     "drawn_dim",
     "effect",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -79,12 +80,14 @@ class Limits:
     """Limits of all numerical axes, the cases (of branches the points) that were asked for, and those within.
 
     An archive of branches has that of the axis that is followed, over all branches, and that of each in ``branches``.
+    ``beyond`` counts those that are not within by what they are.
     """
 
     limits: tuple[Limit, ...]
     branches: tuple[Limit, ...]
     cases: int
     within: int
+    beyond: Mapping[str, int]
 
 
 def followed_axis(dataset: xr.Dataset) -> str | None:
@@ -119,7 +122,8 @@ def limits(dataset: xr.Dataset, **bounds: float | None) -> Limits:
     faults, asked = _faults(dataset, bounds)
     if not asked.any():
         raise NothingSteadyError("holds no case of event_driven, which alone has steady rubs")
-    counts = int(asked.sum()), int(np.sum(asked & (faults == "")))
+    beyond = Counter(faults[faults != ""].tolist())
+    counts = int(asked.sum()), int(np.sum(asked & (faults == ""))), dict(beyond)
     if "point" in dataset.dims:
         each = _along_branches(dataset, faults, asked)
         return Limits((_common(each),), each, *counts)
@@ -220,6 +224,16 @@ def _labels(dataset: xr.Dataset, dims: Sequence[str], place: Sequence[int]) -> d
     """Return the coordinates of a case."""
     places = zip(dims, place, strict=False)  # of a branch the point is no label
     return {name: dataset[name].values[k].item() for dim, k in places for name in naming(dataset, dim)}
+
+
+def count_sentence(found: Limits) -> str:
+    """Return how many cases are within, and what the others are."""
+    others = [
+        f"{count} {'above the ' + fault if fault in BOUNDED else fault}"
+        + (" (their `message` says why)" if fault == "not_found" else "")
+        for fault, count in found.beyond.items()
+    ]
+    return f"{found.within} of {found.cases} within{'; ' if others else ''}{', '.join(others)}."
 
 
 def limit_sentence(

@@ -29,7 +29,7 @@ def limits(
     Exit status: 0 answered, 1 no case is within, 2 the archive has no steady rubs.
     """
     with errors_in_words():
-        from workflow.analysis import NothingSteadyError, limit_sentence
+        from workflow.analysis import NothingSteadyError, count_sentence, limit_sentence
         from workflow.analysis import limits as find
         from workflow.archive import open_archive
 
@@ -55,7 +55,7 @@ def limits(
         else:
             for line in lines:
                 say(line)
-            say(f"{found.within} of {found.cases} within.")
+            say(count_sentence(found))
         if not found.within:
             raise typer.Exit(NOT_OK)
 

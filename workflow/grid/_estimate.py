@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -109,19 +110,20 @@ def task_seconds(grid: Grid) -> Iterator[tuple[Task, float]]:
 def model_seconds(grid: Grid, task: Task) -> float:
     """Return the processor seconds of a task by the cost model, without references, operators and growth rates."""
     model, seconds = grid.study.scene.model, 0.0
-    for outer, inner in task.batches:
-        kind = int(grid.alike(np.array([outer]), lambda path: decides_cost(path, model))[0])
-        cell = grid.settings(kind)
-        distinct = np.unique(grid.canonical_inner(cell, inner)).size
-        padded = -(-distinct // PACK) * PACK if schemes.load(cell.scheme.method).TOGETHER > 1 else distinct
-        handling = handling_seconds(inner.size, grid.sampling.count, len(grid.study.output.histories))
-        seconds += padded * _seconds_per_case(grid, kind) + handling
+    for batch in task.batches:
+        kind = int(grid.alike(np.array([batch.outer]), lambda path: decides_cost(path, model))[0])
+        seconds += _batch_seconds(grid, kind, batch.inner.size)
     return seconds
 
 
 @lru_cache(maxsize=4096)
-def _seconds_per_case(grid: Grid, outer: int) -> float:
-    return seconds_per_case(grid, outer)
+def _batch_seconds(grid: Grid, outer: int, count: int) -> float:
+    """Return model seconds of so many cases: the distinct ones are stepped, where a scheme has packs whole ones."""
+    cell = grid.settings(outer)
+    distinct = math.ceil(count * grid.distinct_inner(cell) / grid.inner_count)
+    padded = -(-distinct // PACK) * PACK if schemes.load(cell.scheme.method).TOGETHER > 1 else distinct
+    handling = handling_seconds(count, grid.sampling.count, len(grid.study.output.histories))
+    return padded * seconds_per_case(grid, outer) + handling
 
 
 def time_to_compile(grid: Grid, threads: int) -> float:

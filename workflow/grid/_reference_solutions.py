@@ -17,6 +17,7 @@ from workflow.grid._costs import case_seconds
 from workflow.grid._frequencies import fastest
 from workflow.grid._operators import compile_for, judged, reduced_structure, run_batch, structure_of
 from workflow.grid._speed import timed
+from workflow.grid._tasks import Batch
 from workflow.grid._waiting_for import REFERENCES, waiting_for
 from workflow.judges.perturbations import predictability
 from workflow.judges.reasons import reason_of
@@ -140,18 +141,18 @@ class References:
         self._by_row: dict[tuple[Cell, bool], dict[int, int]] = {}
         self._most_rows = max(1, HELD_BYTES // (8 * grid.sampling.count * len(COMPARED)))
 
-    def blocks_of(self, cases: Iterable[tuple[int, Indices]]) -> list[Block]:
-        """Return the blocks that some cases, by outer index, are compared with: new ones where none is held."""
+    def blocks_of(self, batches: Iterable[Batch]) -> list[Block]:
+        """Return the blocks that the cases of some batches are compared with: new ones where none is held."""
         if self._grid.study.reference is None:
             return []
         needed: dict[int, Block] = {}
-        for outer, inner in cases:
-            for key in needed_cells(self._grid, outer):
+        for batch in batches:
+            for key in needed_cells(self._grid, batch.outer):
                 held = self._by_row.setdefault(key, {})
-                rows = np.unique(distinct_rows(self._grid, key[0], inner)).tolist()
+                rows = np.unique(distinct_rows(self._grid, key[0], batch.inner)).tolist()
                 new = [row for row in rows if row not in held]
                 for first in range(0, len(new), MOST_CASES):
-                    block = Block(self._number, outer, key[1], tuple(new[first : first + MOST_CASES]))
+                    block = Block(self._number, batch.outer, key[1], tuple(new[first : first + MOST_CASES]))
                     self._held[block.number] = key, block
                     held.update(dict.fromkeys(block.rows, block.number))
                     self._number += 1

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from workflow.analysis import NothingSteadyError, followed_axis, limit_sentence, limits
+from workflow.analysis import NothingSteadyError, count_sentence, followed_axis, limit_sentence, limits
 from workflow.plots import branches
 from workflow.report._bokeh_branches import branch_explorer
 from workflow.report._explorer import Interactive, figure_place, library
@@ -38,7 +38,7 @@ def where_it_settles(dataset: xr.Dataset) -> list[str]:
     except NothingSteadyError:
         return []
     sentences = [tag("p", prose(limit_sentence(limit, dataset, {})), kind="quoted") for limit in found.limits]
-    count = tag("p", f"{found.within} of {found.cases} settle, stay in contact or touch nothing.")
+    count = tag("p", prose(count_sentence(found)))
     return [tag("section", tag("h2", "Where it settles"), *sentences, count, kind="answer")]
 
 

@@ -271,7 +271,7 @@ def _without(archive: Path, layout: Layout, hashes: Hashes) -> str:
 def _wider_text(archive: Path, names: Iterable[str]) -> str:
     return (
         f"{archive}: holds {', '.join(names)} of its cases, which this study no longer keeps; "
-        "--drop leaves them out, -o chooses another archive"
+        "--drop (in Python drop=True) leaves them out, -o chooses another archive"
     )
 
 
@@ -283,7 +283,7 @@ def _unasked_text(archive: Path, unasked: int, cases: int, was: Mapping[str, str
     decided = ", as its tolerance decides `auto` by other cases" if other else ""
     return (
         f"{archive}: {which} asked for by this study as it is now{decided}: {unasked} stored cases would be "
-        "lost; --drop leaves them out, -o chooses another archive"
+        "lost; --drop (in Python drop=True) leaves them out, -o chooses another archive"
     )
 
 

@@ -104,9 +104,7 @@ def run_block(session: Session, block: Block) -> list[ReferenceSolution]:
 
 
 def run_task(session: Session, task: Task, blocks: list[Block], solutions: list[list[ReferenceSolution]]) -> Stored:
-    """Compute a task on this worker and store it.
-
-    ``solutions`` are those of the blocks that its cases are compared with.
+    """Compute a task on this worker and store it; ``solutions`` are those of the blocks that its cases need.
 
     Raises
     ------
