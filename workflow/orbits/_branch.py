@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import astuple, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 from workflow.models import Array
 from workflow.orbits._curve import Curve, Point, Problem
-from workflow.orbits._orbit import NOT_FOUND, Orbit, Scale, scale_of
+from workflow.orbits._orbit import NOT_FOUND, Orbit, scale_of
 from workflow.orbits._rubs import tabulated
 from workflow.orbits._settle import Options, Settled, settle
 from workflow.schemes._exact.record import TOUCH
@@ -101,9 +101,8 @@ def _first(curve: Curve, options: Options) -> Point | None:
             starts = [q + (round(1 - q) - q) / 2**k for k in range(8)] if len(found) == 1 else []
     if not found:
         return None
-    scales = [scale_of(orbit.flow, [orbit.course]) for _, orbit in found]
-    largest = Scale(*np.max([astuple(scale) for scale in scales], axis=0).tolist())
-    first = curve.begin(found[0][1], largest, found[0][0])
+    scale = np.max([scale_of(orbit.flow, [orbit.course]) for _, orbit in found], axis=0)
+    first = curve.begin(found[0][1], scale, found[0][0])
     return first and curve.rephased(first)
 
 
