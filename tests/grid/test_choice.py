@@ -19,7 +19,7 @@ from workflow.analysis import decided, labels_of, mode_counts, recommend, recomm
 from workflow.archive import open_archive, provenance
 from workflow.cli import app
 from workflow.grid import (
-    Choice,
+    ChosenModes,
     Decided,
     arrange,
     choices_text,
@@ -256,7 +256,10 @@ def test_a_choice_of_a_structure_that_is_no_chain_names_its_coordinates() -> Non
 
 
 def test_choices_are_read_as_they_are_written() -> None:
-    choices = {0: Choice(3, 4, 1e-3 / 7, (("alpha", 5.0),), "as it is"), 7: Choice(1, 2, math.nan, (), "failed")}
+    choices = {
+        0: ChosenModes(3, 4, 1e-3 / 7, (("alpha", 5.0),), "as it is"),
+        7: ChosenModes(1, 2, math.nan, (), "failed"),
+    }
     references = {3: choices[0]}
     read = read_choices(choices_text(Decided(choices, references)))
     assert read.references == references
@@ -294,7 +297,7 @@ def test_an_archive_holds_counts_and_error_and_can_be_extended(tmp_path: Path) -
 
 def test_a_workers_grid_takes_the_counts_that_the_run_decided() -> None:
     requested = study(BASE)
-    other = Decided({0: Choice(2, 3, 0.5, (), "elsewhere")})
+    other = Decided({0: ChosenModes(2, 3, 0.5, (), "elsewhere")})
     grid = arrange(requested, other)
     assert (grid.settings(0).mechanical_modes, grid.settings(0).thermal_modes) == (2, 3)
     values = solve(grid, 0, np.arange(2)).values

@@ -19,7 +19,7 @@ from workflow.analysis._cases import (
 )
 from workflow.analysis._casing import casing_motion, period_frequency
 from workflow.analysis._compare import compare
-from workflow.analysis._decided import Decided, decided
+from workflow.analysis._decided import AutoModel, decided
 from workflow.analysis._effects import Hidden, effect, hidden
 from workflow.analysis._limits import (
     Limit,
@@ -53,6 +53,7 @@ from workflow.analysis._recommend import (
     numerical_dims,
     recommend,
     simulated_seconds,
+    usual_recommendations,
 )
 from workflow.analysis._recommend_words import COLUMNS as RECOMMENDATION_COLUMNS
 from workflow.analysis._recommend_words import as_json as recommendation_json
@@ -70,8 +71,8 @@ __all__ = [
     "RULE",
     "SENSELESS",
     "TARGETS",
+    "AutoModel",
     "Choice",
-    "Decided",
     "Failures",
     "Hidden",
     "Limit",
@@ -132,6 +133,7 @@ __all__ = [
     "standings",
     "total_error",
     "undecidable",
+    "usual_recommendations",
     "value_text",
     "winners",
     "work_precision",

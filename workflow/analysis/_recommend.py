@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from workflow.analysis._cases import case_dims, coordinate_units, is_auto
 from workflow.schemes import Status
 from workflow.study import MATRIX, MODES, POINT
+from workflow.variables import COMPARED
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -19,11 +20,11 @@ if TYPE_CHECKING:
 NUMERICAL = ("scheme", "h", "mechanical_modes", "thermal_modes", "reduction", "tolerance")
 """Coordinates that change the computation, not the scene; so do options of schemes (``schemes.LABEL.OPTION``)."""
 
-COMPARED = ("displacement", "temperature", "impulse")
-"""Histories of which the largest error counts."""
-
 DEFAULT = 0.01
 """Tolerance where neither the caller nor the study states one."""
+
+USUAL_TOLERANCES = (0.1, 0.01, 0.001)
+"""Tolerances that tables answer beside the one that is asked for."""
 
 DECIDABLE = 0.1
 """Share of the tolerance that a case's predictability must not exceed for its error to be a scheme's own."""
@@ -183,6 +184,12 @@ def recommend(dataset: xr.Dataset, tolerance: float | str | None = None) -> Reco
         table.unpredictable(DECIDABLE * share),
         coordinate_units(dataset),
     )
+
+
+def usual_recommendations(dataset: xr.Dataset, asked: Recommendation) -> list[Recommendation]:
+    """Return the recommendations at :data:`USUAL_TOLERANCES` and the one that was asked for, the loosest first."""
+    shares = sorted({*USUAL_TOLERANCES, asked.tolerance}, reverse=True)
+    return [asked if share == asked.tolerance else recommend(dataset, share) for share in shares]
 
 
 def _alike(choices: list[Choice]) -> tuple[Choice, ...]:

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workflow.analysis._cases import exact
-from workflow.analysis._recommend import COMPARED, SPREAD, Choice, Recommendation, Worst
+from workflow.analysis._recommend import SPREAD, Choice, Recommendation, Worst
 from workflow.schemes import Status, limit_text
 from workflow.study import AUTO, MODES
+from workflow.variables import COMPARED
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -2,7 +2,7 @@
 
 from workflow.grid._ahead import kernel_variants
 from workflow.grid._arrangement import Grid, arrange, fixes_operator, reads
-from workflow.grid._choice import Choice, Decided, choices_text, read_choices
+from workflow.grid._choice import ChosenModes, Decided, choices_text, read_choices
 from workflow.grid._compile import compiled_ahead
 from workflow.grid._conditions import FRICTION, alpha_of
 from workflow.grid._estimate import Time, estimate, measured_run, model_seconds, task_seconds, time_to_compile
@@ -36,7 +36,7 @@ __all__ = [
     "Batch",
     "Block",
     "CaseHashes",
-    "Choice",
+    "ChosenModes",
     "Decided",
     "Figures",
     "Grid",

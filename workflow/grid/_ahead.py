@@ -10,7 +10,7 @@ from workflow.grid._arrangement import Grid
 from workflow.grid._compile import KernelVariant
 from workflow.grid._operators import kernel_variant
 from workflow.grid._reference_solutions import exact_cell, reference_cell
-from workflow.study import Cell
+from workflow.study import CaseSettings
 
 
 def kernel_variants(grid: Grid) -> list[KernelVariant]:
@@ -18,7 +18,7 @@ def kernel_variants(grid: Grid) -> list[KernelVariant]:
 
     A case that cannot even be set up needs nothing: it will say so itself.
     """
-    cells: list[tuple[Callable[[], Cell], bool]] = []
+    cells: list[tuple[Callable[[], CaseSettings], bool]] = []
     labels = [value for dim in grid.outer for axis in dim.axes if axis.path == "scheme" for value in axis.values]
     for label in labels or [grid.base["scheme"]]:
         cells.append((partial(grid.settings, 0, {"scheme": label}), grid.sampling.balances))

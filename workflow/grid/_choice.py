@@ -22,7 +22,7 @@ from workflow.judges.refinement import coarsest, is_refined, refined_vectors
 from workflow.judges.trials import Counts, Problem
 from workflow.models import Structure
 from workflow.schemes import Sampling
-from workflow.study import CHOSEN, Cell, Dimension
+from workflow.study import CHOSEN, CaseSettings, Dimension
 
 _REFERENCE = "reference "
 """What the key of a reference's choice begins with, before its outer index."""
@@ -32,7 +32,7 @@ _NAMED = 3
 
 
 @dataclass(frozen=True)
-class Choice:
+class ChosenModes:
     """Counts that a tolerance decides.
 
     Attributes
@@ -76,7 +76,7 @@ class Setting:
     nothing, and the counts of modes are those that are requested.
     """
 
-    cell: Cell
+    cell: CaseSettings
     inner: tuple[Dimension, ...]
     sampling: Sampling
     shortest: float
@@ -92,7 +92,7 @@ class Setting:
 
 
 @lru_cache(maxsize=4096)
-def choose(setting: Setting, tolerance: float) -> Choice:
+def choose(setting: Setting, tolerance: float) -> ChosenModes:
     """Return the counts of the smallest reduced model that meets a tolerance in all corners."""
     with threadpool_limits(limits=1, user_api="blas"), waiting_for(TRIALS):
         corners, trials = _full_trials(setting.with_counts((CHOSEN, CHOSEN)))
@@ -100,7 +100,7 @@ def choose(setting: Setting, tolerance: float) -> Choice:
 
 
 @lru_cache(maxsize=256)
-def refine(setting: Setting, tolerance: float) -> Choice:
+def refine(setting: Setting, tolerance: float) -> ChosenModes:
     """Return the counts of the basis of a reference: of a large structure those whose refinement changes little."""
     structure = _structure(setting)
     if not is_refined(structure):
@@ -132,18 +132,18 @@ def _problem(setting: Setting, counts: Counts) -> tuple[list[Corner], Problem]:
     return corners, Problem(_structure(setting), cases, is_static, cell.reduction, setting.sampling, setting.shortest)
 
 
-def _choice(least: LeastVectors, corners: list[Corner]) -> Choice:
+def _choice(least: LeastVectors, corners: list[Corner]) -> ChosenModes:
     lost = [f"{corner_text(corners[k])} ({why})" for k, why in least.untried.items()]
     named = "; ".join(lost[:_NAMED]) + (f"; and {len(lost) - _NAMED} more" if len(lost) > _NAMED else "")
     untried = f"without {len(lost)} of {len(corners)} corners of the scene: {named}" if lost else ""
-    return Choice(*least.counts, least.error, corners[least.worst], least.against, untried)
+    return ChosenModes(*least.counts, least.error, corners[least.worst], least.against, untried)
 
 
 class Decided(NamedTuple):
     """Counts of modes that tolerances decide, of cases and of references, by the first outer index they belong to."""
 
-    cases: Mapping[int, Choice] = MappingProxyType({})
-    references: Mapping[int, Choice] = MappingProxyType({})
+    cases: Mapping[int, ChosenModes] = MappingProxyType({})
+    references: Mapping[int, ChosenModes] = MappingProxyType({})
 
 
 def choices_text(decided: Decided) -> str:
@@ -158,10 +158,10 @@ def choices_text(decided: Decided) -> str:
 
 def read_choices(text: str) -> Decided:
     """Return choices from what :func:`choices_text` has made of them."""
-    cases: dict[int, Choice] = {}
-    references: dict[int, Choice] = {}
+    cases: dict[int, ChosenModes] = {}
+    references: dict[int, ChosenModes] = {}
     for key, entry in json.loads(text).items():
         error, hardest = nan if entry["error"] is None else entry["error"], tuple(entry["hardest"].items())
         of = references if key.startswith(_REFERENCE) else cases
-        of[int(key.removeprefix(_REFERENCE))] = Choice(**{**entry, "error": error, "hardest": hardest})
+        of[int(key.removeprefix(_REFERENCE))] = ChosenModes(**{**entry, "error": error, "hardest": hardest})
     return Decided(cases, references)

@@ -10,13 +10,13 @@ import numpy as np
 
 from workflow.declare import Values
 from workflow.models import Array, Cases, Harmonics, Structure
-from workflow.study import Cell, Initial, Scene
+from workflow.study import CaseSettings, Initial, Scene
 
 FRICTION = "scene.friction."
 """How the axes begin that make α."""
 
 
-def conditions(cell: Cell, structure: Structure, varying: Mapping[str, Array], count: int) -> Cases:
+def conditions(cell: CaseSettings, structure: Structure, varying: Mapping[str, Array], count: int) -> Cases:
     """Return the cases of a batch on the full structure; ``initial: static`` is left to ``at_rest``.
 
     Parameters
@@ -76,7 +76,7 @@ def spread(varying: Mapping[str, Array], path: str, value: float, count: int) ->
     return np.array(np.broadcast_to(varying.get(path, np.float64(value)), (count,)), dtype=np.float64)
 
 
-def alpha_of(cell: Cell, varying: Mapping[str, Array], count: int) -> Array:
+def alpha_of(cell: CaseSettings, varying: Mapping[str, Array], count: int) -> Array:
     """Return α of each case, W/N, ``(case,)``: heat_share · coefficient · sliding_speed where a scene has friction."""
     friction = cell.scene.friction
     if friction is None:
@@ -88,7 +88,7 @@ def alpha_of(cell: Cell, varying: Mapping[str, Array], count: int) -> Array:
     return share * coefficient * speed
 
 
-def friction_of(cell: Cell, structure: Structure, varying: Mapping[str, Array], count: int) -> Array:
+def friction_of(cell: CaseSettings, structure: Structure, varying: Mapping[str, Array], count: int) -> Array:
     """Return µ of each case, 1, ``(case,)``; 0 without a direction of sliding or without friction."""
     if structure.tangent is None or cell.scene.friction is None:
         return np.zeros(count)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from workflow import schemes
 from workflow.models import Structure, needs_matrices
 from workflow.schemes import Sampling
-from workflow.study import Cell, Study
+from workflow.study import CaseSettings, Study
 
 STEP_SECONDS = 1e-6
 """Seconds of a step of a scheme that nobody has measured."""
@@ -40,7 +40,7 @@ LOADING = 0.05
 """Seconds that loading a scheme's compiled kernels takes."""
 
 
-def case_seconds(cell: Cell, structure: Structure, sampling: Sampling, periods: float) -> float:
+def case_seconds(cell: CaseSettings, structure: Structure, sampling: Sampling, periods: float) -> float:
     """Return what a case costs: steps × blocks × one measured figure of its scheme.
 
     Blocks are its states and the tip; what a matrix couples has as many as products of two. ``periods`` are those of
@@ -58,7 +58,7 @@ def case_seconds(cell: Cell, structure: Structure, sampling: Sampling, periods: 
     return steps * blocks * scheme.STEP_SECONDS * audit + sampling.count * _SAMPLE + _CASE
 
 
-def steady_seconds(study: Study, cell: Cell, structure: Structure) -> float:
+def steady_seconds(study: Study, cell: CaseSettings, structure: Structure) -> float:
     """Return what the steady rubs of a case cost, 0 where they are not asked for."""
     if study.output.steady is None or cell.scheme.method != "event_driven":
         return 0.0

@@ -18,7 +18,7 @@ from workflow.grid._reference_solutions import exact_cell, reference_cell
 from workflow.judges.trials import EXACT
 from workflow.reduction import DEFAULT
 from workflow.schemes import SOLVER_VERSION
-from workflow.study import Cell, Scene, Study
+from workflow.study import CaseSettings, Scene, Study
 
 HASH_BYTES = 16
 """Of the SHA-256: two of 1e8 cases share their first 128 bits with a probability of 1e-23."""
@@ -78,7 +78,7 @@ def _hashed(grid: Grid, outer: int, inner: Indices) -> NDArray[np.uint8]:
     return np.frombuffer(b"".join(digests), np.uint8).reshape(-1, HASH_BYTES)
 
 
-def _shared(grid: Grid, outer: int, cell: Cell) -> dict[str, Any]:
+def _shared(grid: Grid, outer: int, cell: CaseSettings) -> dict[str, Any]:
     """Return what the cases of an outer index have in common and no condition of :func:`_rows` holds."""
     reference, choice = grid.study.reference, grid.choice(outer)
     return {
@@ -95,7 +95,7 @@ def _shared(grid: Grid, outer: int, cell: Cell) -> dict[str, Any]:
     }
 
 
-def _steady(study: Study, cell: Cell) -> dict[str, Any]:
+def _steady(study: Study, cell: CaseSettings) -> dict[str, Any]:
     """Return what is asked of steady rubs, which event_driven alone has, and the axis that is followed."""
     if study.output.steady is None or cell.scheme.method != EXACT:
         return {}
@@ -112,11 +112,11 @@ def _widths(scene: Scene) -> dict[str, Any]:
     return {"harmonics": widths} if any(widths) else {}
 
 
-def _read(cell: Cell) -> frozenset[str]:
+def _read(cell: CaseSettings) -> frozenset[str]:
     return schemes.load(cell.scheme.method).READS
 
 
-def _numerics(cell: Cell, read: frozenset[str]) -> dict[str, Any]:
+def _numerics(cell: CaseSettings, read: frozenset[str]) -> dict[str, Any]:
     parameters = plain(cell.scene.parameters)
     parameters.pop("heating", None)  # a condition
     return {
@@ -130,7 +130,7 @@ def _numerics(cell: Cell, read: frozenset[str]) -> dict[str, Any]:
     }
 
 
-def _per_node(cell: Cell) -> dict[str, Any]:
+def _per_node(cell: CaseSettings) -> dict[str, Any]:
     """Return the conditions that may be given per node: a number, or a list of them, or ``static``."""
     scene, values = cell.scene, {}
     for path in (*_PER_NODE, f"scene.{cell.scene.model}.heating"):
@@ -157,7 +157,7 @@ def _harmonic_columns(scene: Scene, varying: Any, count: int) -> dict[str, Any]:
     return by_name
 
 
-def _rows(grid: Grid, outer: int, cell: Cell, varying: Any, count: int) -> NDArray[np.float64]:
+def _rows(grid: Grid, outer: int, cell: CaseSettings, varying: Any, count: int) -> NDArray[np.float64]:
     """Return the conditions of every case that are numbers, ``(case, condition)``; those not read are 0."""
     scene, reference = cell.scene, grid.study.reference
     read = _read(cell)

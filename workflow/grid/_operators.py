@@ -26,7 +26,7 @@ from workflow.models import (
 )
 from workflow.reduction import ReducedModel, projection_residual, reduced_model
 from workflow.schemes import Results, Sampling
-from workflow.study import Cell
+from workflow.study import CaseSettings
 
 _MOST_OPERATORS = 16
 """Operators kept per process; tasks run through them in order, so few are alive at a time."""
@@ -57,7 +57,7 @@ class Reduced:
     duration: float
 
 
-def reduced(cell: Cell) -> Reduced:
+def reduced(cell: CaseSettings) -> Reduced:
     """Return what decides the structure that a case is run on."""
     scene = cell.scene
     modes = cell.mechanical_modes, cell.thermal_modes
@@ -71,7 +71,7 @@ def model_on(by: Reduced) -> ReducedModel:
         return reduced_model(structure_of(by.model, by.parameters), *by.modes, by.basis, by.duration)
 
 
-def reduced_structure(cell: Cell) -> Structure:
+def reduced_structure(cell: CaseSettings) -> Structure:
     """Return the structure that a case is run on."""
     return model_on(reduced(cell)).structure
 
@@ -86,7 +86,7 @@ def _runaways(by: Reduced) -> Runaways:
     return Runaways(model_on(by).structure)
 
 
-def kernel_variant(cell: Cell, balances: bool) -> KernelVariant | None:
+def kernel_variant(cell: CaseSettings, balances: bool) -> KernelVariant | None:
     """Return what of its scheme must be compiled for a cell, with balances or without; ``None`` if it is refused."""
     scheme, structure = schemes.load(cell.scheme.method), reduced_structure(cell)
     if scheme.refusal(structure, cell.scheme.options) is not None:
@@ -98,19 +98,19 @@ def kernel_variant(cell: Cell, balances: bool) -> KernelVariant | None:
     return KernelVariant(cell.scheme.method, cell.scheme.options, balances, **kind)
 
 
-def compile_for(cell: Cell, balances: bool) -> None:
+def compile_for(cell: CaseSettings, balances: bool) -> None:
     """Have the kernels of a cell compiled, so that no case's processor time holds that."""
     variant = kernel_variant(cell, balances)
     if variant is not None:
         compile_scheme(variant)
 
 
-def runaways_of(cell: Cell, alpha: Array, friction: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+def runaways_of(cell: CaseSettings, alpha: Array, friction: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Return critical coupling, growth rate and whether a tip in contact runs away: see :class:`Runaways`."""
     return _runaways(reduced(cell)).of(alpha, friction)
 
 
-def projection_residual_of(cell: Cell, cases: Cases) -> Array:
+def projection_residual_of(cell: CaseSettings, cases: Cases) -> Array:
     """Return what the bases of a cell cannot hold of cases given on the nodes, 1, ``(case,)``; 0 where it is full."""
     reduction = model_on(reduced(cell)).reduction
     if reduction is None:
@@ -118,13 +118,13 @@ def projection_residual_of(cell: Cell, cases: Cases) -> Array:
     return projection_residual(structure_of(cell.scene.model, cell.scene.parameters), reduction, cases)
 
 
-def on_basis(cell: Cell, cases: Cases) -> tuple[Structure, Cases]:
+def on_basis(cell: CaseSettings, cases: Cases) -> tuple[Structure, Cases]:
     """Return the structure that a cell is run on, and cases given on the nodes in its coordinates."""
     model = model_on(reduced(cell))
     return model.structure, model.project(cases)
 
 
-def judged(cell: Cell, cases: Cases, results: Results, duration: float) -> Results:
+def judged(cell: CaseSettings, cases: Cases, results: Results, duration: float) -> Results:
     """Return what :func:`run_batch` has made of cases, with those marked that blew up."""
     model, parameters = cell.scene.model, cell.scene.parameters
     return mark_blown_up(
@@ -138,13 +138,13 @@ def judged(cell: Cell, cases: Cases, results: Results, duration: float) -> Resul
     )
 
 
-def as_run(cell: Cell, cases: Cases) -> tuple[Structure, Cases]:
+def as_run(cell: CaseSettings, cases: Cases) -> tuple[Structure, Cases]:
     """Return the structure that a cell is run on, and cases given on the nodes as they start on it."""
     structure, projected = on_basis(cell, cases)
     return structure, at_rest(structure, projected) if cell.scene.initial == "static" else projected
 
 
-def run_batch(cell: Cell, cases: Cases, sampling: Sampling) -> Results:
+def run_batch(cell: CaseSettings, cases: Cases, sampling: Sampling) -> Results:
     """Run cases, given on the nodes, on the structure and with the scheme of a cell."""
     scene, method = cell.scene, cell.scheme.method
     schemes.refuse(schemes.load(method), cases)

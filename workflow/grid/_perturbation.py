@@ -8,7 +8,7 @@ from typing import Any
 from workflow.declare import File
 from workflow.judges.perturbations import perturbed
 from workflow.models import Cases
-from workflow.study import Cell
+from workflow.study import CaseSettings
 
 SHARE = 1e-12
 """Relative change of the data: ten thousand roundings, some of which other libraries make otherwise."""
@@ -29,7 +29,7 @@ class Perturbation:
     direction: int
     reach: float
 
-    def cell(self, cell: Cell) -> Cell:
+    def cell(self, cell: CaseSettings) -> CaseSettings:
         """Return the settings with other parameters of the model."""
         parameters = _changed(cell.scene.parameters, self.direction * SHARE)
         return replace(cell, scene=replace(cell.scene, parameters=parameters))

@@ -18,7 +18,7 @@ from workflow.grid._reference_solutions import reference_cell
 from workflow.grid._tasks import tasks
 from workflow.grid._warnings import looked_at, warnings
 from workflow.models import MOST_BY_SUPERLU, Sparse, expected_fill, has_cholmod
-from workflow.study import Cell, ResolvedValue, StudySource, read_study, resolved_values
+from workflow.study import CaseSettings, ResolvedValue, StudySource, read_study, resolved_values
 
 _STRUCTURES_SHOWN = 8
 
@@ -155,7 +155,7 @@ def _operators(grid: Grid, computed: Indices) -> Iterator[str]:
                 yield f"{cell.scheme.method}: {', '.join(filter(None, parts))}"
 
 
-def _factors(cells: list[Cell]) -> Iterator[str]:
+def _factors(cells: list[CaseSettings]) -> Iterator[str]:
     """Yield what factorising the first distinct structures takes."""
     for cell in cells:
         structure = structure_of(cell.scene.model, cell.scene.parameters)

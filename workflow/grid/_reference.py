@@ -26,7 +26,7 @@ from workflow.judges.distances import norms, relative
 from workflow.judges.trials import EXACT
 from workflow.models import Array
 from workflow.schemes import Status
-from workflow.study import Cell
+from workflow.study import CaseSettings
 from workflow.variables import COMPARED
 
 REFERENCE = "reference: "
@@ -70,7 +70,9 @@ def against_reference(
     return errors, _messages(references, exact, errors, results["status"] == Status.OK)
 
 
-def _solutions(grid: Grid, cell: Cell, inner: Indices, is_exact: bool, known: Solutions) -> list[ReferenceSolution]:
+def _solutions(
+    grid: Grid, cell: CaseSettings, inner: Indices, is_exact: bool, known: Solutions
+) -> list[ReferenceSolution]:
     """Return the solutions of some settings for the conditions of some cases."""
     rows = distinct_rows(grid, cell, inner)
     solutions = dict(known.get((cell, is_exact), {}))
@@ -128,7 +130,7 @@ def exact_motion(grid: Grid, outer: int, inner: Indices, perturbation: Perturbat
     return {name: np.where(ended, results.histories[name], np.nan) for name in COMPARED}
 
 
-def distinct_solutions(grid: Grid) -> Iterator[tuple[Cell, bool, int]]:
+def distinct_solutions(grid: Grid) -> Iterator[tuple[CaseSettings, bool, int]]:
     """Yield the settings of the references of a study, and of the exact solutions beside them, with their numbers."""
     if grid.study.reference is None:
         return

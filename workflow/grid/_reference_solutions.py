@@ -24,7 +24,7 @@ from workflow.judges.reasons import reason_of
 from workflow.judges.trials import EXACT
 from workflow.models import Array, Cases
 from workflow.schemes import Results, Status
-from workflow.study import Cell, SchemeChoice
+from workflow.study import CaseSettings, SchemeChoice
 from workflow.variables import COMPARED
 
 MOST_CASES = 64
@@ -72,12 +72,12 @@ class Block:
     rows: tuple[int, ...]
 
 
-Solutions = Mapping[tuple[Cell, bool], Mapping[int, ReferenceSolution]]
+Solutions = Mapping[tuple[CaseSettings, bool], Mapping[int, ReferenceSolution]]
 """By settings and whether they are exact solutions beside the reference; by row."""
 
 
 @lru_cache(maxsize=256)
-def reference_cell(grid: Grid, outer: int) -> Cell:
+def reference_cell(grid: Grid, outer: int) -> CaseSettings:
     """Return the settings of a reference, those that its scheme does not read the same for all."""
     values = dict(grid.study.reference.values) if grid.study.reference is not None else {}
     chosen = grid.reference_choice(outer)
@@ -86,7 +86,7 @@ def reference_cell(grid: Grid, outer: int) -> Cell:
 
 
 @lru_cache(maxsize=256)
-def exact_cell(grid: Grid, outer: int) -> Cell:
+def exact_cell(grid: Grid, outer: int) -> CaseSettings:
     """Return the settings of the exact solution of a case's reduced model: the reference's, with the case's basis."""
     values = dict(grid.study.reference.values) if grid.study.reference is not None else {}
     cell = grid.settings(outer, {path: value for path, value in values.items() if path not in BASIS})
@@ -95,20 +95,20 @@ def exact_cell(grid: Grid, outer: int) -> Cell:
     return _only_what_is_read(cell)
 
 
-def _only_what_is_read(cell: Cell) -> Cell:
+def _only_what_is_read(cell: CaseSettings) -> CaseSettings:
     """Return the settings with those of e, h and α that the scheme does not read set to 0, the same for all."""
     read = schemes.load(cell.scheme.method).READS
     unread: dict[str, Any] = {name: 0.0 for name in ("e", "h", "alpha") if name not in read}
     return replace(cell, **unread)
 
 
-def needed_cells(grid: Grid, outer: int) -> list[tuple[Cell, bool]]:
+def needed_cells(grid: Grid, outer: int) -> list[tuple[CaseSettings, bool]]:
     """Return settings of the reference of an outer index, and of the exact solution beside it unless that is it."""
     ours, theirs = reference_cell(grid, outer), exact_cell(grid, outer)
     return [(ours, False)] if theirs == ours else [(ours, False), (theirs, True)]
 
 
-def distinct_shape(grid: Grid, cell: Cell) -> tuple[int, ...]:
+def distinct_shape(grid: Grid, cell: CaseSettings) -> tuple[int, ...]:
     """Return the sizes of the inner dimensions, 1 for those along which a solution stays the same."""
     replaced = grid.study.reference.values if grid.study.reference is not None else {}
     return tuple(
@@ -122,7 +122,7 @@ def distinct_shape(grid: Grid, cell: Cell) -> tuple[int, ...]:
     )
 
 
-def distinct_rows(grid: Grid, cell: Cell, inner: Indices) -> Indices:
+def distinct_rows(grid: Grid, cell: CaseSettings, inner: Indices) -> Indices:
     """Return for each inner index the number of its solution, among those that are distinct."""
     shape = distinct_shape(grid, cell)
     if not shape:
@@ -137,8 +137,8 @@ class References:
 
     def __init__(self, grid: Grid) -> None:
         self._grid, self._number = grid, 0
-        self._held: OrderedDict[int, tuple[tuple[Cell, bool], Block]] = OrderedDict()
-        self._by_row: dict[tuple[Cell, bool], dict[int, int]] = {}
+        self._held: OrderedDict[int, tuple[tuple[CaseSettings, bool], Block]] = OrderedDict()
+        self._by_row: dict[tuple[CaseSettings, bool], dict[int, int]] = {}
         self._most_rows = max(1, HELD_BYTES // (8 * grid.sampling.count * len(COMPARED)))
 
     def blocks_of(self, batches: Iterable[Batch]) -> list[Block]:
@@ -174,7 +174,7 @@ class References:
 
 def solutions_of(grid: Grid, computed: Iterable[tuple[Block, Sequence[ReferenceSolution]]]) -> Solutions:
     """Return what blocks hold by settings and row."""
-    solutions: dict[tuple[Cell, bool], dict[int, ReferenceSolution]] = {}
+    solutions: dict[tuple[CaseSettings, bool], dict[int, ReferenceSolution]] = {}
     for block, each in computed:
         cell = exact_cell(grid, block.outer) if block.is_exact else reference_cell(grid, block.outer)
         solutions.setdefault((cell, block.is_exact), {}).update(zip(block.rows, each, strict=True))
@@ -190,7 +190,7 @@ def compute_block(grid: Grid, block: Block) -> list[ReferenceSolution]:
         return compute_solutions(grid, cell, np.array(block.rows, dtype=np.int64), is_exact=block.is_exact)
 
 
-def compute_solutions(grid: Grid, cell: Cell, rows: Indices, *, is_exact: bool) -> list[ReferenceSolution]:
+def compute_solutions(grid: Grid, cell: CaseSettings, rows: Indices, *, is_exact: bool) -> list[ReferenceSolution]:
     """Return solutions, references with their predictability.
 
     One that raises is NaN, which harms neither its neighbours nor its cases.
@@ -205,7 +205,7 @@ def compute_solutions(grid: Grid, cell: Cell, rows: Indices, *, is_exact: bool) 
         return [ReferenceSolution(dict.fromkeys(COMPARED, lost), np.nan, reason_of(error))]
 
 
-def _computed(grid: Grid, cell: Cell, rows: Indices, is_exact: bool) -> list[ReferenceSolution]:
+def _computed(grid: Grid, cell: CaseSettings, rows: Indices, is_exact: bool) -> list[ReferenceSolution]:
     shape = distinct_shape(grid, cell)
     inner = np.ravel_multi_index(np.unravel_index(rows, shape), grid.inner_shape) if shape else rows
     replaced = grid.study.reference.values if grid.study.reference is not None else {}

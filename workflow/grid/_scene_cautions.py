@@ -13,7 +13,7 @@ from workflow.grid._operators import model_on, projection_residual_of, reduced, 
 from workflow.judges.cautions import scene_cautions, soft_spring
 from workflow.models import Cases, Chain, Structure
 from workflow.reduction import DEFAULT
-from workflow.study import Cell
+from workflow.study import CaseSettings
 
 LOST = 1e-3
 """Share of initial states and constant loads that a basis may lose without a word, see ``projection_residual``."""
@@ -48,23 +48,23 @@ def cautions_of_scene(grid: Grid) -> Iterator[str]:
             )
 
 
-def _cells(grid: Grid, *beginnings: str) -> Iterator[Cell]:
+def _cells(grid: Grid, *beginnings: str) -> Iterator[CaseSettings]:
     """Yield the first settings that differ along axes whose path begins so."""
     for outer in np.unique(grid.alike(grid.places.computed, lambda path: path.startswith(beginnings)))[:MOST_OUTER]:
         yield grid.settings(int(outer))
 
 
-def _structure(cell: Cell) -> Structure:
+def _structure(cell: CaseSettings) -> Structure:
     return structure_of(cell.scene.model, cell.scene.parameters)
 
 
-def _cases(grid: Grid, cell: Cell) -> Cases:
+def _cases(grid: Grid, cell: CaseSettings) -> Cases:
     """Return cases to look at: all, or a regular choice that has the first and the last."""
     inner = np.unique(np.linspace(0, grid.inner_count - 1, min(grid.inner_count, MOST_CASES)).round().astype(np.int64))
     return conditions(cell, _structure(cell), grid.inner_values(inner), inner.size)
 
 
-def basis_text(cell: Cell) -> str:
+def basis_text(cell: CaseSettings) -> str:
     """Name the reduced model of a cell."""
     modes = f"{cell.mechanical_modes} + {cell.thermal_modes} modes"
     return modes if cell.reduction == DEFAULT else f"{modes} of {cell.reduction}"

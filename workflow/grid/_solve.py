@@ -25,7 +25,7 @@ from workflow.judges.reasons import reason_of
 from workflow.judges.trials import DECIDING
 from workflow.models import Array, Cases
 from workflow.schemes import Results, Status
-from workflow.study import Cell, Study
+from workflow.study import CaseSettings, Study
 from workflow.variables import Condition, Variable
 
 SHORT, REPEATS = 2e-3, 3
@@ -153,7 +153,7 @@ def _followed(grid: Grid, outer: int, inner: Indices, perturbation: Perturbation
     return Solved({**values, "status": np.full(1, status, dtype=np.int8)}, {0: message} if message else {})
 
 
-def _timed(grid: Grid, cell: Cell, cases: Cases) -> tuple[Results, float]:
+def _timed(grid: Grid, cell: CaseSettings, cases: Cases) -> tuple[Results, float]:
     """Run a batch and return this thread's processor time, s; with a reference the least of some short runs."""
     seconds: list[float] = []
     while True:

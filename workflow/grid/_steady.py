@@ -15,7 +15,7 @@ from workflow.grid._operators import as_run, structure_of
 from workflow.grid._perturbation import Perturbation
 from workflow.judges.trials import EXACT
 from workflow.models import Cases, Structure, growth_at_once
-from workflow.study import Cell, Study
+from workflow.study import CaseSettings, Study
 from workflow.variables import Variable
 
 Values = dict[str, NDArray[Any]]
@@ -47,7 +47,7 @@ def blank(study: Study, count: int) -> Values:
     }
 
 
-def steady_values(grid: Grid, cell: Cell, cases: Cases) -> tuple[Values, list[str]]:
+def steady_values(grid: Grid, cell: CaseSettings, cases: Cases) -> tuple[Values, list[str]]:
     """Return the steady rubs of cases given on the nodes, and what is said of each; nothing where none is asked for."""
     asked = grid.study.output.steady
     if asked is None or cell.scheme.method != EXACT:
@@ -84,7 +84,7 @@ def branch_values(grid: Grid, outer: int, inner: Indices, perturbation: Perturba
     return {name: array[None] for name, array in values.items()}, message
 
 
-def _with_growth_at_once(cell: Cell, values: Values) -> Values:
+def _with_growth_at_once(cell: CaseSettings, values: Values) -> Values:
     """Return steady rubs with the tip growth by heat loads that temperatures without heat capacity follow at once."""
     structure = structure_of(cell.scene.model, cell.scene.parameters)
     return values | {"steady_closing": values["steady_closing"] + growth_at_once(structure)}

@@ -18,7 +18,7 @@ from workflow.grid._scene_cautions import basis_text, cautions_of_scene
 from workflow.judges.cautions import FEW, FreeModes, Step, StepCaution, free_modes, listed, step_cautions
 from workflow.judges.reasons import reason_of
 from workflow.judges.trials import EXACT
-from workflow.study import Cell
+from workflow.study import CaseSettings
 
 _REPEATED = 10
 """Lines of warnings that a run prints and its archive keeps, at most."""
@@ -80,7 +80,7 @@ class _Caution(NamedTuple):
     said: StepCaution
 
 
-def _cautions(grid: Grid, cell: Cell) -> Iterator[_Caution]:
+def _cautions(grid: Grid, cell: CaseSettings) -> Iterator[_Caution]:
     """Yield the cautions about one scheme at one step on one structure."""
     scheme, options, structure = schemes.load(cell.scheme.method), cell.scheme.options, reduced_structure(cell)
     refusal = scheme.refusal(structure, options)

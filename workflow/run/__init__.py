@@ -5,7 +5,7 @@ line that shows it in a notebook; ``_outcome`` how a run ended; ``_verify`` runs
 (``_runner``) on threads (``_threads``) or on a dask cluster (``_cluster``, ``_worker``).
 """
 
-from workflow.run._outcome import SHOWN, Outcome, status_counts, status_name, summarise, warnings_of
+from workflow.run._outcome import MOST_FAILURES, Outcome, status_counts, status_name, summarise, warnings_of
 from workflow.run._progress import Advance, Progress, in_words, repeating
 from workflow.run._reuse import Holdings, Reuse, holdings
 from workflow.run._study import ReuseOptions, run_study
@@ -15,7 +15,7 @@ from workflow.run._verify import Check, verify
 from workflow.run._worker import ClusterError
 
 __all__ = [
-    "SHOWN",
+    "MOST_FAILURES",
     "Advance",
     "Check",
     "ClusterError",

@@ -30,7 +30,7 @@ class Outcome:
     counts
         Number of cases by name of their status.
     failures
-        Labels and message of the first cases that are not ok or lack an error, at most :data:`SHOWN`.
+        Labels and message of the first cases that are not ok or lack an error, at most :data:`MOST_FAILURES`.
     seconds
         Wall time of this run.
     resumed
@@ -61,7 +61,7 @@ class Outcome:
         return set(self.counts) <= {Status.OK.name.lower()} and not self.without_error
 
 
-SHOWN = 10
+MOST_FAILURES = 10
 """Failed cases that a summary names."""
 
 _ERRORS = tuple(f"{name}_error" for name in COMPARED)
@@ -133,7 +133,7 @@ def summarise(archive: Path, resumed: int | None) -> Outcome:
     status = values["status"]
     missing = [np.isnan(values[name]) for name in _ERRORS if name in values]
     without_error = (status == Status.OK) & np.any(missing, axis=0)
-    unsound = np.flatnonzero((status != Status.OK) | without_error)[:SHOWN].tolist()
+    unsound = np.flatnonzero((status != Status.OK) | without_error)[:MOST_FAILURES].tolist()
     failures: tuple[tuple[str, str], ...] = ()
     warnings = _planned(attributes)
     if unsound or np.any((status == Status.OK) & (values.get("max_temperature", np.nan) > LINEAR)):

@@ -86,7 +86,7 @@ def work_of(grid: Grid, share: Callable[[Task], float], threads: int) -> Work:
     return Work(missing, before, threads, time_to_compile(grid, threads) if threads else 0.0)
 
 
-class Tally:
+class ProgressCounter:
     """Counts what tasks store and reports how far the run is.
 
     Parameters

@@ -27,9 +27,9 @@ from workflow.grid import CASES, GATHERING, arrange, compiled_ahead, kernel_vari
 from workflow.run._notebook import in_notebook, notebook_line
 from workflow.run._outcome import Outcome, summarise
 from workflow.run._prepare import Prepared, prepare
-from workflow.run._progress import Progress, Tally, work_of
+from workflow.run._progress import Progress, ProgressCounter, work_of
 from workflow.run._reuse import Reuse, check_name, origin, stored_choices
-from workflow.run._runner import RunTasks, Where, runner
+from workflow.run._runner import Resources, RunTasks, runner
 from workflow.run._task import Stored
 from workflow.run._worker import ClusterError
 from workflow.schemes import Status
@@ -93,14 +93,14 @@ def run_study(
             outcome = run_study(study, archive, threads, line, workers=workers, scheduler=scheduler, **reuse)
             line.end(outcome)
             return outcome
-    where, chosen = Where(threads, workers, scheduler), Reuse(**reuse)
+    resources, chosen = Resources(threads, workers, scheduler), Reuse(**reuse)
     tell = progress if callable(progress) else None
     if chosen.retry and parts_of(archive).exists():  # an unfinished run ends first
-        _run(study, archive, where, Reuse(drop=chosen.drop), tell)
-    return _run(study, archive, where, chosen, tell)
+        _run(study, archive, resources, Reuse(drop=chosen.drop), tell)
+    return _run(study, archive, resources, chosen, tell)
 
 
-def _run(study: Study, archive: Path, where: Where, reuse: Reuse, progress: Progress | None) -> Outcome:
+def _run(study: Study, archive: Path, resources: Resources, reuse: Reuse, progress: Progress | None) -> Outcome:
     """Run what is missing of a study, as :func:`run_study`."""
     begun = time.perf_counter()
     parts = parts_of(archive)
@@ -113,20 +113,20 @@ def _run(study: Study, archive: Path, where: Where, reuse: Reuse, progress: Prog
     same = earlier if earlier is not None and earlier.key == study_key(study) else None
     grid = arrange(study, None if same is None else stored_choices(same.texts))
     with (
-        runner(where) as run_tasks,
+        runner(resources) as run_tasks,
         holding(parts),
-        compiled_ahead(kernel_variants(grid) if where.here and where.computing > 1 else []),
-        measured_run(where.here),
+        compiled_ahead(kernel_variants(grid) if resources.here and resources.computing > 1 else []),
+        measured_run(resources.here),
     ):
-        prepared = prepare(grid, archive, reuse, where.here)
+        prepared = prepare(grid, archive, reuse, resources.here)
         job, missing = prepared.job, prepared.missing
-        tally = None if progress is None else _tally(prepared, where.computing, begun, progress)
+        counter = None if progress is None else _counter(prepared, resources.computing, begun, progress)
         with waiting_for(CASES):
-            _run_missing(prepared, run_tasks, tally)
+            _run_missing(prepared, run_tasks, counter)
         record = {
             "seconds": round(time.perf_counter() - begun, 3),
             "cases": int(np.sum(missing)),
-            "where": where.words,
+            "where": resources.words,
         }
         layout = replace(job.layout, provenance={**job.layout.provenance, "run": json.dumps(record)})
         with waiting_for(GATHERING):
@@ -153,7 +153,7 @@ def _has_work(study: Study, archive: Path, reuse: Reuse) -> bool:
     return reuse.retry and bool(np.any(statuses(archive) != Status.OK))
 
 
-def _tally(prepared: Prepared, computing: int, begun: float, progress: Progress) -> Tally:
+def _counter(prepared: Prepared, computing: int, begun: float, progress: Progress) -> ProgressCounter:
     """Return the count of stored cases that ``progress`` is called with, from those that are stored already.
 
     Parameters
@@ -163,12 +163,14 @@ def _tally(prepared: Prepared, computing: int, begun: float, progress: Progress)
     begun
         When the run began, on the clock of :func:`time.perf_counter`.
     """
-    tally = Tally(prepared.missing.size, work_of(prepared.job.grid, prepared.share, computing), begun, progress)
-    tally.set(*prepared.progress())
-    return tally
+    counter = ProgressCounter(
+        prepared.missing.size, work_of(prepared.job.grid, prepared.share, computing), begun, progress
+    )
+    counter.set(*prepared.progress())
+    return counter
 
 
-def _run_missing(prepared: Prepared, run_tasks: RunTasks, tally: Tally | None) -> None:
+def _run_missing(prepared: Prepared, run_tasks: RunTasks, counter: ProgressCounter | None) -> None:
     """Run the tasks whose results are not stored yet.
 
     Raises
@@ -178,12 +180,12 @@ def _run_missing(prepared: Prepared, run_tasks: RunTasks, tally: Tally | None) -
     """
 
     def stored(result: Stored) -> None:
-        if tally is not None:
-            tally.add(result)
+        if counter is not None:
+            counter.add(result)
 
     try:
         run_tasks(prepared.job, prepared.tasks(), stored)
     except ClusterError:  # a worker may have stored what it died before it could say so
-        if tally is not None:
-            tally.set(*prepared.progress())
+        if counter is not None:
+            counter.set(*prepared.progress())
         raise

@@ -25,7 +25,7 @@ from workflow.archive import (
     truncated_message,
     versions,
 )
-from workflow.grid import Choice, Grid, arrange, case_hashes, seconds_per_case, solve
+from workflow.grid import ChosenModes, Grid, arrange, case_hashes, seconds_per_case, solve
 from workflow.pinning import is_pinned
 from workflow.run._compare import differences, followed, sensitivity, without_digits
 from workflow.run._outcome import case_of, labels_of_case
@@ -46,7 +46,7 @@ _ROUNDED = 1e-8
 SECONDS = 60.0
 """Estimated seconds of the sample; a case that takes longer alone is not in it, unless all do."""
 
-SHOWN = 10
+MOST_DIFFERENCES = 10
 """Differences that are named."""
 
 
@@ -147,7 +147,7 @@ def _choices(grid: Grid) -> Check:
     return Check("choices", True, f"all {count} counts of modes are decided again as they were")
 
 
-def _agree(stored: Choice, again: Choice) -> bool:
+def _agree(stored: ChosenModes, again: ChosenModes) -> bool:
     """Tell whether two choices are one: the same counts, and the same error but for another library's rounding."""
     return stored.counts == again.counts and bool(
         np.isclose(stored.error, again.error, rtol=_SAME, atol=_ROUNDED, equal_nan=True)
@@ -192,12 +192,12 @@ def _repeat(path: Path, grid: Grid, texts: dict[str, str], sample: int) -> Itera
     how = f"within what rounding makes of each (other {', '.join(other)})" if other else "bit for bit"
     if not differ:
         left = "" if not failed else f"; {failed} that failed hold nothing to compare"
-        left += f"; rounding leaves no digit to compare of {'; '.join(blurred[:SHOWN])}" if blurred else ""
+        left += f"; rounding leaves no digit to compare of {'; '.join(blurred[:MOST_DIFFERENCES])}" if blurred else ""
         yield Check("sample", True, f"{len(cells)} cases run again, the same {how}{left}")
-    for text in differ[:SHOWN]:
+    for text in differ[:MOST_DIFFERENCES]:
         yield Check("sample", False, text)
-    if len(differ) > SHOWN:
-        yield Check("sample", False, f"and {len(differ) - SHOWN} more differences in {len(cells)} cases")
+    if len(differ) > MOST_DIFFERENCES:
+        yield Check("sample", False, f"and {len(differ) - MOST_DIFFERENCES} more differences in {len(cells)} cases")
 
 
 def _other_than_here(texts: dict[str, str]) -> list[str]:

@@ -10,7 +10,7 @@ from typing import Any
 
 from workflow.study.addresses import MODES, TOLERANCE, Address, setting_defaults
 from workflow.study.draws import Drawn
-from workflow.study.leaves import Listed, Reading, Single, Spread
+from workflow.study.field_types import Listed, Reading, Single, Spread
 from workflow.study.mistakes import Place, quoted
 from workflow.study.settings import AUTO, CHOSEN, FULL, Sizes
 from workflow.study.source import Source
