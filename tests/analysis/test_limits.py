@@ -10,7 +10,9 @@ from workflow.analysis import NothingSteadyError, limit_sentence, limits
 
 STATES = ("settles", "no_contact", "permanent_contact", "unstable", "runs_away", "not_found", "not_asked")
 BIFURCATIONS = ("none", "fold")
-STATE, BIFURCATION = ({"flag_meanings": " ".join(words)} for words in (STATES, BIFURCATIONS))
+STATE, BIFURCATION = (
+    {"flag_values": range(len(words)), "flag_meanings": " ".join(words)} for words in (STATES, BIFURCATIONS)
+)
 ALPHA, GAP = [30.0, 0.0, 10.0, 20.0], [1e-5, 2e-5, 4e-5]
 
 
