@@ -15,10 +15,8 @@ from workflow.models._bounds import free_reach
 from workflow.models._cases import Cases, distinct_rows, project
 from workflow.models._chain import MOST_NODES_WITH_MATRICES, Chain, TooManyNodesError
 from workflow.models._damping import (
-    CoupledDampingError,
     coupled_damping,
     couples_free_modes,
-    free_damping,
     held_damping,
     is_rayleigh,
     modal_damping,
@@ -109,7 +107,6 @@ __all__ = [
     "Cases",
     "Chain",
     "Coordinates",
-    "CoupledDampingError",
     "CriticalFriction",
     "Fill",
     "GivenMatrices",
@@ -135,7 +132,6 @@ __all__ = [
     "distinct_rows",
     "expected_fill",
     "fault",
-    "free_damping",
     "free_reach",
     "frequencies",
     "frequency_range",
