@@ -20,9 +20,9 @@ from workflow import models, plots, reduction, schemes, variables
 from workflow.declare import quantity_of, word_of
 from workflow.study.addresses import TOLERANCE, settings
 from workflow.study.settings import (
+    CaseSettings,
     Casing,
     CasingHarmonic,
-    Cell,
     Friction,
     Initial,
     Load,
@@ -125,7 +125,7 @@ def table(rows: list[tuple[str, ...]], *head: str) -> list[str]:
 def key_tables() -> Iterator[str]:
     """Yield the lines on the keys of a study."""
     yield from table([(f"`{name}`", meaning) for name, meaning in TOP], "key", "what it holds")
-    groups: list[tuple[str, Any, str]] = [("Settings of a case, under `axes`", Cell, "")]
+    groups: list[tuple[str, Any, str]] = [("Settings of a case, under `axes`", CaseSettings, "")]
     groups += [(f"Model `{n}`, under `scene.{n}`", models.load(n).Parameters, f"scene.{n}.") for n in models.names()]
     groups += [
         ("Casing", Casing, "scene.casing."),
@@ -148,8 +148,8 @@ def key_tables() -> Iterator[str]:
             row for row in keys(declared, path) if declared is not Scene or row[0] in ("scene.duration", "scene.speed")
         ]
         rows = [row for row in rows if row[0] != "output.steady"]
-        rows = [row for row in rows if declared is not Cell or is_setting(_field(Cell, row[0]))]
-        rows += [tolerance()] if declared is Cell else []
+        rows = [row for row in rows if declared is not CaseSettings or is_setting(_field(CaseSettings, row[0]))]
+        rows += [tolerance()] if declared is CaseSettings else []
         if rows:
             yield f"### {title}"
             yield ""

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from studies import parsed
+from workflow.archive import ArchiveError, Command, describe, parts_of, start_parts
 from workflow.grid import arrange, case_hashes
 from workflow.study import Study
 
@@ -49,6 +54,40 @@ def quick(axes: dict[str, Any] | None = None, **parts: Any) -> Study:
 def hashes_of(study: Study) -> list[bytes]:
     """Return the identities of a study's cases in archive order."""
     return [row.tobytes() for row in case_hashes(arrange(study))]
+
+
+@contextmanager
+def room_for(shards: int) -> Iterator[list[bytes]]:
+    """Let so many shards be written; the next one fails. Give the hashes of the cases that are in them."""
+    from workflow.run import _task
+
+    write, hashes, written = _task.write_shard, list[bytes](), []
+
+    def failing(*words: Any) -> Path:
+        if len(written) == shards:
+            raise ArchiveError("no room")
+        written.append(words[1])
+        hashes.extend(row.tobytes() for row in words[2])
+        return write(*words)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(_task, "write_shard", failing)
+        yield hashes
+
+
+def interrupted(study: Study, archive: Path, shards: int, **options: bool) -> list[bytes]:
+    """Run a study until so many shards are stored; return the hashes of their cases."""
+    from workflow.run import run_study
+
+    with room_for(shards) as hashes, pytest.raises(ArchiveError, match="no room"):
+        run_study(study, archive, threads=1, **options)  # type: ignore[arg-type]
+    return hashes
+
+
+def begin(study: Study, archive: Path) -> None:
+    """Begin the directory of the shards of a study, as a run does that is stopped at once."""
+    layout = describe(arrange(study))
+    start_parts(parts_of(archive), Command(layout.key, layout.provenance))
 
 
 def same_values(a: Any, b: Any) -> bool:

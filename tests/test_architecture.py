@@ -96,7 +96,7 @@ def functions() -> list[tuple[str, int, int]]:
     return sizes
 
 
-MODULE_LINES, SCHEME_LINES = 350, 150
+MODULE_LINES, SCHEME_LINES = 400, 150
 FUNCTION_LINES, MOST_FUNCTION_LINES = 60, 25
 PARAMETERS, MOST_PARAMETERS = 8, 4
 """The longest that is allowed anywhere, and what nine of ten keep."""

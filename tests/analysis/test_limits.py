@@ -96,11 +96,19 @@ def branches() -> xr.Dataset:
 def test_a_fold_ends_a_branch(turned: bool) -> None:
     dataset = branches().isel(point=slice(None, None, -1)) if turned else branches()
     found = limits(dataset)
-    alpha, gap = found.limits
+    [alpha] = found.limits
     assert (found.cases, found.within) == (9, 6)
     assert (alpha.start, alpha.stop, alpha.next, alpha.limited_by) == (0, 10, 12, "fold")
     assert alpha.at == {"gap": 1e-5}
-    assert (gap.start, gap.stop, gap.next, gap.limited_by) == (2e-5, 2e-5, 1e-5, "unstable")
+    assert [(one.start, one.stop, one.next, one.at["gap"]) for one in found.branches] == [
+        (0, 10, 12, 1e-5),
+        (0, 20, None, 2e-5),
+    ]
+    sentences = [limit_sentence(one, dataset, {}, of_branch=True) for one in found.branches]
+    assert sentences == [
+        "gap = 1e-05 m: alpha from 0 to 10 W/N; at 12 W/N a fold ends the branch.",
+        "gap = 2e-05 m: alpha from 0 to 20 W/N, as far as it was varied.",
+    ]
     assert "at 12 W/N a fold ends the branch (gap = 1e-05 m)" in limit_sentence(alpha, dataset, {})
     cooler = limits(dataset, temperature=7.0).limits[0]
     assert (cooler.stop, cooler.next, cooler.limited_by) == (0, 10, "temperature")

@@ -166,9 +166,9 @@ def test_a_step_is_named_with_the_digits_that_select_it() -> None:
 
 def test_an_answer_counts_the_decidable_cases() -> None:
     dataset = even()
-    assert "Within 1 % in all 6 cases" in sentence(recommend(dataset, 0.01))
+    assert "keeps within 1 % in all 6 cases (e × gap)" in sentence(recommend(dataset, 0.01))
     dataset["predictability"][{"e": 1, "gap": 0}] = 0.1
-    assert "Within 1 % in all 5 decidable of 6 cases" in sentence(recommend(dataset, 0.01))
+    assert "keeps within 1 % in all 5 decidable of 6 cases (e × gap)" in sentence(recommend(dataset, 0.01))
 
 
 def test_choices_of_about_the_same_cost_stand_with_the_largest_step_first() -> None:
@@ -339,7 +339,7 @@ def test_the_command_answers(tmp_path: Path) -> None:
     assert workflow("run", "small.yaml", cwd=tmp_path).returncode == 0
     text = workflow("recommend", "small.nc", "--tolerance", "10%", cwd=tmp_path)
     assert text.returncode == 0
-    assert text.stdout.startswith("Within 10 % in all 4 cases ")
+    assert "keeps within 10 % in all 4 cases (e × alpha)" in text.stdout.splitlines()[0]
     answer = workflow("recommend", "small.nc", "--json", cwd=tmp_path)
     choice = json.loads(answer.stdout)
     assert choice["tolerance"] == 0.01

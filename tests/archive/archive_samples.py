@@ -18,14 +18,12 @@ STATUS_ATTRS = {
     "flag_meanings": "ok diverged ill_posed failed not_run",
 }
 DIMS = (("scheme", 2), ("e", 3), ("alpha", 25))
-"""With chunks of 10 a row has two whole units and one of five cells."""
 
 
 def sample_layout(
     dims: tuple[tuple[str, int], ...] = DIMS,
     samples: int = 7,
     periods: int = 3,
-    chunk: int | None = None,
     precision: str = "f8",
     key: str = "key of a study",
 ) -> archive.Layout:
@@ -57,7 +55,6 @@ def sample_layout(
     return archive.Layout(
         dims=dims,
         tails={name: size for name, size in {"t": samples, "period": periods}.items() if size},
-        chunk=chunk or min(10, dims[-1][1] if dims else 1),
         coordinates=tuple(coordinates),
         variables=tuple(variables),
         attrs={
@@ -68,14 +65,19 @@ def sample_layout(
             "references": "none",
             "history": "2026-01-01T00:00:00Z: made",
         },
-        provenance={"study": "study: été\ntitle: x\n", "versions": "{}", "hashes": "0123456789abcdef\n" * 5000},
+        provenance={
+            "study": "study: été\ntitle: x\n",
+            "versions": "{}",
+            "resolved": '{"study": "x"}',
+            "hashes": "0123456789abcdef\n" * 5000,
+        },
         key=key,
     )
 
 
 def branch_layout() -> archive.Layout:
     """A layout of branches: metrics and flags along ``point``, orbits along ``phase`` too."""
-    layout, attrs = sample_layout(DIMS[1:], samples=0, periods=0, chunk=1), {"units": "m", "long_name": "displacement"}
+    layout, attrs = sample_layout(DIMS[1:], samples=0, periods=0), {"units": "m", "long_name": "displacement"}
     flags = {"long_name": "what happens at a point", "flag_values": [0, 1], "flag_meanings": "none fold"}
     along = (
         archive.Variable("gap", "point", "f8", attrs),
@@ -115,39 +117,48 @@ def sample_messages(layout: archive.Layout, results: Mapping[str, Any]) -> dict[
     return {int(cell): f"case {cell} diverged: ρ = 1.2" for cell in failed}
 
 
+def sample_hashes(layout: archive.Layout) -> np.ndarray:
+    """Hashes of all cases, the first ones of any layout the same."""
+    return np.random.default_rng(3).integers(0, 256, size=(layout.cells, 16), dtype=np.uint8)
+
+
 def put_shard(
-    parts: Path, layout: archive.Layout, results: Mapping[str, Any], first: int, stop: int, task: int = 0
+    parts: Path, layout: archive.Layout, results: Mapping[str, Any], first: int, stop: int, task: int | None = None
 ) -> Path:
-    """Write units ``first`` to ``stop - 1`` of the results, with rubbish in the padding."""
-    arrays = {}
-    messages = {}
+    """Write cells ``first`` to ``stop - 1`` of the results."""
     texts = sample_messages(layout, results)
-    for variable in layout.variables:
-        flat = results[variable.name].reshape(layout.cells, *layout.shape_of(variable, 1)[2:])
-        array = np.full(layout.shape_of(variable, stop - first), 77, dtype=variable.dtype)
-        for unit in range(first, stop):
-            cells = layout.cells_of(unit)
-            array[unit - first, : len(cells)] = flat[cells.start : cells.stop]
-            for place, cell in enumerate(cells):
-                if cell in texts:
-                    messages[(unit - first) * layout.chunk + place] = texts[cell]
-        arrays[variable.name] = array
-    return archive.write_shard(parts, task, first, arrays, messages, layout)
+    values = {v.name: results[v.name].reshape(-1, *layout.tail_shape(v))[first:stop] for v in layout.variables}
+    messages = {cell - first: text for cell, text in texts.items() if first <= cell < stop}
+    name = f"{first if task is None else task:08d}"
+    return archive.write_shard(parts, name, sample_hashes(layout)[first:stop], values, messages, layout)
+
+
+def begin(path: Path, layout: archive.Layout) -> Path:
+    """Begin the shards of an archive; return their directory."""
+    parts = archive.parts_of(path)
+    archive.start_parts(parts, archive.Command(layout.key, layout.provenance))
+    return parts
 
 
 def put_all(path: Path, layout: archive.Layout, results: Mapping[str, Any], bounds: Iterable[int] = ()) -> Path:
-    """Start and fill the shards of an archive, cut at ``bounds``; return their directory."""
-    parts = archive.parts_of(path)
-    archive.start_parts(parts, layout)
-    edges = [0, *bounds, layout.units]
-    for task, (first, stop) in enumerate(itertools.pairwise(edges)):
+    """Begin and fill the shards of an archive, cut at ``bounds``; return their directory."""
+    parts = begin(path, layout)
+    for task, (first, stop) in enumerate(itertools.pairwise([0, *bounds, layout.cells])):
         put_shard(parts, layout, results, first, stop, task)
     return parts
 
 
+def stored_in(parts: Path) -> archive.Stored:
+    return archive.Stored(archive.find_shards(parts)[0])
+
+
+def gather(parts: Path, layout: archive.Layout, path: Path) -> None:
+    archive.gather(layout, parts, path, sample_hashes(layout), stored_in(parts))
+
+
 def make_archive(path: Path, layout: archive.Layout, results: Mapping[str, Any], bounds: Iterable[int] = ()) -> Path:
     parts = put_all(path, layout, results, bounds)
-    archive.gather(layout, parts, path)
+    gather(parts, layout, path)
     archive.remove_parts(parts)
     return path
 

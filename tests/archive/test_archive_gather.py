@@ -20,11 +20,14 @@ import pytest
 import xarray as xr
 from archive_samples import (
     DIMS,
+    begin,
     branch_layout,
     check_dataset,
+    gather,
     make_archive,
     put_all,
     put_shard,
+    sample_hashes,
     sample_layout,
     sample_results,
 )
@@ -36,14 +39,12 @@ LAYOUTS = {
     "three dimensions, partial edge": sample_layout(),
     "two dimensions": sample_layout(DIMS[1:]),
     "one dimension": sample_layout(DIMS[2:]),
-    "innermost of text": sample_layout((("e", 4), ("scheme", 3)), chunk=2),
+    "innermost of text": sample_layout((("e", 4), ("scheme", 3))),
     "one cell": sample_layout(()),
     "one cell without histories": sample_layout((), samples=0, periods=0),
     "one long": sample_layout((("scheme", 1), ("e", 1))),
-    "chunks of one": sample_layout(DIMS, chunk=1),
-    "whole rows": sample_layout(DIMS, chunk=25),
-    "four dimensions": sample_layout((("scheme", 2), ("model", 3), ("e", 2), ("alpha", 5)), chunk=3),
-    "zip innermost": sample_layout((("e", 2), ("model", 3)), chunk=2),
+    "four dimensions": sample_layout((("scheme", 2), ("model", 3), ("e", 2), ("alpha", 5))),
+    "zip innermost": sample_layout((("e", 2), ("model", 3))),
     "float32": sample_layout(precision="f4"),
     "no histories": sample_layout(samples=0),
     "no periods": sample_layout(periods=0),
@@ -52,10 +53,16 @@ LAYOUTS = {
 }
 
 
+@pytest.mark.parametrize("most", [2**21, 560, 56, 8])
 @pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS.keys())
-def test_what_goes_in_comes_out(tmp_path: Path, layout: archive.Layout) -> None:
+def test_what_goes_in_comes_out(
+    tmp_path: Path, layout: archive.Layout, most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In one chunk, in chunks that end within rows, in chunks of one case, and in pieces of one history."""
+    monkeypatch.setattr(_layout, "CHUNK_BYTES", most)
+    layout = dataclasses.replace(layout)
     results = sample_results(layout)
-    path = make_archive(tmp_path / "a.nc", layout, results, range(1, layout.units, 2))
+    path = make_archive(tmp_path / "a.nc", layout, results, range(1, layout.cells, 16))
     assert list(tmp_path.iterdir()) == [path]
     with archive.open_archive(path) as dataset:
         check_dataset(dataset, layout, results)
@@ -68,27 +75,16 @@ def test_orbits_of_branches_are_cut_along_their_points(tmp_path: Path, monkeypat
     layout = branch_layout()
     assert layout.chunk_of(layout.variables[-1]) == (1, 1, 3, 4)
     results = sample_results(layout)
-    with archive.open_archive(make_archive(tmp_path / "a.nc", layout, results, range(1, layout.units, 4))) as dataset:
+    with archive.open_archive(make_archive(tmp_path / "a.nc", layout, results, range(1, layout.cells, 40))) as dataset:
         check_dataset(dataset, layout, results)
 
 
-@pytest.mark.parametrize("name", ["three dimensions, partial edge", "float32", "one cell", "zip innermost"])
-def test_histories_cut_along_t(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
-    layout = dataclasses.replace(LAYOUTS[name])
-    monkeypatch.setattr(_layout, "CHUNK_BYTES", layout.chunk * 3 * 8)
-    displacement = next(v for v in layout.variables if v.name == "displacement")
-    assert layout.chunk_of(displacement)[2] in (3, 4)
-    results = sample_results(layout)
-    path = make_archive(tmp_path / "a.nc", layout, results, range(1, layout.units, 4))
-    with archive.open_archive(path) as dataset:
-        check_dataset(dataset, layout, results)
-
-
-def test_copied_chunks_are_what_xarray_would_have_written(tmp_path: Path) -> None:
-    layout = LAYOUTS["three dimensions, partial edge"]
+def test_chunks_are_what_xarray_would_have_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_layout, "CHUNK_BYTES", 560)
+    layout = dataclasses.replace(LAYOUTS["three dimensions, partial edge"])
     ours = make_archive(tmp_path / "a.nc", layout, sample_results(layout), [2, 7])
     theirs = tmp_path / "b.nc"
-    chunks = {v.name: layout.archive_chunk_of(v) for v in layout.variables}
+    chunks = {v.name: layout.chunk_of(v) for v in layout.variables}
     with archive.open_archive(ours) as dataset:
         plain = dataset.drop_encoding().drop_vars("message")
         filters = {"zlib": True, "complevel": 1, "shuffle": True, "fletcher32": True}
@@ -110,7 +106,7 @@ def test_copied_chunks_are_what_xarray_would_have_written(tmp_path: Path) -> Non
 def test_results_in_pieces_have_one_content(tmp_path: Path) -> None:
     layout = LAYOUTS["three dimensions, partial edge"]
     results = sample_results(layout)
-    cuts = ([], [9], [1, 2, 3, 10], range(1, 18))
+    cuts = ([], [9], [1, 2, 3, 10], range(1, 150))
     hashes = {
         archive.content_hash(make_archive(tmp_path / f"{i}.nc", layout, results, cut)) for i, cut in enumerate(cuts)
     }
@@ -118,11 +114,15 @@ def test_results_in_pieces_have_one_content(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["processor_time", "batch_width"])
-def test_content_does_not_depend_on_chunks_or_processor_time(tmp_path: Path, name: str) -> None:
-    results = sample_results(LAYOUTS["whole rows"])
-    first = make_archive(tmp_path / "a.nc", LAYOUTS["whole rows"], results)
+def test_content_does_not_depend_on_chunks_or_processor_time(
+    tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    layout = LAYOUTS["three dimensions, partial edge"]
+    results = sample_results(layout)
+    first = make_archive(tmp_path / "a.nc", layout, results)
     later = results | {name: results[name] + 1}
-    second = make_archive(tmp_path / "b.nc", LAYOUTS["three dimensions, partial edge"], later, [5])
+    monkeypatch.setattr(_layout, "CHUNK_BYTES", 560)
+    second = make_archive(tmp_path / "b.nc", dataclasses.replace(layout), later, [5])
     assert archive.content_hash(first) == archive.content_hash(second)
 
 
@@ -188,18 +188,17 @@ def test_one_nan_is_as_good_as_another(tmp_path: Path) -> None:
 
 
 def test_a_value_too_large_for_float32_is_infinite(tmp_path: Path) -> None:
-    layout = LAYOUTS["float32"]
-    results = sample_results(layout)
-    results["displacement"] = results["displacement"].astype(float)
-    results["displacement"][0, 0, 0, 0] = 1e300
-    parts = archive.parts_of(tmp_path / "a.nc")
-    archive.start_parts(parts, layout)
-    arrays = archive.blank(layout, 1)
-    arrays["status"][:] = 0
-    arrays["displacement"] = np.full((1, 10, 7), 1e300)
-    archive.write_shard(parts, 0, 0, arrays, {}, layout)
-    with archive.open_archive(tmp_path / "a.nc") as dataset:
-        assert np.isposinf(dataset["displacement"][0, 0, :10]).all()
+    """In a shard, and where an archive of float64 is taken by one of float32."""
+    wide, narrow = sample_layout(), LAYOUTS["float32"]
+    results = sample_results(wide)
+    results["displacement"][...] = 1e300
+    one = make_archive(tmp_path / "a.nc", narrow, results)
+    taken = archive.Stored(archive.archive_sources(make_archive(tmp_path / "b.nc", wide, results)))
+    archive.gather(narrow, begin(tmp_path / "c.nc", narrow), tmp_path / "c.nc", sample_hashes(narrow), taken)
+    for path in (one, tmp_path / "c.nc"):
+        with archive.open_archive(path) as dataset:
+            assert dataset["displacement"].dtype == np.float32
+            assert np.isposinf(dataset["displacement"]).all()
 
 
 @pytest.mark.parametrize("limit", [1, 5, 21, 40, 150, 10**6])
@@ -215,14 +214,13 @@ def test_an_incomplete_study_is_not_gathered(tmp_path: Path) -> None:
     layout = LAYOUTS["three dimensions, partial edge"]
     results = sample_results(layout)
     target = tmp_path / "a.nc"
-    parts = archive.parts_of(target)
-    archive.start_parts(parts, layout)
-    put_shard(parts, layout, results, 0, 17)
-    with pytest.raises(archive.ArchiveError, match="1 of 18 units are missing"):
-        archive.gather(layout, parts, target)
+    parts = begin(target, layout)
+    put_shard(parts, layout, results, 0, 149)
+    with pytest.raises(archive.ArchiveError, match="1 of 150 cases are missing"):
+        gather(parts, layout, target)
     assert not target.exists()
-    put_shard(parts, layout, results, 17, 18)
-    archive.gather(layout, parts, target)
+    put_shard(parts, layout, results, 149, 150)
+    gather(parts, layout, target)
     assert target.exists()
 
 
@@ -241,7 +239,7 @@ def about_to_be_replaced(tmp_path: Path, layout: archive.Layout) -> tuple[archiv
 def test_replacing_an_archive(replaced: tuple[archive.Layout, Path, bytes]) -> None:
     layout, path, before = replaced
     with archive.open_archive(path) as old:
-        archive.gather(layout, archive.parts_of(path), path)
+        gather(archive.parts_of(path), layout, path)
         check_dataset(old, layout, sample_results(layout))
     with archive.open_archive(path) as new:
         check_dataset(new, layout, sample_results(layout, seed=1))
@@ -259,12 +257,12 @@ def test_a_failure_anywhere_leaves_target_and_shards(
 
     monkeypatch.setattr(_gather, where, fail)
     with pytest.raises(archive.ArchiveError, match=r"archive could not be written: no space left"):
-        archive.gather(layout, archive.parts_of(path), path)
+        gather(archive.parts_of(path), layout, path)
     assert path.read_bytes() == before
-    assert archive.find_shards(archive.parts_of(path), layout).complete
+    assert len(archive.find_shards(archive.parts_of(path))[0]) == 2
     assert not list(path.parent.rglob("*.tmp"))
     monkeypatch.undo()
-    archive.gather(layout, archive.parts_of(path), path)
+    gather(archive.parts_of(path), layout, path)
     assert path.read_bytes() != before
 
 
@@ -274,23 +272,23 @@ def test_too_little_room_is_said_beforehand(
     layout, path, before = replaced
     monkeypatch.setattr(_gather, "free_space", lambda directory: 1000)
     with pytest.raises(archive.ArchiveError, match="no space left on device, it needs about"):
-        archive.gather(layout, archive.parts_of(path), path)
+        gather(archive.parts_of(path), layout, path)
     assert path.read_bytes() == before
 
 
-def test_a_chunk_that_was_not_copied_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_layout, "SMALL_BYTES", 0)  # units are copied, not joined
-    unjoined = dataclasses.replace(LAYOUTS["three dimensions, partial edge"])
-    layout, path, before = about_to_be_replaced(tmp_path, unjoined)
-    copy = _gather._copy
+def test_a_chunk_that_was_not_written_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_layout, "CHUNK_BYTES", 560)
+    layout, path, before = about_to_be_replaced(
+        tmp_path, dataclasses.replace(LAYOUTS["three dimensions, partial edge"])
+    )
+    chunks = _gather._chunks
 
-    def forget(chunks, archived, layout, variable) -> None:  # type: ignore[no-untyped-def]
-        first = 1 if variable.name == "impacts" else 0
-        copy(dict(list(chunks.items())[first:]), archived, layout, variable)
+    def forgetting(*words):  # type: ignore[no-untyped-def]
+        yield from (chunk for chunk in chunks(*words) if chunk[:2] != ("impacts", (0, 0, 10)))
 
-    monkeypatch.setattr(_gather, "_copy", forget)
-    with pytest.raises(archive.ArchiveError, match="impacts has 16 of 18 chunks"):
-        archive.gather(layout, archive.parts_of(path), path)
+    monkeypatch.setattr(_gather, "_chunks", forgetting)
+    with pytest.raises(archive.ArchiveError, match="impacts has 17 of 18 chunks"):
+        gather(archive.parts_of(path), layout, path)
     assert path.read_bytes() == before
 
 
@@ -306,37 +304,38 @@ def test_a_case_that_has_not_run_is_noticed(
 
     monkeypatch.setattr(_gather, "_tell_hash", spoil)
     with pytest.raises(archive.ArchiveError, match="149 of 150 cases have run"):
-        archive.gather(layout, archive.parts_of(path), path)
+        gather(archive.parts_of(path), layout, path)
     assert path.read_bytes() == before
 
 
 def test_a_write_that_fails_inside_hdf5(tmp_path: Path) -> None:
     """A limit on the size of files makes netCDF-C and HDF5 fail as on a full disk."""
     layout = LAYOUTS["three dimensions, partial edge"]
-    put_all(tmp_path / "a.nc", layout, sample_results(layout), range(1, 18))
+    put_all(tmp_path / "a.nc", layout, sample_results(layout), range(10, 150, 10))
     code = """
         import resource, sys
+        sys.path.insert(0, sys.argv[3])
         from pathlib import Path
+        from archive_samples import gather, sample_layout
         from workflow import archive
         target = Path(sys.argv[1])
-        parts = archive.parts_of(target)
-        layout = archive.read_layout(parts)
         resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), resource.RLIM_INFINITY))
         try:
-            archive.gather(layout, parts, target)
+            gather(archive.parts_of(target), sample_layout(), target)
         except archive.ArchiveError as error:
             sys.exit(str(error))
     """
     assert resource.getrlimit(resource.RLIMIT_FSIZE)[1] == resource.RLIM_INFINITY
     for limit in (0, 4096, 30_000):
-        call = [sys.executable, "-c", textwrap.dedent(code), str(tmp_path / "a.nc"), str(limit)]
+        words = (tmp_path / "a.nc", limit, Path(__file__).parent)
+        call = [sys.executable, "-c", textwrap.dedent(code), *map(str, words)]
         done = subprocess.run(call, capture_output=True, text=True, timeout=60)
         assert done.returncode == 1, done.stderr
         assert "the archive could not be written" in done.stderr
         assert "Traceback" not in done.stderr
         assert [entry.name for entry in tmp_path.iterdir()] == ["a.nc.parts"]
-        assert archive.find_shards(tmp_path / "a.nc.parts", layout).complete
-    archive.gather(layout, tmp_path / "a.nc.parts", tmp_path / "a.nc")
+        assert len(archive.find_shards(tmp_path / "a.nc.parts")[0]) == 15
+    gather(tmp_path / "a.nc.parts", layout, tmp_path / "a.nc")
 
 
 def test_removing_shards_twice_is_no_fault(tmp_path: Path) -> None:
@@ -346,14 +345,14 @@ def test_removing_shards_twice_is_no_fault(tmp_path: Path) -> None:
     archive.remove_parts(parts)
 
 
-@pytest.mark.parametrize("name", ["pipe", "pipe.shard"])
+@pytest.mark.parametrize("name", ["pipe", "pipe.npz"])
 def test_a_pipe_among_the_shards_stays_and_is_not_waited_for(name: str, tmp_path: Path) -> None:
     layout, messages = LAYOUTS["one cell"], []
     parts = put_all(tmp_path / "a.nc", layout, sample_results(layout))
     os.mkfifo(parts / name)
 
     def use() -> None:
-        for action in (partial(archive.start_parts, parts, layout), partial(archive.remove_parts, parts)):
+        for action in (partial(begin, tmp_path / "a.nc", layout), partial(archive.remove_parts, parts)):
             with pytest.raises(archive.ArchiveError) as refusal:
                 action()
             messages.append(str(refusal.value))

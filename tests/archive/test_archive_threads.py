@@ -8,33 +8,42 @@ from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
-from archive_samples import check_dataset, make_archive, put_shard, sample_layout, sample_results
+from archive_samples import (
+    begin,
+    check_dataset,
+    gather,
+    make_archive,
+    put_shard,
+    sample_hashes,
+    sample_layout,
+    sample_results,
+    stored_in,
+)
 
 from workflow import archive
 
-LAYOUT = sample_layout((("e", 200), ("alpha", 20)), samples=50, chunk=20)
+LAYOUT = sample_layout((("e", 200), ("alpha", 20)), samples=50)
 RESULTS = sample_results(LAYOUT)
 
 
 def test_two_hundred_shards_from_four_threads_while_another_opens(tmp_path: Path) -> None:
     target = tmp_path / "a.nc"
     other = make_archive(tmp_path / "other.nc", LAYOUT, RESULTS)
-    parts = archive.parts_of(target)
-    archive.start_parts(parts, LAYOUT)
+    parts = begin(target, LAYOUT)
     finished = threading.Event()
     seen = []
 
     def look() -> int:
         while not finished.is_set():
-            with archive.open_archive(target) as view, archive.open_archive(other) as whole:
-                seen.append(int((view["status"] != 4).sum()))
+            seen.append(int(stored_in(parts).holds(sample_hashes(LAYOUT)).sum()))
+            with archive.open_archive(other) as whole:
                 np.testing.assert_array_equal(whole["displacement"][7], RESULTS["displacement"][7])
                 assert archive.archive_key(other) == LAYOUT.key
         return len(seen)
 
     with ThreadPoolExecutor(6) as pool:
         readers = [pool.submit(look) for _ in range(2)]
-        writers = [pool.submit(put_shard, parts, LAYOUT, RESULTS, unit, unit + 1, unit) for unit in range(200)]
+        writers = [pool.submit(put_shard, parts, LAYOUT, RESULTS, k, k + 20) for k in range(0, 4000, 20)]
         try:
             paths = {writer.result() for writer in writers}
         finally:
@@ -42,7 +51,7 @@ def test_two_hundred_shards_from_four_threads_while_another_opens(tmp_path: Path
         assert all(reader.result() > 0 for reader in readers)
     assert len(paths) == 200
     assert all(0 <= count <= LAYOUT.cells and count % 20 == 0 for count in seen)
-    archive.gather(LAYOUT, parts, target)
+    gather(parts, LAYOUT, target)
     with archive.open_archive(target) as dataset:
         check_dataset(dataset, LAYOUT, RESULTS)
     assert archive.content_hash(target) == archive.content_hash(other)
@@ -67,10 +76,9 @@ def test_gathering_while_others_read(tmp_path: Path) -> None:
 
 
 def test_shards_from_processes(tmp_path: Path) -> None:
-    parts = archive.parts_of(tmp_path / "a.nc")
-    archive.start_parts(parts, LAYOUT)
+    parts = begin(tmp_path / "a.nc", LAYOUT)
     with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as pool:
-        halves = [pool.submit(put_shard, parts, LAYOUT, RESULTS, *ends) for ends in ((0, 90), (90, 200))]
+        halves = [pool.submit(put_shard, parts, LAYOUT, RESULTS, *ends) for ends in ((0, 1800), (1800, 4000))]
         for half in halves:
             half.result()
-    assert archive.find_shards(parts, LAYOUT).complete
+    assert stored_in(parts).holds(sample_hashes(LAYOUT)).all()

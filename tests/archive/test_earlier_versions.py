@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import shutil
 from pathlib import Path
 
@@ -11,10 +10,10 @@ import pytest
 from typer.testing import CliRunner
 
 from quick import quick
-from workflow.archive import ArchiveError, StoredCells, _describe, content_hash, describe, open_archive, provenance
+from workflow.archive import ArchiveError, _describe, archive_sources, content_hash, open_archive, provenance
 from workflow.cli import app
-from workflow.grid import _identity, arrange, units_of
-from workflow.run import _earlier, _verify, holdings, run_study
+from workflow.grid import _identity
+from workflow.run import _reuse, _verify, holdings, run_study
 from workflow.schemes import SOLVER_VERSION
 from workflow.study import Study, parse_study
 
@@ -34,7 +33,7 @@ def earlier(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def archive(earlier: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    for module in (_earlier, _verify, _describe, _identity):
+    for module in (_reuse, _verify, _describe, _identity):
         monkeypatch.setattr(module, "SOLVER_VERSION", NOW)
     return Path(shutil.copy(earlier, tmp_path / "quick.nc"))
 
@@ -68,15 +67,13 @@ def test_it_is_shown_and_reported(archive: Path, tmp_path: Path) -> None:
 
 
 def test_its_cases_can_be_read_one_by_one(archive: Path) -> None:
-    grid = arrange(study_of(archive))
-    layout = describe(grid.study, grid, units_of(grid))
-    only = tuple(v for v in layout.variables if v.name in ("status", "contact_impulse", "displacement"))
-    stored_cells = StoredCells(archive, np.arange(6))
-    values, messages = stored_cells.take(dataclasses.replace(layout, variables=only), np.arange(6))
-    assert values["status"].tolist() == [0, 2, 0] * 2
-    assert values["displacement"].shape == (6, layout.sizes["t"])
-    assert sorted(messages) == [1, 4]
-    assert stored_cells.messages(np.arange(6)) == messages
+    values = {name: [] for name in ("status", "displacement", "message")}
+    for source in archive_sources(archive):
+        for name, several in values.items():
+            several.extend(source.read(name))
+    assert values["status"] == [0, 2, 0] * 2
+    assert np.shape(values["displacement"]) == (6, 9)
+    assert [k for k, text in enumerate(values["message"]) if text] == [1, 4]
 
 
 def test_why_it_is_not_extended_is_said(archive: Path) -> None:

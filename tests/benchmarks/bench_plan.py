@@ -55,10 +55,10 @@ STUDIES = {
 PLANNED = """
 import json, sys
 from dataclasses import asdict
-from workflow.grid import arrange, estimate, units_of
+from workflow.grid import arrange, estimate
 from workflow.study import read_study
 grid = arrange(read_study(sys.argv[1]))
-print(json.dumps(asdict(estimate(grid, units_of(grid)))))
+print(json.dumps(asdict(estimate(grid))))
 """
 
 RUN = """
@@ -146,10 +146,7 @@ def _merge(one: Path, into: Path) -> None:
             shutil.copyfile(file, target)
             continue
         theirs, mine = json.loads(target.read_text()), json.loads(file.read_text())
-        for key, (model, measured) in mine["parts"].items():
-            before = theirs["parts"].get(key, [0.0, 0.0])
-            theirs["parts"][key] = [before[0] + model, before[1] + measured]
-        target.write_text(json.dumps(theirs))
+        target.write_text(json.dumps({name: theirs[name] + mine[name] for name in mine}))
 
 
 def main(names: list[str] | None = None) -> None:

@@ -27,7 +27,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from workflow import open_archive, run_study
-from workflow.grid import arrange, plan, units_of
+from workflow.grid import arrange, plan
 from workflow.run import available_threads
 from workflow.study import Study, parse_study
 
@@ -256,7 +256,7 @@ def plan_seconds(cases: int) -> float:
     study = parsed(trivial(cases, METRICS))
     begun = time.perf_counter()
     grid = arrange(study)
-    plan(grid, units_of(grid))
+    plan(grid)
     return time.perf_counter() - begun
 
 

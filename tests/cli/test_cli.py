@@ -244,12 +244,10 @@ def test_a_damaged_chunk_is_reported(name: str, tmp_path: Path) -> None:
 
 
 def test_a_study_changed_after_an_interrupted_run(tmp_path: Path) -> None:
+    from quick import begin
     from studies import parsed
-    from workflow.archive import describe, parts_of, start_parts
-    from workflow.grid import arrange, units_of
 
-    grid = arrange(parsed(SMALL))
-    start_parts(parts_of(tmp_path / "small.nc"), describe(parsed(SMALL), grid, units_of(grid)))
+    begin(parsed(SMALL), tmp_path / "small.nc")
     other = SMALL.replace("study: small", "study: other")
     done = workflow("run", written(other, tmp_path), "-o", "small.nc", cwd=tmp_path)
     assert done.returncode == 2

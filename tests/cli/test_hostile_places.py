@@ -95,7 +95,7 @@ def test_a_file_in_the_place_of_the_shards(tmp_path: Path) -> None:
     assert parts.read_text() == "mine"
 
 
-@pytest.mark.parametrize("name", ["other", "other.shard"])
+@pytest.mark.parametrize("name", ["other", "other.npz"])
 def test_a_foreign_directory_among_the_shards_stays(name: str, tmp_path: Path) -> None:
     study, foreign = written(SINGLE, tmp_path), tmp_path / "a.nc.parts" / name
     foreign.mkdir(parents=True)

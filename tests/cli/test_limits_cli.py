@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 from pathlib import Path
 
@@ -19,27 +20,31 @@ def steady(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return run_study(steady_study(axes), tmp_path_factory.mktemp("limits") / "a.nc").archive
 
 
-@pytest.mark.parametrize(("options", "status"), [((), 0), (("--max-temperature", "-1 K"), 1)])
+@pytest.mark.parametrize(
+    ("options", "status"), [((), 0), (("--max-temperature", "1e-9 K", "--max-displacement", "1e-9 m"), 1)]
+)
 def test_the_command_answers(steady: Path, options: tuple[str, ...], status: int) -> None:
     told = CliRunner().invoke(app, ["limits", str(steady), *options, "--json"])
     assert told.exit_code == status, told.output
     answer = json.loads(told.output)
-    assert set(answer) == {"limits", "cases", "within"}
+    assert set(answer) == {"limits", "branches", "cases", "within", "beyond"}
     assert (answer["within"] > 0) == (status == 0)
     assert {"axis", "from", "to", "next", "limited_by", "at"} == set(answer["limits"][0])
 
 
-def test_the_command_refuses(steady: Path) -> None:
-    told = CliRunner().invoke(app, ["limits", str(steady), "--max-temperature", "40 m"])
+@pytest.mark.parametrize("bound", ["40 m", "-5K", "-5"])
+def test_the_command_refuses(steady: Path, bound: str) -> None:
+    told = CliRunner().invoke(app, ["limits", str(steady), "--max-temperature", bound])
     assert told.exit_code == 2
-    assert "40 m" in told.output
+    assert bound.split()[0] in told.output
 
 
-def test_the_command_says_it_in_sentences(steady: Path) -> None:
-    told = CliRunner().invoke(app, ["limits", str(steady), "--max-temperature", "40K"])
+@pytest.mark.parametrize("bound", ["40K", "40"])
+def test_the_command_says_it_in_sentences(steady: Path, bound: str) -> None:
+    told = CliRunner().invoke(app, ["limits", str(steady), "--max-temperature", bound])
     assert told.exit_code == 0
     assert "alpha from 0 to 2 W/N: all cases are within; at 5 W/N the temperature exceeds 40 K" in told.output
-    assert "5 of 8 within." in told.output
+    assert "5 of 8 within; 1 above the temperature, 2 runs_away." in told.output
 
 
 def test_archives_without_steady_rubs_are_refused(tmp_path: Path) -> None:
@@ -54,3 +59,10 @@ def test_a_rub_that_runs_away_is_an_ok_case(tmp_path: Path) -> None:
     study.write_text(steady_study({"alpha": 30}).text, encoding="utf-8")
     told = CliRunner().invoke(app, ["run", str(study), "-o", str(tmp_path / "c.nc")])
     assert told.exit_code == 0, told.output
+
+
+def test_the_page_begins_with_it(steady: Path, tmp_path: Path) -> None:
+    told = CliRunner().invoke(app, ["limits", str(steady)]).output.splitlines()
+    assert CliRunner().invoke(app, ["report", str(steady), "-o", str(tmp_path / "a.html")]).exit_code == 0
+    page = (tmp_path / "a.html").read_text(encoding="utf-8")
+    assert told[0] in html.unescape(page.split("<h2>")[1])

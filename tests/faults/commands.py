@@ -58,7 +58,7 @@ def wait_until(what: Callable[[], bool], process: Process) -> bool:
 
 def shards(archive: Path) -> int:
     """Return how many shards of an archive there are."""
-    return len(list(parts_of(archive).glob("*.shard")))
+    return len(list(parts_of(archive).glob("*.npz")))
 
 
 def is_gathered(archive: Path) -> bool:

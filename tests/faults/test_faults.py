@@ -19,12 +19,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-import workflow.run._task as running
-from quick import quick
+from quick import interrupted, quick
 from studies import cut_finely, pinned, written
-from workflow.archive import ArchiveError, _files, content_hash, holding, load_stored_cells, parts_of, save_stored_cells
+from workflow.archive import ArchiveError, _files, content_hash, holding, parts_of
 from workflow.archive._seal import seal
-from workflow.archive._stored_cells import STORED_CELLS, StoredCells
 from workflow.cli import app
 from workflow.run import run_study
 
@@ -53,22 +51,6 @@ def workflow(*words: str | Path) -> tuple[int, str]:
 def checks_in(text: str) -> dict[str, str]:
     """Return what each check of ``verify`` found: ok or DIFFERS."""
     return dict(re.findall(r"^  (\w+) +(ok|DIFFERS): ", text, re.MULTILINE))
-
-
-def interrupted(archive: Path, after: int) -> None:
-    """Run the study until so many shards are stored."""
-    write, left = running.write_shard, [None] * after
-
-    def failing(*words: Any) -> Path:
-        if not left:
-            raise ArchiveError("stopped")
-        left.pop()
-        return write(*words)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(running, "write_shard", failing)
-        with pytest.raises(ArchiveError, match="stopped"):
-            run_study(STUDY, archive, threads=1)
 
 
 @pytest.mark.parametrize("extended", [pytest.param(False, marks=pytest.mark.slow), True])
@@ -164,15 +146,11 @@ def flipped(shard: Path) -> None:
 
 
 def foreign(shard: Path) -> None:
+    """A shard of other cases under its name."""
     other = shard.parents[1] / "b.nc"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("workflow.run._study.gather", lambda *_: (_ for _ in ()).throw(ArchiveError("stopped")))
-        with pytest.raises(ArchiveError, match="stopped"):
-            run_study(quick({"e": [0.0, 0.2, 0.5, 0.8], "alpha": [0.0, 5.0, 20.0, 50.0]}), other, threads=1)
-    stem = shard.name.rsplit("-", 1)[0]
-    [theirs] = parts_of(other).glob(f"{stem}-*")
+    interrupted(quick({"e": [0.1], "alpha": [0.0, 5.0, 20.0, 50.0]}, scene={"casing.gap": 1e-5}), other, 0)
+    run_study(quick({"e": 0.1, "alpha": 0.0}), other.with_name("c.nc"))
     shard.unlink()
-    theirs.rename(shard.parent / theirs.name)
 
 
 @pytest.mark.parametrize("damage", [torn, flipped, foreign])
@@ -180,8 +158,8 @@ def test_a_damaged_shard_is_computed_again(
     damage: Any, tmp_path: Path, expected: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     archive = tmp_path / "a.nc"
-    interrupted(archive, 3)
-    damage(sorted(parts_of(archive).glob("*.shard"))[1])
+    interrupted(STUDY, archive, 3)
+    damage(sorted(parts_of(archive).glob("*.npz"))[1])
     assert run_study(STUDY, archive).resumed == 8
     assert content_hash(archive) == expected
 
@@ -210,7 +188,7 @@ def test_a_study_is_repeated_from_its_archive_alone(tmp_path: Path, expected: st
 
 def test_verify_exits_as_its_checks_end(tmp_path: Path) -> None:
     archive = tmp_path / "a.nc"
-    interrupted(archive, 2)
+    interrupted(STUDY, archive, 2)
     status, output = workflow("verify", archive)
     assert (status, output) == (
         2,
@@ -259,18 +237,17 @@ class Trap:
         return (Path.touch, (self.where,))
 
 
-def test_what_is_known_is_never_a_pickle(tmp_path: Path) -> None:
-    (tmp_path / "a.nc").touch()
-    save_stored_cells(tmp_path, StoredCells(tmp_path / "a.nc", np.arange(3)))
-    stored_cells = load_stored_cells(tmp_path)
-    assert stored_cells is not None
-    assert stored_cells.cells.tolist() == [0, 1, 2]
-    trap = np.array([Trap(tmp_path / "sprung")], dtype=object)
-    np.save(tmp_path / STORED_CELLS, trap, allow_pickle=True)
-    for image in ((tmp_path / STORED_CELLS).read_bytes(), pickle.dumps(trap), b"\x93NUMPY", b""):
-        (tmp_path / STORED_CELLS).write_bytes(image)
-        with pytest.raises(ArchiveError, match="damaged"):
-            load_stored_cells(tmp_path)
+def test_a_shard_is_never_a_pickle(tmp_path: Path) -> None:
+    archive = tmp_path / "a.nc"
+    for name in ("status", "case_hash", "message", "displacement"):
+        interrupted(STUDY, archive, 1)
+        [shard] = parts_of(archive).glob("*.npz")
+        with np.load(shard) as arrays:
+            values = dict(arrays)
+        trap = np.array([Trap(tmp_path / "sprung")] * 4, dtype=object)
+        np.savez(shard, **values | {name: trap})
+        assert run_study(STUDY, archive).ok
+        archive.unlink()
     assert not (tmp_path / "sprung").exists()
 
 

@@ -9,8 +9,7 @@ import pytest
 
 from quick import quick
 from workflow.grid import _compile as compilation
-from workflow.grid import _helpers as helpers
-from workflow.grid import _operators, arrange
+from workflow.grid import arrange
 from workflow.grid._ahead import kernel_variants
 from workflow.grid._operators import reduced_structure
 from workflow.models import needs_matrices
@@ -24,7 +23,7 @@ THREE = {
 
 
 def test_every_scheme_and_the_reference_have_kernels_of_their_own() -> None:
-    variants = list(kernel_variants(arrange(quick(**THREE))))
+    variants = kernel_variants(arrange(quick(**THREE)))
     assert [variant.method for variant in variants] == ["moreau", "penalty", "event_driven"]
     assert variants[1].options.integration == "implicit"
     assert [variant.method for variant in kernel_variants(arrange(quick()))] == ["moreau"]
@@ -32,16 +31,10 @@ def test_every_scheme_and_the_reference_have_kernels_of_their_own() -> None:
 
 @pytest.mark.parametrize("nodes", [5, 1000])  # the longer one is stepped node by node where it is not reduced
 @pytest.mark.parametrize("method", ["moreau", "event_driven"])
-def test_kernels_of_a_reduced_chain_are_those_of_its_reduced_structure(
-    nodes: int, method: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    stiffness = 4.0e6 * (1 + nodes / 1e6)  # of no other test, which could have left the reduction in memory
-    scene = {"chain.nodes": nodes, "chain.stiffness": stiffness}
+def test_kernels_of_a_reduced_chain_are_those_of_its_reduced_structure(nodes: int, method: str) -> None:
     modes = {"mechanical_modes": 2, "thermal_modes": 2}
-    grid = arrange(quick({"scheme": method, **modes}, scene=scene))
-    with monkeypatch.context() as patch:
-        patch.setattr(_operators, "reduce_structure", None)
-        (variant,) = kernel_variants(grid)  # before anything is reduced
+    grid = arrange(quick({"scheme": method, **modes}, scene={"chain.nodes": nodes}))
+    (variant,) = kernel_variants(grid)
     structure = reduced_structure(grid.settings(0))
     assert structure.mechanical_size == 3
     assert variant.massless_tip == structure.has_massless_tip
@@ -54,23 +47,21 @@ def test_a_case_that_cannot_be_set_up_wants_nothing(monkeypatch: pytest.MonkeyPa
         raise ValueError("no such structure")
 
     monkeypatch.setattr("workflow.grid._ahead.kernel_variant", fails)
-    assert list(kernel_variants(arrange(quick(**THREE)))) == []
+    assert (kernel_variants(arrange(quick(**THREE)))) == []
 
 
-def test_a_run_goes_on_where_helpers_fail(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The helper asked for is one that cannot be started."""
-    methods: set[str] = set()
-    add = compilation.SHARES.add
+def test_a_run_goes_on_where_its_helper_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is one that cannot be started."""
+    asked: list[list[str]] = []
+    start = compilation._HELPER.start
 
-    def noted(shares: list[compilation.Share]) -> None:
-        methods.update(share.method for share in shares)
-        add(shares)
+    def noted(parts: list[tuple[compilation.KernelVariant, str]]) -> None:
+        asked.append([variant.method for variant, _ in parts])
+        start(parts)
 
-    monkeypatch.setattr(compilation.SHARES, "add", noted)
+    monkeypatch.setattr(compilation._HELPER, "start", noted)
     monkeypatch.setattr(compilation, "_note", lambda variant: tmp_path / f"{variant.method}.compiled")
     monkeypatch.setattr(sys, "executable", str(tmp_path / "missing"))
-    outcome = run_study(quick(**THREE), tmp_path / "three.nc", threads=2)
-    assert outcome.ok
-    assert methods == {"penalty", "event_driven"}
+    assert run_study(quick(**THREE), tmp_path / "three.nc", threads=2).ok
     run_study(quick(**THREE), tmp_path / "alone.nc", threads=1)
-    assert not helpers._AT_WORK
+    assert asked == [["penalty", "event_driven"]]

@@ -19,9 +19,8 @@ from workflow.analysis import decided, labels_of, mode_counts, recommend, recomm
 from workflow.archive import open_archive, provenance
 from workflow.cli import app
 from workflow.grid import (
-    Choice,
+    ChosenModes,
     Decided,
-    _trials,
     arrange,
     choices_text,
     plan_study,
@@ -29,15 +28,14 @@ from workflow.grid import (
     solve,
     structure_of,
 )
-from workflow.grid._choice import _fewest, _smallest
 from workflow.grid._conditions import conditions
-from workflow.grid._operators import run_batch
-from workflow.grid._trials import corners_of
-from workflow.models import Cases
+from workflow.grid._corners import corners_of
+from workflow.judges import trials
+from workflow.judges.least_vectors import fewest, smallest
+from workflow.models import Structure
 from workflow.reduction import reduce_structure
 from workflow.run import holdings, run_study, verify
-from workflow.schemes import Results, Sampling
-from workflow.study import Cell, Study
+from workflow.study import Study
 
 AUTO = "mechanical_modes: auto, thermal_modes: auto"
 
@@ -100,7 +98,7 @@ def test_an_uneven_error_is_searched_past_its_bumps() -> None:
     """Of 3, 5 and 8 vectors that meet 1, between others that do not, 3 are found from anywhere above; 0 is hopeless."""
     error = {0: 9.0, 1: 2.0, 2: 1.5, 3: 0.9, 4: 1.2, 5: 0.8, 6: 1.4, 7: 1.1, 8: 0.9, 9: 0.5}.__getitem__
     for first in range(3, 10):
-        assert _fewest(error, first, 0, 9, 1.0) == 3
+        assert fewest(error, first, 0, 9, 1.0) == 3
 
 
 def test_errors_of_both_kinds_add_up() -> None:
@@ -108,7 +106,7 @@ def test_errors_of_both_kinds_add_up() -> None:
         return 2.0**-mechanical + 4.0**-thermal
 
     sums = {(m, t): m + t for m in range(20) for t in range(20) if error(m, t) <= 1e-3}
-    counts = _smallest(error, (0, 0), (0, 0), (19, 19), 1e-3)
+    counts = smallest(error, (0, 0), (0, 0), (19, 19), 1e-3)
     assert error(*counts) <= 1e-3
     assert sum(counts) == min(sums.values())
 
@@ -132,7 +130,7 @@ def test_corners_take_the_hardest_and_the_mildest_value_of_each_dimension() -> N
     grid = arrange(requested)
     cell = requested.cell({**grid.base})
     structure = structure_of(cell.scene.model, cell.scene.parameters)
-    corners = corners_of(grid.inner, structure)
+    corners = [dict(corner) for corner in corners_of(grid.inner, structure)]
     assert len({tuple(corner.items()) for corner in corners}) == 16
     answers = sorted((20.0, 5000.0, 4000.0), key=lambda f: -abs(_receptance(structure, 2 * math.pi * f)))
     hardest = {"alpha": 5, "scene.initial.temperature": -3, "scene.casing.gap": 1e-5, "scene.load.amplitude": 2}
@@ -145,11 +143,11 @@ def test_of_many_corners_those_are_tried_that_are_nearest_to_all_hard_or_all_mil
     axes = "alpha: [0, 1], e: [0, 1], scene.load.mean: [0, 1], scene.load.amplitude: [0, 1], scene.load.frequency: 20"
     grid = arrange(study(f"{axes}, scene.load.steady: [0, 1], {AUTO}, tolerance: 0.1"))
     cell = grid.study.cell({**grid.base})
-    corners = corners_of(grid.inner, structure_of(cell.scene.model, cell.scene.parameters))
+    corners = map(dict, corners_of(grid.inner, structure_of(cell.scene.model, cell.scene.parameters)))
     sums = [sum(corner.values()) for corner in corners]
     assert sums[:2] == [5, 0]
     assert sorted(sums[2:12]) == [1] * 5 + [4] * 5
-    assert len(corners) == 16
+    assert len(sums) == 16
 
 
 def test_counts_hold_in_every_corner_though_the_first_is_not_the_hardest() -> None:
@@ -205,7 +203,7 @@ def test_counts_do_not_depend_on_scheme_and_options() -> None:
 
 
 def test_a_hardest_case_that_fails_leaves_what_transfer_functions_ask_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_trials, "_EVENTS", 1)
+    monkeypatch.setitem(trials._BUDGET, "events", 1)
     requested = study(f"alpha: 20.5, {AUTO}, tolerance: 1e-2")
     [choice] = arrange(requested).choices.cases.values()
     assert math.isnan(choice.error)
@@ -237,12 +235,12 @@ def test_corners_that_are_left_out_are_named_with_what_that_means(tmp_path: Path
 
 
 def test_what_the_exact_scheme_refuses_is_tried_by_implicit_euler(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refusing(cell: Cell, cases: Cases, sampling: Sampling) -> Results:
-        if cell.scheme.method == "event_driven":
-            raise ValueError("not this structure")
-        return run_batch(cell, cases, sampling)
+    def refusing(structure: Structure, h: float, options: object) -> object:
+        raise ValueError("not this structure")
 
-    monkeypatch.setattr(_trials, "run_batch", refusing)
+    exact = replace(schemes.load("event_driven"), init=refusing)
+    load = schemes.load
+    monkeypatch.setattr(schemes, "load", lambda name: exact if name == "event_driven" else load(name))
     requested = study(f"alpha: 20.25, h: 1e-4, {AUTO}, tolerance: 1e-2").with_({"axes.scheme": "moreau"})
     [choice] = arrange(requested).choices.cases.values()
     assert choice.error <= 1e-2
@@ -258,7 +256,10 @@ def test_a_choice_of_a_structure_that_is_no_chain_names_its_coordinates() -> Non
 
 
 def test_choices_are_read_as_they_are_written() -> None:
-    choices = {0: Choice(3, 4, 1e-3 / 7, (("alpha", 5.0),), "as it is"), 7: Choice(1, 2, math.nan, (), "failed")}
+    choices = {
+        0: ChosenModes(3, 4, 1e-3 / 7, (("alpha", 5.0),), "as it is"),
+        7: ChosenModes(1, 2, math.nan, (), "failed"),
+    }
     references = {3: choices[0]}
     read = read_choices(choices_text(Decided(choices, references)))
     assert read.references == references
@@ -296,7 +297,7 @@ def test_an_archive_holds_counts_and_error_and_can_be_extended(tmp_path: Path) -
 
 def test_a_workers_grid_takes_the_counts_that_the_run_decided() -> None:
     requested = study(BASE)
-    other = Decided({0: Choice(2, 3, 0.5, (), "elsewhere")})
+    other = Decided({0: ChosenModes(2, 3, 0.5, (), "elsewhere")})
     grid = arrange(requested, other)
     assert (grid.settings(0).mechanical_modes, grid.settings(0).thermal_modes) == (2, 3)
     values = solve(grid, 0, np.arange(2)).values

@@ -1,4 +1,4 @@
-"""Compilation ahead: by other processes where there are several schemes, by the run itself where they fail."""
+"""Compilation ahead: by a helper process where there are several schemes, by the run itself where that fails."""
 
 from __future__ import annotations
 
@@ -9,19 +9,16 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
 import workflow
 from workflow import schemes
-from workflow.grid import Turns, lend_turns
 from workflow.grid import _compile as compilation
-from workflow.grid import _helpers as helpers
-from workflow.grid._compile import SHARES, KernelVariant, Share, compile_scheme
-from workflow.grid._helpers import at_work, compiled_ahead
+from workflow.grid._compile import KernelVariant, compile_scheme, compiled_ahead
 from workflow.schemes._exact import batch, held_regime
 
 ROOT = Path(workflow.__file__).parents[1]
@@ -32,8 +29,7 @@ sys.path.insert(0, {str(ROOT)!r})
 from collections import Counter
 from numba.core import event
 from workflow import schemes
-from workflow.grid._compile import KernelVariant, compile_scheme
-from workflow.grid._helpers import compiled_ahead
+from workflow.grid._compile import KernelVariant, compile_scheme, compiled_ahead
 
 def variant_of(method):
     return KernelVariant(method, schemes.load(method).Options(), balances=True)
@@ -48,7 +44,7 @@ class Seen(event.Listener):
         pass
 
 event.register("numba:compile", Seen())
-with compiled_ahead([variant_of("event_driven"), variant_of("moreau")], 1):
+with compiled_ahead([variant_of("event_driven"), variant_of("moreau")]):
     compile_scheme(variant_of("event_driven"))
     compile_scheme(variant_of("moreau"))
 from workflow.schemes._exact.march import march
@@ -61,7 +57,7 @@ print(*(len(k.dispatcher.signatures) for k in (march, KERNELS[moreau.Newton].mod
 """
 
 KILLED = """
-with compiled_ahead([variant_of("moreau"), variant_of("event_driven")], 1):
+with compiled_ahead([variant_of("moreau"), variant_of("event_driven")]):
     print("begun", flush=True)
     sys.stdin.read()
 """
@@ -75,7 +71,7 @@ def variant_of(method: str) -> KernelVariant:
 def unnoted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Nothing is known to be compiled, whatever is in the cache."""
     monkeypatch.setattr(compilation, "_note", lambda variant: tmp_path / variant.method)
-    compilation._compile.cache_clear()
+    compile_scheme.cache_clear()
     return tmp_path
 
 
@@ -90,20 +86,6 @@ def until(condition: Callable[[], bool]) -> bool:
     while not condition() and time.monotonic() < end:
         time.sleep(0.01)
     return condition()
-
-
-def keep_helper_busy(monkeypatch: pytest.MonkeyPatch) -> threading.Event:
-    """Let a helper be busy with its first share until nobody waits for that; the event is set when it has begun."""
-    begun = threading.Event()
-
-    def hang(process: object, share: Share) -> bool:
-        begun.set()
-        share.is_done.wait()
-        return False
-
-    monkeypatch.setattr(helpers, "_have_compiled", hang)
-    monkeypatch.setattr(sys, "executable", "true")
-    return begun
 
 
 def children(process: int) -> list[int]:
@@ -134,8 +116,7 @@ def test_a_scheme_whose_helper_fails_is_compiled_all_the_same(
 ) -> None:
     failing = executable(unnoted / "python", script) if script else str(unnoted / "missing")
     monkeypatch.setattr(sys, "executable", failing)
-    with compiled_ahead([variant_of("event_driven"), variant_of("moreau")], 1):
-        assert until(lambda: not at_work())
+    with compiled_ahead([variant_of("event_driven"), variant_of("moreau")]):
         assert not (unnoted / "moreau").exists()
         compile_scheme(variant_of("moreau"))
     assert (unnoted / "moreau").exists()
@@ -143,13 +124,11 @@ def test_a_scheme_whose_helper_fails_is_compiled_all_the_same(
 
 def test_helpers_are_gone_when_the_run_is_over(unnoted: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "executable", executable(unnoted / "python", f"echo $$ > {unnoted}/pid; exec sleep 1000"))
-    with suppress(KeyboardInterrupt), compiled_ahead([variant_of("event_driven"), variant_of("moreau")], 1):
+    with suppress(KeyboardInterrupt), compiled_ahead([variant_of("event_driven"), variant_of("moreau")]):
         assert until(lambda: (unnoted / "pid").exists() and (unnoted / "pid").read_text().endswith("\n"))
         assert alive(int((unnoted / "pid").read_text()))
         raise KeyboardInterrupt
     assert not alive(int((unnoted / "pid").read_text()))
-    assert not helpers._AT_WORK
-    assert not SHARES.of("event_driven")
 
 
 def test_helpers_end_when_the_run_is_killed(tmp_path: Path) -> None:
@@ -172,34 +151,32 @@ def test_helpers_end_when_the_run_is_killed(tmp_path: Path) -> None:
     assert not list(tmp_path.rglob("*.compiled"))
 
 
-def test_a_scheme_whose_turn_has_not_come_is_compiled_here(unnoted: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """One process is busy with carpenter for ever: moreau, next in its queue, is not waited for."""
-    begun = keep_helper_busy(monkeypatch)
-    with compiled_ahead([variant_of(method) for method in ("penalty", "carpenter", "moreau")], 1):
-        assert begun.wait(60)
-        compile_scheme(variant_of("moreau"))
-        assert (unnoted / "moreau").exists()
-
-
-def test_a_run_compiles_beside_a_helper_what_a_scheme_names_apart(
+def test_a_run_compiles_beside_its_helper_what_a_scheme_names_apart(
     unnoted: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The helper is busy with the first kernel: the run compiles the others meanwhile, then waits for that one."""
-    at_end: list[str] = []
+    calls, compiled = list(schemes.load("event_driven").KERNEL_CALLS), []
+    over = threading.Event()
 
-    @contextmanager
-    def waiting() -> Iterator[None]:
-        at_end.extend(share.call for share in SHARES.of("event_driven") if share.is_done.is_set())
-        SHARES.of("event_driven")[0].is_done.set()
-        yield
+    def busy(
+        helper: object, process: subprocess.Popen[bytes], parts: list[tuple[KernelVariant, str]], _: bytes
+    ) -> None:
+        assert [call for _, call in parts] == calls[:1]
+        assert over.wait(60)
+        compilation._HELPER._done["event_driven"].set()
 
-    begun = keep_helper_busy(monkeypatch)
-    with compiled_ahead([variant_of("event_driven")], 1):
-        assert begun.wait(60)
-        compile_scheme(variant_of("event_driven"), waiting)
-    calls = list(schemes.load("event_driven").KERNEL_CALLS)
-    assert at_end == calls[1:]
+    def noted(variant: KernelVariant, call: str) -> None:
+        compiled.append(call)
+        over.set()
+
+    monkeypatch.setattr(compilation._Helper, "_follow", busy)
+    monkeypatch.setattr(compilation, "_compile", noted)
+    monkeypatch.setattr(sys, "executable", "true")
+    with compiled_ahead([variant_of("event_driven")]):
+        compile_scheme(variant_of("event_driven"))
+    assert compiled == calls[1:]
     assert len(calls) == 2
+    assert (unnoted / "event_driven").exists()
 
 
 @pytest.mark.parametrize("call", schemes.load("event_driven").KERNEL_CALLS)
@@ -216,47 +193,18 @@ def test_each_call_of_the_exact_scheme_needs_one_large_kernel(call: str, monkeyp
 
     for name, (module, kernel) in kernels.items():
         monkeypatch.setattr(module, kernel, counted(name, getattr(module, kernel)))
-    Share((variant_of("event_driven"),), call).compile()
+    compilation._compile(variant_of("event_driven"), call)
     assert called == {call}
-
-
-def test_a_process_that_compiles_has_a_turn_until_it_is_done(unnoted: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    done, over = threading.Event(), threading.Event()
-    monkeypatch.setattr(helpers._Running, "help", lambda running: done.wait())
-    turns, taken = Turns(2), threading.Semaphore(0)
-
-    def compute() -> None:
-        with turns:
-            taken.release()
-            over.wait()
-
-    threads = [threading.Thread(target=compute) for _ in range(2)]
-    try:
-        with compiled_ahead([variant_of("event_driven"), variant_of("moreau")], 1):
-            lend_turns(turns, 1)
-            for thread in threads:
-                thread.start()
-            assert taken.acquire(timeout=60)
-            assert not taken.acquire(timeout=0.2)
-            done.set()
-            assert taken.acquire(timeout=60)
-    finally:
-        done.set()
-        over.set()
-        for thread in threads:
-            thread.join()
 
 
 def test_what_is_compiled_needs_no_process(unnoted: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     started: list[object] = []
-    monkeypatch.setattr(helpers._Running, "help", started.append)
+    monkeypatch.setattr(compilation._HELPER, "start", started.append)
     (unnoted / "moreau").touch()
-    with compiled_ahead([variant_of("carpenter"), variant_of("moreau")], 1):
-        pass
-    with compiled_ahead([variant_of("event_driven"), variant_of("carpenter")], 0):
+    with compiled_ahead([variant_of("carpenter"), variant_of("moreau")]):
         pass
     monkeypatch.setattr(compilation, "_note", lambda variant: None)  # no lasting cache
-    with compiled_ahead([variant_of("event_driven"), variant_of("carpenter")], 1):
+    with compiled_ahead([variant_of("event_driven"), variant_of("carpenter")]):
         pass
     assert started == []
 

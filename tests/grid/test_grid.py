@@ -18,8 +18,8 @@ from hypothesis import strategies as st
 from studies import HEAVY_SCENE, ILL, SCENE, SINGLE, SMALL, parsed
 from workflow import schemes
 from workflow.cli.plan import _lines as plan_lines
+from workflow.grid import Grid, arrange, plan, plan_study, solve, tasks
 from workflow.grid import _tasks as cutting
-from workflow.grid import arrange, plan, plan_study, solve, tasks, units_of
 from workflow.schemes import Status
 
 STILL = '''
@@ -70,36 +70,22 @@ def test_the_order_of_dimensions_depends_on_what_varies_alone(data: st.DataObjec
     assert names == [name for name in ranked if name in names]
 
 
-@pytest.mark.parametrize(
-    ("shape", "most", "row", "chunk"),
-    [
-        ((), 10, 1, 1),
-        ((5,), 3, 5, 3),
-        ((5,), 9, 5, 5),
-        ((4, 5), 3, 5, 3),
-        ((4, 5), 9, 5, 5),
-        ((4, 5), 15, 20, 10),
-        ((4, 5), 20, 20, 20),
-        ((3, 4, 5), 39, 20, 20),
-        ((3, 4, 5), 59, 60, 40),
-        ((3, 4, 5), 1000, 60, 60),
-        ((1000, 2), 64, 2000, 64),
-        ((2, 1, 3), 4, 3, 3),
-    ],
-)
-def test_chunks_are_whole_dimensions_and_a_part_of_one(shape: tuple[int, ...], most: int, row: int, chunk: int) -> None:
-    assert cutting._blocks(shape, most) == (row, chunk)
+def inner_of(grid: Grid) -> list[np.ndarray]:
+    """Return the inner indices of all batches, in their order."""
+    return [batch.inner for task in tasks(grid) for batch in task.batches]
 
 
-@pytest.mark.parametrize(("gaps", "chunk"), [(1000, 2), (1001, 32)])
-def test_of_very_many_short_rows_a_chunk_holds_several(gaps: int, chunk: int) -> None:
-    """Of cases that take 0.1 ms: each chunk costs about as much, whether it holds two of them or more."""
+@pytest.mark.parametrize("gaps", [1000, 1001])
+def test_of_very_many_short_rows_a_batch_holds_several(gaps: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of cases that take 0.1 ms: a batch costs about as much, whether it holds two of them or more."""
+    monkeypatch.setattr(cutting, "SHORTEST", 1e-9)
+    monkeypatch.setattr(cutting, "SHORTEST_LAST", 1e-9)
     axes = {"scene.casing.gap": {"lin": [1e-5, 2e-5, gaps]}, "alpha": [0, 5]}
     grid = arrange(parsed(f"study: a\n{SCENE}axes: {json.dumps(axes)}\n"))
     assert grid.inner_shape == (gaps, 2)
-    units = units_of(grid)
-    assert (units.chunk >= chunk) if gaps > 1000 else units.chunk == 2
-    assert sorted(np.concatenate([units.cases(k, 1)[0] for k in range(units.count)]).tolist()) == list(range(2 * gaps))
+    *whole, _ = inner_of(grid)
+    assert min(inner.size for inner in whole) >= (32 if gaps > 1000 else 2)
+    assert np.concatenate(inner_of(grid)).tolist() == list(range(2 * gaps))
 
 
 def test_a_zip_of_step_and_condition_is_outer() -> None:
@@ -121,29 +107,23 @@ def test_axes_that_a_scheme_does_not_read_are_computed_once(still: None) -> None
     assert np.array_equal(impulse[0], impulse[1])
     assert np.array_equal(impulse[0], impulse[2])
     assert impulse[0, 0] != impulse[0, 1]
-    made = plan(grid, units_of(grid))
+    made = plan(grid)
     assert (made.cases, made.unique) == (24, 14)
 
 
 @pytest.mark.parametrize("text", [SMALL, ILL, SINGLE], ids=["small", "ill", "single"])
 @pytest.mark.parametrize("longest", [1e-9, 5.0])
-def test_tasks_cover_every_unit_once(text: str, longest: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tasks_cover_every_case_once(text: str, longest: float, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cutting, "SHORTEST", min(longest, 0.1))
     monkeypatch.setattr(cutting, "UNBROKEN", 0.0)
     monkeypatch.setattr(cutting, "LONGEST", longest)
     grid = arrange(parsed(text))
-    units = units_of(grid)
-    seen = np.zeros((grid.outer_count, units.count), dtype=int)
-    cases = 0
-    for task in tasks(grid, units):
-        for segment in task.segments:
-            seen[segment.outer, segment.first : segment.first + segment.units] += 1
-            cases += units.cases(segment.first, segment.units)[0].size
+    seen = np.zeros((grid.outer_count, grid.inner_count), dtype=int)
+    for task in tasks(grid):
+        for batch in task.batches:
+            seen[batch.outer, batch.inner] += 1
+        assert task.cases == sum(batch.inner.size for batch in task.batches)
     assert np.all(seen == 1)
-    assert cases == grid.outer_count * grid.inner_count
-    inner, places = units.cases(0, units.count)
-    assert np.array_equal(np.sort(inner), np.arange(grid.inner_count))
-    assert np.unique(places).size == places.size
 
 
 @pytest.mark.parametrize("h", [1e-5, 1e-6])
@@ -152,7 +132,7 @@ def test_threads_end_together(threads: int, h: float) -> None:
     """Whenever they begin: each takes the next task as soon as it is free, as dask's threads do."""
     text = SMALL.replace("h: [1e-4, 2e-4]", f"h: {h}").replace("[0, 5, 10, 20, 50]", "{lin: [0, 50, 4000]}")
     grid = arrange(parsed(text))
-    cut = list(tasks(grid, units_of(grid)))
+    cut = list(tasks(grid))
     assert 2 * cut[0].seconds > cutting.SHORTEST > cut[-1].seconds
     for offset in (0.25, 0.5, 0.75):
         free = [k / threads * offset * cut[0].seconds for k in range(threads)]
@@ -169,33 +149,30 @@ def test_cases_that_are_stepped_together_stay_together(h: float, alphas: int) ->
         "[0, 5, 10, 20, 50]", f"{{lin: [0, 50, {alphas}]}}"
     )
     grid = arrange(parsed(text))
-    units = units_of(grid)
-    for task in tasks(grid, units):
-        for segment in task.segments:
-            ends = segment.first + segment.units == units.count
-            assert ends or segment.units * units.chunk >= schemes.load("moreau").TOGETHER
+    for inner in inner_of(grid):
+        assert inner[-1] + 1 == grid.inner_count or inner.size >= schemes.load("moreau").TOGETHER
 
 
 @pytest.mark.parametrize("unbroken", [0.0, 0.01, 1.0])
 def test_cases_that_take_long_are_not_kept_together(unbroken: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """A task that is lost is lost as a whole: none is longer than that, than others, or than a case."""
-    for name, value in (("SHORTEST", 1e-9), ("CHUNK_SECONDS", 1e-9), ("LONGEST", 1e-3), ("UNBROKEN", unbroken)):
+    for name, value in (("SHORTEST", 1e-9), ("BATCH_SECONDS", 1e-9), ("LONGEST", 1e-3), ("UNBROKEN", unbroken)):
         monkeypatch.setattr(cutting, name, value)
     text = SMALL.replace("h: [1e-4, 2e-4]", "h: [1e-8, 1e-4]").replace("[0, 5, 10, 20, 50]", "{lin: [0, 50, 100]}")
     grid = arrange(parsed(text))
     case = float(cutting.computed_seconds(grid).max())
     assert 16 * case > 1e-3
-    for task in tasks(grid, units_of(grid)):
+    for task in tasks(grid):
         assert task.seconds < 1.5 * max(1e-3, unbroken, case) + cutting.SETTING_UP
 
 
 def test_a_scheme_that_steps_cases_alone_is_cut_anywhere(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cutting, "SHORTEST", 1e-9)
-    monkeypatch.setattr(cutting, "CHUNK_SECONDS", 1e-9)
+    monkeypatch.setattr(cutting, "BATCH_SECONDS", 1e-9)
     for scheme, cut in (("event_driven", [1, 1, 1, 1]), ("moreau", [4])):
         text = "study: a\n" + SCENE + f"axes: {{scheme: [{scheme}], alpha: [0, 1, 2, 3]}}\n"
         grid = arrange(parsed(text))
-        assert [task.cases for task in tasks(grid, units_of(grid))] == cut
+        assert [task.cases for task in tasks(grid)] == cut
 
 
 def test_what_raises_fails_alone(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -286,7 +263,7 @@ output: {interval: 1 ms}
 """
     )
     grid = arrange(parsed(text))
-    planned = plan(grid, units_of(grid))
+    planned = plan(grid)
     assert (planned.cases, planned.unique, planned.batches) == (8, 8, 4)
     assert planned.steps == 2 * 2 * (3000 + 300)
     figures = planned.structures[0]
@@ -321,7 +298,7 @@ def test_a_plan_names_every_operator_and_the_basis_a_caution_is_of() -> None:
     """The ninth setting was left out in silence; of three bases one diverges."""
     axes = "axes: {scheme: [moreau, event_driven, carpenter], mechanical_modes: [1, 2, 3], thermal_modes: 2, h: 3e-5}\n"
     grid = arrange(parsed("study: a\n" + SCENE + axes))
-    planned = plan(grid, units_of(grid))
+    planned = plan(grid)
     sizes = [f"{scheme}: {n} + 3 modes with the tip's own" for scheme in ("moreau", "carpenter") for n in (2, 3, 4)]
     assert sorted(planned.operators) == sorted(sizes)
     assert planned.structures[0].label == "chain, 4 nodes"
@@ -348,7 +325,7 @@ def test_a_plan_says_how_many_structures_it_does_not_show() -> None:
     masses = ", ".join(f"{1e-3 * (k + 1):g}" for k in range(10))
     text = "study: a\n" + SCENE.replace("damping: {mass: 10, stiffness: 2.0e-7}", "damping: {mass: 0}")
     grid = arrange(parsed(text + f"axes: {{scene.chain.mass: [{masses}], h: 1e-5}}\n"))
-    planned = plan(grid, units_of(grid))
+    planned = plan(grid)
     assert (len(planned.structures), planned.more_structures) == (8, 2)
     assert any("which has no damping of its own, numerically by" in line for line in planned.warnings)
 
@@ -385,7 +362,7 @@ def test_an_axis_that_nothing_reads_gives_a_caution() -> None:
         "study: a\n" + SCENE + "schemes: {other: {method: moreau}}\naxes: {schemes.other.theta: [0.5, 1], e: [0, 1]}\n"
     )
     grid = arrange(parsed(text))
-    planned = plan(grid, units_of(grid))
+    planned = plan(grid)
     assert (planned.cases, planned.unique) == (4, 2)
     assert [line for line in planned.warnings if "changes nothing" in line] == [
         "theta changes nothing: no scheme of this study reads it, its cases are the same"
@@ -393,7 +370,7 @@ def test_an_axis_that_nothing_reads_gives_a_caution() -> None:
     compared = text + "reference: {scheme: other}\n"
     for used in (text.replace("axes: {", "axes: {scheme: [other, moreau], "), compared):
         grid = arrange(parsed(used))
-        assert not any("changes nothing" in line for line in plan(grid, units_of(grid)).warnings)
+        assert not any("changes nothing" in line for line in plan(grid).warnings)
 
 
 def test_places_of_very_many_operators() -> None:
@@ -418,6 +395,6 @@ def test_places_of_very_many_operators() -> None:
     with pytest.raises(KeyError):
         places[places[first][1]]
     assert sum(map(len, places.values())) == grid.outer_count
-    began = next(iter(tasks(grid, units_of(grid))))
-    assert began.segments[0].outer == 0
-    assert plan(grid, units_of(grid)).unique == len(places)
+    began = next(iter(tasks(grid)))
+    assert began.batches[0].outer == 0
+    assert plan(grid).unique == len(places)

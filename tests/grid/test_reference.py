@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from studies import SCENE, parsed
 from workflow import schemes
-from workflow.grid import Solved, arrange, solution_counts, solve
+from workflow.grid import Batch, References, Solved, arrange, solution_counts, solve
+from workflow.run import run_study
 from workflow.schemes import Status
 
 REFERRED = (
@@ -48,21 +50,46 @@ def test_errors_are_relative_distances_from_the_reference() -> None:
     assert np.all(by_outer[0]["impulse_error"] > 0)
 
 
-def test_each_distinct_reference_is_computed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def counted_references(text: str, monkeypatch: pytest.MonkeyPatch, path: Path) -> list[int]:
+    """Run a study and return the cases of each batch that moreau steps at the reference's h = 2e-5."""
     moreau = import_module("workflow.schemes.moreau")
     compute, counted = moreau.compute, []
 
     def counting(operator: object, cases: schemes.Cases, over: schemes.Sampling) -> schemes.Results:
-        counted.append((operator.theta, operator.h, cases.count))  # type: ignore[attr-defined]
+        if operator.h == 2e-5:  # type: ignore[attr-defined]
+            counted.append(cases.count)
         return compute(operator, cases, over)
 
-    monkeypatch.setattr(moreau, "compute", counting)
-    text = REFERRED.replace("h: 1e-5, mechanical", "h: 2e-5, e: 0, mechanical")
-    grid = arrange(parsed(text))
-    for outer in range(grid.outer_count):
-        solve(grid, outer, np.arange(grid.inner_count))
-    references = [count for theta, h, count in counted if h == 2e-5]
-    assert references == [3, 3, 3]  # one per alpha, and with the gap opened and closed by 1e-12
+    with monkeypatch.context() as patch:
+        patch.setattr(moreau, "compute", counting)
+        run_study(parsed(text), path, threads=2)
+    return counted
+
+
+CHEAP = REFERRED.replace("h: 1e-5, mechanical", "h: 2e-5, e: 0, mechanical")
+
+
+def test_each_distinct_reference_is_computed_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One per alpha, and with the gap opened and closed by 1e-12."""
+    assert counted_references(CHEAP, monkeypatch, tmp_path / "a.nc") == [3, 3, 3]
+
+
+def test_a_case_more_computes_its_own_reference_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    counted_references(CHEAP, monkeypatch, tmp_path / "a.nc")
+    more = CHEAP.replace("alpha: [0, 5, 20]", "alpha: [0, 5, 20, 30]")
+    assert counted_references(more, monkeypatch, tmp_path / "a.nc") == [1, 1, 1]
+
+
+def test_references_beyond_what_is_held_are_computed_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    grid = arrange(parsed(REFERRED))
+    monkeypatch.setattr("workflow.grid._reference_solutions.HELD_BYTES", 3 * 8 * grid.sampling.count * 4)
+    references, inner = References(grid), np.arange(grid.inner_count)
+    first = references.blocks_of([Batch(0, inner[:2])])
+    assert references.blocks_of([Batch(0, inner[:2])]) == first
+    second = references.blocks_of([Batch(0, inner[2:5])])
+    assert not any(references.holds(block) for block in first)
+    assert all(references.holds(block) for block in second)
+    assert references.blocks_of([Batch(0, inner[:2])]) != first
 
 
 def test_a_reference_that_fails_leaves_no_error_number() -> None:
@@ -260,7 +287,8 @@ def test_the_whole_is_at_most_its_parts(reference: str) -> None:
             assert np.all(values[f"{name}_error"] <= parts * (1 + 1e-12))
 
 
-def test_each_distinct_exact_solution_is_computed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_distinct_exact_solution_is_computed_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """3 alpha and 2 e, for each of two reduced models; the reference is of another scheme."""
     exact = import_module("workflow.schemes.event_driven")
     compute, counted = exact.compute, []
 
@@ -271,9 +299,11 @@ def test_each_distinct_exact_solution_is_computed_once(monkeypatch: pytest.Monke
     monkeypatch.setattr(exact, "compute", counting)
     grid = arrange(parsed(REFERRED))
     assert solution_counts(grid) == (6, 12)
-    for outer in grid.places:
-        solve(grid, outer, np.arange(grid.inner_count))
-    assert counted == [6, 6]  # 3 alpha and 2 e, for each of two reduced models; the reference is of another scheme
+    run_study(grid.study, tmp_path / "a.nc", threads=1)
+    assert [count for count in counted if count > 1] == [
+        6,
+        6,
+    ]
 
 
 def test_what_the_exact_scheme_cannot_run_has_no_parts_and_says_so() -> None:

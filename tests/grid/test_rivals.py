@@ -7,7 +7,7 @@ import pytest
 
 from studies import SCENE, parsed
 from workflow.archive import describe
-from workflow.grid import arrange, metrics_of, plan, solve, units_of
+from workflow.grid import arrange, metrics_of, plan, solve
 from workflow.schemes import Status, names
 
 LIMIT = 2 / (2 * np.sqrt(4e6 / 2.5e-3) * np.sin(7 * np.pi / 18))
@@ -22,7 +22,7 @@ def test_restitution_is_no_axis_of_the_rivals() -> None:
     """e is computed once and stored in each of its places."""
     text = study("{scheme: [carpenter, penalty], h: 1e-5, e: [0, 0.5, 1], alpha: [0, 5]}")
     grid = arrange(parsed(text))
-    assert (plan(grid, units_of(grid)).cases, plan(grid, units_of(grid)).unique) == (12, 4)
+    assert (plan(grid).cases, plan(grid).unique) == (12, 4)
     for outer in (0, 1):
         values = solve(grid, outer, np.arange(6)).values
         assert np.all(values["status"] == Status.OK)
@@ -63,12 +63,12 @@ def test_a_plan_tells_of_limits() -> None:
     steps = (0.9 * LIMIT, 1.1 * LIMIT)
     text = study(f"{{scheme: [carpenter, stiff, soft], h: [{steps[0]}, {steps[1]}]}}", defined)
     grid = arrange(parsed(text))
-    warnings = plan(grid, units_of(grid)).warnings
+    warnings = plan(grid).warnings
     for scheme in ("carpenter", "stiff", "soft"):
         (grows,) = [line for line in warnings if line.startswith(f"{scheme} diverges, its free step grows")]
         assert f"{steps[1]:g} s" in grows
         assert f"{steps[0]:g} s" not in grows
-    (contact,) = [line for line in warnings if "grows in contact, which is stable only up to" in line]
+    (contact,) = [line for line in warnings if "is unstable in contact above a step of" in line]
     assert contact.startswith("stiff")
     for outer in grid.places:
         solved = solve(grid, outer, np.arange(1))
@@ -89,7 +89,7 @@ def test_contact_stiffness_is_an_axis() -> None:
     )
     grid = arrange(parsed(text))
     assert {name for name, _ in grid.dims} >= {"stiffness", "damping"}
-    assert plan(grid, units_of(grid)).unique == 4 + 1
+    assert plan(grid).unique == 4 + 1
     sunk = {}
     for outer in grid.places:
         cell = grid.settings(outer)
@@ -105,7 +105,7 @@ def test_metrics_of_some_schemes(method: str) -> None:
     """A study has them if one of its schemes gives them; where another runs they are NaN."""
     study_of = parsed(study(f"{{scheme: {method}, h: 1e-5}}"))
     grid = arrange(study_of)
-    declared = {variable.name for variable in describe(study_of, grid, units_of(grid)).variables}
+    declared = {variable.name for variable in describe(grid).variables}
     assert {about.name for about in metrics_of(study_of)} <= declared
     assert ("effective_restitution" in declared) == (method in ("carpenter", "penalty"))
     mixed = arrange(parsed(study(f"{{scheme: [{method}, carpenter], h: 1e-5}}") if method != "carpenter" else SINGLE))

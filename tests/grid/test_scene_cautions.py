@@ -9,9 +9,8 @@ import pytest
 from matrix_files import as_npz, matrices_of
 from scenes import heavy_chain
 from studies import parsed, written
-from workflow.grid import arrange, plan, plan_study, units_of
+from workflow.grid import arrange, plan, plan_study
 from workflow.models import static_tip_growth
-from workflow.models._tip_held import thermal_constraint
 from workflow.study import read_study
 
 BLADE = """
@@ -27,7 +26,7 @@ scene:
 
 def warnings(text: str, heating: str = "") -> list[str]:
     grid = arrange(parsed(text.replace("HEATING", heating)))
-    return list(plan(grid, units_of(grid)).warnings)
+    return list(plan(grid).warnings)
 
 
 def test_a_plausible_scene_has_nothing_to_say() -> None:
@@ -101,5 +100,5 @@ def test_heat_that_moves_the_tip_away_gives_a_caution(tmp_path: Path) -> None:
             study = read_study(written(text + axes.replace("ALPHA", str(alpha)), tmp_path))
             by_case[sign, alpha] = [line for line in plan_study(study).warnings if "away from the casing" in line]
     assert [len(lines) for lines in by_case.values()] == [0, 0, 0, 1]
-    growth = static_tip_growth(heavy_chain(nodes=4)) @ thermal_constraint(heavy_chain(nodes=4))[0]
+    growth = static_tip_growth(heavy_chain(nodes=4)) @ heavy_chain(nodes=4).thermal.constraint
     assert f"{growth:.3g} m for each kelvin" in by_case[-1, 1][0]

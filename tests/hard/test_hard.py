@@ -17,7 +17,7 @@ import scenes
 from workflow import models
 from workflow.analysis import contact_phases, energy_kept, growth, ranges
 from workflow.archive import open_archive
-from workflow.grid import arrange, plan, units_of
+from workflow.grid import arrange, plan
 from workflow.schemes import Status
 from workflow.study import StudyError, parse_study, read_study
 
@@ -200,7 +200,7 @@ def test_the_free_step_grows_by_its_formula() -> None:
 @pytest.mark.parametrize("name", ["free_step", "carpenter_limit"])
 def test_plan_warns_of_what_will_diverge(name: str) -> None:
     grid = arrange(read_study(STUDIES / f"{name}.yaml"))
-    judged = plan(grid, units_of(grid)).warnings
+    judged = plan(grid).warnings
     assert any("diverges, its free step grows" in warning for warning in judged)
 
 

@@ -140,7 +140,7 @@ output: {interval: 50 ms, histories: [], balances: false}
 
 def test_heat_that_cannot_leave_excuses_no_blow_up() -> None:
     """α_c = 0: a growth of e²⁰ hid a tip that was 2e8 m from its casing; below the limit the case is a runaway."""
-    created = solved(TRAPPED.replace("STEP", "1.4e-5"))
+    created = solved(TRAPPED.replace("STEP", "1.41e-5"))
     assert created.values["critical_alpha"][0] == 0
     assert created.values["max_penetration"][0] > 1e8
     assert created.values["status"][0] == Status.DIVERGED

@@ -50,7 +50,7 @@ def measured(elements: tuple[int, int, int]) -> dict[str, float]:
     tip[-1] = 1.0
     with_mass, without = rub(point, "krylov"), rub(point, "massless")
     return {
-        "frequency": float(point.mechanical.modes(1)[0][0]) ** 0.5,
+        "frequency": float(point.mechanical.modes(1).values[0]) ** 0.5,
         "flexibility": tip_flexibility(point),
         "growth": float(point.tip_growth.sum()),
         "impulse": with_mass[0],

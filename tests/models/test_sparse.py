@@ -22,15 +22,12 @@ from workflow.models import (
     growth_at_once,
     growth_rate,
     rates,
-    static_displacements,
-    static_temperatures,
     static_tip_growth,
     structure_from_matrices,
     structure_from_sparse,
     tip_flexibility,
 )
 from workflow.models._sparse_from_matrices import _sparse_structure
-from workflow.models._spectrum import fastest_rate
 from workflow.reduction import names, projection_residual, reduce_structure
 
 NODES = 310
@@ -69,11 +66,11 @@ def test_statics_are_those_of_the_chain(chain: Structure, sparse: Sparse) -> Non
     assert critical_alpha(sparse) == pytest.approx(critical_alpha(chain), rel=1e-11)
     assert relative(static_tip_growth(sparse), static_tip_growth(chain)) < 1e-11
     loads = np.random.default_rng(1).normal(size=(2, NODES))
-    assert relative(static_displacements(sparse, loads), static_displacements(chain, loads)) < 1e-10
-    assert relative(static_temperatures(sparse, loads), static_temperatures(chain, loads)) < 1e-10
+    assert relative(sparse.mechanical.static_answers(loads), chain.mechanical.static_answers(loads)) < 1e-10
+    assert relative(sparse.thermal.static_answers(loads), chain.thermal.static_answers(loads)) < 1e-10
     assert frequencies(sparse)[0] == pytest.approx(frequencies(chain)[0], rel=1e-9)
     assert rates(sparse)[0] == pytest.approx(rates(chain)[0], rel=1e-11)
-    assert fastest_rate(chain) == pytest.approx(rates(chain)[-1], rel=1e-13)
+    assert chain.thermal.largest() == pytest.approx(rates(chain)[-1], rel=1e-13)
     assert rates(sparse)[-1] == pytest.approx(rates(chain)[-1], rel=0.05)
 
 

@@ -1,4 +1,9 @@
-"""Random scenes: what becomes of a rub is what its transient comes to, and decays as its multiplier says."""
+"""Random scenes: what becomes of a rub is what its transient comes to, and decays as its multiplier says.
+
+Of the 120 scenes 97 settle within 1 000 periods, and all 97 are found with the same answer; four are not found, two of
+them chaotic. Of the first 24 with 30 times the heat capacity 16 settle within 12 000 periods, and all 16 are found by
+their balance of heat after 1 000.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +22,11 @@ PERIODS = 10
 """Common periods of the transient that each case is given."""
 
 
-def scene(seed: int) -> tuple[Structure, Cases, float]:
-    """Return a chain of one to eight nodes, a case, and the common period: mechanical, rubbing, heated, or shaken."""
+def scene(seed: int, slowness: float = 1.0) -> tuple[Structure, Cases, float]:
+    """Return a chain of one to eight nodes, a case, and the common period: mechanical, rubbing, heated, or shaken.
+
+    Its heat capacities are those of the seed times ``slowness``.
+    """
     random = np.random.default_rng(seed)
     nodes = int(random.integers(1, 9))
     structure = chain(
@@ -28,7 +36,7 @@ def scene(seed: int) -> tuple[Structure, Cases, float]:
         damping=Rayleigh(random.uniform(0.2, 2), random.uniform(0, 1e-3)),
         spacing=0.1,
         expansion=10 ** random.uniform(-4, -2.5),
-        heat_capacity=random.uniform(0.2, 2),
+        heat_capacity=slowness * random.uniform(0.2, 2),
         conductance=random.uniform(0.05, 0.5) * nodes,
         convection=random.uniform(0, 0.2),
     )
@@ -95,3 +103,29 @@ def test_what_becomes_of_a_rub_is_what_its_transient_comes_to(first: int) -> Non
             compared += 1
     assert settled >= 8
     assert compared >= 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("seeds", "slowness", "periods", "settled"), [(range(120), 1.0, 1000, 97), (range(24), 30.0, 12000, 16)]
+)
+def test_a_rub_that_settles_is_found(seeds: range, slowness: float, periods: int, settled: int) -> None:
+    """A transient has settled where its last state is that of one to four periods before, to 1e-8."""
+    counted = agreed = 0
+    for seed in seeds:
+        structure, batch, period = scene(seed, slowness)
+        count = PERIODS + periods
+        run = step(structure, batch, 1.0, Sampling(count * period, period, count + 1), "event_driven")
+        states = np.array([run.histories[name][0] for name in ("displacement", "velocity", "temperature")])
+        largest = np.maximum(np.abs(states).max(axis=1), 1e-300)
+        last = (states[:, -5:].T / largest).T
+        if run.status[0] != Status.OK or np.abs(last[:, :-1] - last[:, -1:]).max(axis=0).min() > 1e-8:
+            continue
+        counted += 1
+        values, _ = steady_rubs(structure, batch, PERIODS * period, Options(samples=12))
+        orbit = np.array([values[f"orbit_{name}"][0, 0] for name in ("displacement", "velocity", "temperature")])
+        apart = np.abs(last - (orbit / largest)[:, None]).max(axis=0).min()
+        agreed += bool(apart < 1e-5)
+        assert apart < 1e-5 or STATES[values["steady_state"][0]] == "not_found", (seed, apart)
+    assert counted >= 0.95 * settled
+    assert agreed >= 0.95 * counted

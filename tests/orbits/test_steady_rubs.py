@@ -141,6 +141,33 @@ def test_above_the_critical_coupling_it_runs_away() -> None:
     assert np.isnan(found["orbit_temperature"]).all()
 
 
+def slow_heat() -> Structure:
+    """Four masses that take 18 s to warm up, 900 periods of a load of 50 Hz."""
+    lumps = {"mass": 2.5e-3, "stiffness": 4e6, "spacing": 2.5e-3, "expansion": 8.6e-6, "heat_capacity": 1.3}
+    return chain(nodes=4, damping=Rayleigh(10.0, 2e-7), conductance=0.6, convection=0.02, **lumps)
+
+
+def test_slow_heat_is_found_by_its_balance() -> None:
+    """After 1 000 periods the tip has a half of its temperature; on its way there it decays as the multiplier says."""
+    structure = slow_heat()
+    batch = cases(structure, alpha=5.0, gap=50e-6, amplitude=100.0, frequency=50.0)
+    found = rub(structure, batch, 0.06)
+    assert found["state"] == "settles"
+    run = step(structure, batch, 1.0, Sampling(80.0, 20.0, 5), "event_driven")
+    away = found["orbit_temperature"][0] - run.histories["temperature"][0]
+    assert 0.3 < away[1] / away[0] < 0.6
+    assert away[4] / away[3] == pytest.approx(np.exp(-20 / found["settling_time"]), rel=0.03)
+
+
+def test_slow_heat_without_a_balance_runs_away() -> None:
+    structure = slow_heat()
+    batch = cases(structure, alpha=10.0, gap=50e-6, amplitude=100.0, frequency=50.0)
+    assert rub(structure, batch, 0.06)["state"] == "runs_away"
+    run = step(structure, batch, 1.0, Sampling(80.0, 10.0, 9), "event_driven")
+    warming = np.diff(run.histories["temperature"][0])
+    assert np.all(np.diff(warming[4:]) > 0)
+
+
 def test_it_runs_away_without_a_whole_period_in_contact_too() -> None:
     """An intermittent rub whose temperature grows fourfold in each common period of casing and load."""
     lumps = {"mass": 1.85, "stiffness": 3190.0, "spacing": 0.1, "expansion": 2.04e-3, "heat_capacity": 0.21}

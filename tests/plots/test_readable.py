@@ -21,7 +21,7 @@ from workflow.plots import (
     scene_map,
     tip_response,
 )
-from workflow.plots._explorer import SELECTED, STATUS_COLOURS
+from workflow.report._bokeh_figures import SELECTED, STATUS_COLOURS
 
 H = np.logspace(-7, -3, 9)
 SCHEMES = ("implicit_euler", "midpoint", "carpenter", "penalty_10", "penalty_100", "penalty_implicit", "event_driven")

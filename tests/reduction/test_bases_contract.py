@@ -76,7 +76,7 @@ def test_matrices_are_symmetric_and_definite_and_the_tip_is_a_coordinate(basis: 
             (reduction.temperature_basis, reduction.temperature_projection),
         ):
             assert np.abs(onto @ shapes - np.eye(count + 1)).max() < 1e-11 * np.abs(shapes).max()
-        assert np.abs(warmths.T @ whole.heat_contents(warmths) - np.eye(count)).max(initial=0) < 1e-12
+        assert np.abs(warmths.T @ whole.thermal.inertia_of(warmths) - np.eye(count)).max(initial=0) < 1e-12
 
 
 def driven(structure: Structure) -> Cases:

@@ -41,7 +41,7 @@ def test_the_fold_of_the_blade_is_stored_verified_told_and_drawn(tmp_path: Path)
     assert folds == pytest.approx([5.412509721, 8.4308307735], abs=2e-7)  # 1e-8 of the range
     assert np.all(dataset["status"] == 0)
     assert all(check.holds for check in verify(archive))
-    [limit, _] = limits(dataset).limits
+    [limit] = limits(dataset).limits
     assert (limit.axis, limit.start, limit.limited_by) == ("alpha", 0.0, "fold")
     assert limit.next == pytest.approx(folds[0])
     page = write_report(archive).page

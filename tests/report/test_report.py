@@ -15,7 +15,7 @@ from studies import SCENE, parsed
 from workflow.analysis import recommend, sentence
 from workflow.archive import ArchiveError, open_archive
 from workflow.cli import app
-from workflow.report import Written, duration_of, write_report
+from workflow.report import ReportFiles, duration_of, write_report
 from workflow.report import _sections as sections
 from workflow.report._answer import answer
 from workflow.run import run_study
@@ -51,13 +51,13 @@ def archives(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 
 @pytest.fixture(scope="module")
-def reports(archives: list[Path], tmp_path_factory: pytest.TempPathFactory) -> list[Written]:
+def reports(archives: list[Path], tmp_path_factory: pytest.TempPathFactory) -> list[ReportFiles]:
     """A page of each archive."""
     directory = tmp_path_factory.mktemp("pages")
     return [write_report(archive, directory / f"{archive.stem}.html") for archive in archives]
 
 
-def test_a_report_draws_speed_against_error(reports: list[Written]) -> None:
+def test_a_report_draws_speed_against_error(reports: list[ReportFiles]) -> None:
     written = reports[0]
     text = written.page.read_text(encoding="utf-8")
     assert written.figure == written.page.with_suffix(".png")  # speed against error, as there are no histories
@@ -69,7 +69,7 @@ def test_a_report_draws_speed_against_error(reports: list[Written]) -> None:
     assert text.count("<img alt=") == 4
 
 
-def test_a_report_draws_growth_in_permanent_contact(reports: list[Written]) -> None:
+def test_a_report_draws_growth_in_permanent_contact(reports: list[ReportFiles]) -> None:
     text = reports[1].page.read_text(encoding="utf-8")
     assert "Growth in permanent contact" in text
     assert "Pressed &lt;tips&gt; &amp; heat" in text
@@ -206,7 +206,7 @@ def test_the_duration_is_the_study_s(archives: list[Path]) -> None:
 
 
 def test_a_report_begins_with_the_answer_and_says_where_it_comes_from(
-    archives: list[Path], reports: list[Written]
+    archives: list[Path], reports: list[ReportFiles]
 ) -> None:
     text = reports[0].page.read_text(encoding="utf-8")
     with open_archive(archives[0]) as dataset:

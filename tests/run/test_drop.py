@@ -9,8 +9,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-import workflow.run._task as running
-from quick import hashes_of, quick
+from quick import hashes_of, interrupted, quick
 from studies import cut_finely
 from workflow import schemes
 from workflow.archive import ArchiveError, content_hash, open_archive, parts_of
@@ -96,7 +95,7 @@ def test_a_run_that_may_drop_goes_on_where_it_was_stopped(tmp_path: Path, monkey
     cut_finely(monkeypatch)
     archive, study = tmp_path / "a.nc", quick({"e": [0.1, 0.2, 0.9]})
     run_study(quick(), archive, threads=1)
-    _run_until(1, monkeypatch, study, archive, drop=True)
+    interrupted(study, archive, 1, drop=True)
     outcome = run_study(study, archive, threads=1)  # --drop was given when it began
     assert outcome.resumed > 3
     with open_archive(archive) as data:
@@ -107,7 +106,7 @@ def test_an_unfinished_run_without_a_case_gives_way(tmp_path: Path, monkeypatch:
     """It was refused as results of another study, of which there were none."""
     cut_finely(monkeypatch)
     archive, narrowed = tmp_path / "a.nc", quick({"alpha": [5.0]})
-    _run_until(0, monkeypatch, quick(), archive)
+    interrupted(quick(), archive, 0)
     assert parts_of(archive).exists()
     assert run_study(narrowed, archive, threads=1).counts == {"ok": 3}
 
@@ -115,19 +114,19 @@ def test_an_unfinished_run_without_a_case_gives_way(tmp_path: Path, monkeypatch:
 def test_an_unfinished_run_of_the_study_as_it_was_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     cut_finely(monkeypatch)
     archive, narrowed = tmp_path / "a.nc", quick({"alpha": [5.0]})
-    _run_until(2, monkeypatch, quick(), archive)
+    interrupted(quick(), archive, 2)
     with open_archive(archive) as data:
         there = int((data["status"] != 4).sum())
         of_narrowed = int((data["status"].sel(alpha=5.0) != 4).sum())
     assert 0 < of_narrowed < there < 9
-    shards = sorted(parts_of(archive).glob("*.shard"))
+    shards = sorted(parts_of(archive).glob("*.npz"))
     refused(narrowed, archive, f"holds {there} cases of an unfinished run .*, {there - of_narrowed} of which")
-    assert sorted(parts_of(archive).glob("*.shard")) == shards
+    assert sorted(parts_of(archive).glob("*.npz")) == shards
     holding = holdings(narrowed, archive)
-    assert (holding.stored, holding.missing, holding.dropped) == (0, 3, there - of_narrowed)
+    assert (holding.stored, holding.missing, holding.dropped) == (of_narrowed, 3 - of_narrowed, there - of_narrowed)
     holding = holdings(quick(), archive)
     assert (holding.stored, holding.missing, holding.dropped) == (there, 9 - there, 0)
-    run_study(narrowed, archive, threads=1, drop=True)
+    assert run_study(narrowed, archive, threads=1, drop=True).resumed == of_narrowed
     with open_archive(archive) as data:
         assert data["alpha"].values.tolist() == [5.0]
 
@@ -139,11 +138,11 @@ def test_an_unfinished_run_is_kept_beside_an_archive_that_holds_all_of_an_earlie
     cut_finely(monkeypatch)
     archive, extended = tmp_path / "a.nc", quick({"e": [0.2, 0.4, 0.0, 0.5, 0.9]})
     run_study(quick(), archive, threads=1)
-    _run_until(2, monkeypatch, extended, archive)
-    shards = sorted(parts_of(archive).glob("*.shard"))
-    refused(quick(), archive, "holds 6 cases of an unfinished run")
-    assert sorted(parts_of(archive).glob("*.shard")) == shards != []
-    assert run_study(extended, archive, threads=1).resumed == 15
+    interrupted(extended, archive, 1)
+    shards = sorted(parts_of(archive).glob("*.npz"))
+    refused(quick(), archive, "holds 3 cases of an unfinished run")
+    assert sorted(parts_of(archive).glob("*.npz")) == shards != []
+    assert run_study(extended, archive, threads=1).resumed == 12
 
 
 def test_cases_of_another_solver_are_told_apart_by_their_settings(
@@ -151,11 +150,11 @@ def test_cases_of_another_solver_are_told_apart_by_their_settings(
 ) -> None:
     from workflow.archive import _describe
     from workflow.grid import _identity
-    from workflow.run import _earlier
+    from workflow.run import _reuse
 
     archive = tmp_path / "a.nc"
     run_study(quick(), archive, threads=1)
-    for module in (_earlier, _describe, _identity):
+    for module in (_reuse, _describe, _identity):
         monkeypatch.setattr(module, "SOLVER_VERSION", schemes.SOLVER_VERSION + 1)
     with pytest.raises(ArchiveError, match=r"made by version .* --recompute"):
         run_study(quick(), archive, threads=1)
@@ -190,19 +189,3 @@ def test_the_command_line(tmp_path: Path) -> None:
     assert ", all of them stored before" in dropped.output
     assert "nothing to do, all 3" in call(app, ["run", narrowed, "-o", archive, "--drop"]).output
     assert "3 stored, 0 missing, 0 no longer asked for" in call(app, ["plan", narrowed, "-o", archive]).output
-
-
-def _run_until(shards: int, monkeypatch: pytest.MonkeyPatch, study: Study, archive: Path, drop: bool = False) -> None:
-    """Run a study that fails when it has written so many shards."""
-    write, written = running.write_shard, []
-
-    def failing(*args: Any) -> Any:
-        if len(written) == shards:
-            raise ArchiveError("stopped")
-        written.append(args[2])
-        return write(*args)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(running, "write_shard", failing)
-        with pytest.raises(ArchiveError, match="stopped"):
-            run_study(study, archive, threads=1, drop=drop)

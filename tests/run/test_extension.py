@@ -15,11 +15,19 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import workflow.run._task as running
-from quick import hashes_of, quick
+from quick import hashes_of, interrupted, quick
 from studies import cut_finely
 from workflow import schemes
-from workflow.archive import ArchiveError, _layout, _stored_cells, content_hash, open_archive, parts_of, provenance
-from workflow.grid import _tasks as cutting
+from workflow.archive import (
+    ArchiveError,
+    _layout,
+    content_hash,
+    find_shards,
+    open_archive,
+    parts_of,
+    provenance,
+    stored_hashes,
+)
 from workflow.run import _study as studying
 from workflow.run import run_study
 from workflow.study import Study
@@ -30,9 +38,9 @@ def counted() -> Iterator[list[int]]:
     """Count the cases that tasks ask the solver for."""
     solve, sizes = running.solve, []
 
-    def counting(grid: Any, outer: int, inner: Any) -> Any:
+    def counting(grid: Any, outer: int, inner: Any, **more: Any) -> Any:
         sizes.append(inner.size)
-        return solve(grid, outer, inner)
+        return solve(grid, outer, inner, **more)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(running, "solve", counting)
@@ -55,11 +63,11 @@ def check_extension(old: Study, new: Study, directory: Path) -> None:
     fresh = [case for case in hashes_of(new) if case not in before]
     with counted() as solved:
         outcome = run_study(new, archive, threads=1, drop=True)
-    assert sum(solved) == len(fresh)
+    assert sum(solved) == len(set(fresh))
     assert outcome.resumed == len(hashes_of(new)) - len(fresh)
     assert sorted(entry.name for entry in directory.iterdir() if entry.name != "from_nothing.nc") == ["a.nc"]
     assert content_hash(archive) == provenance(archive)["content_hash"] == from_nothing(new, directory)
-    assert hashes_of(new) == [row.tobytes() for row in _stored_cells.stored_hashes(archive)]
+    assert hashes_of(new) == [row.tobytes() for row in stored_hashes(archive)]
 
 
 def values(of: list[float], least: int = 1) -> st.SearchStrategy[list[float]]:
@@ -140,40 +148,24 @@ STEPS = {
 def test_steps_from_a_study_to_its_next(
     old: dict[str, Any], new: dict[str, Any], chunk: int | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    if chunk:  # partial units at the end of rows
-        monkeypatch.setattr(cutting, "CHUNK_BYTES", 8 * 9 * chunk)
+    if chunk:  # partial chunks at the end of rows
+        monkeypatch.setattr(_layout, "CHUNK_BYTES", 8 * 9 * chunk)
     check_extension(quick(**old), quick(**new), tmp_path)
 
 
-def test_what_an_outer_axis_adds_leaves_whole_chunks_to_copy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_shards_hold_what_is_new_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     cut_finely(monkeypatch)
-    monkeypatch.setattr(_layout, "SMALL_BYTES", 0)  # as if these units were large
-    archive = tmp_path / "a.nc"
+    archive, counts = tmp_path / "a.nc", list[int]()
     run_study(quick(), archive)
-    taken: list[int] = []
-    take = _stored_cells.StoredCells.take
-    monkeypatch.setattr(_stored_cells.StoredCells, "take", lambda self, *a: (taken.append(1), take(self, *a))[1])
-    with h5py.File(archive) as file:
-        before = {
-            name: [file[name].id.read_direct_chunk((k, 0))[1] for k in range(3)] for name in ("impacts", "status")
-        }
-    monkeypatch.setattr(studying, "gather", _inspecting(studying.gather, shards := []))
-    run_study(quick({"h": [5e-5, 1e-4]}), archive)
-    assert taken == []
-    assert shards == [3]  # units of the new step alone
-    with h5py.File(archive) as file:
-        for name, chunks in before.items():
-            assert [file[name].id.read_direct_chunk((1, k, 0))[1] for k in range(3)] == chunks
+    gather = studying.gather
 
-
-def _inspecting(gather: Any, counts: list[int]) -> Any:
-    from workflow.archive import find_shards
-
-    def inspect(layout: Any, parts: Path, *others: Any) -> None:
-        counts.append(int(np.sum(find_shards(parts, layout).owner >= 0)))
+    def inspecting(layout: Any, parts: Path, *others: Any) -> None:
+        counts.extend(len(shard.hashes) for shard in find_shards(parts)[0])
         gather(layout, parts, *others)
 
-    return inspect
+    monkeypatch.setattr(studying, "gather", inspecting)
+    run_study(quick({"h": [5e-5, 1e-4]}), archive)
+    assert counts == [3, 3, 3]
 
 
 @pytest.mark.parametrize("after", [0, 1, 3])
@@ -183,18 +175,7 @@ def test_killed_in_the_middle(after: int, tmp_path: Path, monkeypatch: pytest.Mo
     archive = tmp_path / "a.nc"
     run_study(quick(), archive)
     before = archive.read_bytes()
-    write, written = running.write_shard, []
-
-    def failing(*args: Any) -> Any:
-        if len(written) == after:
-            raise ArchiveError("no room")
-        written.append(args[2])
-        return write(*args)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(running, "write_shard", failing)
-        with pytest.raises(ArchiveError, match="no room"):
-            run_study(new, archive, threads=1)
+    written = interrupted(new, archive, after)
     assert archive.read_bytes() == before
     assert parts_of(archive).exists()
     with open_archive(archive) as data:  # the old one, as long as the new one is not complete
@@ -202,7 +183,7 @@ def test_killed_in_the_middle(after: int, tmp_path: Path, monkeypatch: pytest.Mo
     with counted() as solved:
         run_study(new, archive, threads=1)
     assert content_hash(archive) == from_nothing(new, tmp_path)
-    assert sum(solved) == 7 - sum((1, 4, 1, 1)[unit] for unit in written)  # new cases of the rows that were stored
+    assert sum(solved) == 7 - len(written)
 
 
 def test_the_old_archive_stays_until_the_new_one_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -254,11 +235,11 @@ def refused(study: Study, archive: Path, match: str) -> None:
 def test_another_solver_is_never_mixed_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from workflow.archive import _describe
     from workflow.grid import _identity
-    from workflow.run import _earlier
+    from workflow.run import _reuse
 
     archive = tmp_path / "a.nc"
     run_study(quick(), archive)
-    for module in (_earlier, _describe, _identity):
+    for module in (_reuse, _describe, _identity):
         monkeypatch.setattr(module, "SOLVER_VERSION", schemes.SOLVER_VERSION + 1)
     refused(quick(), archive, r"made by version .* --recompute")
     refused(quick({"e": [0.0, 0.1]}), archive, r"made by version .* --recompute")

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from quick import interrupted, room_for
 from studies import ILL, SINGLE, SMALL, cut_finely, parsed
 from workflow.archive import ArchiveError, content_hash, open_archive, parts_of
 from workflow.grid import _tasks as cutting
@@ -28,7 +29,7 @@ def test_tasks_begin_in_their_order(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
     begun, store = [], threading.store_task
     monkeypatch.setattr(
-        threading, "store_task", lambda job, task, among: (begun.append(task.number), store(job, task))[1]
+        threading, "store_task", lambda job, task, known: (begun.append(task.number), store(job, task))[1]
     )
     run_study(parsed(SMALL), tmp_path / "a.nc", threads=1)
     assert begun == list(range(12))
@@ -67,31 +68,17 @@ def test_bits_do_not_depend_on_threads_or_tasks(tmp_path: Path, monkeypatch: pyt
 
 
 def test_an_interrupted_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, many_tasks: None) -> None:
-    import workflow.run._task as running
-
     whole, archive = tmp_path / "whole.nc", tmp_path / "small.nc"
     run_study(parsed(SMALL), whole)
-    write, written = running.write_shard, []
-
-    def failing(*args: object) -> object:
-        if len(written) == 3:
-            raise ArchiveError("no room")
-        written.append(args[2])
-        return write(*args)
-
-    monkeypatch.setattr(running, "write_shard", failing)
-    with pytest.raises(ArchiveError, match="no room"):
-        run_study(parsed(SMALL), archive, threads=1)
+    written = interrupted(parsed(SMALL), archive, 3)
     assert not archive.exists()
     with open_archive(archive) as view:
         status = view["status"].values
         assert np.sum(status == Status.OK) == 15
         assert np.sum(status == Status.NOT_RUN) == 45
         assert np.isnan(view["contact_impulse"].values[status == Status.NOT_RUN]).all()
-    again: list[object] = []
-    monkeypatch.setattr(running, "write_shard", lambda *args: (again.append(args[2]), write(*args))[1])
-    outcome = run_study(parsed(SMALL), archive)
-    assert outcome.resumed == 15
+    with room_for(100) as again:
+        assert run_study(parsed(SMALL), archive).resumed == 15
     assert not set(again) & set(written)
     assert content_hash(archive) == content_hash(whole)
 
@@ -164,7 +151,7 @@ def test_parts_that_outlived_their_archive_go(tmp_path: Path) -> None:
     archive = tmp_path / "a.nc"
     run_study(parsed(SINGLE), archive)
     parts_of(archive).mkdir()
-    (parts_of(archive) / "layout.json").write_text("{}")
+    (parts_of(archive) / "command.json").write_text("{}")
     assert run_study(parsed(SINGLE), archive).resumed == 1
     assert list(tmp_path.iterdir()) == [archive]
 

@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 
 from hostile import write
-from quick import quick
+from quick import begin, quick
 from studies import pinned
 from workflow import schemes
-from workflow.archive import ArchiveError, _describe, content_hash, describe, parts_of, provenance, start_parts
+from workflow.archive import ArchiveError, _describe, content_hash, provenance
 from workflow.archive._seal import seal
-from workflow.grid import arrange, solve, units_of
+from workflow.grid import arrange, solve
 from workflow.run import _study, _verify, run_study, verify
 from workflow.run._compare import sensitivity
 from workflow.study import parse_study
@@ -324,8 +324,7 @@ def test_cases_that_failed_are_not_compared(tmp_path: Path, monkeypatch: pytest.
 
 
 def test_an_unfinished_archive_cannot_be_verified(tmp_path: Path) -> None:
-    grid = arrange(quick())
-    start_parts(parts_of(tmp_path / "a.nc"), describe(grid.study, grid, units_of(grid)))
+    begin(quick(), tmp_path / "a.nc")
     with pytest.raises(ArchiveError, match="unfinished"):
         list(verify(tmp_path / "a.nc"))
 

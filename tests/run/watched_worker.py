@@ -1,7 +1,7 @@
 """Preload of dask workers in tests: notes what is computed, takes its time, dies where it is told to.
 
-``WATCHED_NOTES`` names the file of notes, one line ``process outer first`` for each segment;
-``WATCHED_SLEEP`` seconds are spent on each; a worker that is given the segment ``WATCHED_DEADLY``
+``WATCHED_NOTES`` names the file of notes, one line ``process outer first`` for each batch;
+``WATCHED_SLEEP`` seconds are spent on each; a worker that is given the batch ``WATCHED_DEADLY``
 (``outer first``) kills itself; ``WATCHED_SOLVER`` is the version it claims to have.
 """
 
@@ -17,18 +17,18 @@ import workflow.run._worker as working
 
 
 def _noted(*args: Any) -> Any:
-    segment = args[-1]
-    where = f"{segment.outer} {segment.first}"
+    batch = args[1]
+    where = f"{batch.outer} {batch.inner[0]}"
     with open(os.environ["WATCHED_NOTES"], "a") as notes:
         notes.write(f"{os.getpid()} {where}\n")
     if where == os.environ.get("WATCHED_DEADLY"):
         os.kill(os.getpid(), signal.SIGKILL)
     time.sleep(float(os.environ.get("WATCHED_SLEEP", "0")))
-    return compute_segment(*args)
+    return compute_batch(*args)
 
 
-if running.compute_segment.__module__ == "workflow.run._task":  # dask may load a preload twice
-    compute_segment = running.compute_segment
-    running.compute_segment = _noted
+if running.compute_batch.__module__ == "workflow.run._task":  # dask may load a preload twice
+    compute_batch = running.compute_batch
+    running.compute_batch = _noted
 if "WATCHED_SOLVER" in os.environ:
     working.SOLVER_VERSION = os.environ["WATCHED_SOLVER"]

@@ -253,7 +253,8 @@ def test_a_pole_that_is_a_thermal_rate_is_refused(held: bool) -> None:
     system = (held_system if held else free_system)(damped)
     poles = np.linalg.eigvals(state_space(system, 0.0)[0][: 2 * system.frequency.size, : 2 * system.frequency.size])
     rate = -poles[poles.imag == 0].real.max()
-    at = replace(damped, heat_capacity=damped.heat_capacity * (system.rate[1] / rate))
+    slowed = replace(damped.thermal, inertia=damped.heat_capacity * (system.rate[1] / rate))
+    at = replace(damped, thermal=slowed)
     if held:
         results = step(at, cases(at, gap=0.2, mean=0.5), 0.0, OVER, "event_driven")
         assert results.status[0] == Status.FAILED

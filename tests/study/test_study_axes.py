@@ -19,7 +19,7 @@ from study_samples import BLADE, CHAIN
 
 from workflow.study import Initial, Load, Study, StudyError, json_schema, parse_study
 from workflow.study.axes import coordinate_names, spread_values
-from workflow.study.leaves import Spread
+from workflow.study.field_types import Spread
 from workflow.study.source import compose
 from workflow.variables import reserved_names
 

@@ -19,9 +19,18 @@ from workflow.analysis._cases import (
 )
 from workflow.analysis._casing import casing_motion, period_frequency
 from workflow.analysis._compare import compare
-from workflow.analysis._decided import Decided, decided
+from workflow.analysis._decided import AutoModel, decided
 from workflow.analysis._effects import Hidden, effect, hidden
-from workflow.analysis._limits import Limit, Limits, NothingSteadyError, flags_of, followed_axis, limit_sentence, limits
+from workflow.analysis._limits import (
+    Limit,
+    Limits,
+    NothingSteadyError,
+    count_sentence,
+    flags_of,
+    followed_axis,
+    limit_sentence,
+    limits,
+)
 from workflow.analysis._motion import contact_loss, energy_kept, growth, impact_speeds, impulse_growth
 from workflow.analysis._notable import NotableCase, exact_partners, is_exact, notable_cases, total_error
 from workflow.analysis._phases import contact_phases
@@ -44,6 +53,7 @@ from workflow.analysis._recommend import (
     numerical_dims,
     recommend,
     simulated_seconds,
+    usual_recommendations,
 )
 from workflow.analysis._recommend_words import COLUMNS as RECOMMENDATION_COLUMNS
 from workflow.analysis._recommend_words import as_json as recommendation_json
@@ -61,8 +71,8 @@ __all__ = [
     "RULE",
     "SENSELESS",
     "TARGETS",
+    "AutoModel",
     "Choice",
-    "Decided",
     "Failures",
     "Hidden",
     "Limit",
@@ -81,6 +91,7 @@ __all__ = [
     "compare",
     "contact_loss",
     "contact_phases",
+    "count_sentence",
     "decided",
     "drawn_dim",
     "effect",
@@ -122,6 +133,7 @@ __all__ = [
     "standings",
     "total_error",
     "undecidable",
+    "usual_recommendations",
     "value_text",
     "winners",
     "work_precision",

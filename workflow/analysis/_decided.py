@@ -19,7 +19,7 @@ _VARIABLES = ("mechanical_modes_used", "thermal_modes_used", "basis_error")
 
 
 @dataclass(frozen=True)
-class Decided:
+class AutoModel:
     """A reduced model whose counts of modes a tolerance decided.
 
     Attributes
@@ -49,7 +49,7 @@ class Decided:
         return f"{modes}, basis error {self.error:.2g}{met}"
 
 
-def decided(dataset: xr.Dataset) -> list[Decided]:
+def decided(dataset: xr.Dataset) -> list[AutoModel]:
     """Return the reduced models that tolerances decided, in the archive's order; none where no tolerance did."""
     if not all(name in dataset for name in _VARIABLES):
         return []
@@ -75,7 +75,7 @@ def decided(dataset: xr.Dataset) -> list[Decided]:
             where = ", ".join(labels[dim][k] for dim, k in zip(dims, place, strict=True))
             mechanical, thermal = (int(count.values[place]) for count in used)
             met = conditions - int(misses.values[place])
-            models.append(Decided(where or "all cases", mechanical, thermal, error, met, conditions))
+            models.append(AutoModel(where or "all cases", mechanical, thermal, error, met, conditions))
     return models
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -76,11 +77,17 @@ class Limit:
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits of all numerical axes, the cases (of branches the points) that were asked for, and those within."""
+    """Limits of all numerical axes, the cases (of branches the points) that were asked for, and those within.
+
+    An archive of branches has that of the axis that is followed, over all branches, and that of each in ``branches``.
+    ``beyond`` counts those that are not within by what they are.
+    """
 
     limits: tuple[Limit, ...]
+    branches: tuple[Limit, ...]
     cases: int
     within: int
+    beyond: Mapping[str, int]
 
 
 def followed_axis(dataset: xr.Dataset) -> str | None:
@@ -115,12 +122,14 @@ def limits(dataset: xr.Dataset, **bounds: float | None) -> Limits:
     faults, asked = _faults(dataset, bounds)
     if not asked.any():
         raise NothingSteadyError("holds no case of event_driven, which alone has steady rubs")
+    beyond = Counter(faults[faults != ""].tolist())
+    counts = int(asked.sum()), int(np.sum(asked & (faults == ""))), dict(beyond)
+    if "point" in dataset.dims:
+        each = _along_branches(dataset, faults, asked)
+        return Limits((_common(each),), each, *counts)
     names = [d for d in case_dims(dataset) if d in dataset.coords and dataset[d].dtype.kind in "if"]
     axes = [name for name in names if not is_numerical(dataset, name)]
-    found = [_along_dimension(dataset, dim, faults) for dim in axes]
-    if "point" in dataset.dims:
-        found.insert(0, _along_branches(dataset, faults, asked))
-    return Limits(tuple(found), int(asked.sum()), int(np.sum(asked & (faults == ""))))
+    return Limits(tuple(_along_dimension(dataset, dim, faults) for dim in axes), (), *counts)
 
 
 def _faults(dataset: xr.Dataset, bounds: Mapping[str, float | None]) -> tuple[NDArray[Any], NDArray[np.bool_]]:
@@ -157,8 +166,8 @@ def _along_dimension(dataset: xr.Dataset, dim: str, faults: NDArray[Any]) -> Lim
     return replace(limit, at=_labels(dataset, others, places[beyond] or ()))
 
 
-def _along_branches(dataset: xr.Dataset, faults: NDArray[Any], asked: NDArray[np.bool_]) -> Limit:
-    """Return the limit along the axis that is followed: the range in which no branch has a point that is not within."""
+def _along_branches(dataset: xr.Dataset, faults: NDArray[Any], asked: NDArray[np.bool_]) -> tuple[Limit, ...]:
+    """Return the limit of each branch along the axis that is followed, before the first point that is not within."""
     name = followed_axis(dataset)
     assert name is not None
     values, flags = np.asarray(dataset[name].values), flags_of(dataset, "bifurcation")
@@ -173,8 +182,19 @@ def _along_branches(dataset: xr.Dataset, faults: NDArray[Any], asked: NDArray[np
         ]
         limit, _ = _range(name, values[place][along], words)
         each.append(replace(limit, at=_labels(dataset, case_dims(dataset), place)))
-    last, first = (choose(each, key=lambda one: sign * end(one)) for choose, end in ((min, _stop), (max, _start)))
-    if last.start is None or sign * _start(first) > sign * _stop(last):
+    return tuple(each)
+
+
+def _common(each: Sequence[Limit]) -> Limit:
+    """Return the range that is within the limits of all branches."""
+    sign = _MILD.get(each[0].axis, 1)
+    for one in each:
+        if one.start is None:
+            return one
+    ranges = [(sign * float(one.start or 0), sign * float(one.stop or 0), one) for one in each]
+    start, _, first = max(ranges, key=lambda one: one[0])
+    _, stop, last = min(ranges, key=lambda one: one[1])
+    if start > stop:
         return replace(last, start=None, stop=None)
     return replace(first if last.next is None and first.next is not None else last, start=first.start, stop=last.stop)
 
@@ -183,14 +203,6 @@ def _cause(faults: NDArray[Any], flags: NDArray[Any], k: int, before: int) -> st
     """Return why a point is not within: the bifurcation there or just before, where it has lost its stability."""
     flag = next((flags[j] for j in (k, before) if flags[j] != "none"), "none")
     return str(flag if flag != "none" and faults[k] == "unstable" else faults[k])
-
-
-def _start(limit: Limit) -> float:
-    return np.inf * _MILD.get(limit.axis, 1) if limit.start is None else limit.start
-
-
-def _stop(limit: Limit) -> float:
-    return -np.inf * _MILD.get(limit.axis, 1) if limit.stop is None else limit.stop
 
 
 def _range(name: str, values: NDArray[np.float64], words: Sequence[str]) -> tuple[Limit, int | None]:
@@ -214,21 +226,38 @@ def _labels(dataset: xr.Dataset, dims: Sequence[str], place: Sequence[int]) -> d
     return {name: dataset[name].values[k].item() for dim, k in places for name in naming(dataset, dim)}
 
 
-def limit_sentence(limit: Limit, dataset: xr.Dataset, bounds: Mapping[str, float | None]) -> str:
-    """Return a limit as a sentence."""
+def count_sentence(found: Limits) -> str:
+    """Return how many cases are within, and what the others are."""
+    others = [
+        f"{count} {'above the ' + fault if fault in BOUNDED else fault}"
+        + (" (their `message` says why)" if fault == "not_found" else "")
+        for fault, count in found.beyond.items()
+    ]
+    return f"{found.within} of {found.cases} within{'; ' if others else ''}{', '.join(others)}."
+
+
+def limit_sentence(
+    limit: Limit, dataset: xr.Dataset, bounds: Mapping[str, float | None], *, of_branch: bool = False
+) -> str:
+    """Return a limit as a sentence: of all cases, or of the one branch that it names."""
     units = coordinate_units(dataset) | {limit.axis: readable(str(dataset[limit.axis].attrs.get("units", "1")))}
 
-    def valued(name: str, value: object) -> str:
-        return f"{exact(value)} {units.get(name, '')}".strip()
+    def written(name: str, value: Any) -> str:
+        return f"{value:.6g}" if name in dataset.data_vars else exact(value)  # points of a branch have all digits
+
+    def valued(name: str, value: Any) -> str:
+        return f"{written(name, value)} {units.get(name, '')}".strip()
 
     name = limit.axis.replace("_", " ")
+    at = ", ".join(f"{other.replace('_', ' ')} = {valued(other, value)}" for other, value in limit.at.items())
     if limit.start is None:
-        text = f"{name}: no value at which all cases are within"
+        text, all_within = f"{name}: no value", " at which all cases are within"
     else:
-        text = f"{name} from {exact(limit.start)} to {valued(limit.axis, limit.stop)}: all cases are within"
+        text = f"{name} from {written(limit.axis, limit.start)} to {valued(limit.axis, limit.stop)}"
+        all_within = ": all cases are within"
+    text = f"{at}: {text}" if of_branch else text + all_within
     if limit.limited_by is None:
         return f"{text}, as far as it was varied."
-    at = ", ".join(f"{other.replace('_', ' ')} = {valued(other, value)}" for other, value in limit.at.items())
     most = bounds.get(limit.limited_by)
     why = _WORDS.get(limit.limited_by) or f"the {limit.limited_by} exceeds {most:g} {_UNITS[limit.limited_by]}"
-    return f"{text}; at {valued(limit.axis, limit.next)} {why}{f' ({at})' if at else ''}."
+    return f"{text}; at {valued(limit.axis, limit.next)} {why}{f' ({at})' if at and not of_branch else ''}."

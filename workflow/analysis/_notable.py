@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.analysis._cases import case_dims, finest, mode_counts
-from workflow.analysis._recommend import COMPARED, Choice, is_numerical, numerical_dims
+from workflow.analysis._recommend import Choice, is_numerical, numerical_dims
 from workflow.schemes import Status
+from workflow.variables import COMPARED
 
 if TYPE_CHECKING:
     import xarray as xr

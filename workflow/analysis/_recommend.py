@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from workflow.analysis._cases import case_dims, coordinate_units, is_auto
 from workflow.schemes import Status
 from workflow.study import MATRIX, MODES, POINT
+from workflow.variables import COMPARED
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -19,11 +20,11 @@ if TYPE_CHECKING:
 NUMERICAL = ("scheme", "h", "mechanical_modes", "thermal_modes", "reduction", "tolerance")
 """Coordinates that change the computation, not the scene; so do options of schemes (``schemes.LABEL.OPTION``)."""
 
-COMPARED = ("displacement", "temperature", "impulse")
-"""Histories of which the largest error counts."""
-
 DEFAULT = 0.01
 """Tolerance where neither the caller nor the study states one."""
+
+USUAL_TOLERANCES = (0.1, 0.01, 0.001)
+"""Tolerances that tables answer beside the one that is asked for."""
 
 DECIDABLE = 0.1
 """Share of the tolerance that a case's predictability must not exceed for its error to be a scheme's own."""
@@ -121,7 +122,7 @@ class Recommendation:
         The most accurate of those within it whose cost exceeds the least of theirs by at most :data:`SPREAD`; ``None``
         where none is within it.
     next
-        The dearest that is cheaper than all within the tolerance; without a choice the one that comes nearest.
+        The dearest that is cheaper, with an error in all cases if one has; without a choice the nearest.
     alike
         The others among which the choice is the most accurate. Largest step first, then fewest modes.
     cases
@@ -169,7 +170,9 @@ def recommend(dataset: xr.Dataset, tolerance: float | str | None = None) -> Reco
     good = [int(k) for k in rank if within[k].all()]
     least = table.cost[good[0]] if good else np.inf
     alike = sorted((k for k in good if table.cost[k] <= (1 + SPREAD) * least), key=lambda k: _largest(table.error[k]))
-    nearest = max((int(k) for k in rank if table.cost[k] < least), key=lambda k: table.cost[k], default=None)
+    known = ~np.isnan(table.error).any(axis=1)
+    cheaper = (int(k) for k in rank if table.cost[k] < least)
+    nearest = max(cheaper, key=lambda k: (known[k], table.cost[k]), default=None)
     if not good:
         nearest = max(range(len(rank)), key=lambda k: (within[k].mean(), -_largest(table.error[k])), default=None)
     return Recommendation(
@@ -181,6 +184,12 @@ def recommend(dataset: xr.Dataset, tolerance: float | str | None = None) -> Reco
         table.unpredictable(DECIDABLE * share),
         coordinate_units(dataset),
     )
+
+
+def usual_recommendations(dataset: xr.Dataset, asked: Recommendation) -> list[Recommendation]:
+    """Return the recommendations at :data:`USUAL_TOLERANCES` and the one that was asked for, the loosest first."""
+    shares = sorted({*USUAL_TOLERANCES, asked.tolerance}, reverse=True)
+    return [asked if share == asked.tolerance else recommend(dataset, share) for share in shares]
 
 
 def _alike(choices: list[Choice]) -> tuple[Choice, ...]:

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workflow.analysis._cases import exact
-from workflow.analysis._recommend import COMPARED, SPREAD, Choice, Recommendation, Worst
+from workflow.analysis._recommend import SPREAD, Choice, Recommendation, Worst
 from workflow.schemes import Status, limit_text
 from workflow.study import AUTO, MODES
+from workflow.variables import COMPARED
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -51,9 +52,11 @@ def _judged(recommendation: Recommendation, choice: Choice | None) -> str:
     """Return in which cases a choice was judged: all, or those of the scene's values that a zip ties to it."""
     if choice is not None and choice.tied:
         return "all of its cases"
+    scene = "" if choice is None or not choice.worst.case else f" ({' × '.join(choice.worst.case)})"
     if recommendation.choice is None or not recommendation.undecidable:
-        return f"all {recommendation.cases} cases"
-    return f"all {recommendation.cases - len(recommendation.undecidable)} decidable of {recommendation.cases} cases"
+        return f"all {recommendation.cases} cases{scene}"
+    decidable = recommendation.cases - len(recommendation.undecidable)
+    return f"all {decidable} decidable of {recommendation.cases} cases{scene}"
 
 
 def named_case(case: Mapping[str, Any], units: Mapping[str, str]) -> str:
@@ -68,10 +71,11 @@ def sentence(recommendation: Recommendation) -> str:
         nearest = _nearest(recommendation)
         return f"Nothing in this study meets {tolerance} in {_judged(recommendation, recommendation.next)}. {nearest}"
     choice, worst = recommendation.choice, recommendation.choice.worst
+    evidence = f"{percent(worst.error)} ({worst.variable}, {named_case(worst.case, units)}), {_limit(worst)}"
     text = (
-        f"Within {tolerance} in {_judged(recommendation, choice)} and within {100 * SPREAD:.0f} % of the least cost, "
-        f"the most accurate is {named_choice(choice, units)}, at {_cost(choice)}; its largest error is "
-        f"{percent(worst.error)} ({worst.variable}, {named_case(worst.case, units)}), {_limit(worst)}."
+        f"{named_choice(choice, units)} keeps within {tolerance} in {_judged(recommendation, choice)}, at "
+        f"{_cost(choice)}: of all that do, at up to {100 * SPREAD:.0f} % above the least cost, it is the most "
+        f"accurate. Its largest error is {evidence}."
     )
     if recommendation.next is not None:
         cheaper = recommendation.next

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.analysis._recommend import COMPARED, NoReferenceError, Table, simulated_seconds
+from workflow.analysis._recommend import NoReferenceError, Table, simulated_seconds
+from workflow.variables import COMPARED
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -1,7 +1,7 @@
 """Durable shards while a study runs, one labelled NetCDF-4 file of them in the end, and its reading.
 
-A run calls :func:`start_parts`, then :func:`write_shard` from any thread or process for the ranges of
-units that :func:`find_shards` misses, then :func:`gather`. Readers call :func:`open_archive`.
+A run calls :func:`start_parts`, then :func:`write_shard` from any thread or process for the cases that
+:class:`Stored` misses, then :func:`gather`. Readers call :func:`open_archive`.
 xarray, netCDF4 and h5py are imported when they are needed, not with this package.
 """
 
@@ -10,8 +10,10 @@ from workflow.archive._describe import (
     COPIED,
     HARMONIC,
     SOFTWARE,
+    WARNINGS,
     code_revision,
     describe,
+    grid_of,
     processor,
     study_key,
     versions,
@@ -19,7 +21,7 @@ from workflow.archive._describe import (
 from workflow.archive._files import ArchiveError, commit, usable
 from workflow.archive._gather import gather
 from workflow.archive._hold import holding
-from workflow.archive._layout import STATUS, Coordinate, Layout, Variable, blank, truncated_message
+from workflow.archive._layout import STATUS, Coordinate, Layout, Variable, truncated_message
 from workflow.archive._open import (
     archive_key,
     content_hash,
@@ -32,19 +34,18 @@ from workflow.archive._open import (
     stored_values,
     study_text,
 )
-from workflow.archive._parts import clear_parts, is_begun, parts_of, read_layout, remove_parts, start_parts
-from workflow.archive._shard import Shard, Shards, find_shard, find_shards, stored_status, write_shard
-from workflow.archive._stored_cells import (
-    StoredCells,
-    archive_origin,
-    are_saved,
-    count_unmatched,
-    find_stored_cells,
-    load_stored_cells,
-    match_hashes,
-    narrowed,
-    save_stored_cells,
+from workflow.archive._parts import Command, clear_parts, file_of, parts_of, read_command, remove_parts, start_parts
+from workflow.archive._shard import find_shards, write_shard
+from workflow.archive._stored import (
+    Hashes,
+    Source,
+    Stored,
+    archive_kinds,
+    archive_sources,
+    are_among,
+    lacking,
     stored_hashes,
+    surplus,
 )
 
 __all__ = [
@@ -53,49 +54,46 @@ __all__ = [
     "LEFT_OUT",
     "SOFTWARE",
     "STATUS",
+    "WARNINGS",
     "ArchiveError",
+    "Command",
     "Coordinate",
+    "Hashes",
     "Layout",
-    "Shard",
-    "Shards",
-    "StoredCells",
+    "Source",
+    "Stored",
     "Variable",
     "archive_key",
-    "archive_origin",
-    "are_saved",
-    "blank",
+    "archive_kinds",
+    "archive_sources",
+    "are_among",
     "clear_parts",
     "code_revision",
     "commit",
     "content_hash",
-    "count_unmatched",
     "describe",
     "discard_views",
-    "find_shard",
+    "file_of",
     "find_shards",
-    "find_stored_cells",
     "gather",
+    "grid_of",
     "holding",
-    "is_begun",
     "is_whole",
-    "load_stored_cells",
-    "match_hashes",
-    "narrowed",
+    "lacking",
     "open_archive",
     "parts_of",
     "processor",
     "provenance",
-    "read_layout",
+    "read_command",
     "remove_parts",
     "require_whole",
-    "save_stored_cells",
     "start_parts",
     "statuses",
     "stored_hashes",
-    "stored_status",
     "stored_values",
     "study_key",
     "study_text",
+    "surplus",
     "truncated_message",
     "usable",
     "versions",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,29 +10,27 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.archive._layout import CHUNK_BYTES, FORMAT, MESSAGE, Attributes, Layout, truncated_message
-from workflow.archive._shard import LEVEL
+from workflow.archive._chunk import LEVEL
+from workflow.archive._layout import CHUNK_BYTES, FORMAT, MESSAGE, Attributes, Layout
+from workflow.archive._stored import CASE_HASH, PROVENANCE, Hashes, boxes
 
 CONVENTIONS = "CF-1.11"
 FORMAT_NAME = "archive_format"
 """Global attribute that marks a NetCDF file as an archive of this package, with its version."""
 
-PROVENANCE = "provenance"
-CASE_HASH = "case_hash"
-"""Identity of every case, ``(…, byte)``, in the provenance group."""
 ATTRIBUTE_BYTES = 64_000
 """A longer text of the provenance group is a variable, as HDF5's plain attributes end at 64 KiB."""
 
 
-def create(layout: Layout, path: Path, messages: Mapping[int, str], hashes: NDArray[np.uint8] | None = None) -> None:
+def create(layout: Layout, path: Path, messages: Mapping[int, bytes], hashes: Hashes) -> None:
     """Write everything but the results to a new NetCDF-4 file; chunks stay unallocated.
 
     Parameters
     ----------
     messages
-        By cell; the variable ``message`` is empty elsewhere.
+        In UTF-8, by cell; the variable ``message`` is empty elsewhere.
     hashes
-        Identity of every case, ``(cell, byte)``; left out of a view.
+        Identity of every case, ``(cell, byte)``.
 
     Raises
     ------
@@ -58,7 +55,7 @@ def create(layout: Layout, path: Path, messages: Mapping[int, str], hashes: NDAr
 
 def _create_coordinates(file: Any, layout: Layout) -> None:
     """Write coordinates; those of a zip are cut along its dimension as the results are, so that dask's chunks agree."""
-    lengths = dict(zip((name for name, _ in layout.dims), layout.stored.lengths, strict=True))
+    lengths = dict(zip((name for name, _ in layout.dims), layout.lengths, strict=True))
     for coordinate in layout.coordinates:
         name, dims, values = coordinate.name, coordinate.dims, coordinate.values
         chunks = values.shape if dims in ((), (name,)) else tuple(lengths[dim] for dim in dims)
@@ -114,34 +111,30 @@ def _create_variables(file: Any, layout: Layout) -> None:
             complevel=LEVEL,
             shuffle=True,
             fletcher32=bool(dims),
-            chunksizes=layout.archive_chunk_of(variable) or None,
+            chunksizes=layout.chunk_of(variable) or None,
             fill_value=False if variable.dtype == "i1" else np.nan,
         )
         target.setncatts(_typed(variable.attrs, np.dtype(variable.dtype)) | _labels(layout, dims))
 
 
-def _create_messages(file: Any, layout: Layout, messages: Mapping[int, str]) -> None:
+def _create_messages(file: Any, layout: Layout, messages: Mapping[int, bytes]) -> None:
     """Write the messages of cells; chunks without a message are never allocated."""
-    dims, cut = tuple(name for name, _ in layout.dims), layout.stored
-    encoded = {cell: truncated_message(text).encode() for cell, text in messages.items()}
+    dims = tuple(name for name, _ in layout.dims)
     about = {"long_name": "what a case has to say: why it is not ok, or what it could not be given"}
-    length = max([1, *map(len, encoded.values())])
-    target = _create_text(file, MESSAGE, dims, cut.lengths, length, about | _labels(layout, dims))
-    by_block: dict[int, list[int]] = defaultdict(list)
-    for cell in encoded:
-        by_block[cut.block_of(cell)[0]].append(cell)
-    for number, in_block in sorted(by_block.items()):
-        cells = cut.cells_of(number)
-        block = [b""] * len(cells)
-        for cell in in_block:
-            block[cell - cells.start] = encoded[cell]
-        ends = zip(cut.offset_of(number), cut.lengths, layout.shape, strict=True)
-        place = tuple(slice(first, min(first + size, most)) for first, size, most in ends)
-        shape = tuple(part.stop - part.start for part in place)
-        target[(*place, slice(None))] = _characters(block, shape, length)
+    length = max([1, *map(len, messages.values())])
+    target = _create_text(file, MESSAGE, dims, layout.lengths, length, about | _labels(layout, dims))
+    if not messages:
+        return
+    cells = np.sort(np.fromiter(messages, np.int64))
+    index = np.arange(layout.cells).reshape(layout.shape)
+    for box in boxes(layout.shape, layout.lengths):
+        here = np.asarray(index[box])
+        if np.isin(cells, here).any():
+            texts = [messages.get(cell, b"") for cell in here.ravel().tolist()]
+            target[(*box, slice(None))] = _characters(texts, here.shape, length)
 
 
-def _create_provenance(file: Any, layout: Layout, hashes: NDArray[np.uint8] | None) -> None:
+def _create_provenance(file: Any, layout: Layout, hashes: Hashes) -> None:
     """Write texts as attributes or, compressed, as arrays of characters.
 
     No variable-length strings here: netCDF-C 4.10 crashes when it reads them from a group of a file
@@ -156,11 +149,10 @@ def _create_provenance(file: Any, layout: Layout, hashes: NDArray[np.uint8] | No
             group.createDimension(f"{name}_bytes", len(encoded))
             target = group.createVariable(name, "S1", (f"{name}_bytes",), compression="zlib", complevel=LEVEL)
             target[:] = np.frombuffer(encoded, "S1")
-    if hashes is not None:
-        group.createDimension("byte", hashes.shape[1])
-        target = group.createVariable(CASE_HASH, "u1", (*(name for name, _ in layout.dims), "byte"), fletcher32=True)
-        target.setncattr("long_name", "identity of the case: a hash of what its results depend on")
-        target[...] = hashes.reshape(*layout.shape, hashes.shape[1])
+    group.createDimension("byte", hashes.shape[1])
+    target = group.createVariable(CASE_HASH, "u1", (*(name for name, _ in layout.dims), "byte"), fletcher32=True)
+    target.setncattr("long_name", "identity of the case: a hash of what its results depend on")
+    target[...] = hashes.reshape(*layout.shape, hashes.shape[1])
 
 
 def _typed(attrs: Attributes, dtype: np.dtype[Any]) -> dict[str, Any]:

@@ -22,18 +22,19 @@ from workflow.archive._layout import Attributes, Coordinate, Layout, Variable
 from workflow.grid import (
     FRICTION,
     Grid,
-    Units,
     alpha_of,
+    arrange,
     choices_text,
     longest_period_count,
     metrics_of,
     periods_of,
+    read_choices,
     steady_of,
 )
 from workflow.models import FACTORISING, has_cholmod
 from workflow.pinning import is_pinned
 from workflow.schemes import SOLVER_VERSION, Status
-from workflow.study import AUTO, CHOSEN, MATRIX, MODES, POINT, Axis, Drawn, Study, packed
+from workflow.study import AUTO, CHOSEN, MATRIX, MODES, POINT, Axis, Drawn, Study, packed, parse_study, unpacked
 
 HARMONIC = ("amplitude", "frequency", "order", "phase")
 """Numbers of a harmonic of the casing."""
@@ -68,13 +69,29 @@ def code_revision() -> str:
     return digest.hexdigest()
 
 
-def describe(study: Study, grid: Grid, units: Units) -> Layout:
-    """Return the layout of a study's archive."""
+WARNINGS = "warnings"
+"""Attribute of an archive: what its plan warned of, a line each."""
+
+
+def grid_of(texts: Mapping[str, str]) -> Grid:
+    """Return the grid of the study that texts of a provenance group hold, with the choices its tolerances made.
+
+    Raises
+    ------
+    StudyError, LookupError, ValueError
+        They cannot be read.
+    """
+    study = parse_study(texts["study"], "study", attached=unpacked(texts.get("files", "")))
+    return arrange(study, read_choices(texts.get("choices", "{}")))
+
+
+def describe(grid: Grid, warnings: str = "") -> Layout:
+    """Return the layout of the archive of a grid's study, of which a plan warned so."""
+    study = grid.study
     tails = _tails(study, grid)
     return Layout(
         dims=grid.dims,
         tails=tails,
-        chunk=units.chunk,
         coordinates=_coordinates(study, grid, tails),
         variables=_variables(study, tails),
         attrs={
@@ -92,6 +109,7 @@ def describe(study: Study, grid: Grid, units: Units) -> Layout:
             "history": f"{_now()}: workflow run {study.name}",
             "study": study.name,
             "duration": study.scene.duration,
+            **({WARNINGS: warnings} if warnings else {}),
         },
         provenance={
             "study": study.text,

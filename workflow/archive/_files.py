@@ -130,7 +130,7 @@ def sync(path: Path) -> None:
         os.close(descriptor)
 
 
-def commit(path: Path, data: bytes) -> None:
+def commit(path: Path, data: bytes | memoryview) -> None:
     """Write ``data`` aside as ``*.tmp``, flush it, and rename it to ``path``: all of it or nothing.
 
     Raises

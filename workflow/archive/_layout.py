@@ -1,9 +1,7 @@
-"""What an archive holds and how it is cut into units of work: all this floor knows of a study."""
+"""What an archive holds and how it is cut into chunks."""
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,20 +11,14 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.archive._cut import Cut, largest_cut
-
 Kind = Literal["history", "metric", "period", "flag", "phase", "point", "point phase"]
 Attributes = Mapping[str, str | Sequence[int] | Sequence[float]]
 
 FORMAT = 2
 """Version of shards and archives; raised when an older reader would misread them."""
 
-CHUNK_BYTES = 4 * 2**20
-"""No chunk is larger than this before compression."""
-
-SMALL_BYTES, JOINED_BYTES = 64 * 2**10, 2**20
-"""Units whose largest chunk has fewer bytes than the first are joined, when they are gathered, to chunks of at most
-as many as the second: a chunk costs HDF5 some 100 bytes and dask a task, however small it is."""
+CHUNK_BYTES = 2**20
+"""No chunk is larger than this before compression, unless it is one instant of many phases."""
 
 STATUS = "status"
 OK, NOT_RUN = 0, 4
@@ -48,8 +40,6 @@ _BLANKS = {STATUS: NOT_RUN, "steady_state": 6}
 """What flags are where nothing has run; ``not_asked`` of steady rubs, 0 of others."""
 
 MESSAGE = "message"
-RESERVED = ("key", "content_hash", "case_hash")
-"""Names of the provenance group that the archive fills in itself."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,10 +112,7 @@ class Variable:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Dimensions, coordinates and variables of one archive, and its units of work.
-
-    Cells are numbered in C order over ``dims``. Units are the blocks of a :class:`~workflow.archive._cut.Cut` in
-    ``chunk`` cells; the chunks of the archive are units, or several of them.
+    """Dimensions, coordinates and variables of one archive; its cells are numbered in C order over ``dims``.
 
     Attributes
     ----------
@@ -133,48 +120,21 @@ class Layout:
         Names and sizes of the case dimensions, outermost first.
     tails
         Sizes of ``t``, ``period`` and so on, those that the archive has.
-    chunk
-        Cells of a unit.
     attrs
         Global CF attributes; ``Conventions`` is added.
     provenance
         Texts of the group ``provenance``; ``key`` and ``content_hash`` are added.
     key
         Identity of study and solver version.
-
-    Raises
-    ------
-    ValueError
-        The parts do not fit each other.
     """
 
     dims: tuple[tuple[str, int], ...]
     tails: Mapping[str, int]
-    chunk: int
     coordinates: tuple[Coordinate, ...]
     variables: tuple[Variable, ...]
     attrs: Mapping[str, str | float]
     provenance: Mapping[str, str]
     key: str
-
-    def __post_init__(self) -> None:
-        sizes = self.sizes
-        if len(sizes) != len(self.dims) + len(self.tails) or min(sizes.values(), default=1) < 1:
-            raise ValueError(f"dimensions must have distinct names and positive sizes: {self.dims}")
-        Cut(self.shape, self.chunk)
-        names = [c.name for c in self.coordinates] + [v.name for v in self.variables] + [MESSAGE]
-        if twice := sorted({name for name in names if names.count(name) > 1}):
-            raise ValueError(f"names used twice, or {MESSAGE}: {', '.join(twice)}")
-        if not any(v.name == STATUS and v.kind == "flag" and v.dtype == "i1" for v in self.variables):
-            raise ValueError(f"there must be a flag {STATUS!r} of dtype i1")
-        for coordinate in self.coordinates:
-            if coordinate.values.shape != tuple(sizes.get(name, -1) for name in coordinate.dims):
-                raise ValueError(f"coordinate {coordinate.name} does not fit {coordinate.dims} of {sizes}")
-        for variable in self.variables:
-            if not set(self.tail(variable)) <= set(sizes):
-                raise ValueError(f"{variable.name}: a {variable.kind} where there is no such dimension")
-        if clash := [name for name in RESERVED if name in self.provenance]:
-            raise ValueError(f"provenance fills in {', '.join(clash)} itself")
 
     @cached_property
     def sizes(self) -> dict[str, int]:
@@ -187,82 +147,51 @@ class Layout:
         return tuple(size for _, size in self.dims)
 
     @cached_property
-    def cut(self) -> Cut:
-        """How the cells are cut in units."""
-        return Cut(self.shape, self.chunk)
-
-    @cached_property
-    def stored(self) -> Cut:
-        """How the cells are cut in the chunks of the archive, the same for all variables."""
-        bytes_per_cell = max(np.dtype(v.dtype).itemsize * math.prod(self.shape_of(v, 1)[2:]) for v in self.variables)
-        whole = all(self.chunk_of(v) == self.shape_of(v, 1) for v in self.variables)  # not cut along t
-        if self.chunk * bytes_per_cell >= SMALL_BYTES or not whole:
-            return self.cut
-        return largest_cut(self.shape, max(self.chunk, JOINED_BYTES // bytes_per_cell))
-
-    @property
-    def joined(self) -> bool:
-        """Whether chunks of the archive are several units."""
-        return self.stored != self.cut
-
-    @cached_property
     def cells(self) -> int:
         """Number of cells."""
         return math.prod(self.shape)
 
     @cached_property
-    def units(self) -> int:
-        """Number of units."""
-        return self.cut.count
-
-    def cells_of(self, unit: int) -> range:
-        """Return the cells of a unit, without the padding of a row's last one."""
-        return self.cut.cells_of(unit)
+    def by_name(self) -> dict[str, Variable]:
+        """The variables, by name."""
+        return {variable.name: variable for variable in self.variables}
 
     def tail(self, variable: Variable) -> tuple[str, ...]:
         """Return the dimensions a variable has beyond the cases."""
         return _TAILS.get(variable.kind, ())
 
+    def tail_shape(self, variable: Variable) -> tuple[int, ...]:
+        """Return the sizes of a variable beyond the cases."""
+        return tuple(self.sizes[name] for name in self.tail(variable))
+
     def dims_of(self, variable: Variable) -> tuple[str, ...]:
         """Return a variable's dimensions in the archive."""
         return tuple(name for name, _ in self.dims) + self.tail(variable)
 
-    def shape_of(self, variable: Variable, units: int) -> tuple[int, ...]:
-        """Return the shape of a variable's array of so many units: ``(units, chunk, …)``."""
-        return (units, self.chunk, *(self.sizes[name] for name in self.tail(variable)))
+    @cached_property
+    def lengths(self) -> tuple[int, ...]:
+        """Lengths of a chunk along the case dimensions, the same for all variables.
+
+        Whole dimensions innermost, then a part of one: as many cases as the largest variable has in
+        :data:`CHUNK_BYTES`, at least one.
+        """
+        most = CHUNK_BYTES // max(self._bytes(variable) for variable in self.variables)
+        lengths: list[int] = []
+        for size in reversed(self.shape):
+            lengths.append(max(1, min(size, most // math.prod(lengths))))
+        return tuple(reversed(lengths))
 
     def chunk_of(self, variable: Variable) -> tuple[int, ...]:
-        """Return the chunk of a variable in a shard, ``(1, chunk[, length, …])``, at most 4 MiB.
-
-        A long history is cut along ``t``, orbits along ``point``, into nearly equal lengths.
-        """
-        _, _, *tail = self.shape_of(variable, 1)
+        """Return the chunk of a variable; the history of one case may be cut along ``t``, into nearly equal lengths."""
+        tail = self.tail_shape(variable)
         if not tail:
-            return (1, self.chunk)
-        size, *rest = tail
-        longest = max(1, CHUNK_BYTES // (self.chunk * np.dtype(variable.dtype).itemsize * math.prod(rest)))
-        pieces = -(-size // longest)
-        return (1, self.chunk, -(-size // pieces), *rest)
+            return self.lengths
+        pieces = -(-self._bytes(variable) // CHUNK_BYTES)
+        return (*self.lengths, -(-tail[0] // pieces), *tail[1:])
 
-    def archive_chunk_of(self, variable: Variable) -> tuple[int, ...]:
-        """Return the chunk of a variable in the archive; joined ones are not cut along ``t``."""
-        _, _, *tail = self.shape_of(variable, 1) if self.joined else self.chunk_of(variable)
-        return (*self.stored.lengths, *tail)
-
-    @cached_property
-    def structure(self) -> str:
-        """Hash of what decides a shard's bytes: a shard of another structure cannot be gathered."""
-        variables = [(v.name, v.kind, v.dtype, self.chunk_of(v)) for v in self.variables]
-        parts = json.dumps([FORMAT, self.key, self.dims, dict(self.tails), self.cut.lengths, variables])
-        return hashlib.sha256(parts.encode()).hexdigest()
-
-
-def blank(layout: Layout, units: int) -> dict[str, NDArray[Any]]:
-    """Return arrays for so many units in which nothing has run yet: NaN, status ``not_run``, flags 0.
-
-    The padding of partial units may stay as it is.
-    """
-    return {v.name: np.full(layout.shape_of(v, units), v.fill, dtype=v.dtype) for v in layout.variables}
+    def _bytes(self, variable: Variable) -> int:
+        """Return the bytes of one case."""
+        return np.dtype(variable.dtype).itemsize * math.prod(self.tail_shape(variable))
 
 
 def truncated_message(text: str) -> str:

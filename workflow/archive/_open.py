@@ -7,6 +7,7 @@ import os
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,14 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.archive._content import hash_content
-from workflow.archive._create import FORMAT_NAME, PROVENANCE
+from workflow.archive._create import FORMAT_NAME
+from workflow.archive._describe import describe, grid_of
 from workflow.archive._files import ArchiveError, reading, reason, unreadable, usable, writing
 from workflow.archive._gather import assemble
-from workflow.archive._layout import FORMAT, STATUS
-from workflow.archive._parts import LAYOUT, parts_of, read_layout
+from workflow.archive._layout import FORMAT, MESSAGE, STATUS
+from workflow.archive._parts import COMMAND, Command, parts_of, read_command
 from workflow.archive._seal import is_intact, is_sealed
 from workflow.archive._shard import find_shards
+from workflow.archive._stored import PROVENANCE, Stored
 from workflow.archive._with_xarray import opened
+from workflow.grid import case_hashes
+from workflow.study import StudyError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -48,9 +53,10 @@ def open_archive(path: str | Path, chunks: Any = None) -> xr.Dataset:
         There is no such file, or it is not an archive of this workflow.
     """
     path = usable(path)
-    if _unfinished(path):
+    command = _unfinished(path)
+    if command is not None:
         try:
-            return _open_view(path, chunks)
+            return _open_view(path, command, chunks)
         except ArchiveError:
             if not path.exists():  # the run may have ended just now
                 raise
@@ -68,9 +74,9 @@ def provenance(path: str | Path) -> dict[str, str]:
         There is no such file, or it is not an archive of this workflow.
     """
     path = usable(path)
-    if _unfinished(path):
-        layout = read_layout(parts_of(path))
-        return {"key": layout.key, **layout.provenance}
+    command = _unfinished(path)
+    if command is not None:
+        return {"key": command.key, **command.texts}
     with _read(path) as file:
         group = file[PROVENANCE]
         attributes = {name: _as_text(value) for name, value in group.attrs.items() if not name.startswith("_")}
@@ -123,7 +129,7 @@ def content_hash(path: str | Path) -> str:
         There is no such file, it is unfinished, its values cannot be read, or it is not an archive of this workflow.
     """
     path = usable(path)
-    if _unfinished(path):
+    if _unfinished(path) is not None:
         raise ArchiveError(f"{path}: unfinished, only its shards are there; run the study to its end first")
     with _read(path):
         pass
@@ -140,7 +146,7 @@ def archive_key(path: str | Path) -> str | None:
         A file is there, but it is not an archive of this workflow: not to be overwritten.
     """
     path = usable(path)
-    if not path.exists() and not _unfinished(path):
+    if not path.exists() and _unfinished(path) is None:
         return None
     return provenance(path)["key"]
 
@@ -214,21 +220,26 @@ def _as_text(value: Any) -> str:
     return value.decode(errors="replace") if isinstance(value, bytes) else str(value)
 
 
-def _unfinished(path: Path) -> bool:
-    return not path.exists() and (parts_of(path) / LAYOUT).exists()
+def _unfinished(path: Path) -> Command | None:
+    """Return the command of a run whose archive is not there yet, ``None`` where there is none."""
+    return None if path.exists() else read_command(parts_of(path))
 
 
-def _open_view(path: Path, chunks: Any) -> xr.Dataset:
+def _open_view(path: Path, command: Command, chunks: Any) -> xr.Dataset:
     """Gather what is there into a temporary file, which goes when it is closed, or with the process."""
-    parts = parts_of(path)
-    layout = read_layout(parts)
+    try:
+        grid = grid_of(command.texts)
+    except (StudyError, LookupError, ValueError) as error:
+        raise ArchiveError(f"{parts_of(path)}: its study cannot be read by this version: {error}") from error
+    layout = replace(describe(grid, command.warnings), provenance=command.texts)
     descriptor, name = tempfile.mkstemp(prefix=f"{path.stem}-", suffix=".nc")
     os.close(descriptor)
     view = Path(name)
     _VIEWS.add(view)
     try:
         with writing("a view of the shards", view.parent):
-            assemble(layout, find_shards(parts, layout), view)
+            stored, hashes = Stored(find_shards(parts_of(path))[0]), case_hashes(grid)
+            assemble(layout, view, hashes, stored, stored.find(hashes))
         opened = _open_dataset(view, chunks, path)
     except BaseException:
         view.unlink(missing_ok=True)
@@ -265,6 +276,9 @@ def _open_dataset(path: Path, chunks: Any, named: Path) -> xr.Dataset:
         raise unreadable(named, error) from error
     try:
         _recognise(named, dataset.attrs)
+        for name, kinds in ((STATUS, "i"), (MESSAGE, "OSU")):
+            if name not in dataset or dataset[name].dtype.kind not in kinds:
+                raise ArchiveError(f"{named}: its {name} is not as `workflow run` writes it; restore a copy")
     except ArchiveError:
         dataset.close()
         raise
@@ -294,7 +308,7 @@ def _expected(path: Path) -> str:
     """Return what to give in the place of a file that is no archive: that of a study of this name, if it is there."""
     if path.suffix in (".yaml", ".yml"):
         for beside in (path.with_suffix(".nc"), Path(path.with_suffix(".nc").name)):
-            if beside.exists() or (parts_of(beside) / LAYOUT).exists():
+            if beside.exists() or (parts_of(beside) / COMMAND).exists():
                 return f"did you mean {beside}?"
         return "a study is given where an archive that `workflow run` wrote is expected"
     return "an archive that `workflow run` wrote is expected"

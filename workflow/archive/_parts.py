@@ -1,21 +1,62 @@
-"""The directory beside an unfinished archive: its layout, and what to clear away."""
+"""The directory beside an unfinished archive: the command that its run was given, and what to clear away."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from workflow.archive._files import ArchiveError, commit, reason, require_directory, sync, usable, writing
 from workflow.archive._hold import HOLDER
-from workflow.archive._layout import FORMAT, Attributes, Coordinate, Layout, Variable
 from workflow.archive._shard import SUFFIX
-from workflow.archive._stored_cells import STORED_CELLS, StoredCells, saved_file
 
-LAYOUT = "layout.json"
+COMMAND = "command.json"
+
+
+@dataclass(frozen=True)
+class Command:
+    """What a run was asked for.
+
+    Attributes
+    ----------
+    key
+        Identity of study and solver version.
+    texts
+        Those of the provenance group: the study, its files, counts of modes that tolerances decided, software.
+    warnings
+        What the plan warned of, a line each.
+    retry, recompute, drop
+        Options of the run.
+    archive
+        Which file was under the archive's name, ``None`` where none was: another one may come under it, with the very
+        same bytes.
+    begun
+        Time at which it began, in ns.
+    """
+
+    key: str
+    texts: Mapping[str, str]
+    warnings: str = ""
+    retry: bool = False
+    recompute: bool = False
+    drop: bool = False
+    archive: tuple[int, int] | None = None
+    begun: int = 0
+
+    @property
+    def study(self) -> str:
+        """Name of the study."""
+        return str(json.loads(self.texts["resolved"])["study"])
+
+
+def file_of(archive: Path) -> tuple[int, int] | None:
+    """Return which file is under an archive's name, ``None`` where none is."""
+    try:
+        about = archive.stat()
+    except FileNotFoundError:
+        return None
+    return about.st_ino, about.st_mtime_ns
 
 
 def parts_of(path: str | Path) -> Path:
@@ -25,42 +66,35 @@ def parts_of(path: str | Path) -> Path:
     return path.with_name(path.name + ".parts")
 
 
-def start_parts(parts: str | Path, layout: Layout) -> None:
-    """Make the directory for the shards of a layout, or take up one that a run left behind.
+def start_parts(parts: str | Path, command: Command) -> None:
+    """Make the directory for the shards of a command, or take up one that a run left behind.
 
-    The layout is stored in it (JSON, atomically), leftovers of interrupted writes are swept, shards
+    The command is recorded in it, leftovers of interrupted writes are swept, shards
     stay. One run at a time: whoever calls this holds the directory.
 
     Raises
     ------
     ArchiveError
-        The directory holds shards of another study or what no run left there, or cannot be written.
+        The directory holds what no run left there, or cannot be written.
     """
     parts = Path(parts)
     require_directory(parts)
     with writing("the directory of the shards", parts.parent):
         parts.mkdir(exist_ok=True)
         sync(parts.parent)
-    if (parts / LAYOUT).exists() and read_layout(parts).key != layout.key:
-        raise ArchiveError(
-            f"{parts}: holds unfinished results of another study or solver version; finish that one, "
-            "remove the directory, or choose another archive"
-        )
     if others := _others(parts):
         raise ArchiveError(
             f"{parts}: holds {others[0]}, which no run left there; move it away, or choose another archive with -o"
         )
-    with writing("the layout", parts):
+    with writing("the command", parts):
         for leftover in parts.glob("*.tmp"):
             leftover.unlink(missing_ok=True)
-        commit(parts / LAYOUT, json.dumps(_to_json(layout)).encode())
+        commit(parts / COMMAND, json.dumps(asdict(command)).encode())
 
 
 def _is_ours(file: Path) -> bool:
     """Tell whether a run may have left a file: only such files go in the end."""
-    named = (
-        file.name in (LAYOUT, HOLDER, STORED_CELLS) or file.suffix in (".tmp", SUFFIX) or file.name.startswith(".nfs")
-    )
+    named = file.name in (COMMAND, HOLDER) or file.suffix in (".tmp", SUFFIX) or file.name.startswith(".nfs")
     return named and file.is_file()
 
 
@@ -69,42 +103,29 @@ def _others(parts: Path) -> list[str]:
     return sorted(file.name for file in parts.iterdir() if not _is_ours(file))
 
 
-def read_layout(parts: str | Path) -> Layout:
-    """Return the layout that :func:`start_parts` stored.
+def read_command(parts: str | Path) -> Command | None:
+    """Return the command that :func:`start_parts` recorded, ``None`` where there is none.
 
     Raises
     ------
     ArchiveError
-        There is none, or it is not one that this version wrote.
+        It cannot be read.
     """
-    path = Path(parts) / LAYOUT
+    path = Path(parts) / COMMAND
     try:
         stored = json.loads(path.read_bytes())
-        if stored["format"] != FORMAT:
-            raise ArchiveError(
-                f"{path}: format {stored['format']}, this version reads {FORMAT}; use the version that began it"
-            )
-        return _from_json(stored)
+        archive = stored["archive"]
+        command = Command(**{**stored, "archive": None if archive is None else tuple(archive)})
+        assert command.study
+        return command
+    except (FileNotFoundError, NotADirectoryError):
+        return None
     except OSError as error:
-        raise ArchiveError(f"{path}: cannot be read: {reason(error)}; a run's directory of shards has it") from error
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise ArchiveError(f"{path}: cannot be read: {reason(error)}") from error
+    except (ValueError, KeyError, TypeError, AssertionError) as error:
         raise ArchiveError(
             f"{path}: damaged; remove the directory and give the command again, the study runs anew"
         ) from error
-
-
-def is_begun(parts: str | Path, layout: Layout, archive: Path) -> bool:
-    """Tell whether a run of this very layout has begun there and found this very file under the archive's name.
-
-    Raises
-    ------
-    ArchiveError
-        What that run left is damaged.
-    """
-    parts = Path(parts)
-    if not (parts / LAYOUT).exists() or read_layout(parts).key != layout.key:
-        return False
-    return saved_file(parts) == StoredCells(archive, np.empty(0, dtype=np.int64)).file
 
 
 def clear_parts(parts: str | Path) -> None:
@@ -141,49 +162,3 @@ def remove_parts(parts: str | Path) -> None:
             f"{parts}: the archive is complete, but its shards could not be removed: {reason(error)}; "
             "remove the directory by hand"
         ) from error
-
-
-def _to_json(layout: Layout) -> dict[str, Any]:
-    return {
-        "format": FORMAT,
-        "key": layout.key,
-        "dims": layout.dims,
-        "tails": dict(layout.tails),
-        "chunk": layout.chunk,
-        "coordinates": [
-            {"name": c.name, "dims": c.dims, "type": "text" if c.text else c.values.dtype.str,
-             "values": c.values.tolist(), "attrs": _plain(c.attrs)}
-            for c in layout.coordinates
-        ],
-        "variables": [
-            {"name": v.name, "kind": v.kind, "dtype": v.dtype, "attrs": _plain(v.attrs), "optional": v.optional}
-            for v in layout.variables
-        ],
-        "attrs": dict(layout.attrs),
-        "provenance": dict(layout.provenance),
-    }  # fmt: skip
-
-
-def _from_json(stored: Mapping[str, Any]) -> Layout:
-    coordinates = tuple(
-        Coordinate(c["name"], tuple(c["dims"]), np.array(c["values"], _dtype(c["type"])), c["attrs"])
-        for c in stored["coordinates"]
-    )
-    return Layout(
-        dims=tuple((name, size) for name, size in stored["dims"]),
-        tails=stored["tails"],
-        chunk=stored["chunk"],
-        coordinates=coordinates,
-        variables=tuple(Variable(**v) for v in stored["variables"]),
-        attrs=stored["attrs"],
-        provenance=stored["provenance"],
-        key=stored["key"],
-    )
-
-
-def _dtype(name: str) -> Any:
-    return object if name == "text" else np.dtype(name)
-
-
-def _plain(attrs: Attributes) -> dict[str, str | Sequence[int] | Sequence[float]]:
-    return {k: value if isinstance(value, str) else np.asarray(value).tolist() for k, value in attrs.items()}

@@ -1,112 +1,213 @@
-"""Variables of a finished archive, read cell by cell: what :mod:`workflow.archive._stored_cells` takes from one."""
+"""Cases that are stored, by their hashes: in the shards of a run and in the archive of an earlier one."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.archive._cut import Cut
-from workflow.archive._layout import MESSAGE, Layout, Variable
+from workflow.archive._files import reading
+from workflow.archive._layout import MESSAGE, OK, STATUS, Layout, Variable
+from workflow.variables import BY_NAME
 
-Cells = NDArray[np.int64]
+PROVENANCE, CASE_HASH = "provenance", "case_hash"
+"""Group of an archive, and its variable with the identity of every case, ``(…, byte)``."""
 
+Hashes = NDArray[np.uint8]
+"""Identities of cases, ``(case, byte)``."""
 
-def with_messages(file: Any) -> NDArray[np.bool_]:
-    """Tell which cells of an archive have a message, from its first character: an ok case may have one too."""
-    return np.asarray(file[MESSAGE][..., 0] != b"").ravel()
+Places = tuple[NDArray[np.int64], NDArray[np.int64]]
+"""Number of a source and row there, for each case; -1 where none holds it."""
 
-
-def messages_of(file: Any, places: Cells) -> list[str]:
-    """Return the messages of some cells."""
-    if not places.size:
-        return []
-    return [row.tobytes().rstrip(b"\0").decode() for row in _rows(file[MESSAGE], places, tail=1)]
-
-
-def same_chunks(stored: Any, variable: Variable, layout: Layout) -> bool:
-    """Tell whether chunks of a stored variable may stand in the archive of a layout as they are."""
-    tail = tuple(layout.sizes[name] for name in layout.tail(variable))
-    return bool(
-        stored.chunks is not None
-        and _without_ones(stored.chunks) == _without_ones(layout.archive_chunk_of(variable))
-        and stored.shape[stored.ndim - len(tail) :] == tail
-        and stored.dtype == np.dtype(variable.dtype)
-    )
+Kinds = Mapping[str, tuple[np.dtype[Any], tuple[int, ...]]]
+"""For each variable that is stored its dtype, and its sizes along ``t`` and so on."""
 
 
-def _without_ones(lengths: tuple[int, ...]) -> tuple[int, ...]:
-    """Return the lengths of a chunk from the first on that is more than one."""
-    more = [k for k, length in enumerate(lengths) if length > 1]
-    return tuple(lengths[more[0] :]) if more else ()
+@dataclass(frozen=True, eq=False)
+class Source:
+    """Results of some cases, which are read when they are asked for: a shard, or a chunk of an archive.
 
-
-def cut_of(status: Any) -> Cut | None:
-    """Return how a stored variable of cases is cut, ``None`` where its chunks are not those of a cut."""
-    if not status.shape or status.chunks is None:
-        return None
-    try:
-        cut = Cut(status.shape, int(np.prod(status.chunks)))
-    except ValueError:
-        return None
-    return cut if cut.lengths == status.chunks else None
-
-
-def holds(file: Any, variable: Variable, layout: Layout) -> bool:
-    """Tell whether a file has a variable as exactly as it is wanted, along ``t`` to its end.
-
-    One that is optional is missing in all of the cases of a file without it, and so are load periods without any.
+    Attributes
+    ----------
+    hashes
+        Identity of each case, ``(case, byte)``.
+    status
+        Of each case, ``(case,)``.
+    read
+        Returns a variable of all of them, ``(case, …)``, by its name; ``message`` as bytes.
+    kinds
+        What is stored.
     """
-    stored = file.get(variable.name)
-    if stored is None:
-        return variable.optional or (variable.kind == "period" and "period" not in file)
-    if np.dtype(variable.dtype).itemsize > stored.dtype.itemsize:
-        return False
-    return variable.kind != "history" or stored.shape[-1] == layout.tails["t"]
+
+    hashes: Hashes
+    status: NDArray[np.int8]
+    read: Callable[[str], NDArray[Any]]
+    kinds: Kinds
 
 
-def picked(stored: Any, places: Cells, variable: Variable, layout: Layout) -> NDArray[Any]:
-    """Return a variable of some cells; one that the file does not have, or a period beyond its last, is missing."""
-    if stored is None:
-        return np.full((len(places), *layout.shape_of(variable, 1)[2:]), variable.fill, dtype=variable.dtype)
-    rows = _rows(stored, places, tail=len(layout.tail(variable)))
-    if variable.kind != "period" or rows.shape[1] == layout.tails["period"]:
-        with np.errstate(over="ignore"):  # as in a shard: a diverged float64 is an infinite float32
-            return rows.astype(variable.dtype)
-    wide = np.full((len(rows), layout.tails["period"]), variable.fill, dtype=variable.dtype)
-    width = min(rows.shape[1], layout.tails["period"])
-    wide[:, :width] = rows[:, :width]
-    return wide
+class Stored:
+    """Cases that sources hold; of two with one hash that of the later source counts.
 
-
-_SPARE = 2
-"""Cells read for each that is wanted, at most, where that saves reads: each takes as long as a thousand numbers."""
-
-
-def _rows(stored: Any, places: Cells, tail: int) -> NDArray[Any]:
-    """Return some cells of a dataset, read in few boxes."""
-    shape = stored.shape[: stored.ndim - tail]
-    if not shape:
-        return np.repeat(stored[...][None], len(places), axis=0)
-    cells = np.empty((len(places), *stored.shape[len(shape) :]), dtype=stored.dtype)
-    if places.size:
-        _read(stored, np.stack(np.unravel_index(places, shape)), np.arange(len(places)), cells)
-    return cells
-
-
-def _read(stored: Any, index: Cells, which: Cells, cells: NDArray[Any]) -> None:
-    """Read the cells at ``index``, ``(dimension, cell)``, into rows ``which``: the box around them at once.
-
-    Where most of it is other cells it is cut along its outermost dimension, but not along its last.
+    Parameters
+    ----------
+    sources
+        The earliest first.
+    ok_alone
+        How many of them count with their cases that are ok alone, from the first.
     """
-    first, stop = index.min(axis=1), index.max(axis=1) + 1
-    across = np.flatnonzero(stop - first > 1)
-    if across.size <= 1 or np.prod(stop - first) <= _SPARE * which.size:
-        box = stored[tuple(map(slice, first.tolist(), stop.tolist()))]
-        cells[which] = box[tuple(index - first[:, None])]
-        return
-    outer = index[across[0]]
-    order = np.argsort(outer, kind="stable")
-    for alike in np.split(order, np.flatnonzero(np.diff(outer[order])) + 1):
-        _read(stored, index[:, alike], which[alike], cells)
+
+    def __init__(self, sources: Iterable[Source] = (), ok_alone: int = 0) -> None:
+        self.sources = tuple(sources)
+        rows = [
+            np.flatnonzero(each.status == OK) if k < ok_alone else np.arange(each.status.size)
+            for k, each in enumerate(self.sources)
+        ]
+        self._row = np.concatenate([np.empty(0, np.int64), *rows])
+        self._source = np.repeat(np.arange(len(rows)), [row.size for row in rows])
+        every = [each.hashes[row] for each, row in zip(self.sources, rows, strict=True)]
+        self.hashes: Hashes = np.concatenate([np.empty((0, 16), np.uint8), *every])
+        order = np.argsort(_keys(self.hashes), kind="stable")
+        self._row, self._source, self.hashes = self._row[order], self._source[order], self.hashes[order]
+
+    def find(self, hashes: Hashes) -> Places:
+        """Return which source holds each hash, in which row."""
+        if not self._row.size:
+            return np.full(len(hashes), -1), np.full(len(hashes), -1)
+        place = np.maximum(np.searchsorted(_keys(self.hashes), _keys(hashes), side="right") - 1, 0)
+        is_held = np.all(self.hashes[place].view(np.uint64) == np.ascontiguousarray(hashes).view(np.uint64), axis=1)
+        return np.where(is_held, self._source[place], -1), np.where(is_held, self._row[place], -1)
+
+    def holds(self, hashes: Hashes) -> NDArray[np.bool_]:
+        """Tell which hashes some source holds."""
+        return self.find(hashes)[0] >= 0
+
+    def status(self, hashes: Hashes) -> NDArray[np.int8]:
+        """Return the status of the cases that some source holds."""
+        source, row = self.find(hashes)
+        status = np.empty(len(hashes), np.int8)
+        for number in np.unique(source[source >= 0]).tolist():
+            status[source == number] = self.sources[number].status[row[source == number]]
+        return status[source >= 0]
+
+
+def are_among(hashes: Hashes, others: Hashes) -> NDArray[np.bool_]:
+    """Tell which hashes are among some others."""
+    return Stored([Source(others, np.zeros(len(others), np.int8), lambda _: others, {})]).holds(hashes)
+
+
+def _keys(hashes: Hashes) -> NDArray[np.uint64]:
+    """Return the first eight bytes of hashes, by which they are sorted."""
+    return np.ascontiguousarray(hashes[:, :8]).view(np.uint64).ravel()
+
+
+def archive_sources(path: Path) -> list[Source]:
+    """Return the cases of an archive, chunk by chunk.
+
+    Raises
+    ------
+    ArchiveError
+        It is damaged.
+    """
+    hashes, kinds = stored_hashes(path), archive_kinds(path)
+    with opened(path) as file:
+        status, lengths = file[STATUS][...], file[STATUS].chunks or ()
+    index = np.arange(status.size).reshape(status.shape)
+    sources = []
+    for box in boxes(status.shape, lengths):
+        cells = index[box].ravel()
+        sources.append(Source(hashes[cells], status.ravel()[cells], partial(_read, path, box), kinds))
+    return sources
+
+
+def boxes(shape: tuple[int, ...], lengths: tuple[int, ...]) -> Iterator[tuple[slice, ...]]:
+    """Yield the parts of an array, at most so long along each dimension, in C order."""
+    sides = ([slice(k, min(k + n, size)) for k in range(0, size, n)] for size, n in zip(shape, lengths, strict=True))
+    return product(*sides)
+
+
+def _read(path: Path, box: tuple[slice, ...], name: str) -> NDArray[Any]:
+    """Return a variable of a box of cases, ``(case, …)``."""
+    with opened(path) as file:
+        values = np.asarray(file[name][box])
+    values = values.reshape(-1, *values.shape[len(box) :])
+    return np.ascontiguousarray(values).view(f"S{values.shape[1]}")[:, 0] if name == MESSAGE else values
+
+
+def archive_kinds(path: Path) -> Kinds:
+    """Return what an archive holds of its cases.
+
+    Raises
+    ------
+    ArchiveError
+        It is damaged.
+    """
+    with opened(path) as file:
+        dims = file[STATUS].ndim
+        return {name: (item.dtype, item.shape[dims:]) for name, item in file.items() if hasattr(item, "dtype")}
+
+
+def stored_hashes(path: Path) -> Hashes:
+    """Return the identity of every case of an archive, ``(case, byte)``.
+
+    Raises
+    ------
+    ArchiveError
+        It is damaged.
+    """
+    with opened(path) as file:
+        hashes = file[PROVENANCE][CASE_HASH][...]
+        return np.asarray(hashes.reshape(-1, hashes.shape[-1]), dtype=np.uint8)
+
+
+def lacking(layout: Layout, kinds: Kinds) -> list[str]:
+    """Return the variables of a layout that are not stored, or not in its precision, or not along ``t`` to its end.
+
+    One that is optional is missing in all cases without it, and so are load periods without any.
+    """
+    return [variable.name for variable in layout.variables if not _has(kinds, variable, layout)]
+
+
+def _has(kinds: Kinds, variable: Variable, layout: Layout) -> bool:
+    if variable.name not in kinds:
+        return variable.optional or (variable.kind == "period" and "period" not in kinds)
+    dtype, tail = kinds[variable.name]
+    is_whole = variable.kind == "period" or tail == layout.tail_shape(variable)
+    return is_whole and dtype.itemsize >= np.dtype(variable.dtype).itemsize
+
+
+def surplus(layout: Layout, kinds: Kinds) -> list[str]:
+    """Return what is stored that a layout has no place for: histories, balances, sections, digits of them."""
+    names = []
+    for name, (dtype, _) in kinds.items():
+        about, asked = BY_NAME.get(name), layout.by_name.get(name)
+        if about is None or not (about.shape == "history" or about.condition in ("balances", "sections")):
+            continue
+        if asked is None:
+            names.append(name)
+        elif dtype.itemsize > np.dtype(asked.dtype).itemsize:
+            names.append(f"{name} as {dtype.name}")
+    return names
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[Any]:
+    """Open an archive with what it is read with here, under the lock of that library.
+
+    Raises
+    ------
+    ArchiveError
+        It is damaged.
+    """
+    import h5py
+
+    from workflow.archive._lock import LOCK
+
+    with LOCK, reading(path), h5py.File(path, "r") as file:
+        yield file

@@ -11,7 +11,10 @@ from workflow.cli._failures import NOT_OK, WRONG, errors_in_words
 from workflow.cli._terminal import print_error, say, write_json
 from workflow.cli._words import ArchiveFile
 
-_Bound = Annotated[str | None, typer.Option(metavar="QUANTITY", help="Bound of steady rubs, as 40K or 0.1mm.")]
+_Bound = Annotated[
+    str | None,
+    typer.Option(metavar="QUANTITY", help="Bound of steady rubs, in SI or with its unit: 40K, 0.1mm, '0.1 N*s'."),
+]
 
 
 def limits(
@@ -26,7 +29,7 @@ def limits(
     Exit status: 0 answered, 1 no case is within, 2 the archive has no steady rubs.
     """
     with errors_in_words():
-        from workflow.analysis import NothingSteadyError, limit_sentence
+        from workflow.analysis import NothingSteadyError, count_sentence, limit_sentence
         from workflow.analysis import limits as find
         from workflow.archive import open_archive
 
@@ -42,28 +45,37 @@ def limits(
                 print_error(f"{archive}: {error}")
                 raise typer.Exit(WRONG) from None
             lines = [limit_sentence(limit, dataset, bounds) for limit in found.limits]
+            if len(found.branches) > 1:
+                lines += [limit_sentence(limit, dataset, bounds, of_branch=True) for limit in found.branches]
         if as_json:
-            entries = [dataclasses.asdict(limit) for limit in found.limits]
-            named = [
-                {{"start": "from", "stop": "to"}.get(key, key): value for key, value in e.items()} for e in entries
-            ]
-            write_json({"limits": named, "cases": found.cases, "within": found.within}, indent=2)
+            answer = dataclasses.asdict(found)
+            for limit in (*answer["limits"], *answer["branches"]):
+                limit["from"], limit["to"] = limit.pop("start"), limit.pop("stop")
+            write_json(answer, indent=2)
         else:
             for line in lines:
                 say(line)
-            say(f"{found.within} of {found.cases} within.")
+            say(count_sentence(found))
         if not found.within:
             raise typer.Exit(NOT_OK)
 
 
 def _read(option: str, unit: str, text: str | None) -> float | None:
-    """Return a bound in SI."""
+    """Return a bound in SI; a number without unit is in SI."""
     from pydantic_core import PydanticCustomError
 
     from workflow.declare import Quantity
     from workflow.study.quantities import read_quantity
 
     try:
-        return None if text is None else float(read_quantity(text, Quantity(unit, option)))
+        return None if text is None else float(read_quantity(_plain(text), Quantity(unit, option, above=0)))
     except PydanticCustomError as error:
         raise typer.BadParameter(f"{option}: {error.message()}") from None
+
+
+def _plain(text: str) -> float | str:
+    """Return a text that is a number as one."""
+    try:
+        return float(text)
+    except ValueError:
+        return text

@@ -35,13 +35,11 @@ def plan(
     """
     with errors_in_words():
         from workflow.archive import open_archive
-        from workflow.grid import arrange, units_of
-        from workflow.grid import plan as make_plan
+        from workflow.grid import plan_study
         from workflow.run import holdings
 
         requested = read(study, settings)
-        grid = arrange(requested)
-        plan = make_plan(grid, units_of(grid))
+        plan = plan_study(requested)
         held = None if output is None else holdings(requested, named(output))
         if as_json:
             write_json({**_plain(plan), "archive": _plain(held)})
@@ -50,7 +48,7 @@ def plan(
             say(line)
         if output is not None and held is not None:
             say(f"  in {output}: {held.stored} stored, {held.missing} missing, {held.dropped} no longer asked for")
-            if held.stored and grid.study.is_auto:
+            if held.stored and requested.is_auto:
                 with open_archive(named(output)) as dataset:
                     for line in decided_lines(dataset):
                         say(line)

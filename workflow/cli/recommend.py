@@ -21,9 +21,6 @@ Tolerance = Annotated[
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Write JSON instead of text.")]
 
-SHOWN = (0.1, 0.01, 0.001)
-"""Tolerances that the table shows beside the one that is asked for."""
-
 WIDE = 240
 """Characters of a line where the output goes to a file or another program, which fold nothing."""
 
@@ -34,7 +31,7 @@ def recommend(archive: ArchiveFile, tolerance: Tolerance = None, as_json: AsJson
     Exit status: 0 answered, 1 nothing in the archive meets it, 2 the archive has no reference.
     """
     with errors_in_words():
-        from workflow.analysis import NoReferenceError, recommendation_cautions
+        from workflow.analysis import NoReferenceError, recommendation_cautions, usual_recommendations
         from workflow.analysis import recommend as choose
         from workflow.archive import open_archive
 
@@ -44,10 +41,7 @@ def recommend(archive: ArchiveFile, tolerance: Tolerance = None, as_json: AsJson
                 raise typer.Exit(WRONG)
             try:
                 recommendation = choose(dataset, tolerance)
-                others = sorted({*SHOWN, recommendation.tolerance}, reverse=True)
-                table = [
-                    recommendation if other == recommendation.tolerance else choose(dataset, other) for other in others
-                ]
+                table = usual_recommendations(dataset, recommendation)
             except NoReferenceError as error:
                 print_error(f"{archive}: {error}; run it with one to another archive, e.g. {_with_reference(archive)}")
                 raise typer.Exit(WRONG) from None

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Where:
+class ResourceFlags:
     """Where a study runs."""
 
     threads: Annotated[int | None, typer.Option(min=1, help="Threads; default: one per processor.")] = None
@@ -39,7 +39,7 @@ class Where:
 
 
 @dataclass(frozen=True)
-class Reuse:
+class ReuseFlags:
     """What is done with cases that are stored already."""
 
     retry: Annotated[bool, typer.Option("--retry", help="Run the cases again that are not ok.")] = False
@@ -59,8 +59,8 @@ class Reuse:
 @grouped
 def run(
     study: StudyFile,
-    where: Where,
-    reuse: Reuse,
+    resources: ResourceFlags,
+    reuse: ReuseFlags,
     settings: Settings = None,
     output: Annotated[
         Path | None,
@@ -69,7 +69,7 @@ def run(
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Say nothing but what went wrong.")] = False,
 ) -> None:
     """Run a study; what an interrupted run or an earlier archive of it holds is kept and the rest is run."""
-    where.check()
+    resources.check()
     reuse.check()
     with errors_in_words():
         from workflow.run import ClusterError, ReuseOptions, run_study
@@ -84,8 +84,8 @@ def run(
                 redirect_stdout(sys.stderr),
             ):
                 outcome = run_study(
-                    requested, archive, where.threads, follower,
-                    workers=where.workers, scheduler=where.scheduler, **options,
+                    requested, archive, resources.threads, follower,
+                    workers=resources.workers, scheduler=resources.scheduler, **options,
                 )  # fmt: skip
         except ClusterError as error:
             reached = "" if follower.advance is None else f"; {_reached(follower.advance)} {archive}"

@@ -1,22 +1,30 @@
 """From a study to batches of cases that share their operators, and to the tasks dask runs."""
 
-from workflow.grid._ahead import compiling, is_compiling, lend_turns
+from workflow.grid._ahead import kernel_variants
 from workflow.grid._arrangement import Grid, arrange, fixes_operator, reads
-from workflow.grid._choice import Choice, Decided, choices_text, read_choices
+from workflow.grid._choice import ChosenModes, Decided, choices_text, read_choices
+from workflow.grid._compile import compiled_ahead
 from workflow.grid._conditions import FRICTION, alpha_of
-from workflow.grid._costs import Part, handling_part, measured
-from workflow.grid._estimate import Time, compiling_seconds, estimate, measured_run, task_seconds
+from workflow.grid._estimate import Time, estimate, measured_run, model_seconds, task_seconds, time_to_compile
 from workflow.grid._figures import Figures
 from workflow.grid._frequencies import longest_period_count
-from workflow.grid._identity import case_hashes
+from workflow.grid._identity import CaseHashes, case_hashes
 from workflow.grid._operators import reduced_structure, structure_of
+from workflow.grid._perturbation import Perturbation
 from workflow.grid._plan import Plan, plan, plan_study
 from workflow.grid._reference import exact_motion, solution_counts
-from workflow.grid._shaken import Shaken
+from workflow.grid._reference_solutions import (
+    Block,
+    References,
+    ReferenceSolution,
+    Solutions,
+    compute_block,
+    solutions_of,
+)
 from workflow.grid._solve import Solved, metrics_of, periods_of, solve
+from workflow.grid._speed import timed
 from workflow.grid._steady import steady_of
-from workflow.grid._tasks import Segment, Task, Units, bytes_per_case, seconds_per_case, tasks, units_of
-from workflow.grid._turns import Turns
+from workflow.grid._tasks import Batch, Task, bytes_per_case, seconds_per_case, tasks
 from workflow.grid._waiting_for import CASES, COMPILING, GATHERING, waited_for, waiting_for
 from workflow.grid._warnings import warning_lines
 
@@ -25,36 +33,36 @@ __all__ = [
     "COMPILING",
     "FRICTION",
     "GATHERING",
-    "Choice",
+    "Batch",
+    "Block",
+    "CaseHashes",
+    "ChosenModes",
     "Decided",
     "Figures",
     "Grid",
-    "Part",
+    "Perturbation",
     "Plan",
-    "Segment",
-    "Shaken",
+    "ReferenceSolution",
+    "References",
+    "Solutions",
     "Solved",
     "Task",
     "Time",
-    "Turns",
-    "Units",
     "alpha_of",
     "arrange",
     "bytes_per_case",
     "case_hashes",
     "choices_text",
-    "compiling",
-    "compiling_seconds",
+    "compiled_ahead",
+    "compute_block",
     "estimate",
     "exact_motion",
     "fixes_operator",
-    "handling_part",
-    "is_compiling",
-    "lend_turns",
+    "kernel_variants",
     "longest_period_count",
-    "measured",
     "measured_run",
     "metrics_of",
+    "model_seconds",
     "periods_of",
     "plan",
     "plan_study",
@@ -63,12 +71,14 @@ __all__ = [
     "reduced_structure",
     "seconds_per_case",
     "solution_counts",
+    "solutions_of",
     "solve",
     "steady_of",
     "structure_of",
     "task_seconds",
     "tasks",
-    "units_of",
+    "time_to_compile",
+    "timed",
     "waited_for",
     "waiting_for",
     "warning_lines",

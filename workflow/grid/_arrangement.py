@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow import schemes
-from workflow.grid._choice import Choice, Decided, choose
+from workflow.grid._choice import ChosenModes, Decided, Setting, choose, refine
 from workflow.grid._conditions import FRICTION
-from workflow.grid._refined import refine
-from workflow.grid._trials import EXACT, Setting
+from workflow.judges.trials import EXACT
 from workflow.schemes import Sampling
-from workflow.study import CHOSEN, Axis, Cell, Dimension, SchemeChoice, Study
+from workflow.study import CHOSEN, Axis, CaseSettings, Dimension, SchemeChoice, Study
 
 Indices = NDArray[np.int64]
 
@@ -104,16 +103,16 @@ class Grid:
         followed = () if self.study.branch is None else (self.study.branch.axis,)
         return (*(axis for dimension in (*self.outer, *self.inner) for axis in dimension.axes), *followed)
 
-    def settings(self, outer: int, replaced: Mapping[str, Any] | None = None) -> Cell:
+    def settings(self, outer: int, replaced: Mapping[str, Any] | None = None) -> CaseSettings:
         """Return the settings of the first case of an outer index, some of them replaced."""
         return self._settings(outer, replaced) if replaced else self._cached_settings(outer)
 
     @cached_property
-    def _cached_settings(self) -> Callable[[int], Cell]:
+    def _cached_settings(self) -> Callable[[int], CaseSettings]:
         """Settings of recent outer indices: a task reads those of one outer index about five times."""
         return lru_cache(maxsize=_MOST_SETTINGS)(lambda outer: self._settings(outer, {}))
 
-    def _settings(self, outer: int, replaced: Mapping[str, Any]) -> Cell:
+    def _settings(self, outer: int, replaced: Mapping[str, Any]) -> CaseSettings:
         values = self._values(outer)
         chosen = self.choice(outer)
         counts = {} if chosen is None else chosen.counts
@@ -130,7 +129,7 @@ class Grid:
         """Return the value of a setting for the first case of an outer index."""
         return self._values(outer)[path]
 
-    def choice(self, outer: int) -> Choice | None:
+    def choice(self, outer: int) -> ChosenModes | None:
         """Return the counts of modes that the tolerance of an outer index decides, ``None`` where the study does."""
         if not self.study.is_auto:
             return None
@@ -141,7 +140,7 @@ class Grid:
         if first not in self.decided.cases:
             cell = self.study.cell(self._values(first))
             setting = Setting(cell, self._conditions, replace(self.sampling, balances=False), self.shortest)
-            return choose(setting, (cell.mechanical_modes, cell.thermal_modes), float(values["tolerance"]))
+            return choose(setting, float(values["tolerance"]))
         return self.decided.cases[first]
 
     @property
@@ -152,7 +151,7 @@ class Grid:
             return self.inner
         return (*self.inner, Dimension(branch.axis.name, (branch.axis,)))
 
-    def reference_choice(self, outer: int) -> Choice | None:
+    def reference_choice(self, outer: int) -> ChosenModes | None:
         """Return the counts of modes of an outer index's reference that its tolerance decides, ``None`` without one."""
         reference = self.study.reference
         if reference is None or not reference.is_auto:
@@ -164,7 +163,7 @@ class Grid:
             remaining = [replace(d, axes=tuple(a for a in d.axes if a.path not in replaced)) for d in self.inner]
             inner = tuple(dimension for dimension in remaining if dimension.axes)
             setting = Setting(cell, inner, replace(self.sampling, balances=False), self.shortest)
-            return refine(setting, (cell.mechanical_modes, cell.thermal_modes), float(replaced[TOLERANCE]))
+            return refine(setting, float(replaced[TOLERANCE]))
         return self.decided.references[first]
 
     def _decides_reference(self, path: str) -> bool:
@@ -179,7 +178,9 @@ class Grid:
             self._all_of(self.reference_choice, self._decides_reference) if self.study.reference is not None else {},
         )
 
-    def _all_of(self, choice: Callable[[int], Choice | None], matters: Callable[[str], bool]) -> dict[int, Choice]:
+    def _all_of(
+        self, choice: Callable[[int], ChosenModes | None], matters: Callable[[str], bool]
+    ) -> dict[int, ChosenModes]:
         first = np.unique(self.alike(np.arange(self.outer_count, dtype=np.int64), matters))
         choices = {int(outer): choice(int(outer)) for outer in first}
         return {outer: chosen for outer, chosen in choices.items() if chosen is not None}
@@ -223,7 +224,7 @@ class Grid:
             for method in (truth.method, EXACT)
         )
 
-    def canonical_inner(self, cell: Cell, inner: Indices) -> Indices:
+    def canonical_inner(self, cell: CaseSettings, inner: Indices) -> Indices:
         """Return for each inner index the first one with the same results."""
         if not self.inner:
             return inner
@@ -231,7 +232,7 @@ class Grid:
         first = [np.zeros_like(i) if self.unread(d, cell.scheme) else i for d, i in zip(self.inner, index, strict=True)]
         return np.asarray(np.ravel_multi_index(first, self.inner_shape), dtype=np.int64)
 
-    def distinct_inner(self, cell: Cell) -> int:
+    def distinct_inner(self, cell: CaseSettings) -> int:
         """Return how many inner indices have results of their own."""
         return math.prod(d.size for d in self.inner if not self.unread(d, cell.scheme))
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from workflow.grid._arrangement import TOLERANCE, Grid
-from workflow.grid._choice import Choice, corner_text
+from workflow.grid._choice import ChosenModes
+from workflow.grid._corners import corner_text
 from workflow.grid._figures import size_text
-from workflow.grid._reference import reference_cell
-from workflow.study import Cell
+from workflow.grid._reference_solutions import reference_cell
+from workflow.study import CaseSettings
 
 _SHOWN = 8
 
@@ -39,7 +40,7 @@ def choice_cautions(grid: Grid) -> Iterator[str]:
             yield f"{name}: {_counts(choice)} miss it with {choice.error:.2g}; {_MISSED}"
 
 
-def _all(grid: Grid) -> Iterator[tuple[str, float, Choice]]:
+def _all(grid: Grid) -> Iterator[tuple[str, float, ChosenModes]]:
     """Yield what each choice is for, its tolerance, and the choice."""
     for outer, choice in grid.choices.cases.items():
         tolerance = float(grid.value(outer, TOLERANCE))
@@ -50,16 +51,16 @@ def _all(grid: Grid) -> Iterator[tuple[str, float, Choice]]:
         yield f"reference, {_for(reference_cell(grid, outer), tolerance)}", tolerance, choice
 
 
-def _for(cell: Cell, tolerance: float) -> str:
+def _for(cell: CaseSettings, tolerance: float) -> str:
     """Return for which tolerance, basis and structure a choice is."""
     return f"tolerance {tolerance:g}, {cell.reduction}, {size_text(cell)}"
 
 
-def _counts(choice: Choice) -> str:
+def _counts(choice: ChosenModes) -> str:
     return f"{choice.mechanical_modes} + {choice.thermal_modes} modes"
 
 
-def _error_text(choice: Choice) -> str:
+def _error_text(choice: ChosenModes) -> str:
     """Return the error of a choice, in which case, and against what."""
     if not choice.is_confirmed:
         return choice.against

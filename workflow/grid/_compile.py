@@ -1,18 +1,21 @@
-"""Kernels of schemes compiled before they run, in shares that several processes may take.
+"""Kernels of schemes compiled before cases run, so that no case's time holds it; a helper process compiles beside.
 
-numba compiles one function at a time in a process. A share is what one process compiles at a time: a kernel that the
-scheme names apart, or all kernels of a scheme. Helper processes (:mod:`workflow.grid._helpers`) compile shares into the
-cache of kernels; a run takes those that nobody has begun, waits for the others, and loads what they left.
+numba compiles one function at a time in a process. The helper is a process of this very module: it compiles what it is
+given into the cache of kernels and answers each with a line; a run loads what it left. Where it fails the run compiles.
 """
 
 from __future__ import annotations
 
+import gc
 import hashlib
+import os
+import pickle
+import subprocess
+import sys
 import threading
-from collections import deque
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import AbstractContextManager, nullcontext, suppress
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, fields, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -20,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from workflow import models
-from workflow.grid._costs import Part, compiling_part, compiling_parts, measured
+from workflow.grid._speed import untimed
 from workflow.grid._waiting_for import COMPILING, waiting_for
 from workflow.kernels.cache import directory_of, is_lasting
 from workflow.models import Cases, Harmonics
@@ -52,117 +55,123 @@ class KernelVariant:
         return (self.method, self.balances, self.massless_tip, *driven, *others)
 
 
-@dataclass(frozen=True, eq=False)
-class Share:
-    """Kernels of one scheme that one process compiles: those of a call that the scheme names, or of some variants."""
-
-    variants: tuple[KernelVariant, ...]
-    call: str = ""
-    """One of the scheme's ``KERNEL_CALLS``, made for the first variant; empty where the scheme names none."""
-    is_done: threading.Event = field(default_factory=threading.Event)
-
-    @property
-    def method(self) -> str:
-        """The scheme's name."""
-        return self.variants[0].method
-
-    def compile(self) -> None:
-        """Compile into the cache of kernels, but for what the scheme refuses."""
-        if self.call:
-            with suppress(Exception):
-                scheme, arguments = _example(self.variants[0])
-                with measured(compiling_parts(self.method)[self.call]):
-                    scheme.KERNEL_CALLS[self.call](*arguments)
-            return
-        for variant in self.variants:
-            _compile(variant)
-
-
-def shares_of(variants: Sequence[KernelVariant]) -> list[Share]:
-    """Return what processes can compile apart of one scheme's variants.
-
-    Where the scheme names calls they are those of one variant, with balances if any has them: two processes that
-    compile variants of a scheme would compile most kernels twice.
-    """
-    calls = load(variants[0].method).KERNEL_CALLS
-    fullest = max(variants, key=lambda variant: variant.balances)
-    return [Share((fullest,), call) for call in calls] or [Share(tuple(variants))]
-
-
-class _Shares:
-    """The shares of runs in this process: some that nobody has begun, some being compiled, some done."""
-
-    def __init__(self) -> None:
-        self._all: list[Share] = []
-        self._unbegun: deque[Share] = deque()
-
-    def add(self, shares: Iterable[Share]) -> None:
-        """Add shares, those that are needed first first."""
-        for share in shares:
-            self._all.append(share)
-            self._unbegun.append(share)
-
-    def of(self, method: str) -> list[Share]:
-        """Return the shares of a scheme."""
-        return [share for share in list(self._all) if share.method == method]
-
-    def take(self, share: Share) -> bool:
-        """Take a share to compile it; tell whether nobody had begun it."""
-        with suppress(ValueError):
-            self._unbegun.remove(share)
-            return True
-        return False
-
-    def take_next(self) -> Share | None:
-        """Take the first share that nobody has begun."""
-        with suppress(IndexError):
-            return self._unbegun.popleft()
-        return None
-
-    def drop(self, shares: Iterable[Share]) -> None:
-        """Drop shares: nobody waits for them any more."""
-        for share in shares:
-            self.take(share)
-            self._all.remove(share)
-            share.is_done.set()
-
-
-SHARES = _Shares()
-
-
-def compile_scheme(variant: KernelVariant, waiting: Callable[[], AbstractContextManager[None]] = nullcontext) -> None:
-    """Compile what a scheme needs, so that no case's time holds it; wait for helper processes within ``waiting``.
+@cache
+def compile_scheme(variant: KernelVariant) -> None:
+    """Run a scheme once: it compiles the kernels that are not in the cache, and loads the others.
 
     Nothing is raised: the case may be another than the one that is refused, and says itself why it fails.
     """
-    shares = SHARES.of(variant.method)
-    for share in reversed(shares):  # helpers begin with the first
-        if SHARES.take(share):
-            try:
-                with waiting_for(COMPILING):
-                    share.compile()
-            finally:
-                share.is_done.set()
-    if not all(share.is_done.is_set() for share in shares):
-        with waiting(), waiting_for(COMPILING):
-            for share in shares:
-                share.is_done.wait()
-    _compile(variant)
-
-
-@cache
-def _compile(variant: KernelVariant) -> None:
-    """Run a scheme once: it compiles all kernels that are not in the cache, and loads the others.
-
-    What raises compiles nothing and leaves no note.
-    """
-    with suppress(Exception, SystemExit), waiting_for(COMPILING):
+    with waiting_for(COMPILING), untimed(), suppress(Exception, SystemExit):
+        _HELPER.wait_for(variant)
         scheme, arguments = _example(variant)
-        with measured(_part(variant)):
-            scheme.compute(*arguments)
+        scheme.compute(*arguments)
         note = _note(variant)
         if note is not None:
             note.touch()
+
+
+@contextmanager
+def compiled_ahead(variants: Sequence[KernelVariant]) -> Iterator[None]:
+    """Let a helper process, gone when the context is left, compile what the run does not begin with.
+
+    Of a scheme that names its large kernels apart (``KERNEL_CALLS``) the helper takes the first, the run the others.
+    """
+    missing = [variant for variant in variants if is_missing(variant)]
+    parts = [(variant, next(iter(load(variant.method).KERNEL_CALLS), "")) for variant in missing]
+    parts = [(variant, call) for place, (variant, call) in enumerate(parts) if place > 0 or call]
+    if not parts:
+        yield
+        return
+    _HELPER.start(parts)
+    try:
+        yield
+    finally:
+        _HELPER.end()
+
+
+class _Helper:
+    """The helper process of this process, and what it compiles."""
+
+    def __init__(self) -> None:
+        self._process: subprocess.Popen[bytes] | None = None
+        self._done: dict[str, threading.Event] = {}
+
+    def start(self, parts: list[tuple[KernelVariant, str]]) -> None:
+        """Start a process that compiles variants of schemes, or one call of them; none where that fails."""
+        package = Path(__file__).parents[2]
+        paths = os.pathsep.join([str(package), *filter(None, [os.environ.get("PYTHONPATH")])])
+        with suppress(Exception):
+            content = pickle.dumps(parts)
+            self._process = process = subprocess.Popen(
+                [sys.executable, "-P", "-c", f"from {__name__} import main; main()"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                env={**os.environ, "PYTHONPATH": paths},
+            )
+            self._done = {variant.method: threading.Event() for variant, _ in parts}
+            threading.Thread(target=self._follow, args=(process, parts, content), daemon=True).start()
+
+    def _follow(self, process: subprocess.Popen[bytes], parts: list[tuple[KernelVariant, str]], content: bytes) -> None:
+        """Hear what the process has compiled; when it ends nobody waits for it any more."""
+        assert process.stdin is not None
+        assert process.stdout is not None
+        done = self._done
+        with suppress(OSError):
+            process.stdin.write(content)
+            process.stdin.flush()
+            methods = [variant.method for variant, _ in parts]
+            while methods and process.stdout.readline() == _DONE:
+                method = methods.pop(0)
+                if method not in methods:
+                    done[method].set()
+        for event in done.values():
+            event.set()
+
+    def wait_for(self, variant: KernelVariant) -> None:
+        """Compile the calls of a scheme that the helper does not, then wait for the helper to have compiled its own."""
+        done = self._done.get(variant.method)
+        if done is None:
+            return
+        if not done.is_set():
+            for call in list(load(variant.method).KERNEL_CALLS)[1:]:
+                _compile(variant, call)
+        done.wait()
+
+    def end(self) -> None:
+        """Kill the process; those who wait for it go on."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.communicate()
+        self._process = None
+        self._done = {}
+
+
+_HELPER = _Helper()
+
+_DONE = b"done\n"
+
+
+def main() -> None:
+    """Compile what the parent sends, and end with its pipe."""
+    answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb", buffering=0)
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what a scheme prints
+    parts = pickle.load(sys.stdin.buffer)
+    threading.Thread(target=lambda: (sys.stdin.buffer.read(), os._exit(0)), daemon=True).start()
+    gc.disable()  # a tenth of the time of a compiler that leaves little garbage; this process does nothing else
+    for variant, call in parts:
+        _compile(variant, call)
+        answers.write(_DONE)
+
+
+def _compile(variant: KernelVariant, call: str) -> None:
+    """Compile a scheme, or one of the calls that need a large kernel alone."""
+    if not call:
+        compile_scheme(variant)
+        return
+    with suppress(Exception):
+        scheme, arguments = _example(variant)
+        scheme.KERNEL_CALLS[call](*arguments)
 
 
 def _example(variant: KernelVariant) -> tuple[Scheme, tuple[Any, Cases, Sampling]]:
@@ -171,7 +180,8 @@ def _example(variant: KernelVariant) -> tuple[Scheme, tuple[Any, Cases, Sampling
     parameters = chain.Parameters(1, mass=1.0, stiffness=1.0, heat_capacity=1.0, spacing=1.0, expansion=1.0)
     structure = chain.assemble(parameters)
     if variant.massless_tip:
-        structure = replace(structure.matrices(), mass=np.zeros((1, 1)))
+        whole = structure.matrices()
+        structure = replace(whole, mechanical=replace(whole.mechanical, inertia=np.zeros((1, 1))))
     if variant.slides:
         structure = replace(structure.matrices(), tangent=np.ones(1))
     if variant.coupled:
@@ -183,22 +193,6 @@ def _example(variant: KernelVariant) -> tuple[Scheme, tuple[Any, Cases, Sampling
     cases = replace(cases, friction=np.full(1, 0.5 * variant.slides))
     over = Sampling(1.0, 0.5, 3, balances=variant.balances)
     return scheme, (scheme.init(structure, 0.5, variant.options), cases, over)
-
-
-def _part(variant: KernelVariant) -> Part:
-    """Return loading compiled kernels, compiling the first of a scheme, or compiling others that share much with it."""
-    if is_compiled(variant) or SHARES.of(variant.method):
-        return Part(1.0, (f"loading {variant.method}",))
-    note = _note(variant)
-    if note is not None and any(note.parent.glob("*.nbi")):
-        return replace(compiling_part(variant.method), keys=("compiling more",))
-    return compiling_part(variant.method)
-
-
-def is_compiled(variant: KernelVariant) -> bool:
-    """Tell whether a scheme's kernels are in the cache."""
-    note = _note(variant)
-    return note is not None and note.exists()
 
 
 def is_missing(variant: KernelVariant) -> bool:

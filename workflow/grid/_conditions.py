@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
 
 from workflow.declare import Values
-from workflow.models import Array, Cases, Harmonics, Structure, distinct_rows, static_equilibrium
-from workflow.study import Cell, Initial, Scene
+from workflow.models import Array, Cases, Harmonics, Structure
+from workflow.study import CaseSettings, Initial, Scene
 
 FRICTION = "scene.friction."
 """How the axes begin that make α."""
 
 
-def conditions(cell: Cell, structure: Structure, varying: Mapping[str, Array], count: int) -> Cases:
-    """Return the cases of a batch on the full structure; ``initial: static`` is left to :func:`at_rest`.
+def conditions(cell: CaseSettings, structure: Structure, varying: Mapping[str, Array], count: int) -> Cases:
+    """Return the cases of a batch on the full structure; ``initial: static`` is left to ``at_rest``.
 
     Parameters
     ----------
@@ -77,7 +76,7 @@ def spread(varying: Mapping[str, Array], path: str, value: float, count: int) ->
     return np.array(np.broadcast_to(varying.get(path, np.float64(value)), (count,)), dtype=np.float64)
 
 
-def alpha_of(cell: Cell, varying: Mapping[str, Array], count: int) -> Array:
+def alpha_of(cell: CaseSettings, varying: Mapping[str, Array], count: int) -> Array:
     """Return α of each case, W/N, ``(case,)``: heat_share · coefficient · sliding_speed where a scene has friction."""
     friction = cell.scene.friction
     if friction is None:
@@ -89,7 +88,7 @@ def alpha_of(cell: Cell, varying: Mapping[str, Array], count: int) -> Array:
     return share * coefficient * speed
 
 
-def friction_of(cell: Cell, structure: Structure, varying: Mapping[str, Array], count: int) -> Array:
+def friction_of(cell: CaseSettings, structure: Structure, varying: Mapping[str, Array], count: int) -> Array:
     """Return µ of each case, 1, ``(case,)``; 0 without a direction of sliding or without friction."""
     if structure.tangent is None or cell.scene.friction is None:
         return np.zeros(count)
@@ -114,28 +113,3 @@ def heat_load(parameters: Any) -> Values:
     declared = {entry.name for entry in dataclasses.fields(parameters)}
     value: Values = parameters.heating if "heating" in declared else 0.0
     return value
-
-
-def at_rest(structure: Structure, cases: Cases) -> Cases:
-    """Return the cases started in equilibrium under their constant loads, each distinct one solved once.
-
-    A tip that rests on the casing, d(0), has its velocity ḋ(0).
-
-    ``structure`` is the one they are run on, reduced or full, so that none of its modes swings.
-
-    Raises
-    ------
-    NoEquilibriumError
-        The constant loads of a case move the structure for ever.
-    """
-    load = cases.steady.copy()
-    load += cases.mean[:, None] * structure.load_direction
-    casing = cases.casing_at(0.0)
-    first, which = distinct_rows(load, cases.heating, casing[:, None], cases.friction[:, None])
-    laws = list(zip(casing.tolist(), cases.friction.tolist(), strict=True))
-    states = [static_equilibrium(structure, load[k], cases.heating[k], *laws[k]) for k in first]
-    displacement = np.stack([x for x, _ in states])[which]
-    temperature = np.stack([theta for _, theta in states])[which]
-    velocity = np.zeros_like(displacement)
-    velocity[:, -1] = np.where(displacement[:, -1] == casing, cases.casing_velocity_at(0.0), 0.0)
-    return replace(cases, displacement=displacement, velocity=velocity, temperature=temperature)

@@ -1,53 +1,41 @@
-"""How long a study will take on this machine: its tasks by the fixed model, at the speed that runs measured."""
+"""How long a study will take on this machine: the cost model, times the factor that runs measured."""
 
 from __future__ import annotations
 
-import heapq
+import math
 import os
-import time
-from collections import Counter
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field, replace
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
+from workflow import schemes
 from workflow.grid import _speed
 from workflow.grid._ahead import kernel_variants
-from workflow.grid._arrangement import Grid, Indices
-from workflow.grid._compile import is_compiled
+from workflow.grid._arrangement import Grid
+from workflow.grid._compile import is_missing
 from workflow.grid._conditions import alpha_of
 from workflow.grid._costs import (
-    Part,
-    batch_part,
-    beside_part,
-    compiling_part,
-    compiling_parts,
-    growth_part,
-    handling_part,
-    setup_part,
-    steady_part,
+    LOADING,
+    beside_seconds,
+    case_seconds,
+    compiling_seconds,
+    growth_seconds,
+    handling_seconds,
+    modes_seconds,
+    setup_seconds,
 )
-from workflow.grid._frequencies import fastest_frequency, longest_period_count
-from workflow.grid._operators import reduced, reduced_structure
-from workflow.grid._reference import exact_cell, reference_cell
-from workflow.grid._solve import REPEATS, SHORT
-from workflow.grid._tasks import Segment, Task, Units, steady_bytes, tasks
-from workflow.grid._truth import BLOCK, distinct_shape
-from workflow.models import Array
-from workflow.study import Cell
-
-REFERENCE_RUNS = 3
-"""Runs of a reference: itself, and with its gap opened and closed by a trifle."""
-
-LOADING = 0.05
-"""Seconds that loading a scheme's compiled kernels takes."""
-
-MOST_KINDS = 2000
-"""Kinds of segments that are looked at one by one; each further one counts as the mean of those."""
+from workflow.grid._frequencies import fastest, longest_period_count
+from workflow.grid._operators import reduced_structure, structure_of
+from workflow.grid._reference import distinct_solutions
+from workflow.grid._reference_solutions import REFERENCE_RUNS
+from workflow.grid._tasks import Task, decides_cost, seconds_per_case, steady_bytes, tasks
+from workflow.kernels.lanes import PACK
 
 MOST_LOOKED_AT = 20_000
-"""Cases of a segment whose conditions are looked at; a longer one counts in proportion."""
+"""Cases whose couplings are looked at."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +53,7 @@ class Time:
     compiling
         Seconds that compiling takes once, beside; 0 where all is compiled.
     measured
-        Whether runs on this machine have measured the schemes' speed.
+        Whether runs on this machine have measured its speed.
     """
 
     seconds: float
@@ -76,19 +64,12 @@ class Time:
 
 
 @contextmanager
-def measured_run(grid: Grid, begun: float, here: bool) -> Iterator[None]:
-    """Remember the speed of this machine at the end of a run that computes in this process, if ``here``.
-
-    ``begun`` is the processor time at the run's beginning.
-    """
+def measured_run(here: bool) -> Iterator[None]:
+    """Remember the speed of this machine at the end of a run, if it computes ``here``, in this process."""
+    _speed.forget()
     yield
-    if not here:
-        _speed.forget()
-        return
-    with suppress(Exception):  # costs of a foreign scheme, say: no run fails by it
-        part = beside_part(grid.outer_count * grid.inner_count, result_bytes(grid))
-        _speed.add(part.seconds, max(0.0, time.process_time() - begun - _speed.attributed()), *part.keys)
-    _speed.remember()
+    if here:
+        _speed.remember()
 
 
 def result_bytes(grid: Grid) -> int:
@@ -99,151 +80,91 @@ def result_bytes(grid: Grid) -> int:
     return grid.outer_count * grid.inner_count * each
 
 
-def estimate(grid: Grid, units: Units, threads: int | None = None) -> Time:
+def estimate(grid: Grid, threads: int | None = None) -> Time:
     """Return how long a study will take; ``threads`` is one for each processor where not given."""
-    threads = threads or len(os.sched_getaffinity(0))
-    speeds = _speed.speeds()
-    costs = _Costs(grid, units, speeds)
-    ends = [0.0] * threads
-    work = 0.0
-    for _, seconds in _weighed(grid, units, costs):
-        work += seconds
-        heapq.heapreplace(ends, ends[0] + seconds)
-    beside = costs.seconds(beside_part(grid.outer_count * grid.inner_count, result_bytes(grid)))
-    loading, compiling = _kernels(grid, speeds, threads)
+    threads, factor = threads or len(os.sched_getaffinity(0)), _speed.factor()
+    scale, seconds = factor or 1.0, [model_seconds(grid, task) for task in tasks(grid)]
+    work = (sum(seconds) + beside_tasks(grid)) * scale
+    beside = beside_seconds(grid.outer_count * grid.inner_count, result_bytes(grid))
+    beside += LOADING * len(kernel_variants(grid))
     return Time(
-        seconds=max(ends) + beside + loading,
+        seconds=max(work / threads, max(seconds) * scale) + beside,
         threads=threads,
-        core_seconds=work + beside + loading,
-        compiling=compiling,
-        measured=costs.measured,
+        core_seconds=work + beside,
+        compiling=time_to_compile(grid, threads),
+        measured=factor is not None,
     )
 
 
-def task_seconds(grid: Grid, units: Units) -> Iterator[tuple[Task, float]]:
-    """Yield the tasks of a study in their order, each with the processor seconds it will take on this machine."""
-    return _weighed(grid, units, _Costs(grid, units, _speed.speeds()))
+def task_seconds(grid: Grid) -> Iterator[tuple[Task, float]]:
+    """Yield the tasks of a study in their order, each with the processor seconds it will take on this machine.
+
+    What tasks share, references above all, is spread evenly over their work.
+    """
+    total = sum(model_seconds(grid, task) for task in tasks(grid))
+    scale = (1 + beside_tasks(grid) / total) * (_speed.factor() or 1.0)
+    for task in tasks(grid):
+        yield task, model_seconds(grid, task) * scale
 
 
-def _weighed(grid: Grid, units: Units, costs: _Costs) -> Iterator[tuple[Task, float]]:
-    for task in tasks(grid, units):
-        yield task, sum(costs.of(segment) for segment in task.segments)
+def model_seconds(grid: Grid, task: Task) -> float:
+    """Return the processor seconds of a task by the cost model, without references, operators and growth rates."""
+    model, seconds = grid.study.scene.model, 0.0
+    for batch in task.batches:
+        kind = int(grid.alike(np.array([batch.outer]), lambda path: decides_cost(path, model))[0])
+        seconds += _batch_seconds(grid, kind, batch.inner.size)
+    return seconds
 
 
-def compiling_seconds(grid: Grid, threads: int) -> float:
+@lru_cache(maxsize=4096)
+def _batch_seconds(grid: Grid, outer: int, count: int) -> float:
+    """Return model seconds of so many cases: the distinct ones are stepped, where a scheme has packs whole ones."""
+    cell = grid.settings(outer)
+    distinct = math.ceil(count * grid.distinct_inner(cell) / grid.inner_count)
+    padded = -(-distinct // PACK) * PACK if schemes.load(cell.scheme.method).TOGETHER > 1 else distinct
+    handling = handling_seconds(count, grid.sampling.count, len(grid.study.output.histories))
+    return padded * seconds_per_case(grid, outer) + handling
+
+
+def time_to_compile(grid: Grid, threads: int) -> float:
     """Return the seconds that compiling a study's schemes will take, 0 where all are compiled."""
-    return _kernels(grid, _speed.speeds(), threads)[1]
+    seconds = [compiling_seconds(variant.method) for variant in kernel_variants(grid) if is_missing(variant)]
+    return sum(seconds) / min(threads, 2)
 
 
-def _kernels(grid: Grid, speeds: _speed.Speeds, threads: int) -> tuple[float, float]:
-    """Return the seconds that loading compiled kernels takes, and compiling those that are not."""
-    kernels = {variant.words: (variant.method, is_compiled(variant)) for variant in kernel_variants(grid)}.values()
-    loading = sum(
-        speeds.ratio(f"loading {method}") or LOADING for method in {method for method, there in kernels if there}
+def beside_tasks(grid: Grid) -> float:
+    """Return model seconds of what tasks share: references, operators, growth rates."""
+    return _reference_seconds(grid) + _operator_seconds(grid)
+
+
+def _reference_seconds(grid: Grid) -> float:
+    """Return model seconds of reference solutions, and of exact solutions beside them with their operators."""
+    sampling, periods = replace(grid.sampling, balances=False), fastest(grid) * grid.sampling.duration
+    seconds = 0.0
+    for cell, is_exact, count in distinct_solutions(grid):
+        structure, runs = reduced_structure(cell), count * (1 if is_exact else REFERENCE_RUNS)
+        seconds += runs * case_seconds(cell, structure, sampling, periods)
+        seconds += setup_seconds(structure) + modes_seconds(structure_of(cell.scene.model, cell.scene.parameters))
+    return seconds
+
+
+def _operator_seconds(grid: Grid) -> float:
+    """Return model seconds of operators, and of growth rates at each distinct α of a structure."""
+
+    def matters(path: str) -> bool:
+        return path not in ("scheme", "h") and not path.startswith("schemes.")
+
+    structures = np.unique(grid.alike(grid.places.computed, matters))
+    kinds, counts = np.unique(
+        grid.alike(structures, lambda path: matters(path) and decides_cost(path, grid.study.scene.model)),
+        return_counts=True,
     )
-    missing = Counter(method for method, there in kernels if not there)
-    parts = [
-        part
-        for method, number in missing.items()
-        for part in compiling_parts(method).values() or [compiling_part(method, number)]
-    ]
-    compiling = [_measured_seconds(part, speeds) for part in parts]
-    return loading, max(sum(compiling) / threads, max(compiling, default=0.0))
-
-
-def _measured_seconds(part: Part, speeds: _speed.Speeds) -> float:
-    """Return the seconds of a part at the speed of this machine."""
-    ratio = speeds.ratio(*part.keys)
-    return part.seconds * (1.0 if ratio is None else ratio)
-
-
-@dataclass
-class _Costs:
-    """Seconds of segments, those that are alike looked at once; references and growth rates count once."""
-
-    grid: Grid
-    units: Units
-    speeds: _speed.Speeds
-    measured: bool = False
-    _kinds: dict[tuple[int, int, int], tuple[float, int]] = field(default_factory=dict)
-    _kind: dict[int, int] = field(default_factory=dict)
-    _blocks: set[tuple[int, int]] = field(default_factory=set)
-    _grown: set[tuple[object, float]] = field(default_factory=set)
-
-    def __post_init__(self) -> None:
-        computed, model = self.grid.places.computed, self.grid.study.scene.model
-        matters = self.grid.alike(
-            computed, lambda path: not path.startswith(f"scene.{model}.") or path == f"scene.{model}.nodes"
-        )
-        self._kind = dict(zip(computed.tolist(), matters.tolist(), strict=True))
-
-    def seconds(self, part: Part) -> float:
-        """Return the seconds of a part at the speed of this machine."""
-        return _measured_seconds(part, self.speeds)
-
-    def of(self, segment: Segment) -> float:
-        """Return the seconds of a segment: its batch, its references and growth rates if they are new, its handling."""
-        kind = (self._kind[segment.outer], segment.first, segment.units)
-        if kind not in self._kinds:
-            if len(self._kinds) >= MOST_KINDS:
-                mean = sum(s for s, _ in self._kinds.values()) / sum(n for _, n in self._kinds.values())
-                return mean * segment.units * self.units.chunk
-            inner, _ = self.units.cases(segment.first, segment.units)
-            self._kinds[kind] = self._batch(segment.outer, inner), inner.size
-        seconds = self._kinds[kind][0]
-        if self.grid.study.reference is not None:
-            seconds += self._references(segment)
-        return seconds
-
-    def _batch(self, outer: int, inner: Indices) -> float:
-        grid, cell = self.grid, self.grid.settings(outer)
-        structure = reduced_structure(cell)
-        distinct = np.unique(grid.canonical_inner(cell, inner))
-        part = batch_part(cell, structure, grid.sampling, distinct.size, self._periods(cell, distinct))
-        once = self.seconds(part)
-        self.measured |= any(key in self.speeds.sums for key in part.keys)
-        repeats = min(REPEATS, 1 + int(SHORT / max(once, 1e-9))) if grid.study.reference is not None else 1
-        histories = len(grid.study.output.histories)
-        places = sum(1 for _ in grid.places[outer])
-        handling = handling_part(inner.size * places, places, grid.sampling.count, histories)
-        steady = self.seconds(steady_part(grid.study, cell, structure, distinct.size))
-        seconds = (
-            repeats * once + steady + self.seconds(handling) + self.seconds(setup_part(cell.scheme.method, structure))
-        )
-        new = {(hash(reduced(cell)), float(alpha)) for alpha in np.unique(self._alpha(cell, distinct))} - self._grown
-        self._grown |= new
-        return seconds + len(new) * self.seconds(growth_part(structure))
-
-    def _alpha(self, cell: Cell, inner: Indices) -> Array:
-        """Return α of some cases, of very many those of a part."""
-        looked_at = inner[:: -(-inner.size // MOST_LOOKED_AT)]
-        return alpha_of(cell, self.grid.inner_values(looked_at), looked_at.size)
-
-    def _periods(self, cell: Cell, inner: Indices) -> float:
-        """Return the most periods of load and casing that any of some cases has."""
-        looked_at = inner[:: -(-inner.size // MOST_LOOKED_AT)]
-        frequency = fastest_frequency(cell.scene, self.grid.inner_values(looked_at), looked_at.size)
-        return float(frequency.max()) * self.grid.sampling.duration
-
-    def _references(self, segment: Segment) -> float:
-        """Return the seconds of the references and exact solutions that a segment is the first to ask for."""
-        ours, theirs = reference_cell(self.grid, segment.outer), exact_cell(self.grid, segment.outer)
-        seconds = self._solutions(segment, ours, REFERENCE_RUNS)
-        return seconds if theirs == ours else seconds + self._solutions(segment, theirs, 1)
-
-    def _solutions(self, segment: Segment, cell: Cell, runs: int) -> float:
-        """Return the seconds of the blocks of solutions of some settings that are new, each run so many times."""
-        grid, shape, key = self.grid, distinct_shape(self.grid, cell), hash(cell)
-        inner, _ = self.units.cases(segment.first, segment.units)
-        index = np.unravel_index(inner, grid.inner_shape) if grid.inner else ()
-        own = [np.minimum(i, size - 1) for i, size in zip(index, shape, strict=True)]
-        number = np.unique(np.ravel_multi_index(own, shape)) if shape else np.zeros(1, dtype=np.int64)
-        new = {(key, int(block)) for block in np.unique(number // BLOCK)} - self._blocks
-        self._blocks |= new
-        if not new:
-            return 0.0
-        rows = number[np.isin(number // BLOCK, [block for _, block in new])]
-        places = np.ravel_multi_index(np.unravel_index(rows, shape), grid.inner_shape) if shape else rows
-        sampling = replace(grid.sampling, balances=False)
-        part = batch_part(cell, reduced_structure(cell), sampling, places.size, self._periods(cell, places))
-        return runs * self.seconds(part)
+    inner, seconds = np.arange(min(grid.inner_count, MOST_LOOKED_AT), dtype=np.int64), 0.0
+    for outer, count in zip(kinds.tolist(), counts.tolist(), strict=True):
+        cell = grid.settings(outer)
+        structure, alpha = reduced_structure(cell), alpha_of(cell, grid.inner_values(inner), inner.size)
+        operators = count * len(grid.places) / structures.size
+        full = structure_of(cell.scene.model, cell.scene.parameters)
+        once = modes_seconds(full) + np.unique(alpha).size * growth_seconds(structure)
+        seconds += operators * setup_seconds(structure) + count * once
+    return seconds

@@ -10,7 +10,7 @@ import numpy as np
 from workflow import models
 from workflow.grid._operators import structure_of
 from workflow.models import Chain, critical_alpha, frequencies, rates, tip_flexibility
-from workflow.study import Cell
+from workflow.study import CaseSettings
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Figures:
     critical_alpha: float
 
 
-def figures(cell: Cell) -> Figures:
+def figures(cell: CaseSettings) -> Figures:
     """Return what the full structure of a cell comes to."""
     structure = structure_of(cell.scene.model, cell.scene.parameters)
     with np.errstate(divide="ignore"):
@@ -59,19 +59,19 @@ def figures(cell: Cell) -> Figures:
     )
 
 
-def _stiffness_by(cell: Cell) -> str:
+def _stiffness_by(cell: CaseSettings) -> str:
     names = getattr(models.load(cell.scene.model), "EITHER", ())
     return next((name for name in names if getattr(cell.scene.parameters, name) is not None), "")
 
 
-def size_text(cell: Cell) -> str:
+def size_text(cell: CaseSettings) -> str:
     """Return the size of a cell's structure: nodes of a chain, coordinates of displacement and heat of others."""
     mechanical, thermal = models.sizes(cell.scene.model, cell.scene.parameters)
     is_chain = isinstance(structure_of(cell.scene.model, cell.scene.parameters), Chain)
     return f"{mechanical} nodes" if is_chain else f"{mechanical} + {thermal} coordinates"
 
 
-def _condensed(cell: Cell) -> str:
+def _condensed(cell: CaseSettings) -> str:
     """Return how many degrees of freedom follow the others, having no mass or heat capacity; empty for none."""
     coordinates = structure_of(cell.scene.model, cell.scene.parameters).coordinates
     counts = (0, 0) if coordinates is None else coordinates.condensed

@@ -11,7 +11,7 @@ from workflow.grid._arrangement import Grid, Indices
 from workflow.grid._conditions import harmonics_of, spread
 from workflow.models import Array
 from workflow.schemes import complete_periods
-from workflow.study import Cell, Scene
+from workflow.study import CaseSettings, Scene
 
 _OF_HARMONICS = ("scene.speed", *(f"scene.load.{name}" for name in ("amplitude", "frequency")))
 _OF_HARMONICS += ("scene.load.harmonics.", "scene.casing.harmonics.")
@@ -59,7 +59,7 @@ def fastest(grid: Grid) -> float:
     return largest
 
 
-def _distinct(grid: Grid) -> Iterator[tuple[Cell, Mapping[str, Array], Indices]]:
+def _distinct(grid: Grid) -> Iterator[tuple[CaseSettings, Mapping[str, Array], Indices]]:
     """Yield settings and conditions of one case for each combination of what decides frequencies."""
     scene = grid.study.scene
     deciding = _OF_HARMONICS if scene.load.harmonics or scene.casing.harmonics else ("scene.load.frequency",)

@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from workflow import schemes
 from workflow.declare import plain
-from workflow.grid._arrangement import TOLERANCE, Grid
+from workflow.grid._arrangement import TOLERANCE, Grid, Indices
 from workflow.grid._conditions import FRICTION, alpha_of, friction_of, harmonics_of, heat_load
 from workflow.grid._operators import structure_of
-from workflow.grid._reference import exact_cell, reference_cell
-from workflow.grid._trials import EXACT
+from workflow.grid._reference_solutions import exact_cell, reference_cell
+from workflow.judges.trials import EXACT
 from workflow.reduction import DEFAULT
 from workflow.schemes import SOLVER_VERSION
-from workflow.study import Cell, Scene, Study
+from workflow.study import CaseSettings, Scene, Study
 
 HASH_BYTES = 16
 """Of the SHA-256: two of 1e8 cases share their first 128 bits with a probability of 1e-23."""
@@ -31,31 +31,54 @@ _AT_ONCE = 50_000
 """Cases of an outer index whose conditions are in memory at once."""
 
 
-def case_hashes(grid: Grid) -> NDArray[np.uint8]:
-    """Return the hash of every case in archive order, ``(case, HASH_BYTES)``.
+class CaseHashes:
+    """Hashes of the cases of a grid, each computed when it is first asked for.
 
-    It covers the solver's version, model, conditions, duration and sampling, the scheme with its
+    A hash covers the solver's version, model, conditions, duration and sampling, the scheme with its
     options, those of e, h and α that it reads, basis and mode counts (those that a tolerance decided, with the error
     that was found), and the reference in the same way: values
     in SI, to the bit. Labels, titles, the place in the grid and what else is stored do not enter.
     """
-    hashes = np.empty((grid.outer_count, grid.inner_count, HASH_BYTES), np.uint8)
-    for first in range(0, grid.inner_count, _AT_ONCE):
-        inner = np.arange(first, min(first + _AT_ONCE, grid.inner_count), dtype=np.int64)
-        varying = grid.inner_values(inner)
-        for outer in range(grid.outer_count):
-            cell = grid.settings(outer)
-            prefix = hashlib.sha256(json.dumps(_shared(grid, outer, cell), sort_keys=True).encode())
-            digests = []
-            for row in _rows(grid, outer, cell, varying, inner.size):
-                digest = prefix.copy()
-                digest.update(row.data)
-                digests.append(digest.digest()[:HASH_BYTES])
-            hashes[outer, inner] = np.frombuffer(b"".join(digests), np.uint8).reshape(-1, HASH_BYTES)
-    return hashes.reshape(-1, HASH_BYTES)
+
+    def __init__(self, grid: Grid) -> None:
+        self._grid = grid
+        self._hashes = np.zeros((grid.outer_count, grid.inner_count, HASH_BYTES), np.uint8)
+        self._known = np.zeros((grid.outer_count, grid.inner_count), bool)
+
+    def of(self, outer: int, inner: Indices) -> NDArray[np.uint8]:
+        """Return the hashes of some cases of an outer index, ``(case, HASH_BYTES)``."""
+        new = inner[~self._known[outer, inner]]
+        if new.size:
+            self._hashes[outer, new] = _hashed(self._grid, outer, new)
+            self._known[outer, new] = True
+        return np.asarray(self._hashes[outer, inner])
+
+    def all(self) -> NDArray[np.uint8]:
+        """Return those of all cases, in archive order."""
+        for first in range(0, self._grid.inner_count, _AT_ONCE):
+            inner = np.arange(first, min(first + _AT_ONCE, self._grid.inner_count), dtype=np.int64)
+            for outer in range(self._grid.outer_count):
+                self.of(outer, inner)
+        return self._hashes.reshape(-1, HASH_BYTES)
 
 
-def _shared(grid: Grid, outer: int, cell: Cell) -> dict[str, Any]:
+def case_hashes(grid: Grid) -> NDArray[np.uint8]:
+    """Return the hash of every case in archive order, ``(case, HASH_BYTES)``."""
+    return CaseHashes(grid).all()
+
+
+def _hashed(grid: Grid, outer: int, inner: Indices) -> NDArray[np.uint8]:
+    cell = grid.settings(outer)
+    prefix = hashlib.sha256(json.dumps(_shared(grid, outer, cell), sort_keys=True).encode())
+    digests = []
+    for row in _rows(grid, outer, cell, grid.inner_values(inner), inner.size):
+        digest = prefix.copy()
+        digest.update(row.data)
+        digests.append(digest.digest()[:HASH_BYTES])
+    return np.frombuffer(b"".join(digests), np.uint8).reshape(-1, HASH_BYTES)
+
+
+def _shared(grid: Grid, outer: int, cell: CaseSettings) -> dict[str, Any]:
     """Return what the cases of an outer index have in common and no condition of :func:`_rows` holds."""
     reference, choice = grid.study.reference, grid.choice(outer)
     return {
@@ -72,7 +95,7 @@ def _shared(grid: Grid, outer: int, cell: Cell) -> dict[str, Any]:
     }
 
 
-def _steady(study: Study, cell: Cell) -> dict[str, Any]:
+def _steady(study: Study, cell: CaseSettings) -> dict[str, Any]:
     """Return what is asked of steady rubs, which event_driven alone has, and the axis that is followed."""
     if study.output.steady is None or cell.scheme.method != EXACT:
         return {}
@@ -89,11 +112,11 @@ def _widths(scene: Scene) -> dict[str, Any]:
     return {"harmonics": widths} if any(widths) else {}
 
 
-def _read(cell: Cell) -> frozenset[str]:
+def _read(cell: CaseSettings) -> frozenset[str]:
     return schemes.load(cell.scheme.method).READS
 
 
-def _numerics(cell: Cell, read: frozenset[str]) -> dict[str, Any]:
+def _numerics(cell: CaseSettings, read: frozenset[str]) -> dict[str, Any]:
     parameters = plain(cell.scene.parameters)
     parameters.pop("heating", None)  # a condition
     return {
@@ -107,7 +130,7 @@ def _numerics(cell: Cell, read: frozenset[str]) -> dict[str, Any]:
     }
 
 
-def _per_node(cell: Cell) -> dict[str, Any]:
+def _per_node(cell: CaseSettings) -> dict[str, Any]:
     """Return the conditions that may be given per node: a number, or a list of them, or ``static``."""
     scene, values = cell.scene, {}
     for path in (*_PER_NODE, f"scene.{cell.scene.model}.heating"):
@@ -134,7 +157,7 @@ def _harmonic_columns(scene: Scene, varying: Any, count: int) -> dict[str, Any]:
     return by_name
 
 
-def _rows(grid: Grid, outer: int, cell: Cell, varying: Any, count: int) -> NDArray[np.float64]:
+def _rows(grid: Grid, outer: int, cell: CaseSettings, varying: Any, count: int) -> NDArray[np.float64]:
     """Return the conditions of every case that are numbers, ``(case, condition)``; those not read are 0."""
     scene, reference = cell.scene, grid.study.reference
     read = _read(cell)

@@ -10,14 +10,15 @@ import numpy as np
 from workflow import schemes
 from workflow.grid._arrangement import Grid, Indices, arrange
 from workflow.grid._choice_words import choice_lines
-from workflow.grid._costs import factor_lines
 from workflow.grid._estimate import Time, estimate, result_bytes
 from workflow.grid._figures import Figures, distinct_lines, figures
 from workflow.grid._operators import reduced_structure, structure_of
-from workflow.grid._reference import reference_cell, solution_counts
-from workflow.grid._tasks import Units, tasks, units_of
+from workflow.grid._reference import solution_counts
+from workflow.grid._reference_solutions import reference_cell
+from workflow.grid._tasks import tasks
 from workflow.grid._warnings import looked_at, warnings
-from workflow.study import Cell, ResolvedValue, StudySource, read_study, resolved_values
+from workflow.models import MOST_BY_SUPERLU, Sparse, expected_fill, has_cholmod
+from workflow.study import CaseSettings, ResolvedValue, StudySource, read_study, resolved_values
 
 _STRUCTURES_SHOWN = 8
 
@@ -86,19 +87,18 @@ def plan_study(study: StudySource) -> Plan:
 
     ``study`` is all that :func:`workflow.read_study` takes.
     """
-    grid = arrange(read_study(study))
-    return plan(grid, units_of(grid))
+    return plan(arrange(read_study(study)))
 
 
-def plan(grid: Grid, units: Units) -> Plan:
+def plan(grid: Grid) -> Plan:
     """Return what a study comes to."""
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1, user_api="blas"):  # matrices are small
-        return _plan(grid, units)
+        return _plan(grid)
 
 
-def _plan(grid: Grid, units: Units) -> Plan:
+def _plan(grid: Grid) -> Plan:
     computed, model = grid.places.computed, grid.study.scene.model
     kinds, kind = np.unique(grid.alike(computed, lambda path: path in ("scheme", "h")), return_inverse=True)
     cells = [grid.settings(int(outer)) for outer in kinds]
@@ -109,9 +109,9 @@ def _plan(grid: Grid, units: Units) -> Plan:
     structures = np.unique(grid.alike(computed, lambda path: path.startswith(f"scene.{model}.")))
     shown = [grid.settings(int(outer)) for outer in structures[:_STRUCTURES_SHOWN]]
     number = batches = 0
-    for task in tasks(grid, units):
+    for task in tasks(grid):
         number += 1
-        batches += len(task.segments)
+        batches += len(task.batches)
     cases = grid.outer_count * grid.inner_count
     references, exact = solution_counts(grid)
     return Plan(
@@ -126,7 +126,7 @@ def _plan(grid: Grid, units: Units) -> Plan:
         batches=batches,
         tasks=number,
         steps=sum(int(n) * int(d) * int(c) for n, d, c in zip(marching, distinct, np.bincount(kind), strict=True)),
-        time=estimate(grid, units),
+        time=estimate(grid),
         bytes=result_bytes(grid),
         stored=tuple(grid.study.output.histories),
         structures=tuple(map(figures, shown)),
@@ -145,12 +145,23 @@ def _operators(grid: Grid, computed: Indices) -> Iterator[str]:
         own, truth = grid.settings(outer), grid.study.reference is not None
         for cell in (own, reference_cell(grid, outer)) if truth else (own,):
             scheme = schemes.load(cell.scheme.method)
-            name = "" if scheme.operator_name is None else scheme.operator_name(reduced_structure(cell))
-            if name:
-                yield f"{cell.scheme.method}: {name}"
+            structure, parts = reduced_structure(cell), []
+            if scheme.operator_name is not None:
+                parts.append(scheme.operator_name(structure))
+            if scheme.contact_stiffness_of is not None:
+                stiffness = scheme.contact_stiffness_of(structure, cell.scheme.options)
+                parts.append(f"contact stiffness {stiffness:.4g} N/m")
+            if any(parts):
+                yield f"{cell.scheme.method}: {', '.join(filter(None, parts))}"
 
 
-def _factors(cells: list[Cell]) -> Iterator[str]:
+def _factors(cells: list[CaseSettings]) -> Iterator[str]:
     """Yield what factorising the first distinct structures takes."""
     for cell in cells:
-        yield from factor_lines(structure_of(cell.scene.model, cell.scene.parameters))
+        structure = structure_of(cell.scene.model, cell.scene.parameters)
+        if isinstance(structure, Sparse):
+            for pair, kind in ((structure.mechanical, "displacements"), (structure.thermal, "temperatures")):
+                if pair.size > MOST_BY_SUPERLU:
+                    by = "CHOLMOD" if has_cholmod() else "SuperLU"
+                    fill = expected_fill(pair.stiffness, has_cholmod())
+                    yield f"{pair.size} {kind}: {fill} each factorisation by {by}"

@@ -2,22 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from workflow import schemes
 from workflow.grid._arrangement import Grid, Indices
 from workflow.grid._conditions import conditions
 from workflow.grid._operators import run_batch, structure_of
-from workflow.grid._shaken import Shaken
-from workflow.grid._trials import EXACT
-from workflow.grid._truth import Truth, distinct_shape, only_what_is_read, truths
+from workflow.grid._perturbation import Perturbation
+from workflow.grid._reference_solutions import (
+    BASIS,
+    ReferenceSolution,
+    Solutions,
+    compute_solutions,
+    distinct_rows,
+    distinct_shape,
+    exact_cell,
+    needed_cells,
+    reference_cell,
+)
 from workflow.judges.distances import norms, relative
+from workflow.judges.trials import EXACT
 from workflow.models import Array
 from workflow.schemes import Status
-from workflow.study import Cell, SchemeChoice
+from workflow.study import CaseSettings
 from workflow.variables import COMPARED
 
 REFERENCE = "reference: "
@@ -27,12 +36,8 @@ PARTS = "scheme and model error: "
 """What the message begins with of a case whose error cannot be split."""
 
 
-_BASIS = frozenset({"mechanical_modes", "thermal_modes", "reduction"})
-"""Settings of the reduced model, which an exact solution takes from the case."""
-
-
 def against_reference(
-    grid: Grid, outer: int, inner: Indices, results: Mapping[str, Array]
+    grid: Grid, outer: int, inner: Indices, results: Mapping[str, Array], known: Solutions
 ) -> tuple[dict[str, Array], dict[int, str]]:
     """Return the errors of a batch against the study's reference, ``(case,)`` each, and what cannot be formed.
 
@@ -45,53 +50,57 @@ def against_reference(
     ----------
     results
         Histories ``(case, t)`` and ``status`` of the batch.
+    known
+        Solutions that are computed already; the others are computed here.
     """
     if grid.study.reference is None:
         return {}, {}
-    ours, theirs = reference_cell(grid, outer), exact_cell(grid, outer)
-    truth = truths(grid, ours, inner, perturbed=True)
-    exact = truth if theirs == ours else truths(grid, theirs, inner, perturbed=False)
-    errors: dict[str, Array] = {"predictability": truth.predictability}
+    solutions = [_solutions(grid, cell, inner, is_exact, known) for cell, is_exact in needed_cells(grid, outer)]
+    references, exact = solutions[0], solutions[-1]
+    errors: dict[str, Array] = {"predictability": np.array([one.predictability for one in references])}
     chosen = grid.reference_choice(outer)
     if chosen is not None:
         errors["reference_basis_error"] = np.full(inner.size, chosen.error)
     for name in COMPARED:
-        size = norms(truth.histories[name])
-        errors[f"{name}_error"] = relative(norms(results[name] - truth.histories[name]), size)
-        errors[f"{name}_scheme_error"] = relative(norms(results[name] - exact.histories[name]), size)
-        errors[f"{name}_model_error"] = relative(norms(exact.histories[name] - truth.histories[name]), size)
-    return errors, _messages(truth, exact, errors, results["status"] == Status.OK)
+        truth, reduced = _histories(references, name), _histories(exact, name)
+        size = norms(truth)
+        errors[f"{name}_error"] = relative(norms(results[name] - truth), size)
+        errors[f"{name}_scheme_error"] = relative(norms(results[name] - reduced), size)
+        errors[f"{name}_model_error"] = relative(norms(reduced - truth), size)
+    return errors, _messages(references, exact, errors, results["status"] == Status.OK)
 
 
-def _messages(truth: Truth, exact: Truth, errors: Mapping[str, Array], ok: Array) -> dict[int, str]:
+def _solutions(
+    grid: Grid, cell: CaseSettings, inner: Indices, is_exact: bool, known: Solutions
+) -> list[ReferenceSolution]:
+    """Return the solutions of some settings for the conditions of some cases."""
+    rows = distinct_rows(grid, cell, inner)
+    solutions = dict(known.get((cell, is_exact), {}))
+    missing = np.array([row for row in np.unique(rows) if row not in solutions], dtype=np.int64)
+    if missing.size:
+        computed = compute_solutions(grid, cell, missing, is_exact=is_exact)
+        solutions |= dict(zip(missing.tolist(), computed, strict=True))
+    return [solutions[row] for row in rows.tolist()]
+
+
+def _histories(solutions: Sequence[ReferenceSolution], name: str) -> Array:
+    return np.stack([one.histories[name] for one in solutions])
+
+
+def _messages(
+    references: Sequence[ReferenceSolution], exact: Sequence[ReferenceSolution], errors: Mapping[str, Array], ok: Array
+) -> dict[int, str]:
     """Say of each ok case which errors cannot be formed, and why."""
     remarks: dict[int, str] = {}
     for case in map(int, np.flatnonzero(ok)):
         zero = [name for name in COMPARED if np.isnan(errors[f"{name}_error"][case])]
-        if case in truth.failures:
-            remarks[case] = f"{REFERENCE}{truth.failures[case]}"
+        if references[case].failure:
+            remarks[case] = f"{REFERENCE}{references[case].failure}"
         elif zero:
             remarks[case] = f"{REFERENCE}its {' and '.join(zero)} is identically zero, that of the case is not"
-        elif case in exact.failures:
-            remarks[case] = f"{PARTS}{EXACT} on the reduced model of the case: {exact.failures[case]}"
+        elif exact[case].failure:
+            remarks[case] = f"{PARTS}{EXACT} on the reduced model of the case: {exact[case].failure}"
     return remarks
-
-
-def reference_cell(grid: Grid, outer: int) -> Cell:
-    """Return the settings of a reference, those that its scheme does not read the same for all."""
-    values = dict(grid.study.reference.values) if grid.study.reference is not None else {}
-    chosen = grid.reference_choice(outer)
-    counts = {} if chosen is None else chosen.counts
-    return only_what_is_read(grid.settings(outer, {**values, **counts}))
-
-
-def exact_cell(grid: Grid, outer: int) -> Cell:
-    """Return the settings of the exact solution of a case's reduced model: the reference's, with the case's basis."""
-    values = dict(grid.study.reference.values) if grid.study.reference is not None else {}
-    cell = grid.settings(outer, {path: value for path, value in values.items() if path not in _BASIS})
-    if cell.scheme.method != EXACT:
-        cell = replace(cell, scheme=SchemeChoice(EXACT, EXACT, schemes.load(EXACT).Options()))
-    return only_what_is_read(cell)
 
 
 def tells_basis_error(grid: Grid, outer: int) -> bool:
@@ -103,33 +112,40 @@ def tells_basis_error(grid: Grid, outer: int) -> bool:
     return ours.scheme.method == EXACT and is_as_rich
 
 
-def exact_motion(grid: Grid, outer: int, inner: Indices, shaken: Shaken | None = None) -> dict[str, Array]:
+def exact_motion(grid: Grid, outer: int, inner: Indices, perturbation: Perturbation | None = None) -> dict[str, Array]:
     """Return histories of the exact solutions of the reduced models of some cases, with their data changed if asked.
 
     Shape ``(case, t)`` by name, NaN in those that do not end ok.
     """
     cell = exact_cell(grid, outer)
-    if shaken is None:
-        return truths(grid, cell, inner, perturbed=False).histories
+    if perturbation is None:
+        solutions = _solutions(grid, cell, inner, True, {})
+        return {name: _histories(solutions, name) for name in COMPARED}
     replaced = grid.study.reference.values if grid.study.reference is not None else {}
-    cell = shaken.cell(cell)
+    cell = perturbation.cell(cell)
     varying = {path: values for path, values in grid.inner_values(inner).items() if path not in replaced}
     cases = conditions(cell, structure_of(cell.scene.model, cell.scene.parameters), varying, inner.size)
-    results = run_batch(cell, shaken.cases(cases), replace(grid.sampling, balances=False))
+    results = run_batch(cell, perturbation.cases(cases), replace(grid.sampling, balances=False))
     ended = (results.status == Status.OK)[:, None]
     return {name: np.where(ended, results.histories[name], np.nan) for name in COMPARED}
 
 
+def distinct_solutions(grid: Grid) -> Iterator[tuple[CaseSettings, bool, int]]:
+    """Yield the settings of the references of a study, and of the exact solutions beside them, with their numbers."""
+    if grid.study.reference is None:
+        return
+    replaced = grid.study.reference.values
+    outer = np.unique(grid.alike(grid.places.computed, lambda path: path in BASIS or path not in replaced))
+    every = dict.fromkeys(needed for k in outer for needed in needed_cells(grid, int(k)))
+    references = {cell for cell, is_exact in every if not is_exact}
+    for cell, is_exact in every:
+        if not (is_exact and cell in references):
+            yield cell, is_exact, int(np.prod(distinct_shape(grid, cell), dtype=np.int64))
+
+
 def solution_counts(grid: Grid) -> tuple[int, int]:
     """Return how many references a study has, and how many exact solutions beside them split their errors."""
-    if grid.study.reference is None:
-        return 0, 0
-    replaced = grid.study.reference.values
-    outer = np.unique(grid.alike(grid.places.computed, lambda path: path in _BASIS or path not in replaced))
-    references = {reference_cell(grid, int(k)) for k in outer}
-    exact = {exact_cell(grid, int(k)) for k in outer} - references
-    return _distinct(grid, references), _distinct(grid, exact)
-
-
-def _distinct(grid: Grid, cells: set[Cell]) -> int:
-    return sum(int(np.prod(distinct_shape(grid, cell), dtype=np.int64)) for cell in cells)
+    counts = [0, 0]
+    for _, is_exact, count in distinct_solutions(grid):
+        counts[is_exact] += count
+    return counts[0], counts[1]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -15,14 +16,16 @@ from workflow.grid._arrangement import TOLERANCE, Grid, Indices
 from workflow.grid._conditions import conditions
 from workflow.grid._frequencies import longest_period_count
 from workflow.grid._operators import compile_for, judged, projection_residual_of, run_batch, runaways_of, structure_of
-from workflow.grid._reason import reason_of
+from workflow.grid._perturbation import Perturbation
 from workflow.grid._reference import against_reference, tells_basis_error
-from workflow.grid._shaken import Shaken
+from workflow.grid._reference_solutions import Solutions
 from workflow.grid._steady import blank, branch_values, steady_values
-from workflow.grid._trials import COMPARED as DECIDING
+from workflow.judges.load_periods import contact_force, largest_per_period, sections, widened
+from workflow.judges.reasons import reason_of
+from workflow.judges.trials import DECIDING
 from workflow.models import Array, Cases
-from workflow.schemes import SECTIONS, Results, Sampling, Status, complete_periods
-from workflow.study import Cell, Study
+from workflow.schemes import Results, Status
+from workflow.study import CaseSettings, Study
 from workflow.variables import Condition, Variable
 
 SHORT, REPEATS = 2e-3, 3
@@ -40,20 +43,27 @@ class Solved:
     messages: dict[int, str]
 
 
-def solve(grid: Grid, outer: int, inner: Indices, shaken: Shaken | None = None) -> Solved:
+def solve(
+    grid: Grid,
+    outer: int,
+    inner: Indices,
+    perturbation: Perturbation | None = None,
+    known: Solutions = MappingProxyType({}),
+) -> Solved:
     """Run the cases ``inner`` of one outer index.
 
     Cases that differ only in axes their scheme does not read are run once; the reference may read
     them, so each has its own errors. What raises becomes cases of status ``failed``; it harms no
-    neighbour, which then run one by one. ``shaken`` changes the data of the cases, not those of their reference.
+    neighbour, which then run one by one. ``perturbation`` changes the data of the cases, not those of their reference;
+    ``known`` are solutions that errors are measured against and that are computed already.
     """
     cell = grid.settings(outer)
     canonical, place = np.unique(grid.canonical_inner(cell, inner), return_inverse=True)
-    solved = _solve_or_tell(grid, outer, canonical, shaken)
+    solved = _solve_or_tell(grid, outer, canonical, perturbation)
     where = place.ravel()
     values = {name: array[where] for name, array in solved.values.items()}
     with np.errstate(all="ignore"):
-        errors, remarks = against_reference(grid, outer, inner, values)
+        errors, remarks = against_reference(grid, outer, inner, values, known)
         values |= _basis(grid, outer, inner.size, errors)
     own = {k: solved.messages[int(source)] for k, source in enumerate(where) if int(source) in solved.messages}
     both = {k: "; ".join(text[k] for text in (remarks, own) if k in text) for k in {*remarks, *own}}
@@ -80,15 +90,15 @@ def _basis(grid: Grid, outer: int, count: int, errors: Mapping[str, Array]) -> d
     return basis
 
 
-def _solve_or_tell(grid: Grid, outer: int, inner: Indices, shaken: Shaken | None) -> Solved:
+def _solve_or_tell(grid: Grid, outer: int, inner: Indices, perturbation: Perturbation | None) -> Solved:
     """Run distinct cases; if a batch raises, each case runs alone and the one that raises is ``failed``."""
     try:
         with np.errstate(all="ignore"):  # a case that leaves the numbers says so by its status
-            return _solve_distinct(grid, outer, inner, shaken)
+            return _solve_distinct(grid, outer, inner, perturbation)
     except (Exception, SystemExit) as error:  # whatever a model or scheme raises is that case's result
         if inner.size == 1:
             return _failed(grid, reason_of(error))
-        return _joined([_solve_or_tell(grid, outer, inner[k : k + 1], shaken) for k in range(inner.size)])
+        return _joined([_solve_or_tell(grid, outer, inner[k : k + 1], perturbation) for k in range(inner.size)])
 
 
 def _joined(parts: list[Solved]) -> Solved:
@@ -98,15 +108,15 @@ def _joined(parts: list[Solved]) -> Solved:
     return Solved(values, {k: part.messages[0] for k, part in enumerate(parts) if part.messages})
 
 
-def _solve_distinct(grid: Grid, outer: int, inner: Indices, shaken: Shaken | None) -> Solved:
+def _solve_distinct(grid: Grid, outer: int, inner: Indices, perturbation: Perturbation | None) -> Solved:
     cell = grid.settings(outer)
     if grid.study.branch is not None:
         compile_for(cell, grid.sampling.balances)
-        return _joined([_followed(grid, outer, inner[k : k + 1], shaken) for k in range(inner.size)])
-    cell = cell if shaken is None else shaken.cell(cell)
+        return _joined([_followed(grid, outer, inner[k : k + 1], perturbation) for k in range(inner.size)])
+    cell = cell if perturbation is None else perturbation.cell(cell)
     structure = structure_of(cell.scene.model, cell.scene.parameters)
     cases = conditions(cell, structure, grid.inner_values(inner), inner.size)
-    cases = cases if shaken is None else shaken.cases(cases)
+    cases = cases if perturbation is None else perturbation.cases(cases)
     compile_for(cell, grid.sampling.balances)
     results, seconds = _timed(grid, cell, cases)
     results = judged(cell, cases, results, grid.sampling.duration)
@@ -136,14 +146,14 @@ def _solve_distinct(grid: Grid, outer: int, inner: Indices, shaken: Shaken | Non
     return Solved(values, messages)
 
 
-def _followed(grid: Grid, outer: int, inner: Indices, shaken: Shaken | None) -> Solved:
+def _followed(grid: Grid, outer: int, inner: Indices, perturbation: Perturbation | None) -> Solved:
     """Return the branch of one case, which failed where it has no point."""
-    values, message = branch_values(grid, outer, inner, shaken)
+    values, message = branch_values(grid, outer, inner, perturbation)
     status = Status.FAILED if np.isnan(values["steady_periods"]).all() else Status.OK
     return Solved({**values, "status": np.full(1, status, dtype=np.int8)}, {0: message} if message else {})
 
 
-def _timed(grid: Grid, cell: Cell, cases: Cases) -> tuple[Results, float]:
+def _timed(grid: Grid, cell: CaseSettings, cases: Cases) -> tuple[Results, float]:
     """Run a batch and return this thread's processor time, s; with a reference the least of some short runs."""
     seconds: list[float] = []
     while True:
@@ -156,69 +166,22 @@ def _timed(grid: Grid, cell: Cell, cases: Cases) -> tuple[Results, float]:
 
 def _contact(results: Results, cases: Cases, grid: Grid) -> dict[str, Array]:
     """Return contact force and impulses, all from the sampled running sum of the impulse."""
-    interval, periods = grid.sampling.interval, longest_period_count(grid)
-    impulse = results.histories["impulse"]
-    force = np.zeros_like(impulse)
-    force[:, 1:] = np.diff(impulse, axis=1) / interval
-
-    def widened(values: Array) -> Array:
-        wide = np.full((values.shape[0], periods), np.nan)
-        wide[:, : values.shape[1]] = values
-        return wide
-
+    sampling, periods, impulse = grid.sampling, longest_period_count(grid), results.histories["impulse"]
+    force = contact_force(impulse, sampling.interval)
     return {
         "contact_force": force,
         "contact_impulse": impulse[:, -1].copy(),
-        "period_impulse": widened(results.period_impulse),
-        "period_force": _largest_per_period(force[:, 1:], cases.period_frequency, grid.sampling, periods),
-        "period_temperature": widened(results.period_temperature),
-        "period_contact": widened(results.period_contact),
-        **(_sections(results, cases, grid, periods) if grid.study.output.sections else {}),
+        "period_impulse": widened(results.period_impulse, periods),
+        "period_force": largest_per_period(force[:, 1:], cases.period_frequency, sampling, periods),
+        "period_temperature": widened(results.period_temperature, periods),
+        "period_contact": widened(results.period_contact, periods),
+        **(sections(results, cases, sampling, periods) if grid.study.output.sections else {}),
     }
-
-
-def _sections(results: Results, cases: Cases, grid: Grid, periods: int) -> dict[str, Array]:
-    """Return the sections of load periods, and the extremes of the displacement; NaN where a scheme gives none."""
-    values = {name: np.full((cases.count, periods), np.nan) for name in SECTIONS}
-    for name, section in results.sections.items():
-        values[name][:, : section.shape[1]] = section
-    x, starts = results.histories["displacement"], values["section_displacement"]
-    largest, smallest = np.full_like(starts, np.nan), np.full_like(starts, np.nan)
-    counts = complete_periods(cases.period_frequency, grid.sampling)
-    for case, frequency in enumerate(cases.period_frequency):
-        position, number = grid.sampling.times * frequency, np.arange(counts[case])
-        first = np.searchsorted(position, number * (1 - 1e-12))
-        stop = np.searchsorted(position, (number + 1) * (1 + 1e-12), side="right")
-        for k in number:
-            within = np.concatenate([x[case, first[k] : stop[k]], starts[case, k : k + 2]])
-            largest[case, k], smallest[case, k] = np.fmax.reduce(within), np.fmin.reduce(within)
-    return {**values, "period_displacement": largest, "period_displacement_min": smallest}
 
 
 def periods_of(study: Study) -> Iterator[Variable]:
     """Yield the variables of load periods of a study's archive."""
     return variables.select("period", None, "always", *(("sections",) if study.output.sections else ()))
-
-
-def _largest_per_period(force: Array, frequency: Array, sampling: Sampling, periods: int) -> Array:
-    """Return the largest force of the output intervals whose middle lies in each load period.
-
-    A period shorter than an interval takes the interval that holds its own middle.
-    """
-    largest = np.full((force.shape[0], periods), np.nan)
-    count, interval = force.shape[1], sampling.interval
-    middle = (np.arange(count) + 0.5) * interval
-    for value in np.unique(frequency[frequency > 0]):
-        rows = np.flatnonzero(frequency == value)
-        edges = np.searchsorted(middle * value, np.arange(periods + 1))
-        complete = int(complete_periods(np.array([value]), sampling)[0])
-        for k in range(min(periods, complete)):
-            first, stop = int(edges[k]), int(edges[k + 1])
-            if first == stop:
-                first = min(int((k + 0.5) / value / interval), count - 1)
-                stop = first + 1
-            largest[rows, k] = force[rows, first:stop].max(axis=1)
-    return largest
 
 
 def scheme_metrics(study: Study) -> tuple[Variable, ...]:

@@ -1,13 +1,10 @@
-"""How fast this machine runs: what parts of runs took, over what a fixed model of them says, kept from run to run.
+"""How fast this machine runs: processor seconds that runs took, over those of the cost model, kept from run to run.
 
-A run measures its parts in processor seconds (:func:`timed`) and adds them at its end to a small file of this
-machine (:func:`remember`), which ``plan`` reads (:func:`speeds`). The file is no part of any result: where it
-cannot be read or written nothing else changes.
+The file is no part of any result: where it cannot be read or written nothing else changes.
 """
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import json
 import os
@@ -15,155 +12,92 @@ import platform
 import tempfile
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 import workflow
 from workflow.schemes import SOLVER_VERSION
 
-FORMAT = 2
-
 MOST_SECONDS = 30.0
-"""Model seconds of a part that the file holds at most: the latest runs weigh most."""
+"""Model seconds that the file holds at most: the latest runs weigh most."""
 
-LEAST_SECONDS = 0.02
-"""Model seconds of a part below which it does not count: what comes once to a process outweighs it."""
+LEAST_SECONDS = 0.5
+"""Model seconds of a run below which it does not count: what comes once to a process outweighs it."""
 
-SLOWEST, UNEXPECTED = 20.0, 0.1
-"""What took more than so many times the model, and so many seconds more, compiled or loaded something: not counted."""
-
-MOST_KEYS = 2000
-"""Parts that the file holds, about 100 bytes each; those measured longest ago go first."""
-
-Sums = dict[str, tuple[float, float]]
-"""By part: seconds by the fixed model, and processor seconds measured."""
-
-
-class _Own(threading.local):
-    """Seconds of measured parts within each part that this thread is in, outermost first."""
-
-    def __init__(self) -> None:
-        self.inside: list[float] = []
-
-
-_OWN = _Own()
 _LOCK = threading.Lock()
-_SUMS: Sums = {}
-
-
-@dataclass(frozen=True, eq=False)
-class Speeds:
-    """Measured over model seconds by part; empty before the first run on a machine."""
-
-    sums: Mapping[str, tuple[float, float]]
-
-    def ratio(self, *keys: str) -> float | None:
-        """Return the ratio of the first of some parts that was measured, ``None`` where none was."""
-        for key in keys:
-            model, measured = self.sums.get(key, (0.0, 0.0))
-            if model >= LEAST_SECONDS:
-                return measured / model
-        return None
+_SUMS = {"model": 0.0, "measured": 0.0}
+"""Of this process, not remembered yet."""
 
 
 @contextmanager
-def timed(model: float, *keys: str, slowest: float = SLOWEST) -> Iterator[None]:
-    """Measure what this thread does within, less the parts measured inside it; nothing where it raises.
-
-    Parameters
-    ----------
-    model
-        Seconds by the fixed model.
-    keys
-        The part's names, the most specific first.
-    slowest
-        How many times the model's seconds, and :data:`UNEXPECTED` more, it may take and still count.
-    """
+def timed(model: float) -> Iterator[None]:
+    """Measure what this thread does within and the model says takes so many seconds."""
     begun = time.thread_time()
-    _OWN.inside.append(0.0)
+    yield
+    add(model, time.thread_time() - begun)
+
+
+@contextmanager
+def untimed() -> Iterator[None]:
+    """Leave out of :func:`timed` what this thread does within."""
+    begun = time.thread_time()
     try:
         yield
-    except BaseException:
-        _OWN.inside.pop()
-        raise
-    elapsed = time.thread_time() - begun
-    own = elapsed - _OWN.inside.pop()
-    if _OWN.inside:
-        _OWN.inside[-1] += elapsed
-    if own <= slowest * model + UNEXPECTED:
-        add(model, own, *keys)
+    finally:
+        add(0.0, begun - time.thread_time())
 
 
-def add(model: float, measured: float, *keys: str) -> None:
-    """Add the measured seconds of a part, and those of the model, under some keys."""
+def add(model: float, measured: float) -> None:
+    """Add seconds of the cost model and measured ones."""
     with _LOCK:
-        for key in keys:
-            before = _SUMS.get(key, (0.0, 0.0))
-            _SUMS[key] = before[0] + model, before[1] + measured
-
-
-def attributed() -> float:
-    """Return the seconds of all parts measured since :func:`forget`, each counted once by its general name."""
-    with _LOCK:
-        return sum(measured for key, (_, measured) in _SUMS.items() if is_general(key))
-
-
-def is_general(key: str) -> bool:
-    """Tell whether a key is the least specific name of its part: more specific ones add to it after a slash."""
-    return "/" not in key
+        _SUMS["model"] += model
+        _SUMS["measured"] += measured
 
 
 def forget() -> None:
     """Drop what was measured and not remembered."""
     with _LOCK:
-        _SUMS.clear()
+        _SUMS.update(model=0.0, measured=0.0)
 
 
-def speeds() -> Speeds:
-    """Return what runs of this solver measured on this machine."""
-    return Speeds(_read(speed_file()))
+def factor() -> float | None:
+    """Return measured over model seconds on this machine, ``None`` before the first run."""
+    sums = _read(speed_file())
+    return sums["measured"] / sums["model"] if sums["model"] > 0 and sums["measured"] > 0 else None
 
 
 def remember() -> None:
-    """Add what was measured to this machine's file, and drop it; never raises, at worst nothing is kept.
-
-    Other runs may do the same at the same time: one after the other they read, add and replace the file whole.
-    """
-    with _LOCK:
-        fresh = dict(_SUMS)
-        _SUMS.clear()
+    """Add what was measured to this machine's file, and drop it; never raises, at worst nothing is kept."""
+    fresh = dict(_SUMS)
+    forget()
+    if fresh["model"] < LEAST_SECONDS:
+        return
     with suppress(Exception):
         path = speed_file()
+        stored = _read(path)
+        share = min(1.0, max(0.0, MOST_SECONDS - fresh["model"]) / max(stored["model"], 1e-9))
         path.parent.mkdir(parents=True, exist_ok=True)
-        with open(path.with_suffix(".lock"), "wb") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            _write(path, _merged(_read(path), fresh))
+        with tempfile.NamedTemporaryFile("w", dir=path.parent, suffix=".tmp", delete=False, encoding="utf-8") as file:
+            file.write(json.dumps({name: fresh[name] + share * stored[name] for name in fresh}))
+        os.replace(file.name, path)
 
 
-def _merged(stored: Sums, fresh: Sums) -> Sums:
-    """Return the sums of both, the fresh ones last, none above :data:`MOST_SECONDS`."""
-    merged = {key: sums for key, sums in stored.items() if key not in fresh}
-    for key, (model, measured) in fresh.items():
-        if not (model > 0 and measured >= 0):
-            continue
-        before = stored.get(key, (0.0, 0.0))
-        share = min(1.0, max(0.0, MOST_SECONDS - model) / before[0]) if before[0] > 0 else 0.0
-        merged[key] = model + share * before[0], measured + share * before[1]
-    return dict(list(merged.items())[-MOST_KEYS:])
-
-
-@cache
-def _machine() -> str:
-    return f"{processor_name()}, solver {SOLVER_VERSION}, rotor-stator-workflow {workflow.__version__}"
+def _read(path: Path) -> dict[str, float]:
+    """Return what a file holds; nothing where it is missing or damaged."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        return {name: float(content[name]) for name in _SUMS}
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return dict.fromkeys(_SUMS, 0.0)
 
 
 def speed_file() -> Path:
     """Return this machine's file: one for each processor, version of the solver and of the package."""
     home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return home / "rotor-stator-workflow" / f"speed-{hashlib.sha256(_machine().encode()).hexdigest()[:16]}.json"
+    machine = f"{processor_name()}, solver {SOLVER_VERSION}, rotor-stator-workflow {workflow.__version__}, one factor"
+    return home / "rotor-stator-workflow" / f"speed-{hashlib.sha256(machine.encode()).hexdigest()[:16]}.json"
 
 
 @cache
@@ -174,21 +108,3 @@ def processor_name() -> str:
             if line.startswith("model name"):
                 return line.split(":", 1)[1].strip()
     return platform.processor() or platform.machine()
-
-
-def _read(path: Path) -> Sums:
-    """Return what a file holds; nothing where it is missing, damaged or another machine's."""
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-        if content["format"] != FORMAT or content["machine"] != _machine():
-            return {}
-        return {str(key): (float(model), float(measured)) for key, (model, measured) in content["parts"].items()}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        return {}
-
-
-def _write(path: Path, sums: Sums) -> None:
-    content = {"format": FORMAT, "machine": _machine(), "parts": sums}
-    with tempfile.NamedTemporaryFile("w", dir=path.parent, suffix=".tmp", delete=False, encoding="utf-8") as file:
-        file.write(json.dumps(content))  # at once: piece by piece it takes ten times as long
-    os.replace(file.name, path)

@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 from workflow import variables
 from workflow.grid._arrangement import Grid, Indices
 from workflow.grid._conditions import conditions
-from workflow.grid._costs import measured, steady_part
-from workflow.grid._operators import as_run, reduced_structure, structure_of
-from workflow.grid._shaken import Shaken
-from workflow.grid._trials import EXACT
+from workflow.grid._operators import as_run, structure_of
+from workflow.grid._perturbation import Perturbation
+from workflow.judges.trials import EXACT
 from workflow.models import Cases, Structure, growth_at_once
-from workflow.study import Cell, Study
+from workflow.study import CaseSettings, Study
 from workflow.variables import Variable
 
 Values = dict[str, NDArray[Any]]
@@ -48,7 +47,7 @@ def blank(study: Study, count: int) -> Values:
     }
 
 
-def steady_values(grid: Grid, cell: Cell, cases: Cases) -> tuple[Values, list[str]]:
+def steady_values(grid: Grid, cell: CaseSettings, cases: Cases) -> tuple[Values, list[str]]:
     """Return the steady rubs of cases given on the nodes, and what is said of each; nothing where none is asked for."""
     asked = grid.study.output.steady
     if asked is None or cell.scheme.method != EXACT:
@@ -56,13 +55,12 @@ def steady_values(grid: Grid, cell: Cell, cases: Cases) -> tuple[Values, list[st
     from workflow.orbits import Options, steady_rubs
 
     structure, projected = as_run(cell, cases)
-    with measured(steady_part(grid.study, cell, structure, cases.count)):
-        options = Options(asked.periods, asked.samples)
-        values, messages = steady_rubs(structure, projected, grid.sampling.duration, options)
+    options = Options(asked.periods, asked.samples)
+    values, messages = steady_rubs(structure, projected, grid.sampling.duration, options)
     return _with_growth_at_once(cell, values), messages
 
 
-def branch_values(grid: Grid, outer: int, inner: Indices, shaken: Shaken | None) -> tuple[Values, str]:
+def branch_values(grid: Grid, outer: int, inner: Indices, perturbation: Perturbation | None) -> tuple[Values, str]:
     """Return the branch of one case, ``(1, point, …)``, and why it has no point, where it has none."""
     from workflow.orbits import Options, branch
 
@@ -73,21 +71,20 @@ def branch_values(grid: Grid, outer: int, inner: Indices, shaken: Shaken | None)
     def problem(value: float) -> tuple[Structure, Cases]:
         """Return structure and case at a value of the axis."""
         cell = grid.settings(outer, {followed.axis.path: value})
-        cell = cell if shaken is None else shaken.cell(cell)
+        cell = cell if perturbation is None else perturbation.cell(cell)
         structure = structure_of(cell.scene.model, cell.scene.parameters)
         cases = conditions(cell, structure, grid.inner_values(inner), inner.size)
-        return as_run(cell, cases if shaken is None else shaken.cases(cases))
+        return as_run(cell, cases if perturbation is None else perturbation.cases(cases))
 
-    with measured(steady_part(grid.study, first, reduced_structure(first), 1)):
-        start, stop = map(float, followed.axis.values)
-        options = Options(asked.periods, asked.samples)
-        values, message = branch(problem, start, stop, followed.points, grid.sampling.duration, options)
+    start, stop = map(float, followed.axis.values)
+    options = Options(asked.periods, asked.samples)
+    values, message = branch(problem, start, stop, followed.points, grid.sampling.duration, options)
     values = _with_growth_at_once(first, values)
     values[followed.axis.name] = values.pop("value")
     return {name: array[None] for name, array in values.items()}, message
 
 
-def _with_growth_at_once(cell: Cell, values: Values) -> Values:
+def _with_growth_at_once(cell: CaseSettings, values: Values) -> Values:
     """Return steady rubs with the tip growth by heat loads that temperatures without heat capacity follow at once."""
     structure = structure_of(cell.scene.model, cell.scene.parameters)
     return values | {"steady_closing": values["steady_closing"] + growth_at_once(structure)}

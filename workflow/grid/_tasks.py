@@ -1,4 +1,4 @@
-"""Cutting the grid in tasks: units of storage bundled to a fair length of work."""
+"""Cutting the grid in tasks: batches of cases bundled to a fair length of work."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workflow import schemes
 from workflow.grid._arrangement import Grid, Indices
-from workflow.grid._costs import case_seconds, steady_part
+from workflow.grid._costs import case_seconds, steady_seconds
 from workflow.grid._frequencies import fastest, longest_period_count
 from workflow.grid._operators import reduced_structure
 
@@ -43,68 +44,34 @@ TASK_BYTES = 32 * 2**20
 """Results a task holds in memory before they are written."""
 
 MOST_ROWS = 1000
-"""Runs along the innermost dimension up to which each is a chunk, or several. Where there are more, a chunk holds
-several runs if it may: it costs some 0.2 ms, however few cases it has."""
+"""Runs along the innermost dimension up to which a batch ends with one, unless it ends within one."""
 
-CHUNK_BYTES, CHUNK_SECONDS = 4 * 2**20, 0.025
-"""Bytes of one history in a chunk of the archive, before compression; work of a chunk that is short enough
-for the last tasks of a run."""
+BATCH_SECONDS = 0.025
+"""Work of a batch that is short enough for the last tasks of a run."""
 
 
-@dataclass(frozen=True)
-class Segment:
-    """A run of units of one outer index; ``first`` counts within that outer index."""
+class Batch(NamedTuple):
+    """Cases that share their operators: those of one outer index, with their inner indices, ``(case,)``."""
 
     outer: int
-    first: int
-    units: int
-
-
-@dataclass(frozen=True)
-class Task:
-    """What one dask task computes and stores."""
-
-    number: int
-    segments: tuple[Segment, ...]
-    seconds: float
-    cases: int
+    inner: Indices
 
 
 @dataclass(frozen=True, eq=False)
-class Units:
-    """How the cases of one outer index are cut in units: runs of ``chunk`` cases of a row of ``inner``."""
+class Task:
+    """Batches that are computed and stored together: what one dask task does."""
 
-    rows: int
-    inner: int
-    chunk: int
-
-    @property
-    def per_row(self) -> int:
-        """Units of a row."""
-        return -(-self.inner // self.chunk)
-
-    @property
-    def count(self) -> int:
-        """Units of an outer index."""
-        return self.rows * self.per_row
-
-    def cases(self, first: int, units: int) -> tuple[Indices, Indices]:
-        """Return the inner indices of some units, and their places in ``units * chunk`` slots."""
-        indices, places = [], []
-        for k, unit in enumerate(range(first, first + units)):
-            row, c = divmod(unit, self.per_row)
-            inside = np.arange(c * self.chunk, min((c + 1) * self.chunk, self.inner), dtype=np.int64)
-            indices.append(row * self.inner + inside)
-            places.append(k * self.chunk + inside - c * self.chunk)
-        return np.concatenate(indices), np.concatenate(places)
+    number: int
+    batches: tuple[Batch, ...]
+    seconds: float
+    cases: int
 
 
 def seconds_per_case(grid: Grid, outer: int) -> float:
     """Return the estimated seconds of one case, from the scheme's fixed cost model."""
     cell = grid.settings(outer)
     structure, periods = reduced_structure(cell), fastest(grid) * grid.sampling.duration
-    steady = steady_part(grid.study, cell, structure, 1).seconds
-    return steady + case_seconds(cell, structure, grid.sampling, periods)
+    return steady_seconds(grid.study, cell, structure) + case_seconds(cell, structure, grid.sampling, periods)
 
 
 def together(grid: Grid, outer: int) -> int:
@@ -129,14 +96,15 @@ def _computed(grid: Grid) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
 
     model = grid.study.scene.model
     alike, where = np.unique(
-        grid.alike(grid.places.computed, lambda path: _decides_cost(path, model)), return_inverse=True
+        grid.alike(grid.places.computed, lambda path: decides_cost(path, model)), return_inverse=True
     )
     with threadpool_limits(limits=1, user_api="blas"):
         seconds = np.array([seconds_per_case(grid, int(outer)) for outer in alike])
         return seconds[where], np.array([together(grid, int(outer)) for outer in alike])[where]
 
 
-def _decides_cost(path: str, model: str) -> bool:
+def decides_cost(path: str, model: str) -> bool:
+    """Tell whether the cost model knows of an axis."""
     return not path.startswith(f"scene.{model}.") or path == f"scene.{model}.nodes"
 
 
@@ -151,48 +119,22 @@ def steady_bytes(grid: Grid) -> int:
     return 0 if steady is None else 8 * (3 * steady.samples + 16) * (1 if branch is None else branch.points)
 
 
-def units_of(grid: Grid) -> Units:
-    """Cut the cases of an outer index so that a chunk is neither large nor long to compute.
+def _grain(grid: Grid) -> int:
+    """Return of how many cases a batch is a multiple, so that a task is no longer than a fair share of the study.
 
-    A task is made of whole chunks: none takes longer than a fair share of the study, but for cases that
-    are stepped together. By time chunks hold a power of two of cases, so that a study that grows a little
-    keeps the chunks of its archive.
+    Cases that are stepped together may make it longer.
     """
     if grid.study.branch is not None:
-        return Units(grid.inner_count // (inner := grid.inner_shape[-1] if grid.inner else 1), inner, 1)
+        return 1
     seconds, at_once = _computed(grid)
-    share = min(max(float(seconds.sum()) * grid.inner_count / TARGET_TASKS, CHUNK_SECONDS), LONGEST)
-    by_size = CHUNK_BYTES // (8 * grid.sampling.count)
+    share = min(max(float(seconds.sum()) * grid.inner_count / TARGET_TASKS, BATCH_SECONDS), LONGEST)
     seconds = np.maximum(seconds, 1e-300)
-    by_time = _power_of_two_below(float(np.min(np.maximum(share, np.minimum(UNBROKEN, at_once * seconds)) / seconds)))
-    most = max(1, min(by_size, by_time))
-    inner = grid.inner_shape[-1] if grid.inner else 1
-    if grid.outer_count * grid.inner_count > MOST_ROWS * inner:
-        row, chunk = _blocks(grid.inner_shape, most)
-    else:
-        row, chunk = inner, min(inner, most)
-    return Units(grid.inner_count // row, row, chunk)
+    most = _power_of_two_below(float(np.min(np.maximum(share, np.minimum(UNBROKEN, at_once * seconds)) / seconds)))
+    row = grid.inner_shape[-1] if grid.inner else 1
+    return min(most, row if grid.outer_count * grid.inner_count <= MOST_ROWS * row else grid.inner_count)
 
 
-def _blocks(shape: tuple[int, ...], most: int) -> tuple[int, int]:
-    """Return row and chunk, in cases: whole dimensions innermost, then a part of the next, at most ``most`` cases.
-
-    Of a dimension outside the innermost a chunk holds all or a power of two. A row is all along the dimension that is
-    cut and those inside it.
-    """
-    row = chunk = 1
-    for k, size in enumerate(reversed(shape)):
-        part = most // chunk
-        if k > 0 and part < 2:
-            break
-        row = chunk * size
-        if part < size:
-            return row, chunk * (part if k == 0 else _power_of_two_below(part))
-        chunk = row
-    return row, chunk
-
-
-def tasks(grid: Grid, units: Units) -> Iterator[Task]:
+def tasks(grid: Grid) -> Iterator[Task]:
     """Yield the tasks of a study in archive order, one at a time; only distinct results are computed.
 
     Cases that are stepped together stay together: fewer would cost as much.
@@ -201,29 +143,30 @@ def tasks(grid: Grid, units: Units) -> Iterator[Task]:
     seconds = seconds + HANDLING
     total = float(seconds.sum()) * grid.inner_count + SETTING_UP * seconds.size
     target = max(_power_of_two_below(min(total / SHORTEST, TARGET_TASKS)), math.ceil(total / LONGEST))
-    most_cases = max(units.chunk, TASK_BYTES // bytes_per_case(grid))
-    gathered: list[Segment] = []
+    most_cases, grain = max(1, TASK_BYTES // bytes_per_case(grid)), _grain(grid)
+    grain = min(grain, most_cases)
+    gathered: list[Batch] = []
     number, work, cases, assigned = 0, 0.0, 0, 0.0
 
     def finished() -> Task:
         return Task(number, tuple(gathered), work, cases)
 
-    for outer, each, least in zip(grid.places, map(float, seconds), -(-at_once // units.chunk), strict=True):
+    for outer, each, least in zip(grid.places, map(float, seconds), -(-at_once // grain) * grain, strict=True):
         first = 0
-        while first < units.count:
-            left, most_together = total - assigned, max(1, int(UNBROKEN / (each * units.chunk)))
-            few = min(int(least), units.count - first, most_together)
+        while first < grid.inner_count:
+            left, most_together = total - assigned, max(grain, int(UNBROKEN / each))
+            few = min(int(least), grid.inner_count - first, most_together)
             fair = min(left / max(1, target - number), max(left / LAST, SHORTEST_LAST), LONGEST)
             begin = SETTING_UP if first == 0 else 0.0
-            room, fitting = (fair - work - begin) / (each * units.chunk), (most_cases - cases) // units.chunk
-            if gathered and (work >= 0.9 * fair or room < 0.5 * few or fitting < 1):
+            room, fitting = (fair - work - begin) / each, most_cases - cases
+            if gathered and (work >= 0.9 * fair or room < 0.5 * few or fitting < min(few, grid.inner_count - first)):
                 yield finished()
                 number, gathered, work, cases, assigned = number + 1, [], 0.0, 0, assigned + work
                 continue
-            count = min(units.count - first, few * max(1, round(min(room, units.count) / few)), fitting)
-            gathered.append(Segment(outer, first, count))
-            size = units.cases(first, count)[0].size
-            work, cases, first = work + begin + size * each, cases + size, first + count
+            count = few * max(1, round(min(room, grid.inner_count) / few))
+            count = min(grid.inner_count - first, count, max(few, fitting // grain * grain))
+            gathered.append(Batch(outer, np.arange(first, first + count, dtype=np.int64)))
+            work, cases, first = work + begin + count * each, cases + count, first + count
     if gathered:
         yield finished()
 

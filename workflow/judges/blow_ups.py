@@ -111,7 +111,7 @@ def _accounted(structure: Structure, cases: Cases, flexibility: float, row: Arra
     """
     load, place = _largest_load(structure, cases), np.abs(cases.gap) + cases.casing_harmonics.reach
     warm = np.abs((row * cases.temperature).sum(axis=1))
-    capacity = np.abs(structure.heat_contents(np.ones(structure.thermal_size)))
+    capacity = np.abs(structure.thermal.inertia_of(np.ones(structure.thermal_size)))
     heated = (np.abs(row) * np.abs(cases.heating) / capacity).sum(axis=1) * duration
     reached = np.sqrt(2 * flexibility * _energy(structure, cases))
     return np.asarray(np.fmax.reduce([place, flexibility * load, warm, heated, reached]))
@@ -138,7 +138,7 @@ def _farthest(
 def _free_flight(structure: Structure, cases: Cases, duration: float) -> Array:
     """Return how far loads and initial velocities would take the whole structure, m, ``(case,)``."""
     rigid = np.ones(structure.mechanical_size)
-    mass = float(rigid @ structure.inertia_forces(rigid))
+    mass = float(rigid @ structure.mechanical.inertia_of(rigid))
     load = _largest_load(structure, cases)
     return np.asarray(load * duration * duration / mass + np.abs(cases.velocity).max(axis=1) * duration)
 
@@ -154,5 +154,5 @@ def _largest_load(structure: Structure, cases: Cases) -> Array:
 
 def _energy(structure: Structure, cases: Cases) -> Array:
     """Return the initial energy vᵀMv/2 + xᵀK1x/2 of each case, J, ``(case,)``."""
-    states = zip(cases.displacement, cases.velocity, strict=True)
-    return np.array([structure.strain_energies(x).sum() + v @ structure.inertia_forces(v) for x, v in states]) / 2
+    pair, states = structure.mechanical, zip(cases.displacement, cases.velocity, strict=True)
+    return np.array([pair.energies(x).sum() + v @ pair.inertia_of(v) for x, v in states]) / 2

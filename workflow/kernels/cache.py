@@ -25,7 +25,7 @@ PLAIN = "WORKFLOW_PLAIN_NUMBA"
 UNUSED_SECONDS = 24 * 3600.0
 
 _NAME = "rotor-stator-workflow"
-_WORKFLOW_FLOOR = {"study", "grid", "archive", "run", "analysis", "plots", "report", "cli"}
+_WITHOUT_KERNELS = {"judges", "study", "grid", "archive", "run", "analysis", "plots", "report", "cli"}
 """Directories of the package whose sources no kernel is made of."""
 
 
@@ -81,7 +81,7 @@ def _directory_of(package: str, plain: bool) -> Path | None:
 def _digest(package: Path, pattern: str) -> str:
     """Return the digest of sources: their names and what is in them."""
     names = sorted(each.relative_to(package) for each in package.glob(pattern))
-    sources = [(str(name), (package / name).read_bytes()) for name in names if name.parts[0] not in _WORKFLOW_FLOOR]
+    sources = [(str(name), (package / name).read_bytes()) for name in names if name.parts[0] not in _WITHOUT_KERNELS]
     return hashlib.sha256(repr(sources).encode()).hexdigest()
 
 

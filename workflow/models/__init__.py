@@ -13,7 +13,8 @@ from workflow import registry
 from workflow.kernels import Array
 from workflow.models._bounds import free_reach
 from workflow.models._cases import Cases, distinct_rows, project
-from workflow.models._chain import MOST_NODES_WITH_MATRICES, Chain, TooManyNodesError
+from workflow.models._chain import Chain
+from workflow.models._chain_pair import MOST_ONE_BY_ONE
 from workflow.models._damping import (
     coupled_damping,
     couples_free_modes,
@@ -22,27 +23,23 @@ from workflow.models._damping import (
     modal_damping,
     needs_matrices,
 )
-from workflow.models._equilibrium import NoEquilibriumError, static_equilibrium
+from workflow.models._dense_pair import DensePair
+from workflow.models._equilibrium import NoEquilibriumError, at_rest, static_equilibrium
 from workflow.models._factors import FACTORISING, MOST_BY_SUPERLU, has_cholmod
 from workflow.models._fill import Fill, LargeFactorsWarning, expected_fill
-from workflow.models._from_matrices import GivenMatrices, UnusableMatricesError, structure_from_matrices
+from workflow.models._from_matrices import GivenMatrices, structure_from_matrices
 from workflow.models._growth import Growth, InContact, growth, growth_rate, in_contact
 from workflow.models._harmonics import NO_HARMONICS, Harmonics
-from workflow.models._long_chain import frequency_range, mechanical_path, rate_range, thermal_path
-from workflow.models._modes import Modes, mechanical_modes, modal_coupling, poles, thermal_modes
+from workflow.models._modes import mechanical_modes, modal_coupling, poles, thermal_modes
+from workflow.models._pair import MOST_FULL, Modes, Pair, TooManyCoordinatesError
 from workflow.models._runaway import critical_alpha, static_tip_growth, tip_flexibility
+from workflow.models._semidefinite import UnusableMatricesError
 from workflow.models._sliding import CriticalFriction, critical_friction, directions
-from workflow.models._sparse import MOST_REDUCED, Sparse, TooManyCoordinatesError
+from workflow.models._sparse import Sparse
 from workflow.models._sparse_from_matrices import structure_from_sparse
-from workflow.models._spectrum import frequencies, rates
-from workflow.models._static import (
-    growth_at_once,
-    rounding_of_flexibility,
-    static_displacements,
-    static_temperatures,
-)
+from workflow.models._sparse_pair import MOST_REDUCED
+from workflow.models._static import frequencies, growth_at_once, rates, rounding_of_flexibility
 from workflow.models._structure import Coordinates, Matrices, Rayleigh, Structure
-from workflow.models._tip_held import MOST_ONE_BY_ONE
 from workflow.models._write_matrices import write_matrices
 
 
@@ -74,9 +71,7 @@ def sizes(name: str, parameters: Any) -> tuple[int, int]:
 def most_modes(name: str, parameters: Any) -> int | None:
     """Return the most modes of each kind of a structure that is too large to be kept full, ``None`` of any other."""
     structure = load(name).assemble(parameters)
-    if not isinstance(structure, Chain | Sparse) or structure.has_matrices:
-        return None
-    return MOST_ONE_BY_ONE if isinstance(structure, Chain) else MOST_REDUCED
+    return None if structure.has_matrices else structure.mechanical.most_modes
 
 
 def fault(name: str) -> str | None:
@@ -100,14 +95,16 @@ def load(name: str) -> Model:
 __all__ = [
     "FACTORISING",
     "MOST_BY_SUPERLU",
-    "MOST_NODES_WITH_MATRICES",
+    "MOST_FULL",
     "MOST_ONE_BY_ONE",
+    "MOST_REDUCED",
     "NO_HARMONICS",
     "Array",
     "Cases",
     "Chain",
     "Coordinates",
     "CriticalFriction",
+    "DensePair",
     "Fill",
     "GivenMatrices",
     "Growth",
@@ -118,12 +115,13 @@ __all__ = [
     "Model",
     "Modes",
     "NoEquilibriumError",
+    "Pair",
     "Rayleigh",
     "Sparse",
     "Structure",
     "TooManyCoordinatesError",
-    "TooManyNodesError",
     "UnusableMatricesError",
+    "at_rest",
     "coupled_damping",
     "couples_free_modes",
     "critical_alpha",
@@ -134,7 +132,6 @@ __all__ = [
     "fault",
     "free_reach",
     "frequencies",
-    "frequency_range",
     "growth",
     "growth_at_once",
     "growth_rate",
@@ -144,7 +141,6 @@ __all__ = [
     "is_rayleigh",
     "load",
     "mechanical_modes",
-    "mechanical_path",
     "modal_coupling",
     "modal_damping",
     "most_modes",
@@ -152,18 +148,14 @@ __all__ = [
     "needs_matrices",
     "poles",
     "project",
-    "rate_range",
     "rates",
     "rounding_of_flexibility",
     "sizes",
-    "static_displacements",
     "static_equilibrium",
-    "static_temperatures",
     "static_tip_growth",
     "structure_from_matrices",
     "structure_from_sparse",
     "thermal_modes",
-    "thermal_path",
     "tip_flexibility",
     "write_matrices",
 ]

@@ -37,7 +37,7 @@ def free_reach(structure: Structure, cases: Cases, duration: float) -> Array:
     static = (cases.steady @ shapes + mean[:, None] * drive) / omega**2
     damping = structure.damping.of_modes(omega)
     coupled = None if structure.damper is None else shapes.T @ structure.damper @ shapes
-    momenta = structure.inertia_forces(shapes)
+    momenta = structure.mechanical.inertia_of(shapes)
     offset = cases.displacement @ momenta - static
     speed = cases.velocity @ momenta
     harmonic = np.zeros(cases.count)
@@ -79,6 +79,6 @@ def _sinusoids(cases: Cases) -> tuple[Array, Array, Array]:
 def _warmest(structure: Structure, cases: Cases, duration: float) -> Array:
     """Return a bound of the temperatures by initial ones and heating, K, ``(case, thermal)``."""
     started = np.abs(cases.temperature).max(axis=1, initial=0.0)[:, None]
-    capacities = structure.heat_capacity.sum(axis=1)
+    capacities = structure.thermal.inertia_of(np.ones(structure.thermal_size))
     heated = duration * (np.abs(cases.heating) / capacities).max(axis=1, initial=0.0)[:, None]
     return np.broadcast_to(started + heated, cases.temperature.shape)

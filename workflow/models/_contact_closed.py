@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from workflow.kernels import Array
 from workflow.kernels.algebra import Complex
 from workflow.models._damping import held_damping, is_rayleigh
-from workflow.models._modes import Modes, poles
+from workflow.models._modes import poles
+from workflow.models._pair import Modes
 from workflow.models._structure import Structure
-from workflow.models._tip_held import held_modes, mechanical_constraint, slowest_modes
 
 Indices = NDArray[np.intp]
 
@@ -143,23 +143,22 @@ def contact_closed(structure: Structure, few: int | None = None, slides: bool = 
 
     Friction drives rigid modes of the interior too: they are kept where the contact ``slides``.
     """
-    mechanical, thermal = held_modes(structure, few), slowest_modes(structure, few)
+    pair, mechanical, thermal = structure.mechanical, structure.mechanical.held_modes(few), structure.thermal.modes(few)
     elastic = (mechanical.values > 0) | slides
-    omega2, shapes = mechanical.values[elastic] ** 2, np.ascontiguousarray(mechanical.shapes[:, elastic])
-    constraint, elongation = mechanical_constraint(structure)
+    omega2, shapes = mechanical.values[elastic], np.ascontiguousarray(mechanical.shapes[:, elastic])
+    constraint, expansions = pair.constraint, structure.expansions(thermal.shapes)
     rayleigh = is_rayleigh(structure)
-    damping = np.zeros((0, 0)) if rayleigh else held_damping(structure, Modes(mechanical.values[elastic], shapes))
-    forces = (structure.springs * structure.expansions(thermal.shapes).T).T
+    damping = np.zeros((0, 0)) if rayleigh else held_damping(structure, Modes(omega2, shapes))
     return ContactClosed(
         modes=np.stack(
             [
                 omega2,
                 structure.damping.mass + structure.damping.stiffness * omega2 if rayleigh else np.diag(damping),
-                shapes.T @ structure.inertia_forces(constraint),
+                shapes.T @ pair.inertia_of(constraint),
             ]
         ),
-        heat=np.stack([thermal.values, thermal.tip, elongation @ forces]),
-        coupling=-structure.elongations(shapes).T @ forces,
+        heat=np.stack([thermal.values, thermal.tip, pair.work(constraint, pair.deformed, expansions)]),
+        coupling=-pair.work(shapes, pair.deformation_of(shapes), expansions),
         mass_damping=structure.damping.mass,
         stiffness_damping=structure.damping.stiffness,
         has_rigid=bool(np.any(~elastic)),

@@ -11,7 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.kernels import Array
-from workflow.models._modes import Modes, mechanical_modes
+from workflow.models._modes import mechanical_modes
+from workflow.models._pair import Modes
 from workflow.models._structure import Structure
 
 _COUPLED = 1e-12

@@ -14,18 +14,24 @@ so that the contact force is -λ e_n and its heat α λ e_n, as equations (1a) a
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
-from scipy.linalg.lapack import dpstrf
 
 from workflow.kernels import Array
+from workflow.models._dense_pair import DensePair
+from workflow.models._semidefinite import (
+    Part,
+    UnusableMatricesError,
+    congruent,
+    factored,
+    pivots,
+    scale_of,
+    symmetric,
+)
 from workflow.models._structure import Coordinates, Matrices, Rayleigh
-
-_INDEFINITE = 1e3
-"""A negative part of a matrix larger than so many times its rounding makes the matrix indefinite."""
 
 _UNBALANCED = 1e-8
 """Share of a thermal force that may act on a rigid body: half of the digits of a file that has them all."""
@@ -33,14 +39,6 @@ _UNBALANCED = 1e-8
 
 COLD = 1e30
 """Heat capacity [J/K] of a structure that nobody describes temperatures of: it stays cold, whatever heat it takes."""
-
-
-class UnusableMatricesError(ValueError):
-    """Matrices that are no structure, or none that a basis can take: ``problem`` and ``remedy`` in a study's words."""
-
-    def __init__(self, problem: str, remedy: str):
-        super().__init__(f"{problem}: {remedy}")
-        self.problem, self.remedy = problem, remedy
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,24 +88,6 @@ class GivenMatrices:
     labels: tuple[str, ...] = ()
 
 
-class Factor(NamedTuple):
-    """R with A[order][:, order] = Rᵀ R + a rest that has no pivot above the threshold."""
-
-    upper: Array
-    """R, upper triangular with a positive diagonal, ``(rank, size)``."""
-    order: NDArray[np.int64]
-    """Rows of A in the order in which they became pivots, ``(size,)``."""
-    rest: float
-    """Largest magnitude in the rest: beyond rounding where A is indefinite."""
-
-
-class _Part(NamedTuple):
-    """A symmetric positive semi-definite matrix as deformationᵀ · deformation, ``(rank, coordinate)``."""
-
-    deformation: Array
-    order: NDArray[np.int64]
-
-
 def structure_from_matrices(matrices: GivenMatrices) -> Matrices:
     """Return the structure that dense matrices describe; its ``coordinates`` lead from theirs and back.
 
@@ -124,26 +104,31 @@ def structure_from_matrices(matrices: GivenMatrices) -> Matrices:
     expansive = -(matrices.coupling @ _heated_at_once(matrices))
     given = matrices.steady, matrices.heating, expansive
     coordinates = Coordinates(basis, projection, heat_basis, heat_projection, *given)
-    mass, capacity = _congruent(matrices.mass, basis), _congruent(matrices.heat_capacity, heat_basis)
-    springs = _factored(matrices.stiffness, "stiffness", basis)
-    conductors = _factored(matrices.conductance, "conductance", heat_basis)
-    coupling = basis.T @ matrices.coupling @ heat_basis
+    springs = factored(matrices.stiffness, "stiffness", basis)
+    conductors = factored(matrices.conductance, "conductance", heat_basis)
     even = np.ones(matrices.heat_capacity.shape[0]) if matrices.even_rise is None else matrices.even_rise
     return Matrices(
-        mass=mass,
-        springs=np.ones(springs.deformation.shape[0]),
-        elongation=springs.deformation,
-        expansion=_expansion(springs, coupling),
-        heat_capacity=capacity,
-        conductors=np.ones(conductors.deformation.shape[0]),
-        difference=conductors.deformation,
+        mechanical=_pair(congruent(matrices.mass, basis), springs),
+        thermal=_pair(congruent(matrices.heat_capacity, heat_basis), conductors),
+        expansion=_expansion(springs, basis.T @ matrices.coupling @ heat_basis),
         even_rise=heat_projection @ even,
         damping=matrices.damping,
-        damper=None if matrices.damper is None else _congruent(matrices.damper, basis),
+        damper=None if matrices.damper is None else congruent(matrices.damper, basis),
         load=_elsewhere(matrices.load, basis),
         tangent=None if matrices.tangent is None else basis.T @ matrices.tangent,
         coordinates=coordinates,
     )
+
+
+def structure_of_forms(mass: Array, stiffness: Array, coupling: Array, capacity: Array, conductance: Array) -> Matrices:
+    """Return the structure of M, K1, K12, C2 and K2, the tip last, such as the forms Xᵀ M X of a fuller one."""
+    springs, conductors = factored(stiffness, "stiffness"), factored(conductance, "conductance")
+    pairs = _pair(symmetric(mass), springs), _pair(symmetric(capacity), conductors)
+    return Matrices(*pairs, _expansion(springs, coupling), np.ones(len(capacity)))
+
+
+def _pair(inertia: Array, part: Part) -> DensePair:
+    return DensePair(inertia, np.ones(len(part.deformation)), part.deformation)
 
 
 def refuse_dashpots(matrices: GivenMatrices, loose: NDArray[np.int64], null: Any) -> None:
@@ -181,41 +166,6 @@ def _elsewhere(load: Array | None, basis: Array) -> Array | None:
     return None if np.abs(direction - tip).max() <= _UNBALANCED * np.abs(direction).max() else direction
 
 
-class Forms(NamedTuple):
-    """M, K1, K12, C2 and K2 of a structure whose tip is the last coordinate.
-
-    ``even_rise`` are the temperatures at an even rise of 1 K, ``tip_growth`` is the quasi-static displacement of the
-    tip per temperature [m/K].
-    """
-
-    mass: Array
-    stiffness: Array
-    coupling: Array
-    heat_capacity: Array
-    conductance: Array
-    even_rise: Array
-    tip_growth: Array
-    tangent: Array | None = None
-
-
-def structure_of_forms(forms: Forms, damping: Rayleigh) -> Matrices:
-    """Return the structure of matrices whose tip is the last coordinate, such as forms Xᵀ K1 X of a fuller one."""
-    springs, conductors = _factored(forms.stiffness, "stiffness"), _factored(forms.conductance, "conductance")
-    return Matrices(
-        mass=_symmetric(forms.mass),
-        springs=np.ones(springs.deformation.shape[0]),
-        elongation=springs.deformation,
-        expansion=_expansion(springs, forms.coupling),
-        heat_capacity=_symmetric(forms.heat_capacity),
-        conductors=np.ones(conductors.deformation.shape[0]),
-        difference=conductors.deformation,
-        even_rise=forms.even_rise,
-        damping=damping,
-        tip_growth=forms.tip_growth,
-        tangent=forms.tangent,
-    )
-
-
 def _contact_last(inertia: Array, stiffness: Array, contact: Array, *names: str) -> tuple[Array, Array]:
     """Return the basis E and the projection onto its coordinates: those with inertia, the contact last.
 
@@ -250,12 +200,12 @@ def _without_inertia(inertia: Array, name: str) -> tuple[NDArray[np.int64], NDAr
     A motion without inertia has 1 in one of the others, 0 in the rest of them. Mostly it is nothing else, with a row of
     zeros in M; the incompatible modes of an element may share a mass, however, and then it is a difference of theirs.
     """
-    factor = _pivots(inertia, name, _scale(inertia))
+    scale = scale_of(inertia)
+    factor = pivots(inertia, name, scale)
     rank = factor.upper.shape[0]
     inertial, loose = np.sort(factor.order[:rank]), factor.order[rank:]
     null = np.zeros((inertia.shape[0], loose.size))
     null[factor.order[:rank]] = -solve_triangular(factor.upper[:, :rank], factor.upper[:, rank:])
-    scale = _scale(inertia)
     null *= scale[loose] / scale[:, None]
     null[loose, np.arange(loose.size)] = 1.0
     return inertial, loose, null
@@ -274,61 +224,7 @@ def _following(stiffness: Array, null: Array, forces: Array, name: str) -> Array
     return np.asarray(solve_triangular(root, halfway, lower=True, trans="T"))
 
 
-def _congruent(matrix: Array, basis: Array) -> Array:
-    """Return basisᵀ · matrix · basis, symmetric to the bit."""
-    return _symmetric(basis.T @ (matrix @ basis))
-
-
-def _symmetric(matrix: Array) -> Array:
-    return np.asarray((matrix + matrix.T) / 2)
-
-
-def _factored(matrix: Array, name: str, basis: Array | None = None) -> _Part:
-    """Return the deformation of EᵀK E, E a basis: its rank is decided by the rounding of |E|ᵀ|K||E|.
-
-    Raises
-    ------
-    UnusableMatricesError
-        The matrix is indefinite.
-    """
-    basis = np.eye(matrix.shape[0]) if basis is None else basis
-    scale = _scale(np.abs(basis).T @ np.abs(matrix) @ np.abs(basis))
-    factor = _pivots(_congruent(matrix, basis), name, scale)
-    deformation = np.zeros_like(factor.upper)
-    deformation[:, factor.order] = factor.upper
-    return _Part(deformation * scale, factor.order)
-
-
-def _scale(matrix: Array) -> Array:
-    diagonal = np.diag(matrix)
-    return np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-
-
-def _pivots(matrix: Array, name: str, scale: Array) -> Factor:
-    """Return the factor of a matrix over scales of its coordinates, ``(coordinate,)``."""
-    least = 10 * matrix.shape[0] * np.finfo(float).eps  # rounding of assembled entries, after numpy's matrix_rank
-    factor = _pivoted(matrix / scale / scale[:, None], least)
-    if not factor.rest <= _INDEFINITE * least:
-        raise UnusableMatricesError(
-            f"{name} is not positive semi-definite", "check signs and that it was assembled in full"
-        )
-    return factor
-
-
-def _pivoted(matrix: Array, least: float) -> Factor:
-    """Return the factor of a symmetric matrix from pivots above ``least``, largest first.
-
-    Source: Higham, Accuracy and stability of numerical algorithms (SIAM 2002), section 10.3: the rank found is that of
-    a matrix within rounding of A.
-    """
-    whole, order, rank, _ = dpstrf(matrix, tol=least)
-    upper = np.triu(whole)[:rank]
-    order = np.asarray(order, dtype=np.int64) - 1
-    rest = matrix[np.ix_(order[rank:], order[rank:])] - upper[:, rank:].T @ upper[:, rank:]
-    return Factor(upper, order, float(np.abs(rest).max(initial=0.0)))
-
-
-def _expansion(springs: _Part, coupling: Array) -> Array:
+def _expansion(springs: Part, coupling: Array) -> Array:
     """Return the free expansion with K12 = -deformationᵀ · expansion, ``(rank, temperature)``.
 
     Raises

@@ -15,7 +15,6 @@ import numpy as np
 
 from workflow.kernels import Array
 from workflow.kernels.algebra import Complex, eigenvalues
-from workflow.models._chain import Chain
 from workflow.models._contact_closed import ContactClosed, Indices, contact_closed
 from workflow.models._structure import Structure
 
@@ -83,8 +82,8 @@ class InContact:
 
 
 def in_contact(structure: Structure) -> InContact:
-    """Prepare the growth rates of a structure; of a chain without matrices those of its lowest modes."""
-    few = _STRONGEST if isinstance(structure, Chain) and not structure.has_matrices else None
+    """Prepare the growth rates of a structure; of one without matrices those of its lowest modes."""
+    few = None if structure.has_matrices else _STRONGEST
     system = contact_closed(structure, few)
     sliding = None if structure.tangent is None else contact_closed(structure, slides=True)
     orders = np.zeros(0, dtype=np.complex128) if system.is_coupled else system.first_orders()

@@ -12,8 +12,11 @@ from workflow.kernels import Array
 from workflow.kernels.algebra import MOST_BY_JACOBI
 from workflow.models._from_matrices import COLD, GivenMatrices
 from workflow.models._matrix_files import LABELS, MATRICES, Entries, refuse
-from workflow.models._sparse_entries import ASYMMETRY, is_large, sparse_matrix, sparse_square
 from workflow.models._structure import Rayleigh
+
+ASYMMETRY = 1e-10
+"""Share of the largest entry of a row and column by which a matrix may miss symmetry: that of assembly in another
+order, or of files with eleven digits. The mean of both halves is used."""
 
 _WHOLE = 1e-9
 """By which shares may miss 1 in sum: rounding of many of them."""
@@ -43,25 +46,39 @@ def dense(name: str, value: Any) -> Array:
     return array
 
 
+def is_large(value: Any) -> bool:
+    """Tell whether a matrix has more rows or columns than dense portable arrays are made of."""
+    return len(np.shape(value)) == 2 and max(np.shape(value)) > MOST_BY_JACOBI
+
+
 def square(name: str, value: Any, size: int | None = None) -> Any:
     """Return a symmetric matrix, its two halves averaged; of many rows as a sparse one."""
-    if is_large(value):
-        return sparse_square(name, value, size)
-    matrix = dense(name, value)
-    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not matrix.size:
-        raise refuse(f"`{name}` has the shape {matrix.shape}", "it must be square")
-    if size is not None and matrix.shape[0] != size:
-        raise refuse(f"`{name}` has {matrix.shape[0]} rows", f"it must have {size}, as the matrices beside it")
-    largest = np.abs(matrix).max(axis=1)
-    largest = np.maximum(largest, np.abs(matrix).max(axis=0))
-    apart = np.abs(matrix - matrix.T)
-    if np.any(apart > ASYMMETRY * np.maximum(largest[:, None], largest)):
-        row, column = np.unravel_index(np.argmax(apart), apart.shape)
+    shape = np.shape(value)
+    if len(shape) != 2 or shape[0] != shape[1] or not shape[0]:
+        raise refuse(f"`{name}` has the shape {shape}", "it must be square")
+    if size is not None and shape[0] != size:
+        raise refuse(f"`{name}` has {shape[0]} rows", f"it must have {size}, as the matrices beside it")
+    matrix = sparse_matrix(name, value)
+    across, magnitudes = matrix.T.tocsc(), abs(matrix)
+    largest = np.maximum(magnitudes.max(axis=0).toarray().ravel(), magnitudes.max(axis=1).toarray().ravel())
+    apart = abs(matrix - across).tocoo()
+    wrong = np.flatnonzero(apart.data > ASYMMETRY * np.maximum(largest[apart.row], largest[apart.col]))
+    if wrong.size:
+        row, column = int(apart.row[wrong[0]]), int(apart.col[wrong[0]])
         raise refuse(
             f"`{name}` is not symmetric: {matrix[row, column]:g} at ({row}, {column}), {matrix[column, row]:g} across",
             "write both halves alike",
         )
-    return np.asarray((matrix + matrix.T) / 2)
+    mean = scipy.sparse.csc_array((matrix + across) / 2)
+    return mean if is_large(value) else mean.toarray()
+
+
+def sparse_matrix(name: str, value: Any) -> scipy.sparse.csc_array:
+    """Return a matrix of finite numbers by its columns."""
+    matrix = scipy.sparse.csc_array(value if scipy.sparse.issparse(value) else dense(name, value))
+    matrix.sum_duplicates()
+    matrix.data = dense(name, matrix.data)
+    return matrix
 
 
 def vector(name: str, value: Any, size: int) -> Array:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from workflow.models._from_matrices import UnusableMatricesError
+from workflow.models._semidefinite import UnusableMatricesError
 
 MOST_BYTES = 2**30
 """Of a file: 1e5 degrees of freedom with 300 entries in each row of M and K1."""

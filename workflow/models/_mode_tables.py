@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,7 +10,7 @@ import numpy as np
 
 from workflow.declare import File, Rows
 from workflow.kernels import Array
-from workflow.models._from_matrices import UnusableMatricesError
+from workflow.models._semidefinite import UnusableMatricesError
 
 COLUMNS = (("frequency", "Hz"), ("damping_ratio", "1"), ("tip", "1/kg**0.5"))
 HEAT_COLUMNS = (("rate", "1/s"), ("tip", "(K/J)**0.5"))
@@ -42,21 +40,22 @@ def read_table(source: File | Rows, columns: Sequence[tuple[str, str]]) -> Array
     UnusableMatricesError
         A column is missing, unknown, twice or in another unit, or a value is no number.
     """
-    names = [name for name, _ in columns]
-    if not isinstance(source, File):
-        table = _table("the table", source)
-        if table.shape[1] != len(names):
-            raise UnusableMatricesError("the table has a different number of columns", f"write {', '.join(names)}")
-        return table
-    head, *lines = _lines(source)
-    parsed = [_HEADING.fullmatch(word.strip()) for word in head]
-    headings = [match[1] if match else "" for match in parsed]
-    if sorted(headings) != sorted(names):
-        written = ", ".join(word.strip() for word in head)[:80]
-        raise UnusableMatricesError(f"`{source.name}` has the columns {written}", f"write {', '.join(names)}")
-    _check_units(source.name, {match[1]: match[2] for match in parsed if match}, dict(columns))
-    order = [headings.index(name) for name in names]
-    return _shaken(source, _table(f"`{source.name}`", _numbers(source, lines))[:, order])
+    rows: Rows | Array
+    names, order = [name for name, _ in columns], list(range(len(columns)))
+    if isinstance(source, File):
+        head, *lines = _lines(source)
+        parsed = [_HEADING.fullmatch(word.strip(' "')) for word in head.split(",")]
+        headings = [match[1] if match else "" for match in parsed]
+        if sorted(headings) != sorted(names):
+            raise UnusableMatricesError(f"`{source.name}` has the columns {head[:80]}", f"write {', '.join(names)}")
+        _check_units(source.name, {match[1]: match[2] for match in parsed if match}, dict(columns))
+        name, order, rows = f"`{source.name}`", [headings.index(name) for name in names], _numbers(source, lines)
+    else:
+        name, rows = "the table", source
+    table = _table(name, rows)
+    if table.shape[1] != len(names):
+        raise UnusableMatricesError(f"{name} has a different number of columns", f"write {', '.join(names)}")
+    return _shaken(source, table[:, order]) if isinstance(source, File) else table
 
 
 def _check_units(name: str, written: Mapping[str, str | None], units: Mapping[str, str]) -> None:
@@ -88,15 +87,14 @@ def _shaken(file: File, table: Array) -> Array:
     return np.asarray(table * (1 + file.shaken * (-1.0) ** np.arange(table.shape[1])))
 
 
-def _lines(file: File) -> list[list[str]]:
-    """Return the cells of a file that are not empty lines."""
+def _lines(file: File) -> list[str]:
+    """Return the lines of a file that are not empty."""
     path = Path(file.place)
     if path.stat().st_size > _MOST_BYTES:
         raise UnusableMatricesError(f"`{file.name}` has {path.stat().st_size >> 20} MB", f"at most {_MOST_BYTES >> 20}")
     try:
-        with path.open(encoding="utf-8-sig", newline="") as opened:
-            lines = [line for line in csv.reader(opened) if any(cell.strip() for cell in line)]
-    except (csv.Error, UnicodeDecodeError) as error:
+        lines = [line for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip(" \t,")]
+    except UnicodeDecodeError as error:
         raise UnusableMatricesError(
             f"`{file.name}` is no CSV file: {error}", "write values with commas between"
         ) from None
@@ -105,19 +103,21 @@ def _lines(file: File) -> list[list[str]]:
     return lines
 
 
-def _numbers(file: File, lines: list[list[str]]) -> Rows:
+def _numbers(file: File, lines: list[str]) -> Array:
+    """Return lines as rows of numbers, all of one length."""
     try:
-        return tuple(tuple(float(cell) for cell in line) for line in lines)
+        return np.loadtxt(lines, delimiter=",", quotechar='"', comments=None, ndmin=2) if lines else np.zeros((0, 0))
     except ValueError as error:
-        raise UnusableMatricesError(f"`{file.name}` has a value that is no number: {error}", "write numbers") from None
+        raise UnusableMatricesError(f"`{file.name}` is no table of numbers: {error}", "write numbers") from None
 
 
-def _table(name: str, values: Rows) -> Array:
-    """Return rows as an array, all of one length and finite."""
-    if not 0 < len(values) <= MOST_MODES:
-        raise UnusableMatricesError(f"{name} has {len(values)} rows", f"write 1 to {MOST_MODES}")
-    if len({len(row) for row in values}) > 1 or not values[0]:
+def _table(name: str, rows: Rows | Array) -> Array:
+    """Return rows as an array, all of one length, finite and not too many."""
+    if not 0 < len(rows) <= MOST_MODES:
+        raise UnusableMatricesError(f"{name} has {len(rows)} rows", f"write 1 to {MOST_MODES}")
+    if len({len(row) for row in rows}) > 1:
         raise UnusableMatricesError(f"{name} has rows of different lengths", "write as many values in each")
-    if not all(math.isfinite(value) for row in values for value in row):
+    table = np.array(rows, dtype=np.float64)
+    if not np.isfinite(table).all():
         raise UnusableMatricesError(f"{name} has a value that is not finite", "write finite numbers")
-    return np.array(values, dtype=np.float64)
+    return table

@@ -19,7 +19,6 @@ import numpy as np
 from workflow.kernels import Array
 from workflow.models._modes import mechanical_modes
 from workflow.models._structure import Structure
-from workflow.models._tip_held import mechanical_constraint
 
 
 class CriticalFriction(NamedTuple):
@@ -44,7 +43,7 @@ def static_share(structure: Structure) -> float:
     """Return s = ψᵀt, 1: tangential over normal displacement at standstill by a force along the normal."""
     if structure.tangent is None:
         return 0.0
-    return float(mechanical_constraint(structure)[0] @ structure.tangent)
+    return float(structure.mechanical.constraint @ structure.tangent)
 
 
 def critical_friction(structure: Structure) -> CriticalFriction:

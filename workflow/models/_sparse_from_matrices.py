@@ -14,17 +14,17 @@ import scipy
 from threadpoolctl import threadpool_limits
 
 from workflow.kernels import Array
-from workflow.models._chain import MOST_NODES_WITH_MATRICES
 from workflow.models._factors import NotHeldError, factorised
 from workflow.models._fill import warn_of_fill
 from workflow.models._from_matrices import (
     GivenMatrices,
-    UnusableMatricesError,
     refuse_dashpots,
     structure_from_matrices,
 )
+from workflow.models._matrix_entries import ASYMMETRY
+from workflow.models._pair import MOST_FULL
+from workflow.models._semidefinite import UnusableMatricesError
 from workflow.models._sparse import Sparse
-from workflow.models._sparse_entries import ASYMMETRY
 from workflow.models._sparse_pair import SparsePair
 from workflow.models._structure import Coordinates, Matrices, Rayleigh
 
@@ -44,10 +44,9 @@ def structure_from_sparse(matrices: GivenMatrices) -> Matrices | Sparse:
         They are no structure, or a large one that is not held.
     """
     size = max(matrices.mass.shape[0], matrices.heat_capacity.shape[0])
-    is_small = size <= MOST_NODES_WITH_MATRICES
-    if is_small and (matrices.damper is not None or matrices.load is not None):
-        return structure_from_matrices(dense_matrices(matrices))
-    if is_small and not (_is_definite(matrices.mass) and _is_definite(matrices.heat_capacity)):
+    is_small = size <= MOST_FULL
+    plain = matrices.damper is None and matrices.load is None
+    if is_small and not (plain and _is_definite(matrices.mass) and _is_definite(matrices.heat_capacity)):
         return structure_from_matrices(dense_matrices(matrices))
     try:
         with threadpool_limits(limits=1, user_api="blas"):  # the same bits whoever factorises
@@ -105,7 +104,7 @@ def _sparse_structure(matrices: GivenMatrices) -> Sparse:
     return Sparse(
         mechanical=mechanical,
         thermal=thermal,
-        coupling=scipy.sparse.csc_array(basis.T @ scipy.sparse.csc_array(matrices.coupling) @ heat_basis),
+        expansion=scipy.sparse.csc_array(-basis.T @ scipy.sparse.csc_array(matrices.coupling) @ heat_basis),
         tangent=None if matrices.tangent is None else np.asarray(basis.T @ matrices.tangent),
         damping=damping,
         load=None if matrices.load is None else np.asarray(basis.T @ matrices.load),

@@ -22,7 +22,11 @@ import numpy as np
 import scipy
 
 from workflow.kernels import Array
+from workflow.models._cases import distinct_rows
+from workflow.models._dense_pair import DensePair
 from workflow.models._factors import Answer, NotHeldError, elimination_order, factorised
+from workflow.models._pair import MOST_FULL, UNBALANCED, Modes, TooManyCoordinatesError
+from workflow.models._semidefinite import factored
 
 _RESIDUAL = 1e-8
 """Largest residual K φ - λ M φ of a mode as a share of λ M φ, beside the rounding of K φ itself: an eigenvalue is then
@@ -43,13 +47,16 @@ _NEGATIVE = 1e-10
 entries leaves 1e-13."""
 
 
+MOST_REDUCED = 300
+"""Modes or vectors of each kind that a sparse structure is reduced to: each is an array as long as the structure."""
+
 _CORRECTIONS = 2
 """Of the constraint mode: each leaves an error its share condition · rounding of the one before."""
 
 
 @dataclass(frozen=True, eq=False)
 class SparsePair:
-    """K and M of one kind, shape ``(coordinate, coordinate)`` each, symmetric, the tip's coordinate last.
+    """K and M as matrices ``(coordinate, coordinate)``, the tip's coordinate last; see :class:`~workflow.models.Pair`.
 
     Attributes
     ----------
@@ -60,11 +67,45 @@ class SparsePair:
 
     stiffness: scipy.sparse.csc_array
     inertia: scipy.sparse.csc_array
+    most_modes = MOST_REDUCED
 
     @property
     def size(self) -> int:
         """Number of coordinates."""
         return int(self.inertia.shape[0])
+
+    @cached_property
+    def dense(self) -> DensePair:
+        """The same by dense matrices, K = DᵀD."""
+        if self.size > MOST_FULL:
+            raise TooManyCoordinatesError(self.size, MOST_REDUCED)
+        deformation = factored(self.stiffness.toarray(), "stiffness").deformation
+        return DensePair(self.inertia.toarray(), np.ones(len(deformation)), deformation)
+
+    @property
+    def weights(self) -> Array:
+        """1 each."""
+        return np.ones(self.size)
+
+    def inertia_of(self, u: Array) -> Array:
+        """Return M u."""
+        return np.asarray(self.inertia @ u)
+
+    def deformation_of(self, u: Array) -> Array:
+        """Return K u: there are no springs to be deformed."""
+        return np.asarray(self.stiffness @ u)
+
+    def forces(self, deformation: Array) -> Array:
+        """Return them as they are."""
+        return deformation
+
+    def work(self, u: Array, deformation: Array, expansion: Any) -> Array:
+        """Return uᵀ e."""
+        return np.asarray(u.T @ expansion)
+
+    def energies(self, u: Array) -> Array:
+        """Return u_i (K u)_i."""
+        return np.asarray(u * (self.stiffness @ u))
 
     @cached_property
     def _interior(self) -> Answer:
@@ -95,7 +136,7 @@ class SparsePair:
         return stiffness if stiffness > _RIGID * own else 0.0
 
     @property
-    def forces_of_constraint(self) -> Array:
+    def deformed(self) -> Array:
         """K ψ = σ e_n, ``(coordinate,)``."""
         forces = np.zeros(self.size)
         forces[-1] = self.tip_stiffness
@@ -107,26 +148,22 @@ class SparsePair:
         answer[:-1] = self._interior(loads[:-1])
         return answer
 
-    def answer(self, loads: Array) -> Array:
-        """Return K⁻¹ f, ``(coordinate, …)``.
-
-        Raises
-        ------
-        NotHeldError
-            The tip moves freely.
-        """
-        if self.tip_stiffness == 0:
-            raise NotHeldError("nothing holds what the tip belongs to")
-        return self.answer_held(loads) + np.multiply.outer(
-            self.constraint, self.constraint @ loads / self.tip_stiffness
-        )
-
-    def answer_balanced(self, load: Array) -> Array:
+    def _answer(self, load: Array) -> Array:
         """Return K⁻¹ f, ``(coordinate,)``; where the tip moves freely of a load that inertia balances, the tip at 0."""
         if self.tip_stiffness > 0:
-            return self.answer(load)
-        inertia = np.asarray(self.inertia @ self.constraint)
+            return self.answer_held(load) + self.constraint * (self.constraint @ load / self.tip_stiffness)
+        inertia = self.inertia_of(self.constraint)
         return self.answer_held(load - inertia * (self.constraint @ load) / (self.constraint @ inertia))
+
+    def static_answers(self, loads: Array) -> Array:
+        """Return K⁻¹ f for every case, each distinct load solved once."""
+        first, which = distinct_rows(loads)
+        return np.reshape([self._answer(load) for load in loads[first]], (-1, self.size))[which]
+
+    def moves(self, load: Array, held: bool = False) -> bool:
+        """Tell whether a load drives a tip that moves freely; nothing else may be loose."""
+        driven = abs(float(self.constraint @ load)) > UNBALANCED * float(np.abs(self.constraint) @ np.abs(load))
+        return not held and self.tip_stiffness == 0 and driven
 
     def answers_held_shifted(self) -> Callable[[Array, float], Array]:
         """Return what gives (K + s M)⁻¹ f, ``(coordinate,)``, with the tip held by f and s; its last factors stay."""
@@ -142,26 +179,36 @@ class SparsePair:
 
         return answer
 
-    def held_modes(self, count: int) -> tuple[Array, Array]:
-        """Return the lowest λ, K φ = λ M φ with the tip held, and φ, ``(coordinate, mode)``, 0 at the tip."""
+    def held_modes(self, count: int | None = None) -> Modes:
+        """Return the lowest modes with the tip held."""
+        if count is None:
+            return self.dense.held_modes()
         shapes = np.zeros((self.size, count))
         values, shapes[:-1] = _lowest(self.stiffness[:-1, :-1], self.inertia[:-1, :-1], self._interior, count, 0.0)
-        return values, shapes
+        return Modes(values, shapes)
 
-    def modes(self, count: int) -> tuple[Array, Array]:
-        """Return the lowest λ, K φ = λ M φ with the tip free, and φ, ``(coordinate, mode)``.
-
-        Where the tip moves freely the lowest λ is exactly 0.
-        """
+    def modes(self, count: int | None = None) -> Modes:
+        """Return the lowest modes with the tip free; where it moves freely the lowest λ is exactly 0."""
+        if count is None:
+            return self.dense.modes()
         if self.tip_stiffness > 0 or self.size == 1:
-            return _lowest(self.stiffness, self.inertia, self.answer, count, 0.0)
-        shift = float(self.held_modes(1)[0][0])
+            return Modes(*_lowest(self.stiffness, self.inertia, self._answer, count, 0.0))
+        shift = float(self.held_modes(1).values[0])
         moved = factorised(self.stiffness + shift * self.inertia)
         values, shapes = _lowest(self.stiffness, self.inertia, moved, count, -shift)
         values[:1] = 0.0
-        return values, shapes
+        return Modes(values, shapes)
+
+    def spectrum(self) -> Array:
+        """Return the lowest and about the largest λ."""
+        lowest = float(self.modes(1).values[0])
+        return np.array([lowest, max(self._largest(), lowest)])
 
     def largest(self) -> float:
+        """Return about the largest λ."""
+        return float(self.spectrum()[-1])
+
+    def _largest(self) -> float:
         """Return about the largest eigenvalue of the pair: of the inertia lumped on its diagonal, some percent low."""
         lumped = np.asarray(abs(self.inertia).sum(axis=0))
         root = scipy.sparse.diags_array(np.where(lumped > 0, 1 / np.sqrt(np.where(lumped > 0, lumped, 1.0)), 0.0))

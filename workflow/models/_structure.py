@@ -10,6 +10,8 @@ import numpy as np
 from workflow.declare import quantity
 from workflow.kernels import Array
 from workflow.models._cases import Cases, project
+from workflow.models._dense_pair import DensePair
+from workflow.models._pair import MOST_FULL, Pair
 
 
 @dataclass(frozen=True)
@@ -81,27 +83,27 @@ def _brought(matrix: Any, states: Array) -> Array:
 class Structure:
     """Equations (1a) and (1b) of a structure, full or reduced; the tip is the last coordinate.
 
-    Stiffness and conductance are kept as springs and conductors with the maps that deform them,
-    so that rank is decided on singular values (not on their squares) and positive
-    semi-definiteness cannot be lost to rounding:
+    A pair keeps stiffness and conductance as springs and conductors with the maps that deform them, so that rank is
+    decided on singular values (not on their squares) and positive semi-definiteness cannot be lost to rounding:
 
-        spring forces  N = k (elongation x - expansion θ)
-        K1  =  elongationᵀ diag(k) elongation
-        K12 = -elongationᵀ diag(k) expansion
-        K2  =  differenceᵀ diag(κ) difference
+        spring forces  N = k (D x - expansion θ),   K1 = Dᵀ diag(k) D,   K12 = -Dᵀ diag(k) expansion
 
     Attributes
     ----------
-    mass
-        M, shape (mechanical, mechanical), kg.
-    springs
-        k, shape (spring,), N/m.
-    elongation
-        Elongation of each spring per displacement, shape (spring, mechanical).
+    mechanical
+        K1 [N/m] and M [kg].
+    thermal
+        K2 [W/K] and C2 [J/K].
     expansion
-        Free thermal elongation of each spring, shape (spring, thermal), m/K.
+        What temperatures add to the deformation that strains nothing: free thermal elongation of each spring, m/K,
+        ``(spring, thermal)``, dense or sparse; -K12 [N/K] where there are no springs.
+    even_rise
+        Temperatures p at an even rise of 1 K, shape (thermal,), the tip's 1: 1 at each node, and in a basis that does
+        not hold them what is closest to that. The heat balance is pᵀ (1b).
     damping
         Rayleigh coefficients of C1 = a_M M + a_K K1, or a damping ratio of the modes with the tip free.
+    tip_growth
+        Quasi-static tip displacement per temperature, m/K, ``(thermal,)``, where it is known from a fuller structure.
     load
         Direction b along which the load F0 + F1 sin(2π f t + φ) acts, shape (mechanical,); ``None`` for the tip, e_n.
     damper
@@ -109,32 +111,42 @@ class Structure:
     tangent
         Direction t in which the casing slides, shape (mechanical,): a contact force λ acts on the structure as
         -λ (e_n - µ t); ``None`` for none.
-    heat_capacity
-        C2, shape (thermal, thermal), J/K.
-    conductors
-        κ and b, shape (conductor,), W/K.
-    difference
-        Temperature difference across each conductor, shape (conductor, thermal).
-    even_rise
-        Temperatures p at an even rise of 1 K, shape (thermal,), the tip's 1: 1 at each node, and in a basis that does
-        not hold them what is closest to that. The heat balance is pᵀ (1b).
     coordinates
         Coordinates that loads and initial states are given in, ``None`` where they are its own.
     """
 
-    mass: Array
-    springs: Array
-    elongation: Array
-    expansion: Array
-    heat_capacity: Array
-    conductors: Array
-    difference: Array
+    mechanical: Pair
+    thermal: Pair
+    expansion: Any
     even_rise: Array
     damping: Rayleigh
+    tip_growth: Array | None = None
     load: Array | None = None
     damper: Array | None = None
     tangent: Array | None = None
     coordinates: Coordinates | None = None
+
+    @property
+    def mechanical_size(self) -> int:
+        """Number of mechanical coordinates, the tip included."""
+        return self.mechanical.size
+
+    @property
+    def thermal_size(self) -> int:
+        """Number of thermal coordinates, the tip included."""
+        return self.thermal.size
+
+    @property
+    def has_matrices(self) -> bool:
+        """Whether it is small enough for dense matrices."""
+        return max(self.mechanical_size, self.thermal_size) <= MOST_FULL
+
+    @property
+    def has_massless_tip(self) -> bool:
+        """Whether the tip has no mass, as some reductions leave it: M is singular, and contact has no impulses."""
+        tip = np.zeros(self.mechanical_size)
+        tip[-1] = 1.0
+        return not np.any(self.mechanical.inertia_of(tip))
 
     @property
     def load_direction(self) -> Array:
@@ -160,58 +172,39 @@ class Structure:
         return tip if self.coordinates is None else np.asarray(self.coordinates.displacement_projection.T @ tip)
 
     def matrices(self) -> Matrices:
-        """Return the same structure by its matrices."""
-        raise NotImplementedError
+        """Return the same structure by its dense matrices.
 
-    def elongations(self, displacements: Array) -> Array:
-        """Return the elongation of each spring, m, ``(spring, …)``, for displacements ``(mechanical, …)``."""
-        return self.elongation @ displacements
-
-    def forces_of(self, tensions: Array) -> Array:
-        """Return elongationᵀ N, N, ``(mechanical, …)``: what spring forces ``(spring, …)`` ask of the coordinates."""
-        return self.elongation.T @ tensions
+        Raises
+        ------
+        TooManyCoordinatesError
+            They would be too large.
+        """
+        names = ("even_rise", "damping", "tip_growth", "load", "damper", "tangent", "coordinates")
+        others = {name: getattr(self, name) for name in names}
+        return Matrices(self.mechanical.dense, self.thermal.dense, self.expansion, **others)
 
     def expansions(self, temperatures: Array) -> Array:
         """Return the free thermal elongation of each spring, m, ``(spring, …)``, for temperatures ``(thermal, …)``."""
-        return self.expansion @ temperatures
-
-    def differences(self, temperatures: Array) -> Array:
-        """Return the temperature difference across each conductor, K, ``(conductor, …)``."""
-        return self.difference @ temperatures
-
-    def inertia_forces(self, accelerations: Array) -> Array:
-        """Return M a, N, ``(mechanical, …)``."""
-        return self.mass @ accelerations
-
-    def heat_contents(self, temperatures: Array) -> Array:
-        """Return C2 θ, J, ``(thermal, …)``."""
-        return self.heat_capacity @ temperatures
-
-    def strains(self, deformation: Array) -> bool:
-        """Tell whether elongations ``(spring,)`` strain a spring."""
-        return bool((self.springs * deformation).any())
+        return np.asarray(self.expansion @ temperatures)
 
     def thermal_forces(self, temperatures: Array) -> Array:
         """Return -K12 θ, N, ``(mechanical, …)``, for temperatures ``(thermal, …)``."""
-        return self.forces_of((self.springs * self.expansions(temperatures).T).T)
+        return self.mechanical.forces(self.expansions(temperatures))
 
-    def strain_energies(self, displacement: Array) -> Array:
-        """Return terms whose sum is xᵀ K1 x, N m, for a displacement ``(mechanical,)``."""
-        return np.asarray(self.springs * self.elongations(displacement) ** 2)
-
-    def heat_losses(self, temperature: Array) -> Array:
-        """Return terms whose sum is θᵀ K2 θ, W K, for temperatures ``(thermal,)``."""
-        return np.asarray(self.conductors * self.differences(temperature) ** 2)
+    @property
+    def mass(self) -> Array:
+        """M, kg."""
+        return self.mechanical.dense.inertia
 
     @property
     def stiffness_matrix(self) -> Array:
         """K1, N/m."""
-        return self.elongation.T @ (self.springs[:, None] * self.elongation)
+        return self.mechanical.dense.stiffness
 
     @property
     def coupling_matrix(self) -> Array:
         """K12, N/K: the spring forces of a temperature rise, equation (1a)."""
-        return -self.elongation.T @ (self.springs[:, None] * self.expansion)
+        return -self.thermal_forces(np.eye(self.thermal_size))
 
     @property
     def damping_matrix(self) -> Array:
@@ -221,56 +214,40 @@ class Structure:
         return damping_matrix(self)
 
     @property
+    def heat_capacity(self) -> Array:
+        """C2, J/K."""
+        return self.thermal.dense.inertia
+
+    @property
     def conductance_matrix(self) -> Array:
         """K2, W/K."""
-        return self.difference.T @ (self.conductors[:, None] * self.difference)
+        return self.thermal.dense.stiffness
 
     @property
     def content(self) -> Array:
         """Heat content C2 p per thermal coordinate, J/K: over nodes Σ c_i θ_i."""
-        return self.heat_contents(self.even_rise)
+        return self.thermal.inertia_of(self.even_rise)
 
     @property
     def loss_row(self) -> Array:
         """Heat flow K2 p out of the structure per thermal coordinate, W/K: of a chain κ_1 θ_1 + Σ b_i θ_i."""
-        return (self.conductors * (self.difference @ self.even_rise)) @ self.difference
-
-    @property
-    def has_massless_tip(self) -> bool:
-        """Whether the tip has no mass, as some reductions leave it: M is singular, and contact has no impulses."""
-        return self.mechanical_size > 0 and not np.any(self.mass[-1])
-
-    @property
-    def mechanical_size(self) -> int:
-        """Number of mechanical coordinates, the tip included."""
-        return int(self.mass.shape[0])
-
-    @property
-    def thermal_size(self) -> int:
-        """Number of thermal coordinates, the tip included."""
-        return int(self.heat_capacity.shape[0])
+        return self.thermal.forces(self.thermal.deformation_of(self.even_rise))
 
 
 @dataclass(frozen=True, eq=False)
 class Matrices(Structure):
     """A structure that is given by its matrices, such as a reduced one."""
 
-    mass: Array
-    springs: Array
-    elongation: Array
+    mechanical: DensePair
+    thermal: DensePair
     expansion: Array
-    heat_capacity: Array
-    conductors: Array
-    difference: Array
     even_rise: Array
     damping: Rayleigh = field(default_factory=Rayleigh)
     tip_growth: Array | None = None
-    """Quasi-static tip displacement per temperature, m/K, ``(thermal,)``, where it is known from a fuller structure."""
     load: Array | None = None
     damper: Array | None = None
     tangent: Array | None = None
     coordinates: Coordinates | None = None
-    """Coordinates that cases are given in, where they are not its own."""
 
     def matrices(self) -> Matrices:
         """Return it as it is."""

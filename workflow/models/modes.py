@@ -15,8 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from workflow.declare import File, Rows, rows
-from workflow.models._from_matrices import COLD, GivenMatrices, UnusableMatricesError, structure_from_matrices
+from workflow.models._from_matrices import COLD, GivenMatrices, structure_from_matrices
 from workflow.models._mode_tables import COLUMNS, HEAT_COLUMNS, read_matrix, read_table
+from workflow.models._semidefinite import UnusableMatricesError
 from workflow.models._structure import Matrices, Rayleigh
 
 

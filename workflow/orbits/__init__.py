@@ -6,7 +6,8 @@ Pᵏ that is none of a smaller power; its Floquet multipliers are the eigenvalue
 
 from workflow.orbits._branch import BIFURCATIONS, branch
 from workflow.orbits._curve import Problem
-from workflow.orbits._options import STATES, Options
+from workflow.orbits._orbit import STATES
 from workflow.orbits._rubs import steady_rubs
+from workflow.orbits._settle import Options
 
 __all__ = ["BIFURCATIONS", "STATES", "Options", "Problem", "branch", "steady_rubs"]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import astuple, replace
+from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +12,9 @@ from scipy.optimize import brentq
 
 from workflow.models import Array
 from workflow.orbits._curve import Curve, Point, Problem
-from workflow.orbits._options import NO_CONTACT, PERMANENT_CONTACT, SETTLES, UNSTABLE, Options
-from workflow.orbits._orbit import Orbit, Scale, scale_of
-from workflow.orbits._rubs import blank, fill
-from workflow.orbits._settle import Settled, settle
+from workflow.orbits._orbit import NOT_FOUND, Orbit, scale_of
+from workflow.orbits._rubs import tabulated
+from workflow.orbits._settle import Options, Settled, settle
 from workflow.schemes._exact.record import TOUCH
 
 BIFURCATIONS = ("none", "fold", "period_doubling", "torus", "grazing")
@@ -24,6 +24,9 @@ _NONE, _FOLD, _PERIOD_DOUBLING, _TORUS, _GRAZING = range(5)
 
 _STARTS = (0.0, 1.0, 0.5, 0.25, 0.75)
 """Shares of the range at which a periodic rub is looked for."""
+
+Along = Callable[[float], Point | None]
+"""Point of a branch at an arclength."""
 
 _FIRST, _LARGEST, _LEAST = 1e-2, 0.25, 1e-7
 """Steps along the curve: range and motion are of length 1."""
@@ -51,25 +54,34 @@ def branch(
     ``not_found`` and ``bifurcation`` ``none``. Without any point all is so, and the message, which begins with
     ``steady:``, says why.
     """
-    values = blank(points, options.samples)
-    values["value"], values["bifurcation"] = np.full(points, np.nan), np.zeros(points, dtype=np.int8)
     curve = Curve(problem, start, stop, duration)
     first = _first(curve, options)
-    if first is None:
-        return values, f"steady: no periodic rub was found at {start:g}, at {stop:g} or between"
+    found, flags = _flagged(curve, first, points) if first is not None else ([], np.zeros(0, dtype=np.int8))
+    beyond, rubs = points - len(found), [Settled(point.orbit.state, "", point.orbit) for point in found]
+    values = tabulated(rubs + beyond * [Settled(NOT_FOUND)], options.samples)
+    values["value"] = np.pad([curve.value(point.q) for point in found], (0, beyond), constant_values=np.nan)
+    values["bifurcation"] = np.pad(flags, (0, beyond))
+    return values, "" if found else f"steady: no periodic rub was found at {start:g}, at {stop:g} or between"
+
+
+def _flagged(curve: Curve, first: Point, count: int) -> tuple[list[Point], NDArray[np.int8]]:
+    """Return at most ``count`` points of the branch through one, in order of arclength, and their bifurcations."""
     behind, back = _followed(curve, _reversed(first))
     ahead, end = _followed(curve, first)
-    turned = [_reversed(point) for point in reversed(behind)]
-    found = _placed(curve, [*turned, *ahead[1:]], points)
+    trace = [*map(_reversed, reversed(behind)), *ahead[1:]]
+
+    def at(place: float) -> Point | None:
+        """Return the point at an arclength."""
+        near = min(trace, key=lambda point: abs(point.place - place))
+        return near if near.place == place else curve.step(near, place - near.place)
+
+    found = [point for place in np.linspace(trace[0].place, trace[-1].place, count) if (point := at(place)) is not None]
     flags = np.zeros(len(found), dtype=np.int8)
-    _locate(curve, found, flags)
+    _locate(at, found, flags)
     order = np.argsort([point.place for point in found], kind="stable")
     found, flags = [found[i] for i in order], flags[order]
     flags[0], flags[-1] = flags[0] or back, flags[-1] or end
-    for i, point in enumerate(found):
-        values["value"][i], values["bifurcation"][i] = curve.value(point.q), flags[i]
-        fill(values, i, Settled(_state(point), "", point.orbit))
-    return values, ""
+    return found, flags
 
 
 def _reversed(point: Point) -> Point:
@@ -89,9 +101,9 @@ def _first(curve: Curve, options: Options) -> Point | None:
             starts = [q + (round(1 - q) - q) / 2**k for k in range(8)] if len(found) == 1 else []
     if not found:
         return None
-    scales = [scale_of(orbit.flow, [orbit.course]) for _, orbit in found]
-    largest = Scale(*np.max([astuple(scale) for scale in scales], axis=0).tolist())
-    return curve.rephased(curve.begin(found[0][1], largest, found[0][0]))
+    scale = np.max([scale_of(orbit.flow, [orbit.course]) for _, orbit in found], axis=0)
+    first = curve.begin(found[0][1], scale, found[0][0])
+    return first and curve.rephased(first)
 
 
 def _followed(curve: Curve, first: Point) -> tuple[list[Point], int]:
@@ -126,28 +138,14 @@ def _followed(curve: Curve, first: Point) -> tuple[list[Point], int]:
     return points, _NONE
 
 
-def _placed(curve: Curve, trace: list[Point], count: int) -> list[Point]:
-    """Return points at equal distances along the curve, the first and the last those of the trace."""
-    places = np.array([point.place for point in trace])
-    found = []
-    for place in np.linspace(places[0], places[-1], count):
-        near = int(np.argmin(np.abs(places - place)))
-        point = trace[near] if abs(places[near] - place) < _LEAST else curve.step(trace[near], place - places[near])
-        if point is not None:
-            found.append(replace(point, place=place))
-    return found
-
-
-def _locate(curve: Curve, found: list[Point], flags: NDArray[np.int8]) -> None:
+def _locate(at: Along, found: list[Point], flags: NDArray[np.int8]) -> None:
     """Put a point where each bifurcation is, in the place of the nearer of its neighbours, and flag it."""
-    points = list(found)
-    for i in range(len(points) - 1):
-        a, b = points[i], points[i + 1]
+    for i, (a, b) in enumerate(pairwise(list(found))):
         for flag, test in _TESTS.items():
-            place = _root(curve, a, b, test)
-            if place is not None:
-                _put(found, flags, place, i, flag)
-        for grazing in _order_changes(curve, a, b) if _order(a) != _order(b) else ():
+            point = _root(at, a, b, test)
+            if point is not None:
+                _put(found, flags, point, i, flag)
+        for grazing in _order_changes(at, a, b) if _order(a) != _order(b) else ():
             _put(found, flags, grazing, i, _GRAZING)
 
 
@@ -176,29 +174,23 @@ _TESTS: dict[int, Callable[[Point], float]] = {
 }
 
 
-def _root(curve: Curve, a: Point, b: Point, test: Callable[[Point], float]) -> Point | None:
+def _root(at: Along, a: Point, b: Point, test: Callable[[Point], float]) -> Point | None:
     """Return the point between two where a test is 0; ``None`` where it does not change its sign, or by a jump."""
     if not (test(a) * test(b) < 0 and np.isfinite(test(a) * test(b))):
         return None
-    found: list[Point] = []
+    found = [a, b]
 
-    def at(length: float) -> float:
-        point = curve.step(a, length)
-        if point is None:
-            raise _LostError
-        found.append(point)
-        return test(point)
+    def value(place: float) -> float:
+        point = at(place)
+        found.extend([point] if point is not None else [])
+        return np.nan if point is None else test(point)
 
     try:
-        brentq(at, 0.0, b.place - a.place, xtol=_ROOT, rtol=1e-14)
-    except (_LostError, ValueError):
+        brentq(value, a.place, b.place, xtol=_ROOT, rtol=1e-14)
+    except ValueError:  # a point between was not found
         return None
     nearest = min(found, key=lambda point: abs(test(point)))
     return nearest if abs(test(nearest)) < _ZERO else None
-
-
-class _LostError(Exception):
-    """A point between two was not found."""
 
 
 def _order(point: Point) -> tuple[int, int, bool]:
@@ -211,15 +203,15 @@ def _order(point: Point) -> tuple[int, int, bool]:
     return touches, 0 if touches else course.kinds.size, course.was_held and not course.times.size
 
 
-def _order_changes(curve: Curve, a: Point, b: Point) -> list[Point]:
+def _order_changes(at: Along, a: Point, b: Point) -> list[Point]:
     """Return the points where the order of events ceases to be that of a, and where it becomes that of b."""
-    low, last, found = 0.0, a, list[Point]()
+    low, last, found = a.place, a, list[Point]()
     is_before: list[Callable[[Point], bool]] = [lambda p: _order(p) == _order(a), lambda p: _order(p) != _order(b)]
     for before in is_before:
-        high, beyond = b.place - a.place, b
+        high, beyond = b.place, b
         while high - low > _GRAZED:
             middle = 0.5 * (low + high)
-            point = curve.step(a, middle)
+            point = at(middle)
             if point is not None and before(point):
                 low, last = middle, point
             else:
@@ -228,13 +220,3 @@ def _order_changes(curve: Curve, a: Point, b: Point) -> list[Point]:
         if _order(beyond) == _order(b):
             break
     return found
-
-
-def _state(point: Point) -> int:
-    """Return the state of a point on a branch."""
-    course = point.orbit.course
-    if not point.orbit.growth < 0:
-        return UNSTABLE
-    if course.times.size:
-        return SETTLES
-    return PERMANENT_CONTACT if course.was_held else NO_CONTACT

@@ -8,15 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workflow.models import Array, Cases, Structure
-from workflow.orbits._flow import BUDGET, Flow
-from workflow.orbits._orbit import RESIDUAL, Orbit, Scale
-from workflow.schemes._exact.batch import heat_acts, make_operator
-from workflow.schemes._exact.held_regime import HeldRegimes
+from workflow.orbits._flow import Analysed, Flow
+from workflow.orbits._orbit import RESIDUAL, Orbit, longest
+from workflow.schemes._exact.batch import heat_acts
 
 Problem = Callable[[float], tuple[Structure, Cases]]
 """Structure and one case at a value of the parameter."""
 
-_DIFFERENCE = 1e-9
+_DIFFERENCE = 1e-10
 """Step of differences by q."""
 
 _MOST = 12
@@ -35,8 +34,6 @@ class Point:
     phase: float
     """Of w, as a share of T."""
     orbit: Orbit
-    slope: Array
-    """Of the map by q."""
     tangent: Array
     """Of u, of length 1 …"""
     row: Array
@@ -55,9 +52,9 @@ class Curve:
 
     def __init__(self, problem: Problem, start: float, stop: float, duration: float):
         self.problem, self.start, self.stop, self.duration = problem, start, stop, duration
-        self.structure: Structure | None = None
-        self.scale: Scale | None = None
+        self.scale: Array | None = None
         self.first: Structure | None = None
+        self.shared: Analysed | None = None
         self.heated = any(heat_acts(problem(self.value(q))[1], 0) for q in (0.0, 0.5, 1.0))
 
     def value(self, q: float) -> float:
@@ -67,20 +64,16 @@ class Curve:
     def flow(self, q: float) -> Flow:
         """Return the case at q; cases of one structure share its operator."""
         structure, cases = self.problem(self.value(q))
-        if structure is not self.structure:
-            self.structure, self.operator = structure, make_operator(structure, BUDGET)
-            self.regimes = HeldRegimes(self.operator.basis.held)
-        return Flow(self.operator, self.regimes, cases, self.duration, heated=self.heated)
+        if self.shared is None or structure is not self.shared.structure:
+            self.shared = Analysed(structure)
+        return Flow(self.shared, cases, self.duration, heated=self.heated)
 
-    def begin(self, orbit: Orbit, scale: Scale, q: float) -> Point:
+    def begin(self, orbit: Orbit, scale: Array, q: float) -> Point | None:
         """Return an orbit as the point from which the curve is followed, with a tangent to larger q."""
-        self.scale, self.first = scale, self.structure
-        out, _ = self._charts(orbit.flow)
-        w, phase = out @ orbit.course.start, orbit.course.begin / orbit.flow.period
+        self.scale, self.first = scale, orbit.flow.structure
+        w = self._charts(orbit.flow)[0] @ orbit.course.start
         ahead = np.append(np.zeros(w.size), 1.0)
-        slope = self._slope(w, q, phase, orbit)
-        assert slope is not None
-        return Point(q, w, phase, orbit, slope, *self._tangent(orbit, slope, ahead))
+        return self._point(np.append(w, q), orbit.course.begin / orbit.flow.period, orbit, ahead)
 
     def step(self, point: Point, length: float, row: Array | None = None) -> Point | None:
         """Return the point a length along the tangent, in the plane across it; ``None`` where none is found.
@@ -89,83 +82,60 @@ class Curve:
         """
         guess = point.u + (length * point.tangent if row is None else 0.0)
         row, target = (point.row, point.row @ guess) if row is None else (row, length)
-        u: Array = guess
-        orbit, last = point.orbit, np.inf
-        slope, before = point.slope, np.zeros(point.w.size)
-        change: Array = np.zeros(guess.size)
+        u, last = guess, np.inf
         for _ in range(_MOST):
-            found = self._at(u, point)
-            if found is None:
+            orbit = self._at(u, point)
+            if orbit is None:
                 return None
-            orbit, error = found
-            size = max(float(np.abs(error).max()), abs(float(row @ u - target)))
+            error = self._charts(orbit.flow)[0] @ orbit.course.X - u[:-1]
+            size = max(orbit.residual, abs(float(row @ u - target)))
             if size < 0.01 * RESIDUAL or (size < RESIDUAL and not size < 0.5 * last):
-                break
-            last = size
-            matrix = self._matrix(orbit, slope, row)
-            if abs(change[-1]) > _DIFFERENCE**2:
-                slope = np.asarray(slope + (error - before - matrix[:-1] @ change) / change[-1], dtype=np.float64)
-                matrix[:-1, -1] = slope
+                return self._point(u, point.phase, orbit, point.row, point.place + length)
+            last, slope = size, self._slope(u, point.phase, orbit)
+            if slope is None:
+                return None
             try:
-                right = np.append(-error, target - row @ u)
-                change, before = np.asarray(np.linalg.solve(matrix, right), dtype=np.float64), error
+                u = u + np.linalg.solve(self._matrix(orbit, slope, row), np.append(-error, target - row @ u))
             except np.linalg.LinAlgError:
                 return None
-            u = np.asarray(u + change, dtype=np.float64)
             if not (np.abs((u - guess)[point.row != 0]).max() < 1 and abs(u[-1] - 0.5) < 0.5 + _DIFFERENCE):
                 return None
             u[-1] = min(max(u[-1], 0.0), 1.0)
-        else:
-            return None
-        ahead = self._slope(u[:-1], u[-1], point.phase, orbit)
-        if ahead is None:
-            return None
-        tangent = self._tangent(orbit, ahead, point.row)
-        return Point(float(u[-1]), u[:-1], point.phase, orbit, ahead, *tangent, point.place + abs(length))
+        return None
 
-    def _at(self, u: Array, point: Point) -> tuple[Orbit, Array] | None:
-        """Return the motion from u over kT, and by how much it changes w."""
-        flow, before = self.flow(u[-1]), point.orbit
+    def _at(self, u: Array, point: Point) -> Orbit | None:
+        """Return the motion from u over kT, the largest change of w its residual; ``None`` where it does not repeat."""
+        flow, k = self.flow(u[-1]), point.orbit.order
         out, into = self._charts(flow)
-        course = flow.march(
-            into @ u[:-1], before.course.was_held, point.phase * flow.period, before.order * flow.period
-        )
-        if not course.repeats:
+        course = flow.march(into @ u[:-1], point.orbit.course.was_held, point.phase * flow.period, k * flow.period)
+        residual = float(np.abs(out @ course.X - u[:-1]).max())
+        return Orbit(flow, k, course, flow.derivative(course), residual) if course.repeats else None
+
+    def _point(self, u: Array, phase: float, orbit: Orbit, along: Array, place: float = 0.0) -> Point | None:
+        """Return an orbit as a point, with the tangent of the curve on the side of a row."""
+        slope, n = self._slope(u, phase, orbit), orbit.flow.modes
+        if slope is None:
             return None
-        error = out @ course.X - u[:-1]
-        return Orbit(flow, before.order, course, flow.derivative(course), float(np.abs(error).max())), error
+        tangent = np.linalg.solve(self._matrix(orbit, slope, along), np.append(np.zeros(slope.size), 1.0))
+        row = tangent.copy()
+        row[n : 2 * n] = 0.0
+        length = np.sqrt(row @ tangent)
+        return Point(float(u[-1]), u[:-1], phase, orbit, tangent / length, row / length, place)
 
     def _matrix(self, orbit: Orbit, slope: Array, row: Array) -> Array:
         """Return the derivative of map and plane by u."""
         out, into = self._charts(orbit.flow)
         return np.vstack([np.column_stack([out @ orbit.D @ into - np.eye(slope.size), slope]), row])
 
-    def _tangent(self, orbit: Orbit, slope: Array, along: Array) -> tuple[Array, Array]:
-        """Return the tangent of the curve on the side of a row, and the scalar product with it."""
-        right = np.append(np.zeros(slope.size), 1.0)
-        tangent = np.linalg.solve(self._matrix(orbit, slope, along), right)
-        row, n = tangent.copy(), orbit.flow.modes
-        row[n : 2 * n] = 0.0
-        length = np.sqrt(row @ tangent)
-        return tangent / length, row / length
-
-    def _slope(self, w: Array, q: float, phase: float, orbit: Orbit) -> Array | None:
-        """Return the derivative of the map by q, of differences to both sides or to one."""
-        sides: list[float] = []
-        images: list[Array] = []
-        for side in (-_DIFFERENCE, _DIFFERENCE, 0.0):
-            if len(sides) == 2:
-                break
-            if not 0 <= q + side <= 1:
-                continue
-            flow = self.flow(q + side)
-            out, into = self._charts(flow)
-            span = orbit.order * flow.period
-            course = flow.march(into @ w, orbit.course.was_held, phase * flow.period, span, kept=0)
-            if course.repeats:
-                sides.append(side)
-                images.append(out @ course.X)
-        return np.asarray((images[1] - images[0]) / (sides[1] - sides[0])) if len(sides) == 2 else None
+    def _slope(self, u: Array, phase: float, orbit: Orbit) -> Array | None:
+        """Return the derivative of the map by q, of a difference to within the range."""
+        side = _DIFFERENCE if u[-1] < 0.5 else -_DIFFERENCE
+        flow = self.flow(u[-1] + side)
+        out, into = self._charts(flow)
+        span = orbit.order * flow.period
+        course = flow.march(into @ u[:-1], orbit.course.was_held, phase * flow.period, span)
+        change = out @ course.X - self._charts(orbit.flow)[0] @ orbit.course.X
+        return np.asarray(change / side) if course.repeats else None
 
     def _charts(self, flow: Flow) -> tuple[Array, Array]:
         """Return w per X and X per w.
@@ -174,13 +144,12 @@ class Curve:
         """
         assert self.scale is not None
         assert self.first is not None
-        assert self.structure is not None
-        basis, now = flow.operator.basis, self.structure
+        basis, now = flow.operator.basis, flow.structure
         size, n = flow.start.size, flow.modes
-        sides, scale = np.ones(size), np.full(size, self.scale.temperature)
+        sides, scale = np.ones(size), np.full(size, self.scale[2])
         sides[:n] = sides[n : 2 * n] = np.where(self.first.mass[-1] * now.mass[-1] < 0, -1.0, 1.0)
         sides[2 * n :] = np.where(self.first.heat_capacity[-1] * now.heat_capacity[-1] < 0, -1.0, 1.0)[: size - 2 * n]
-        scale[:n], scale[n : 2 * n] = self.scale.displacement, self.scale.velocity
+        scale[:n], scale[n : 2 * n] = self.scale[:2]
         factor = sides / (scale * np.sqrt(size))
         out, into = np.zeros((size, size)), np.zeros((size, size))
         for part in (slice(0, n), slice(n, 2 * n)):
@@ -191,33 +160,16 @@ class Curve:
 
     def rephased(self, point: Point) -> Point:
         """Return a point at the phase in the middle of its longest flight or contact, if an event came near its own."""
-        orbit, flow = point.orbit, point.orbit.flow
-        times, span = orbit.course.times, orbit.course.span
-        if not times.size:
+        orbit, flow, course = point.orbit, point.orbit.flow, point.orbit.course
+        lengths = np.diff(np.append(course.times, course.times[:1] + course.span))
+        if not lengths.size or min(course.times[0], course.span - course.times[-1]) > _NEAR_EVENT * lengths.max():
             return point
-        around = np.append(times, times[0] + span)
-        lengths = np.diff(around)
-        longest = int(np.argmax(lengths))
-        if min(times[0], span - times[-1]) > _NEAR_EVENT * lengths[longest]:
+        out, into = self._charts(flow)
+        part = flow.march(course.start, course.was_held, course.begin, longest(course))
+        phase, w = (point.phase + part.span / flow.period) % 1.0, out @ part.X
+        course = flow.march(into @ w, part.contact, phase * flow.period, course.span)
+        if not course.repeats:
             return point
-        later = 0.5 * (around[longest] + around[longest + 1]) / flow.period  # in T
-        moved_to: list[Array] = []
-        for side in (0.0, -_DIFFERENCE, _DIFFERENCE):
-            u = point.u + side * point.tangent
-            at = self.flow(u[-1])
-            out, into = self._charts(at)
-            T, begin = at.period, point.phase * at.period
-            course = at.march(into @ u[:-1], orbit.course.was_held, begin, later * T)
-            moved_to.append(out @ course.X)
-            if side == 0.0:
-                X, held = course.X, course.contact
-        phase = (point.phase + later) % 1.0
-        flow = self.flow(point.q)
-        course = flow.march(X, held, phase * flow.period, span)
-        moved = replace(orbit, flow=flow, course=course, D=flow.derivative(course))
-        slope = self._slope(moved_to[0], point.q, phase, moved)
-        along = np.append((moved_to[2] - moved_to[1]) / (2 * _DIFFERENCE), point.tangent[-1])
-        if slope is None or not (course.repeats and np.isfinite(along).all()):
-            return point
-        tangent, row = self._tangent(moved, slope, along)
-        return replace(point, w=moved_to[0], phase=phase, orbit=moved, slope=slope, tangent=tangent, row=row)
+        moved = replace(orbit, course=course, D=flow.derivative(course))
+        along = np.append(out @ flow.derivative(part) @ into @ point.tangent[:-1], point.tangent[-1])
+        return self._point(np.append(w, point.q), phase, moved, along, point.place) or point

@@ -18,10 +18,10 @@ from math import lcm
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.models import Array, Cases
+from workflow.models import Array, Cases, Structure
 from workflow.schemes._exact import outcome
 from workflow.schemes._exact.advance import Course, advance
-from workflow.schemes._exact.batch import Batch, Operator
+from workflow.schemes._exact.batch import Batch, make_operator
 from workflow.schemes._exact.held_regime import HeldRegimes
 from workflow.schemes._exact.linear import Linear, linear
 from workflow.schemes._exact.record import RELEASE, TOUCH
@@ -30,7 +30,7 @@ from workflow.schemes._interface import Sampling
 MOST_LOAD_PERIODS = 64
 """Load periods in the common period of all sinusoids, at most."""
 
-BUDGET = outcome.Budget(events=10**6, steps=10**8)
+_BUDGET = outcome.Budget(events=10**6, steps=10**8)
 """Of one march."""
 
 
@@ -49,22 +49,28 @@ def common_period(cases: Cases) -> float:
     return count / base if count <= MOST_LOAD_PERIODS else np.nan
 
 
+class Analysed:
+    """A structure with its tip free and held: what its cases share."""
+
+    def __init__(self, structure: Structure):
+        self.structure, self.operator = structure, make_operator(structure, _BUDGET)
+        self.regimes = HeldRegimes(self.operator.basis.held)
+
+
 class Flow:
     """One case as a first-order system."""
 
-    def __init__(
-        self, operator: Operator, regimes: HeldRegimes, cases: Cases, duration: float, *, heated: bool = False
-    ):
+    def __init__(self, structure: Analysed, cases: Cases, duration: float, *, heated: bool = False):
         """Take a case, with thermal states where heat acts or, ``heated``, in any case.
 
         Under constant loads it is looked at in spans of ``duration`` [s].
         """
-        self.operator = operator
-        self.cases, basis, friction = cases, self.operator.basis, float(cases.friction[0])
+        self.structure, self.operator, self.cases = structure.structure, structure.operator, cases
+        basis, friction = self.operator.basis, float(cases.friction[0])
         self.period, self.alpha, self.e = common_period(cases), float(cases.alpha[0]), float(cases.e[0])
         self.is_constant = self.period == np.inf
         self.period = duration if self.is_constant else self.period
-        self.prepared = Batch(operator, cases, Sampling(1.0, 1.0, 2), regimes).prepared(0, heated=heated)
+        self.prepared = Batch(self.operator, cases, Sampling(1.0, 1.0, 2), structure.regimes).prepared(0, heated=heated)
         self.start, n = self.prepared.case.modal, basis.tip.size
         self.modes, self.load, size = n, self.prepared.case.load, self.start.size
         self.tip = np.zeros((2, size))
@@ -75,13 +81,13 @@ class Flow:
     @cached_property
     def free(self) -> Linear:
         """The tip free."""
-        return linear(self.operator.basis.free, 0.0, self.start.size > 2 * self.modes)
+        return linear(self.operator.basis.free, 0.0, self.is_heated)
 
     @cached_property
     def held(self) -> Linear:
         """The tip held."""
         system = self.operator.basis.held.sliding(float(self.cases.friction[0]))
-        return linear(system, self.alpha, self.start.size > 2 * self.modes)
+        return linear(system, self.alpha, self.is_heated)
 
     def parts(self, X: Array) -> tuple[Array, Array, Array]:
         """Return displacements, velocities and temperatures of the structure's coordinates, ``(…, coordinate)``."""
@@ -92,9 +98,30 @@ class Flow:
             (X[..., 2 * n :] @ shapes.heat_shapes[:, : X.shape[-1] - 2 * n].T),
         )
 
+    def size(self, X: Array, scale: Array) -> float:
+        """Return the largest of x, v and θ of a deviation, each over its scale; inf where it is not finite."""
+        size = max(float(np.abs(x).max(initial=0.0)) / most for x, most in zip(self.parts(X), scale, strict=True))
+        return size if np.isfinite(X).all() else np.inf
+
     def growth_by_heat(self, X: Array) -> float:
         """Return the quasi-static tip growth of a state, m."""
         return float(self.operator.basis.closing[: X.size - 2 * self.modes] @ X[2 * self.modes :])
+
+    @property
+    def is_heated(self) -> bool:
+        """Whether it has thermal states."""
+        return self.start.size > 2 * self.modes
+
+    def balanced(self, X: Array, force: float) -> Array:
+        """Return a state with the mean temperatures that a mean contact force λ [N] keeps, µ τ = χᵀq + α χ_n λ.
+
+        A thermal mode that loses no heat keeps its own.
+        """
+        free, size = self.operator.basis.free, X.size - 2 * self.modes
+        sources = free.heat_shapes.T @ self.load.heating + self.alpha * free.heat_tip * force
+        kept = X.copy()
+        np.divide(sources[:size], free.rate[:size], out=kept[2 * self.modes :], where=free.rate[:size] > 0)
+        return kept
 
     @property
     def reach(self) -> float:

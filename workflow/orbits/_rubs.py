@@ -2,25 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from workflow.models import Array, Cases, Structure
-from workflow.orbits._flow import BUDGET, Flow
-from workflow.orbits._options import STATES, Options
+from workflow.orbits._flow import Analysed, Flow
 from workflow.orbits._orbit import Orbit
-from workflow.orbits._settle import Settled, settle
+from workflow.orbits._settle import Options, Settled, settle
 from workflow.schemes._exact.advance import Course
-from workflow.schemes._exact.batch import make_operator
-from workflow.schemes._exact.held_regime import HeldRegimes
-
-NUMBERS = (
-    *("steady_periods", "steady_residual", "floquet_multiplier", "floquet_angle", "settling_time", "lyapunov"),
-    *("steady_impulse", "steady_impacts", "steady_contact", "steady_max_temperature", "steady_mean_temperature"),
-    *("steady_max_displacement", "steady_min_displacement", "steady_closing"),
-)
-"""Variables of a steady rub beside its state and its samples."""
-
-ORBITS = ("orbit_displacement", "orbit_velocity", "orbit_temperature")
+from workflow.variables import select
 
 _PER_TURN = 16
 """Samples per period of the fastest mode between which extremes are taken of cubics: their error is 1e-4 of what that
@@ -44,84 +35,62 @@ def steady_rubs(
     ``orbit_displacement`` [m], ``orbit_velocity`` [m/s], ``orbit_temperature`` [K]; under constant loads all samples
     are the equilibrium. NaN where there is no steady rub. A message is '' or begins with ``steady:``.
     """
-    operator, values, messages = make_operator(structure, BUDGET), blank(cases.count, options.samples), []
-    regimes = HeldRegimes(operator.basis.held)
-    for i in range(cases.count):
-        settled = settle(Flow(operator, regimes, cases.take(slice(i, i + 1)), duration), duration, options)
-        fill(values, i, settled)
-        messages.append(f"steady: {settled.message}" if settled.message else "")
-    return values, messages
+    shared, each = Analysed(structure), [cases.take(slice(i, i + 1)) for i in range(cases.count)]
+    found = [settle(Flow(shared, case, duration), duration, options) for case in each]
+    return tabulated(found, options.samples), [f"steady: {one.message}" if one.message else "" for one in found]
 
 
-def blank(count: int, samples: int) -> dict[str, Array]:
-    """Return all variables of cases, or points, without any steady rub."""
-    values: dict[str, Array] = {"steady_state": np.full(count, STATES.index("not_found"), dtype=np.int8)}
-    values |= {name: np.full(count, np.nan) for name in NUMBERS}
-    return values | {name: np.full((count, samples), np.nan) for name in ORBITS}
-
-
-def fill(values: dict[str, Array], i: int, settled: Settled) -> None:
-    """Fill in the variables of one case."""
-    values["steady_state"][i], values["lyapunov"][i] = settled.state, settled.lyapunov
-    if settled.orbit is not None:
-        samples = values[ORBITS[0]].shape[1]
-        numbers, histories = described(settled.orbit, samples)
-        for name, value in numbers.items():
+def tabulated(found: Sequence[Settled], samples: int) -> dict[str, Array]:
+    """Return the variables of what cases, or points, come to; NaN where there is no steady rub."""
+    values: dict[str, Array] = {}
+    for about in select(None, None, "steady"):
+        values[about.name] = np.full((len(found), samples) if about.shape == "phase" else len(found), np.nan)
+    values["steady_state"] = np.array([one.state for one in found], dtype=np.int8)
+    for i, one in enumerate(found):
+        values["lyapunov"][i] = one.lyapunov
+        for name, value in _described(one.orbit, samples).items() if one.orbit is not None else ():
             values[name][i] = value
-        for name, history in zip(ORBITS, histories, strict=True):
-            values[name][i] = history
+    return values
 
 
-def described(orbit: Orbit, samples: int) -> tuple[dict[str, float], Array]:
-    """Return the numbers of an orbit, and x_n, v_n and θ_n at the samples from the start of a period."""
-    flow, growth, k = orbit.flow, orbit.growth, orbit.order
-    course = _from_start_of_period(orbit, samples)
-    largest = orbit.multipliers[0] if not flow.is_constant else np.nan
+def _described(orbit: Orbit, samples: int) -> dict[str, float | Array]:
+    """Return numbers and samples of an orbit."""
+    flow, growth, course = orbit.flow, orbit.growth, _from_start_of_period(orbit, samples)
+    k, largest = (np.nan, np.nan) if flow.is_constant else (orbit.order, orbit.multipliers[0])
     spans = course.span if flow.is_constant else k
-    mean = _mean_state(flow, course)
-    closing = flow.operator.basis.closing[: mean.size]
+    mean = flow.balanced(course.start, course.tally["impulse"] / course.span)
     low, high = _extremes(flow, course)
-    contact = float(course.tally["contact_time"])
-    numbers = {
-        "steady_periods": np.nan if flow.is_constant else k,
+    x, v, temperature, _ = course.histories[:, : -1 : (course.histories.shape[1] - 1) // samples]
+    return {
+        "steady_periods": k,
         "steady_residual": orbit.residual,
         "floquet_multiplier": abs(largest),
-        "floquet_angle": abs(np.angle(largest)) if not flow.is_constant else np.nan,
+        "floquet_angle": abs(np.angle(largest)),
         "settling_time": -1 / growth if growth < 0 else np.inf,
         "steady_impulse": course.tally["impulse"] / spans,
         "steady_impacts": course.tally["impacts"] / spans,
-        "steady_contact": contact / spans,
+        "steady_contact": course.tally["contact_time"] / spans,
         "steady_max_temperature": course.tally["max_temperature"],
-        "steady_mean_temperature": flow.operator.basis.free.heat_tip[: mean.size] @ mean,
+        "steady_mean_temperature": flow.parts(mean)[2][-1],
         "steady_max_displacement": high,
         "steady_min_displacement": low,
-        "steady_closing": closing @ mean,
+        "steady_closing": flow.growth_by_heat(mean),
+        "orbit_displacement": x,
+        "orbit_velocity": v,
+        "orbit_temperature": temperature,
     }
-    step = (course.histories.shape[1] - 1) // samples
-    return numbers, course.histories[:3, :-1:step]
 
 
 def _from_start_of_period(orbit: Orbit, samples: int) -> Course:
     """Return the orbit over kT from the start of a period, with a multiple of the samples."""
     flow, first = orbit.flow, orbit.course
-    start, held = first.start, first.was_held
-    if first.begin > 0:
-        rest = flow.march(start, held, first.begin, flow.period - first.begin)
-        start, held = rest.X, rest.contact
+    start, held, rest = first.start, first.was_held, -first.begin % flow.period
+    if rest > 0:
+        later = flow.march(start, held, first.begin, rest)
+        start, held = later.X, later.contact
     turns = first.span * flow.operator.basis.free.frequency.max(initial=0.0) / (2 * np.pi)
     per_sample = int(np.ceil(min(max(_PER_TURN * turns, samples), _MOST_SAMPLES) / samples))
     return flow.march(start, held, 0.0, first.span, samples=per_sample * samples)
-
-
-def _mean_state(flow: Flow, course: Course) -> Array:
-    """Return the mean of τ over a course that repeats: heat in is heat out, µ τ = χᵀq + α χ_n λ."""
-    free, size = flow.operator.basis.free, course.start.size - 2 * flow.modes
-    sources = (
-        free.heat_shapes.T @ flow.load.heating + flow.alpha * free.heat_tip * course.tally["impulse"] / course.span
-    )
-    kept = course.start[2 * flow.modes :].copy()  # of a mode that loses no heat
-    np.divide(sources[:size], free.rate[:size], out=kept, where=free.rate[:size] > 0)
-    return kept
 
 
 def _extremes(flow: Flow, course: Course) -> tuple[float, float]:

@@ -8,8 +8,7 @@ import numpy as np
 
 from workflow.models import Array
 from workflow.orbits._flow import MOST_LOAD_PERIODS, Flow
-from workflow.orbits._options import NO_CONTACT, NOT_FOUND, PERMANENT_CONTACT, RUNS_AWAY, SETTLES, Options
-from workflow.orbits._orbit import Orbit, Scale, newton, scale_of, without_events
+from workflow.orbits._orbit import NOT_FOUND, RUNS_AWAY, Orbit, longest, newton, scale_of, without_events
 from workflow.schemes._exact.advance import Course
 
 MOST_PERIODS = 1000
@@ -24,8 +23,26 @@ _NEAR = 1e-8
 _EXCESS = 1000.0
 """Quasi-static tip growth over what the scene accounts for, above which a temperature has left every bound."""
 
+_BALANCES = 30
+"""Times that the temperatures of a transient are put in balance, at most."""
+
 _EXPONENT_PERIODS = 100
 """Periods over which the Lyapunov exponent is taken."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """What is looked for."""
+
+    periods: int = 4
+    """Largest order k."""
+    samples: int = 100
+    """Samples of an orbit over kT, the first at its start, the last before its end."""
+
+    @property
+    def window(self) -> int:
+        """Periods that are looked at one by one."""
+        return 2 * max(self.periods, 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,111 +55,145 @@ class Settled:
     lyapunov: float = np.nan
 
 
+class _StoppedError(Exception):
+    """A transient ended early."""
+
+
 def settle(flow: Flow, duration: float, options: Options) -> Settled:
     """Return what becomes of a case after its transient over ``duration`` [s]."""
-    T = flow.period
-    if np.isnan(T):
+    if np.isnan(flow.period):
         return Settled(NOT_FOUND, f"the loads have no common period within {MOST_LOAD_PERIODS} load periods")
-    X, contact, failure = _followed(flow, flow.start, False, int(np.ceil(duration / T - 1e-9)))
-    done, window = 0, 2 * max(options.periods, 2)
-    while done < MOST_PERIODS and not failure:
-        courses: list[Course] = []
-        while len(courses) < window and not failure:
-            courses.append(flow.march(X, contact, 0.0, T, samples=16))
-            X, contact, failure = courses[-1].X, courses[-1].contact, courses[-1].failure
-        if not failure:
-            found = _found(flow, courses, options)
+    try:
+        last = _after(flow, flow.start, False, max(1, int(np.ceil(duration / flow.period - 1e-9))))
+        done = 0
+        while True:
+            courses = _one_by_one(flow, last, options.window)
+            found, last, done = _found(flow, courses, options), courses[-1], done + options.window
             if found is not None:
                 return found
-            if abs(flow.growth_by_heat(X)) > _EXCESS * flow.reach:
-                return Settled(
-                    RUNS_AWAY, f"the temperature of the tip is {flow.parts(X)[2][-1]:.3g} K and leaves every bound"
-                )
-            more = min(done, MOST_PERIODS - done - window)
-            X, contact, failure = _followed(flow, X, contact, more)
-            done += window + more
-    if failure:
-        return Settled(NOT_FOUND, f"the transient {failure}")
+            if done >= MOST_PERIODS:
+                break
+            more = min(done, MOST_PERIODS - done)
+            last, done = _after(flow, last.X, last.contact, more), done + more
+    except _StoppedError as stopped:
+        return Settled(NOT_FOUND, f"the transient {stopped}")
+    found = _by_balance(flow, courses, options) if flow.is_heated else None
+    if found is not None:
+        return found
     message = f"nothing that repeats within {options.periods} periods was found in {MOST_PERIODS} after the transient"
-    return Settled(NOT_FOUND, message, None, _exponent(flow, X, contact))
+    return Settled(NOT_FOUND, message, None, _exponent(flow, last.X, last.contact))
 
 
-def _followed(flow: Flow, X: Array, contact: bool, periods: int) -> tuple[Array, bool, str]:
-    """Return state, contact and what failed after some periods."""
-    while periods > 0:
+def _by_balance(flow: Flow, transient: list[Course], options: Options) -> Settled | None:
+    """Return where a transient leads whose heat is slow against the periods that it was followed.
+
+    Temperatures that the mean contact force of some periods would keep take the place of its own, and contact follows
+    them, again and again. What is found so counts where the transient itself comes nearer to it.
+    """
+    courses = transient
+    for _ in range(_BALANCES):
+        force = sum(float(course.tally["impulse"]) for course in courses) / (len(courses) * flow.period)
+        try:
+            warm = _after(flow, flow.balanced(courses[-1].X, force), courses[-1].contact, _CHUNK)
+            courses = _one_by_one(flow, warm, options.window)
+        except _StoppedError:
+            return None
+        found = _found(flow, courses, options)
+        if found is not None:
+            return found if _leads_to(flow, transient, found.orbit) else None
+    return None
+
+
+def _leads_to(flow: Flow, transient: list[Course], orbit: Orbit | None) -> bool:
+    """Tell whether the temperatures of a transient come nearer to those of an orbit; without one, whether they grow."""
+    first, last = transient[0].start, transient[-1].X
+    if orbit is None:
+        return bool(flow.parts(last)[2][-1] > flow.parts(first)[2][-1])
+    kept = flow.balanced(last, float(orbit.course.tally["impulse"]) / orbit.course.span)
+    away, left = (float(np.abs(flow.parts(X - kept)[2]).max()) for X in (first, last))
+    return left < away
+
+
+def _after(flow: Flow, X: Array, contact: bool, periods: int) -> Course:
+    """Return the last part of the motion over some periods."""
+    while True:
         span = min(periods, _CHUNK)
-        course = flow.march(X, contact, 0.0, span * flow.period, kept=0)
+        course = _marched(flow, X, contact, span * flow.period, kept=0)
         X, contact, periods = course.X, course.contact, periods - span
-        if course.failure:
-            return X, contact, course.failure
-    return X, contact, ""
+        if not periods:
+            return course
+
+
+def _one_by_one(flow: Flow, last: Course, periods: int) -> list[Course]:
+    """Return the periods that follow, with their events."""
+    courses = [last]
+    for _ in range(periods):
+        courses.append(_marched(flow, courses[-1].X, courses[-1].contact, flow.period, samples=16))
+    return courses[1:]
+
+
+def _marched(flow: Flow, X: Array, contact: bool, span: float, **recorded: int) -> Course:
+    """Return the motion over a span from the start of a period."""
+    course = flow.march(X, contact, 0.0, span, **recorded)
+    if course.failure:
+        raise _StoppedError(course.failure)
+    return course
 
 
 def _found(flow: Flow, courses: list[Course], options: Options) -> Settled | None:
     """Return the orbit that successive periods of a transient approach, or that they run away; ``None`` for neither."""
-    scale, held = scale_of(flow, courses), courses[-1].contact
+    scale, held, X = scale_of(flow, courses), courses[-1].contact, courses[-1].X
     if any(course.times.size for course in courses[-3:]):
-        return None if flow.is_constant else _rub(flow, courses, options, scale)
-    if held and flow.held.growth > 0 and _grows(flow, courses):
+        found = None if flow.is_constant else _rub(flow, courses, options, scale)
+        if found is not None:
+            return found
+    elif held and flow.held.growth > 0 and _grows(flow, courses):
         return Settled(RUNS_AWAY, f"in permanent contact deviations grow by {flow.held.growth:.4g} 1/s")
-    orbit = without_events(flow, held, scale)
-    if orbit is None or orbit.growth >= 0 or not _approaches(orbit, courses[-2].start, courses[-1].X, scale):
-        return None
-    return (
-        Settled(PERMANENT_CONTACT if held else NO_CONTACT, "", orbit) if _stays(orbit, courses[-1].X, scale) else None
-    )
+    else:
+        orbit = without_events(flow, held, scale)
+        if orbit is not None and _approaches(orbit, courses[-2].start, X, scale) and _stays(orbit, X, scale):
+            return Settled(orbit.state, "", orbit)
+    if abs(flow.growth_by_heat(X)) > _EXCESS * flow.reach:
+        return Settled(RUNS_AWAY, "the temperature of the tip leaves every bound")
+    return None
 
 
-def _rub(flow: Flow, courses: list[Course], options: Options, scale: Scale) -> Settled | None:
+def _rub(flow: Flow, courses: list[Course], options: Options, scale: Array) -> Settled | None:
     """Return the rub with contact events that a transient approaches; ``None`` where none is found."""
-    X, T = courses[-1].X, flow.period
-    apart = [scale.size(flow, courses[-k].start - X) for k in range(1, options.periods + 1)]
+    apart = [flow.size(courses[-k].start - courses[-1].X, scale) for k in range(1, options.periods + 1)]
     k = int(np.argmin(apart)) + 1
-    number, begin = _flight(courses[-k:])
-    first = courses[number - k]
-    start = flow.march(first.start, first.was_held, 0.0, begin)
+    last = flow.march(courses[-k].start, courses[-k].was_held, 0.0, k * flow.period)
+    begin = longest(last, flights=True)
+    start = flow.march(last.start, last.was_held, 0.0, begin)
     orbit = newton(flow, start.X, start.contact, begin, k, scale)
-    if orbit is None or orbit.growth >= 0:
+    if orbit is None:
         return None
-    later = flow.march(start.X, start.contact, begin, 2 * k * T, kept=0)
+    later = flow.march(start.X, start.contact, begin, 2 * orbit.course.span, kept=0)
     if not _approaches(orbit, start.X, later.X, scale):
         return None
     for order in range(1, k):
-        if k % order == 0:
-            least = newton(flow, orbit.course.start, orbit.course.was_held, begin, order, scale)
-            if least is not None and scale.size(flow, least.course.start - orbit.course.start) < _NEAR:
-                return Settled(SETTLES, "", least)
-    return Settled(SETTLES, "", orbit)
+        least = newton(flow, orbit.course.start, orbit.course.was_held, begin, order, scale) if k % order == 0 else None
+        if least is not None and flow.size(least.course.start - orbit.course.start, scale) < _NEAR:
+            return Settled(least.state, "", least)
+    return Settled(orbit.state, "", orbit)
 
 
-def _flight(courses: list[Course]) -> tuple[int, float]:
-    """Return the number of the period, and the time in it, in the middle of the longest flight within a period."""
-    best, place = -1.0, (0, 0.0)
-    for number, course in enumerate(courses):
-        times, held = course.stretches
-        flights = np.where(held, -1.0, np.diff(times))
-        longest = int(np.argmax(flights))
-        if flights[longest] > best:
-            best, place = float(flights[longest]), (number, 0.5 * (times[longest] + times[longest + 1]))
-    return place
-
-
-def _approaches(orbit: Orbit, before: Array, after: Array, scale: Scale) -> bool:
-    """Tell whether a transient comes nearer to an orbit over 2kT, by about as much as its multipliers say."""
+def _approaches(orbit: Orbit, before: Array, after: Array, scale: Array) -> bool:
+    """Tell whether a transient comes nearer to a stable orbit over 2kT, by about as much as its multipliers say."""
     flow, start = orbit.flow, orbit.course.start
     first, last = before - start, after - start
-    away, left = scale.size(flow, first), scale.size(flow, last)
+    away, left = flow.size(first, scale), flow.size(last, scale)
     change = orbit.D @ (orbit.D @ first) - first
     error = orbit.D @ (last - first - change)  # over one more map: what decays at once does not count
-    by_rule = scale.size(flow, error) <= 0.5 * scale.size(flow, orbit.D @ change)
-    return max(away, left) < _NEAR or (left < away and by_rule)
+    by_rule = flow.size(error, scale) <= 0.5 * flow.size(orbit.D @ change, scale)
+    return orbit.growth < 0 and (max(away, left) < _NEAR or (left < away and by_rule))
 
 
-def _stays(orbit: Orbit, X: Array, scale: Scale) -> bool:
+def _stays(orbit: Orbit, X: Array, scale: Array) -> bool:
     """Tell whether a transient that decays towards an orbit without events meets none in periods ever further apart."""
     flow, course, number = orbit.flow, orbit.course, 1
     regime, deviation = flow.held if course.was_held else flow.free, X - course.start
-    while scale.size(flow, deviation) > _NEAR:
+    while flow.size(deviation, scale) > _NEAR:
         if flow.march(course.start + deviation, course.was_held, 0.0, flow.period).times.size:
             return False
         deviation = regime.propagators(np.array([number * flow.period]))[0] @ (X - course.start)

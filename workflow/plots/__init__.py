@@ -9,9 +9,7 @@ from __future__ import annotations
 from workflow.plots._axes import metric_by_axis
 from workflow.plots._bifurcation import bifurcation
 from workflow.plots._branches import branches
-from workflow.plots._explorer import MARKS, explorer
 from workflow.plots._maps import map_dims, middle, position_text, scene_map, single_maps
-from workflow.plots._page_data import Shown, page_data, shown_part
 from workflow.plots._precision import convergence, error_by_cost, error_by_step, work_precision
 from workflow.plots._response import Curve, abstract_figure, histories, tip_response
 from workflow.plots._scenes import growth_against_prediction, impact_speed_map
@@ -20,27 +18,22 @@ from workflow.plots._style import COLOURS, save, write_figure
 
 __all__ = [
     "COLOURS",
-    "MARKS",
     "Curve",
-    "Shown",
     "abstract_figure",
     "bifurcation",
     "branches",
     "convergence",
     "error_by_cost",
     "error_by_step",
-    "explorer",
     "growth_against_prediction",
     "histories",
     "impact_speed_map",
     "map_dims",
     "metric_by_axis",
     "middle",
-    "page_data",
     "position_text",
     "save",
     "scene_map",
-    "shown_part",
     "single_maps",
     "sobol_indices",
     "tip_response",

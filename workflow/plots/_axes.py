@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workflow.analysis import effect, finest
-from workflow.plots._page_data import axis_of
 from workflow.plots._style import COLOURS, GREY, trim
+from workflow.plots._units import axis_of
 from workflow.study import POINT, readable
 
 if TYPE_CHECKING:

@@ -31,7 +31,7 @@ def branches(dataset: xr.Dataset, variable: str = "steady_max_temperature") -> F
     along = followed_axis(dataset)
     if along is None or variable not in dataset or dataset[variable].dims != dataset[along].dims:
         raise ValueError(f"there are no branches of `{variable}`; write an axis as `{{branch: [from, to, points]}}`")
-    (x, x_label), (y, y_label) = (_in_units(dataset[name]) for name in (along, variable))
+    (x, x_label), (y, y_label) = (in_units(dataset[name]) for name in (along, variable))
     stable, flags = flags_of(dataset, "steady_state") != "unstable", flags_of(dataset, "bifurcation")
     dims = [dim for dim in case_dims(dataset) if dataset.sizes[dim] > 1]
     texts = {dim: labels_of(dataset, dim, rounded=True) for dim in dims}
@@ -53,7 +53,7 @@ def branches(dataset: xr.Dataset, variable: str = "steady_max_temperature") -> F
     return figure
 
 
-def _in_units(values: xr.DataArray) -> tuple[np.ndarray, str]:
+def in_units(values: xr.DataArray) -> tuple[np.ndarray, str]:
     """Return values in a readable unit, and their label."""
     unit, factor = scaled(str(values.attrs.get("units", "1")), values.values)
     return np.asarray(values.values) * factor, str(values.name).replace("_", " ") + (f" [{unit}]" if unit else "")

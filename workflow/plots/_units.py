@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.analysis import exact, rounded_texts
+from workflow.analysis import exact, naming, rounded_texts
 from workflow.study import readable
 
 if TYPE_CHECKING:
@@ -52,3 +53,33 @@ def selector(coordinate: xr.DataArray, k: int) -> str:
     """Return what selects a value of an indexed coordinate with ``.sel``: ``e=0.5``."""
     value = coordinate.values[k]
     return f"{coordinate.name}={exact(float(value)) if coordinate.dtype.kind == 'f' else repr(value.item())}"
+
+
+def axis_of(part: xr.Dataset, dim: str) -> dict[str, Any]:
+    """Describe a dimension: title, unit, texts of its values, and what selects them."""
+    names = naming(part, dim)
+    size, own = part.sizes[dim], dim in part.coords and part[dim].dims == (dim,)
+    if not names:
+        texts, title, unit = [str(k) for k in range(size)], dim, ""
+    else:
+        units, columns = zip(*(coordinate_texts(part[name]) for name in names), strict=True)
+        texts = [" + ".join(row) for row in zip(*columns, strict=True)]
+        unit = units[0] if len(names) == 1 else ""
+        title = _joint([n + (f" [{u}]" if u and len(names) > 1 else "") for n, u in zip(names, units, strict=True)])
+    selected = [selector(part[dim], k) if own else f"{dim}={k}" for k in range(size)]
+    return {
+        "name": dim,
+        "title": title.replace("_", " "),
+        "unit": unit,
+        "texts": texts if len(set(texts)) == size else [f"{text} ({k})" for k, text in enumerate(texts)],
+        "selectors": selected,
+        "by_label": own,
+    }
+
+
+def _joint(names: Sequence[str]) -> str:
+    """Return names side by side, a last word that all share once: ``mechanical + thermal modes``."""
+    first, last = zip(*(name.rpartition("_")[::2] for name in names), strict=True)
+    if len(names) > 1 and len(set(last)) == 1 and all(first):
+        return f"{' + '.join(first)} {last[0]}"
+    return " + ".join(names)

@@ -11,11 +11,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from workflow import registry
-from workflow.models import Array, Chain, Structure
-from workflow.models._sparse import MOST_REDUCED, Sparse, TooManyCoordinatesError
-from workflow.models._tip_held import MOST_ONE_BY_ONE
+from workflow.models import Array, Structure, TooManyCoordinatesError
 from workflow.reduction._bases import fixed_interface_modes, relative_thermal_modes
 from workflow.reduction._friction import with_friction
+from workflow.reduction._model import ReducedModel, unreduced_model
 from workflow.reduction._reduction import (
     Reduction,
     Vectors,
@@ -105,26 +104,20 @@ def reduce_structure(
         A count is negative or exceeds the number of interior vectors, or that of modes of a chain without matrices;
         or the basis takes a duration and there is none.
     """
-    counts = ((mechanical_modes, structure.mechanical_size), (thermal_modes, structure.thermal_size))
-    for count, size in counts:
-        if count is not None and not 0 <= count <= size - 1:
-            raise ValueError(f"{count} interior modes of a structure that has {size - 1}")
-        long = isinstance(structure, Chain) and not structure.has_matrices
-        if long and (count is None or count > MOST_ONE_BY_ONE):
-            raise ValueError(f"a chain of {size} nodes is reduced to at most {MOST_ONE_BY_ONE} modes")
-        large = isinstance(structure, Sparse) and not structure.has_matrices and size > MOST_REDUCED + 1
-        if large and (count is None or count > MOST_REDUCED):
-            raise TooManyCoordinatesError(size)
+    for count, pair in ((mechanical_modes, structure.mechanical), (thermal_modes, structure.thermal)):
+        if count is not None and not 0 <= count <= pair.size - 1:
+            raise ValueError(f"{count} interior modes of a structure that has {pair.size - 1}")
+        large = not structure.has_matrices and pair.size > pair.most_modes + 1
+        if large and (count is None or count > pair.most_modes):
+            raise TooManyCoordinatesError(pair.size, pair.most_modes)
     chosen = load(basis)
     mechanical = (
-        unreduced(structure.elongations, structure.mechanical_size)
+        unreduced(structure.mechanical)
         if mechanical_modes is None
         else chosen.mechanical(structure, mechanical_modes, duration)
     )
     thermal = (
-        unreduced(structure.differences, structure.thermal_size)
-        if thermal_modes is None
-        else chosen.thermal(structure, thermal_modes, duration)
+        unreduced(structure.thermal) if thermal_modes is None else chosen.thermal(structure, thermal_modes, duration)
     )
     carried = None
     if structure.tangent is not None and mechanical_modes is not None:
@@ -134,9 +127,25 @@ def reduce_structure(
     return galerkin(structure, mechanical, thermal, carried)
 
 
+def reduced_model(
+    structure: Structure, mechanical_modes: int, thermal_modes: int, basis: str, duration: float
+) -> ReducedModel:
+    """Return a structure with so many vectors beside the tip's own; parameters are those of :func:`reduce_structure`.
+
+    Counts of ``size - 1`` leave displacements or temperatures as they are.
+    """
+    counts = (mechanical_modes, structure.mechanical_size), (thermal_modes, structure.thermal_size)
+    kept = [None if count == size - 1 else count for count, size in counts]
+    if kept == [None, None]:
+        return unreduced_model(structure)
+    reduction = reduce_structure(structure, kept[0], kept[1], basis, duration)
+    return ReducedModel(reduction.structure, reduction)
+
+
 __all__ = [
     "DEFAULT",
     "Basis",
+    "ReducedModel",
     "Reduction",
     "Vectors",
     "fault",
@@ -146,6 +155,7 @@ __all__ = [
     "names",
     "projection_residual",
     "reduce_structure",
+    "reduced_model",
     "relative_thermal_modes",
     "thermal_vectors",
 ]

@@ -7,7 +7,6 @@ from collections.abc import Callable
 import numpy as np
 
 from workflow.models import Array, Structure
-from workflow.models._tip_held import held_modes, slowest_modes, thermal_constraint
 
 Inertia = Callable[[Array], Array]
 """From vectors to inertia · vectors."""
@@ -19,7 +18,7 @@ the digits, so that what is kept is known to the other half before it is made or
 
 def fixed_interface_modes(structure: Structure, count: int) -> Array:
     """Return the lowest mechanical modes with the tip held, ``(node, mode)``."""
-    return held_modes(structure, count).shapes
+    return structure.mechanical.held_modes(count).shapes
 
 
 def relative_thermal_modes(structure: Structure, count: int) -> Array:
@@ -34,9 +33,8 @@ def relative_thermal_modes(structure: Structure, count: int) -> Array:
     ValueError
         Fewer modes are independent of the tip.
     """
-    constraint, _ = thermal_constraint(structure)
-    shapes = slowest_modes(structure, count + 1).shapes  # one may be the constraint mode
-    return relative(shapes, constraint, structure.heat_contents, count)
+    shapes = structure.thermal.modes(count + 1).shapes  # one may be the constraint mode
+    return relative(shapes, structure.thermal.constraint, structure.thermal.inertia_of, count)
 
 
 def relative(shapes: Array, constraint: Array, inertia: Inertia, count: int) -> Array:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.models import Array, Structure, UnusableMatricesError
-from workflow.models._tip_held import held_displacements
 from workflow.reduction._bases import DEPENDENT
 from workflow.reduction._reduction import Vectors, mechanical_vectors
 
@@ -29,12 +28,13 @@ def with_friction(structure: Structure, tangent: Array, mechanical: Vectors) -> 
             "what that deforms cannot be left without inertia; choose craig_bampton, rubin or krylov",
         )
     interior = mechanical.shapes[:, :-1]
-    answer = held_displacements(structure)(tangent)
+    pair = structure.mechanical
+    answer = pair.answer_held(tangent)
     answer[-1] = 0.0
-    new, size = answer, np.sqrt(np.dot(answer, structure.inertia_forces(answer)))
+    new, size = answer, np.sqrt(np.dot(answer, pair.inertia_of(answer)))
     for _ in range(2):  # once more, so that rounding of the first pass goes too
-        new = new - interior @ (structure.inertia_forces(interior).T @ new)
-    rest = np.sqrt(np.dot(new, structure.inertia_forces(new)))
-    if interior.shape[1] >= structure.mechanical_size - 1 or not rest > DEPENDENT * size:
+        new = new - interior @ (pair.inertia_of(interior).T @ new)
+    rest = np.sqrt(np.dot(new, pair.inertia_of(new)))
+    if interior.shape[1] >= pair.size - 1 or not rest > DEPENDENT * size:
         return mechanical
     return mechanical_vectors(structure, np.column_stack([interior, new / rest]))

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workflow.models import Array, Cases, Matrices, Structure, project, static_tip_growth
-from workflow.models._from_matrices import Forms, structure_of_forms
-from workflow.models._sparse import Sparse
-from workflow.models._tip_held import mechanical_constraint, thermal_constraint
+from workflow.models import Array, Cases, DensePair, Matrices, Pair, Sparse, Structure, project, static_tip_growth
+from workflow.models._from_matrices import structure_of_forms
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,19 +74,27 @@ class Vectors:
 
 def mechanical_vectors(structure: Structure, interior: Array) -> Vectors:
     """Return the constraint mode behind interior displacements, which are orthonormal in M and 0 at the tip."""
-    constraint, elongation = mechanical_constraint(structure)
-    deformation = np.column_stack([structure.elongations(interior), elongation])
-    projection = _projection(structure.inertia_forces(interior).T, constraint)
-    return Vectors(np.column_stack([interior, constraint]), deformation, projection)
+    return _with_constraint(structure.mechanical, interior)
 
 
-def massless_vectors(structure: Structure, interior: Array, tip: Array, strain: Array, modes: Array) -> Vectors:
+def thermal_vectors(structure: Structure, interior: Array) -> Vectors:
+    """Return the constraint mode behind interior temperatures, which are orthonormal in C2 and 0 at the tip."""
+    return _with_constraint(structure.thermal, interior)
+
+
+def _with_constraint(pair: Pair, interior: Array) -> Vectors:
+    deformation = np.column_stack([pair.deformation_of(interior), pair.deformed])
+    projection = _projection(pair.inertia_of(interior).T, pair.constraint)
+    return Vectors(np.column_stack([interior, pair.constraint]), deformation, projection)
+
+
+def massless_vectors(pair: Pair, interior: Array, tip: Array, strain: Array, modes: Array) -> Vectors:
     """Return interior displacements and the tip's vector, which is given no inertia.
 
     Parameters
     ----------
-    structure
-        The full structure.
+    pair
+        K1 and M of the full structure.
     interior
         0 at the tip, ``(node, vector)``.
     tip
@@ -97,17 +102,9 @@ def massless_vectors(structure: Structure, interior: Array, tip: Array, strain: 
     modes
         Orthonormal in M, ``(node, vector)``: the interior vectors up to multiples of the tip's. They hold all inertia.
     """
-    deformation = np.column_stack([structure.elongations(interior), strain])
-    projection = _projection(structure.inertia_forces(modes).T, tip)
+    deformation = np.column_stack([pair.deformation_of(interior), strain])
+    projection = _projection(pair.inertia_of(modes).T, tip)
     return Vectors(np.column_stack([interior, tip]), deformation, projection, has_massless_tip=True)
-
-
-def thermal_vectors(structure: Structure, interior: Array) -> Vectors:
-    """Return the constraint mode behind interior temperatures, which are orthonormal in C2 and 0 at the tip."""
-    constraint, difference = thermal_constraint(structure)
-    deformation = np.column_stack([structure.differences(interior), difference])
-    projection = _projection(structure.heat_contents(interior).T, constraint)
-    return Vectors(np.column_stack([interior, constraint]), deformation, projection)
 
 
 def _projection(onto_interior: Array, constraint: Array) -> Array:
@@ -128,72 +125,42 @@ def _mass(structure: Structure, mechanical: Vectors) -> Array:
         mass = np.eye(mechanical.shapes.shape[1])
         mass[-1, -1] = 0.0
         return mass
-    return mechanical.shapes.T @ structure.inertia_forces(mechanical.shapes)
+    return mechanical.shapes.T @ structure.mechanical.inertia_of(mechanical.shapes)
 
 
-def _along(structure: Structure, shapes: Array) -> Array | None:
-    """Return Xᵀt of the direction of friction, ``None`` where there is none."""
-    return None if structure.tangent is None else shapes.T @ structure.tangent
-
-
-def quadratic_forms(structure: Sparse, mechanical: Vectors, thermal: Vectors, carried: Array | None) -> Matrices:
-    """Return Xᵀ M X, Xᵀ K1 X, Xᵀ (K12 Θ + K1 Γ), Θᵀ C2 Θ and Θᵀ K2 Θ as a structure."""
-    x, theta = mechanical.shapes, thermal.shapes
-    forces = -structure.thermal_forces(theta)
-    if carried is not None:
-        forces = forces + structure.elongations(carried)
-    forms = Forms(
-        mass=_mass(structure, mechanical),
-        stiffness=x.T @ mechanical.deformation,
-        coupling=x.T @ forces,
-        heat_capacity=theta.T @ structure.heat_contents(theta),
-        conductance=theta.T @ thermal.deformation,
-        even_rise=thermal.projection @ structure.even_rise,
-        tip_growth=static_tip_growth(structure) @ theta,
-        tangent=_along(structure, x),
-    )
-    return replace(
-        structure_of_forms(forms, structure.damping),
-        load=None if structure.load is None else x.T @ structure.load,
-        damper=None if structure.damper is None else x.T @ np.asarray(structure.damper @ x),
-    )
-
-
-def unreduced(deformations: Callable[[Array], Array], size: int) -> Vectors:
+def unreduced(pair: Pair) -> Vectors:
     """Return a unit vector for every coordinate."""
-    every = np.eye(size)
-    return Vectors(every, deformations(every), every)
+    every = np.eye(pair.size)
+    return Vectors(every, pair.deformation_of(every), every)
 
 
 def galerkin(structure: Structure, mechanical: Vectors, thermal: Vectors, carried: Array | None = None) -> Reduction:
-    """Return the structure projected on its bases: Φᵀ M Φ, elongation Φ, expansion Θ, Θᵀ C2 Θ, difference Θ.
+    """Return the structure projected on its bases: Xᵀ M X, D X, expansion Θ, Θᵀ C2 Θ, D Θ; Xᵀ K1 X where it is sparse.
 
-    Displacements Γ that temperatures carry, ``(node, thermal)``, relieve the springs: expansion Θ - elongation Γ.
+    Displacements Γ that temperatures carry, ``(node, thermal)``, relieve the springs: expansion Θ - D Γ.
     """
-    if isinstance(structure, Sparse):
-        return Reduction(
-            quadratic_forms(structure, mechanical, thermal, carried),
-            mechanical.shapes,
-            thermal.shapes,
-            mechanical.projection,
-            thermal.projection,
-            carried,
-        )
     x, theta = mechanical.shapes, thermal.shapes
+    mass, capacity = _mass(structure, mechanical), theta.T @ structure.thermal.inertia_of(theta)
     expansion = structure.expansions(theta)
-    reduced = Matrices(
-        mass=_mass(structure, mechanical),
-        springs=structure.springs,
-        elongation=mechanical.deformation,
-        expansion=expansion if carried is None else expansion - structure.elongations(carried),
-        heat_capacity=theta.T @ structure.heat_contents(theta),
-        conductors=structure.conductors,
-        difference=thermal.deformation,
+    if carried is not None:
+        expansion = expansion - structure.mechanical.deformation_of(carried)
+    if isinstance(structure, Sparse):
+        forms = mass, x.T @ mechanical.deformation, -x.T @ expansion, capacity, theta.T @ thermal.deformation
+        reduced = structure_of_forms(*forms)
+    else:
+        reduced = Matrices(
+            DensePair(mass, structure.mechanical.weights, mechanical.deformation),
+            DensePair(capacity, structure.thermal.weights, thermal.deformation),
+            expansion,
+            structure.even_rise,
+        )
+    reduced = replace(
+        reduced,
         even_rise=thermal.projection @ structure.even_rise,
         damping=structure.damping,
-        load=None if structure.load is None else x.T @ structure.load,
-        damper=None if structure.damper is None else x.T @ (structure.damper @ x),
-        tangent=_along(structure, x),
         tip_growth=static_tip_growth(structure) @ theta,
+        load=None if structure.load is None else x.T @ structure.load,
+        damper=None if structure.damper is None else x.T @ np.asarray(structure.damper @ x),
+        tangent=None if structure.tangent is None else x.T @ structure.tangent,
     )
     return Reduction(reduced, x, theta, mechanical.projection, thermal.projection, carried)

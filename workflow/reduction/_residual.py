@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from workflow.models import Array, Cases, Structure, distinct_rows, project, static_displacements, static_temperatures
+from workflow.models import Array, Cases, Pair, Structure, distinct_rows, project
 from workflow.reduction._reduction import Reduction
 
 
@@ -45,22 +45,22 @@ def _residual(structure: Structure, reduction: Reduction, cases: Cases) -> Array
     displacements = (
         (cases.displacement, small.displacement, carried),
         (
-            static_displacements(structure, loads),
-            static_displacements(reduction.structure, project(reduction.displacement_basis.T, loads)),
+            structure.mechanical.static_answers(loads),
+            reduction.structure.mechanical.static_answers(project(reduction.displacement_basis.T, loads)),
             0.0,
         ),
     )
     steady = (
-        static_temperatures(structure, cases.heating),
-        static_temperatures(reduction.structure, small.heating),
+        structure.thermal.static_answers(cases.heating),
+        reduction.structure.thermal.static_answers(small.heating),
     )
     velocity, temperature = (cases.velocity, small.velocity), (cases.temperature, small.temperature)
     x, theta = reduction.displacement_basis, reduction.temperature_basis
     lost = [
-        *(_lost(full, reduced, x, _strain(structure), beside) for full, reduced, beside in displacements),
-        _lost(*velocity, x, _kinetic(structure)),
-        _lost(*temperature, theta, _content(structure)),
-        _lost(*steady, theta, _flux(structure)),
+        *(_lost(full, reduced, x, structure.mechanical.energies, beside) for full, reduced, beside in displacements),
+        _lost(*velocity, x, _in_inertia(structure.mechanical)),
+        _lost(*temperature, theta, _in_inertia(structure.thermal)),
+        _lost(*steady, theta, structure.thermal.energies),
     ]
     return np.asarray(np.max(lost, axis=0))
 
@@ -79,17 +79,5 @@ def _lost(full: Array, reduced: Array, basis: Array, squares: _Squares, beside: 
     return shares
 
 
-def _strain(structure: Structure) -> _Squares:
-    return structure.strain_energies
-
-
-def _flux(structure: Structure) -> _Squares:
-    return structure.heat_losses
-
-
-def _kinetic(structure: Structure) -> _Squares:
-    return lambda v: v * structure.inertia_forces(v)
-
-
-def _content(structure: Structure) -> _Squares:
-    return lambda theta: theta * structure.heat_contents(theta)
+def _in_inertia(pair: Pair) -> _Squares:
+    return lambda u: u * pair.inertia_of(u)

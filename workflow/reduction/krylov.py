@@ -33,16 +33,7 @@ import numpy as np
 
 from workflow.kernels.algebra import MOST_BY_JACOBI
 from workflow.kernels.elementwise import exp, log
-from workflow.models import Array, Structure
-from workflow.models._spectrum import fastest_rate
-from workflow.models._tip_held import (
-    held_displacements,
-    held_modes,
-    held_temperatures,
-    held_thermal_modes,
-    mechanical_constraint,
-    thermal_constraint,
-)
+from workflow.models import Array, Pair, Structure
 from workflow.reduction._bases import Orthonormal
 from workflow.reduction._reduction import Vectors, mechanical_vectors, thermal_vectors
 
@@ -58,15 +49,15 @@ it errs by 1.4e-9 to 7.5e-9 with 8 vectors and 2 to 8 shifts."""
 
 def mechanical(structure: Structure, count: int, duration: float | None) -> Vectors:
     """Return up to five moments relative to the tip and fixed-interface modes, and the constraint mode."""
-    span = Orthonormal(structure.mechanical_size, count, structure.inertia_forces)
-    constraint, _ = mechanical_constraint(structure)
+    pair, constraint = structure.mechanical, structure.mechanical.constraint
+    span = Orthonormal(pair.size, count, pair.inertia_of)
     if _is_small(structure):
-        _add_moments(structure, span, constraint)
+        _add_moments(pair, span, constraint)
     else:
-        span.add_each(held_modes(structure, max(count - MOST_MOMENTS + 1, 0)).shapes)
-        _add_moments(structure, span, span.apart(constraint))
+        span.add_each(pair.held_modes(max(count - MOST_MOMENTS + 1, 0)).shapes)
+        _add_moments(pair, span, span.apart(constraint))
     if not span.is_full:
-        span.add_each(held_modes(structure, count).shapes)
+        span.add_each(pair.held_modes(count).shapes)
     return mechanical_vectors(structure, span.all())
 
 
@@ -80,18 +71,18 @@ def thermal(structure: Structure, count: int, duration: float | None) -> Vectors
     """
     if duration is None:
         raise ValueError("krylov needs the duration of the cases for its shifts")
-    constraint, _ = thermal_constraint(structure)
-    answer, heat = held_temperatures(structure), structure.heat_contents(constraint)
-    span = Orthonormal(structure.thermal_size, count, structure.heat_contents)
+    pair = structure.thermal
+    answer, heat = pair.answers_held_shifted(), pair.inertia_of(pair.constraint)
+    span = Orthonormal(pair.size, count, pair.inertia_of)
     each_alone = _is_small(structure)
     different = count if each_alone else min(count, MOST_SHIFTS)
-    shifts = list(_shifts(different, 1 / duration, fastest_rate(structure)))
+    shifts = list(_shifts(different, 1 / duration, pair.largest()))
     for k in range(count):
         vector = span.add(answer(heat, shifts[k * different // count]))
         if vector is not None and not each_alone:
-            heat = structure.heat_contents(vector)
+            heat = pair.inertia_of(vector)
     if not span.is_full:
-        span.add_each(held_thermal_modes(structure, count).shapes)
+        span.add_each(pair.held_modes(count).shapes)
     return thermal_vectors(structure, span.all())
 
 
@@ -100,13 +91,12 @@ def _is_small(structure: Structure) -> bool:
     return max(structure.mechanical_size, structure.thermal_size) <= MOST_BY_JACOBI
 
 
-def _add_moments(structure: Structure, span: Orthonormal, begin: Array) -> None:
+def _add_moments(pair: Pair, span: Orthonormal, begin: Array) -> None:
     """Add five moments, the first the answer to the inertia forces of ``begin``, as long as they are new."""
-    answer = held_displacements(structure)
     vector: Array | None = begin
     for _ in range(MOST_MOMENTS - 1):
         if vector is not None:
-            vector = span.add(answer(structure.inertia_forces(vector)))
+            vector = span.add(pair.answer_held(pair.inertia_of(vector)))
 
 
 def _shifts(count: int, slowest: float, fastest: float) -> Iterator[float]:

@@ -20,7 +20,6 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.models import Structure
-from workflow.models._tip_held import lowest_modes, mechanical_constraint
 from workflow.reduction import rubin
 from workflow.reduction._bases import DEPENDENT, Orthonormal
 from workflow.reduction._reduction import Vectors, massless_vectors
@@ -31,18 +30,18 @@ __all__ = ["mechanical", "thermal"]
 
 def mechanical(structure: Structure, count: int, duration: float | None) -> Vectors:
     """Return the lowest ``count`` free modes relative to ρ, and ρ without inertia."""
-    constraint, strain = mechanical_constraint(structure)
-    is_held = structure.strains(strain)
+    pair, constraint = structure.mechanical, structure.mechanical.constraint
+    is_held = pair.tip_stiffness > 0
     answer = constraint if is_held else elastic(structure)  # of the tip to a force on it, up to a factor
-    span = Orthonormal(structure.mechanical_size, count + 1, structure.inertia_forces)
+    span = Orthonormal(pair.size, count + 1, pair.inertia_of)
     if count > 0:
         if not is_held:
             span.add(constraint)
-        span.add_each(lowest_modes(structure, count).shapes)
+        span.add_each(pair.modes(count).shapes)
     left = span.add(answer) if is_held or count > 0 else None
-    if left is None or np.dot(left, structure.inertia_forces(answer)) * left[-1] <= DEPENDENT * answer[-1]:
+    if left is None or np.dot(left, pair.inertia_of(answer)) * left[-1] <= DEPENDENT * answer[-1]:
         return rubin.mechanical(structure, count, duration)
     modes, tip = span.all()[:, :count], left / left[-1]
     interior = modes - np.outer(tip, modes[-1])
     interior[-1] = 0.0
-    return massless_vectors(structure, interior, tip, structure.elongations(tip), modes)
+    return massless_vectors(pair, interior, tip, pair.deformation_of(tip), modes)

@@ -17,7 +17,6 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.models import Structure
-from workflow.models._tip_held import mechanical_constraint
 from workflow.reduction._bases import DEPENDENT, fixed_interface_modes
 from workflow.reduction._reduction import Vectors, massless_vectors, mechanical_vectors
 from workflow.reduction.craig_bampton import thermal
@@ -28,10 +27,10 @@ __all__ = ["mechanical", "thermal"]
 def mechanical(structure: Structure, count: int, duration: float | None) -> Vectors:
     """Return the lowest ``count`` fixed-interface modes, and ψ̃ without inertia."""
     modes = fixed_interface_modes(structure, count)
-    constraint, strain = mechanical_constraint(structure)
-    inertia = structure.inertia_forces(constraint)
+    pair, constraint = structure.mechanical, structure.mechanical.constraint
+    inertia = pair.inertia_of(constraint)
     share = modes.T @ inertia
-    if not structure.strains(strain) and np.dot(share, share) <= DEPENDENT**2 * np.dot(constraint, inertia):
+    if pair.tip_stiffness == 0 and np.dot(share, share) <= DEPENDENT**2 * np.dot(constraint, inertia):
         return mechanical_vectors(structure, modes)
     tip = constraint - modes @ share
-    return massless_vectors(structure, modes, tip, strain - structure.elongations(modes) @ share, modes)
+    return massless_vectors(pair, modes, tip, pair.deformed - pair.deformation_of(modes) @ share, modes)

@@ -15,19 +15,16 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.models import Array, Structure
-from workflow.models._modes import Modes
-from workflow.models._tip_held import lowest_modes, mechanical_constraint
 from workflow.reduction._bases import relative, relative_thermal_modes
 from workflow.reduction._reduction import Vectors, mechanical_vectors, thermal_vectors
 
 
 def mechanical(structure: Structure, count: int, duration: float | None) -> Vectors:
     """Return the lowest free modes relative to the constraint mode, and that."""
-    constraint, elongation = mechanical_constraint(structure)
-    modes = lowest_modes(structure, count + 1)  # one may be the constraint mode
-    strained = structure.strains(elongation)
-    shapes = modes.shapes if strained else np.column_stack([elastic(structure), modes.shapes])
-    return mechanical_vectors(structure, relative(shapes, constraint, structure.inertia_forces, count))
+    pair = structure.mechanical
+    modes = pair.modes(count + 1)  # one may be the constraint mode
+    shapes = modes.shapes if pair.tip_stiffness > 0 else np.column_stack([elastic(structure), modes.shapes])
+    return mechanical_vectors(structure, relative(shapes, pair.constraint, pair.inertia_of, count))
 
 
 def thermal(structure: Structure, count: int, duration: float | None) -> Vectors:
@@ -37,6 +34,6 @@ def thermal(structure: Structure, count: int, duration: float | None) -> Vectors
 
 def elastic(structure: Structure) -> Array:
     """Return the elastic displacement by a unit force on a tip that nothing holds, m/N, ``(node,)``."""
-    modes: Modes = lowest_modes(structure, structure.mechanical_size)
-    held = modes.values > 0
-    return modes.shapes[:, held] @ (modes.tip[held] / modes.values[held] ** 2)
+    tip = np.zeros((1, structure.mechanical_size))
+    tip[0, -1] = 1.0
+    return np.asarray(structure.mechanical.static_answers(tip)[0])

@@ -18,7 +18,6 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.models import Array, Structure
-from workflow.models._tip_held import held_displacements
 from workflow.reduction._reduction import Vectors
 from workflow.reduction.craig_bampton import mechanical, thermal
 
@@ -27,7 +26,7 @@ __all__ = ["carried", "mechanical", "thermal"]
 
 def carried(structure: Structure, mechanical: Vectors, thermal: Vectors) -> Array:
     """Return Γ, m/K, ``(node, thermal)``."""
-    answer = held_displacements(structure)
-    static = np.column_stack([answer(force) for force in structure.thermal_forces(thermal.shapes).T])
+    pair = structure.mechanical
+    static = np.column_stack([pair.answer_held(force) for force in structure.thermal_forces(thermal.shapes).T])
     modes = mechanical.shapes[:, :-1]
-    return static - modes @ (structure.inertia_forces(modes).T @ static)
+    return static - modes @ (pair.inertia_of(modes).T @ static)

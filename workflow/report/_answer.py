@@ -17,14 +17,12 @@ from workflow.analysis import (
     recommendation_row,
     sentence,
     undecidable,
+    usual_recommendations,
 )
 from workflow.report._html import prose, table, tag
 
 if TYPE_CHECKING:
     import xarray as xr
-
-SHOWN = (0.1, 0.01, 0.001)
-"""Tolerances that the table shows beside the study's own."""
 
 
 @dataclass(frozen=True)
@@ -59,8 +57,7 @@ def answer(dataset: xr.Dataset, methods: Mapping[str, str]) -> Answer:
             "another archive, with -o."
         )
         return Answer([tag("section", tag("h2", "Answer"), tag("p", prose(explanation)), kind="answer")], None, False)
-    others = sorted({*SHOWN, recommendation.tolerance}, reverse=True)
-    rows = [recommendation if other == recommendation.tolerance else recommend(dataset, other) for other in others]
+    rows = usual_recommendations(dataset, recommendation)
     body = [
         tag("h2", "Answer"),
         tag("p", prose(sentence(recommendation)), kind="quoted"),

@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workflow.analysis import Choice, NotableCase, notable_cases
-from workflow.plots import COLOURS, MARKS, explorer, page_data, shown_part
+from workflow.plots import COLOURS
+from workflow.report._bokeh_figures import MARKS, explorer
 from workflow.report._html import Html, block, tag
+from workflow.report._page_data import page_data, shown_part
 from workflow.schemes import Status
 
 if TYPE_CHECKING:
@@ -79,7 +81,7 @@ def interactive(
     room
         Bytes that the part and its scripts may take.
     """
-    scripts = _library()
+    scripts = library()
     own = files("workflow.report").joinpath("explorer.js").read_text(encoding="utf-8")
     room -= sum(len(script.encode()) for script in scripts) + len(own)
     notable = notable_cases(dataset, choice)
@@ -104,7 +106,7 @@ def interactive(
     return Interactive(body, [*scripts, own])
 
 
-def _library() -> list[str]:
+def library() -> list[str]:
     """Return Bokeh's scripts as they stand in the page."""
     from bokeh.resources import Resources
 
@@ -138,7 +140,7 @@ def _layout(figures: Mapping[str, Any], described: Mapping[str, Any], left_out: 
             about = _about(name, described)
             key = [tag("p", "", id=f"{name}-key", kind="key")] if name in ("cost", "order") else []
             text = tag("p", about, id=f"{name}-about", kind="muted")
-            panels.append(tag("div", tag("h3", _TITLES[name]), text, _place(name), *key, kind="panel"))
+            panels.append(tag("div", tag("h3", _TITLES[name]), text, figure_place(name), *key, kind="panel"))
     return [
         tag("h2", "Explore", id="explore"),
         tag("noscript", _NO_SCRIPT),
@@ -166,7 +168,7 @@ def _about(name: str, described: Mapping[str, Any]) -> str:
     return about
 
 
-def _place(name: str) -> Html:
+def figure_place(name: str) -> Html:
     return tag("div", "", id=f"figure-{name}", kind="figure")
 
 
@@ -174,9 +176,9 @@ def _map_panel(figures: Mapping[str, Any]) -> list[str]:
     return [
         tag("h3", _TITLES["map"]),
         tag("p", "", id="map-about", kind="muted"),
-        _place("map"),
+        figure_place("map"),
         tag("p", "A click selects a case, a slider moves through the others.", id="map-here", kind="muted"),
-        _place("controls"),
+        figure_place("controls"),
     ]
 
 
@@ -190,7 +192,7 @@ def _case_panel(figures: Mapping[str, Any]) -> Html:
             tag("span", tag("i", "╌", kind="gap"), " gap"),
         ]
         window = tag("p", "", id="case-window", kind="muted")
-        curves = [tag("p", *key, kind="key"), window, _place("case"), tag("p", "", id="case-exact", kind="muted")]
+        curves = [tag("p", *key, kind="key"), window, figure_place("case"), tag("p", "", id="case-exact", kind="muted")]
     table = tag("table", "", id="case-metrics")
     return tag(
         "div",

@@ -13,7 +13,7 @@ from workflow.archive import ArchiveError, commit, open_archive, usable
 from workflow.plots import histories, save
 from workflow.report import _sections as sections
 from workflow.report._answer import answer
-from workflow.report._branches import along_branches
+from workflow.report._branches import along_branches, interactive_branches, where_it_settles
 from workflow.report._explorer import PAGE_BYTES, interactive
 from workflow.report._html import THEN, image, page, short, table, tag
 from workflow.report._origin import duration_of, methods_of, origin, scene_of
@@ -34,14 +34,14 @@ _FIGURES = (".png", ".svg", ".pdf")
 
 
 @dataclass(frozen=True)
-class Written:
+class ReportFiles:
     """Where a report and its figure are."""
 
     page: Path | None
     figure: Path | None
 
 
-def write_report(archive: Path | Sequence[Path], output: Path | None = None) -> Written:
+def write_report(archive: Path | Sequence[Path], output: Path | None = None) -> ReportFiles:
     """Write the report of an archive: ``ARCHIVE.html``, and its main figure as ``ARCHIVE.png``.
 
     The main figure is the tip's response; where no histories are kept speed against error, or maps of the scene.
@@ -97,7 +97,7 @@ def _refuse_overwriting(archives: Sequence[Path], *written: Path) -> None:
                 )
 
 
-def _write_single(archive: Path, written: Path) -> Written:
+def _write_single(archive: Path, written: Path) -> ReportFiles:
     picture = written.with_suffix(".png")
     _refuse_overwriting([archive], written, picture)
     with open_archive(archive) as dataset:
@@ -111,6 +111,7 @@ def _write_single(archive: Path, written: Path) -> Written:
             tag("h1", _title(dataset, archive)),
             tag("p", str(dataset.attrs.get("summary", "")), kind="muted"),
             *_warnings(dataset),
+            *where_it_settles(dataset),
             *first_block.body,
             *maps.body,
             *branches.body,
@@ -127,13 +128,13 @@ def _write_single(archive: Path, written: Path) -> Written:
             ]
         rest += origin(dataset, archive)
         room = PAGE_BYTES - sum(len(part.encode()) for part in [*head, *rest]) - _MARGIN
-        if has_transients:
-            shown = interactive(dataset, archive.name, first_block.choice, methods, scene, room)
-            head, scripts = [*head, *shown.body], shown.scripts
-        else:
-            scripts = []
-    commit(written, page(archive.name, [*head, *rest], scripts).encode())
-    return Written(written, figure_path)
+        shown = (
+            interactive(dataset, archive.name, first_block.choice, methods, scene, room)
+            if has_transients
+            else interactive_branches(dataset)
+        )
+    commit(written, page(archive.name, [*head, *shown.body, *rest], shown.scripts).encode())
+    return ReportFiles(written, figure_path)
 
 
 def _response(dataset: xr.Dataset) -> Figure | None:
@@ -142,7 +143,7 @@ def _response(dataset: xr.Dataset) -> Figure | None:
     return histories(dataset) if has_one else None
 
 
-def _write_figure(archive: Path, written: Path) -> Written:
+def _write_figure(archive: Path, written: Path) -> ReportFiles:
     """Write the main figure of an archive without its page."""
     _refuse_overwriting([archive], written)
     with open_archive(archive) as dataset:
@@ -154,10 +155,10 @@ def _write_figure(archive: Path, written: Path) -> Written:
                 f"{archive}: has no figure: it keeps no histories, no errors at three steps and no two axes of four "
                 f"values, or no case is ok; {archive.stem}.html would be its page"
             )
-        return Written(None, save(figure, written))
+        return ReportFiles(None, save(figure, written))
 
 
-def _write_joint(archives: Sequence[Path], written: Path) -> Written:
+def _write_joint(archives: Sequence[Path], written: Path) -> ReportFiles:
     _refuse_overwriting(archives, written)
     rows, new = [], []
     parts: list[str] = []
@@ -196,7 +197,7 @@ def _write_joint(archives: Sequence[Path], written: Path) -> Written:
         table(head, rows, new),
     ]
     commit(written, page("studies", body + parts).encode())
-    return Written(written, None)
+    return ReportFiles(written, None)
 
 
 def _title(dataset: xr.Dataset, archive: Path) -> str:

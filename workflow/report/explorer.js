@@ -359,8 +359,7 @@
         const value = factor === 1 ? impulse[n - 1] + (k - n) * change : limit + (impulse[n - 1] - limit) * factor ** (k - n);
         if (value > low - margin && value < high + margin) { predicted.period.push(k); predicted.impulse.push(value); }
       });
-      text += ` Dashed: as it would go in permanent contact, whose growth rate of ${short(growth)} 1/s multiplies changes by `
-        + `${short(factor)} per period; drawn through the last two periods.`;
+      text += ` Dashed: the last two periods extrapolated as if contact were permanent (changes grow ${short(factor)}-fold per period).`;
     }
     fill("predicted", predicted);
     const shown = [...impulse, ...predicted.impulse].filter(Number.isFinite);

@@ -15,9 +15,9 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from workflow.archive import study_key
-from workflow.grid import Task
+from workflow.grid import Block, References, Task
 from workflow.run._task import Job, Stored, store_lost
-from workflow.run._worker import ClusterError, Session, join, run_task, small, software, unshared
+from workflow.run._worker import ClusterError, Session, join, run_block, run_task, software, unshared
 
 _IN_FLIGHT = 512
 """Tasks that the scheduler knows of at a time, so that the graph of a large study is never there at
@@ -153,25 +153,40 @@ def run_on_cluster(job: Job, missing: Iterator[Task], stored: Callable[[Stored],
         return
     session = _opened(job, client)
     suspects = []
-    for task, result in _results(client, session, chain(first, missing), _IN_FLIGHT):
+    for task, result in _results(client, session, job, chain(first, missing), _IN_FLIGHT):
         if result is None:
             suspects.append(task)
         else:
             stored(result)
-    for task, result in _results(client, session, iter(suspects), 1):
+    for task, result in _results(client, session, job, iter(suspects), 1):
         stored(store_lost(job, task, LOST) if result is None else result)
 
 
-def _results(client: Any, session: Session, tasks: Iterator[Task], limit: int) -> Iterator[tuple[Task, Stored | None]]:
-    """Yield tasks as they end, with ``None`` where dask has given up; their futures are let go."""
+def _results(
+    client: Any, session: Session, job: Job, tasks: Iterator[Task], limit: int
+) -> Iterator[tuple[Task, Stored | None]]:
+    """Yield tasks as they end, with ``None`` where dask has given up; their futures are let go.
+
+    The blocks of reference solutions that a task needs are submitted before it.
+    """
     ended: SimpleQueue[Any] = SimpleQueue()
     under_way: dict[str, Task] = {}
+    name = f"{session.token}-{'alone' if limit == 1 else 'all'}"  # a task that is tried again has another
+    references, solutions = References(job.grid), dict[Block, Any]()
 
     def submit(number: int) -> None:
         for task in islice(tasks, number):
-            future = client.submit(run_task, session, small(task), key=_key(session, task, limit), pure=False)
+            blocks = references.blocks_of(task.batches)
+            for block in blocks:
+                if block not in solutions:
+                    key = f"{name}-reference-{block.number}"
+                    solutions[block] = client.submit(run_block, session, block, key=key, pure=False)
+            needed, key = [solutions[block] for block in blocks], f"{name}-{task.number}"
+            future = client.submit(run_task, session, task, blocks, needed, key=key, pure=False)
             under_way[future.key] = task
             future.add_done_callback(ended.put)
+            for block in [block for block in solutions if not references.holds(block)]:
+                del solutions[block]
 
     submit(limit)
     while under_way:
@@ -211,11 +226,6 @@ def _has_workers(client: Any) -> bool:
         return bool(client.nthreads())
     except OSError:  # no connection: should it not come back, all futures are cancelled
         return True
-
-
-def _key(session: Session, task: Task, limit: int) -> str:
-    """Return a name that no other task has, nor this one when it is tried again alone."""
-    return f"{session.token}-{'alone' if limit == 1 else 'task'}-{task.number}"
 
 
 def _result(future: Any, client: Any) -> Stored | None:

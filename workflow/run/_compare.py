@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.grid import Grid, Shaken, Solved, exact_motion, solve
+from workflow.grid import Grid, Perturbation, Solved, exact_motion, solve
 from workflow.schemes import Status
-from workflow.variables import BY_NAME
+from workflow.variables import BY_NAME, COMPARED
 
 Values = Mapping[str, NDArray[Any]]
 
@@ -25,9 +25,6 @@ conductance over capacity. Shares, errors and residuals take it as it is: small 
 
 _SHARES = ("_error", "_residual", "predictability")
 """Ends of the names of what is relative itself."""
-
-_COMPARED = ("displacement", "temperature", "impulse")
-"""Histories that errors are formed of, ``displacement_error`` and so on."""
 
 MOTION = ("displacement", "velocity", "temperature", "impulse", "contact_force", "contact_impulse")
 """Variables whose lost digits are reported: all others follow from them."""
@@ -59,13 +56,13 @@ def sensitivity(grid: Grid, outer: int, inner: NDArray[np.int64], solved: Solved
     spread: dict[str, float] = {}
     moved: dict[str, float] = {}
     for direction in (1, -1):
-        changed = solve(grid, outer, inner, Shaken(direction, reach)).values
+        changed = solve(grid, outer, inner, Perturbation(direction, reach)).values
         for name, new in changed.items():
             if new.dtype.kind == "f":
                 spread[name] = max(spread.get(name, 0.0), _largest_change(solved.values[name], new))
-        changed_exact = Shaken(direction, _largest(exact["displacement"]))
+        changed_exact = Perturbation(direction, _largest(exact["displacement"]))
         again = exact_motion(grid, outer, inner, changed_exact) if blown_up else changed
-        for name in _COMPARED:
+        for name in COMPARED:
             moved[name] = max(moved.get(name, 0.0), _share_changed(exact[name], again[name]))
     own = float(np.nan_to_num(solved.values.get("predictability", np.zeros(1)))[0])
     allowed = {}

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.archive import open_archive, stored_values
+from workflow.archive import WARNINGS, open_archive, stored_values
 from workflow.schemes import Status
 from workflow.variables import COMPARED
 
@@ -30,7 +30,7 @@ class Outcome:
     counts
         Number of cases by name of their status.
     failures
-        Labels and message of the first cases that are not ok or lack an error, at most :data:`SHOWN`.
+        Labels and message of the first cases that are not ok or lack an error, at most :data:`MOST_FAILURES`.
     seconds
         Wall time of this run.
     resumed
@@ -61,13 +61,10 @@ class Outcome:
         return set(self.counts) <= {Status.OK.name.lower()} and not self.without_error
 
 
-SHOWN = 10
+MOST_FAILURES = 10
 """Failed cases that a summary names."""
 
 _ERRORS = tuple(f"{name}_error" for name in COMPARED)
-
-WARNINGS = "warnings"
-"""Attribute of an archive: what its plan warned of, a line each."""
 
 LINEAR = 1000.0
 """Temperature rise, K, above which a linear model means nothing: metals melt, or conduct and expand otherwise."""
@@ -90,7 +87,7 @@ def _counted(status: NDArray[Any]) -> dict[str, int]:
 
 def labels_of_case(dataset: xr.Dataset, cell: int) -> str:
     """Return the coordinates that identify a case, given by its number, as ``sel`` takes them: all digits, no units."""
-    dims, case = dataset["status"].dims, _case(dataset, cell)
+    dims, case = dataset["status"].dims, case_of(dataset, cell)
     return ", ".join(
         f"{name} = {case[name].item()}" for dim in dims for name in dataset.coords if dataset[name].dims == (dim,)
     )
@@ -120,7 +117,8 @@ def _hottest(dataset: xr.Dataset) -> Iterator[str]:
         )
 
 
-def _case(dataset: xr.Dataset, cell: int) -> xr.Dataset:
+def case_of(dataset: xr.Dataset, cell: int) -> xr.Dataset:
+    """Return a case, given by its number."""
     dims = dataset["status"].dims
     index = np.unravel_index(cell, dataset["status"].shape) if dims else ()
     return dataset.isel({dim: int(i) for dim, i in zip(dims, index, strict=True)})
@@ -135,7 +133,7 @@ def summarise(archive: Path, resumed: int | None) -> Outcome:
     status = values["status"]
     missing = [np.isnan(values[name]) for name in _ERRORS if name in values]
     without_error = (status == Status.OK) & np.any(missing, axis=0)
-    unsound = np.flatnonzero((status != Status.OK) | without_error)[:SHOWN].tolist()
+    unsound = np.flatnonzero((status != Status.OK) | without_error)[:MOST_FAILURES].tolist()
     failures: tuple[tuple[str, str], ...] = ()
     warnings = _planned(attributes)
     if unsound or np.any((status == Status.OK) & (values.get("max_temperature", np.nan) > LINEAR)):
@@ -156,5 +154,5 @@ def summarise(archive: Path, resumed: int | None) -> Outcome:
 def _labelled_messages(dataset: xr.Dataset, cells: list[int]) -> tuple[tuple[str, str], ...]:
     """Return labels and message of some cases."""
     return tuple(
-        (labels_of_case(dataset, cell) or "the case", str(_case(dataset, cell)["message"].item())) for cell in cells
+        (labels_of_case(dataset, cell) or "the case", str(case_of(dataset, cell)["message"].item())) for cell in cells
     )

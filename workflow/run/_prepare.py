@@ -1,14 +1,12 @@
-"""What a run does before its tasks: it takes what is stored already, and lays out the directory of the shards."""
+"""What a run does before its tasks: it takes what is stored already, and begins the directory of its shards."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
+import time
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from threading import Lock
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,54 +14,24 @@ from numpy.typing import NDArray
 from workflow.archive import (
     COPIED,
     SOFTWARE,
+    ArchiveError,
+    Command,
     Layout,
-    Shards,
-    are_saved,
+    Stored,
     clear_parts,
     describe,
+    file_of,
     find_shards,
     parts_of,
-    provenance,
-    save_stored_cells,
+    read_command,
     start_parts,
 )
-from workflow.grid import Grid, case_hashes, units_of, warning_lines
-from workflow.run._earlier import Hashes, Reuse, begun_texts, cells_there, clear_other_parts, reused_cells
-from workflow.run._outcome import WARNINGS
-from workflow.run._task import Job
-
-_HASHED_ASIDE = 100_000
-"""Cases that are hashed while tasks run; of more, both at once would hold more memory than either."""
+from workflow.grid import Batch, CaseHashes, Grid, Task, tasks, warning_lines
+from workflow.run._reuse import Found, Reuse, find
+from workflow.run._task import Job, not_ok
 
 
-class CaseHashes:
-    """Hashes of all cases of a grid, computed once in a thread of their own from when they are first asked for."""
-
-    def __init__(self, grid: Grid) -> None:
-        self._grid = grid
-        self._once = Lock()
-        self._aside = ThreadPoolExecutor(1)
-        self._hashes: Future[Hashes] | None = None
-
-    def begin(self) -> Future[Hashes]:
-        """Begin to compute them, if nobody has."""
-        with self._once:
-            if self._hashes is None:
-                self._hashes = self._aside.submit(case_hashes, self._grid)
-            return self._hashes
-
-    def result(self) -> Hashes:
-        """Return them, ``(case, byte)``."""
-        return self.begin().result()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        self._aside.shutdown()
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Prepared:
     """A run that is ready for its tasks.
 
@@ -71,60 +39,83 @@ class Prepared:
     ----------
     job
         What its tasks share.
-    done
-        Shards that an interrupted run has left.
-    there
-        For each unit whether its results are stored or are copied from an earlier archive.
-    resumed
-        Cases that are not computed anew.
+    found
+        What was stored before.
+    missing
+        For each cell whether it is to be computed.
     """
 
     job: Job
-    done: Shards
-    there: NDArray[np.bool_]
-    resumed: int
+    found: Found
+    missing: NDArray[np.bool_]
 
-    @property
-    def stored(self) -> int:
-        """Cases that are stored or copied whole."""
-        return int(np.sum(cells_there(self.job.layout, self.there)))
+    def tasks(self) -> Iterator[Task]:
+        """Yield the tasks with the cases that are to be computed."""
+        for task in tasks(self.job.grid):
+            batches = [Batch(batch.outer, batch.inner[self._is_missing(batch)]) for batch in task.batches]
+            left = tuple(batch for batch in batches if batch.inner.size)
+            if left:
+                yield replace(task, batches=left, cases=sum(batch.inner.size for batch in left))
+
+    def share(self, task: Task) -> float:
+        """Return the share of a task's cases that is to be computed."""
+        return sum(int(np.sum(self._is_missing(batch))) for batch in task.batches) / task.cases
+
+    def _is_missing(self, batch: Batch) -> NDArray[np.bool_]:
+        return self.missing[batch.outer * self.job.grid.inner_count + batch.inner]
+
+    def stored(self) -> Stored:
+        """Return what is stored by now."""
+        return self.found.and_shards(self.job.parts, self.job.layout)
+
+    def progress(self) -> tuple[int, Counter[str]]:
+        """Return how many cases are stored by now, and those of them that are not ok by their status."""
+        if self.missing.all() and not find_shards(self.job.parts)[0]:
+            return 0, Counter()
+        status = self.stored().status(self.job.hashes.all())
+        return status.size, not_ok(status)
 
 
-def prepare(grid: Grid, archive: Path, hashes: CaseHashes, reuse: Reuse, here: bool) -> Prepared:
+def prepare(grid: Grid, archive: Path, reuse: Reuse, here: bool) -> Prepared:
     """Take what an earlier archive and an interrupted run hold of a study, and begin the directory of its shards.
 
-    Processes that are not started ``here`` are not asked by what linear algebra they compute: they count as not pinned.
+    A plain run finishes the command that was interrupted. ``reuse`` takes away what the archive holds, never shards
+    of the same command. Processes that are not started ``here`` are not asked by what linear algebra they compute:
+    they count as not pinned.
 
     Raises
     ------
     ArchiveError
         They hold another study, or cases that this one no longer asks for; they are damaged or cannot be written.
     """
-    study, parts, units = grid.study, parts_of(archive), units_of(grid)
-    layout = describe(study, grid, units)
+    parts, warnings, hashes = parts_of(archive), "\n".join(warning_lines(grid)), CaseHashes(grid)
+    layout = describe(grid, warnings)
     layout = layout if here else replace(layout, provenance={**layout.provenance, "pinned": "false"})
-    if layout.cells > _HASHED_ASIDE:
-        hashes.result()
-    stored_cells = reused_cells(study, archive, layout, hashes.result(), reuse) if archive.exists() else None
-    earlier = [begun_texts(study, parts)]
-    if stored_cells is not None and np.any(stored_cells.cells >= 0):
-        earlier.append(provenance(archive))
-    layout = replace(layout, provenance={**layout.provenance, **_made_elsewhere(filter(None, earlier), layout)})
-    clear_other_parts(study, parts, layout, hashes.result, reuse.drop)
-    warned = "\n".join(warning_lines(grid))
-    layout = replace(layout, attrs={**layout.attrs, **({WARNINGS: warned} if warned else {})})
-    start_parts(parts, layout)
-    if stored_cells is not None and (reuse.retry or reuse.recompute) and not are_saved(parts, stored_cells):
-        clear_parts(parts)  # of a run that took other cases, or was killed when its archive was in place
-        start_parts(parts, layout)
-    save_stored_cells(parts, stored_cells)
-    done = find_shards(parts, layout)
-    there = done.owner >= 0
-    if stored_cells is not None:
-        there |= stored_cells.copies(layout) >= 0
-    cells = cells_there(layout, there)
-    resumed = int(np.sum(cells if stored_cells is None else cells | (stored_cells.cells >= 0)))
-    return Prepared(Job(grid, units, layout, parts, stored_cells), done, there, resumed)
+    earlier, there = read_command(parts), file_of(archive)
+    if earlier is not None and earlier.study != grid.study.name:
+        raise ArchiveError(
+            f"{parts}: holds unfinished results of another study, {earlier.study!r}; finish that one, remove the "
+            "directory, or choose another archive with -o"
+        )
+    if earlier is not None and (earlier.key, earlier.archive) == (layout.key, there):
+        kept = (reuse.retry, reuse.recompute) if reuse.retry or reuse.recompute else (earlier.retry, earlier.recompute)
+        is_same = kept == (earlier.retry, earlier.recompute)
+        reuse = Reuse(*kept, drop=reuse.drop or earlier.drop)
+    else:
+        is_same = False
+    if there is not None and (reuse.retry or reuse.recompute) and not is_same:
+        clear_parts(parts)  # shards of a run that took other cases, or was killed when its archive was in place
+    found = Found()
+    if there is not None or find_shards(parts)[0]:
+        found = find(grid, layout, hashes.all(), archive, reuse)
+        found.require(reuse.drop)
+    missing = np.ones(layout.cells, bool) if found.is_empty else ~found.stored.holds(hashes.all())
+    layout = replace(layout, provenance={**layout.provenance, **_made_elsewhere(found.origins, layout)})
+    command = Command(
+        layout.key, layout.provenance, warnings, reuse.retry, reuse.recompute, reuse.drop, there, time.time_ns()
+    )
+    start_parts(parts, command)
+    return Prepared(Job(grid, layout, parts, command.begun, hashes), found, missing)
 
 
 def _made_elsewhere(earlier: Iterable[Mapping[str, str]], layout: Layout) -> dict[str, str]:

@@ -10,8 +10,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from threading import Event, Lock, Thread
 
-from workflow.grid import COMPILING, Task, compiling_seconds, task_seconds, waited_for
-from workflow.run._task import Job, Stored, fresh_share
+from workflow.grid import COMPILING, Grid, Task, task_seconds, time_to_compile, waited_for
+from workflow.run._task import Stored
 
 
 @dataclass(frozen=True)
@@ -66,15 +66,13 @@ class Work:
     compiling: float = 0.0
 
 
-def work_of(job: Job, is_missing: Callable[[Task], bool], threads: int) -> Work:
+def work_of(grid: Grid, share: Callable[[Task], float], threads: int) -> Work:
     """Return what a run has to compute, by the estimate of ``workflow plan``.
 
     Parameters
     ----------
-    job
-        The run.
-    is_missing
-        Tells whether a task has still to be computed.
+    share
+        Gives the share of a task's cases that is to be computed.
     threads
         Threads that compute; 0 where that is not known.
     """
@@ -82,16 +80,13 @@ def work_of(job: Job, is_missing: Callable[[Task], bool], threads: int) -> Work:
 
     missing, before = {}, 0.0
     with threadpool_limits(limits=1, user_api="blas"):  # structures are made here as tasks make them
-        for task, estimated in task_seconds(job.grid, job.units):
-            seconds = estimated * fresh_share(job, task)
-            if is_missing(task):
-                missing[task.number] = seconds
-            else:
-                before += seconds
-    return Work(missing, before, threads, compiling_seconds(job.grid, threads) if threads else 0.0)
+        for task, seconds in task_seconds(grid):
+            missing[task.number] = seconds * share(task)
+            before += seconds - missing[task.number]
+    return Work(missing, before, threads, time_to_compile(grid, threads) if threads else 0.0)
 
 
-class Tally:
+class ProgressCounter:
     """Counts what tasks store and reports how far the run is.
 
     Parameters

@@ -17,7 +17,7 @@ RunTasks = Callable[[Job, Iterator[Task], Callable[[Stored], None]], None]
 
 
 @dataclass(frozen=True)
-class Where:
+class Resources:
     """Where tasks run: a number of threads, or of worker processes here, or the address of a dask scheduler."""
 
     threads: int | None = None
@@ -44,7 +44,7 @@ class Where:
 
 
 @contextmanager
-def runner(where: Where) -> Iterator[RunTasks]:
+def runner(resources: Resources) -> Iterator[RunTasks]:
     """Give a function that runs tasks; where nothing is chosen, on a thread for each processor.
 
     Raises
@@ -54,10 +54,10 @@ def runner(where: Where) -> Iterator[RunTasks]:
     ClusterError
         The workers cannot be used.
     """
-    if sum(choice is not None for choice in (where.threads, where.workers, where.scheduler)) > 1:
+    if sum(choice is not None for choice in (resources.threads, resources.workers, resources.scheduler)) > 1:
         raise ValueError("choose one of threads, workers and scheduler")
-    if where.here:
-        yield partial(run_on_threads, threads=where.computing)
+    if resources.here:
+        yield partial(run_on_threads, threads=resources.computing)
     else:
-        with connected(where.workers, where.scheduler) as client:
+        with connected(resources.workers, resources.scheduler) as client:
             yield partial(run_on_cluster, client=client)

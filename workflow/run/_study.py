@@ -4,37 +4,33 @@ from __future__ import annotations
 
 import json
 import time
-from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 from typing import TypedDict, Unpack
 
 import numpy as np
-from numpy.typing import NDArray
 
 from workflow.archive import (
-    Layout,
-    Shards,
-    archive_origin,
-    find_shards,
+    ArchiveError,
+    file_of,
     gather,
     holding,
     parts_of,
     provenance,
+    read_command,
     remove_parts,
     require_whole,
     statuses,
-    stored_status,
     study_key,
 )
-from workflow.grid import CASES, GATHERING, Task, arrange, compiling, measured_run, tasks, waiting_for
-from workflow.run._earlier import Reuse, begun_texts, cells_there, check_name, is_unfinished, stored_choices
+from workflow.grid import CASES, GATHERING, arrange, compiled_ahead, kernel_variants, measured_run, waiting_for
 from workflow.run._notebook import in_notebook, notebook_line
 from workflow.run._outcome import Outcome, summarise
-from workflow.run._prepare import CaseHashes, Prepared, prepare
-from workflow.run._progress import Progress, Tally, work_of
-from workflow.run._runner import RunTasks, Where, runner
-from workflow.run._task import Job, Stored, not_ok
+from workflow.run._prepare import Prepared, prepare
+from workflow.run._progress import Progress, ProgressCounter, work_of
+from workflow.run._reuse import Reuse, check_name, origin, stored_choices
+from workflow.run._runner import Resources, RunTasks, runner
+from workflow.run._task import Stored
 from workflow.run._worker import ClusterError
 from workflow.schemes import Status
 from workflow.study import Study, StudySource, read_study
@@ -97,56 +93,67 @@ def run_study(
             outcome = run_study(study, archive, threads, line, workers=workers, scheduler=scheduler, **reuse)
             line.end(outcome)
             return outcome
-    where, chosen = Where(threads, workers, scheduler), Reuse(**reuse)
+    resources, chosen = Resources(threads, workers, scheduler), Reuse(**reuse)
     tell = progress if callable(progress) else None
     if chosen.retry and parts_of(archive).exists():  # an unfinished run ends first
-        _run(study, archive, where, Reuse(drop=chosen.drop), tell)
-    return _run(study, archive, where, chosen, tell)
+        _run(study, archive, resources, Reuse(drop=chosen.drop), tell)
+    return _run(study, archive, resources, chosen, tell)
 
 
-def _run(study: Study, archive: Path, where: Where, reuse: Reuse, progress: Progress | None) -> Outcome:
+def _run(study: Study, archive: Path, resources: Resources, reuse: Reuse, progress: Progress | None) -> Outcome:
     """Run what is missing of a study, as :func:`run_study`."""
-    begun, processor_begun = time.perf_counter(), time.process_time()
+    begun = time.perf_counter()
     parts = parts_of(archive)
     if archive.exists() and not _has_work(study, archive, reuse):
         if parts.exists():  # of a run that was killed between its last two steps
             with holding(parts):
                 remove_parts(parts)
         return replace(summarise(archive, None), seconds=time.perf_counter() - begun)
-    grid = arrange(study, stored_choices(begun_texts(study, parts)))
+    earlier = read_command(parts)
+    same = earlier if earlier is not None and earlier.key == study_key(study) else None
+    grid = arrange(study, None if same is None else stored_choices(same.texts))
     with (
-        CaseHashes(grid) as hashes,
-        runner(where) as run_tasks,
+        runner(resources) as run_tasks,
         holding(parts),
-        compiling(grid, where.computing - 1 if where.here else 0),
-        measured_run(grid, processor_begun, where.here),
+        compiled_ahead(kernel_variants(grid) if resources.here and resources.computing > 1 else []),
+        measured_run(resources.here),
     ):
-        prepared = prepare(grid, archive, hashes, reuse, where.here)
-        tally = None if progress is None else _tally(prepared, where.computing, begun, progress)
+        prepared = prepare(grid, archive, reuse, resources.here)
+        job, missing = prepared.job, prepared.missing
+        counter = None if progress is None else _counter(prepared, resources.computing, begun, progress)
         with waiting_for(CASES):
-            _run_missing(prepared, run_tasks, hashes, tally)
-        layout = _with_record(prepared, where, time.perf_counter() - begun)
+            _run_missing(prepared, run_tasks, counter)
+        record = {
+            "seconds": round(time.perf_counter() - begun, 3),
+            "cases": int(np.sum(missing)),
+            "where": resources.words,
+        }
+        layout = replace(job.layout, provenance={**job.layout.provenance, "run": json.dumps(record)})
         with waiting_for(GATHERING):
-            gather(layout, parts, archive, hashes.result(), prepared.job.stored_cells)
+            gather(layout, parts, archive, job.hashes.all(), prepared.stored())
         remove_parts(parts)
-    return replace(summarise(archive, prepared.resumed), seconds=time.perf_counter() - begun)
+    return replace(summarise(archive, int(np.sum(~missing))), seconds=time.perf_counter() - begun)
 
 
 def _has_work(study: Study, archive: Path, reuse: Reuse) -> bool:
-    """Tell whether a run changes an archive that may hold the study as it is: some cases are run again, or were."""
-    if not _is_current(study, archive, reuse.recompute) or reuse.recompute or is_unfinished(study, archive):
+    """Tell whether a run changes an archive: it holds another state of the study, or some cases are run again."""
+    if not reuse.recompute:
+        require_whole(archive)
+    texts = provenance(archive)
+    check_name(study, archive, texts)
+    was, key = origin(archive, texts), study_key(study)
+    if reuse.recompute or texts.get("key") != key or (was.title, was.license) != (study.title, study.license):
+        return True
+    try:
+        left = read_command(parts_of(archive))
+    except ArchiveError:
+        left = None
+    if left is not None and (left.key != key or left.archive == file_of(archive)):  # a run was stopped
         return True
     return reuse.retry and bool(np.any(statuses(archive) != Status.OK))
 
 
-def _with_record(prepared: Prepared, where: Where, seconds: float) -> Layout:
-    """Return an archive's layout whose provenance says how long its last run took, for how many cases, and where."""
-    layout = prepared.job.layout
-    record = {"seconds": round(seconds, 3), "cases": layout.cells - prepared.stored, "where": where.words}
-    return replace(layout, provenance={**layout.provenance, "run": json.dumps(record)})
-
-
-def _tally(prepared: Prepared, computing: int, begun: float, progress: Progress) -> Tally:
+def _counter(prepared: Prepared, computing: int, begun: float, progress: Progress) -> ProgressCounter:
     """Return the count of stored cases that ``progress`` is called with, from those that are stored already.
 
     Parameters
@@ -156,14 +163,14 @@ def _tally(prepared: Prepared, computing: int, begun: float, progress: Progress)
     begun
         When the run began, on the clock of :func:`time.perf_counter`.
     """
-    job = prepared.job
-    work = work_of(job, lambda task: _is_missing(task, job, prepared.there), computing)
-    tally = Tally(job.layout.cells, work, begun, progress)
-    tally.set(prepared.stored, _endings(prepared.done, job.layout))
-    return tally
+    counter = ProgressCounter(
+        prepared.missing.size, work_of(prepared.job.grid, prepared.share, computing), begun, progress
+    )
+    counter.set(*prepared.progress())
+    return counter
 
 
-def _run_missing(prepared: Prepared, run_tasks: RunTasks, hashes: CaseHashes, tally: Tally | None) -> None:
+def _run_missing(prepared: Prepared, run_tasks: RunTasks, counter: ProgressCounter | None) -> None:
     """Run the tasks whose results are not stored yet.
 
     Raises
@@ -171,47 +178,14 @@ def _run_missing(prepared: Prepared, run_tasks: RunTasks, hashes: CaseHashes, ta
     ClusterError
         The workers are gone.
     """
-    job = prepared.job
-    missing = (task for task in tasks(job.grid, job.units) if _is_missing(task, job, prepared.there))
 
     def stored(result: Stored) -> None:
-        hashes.begin()  # not before: it would keep the first kernels from beginning
-        if tally is not None:
-            tally.add(result)
+        if counter is not None:
+            counter.add(result)
 
     try:
-        run_tasks(job, missing, stored)
+        run_tasks(prepared.job, prepared.tasks(), stored)
     except ClusterError:  # a worker may have stored what it died before it could say so
-        if tally is not None:
-            done = find_shards(job.parts, job.layout)
-            cells = cells_there(job.layout, prepared.there | (done.owner >= 0))
-            tally.set(int(np.sum(cells)), _endings(done, job.layout))
+        if counter is not None:
+            counter.set(*prepared.progress())
         raise
-
-
-def _is_current(study: Study, archive: Path, recompute: bool) -> bool:
-    """Tell whether an archive holds a study as it is, title and licence included; refuse another study's."""
-    if not recompute:
-        require_whole(archive)
-    texts = provenance(archive)
-    check_name(study, archive, texts)
-    origin = archive_origin(archive, texts)
-    return texts.get("key") == study_key(study) and (origin.title, origin.license) == (study.title, study.license)
-
-
-def _endings(done: Shards, layout: Layout) -> Counter[str]:
-    """Return how many cases of shards are not ok, by name of their status."""
-    endings: Counter[str] = Counter()
-    for shard in done.files:
-        endings.update(not_ok(layout, shard.first, stored_status(shard, layout)))
-    return endings
-
-
-def _is_missing(task: Task, job: Job, there: NDArray[np.bool_]) -> bool:
-    """Tell whether a unit of a task, in any place its results belong to, is not stored."""
-    for segment in task.segments:
-        for outer in job.grid.places[segment.outer]:
-            first = outer * job.units.count + segment.first
-            if not np.all(there[first : first + segment.units]):
-                return True
-    return False

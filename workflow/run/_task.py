@@ -1,37 +1,37 @@
-"""What one task does: its cases are solved and stored as shards."""
+"""What one task does: its cases are solved and stored as a shard."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.archive import STATUS, Layout, StoredCells, blank, find_shard, stored_status, write_shard
-from workflow.grid import Grid, Part, Segment, Task, Units, handling_part, measured, solve
+from workflow.archive import STATUS, Hashes, Layout, write_shard
+from workflow.grid import Batch, CaseHashes, Grid, Solutions, Task, solve
 from workflow.run._outcome import status_name
 from workflow.schemes import Status
 
-Arrays = dict[str, NDArray[Any]]
-Indices = NDArray[np.int64]
+Results = tuple[dict[str, NDArray[Any]], dict[int, str]]
+"""Arrays of some cases, ``(case, …)`` by name, and messages by position."""
 
-_ALONE: AbstractContextManager[None] = nullcontext()
+_NONE: Solutions = MappingProxyType({})
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Job:
-    """What every task of a run shares; ``stored_cells`` are the cases that are copied from an earlier archive."""
+    """What every task of a run shares; ``begun`` names its shards, those of a later run come after them."""
 
     grid: Grid
-    units: Units
     layout: Layout
     parts: Path
-    stored_cells: StoredCells | None = None
+    begun: int
+    hashes: CaseHashes
 
 
 @dataclass(frozen=True)
@@ -43,148 +43,56 @@ class Stored:
     endings: Mapping[str, int]
 
 
-def not_ok(layout: Layout, first: int, status: NDArray[Any]) -> Counter[str]:
-    """Return how many cases of some units are not ok, by name of their status.
+def not_ok(status: NDArray[Any], times: int = 1) -> Counter[str]:
+    """Return how many cases are not ok, by name of their status; each counts so many times."""
+    values, numbers = np.unique(status[status != Status.OK], return_counts=True)
+    return Counter({status_name(int(v)): times * int(n) for v, n in zip(values, numbers, strict=True)})
 
-    Parameters
-    ----------
-    layout, first
-        Of the archive, and its first unit that is meant.
-    status
-        As a shard holds it, ``(unit, place)``; what pads a row's last unit does not count.
+
+def store_task(job: Job, task: Task, known: Solutions = _NONE) -> Stored:
+    """Compute the cases of a task and store them, of equal hashes one.
+
+    ``known`` are solutions that errors are measured against and that are computed already.
     """
-    endings: Counter[str] = Counter()
-    for unit, row in enumerate(status, first):
-        values, numbers = np.unique(row[: len(layout.cells_of(unit))], return_counts=True)
-        endings.update({status_name(int(v)): int(n) for v, n in zip(values, numbers, strict=True) if v != Status.OK})
-    return endings
-
-
-def store_task(job: Job, task: Task, computing: AbstractContextManager[Any] = _ALONE) -> Stored:
-    """Compute a task, within ``computing``, and store it, in every place its results belong to.
-
-    A shard that this very task has stored before is left as it is: repeating a task whose worker died
-    between storing and reporting does no harm and costs nothing.
-    """
-    solved: dict[Segment, tuple[Arrays, dict[int, str]]] = {}
-    cases, endings = 0, Counter[str]()
-    for group in _groups(job, task):
-        first, stop = group[0][0], group[-1][0] + group[-1][1].units
-        shard = find_shard(job.parts, task.number, first, stop, job.layout)
-        if shard is not None:
-            status = stored_status(shard, job.layout)
-        else:
-            with measured(_handling(job, group)):
-                with computing:
-                    for _, segment in group:
-                        if segment not in solved:
-                            solved[segment] = compute_segment(job, segment)
-                arrays, messages = _joined(group, solved, job.layout.chunk)
-                write_shard(job.parts, task.number, first, arrays, messages, job.layout)
-            status = arrays[STATUS]
-        cases += _cells(job.layout, first, stop)
-        endings.update(not_ok(job.layout, first, status))
-    return Stored(task.number, cases, endings)
+    return _store(job, task, lambda batch: compute_batch(job, batch, known))
 
 
 def store_lost(job: Job, task: Task, text: str) -> Stored:
-    """Store a task that cannot be computed: its cases fail with the message ``text``, but for stored ones."""
+    """Store a task that cannot be computed: its cases fail with the message ``text``."""
 
-    def failing(inner: Indices) -> tuple[Arrays, dict[int, str]]:
-        layout = job.layout
-        lost = {v.name: np.full((inner.size, *layout.shape_of(v, 1)[2:]), v.fill, v.dtype) for v in layout.variables}
-        lost["status"][...] = Status.FAILED
-        return lost, dict.fromkeys(range(inner.size), text)
+    def lost(batch: Batch) -> Results:
+        count = batch.inner.size
+        values = {v.name: np.full((count, *job.layout.tail_shape(v)), v.fill, v.dtype) for v in job.layout.variables}
+        values[STATUS][...] = Status.FAILED
+        return values, dict.fromkeys(range(count), text)
 
-    cases, endings = 0, Counter[str]()
-    for group in _groups(job, task):
-        first, stop = group[0][0], group[-1][0] + group[-1][1].units
-        segments = {segment: _filled(job, segment, failing) for _, segment in group}
-        arrays, messages = _joined(group, segments, job.layout.chunk)
-        write_shard(job.parts, task.number, first, arrays, messages, job.layout)
-        cases += _cells(job.layout, first, stop)
-        endings.update(not_ok(job.layout, first, arrays[STATUS]))
+    return _store(job, task, lost)
+
+
+def compute_batch(job: Job, batch: Batch, known: Solutions = _NONE) -> Results:
+    """Return the results of a batch."""
+    solved = solve(job.grid, batch.outer, batch.inner, known=known)
+    return solved.values, solved.messages
+
+
+def _store(job: Job, task: Task, results_of: Callable[[Batch], Results]) -> Stored:
+    """Store the results of the batches of a task in one shard: of one case for each hash."""
+    hashes, parts, messages = list[Hashes](), [], dict[int, str]()
+    count, cases, endings = 0, 0, Counter[str]()
+    for outer, inner in task.batches:
+        every = job.hashes.of(outer, inner)
+        _, first, which = np.unique(every.view(np.uint64)[:, 0], return_index=True, return_inverse=True)
+        order = np.argsort(first)
+        first, which = first[order], np.argsort(order)[which]
+        values, texts = results_of(Batch(outer, inner[first]))
+        messages |= {count + k: text for k, text in texts.items()}
+        hashes.append(every[first])
+        parts.append(values)
+        count += first.size
+        places = len(job.grid.places[outer])
+        cases += inner.size * places
+        endings.update(not_ok(values[STATUS][which], places))
+    arrays = {v.name: np.concatenate([values[v.name] for values in parts]) for v in job.layout.variables}
+    name = f"{job.begun:020d}-{task.number:08d}"
+    write_shard(job.parts, name, np.concatenate(hashes), arrays, messages, job.layout)
     return Stored(task.number, cases, endings)
-
-
-def compute_segment(job: Job, segment: Segment) -> tuple[Arrays, dict[int, str]]:
-    """Return the arrays of a segment's units, and messages by place, as a shard holds them."""
-
-    def solved(inner: Indices) -> tuple[Arrays, dict[int, str]]:
-        results = solve(job.grid, segment.outer, inner)
-        return results.values, results.messages
-
-    return _filled(job, segment, solved)
-
-
-def _filled(
-    job: Job, segment: Segment, fresh_ones: Callable[[Indices], tuple[Arrays, dict[int, str]]]
-) -> tuple[Arrays, dict[int, str]]:
-    """Return a segment's arrays and messages: stored cases as they are, the others from ``fresh_ones``."""
-    grid, units, layout = job.grid, job.units, job.layout
-    inner, places = units.cases(segment.first, segment.units)
-    cells = segment.outer * grid.inner_count + inner
-    fresh = np.ones(inner.size, dtype=bool) if job.stored_cells is None else job.stored_cells.cells[cells] < 0
-    arrays = blank(layout, segment.units)
-    messages: dict[int, str] = {}
-
-    def fill(where: NDArray[np.bool_], values: Arrays, texts: dict[int, str]) -> None:
-        into = places[where]
-        for name, array in arrays.items():
-            array.reshape(segment.units * units.chunk, *array.shape[2:])[into] = values[name]
-        messages.update({int(into[k]): text for k, text in texts.items()})
-
-    if fresh.any():
-        fill(fresh, *fresh_ones(inner[fresh]))
-    if job.stored_cells is not None and not fresh.all():
-        fill(~fresh, *job.stored_cells.take(layout, cells[~fresh]))
-    return arrays, messages
-
-
-def fresh_share(job: Job, task: Task) -> float:
-    """Return the share of a task's cases that no earlier archive holds."""
-    if job.stored_cells is None:
-        return 1.0
-    is_fresh = []
-    for segment in task.segments:
-        inner, _ = job.units.cases(segment.first, segment.units)
-        is_fresh.append(job.stored_cells.cells[segment.outer * job.grid.inner_count + inner] < 0)
-    return float(np.mean(np.concatenate(is_fresh)))
-
-
-def _handling(job: Job, group: list[tuple[int, Segment]]) -> Part:
-    """Return what the cases of a group cost beside their schemes."""
-    cases = sum(segment.units for _, segment in group) * job.units.chunk
-    return handling_part(cases, len(group), job.grid.sampling.count, len(job.grid.study.output.histories))
-
-
-def _cells(layout: Layout, first: int, stop: int) -> int:
-    """Return the number of cells of units ``first`` to ``stop - 1``."""
-    return sum(len(layout.cells_of(unit)) for unit in range(first, stop))
-
-
-def _groups(job: Job, task: Task) -> Iterator[list[tuple[int, Segment]]]:
-    """Yield runs of units that follow each other, so that a task writes as few shards as can be.
-
-    Each is a list of first units and the segments whose results belong there.
-    """
-    units, places = job.units, job.grid.places
-    runs = [(outer * units.count + s.first, s) for s in task.segments for outer in places[s.outer]]
-    group: list[tuple[int, Segment]] = []
-    for first, segment in sorted(runs, key=lambda run: run[0]):
-        if group and group[-1][0] + group[-1][1].units != first:
-            yield group
-            group = []
-        group.append((first, segment))
-    yield group
-
-
-def _joined(
-    group: list[tuple[int, Segment]], solved: dict[Segment, tuple[Arrays, dict[int, str]]], chunk: int
-) -> tuple[Arrays, dict[int, str]]:
-    """Return arrays and messages of a run of units, put together from its segments."""
-    first = group[0][0]
-    runs = [(start, *solved[segment]) for start, segment in group]
-    arrays = {name: np.concatenate([run[1][name] for run in runs]) for name in runs[0][1]}
-    messages = {(start - first) * chunk + place: text for start, _, texts in runs for place, text in texts.items()}
-    return arrays, messages

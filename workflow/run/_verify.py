@@ -13,7 +13,6 @@ from workflow.archive import (
     COPIED,
     LEFT_OUT,
     ArchiveError,
-    StoredCells,
     code_revision,
     content_hash,
     describe,
@@ -26,11 +25,11 @@ from workflow.archive import (
     truncated_message,
     versions,
 )
-from workflow.grid import Choice, Grid, arrange, case_hashes, seconds_per_case, solve, units_of
+from workflow.grid import ChosenModes, Grid, arrange, case_hashes, seconds_per_case, solve
 from workflow.pinning import is_pinned
 from workflow.run._compare import differences, followed, sensitivity, without_digits
-from workflow.run._earlier import stored_choices
-from workflow.run._outcome import labels_of_case
+from workflow.run._outcome import case_of, labels_of_case
+from workflow.run._reuse import stored_choices
 from workflow.schemes import SOLVER_VERSION, Status
 from workflow.study import StudyError, parse_study, unpacked
 
@@ -47,7 +46,7 @@ _ROUNDED = 1e-8
 SECONDS = 60.0
 """Estimated seconds of the sample; a case that takes longer alone is not in it, unless all do."""
 
-SHOWN = 10
+MOST_DIFFERENCES = 10
 """Differences that are named."""
 
 
@@ -114,7 +113,7 @@ def _content(path: Path, texts: dict[str, str]) -> Check:
 
 def _identity(path: Path, grid: Grid, texts: dict[str, str]) -> Check:
     """Compare study, coordinates and the hashes of all cases with what the archive's own study gives."""
-    layout = describe(grid.study, grid, units_of(grid))
+    layout = describe(grid)
     hashes = case_hashes(grid)
     with open_archive(path) as dataset:
         wrong = [c.name for c in layout.coordinates if c.name not in dataset.coords]
@@ -148,7 +147,7 @@ def _choices(grid: Grid) -> Check:
     return Check("choices", True, f"all {count} counts of modes are decided again as they were")
 
 
-def _agree(stored: Choice, again: Choice) -> bool:
+def _agree(stored: ChosenModes, again: ChosenModes) -> bool:
     """Tell whether two choices are one: the same counts, and the same error but for another library's rounding."""
     return stored.counts == again.counts and bool(
         np.isclose(stored.error, again.error, rtol=_SAME, atol=_ROUNDED, equal_nan=True)
@@ -160,8 +159,7 @@ def _repeat(path: Path, grid: Grid, texts: dict[str, str], sample: int) -> Itera
     from threadpoolctl import threadpool_limits
 
     other = _other_than_here(texts)
-    layout = describe(grid.study, grid, units_of(grid))
-    stored_cells = StoredCells(path, np.arange(layout.cells, dtype=np.int64))
+    layout = describe(grid)
     differ: list[str] = []
     blurred: list[str] = []
     cells = _sample(path, grid, texts, sample)
@@ -174,9 +172,11 @@ def _repeat(path: Path, grid: Grid, texts: dict[str, str], sample: int) -> Itera
         for cell in cells:
             outer, inner = divmod(cell, grid.inner_count)
             solved = solve(grid, outer, np.array([inner]))
-            stored, messages = stored_cells.take(layout, np.array([cell]))
+            case = case_of(dataset, cell)
+            stored = {v.name: case[v.name].values[np.newaxis] for v in layout.variables if v.name in case}
             where = labels_of_case(dataset, cell) or "the case"
-            again = {v.name: solved.values[v.name].astype(v.dtype) for v in layout.variables if v.name not in LEFT_OUT}
+            names = set(stored) - LEFT_OUT
+            again = {v.name: solved.values[v.name].astype(v.dtype) for v in layout.variables if v.name in names}
             unlike = list(differences(stored, again))
             if unlike and (other or grid.study.branch is not None):
                 is_branch = grid.study.branch is not None
@@ -186,17 +186,18 @@ def _repeat(path: Path, grid: Grid, texts: dict[str, str], sample: int) -> Itera
                 blurred += [f"{where} ({', '.join(lost)})"] if lost else []
             differ += [f"{where}: {text}" for text in unlike]
             message = truncated_message(solved.messages.get(0, ""))
-            if messages.get(0, "") != message and not other:
-                differ.append(f"{where}: message {messages.get(0)!r} stored, {message!r} now")
+            kept = str(case["message"].item())
+            if kept != message and not other:
+                differ.append(f"{where}: message {kept!r} stored, {message!r} now")
     how = f"within what rounding makes of each (other {', '.join(other)})" if other else "bit for bit"
     if not differ:
         left = "" if not failed else f"; {failed} that failed hold nothing to compare"
-        left += f"; rounding leaves no digit to compare of {'; '.join(blurred[:SHOWN])}" if blurred else ""
+        left += f"; rounding leaves no digit to compare of {'; '.join(blurred[:MOST_DIFFERENCES])}" if blurred else ""
         yield Check("sample", True, f"{len(cells)} cases run again, the same {how}{left}")
-    for text in differ[:SHOWN]:
+    for text in differ[:MOST_DIFFERENCES]:
         yield Check("sample", False, text)
-    if len(differ) > SHOWN:
-        yield Check("sample", False, f"and {len(differ) - SHOWN} more differences in {len(cells)} cases")
+    if len(differ) > MOST_DIFFERENCES:
+        yield Check("sample", False, f"and {len(differ) - MOST_DIFFERENCES} more differences in {len(cells)} cases")
 
 
 def _other_than_here(texts: dict[str, str]) -> list[str]:

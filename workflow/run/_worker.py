@@ -9,15 +9,11 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
-from workflow.archive import ArchiveError, code_revision, load_stored_cells, read_layout, study_key
-from workflow.grid import Segment, Task, arrange, read_choices, units_of
+from workflow.archive import ArchiveError, code_revision, describe, grid_of, read_command, study_key
+from workflow.grid import Block, CaseHashes, ReferenceSolution, Task, compute_block, solutions_of
 from workflow.models import FACTORISING, has_cholmod
 from workflow.run._task import Job, Stored, store_task
 from workflow.schemes import SOLVER_VERSION
-from workflow.study import parse_study, unpacked
-
-SmallTask = tuple[int, tuple[tuple[int, int, int], ...]]
-"""Number of a task, and ``outer, first, units`` of its segments."""
 
 _MOST_JOBS = 4
 """Runs whose grids a worker keeps: a cluster may serve several runs in turn."""
@@ -58,11 +54,6 @@ class Session:
     def answer(self, worker: str) -> Path:
         """Return the file by which a worker is seen to share the directory."""
         return Path(self.parts) / f"{self.token}-{worker}.tmp"
-
-
-def small(task: Task) -> SmallTask:
-    """Return what a worker must know of a task."""
-    return task.number, tuple((s.outer, s.first, s.units) for s in task.segments)
 
 
 def software() -> tuple[tuple[str, str], ...]:
@@ -106,8 +97,14 @@ def unshared(session: Session, why: str) -> str:
     )
 
 
-def run_task(session: Session, task: SmallTask) -> Stored:
-    """Compute a task on this worker and store it; a shard that is there already is not computed again.
+def run_block(session: Session, block: Block) -> list[ReferenceSolution]:
+    """Compute a block of solutions that tasks need."""
+    with _single_threaded_blas().limit(limits=1, user_api="blas"):
+        return compute_block(_job(session).grid, block)
+
+
+def run_task(session: Session, task: Task, blocks: list[Block], solutions: list[list[ReferenceSolution]]) -> Stored:
+    """Compute a task on this worker and store it; ``solutions`` are those of the blocks that its cases need.
 
     Raises
     ------
@@ -116,9 +113,9 @@ def run_task(session: Session, task: SmallTask) -> Stored:
     ClusterError
         This worker may not work for the run; it came after the run had asked all workers.
     """
-    number, segments = task
     with _single_threaded_blas().limit(limits=1, user_api="blas"):
-        return store_task(_job(session), Task(number, tuple(Segment(*s) for s in segments), 0.0, 0))
+        job = _job(session)
+        return store_task(job, task, solutions_of(job.grid, zip(blocks, solutions, strict=True)))
 
 
 def _job(session: Session) -> Job:
@@ -133,15 +130,13 @@ def _prepared(session: Session) -> Job:
     worker = get_worker()
     try:
         session.answer(join(session, worker)).unlink()
-        layout = read_layout(session.parts)
+        command = read_command(session.parts)
     except (ClusterError, ArchiveError) as error:
         raise ClusterError(f"worker {worker.address}: {error}") from None
-    study = parse_study(layout.provenance["study"], "study", attached=unpacked(layout.provenance.get("files", "")))
-    if study_key(study) != session.key:
+    grid = None if command is None else grid_of(command.texts)
+    if command is None or grid is None or study_key(grid.study) != session.key:
         raise ClusterError(f"worker {worker.address}: {session.parts} does not hold the study of this run")
-    grid = arrange(study, read_choices(layout.provenance.get("choices", "{}")))
-    parts = Path(session.parts)
-    return Job(grid, units_of(grid), layout, parts, load_stored_cells(parts))
+    return Job(grid, describe(grid), Path(session.parts), command.begun, CaseHashes(grid))
 
 
 @cache

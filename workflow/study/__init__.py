@@ -12,7 +12,7 @@ from workflow.study.quantities import readable, udunits
 from workflow.study.reader import StudySource, parse_study, read_study
 from workflow.study.resolved import ResolvedValue, resolved_values
 from workflow.study.schema import json_schema
-from workflow.study.settings import AUTO, CHOSEN, Cell, Initial, Load, Output, Scene, SchemeChoice, Steady
+from workflow.study.settings import AUTO, CHOSEN, CaseSettings, Initial, Load, Output, Scene, SchemeChoice, Steady
 from workflow.study.study import Reference, Study
 
 __all__ = [
@@ -23,7 +23,7 @@ __all__ = [
     "POINT",
     "Axis",
     "Branch",
-    "Cell",
+    "CaseSettings",
     "Dimension",
     "Drawn",
     "Initial",

@@ -9,15 +9,15 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from workflow import models, schemes
 from workflow.declare import Quantity, quantity_of, word_of
+from workflow.study.field_types import Keyword, Reading, Text, is_whole
 from workflow.study.forms import MOST_ENTRIES
-from workflow.study.leaves import Choice, Reading, Text, is_whole
 from workflow.study.quantities import udunits
 from workflow.study.settings import (
     AUTO,
     FULL,
+    CaseSettings,
     Casing,
     CasingHarmonic,
-    Cell,
     Friction,
     Initial,
     Load,
@@ -35,7 +35,7 @@ TOLERANCE = "tolerance"
 class Address:
     """A value that an axis may vary: how it is read, and what it means."""
 
-    value: Reading | Choice | Text
+    value: Reading | Keyword | Text
     description: str
 
     @property
@@ -47,20 +47,22 @@ class Address:
 def settings(labels: tuple[str, ...], bases: tuple[str, ...]) -> dict[str, Address]:
     """Return the settings of a case that stand under ``axes`` by their bare names, for some schemes and bases."""
     addresses: dict[str, Address] = {}
-    for name, value, description in _values(Cell):
+    for name, value, description in _values(CaseSettings):
         if isinstance(value, Reading):
             value = dataclasses.replace(value, words=(FULL, AUTO) if name in MODES else ())
         if name == REDUCTION:
-            value = Choice(bases)
+            value = Keyword(bases)
         addresses[name] = Address(value, description)
     about = "largest relative error that the reduced model of `auto` leaves; tolerance of a recommendation"
     addresses[TOLERANCE] = Address(Reading(Quantity("1", about, above=0.0)), about)
-    return {"scheme": Address(Choice(labels, labels=True), "time integration scheme")} | addresses
+    return {"scheme": Address(Keyword(labels, labels=True), "time integration scheme")} | addresses
 
 
 def setting_defaults() -> dict[str, Any]:
     """Return what the settings are where a study does not say; `tolerance` has no default."""
-    defaults = {entry.name: entry.default for entry in dataclasses.fields(Cell) if quantity_of(entry) or word_of(entry)}
+    defaults = {
+        entry.name: entry.default for entry in dataclasses.fields(CaseSettings) if quantity_of(entry) or word_of(entry)
+    }
     return {"scheme": DEFAULT_SCHEME} | defaults
 
 
@@ -102,7 +104,7 @@ def scheme_options(methods: Mapping[str, tuple[str, ...]]) -> dict[str, Address]
     }
 
 
-def _values(declared: type) -> Iterator[tuple[str, Reading | Choice | Text, str]]:
+def _values(declared: type) -> Iterator[tuple[str, Reading | Keyword | Text, str]]:
     """Yield path, reading and description of the values of a declared dataclass, nested ones too."""
     hints = get_type_hints(declared)
     for entry in dataclasses.fields(declared):
@@ -113,7 +115,7 @@ def _values(declared: type) -> Iterator[tuple[str, Reading | Choice | Text, str]
         elif (text := word_of(entry)) is not None and not text.file:
             yield entry.name, Text(text), text.description
         elif get_origin(hint) is Literal:
-            yield entry.name, Choice(get_args(hint)), entry.name.replace("_", " ")
-        elif isinstance(hint, type) and dataclasses.is_dataclass(hint) and declared not in (Cell, Scene):
+            yield entry.name, Keyword(get_args(hint)), entry.name.replace("_", " ")
+        elif isinstance(hint, type) and dataclasses.is_dataclass(hint) and declared not in (CaseSettings, Scene):
             for name, value, description in _values(hint):
                 yield f"{entry.name}.{name}", value, description

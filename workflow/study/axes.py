@@ -10,7 +10,7 @@ from typing import Any
 
 from workflow.study.addresses import MODES, TOLERANCE, Address, setting_defaults
 from workflow.study.draws import Drawn
-from workflow.study.leaves import Listed, Reading, Single, Spread
+from workflow.study.field_types import Listed, Reading, Single, Spread
 from workflow.study.mistakes import Place, quoted
 from workflow.study.settings import AUTO, CHOSEN, FULL, Sizes
 from workflow.study.source import Source
@@ -267,7 +267,8 @@ class Arrangement:
         if len(set(rows)) < len(rows):
             twice = next(row for row, count in Counter(rows).items() if count > 1)
             listed = ", ".join(f"{value:g}" if isinstance(value, float) else str(value) for value in twice)
-            self.source.report(group.place, f"has `{listed}` twice", "keep values distinct")
+            full = "; `full` is the largest count" if MODES[0] in group.columns or MODES[1] in group.columns else ""
+            self.source.report(group.place, f"has `{listed}` twice", f"keep values distinct{full}")
 
     def _named(self) -> tuple[tuple[Dimension, ...], tuple[Axis, ...]]:
         """Return dimensions and scalars under the names of their coordinates."""

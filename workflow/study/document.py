@@ -14,8 +14,8 @@ from workflow import models, schemes
 from workflow.declare import Quantity
 from workflow.study.addresses import TOLERANCE, Address, setting_defaults, settings
 from workflow.study.draws import SAMPLES, Between, Drawn, drawn
+from workflow.study.field_types import MOST_VALUES, AxisValues, Flag, Keyword, Line, Name, Reading
 from workflow.study.forms import ByShape, Form, annotated, entry_of, explicit_entries, form, keys_form, summary
-from workflow.study.leaves import MOST_VALUES, Axial, Choice, Flag, Line, Name, Reading
 from workflow.study.settings import Casing, Friction, Initial, Load, Output, Scene, Steady
 
 LONGEST_TITLE = 1000
@@ -86,7 +86,7 @@ def _method_form(name: str) -> Any:
     if schemes.fault(name) is not None:  # reported by the reader where a study names it
         return annotated(Any, AfterValidator(lambda _: (name, None)))
     options = schemes.load(name).Options
-    method = annotated(Any, Choice((name,))), Field(description=schemes.load(name).about)
+    method = annotated(Any, Keyword((name,))), Field(description=schemes.load(name).about)
 
     def build(read: Form) -> tuple[str, Any]:
         entries = dict(read)
@@ -99,7 +99,7 @@ def axes_form(addresses: Mapping[str, Address], zipped: bool = False) -> type[Fo
     """Return the form of ``axes``, or of a zip, for the values that may vary."""
     entries: dict[str, Any] = {
         path: (
-            annotated(Any, Axial(address.value, zipped)),
+            annotated(Any, AxisValues(address.value, zipped)),
             Field(None, description=f"{address.description}{address.unit and f' [{address.unit}]'}"),
         )
         for path, address in addresses.items()
@@ -140,7 +140,7 @@ def _drawn_form(addresses: Mapping[str, Address]) -> type[Form]:
     points = Quantity("1", "number of points; of sobol_indices a power of two", at_least=2, at_most=MOST_VALUES)
     seed = Quantity("1", "what the generator starts from", at_least=0)
     entries: dict[str, Any] = {
-        "sample": (annotated(Any, Choice(SAMPLES)), Field(description="how points are drawn")),
+        "sample": (annotated(Any, Keyword(SAMPLES)), Field(description="how points are drawn")),
         "points": (annotated(Any, Reading(points, whole=True)), Field(description=points.description)),
         "seed": (annotated(Any, Reading(seed, whole=True)), Field(0, description=seed.description)),
         "of": (of, Field(description="ranges of what is drawn, [low, high] or {log: [low, high]} by path")),

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.study.leaves import MOST_VALUES, Leaf, Reading, Schema, at, read_each
+from workflow.study.field_types import MOST_VALUES, FieldType, Reading, Schema, at, read_each
 from workflow.study.mistakes import quoted, wrong
 
 INDICES = "sobol_indices"
@@ -85,7 +85,7 @@ class Drawn:
 
 
 @dataclass(frozen=True)
-class Between(Leaf):
+class Between(FieldType):
     """The range of a number that is drawn: ``[low, high]``, or ``{log: [low, high]}``."""
 
     value: Reading

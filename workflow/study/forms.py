@@ -22,7 +22,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, InitErrorDetails, core_schema
 
 from workflow.declare import quantity_of, word_of
-from workflow.study.leaves import Choice, Flag, Leaf, Reading, Text, is_whole
+from workflow.study.field_types import FieldType, Flag, Keyword, Reading, Text, is_whole
 from workflow.study.mistakes import Place, details, nearest, one_of, quoted, wrong
 
 
@@ -92,7 +92,7 @@ def explicit_entries(read: Form) -> dict[str, Any]:
 def entry_of(entry: dataclasses.Field[Any], hint: Any) -> tuple[Any, FieldInfo]:
     """Return the pydantic field of a field of a dataclass."""
     reading, description = _annotation(entry, hint)
-    annotation = annotated(Any, reading) if isinstance(reading, Leaf) else reading
+    annotation = annotated(Any, reading) if isinstance(reading, FieldType) else reading
     if entry.default_factory is not dataclasses.MISSING:
         return annotation, Field(default_factory=entry.default_factory, description=description)
     if entry.default is not dataclasses.MISSING:
@@ -116,9 +116,9 @@ def _annotation(entry: dataclasses.Field[Any], hint: Any) -> tuple[Any, str]:
         if dataclasses.is_dataclass(item):
             entries = annotated(GenericAlias(list, form(item)), BeforeValidator(_listed))
             return annotated(entries, AfterValidator(tuple)), summary(item)
-        return Choice(get_args(item), several=True), spoken(entry.name)
+        return Keyword(get_args(item), several=True), spoken(entry.name)
     if get_origin(hint) is Literal:
-        return Choice(get_args(hint)), spoken(entry.name)
+        return Keyword(get_args(hint)), spoken(entry.name)
     if hint is bool:
         return Flag(), str(entry.metadata.get("meaning", spoken(entry.name)))
     raise TypeError(f"{entry.name}: declare a quantity, a word, a file, a dataclass, a bool or a Literal, not {hint}")

@@ -17,13 +17,9 @@ from pydantic import ValidationError
 from workflow import models, reduction, schemes
 from workflow.study.addresses import MODES, Address, harmonic_counts, scene_values, scheme_options, settings
 from workflow.study.axes import Arrangement, Axis, Dimension
-from workflow.study.document import SCENE_KEYS, study_form
-from workflow.study.draws import Drawn
-from workflow.study.edits import OPTION, plain_tree, replaced, text_of
-from workflow.study.forms import Form, entries_of, sound
-from workflow.study.judges import (
+from workflow.study.cross_checks import (
     MOST_SAMPLES,
-    Written,
+    WrittenStudy,
     asks_for_steady,
     can_be_used,
     entry_at,
@@ -39,6 +35,10 @@ from workflow.study.judges import (
     judge_support,
     mapping,
 )
+from workflow.study.document import SCENE_KEYS, study_form
+from workflow.study.draws import Drawn
+from workflow.study.edits import OPTION, plain_tree, replaced, text_of
+from workflow.study.forms import Form, entries_of, sound
 from workflow.study.mistakes import Place, StudyError, one_of, place_of_path, quoted
 from workflow.study.settings import FULL, Output, Scene, SchemeChoice, Sizes
 from workflow.study.sizes import assembled_sizes, node_sizes
@@ -227,8 +227,8 @@ class _Reader:
                 self.source.report(("schemes", label), problem, "choose a label that is no method")
         return defined | {method: (method,) for method in methods if method not in defined}
 
-    def _written(self) -> Written:
-        return Written(self.source, self.tree, self.addresses)
+    def _written(self) -> WrittenStudy:
+        return WrittenStudy(self.source, self.tree, self.addresses)
 
     def _supply(self) -> set[Place]:
         """Give the scene the first value of an axis where it has none of its own; return where."""

@@ -13,7 +13,7 @@ from workflow.study.addresses import MODES, TOLERANCE, Address, scene_values, sc
 from workflow.study.draws import Range
 from workflow.study.mistakes import StudyError
 from workflow.study.quantities import readable
-from workflow.study.settings import AUTO, CHOSEN, Cell, Output
+from workflow.study.settings import AUTO, CHOSEN, CaseSettings, Output
 from workflow.study.source import compose
 from workflow.study.study import Study
 
@@ -43,7 +43,7 @@ class ResolvedValue:
         return f"{', '.join(few)} {'' if words else readable(self.unit)}".rstrip()
 
 
-def resolved_values(study: Study, cell: Cell) -> tuple[ResolvedValue, ...]:
+def resolved_values(study: Study, cell: CaseSettings) -> tuple[ResolvedValue, ...]:
     """Return the values of a study: scene, settings, scheme options and output; ``cell`` is one of its cases."""
     axes = {axis.path: axis for dimension in study.dimensions for axis in dimension.axes}
     ranges = {path: span for each in study.dimensions if each.drawn for path, span in each.drawn.ranges.items()}
@@ -73,7 +73,7 @@ def resolved_values(study: Study, cell: Cell) -> tuple[ResolvedValue, ...]:
     return (*resolved, *_output(study.output, written))
 
 
-def _files(cell: Cell) -> Iterator[ResolvedValue]:
+def _files(cell: CaseSettings) -> Iterator[ResolvedValue]:
     """Yield the files and tables that the model of a case is read from, a table of the study by its size."""
     for entry in dataclasses.fields(cell.scene.parameters):
         word, value = word_of(entry), getattr(cell.scene.parameters, entry.name)
@@ -87,7 +87,7 @@ def _in_words(path: str, values: tuple[Any, ...]) -> tuple[Any, ...]:
     return tuple(AUTO if path in MODES and value == CHOSEN else value for value in values)
 
 
-def _values_at(study: Study, cell: Cell, path: str) -> tuple[Any, ...] | None:
+def _values_at(study: Study, cell: CaseSettings, path: str) -> tuple[Any, ...] | None:
     """Return the value of a path in a case as a tuple, ``None`` where it has none; a static start is given once."""
     head, *words = path.split(".")
     if path == "alpha" or (path == "scene.speed" and not cell.scene.speed):

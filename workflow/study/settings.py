@@ -140,7 +140,7 @@ class SchemeChoice:
 
 
 @dataclass(frozen=True)
-class Cell:
+class CaseSettings:
     """The settings of one case, everything resolved; e, alpha, h in SI, modes as counts."""
 
     scene: Scene

@@ -12,28 +12,28 @@ from pydantic_core import PydanticCustomError
 from workflow import models
 from workflow.study.addresses import MODES, Address
 from workflow.study.axes import expanded
+from workflow.study.cross_checks import WrittenStudy, mapping
+from workflow.study.field_types import AxisValues, Spread
 from workflow.study.forms import form as parameters_form
-from workflow.study.judges import Written, mapping
-from workflow.study.leaves import Axial, Spread
 from workflow.study.settings import Sizes
 
 
-def node_sizes(written: Written, model: str, path: str, address: Address) -> Sizes:
+def node_sizes(written: WrittenStudy, model: str, path: str, address: Address) -> Sizes:
     """Return the numbers of nodes that the cases have, given in the scene or varied at ``path``."""
     content = mapping(written.tree, "scene", model).get("nodes")
     for _, varied, values in written.varied():
         content = values if varied == path else content
     try:
-        read = Axial(address.value).read(content, {})
+        read = AxisValues(address.value).read(content, {})
         if isinstance(read, Spread) and read.count > 10_000:
             return Sizes()
         counts = tuple(int(count) for count in expanded(read, whole=True))
-        return Sizes(counts, counts, large=models.MOST_NODES_WITH_MATRICES, most=models.MOST_ONE_BY_ONE)
+        return Sizes(counts, counts, large=models.MOST_FULL, most=models.MOST_ONE_BY_ONE)
     except (ValidationError, PydanticCustomError, ValueError):
         return Sizes()
 
 
-def assembled_sizes(written: Written, model: str, where: Mapping[str, Any]) -> Sizes:
+def assembled_sizes(written: WrittenStudy, model: str, where: Mapping[str, Any]) -> Sizes:
     """Return the coordinates of the structure of a model without ``nodes``; a structure that is none is reported."""
     form = parameters_form(models.load(model).Parameters)
     try:

@@ -12,7 +12,7 @@ from workflow import models
 from workflow.declare import plain
 from workflow.study.addresses import MODES
 from workflow.study.axes import Axis, Branch, Dimension, Value
-from workflow.study.settings import CHOSEN, FULL, Cell, Output, Scene, SchemeChoice
+from workflow.study.settings import CHOSEN, FULL, CaseSettings, Output, Scene, SchemeChoice
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ class Study:
 
         return parse_study(self.text, self.file, settings, "with_", self.attached)
 
-    def cell(self, values: Mapping[str, Value]) -> Cell:
+    def cell(self, values: Mapping[str, Value]) -> CaseSettings:
         """Return the settings of a case; counts of modes that its tolerance decides are :data:`CHOSEN`.
 
         Parameters
@@ -122,7 +122,7 @@ class Study:
             elif head == "schemes" and rest[0] == scheme.label:
                 scheme = dataclasses.replace(scheme, options=_replaced(scheme.options, rest[1:], value))
         mechanical, thermal = values["mechanical_modes"], values["thermal_modes"]
-        return Cell(
+        return CaseSettings(
             scene,
             scheme,
             e=float(values["e"]),

@@ -18,7 +18,7 @@ def steady_variables() -> Iterator[Variable]:
     """Yield the variables of steady rubs, whose period is k common periods T of all loads."""
     meant = "of the steady rub"
     for name, unit, meaning in (
-        ("steady_periods", "1", f"number k of common periods of the loads in a period {meant}; 0 where there is none"),
+        ("steady_periods", "1", f"number k of common periods of the loads in a period {meant}"),
         ("steady_residual", "1", f"largest change of x, v, θ over a period {meant}, each over its own maximum"),
         ("floquet_multiplier", "1", f"largest modulus of the Floquet multipliers {meant} over its period kT"),
         ("floquet_angle", "rad", f"argument of the Floquet multiplier of largest modulus {meant}"),

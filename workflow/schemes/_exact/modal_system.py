@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from workflow.kernels.algebra import least_squares
 from workflow.models import (
     Array,
     Modes,
@@ -188,23 +187,18 @@ def free_system(structure: Structure) -> ModalSystem:
 def held_system(structure: Structure) -> ModalSystem:
     """Return the structure with its tip held at the gap."""
     mechanical, thermal = mechanical_modes(structure), thermal_modes(structure)
-    whole = structure.matrices()
-    interior = replace(whole, mass=structure.mass[:-1, :-1].copy(), elongation=structure.elongation[:, :-1].copy())
-    modes = mechanical_modes(interior)
-    frequency, shapes = modes.values, modes.shapes
-    root = np.sqrt(structure.springs)
-    strain = root[:, None] * interior.elongation
-    tip_strain = root * structure.elongation[:, -1]
-    static = least_squares(strain, -tip_strain)  # shape under a unit displacement of the tip, of minimum norm
-    whole_strain = strain @ static + tip_strain
-    row = tip_strain @ (strain @ shapes)  # K_ni φ
+    pair = structure.mechanical.dense
+    held, constraint_mode = pair.held_modes(), pair.constraint  # s
+    modes = Modes(np.sqrt(held.values), held.shapes)
+    frequency, shapes = modes.values, modes.shapes[:-1]
+    row = pair.forces(pair.deformation_of(modes.shapes))[-1]  # K_ni φ
     row[frequency == 0] = 0.0
     inertia = structure.mass[-1, :-1] @ shapes  # M_ni φ
-    constraint_mode = np.append(static, 1.0)  # s
-    coupling = modal_coupling(interior, modes, thermal)
+    coupling = modal_coupling(structure, modes, thermal)
     force_steady = np.append(-shapes @ inertia, 1.0)
     to_modes = mechanical.shapes.T @ structure.mass
-    from_free = shapes.T @ interior.mass @ mechanical.shapes[:-1]
+    interior = structure.mass[:-1, :-1]
+    from_free = shapes.T @ interior @ mechanical.shapes[:-1]
     reaction = row - inertia * frequency**2
     damping, slope = _held_damping(structure, modes, reaction, inertia)
     return ModalSystem(
@@ -220,10 +214,10 @@ def held_system(structure: Structure) -> ModalSystem:
         signal_steady=force_steady,
         signal_tip=np.dot(force_steady, structure.load_direction),
         load=structure.load_direction,
-        **_by_casing(structure, constraint_mode, shapes, np.dot(whole_strain, tip_strain)),
+        **_by_casing(structure, constraint_mode, shapes, pair.tip_stiffness),
         shapes=shapes,
         heat_shapes=thermal.shapes,
-        entry=np.vstack([from_free.T, -shapes.T @ (interior.mass @ static)]),
+        entry=np.vstack([from_free.T, -shapes.T @ (interior @ constraint_mode[:-1])]),
         exit=np.vstack([(to_modes[:, :-1] @ shapes).T, to_modes @ constraint_mode]),
         tangent=structure.tangent,
     )
@@ -233,8 +227,8 @@ def _held_damping(structure: Structure, modes: Modes, reaction: Array, inertia: 
     """Return c of the modes of a held tip, and the reaction per z', C_ni φ - M_ni φ c; a_K r for Rayleigh's damping."""
     if is_rayleigh(structure):
         return structure.damping.of_modes(modes.values), structure.damping.stiffness * reaction
-    damping = held_damping(structure, Modes(modes.values, np.vstack([modes.shapes, np.zeros(modes.values.size)])))
-    return damping, structure.damping_matrix[-1, :-1] @ modes.shapes - inertia @ damping
+    damping = held_damping(structure, modes)
+    return damping, structure.damping_matrix[-1] @ modes.shapes - inertia @ damping
 
 
 def _by_casing(structure: Structure, constraint_mode: Array, shapes: Array, stiffness: float) -> dict[str, Any]:

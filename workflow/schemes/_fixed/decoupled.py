@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from workflow.models import (
     Array,
     Cases,
-    Matrices,
     Modes,
     Structure,
     coupled_damping,
@@ -209,7 +208,7 @@ def _static_growth(structure: Structure, mechanical: Modes, thermal: Modes, coup
     There what the growth moves depends on the masses of the modes that were left out.
     """
     elastic = mechanical.values > 0
-    if isinstance(structure, Matrices) and structure.tip_growth is not None and not elastic.all():
+    if structure.tip_growth is not None and not elastic.all():
         return structure.tip_growth @ thermal.shapes
     weights = mechanical.tip[elastic] / mechanical.values[elastic] ** 2
     return -weights @ coupling[elastic]

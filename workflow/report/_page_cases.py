@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.analysis import case_dims, casing_motion, period_frequency
-from workflow.plots._thinned import BUCKETS, Pack, levels, thinned, thinned_times
 from workflow.plots._units import scaled
+from workflow.report._thinned import BUCKETS, Pack, levels, thinned, thinned_times
 
 if TYPE_CHECKING:
     import xarray as xr

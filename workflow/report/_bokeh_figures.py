@@ -51,11 +51,11 @@ def explorer(description: dict[str, Any], status_names: Sequence[str]) -> dict[s
     if cases and any("periods" in entry for entry in cases["entries"].values()):
         parts["periods"] = _periods()
     if cases and cases["orbit"]:
-        parts["orbit"] = _orbit(cases["orbit"]["unit"])
+        parts["orbit"] = orbit_panels(cases["orbit"]["unit"])
     return {name: json_item(model) for name, model in parts.items()}
 
 
-def _figure(name: str, height: int, tools: str = "pan,box_zoom,wheel_zoom,reset,save", **options: Any) -> Any:
+def panel_of(name: str, height: int, tools: str = "pan,box_zoom,wheel_zoom,reset,save", **options: Any) -> Any:
     """Return an empty figure on which a finger scrolls the page until a tool is chosen."""
     from bokeh.models import BasicTickFormatter
     from bokeh.plotting import figure
@@ -72,7 +72,7 @@ def _figure(name: str, height: int, tools: str = "pan,box_zoom,wheel_zoom,reset,
     return panel
 
 
-def _source(name: str, *columns: str) -> Any:
+def source_of(name: str, *columns: str) -> Any:
     from bokeh.models import ColumnDataSource
 
     return ColumnDataSource(name=name, data={column: [] for column in columns})
@@ -84,11 +84,11 @@ def _histories(histories: Sequence[dict[str, Any]]) -> Any:
     from bokeh.models import Range1d
 
     names = [history["name"] for history in histories]
-    chosen, exact, gap = _source("chosen", "t", *names), _source("exact", "t", *names), _source("gap", "t", "gap")
+    chosen, exact, gap = source_of("chosen", "t", *names), source_of("exact", "t", *names), source_of("gap", "t", "gap")
     time, panels = Range1d(0, 1, name="time"), []
     for history in histories:
         last = history is histories[-1]
-        panel = _figure(f"panel_{history['name']}", 215 if last else 185, x_range=time)
+        panel = panel_of(f"panel_{history['name']}", 215 if last else 185, x_range=time)
         panel.line("t", history["name"], source=exact, line_color=EXACT, line_width=4)
         panel.line("t", history["name"], source=chosen, line_color=CHOSEN, line_width=1.0)
         if history["name"] == "displacement":
@@ -154,7 +154,7 @@ def _map(status_names: Sequence[str], state_names: Sequence[str]) -> Any:
     from bokeh.models import ColorBar, ColumnDataSource, FixedTicker, LinearColorMapper, LogColorMapper, Range1d
     from bokeh.palettes import Cividis256
 
-    panel = _figure("map", 420, tools="reset,save", x_range=Range1d(0, 1), y_range=Range1d(0, 1))
+    panel = panel_of("map", 420, tools="reset,save", x_range=Range1d(0, 1), y_range=Range1d(0, 1))
     mappers: dict[str, Any] = {
         "linear": LinearColorMapper(palette=Cividis256, nan_color="#dddddd", name="linear"),
         "log": LogColorMapper(palette=Cividis256, nan_color="#dddddd", low=1e-3, high=1, name="log"),
@@ -167,13 +167,13 @@ def _map(status_names: Sequence[str], state_names: Sequence[str]) -> Any:
     for name, mapper in mappers.items():  # an image for each scale: one cannot change its own
         cells = ColumnDataSource(name=f"cells_{name}", data=blank)
         panel.image("image", x="x", y="y", dw="dw", dh="dh", source=cells, color_mapper=mapper, name=f"image_{name}")
-    bad = _source("bad", "x", "y")
+    bad = source_of("bad", "x", "y")
     panel.scatter("x", "y", source=bad, marker="x", size=9, line_color="black", line_width=1.5)
     panel.text(
-        "x", "y", "text", source=_source("values", "x", "y", "text", "colour"), text_color="colour",
+        "x", "y", "text", source=source_of("values", "x", "y", "text", "colour"), text_color="colour",
         text_align="center", text_baseline="middle", text_font_size="11px",
     )  # fmt: skip
-    panel.rect("x", "y", 1, 1, source=_source("cell", "x", "y"), fill_color=None, line_color=SELECTED, line_width=3.5)
+    panel.rect("x", "y", 1, 1, source=source_of("cell", "x", "y"), fill_color=None, line_color=SELECTED, line_width=3.5)
     for name, mapper in mappers.items():
         ticks: dict[str, Any] = {}
         if name in words:
@@ -190,20 +190,22 @@ def _errors(name: str, label: str) -> Any:
     """Return a panel of errors on logarithmic axes: a line and markers for each scheme; a click selects."""
     from bokeh.models import FixedTicker, HoverTool, Range1d, Span, TapTool
 
-    panel = _figure(name, 330, x_axis_type="log", y_axis_type="log", x_range=Range1d(0.1, 1), y_range=Range1d(1e-4, 1))
+    panel = panel_of(name, 330, x_axis_type="log", y_axis_type="log", x_range=Range1d(0.1, 1), y_range=Range1d(1e-4, 1))
     for tolerance in TOLERANCES:
         panel.add_layout(Span(location=tolerance, dimension="width", line_color=GREY, line_dash="dotted"))
-    panel.multi_line("x", "y", line_color="colour", line_width=1.5, source=_source(f"{name}_lines", "x", "y", "colour"))
-    exact = _source(f"{name}_exact", "x", "y")
+    panel.multi_line(
+        "x", "y", line_color="colour", line_width=1.5, source=source_of(f"{name}_lines", "x", "y", "colour")
+    )
+    exact = source_of(f"{name}_exact", "x", "y")
     panel.multi_line("x", "y", line_color="black", line_dash="dotted", line_width=1.5, source=exact)
-    points = _source(f"{name}_points", "x", "y", "colour", "marker", "case", "scheme", "h")
+    points = source_of(f"{name}_points", "x", "y", "colour", "marker", "case", "scheme", "h")
     dots = panel.scatter(
         "x", "y", marker="marker", fill_color="colour", line_color="colour", size=8, source=points,
         nonselection_fill_alpha=1, nonselection_line_alpha=1,
     )  # fmt: skip
     panel.scatter(
         "x", "y", marker="circle", size=17, fill_color=None, line_color=SELECTED, line_width=2.5,
-        source=_source(f"{name}_here", "x", "y"),
+        source=source_of(f"{name}_here", "x", "y"),
     )  # fmt: skip
     tips = [("scheme", "@scheme"), ("h", "@h"), (label.split(" [")[0], "@x{0.00e}"), ("error", "@y{0.00e}")]
     panel.add_tools(HoverTool(renderers=[dots], tooltips=tips), TapTool(renderers=[dots]))
@@ -219,8 +221,8 @@ def _modes() -> Any:
     from bokeh.models import FixedTicker, HoverTool, LogColorMapper, Range1d
     from bokeh.palettes import Cividis256
 
-    panel = _figure("modes", 330, tools="reset,save", x_range=Range1d(-0.6, 0.6), y_range=Range1d(-0.6, 0.6))
-    points = _source("modes_points", "x", "y", "error", "text", "colour", "name")
+    panel = panel_of("modes", 330, tools="reset,save", x_range=Range1d(-0.6, 0.6), y_range=Range1d(-0.6, 0.6))
+    points = source_of("modes_points", "x", "y", "error", "text", "colour", "name")
     mapper = LogColorMapper(palette=Cividis256, name="modes_colours", low=1e-3, high=1)
     dots = panel.rect(
         "x", "y", 0.9, 0.9, source=points, fill_color={"field": "error", "transform": mapper}, line_color=None
@@ -230,10 +232,10 @@ def _modes() -> Any:
         text_font_size="11px",
     )  # fmt: skip
     panel.rect(
-        "x", "y", 0.9, 0.9, source=_source("modes_here", "x", "y"), fill_color=None, line_color=SELECTED, line_width=3
+        "x", "y", 0.9, 0.9, source=source_of("modes_here", "x", "y"), fill_color=None, line_color=SELECTED, line_width=3
     )
     panel.scatter(
-        "x", "y", marker="star", size=18, source=_source("modes_chosen", "x", "y"), fill_color="white",
+        "x", "y", marker="star", size=18, source=source_of("modes_chosen", "x", "y"), fill_color="white",
         line_color="black",
     )  # fmt: skip
     panel.add_tools(HoverTool(renderers=[dots], tooltips=[("modes", "@name"), ("error", "@text")]))
@@ -243,17 +245,17 @@ def _modes() -> Any:
     return panel
 
 
-def _orbit(unit: str) -> Any:
+def orbit_panels(unit: str) -> Any:
     """Return the phase plane of a steady rub, and its displacement and temperature over one period."""
     from bokeh.layouts import column
 
-    source, panels = _source("orbit", "x", "v", "phase", "temperature"), []
+    source, panels = source_of("orbit", "x", "v", "phase", "temperature"), []
     for x, y, x_label, y_label in (
         ("x", "v", f"displacement [{unit}]", "velocity [m/s]"),
         ("phase", "x", "share of the period", f"displacement [{unit}]"),
         ("phase", "temperature", "share of the period", "temperature rise [K]"),
     ):
-        panels.append(_figure(f"orbit_{x}_{y}", 215))
+        panels.append(panel_of(f"orbit_{x}_{y}", 215))
         panels[-1].line(x, y, source=source, line_color=COLOURS[0], line_width=1.5)
         panels[-1].xaxis.axis_label, panels[-1].yaxis.axis_label = x_label, y_label
     return column(*panels, sizing_mode="stretch_width", name="orbits")
@@ -263,12 +265,12 @@ def _periods() -> Any:
     """Return the impulse of each load period and what the growth rate of permanent contact predicts."""
     from bokeh.models import BasicTicker, FixedTicker, Range1d
 
-    panel = _figure("periods", 300, y_range=Range1d(0, 1))
-    measured = _source("period_impulses", "period", "impulse")
+    panel = panel_of("periods", 300, y_range=Range1d(0, 1))
+    measured = source_of("period_impulses", "period", "impulse")
     panel.line("period", "impulse", source=measured, line_color=COLOURS[0], line_width=1.2)
     panel.scatter("period", "impulse", source=measured, color=COLOURS[0], size=7)
     panel.line(
-        "period", "impulse", source=_source("predicted", "period", "impulse"), line_color=COLOURS[1],
+        "period", "impulse", source=source_of("predicted", "period", "impulse"), line_color=COLOURS[1],
         line_dash="dashed", line_width=2,
     )  # fmt: skip
     panel.xaxis.axis_label, panel.yaxis.axis_label = "load period", "impulse [N s]"

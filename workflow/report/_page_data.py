@@ -16,13 +16,12 @@ from workflow.analysis import (
     exact_partners,
     finest,
     impulse_growth,
-    naming,
     numerical_dims,
     total_error,
 )
-from workflow.plots._page_cases import MOST_READ, append_cases
-from workflow.plots._thinned import Pack, rounded
-from workflow.plots._units import coordinate_texts, scaled, selector
+from workflow.plots._units import axis_of, coordinate_texts, scaled
+from workflow.report._page_cases import MOST_READ, append_cases
+from workflow.report._thinned import Pack, rounded
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -167,36 +166,6 @@ def page_data(
     return _finite(described), pack.text()
 
 
-def axis_of(part: xr.Dataset, dim: str) -> dict[str, Any]:
-    """Describe a dimension: title, unit, texts of its values, and what selects them."""
-    names = naming(part, dim)
-    size, own = part.sizes[dim], dim in part.coords and part[dim].dims == (dim,)
-    if not names:
-        texts, title, unit = [str(k) for k in range(size)], dim, ""
-    else:
-        units, columns = zip(*(coordinate_texts(part[name]) for name in names), strict=True)
-        texts = [" + ".join(row) for row in zip(*columns, strict=True)]
-        unit = units[0] if len(names) == 1 else ""
-        title = _joint([n + (f" [{u}]" if u and len(names) > 1 else "") for n, u in zip(names, units, strict=True)])
-    selected = [selector(part[dim], k) if own else f"{dim}={k}" for k in range(size)]
-    return {
-        "name": dim,
-        "title": title.replace("_", " "),
-        "unit": unit,
-        "texts": texts if len(set(texts)) == size else [f"{text} ({k})" for k, text in enumerate(texts)],
-        "selectors": selected,
-        "by_label": own,
-    }
-
-
-def _joint(names: Sequence[str]) -> str:
-    """Return names side by side, a last word that all share once: ``mechanical + thermal modes``."""
-    first, last = zip(*(name.rpartition("_")[::2] for name in names), strict=True)
-    if len(names) > 1 and len(set(last)) == 1 and all(first):
-        return f"{' + '.join(first)} {last[0]}"
-    return " + ".join(names)
-
-
 def _place_of(part: xr.Dataset, name: str) -> int | None:
     """Return the position among the dimensions of the one along which a coordinate lies."""
     if name not in part.coords or part[name].ndim != 1:
@@ -280,6 +249,3 @@ def _finite(value: Any) -> Any:
     if isinstance(value, list):
         return [_finite(item) for item in value]
     return None if isinstance(value, float) and not np.isfinite(value) else value
-
-
-__all__ = ["Shown", "page_data", "shown_part"]

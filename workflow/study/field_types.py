@@ -45,7 +45,7 @@ def at(place: str, error: PydanticCustomError, value: Any) -> ValidationError:
     return ValidationError.from_exception_data("entry", [details(error, (place,), value)])
 
 
-class Leaf:
+class FieldType:
     """Base of the annotations: validates with ``read`` and describes itself with ``schema``."""
 
     def read(self, value: Any, context: Mapping[str, Any]) -> Any:
@@ -67,7 +67,7 @@ class Leaf:
 
 
 @dataclass(frozen=True)
-class Name(Leaf):
+class Name(FieldType):
     """An identifier: the name of a study, the label of a scheme, the dimension of a zip."""
 
     what: str
@@ -84,7 +84,7 @@ class Name(Leaf):
 
 
 @dataclass(frozen=True)
-class Line(Leaf):
+class Line(FieldType):
     """Free text of limited length."""
 
     longest: int
@@ -103,7 +103,7 @@ class Line(Leaf):
 
 
 @dataclass(frozen=True)
-class Choice(Leaf):
+class Keyword(FieldType):
     """One word of several, or a list of some of them; ``labels`` are words that a study defines."""
 
     words: tuple[str, ...]
@@ -136,7 +136,7 @@ LONGEST_TEXT = 1000
 
 
 @dataclass(frozen=True)
-class Text(Leaf):
+class Text(FieldType):
     """A text, or the name of a file relative to the study, that a model or scheme declares."""
 
     declared: Word
@@ -177,7 +177,7 @@ class Text(Leaf):
 
 
 @dataclass(frozen=True)
-class Flag(Leaf):
+class Flag(FieldType):
     """A yes or no."""
 
     def read(self, value: Any, context: Mapping[str, Any]) -> bool:
@@ -192,7 +192,7 @@ class Flag(Leaf):
 
 
 @dataclass(frozen=True)
-class Reading(Leaf):
+class Reading(FieldType):
     """A quantity: a number in SI or ``number unit``; where declared, a list per node or spring.
 
     ``words`` are admitted beside a number: ``full``, ``auto``. The context holds, by what a list is for
@@ -288,10 +288,10 @@ class Spread:
 
 
 @dataclass(frozen=True)
-class Axial(Leaf):
+class AxisValues(FieldType):
     """The values of an axis: a scalar, a list, or ``{LAW: [first, last, count]}``, LAW lin, log or branch."""
 
-    value: Reading | Choice | Text
+    value: Reading | Keyword | Text
     zipped: bool = False
 
     def read(self, value: Any, context: Mapping[str, Any]) -> Single | Listed | Spread:

@@ -57,7 +57,7 @@ def entry_at(owner: Any, word: str) -> Any:
 
 
 @dataclass(frozen=True)
-class Written:
+class WrittenStudy:
     """A study as written: its source, its tree and the values that axes may vary."""
 
     source: Source
@@ -86,7 +86,7 @@ class Written:
         return place_of_path(paths[-1])
 
 
-def judge_parts(written: Written) -> None:
+def judge_parts(written: WrittenStudy) -> None:
     """Report harmonics without one frequency, orders without a speed, an alpha beside the friction that makes it."""
     _judge_friction(written)
     for group in ("casing", "load"):
@@ -96,7 +96,7 @@ def judge_parts(written: Written) -> None:
                 _judge_harmonic(written, f"scene.{group}.harmonics.{k}", entry)
 
 
-def judge_either(written: Written, place: Place, entry: Mapping[str, Any], names: tuple[str, str]) -> bool:
+def judge_either(written: WrittenStudy, place: Place, entry: Mapping[str, Any], names: tuple[str, str]) -> bool:
     """Report a mapping that has none or both of two keys; tell whether it has one."""
     given = [name in entry for name in names]
     if all(given):
@@ -106,7 +106,7 @@ def judge_either(written: Written, place: Place, entry: Mapping[str, Any], names
     return sum(given) == 1
 
 
-def _judge_harmonic(written: Written, path: str, entry: Mapping[str, Any]) -> None:
+def _judge_harmonic(written: WrittenStudy, path: str, entry: Mapping[str, Any]) -> None:
     """Report one entry of ``harmonics`` that has no frequency, two, or an order of no speed."""
     one = judge_either(written, place_of_path(path), entry, ("frequency", "order"))
     if one and "order" in entry and "speed" not in mapping(written.tree, "scene"):
@@ -116,7 +116,7 @@ def _judge_harmonic(written: Written, path: str, entry: Mapping[str, Any]) -> No
         )
 
 
-def _judge_friction(written: Written) -> None:
+def _judge_friction(written: WrittenStudy) -> None:
     if "friction" not in mapping(written.tree, "scene"):
         return
     beside = [place for place, path, _ in written.varied() if path == "alpha"]
@@ -133,7 +133,7 @@ def can_be_used(source: Source, place: Place, fault: str | None) -> bool:
     return fault is None
 
 
-def judge_schemes(written: Written) -> None:
+def judge_schemes(written: WrittenStudy) -> None:
     """Report the schemes and bases that a study names and that cannot be used."""
     for place, basis in _named(written, REDUCTION):
         if isinstance(basis, str) and basis in reduction.names():
@@ -147,7 +147,7 @@ def judge_schemes(written: Written) -> None:
             can_be_used(written.source, place, schemes.fault(name))
 
 
-def judge_auto(written: Written) -> None:
+def judge_auto(written: WrittenStudy) -> None:
     """Refuse `auto` without a tolerance, which has no default, and one of the reference that decides nothing."""
     reference = mapping(written.tree, "reference")
     auto_path = next((path for path in MODES if reference.get(path) == AUTO), None)
@@ -173,7 +173,10 @@ def asks_for_steady(tree: Any) -> bool:
 
 
 def judge_branch(
-    written: Written, branch: Branch | None, groups: Sequence[tuple[Axis, ...]], methods: Mapping[str, Sequence[str]]
+    written: WrittenStudy,
+    branch: Branch | None,
+    groups: Sequence[tuple[Axis, ...]],
+    methods: Mapping[str, Sequence[str]],
 ) -> None:
     """Refuse a branch of other schemes than event_driven, or beside a reference."""
     if branch is None:
@@ -186,13 +189,13 @@ def judge_branch(
         written.source.report(("reference",), "stands beside a branch, which has no errors", "leave it out")
 
 
-def _named(written: Written, setting: str) -> list[tuple[Place, Any]]:
+def _named(written: WrittenStudy, setting: str) -> list[tuple[Place, Any]]:
     """Return where axes, zips and the reference name values of a setting, and what they name."""
     entries = [(place, name) for place, path, content in written.varied() if path == setting for name in flat(content)]
     return [*entries, (("reference", setting), mapping(written.tree, "reference").get(setting))]
 
 
-def judge_support(written: Written, methods: Mapping[str, Sequence[str]]) -> None:
+def judge_support(written: WrittenStudy, methods: Mapping[str, Sequence[str]]) -> None:
     """Report the schemes that do not take the harmonics of a scene; ``methods`` are what each label stands for."""
     casing, load = harmonic_counts(written.tree)
     used = [(place, name) for place, name in _named(written, "scheme") if isinstance(name, str)]
@@ -206,7 +209,7 @@ def judge_support(written: Written, methods: Mapping[str, Sequence[str]]) -> Non
                 written.source.report(place, f"`{name}` {reason}", remedy)
 
 
-def judge_model(written: Written, model: str | None) -> None:
+def judge_model(written: WrittenStudy, model: str | None) -> None:
     """Refuse parameters of which the model takes one, where there are none or two."""
     parameters = mapping(written.tree, "scene").get(str(model))
     names = getattr(models.load(model), "EITHER", None) if model is not None else None
@@ -214,7 +217,7 @@ def judge_model(written: Written, model: str | None) -> None:
         judge_either(written, ("scene", str(model)), parameters, names)
 
 
-def judge_damping(written: Written, model: str | None) -> None:
+def judge_damping(written: WrittenStudy, model: str | None) -> None:
     """Refuse a damping ratio beside Rayleigh's coefficients."""
     damping = mapping(written.tree, "scene", str(model), "damping")
     if "ratio" in damping and len(damping) > 1:
@@ -223,7 +226,7 @@ def judge_damping(written: Written, model: str | None) -> None:
 
 
 def judge_start(
-    written: Written,
+    written: WrittenStudy,
     scene: Mapping[str, Any],
     groups: Sequence[tuple[Axis, ...]],
     contact: Array | None,
@@ -274,7 +277,10 @@ def _begins(harmonic: CasingHarmonic, k: int, values: Mapping[str, Any]) -> Any:
 
 
 def judge_extent(
-    written: Written, scene: Mapping[str, Any], groups: Sequence[tuple[Axis, ...]], methods: Mapping[str, Sequence[str]]
+    written: WrittenStudy,
+    scene: Mapping[str, Any],
+    groups: Sequence[tuple[Axis, ...]],
+    methods: Mapping[str, Sequence[str]],
 ) -> None:
     """Refuse more load periods or steps than any case can have, and steps longer than the duration.
 

@@ -5,18 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
-import numpy as np
-
 from workflow.declare import File
+from workflow.judges.perturbations import perturbed
 from workflow.models import Cases
-from workflow.study import Cell
+from workflow.study import CaseSettings
 
 SHARE = 1e-12
 """Relative change of the data: ten thousand roundings, some of which other libraries make otherwise."""
 
 
 @dataclass(frozen=True)
-class Shaken:
+class Perturbation:
     """A change of all data of a case but its discretisation, in one of two directions.
 
     Attributes
@@ -30,30 +29,14 @@ class Shaken:
     direction: int
     reach: float
 
-    def cell(self, cell: Cell) -> Cell:
+    def cell(self, cell: CaseSettings) -> CaseSettings:
         """Return the settings with other parameters of the model."""
         parameters = _changed(cell.scene.parameters, self.direction * SHARE)
         return replace(cell, scene=replace(cell.scene, parameters=parameters))
 
     def cases(self, cases: Cases) -> Cases:
-        """Return the cases with another gap, tip load, start and heating; a tip never starts beyond the casing."""
-        share = self.direction * SHARE
-        gap = cases.gap + share * np.maximum(np.abs(cases.gap), self.reach)
-        displacement = cases.displacement * (1 + share)
-        if displacement.shape[1]:
-            begins, moved = cases.casing_at(0.0), cases.casing_harmonics.added(np.zeros(cases.count), 0.0)
-            least = displacement[:, -1] - moved
-            gap = np.maximum(gap, np.where(cases.displacement[:, -1] <= begins, least, gap))
-        return replace(
-            cases,
-            gap=gap,
-            mean=cases.mean * (1 + share),
-            amplitude=cases.amplitude * (1 - share),
-            displacement=displacement,
-            velocity=cases.velocity * (1 - share),
-            temperature=cases.temperature * (1 + share),
-            load_harmonics=cases.load_harmonics.scaled(1 + share),
-        )
+        """Return the cases with another gap, tip load, start and heating."""
+        return perturbed(cases, self.direction * SHARE, self.reach)
 
 
 def _changed(value: Any, share: float) -> Any:

@@ -11,9 +11,10 @@ import pytest
 import xarray as xr
 
 from workflow.analysis import exact_partners, notable_cases, recommend
-from workflow.plots import explorer, page_data, shown_part
-from workflow.plots._thinned import Pack, levels, rounded, thinned, thinned_times
 from workflow.plots._units import scaled
+from workflow.report._bokeh_figures import explorer
+from workflow.report._page_data import page_data, shown_part
+from workflow.report._thinned import Pack, levels, rounded, thinned, thinned_times
 from workflow.study import readable
 
 RNG = np.random.default_rng(1)

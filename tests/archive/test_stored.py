@@ -1,0 +1,127 @@
+"""Cases that an archive holds already: found wherever they stand, and taken as they are."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from archive_samples import (
+    DIMS,
+    begin,
+    make_archive,
+    put_shard,
+    sample_hashes,
+    sample_layout,
+    sample_messages,
+    sample_results,
+    stored_in,
+)
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from workflow import archive
+from workflow.archive import _layout
+
+LAYOUT = sample_layout()
+RESULTS = sample_results(LAYOUT)
+HASHES = sample_hashes(LAYOUT)
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An archive of 18 chunks."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(_layout, "CHUNK_BYTES", 560)
+        return make_archive(tmp_path_factory.mktemp("stored") / "a.nc", dataclasses.replace(LAYOUT), RESULTS)
+
+
+def taken(path: Path, layout: archive.Layout, hashes: np.ndarray, target: Path) -> dict[str, np.ndarray]:
+    """Return the values of an archive that is made of cases of another one alone, messages too."""
+    stored = archive.Stored(archive.archive_sources(path))
+    archive.gather(layout, begin(target, layout), target, hashes, stored)
+    with archive.open_archive(target) as dataset:
+        return {str(name): values.values for name, values in dataset.data_vars.items()}
+
+
+@settings(max_examples=25, deadline=None)
+@given(cells=st.lists(st.integers(0, LAYOUT.cells - 1), min_size=1, max_size=60, unique=True))
+def test_cases_are_found_and_taken_wherever_they_stand(
+    path: Path, cells: list[int], tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    chosen = np.array(cells)
+    layout = sample_layout((("alpha", len(cells)),))
+    values = taken(path, layout, HASHES[chosen], tmp_path_factory.mktemp("taken") / "b.nc")
+    for variable in layout.variables:
+        flat = RESULTS[variable.name].reshape(LAYOUT.cells, *layout.tail_shape(variable))
+        np.testing.assert_array_equal(values[variable.name], flat[chosen])
+    texts = sample_messages(LAYOUT, RESULTS)
+    assert values["message"].tolist() == [texts.get(cell, "") for cell in cells]
+
+
+def test_of_a_retry_only_cases_count_that_are_ok(path: Path) -> None:
+    sources = archive.archive_sources(path)
+    is_ok = RESULTS["status"].ravel() == 0
+    np.testing.assert_array_equal(archive.Stored(sources, len(sources)).holds(HASHES), is_ok)
+    assert archive.Stored(sources).holds(HASHES).all()
+
+
+def test_a_shard_counts_before_the_archive(path: Path, tmp_path: Path) -> None:
+    again = sample_results(LAYOUT, seed=1)
+    parts = begin(tmp_path / "b.nc", LAYOUT)
+    put_shard(parts, LAYOUT, again, 20, 50)
+    stored = archive.Stored([*archive.archive_sources(path), *archive.find_shards(parts)[0]])
+    archive.gather(LAYOUT, parts, tmp_path / "b.nc", HASHES, stored)
+    with archive.open_archive(tmp_path / "b.nc") as dataset:
+        impacts = dataset["impacts"].values.ravel()
+    np.testing.assert_array_equal(impacts[20:50], again["impacts"].ravel()[20:50])
+    np.testing.assert_array_equal(impacts[50:], RESULTS["impacts"].ravel()[50:])
+    assert not stored_in(parts).holds(HASHES[:20]).any()
+
+
+def test_missing_variables_and_periods(path: Path, tmp_path: Path) -> None:
+    kinds = archive.archive_kinds(path)
+    values = taken(path, sample_layout(periods=5), HASHES, tmp_path / "wide.nc")
+    np.testing.assert_array_equal(values["period_impulse"][..., :3], RESULTS["period_impulse"])
+    assert np.isnan(values["period_impulse"][..., 3:]).all()
+    values = taken(path, sample_layout(periods=2), HASHES, tmp_path / "narrow.nc")
+    np.testing.assert_array_equal(values["period_impulse"], RESULTS["period_impulse"][..., :2])
+    for optional in (True, False):
+        more = archive.Variable("more", "metric", "f8", {}, optional)
+        layout = dataclasses.replace(LAYOUT, variables=(*LAYOUT.variables, more))
+        assert archive.lacking(layout, kinds) == ([] if optional else ["more"])
+        if optional:
+            assert np.isnan(taken(path, layout, HASHES, tmp_path / "more.nc")["more"]).all()
+    assert archive.lacking(sample_layout(samples=8), kinds) == ["displacement"]
+    assert archive.lacking(LAYOUT, kinds) == []
+
+
+def test_what_a_layout_has_no_place_for(path: Path) -> None:
+    kinds = archive.archive_kinds(path)
+    assert archive.surplus(LAYOUT, kinds) == []
+    assert archive.surplus(sample_layout(samples=0), kinds) == ["displacement"]
+    assert archive.surplus(sample_layout(precision="f4"), kinds) == ["displacement as float64"]
+
+
+@pytest.mark.parametrize("dims", [(), DIMS[:1], DIMS])
+def test_a_single_case_to_and_from_a_grid(tmp_path: Path, dims: tuple[tuple[str, int], ...]) -> None:
+    layout = sample_layout(dims)
+    results = sample_results(layout)
+    source = make_archive(tmp_path / "a.nc", layout, results)
+    values = taken(source, sample_layout(()), sample_hashes(layout)[:1], tmp_path / "b.nc")
+    np.testing.assert_array_equal(values["displacement"], results["displacement"].reshape(layout.cells, -1)[0])
+
+
+@pytest.mark.parametrize("name", ["status", "provenance/case_hash"])
+def test_a_damaged_archive_is_said(path: Path, tmp_path: Path, name: str) -> None:
+    damaged = tmp_path / "a.nc"
+    damaged.write_bytes(path.read_bytes())
+    with h5py.File(damaged, "r+") as file:
+        del file[name]
+    with pytest.raises(archive.ArchiveError, match="damaged"):
+        archive.archive_sources(damaged)
+    damaged.write_bytes(path.read_bytes()[:2000])
+    with pytest.raises(archive.ArchiveError, match="damaged"):
+        archive.archive_sources(damaged)

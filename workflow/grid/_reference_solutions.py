@@ -1,0 +1,232 @@
+"""Solutions that errors are measured against: which of them tasks need, and how they are computed."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from workflow import schemes
+from workflow.grid._arrangement import Grid, Indices, reads
+from workflow.grid._conditions import conditions
+from workflow.grid._costs import case_seconds
+from workflow.grid._frequencies import fastest
+from workflow.grid._operators import compile_for, judged, reduced_structure, run_batch, structure_of
+from workflow.grid._speed import timed
+from workflow.grid._tasks import Batch
+from workflow.grid._waiting_for import REFERENCES, waiting_for
+from workflow.judges.perturbations import predictability
+from workflow.judges.reasons import reason_of
+from workflow.judges.trials import EXACT
+from workflow.models import Array, Cases
+from workflow.schemes import Results, Status
+from workflow.study import CaseSettings, SchemeChoice
+from workflow.variables import COMPARED
+
+MOST_CASES = 64
+"""Solutions that are computed at a time: a couple of kernel blocks, and a few milliseconds."""
+
+HELD_BYTES = 256 * 2**20
+"""Bytes of histories that are held for later tasks; what is needed after them is computed again."""
+
+REFERENCE_RUNS = 3
+"""Runs of a reference: itself, and with its gap opened and closed by a trifle."""
+
+BASIS = frozenset({"mechanical_modes", "thermal_modes", "reduction"})
+"""Settings of the reduced model, which an exact solution takes from the case."""
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceSolution:
+    """The solution of one case.
+
+    Attributes
+    ----------
+    histories
+        ``(t,)`` by name, NaN where it did not end ok.
+    predictability
+        NaN where it was not computed.
+    failure
+        Why it did not end ok; empty where it did.
+    """
+
+    histories: Mapping[str, Array]
+    predictability: float
+    failure: str
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Solutions that are computed together: references, or exact solutions of reduced models, of an outer index.
+
+    ``rows`` count the distinct solutions of the settings, see :func:`distinct_rows`.
+    """
+
+    number: int
+    outer: int
+    is_exact: bool
+    rows: tuple[int, ...]
+
+
+Solutions = Mapping[tuple[CaseSettings, bool], Mapping[int, ReferenceSolution]]
+"""By settings and whether they are exact solutions beside the reference; by row."""
+
+
+@lru_cache(maxsize=256)
+def reference_cell(grid: Grid, outer: int) -> CaseSettings:
+    """Return the settings of a reference, those that its scheme does not read the same for all."""
+    values = dict(grid.study.reference.values) if grid.study.reference is not None else {}
+    chosen = grid.reference_choice(outer)
+    counts = {} if chosen is None else chosen.counts
+    return _only_what_is_read(grid.settings(outer, {**values, **counts}))
+
+
+@lru_cache(maxsize=256)
+def exact_cell(grid: Grid, outer: int) -> CaseSettings:
+    """Return the settings of the exact solution of a case's reduced model: the reference's, with the case's basis."""
+    values = dict(grid.study.reference.values) if grid.study.reference is not None else {}
+    cell = grid.settings(outer, {path: value for path, value in values.items() if path not in BASIS})
+    if cell.scheme.method != EXACT:
+        cell = replace(cell, scheme=SchemeChoice(EXACT, EXACT, schemes.load(EXACT).Options()))
+    return _only_what_is_read(cell)
+
+
+def _only_what_is_read(cell: CaseSettings) -> CaseSettings:
+    """Return the settings with those of e, h and α that the scheme does not read set to 0, the same for all."""
+    read = schemes.load(cell.scheme.method).READS
+    unread: dict[str, Any] = {name: 0.0 for name in ("e", "h", "alpha") if name not in read}
+    return replace(cell, **unread)
+
+
+def needed_cells(grid: Grid, outer: int) -> list[tuple[CaseSettings, bool]]:
+    """Return settings of the reference of an outer index, and of the exact solution beside it unless that is it."""
+    ours, theirs = reference_cell(grid, outer), exact_cell(grid, outer)
+    return [(ours, False)] if theirs == ours else [(ours, False), (theirs, True)]
+
+
+def distinct_shape(grid: Grid, cell: CaseSettings) -> tuple[int, ...]:
+    """Return the sizes of the inner dimensions, 1 for those along which a solution stays the same."""
+    replaced = grid.study.reference.values if grid.study.reference is not None else {}
+    return tuple(
+        dimension.size
+        if any(
+            axis.path not in replaced and reads(cell.scheme.method, cell.scheme.label, axis.path)
+            for axis in dimension.axes
+        )
+        else 1
+        for dimension in grid.inner
+    )
+
+
+def distinct_rows(grid: Grid, cell: CaseSettings, inner: Indices) -> Indices:
+    """Return for each inner index the number of its solution, among those that are distinct."""
+    shape = distinct_shape(grid, cell)
+    if not shape:
+        return np.zeros_like(inner)
+    index = np.unravel_index(inner, grid.inner_shape)
+    own = [np.minimum(i, size - 1) for i, size in zip(index, shape, strict=True)]
+    return np.asarray(np.ravel_multi_index(own, shape))
+
+
+class References:
+    """Which blocks of solutions tasks need; each row is in one block as long as that is held."""
+
+    def __init__(self, grid: Grid) -> None:
+        self._grid, self._number = grid, 0
+        self._held: OrderedDict[int, tuple[tuple[CaseSettings, bool], Block]] = OrderedDict()
+        self._by_row: dict[tuple[CaseSettings, bool], dict[int, int]] = {}
+        self._most_rows = max(1, HELD_BYTES // (8 * grid.sampling.count * len(COMPARED)))
+
+    def blocks_of(self, batches: Iterable[Batch]) -> list[Block]:
+        """Return the blocks that the cases of some batches are compared with: new ones where none is held."""
+        if self._grid.study.reference is None:
+            return []
+        needed: dict[int, Block] = {}
+        for batch in batches:
+            for key in needed_cells(self._grid, batch.outer):
+                held = self._by_row.setdefault(key, {})
+                rows = np.unique(distinct_rows(self._grid, key[0], batch.inner)).tolist()
+                new = [row for row in rows if row not in held]
+                for first in range(0, len(new), MOST_CASES):
+                    block = Block(self._number, batch.outer, key[1], tuple(new[first : first + MOST_CASES]))
+                    self._held[block.number] = key, block
+                    held.update(dict.fromkeys(block.rows, block.number))
+                    self._number += 1
+                needed |= {number: self._held[number][1] for number in {held[row] for row in rows}}
+        for number in needed:
+            self._held.move_to_end(number)
+        count = sum(len(block.rows) for _, block in self._held.values())
+        while count > self._most_rows and next(iter(self._held)) not in needed:
+            _, (key, block) = self._held.popitem(last=False)
+            for row in block.rows:
+                del self._by_row[key][row]
+            count -= len(block.rows)
+        return list(needed.values())
+
+    def holds(self, block: Block) -> bool:
+        """Tell whether later tasks may need a block."""
+        return block.number in self._held
+
+
+def solutions_of(grid: Grid, computed: Iterable[tuple[Block, Sequence[ReferenceSolution]]]) -> Solutions:
+    """Return what blocks hold by settings and row."""
+    solutions: dict[tuple[CaseSettings, bool], dict[int, ReferenceSolution]] = {}
+    for block, each in computed:
+        cell = exact_cell(grid, block.outer) if block.is_exact else reference_cell(grid, block.outer)
+        solutions.setdefault((cell, block.is_exact), {}).update(zip(block.rows, each, strict=True))
+    return solutions
+
+
+def compute_block(grid: Grid, block: Block) -> list[ReferenceSolution]:
+    """Return the solutions of a block."""
+    cell = exact_cell(grid, block.outer) if block.is_exact else reference_cell(grid, block.outer)
+    structure, periods = reduced_structure(cell), fastest(grid) * grid.sampling.duration
+    runs = len(block.rows) * (1 if block.is_exact else REFERENCE_RUNS)
+    with timed(runs * case_seconds(cell, structure, replace(grid.sampling, balances=False), periods)):
+        return compute_solutions(grid, cell, np.array(block.rows, dtype=np.int64), is_exact=block.is_exact)
+
+
+def compute_solutions(grid: Grid, cell: CaseSettings, rows: Indices, *, is_exact: bool) -> list[ReferenceSolution]:
+    """Return solutions, references with their predictability.
+
+    One that raises is NaN, which harms neither its neighbours nor its cases.
+    """
+    try:
+        with waiting_for(REFERENCES), np.errstate(all="ignore"):
+            return _computed(grid, cell, rows, is_exact)
+    except (Exception, SystemExit) as error:  # whatever a model or scheme raises
+        if rows.size > 1:
+            return [one for row in rows for one in compute_solutions(grid, cell, np.array([row]), is_exact=is_exact)]
+        lost = np.full(grid.sampling.count, np.nan)
+        return [ReferenceSolution(dict.fromkeys(COMPARED, lost), np.nan, reason_of(error))]
+
+
+def _computed(grid: Grid, cell: CaseSettings, rows: Indices, is_exact: bool) -> list[ReferenceSolution]:
+    shape = distinct_shape(grid, cell)
+    inner = np.ravel_multi_index(np.unravel_index(rows, shape), grid.inner_shape) if shape else rows
+    replaced = grid.study.reference.values if grid.study.reference is not None else {}
+    varying = {path: values for path, values in grid.inner_values(inner).items() if path not in replaced}
+    structure = structure_of(cell.scene.model, cell.scene.parameters)
+    cases = conditions(cell, structure, varying, rows.size)
+    compile_for(cell, balances=False)
+    sampling = replace(grid.sampling, balances=False)
+
+    def run(some: Cases) -> Results:
+        return judged(cell, some, run_batch(cell, some, sampling), sampling.duration)
+
+    results = run(cases)
+    ok = results.status == Status.OK
+    histories = {name: np.where(ok[:, None], results.histories[name], np.nan) for name in COMPARED}
+    change, sound = np.full(rows.size, np.nan), np.flatnonzero(ok)
+    if not is_exact and sound.size:
+        displacement, is_static = histories["displacement"][sound], cell.scene.initial == "static"
+        change[sound] = predictability(run, cases.take(sound), displacement, is_static=is_static)
+    failures = ["" if ok[k] else results.messages.get(k, "it did not end ok") for k in range(rows.size)]
+    return [
+        ReferenceSolution({name: values[k] for name, values in histories.items()}, float(change[k]), failures[k])
+        for k in range(rows.size)
+    ]

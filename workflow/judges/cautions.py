@@ -1,0 +1,238 @@
+"""What to beware of in a structure with its cases, and in a scheme at one step on it, one sentence or phrase each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from workflow.models import (
+    Array,
+    Cases,
+    NoEquilibriumError,
+    Sparse,
+    Structure,
+    at_rest,
+    critical_friction,
+    free_reach,
+    frequencies,
+    mechanical_modes,
+    modal_damping,
+    rates,
+    rounding_of_flexibility,
+    static_tip_growth,
+    tip_flexibility,
+)
+from workflow.reduction import ReducedModel
+from workflow.schemes import Scheme, limit_text
+
+ROUNDED = 1e-6
+"""Share of the tip's stiffness that roundings of a file's entries may change without a word."""
+
+_CANCELLED = 1e-9
+"""Share of the largest term below which a sum of terms of both signs is rounding."""
+
+_GROWS = 1e-12
+"""Growth of a free step above which it is unstable: below, a million steps grow by less than a millionth."""
+
+_COARSE = 20
+"""Steps per load period below which a plan says so: implicit Euler then errs by about a sixth."""
+
+FEW = 6
+"""Amounts that are named one by one."""
+
+_FAR = 100
+"""Gaps that a load may move the tip by in a scene as meant: a rub takes a few."""
+
+_RINGS = 0.9
+"""What a step leaves of a disturbance of a tip without mass, from which on it rings."""
+
+
+def scene_cautions(
+    structure: Structure, model: ReducedModel, cases: Cases, duration: float, *, is_static: bool
+) -> Iterator[str]:
+    """Yield what is to be said of a full structure and cases on it, which run on a reduced model where it is sparse."""
+    if structure.coordinates is not None:
+        yield from _from_files(structure, cases)
+    if isinstance(structure, Sparse):
+        structure, cases = model.structure, model.project(cases)
+    try:
+        cases = at_rest(structure, cases) if is_static else cases
+    except NoEquilibriumError:
+        return  # its cases fail and say so
+    yield from _far(structure, cases)
+    with np.errstate(all="ignore"):
+        yield from _clear(cases, free_reach(structure, cases, duration))
+    yield from _jams(structure, cases)
+
+
+def _from_files(structure: Structure, cases: Cases) -> Iterator[str]:
+    """Yield what matrices of a file may hold otherwise than meant: which way heat moves the tip, and its stiffness."""
+    shares = static_tip_growth(structure) * structure.thermal.constraint
+    closing = float(shares.sum())
+    if cases.alpha.max() > 0 and closing < -_CANCELLED * np.abs(shares).max():
+        yield (
+            f"friction heat moves the tip away from the casing, {-closing:.3g} m for each kelvin at the tip, and no "
+            "alpha is critical; where heat should close the gap, check the sign of `coupling` (equation 1a has K12 θ "
+            "on the left) and the direction of `contact`"
+        )
+    if np.isfinite(tip_flexibility(structure)):
+        lost = rounding_of_flexibility(structure)
+        if lost > ROUNDED:
+            yield (
+                f"`stiffness` holds the tip's static stiffness to about {lost:.1g}: entries that are far larger are "
+                "rounded in the file; join what near-rigid links hold together, or make them softer"
+            )
+
+
+def _far(structure: Structure, cases: Cases) -> Iterator[str]:
+    """Yield that the load at the tip, were it constant, would move the tip by :data:`_FAR` gaps."""
+    moved = tip_flexibility(structure) * (np.abs(cases.mean) + np.abs(cases.amplitude))
+    far = np.isfinite(moved) & (moved > _FAR * cases.gap) & (cases.gap > 0)
+    if structure.load is None and np.any(far):
+        k = int(np.argmax(np.where(far, moved, 0.0)))
+        yield (
+            f"the load alone would move the tip by {moved[k]:.3g} m, over a gap of {cases.gap[k]:.3g} m: "
+            "check the units of stiffness and load"
+        )
+
+
+def _clear(cases: Cases, reach: Array) -> Iterator[str]:
+    """Yield the gaps at which no case's tip reaches the casing; a bound that is not a number is none."""
+    reaches = ~(reach < cases.gap - cases.casing_harmonics.reach)
+    clear = [gap for gap in np.unique(cases.gap) if not np.any(reaches[cases.gap == gap])]
+    if clear:
+        most = float(reach[np.isin(cases.gap, clear)].max())
+        yield (
+            f"the tip cannot reach the casing at gap = {listed(f'{gap:g} m' for gap in clear)}: without contact it "
+            f"stays below {most:.3g} m (static and harmonic answer, and a bound of what the start adds)"
+        )
+
+
+def _jams(structure: Structure, cases: Cases) -> Iterator[str]:
+    """Yield friction coefficients at which the tip does not yield to the contact force."""
+    if structure.tangent is None:
+        return
+    critical, most = critical_friction(structure), float(cases.friction.max(initial=0.0))
+    if most >= critical.impact:
+        yield (
+            f"from a friction coefficient of {critical.impact:.4g} on contact has no unique solution "
+            f"(n·M⁻¹(n - µt) <= 0: an impulse pushes the tip into the casing); the largest here is {most:g}"
+        )
+    if most >= critical.standstill:
+        yield (
+            f"from a friction coefficient of {critical.standstill:.4g} on a tip in lasting contact has no stable place "
+            f"(n·K⁻¹(n - µt) <= 0): its contact force grows without bound; the largest here is {most:g}"
+        )
+
+
+def soft_spring(structure: Structure, stiffness: float, label: str) -> Iterator[str]:
+    """Yield that a contact spring [N/m] gives way more than the full structure."""
+    flexibility = tip_flexibility(structure)
+    if 0 < flexibility < np.inf and stiffness * flexibility < 1:
+        yield (
+            f"the contact spring of {label}, {stiffness:.3g} N/m, is softer than the tip, "
+            f"{1 / flexibility:.3g} N/m: it gives way more than the structure it stands against"
+        )
+
+
+class FreeModes(NamedTuple):
+    """ω, c and μ of a structure's modes, of a long chain those of the lowest and the highest.
+
+    The last ω is infinite where the tip has no mass, and its c says nothing.
+    """
+
+    omega: Array
+    damping: Array
+    rates: Array
+
+
+def free_modes(structure: Structure) -> FreeModes:
+    """Return the modes of a structure with its tip free."""
+    omega = frequencies(structure)
+    damping = structure.damping.of_modes(np.where(np.isinf(omega), 0.0, omega))
+    if structure.damper is not None:
+        damping = modal_damping(structure, mechanical_modes(structure))
+    return FreeModes(omega, damping, rates(structure))
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A step of a scheme on a structure.
+
+    Attributes
+    ----------
+    scheme, options, h
+        The scheme, its options and its step, s.
+    structure, modes, basis
+        The structure it steps, its free modes, and the name of the basis that made it.
+    friction
+        Smallest and largest coefficient of friction of the cases.
+    frequency
+        Largest frequency of load and casing, Hz.
+    """
+
+    scheme: Scheme
+    options: Any
+    h: float
+    structure: Structure
+    modes: FreeModes
+    basis: str
+    friction: tuple[float, float]
+    frequency: float
+
+
+class StepCaution(NamedTuple):
+    """What a scheme does at a step, how much of it in words (empty for any step), and a number that grows with it."""
+
+    what: str
+    amount: str
+    size: float
+
+
+def step_cautions(step: Step) -> Iterator[StepCaution]:
+    """Yield what to beware of at a step: that it diverges, else that it rings, grows in contact, damps or is coarse."""
+    scheme, modes, h = step.scheme, step.modes, step.h
+    if "h" not in scheme.READS or scheme.amplification is None or scheme.thermal_amplification is None:
+        return
+    free = np.abs(scheme.amplification(modes.omega, modes.damping, h, step.options))
+    heat = np.abs(scheme.thermal_amplification(modes.rates, h, step.options))
+    growth = float(max(free.max(initial=0.0), heat.max(initial=0.0)))
+    if growth > 1 + _GROWS:
+        yield StepCaution("diverges, its free step grows", f"{growth:.6g}-fold", growth)
+        return
+    ringing = free[np.isinf(modes.omega)].max(initial=0.0)
+    if ringing >= _RINGS:
+        what = f"makes the tip ring, which {step.basis} leaves without mass (theta = 1 is advised): each step turns a"
+        yield StepCaution(f"{what} disturbance over and leaves", f"{ringing:.3g} of it", ringing)
+    if scheme.contact_limit is not None:
+        limit = min(scheme.contact_limit(step.structure, step.options, coefficient) for coefficient in step.friction)
+        if h > limit:
+            yield StepCaution("is unstable in contact above a step of", f"{limit_text(limit)} s", -limit)
+    yield from _numerical_damping(scheme, step)
+    if step.frequency * h * _COARSE > 1:
+        yield StepCaution("takes few steps per load period,", f"{1 / (step.frequency * h):.3g}", step.frequency * h)
+
+
+def _numerical_damping(scheme: Scheme, step: Step) -> Iterator[StepCaution]:
+    """Yield that a free step damps the first mode, where that swings, more than itself: -ln|z|/|arg z|."""
+    assert scheme.amplification is not None
+    omega, damping = step.modes.omega[:1], step.modes.damping[:1]
+    if not (0 < omega[0] < np.inf and damping[0] < 2 * omega[0]):
+        return
+    z = complex(scheme.amplification(omega, damping, step.h, step.options)[0, 0])
+    turn = abs(np.angle(z))
+    physical = float(damping[0] / (2 * omega[0]))
+    numerical = (float(-np.log(abs(z)) / turn) if abs(z) > 0 and turn > 0 else float("inf")) - physical
+    if numerical > physical + _GROWS:
+        own = f"more than its own {physical:.2g} of critical" if physical else "which has no damping of its own"
+        what = f"damps the first mode ({omega[0] / (2 * np.pi):.4g} Hz) {own}, numerically by"
+        yield StepCaution(what, f"{numerical:.2g}", numerical)
+
+
+def listed(texts: Iterable[str]) -> str:
+    """Join a few texts, or the ends of many."""
+    few = list(texts)
+    return ", ".join(few) if len(few) <= FEW else f"{few[0]} to {few[-1]}"

@@ -1,0 +1,257 @@
+"""The smallest reduced model whose tip meets a tolerance in all of some cases, confirmed in time.
+
+What decides is the larger of the relative errors of the tip's displacement and temperature in the worst case, against
+the full structure; one of more than 300 coordinates is reduced to 100 + 100 vectors of the same basis, which confirm at
+most half as many. Counts begin where the tip's transfer functions put them (:mod:`workflow.reduction._transfer`). Then
+the fewest vectors of each kind beside the most of the other are sought, and from there the smallest sum of both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from math import inf, nan
+from typing import NamedTuple
+
+import numpy as np
+
+from workflow.judges.trials import Counts, Problem, Trials, largest_change
+from workflow.kernels.algebra import MOST_BY_JACOBI
+from workflow.models import MOST_ONE_BY_ONE, Array, Structure
+from workflow.reduction import Reduction, reduce_structure
+from workflow.reduction._transfer import Excitation, least_counts
+from workflow.schemes import Results, Status
+
+ANY = -1
+"""A count that the tolerance decides."""
+
+_HOPELESS = 3.0
+"""Error over tolerance from which fewer vectors are not tried: neighbouring counts differ by up to 2 in it."""
+
+
+class LeastVectors(NamedTuple):
+    """Counts of vectors that a tolerance decides.
+
+    Attributes
+    ----------
+    counts
+        Mechanical and thermal vectors.
+    error
+        Larger of the relative L2 errors of the tip's displacement and temperature in the worst case, 1; NaN where no
+        case ended ok, or where trials cannot confirm so many vectors.
+    worst
+        Place of the case with that error.
+    against
+        What the error was measured against, in words.
+    untried
+        Why cases were left out, by their place.
+    """
+
+    counts: Counts
+    error: float
+    worst: int
+    against: str
+    untried: Mapping[int, str]
+
+
+class FullTrials:
+    """Trials against the full structure, or the richest that errors can be measured against; each error is found once.
+
+    Attributes
+    ----------
+    most
+        Counts of vectors of the model that errors are measured against, n - 1 where it is the full one.
+    confirmable
+        Largest counts whose errors that model can tell: half of its own, all of them where it leaves nothing out.
+    sound
+        Places of the cases that ended ok.
+    untried
+        Why the others did not, by their place.
+    failure
+        Why no case did, empty where some did.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self._problem = problem
+        sizes = problem.structure.mechanical_size, problem.structure.thermal_size
+        self.most = richest(problem.structure)
+        self.is_full = self.most == _each(lambda size: size - 1, sizes)
+        self.confirmable = _each(lambda k: self.most[k] // (1 if self.most[k] == sizes[k] - 1 else 2), (0, 1))
+        self._trials = Trials(problem, [((0, 0), [0]), (self.most, problem.every)])
+        self.by, self.failure = self._trials.by, self._trials.failure
+        self._errors: dict[tuple[Counts, int], float] = {}
+        self.sound: list[int] = []
+        self.untried: dict[int, str] = {}
+        full = self._trials.first
+        if full is not None:
+            self.sound = np.flatnonzero(full.status == Status.OK).tolist()
+            self.untried = {k: _ending(full, k) for k in problem.every if k not in self.sound}
+            self.failure = "" if self.sound else self.untried[0]
+
+    def first_counts(self, tolerance: float) -> Counts:
+        """Return the counts that the tip's transfer functions ask for in the first case."""
+        problem, model = self._problem, self._problem.model(self.most)
+        cases, structure = model.project(problem.cases), model.structure
+
+        def reduce(mechanical: int, thermal: int) -> Reduction:
+            return reduce_structure(structure, mechanical, thermal, problem.basis, problem.sampling.duration)
+
+        warmth = structure.thermal.inertia_of(cases.temperature[0])
+        excitation = Excitation(
+            duration=problem.sampling.duration,
+            shortest=problem.shortest,
+            frequency=float(cases.frequency[0]),
+            forces=np.column_stack([_tip(structure.mechanical_size), cases.steady[0]]),
+            heats=np.column_stack([_tip(structure.thermal_size), cases.heating[0], warmth]),
+        )
+        return least_counts(structure, reduce, excitation, tolerance, self.most)
+
+    def errors(self, counts: Counts, which: Sequence[int]) -> list[float]:
+        """Return the error of some cases with so many vectors; infinite where they end otherwise than ok."""
+        unknown = [k for k in which if (counts, k) not in self._errors]
+        if unknown:
+            self._errors |= {(counts, k): e for k, e in zip(unknown, self._found(counts, unknown), strict=True)}
+        return [self._errors[counts, k] for k in which]
+
+    def _found(self, counts: Counts, which: Sequence[int]) -> list[float]:
+        if counts == self.most:
+            return [0.0] * len(which)
+        assert self._trials.first is not None
+        try:
+            motions = self._trials.motions(counts, which)
+        except (Exception, SystemExit):  # whatever a basis or scheme raises
+            return [inf] * len(which)
+        return largest_change(motions, self._trials.first, which)
+
+
+def richest(structure: Structure) -> Counts:
+    """Return the counts of vectors of the model that errors are measured against."""
+    sizes = structure.mechanical_size, structure.thermal_size
+    return _each(lambda size: size - 1 if size <= MOST_BY_JACOBI else MOST_ONE_BY_ONE, sizes)
+
+
+def least_vectors(trials: FullTrials, requested: Counts, tolerance: float) -> LeastVectors:
+    """Return the counts of the smallest reduced model that meets a tolerance.
+
+    Where a count that is given stands in its way, or rounding, the model that adds no more than the tolerance to what
+    is then left; where no case ends ok the counts that the transfer functions ask for. Where more vectors are needed
+    than the trials can confirm, all that errors are measured against, without an error.
+
+    Parameters
+    ----------
+    trials
+        Of the cases.
+    requested
+        Counts, :data:`ANY` where the tolerance decides.
+    tolerance
+        Largest relative error.
+    """
+    least, every = ends(requested, trials.most)
+    _, most = ends(requested, trials.confirmable)
+    first = _within(trials.first_counts(tolerance), least, every if trials.failure else most)
+    if trials.failure:
+        why = f"no corner of the scene ended ok by {trials.by}: {trials.failure}"
+        return LeastVectors(first, nan, 0, f"as transfer functions ask for, not confirmed: {why}", {})
+    counts = _smallest_of(trials, first, least, most, every, tolerance)
+    model = "the full model" if trials.is_full else f"the model of {trials.most[0]} + {trials.most[1]} vectors"
+    if not all(np.less_equal(counts, trials.confirmable)):
+        confirmable = f"{trials.confirmable[0]} + {trials.confirmable[1]}"
+        against = f"not confirmed: {model}, which trials measure against, confirms no more than {confirmable}"
+        return LeastVectors(counts, nan, 0, against, {})
+    errors = trials.errors(counts, trials.sound)
+    worst = errors.index(max(errors))
+    against = f"confirmed by {trials.by} against {model}"
+    return LeastVectors(counts, errors[worst], trials.sound[worst], against, trials.untried)
+
+
+def ends(requested: Counts, most: Counts) -> tuple[Counts, Counts]:
+    """Return the smallest and the largest counts that may be chosen: of a given one itself."""
+    least = _each(lambda k: 0 if requested[k] == ANY else requested[k], (0, 1))
+    return least, _each(lambda k: most[k] if requested[k] == ANY else requested[k], (0, 1))
+
+
+def _smallest_of(
+    trials: FullTrials, first: Counts, least: Counts, most: Counts, every: Counts, tolerance: float
+) -> Counts:
+    """Return the smallest counts up to ``most`` that meet a tolerance in all cases, ``every`` if only these do.
+
+    They are decided by few cases, and by what then misses the tolerance.
+    """
+    floor = max(trials.errors(most, trials.sound))
+    if floor > tolerance and most != every and max(trials.errors(every, trials.sound)) <= tolerance:
+        return every
+    allowed = tolerance if floor <= tolerance else tolerance + floor
+    deciding = [trials.sound[0]]
+    while True:
+
+        def error(mechanical: int, thermal: int) -> float:
+            return max(trials.errors((mechanical, thermal), deciding))
+
+        first = smallest(error, first, least, most, allowed)
+        errors = trials.errors(first, trials.sound)
+        worst = trials.sound[errors.index(max(errors))]
+        if max(errors) <= allowed or worst in deciding:
+            return first
+        deciding.append(worst)
+
+
+def smallest(error: Callable[[int, int], float], first: Counts, least: Counts, most: Counts, allowed: float) -> Counts:
+    """Return the counts of the smallest sum whose error is allowed, begun at ``first``."""
+    mechanical = fewest(lambda count: error(count, most[1]), first[0], least[0], most[0], allowed)
+    thermal = fewest(lambda count: error(most[0], count), first[1], least[1], most[1], allowed)
+    best = most
+    for count in range(mechanical, most[0] + 1):
+        if count + thermal >= sum(best):
+            break
+        beside = _first(lambda other, count=count: error(count, other) <= allowed, thermal, thermal, most[1])  # type: ignore[misc]
+        if beside is not None and count + beside < sum(best):
+            best = count, beside
+    return best
+
+
+def fewest(error: Callable[[int], float], first: int, least: int, most: int, allowed: float) -> int:
+    """Return the smallest count that meets a tolerance, among those above which the error is not hopeless.
+
+    Errors do not fall evenly with the count.
+    """
+    passing = _first(lambda count: error(count) <= allowed, first, least, most)
+    best = count = most if passing is None else passing
+    while count > least and error(count) <= _HOPELESS * allowed:
+        count -= 1
+        best = count if error(count) <= allowed else best
+    return best
+
+
+def _first(meets: Callable[[int], bool], first: int, least: int, most: int) -> int | None:
+    """Return a count from ``first`` on that meets something and whose predecessor does not, ``None`` if none does."""
+    below, count, stride = first - 1, first, 1
+    while not meets(count):
+        if count == most:
+            return None
+        below, count, stride = count, min(count + stride, most), 2 * stride
+    while count - below > 1:
+        middle = (below + count) // 2
+        if meets(middle):
+            count = middle
+        else:
+            below = middle
+    return count
+
+
+def _within(counts: Counts, least: Counts, most: Counts) -> Counts:
+    return _each(lambda k: min(max(counts[k], least[k]), most[k]), (0, 1))
+
+
+def _each(of: Callable[[int], int], pair: tuple[int, int]) -> Counts:
+    return of(pair[0]), of(pair[1])
+
+
+def _ending(results: Results, case: int) -> str:
+    """Return how a case ended that is not ok."""
+    status = Status(int(results.status[case])).name.lower()
+    return ": ".join(filter(None, [status, results.messages.get(case, "")]))
+
+
+def _tip(size: int) -> Array:
+    unit = np.zeros(size)
+    unit[-1] = 1.0
+    return unit

@@ -1,0 +1,61 @@
+"""What the load periods of cases come to, from their sampled histories."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workflow.models import Array, Cases
+from workflow.schemes import SECTIONS, Results, Sampling, complete_periods
+
+
+def contact_force(impulse: Array, interval: float) -> Array:
+    """Return the mean contact force over the interval before each sample, N, from the impulse's running sum."""
+    force = np.zeros_like(impulse)
+    force[:, 1:] = np.diff(impulse, axis=1) / interval
+    return force
+
+
+def widened(values: Array, periods: int) -> Array:
+    """Return values of load periods with NaN for those that a case does not have, ``(case, period)``."""
+    wide = np.full((values.shape[0], periods), np.nan)
+    wide[:, : values.shape[1]] = values
+    return wide
+
+
+def largest_per_period(force: Array, frequency: Array, sampling: Sampling, periods: int) -> Array:
+    """Return the largest force of the output intervals whose middle lies in each load period.
+
+    A period shorter than an interval takes the interval that holds its own middle.
+    """
+    largest = np.full((force.shape[0], periods), np.nan)
+    count, interval = force.shape[1], sampling.interval
+    middle = (np.arange(count) + 0.5) * interval
+    for value in np.unique(frequency[frequency > 0]):
+        rows = np.flatnonzero(frequency == value)
+        edges = np.searchsorted(middle * value, np.arange(periods + 1))
+        complete = int(complete_periods(np.array([value]), sampling)[0])
+        for k in range(min(periods, complete)):
+            first, stop = int(edges[k]), int(edges[k + 1])
+            if first == stop:
+                first = min(int((k + 0.5) / value / interval), count - 1)
+                stop = first + 1
+            largest[rows, k] = force[rows, first:stop].max(axis=1)
+    return largest
+
+
+def sections(results: Results, cases: Cases, sampling: Sampling, periods: int) -> dict[str, Array]:
+    """Return the sections of load periods, and the extremes of the displacement; NaN where a scheme gives none."""
+    blank = np.full((cases.count, periods), np.nan)
+    values = {name: blank.copy() for name in SECTIONS}
+    values |= {name: widened(section, periods) for name, section in results.sections.items()}
+    x, starts = results.histories["displacement"], values["section_displacement"]
+    largest, smallest = np.full_like(starts, np.nan), np.full_like(starts, np.nan)
+    counts = complete_periods(cases.period_frequency, sampling)
+    for case, frequency in enumerate(cases.period_frequency):
+        position, number = sampling.times * frequency, np.arange(counts[case])
+        first = np.searchsorted(position, number * (1 - 1e-12))
+        stop = np.searchsorted(position, (number + 1) * (1 + 1e-12), side="right")
+        for k in number:
+            within = np.concatenate([x[case, first[k] : stop[k]], starts[case, k : k + 2]])
+            largest[case, k], smallest[case, k] = np.fmax.reduce(within), np.fmin.reduce(within)
+    return {**values, "period_displacement": largest, "period_displacement_min": smallest}

@@ -1,0 +1,58 @@
+"""Cases with their data changed by a little: how much of their results rounding decides."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from workflow.judges.distances import relative_distance
+from workflow.models import Array, Cases
+from workflow.schemes import Results, Status
+
+GAP_SHARE = 1e-12
+"""Change of the gap, as a share of a length of the motion, by whose effect ``predictability`` is defined."""
+
+
+def predictability(run: Callable[[Cases], Results], cases: Cases, displacement: Array, *, is_static: bool) -> Array:
+    """Return the larger relative change of the displacement when the gap is opened or closed by a trifle, ``(case,)``.
+
+    The trifle is 1e-12 of a length of the motion, the larger of |gap| and the largest |x_n|. Where closing would put
+    the start inside the casing only opening counts; a static start moves with the gap. NaN where no perturbed run ended
+    ok.
+    """
+    trifle = GAP_SHARE * np.maximum(np.abs(cases.gap), np.abs(displacement).max(axis=1))
+    change = np.full(cases.count, np.nan)
+    outside = cases.displacement[:, -1] <= cases.casing_at(0.0) - trifle
+    may_close = np.ones(cases.count, dtype=bool) if is_static else outside
+    for which, sign in ((np.arange(cases.count), 1.0), (np.flatnonzero(may_close), -1.0)):
+        if which.size:
+            part = cases.take(which)
+            results = run(replace(part, gap=part.gap + sign * trifle[which]))
+            moved = np.where((results.status == Status.OK)[:, None], results.histories["displacement"], np.nan)
+            change[which] = np.fmax(change[which], relative_distance(moved, displacement[which]))
+    return change
+
+
+def perturbed(cases: Cases, share: float, reach: float) -> Cases:
+    """Return cases with gap, tip load, start and heating changed by a share; a tip never starts beyond the casing.
+
+    ``reach`` is the largest displacement of the tip, m: the gap changes by the share of it, also where it is 0.
+    """
+    gap = cases.gap + share * np.maximum(np.abs(cases.gap), reach)
+    displacement = cases.displacement * (1 + share)
+    if displacement.shape[1]:
+        begins, moved = cases.casing_at(0.0), cases.casing_harmonics.added(np.zeros(cases.count), 0.0)
+        least = displacement[:, -1] - moved
+        gap = np.maximum(gap, np.where(cases.displacement[:, -1] <= begins, least, gap))
+    return replace(
+        cases,
+        gap=gap,
+        mean=cases.mean * (1 + share),
+        amplitude=cases.amplitude * (1 - share),
+        displacement=displacement,
+        velocity=cases.velocity * (1 - share),
+        temperature=cases.temperature * (1 + share),
+        load_harmonics=cases.load_harmonics.scaled(1 + share),
+    )

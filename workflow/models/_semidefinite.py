@@ -1,0 +1,89 @@
+"""Factors K = DᵀD of symmetric positive semi-definite matrices, their ranks decided by pivots."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg.lapack import dpstrf
+
+from workflow.kernels import Array
+
+_INDEFINITE = 1e3
+"""A negative part of a matrix larger than so many times its rounding makes the matrix indefinite."""
+
+
+class UnusableMatricesError(ValueError):
+    """Matrices that are no structure, or none that a basis can take: ``problem`` and ``remedy`` in a study's words."""
+
+    def __init__(self, problem: str, remedy: str):
+        super().__init__(f"{problem}: {remedy}")
+        self.problem, self.remedy = problem, remedy
+
+
+class Factor(NamedTuple):
+    """R with A[order][:, order] = Rᵀ R + a rest that has no pivot above the threshold."""
+
+    upper: Array
+    """R, upper triangular with a positive diagonal, ``(rank, size)``."""
+    order: NDArray[np.int64]
+    """Rows of A in the order in which they became pivots, ``(size,)``."""
+
+
+class Part(NamedTuple):
+    """A symmetric positive semi-definite matrix as deformationᵀ · deformation, ``(rank, coordinate)``."""
+
+    deformation: Array
+    order: NDArray[np.int64]
+
+
+def congruent(matrix: Array, basis: Array) -> Array:
+    """Return basisᵀ · matrix · basis, symmetric to the bit."""
+    return symmetric(basis.T @ (matrix @ basis))
+
+
+def symmetric(matrix: Array) -> Array:
+    """Return the mean of both halves."""
+    return np.asarray((matrix + matrix.T) / 2)
+
+
+def factored(matrix: Array, name: str, basis: Array | None = None) -> Part:
+    """Return the deformation of EᵀK E, E a basis: its rank is decided by the rounding of |E|ᵀ|K||E|.
+
+    Raises
+    ------
+    UnusableMatricesError
+        The matrix is indefinite.
+    """
+    basis = np.eye(matrix.shape[0]) if basis is None else basis
+    scale = scale_of(np.abs(basis).T @ np.abs(matrix) @ np.abs(basis))
+    factor = pivots(congruent(matrix, basis), name, scale)
+    deformation = np.zeros_like(factor.upper)
+    deformation[:, factor.order] = factor.upper
+    return Part(deformation * scale, factor.order)
+
+
+def scale_of(matrix: Array) -> Array:
+    """Return √K_ii, 1 where that is 0, ``(coordinate,)``."""
+    diagonal = np.diag(matrix)
+    return np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+
+
+def pivots(matrix: Array, name: str, scale: Array) -> Factor:
+    """Return the factor of a matrix over scales of its coordinates, ``(coordinate,)``, largest pivots first.
+
+    Source: Higham, Accuracy and stability of numerical algorithms (SIAM 2002), section 10.3: the rank found is that of
+    a matrix within rounding of A.
+    """
+    scaled = matrix / scale / scale[:, None]
+    least = 10 * matrix.shape[0] * np.finfo(float).eps  # rounding of assembled entries, after numpy's matrix_rank
+    whole, order, rank, _ = dpstrf(scaled, tol=least)
+    upper = np.triu(whole)[:rank]
+    order = np.asarray(order, dtype=np.int64) - 1
+    rest = scaled[np.ix_(order[rank:], order[rank:])] - upper[:, rank:].T @ upper[:, rank:]
+    if not np.abs(rest).max(initial=0.0) <= _INDEFINITE * least:
+        raise UnusableMatricesError(
+            f"{name} is not positive semi-definite", "check signs and that it was assembled in full"
+        )
+    return Factor(upper, order)
