@@ -23,6 +23,7 @@ PHYSICS = (
     "kernels",
     "models",
     "reduction",
+    "poles",
     "schemes",
     "orbits",
     "judges",

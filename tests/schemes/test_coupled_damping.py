@@ -22,8 +22,8 @@ from workflow.models import (
     Matrices,
     Rayleigh,
     Structure,
+    coupled_damping,
     couples_free_modes,
-    free_damping,
     mechanical_modes,
     structure_from_matrices,
 )
@@ -156,7 +156,7 @@ def test_the_limit_of_no_coupling_is_the_solution_in_modes(e: float) -> None:
     coupled = replace(structure, damper=moved @ (coupling + np.diag(np.full(6, 10.0))) @ moved.T)
     apart = replace(structure, damper=moved @ np.diag(np.full(6, 10.0)) @ moved.T)
     assert couples_free_modes(coupled)
-    assert free_damping(apart, modes).ndim == 1
+    assert coupled_damping(apart, modes).ndim == 1
     over = sampling(0.01, 1e-4)
     one, other = (step(s, cases(s, e=e, **LOAD), 0.0, over, "event_driven") for s in (apart, coupled))
     assert one.metrics["impacts"][0] > 0

@@ -23,7 +23,6 @@ from sliding import random_structure
 from workflow.models import Cases, Harmonics, Matrices, Rayleigh, static_equilibrium
 from workflow.reduction import reduce_structure
 from workflow.schemes import Status, moreau, penalty
-from workflow.schemes._fixed.dense import DenseOperator
 
 SLOW = pytest.mark.slow
 
@@ -142,15 +141,17 @@ def test_random_structures_are_stepped_as_by_plain_matrices(name: str) -> None:
 @pytest.mark.parametrize("theta", [0.5, pytest.param(1.0, marks=SLOW)])
 @pytest.mark.parametrize("basis", [pytest.param("massless", marks=SLOW), pytest.param("macneal", marks=SLOW)])
 def test_a_tip_without_mass_is_the_plain_scheme(basis: str, theta: float) -> None:
+    """θ = ½ keeps each rounding of the tip's own block, which alternates: ε, 1000 steps, its poles' condition 30."""
     whole = coupled()
     reduction = reduce_structure(whole, 3, 4, basis)
     structure, batch = reduction.structure, reduction.project(rub(whole))
     results = step(structure, batch, H, replace(sampling(STEPS * H, H), balances=True), theta=theta)
     assert results.metrics["impacts"].min() > 1
+    rounding = 1e-11 if theta == 0.5 else 1e-12
     for case in range(3):
         expected = plain_moreau.march_by_place(structure, alone(batch, case), H, theta, STEPS)
-        assert relative(results.histories["displacement"][case], expected.displacement[:, -1]) < 1e-12
-    assert theta == 1.0 or np.abs(results.metrics["energy_residual"]).max() < 1e-13
+        assert relative(results.histories["displacement"][case], expected.displacement[:, -1]) < rounding
+    assert theta == 1.0 or np.abs(results.metrics["energy_residual"]).max() < rounding
 
 
 def pressed(load: np.ndarray | None) -> tuple[Matrices, Cases]:
@@ -244,12 +245,9 @@ def test_what_a_contact_spring_asks_of_a_structure_needs_no_modal_damping() -> N
         assert function(structure, penalty.Options()) == function(plain, penalty.Options())
 
 
-def test_matrices_are_taken_where_they_are_needed() -> None:
-    structure = coupled()
-    assert isinstance(moreau.init(structure, H, moreau.Options()), DenseOperator)
-    assert not isinstance(moreau.init(heavy_chain(nodes=6), H, moreau.Options()), DenseOperator)
-    assert "dense matrix" in moreau.operator_name(structure)
-    assert "modes" in moreau.operator_name(heavy_chain(nodes=6))
+def test_a_plan_says_what_a_structure_is_stepped_by() -> None:
+    assert "6 + 6 modes with the tip's own, coupled by damping" in moreau.operator_name(coupled())
+    assert moreau.operator_name(heavy_chain(nodes=6)) == "6 + 6 modes with the tip's own"
 
 
 @pytest.mark.parametrize(

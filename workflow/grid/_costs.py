@@ -22,9 +22,6 @@ _ALWAYS, _EACH_PERIOD = 400, 30
 _TIP = 10
 """States that take as long as the tip and its contact."""
 
-_COUPLED = 4.0
-"""How many times as long as a state a product of two takes that a matrix couples."""
-
 _RUB = 5e-5
 """Seconds of a steady rub for each of its states squared."""
 
@@ -43,8 +40,8 @@ LOADING = 0.05
 def case_seconds(cell: CaseSettings, structure: Structure, sampling: Sampling, periods: float) -> float:
     """Return what a case costs: steps × blocks × one measured figure of its scheme.
 
-    Blocks are its states and the tip; what a matrix couples has as many as products of two. ``periods`` are those of
-    the fastest sinusoid of load and casing within the duration.
+    Blocks are its states and the tip; where modes are coupled a balance has as many as products of two. ``periods``
+    are those of the fastest sinusoid of load and casing within the duration.
     """
     scheme = schemes.load(cell.scheme.method)
     own = sampling.count / 2 + _ALWAYS + _EACH_PERIOD * (1 + periods)
@@ -53,7 +50,7 @@ def case_seconds(cell: CaseSettings, structure: Structure, sampling: Sampling, p
         return STEP_SECONDS * (steps + sampling.count)
     blocks = float(_states(structure) + _TIP)
     if "h" in scheme.READS and needs_matrices(structure):
-        blocks *= _COUPLED * blocks
+        blocks *= 1 + (blocks if sampling.balances else 1)
     audit = 1.5 if sampling.balances and "h" in scheme.READS else 1.0
     return steps * blocks * scheme.STEP_SECONDS * audit + sampling.count * _SAMPLE + _CASE
 

@@ -91,8 +91,7 @@ def kernel_variant(cell: CaseSettings, balances: bool) -> KernelVariant | None:
     scheme, structure = schemes.load(cell.scheme.method), reduced_structure(cell)
     if scheme.refusal(structure, cell.scheme.options) is not None:
         return None
-    coupled = needs_matrices(structure)  # its loads have their harmonics without a kernel for them
-    driven = bool(cell.scene.casing.harmonics or (cell.scene.load.harmonics and not coupled))
+    coupled, driven = needs_matrices(structure), bool(cell.scene.casing.harmonics or cell.scene.load.harmonics)
     slides = structure.tangent is not None and cell.scene.friction is not None
     kind = {"massless_tip": structure.has_massless_tip, "harmonics": driven, "slides": slides, "coupled": coupled}
     return KernelVariant(cell.scheme.method, cell.scheme.options, balances, **kind)

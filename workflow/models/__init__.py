@@ -16,10 +16,8 @@ from workflow.models._cases import Cases, distinct_rows, project
 from workflow.models._chain import Chain
 from workflow.models._chain_pair import MOST_ONE_BY_ONE
 from workflow.models._damping import (
-    CoupledDampingError,
     coupled_damping,
     couples_free_modes,
-    free_damping,
     held_damping,
     is_rayleigh,
     modal_damping,
@@ -105,7 +103,6 @@ __all__ = [
     "Cases",
     "Chain",
     "Coordinates",
-    "CoupledDampingError",
     "CriticalFriction",
     "DensePair",
     "Fill",
@@ -133,7 +130,6 @@ __all__ = [
     "distinct_rows",
     "expected_fill",
     "fault",
-    "free_damping",
     "free_reach",
     "frequencies",
     "growth",

@@ -19,13 +19,6 @@ _COUPLED = 1e-12
 """Share of the largest modal damping below which that between two modes is rounding of a matrix that is diagonal."""
 
 
-class CoupledDampingError(ValueError):
-    """Damping couples the modes of a free tip, in which a scheme steps."""
-
-    def __init__(self) -> None:
-        super().__init__("the damping matrix couples the modes of the structure")
-
-
 def damping_matrix(structure: Structure) -> Array:
     """Return C1, N s/m, ``(mechanical, mechanical)``."""
     whole = structure.damping.mass * structure.mass + structure.damping.stiffness * structure.stiffness_matrix
@@ -42,19 +35,6 @@ def modal_damping(structure: Structure, modes: Modes) -> Array:
     if structure.damper is None:
         return damping
     return np.asarray(damping + np.diag(modes.shapes.T @ (structure.damper @ modes.shapes)))
-
-
-def free_damping(structure: Structure, modes: Modes) -> Array:
-    """Return c of each mode with the tip free, 1/s, ``(mode,)``.
-
-    Raises
-    ------
-    CoupledDampingError
-        Damping couples them.
-    """
-    if couples_free_modes(structure):
-        raise CoupledDampingError
-    return modal_damping(structure, modes)
 
 
 def coupled_damping(structure: Structure, modes: Modes) -> Array:

@@ -17,11 +17,10 @@ from typing import Any, Literal, NamedTuple
 
 from workflow.kernels.lanes import FEWEST_LANES
 from workflow.models import Array, Structure
-from workflow.schemes._fixed import central_march, dense
+from workflow.schemes._fixed import central_march, decoupled
 from workflow.schemes._fixed.central import NEEDS_MASS, Differences, Operator
 from workflow.schemes._fixed.contact import METRICS as METRICS
 from workflow.schemes._fixed.contact import Contact, Response, Tip
-from workflow.schemes._fixed.dense import DenseOperator
 from workflow.schemes._fixed.marches import contact_law
 
 READS = frozenset({"h", "alpha"})
@@ -74,13 +73,13 @@ def respond(law: Multiplier, tip: Tip, h: float, theta: float) -> Response:
 CONTACT = Contact(lambda cases: Multiplier(), holds=True, rebounds=True)
 
 
-def init(structure: Structure, h: float, options: Options) -> Operator | DenseOperator:
-    """Diagonalise the structure once for a batch, or invert its matrices."""
+def init(structure: Structure, h: float, options: Options) -> Operator:
+    """Diagonalise the structure once for a batch."""
     return central_march.init(structure, float(h), options.differences, CONTACT)
 
 
 compute = central_march.compute
-operator_name = dense.operator_name
+operator_name = decoupled.operator_name
 
 
 def massless_tip(options: Options) -> str | None:

@@ -20,10 +20,9 @@ from typing import Any, NamedTuple
 from workflow.declare import quantity
 from workflow.kernels.lanes import FEWEST_LANES
 from workflow.models import Array, Structure
-from workflow.schemes._fixed import dense, theta_march, theta_method
+from workflow.schemes._fixed import decoupled, theta_march, theta_method
 from workflow.schemes._fixed.complementarity import BY_PLACE
 from workflow.schemes._fixed.contact import Contact, Response, Tip
-from workflow.schemes._fixed.dense import DenseOperator
 from workflow.schemes._fixed.marches import contact_law
 from workflow.schemes._fixed.theta_method import Operator
 
@@ -65,15 +64,15 @@ def respond(law: Newton, tip: Tip, h: float, theta: float) -> Response:
 CONTACT = Contact(lambda cases: Newton(cases.e))
 
 
-def init(structure: Structure, h: float, options: Options) -> Operator | DenseOperator:
-    """Diagonalise the structure once for a batch; or invert its matrices."""
+def init(structure: Structure, h: float, options: Options) -> Operator:
+    """Diagonalise the structure once for a batch."""
     theta = float(options.theta)
     meets = BY_PLACE if structure.has_massless_tip else CONTACT
     return theta_march.init(structure, float(h), theta, meets)
 
 
 compute = theta_march.compute
-operator_name = dense.operator_name
+operator_name = decoupled.operator_name
 
 
 def massless_tip(options: Options) -> str | None:

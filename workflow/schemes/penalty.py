@@ -18,9 +18,8 @@ from typing import Any, Literal
 from workflow.declare import quantity
 from workflow.kernels.lanes import FEWEST_LANES
 from workflow.models import Array, Cases, Structure
-from workflow.schemes._fixed import central, central_march, dense, spring, spring_limits, theta_march, theta_method
+from workflow.schemes._fixed import central, central_march, decoupled, spring, spring_limits, theta_march, theta_method
 from workflow.schemes._fixed.contact import METRICS as METRICS
-from workflow.schemes._fixed.decoupled import decouple
 from workflow.schemes._interface import Results, Sampling
 
 READS = frozenset({"h", "alpha"})
@@ -29,7 +28,7 @@ HARMONICS = frozenset({"load", "casing"})
 TOGETHER = FEWEST_LANES
 STEP_SECONDS = 1.3e-10
 
-Operator = central.Operator | theta_method.Operator | dense.DenseOperator
+Operator = central.Operator | theta_method.Operator
 
 _CENTRAL = central.Differences()
 
@@ -65,7 +64,7 @@ def rigid(structure: Structure, h: float) -> Options:
     κ and c are those that stop the free tip mass within a few steps: κ = 1/(4 h² W), c = 1/(h W), an
     overdamped contact (damping ratio 1) about at the limit of the step.
     """
-    w = central.delassus(decouple(structure), h, _CENTRAL)
+    w = central.delassus(decoupled.decouple(structure), h, _CENTRAL)
     return Options(stiffness=1 / (4 * h * h * w), damping=1 / (h * w))
 
 
@@ -82,7 +81,7 @@ def contact_limit(structure: Structure, options: Options, friction: float = 0.0)
 
 
 def init(structure: Structure, h: float, options: Options) -> Operator:
-    """Diagonalise the structure once for a batch, or invert its matrices."""
+    """Diagonalise the structure once for a batch."""
     h, stiffness, damping = float(h), contact_stiffness_of(structure, options), float(options.damping)
     if options.integration == "explicit":
         return central_march.init(structure, h, _CENTRAL, spring.in_differences(stiffness, damping))
@@ -97,7 +96,7 @@ def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
     return central_march.compute(operator, cases, sampling)
 
 
-operator_name = dense.operator_name
+operator_name = decoupled.operator_name
 
 
 def massless_tip(options: Options) -> str | None:

@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.models import Array
+from workflow.poles import real_blocks
 from workflow.schemes._exact.modal_system import ModalSystem, signal_inputs, state_space
 from workflow.schemes._exact.pole_pairs import InseparablePolesError, pole_pairs
-from workflow.schemes._exact.real_blocks import real_blocks
 from workflow.schemes._exact.spectrum import is_trusted, secular_spectrum
 
 

@@ -47,6 +47,7 @@ from workflow.kernels.lanes import ROW
 from workflow.kernels.packs import Lane, Pack, fused, magnitude, pack, plus, shared, spread, store, where
 from workflow.models import Array
 from workflow.schemes._fixed import case_row, total_row
+from workflow.schemes._fixed.block_lanes import BlockAccount
 from workflow.schemes._fixed.contact import End, Free, TipStep, contact_gain, was_pressed
 
 BALANCE_DAMPING, BALANCE_HEAT_SPEED, BALANCE_HEAT_PLACE = range(3)
@@ -99,6 +100,21 @@ class Account(NamedTuple):
     """-1 times the work of a unit of friction heat per heat in its step, 1/J."""
     heat_on_slid: float
     """-1 times the work of a unit of friction heat per µ times the impulse of contact in its step, 1/(N s)."""
+    blocks: BlockAccount | None = None
+    """Of a structure that is stepped in blocks: it has no modes then."""
+
+
+@inlined
+def of_modes(blocks: Any, account: Account | None) -> Account | None:
+    """Return the account where a structure is stepped in modes scaled by the tip, without ``blocks``."""
+    return account if blocks is None else None
+
+
+@inlined
+def _at_tip(blocks: BlockAccount | None, own: Array, lane: Lane) -> Pack:
+    """Return the impulse of load less contact at the tip in the last step, N s."""
+    impulse = pack(own, (case_row.IMPULSE, lane))
+    return impulse if blocks is None else impulse + blocks.load_share * pack(own, (case_row.LOAD, lane))
 
 
 @inlined
@@ -194,9 +210,8 @@ def count_work(
     if was_pressed(own, lane):
         relative -= account.dragged * pack(own, (case_row.HEAT, lane))
     store(sums, (SUM_RELATIVE, lane), relative)
-    dissipated = pack(sums, (total_row.DISSIPATED, lane)) + contact_gain(
-        step, end, relative - before, free, own, tip, lane
-    )
+    gain = contact_gain(step, end, _at_tip(account.blocks, own, lane), relative - before, free, own, tip, lane)
+    dissipated = pack(sums, (total_row.DISSIPATED, lane)) + gain
     store(sums, (total_row.DISSIPATED, lane), fused(impulse, -0.5 * (relative + before), dissipated))
 
 

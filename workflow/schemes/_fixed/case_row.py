@@ -23,4 +23,7 @@ FRICTION, SLID = range(16, 18)
 PLACE, SPEED, FREE, CASING, MOBILITY = range(18, 23)
 """What a contact law is given: :class:`~workflow.schemes._fixed.contact.Tip`."""
 
-ROWS = MOBILITY + 1
+LOAD = 23
+"""Impulse of a load that acts on blocks, in the last step, N s."""
+
+ROWS = LOAD + 1

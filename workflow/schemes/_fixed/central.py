@@ -29,20 +29,18 @@ from typing import Any
 import numpy as np
 
 from workflow.models import Array, Structure
+from workflow.schemes._fixed.blocks import NO_DECAY, Blocks, Step, separate
 from workflow.schemes._fixed.contact import CentralStep, Contact
 from workflow.schemes._fixed.decoupled import Decoupled, Motion, decouple, dragged
 from workflow.schemes._fixed.modal_balance import Terms
-from workflow.schemes._fixed.modal_lanes import Coefficients, by_mode
-from workflow.schemes._fixed.sliding import sliding, yields_aside
+from workflow.schemes._fixed.modal_lanes import Coefficients, by_mode, pulls_on_speed
+from workflow.schemes._fixed.sliding import sliding
 
 NEEDS_MASS = (
     "the reduction leaves the tip without mass: central differences divide by the mass that contact acts on; "
     "moreau and implicit penalty step it"
 )
 """Why central differences cannot step a tip without mass."""
-
-_NO_DECAY = 1e-30
-"""Stands for a thermal factor D of exactly 0, by which what enters is divided: nothing beside 1."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +56,10 @@ class Differences:
             return np.ones_like(damping), 1 - h * damping
         inertia = 1 + h * damping / 2
         return inertia, (1 - h * damping / 2) / inertia
+
+    def share(self, h: float) -> float:
+        """Return the share of C1 in Ŵ, s."""
+        return 0.0 if self.lagged else h / 2
 
     def decay(self, h: float, rate: Array) -> Array:
         """Return the factor D of each thermal mode."""
@@ -103,14 +105,15 @@ class Operator:
     lead: Array
     """Q, ``(mode, thermal mode)``."""
     contact: Contact
+    blocks: Blocks | None = None
+    """Of a structure whose modes are coupled."""
 
     def delassus(self, friction: Array) -> Array | float:
         """Return W of cases, 1/kg: one for all without friction, else ``(case,)``."""
         cold = delassus(self.modal, self.h, self.differences)
         if self.modal.along is None or not friction.any():
             return cold
-        inertia, _ = self.differences.damped(self.h, self.modal.damping)
-        return np.asarray(cold - friction * yields_aside(self.modal, inertia))
+        return np.asarray(cold - friction * tip_yields(self.modal, self.h, self.differences, self.modal.along))
 
     def without_heat(self) -> Operator:
         """Return the same without thermal states, for cases where none can act."""
@@ -124,7 +127,7 @@ class Operator:
         decay = self.differences.decay(h, mu)
         enters = modal.heat_tip * (decay if self.differences.implicit_heat else 1.0)
         slope = self.differences.slope(h, mu)
-        decay = np.where(decay == 0, _NO_DECAY, decay)
+        decay = np.where(decay == 0, NO_DECAY, decay)
         pull = -h * modal.frequency**2 / inertia
         j, k = modal.pairs.T
         return Coefficients(
@@ -140,7 +143,7 @@ class Operator:
             ),
             pair_mode=j,
             pair_heat=k,
-            pair_pull=-h * tip[j] * modal.coupling[j, k] / (inertia[j] * modal.heat_scale[k]),
+            pair_pull=pulls_on_speed(-h * tip[j] * modal.coupling[j, k] / (inertia[j] * modal.heat_scale[k])),
             tip=self.contact.felt_by(
                 CentralStep(h, 1.0, 0.0, np.sum(tip**2 / inertia), np.sum(modal.heat_tip * enters))
             ),
@@ -168,20 +171,42 @@ def terms(operator: Operator, begun: Motion, before: Array) -> Terms:
         heat_speed=inertia * (operator.lead @ slope),
         heat_place=place,
         dragged=-np.sum(drags * slope),
-        heat_theta=float(differences.implicit_heat),
-        decay=differences.decay(h, modal.rate),
-        warm=np.zeros_like(modal.rate),
-        warm_next=enters,
         velocity=before,
         place=begun.position - h * before,
         opens=True,
     )
 
 
+def step(modal: Decoupled, h: float, differences: Differences) -> Step:
+    """Return the step as blocks take it."""
+    decay, (inertia, _) = differences.decay(h, modal.rate), differences.damped(h, modal.damping)
+    warm = modal.heat_tip * (decay if differences.implicit_heat else 1.0)
+    return Step(
+        tip=CentralStep(h, 1.0, 0.0, 0.0, np.sum(modal.heat_tip * warm)),
+        inertia=modal.weight(inertia, differences.share(h)),
+        stiffening=h,
+        lever=h,
+        decay=decay,
+        warm=warm,
+        pulls=np.ones_like(decay),
+        at_once=0.0,
+        heat_theta=float(differences.implicit_heat),
+        heat_counts=False,
+        lagged=differences.lagged,
+    )
+
+
 def delassus(modal: Decoupled, h: float, differences: Differences) -> float:
     """Return W = e_nᵀ (M + h/2 C1)⁻¹ e_n, 1/kg: the tip's half-step velocity per unit impulse."""
+    return tip_yields(modal, h, differences, modal.tip)
+
+
+def tip_yields(modal: Decoupled, h: float, differences: Differences, force: Array) -> float:
+    """Return the tip's half-step velocity per unit impulse along a force on the modes, 1/kg."""
     inertia, _ = differences.damped(h, modal.damping)
-    return np.sum(modal.tip**2 / inertia)
+    if modal.damper is None:
+        return np.sum(modal.tip * force / inertia)
+    return float(modal.tip @ np.linalg.solve(modal.weight(inertia, differences.share(h)), force))
 
 
 def operator(structure: Structure, h: float, differences: Differences, contact: Contact) -> Operator:
@@ -191,4 +216,7 @@ def operator(structure: Structure, h: float, differences: Differences, contact: 
     slope = differences.slope(h, modal.rate)
     c, middle = modal.damping[:, None], 1.0 if differences.lagged else (1 + decay) / 2
     lead, pairs = dragged(modal.coupling, slope**2, -c * (slope * middle), modal.frequency[:, None] ** 2 * decay)
-    return Operator(structure, h, differences, replace(modal, response=lead * decay, pairs=pairs), lead, contact)
+    blocks = separate(modal, step(modal, h, differences)) if modal.is_coupled else None
+    return Operator(
+        structure, h, differences, replace(modal, response=lead * decay, pairs=pairs), lead, contact, blocks
+    )

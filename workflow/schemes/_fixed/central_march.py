@@ -10,20 +10,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.models import Array, Cases, Structure, needs_matrices, project
-from workflow.schemes._fixed import case_row, central, dense, tip_row
+from workflow.models import Array, Cases, Structure, project
+from workflow.schemes._fixed import case_row, central, tip_row
+from workflow.schemes._fixed.block_march import step_blocks
 from workflow.schemes._fixed.central import Differences, Operator
 from workflow.schemes._fixed.contact import Contact
 from workflow.schemes._fixed.decoupled import Decoupled, Motion, start
-from workflow.schemes._fixed.dense import DenseOperator
 from workflow.schemes._fixed.drive import drive_of
 from workflow.schemes._fixed.march import Batch, case_rows, march_blocks
 from workflow.schemes._fixed.marches import KERNELS
-from workflow.schemes._fixed.modal_balance import ModalBalance
+from workflow.schemes._fixed.modal_balance import Balances, Start, energy_of_modes
 from workflow.schemes._fixed.outcome import ROUNDING, Outcome, by_heat, judged
 from workflow.schemes._fixed.sliding import friction_message, slides
 from workflow.schemes._fixed.stable_steps import limit_text
-from workflow.schemes._fixed.stepping import collect, watch
+from workflow.schemes._fixed.stepping import Ended, collect, watch
 from workflow.schemes._interface import Results, Sampling
 
 
@@ -31,8 +31,10 @@ def _half_step_before(modal: Decoupled, cases: Cases, h: float) -> Array:
     """Return the modal w_-½ = v_0 - (h/2) a_0, with the acceleration without contact, ``(case, mode)``."""
     velocity = project(modal.to_modes, cases.velocity)
     force = cases.load_at(0.0)
-    acceleration = project(modal.shapes.T, cases.steady) + force[:, None] * modal.tip
-    acceleration -= modal.damping * velocity + modal.frequency**2 * project(modal.to_modes, cases.displacement)
+    load = modal.tip if modal.load is None else modal.load
+    acceleration = project(modal.shapes.T, cases.steady) + force[:, None] * load
+    damped = modal.damping * velocity if modal.damper is None else project(modal.damper, velocity)
+    acceleration -= damped + modal.frequency**2 * project(modal.to_modes, cases.displacement)
     acceleration -= project(modal.coupling, project(modal.to_thermal, cases.temperature))
     return np.asarray(velocity - 0.5 * h * acceleration)
 
@@ -62,31 +64,50 @@ def _first_free(operator: Operator, begun: Motion, before: Array) -> tuple[Array
 
 def _run(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
     """Step cases that all carry thermal states, or that all carry none."""
+    contact, h, w = operator.contact, operator.h, operator.delassus(cases.friction)
+    step = _step_modes if operator.blocks is None else _step_blocks
+    ended = step(operator, contact.mobility(h, w), cases, sampling)
+    # squared: a contact that grows can stop short of infinity where its energy is beyond it
+    tip = ended.watched.tip[[tip_row.DISPLACEMENT, tip_row.VELOCITY, tip_row.TEMPERATURE]]
+    finite = np.asarray(np.isfinite(tip**2).all(axis=0))
+    return collect(ended, *_judge(operator, cases, contact.factor(h, w) <= 0, finite))
+
+
+def _step_modes(operator: Operator, w: Any, cases: Cases, sampling: Sampling) -> Ended:
+    """Step cases in modes scaled by the tip."""
     h, modal, free = operator.h, operator.modal, operator.coefficients(slides(operator.modal, cases))
     begun = start(modal, cases)
     drive, _ = drive_of(cases, h, theta=0.0)
     watched = watch(cases, cases.mean + begun.tip_force, sampling, h, drive)
     before = _remaining_before(operator, cases, begun)
     speed, free_tip = _first_free(operator, begun, before)
-    w, law = operator.delassus(cases.friction), operator.contact.law(cases)
-    own = case_rows(cases, begun, operator.contact.mobility(h, w))
+    law, own = operator.contact.law(cases), case_rows(cases, begun, w)
     own[case_row.AHEAD], own[case_row.FIRST] = cases.displacement[:, -1], free_tip
     own[case_row.HALF] = project(modal.tip, _half_step_before(modal, cases, h))
     balance = None
     if sampling.balances:
-        balance = ModalBalance(operator.structure, modal, free, cases, begun, central.terms(operator, begun, before))
-    place, march = begun.position * modal.tip, KERNELS[type(law)].modes
+        terms, begins = central.terms(operator, begun, before), Start(modal, cases, begun)
+        energy = energy_of_modes(begins, free, terms, watched.elapsed)
+        balance = Balances(operator.structure, free, begins, central.step(modal, h, operator.differences), energy)
+    place, march = begun.position * modal.tip, KERNELS[type(law)]
     batch = Batch(modal, begun, free, operator.contact, law, march, speed * modal.tip, place, own, balance)
-    ended = march_blocks(batch, watched, sampling.duration)
-    # squared: a contact that grows can stop short of infinity where its energy is beyond it
-    finite = np.isfinite(watched.tip[[tip_row.DISPLACEMENT, tip_row.VELOCITY, tip_row.TEMPERATURE]] ** 2).all(axis=0)
-    return collect(ended, *_judge(operator, cases, operator.contact.factor(h, w) <= 0, np.asarray(finite)))
+    return march_blocks(batch, watched, sampling.duration)
+
+
+def _step_blocks(operator: Operator, w: Any, cases: Cases, sampling: Sampling) -> Ended:
+    """Step cases in blocks."""
+    drive, _ = drive_of(cases, operator.h, theta=0.0)
+    before = _half_step_before(operator.modal, cases, operator.h)
+    return step_blocks(operator, w, cases, before, sampling, drive)
 
 
 def _judge(operator: Operator, cases: Cases, ambiguous: Any, finite: NDArray[np.bool_]) -> Outcome:
     """Decide what became of each case; ``ambiguous`` are those whose contact has no unique solution, or one for all."""
     h, modal, differences = operator.h, operator.modal, operator.differences
-    free = np.abs(differences.amplification(modal.frequency, modal.damping, h)).max(initial=0.0)
+    if operator.blocks is None:
+        free = np.abs(differences.amplification(modal.frequency, modal.damping, h)).max(initial=0.0)
+    else:
+        free = operator.blocks.growth
     heat = np.abs(differences.decay(h, modal.rate)).max(initial=0.0)
     growth, grown = float(max(free, heat)), None
     if growth > 1 + ROUNDING:
@@ -104,14 +125,11 @@ def _judge(operator: Operator, cases: Cases, ambiguous: Any, finite: NDArray[np.
     return judged(finite, ambiguous & (grown is None), explain, grown, left)
 
 
-def init(structure: Structure, h: float, differences: Differences, contact: Contact) -> Operator | DenseOperator:
-    """Diagonalise a structure once for a batch, or invert its matrices where modes do not separate it."""
-    step = dense.init_central if needs_matrices(structure) else central.operator
-    return step(structure, h, differences, contact)
+def init(structure: Structure, h: float, differences: Differences, contact: Contact) -> Operator:
+    """Diagonalise a structure once for a batch, and separate it into blocks where its modes are coupled."""
+    return central.operator(structure, h, differences, contact)
 
 
-def compute(operator: Operator | DenseOperator, cases: Cases, sampling: Sampling) -> Results:
+def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
     """Step a whole batch; thermal states are carried only in the cases where they can act."""
-    if isinstance(operator, DenseOperator):
-        return dense.compute(operator, cases, sampling)
     return by_heat(cases, lambda some, hot: _run(operator if hot else operator.without_heat(), some, sampling))

@@ -298,24 +298,28 @@ def _meet_centrally(step: TipStep, law: Law, free: Free, own: Array, tip: Array,
 
 
 @by_type
-def contact_gain(step: TipStep, end: End, change: Pack, free: Free, own: Array, tip: Array, lane: Lane) -> Pack:
+def contact_gain(
+    step: TipStep, end: End, impulse: Pack, change: Pack, free: Free, own: Array, tip: Array, lane: Lane
+) -> Pack:
     """Return what the balance of a step takes for created, J, beside the work of its impulse at the mean velocity.
 
-    Of a contact spring that is what it holds more than its force has taken. ``change`` is that of the tip's relative
-    velocity; ``tip`` still holds the tip at the step's beginning.
+    Of a contact spring that is what it holds more than its force has taken. ``impulse`` is that of load less contact at
+    the tip, ``change`` that of its relative velocity; ``tip`` still holds the tip at the step's beginning.
     """
     raise NotImplementedError
 
 
 @defines(contact_gain, TipStep)
-def _gain_by_theta(step: TipStep, end: End, change: Pack, free: Free, own: Array, tip: Array, lane: Lane) -> Pack:
+def _gain_by_theta(
+    step: TipStep, end: End, impulse: Pack, change: Pack, free: Free, own: Array, tip: Array, lane: Lane
+) -> Pack:
     """Return Δ(κ δ²/2) - h κ δ_θ (v + v')/2 with the depths δ, 0 where the tip is not beyond the casing.
 
     Velocities are relative to the casing where that moves. A tip without mass is held by place: no impact changes its
     velocity, impulses S work at v_θ as they act, which leaves -(θ - 1/2) S Δv.
     """
     if step.holds:
-        return (0.5 - step.theta) * (pack(own, (case_row.IMPULSE, lane)) * change)
+        return (0.5 - step.theta) * (impulse * change)
     drive = free.drive
     begins = pack(tip, (tip_row.DISPLACEMENT, lane)) - gap_before(drive, free.gap, lane)
     ended = end.displacement - free.gap
@@ -328,7 +332,9 @@ def _gain_by_theta(step: TipStep, end: End, change: Pack, free: Free, own: Array
 
 
 @defines(contact_gain, CentralStep)
-def _gain_centrally(step: TipStep, end: End, change: Pack, free: Free, own: Array, tip: Array, lane: Lane) -> Pack:
+def _gain_centrally(
+    step: TipStep, end: End, impulse: Pack, change: Pack, free: Free, own: Array, tip: Array, lane: Lane
+) -> Pack:
     """Return κ δ_k (s_k+1 - s_k-1)/2, with the depth δ and the distance s from the casing.
 
     That is the change of κ δ_k δ_k+1 / 2 less the work of κ δ_k over (x_k+1 - x_k-1)/2: 0 while contact lasts.

@@ -23,14 +23,15 @@ from workflow.models import (
     Cases,
     Modes,
     Structure,
-    free_damping,
+    coupled_damping,
     mechanical_modes,
     modal_coupling,
+    needs_matrices,
     project,
     thermal_modes,
 )
 
-_NEAR_RESONANCE = 1e-3
+NEAR_RESONANCE = 1e-3
 """A pair of modes stays coupled explicitly where its denominator μ² - μ c + ω² is below this share
 of the largest of its terms: the transformation then loses at most three of sixteen digits."""
 
@@ -69,6 +70,10 @@ class Decoupled:
         Quasi-static tip displacement -e_nᵀ K1⁻¹ K12 χ_l of each thermal mode, ``(thermal mode,)``.
     along
         φ_jᵀ t of the direction of friction, 1/√kg, ``(mode,)``; ``None`` where there is none.
+    damper
+        φᵀ C1 φ where damping couples the modes, ``(mode, mode)``; ``damping`` is its diagonal.
+    load
+        φ_jᵀ b of a load that does not act on the tip, 1/√kg, ``(mode,)``.
     """
 
     mass: Array
@@ -86,6 +91,13 @@ class Decoupled:
     heat_shapes: Array
     static_growth: Array
     along: Array | None = None
+    damper: Array | None = None
+    load: Array | None = None
+
+    @property
+    def is_coupled(self) -> bool:
+        """Whether the modes scaled by the tip do not say it all: they are stepped in blocks."""
+        return self.damper is not None or self.load is not None
 
     @property
     def heat_scale(self) -> Array:
@@ -106,12 +118,21 @@ class Decoupled:
         lever = h * theta
         return np.asarray(self.mass + lever * self.damping + lever * lever * self.frequency**2)
 
-    def delassus(self, h: float, theta: float) -> tuple[float, float]:
-        """Return e_nᵀ Ŵ⁻¹ e_n and e_nᵀ Ŵ⁻¹ hθ K12 T̂⁻¹ e_n, the parts of the Delassus operator W, 1/kg."""
-        inertia = self.inertia(h, theta)
+    def weight(self, diagonal: Array, share: float) -> Array:
+        """Return Ŵ of its diagonal and the share, s, that the damping matrix has in it, ``(mode, mode)``."""
+        beside = 0.0 if self.damper is None else share * (self.damper - np.diag(self.damping))
+        return np.asarray(np.diag(diagonal) + beside)
+
+    def delassus(self, h: float, theta: float) -> tuple[float, float, float]:
+        """Return e_nᵀ Ŵ⁻¹ e_n, e_nᵀ Ŵ⁻¹ hθ K12 T̂⁻¹ e_n and e_nᵀ Ŵ⁻¹ t, the parts of the Delassus operator W, 1/kg."""
+        inertia, along = self.inertia(h, theta), np.zeros_like(self.tip) if self.along is None else self.along
         warm = self.heat_tip / (1 + h * theta * self.rate)
-        heat = np.sum(self.tip * h * theta * (self.coupling @ warm) / inertia)
-        return np.sum(self.tip**2 / inertia), heat
+        if self.damper is None:
+            heat = np.sum(self.tip * h * theta * (self.coupling @ warm) / inertia)
+            return np.sum(self.tip**2 / inertia), heat, np.sum(self.tip * along / inertia)
+        pulled = h * theta * (self.coupling @ warm)
+        yields = np.linalg.solve(self.weight(inertia, h * theta), self.tip)
+        return np.dot(yields, self.tip), np.dot(yields, pulled), np.dot(yields, along)
 
     def without_heat(self) -> Decoupled:
         """Return the same structure without thermal states, for cases where none can act."""
@@ -136,7 +157,7 @@ def dragged(coupling: Array, *terms: Array) -> tuple[Array, NDArray[np.int64]]:
     """
     parts = np.stack(np.broadcast_arrays(*terms))
     denominator = np.sum(parts, 0)
-    near = np.abs(denominator) <= _NEAR_RESONANCE * np.abs(parts).max(axis=0)
+    near = np.abs(denominator) <= NEAR_RESONANCE * np.abs(parts).max(axis=0)
     response = np.zeros_like(coupling)
     response[~near] = -coupling[~near] / denominator[~near]
     return response, np.argwhere(near & (coupling != 0))
@@ -148,7 +169,8 @@ def decouple(structure: Structure) -> Decoupled:
     coupling = modal_coupling(structure, mechanical, thermal)
     frequency, rate = mechanical.values, thermal.values
     mass = mechanical.inertia
-    damping = free_damping(structure, mechanical)
+    damper = coupled_damping(structure, mechanical)
+    damping = np.diag(damper).copy() if damper.ndim == 2 else damper
     response, pairs = dragged(coupling, rate**2 * mass[:, None], -rate * damping[:, None], frequency[:, None] ** 2)
     return Decoupled(
         mass=mass,
@@ -166,6 +188,8 @@ def decouple(structure: Structure) -> Decoupled:
         heat_shapes=thermal.shapes,
         static_growth=_static_growth(structure, mechanical, thermal, coupling),
         along=None if structure.tangent is None else mechanical.shapes.T @ structure.tangent,
+        damper=damper if damper.ndim == 2 else None,
+        load=None if structure.load is None else mechanical.shapes.T @ structure.load,
     )
 
 
@@ -271,3 +295,9 @@ def start(modal: Decoupled, cases: Cases) -> Motion:
         closing_rate=project(modal.static_growth, warming),
         tip_force=tip_force,
     )
+
+
+def operator_name(structure: Structure) -> str:
+    """Return what a structure is stepped by, as ``plan`` says it."""
+    coupled = ", coupled by damping or by where the load acts" if needs_matrices(structure) else ""
+    return f"{structure.mechanical_size} + {structure.thermal_size} modes with the tip's own{coupled}"

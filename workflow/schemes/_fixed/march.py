@@ -16,13 +16,14 @@ from workflow.kernels.compiled import by_type, defines, inlined
 from workflow.kernels.lanes import PACK, lane_rows
 from workflow.kernels.packs import Lane, Pack, broad, broadest, narrow, pack, spread, store
 from workflow.models import Array, Cases, project
-from workflow.schemes._fixed import case_row, modal_lanes, stepping, tip_row
-from workflow.schemes._fixed.balance import Account, count_friction_heat, count_work, lay_out_account
+from workflow.schemes._fixed import block_lanes, case_row, modal_lanes, stepping, tip_row
+from workflow.schemes._fixed.balance import Account, count_friction_heat, count_work, lay_out_account, of_modes
+from workflow.schemes._fixed.block_lanes import DRIVES, BlockAccount, BlockStep
 from workflow.schemes._fixed.contact import CentralStep, Contact, End, Free, Law, TipStep, meet
 from workflow.schemes._fixed.decoupled import Decoupled, Motion
 from workflow.schemes._fixed.drive import turn_drive
 from workflow.schemes._fixed.marks import Block
-from workflow.schemes._fixed.modal_balance import ModalBalance
+from workflow.schemes._fixed.modal_balance import Balances
 from workflow.schemes._fixed.modal_lanes import Coefficients, State, by_mode
 from workflow.schemes._fixed.outcome import effective_restitution
 from workflow.schemes._fixed.stepping import Ended, Now, Watch
@@ -43,6 +44,39 @@ def open_march(
 
 
 @inlined
+def _load_tip(blocks: BlockStep | None, velocity: Pack, load: Pack, own: Array, lane: Lane) -> tuple[Pack, Pack]:
+    """Return the tip's velocity with what the load of a step does to blocks, and the load that is left to contact."""
+    if blocks is None:
+        return velocity, load
+    store(own, (case_row.LOAD, lane), load)
+    return velocity + blocks.load * load, spread(0.0, lane)
+
+
+@inlined
+def _count_motion(account: Account | None, operator: Coefficients, state: State, t: float, lanes: int) -> None:
+    """Count the energy of blocks in a step to t that contact has closed."""
+    if account is not None:
+        _count_blocks(account.blocks, operator.blocks, account.sums, operator, state, t, lanes)
+
+
+@inlined
+def _count_blocks(
+    energy: BlockAccount | None,
+    blocks: BlockStep | None,
+    sums: Array,
+    operator: Coefficients,
+    state: State,
+    t: float,
+    lanes: int,
+) -> None:
+    if energy is not None and blocks is not None:
+        block_lanes.move(
+            energy, blocks.blocks, operator.heat_modes[:, modal_lanes.HEAT_INPUT], state, operator.tip.h, t, lanes
+        )
+        block_lanes.count(energy, operator.tip.h, state.own, sums, lanes)
+
+
+@inlined
 def close_step(
     operator: Coefficients,
     law: Law,
@@ -58,8 +92,9 @@ def close_step(
     ``alone`` are velocity and temperature of the tip at its end without them.
     """
     tip, own, step = block.tip, state.own, operator.tip
-    gap = pack(tip, (tip_row.GAP, lane))
-    free = Free(alone[0], alone[1], stepping.load_impulse(now, step.h, block, lane), gap, block.drive)
+    gap, load = pack(tip, (tip_row.GAP, lane)), stepping.load_impulse(now, step.h, block, lane)
+    velocity, load = _load_tip(operator.blocks, alone[0], load, own, lane)
+    free = Free(velocity, alone[1], load, gap, block.drive)
     end, ahead = meet(step, law, free, own, tip, lane)
     modal_lanes.store_slid(operator.sliding, ahead.impulse, own, lane)
     count_work(account, step, end, ahead.driven, free, own, tip, lane)
@@ -84,6 +119,7 @@ def _open_centrally(
         alone = pack(own, (case_row.FIRST, lane)), spread(0.0, lane)
         stepping.store_end(close_step(operator, law, now, alone, state, block, account, lane), block.tip, lane)
         store(own, (case_row.CONTACT, lane), 2.0 * pack(own, (case_row.CONTACT, lane)))
+    _count_motion(account, operator, state, now.t, block.lanes)
 
 
 @inlined
@@ -91,7 +127,7 @@ def _step(
     operator: Coefficients, law: Law, now: Now, state: State, block: Block, account: Account | None, lane: Lane
 ) -> None:
     """Take a pack of lanes through a step: free motion, load and contact, counts."""
-    alone = modal_lanes.step_freely(operator, now.warmed, now.t, state, account, lane)
+    alone = modal_lanes.step_freely(operator, now.warmed, now.t, state, of_modes(operator.blocks, account), lane)
     end = close_step(operator, law, now, alone, state, block, account, lane)
     if now.marked:
         stepping.store_end(end, block.tip, lane)
@@ -133,10 +169,11 @@ def march(operator: Coefficients, law: Law, state: State, block: Block, account:
             _step(operator, law, now, state, block, account, broad(first))
         for first in range(in_broad, lanes, PACK):
             _step(operator, law, now, state, block, account, narrow(first))
+        _count_motion(account, operator, state, now.t, lanes)
         modal_lanes.count_at_intervals(account, step, block.steps, operator, state, lanes)
         if now.marked:
             stepping.count_stored(step, block)
-    modal_lanes.close_balance(account, operator, state, lanes)
+    modal_lanes.close_balance(of_modes(operator.blocks, account), operator, state, lanes)
     modal_lanes.store_heat(operator, state, state.tau, lanes)
 
 
@@ -159,6 +196,8 @@ class Batch:
         Rows of ``case_row``, ``(row, case)``; at the end what the last step left there.
     balance
         Energy and heat balances, if they are asked for.
+    drives
+        What acts on blocks, ``(block, row, case)``; ``None`` where the structure is stepped in modes.
     """
 
     modal: Decoupled
@@ -170,7 +209,8 @@ class Batch:
     speed: Array
     place: Array
     own: Array
-    balance: ModalBalance | None
+    balance: Balances | None
+    drives: Array | None = None
 
 
 def case_rows(cases: Cases, begun: Motion, w: Array) -> Array:
@@ -197,12 +237,14 @@ def march_blocks(batch: Batch, watched: Watch, duration: float) -> Ended:
     lanes, before = lane_rows(tau.shape[0]), lane_rows(tau.shape[0])
     paired = before if operator.heat_counts else lanes
     own, law = law_rows(batch.own, batch.law)
-    state = State(lane_rows(len(own)), lane_rows(*motion.shape[:2]), lanes, before, paired)
-    filled = [(state.own, own), (state.motion, motion), (state.tau, tau)]
+    acts = np.zeros((0, DRIVES, len(batch.place))) if batch.drives is None else batch.drives
+    drives = lane_rows(*acts.shape[:2])
+    state = State(lane_rows(len(own)), lane_rows(*motion.shape[:2]), lanes, before, paired, drives)
+    filled = [(state.own, own), (state.motion, motion), (state.tau, tau), (drives, acts)]
     account = None if balance is None else balance.account
     closing = begun.closing + begun.closing_rate * duration
     growth = modal.static_growth / modal.heat_scale
-    rows = 2 * motion.shape[0] + tau.shape[0]
+    rows = 2 * motion.shape[0] + tau.shape[0] + drives.shape[0] * drives.shape[1]
     if balance is not None:
         rows, filled = rows + balance.rows, filled + balance.filled
     for part, block in stepping.blocks(watched, stepping.block_lanes(rows), *filled):

@@ -21,7 +21,8 @@ from workflow.kernels.lanes import PACK, ROW
 from workflow.kernels.packs import Lane, Pack, narrow, pack, plus, shared, spread, store
 from workflow.models import Array
 from workflow.schemes._fixed import balance, case_row
-from workflow.schemes._fixed.balance import Account
+from workflow.schemes._fixed.balance import Account, of_modes
+from workflow.schemes._fixed.block_lanes import DRIVES, BlockStep, step_blocks
 from workflow.schemes._fixed.contact import TipStep, was_pressed
 
 MOTION_SPEED, MOTION_PLACE = range(2)
@@ -67,11 +68,13 @@ class Coefficients(NamedTuple):
     pair_mode: NDArray[np.int64]
     pair_heat: NDArray[np.int64]
     pair_pull: Array
-    """ζ' of a mode per τ of a thermal mode near resonance with it, ``(pair,)``."""
+    """ζ' and ξ' of a mode, and the tip's velocity, per τ of a thermal mode near resonance with it, ``(pair, 3)``."""
     tip: TipStep
     heat_counts: bool
     """Whether τ at a step's end holds the heat of the contact in it; central differences add it with the next step."""
     sliding: Sliding | None = None
+    blocks: BlockStep | None = None
+    """In the place of ``modes``, where these are coupled or the load acts elsewhere than on the tip."""
 
 
 class State(NamedTuple):
@@ -87,11 +90,18 @@ class State(NamedTuple):
     """τ at the beginning of the last step."""
     tau_paired: Array
     """Either of the two: the τ that pulls at modes near resonance."""
+    drives: Array
+    """What acts on blocks, ``(block, row, lane)``, see :mod:`~workflow.schemes._fixed.block_lanes`."""
 
 
 def by_mode(*rows: Array) -> Array:
     """Return arrays ``(mode, …)`` as one, ``(mode, row, …)``."""
     return np.ascontiguousarray(np.stack(rows, axis=1))
+
+
+def pulls_on_speed(pull: Array) -> Array:
+    """Return :attr:`Coefficients.pair_pull` of modes scaled by the tip, on whose ζ alone heat pulls."""
+    return np.stack([pull, np.zeros_like(pull), pull], axis=1)
 
 
 @inlined
@@ -106,6 +116,8 @@ def lay_out(operator: Coefficients, state: State, load: Array, tip: Array) -> No
     assert state.motion.shape[2] == ROW
     assert state.tau.shape[1] == ROW
     assert state.own.shape[1] == ROW
+    assert state.drives.shape[1] == DRIVES
+    assert state.drives.shape[2] == ROW
     assert load.shape[1] == ROW
     assert tip.shape[1] == ROW
 
@@ -155,6 +167,22 @@ def _step_modes(
 
 
 @inlined
+def _step_motion(
+    blocks: BlockStep | None,
+    operator: Coefficients,
+    state: State,
+    velocity: Pack,
+    heat: Pack | None,
+    account: Account | None,
+    lane: Lane,
+) -> Pack:
+    """Step what moves, and return the tip's velocity with it."""
+    if blocks is None:
+        return _step_modes(operator, state, velocity, heat, account, lane)
+    return step_blocks(blocks, operator.tip.h, state.motion, state.drives, state.own, velocity, lane)
+
+
+@inlined
 def _step_heat(
     heat_modes: Array,
     tau: Array,
@@ -189,6 +217,8 @@ def is_warmed(own: Array, lanes: int) -> bool:
 @inlined
 def _add_pair_work(operator: Coefficients, state: State, account: Account | None, lane: Lane) -> None:
     """Count what thermal modes near resonance with mechanical ones did in the last step."""
+    if account is None:
+        return
     impulse, heat = pack(state.own, (case_row.IMPULSE, lane)), pack(state.own, (case_row.HEAT, lane))
     slid = _slid_by(operator.sliding, state.own, lane)
     for pair in range(operator.pair_mode.size):
@@ -203,10 +233,13 @@ def _add_pairs(operator: Coefficients, state: State, velocity: Pack, account: Ac
     motion = state.motion
     for pair in range(operator.pair_mode.size):
         j, k = operator.pair_mode[pair], operator.pair_heat[pair]
-        pull = shared(operator.pair_pull, (pair,), lane) * pack(state.tau_paired, (k, lane))
+        tau = pack(state.tau_paired, (k, lane))
+        pull = shared(operator.pair_pull, (pair, 0), lane) * tau
         balance.store_pull(account, pair, pull, lane)
         store(motion, (j, MOTION_SPEED, lane), pack(motion, (j, MOTION_SPEED, lane)) + pull)
-        velocity += pull
+        place = shared(operator.pair_pull, (pair, 1), lane) * tau
+        store(motion, (j, MOTION_PLACE, lane), pack(motion, (j, MOTION_PLACE, lane)) + place)
+        velocity += shared(operator.pair_pull, (pair, 2), lane) * tau
     return velocity
 
 
@@ -222,7 +255,7 @@ def step_freely(
     own, tau, heat_modes = state.own, state.tau, operator.heat_modes
     velocity, temperature, paired = spread(0.0, lane), spread(0.0, lane), operator.pair_mode.size > 0
     if tau.shape[0] == 0:
-        return _step_modes(operator, state, velocity, None, account, lane), temperature
+        return _step_motion(operator.blocks, operator, state, velocity, None, account, lane), temperature
     if warmed:
         velocity += pack(own, (case_row.DRIFT, lane))
         temperature = pack(own, (case_row.WARMTH, lane)) + pack(own, (case_row.WARMING, lane)) * t
@@ -231,10 +264,10 @@ def step_freely(
     if was_pressed(own, lane):
         heat = pack(own, (case_row.HEAT, lane))
         velocity, temperature = _step_heat(heat_modes, tau, velocity, temperature, heat, account, lane)
-        velocity = _step_modes(operator, state, velocity, heat, account, lane)
+        velocity = _step_motion(operator.blocks, operator, state, velocity, heat, account, lane)
     else:
         velocity, temperature = _step_heat(heat_modes, tau, velocity, temperature, None, account, lane)
-        velocity = _step_modes(operator, state, velocity, None, account, lane)
+        velocity = _step_motion(operator.blocks, operator, state, velocity, None, account, lane)
     if paired:
         velocity = _add_pairs(operator, state, velocity, account, lane)
     return velocity, temperature
@@ -248,7 +281,7 @@ def count_at_intervals(
     if account is None:
         return
     if step % min(ENERGY_INTERVAL, steps // FEWEST_ENERGIES + 1) == 0:
-        _store_energies(account, operator, state, lanes)
+        _store_energies(of_modes(operator.blocks, account), operator, state, lanes)
     if step % balance.SPAN == 0 or step == steps:
         _count_lost_heat(account, step, steps, operator.tip.h, state.tau, lanes)
 
@@ -260,7 +293,9 @@ def _count_lost_heat(account: Account, step: int, steps: int, h: float, tau: Arr
 
 
 @part
-def _store_energies(account: Account, operator: Coefficients, state: State, lanes: int) -> None:
+def _store_energies(account: Account | None, operator: Coefficients, state: State, lanes: int) -> None:
+    if account is None:
+        return
     for first in range(0, lanes, PACK):
         _store_energy(account, operator, state, narrow(first))
 

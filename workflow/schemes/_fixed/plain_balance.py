@@ -1,6 +1,6 @@
 """Energy and heat of a scheme that steps plain states, summed over whole steps.
 
-They are those of :mod:`workflow.schemes._fixed.dense_balance` with θ = 1/2.
+They are those of :mod:`workflow.schemes._fixed.block_lanes`, with midpoint values of the motion.
 """
 
 from __future__ import annotations

@@ -1,8 +1,6 @@
 """Friction of a casing that slides, in a fixed step: what an impulse along n - µt does beside one along n.
 
-A contact impulse p acts on a mode by -p (φ_n - µ φᵀt), so that the Delassus operator of a step is
-
-    W(µ) = W(0) - µ Σ φ_n φᵀt / i,   i the inertia of each mode in the step (the diagonal of Ŵ in modes).
+A contact impulse p acts on a mode by -p (φ_n - µ φᵀt).
 """
 
 from __future__ import annotations
@@ -28,11 +26,6 @@ def sliding(modal: Decoupled, inertia: Array) -> Sliding:
         np.ascontiguousarray(modal.tip * along / inertia),
         np.ascontiguousarray(0.5 * modal.tip * along * inverse_square(modal.tip)),
     )
-
-
-def yields_aside(modal: Decoupled, inertia: Array) -> float:
-    """Return Σ φ_n φᵀt / i, by which W falls per µ, 1/kg."""
-    return 0.0 if modal.along is None else np.sum(modal.tip * modal.along / inertia)
 
 
 def friction_message(h: float, friction: float, name: str) -> str:

@@ -1,4 +1,4 @@
-"""Steps a batch by the θ-method, in modes or by a dense matrix, and judges its cases.
+"""Steps a batch by the θ-method and judges its cases.
 
 The equations stand in :mod:`workflow.schemes._fixed.theta_method`.
 """
@@ -11,15 +11,16 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.models import Array, Cases, Structure, needs_matrices, poles
-from workflow.schemes._fixed import dense, theta_method, tip_row
+from workflow.models import Array, Cases, Structure, poles, project
+from workflow.schemes._fixed import theta_method, tip_row
+from workflow.schemes._fixed.block_march import step_blocks
+from workflow.schemes._fixed.blocks import separate
 from workflow.schemes._fixed.contact import Contact
 from workflow.schemes._fixed.decoupled import Decoupled, decouple, start
-from workflow.schemes._fixed.dense import DenseOperator
 from workflow.schemes._fixed.drive import drive_of
 from workflow.schemes._fixed.march import Batch, case_rows, march_blocks
 from workflow.schemes._fixed.marches import KERNELS
-from workflow.schemes._fixed.modal_balance import ModalBalance
+from workflow.schemes._fixed.modal_balance import Balances, Start, energy_of_modes
 from workflow.schemes._fixed.outcome import ROUNDING, Outcome, by_heat, judged
 from workflow.schemes._fixed.sliding import friction_message, slides
 from workflow.schemes._fixed.stable_steps import largest_step, limit_text
@@ -32,17 +33,15 @@ _MOST_GROWTH = 300.0
 1e24 for loads and units."""
 
 
-def init(structure: Structure, h: float, theta: float, contact: Contact) -> Operator | DenseOperator:
-    """Diagonalise a structure once for a batch, or invert its matrices where its modes are coupled."""
-    if needs_matrices(structure):
-        return dense.init(structure, h, theta, contact)
-    return Operator(structure, h, theta, decouple(structure), contact)
+def init(structure: Structure, h: float, theta: float, contact: Contact) -> Operator:
+    """Diagonalise a structure once for a batch, and separate it into blocks where its modes are coupled."""
+    motion = decouple(structure)
+    blocks = separate(motion, theta_method.step(motion, h, theta)) if motion.is_coupled else None
+    return Operator(structure, h, theta, motion, contact, blocks)
 
 
-def compute(operator: Operator | DenseOperator, cases: Cases, sampling: Sampling) -> Results:
+def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
     """Step a whole batch; thermal states are carried only in the cases where they can act."""
-    if isinstance(operator, DenseOperator):
-        return dense.compute(operator, cases, sampling)
     return by_heat(cases, lambda some, heated: _run(operator, some, sampling, heated))
 
 
@@ -50,7 +49,8 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling, heated: bool) -> 
     """Step cases that all carry thermal states, or that all carry none."""
     motion, w = operator.motion, operator.delassus(operator.h, cases.alpha, cases.friction)
     modal = motion if heated else motion.without_heat()
-    ended = step_modes(operator, modal, operator.contact.mobility(operator.h, w), cases, sampling)
+    step = step_modes if operator.blocks is None else _step_blocks
+    ended = step(operator, modal, operator.contact.mobility(operator.h, w), cases, sampling)
     if not operator.contact.judges_heat:
         operator = replace(operator, motion=modal)
     finite = ended.watched.finite(tip_row.DISPLACEMENT, tip_row.TEMPERATURE)
@@ -69,11 +69,18 @@ def step_modes(operator: Operator, modal: Decoupled, w: Array, cases: Cases, sam
     free, law = free._replace(tip=operator.contact.felt_by(free.tip)), operator.contact.law(cases)
     balance = None
     if sampling.balances:
-        terms = theta_method.terms(modal, h, theta, begun)
-        balance = ModalBalance(operator.structure, modal, free, stepped, begun, terms)
-    own, march = case_rows(cases, begun, w), KERNELS[type(law)].modes
+        terms, begins = theta_method.terms(modal, h, theta, begun), Start(modal, stepped, begun)
+        energy = energy_of_modes(begins, free, terms, watched.elapsed)
+        balance = Balances(operator.structure, free, begins, theta_method.step(modal, h, theta), energy)
+    own, march = case_rows(cases, begun, w), KERNELS[type(law)]
     batch = Batch(modal, begun, free, operator.contact, law, march, zeta, xi, own, balance)
     return march_blocks(batch, watched, sampling.duration)
+
+
+def _step_blocks(operator: Operator, modal: Decoupled, w: Array, cases: Cases, sampling: Sampling) -> Ended:
+    """Step cases in blocks."""
+    drive, stepped = drive_of(cases, operator.h, operator.theta)
+    return step_blocks(operator, w, stepped, project(modal.to_modes, stepped.velocity), sampling, drive)
 
 
 def _judge(operator: Operator, cases: Cases, duration: float, finite: NDArray[np.bool_]) -> Outcome:
@@ -100,6 +107,8 @@ def _judge(operator: Operator, cases: Cases, duration: float, finite: NDArray[np
 def _growth(operator: Operator) -> float:
     """Return the largest factor of a free step; none is above 1 where θ >= 1/2."""
     motion, h, theta = operator.motion, operator.h, operator.theta
+    if operator.blocks is not None:
+        return operator.blocks.growth
     if theta >= 0.5:
         return 1.0
     frequency = motion.frequency.copy()

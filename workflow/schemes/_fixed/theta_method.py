@@ -17,11 +17,12 @@ from typing import Any
 import numpy as np
 
 from workflow.models import Array, Structure, poles
+from workflow.schemes._fixed.blocks import Blocks, Step
 from workflow.schemes._fixed.contact import Contact, TipStep
 from workflow.schemes._fixed.decoupled import Decoupled, Motion
 from workflow.schemes._fixed.modal_balance import Terms
-from workflow.schemes._fixed.modal_lanes import Coefficients, by_mode
-from workflow.schemes._fixed.sliding import sliding, yields_aside
+from workflow.schemes._fixed.modal_lanes import Coefficients, by_mode, pulls_on_speed
+from workflow.schemes._fixed.sliding import sliding
 
 NEEDS_IMPLICIT = "the reduction leaves the tip without mass, which an explicit step (theta = 0) cannot move"
 """Why an explicit θ-method cannot step a tip without mass."""
@@ -36,12 +37,14 @@ class Operator:
     theta: float
     motion: Decoupled
     contact: Contact
+    blocks: Blocks | None = None
+    """Of a structure whose modes are coupled."""
 
     def delassus(self, h: float, alpha: Array, friction: Array | float = 0.0) -> Array:
         """Return the Delassus operator W = e_nᵀ Ŵ⁻¹ (e_n - µ t + α hθ K12 T̂⁻¹ e_n) of a step h, 1/kg, ``(case,)``."""
         motion, theta = self.motion, self.theta
-        cold, per_alpha = motion.delassus(h, theta)
-        return np.asarray(cold + alpha * per_alpha - friction * yields_aside(motion, motion.inertia(h, theta)))
+        cold, per_alpha, aside = motion.delassus(h, theta)
+        return np.asarray(cold + alpha * per_alpha - friction * aside)
 
     def factor(self, h: float, alpha: Array, friction: Array | float = 0.0) -> Array:
         """Return what contact divides by in a step h, ``(case,)``: it has one solution where that is positive."""
@@ -70,6 +73,7 @@ def coefficients(modal: Decoupled, h: float, theta: float, slides: bool = False)
     thermal_kick = -h * theta * (modal.coupling @ warm) / inertia
     decay, scale = thermal_amplification(mu, h, theta), modal.heat_scale
     j, k = modal.pairs.T
+    pull = -h * tip[j] * modal.coupling[j, k] * (theta * decay[k] + 1 - theta) / (inertia[j] * scale[k])
     return Coefficients(
         modes=by_mode(
             (modal.mass - h * (1 - theta) * c - h * h * theta * (2 - theta) * omega2) / inertia,
@@ -81,7 +85,7 @@ def coefficients(modal: Decoupled, h: float, theta: float, slides: bool = False)
         heat_modes=by_mode(decay, scale * warm, -mu * modal.tip_response / scale),
         pair_mode=j,
         pair_heat=k,
-        pair_pull=-h * tip[j] * modal.coupling[j, k] * (theta * decay[k] + 1 - theta) / (inertia[j] * scale[k]),
+        pair_pull=pulls_on_speed(pull),
         tip=TipStep(h, theta, 1.0 - theta, np.sum(tip**2 / inertia), np.sum(modal.heat_tip * warm)),
         heat_counts=True,
         sliding=sliding(modal, inertia) if slides else None,
@@ -91,7 +95,6 @@ def coefficients(modal: Decoupled, h: float, theta: float, slides: bool = False)
 def terms(modal: Decoupled, h: float, theta: float, begun: Motion) -> Terms:
     """Return how the step enters its balance."""
     warm = modal.heat_tip / (1 + h * theta * modal.rate)
-    decay = thermal_amplification(modal.rate, h, theta)
     near = np.where(modal.response == 0, modal.coupling, 0.0)
     return Terms(
         lever=h * theta,
@@ -100,11 +103,25 @@ def terms(modal: Decoupled, h: float, theta: float, begun: Motion) -> Terms:
         heat_speed=modal.mass * (modal.response @ (modal.rate * modal.heat_tip)) - h * theta * (near @ warm),
         heat_place=-modal.response @ modal.heat_tip,
         dragged=-np.sum(modal.rate * modal.tip_response * warm),
-        heat_theta=theta,
-        decay=decay,
-        warm=warm,
-        warm_next=decay * warm,
         velocity=begun.velocity,
         place=begun.position - h * theta * begun.velocity,
         opens=False,
+    )
+
+
+def step(modal: Decoupled, h: float, theta: float) -> Step:
+    """Return the step as blocks take it."""
+    decay, warm = thermal_amplification(modal.rate, h, theta), modal.heat_tip / (1 + h * theta * modal.rate)
+    return Step(
+        tip=TipStep(h, theta, 1.0 - theta, 0.0, np.sum(modal.heat_tip * warm)),
+        inertia=modal.weight(modal.inertia(h, theta), h * theta),
+        stiffening=2 * h * theta,
+        lever=h * theta,
+        decay=decay,
+        warm=warm,
+        pulls=theta * decay + 1 - theta,
+        at_once=theta,
+        heat_theta=theta,
+        heat_counts=True,
+        lagged=False,
     )

@@ -1,0 +1,7 @@
+"""Real blocks that step alone: what separates a motion whose coordinates a matrix couples."""
+
+from __future__ import annotations
+
+from workflow.poles.real_blocks import RealBlocks, real_blocks
+
+__all__ = ["RealBlocks", "real_blocks"]
