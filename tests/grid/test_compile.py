@@ -53,7 +53,7 @@ from workflow.schemes._fixed.marches import KERNELS
 ours = {f.__name__: n for f, n in Seen.functions.items() if f.__module__.startswith("workflow.schemes.")}
 print(max(ours.values()), "march" in ours, "_regime_at" in ours)
 print(sum(march.dispatcher.stats.cache_hits.values()))
-print(*(len(k.dispatcher.signatures) for k in (march, KERNELS[moreau.Newton].modes)))
+print(*(len(k.dispatcher.signatures) for k in (march, KERNELS[moreau.Newton])))
 """
 
 KILLED = """
