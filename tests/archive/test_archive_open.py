@@ -108,7 +108,6 @@ def test_provenance_is_kept_whole(path: Path) -> None:
     expected = dict(LAYOUT.provenance) | {"key": LAYOUT.key, "content_hash": archive.content_hash(path)}
     assert archive.provenance(path) == expected
     assert len(expected["hashes"]) > 64 * 1024
-    assert archive.archive_key(path) == LAYOUT.key
     with archive.open_archive(path) as dataset:  # two handles on one file
         assert archive.provenance(str(path)) == expected
         check_dataset(dataset, LAYOUT, RESULTS)
@@ -177,16 +176,17 @@ def test_a_view_that_is_never_closed_goes_with_the_process(begun: Path) -> None:
 
 def test_an_unfinished_archive_has_a_key_but_no_hash(begun: Path) -> None:
     key = archive.study_key(STUDY)
-    assert archive.archive_key(begun) == archive.provenance(begun)["key"] == key
+    assert archive.provenance(begun)["key"] == key
     assert archive.study_text(begun) == (STUDY.text, "")
     with pytest.raises(archive.ArchiveError, match="unfinished"):
         archive.content_hash(begun)
 
 
-def test_nothing_there_has_no_key(tmp_path: Path) -> None:
-    assert archive.archive_key(tmp_path / "a.nc") is None
-    archive.parts_of(tmp_path / "a.nc").mkdir()  # a run that died before it began
-    assert archive.archive_key(tmp_path / "a.nc") is None
+def test_a_run_that_died_before_it_began_is_no_archive(tmp_path: Path) -> None:
+    archive.parts_of(tmp_path / "a.nc").mkdir()
+    for read in (archive.open_archive, archive.provenance):
+        with pytest.raises(archive.ArchiveError, match="no such archive"):
+            read(tmp_path / "a.nc")
 
 
 def build_wrong(path: Path, good: Path, fault: str) -> None:
@@ -227,9 +227,7 @@ FAULTS = {
 def test_what_cannot_be_opened_is_said(path: Path, tmp_path: Path, fault: str) -> None:
     wrong = tmp_path / "wrong.nc"
     build_wrong(wrong, path, fault)
-    for read in (archive.open_archive, archive.provenance, archive.content_hash, archive.archive_key):
-        if fault == "missing" and read is archive.archive_key:
-            continue
+    for read in (archive.open_archive, archive.provenance, archive.content_hash):
         with pytest.raises(archive.ArchiveError, match=FAULTS[fault]) as caught:
             read(wrong)
         assert str(caught.value).startswith(str(wrong))

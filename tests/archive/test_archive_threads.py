@@ -38,7 +38,7 @@ def test_two_hundred_shards_from_four_threads_while_another_opens(tmp_path: Path
             seen.append(int(stored_in(parts).holds(sample_hashes(LAYOUT)).sum()))
             with archive.open_archive(other) as whole:
                 np.testing.assert_array_equal(whole["displacement"][7], RESULTS["displacement"][7])
-                assert archive.archive_key(other) == LAYOUT.key
+                assert archive.provenance(other)["key"] == LAYOUT.key
         return len(seen)
 
     with ThreadPoolExecutor(6) as pool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -15,7 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import workflow.run._task as running
-from quick import hashes_of, interrupted, quick
+from quick import hashes_of, interrupted, quick, room_for
 from studies import cut_finely
 from workflow import schemes
 from workflow.archive import (
@@ -28,6 +28,7 @@ from workflow.archive import (
     provenance,
     stored_hashes,
 )
+from workflow.grid import arrange, solve
 from workflow.run import _study as studying
 from workflow.run import run_study
 from workflow.study import Study
@@ -184,6 +185,42 @@ def test_killed_in_the_middle(after: int, tmp_path: Path, monkeypatch: pytest.Mo
         run_study(new, archive, threads=1)
     assert content_hash(archive) == from_nothing(new, tmp_path)
     assert sum(solved) == 7 - len(written)
+
+
+STUDIES = [quick({"e": e, "alpha": [0.0, 5.0, 50.0]}) for e in ([0.0, 0.5], [0.5, 0.9, 0.2], [0.0, 0.2, 0.5, 0.9])]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_whatever_was_interrupted_before(seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Extensions, retries, runs anew and narrowed ones, each stopped after some shards or none: one content."""
+    cut_finely(monkeypatch)
+    archive, random = tmp_path / "a.nc", np.random.default_rng(seed)
+    for _ in range(8):
+        study = STUDIES[random.integers(len(STUDIES))]
+        options = [{}, {"retry": True}, {"recompute": True}][random.integers(3)]
+        with suppress(ArchiveError), room_for(int(random.integers(5))):
+            run_study(study, archive, threads=1, drop=True, **options)
+        if archive.exists():
+            assert content_hash(archive) == provenance(archive)["content_hash"]
+    expected = {
+        case: values for study in STUDIES for case, values in zip(hashes_of(study), of_cases(study), strict=True)
+    }
+    for study in (*STUDIES, STUDIES[-1]):
+        with counted() as solved:
+            outcome = run_study(study, archive, threads=1, drop=True)
+        assert sum(solved) + outcome.resumed == len(hashes_of(study))
+        with open_archive(archive) as data:
+            assert [expected[case] for case in hashes_of(study)] == data["contact_impulse"].values.ravel().tolist()
+    assert solved == []
+    assert content_hash(archive) == from_nothing(STUDIES[-1], tmp_path)
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["a.nc", "from_nothing.nc"]
+
+
+def of_cases(study: Study) -> list[float]:
+    """Return the contact impulse of each case."""
+    grid = arrange(study)
+    solved = [solve(grid, outer, np.arange(grid.inner_count)) for outer in range(grid.outer_count)]
+    return [value for each in solved for value in each.values["contact_impulse"].tolist()]
 
 
 def test_the_old_archive_stays_until_the_new_one_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -23,7 +23,6 @@ from workflow.archive._gather import gather
 from workflow.archive._hold import holding
 from workflow.archive._layout import STATUS, Coordinate, Layout, Variable, truncated_message
 from workflow.archive._open import (
-    archive_key,
     content_hash,
     discard_views,
     is_whole,
@@ -63,7 +62,6 @@ __all__ = [
     "Source",
     "Stored",
     "Variable",
-    "archive_key",
     "archive_kinds",
     "archive_sources",
     "are_among",

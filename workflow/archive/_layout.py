@@ -61,19 +61,6 @@ class Coordinate:
     values: NDArray[Any]
     attrs: Attributes
 
-    def __post_init__(self) -> None:
-        values = np.asarray(self.values)
-        dtype: Any = object
-        if values.dtype.kind in "iu":
-            dtype = np.int64
-        elif values.dtype.kind == "f":
-            dtype = np.float64
-        elif not all(isinstance(value, str) for value in values.ravel().tolist()):
-            raise ValueError(f"coordinate {self.name}: values must be numbers or texts, not {values.dtype}")
-        if values.ndim != len(self.dims):
-            raise ValueError(f"coordinate {self.name}: {values.ndim}-d values along {self.dims}")
-        object.__setattr__(self, "values", values.astype(dtype))
-
     @property
     def text(self) -> bool:
         """Whether the values are strings."""
@@ -99,10 +86,6 @@ class Variable:
     dtype: str
     attrs: Attributes
     optional: bool = False
-
-    def __post_init__(self) -> None:
-        if self.dtype not in ("f8", "f4", "i1"):
-            raise ValueError(f"variable {self.name}: dtype {self.dtype!r} is none of f8, f4, i1")
 
     @property
     def fill(self) -> float | int:

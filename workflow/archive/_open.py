@@ -137,20 +137,6 @@ def content_hash(path: str | Path) -> str:
         return hash_content(path)
 
 
-def archive_key(path: str | Path) -> str | None:
-    """Return the key of the study that an archive or its shards belong to, ``None`` if there is neither.
-
-    Raises
-    ------
-    ArchiveError
-        A file is there, but it is not an archive of this workflow: not to be overwritten.
-    """
-    path = usable(path)
-    if not path.exists() and _unfinished(path) is None:
-        return None
-    return provenance(path)["key"]
-
-
 def is_whole(path: str | Path) -> bool:
     """Tell whether an archive's bytes are those that were written.
 
