@@ -84,12 +84,24 @@ def test_the_oscillator_of_shaw_and_holmes_doubles_its_period() -> None:
 
 
 def test_the_oscillator_of_recipes_for_continuation_grazes() -> None:
-    """At an amplitude of 0.1 its resonance reaches the stop; the impacting motion ends there."""
+    """At an amplitude of 0.1 its resonance reaches the stop; the impacting motion ends there, after a fold.
+
+    At resonance x is 10 A sin(t + φ) and a free vibration h, h(0) = h(2π), h'(0) - h'(2π) = -(1 + e) v, linear in v; so
+    100 A² = (1 - h(0))² + (e v + h'(0))², which is least at the fold.
+    """
     structure = oscillator(0.1)
     scene = cases(structure, e=0.8, gap=1.0, amplitude=1.0, frequency=1 / TURN, phase=np.pi / 2)
     values = followed(along("amplitude", structure, scene), 1.0, 0.05, 12, 300.0)
     assert flagged(values, "grazing").tolist() == [11]
     assert values["value"][-1] == pytest.approx(0.1, abs=1e-6)
+    pole = complex(-0.05, np.sqrt(1 - 0.05**2))  # h = Re(z exp(pole t)), per v
+    after = np.exp(TURN * pole)
+    rows = [[(1 - after).real, -(1 - after).imag], [(pole * (1 - after)).real, -(pole * (1 - after)).imag]]
+    z = complex(*np.linalg.solve(rows, [0.0, -1.8]))
+    place, speed = z.real, 0.8 + (pole * z).real
+    (fold,) = flagged(values, "fold")
+    assert values["value"][fold] == pytest.approx(0.1 * abs(speed) / np.hypot(place, speed), abs=1e-9)
+    assert values["steady_impulse"][fold] == pytest.approx(1.8 * place / (place**2 + speed**2), rel=1e-4)
 
 
 def test_a_soft_rub_becomes_free_where_the_gap_is_its_reach() -> None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import astuple, replace
+from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from scipy.optimize import brentq
 
 from workflow.models import Array
 from workflow.orbits._curve import Curve, Point, Problem
-from workflow.orbits._orbit import NOT_FOUND, Orbit, Scale, scale_of
+from workflow.orbits._orbit import NOT_FOUND, Orbit, scale_of
 from workflow.orbits._rubs import tabulated
 from workflow.orbits._settle import Options, Settled, settle
 from workflow.schemes._exact.record import TOUCH
@@ -23,6 +24,9 @@ _NONE, _FOLD, _PERIOD_DOUBLING, _TORUS, _GRAZING = range(5)
 
 _STARTS = (0.0, 1.0, 0.5, 0.25, 0.75)
 """Shares of the range at which a periodic rub is looked for."""
+
+Along = Callable[[float], Point | None]
+"""Point of a branch at an arclength."""
 
 _FIRST, _LARGEST, _LEAST = 1e-2, 0.25, 1e-7
 """Steps along the curve: range and motion are of length 1."""
@@ -64,9 +68,16 @@ def _flagged(curve: Curve, first: Point, count: int) -> tuple[list[Point], NDArr
     """Return at most ``count`` points of the branch through one, in order of arclength, and their bifurcations."""
     behind, back = _followed(curve, _reversed(first))
     ahead, end = _followed(curve, first)
-    found = _placed(curve, [*map(_reversed, reversed(behind)), *ahead[1:]], count)
+    trace = [*map(_reversed, reversed(behind)), *ahead[1:]]
+
+    def at(place: float) -> Point | None:
+        """Return the point at an arclength."""
+        near = min(trace, key=lambda point: abs(point.place - place))
+        return near if near.place == place else curve.step(near, place - near.place)
+
+    found = [point for place in np.linspace(trace[0].place, trace[-1].place, count) if (point := at(place)) is not None]
     flags = np.zeros(len(found), dtype=np.int8)
-    _locate(curve, found, flags)
+    _locate(at, found, flags)
     order = np.argsort([point.place for point in found], kind="stable")
     found, flags = [found[i] for i in order], flags[order]
     flags[0], flags[-1] = flags[0] or back, flags[-1] or end
@@ -90,9 +101,8 @@ def _first(curve: Curve, options: Options) -> Point | None:
             starts = [q + (round(1 - q) - q) / 2**k for k in range(8)] if len(found) == 1 else []
     if not found:
         return None
-    scales = [scale_of(orbit.flow, [orbit.course]) for _, orbit in found]
-    largest = Scale(*np.max([astuple(scale) for scale in scales], axis=0).tolist())
-    first = curve.begin(found[0][1], largest, found[0][0])
+    scale = np.max([scale_of(orbit.flow, [orbit.course]) for _, orbit in found], axis=0)
+    first = curve.begin(found[0][1], scale, found[0][0])
     return first and curve.rephased(first)
 
 
@@ -128,28 +138,14 @@ def _followed(curve: Curve, first: Point) -> tuple[list[Point], int]:
     return points, _NONE
 
 
-def _placed(curve: Curve, trace: list[Point], count: int) -> list[Point]:
-    """Return points at equal distances along the curve, the first and the last those of the trace."""
-    places = np.array([point.place for point in trace])
-    found = []
-    for place in np.linspace(places[0], places[-1], count):
-        near = int(np.argmin(np.abs(places - place)))
-        point = trace[near] if abs(places[near] - place) < _LEAST else curve.step(trace[near], place - places[near])
-        if point is not None:
-            found.append(replace(point, place=place))
-    return found
-
-
-def _locate(curve: Curve, found: list[Point], flags: NDArray[np.int8]) -> None:
+def _locate(at: Along, found: list[Point], flags: NDArray[np.int8]) -> None:
     """Put a point where each bifurcation is, in the place of the nearer of its neighbours, and flag it."""
-    points = list(found)
-    for i in range(len(points) - 1):
-        a, b = points[i], points[i + 1]
+    for i, (a, b) in enumerate(pairwise(list(found))):
         for flag, test in _TESTS.items():
-            place = _root(curve, a, b, test)
-            if place is not None:
-                _put(found, flags, place, i, flag)
-        for grazing in _order_changes(curve, a, b) if _order(a) != _order(b) else ():
+            point = _root(at, a, b, test)
+            if point is not None:
+                _put(found, flags, point, i, flag)
+        for grazing in _order_changes(at, a, b) if _order(a) != _order(b) else ():
             _put(found, flags, grazing, i, _GRAZING)
 
 
@@ -178,19 +174,19 @@ _TESTS: dict[int, Callable[[Point], float]] = {
 }
 
 
-def _root(curve: Curve, a: Point, b: Point, test: Callable[[Point], float]) -> Point | None:
+def _root(at: Along, a: Point, b: Point, test: Callable[[Point], float]) -> Point | None:
     """Return the point between two where a test is 0; ``None`` where it does not change its sign, or by a jump."""
     if not (test(a) * test(b) < 0 and np.isfinite(test(a) * test(b))):
         return None
-    found: list[Point] = []
+    found = [a, b]
 
-    def at(length: float) -> float:
-        point = curve.step(a, length)
+    def value(place: float) -> float:
+        point = at(place)
         found.extend([point] if point is not None else [])
         return np.nan if point is None else test(point)
 
     try:
-        brentq(at, 0.0, b.place - a.place, xtol=_ROOT, rtol=1e-14)
+        brentq(value, a.place, b.place, xtol=_ROOT, rtol=1e-14)
     except ValueError:  # a point between was not found
         return None
     nearest = min(found, key=lambda point: abs(test(point)))
@@ -207,15 +203,15 @@ def _order(point: Point) -> tuple[int, int, bool]:
     return touches, 0 if touches else course.kinds.size, course.was_held and not course.times.size
 
 
-def _order_changes(curve: Curve, a: Point, b: Point) -> list[Point]:
+def _order_changes(at: Along, a: Point, b: Point) -> list[Point]:
     """Return the points where the order of events ceases to be that of a, and where it becomes that of b."""
-    low, last, found = 0.0, a, list[Point]()
+    low, last, found = a.place, a, list[Point]()
     is_before: list[Callable[[Point], bool]] = [lambda p: _order(p) == _order(a), lambda p: _order(p) != _order(b)]
     for before in is_before:
-        high, beyond = b.place - a.place, b
+        high, beyond = b.place, b
         while high - low > _GRAZED:
             middle = 0.5 * (low + high)
-            point = curve.step(a, middle)
+            point = at(middle)
             if point is not None and before(point):
                 low, last = middle, point
             else:

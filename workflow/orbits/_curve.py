@@ -9,7 +9,7 @@ import numpy as np
 
 from workflow.models import Array, Cases, Structure
 from workflow.orbits._flow import Analysed, Flow
-from workflow.orbits._orbit import RESIDUAL, Orbit, Scale, longest
+from workflow.orbits._orbit import RESIDUAL, Orbit, longest
 from workflow.schemes._exact.batch import heat_acts
 
 Problem = Callable[[float], tuple[Structure, Cases]]
@@ -52,7 +52,7 @@ class Curve:
 
     def __init__(self, problem: Problem, start: float, stop: float, duration: float):
         self.problem, self.start, self.stop, self.duration = problem, start, stop, duration
-        self.scale: Scale | None = None
+        self.scale: Array | None = None
         self.first: Structure | None = None
         self.shared: Analysed | None = None
         self.heated = any(heat_acts(problem(self.value(q))[1], 0) for q in (0.0, 0.5, 1.0))
@@ -68,7 +68,7 @@ class Curve:
             self.shared = Analysed(structure)
         return Flow(self.shared, cases, self.duration, heated=self.heated)
 
-    def begin(self, orbit: Orbit, scale: Scale, q: float) -> Point | None:
+    def begin(self, orbit: Orbit, scale: Array, q: float) -> Point | None:
         """Return an orbit as the point from which the curve is followed, with a tangent to larger q."""
         self.scale, self.first = scale, orbit.flow.structure
         w = self._charts(orbit.flow)[0] @ orbit.course.start
@@ -90,7 +90,7 @@ class Curve:
             error = self._charts(orbit.flow)[0] @ orbit.course.X - u[:-1]
             size = max(orbit.residual, abs(float(row @ u - target)))
             if size < 0.01 * RESIDUAL or (size < RESIDUAL and not size < 0.5 * last):
-                return self._point(u, point.phase, orbit, point.row, point.place + abs(length))
+                return self._point(u, point.phase, orbit, point.row, point.place + length)
             last, slope = size, self._slope(u, point.phase, orbit)
             if slope is None:
                 return None
@@ -146,10 +146,10 @@ class Curve:
         assert self.first is not None
         basis, now = flow.operator.basis, flow.structure
         size, n = flow.start.size, flow.modes
-        sides, scale = np.ones(size), np.full(size, self.scale.temperature)
+        sides, scale = np.ones(size), np.full(size, self.scale[2])
         sides[:n] = sides[n : 2 * n] = np.where(self.first.mass[-1] * now.mass[-1] < 0, -1.0, 1.0)
         sides[2 * n :] = np.where(self.first.heat_capacity[-1] * now.heat_capacity[-1] < 0, -1.0, 1.0)[: size - 2 * n]
-        scale[:n], scale[n : 2 * n] = self.scale.displacement, self.scale.velocity
+        scale[:n], scale[n : 2 * n] = self.scale[:2]
         factor = sides / (scale * np.sqrt(size))
         out, into = np.zeros((size, size)), np.zeros((size, size))
         for part in (slice(0, n), slice(n, 2 * n)):

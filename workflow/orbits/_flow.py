@@ -98,6 +98,11 @@ class Flow:
             (X[..., 2 * n :] @ shapes.heat_shapes[:, : X.shape[-1] - 2 * n].T),
         )
 
+    def size(self, X: Array, scale: Array) -> float:
+        """Return the largest of x, v and θ of a deviation, each over its scale; inf where it is not finite."""
+        size = max(float(np.abs(x).max(initial=0.0)) / most for x, most in zip(self.parts(X), scale, strict=True))
+        return size if np.isfinite(X).all() else np.inf
+
     def growth_by_heat(self, X: Array) -> float:
         """Return the quasi-static tip growth of a state, m."""
         return float(self.operator.basis.closing[: X.size - 2 * self.modes] @ X[2 * self.modes :])

@@ -61,30 +61,13 @@ class Orbit:
         return PERMANENT_CONTACT if self.course.was_held else NO_CONTACT
 
 
-@dataclass(frozen=True)
-class Scale:
-    """Largest |x|, |v| and |θ| of a motion."""
-
-    displacement: float
-    velocity: float
-    temperature: float
-
-    def size(self, flow: Flow, X: Array) -> float:
-        """Return the largest of x, v and θ of a deviation, each over its maximum; inf where it is not finite."""
-        parts = zip(flow.parts(X), (self.displacement, self.velocity, self.temperature), strict=True)
-        size = max(float(np.abs(part).max(initial=0.0)) / largest for part, largest in parts)
-        return size if np.isfinite(X).all() else np.inf
-
-
-def scale_of(flow: Flow, courses: list[Course]) -> Scale:
-    """Return the scale of a motion in courses, by their samples, events and ends; one of a velocity is at least x/T."""
+def scale_of(flow: Flow, courses: list[Course]) -> Array:
+    """Return the largest |x|, |v|, at least x/T, and |θ| of a motion, by samples, events and ends of its courses."""
     parts = flow.parts(np.vstack([np.vstack([course.states, course.X]) for course in courses]))
-    samples = np.hstack([course.histories for course in courses])
-    largest = [
-        max(np.abs(part).max(initial=0.0), np.nanmax(np.abs(own))) for part, own in zip(parts, samples, strict=False)
-    ]
-    x, v, theta = (float(value) for value in largest)
-    return Scale(x or 1.0, max(v, x / flow.period) or 1.0, theta or 1.0)
+    samples = np.abs(np.hstack([course.histories[:3] for course in courses]))
+    largest = np.maximum([np.abs(part).max(initial=0.0) for part in parts], np.nanmax(samples, axis=1))
+    largest[1] = max(largest[1], largest[0] / flow.period)
+    return np.where(largest > 0, largest, 1.0)
 
 
 def longest(course: Course, *, flights: bool = False) -> float:
@@ -95,7 +78,7 @@ def longest(course: Course, *, flights: bool = False) -> float:
     return float(0.5 * (ends[place] + ends[place + 1]))
 
 
-def newton(flow: Flow, X: Array, contact: bool, begin: float, order: int, scale: Scale) -> Orbit | None:
+def newton(flow: Flow, X: Array, contact: bool, begin: float, order: int, scale: Array) -> Orbit | None:
     """Return the orbit of order k near X at ``begin`` by damped steps of Newton's method; ``None`` where they fail.
 
     A step is halved until the next one, by the same derivative, is shorter. Once the residual is small enough steps go
@@ -107,11 +90,11 @@ def newton(flow: Flow, X: Array, contact: bool, begin: float, order: int, scale:
     for _ in range(_MOST):
         course = flow.march(trial, contact, begin, order * flow.period)
         change = course.X - trial
-        error = scale.size(flow, change) if course.repeats else np.inf
+        error = flow.size(change, scale) if course.repeats else np.inf
         if best is not None and best.residual < RESIDUAL and not error < 0.5 * best.residual:
             return best
         if error < RESIDUAL or (
-            error < np.inf and (best is None or scale.size(flow, inverse @ change) < scale.size(flow, step))
+            error < np.inf and (best is None or flow.size(inverse @ change, scale) < flow.size(step, scale))
         ):
             D = flow.derivative(course)
             best, share = Orbit(flow, order, course, D, error), 1.0
@@ -122,13 +105,13 @@ def newton(flow: Flow, X: Array, contact: bool, begin: float, order: int, scale:
             step = np.asarray(inverse @ change, dtype=np.float64)
         else:
             share /= 2
-            if best is None or share * scale.size(flow, step) < RESIDUAL:
+            if best is None or share * flow.size(step, scale) < RESIDUAL:
                 return None
         trial = best.course.start + share * step
     return best if best is not None and best.residual < RESIDUAL else None
 
 
-def without_events(flow: Flow, contact: bool, scale: Scale) -> Orbit | None:
+def without_events(flow: Flow, contact: bool, scale: Array) -> Orbit | None:
     """Return the orbit of a tip that stays free, or held; ``None`` where there is none.
 
     Under constant loads it is an equilibrium, and T the span by which it is looked at.
@@ -142,5 +125,5 @@ def without_events(flow: Flow, contact: bool, scale: Scale) -> Orbit | None:
     course = flow.march(X, contact, 0.0, flow.period)
     if course.times.size or not course.repeats:
         return None
-    D, residual = flow.derivative(course), scale.size(flow, course.X - X)
+    D, residual = flow.derivative(course), flow.size(course.X - X, scale)
     return Orbit(flow, 1, course, D, residual) if residual < RESIDUAL else None

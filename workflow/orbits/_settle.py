@@ -8,7 +8,7 @@ import numpy as np
 
 from workflow.models import Array
 from workflow.orbits._flow import MOST_LOAD_PERIODS, Flow
-from workflow.orbits._orbit import NOT_FOUND, RUNS_AWAY, Orbit, Scale, longest, newton, scale_of, without_events
+from workflow.orbits._orbit import NOT_FOUND, RUNS_AWAY, Orbit, longest, newton, scale_of, without_events
 from workflow.schemes._exact.advance import Course
 
 MOST_PERIODS = 1000
@@ -158,9 +158,9 @@ def _found(flow: Flow, courses: list[Course], options: Options) -> Settled | Non
     return None
 
 
-def _rub(flow: Flow, courses: list[Course], options: Options, scale: Scale) -> Settled | None:
+def _rub(flow: Flow, courses: list[Course], options: Options, scale: Array) -> Settled | None:
     """Return the rub with contact events that a transient approaches; ``None`` where none is found."""
-    apart = [scale.size(flow, courses[-k].start - courses[-1].X) for k in range(1, options.periods + 1)]
+    apart = [flow.size(courses[-k].start - courses[-1].X, scale) for k in range(1, options.periods + 1)]
     k = int(np.argmin(apart)) + 1
     last = flow.march(courses[-k].start, courses[-k].was_held, 0.0, k * flow.period)
     begin = longest(last, flights=True)
@@ -173,27 +173,27 @@ def _rub(flow: Flow, courses: list[Course], options: Options, scale: Scale) -> S
         return None
     for order in range(1, k):
         least = newton(flow, orbit.course.start, orbit.course.was_held, begin, order, scale) if k % order == 0 else None
-        if least is not None and scale.size(flow, least.course.start - orbit.course.start) < _NEAR:
+        if least is not None and flow.size(least.course.start - orbit.course.start, scale) < _NEAR:
             return Settled(least.state, "", least)
     return Settled(orbit.state, "", orbit)
 
 
-def _approaches(orbit: Orbit, before: Array, after: Array, scale: Scale) -> bool:
+def _approaches(orbit: Orbit, before: Array, after: Array, scale: Array) -> bool:
     """Tell whether a transient comes nearer to a stable orbit over 2kT, by about as much as its multipliers say."""
     flow, start = orbit.flow, orbit.course.start
     first, last = before - start, after - start
-    away, left = scale.size(flow, first), scale.size(flow, last)
+    away, left = flow.size(first, scale), flow.size(last, scale)
     change = orbit.D @ (orbit.D @ first) - first
     error = orbit.D @ (last - first - change)  # over one more map: what decays at once does not count
-    by_rule = scale.size(flow, error) <= 0.5 * scale.size(flow, orbit.D @ change)
+    by_rule = flow.size(error, scale) <= 0.5 * flow.size(orbit.D @ change, scale)
     return orbit.growth < 0 and (max(away, left) < _NEAR or (left < away and by_rule))
 
 
-def _stays(orbit: Orbit, X: Array, scale: Scale) -> bool:
+def _stays(orbit: Orbit, X: Array, scale: Array) -> bool:
     """Tell whether a transient that decays towards an orbit without events meets none in periods ever further apart."""
     flow, course, number = orbit.flow, orbit.course, 1
     regime, deviation = flow.held if course.was_held else flow.free, X - course.start
-    while scale.size(flow, deviation) > _NEAR:
+    while flow.size(deviation, scale) > _NEAR:
         if flow.march(course.start + deviation, course.was_held, 0.0, flow.period).times.size:
             return False
         deviation = regime.propagators(np.array([number * flow.period]))[0] @ (X - course.start)
