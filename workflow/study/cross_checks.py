@@ -1,4 +1,4 @@
-"""What no single value of a study decides: a start inside the casing, far too many steps, broken schemes and bases."""
+"""Checks across the entries of a study: a start inside the casing, far too many steps, broken schemes and bases."""
 
 from __future__ import annotations
 

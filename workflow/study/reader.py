@@ -1,4 +1,4 @@
-"""From the text of a study to a :class:`Study`, or to all of its mistakes at once."""
+"""From the text of a study to a :class:`Study`, or to its mistakes."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def _forms(
 
 
 class _Reader:
-    """Reads one study, section by section; a mistake in one hides none in another."""
+    """Reads one study: first every entry, then the checks across entries."""
 
     def __init__(self, source: Source, attached: Mapping[str, Path]) -> None:
         self.source, self.tree = source, source.tree
@@ -136,7 +136,7 @@ class _Reader:
         self.sizes = Sizes()
 
     def study(self) -> Study:
-        """Return the study: its entries are read first, and when all are sound what is between them is checked."""
+        """Return the study; checks across entries come when every entry could be read."""
         supplied = self._supply()
         self.sizes = self._sizes()
         entries, written = self._read(supplied), self._written()
