@@ -262,7 +262,7 @@ def figure_section() -> Iterator[str]:
     yield ""
     yield (
         "Functions of `workflow.plots` take a dataset, an archive or what is selected of one, and return a Matplotlib "
-        '`Figure`: `figure.savefig("rub.pdf")`, `figure.set_size_inches(6.3, 4)`, `figure.axes[0].set_ylim(0, 30)`.'
+        '`Figure`: `figure.savefig("rub.pdf")`, `figure.set_size_inches(6.3, 6)`, `figure.axes[0].set_ylim(0, 30)`.'
     )
     yield ""
     for name, code in FIGURES.items():

@@ -28,6 +28,9 @@ def test_a_dictionary_is_planned_and_run(tmp_path: Path, monkeypatch: pytest.Mon
     words = workflow.labels(status)
     assert words.dims == status.dims
     assert set(words.values.flat) == {"ok", "ill_posed"}
+    assert set(workflow.labels(done.dataset["runaway"]).values.flat) <= {"bounded", "runaway"}
+    with pytest.raises(ValueError, match="flag_meanings"):
+        workflow.labels(done.dataset["impacts"])
     assert ((words == "ok") == (status == 0)).all()
 
 

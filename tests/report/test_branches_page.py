@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from workflow import run_study
-from workflow.analysis import flags_of, limits
+from workflow.analysis import labels, limits
 from workflow.report import write_report
 from workflow.run import verify
 from workflow.study import parse_study
@@ -36,7 +36,7 @@ def test_the_fold_of_the_blade_is_stored_verified_told_and_drawn(tmp_path: Path)
     archive = tmp_path / "branches.nc"
     dataset = run_study(parse_study(STUDY, "branches.yaml"), archive, threads=2).dataset.load()
     folds = [
-        float(dataset["alpha"].values[k][row == "fold"][0]) for k, row in enumerate(flags_of(dataset, "bifurcation"))
+        float(dataset["alpha"].values[k][row == "fold"][0]) for k, row in enumerate(labels(dataset["bifurcation"]).values)
     ]
     assert folds == pytest.approx([5.412509721, 8.4308307735], abs=2e-7)  # 1e-8 of the range
     assert np.all(dataset["status"] == 0)

@@ -11,7 +11,7 @@ import pytest
 
 from browser import MODEL, errors, opened, settle, window
 from steady_studies import steady_study
-from workflow.analysis import flags_of
+from workflow.analysis import labels
 from workflow.archive import open_archive
 from workflow.report import write_report
 from workflow.run import run_study
@@ -86,7 +86,7 @@ def test_a_click_on_a_point_of_a_branch_shows_its_orbit(driver: Any, tmp_path: P
     run_study(steady_study(axes), tmp_path / "branches.nc")
     opened(driver, write_report(tmp_path / "branches.nc").page)
     with open_archive(tmp_path / "branches.nc") as dataset:
-        folds = flags_of(dataset, "bifurcation") == "fold"
+        folds = labels(dataset["bifurcation"]).values == "fold"
         number = int(np.flatnonzero(folds[np.isfinite(dataset["alpha"].values)])[0])
         branch, point = np.argwhere(folds)[0]
         place = f"(({{x, y}}) => [box.x_scale.compute(x[{number}]), box.y_scale.compute(y[{number}])])"

@@ -23,12 +23,21 @@ def case_dims(dataset: xr.Dataset) -> tuple[str, ...]:
     return tuple(str(name) for name in dataset["status"].dims)
 
 
-def labels(status: xr.DataArray) -> xr.DataArray:
-    """Return the word of each status, ``ok``, ``diverged``, ``ill_posed`` or ``failed``, in an array of its shape."""
+def labels(flags: xr.DataArray) -> xr.DataArray:
+    """Return the words of a variable of flags (``status``, ``runaway``, ``steady_state``, ``bifurcation``).
+
+    Raises
+    ------
+    ValueError
+        The array has none: its ``flag_values`` and ``flag_meanings`` were lost on the way from the archive.
+    """
     import xarray as xr
 
-    words: xr.DataArray = xr.apply_ufunc(np.vectorize(status_name, otypes=[str]), status)
-    return words
+    if "flag_meanings" not in flags.attrs:
+        raise ValueError(f"{flags.name or 'the array'} has no flag_meanings; give a variable as the archive holds it")
+    words = dict(zip(np.ravel(flags.attrs["flag_values"]).tolist(), flags.attrs["flag_meanings"].split(), strict=True))
+    worded: xr.DataArray = xr.apply_ufunc(np.vectorize(words.__getitem__, otypes=[str]), flags)
+    return worded
 
 
 def runaways(dataset: xr.Dataset) -> tuple[int, int]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.analysis._cases import case_dims, coordinate_units, exact, naming
+from workflow.analysis._cases import case_dims, coordinate_units, exact, labels, naming
 from workflow.analysis._recommend import is_numerical
 from workflow.schemes import Status
 from workflow.study import readable
@@ -96,12 +96,6 @@ def followed_axis(dataset: xr.Dataset) -> str | None:
     return next((name for name in along if name not in BY_NAME), None)
 
 
-def flags_of(dataset: xr.Dataset, name: str) -> NDArray[Any]:
-    """Return the words of a variable of flags, in an array of its shape."""
-    meanings = np.array(str(dataset[name].attrs["flag_meanings"]).split(), dtype=object)
-    return np.asarray(meanings[dataset[name].values])
-
-
 def limits(dataset: xr.Dataset, **bounds: float | None) -> Limits:
     """Return in which range of each axis rubs settle, touch nothing or stay in contact, and keep within bounds.
 
@@ -134,7 +128,7 @@ def limits(dataset: xr.Dataset, **bounds: float | None) -> Limits:
 
 def _faults(dataset: xr.Dataset, bounds: Mapping[str, float | None]) -> tuple[NDArray[Any], NDArray[np.bool_]]:
     """Return why a case or point is not within, empty where it is, and whether it was asked for, ``(…[, point])``."""
-    state = flags_of(dataset, "steady_state")
+    state = labels(dataset["steady_state"]).values
     faults = np.where(np.isin(state, _WITHIN), "", state).astype(object)
     for name, most in bounds.items():
         if most is not None:
@@ -148,7 +142,7 @@ def _faults(dataset: xr.Dataset, bounds: Mapping[str, float | None]) -> tuple[ND
         status = np.broadcast_to(status[..., None], state.shape)
     faults[asked & (status != Status.OK)] = "failed"
     if "bifurcation" in dataset:  # a multiplier of modulus 1
-        faults[(faults == "") & np.isin(flags_of(dataset, "bifurcation"), _MARGINAL)] = "unstable"
+        faults[(faults == "") & np.isin(labels(dataset["bifurcation"]).values, _MARGINAL)] = "unstable"
     return np.where(asked, faults, ""), asked
 
 
@@ -170,7 +164,7 @@ def _along_branches(dataset: xr.Dataset, faults: NDArray[Any], asked: NDArray[np
     """Return the limit of each branch along the axis that is followed, before the first point that is not within."""
     name = followed_axis(dataset)
     assert name is not None
-    values, flags = np.asarray(dataset[name].values), flags_of(dataset, "bifurcation")
+    values, flags = np.asarray(dataset[name].values), labels(dataset["bifurcation"]).values
     sign, each = _MILD.get(name, 1), []
     for place in np.ndindex(asked.shape[:-1]):
         along = np.flatnonzero(asked[place])

@@ -57,8 +57,9 @@ def recommend(archive: ArchiveFile, tolerance: Tolerance = None, as_json: AsJson
 
 
 def _with_reference(archive: Path) -> str:
-    """Return the command that runs an archive's study with the exact solution as its reference."""
-    words = ("workflow", "run", str(archive), "-s", "reference={scheme: event_driven}")
+    """Return the command that runs an archive's study with the exact solution of its full model as its reference."""
+    reference = "reference={scheme: event_driven, mechanical_modes: full, thermal_modes: full}"
+    words = ("workflow", "run", str(archive), "-s", reference)
     return shlex.join((*words, "-o", f"{archive.stem}_errors.nc"))
 
 

@@ -15,7 +15,13 @@ from workflow.models._structure import Rayleigh
 class Parameters:
     """Geometry and material of a uniform blade."""
 
-    nodes: int = quantity("1", "number of cells, the tip's half cell included", at_least=1, at_most=MOST_NODES)
+    nodes: int = quantity(
+        "1",
+        "number of cells, the tip's half cell included; largest temperatures grow with it until cells are thinner than "
+        "heat enters in a contact",
+        at_least=1,
+        at_most=MOST_NODES,
+    )
     length: float = quantity("m", "length from root to tip", above=0)
     width: float = quantity("m", "width of the section", above=0)
     thickness: float = quantity("m", "thickness of the section", above=0)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from workflow.analysis import case_dims, flags_of, followed_axis, labels_of
+from workflow.analysis import case_dims, followed_axis, labels, labels_of
 from workflow.plots._style import COLOURS, trim
 from workflow.plots._units import scaled
 
@@ -32,7 +32,7 @@ def branches(dataset: xr.Dataset, variable: str = "steady_max_temperature") -> F
     if along is None or variable not in dataset or dataset[variable].dims != dataset[along].dims:
         raise ValueError(f"there are no branches of `{variable}`; write an axis as `{{branch: [from, to, points]}}`")
     (x, x_label), (y, y_label) = (in_units(dataset[name]) for name in (along, variable))
-    stable, flags = flags_of(dataset, "steady_state") != "unstable", flags_of(dataset, "bifurcation")
+    stable, flags = labels(dataset["steady_state"]).values != "unstable", labels(dataset["bifurcation"]).values
     dims = [dim for dim in case_dims(dataset) if dataset.sizes[dim] > 1]
     texts = {dim: labels_of(dataset, dim, rounded=True) for dim in dims}
     figure = Figure(figsize=(7.0, 4.2), layout="constrained")

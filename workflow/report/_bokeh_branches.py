@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workflow.analysis import case_dims, flags_of, followed_axis, labels_of
+from workflow.analysis import case_dims, followed_axis, labels, labels_of
 from workflow.plots._branches import in_units
 from workflow.plots._style import COLOURS
 from workflow.plots._units import scaled
@@ -29,13 +29,13 @@ def branch_explorer(dataset: xr.Dataset, variable: str) -> dict[str, Any]:
     along = followed_axis(dataset)
     assert along is not None
     (x, x_label), (y, y_label) = (in_units(dataset[name]) for name in (along, variable))
-    states, flags = flags_of(dataset, "steady_state"), flags_of(dataset, "bifurcation")
+    states, flags = labels(dataset["steady_state"]).values, labels(dataset["bifurcation"]).values
     unit, factor = scaled("m", dataset[ORBIT[0]].values)
     thinning = -(-dataset[ORBIT[0]].size // _MOST_SAMPLES)
     orbits = [dataset[name].values[..., ::thinning].astype(np.float32) for name in ORBIT]
     varied = [dim for dim in case_dims(dataset) if dataset.sizes[dim] > 1]
-    labels = product(*(labels_of(dataset, dim, rounded=True) for dim in varied))
-    branch_texts = [f"{', '.join(each)}: " if each else "" for each in labels]
+    texts = product(*(labels_of(dataset, dim, rounded=True) for dim in varied))
+    branch_texts = [f"{', '.join(each)}: " if each else "" for each in texts]
     found, branch = np.isfinite(x), np.arange(dataset["status"].size).reshape(*dataset["status"].shape, 1)
     colours = np.broadcast_to(np.array(COLOURS)[branch % len(COLOURS)], x.shape)
     words = states + np.where(flags == "none", "", ", " + flags)
