@@ -36,7 +36,8 @@ def test_the_fold_of_the_blade_is_stored_verified_told_and_drawn(tmp_path: Path)
     archive = tmp_path / "branches.nc"
     dataset = run_study(parse_study(STUDY, "branches.yaml"), archive, threads=2).dataset.load()
     folds = [
-        float(dataset["alpha"].values[k][row == "fold"][0]) for k, row in enumerate(labels(dataset["bifurcation"]).values)
+        float(dataset["alpha"].values[k][row == "fold"][0])
+        for k, row in enumerate(labels(dataset["bifurcation"]).values)
     ]
     assert folds == pytest.approx([5.412509721, 8.4308307735], abs=2e-7)  # 1e-8 of the range
     assert np.all(dataset["status"] == 0)
