@@ -15,8 +15,8 @@ from typer.testing import CliRunner
 import workflow.run
 from studies import ILL, SINGLE, written
 from workflow.cli import _progress, app
-from workflow.cli._progress import Follower, following
-from workflow.run import Advance, run_study
+from workflow.cli._progress import following
+from workflow.run import Advance, Follower, run_study
 
 SLOW = Advance(540, 204, {"diverged": 2}, 0.349, 12.4, 125.0)
 

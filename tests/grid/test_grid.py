@@ -160,7 +160,7 @@ def test_cases_that_take_long_are_not_kept_together(unbroken: float, monkeypatch
         monkeypatch.setattr(cutting, name, value)
     text = SMALL.replace("h: [1e-4, 2e-4]", "h: [1e-8, 1e-4]").replace("[0, 5, 10, 20, 50]", "{lin: [0, 50, 100]}")
     grid = arrange(parsed(text))
-    case = float(cutting.computed_seconds(grid).max())
+    case = max(cutting.seconds_per_case(grid, outer) for outer in grid.places)
     assert 16 * case > 1e-3
     for task in tasks(grid):
         assert task.seconds < 1.5 * max(1e-3, unbroken, case) + cutting.SETTING_UP

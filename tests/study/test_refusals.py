@@ -243,7 +243,8 @@ def test_path_with_a_null_character() -> None:
 
 def test_a_duration_far_below_the_interval() -> None:
     """1e-320 s over 1 ms: the ratio is below all floating-point numbers."""
-    text = "study: a\nscene:\n  chain: {nodes: 1, mass: 1, stiffness: 1}\n  casing: {gap: 1}\n  duration: 1.0e-320\n"
+    chain = "{nodes: 1, mass: 1, stiffness: 1, heat_capacity: 1}"
+    text = f"study: a\nscene:\n  chain: {chain}\n  casing: {{gap: 1}}\n  duration: 1.0e-320\n"
     with pytest.raises(StudyError, match="is longer than the duration"):
         parse_study(text + "output: {interval: 1 ms}\n", "study")
 
@@ -357,31 +358,30 @@ def test_two_models_and_no_model() -> None:
     assert "`blade`, `chain`" in none.remedy
 
 
-def test_all_mistakes_at_once_in_the_order_of_the_file() -> None:
-    text = (
+def test_mistakes_of_entries_come_at_once_in_the_order_of_the_file_then_those_between_them() -> None:
+    entries = (
         BLADE.replace("length: 40 mm", "length: 40 kg")
         .replace("gap: 20 um}", "gap: 20 um, colour: red}")
         .replace("duration: 2 s", "duration: 2 s\n  wind: 3")
         .replace("theta: 0.5", "theta: half")
         .replace("0.9]", "0.9, 7]")
         .replace("alpha: [0, 30]", "alpha: []")
-        .replace("[4, 12, full]", "[4, 12]")
-        .replace("interval: 1 ms", "interval: 3 ms")
         .replace("float64", "float65")
     )
-    mistakes = mistakes_of(text)
-    assert [mistake.key for mistake in mistakes] == [
+    between = BLADE.replace("[4, 12, full]", "[4, 12]").replace("interval: 1 ms", "interval: 3 ms")
+    expected = [
         "scene.blade.length",
         "scene.casing.colour",
         "scene.wind",
         "schemes.midpoint.theta",
         "axes.e[3]",
         "axes.alpha",
-        "zip.model",
-        "output.interval",
         "output.precision",
     ]
-    assert [mistake.line for mistake in mistakes] == sorted(mistake.line or 0 for mistake in mistakes)
+    for text, keys in ((entries, expected), (between, ["zip.model", "output.interval"])):
+        mistakes = mistakes_of(text)
+        assert [mistake.key for mistake in mistakes] == keys
+        assert [mistake.line for mistake in mistakes] == sorted(mistake.line or 0 for mistake in mistakes)
 
 
 def test_the_start_is_judged_in_every_case_and_zips_pair_up() -> None:

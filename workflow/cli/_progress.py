@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -12,32 +11,13 @@ from workflow.cli._terminal import console, print_error
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from workflow.run import Advance
+    from workflow.run import Follower
 
 EVERY = 60.0
 """Seconds between two lines where there is no terminal."""
 
 _BAR = 12
 """Characters of the bar, which leave room for the line in a terminal of 80."""
-
-
-class Follower:
-    """Keeps the last progress of a run, for a line that says it in words; its time counts from when it is made."""
-
-    def __init__(self) -> None:
-        self.advance: Advance | None = None
-        self._begun = self._updated = time.monotonic()
-
-    def __call__(self, advance: Advance) -> None:
-        """Take how far the run is."""
-        self.advance, self._updated = advance, time.monotonic()
-
-    def line(self) -> str:
-        """Return how far the run is at this moment."""
-        from workflow.run import in_words
-
-        now = time.monotonic()
-        return in_words(self.advance, now - self._begun, now - self._updated)
 
 
 @contextmanager

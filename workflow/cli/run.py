@@ -12,13 +12,13 @@ import typer
 
 from workflow.cli._failures import NOT_OK, WRONG, errors_in_words
 from workflow.cli._groups import grouped
-from workflow.cli._progress import Follower, following
+from workflow.cli._progress import following
 from workflow.cli._stop import saying
 from workflow.cli._terminal import clean, print_error, say
 from workflow.cli._words import Settings, StudyFile, named, read
 
 if TYPE_CHECKING:
-    from workflow.run import Advance, Outcome
+    from workflow.run import Advance, Follower, Outcome
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def run(
     resources.check()
     reuse.check()
     with errors_in_words():
-        from workflow.run import ClusterError, ReuseOptions, run_study
+        from workflow.run import ClusterError, Follower, ReuseOptions, run_study
 
         requested = read(study, settings)
         archive = Path(f"{requested.name}.nc") if output is None else named(output)

@@ -30,7 +30,7 @@ def choice_lines(grid: Grid) -> tuple[str, ...]:
 
 
 def choice_cautions(grid: Grid) -> Iterator[str]:
-    """Yield the counts with which a tolerance is missed, with which nobody knows, or that corners did not decide."""
+    """Yield counts of modes that miss their tolerance, that no trial confirms, or that only some corners decided."""
     for name, tolerance, choice in _all(grid):
         if choice.untried:
             yield f"{name}: {_counts(choice)} are decided {choice.untried}; {_UNTRIED[grid.study.reference is None]}"

@@ -1,4 +1,4 @@
-"""Kernels of schemes compiled before cases run, so that no case's time holds it; a helper process compiles beside.
+"""Compilation of kernels before cases run, so that no case's processor time includes it; one process helps.
 
 numba compiles one function at a time in a process. The helper is a process of this very module: it compiles what it is
 given into the cache of kernels and answers each with a line; a run loads what it left. Where it fails the run compiles.
@@ -32,7 +32,7 @@ from workflow.schemes import Sampling, Scheme, load
 
 @dataclass(frozen=True)
 class KernelVariant:
-    """A scheme with options, on a small structure of a kind, with balances or without: what decides on its kernels."""
+    """A scheme with options, on a small structure of a kind, with balances or without: what its kernels depend on."""
 
     method: str
     options: Any
@@ -72,7 +72,7 @@ def compile_scheme(variant: KernelVariant) -> None:
 
 @contextmanager
 def compiled_ahead(variants: Sequence[KernelVariant]) -> Iterator[None]:
-    """Let a helper process, gone when the context is left, compile what the run does not begin with.
+    """Compile what the run does not begin with in a helper process, which ends with the context.
 
     Of a scheme that names its large kernels apart (``KERNEL_CALLS``) the helper takes the first, the run the others.
     """
@@ -113,7 +113,7 @@ class _Helper:
             threading.Thread(target=self._follow, args=(process, parts, content), daemon=True).start()
 
     def _follow(self, process: subprocess.Popen[bytes], parts: list[tuple[KernelVariant, str]], content: bytes) -> None:
-        """Hear what the process has compiled; when it ends nobody waits for it any more."""
+        """Set the event of each scheme that the process reports as compiled, and all events when it ends."""
         assert process.stdin is not None
         assert process.stdout is not None
         done = self._done
@@ -139,7 +139,7 @@ class _Helper:
         done.wait()
 
     def end(self) -> None:
-        """Kill the process; those who wait for it go on."""
+        """End the process, which sets all events."""
         if self._process is not None:
             self._process.kill()
             self._process.communicate()

@@ -1,4 +1,4 @@
-"""What a run costs by one fixed model, in processor seconds: it cuts tasks, and times one factor plans a run."""
+"""Cost model of a run, in processor seconds: it cuts tasks and, times one measured factor, predicts a run's time."""
 
 from __future__ import annotations
 

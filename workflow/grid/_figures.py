@@ -15,7 +15,7 @@ from workflow.study import CaseSettings
 
 @dataclass(frozen=True)
 class Figures:
-    """What a structure comes to.
+    """Frequencies, stiffness, thermal times and critical coupling of a structure.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class Figures:
 
 
 def figures(cell: CaseSettings) -> Figures:
-    """Return what the full structure of a cell comes to."""
+    """Return the figures of the full structure of a case."""
     structure = structure_of(cell.scene.model, cell.scene.parameters)
     with np.errstate(divide="ignore"):
         times = 1.0 / rates(structure)
@@ -65,7 +65,7 @@ def _stiffness_by(cell: CaseSettings) -> str:
 
 
 def size_text(cell: CaseSettings) -> str:
-    """Return the size of a cell's structure: nodes of a chain, coordinates of displacement and heat of others."""
+    """Return the size of a case's structure: nodes of a chain, coordinates of displacement and heat of others."""
     mechanical, thermal = models.sizes(cell.scene.model, cell.scene.parameters)
     is_chain = isinstance(structure_of(cell.scene.model, cell.scene.parameters), Chain)
     return f"{mechanical} nodes" if is_chain else f"{mechanical} + {thermal} coordinates"

@@ -29,15 +29,6 @@ def period_frequency(scene: Scene, varying: Mapping[str, Array], count: int) -> 
     return frequency
 
 
-def fastest_frequency(scene: Scene, varying: Mapping[str, Array], count: int) -> Array:
-    """Return the largest frequency of load and casing of each case, Hz: see ``Cases.fastest_frequency``."""
-    amplitude, frequency = (
-        spread(varying, f"scene.load.{name}", getattr(scene.load, name), count) for name in ("amplitude", "frequency")
-    )
-    harmonics = [harmonics_of(scene, group, varying, count).frequency for group in ("load", "casing")]
-    return np.asarray(np.hstack([np.where(amplitude != 0, frequency, 0.0)[:, None], *harmonics]).max(axis=1))
-
-
 @lru_cache(maxsize=2)
 def longest_period_count(grid: Grid) -> int:
     """Return the size of the dimension ``period``: the most complete load periods any case has."""

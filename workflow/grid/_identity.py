@@ -107,7 +107,7 @@ def _steady(study: Study, cell: CaseSettings) -> dict[str, Any]:
 
 
 def _widths(scene: Scene) -> dict[str, Any]:
-    """Return the numbers of harmonics: they name the numbers of a row."""
+    """Return the numbers of load and casing harmonics, which decide what the entries of a row mean."""
     widths = len(scene.load.harmonics), len(scene.casing.harmonics)
     return {"harmonics": widths} if any(widths) else {}
 

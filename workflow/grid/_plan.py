@@ -1,4 +1,4 @@
-"""What a study comes to before anything runs: numbers of cases, time, size, and what to beware of."""
+"""Plan of a study before anything runs: numbers of cases, time, size and warnings."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _STRUCTURES_SHOWN = 8
 
 @dataclass(frozen=True)
 class Plan:
-    """What a study comes to; nothing has run.
+    """Plan of a study: numbers, time, size and warnings.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ class Plan:
 
 
 def plan_study(study: StudySource) -> Plan:
-    """Return what a study comes to; runs nothing but the trials by which tolerances decide counts of modes.
+    """Return the plan of a study; runs nothing but the trials by which tolerances decide counts of modes.
 
     ``study`` is all that :func:`workflow.read_study` takes.
     """
@@ -91,7 +91,7 @@ def plan_study(study: StudySource) -> Plan:
 
 
 def plan(grid: Grid) -> Plan:
-    """Return what a study comes to."""
+    """Return the plan of a study."""
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1, user_api="blas"):  # matrices are small

@@ -79,11 +79,6 @@ def together(grid: Grid, outer: int) -> int:
     return schemes.load(grid.settings(outer).scheme.method).TOGETHER
 
 
-def computed_seconds(grid: Grid) -> NDArray[np.float64]:
-    """Return the seconds of a case of every outer index that is computed, in the order of ``grid.places``."""
-    return _computed(grid)[0]
-
-
 @lru_cache(maxsize=4)
 def _computed(grid: Grid) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return the seconds of a case, and the cases stepped together, of every outer index that is computed.

@@ -6,7 +6,7 @@ line that shows it in a notebook; ``_outcome`` how a run ended; ``_verify`` runs
 """
 
 from workflow.run._outcome import MOST_FAILURES, Outcome, status_counts, status_name, summarise, warnings_of
-from workflow.run._progress import Advance, Progress, in_words, repeating
+from workflow.run._progress import Advance, Follower, Progress, in_words, repeating
 from workflow.run._reuse import Holdings, Reuse, holdings
 from workflow.run._study import ReuseOptions, run_study
 from workflow.run._task import Job, Stored, compute_batch, store_task
@@ -19,6 +19,7 @@ __all__ = [
     "Advance",
     "Check",
     "ClusterError",
+    "Follower",
     "Holdings",
     "Job",
     "Outcome",

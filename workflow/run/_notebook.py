@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import html
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from importlib import import_module
 from typing import Any
 
 from workflow.run._outcome import Outcome
-from workflow.run._progress import Advance, in_words, repeating
+from workflow.run._progress import Follower, repeating
 
 REDRAWN = 1.0
 """Seconds after which the line is drawn anew."""
@@ -24,20 +23,15 @@ def in_notebook() -> bool:
     return hasattr(shell, "kernel")
 
 
-class NotebookLine:
-    """A line in the output of the cell that runs a study."""
+class NotebookLine(Follower):
+    """A line in the output of the cell that runs a study; what is drawn follows progress within :data:`REDRAWN`."""
 
     def __init__(self, name: str) -> None:
+        super().__init__()
         display: Any = import_module("IPython.display").display
-        self._name, self._begun = name, time.monotonic()
-        self._advance: Advance | None = None
+        self._name = name
         self._outcome: Outcome | None = None
-        self._updated = self._begun
         self._handle: Any = display(self._shown(), raw=True, display_id=True)
-
-    def __call__(self, advance: Advance) -> None:
-        """Take how far the run is; what is drawn follows within :data:`REDRAWN`."""
-        self._advance, self._updated = advance, time.monotonic()
 
     def draw(self) -> None:
         """Draw the line as it is now."""
@@ -51,9 +45,8 @@ class NotebookLine:
     def _shown(self) -> dict[str, str]:
         if self._outcome is not None:
             return {"text/plain": _in_words(self._outcome)}
-        now = time.monotonic()
-        text = f"{self._name}: {in_words(self._advance, now - self._begun, now - self._updated)}"
-        value = "" if self._advance is None else f' value="{self._advance.work:.4f}"'
+        text = f"{self._name}: {self.line()}"
+        value = "" if self.advance is None else f' value="{self.advance.work:.4f}"'
         return {"text/plain": text, "text/html": f'<progress max="1"{value}></progress> {html.escape(text)}'}
 
 

@@ -190,6 +190,23 @@ def in_words(advance: Advance | None, elapsed: float, waited: float = 0.0) -> st
     return f"{what}{times}; {advance.stored} of {advance.cases} cases{endings}"
 
 
+class Follower:
+    """Keeps the last progress of a run, for a line that says it in words; its time counts from when it is made."""
+
+    def __init__(self) -> None:
+        self.advance: Advance | None = None
+        self._begun = self._updated = time.monotonic()
+
+    def __call__(self, advance: Advance) -> None:
+        """Take how far the run is."""
+        self.advance, self._updated = advance, time.monotonic()
+
+    def line(self) -> str:
+        """Return how far the run is at this moment."""
+        now = time.monotonic()
+        return in_words(self.advance, now - self._begun, now - self._updated)
+
+
 def clock_time(seconds: float) -> str:
     """Return a time in hours, minutes and seconds, ``0:07`` or ``1:02:30``."""
     minutes, second = divmod(int(seconds), 60)

@@ -1,4 +1,4 @@
-"""What no single value of a study decides: a start inside the casing, far too many steps, broken schemes and bases."""
+"""Checks across the entries of a study: a start inside the casing, far too many steps, broken schemes and bases."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from workflow.models import Array
 from workflow.study.addresses import DEFAULT_SCHEME, MODES, REDUCTION, TOLERANCE, Address, harmonic_counts
 from workflow.study.axes import Axis, Branch
 from workflow.study.mistakes import Place, place_of_path
-from workflow.study.settings import AUTO, CasingHarmonic, Initial, Load
+from workflow.study.settings import AUTO, CasingHarmonic, Initial
 from workflow.study.source import Source
 
 MOST_SAMPLES = 2_000_000
@@ -202,26 +202,21 @@ def judge_support(written: WrittenStudy, methods: Mapping[str, Sequence[str]]) -
     if not any(place[0] != "reference" for place, _ in used):
         used.append((("scene", "casing" if casing else "load", "harmonics"), DEFAULT_SCHEME))
     for place, name in used:
-        for method in methods.get(name, ()) if len(methods.get(name, ())) == 1 else ():
-            reason = None if schemes.fault(method) else schemes.load(method).cannot_take(load > 0, casing > 0)
+        for method in methods[name]:
+            reason = schemes.load(method).cannot_take(load > 0, casing > 0)
             if reason is not None:
                 remedy = "name another scheme, or leave `harmonics` out"
                 written.source.report(place, f"`{name}` {reason}", remedy)
 
 
-def judge_model(written: WrittenStudy, model: str | None) -> None:
-    """Refuse parameters of which the model takes one, where there are none or two."""
-    parameters = mapping(written.tree, "scene").get(str(model))
-    names = getattr(models.load(model), "EITHER", None) if model is not None else None
-    if names is not None and isinstance(parameters, dict):
-        judge_either(written, ("scene", str(model)), parameters, names)
-
-
-def judge_damping(written: WrittenStudy, model: str | None) -> None:
-    """Refuse a damping ratio beside Rayleigh's coefficients."""
-    damping = mapping(written.tree, "scene", str(model), "damping")
+def judge_model(written: WrittenStudy, model: str) -> None:
+    """Refuse parameters of which the model takes one, where there are none or two, and a ratio beside other damping."""
+    names = getattr(models.load(model), "EITHER", None)
+    if names is not None:
+        judge_either(written, ("scene", model), mapping(written.tree, "scene", model), names)
+    damping = mapping(written.tree, "scene", model, "damping")
     if "ratio" in damping and len(damping) > 1:
-        place: Place = ("scene", str(model), "damping", "ratio")
+        place: Place = ("scene", model, "damping", "ratio")
         written.source.report(place, "stands beside other damping", "write the ratio alone, or mass and stiffness")
 
 
@@ -232,8 +227,8 @@ def judge_start(
     contact: Array | None,
 ) -> None:
     """Refuse a tip that starts inside the casing, beyond d(0), in any case; ``contact`` as :class:`Sizes` has it."""
-    initial, casing = scene.get("initial"), scene.get("casing")
-    if not isinstance(initial, Initial) or casing is None:
+    initial, casing = scene["initial"], scene["casing"]
+    if not isinstance(initial, Initial):
         return
     start, weights = initial.displacement, np.ones(1) if contact is None else contact
     tip = np.sum(weights * start[-weights.size :]) if isinstance(start, tuple) else np.sum(weights) * start
@@ -286,17 +281,15 @@ def judge_extent(
 
     ``methods`` holds the methods that each label of a scheme may stand for.
     """
-    duration, load = scene.get("duration"), scene.get("load")
-    if duration is None or load is None:
-        return
+    duration = scene["duration"]
     values = {axis.path: axis.values for group in groups for axis in group}
-    for path, fastest in _frequencies(scene, load, values):
+    for path, fastest in _frequencies(scene, values):
         if duration * fastest > MOST_SAMPLES:
             problem = f"gives {duration * fastest:.3g} load periods"
             remedy = f"write a shorter duration, or a frequency up to {MOST_SAMPLES / duration:.3g} Hz"
             written.source.report(written.place_of((path,)), problem, remedy)
     used = {method for label in values.get("scheme", ()) for method in methods.get(str(label), ())}
-    if not any("h" in schemes.load(method).READS for method in used if schemes.fault(method) is None):
+    if not any("h" in schemes.load(method).READS for method in used):
         return
     shortest, longest = (float(choose(values["h"])) for choose in (min, max)) if "h" in values else (None, None)
     if shortest is not None and duration / shortest > MOST_STEPS:
@@ -307,21 +300,18 @@ def judge_extent(
         written.source.report(written.place_of(("h",)), problem, f"write at most {duration:g} s")
 
 
-def _frequencies(
-    scene: Mapping[str, Any], load: Load, values: Mapping[str, tuple[Any, ...]]
-) -> Iterator[tuple[str, float]]:
+def _frequencies(scene: Mapping[str, Any], values: Mapping[str, tuple[Any, ...]]) -> Iterator[tuple[str, float]]:
     """Yield path and largest value of the frequencies that load periods may be counted by."""
 
     def largest(path: str, value: float) -> float:
         return max(float(each) for each in values.get(path, (value,)))
 
-    yield "scene.load.frequency", largest("scene.load.frequency", load.frequency)
-    casing = scene.get("casing")
-    for group, harmonics in (("load", load.harmonics), ("casing", casing.harmonics if casing is not None else ())):
-        for harmonic in harmonics[:1]:
+    yield "scene.load.frequency", largest("scene.load.frequency", scene["load"].frequency)
+    for group in ("load", "casing"):
+        for harmonic in scene[group].harmonics[:1]:
             path = f"scene.{group}.harmonics.0."
             if harmonic.order is None:
                 yield f"{path}frequency", largest(f"{path}frequency", harmonic.frequency or 0.0)
             else:
-                speed = largest("scene.speed", scene.get("speed") or 0.0)
+                speed = largest("scene.speed", scene["speed"])
                 yield f"{path}order", speed * largest(f"{path}order", harmonic.order)

@@ -178,10 +178,10 @@ class Text(FieldType):
 
 @dataclass(frozen=True)
 class Flag(FieldType):
-    """A yes or no."""
+    """A Boolean."""
 
     def read(self, value: Any, context: Mapping[str, Any]) -> bool:
-        """Return the truth."""
+        """Return the value."""
         if not isinstance(value, bool):
             raise wrong(f"{quoted(value)} is neither true nor false", "write true or false")
         return value

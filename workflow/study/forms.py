@@ -13,7 +13,6 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
-    TypeAdapter,
     ValidationError,
     create_model,
     model_validator,
@@ -23,7 +22,7 @@ from pydantic_core import CoreSchema, InitErrorDetails, core_schema
 
 from workflow.declare import quantity_of, word_of
 from workflow.study.field_types import FieldType, Flag, Keyword, Reading, Text, is_whole
-from workflow.study.mistakes import Place, details, nearest, one_of, quoted, wrong
+from workflow.study.mistakes import details, nearest, one_of, quoted, wrong
 
 
 class Form(BaseModel):
@@ -188,51 +187,8 @@ class ByShape:
         return core_schema.no_info_before_validator_function(self._judge, union)
 
 
-def _reader(entry: FieldInfo) -> TypeAdapter[Any]:
-    """Return what reads a single entry of a form."""
-    annotation: Any = entry.annotation
-    for metadata in entry.metadata:
-        annotation = annotated(annotation, metadata)
-    return TypeAdapter(annotation)
-
-
 def entries_of(read: Any) -> Any:
-    """Return the entries of a form without mistakes, and those of the forms in it, as :func:`sound` does."""
+    """Return the entries of a form, and those of the forms in it."""
     if isinstance(read, Form):
         return {key: entries_of(value) for key, value in read}
     return {key: entries_of(value) for key, value in read.items()} if isinstance(read, dict) else read
-
-
-def sound(section: type[Form], value: Any, faults: set[Place], context: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the entries of a section that have no mistake, read; of sections below, their sound entries.
-
-    Parameters
-    ----------
-    section, value
-        Form of the section, and what the study has there.
-    faults
-        Places of all mistakes in it.
-    context
-        As for the validation that found them.
-    """
-    entries: dict[str, Any] = {}
-    for key, entry in section.model_fields.items():
-        annotation = entry.annotation
-        below = {fault[1:] for fault in faults if fault[:1] == (key,)}
-        if not isinstance(value, dict) or key not in value:
-            if not entry.is_required():
-                entries[key] = entry.get_default(call_default_factory=True)
-        elif not entry.metadata and isinstance(annotation, type) and issubclass(annotation, Form):
-            entries[key] = sound(annotation, value[key], below, context)
-        elif get_origin(annotation) is dict and isinstance(value[key], dict):
-            item = get_args(annotation)[1]
-            entries[key] = {}
-            for name, content in value[key].items():
-                here = {fault[1:] for fault in below if fault[:1] == (name,)}
-                if isinstance(item, type) and issubclass(item, Form):
-                    entries[key][name] = sound(item, content, here, context)
-                elif not here:
-                    entries[key][name] = TypeAdapter(item).validate_python(content, context=context)
-        elif not below:
-            entries[key] = _reader(entry).validate_python(value[key], context=context)
-    return entries

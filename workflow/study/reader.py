@@ -1,4 +1,4 @@
-"""From the text of a study to a :class:`Study`, or to all of its mistakes at once."""
+"""From the text of a study to a :class:`Study`, or to its mistakes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,6 @@ from workflow.study.cross_checks import (
     first_value,
     judge_auto,
     judge_branch,
-    judge_damping,
     judge_extent,
     judge_model,
     judge_parts,
@@ -38,7 +37,7 @@ from workflow.study.cross_checks import (
 from workflow.study.document import SCENE_KEYS, study_form
 from workflow.study.draws import Drawn
 from workflow.study.edits import OPTION, plain_tree, replaced, text_of
-from workflow.study.forms import Form, entries_of, sound
+from workflow.study.forms import Form, entries_of
 from workflow.study.mistakes import Place, StudyError, one_of, place_of_path, quoted
 from workflow.study.settings import FULL, Output, Scene, SchemeChoice, Sizes
 from workflow.study.sizes import assembled_sizes, node_sizes
@@ -104,11 +103,7 @@ def parse_study(
     source = compose(text, file)
     if settings:
         source = replaced(source, settings, option)
-    reader = _Reader(source, attached or {})
-    study = reader.study()
-    if source.mistakes:
-        raise StudyError(source.mistakes)
-    return study
+    return _Reader(source, attached or {}).study()
 
 
 @lru_cache(maxsize=32)
@@ -125,7 +120,7 @@ def _forms(
 
 
 class _Reader:
-    """Reads one study, section by section; a mistake in one hides none in another."""
+    """Reads one study: first every entry, then the checks across entries."""
 
     def __init__(self, source: Source, attached: Mapping[str, Path]) -> None:
         self.source, self.tree = source, source.tree
@@ -141,38 +136,36 @@ class _Reader:
         self.sizes = Sizes()
 
     def study(self) -> Study:
-        """Return the study; where there were mistakes, their list is what counts."""
+        """Return the study; checks across entries come when every entry could be read."""
         supplied = self._supply()
         self.sizes = self._sizes()
-        entries = self._read(supplied)
+        entries, written = self._read(supplied), self._written()
+        judge_schemes(written)
+        self._refuse()
+        scene = entries["scene"]
         axes = self._in_order(entries["axes"], "axes")
         zips = {name: self._in_order(zipped, "zip", name) for name, zipped in entries["zip"].items()}
-        self._judge_zips()
-        judge_schemes(self._written())
-        judge_auto(self._written())
-        judge_model(self._written(), self.model)
-        judge_damping(self._written(), self.model)
         arrangement = Arrangement(self.source, self.addresses, self.nodes, self.sizes, self._reserved())
         dimensions, scalars = arrangement.arrange(axes, zips)
-        scene = entries["scene"]
-        if scene.get("friction") is not None:  # alpha is what it makes
+        if scene["friction"] is not None:  # alpha is what it makes
             scalars = tuple(axis for axis in scalars if axis.path != "alpha")
-        reference = entries.get("reference")
+        reference = entries["reference"]
         if reference is not None:
             reference = Reference(self._reference(reference, arrangement, dimensions))
-        defined = entries["schemes"].items()
-        choices = {label: SchemeChoice(label, method, options) for label, (method, options) in defined}
-        groups = [*(dimension.axes for dimension in dimensions), *((axis,) for axis in scalars)]
-        judge_parts(self._written())
-        judge_support(self._written(), self.labels)
         branch = arrangement.branch
+        groups = [*(dimension.axes for dimension in dimensions), *((axis,) for axis in scalars)]
         groups += [] if branch is None else [(branch.axis,)]
-        judge_branch(self._written(), branch, groups, self.labels)
-        judge_start(self._written(), scene, groups, self.sizes.contact)
-        judge_extent(self._written(), scene, groups, self.labels)
-        output = self._output(entries["output"], scene.get("duration"))
-        if self.source.mistakes:
-            raise StudyError(self.source.mistakes)
+        self._judge_zips()
+        judge_auto(written)
+        judge_model(written, str(self.model))
+        judge_parts(written)
+        judge_support(written, self.labels)
+        judge_branch(written, branch, groups, self.labels)
+        judge_start(written, scene, groups, self.sizes.contact)
+        judge_extent(written, scene, groups, self.labels)
+        output = self._output(entries["output"], scene["duration"])
+        self._refuse()
+        choices = {label: SchemeChoice(label, *entry) for label, entry in entries["schemes"].items()}
         return Study(
             name=entries["study"],
             title=entries["title"] or entries["study"],
@@ -188,6 +181,10 @@ class _Reader:
             attached=self.where["attached"],
             branch=branch,
         )
+
+    def _refuse(self) -> None:
+        if self.source.mistakes:
+            raise StudyError(self.source.mistakes)
 
     def _model(self) -> str | None:
         """Return the scene's one model, ``None`` where there is not exactly one."""
@@ -256,23 +253,24 @@ class _Reader:
         return assembled_sizes(self._written(), self.model, self.where) if self.model else Sizes()
 
     def _read(self, supplied: set[Place]) -> dict[str, Any]:
-        """Return what could be read of every section, and report what could not."""
+        """Return the entries of every section.
+
+        Raises
+        ------
+        StudyError
+            Some cannot be read; checks across entries wait until all can.
+        """
         sizes = self.sizes
         context = {"node": sizes.nodes, "spring": sizes.nodes, "temperature": sizes.temperatures, **self.where}
-        empty: dict[str, Any] = {"scene": {}, "axes": {}, "zip": {}, "schemes": {}}
-        faults: set[Place] = set()
         try:
             read: dict[str, Any] = entries_of(self.form.model_validate(self.tree, context=context))
-            return empty | read
         except ValidationError as error:
             for line in error.errors(include_url=False):
                 place = tuple(step for step in line["loc"] if str(step)[:1] not in "<[")
-                faults.add(place)
                 if place not in supplied and not self._follows(place):
                     self.source.report(place, line["ctx"]["problem"], line["ctx"]["remedy"])
-        if not isinstance(self.tree, dict):
-            raise StudyError(self.source.mistakes)
-        return empty | sound(self.form, self.tree, faults, context)
+            raise StudyError(self.source.mistakes) from None
+        return read
 
     def _follows(self, place: Place) -> bool:
         """Whether a mistake follows from another: an axis over a model that is reported as unknown."""
@@ -323,11 +321,9 @@ class _Reader:
         }
         return defined | bare
 
-    def _output(self, entries: Any, duration: float | None) -> Output:
+    def _output(self, entries: Any, duration: float) -> Output:
         """Return the output with the default interval, a thousandth of the duration."""
         values = dict(entries)
-        if duration is None or "interval" not in values:
-            return Output(interval=1.0)
         if values.get("interval") is None:
             values["interval"] = float(Decimal(repr(duration)) / 1000)
         ratio = Fraction(repr(duration)) / Fraction(repr(values["interval"]))

@@ -1,4 +1,4 @@
-"""What a study settles: the scene, the schemes and the settings of one case, in SI."""
+"""Settings of a study in SI: the scene, the schemes, and the settings of one case."""
 
 from __future__ import annotations
 
@@ -160,7 +160,7 @@ _SECTIONS = "whether to keep the tip's state at the start of each load period, i
 
 @dataclass(frozen=True)
 class Steady:
-    """What is looked for of the steady rub that each case of event_driven leads to."""
+    """Search for the steady rub that each case of event_driven leads to."""
 
     periods: int = quantity(
         "1", "most common periods of the loads in a period of the rub", default=4, at_least=1, at_most=64
