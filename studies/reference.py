@@ -20,9 +20,9 @@ from workflow import models, plots, reduction, schemes, variables
 from workflow.declare import quantity_of, word_of
 from workflow.study.addresses import TOLERANCE, settings
 from workflow.study.settings import (
+    CaseSettings,
     Casing,
     CasingHarmonic,
-    CaseSettings,
     Friction,
     Initial,
     Load,

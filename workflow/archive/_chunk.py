@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 LEVEL = 1
 """zlib level of an archive, always with shuffle."""
 
+_RAMP = np.arange(2**15)
+
 
 def encode_chunk(values: NDArray[Any]) -> bytes:
     """Return one chunk as HDF5's filters Fletcher-32, shuffle and deflate would store it."""
@@ -27,7 +29,11 @@ def fletcher32(image: NDArray[np.uint8]) -> bytes:
     Words are big-endian; those of little-endian words are 256 times as large, modulo 65535. A sum that is not 0 ends
     as 65535 where its remainder is 0.
     """
-    words = np.append(image, np.zeros(image.size % 2, np.uint8)).view("<u2").astype(np.int64)
-    sums = int(words.sum()), int(words @ np.arange(words.size, 0, -1))
+    words = np.append(image, np.zeros(image.size % 2, np.uint8)).view("<u2")
+    sums = [0, 0]
+    for start in range(0, words.size, _RAMP.size):
+        some = words[start : start + _RAMP.size].astype(np.int64)
+        total = int(some.sum())
+        sums = [sums[0] + total, sums[1] + (words.size - start) * total - int(some @ _RAMP[: some.size])]
     first, second = ((256 * value - 1) % 65535 + 1 if value else 0 for value in sums)
     return (second << 16 | first).to_bytes(4, "little")

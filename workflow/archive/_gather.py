@@ -20,10 +20,12 @@ from workflow.archive._create import create
 from workflow.archive._files import ArchiveError, free_space, sync, writing
 from workflow.archive._layout import MESSAGE, NOT_RUN, STATUS, Layout
 from workflow.archive._seal import seal
-from workflow.archive._stored import PROVENANCE, Hashes, Stored, boxes
+from workflow.archive._stored import PROVENANCE, Hashes, Places, Stored, boxes
 
 _VARIABLE_BYTES, _CHUNK_BYTES, _CELL_BYTES = 5000, 100, 16
 """What an archive takes beside its chunks: attributes and indices, up to these in archives of all sizes; hashes."""
+
+Index = NDArray[np.int64] | slice
 
 _HELD = 64
 """Sources of which the values of one variable are held at a time."""
@@ -49,13 +51,14 @@ def gather(layout: Layout, parts: str | Path, target: str | Path, hashes: Hashes
         read back. ``target`` is as it was before and the shards are kept.
     """
     parts, target = Path(parts), Path(os.path.realpath(target))  # a link goes on to lead to it
-    if missing := int(np.sum(~stored.holds(hashes))):
+    places = stored.find(hashes)
+    if missing := int(np.sum(places[0] < 0)):
         raise ArchiveError(f"{parts}: {missing} of {layout.cells} cases are missing; give the command again")
     aside = parts / f"{target.name}.tmp"
     try:
         with writing("the archive", parts):
             _make_room(layout, parts, target)
-            assemble(layout, aside, hashes, stored)
+            assemble(layout, aside, hashes, stored, places)
             digest = hash_content(aside)
             _tell_hash(aside, digest)
             _read_back(layout, aside, digest)
@@ -68,10 +71,10 @@ def gather(layout: Layout, parts: str | Path, target: str | Path, hashes: Hashes
         aside.unlink(missing_ok=True)
 
 
-def assemble(layout: Layout, path: Path, hashes: Hashes, stored: Stored) -> None:
+def assemble(layout: Layout, path: Path, hashes: Hashes, stored: Stored, places: Places) -> None:
     """Write the results of stored cases to a new file; others have status ``not_run``.
 
-    Chunks are encoded in threads and written past HDF5's filters.
+    Chunks are encoded in threads and written past HDF5's filters. ``places`` are those of the hashes.
 
     Raises
     ------
@@ -82,11 +85,10 @@ def assemble(layout: Layout, path: Path, hashes: Hashes, stored: Stored) -> None
 
     from workflow.archive._lock import LOCK
 
-    places = stored.find(hashes)
     create(layout, path, _messages(stored, *places), hashes)
     with LOCK, h5py.File(path, "r+") as archive, ThreadPoolExecutor() as threads:
         chunks = _chunks(layout, stored, *places)
-        while some := list(islice(chunks, 4 * (os.cpu_count() or 1))):
+        while some := list(islice(chunks, 2 * (os.cpu_count() or 1))):
             encoded = threads.map(encode_chunk, (values for *_, values in some))
             for (name, offset, values), chunk in zip(some, encoded, strict=True):
                 if archive[name].chunks is None:  # a scalar: one cell without t
@@ -100,28 +102,43 @@ def _chunks(
 ) -> Iterator[tuple[str, tuple[int, ...], NDArray[Any]]]:
     """Yield the chunks of all variables: name, offset and values."""
     index = np.arange(layout.cells).reshape(layout.shape)
+    cut = [
+        (box, np.asarray(index[box]).shape, _by_source(np.ravel(index[box]), source, row))
+        for box in boxes(layout.shape, layout.lengths)
+    ]
     for variable in layout.variables:
         held = lru_cache(_HELD)(lambda number, name=variable.name: stored.sources[number].read(name))
         shape = layout.chunk_of(variable)
         tail = layout.tail_shape(variable)
         pieces = list(boxes(tail, shape[len(layout.dims) :]))
-        for box in boxes(layout.shape, layout.lengths):
-            here = np.asarray(index[box])
-            cells = here.ravel()
-            values = np.full((cells.size, *tail), variable.fill, np.dtype(variable.dtype).newbyteorder("<"))
-            for number in np.unique(source[cells]).tolist():
-                if number >= 0 and variable.name in stored.sources[number].kinds:
-                    where = np.flatnonzero(source[cells] == number)
-                    _put(values, where, held(number)[row[cells[where]]])
-            values = values.reshape((*here.shape, *tail))
+        for box, size, parts in cut:
+            values = np.full((math.prod(size), *tail), variable.fill, np.dtype(variable.dtype).newbyteorder("<"))
+            for number, where, rows in parts:
+                if variable.name in stored.sources[number].kinds:
+                    _put(values, where, held(number)[rows])
+            values = values.reshape((*size, *tail))
             for piece in pieces:
-                chunk = np.full(shape, variable.fill, values.dtype)
-                part = values[here.ndim * (slice(None),) + piece]
-                chunk[tuple(map(slice, part.shape))] = part
+                chunk = values[len(size) * (slice(None),) + piece]
+                if chunk.shape != shape:
+                    part, chunk = chunk, np.full(shape, variable.fill, values.dtype)
+                    chunk[tuple(map(slice, part.shape))] = part
                 yield variable.name, tuple(side.start for side in (*box, *piece)), chunk
 
 
-def _put(values: NDArray[Any], where: NDArray[np.int64], there: NDArray[Any]) -> None:
+def _by_source(
+    cells: NDArray[np.int64], source: NDArray[np.int64], row: NDArray[np.int64]
+) -> list[tuple[int, Index, Index]]:
+    """Return by the sources that hold some cells which of the cells they are, and in which rows."""
+    places = [(int(k), np.flatnonzero(source[cells] == k)) for k in np.unique(source[cells]) if k >= 0]
+    return [(number, _as_slice(where), _as_slice(row[cells[where]])) for number, where in places]
+
+
+def _as_slice(index: NDArray[np.int64]) -> Index:
+    """Return indices that follow each other as a slice, by which nothing is copied."""
+    return slice(int(index[0]), int(index[-1]) + 1) if np.all(np.diff(index) == 1) else index
+
+
+def _put(values: NDArray[Any], where: Index, there: NDArray[Any]) -> None:
     """Put stored values of cases in their places; of load periods each case has as many as it had."""
     if there.shape[1:] != values.shape[1:]:
         width = min(there.shape[1], values.shape[1])

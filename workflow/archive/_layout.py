@@ -17,7 +17,7 @@ Attributes = Mapping[str, str | Sequence[int] | Sequence[float]]
 FORMAT = 2
 """Version of shards and archives; raised when an older reader would misread them."""
 
-CHUNK_BYTES = 2**21
+CHUNK_BYTES = 2**20
 """No chunk is larger than this before compression, unless it is one instant of many phases."""
 
 STATUS = "status"

@@ -238,7 +238,8 @@ def _open_view(path: Path, command: Command, chunks: Any) -> xr.Dataset:
     _VIEWS.add(view)
     try:
         with writing("a view of the shards", view.parent):
-            assemble(layout, view, case_hashes(grid), Stored(find_shards(parts_of(path))[0]))
+            stored, hashes = Stored(find_shards(parts_of(path))[0]), case_hashes(grid)
+            assemble(layout, view, hashes, stored, stored.find(hashes))
         opened = _open_dataset(view, chunks, path)
     except BaseException:
         view.unlink(missing_ok=True)

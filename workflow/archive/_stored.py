@@ -23,6 +23,9 @@ PROVENANCE, CASE_HASH = "provenance", "case_hash"
 Hashes = NDArray[np.uint8]
 """Identities of cases, ``(case, byte)``."""
 
+Places = tuple[NDArray[np.int64], NDArray[np.int64]]
+"""Number of a source and row there, for each case; -1 where none holds it."""
+
 Kinds = Mapping[str, tuple[np.dtype[Any], tuple[int, ...]]]
 """For each variable that is stored its dtype, and its sizes along ``t`` and so on."""
 
@@ -73,12 +76,12 @@ class Stored:
         order = np.argsort(_keys(self.hashes), kind="stable")
         self._row, self._source, self.hashes = self._row[order], self._source[order], self.hashes[order]
 
-    def find(self, hashes: Hashes) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return for each hash the number of the source that holds it, and its row there; -1 where none does."""
+    def find(self, hashes: Hashes) -> Places:
+        """Return which source holds each hash, in which row."""
         if not self._row.size:
             return np.full(len(hashes), -1), np.full(len(hashes), -1)
         place = np.maximum(np.searchsorted(_keys(self.hashes), _keys(hashes), side="right") - 1, 0)
-        is_held = np.all(self.hashes[place] == hashes, axis=1)
+        is_held = np.all(self.hashes[place].view(np.uint64) == np.ascontiguousarray(hashes).view(np.uint64), axis=1)
         return np.where(is_held, self._source[place], -1), np.where(is_held, self._row[place], -1)
 
     def holds(self, hashes: Hashes) -> NDArray[np.bool_]:

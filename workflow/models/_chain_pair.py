@@ -198,8 +198,7 @@ class ChainPair:
     def static_answers(self, loads: Array) -> Array:
         """Return K⁻¹ f for every case, each distinct load solved once."""
         first, which = distinct_rows(loads)
-        answers = [self._answer(load) if np.any(load) else np.zeros(self.size) for load in loads[first]]
-        return np.reshape(answers, (len(answers), self.size))[which]
+        return np.reshape([self._answer(load) for load in loads[first]], (-1, self.size))[which]
 
     def moves(self, load: Array, held: bool = False) -> bool:
         """Tell whether the loads on a loose part do not balance."""

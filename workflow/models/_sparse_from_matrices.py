@@ -45,9 +45,8 @@ def structure_from_sparse(matrices: GivenMatrices) -> Matrices | Sparse:
     """
     size = max(matrices.mass.shape[0], matrices.heat_capacity.shape[0])
     is_small = size <= MOST_FULL
-    if is_small and (matrices.damper is not None or matrices.load is not None):
-        return structure_from_matrices(dense_matrices(matrices))
-    if is_small and not (_is_definite(matrices.mass) and _is_definite(matrices.heat_capacity)):
+    plain = matrices.damper is None and matrices.load is None
+    if is_small and not (plain and _is_definite(matrices.mass) and _is_definite(matrices.heat_capacity)):
         return structure_from_matrices(dense_matrices(matrices))
     try:
         with threadpool_limits(limits=1, user_api="blas"):  # the same bits whoever factorises

@@ -22,6 +22,7 @@ import numpy as np
 import scipy
 
 from workflow.kernels import Array
+from workflow.models._cases import distinct_rows
 from workflow.models._dense_pair import DensePair
 from workflow.models._factors import Answer, NotHeldError, elimination_order, factorised
 from workflow.models._pair import MOST_FULL, UNBALANCED, Modes, TooManyCoordinatesError
@@ -147,37 +148,17 @@ class SparsePair:
         answer[:-1] = self._interior(loads[:-1])
         return answer
 
-    def answer(self, loads: Array) -> Array:
-        """Return K⁻¹ f, ``(coordinate, …)``.
-
-        Raises
-        ------
-        NotHeldError
-            The tip moves freely.
-        """
-        if self.tip_stiffness == 0:
-            raise NotHeldError("nothing holds what the tip belongs to")
-        return self.answer_held(loads) + np.multiply.outer(
-            self.constraint, self.constraint @ loads / self.tip_stiffness
-        )
-
-    def static_answers(self, loads: Array) -> Array:
-        """Return K⁻¹ f for every case, ``(case, coordinate)``, each distinct load that is not 0 solved once."""
-        solved: dict[bytes, Array] = {}
-        answers = np.zeros_like(loads)
-        for case in np.flatnonzero(loads.any(axis=1)):
-            name = loads[case].tobytes()
-            if name not in solved:
-                solved[name] = self._balanced(loads[case])
-            answers[case] = solved[name]
-        return answers
-
-    def _balanced(self, load: Array) -> Array:
+    def _answer(self, load: Array) -> Array:
         """Return K⁻¹ f, ``(coordinate,)``; where the tip moves freely of a load that inertia balances, the tip at 0."""
         if self.tip_stiffness > 0:
-            return self.answer(load)
-        inertia = np.asarray(self.inertia @ self.constraint)
+            return self.answer_held(load) + self.constraint * (self.constraint @ load / self.tip_stiffness)
+        inertia = self.inertia_of(self.constraint)
         return self.answer_held(load - inertia * (self.constraint @ load) / (self.constraint @ inertia))
+
+    def static_answers(self, loads: Array) -> Array:
+        """Return K⁻¹ f for every case, each distinct load solved once."""
+        first, which = distinct_rows(loads)
+        return np.reshape([self._answer(load) for load in loads[first]], (-1, self.size))[which]
 
     def moves(self, load: Array, held: bool = False) -> bool:
         """Tell whether a load drives a tip that moves freely; nothing else may be loose."""
@@ -211,7 +192,7 @@ class SparsePair:
         if count is None:
             return self.dense.modes()
         if self.tip_stiffness > 0 or self.size == 1:
-            return Modes(*_lowest(self.stiffness, self.inertia, self.answer, count, 0.0))
+            return Modes(*_lowest(self.stiffness, self.inertia, self._answer, count, 0.0))
         shift = float(self.held_modes(1).values[0])
         moved = factorised(self.stiffness + shift * self.inertia)
         values, shapes = _lowest(self.stiffness, self.inertia, moved, count, -shift)

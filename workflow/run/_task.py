@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -54,17 +54,18 @@ def store_task(job: Job, task: Task, known: Solutions = _NONE) -> Stored:
 
     ``known`` are solutions that errors are measured against and that are computed already.
     """
-    return _store(job, task, [compute_batch(job, distinct(job, batch)[0], known) for batch in task.batches])
+    return _store(job, task, lambda batch: compute_batch(job, batch, known))
 
 
 def store_lost(job: Job, task: Task, text: str) -> Stored:
     """Store a task that cannot be computed: its cases fail with the message ``text``."""
-    layout, lost = job.layout, []
-    for batch in task.batches:
-        count = distinct(job, batch)[0].inner.size
-        values = {v.name: np.full((count, *layout.tail_shape(v)), v.fill, v.dtype) for v in layout.variables}
+
+    def lost(batch: Batch) -> Results:
+        count = batch.inner.size
+        values = {v.name: np.full((count, *job.layout.tail_shape(v)), v.fill, v.dtype) for v in job.layout.variables}
         values[STATUS][...] = Status.FAILED
-        lost.append((values, dict.fromkeys(range(count), text)))
+        return values, dict.fromkeys(range(count), text)
+
     return _store(job, task, lost)
 
 
@@ -74,26 +75,24 @@ def compute_batch(job: Job, batch: Batch, known: Solutions = _NONE) -> Results:
     return solved.values, solved.messages
 
 
-def distinct(job: Job, batch: Batch) -> tuple[Batch, Hashes, NDArray[np.intp]]:
-    """Return one case of a batch for each hash, their hashes, and which of them each case is."""
-    hashes = job.hashes.of(batch.outer, batch.inner)
-    _, first, which = np.unique(hashes.view("V16").ravel(), return_index=True, return_inverse=True)
-    order = np.argsort(first)
-    return Batch(batch.outer, batch.inner[first[order]]), hashes[first[order]], np.argsort(order)[which]
-
-
-def _store(job: Job, task: Task, solved: list[Results]) -> Stored:
-    messages, hashes, count = dict[int, str](), [], 0
-    cases, endings = 0, Counter[str]()
-    for batch, (values, texts) in zip(task.batches, solved, strict=True):
-        own, its_hashes, which = distinct(job, batch)
+def _store(job: Job, task: Task, results_of: Callable[[Batch], Results]) -> Stored:
+    """Store the results of the batches of a task in one shard: of one case for each hash."""
+    hashes, parts, messages = list[Hashes](), [], dict[int, str]()
+    count, cases, endings = 0, 0, Counter[str]()
+    for outer, inner in task.batches:
+        every = job.hashes.of(outer, inner)
+        _, first, which = np.unique(every.view(np.uint64)[:, 0], return_index=True, return_inverse=True)
+        order = np.argsort(first)
+        first, which = first[order], np.argsort(order)[which]
+        values, texts = results_of(Batch(outer, inner[first]))
         messages |= {count + k: text for k, text in texts.items()}
-        hashes.append(its_hashes)
-        count += own.inner.size
-        places = len(job.grid.places[batch.outer])
-        cases += which.size * places
+        hashes.append(every[first])
+        parts.append(values)
+        count += first.size
+        places = len(job.grid.places[outer])
+        cases += inner.size * places
         endings.update(not_ok(values[STATUS][which], places))
-    arrays = {v.name: np.concatenate([values[v.name] for values, _ in solved]) for v in job.layout.variables}
+    arrays = {v.name: np.concatenate([values[v.name] for values in parts]) for v in job.layout.variables}
     name = f"{job.begun:020d}-{task.number:08d}"
     write_shard(job.parts, name, np.concatenate(hashes), arrays, messages, job.layout)
     return Stored(task.number, cases, endings)
