@@ -84,9 +84,10 @@ class DensePair:
     @cached_property
     def deformed(self) -> Array:
         """D ψ, 0 below the rounding that decides the rank."""
-        deformed = self.deformation @ self.constraint
-        rounding = max(self.deformation.shape) * np.finfo(float).eps  # numpy.linalg.matrix_rank's own rule
-        moved = np.linalg.norm(np.sqrt(self.weights) * deformed) > rounding * np.linalg.norm(self.weighted)
+        deformed, weighted = self.deformation @ self.constraint, self.weighted
+        rounding = max(weighted.shape) * np.finfo(float).eps  # numpy.linalg.matrix_rank's own rule
+        least = rounding * np.linalg.norm(weighted) * np.linalg.norm(self.constraint)
+        moved = np.linalg.norm(np.sqrt(self.weights) * deformed) > least
         return deformed if moved else np.zeros_like(deformed)
 
     @property
