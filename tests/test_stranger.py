@@ -177,7 +177,8 @@ indices = workflow.sobol(workflow.open_archive("shares.nc"), "contact_impulse")
 print(*indices["number"].values, float(indices["total"].sum()) > 0.9)
 """
     assert place.python(code).strip() == "gap harmonic_amplitude alpha True"
-    place.say("report", "shares.nc")
+    place.say("report", "shares.nc", "-o", "shares.pdf")
+    assert (place.directory / "shares.pdf").exists()
 
 
 PARTS = (own_blade, figure_and_tables, mistakes, own_beam, shares)

@@ -102,8 +102,8 @@ def _write_single(archive: Path, written: Path) -> ReportFiles:
     _refuse_overwriting([archive], written, picture)
     with open_archive(archive) as dataset:
         precision, maps = sections.precision(dataset, duration_of(archive)), sections.maps(dataset)
-        branches = along_branches(dataset)
-        figure = _response(dataset) or precision.figure or maps.figure or branches.figure
+        branches, drawn = along_branches(dataset), shares(dataset)
+        figure = _response(dataset) or precision.figure or maps.figure or branches.figure or drawn.figure
         figure_path = None if figure is None else save(figure, picture)
         methods, scene = methods_of(archive), scene_of(archive)
         first_block = answer(dataset, methods)
@@ -123,7 +123,7 @@ def _write_single(archive: Path, written: Path) -> ReportFiles:
                 *sections.scene_pictures(dataset),
                 *sections.standing(dataset),
                 *precision.body,
-                *(shares(dataset) or sections.effects(dataset)),
+                *(drawn.body or sections.effects(dataset)),
                 *sections.errors(dataset),
             ]
         rest += origin(dataset, archive)
@@ -149,7 +149,7 @@ def _write_figure(archive: Path, written: Path) -> ReportFiles:
     with open_archive(archive) as dataset:
         figure = _response(dataset)
         figure = figure or sections.precision(dataset, duration_of(archive)).figure
-        figure = figure or sections.maps(dataset).figure or along_branches(dataset).figure
+        figure = figure or sections.maps(dataset).figure or along_branches(dataset).figure or shares(dataset).figure
         if figure is None:
             raise ArchiveError(
                 f"{archive}: has no figure: it keeps no histories, no errors at three steps and no two axes of four "
