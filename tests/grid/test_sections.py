@@ -11,7 +11,7 @@ import xarray as xr
 
 from quick import quick
 from studies import SCENE, parsed
-from workflow import plots, run_study
+from workflow import plan_study, plots, run_study
 from workflow.archive import ArchiveError
 from workflow.grid import _solve, arrange, case_hashes, solve
 from workflow.study import Study
@@ -25,6 +25,12 @@ def rub(interval: str = "0.1 ms") -> Study:
     output = f"interval: {interval}, sections: true, histories: [displacement, velocity, temperature]"
     scene = SCENE.replace("frequency: 50 Hz", "frequency: 50")
     return parsed(f"study: rub\n{scene}\naxes: {{{axes}}}\noutput: {{{output}}}\n")
+
+
+def test_plan_says_that_extremes_of_load_periods_are_taken_of_few_samples() -> None:
+    for interval, told in (("1 ms", True), ("0.1 ms", False)):
+        warnings = plan_study(rub(interval)).warnings
+        assert any("samples a load period" in warning for warning in warnings) == told, warnings
 
 
 @pytest.fixture(scope="module")

@@ -23,6 +23,9 @@ from workflow.study import CaseSettings
 _REPEATED = 10
 """Lines of warnings that a run prints and its archive keeps, at most."""
 
+_FEWEST_SAMPLES = 20
+"""Samples of a load period of whose extremes a plan says nothing: of a sine they miss 1 %."""
+
 _LOOKED_AT = 5000
 """Settings of the operators that are judged for what to beware of, at about 0.2 ms each."""
 
@@ -41,8 +44,15 @@ def warnings(grid: Grid) -> tuple[str, ...]:
     steps = _sentences(cautions, len(set(map(basis_text, cells))))
     lacks_exact = grid.study.output.steady is not None and all(choice.method != EXACT for choice in choices)
     steady = (f"no scheme of this study is {EXACT}, which alone has steady rubs",) if lacks_exact else ()
-    told = (*idle, *steady, *choice_cautions(grid), *cautions_of_scene(grid), *steps)
+    told = (*idle, *steady, *_coarse_sections(grid), *choice_cautions(grid), *cautions_of_scene(grid), *steps)
     return tuple(dict.fromkeys(told))
+
+
+def _coarse_sections(grid: Grid) -> Iterator[str]:
+    """Yield that extremes of load periods are taken of few samples."""
+    samples = 1 / max(fastest(grid) * grid.sampling.interval, 1e-300)
+    if grid.study.output.sections and samples < _FEWEST_SAMPLES:
+        yield f"period_displacement is taken of {samples:.2g} samples a load period: give a smaller `output.interval`"
 
 
 def warning_lines(grid: Grid) -> tuple[str, ...]:
