@@ -74,6 +74,14 @@ def real_blocks(A: Array) -> RealBlocks:
     return RealBlocks(damping, stiffness, -values[firsts].real, inverse(outward) / scale, scale[:, None] * outward)
 
 
+def missed_share(A: Array, blocks: RealBlocks) -> float:
+    """Return the share of A that its blocks miss: rounding, by as much as eigenvectors depend on each other."""
+    seconds = blocks.damping.size
+    p, q, x = np.split(blocks.outward, [seconds, 2 * seconds], axis=1)
+    moved = np.concatenate([-blocks.stiffness * q, p - blocks.damping * q, -blocks.rate * x], axis=1)
+    return float(np.abs(moved @ blocks.inward - A).max(initial=0.0) / np.abs(A).max(initial=1e-300))
+
+
 def _between(A: Array, values: Complex, middle: float) -> tuple[float, float, Array, Array]:
     """Return c, ω², p and q of the two poles nearest to ``middle``."""
     distance = np.sort(np.abs(values - middle))
