@@ -102,11 +102,11 @@ def test_a_fold_ends_a_branch(turned: bool) -> None:
     assert (found.cases, found.within) == (9, 6)
     assert (alpha.start, alpha.stop, alpha.next, alpha.limited_by) == (0, 10, 12, "fold")
     assert alpha.at == {"gap": 1e-5}
-    assert [(one.start, one.stop, one.next, one.at["gap"]) for one in found.branches] == [
+    assert [(one.start, one.stop, one.next, one.at["gap"]) for one in found.each] == [
         (0, 10, 12, 1e-5),
         (0, 20, None, 2e-5),
     ]
-    sentences = [limit_sentence(one, dataset, {}, of_branch=True) for one in found.branches]
+    sentences = [limit_sentence(one, dataset, {}, of_one=True) for one in found.each]
     assert sentences == [
         "gap = 1e-05 m: alpha from 0 to 10 W/N; at 12 W/N a fold ends the branch.",
         "gap = 2e-05 m: alpha from 0 to 20 W/N, as far as it was varied.",

@@ -27,7 +27,7 @@ def test_the_command_answers(steady: Path, options: tuple[str, ...], status: int
     told = CliRunner().invoke(app, ["limits", str(steady), *options, "--json"])
     assert told.exit_code == status, told.output
     answer = json.loads(told.output)
-    assert set(answer) == {"limits", "branches", "cases", "within", "beyond"}
+    assert set(answer) == {"limits", "each", "cases", "within", "beyond"}
     assert (answer["within"] > 0) == (status == 0)
     assert {"axis", "from", "to", "next", "limited_by", "at"} == set(answer["limits"][0])
 
@@ -44,6 +44,7 @@ def test_the_command_says_it_in_sentences(steady: Path, bound: str) -> None:
     told = CliRunner().invoke(app, ["limits", str(steady), "--max-temperature", bound])
     assert told.exit_code == 0
     assert "alpha from 0 to 2 W/N: all cases are within; at 5 W/N the temperature exceeds 40 K" in told.output
+    assert "gap = 2e-05 m: alpha from 0 to 2 W/N; at 5 W/N the temperature exceeds 40 K.\n" in told.output
     assert "5 of 8 within; 1 above the temperature, 2 runs_away." in told.output
 
 

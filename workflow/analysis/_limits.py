@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -79,12 +79,13 @@ class Limit:
 class Limits:
     """Limits of all numerical axes, the cases (of branches the points) that were asked for, and those within.
 
-    An archive of branches has that of the axis that is followed, over all branches, and that of each in ``branches``.
+    ``each`` has that of every branch along the axis that is followed, or of every combination of the other axes along
+    the first that has a mild end; of an archive of branches ``limits`` has that over all branches alone.
     ``beyond`` counts those that are not within by what they are.
     """
 
     limits: tuple[Limit, ...]
-    branches: tuple[Limit, ...]
+    each: tuple[Limit, ...]
     cases: int
     within: int
     beyond: Mapping[str, int]
@@ -123,7 +124,9 @@ def limits(dataset: xr.Dataset, **bounds: float | None) -> Limits:
         return Limits((_common(each),), each, *counts)
     names = [d for d in case_dims(dataset) if d in dataset.coords and dataset[d].dtype.kind in "if"]
     axes = [name for name in names if not is_numerical(dataset, name)]
-    return Limits(tuple(_along_dimension(dataset, dim, faults) for dim in axes), (), *counts)
+    mild = sorted(set(axes) & set(_MILD))[:1]  # α before the gap
+    single = [limit for dim in mild for limit in _each_along(dataset, dim, faults, asked)]
+    return Limits(tuple(_along_dimension(dataset, dim, faults) for dim in axes), tuple(single), *counts)
 
 
 def _faults(dataset: xr.Dataset, bounds: Mapping[str, float | None]) -> tuple[NDArray[Any], NDArray[np.bool_]]:
@@ -158,6 +161,17 @@ def _along_dimension(dataset: xr.Dataset, dim: str, faults: NDArray[Any]) -> Lim
         return limit
     others = [other for other in dims if other != dim]
     return replace(limit, at=_labels(dataset, others, places[beyond] or ()))
+
+
+def _each_along(dataset: xr.Dataset, dim: str, faults: NDArray[Any], asked: NDArray[np.bool_]) -> Iterator[Limit]:
+    """Yield the limit along a dimension of every combination of the others."""
+    values, dims = np.asarray(dataset[dim].values, dtype=float), case_dims(dataset)
+    order, others = np.argsort(_MILD[dim] * values), [other for other in dims if other != dim]
+    words, there = (np.moveaxis(array, dims.index(dim), -1) for array in (faults, asked))
+    for place in np.ndindex(words.shape[:-1]):
+        if there[place].any():
+            limit, _ = _range(dim, values[order], words[place][order].tolist())
+            yield replace(limit, at=_labels(dataset, others, place))
 
 
 def _along_branches(dataset: xr.Dataset, faults: NDArray[Any], asked: NDArray[np.bool_]) -> tuple[Limit, ...]:
@@ -231,9 +245,9 @@ def count_sentence(found: Limits) -> str:
 
 
 def limit_sentence(
-    limit: Limit, dataset: xr.Dataset, bounds: Mapping[str, float | None], *, of_branch: bool = False
+    limit: Limit, dataset: xr.Dataset, bounds: Mapping[str, float | None], *, of_one: bool = False
 ) -> str:
-    """Return a limit as a sentence: of all cases, or of the one branch that it names."""
+    """Return a limit as a sentence: of all cases, or of the one branch or combination that it names."""
     units = coordinate_units(dataset) | {limit.axis: readable(str(dataset[limit.axis].attrs.get("units", "1")))}
 
     def written(name: str, value: Any) -> str:
@@ -249,9 +263,9 @@ def limit_sentence(
     else:
         text = f"{name} from {written(limit.axis, limit.start)} to {valued(limit.axis, limit.stop)}"
         all_within = ": all cases are within"
-    text = f"{at}: {text}" if of_branch else text + all_within
+    text = f"{at}: {text}" if of_one else text + all_within
     if limit.limited_by is None:
         return f"{text}, as far as it was varied."
     most = bounds.get(limit.limited_by)
     why = _WORDS.get(limit.limited_by) or f"the {limit.limited_by} exceeds {most:g} {_UNITS[limit.limited_by]}"
-    return f"{text}; at {valued(limit.axis, limit.next)} {why}{f' ({at})' if at and not of_branch else ''}."
+    return f"{text}; at {valued(limit.axis, limit.next)} {why}{f' ({at})' if at and not of_one else ''}."

@@ -16,6 +16,9 @@ _Bound = Annotated[
     typer.Option(metavar="QUANTITY", help="Bound of steady rubs, in SI or with its unit: 40K, 0.1mm, '0.1 N*s'."),
 ]
 
+_SHOWN = 12
+"""Limits of single branches or combinations of axes that are named."""
+
 
 def limits(
     archive: ArchiveFile,
@@ -45,11 +48,13 @@ def limits(
                 print_error(f"{archive}: {error}")
                 raise typer.Exit(WRONG) from None
             lines = [limit_sentence(limit, dataset, bounds) for limit in found.limits]
-            if len(found.branches) > 1:
-                lines += [limit_sentence(limit, dataset, bounds, of_branch=True) for limit in found.branches]
+            if len(found.each) > 1:
+                lines += [limit_sentence(limit, dataset, bounds, of_one=True) for limit in found.each[:_SHOWN]]
+            if len(found.each) > _SHOWN:
+                lines.append(f"… and {len(found.each) - _SHOWN} more, which --json lists")
         if as_json:
             answer = dataclasses.asdict(found)
-            for limit in (*answer["limits"], *answer["branches"]):
+            for limit in (*answer["limits"], *answer["each"]):
                 limit["from"], limit["to"] = limit.pop("start"), limit.pop("stop")
             write_json(answer, indent=2)
         else:
