@@ -27,7 +27,7 @@ _VARIABLE_BYTES, _CHUNK_BYTES, _CELL_BYTES = 5000, 100, 16
 
 Index = NDArray[np.int64] | slice
 
-_HELD = 64
+_HELD = 8
 """Sources of which the values of one variable are held at a time."""
 
 
