@@ -245,7 +245,7 @@ def test_a_newcomer_installs_it_first(tmp_path: Path) -> None:
     with timed("README's answer"):
         answer = typed(str(binary / "workflow"), "recommend", "blade.nc").stdout
     quoted = block("console").partition("\n")[2].replace("\n", " ")
-    for words in (r"^.*?, at ", r"its largest error is .*?,"):  # costs are those of a machine
+    for words in (r"^.*?, at ", r"Its largest error is .*?,"):  # costs are those of a machine
         assert re.findall(words, answer) == re.findall(words, quoted)
     for part in PARTS:
         with timed(part.__name__.replace("_", " ")):
