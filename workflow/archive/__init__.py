@@ -34,7 +34,7 @@ from workflow.archive._open import (
     study_text,
 )
 from workflow.archive._parts import Command, clear_parts, file_of, parts_of, read_command, remove_parts, start_parts
-from workflow.archive._shard import find_shards, write_shard
+from workflow.archive._shard import find_shards, stored_status, write_shard
 from workflow.archive._stored import (
     Hashes,
     Source,
@@ -88,6 +88,7 @@ __all__ = [
     "start_parts",
     "statuses",
     "stored_hashes",
+    "stored_status",
     "stored_values",
     "study_key",
     "study_text",

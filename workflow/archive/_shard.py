@@ -68,6 +68,12 @@ def write_shard(
     return path
 
 
+def stored_status(parts: str | Path, name: str) -> NDArray[Any] | None:
+    """Return the statuses of the cases of a shard that this run has written, ``None`` where there is none."""
+    path = Path(parts) / f"{name}{SUFFIX}"
+    return _read(path, STATUS) if path.exists() else None
+
+
 def find_shards(parts: str | Path, just_written: bool = False) -> tuple[list[Source], list[tuple[str, str]]]:
     """Return the sound shards, in order, and name and fault of each other one.
 

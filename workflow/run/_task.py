@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.archive import STATUS, Hashes, Layout, write_shard
+from workflow.archive import STATUS, Hashes, Layout, stored_status, write_shard
 from workflow.grid import Batch, CaseHashes, Grid, Solutions, Task, solve
 from workflow.run._outcome import status_name
 from workflow.schemes import Status
@@ -76,7 +76,13 @@ def compute_batch(job: Job, batch: Batch, known: Solutions = _NONE) -> Results:
 
 
 def _store(job: Job, task: Task, results_of: Callable[[Batch], Results]) -> Stored:
-    """Store the results of the batches of a task in one shard: of one case for each hash."""
+    """Store the results of the batches of a task in one shard: of one case for each hash.
+
+    A shard that this very task has stored before is left as it is: repeating a task whose worker died between storing
+    and reporting costs nothing.
+    """
+    name = f"{job.begun:020d}-{task.number:08d}"
+    done = stored_status(job.parts, name)
     hashes, parts, messages = list[Hashes](), [], dict[int, str]()
     count, cases, endings = 0, 0, Counter[str]()
     for outer, inner in task.batches:
@@ -84,15 +90,19 @@ def _store(job: Job, task: Task, results_of: Callable[[Batch], Results]) -> Stor
         _, first, which = np.unique(every.view(np.uint64)[:, 0], return_index=True, return_inverse=True)
         order = np.argsort(first)
         first, which = first[order], np.argsort(order)[which]
-        values, texts = results_of(Batch(outer, inner[first]))
-        messages |= {count + k: text for k, text in texts.items()}
-        hashes.append(every[first])
-        parts.append(values)
+        if done is None:
+            values, texts = results_of(Batch(outer, inner[first]))
+            messages |= {count + k: text for k, text in texts.items()}
+            hashes.append(every[first])
+            parts.append(values)
+            status = values[STATUS]
+        else:
+            status = done[count : count + first.size]
         count += first.size
         places = len(job.grid.places[outer])
         cases += inner.size * places
-        endings.update(not_ok(values[STATUS][which], places))
-    arrays = {v.name: np.concatenate([values[v.name] for values in parts]) for v in job.layout.variables}
-    name = f"{job.begun:020d}-{task.number:08d}"
-    write_shard(job.parts, name, np.concatenate(hashes), arrays, messages, job.layout)
+        endings.update(not_ok(status[which], places))
+    if done is None:
+        arrays = {v.name: np.concatenate([values[v.name] for values in parts]) for v in job.layout.variables}
+        write_shard(job.parts, name, np.concatenate(hashes), arrays, messages, job.layout)
     return Stored(task.number, cases, endings)
