@@ -7,8 +7,10 @@ would obey are taken out.
 from __future__ import annotations
 
 import codecs
+import dataclasses
 import io
 import json
+import math
 import os
 import re
 import sys
@@ -70,6 +72,15 @@ def write(text: str) -> None:
         if not isinstance(error, BrokenPipeError):
             error.filename = "standard output"
             raise
+
+
+def plain(value: Any) -> Any:
+    """Return nested dataclasses and sequences as what JSON has; numbers that are not finite become null."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {entry.name: plain(getattr(value, entry.name)) for entry in dataclasses.fields(value)}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def write_json(value: Any, indent: int | None = None) -> None:

@@ -73,12 +73,12 @@ def _read(option: str, unit: str, text: str | None) -> float | None:
     from workflow.study.quantities import read_quantity
 
     try:
-        return None if text is None else float(read_quantity(_plain(text), Quantity(unit, option, above=0)))
+        return None if text is None else float(read_quantity(_number_or_text(text), Quantity(unit, option, above=0)))
     except PydanticCustomError as error:
         raise typer.BadParameter(f"{option}: {error.message()}") from None
 
 
-def _plain(text: str) -> float | str:
+def _number_or_text(text: str) -> float | str:
     """Return a text that is a number as one."""
     try:
         return float(text)

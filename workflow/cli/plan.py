@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import dataclasses
-import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from workflow.cli._failures import errors_in_words
-from workflow.cli._terminal import say, write_json
+from workflow.cli._terminal import plain, say, write_json
 from workflow.cli._words import Settings, StudyFile, named, read
 from workflow.cli.show import decided_lines
 
@@ -42,7 +40,7 @@ def plan(
         plan = plan_study(requested)
         held = None if output is None else holdings(requested, named(output))
         if as_json:
-            write_json({**_plain(plan), "archive": _plain(held)})
+            write_json({**plain(plan), "archive": plain(held)})
             return
         for line in _lines(plan):
             say(line)
@@ -54,15 +52,6 @@ def plan(
                         say(line)
             if held.note:
                 say(f"  beware: {held.note}")
-
-
-def _plain(value: Any) -> Any:
-    """Return nested dataclasses as what JSON has; numbers that are not finite become null."""
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {entry.name: _plain(getattr(value, entry.name)) for entry in dataclasses.fields(value)}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _lines(plan: Plan) -> Iterator[str]:

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from workflow.cli._failures import errors_in_words
-from workflow.cli._terminal import say
+from workflow.cli._terminal import plain, say
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -55,7 +54,7 @@ def _json(archive: Path, dataset: xr.Dataset) -> str:
         str(name): {
             "dims": list(values.dims),
             "units": values.attrs.get("units", ""),
-            "values": _plain(values.values.tolist()),
+            "values": plain(values.values.tolist()),
         }
         for name, values in dataset.coords.items()
         if name != "t"
@@ -71,12 +70,6 @@ def _json(archive: Path, dataset: xr.Dataset) -> str:
         "failures": [dataclasses.asdict(group) for group in failures(dataset)],
     }
     return json.dumps(shown, allow_nan=False, default=str)
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, list):
-        return [_plain(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _coordinates(dataset: xr.Dataset) -> Iterator[str]:

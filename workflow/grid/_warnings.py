@@ -44,8 +44,8 @@ def warnings(grid: Grid) -> tuple[str, ...]:
     steps = _sentences(cautions, len(set(map(basis_text, cells))))
     lacks_exact = grid.study.output.steady is not None and all(choice.method != EXACT for choice in choices)
     steady = (f"no scheme of this study is {EXACT}, which alone has steady rubs",) if lacks_exact else ()
-    told = (*idle, *steady, *_coarse_sections(grid), *choice_cautions(grid), *cautions_of_scene(grid), *steps)
-    return tuple(dict.fromkeys(told))
+    sentences = (*idle, *steady, *_coarse_sections(grid), *choice_cautions(grid), *cautions_of_scene(grid), *steps)
+    return tuple(dict.fromkeys(sentences))
 
 
 def _coarse_sections(grid: Grid) -> Iterator[str]:
@@ -61,12 +61,12 @@ def warning_lines(grid: Grid) -> tuple[str, ...]:
 
     with threadpool_limits(limits=1, user_api="blas"):  # matrices are small
         try:
-            told = warnings(grid)
+            sentences = warnings(grid)
         except (Exception, SystemExit) as error:  # of a foreign scheme's amplification, say: no run fails by it
-            told = (f"what to beware of could not be found: {reason_of(error)}",)
-    if len(told) <= _REPEATED:
-        return told
-    return (*told[: _REPEATED - 1], f"… and {len(told) - _REPEATED + 1} more, which `workflow plan` names")
+            sentences = (f"what to beware of could not be found: {reason_of(error)}",)
+    if len(sentences) <= _REPEATED:
+        return sentences
+    return (*sentences[: _REPEATED - 1], f"… and {len(sentences) - _REPEATED + 1} more, which `workflow plan` names")
 
 
 def looked_at(computed: Indices) -> list[int]:

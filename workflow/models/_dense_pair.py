@@ -85,9 +85,7 @@ class DensePair:
     def deformed(self) -> Array:
         """D ψ, 0 below the rounding that decides the rank."""
         deformed, weighted = self.deformation @ self.constraint, self.weighted
-        rounding = (
-            10 * max(weighted.shape) * np.finfo(float).eps
-        )  # ten times numpy.linalg.matrix_rank's: ψ is rounded too
+        rounding = 10 * max(weighted.shape) * np.finfo(float).eps  # ten times matrix_rank's: ψ is rounded too
         least = rounding * np.linalg.norm(weighted) * np.linalg.norm(self.constraint)
         moved = np.linalg.norm(np.sqrt(self.weights) * deformed) > least
         return deformed if moved else np.zeros_like(deformed)

@@ -62,7 +62,7 @@ def tip_of(cases: Cases, i: int, basis: Basis, impulse: UnitImpulse, load: Load)
     return Tip(
         float(cases.e[i]),
         float(cases.alpha[i]),
-        basis.mobility - float(cases.friction[i]) * basis.aside,
+        basis.mobility - float(cases.friction[i]) * basis.tangential,
         basis.heat_jump,
         *impulse,
         place - float(cases.displacement[i, -1]),

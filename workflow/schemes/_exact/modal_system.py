@@ -129,7 +129,7 @@ class Basis:
     """Quasi-static tip growth per τ, m, ``(thermal mode,)``."""
     mobility: float
     """Delassus operator of an impact, e_nᵀ M⁻¹ e_n, 1/kg."""
-    aside: float
+    tangential: float
     """e_nᵀ M⁻¹ t, 1/kg, by which the mobility falls per friction coefficient."""
     heat_jump: float
     """Rise of the tip temperature per heat at the tip, e_nᵀ C2⁻¹ e_n, K/J."""
@@ -151,7 +151,7 @@ def analyse(structure: Structure) -> Basis:
         along=along,
         closing=static_tip_growth(structure) @ thermal.shapes,
         mobility=np.dot(mechanical.tip, mechanical.tip),
-        aside=np.dot(mechanical.tip, along),
+        tangential=np.dot(mechanical.tip, along),
         heat_jump=float(sum(float(tip) ** 2 for tip in thermal.tip)),
         free=free,
         held=held_system(structure),

@@ -81,7 +81,7 @@ class Blocks:
     inward: Array
     """u and η per X = [ξ of elastic modes, v], ``(2, block, X)``."""
     outward: Array
-    """… and back, ``(X, 2, block)``."""
+    """X per u and η, ``(X, 2, block)``."""
     response: Array
     """R, ``(2, block, thermal mode)``; 0 for pairs near resonance."""
     pairs: NDArray[np.int64]

@@ -43,8 +43,8 @@ class Operator:
     def delassus(self, h: float, alpha: Array, friction: Array | float = 0.0) -> Array:
         """Return the Delassus operator W = e_nᵀ Ŵ⁻¹ (e_n - µ t + α hθ K12 T̂⁻¹ e_n) of a step h, 1/kg, ``(case,)``."""
         motion, theta = self.motion, self.theta
-        cold, per_alpha, aside = motion.delassus(h, theta)
-        return np.asarray(cold + alpha * per_alpha - friction * aside)
+        cold, per_alpha, tangential = motion.delassus(h, theta)
+        return np.asarray(cold + alpha * per_alpha - friction * tangential)
 
     def factor(self, h: float, alpha: Array, friction: Array | float = 0.0) -> Array:
         """Return what contact divides by in a step h, ``(case,)``: it has one solution where that is positive."""
