@@ -49,7 +49,7 @@ with compiled_ahead([variant_of("event_driven"), variant_of("moreau")]):
     compile_scheme(variant_of("moreau"))
 from workflow.schemes._exact.march import march
 from workflow.schemes import moreau
-from workflow.schemes._fixed.marches import KERNELS
+from workflow.schemes._fixed.march import KERNELS
 ours = {f.__name__: n for f, n in Seen.functions.items() if f.__module__.startswith("workflow.schemes.")}
 print(max(ours.values()), "march" in ours, "_regime_at" in ours)
 print(sum(march.dispatcher.stats.cache_hits.values()))

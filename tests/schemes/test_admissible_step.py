@@ -12,7 +12,7 @@ from random_chains import metal_chain
 from scenes import cases, heavy_chain, sampling, step
 from workflow.models import Cases, Structure, critical_alpha, frequencies, growth_rate, tip_flexibility
 from workflow.schemes import Sampling, Status
-from workflow.schemes._fixed import theta_march
+from workflow.schemes._fixed import theta_method
 from workflow.schemes._fixed.stable_steps import largest_step
 
 MOST_STEPS = 2_000_000
@@ -84,7 +84,7 @@ def test_the_limit_of_many_cases_of_one_law_is_looked_for_once(monkeypatch: pyte
         looked.append(h)
         return largest_step(holds, h)
 
-    monkeypatch.setattr(theta_march, "largest_step", counted)
+    monkeypatch.setattr(theta_method, "largest_step", counted)
     structure = heavy_chain()
     batch = cases(structure, 60, gap=5e-5, mean=500.0, alpha=np.where(np.arange(60) % 2, 1e6, 2e6))
     results = step(structure, batch, 1e-3, sampling(0.05, 0.05))

@@ -9,16 +9,18 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from plain_moreau import Trajectory, march
+from plain_moreau import Trajectory
+from plain_moreau import march as plain_march
 
 from scenes import alone, blade, cases, chain, heavy_chain, same_bits, sampling, step, taken
 from workflow import schemes
 from workflow.models import Cases, Rayleigh, Structure
 from workflow.reduction import reduce_structure
-from workflow.schemes import Results, Sampling, Status, carpenter, moreau
-from workflow.schemes._fixed import blocks, central, modal_lanes, recorder, theta_march, theta_method
-from workflow.schemes._fixed.decoupled import Decoupled, decouple, felt_modes, start
-from workflow.schemes._fixed.theta_method import coefficients as theta_method_coefficients
+from workflow.schemes import Contact, Results, Sampling, Status, carpenter, moreau
+from workflow.schemes._fixed import free_motion, march, recorder, start
+from workflow.schemes._fixed.decoupled import Decoupled, decouple, felt_modes
+from workflow.schemes._fixed.free_motion import FreeStep
+from workflow.schemes._fixed.theta_method import Operator
 
 BALANCES = ("energy_residual", "heat_residual")
 STEPPED = [method for method in schemes.names() if method != "event_driven"]
@@ -40,31 +42,38 @@ class Relative:
     """Motion of the first case at every step end relative to what heat and constant loads drag along."""
 
     modal: Decoupled
+    response: np.ndarray
+    """η that each thermal mode drags along, ``(mode, thermal mode)``."""
     felt: np.ndarray
     eta: np.ndarray
     zeta: np.ndarray
-    tip_force: float
+    tip_force: np.ndarray
+    """Constant force on the rigid modes, ``(mode,)``."""
 
 
 def relative_motion(structure: Structure, batch: Cases, h: float, path: Trajectory) -> Relative:
     """Return η and ζ ``(step end, mode)`` in the modes with a share in the tip."""
     modal = decouple(structure)
-    begun = start(modal, batch)
-    assert modal.pairs.size == 0
+    omega2, rate, elastic = modal.frequency[:, None] ** 2, modal.rate, modal.frequency > 0
+    response = -modal.coupling / (rate**2 - rate * modal.damping[:, None] + omega2)
+    heating = modal.heat_shapes.T @ batch.heating[0]
+    settled = np.where(rate > 0, heating / np.where(rate > 0, rate, 1.0), 0.0)
+    warming = np.where(rate > 0, 0.0, heating)
     t = h * np.arange(len(path.velocity))[:, None]
-    tau = path.temperature @ modal.to_thermal.T - begun.settled - t * begun.warming_modes
-    steady = begun.warming_modes @ modal.response.T
-    rest = batch.displacement @ modal.to_modes.T - begun.position - begun.heat @ modal.response.T
-    eta = path.displacement @ modal.to_modes.T - rest - t * steady - tau @ modal.response.T
-    zeta = path.velocity @ modal.to_modes.T - steady + tau @ (modal.response * modal.rate).T
+    tau = path.temperature @ modal.to_thermal.T - settled - t * warming
+    steady, load = response @ warming, modal.shapes.T @ batch.steady[0]
+    force = load - modal.coupling @ settled - modal.damping * steady
+    rest = np.where(elastic, force / np.where(elastic, omega2[:, 0], 1.0), 0.0)
+    eta = path.displacement @ modal.to_modes.T - rest - t * steady - tau @ response.T
+    zeta = path.velocity @ modal.to_modes.T - steady + tau @ (response * rate).T
     felt = felt_modes(modal.tip)
-    return Relative(modal, felt, eta[:, felt], zeta[:, felt], float(begun.tip_force[0]))
+    return Relative(modal, response, felt, eta[:, felt], zeta[:, felt], np.where(elastic, 0.0, load)[felt])
 
 
 def looked_at(energy: np.ndarray) -> np.ndarray:
     """The energies of which a balance takes the largest."""
     steps = energy.size - 1
-    interval = min(modal_lanes.ENERGY_INTERVAL, steps // modal_lanes.FEWEST_ENERGIES + 1)
+    interval = min(march.ENERGY_INTERVAL, steps // march.FEWEST_ENERGIES + 1)
     return energy[np.append(np.arange(0, steps, interval), steps)]
 
 
@@ -82,12 +91,13 @@ def left_over(structure: Structure, batch: Cases, h: float, path: Trajectory, th
     energy_given = -step * (dz**2 + omega2 * de**2).sum()
     t = h * np.arange(len(zeta))
     load = batch.mean[0] + batch.amplitude[0] * np.sin(2 * np.pi * batch.frequency[0] * t + batch.phase[0])
-    load = theta * load[1:] + (1 - theta) * load[:-1] + motion.tip_force
+    load = theta * load[1:] + (1 - theta) * load[:-1]
     energy_given += h * (modal.damping[felt] * (mean**2 - (mean + step * dz) ** 2)).sum()
     energy_given += ((h * load - path.impulse) * (dz @ modal.tip[felt])).sum() * step
+    energy_given += h * (dz @ motion.tip_force).sum() * step
     heat = batch.alpha[0] * path.impulse
-    drags = -(modal.response @ modal.heat_tip)[felt]
-    pushes = (modal.response @ (modal.rate * modal.heat_tip))[felt]
+    drags = -(motion.response @ modal.heat_tip)[felt]
+    pushes = (motion.response @ (modal.rate * modal.heat_tip))[felt]
     energy_given += step * (heat * (dz @ pushes + de @ (omega2 * drags))).sum()
     energy = 0.5 * (zeta**2 + omega2 * eta**2).sum(axis=1)
     return float(energy_given / looked_at(energy).max())
@@ -142,7 +152,7 @@ def scenes(draw: st.DrawFn) -> tuple[Structure, Cases]:
 def test_moreau_against_the_definition(scene: tuple[Structure, Cases], theta: float) -> None:
     structure, batch = scene
     h, steps = 0.02, 300
-    path = march(structure, batch, h, theta, steps)
+    path = plain_march(structure, batch, h, theta, steps)
     metrics = of_moreau(structure, batch, h, h * steps, theta).metrics
     assert abs(metrics["energy_residual"][0] - left_over(structure, batch, h, path, theta)) < 1e-9
     assert abs(heat_gained(structure, batch, h, path, theta)) < 1e-12
@@ -200,7 +210,7 @@ def closing() -> dict[str, tuple[Structure, Cases, float]]:
 @pytest.mark.parametrize("name", closing())
 def test_the_energy_of_the_relative_motion_closes(name: str) -> None:
     structure, batch, h = closing()[name]
-    assert (decouple(structure).pairs.size > 0) == (name == "resonance")
+    assert (moreau.init(structure, h, moreau.Options()).blocks.pairs.size > 0) == (name == "resonance")
     metrics = of_moreau(structure, batch, h, 1000 * h, 0.5).metrics
     assert metrics["impacts"][0] > 0
     assert abs(metrics["energy_residual"][0]) < 1e-12
@@ -221,11 +231,11 @@ def test_a_theta_below_one_half_creates_energy() -> None:
 
 @pytest.mark.parametrize("theta", [0.7, 1.0])
 def test_every_representation_counts_alike(theta: float) -> None:
-    """Modes, blocks and recorded states, where no heat makes their energies different ones."""
+    """Modes, blocks of damping said to couple them, and recorded states, where no heat makes their energies differ."""
     structure, h, over = heavy_chain(), 1e-4, audited(sampling(0.012, 0.012))  # every step's energy is taken
     batch = cases(structure, 3, e=[0.0, 0.5, 0.9], gap=5e-5, mean=60.0, amplitude=100.0, frequency=50.0)
 
-    paths = [march(structure, alone(batch, case), h, theta, over.steps(h)) for case in range(3)]
+    paths = [plain_march(structure, alone(batch, case), h, theta, over.steps(h)) for case in range(3)]
 
     def recorded() -> np.ndarray:
         recording = recorder.Recorder(structure, batch, over, h)
@@ -236,69 +246,67 @@ def test_every_representation_counts_alike(theta: float) -> None:
         return recording.results().metrics["energy_residual"]
 
     modes = step(structure, batch, h, over, theta=theta).metrics
-    operator = moreau.init(structure, h, moreau.Options(theta=theta))
-    separated = blocks.separate(operator.motion, theta_method.step(operator.motion, h, theta))
-    in_blocks = moreau.compute(replace(operator, blocks=separated), batch, over).metrics
+    coupled = replace(structure.matrices(), damper=np.diag(np.full(20, 1e-12)) + 1e-12)
+    in_blocks = step(coupled, batch, h, over, theta=theta).metrics
     residuals = [in_blocks["energy_residual"], recorded()]
     assert modes["impacts"].min() > 0
     assert np.abs(modes["energy_residual"]).min() > 0.01
     assert np.abs(np.array(residuals) - modes["energy_residual"]).max() < 1e-12
 
 
-def wrong_impulse(batch: Cases, structure: Structure, share: float) -> float:
-    """Residual of moreau with impulses that are ``share`` of the right ones."""
-    h, modal = 1e-4, decouple(structure)
-    operator = moreau.init(structure, h, moreau.Options(theta=0.5))
-    w = operator.delassus(h, batch.alpha) / share
-    ended = theta_march.step_modes(operator, modal, w, batch, audited(sampling(0.02, 0.02)))
-    return float(ended.balance.residuals()["energy_residual"][0])
+class Weak(Contact):
+    """Impulses that are too small by some share."""
+
+    share = 1.0
+
+    def mobility(self, h: float, w: Any) -> Any:
+        return super().mobility(h, w) / self.share
+
+
+def weakened(operator: Any, share: float) -> Any:
+    contact = Weak(**vars(operator.contact))
+    object.__setattr__(contact, "share", share)
+    return replace(operator, contact=contact)
 
 
 def test_a_wrong_impulse_is_seen() -> None:
     """The contact law says which velocity an impulse brings about; one that is too small by 1 % does not."""
     structure, batch, _ = closing()["alpha 1"]
-    assert abs(wrong_impulse(batch, structure, 1.0)) < 1e-12
-    assert abs(wrong_impulse(batch, structure, 0.99)) > 0.1
-    operator = carpenter.init(structure, 1e-5, carpenter.Options())
-    assert isinstance(operator, central.Operator)
-
-    class Weak(type(operator.contact)):
-        """Impulses that are 1 % too small, of a tip that is said to be on the casing."""
-
-        def mobility(self, h: float, w: Any) -> Any:
-            return super().mobility(h, w) / 0.99
-
     over = audited(sampling(0.02, 0.02))
-    right, wrong = (
-        float(carpenter.compute(o, batch, over).metrics["energy_residual"][0])
-        for o in (operator, replace(operator, contact=Weak(**vars(operator.contact))))
-    )
-    assert abs(right) < 1e-12
-    assert abs(wrong) > 0.01
+    for operator, seen in (
+        (moreau.init(structure, 1e-4, moreau.Options(theta=0.5)), 0.1),
+        (carpenter.init(structure, 1e-5, carpenter.Options()), 0.01),  # a tip that is said to be on the casing
+    ):
+        compute = moreau.compute if isinstance(operator, Operator) else carpenter.compute
+        right, wrong = (
+            float(compute(o, batch, over).metrics["energy_residual"][0]) for o in (operator, weakened(operator, 0.99))
+        )
+        assert abs(right) < 1e-12
+        assert abs(wrong) > seen
 
 
-@pytest.mark.parametrize("row", [modal_lanes.MODE_HEAT_SPEED, modal_lanes.MODE_HEAT_PLACE])
+@pytest.mark.parametrize("row", [free_motion.SPEED, free_motion.PLACE])
 def test_a_wrong_heat_term_is_seen(row: int, monkeypatch: pytest.MonkeyPatch) -> None:
     structure, batch, h = closing()["alpha 50"]
 
-    def careless(*args: Any) -> modal_lanes.Coefficients:
-        free = theta_method_coefficients(*args)
-        free.modes[:, row] *= 1.01
-        return free
+    def careless(*args: Any) -> np.ndarray:
+        drives = start.drives(*args)
+        drives[row] += 0.01 * start.contact_heat(*args)[row]
+        return drives
 
-    monkeypatch.setattr(theta_method, "coefficients", careless)
+    monkeypatch.setattr(march, "drives", careless)
     assert abs(of_moreau(structure, batch, h, 1000 * h, 0.5).metrics["energy_residual"][0]) > 1e-6
 
 
 def test_heat_that_goes_astray_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     structure, batch, h = closing()["alpha 50"]
 
-    def careless(*args: Any) -> modal_lanes.Coefficients:
-        free = theta_method_coefficients(*args)
-        free.heat_modes[:, modal_lanes.HEAT_INPUT] *= 1.01
+    def careless(*args: Any) -> FreeStep:
+        free = start.free_step(*args)
+        free.heat_modes[:, free_motion.HEAT_INPUT] *= 1.01
         return free
 
-    monkeypatch.setattr(theta_method, "coefficients", careless)
+    monkeypatch.setattr(march, "free_step", careless)
     assert abs(of_moreau(structure, batch, h, 1000 * h, 0.5).metrics["heat_residual"][0]) > 1e-3
 
 

@@ -26,7 +26,6 @@ from workflow.models import Cases, Structure, critical_alpha, frequencies, tip_f
 from workflow.reduction import reduce_structure
 from workflow.schemes import Sampling, Status, penalty
 from workflow.schemes._fixed.central import Differences, delassus
-from workflow.schemes._fixed.decoupled import decouple
 from workflow.schemes._fixed.spring_limits import lasting_limit, tip_modes
 
 CASES, PERIODS, MOST_STEPS = 16, 50, 200_000
@@ -38,7 +37,7 @@ def scene(seed: int, **integration: Any) -> tuple[Structure, penalty.Options, Ca
     structure = _structure(seed % 5, rng)
     stiffness, omega = 1 / tip_flexibility(structure), float(frequencies(structure)[0])
     kappa = stiffness * 10 ** rng.uniform(0, 4.5)
-    mobility = delassus(decouple(structure), 0.0, Differences())
+    mobility = delassus(structure, 0.0, Differences())
     critical_damping = 2 * np.sqrt(kappa / mobility)
     damper = float(rng.choice([0, 0, 0.1, 1])) * critical_damping
     options = penalty.Options(stiffness=kappa, damping=damper, **integration)

@@ -17,11 +17,11 @@ from typing import Any, Literal, NamedTuple
 
 from workflow.kernels.lanes import FEWEST_LANES
 from workflow.models import Array, Structure
-from workflow.schemes._fixed import central_march, decoupled
+from workflow.schemes._fixed import central, decoupled
 from workflow.schemes._fixed.central import NEEDS_MASS, Differences, Operator
 from workflow.schemes._fixed.contact import METRICS as METRICS
 from workflow.schemes._fixed.contact import Contact, Response, Tip
-from workflow.schemes._fixed.marches import contact_law
+from workflow.schemes._fixed.march import contact_law
 
 READS = frozenset({"h", "alpha"})
 
@@ -75,10 +75,10 @@ CONTACT = Contact(lambda cases: Multiplier(), holds=True, rebounds=True)
 
 def init(structure: Structure, h: float, options: Options) -> Operator:
     """Diagonalise the structure once for a batch."""
-    return central_march.init(structure, float(h), options.differences, CONTACT)
+    return central.init(structure, float(h), options.differences, CONTACT)
 
 
-compute = central_march.compute
+compute = central.compute
 operator_name = decoupled.operator_name
 
 

@@ -20,10 +20,10 @@ from typing import Any, NamedTuple
 from workflow.declare import quantity
 from workflow.kernels.lanes import FEWEST_LANES
 from workflow.models import Array, Structure
-from workflow.schemes._fixed import decoupled, theta_march, theta_method
+from workflow.schemes._fixed import decoupled, theta_method
 from workflow.schemes._fixed.complementarity import BY_PLACE
 from workflow.schemes._fixed.contact import Contact, Response, Tip
-from workflow.schemes._fixed.marches import contact_law
+from workflow.schemes._fixed.march import contact_law
 from workflow.schemes._fixed.theta_method import Operator
 
 READS = frozenset({"e", "h", "alpha"})
@@ -68,10 +68,10 @@ def init(structure: Structure, h: float, options: Options) -> Operator:
     """Diagonalise the structure once for a batch."""
     theta = float(options.theta)
     meets = BY_PLACE if structure.has_massless_tip else CONTACT
-    return theta_march.init(structure, float(h), theta, meets)
+    return theta_method.init(structure, float(h), theta, meets)
 
 
-compute = theta_march.compute
+compute = theta_method.compute
 operator_name = decoupled.operator_name
 
 

@@ -18,7 +18,7 @@ from typing import Any, Literal
 from workflow.declare import quantity
 from workflow.kernels.lanes import FEWEST_LANES
 from workflow.models import Array, Cases, Structure
-from workflow.schemes._fixed import central, central_march, decoupled, spring, spring_limits, theta_march, theta_method
+from workflow.schemes._fixed import central, decoupled, spring, spring_limits, theta_method
 from workflow.schemes._fixed.contact import METRICS as METRICS
 from workflow.schemes._interface import Results, Sampling
 
@@ -64,7 +64,7 @@ def rigid(structure: Structure, h: float) -> Options:
     κ and c are those that stop the free tip mass within a few steps: κ = 1/(4 h² W), c = 1/(h W), an
     overdamped contact (damping ratio 1) about at the limit of the step.
     """
-    w = central.delassus(decoupled.decouple(structure), h, _CENTRAL)
+    w = central.delassus(structure, h, _CENTRAL)
     return Options(stiffness=1 / (4 * h * h * w), damping=1 / (h * w))
 
 
@@ -84,16 +84,16 @@ def init(structure: Structure, h: float, options: Options) -> Operator:
     """Diagonalise the structure once for a batch."""
     h, stiffness, damping = float(h), contact_stiffness_of(structure, options), float(options.damping)
     if options.integration == "explicit":
-        return central_march.init(structure, h, _CENTRAL, spring.in_differences(stiffness, damping))
+        return central.init(structure, h, _CENTRAL, spring.in_differences(stiffness, damping))
     theta = float(options.theta)
-    return theta_march.init(structure, h, theta, spring.by_theta(theta, stiffness, damping))
+    return theta_method.init(structure, h, theta, spring.by_theta(theta, stiffness, damping))
 
 
 def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
     """Step a whole batch; ``e`` is not read."""
     if isinstance(operator, theta_method.Operator):
-        return theta_march.compute(operator, cases, sampling)
-    return central_march.compute(operator, cases, sampling)
+        return theta_method.compute(operator, cases, sampling)
+    return central.compute(operator, cases, sampling)
 
 
 operator_name = decoupled.operator_name

@@ -11,10 +11,6 @@ impulse: p_k = hλ_k spans half a step on either side of t_k, a step from t_k to
 w_-½ = v_0 - (h/2) a_0 with the acceleration a_0 without contact: p_0 spans half a step and counts whole.
 
 Temperatures step by (τ_k+1 - τ_k)/h = -μ τ_k + χ_n α λ_k, or with μ τ_k+1 where heat is implicit: τ' = D τ.
-What a thermal mode drags along, η = R τ, is that of the difference equation: with m = (1 - D)/h
-
-    R = D Q,   Q = -G / (m² - c m (1 + D)/2 + ω² D)        (lagged: c m for c m (1 + D)/2).
-
 A sample's temperature holds half the heat of p_k, as its impulse holds half of p_k: what friction has
 brought in is αJ up to rounding.
 
@@ -23,18 +19,23 @@ A contact law is given x_n,k, w_k-½ and w_free, the tip's velocity w_k+½ witho
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from workflow.models import Array, Structure
-from workflow.schemes._fixed.blocks import NO_DECAY, Blocks, Step, separate
+from workflow.models import Array, Cases, Structure, project
+from workflow.schemes._fixed import tip_row
+from workflow.schemes._fixed.blocks import Blocks, Step, separate
 from workflow.schemes._fixed.contact import CentralStep, Contact
-from workflow.schemes._fixed.decoupled import Decoupled, Motion, decouple, dragged
-from workflow.schemes._fixed.modal_balance import Terms
-from workflow.schemes._fixed.modal_lanes import Coefficients, by_mode, pulls_on_speed
-from workflow.schemes._fixed.sliding import sliding
+from workflow.schemes._fixed.decoupled import Decoupled, decouple
+from workflow.schemes._fixed.drive import drive_of
+from workflow.schemes._fixed.march import step_batch
+from workflow.schemes._fixed.outcome import ROUNDING, Outcome, by_heat, friction_message, judged
+from workflow.schemes._fixed.stable_steps import limit_text
+from workflow.schemes._fixed.stepping import collect
+from workflow.schemes._interface import Results, Sampling
 
 NEEDS_MASS = (
     "the reduction leaves the tip without mass: central differences divide by the mass that contact acts on; "
@@ -57,17 +58,9 @@ class Differences:
         inertia = 1 + h * damping / 2
         return inertia, (1 - h * damping / 2) / inertia
 
-    def share(self, h: float) -> float:
-        """Return the share of C1 in Ŵ, s."""
-        return 0.0 if self.lagged else h / 2
-
     def decay(self, h: float, rate: Array) -> Array:
         """Return the factor D of each thermal mode."""
         return np.asarray(1 / (1 + h * rate) if self.implicit_heat else 1 - h * rate)
-
-    def slope(self, h: float, rate: Array) -> Array:
-        """Return m = (1 - D)/h of each thermal mode, 1/s."""
-        return np.asarray(rate / (1 + h * rate) if self.implicit_heat else rate)
 
     def amplification(self, frequency: Array, damping: Array, h: float) -> Any:
         """Return the roots z of z² - (1 + k - (hω)²/i) z + k = 0, i inertia, k factor of w_k-½.
@@ -95,86 +88,19 @@ class Differences:
 
 @dataclass(frozen=True, eq=False)
 class Operator:
-    """What a batch shares: structure, step, differences and contact, and what follows from them."""
+    """What a batch shares: structure, step h [s], differences, the structure in blocks, and how it meets the casing."""
 
     structure: Structure
     h: float
     differences: Differences
-    modal: Decoupled
-    """With the response R of the difference equation instead of that of continuous time."""
-    lead: Array
-    """Q, ``(mode, thermal mode)``."""
+    blocks: Blocks
     contact: Contact
-    blocks: Blocks | None = None
-    """Of a structure whose modes are coupled."""
-
-    def delassus(self, friction: Array) -> Array | float:
-        """Return W of cases, 1/kg: one for all without friction, else ``(case,)``."""
-        cold = delassus(self.modal, self.h, self.differences)
-        if self.modal.along is None or not friction.any():
-            return cold
-        return np.asarray(cold - friction * tip_yields(self.modal, self.h, self.differences, self.modal.along))
-
-    def without_heat(self) -> Operator:
-        """Return the same without thermal states, for cases where none can act."""
-        return replace(self, modal=self.modal.without_heat(), lead=np.zeros((self.modal.frequency.size, 0)))
-
-    def coefficients(self, slides: bool) -> Coefficients:
-        """Return the step's coefficients, with friction along the tangent or without."""
-        h, modal = self.h, self.modal
-        tip, mu = modal.tip, modal.rate
-        inertia, factor = self.differences.damped(h, modal.damping)
-        decay = self.differences.decay(h, mu)
-        enters = modal.heat_tip * (decay if self.differences.implicit_heat else 1.0)
-        slope = self.differences.slope(h, mu)
-        decay = np.where(decay == 0, NO_DECAY, decay)
-        pull = -h * modal.frequency**2 / inertia
-        j, k = modal.pairs.T
-        return Coefficients(
-            modes=by_mode(
-                factor + h * pull,
-                pull,
-                tip**2 / inertia,
-                tip * (self.lead @ (slope * enters)),
-                -tip * (self.lead @ enters),
-            ),
-            heat_modes=by_mode(
-                decay, modal.heat_scale * enters / decay, -slope * modal.tip_response / modal.heat_scale
-            ),
-            pair_mode=j,
-            pair_heat=k,
-            pair_pull=pulls_on_speed(-h * tip[j] * modal.coupling[j, k] / (inertia[j] * modal.heat_scale[k])),
-            tip=self.contact.felt_by(
-                CentralStep(h, 1.0, 0.0, np.sum(tip**2 / inertia), np.sum(modal.heat_tip * enters))
-            ),
-            heat_counts=False,
-            sliding=sliding(modal, inertia) if slides else None,
-        )
 
 
-def terms(operator: Operator, begun: Motion, before: Array) -> Terms:
-    """Return how the step enters its balance, from the remaining modal w_-½, ``before``, ``(case, mode)``.
-
-    The step conserves w² (1 - (ωh)²/4) + ω² (η_k + η_k+1)²/4, which is w² + ω² η_k η_k+1; lagged damping spends
-    hc v_k w_k-½ = hc v_k² - hc (w_k+½² - w_k-½²)/4.
-    """
-    h, modal, differences = operator.h, operator.modal, operator.differences
-    inertia, _ = differences.damped(h, modal.damping)
-    enters = modal.heat_tip * (differences.decay(h, modal.rate) if differences.implicit_heat else 1.0)
-    slope, drags = differences.slope(h, modal.rate) * enters, modal.tip @ operator.lead
-    place = -operator.lead @ enters
-    kinetic = 1 - (h * modal.frequency) ** 2 / 4 - (h * modal.damping / 2 if differences.lagged else 0.0)
-    return Terms(
-        lever=h / 2,
-        kinetic=kinetic,
-        inertia=inertia,
-        heat_speed=inertia * (operator.lead @ slope),
-        heat_place=place,
-        dragged=-np.sum(drags * slope),
-        velocity=before,
-        place=begun.position - h * before,
-        opens=True,
-    )
+def init(structure: Structure, h: float, differences: Differences, contact: Contact) -> Operator:
+    """Separate a structure once for a batch."""
+    modal = decouple(structure)
+    return Operator(structure, h, differences, separate(modal, step(modal, h, differences)), contact)
 
 
 def step(modal: Decoupled, h: float, differences: Differences) -> Step:
@@ -182,10 +108,11 @@ def step(modal: Decoupled, h: float, differences: Differences) -> Step:
     decay, (inertia, _) = differences.decay(h, modal.rate), differences.damped(h, modal.damping)
     warm = modal.heat_tip * (decay if differences.implicit_heat else 1.0)
     return Step(
-        tip=CentralStep(h, 1.0, 0.0, 0.0, np.sum(modal.heat_tip * warm)),
-        inertia=modal.weight(inertia, differences.share(h)),
+        tip=CentralStep(h, 1.0, 0.0, np.sum(modal.heat_tip * warm)),
+        inertia=modal.weight(inertia, 0.0 if differences.lagged else h / 2),
         stiffening=h,
         lever=h,
+        middle=h / 2,
         decay=decay,
         warm=warm,
         pulls=np.ones_like(decay),
@@ -196,27 +123,56 @@ def step(modal: Decoupled, h: float, differences: Differences) -> Step:
     )
 
 
-def delassus(modal: Decoupled, h: float, differences: Differences) -> float:
+def delassus(structure: Structure, h: float, differences: Differences) -> float:
     """Return W = e_nᵀ (M + h/2 C1)⁻¹ e_n, 1/kg: the tip's half-step velocity per unit impulse."""
-    return tip_yields(modal, h, differences, modal.tip)
-
-
-def tip_yields(modal: Decoupled, h: float, differences: Differences, force: Array) -> float:
-    """Return the tip's half-step velocity per unit impulse along a force on the modes, 1/kg."""
-    inertia, _ = differences.damped(h, modal.damping)
-    if modal.damper is None:
-        return np.sum(modal.tip * force / inertia)
-    return float(modal.tip @ np.linalg.solve(modal.weight(inertia, differences.share(h)), force))
-
-
-def operator(structure: Structure, h: float, differences: Differences, contact: Contact) -> Operator:
-    """Return the operator of a structure that modes separate."""
     modal = decouple(structure)
-    decay = differences.decay(h, modal.rate)
-    slope = differences.slope(h, modal.rate)
-    c, middle = modal.damping[:, None], 1.0 if differences.lagged else (1 + decay) / 2
-    lead, pairs = dragged(modal.coupling, slope**2, -c * (slope * middle), modal.frequency[:, None] ** 2 * decay)
-    blocks = separate(modal, step(modal, h, differences)) if modal.is_coupled else None
-    return Operator(
-        structure, h, differences, replace(modal, response=lead * decay, pairs=pairs), lead, contact, blocks
-    )
+    return float(step(modal, h, differences).delassus(modal, np.zeros(1), np.zeros(1))[0])
+
+
+def _half_step_before(modal: Decoupled, cases: Cases, h: float) -> Array:
+    """Return the modal w_-½ = v_0 - (h/2) a_0, with the acceleration without contact, ``(case, mode)``."""
+    velocity = project(modal.to_modes, cases.velocity)
+    force = cases.load_at(0.0)
+    load = modal.tip if modal.load is None else modal.load
+    acceleration = project(modal.shapes.T, cases.steady) + force[:, None] * load
+    damped = modal.damping * velocity if modal.damper is None else project(modal.damper, velocity)
+    acceleration -= damped + modal.frequency**2 * project(modal.to_modes, cases.displacement)
+    acceleration -= project(modal.coupling, project(modal.to_thermal, cases.temperature))
+    return np.asarray(velocity - 0.5 * h * acceleration)
+
+
+def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
+    """Step a whole batch; thermal states are carried only in the cases where they can act."""
+    return by_heat(cases, lambda some, heated: _run(operator, some, sampling, heated))
+
+
+def _run(operator: Operator, cases: Cases, sampling: Sampling, heated: bool) -> Results:
+    """Step cases that all carry thermal states, or that all carry none."""
+    contact, h, blocks = operator.contact, operator.h, operator.blocks if heated else operator.blocks.without_heat()
+    w, (drive, _) = blocks.step.delassus(blocks.modal, cases.alpha, cases.friction), drive_of(cases, h, theta=0.0)
+    before = _half_step_before(blocks.modal, cases, h)
+    ended = step_batch(operator.structure, blocks, contact, w, cases, before, sampling, drive)
+    # squared: a contact that grows can stop short of infinity where its energy is beyond it
+    tip = ended.watched.tip[[tip_row.DISPLACEMENT, tip_row.VELOCITY, tip_row.TEMPERATURE]]
+    finite = np.asarray(np.isfinite(tip**2).all(axis=0))
+    return collect(ended, *_judge(operator, blocks, cases, contact.factor(h, w) <= 0, finite))
+
+
+def _judge(operator: Operator, blocks: Blocks, cases: Cases, ambiguous: Any, finite: NDArray[np.bool_]) -> Outcome:
+    """Decide what became of each case; ``ambiguous`` are those whose contact has no unique solution, or one for all."""
+    h, modal, differences, free = operator.h, blocks.modal, operator.differences, blocks.growth
+    heat = np.abs(blocks.step.decay).max(initial=0.0)
+    growth, grown = float(max(free, heat)), None
+    if growth > 1 + ROUNDING:
+        limit = differences.largest_stable_step(modal.frequency, modal.damping, modal.rate)
+        what = "free step" if free >= heat else "explicit heat step"
+        grown = (
+            f"the {what} grows {growth:.6g}-fold at h = {h:.6g} s; central differences are stable up to "
+            f"{limit_text(limit, 7)} s"
+        )
+
+    def explain(case: int) -> str:
+        return friction_message(h, float(cases.friction[case]), operator.contact.name)
+
+    left = f"the energy left the finite numbers at h = {h:.6g} s"
+    return judged(finite, ambiguous & (grown is None), explain, grown, left)

@@ -17,7 +17,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from workflow.schemes._fixed.contact import Contact, Response, Tip
-from workflow.schemes._fixed.marches import contact_law
+from workflow.schemes._fixed.march import contact_law
 
 
 class Complementarity(NamedTuple):

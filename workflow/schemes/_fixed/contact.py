@@ -1,7 +1,7 @@
 """The tip at the end of a step: a contact law, one scalar function, and the two steps that ask it.
 
 A contact law is a named tuple of parameters, each a number or an array ``(case,)``, and a function of it and of the tip
-in one case (:func:`respond`), which :func:`~workflow.schemes._fixed.marches.contact_law` compiles into the march. It is
+in one case (:func:`respond`), which :func:`~workflow.schemes._fixed.march.contact_law` compiles into the march. It is
 asked where the tip passes the casing within the step, moving at its velocity at the beginning or as it would move
 without contact, and where the law had a force in the step before. Free motion stays in packs.
 """
@@ -132,10 +132,10 @@ class TipStep(NamedTuple):
     """Weight of the step's end, in the load and in the tip's velocity."""
     rest: float
     """1 - θ, the weight of the step's beginning."""
-    inverse_mass: float
-    """Tip velocity per unit impulse, e_nᵀ Ŵ⁻¹ e_n, 1/kg."""
     warming: float
     """Tip temperature per unit heat, K/J."""
+    load_mobility: float = 0.0
+    """Tip velocity per unit impulse of the load, e_nᵀ Ŵ⁻¹ b, 1/kg."""
     stiffness: float = 0.0
     holds: bool = False
     """Of :class:`Contact`."""
@@ -248,7 +248,7 @@ def was_pressed(own: Array, lane: Lane) -> bool:
 
 @by_type
 def meet(step: TipStep, law: Law, free: Free, own: Array, tip: Array, lane: Lane) -> tuple[End, Ahead]:
-    """Close a step by load and contact; leave in ``own`` the impulse of both (``IMPULSE``) beside what contact does."""
+    """Close a step by load and contact; leave in ``own`` the impulse of either (``LOAD``, ``IMPULSE``)."""
     raise NotImplementedError
 
 
@@ -256,14 +256,15 @@ def meet(step: TipStep, law: Law, free: Free, own: Array, tip: Array, lane: Lane
 def _meet_by_theta(step: TipStep, law: Law, free: Free, own: Array, tip: Array, lane: Lane) -> tuple[End, Ahead]:
     x, v = tip_before(free.drive, tip, lane)
     gap, p, temperature = casing_place(free.drive, free.gap, lane), spread(0.0, lane), free.temperature
-    after = relative(free.drive, free.velocity + step.inverse_mass * free.impulse, lane)
+    after = relative(free.drive, free.velocity + step.load_mobility * free.impulse, lane)
     moved = step.h * weighed(step.theta, after, step.rest, v)
     engaged = _is_near(x, step.h * v, moved, gap, own, lane)
     if engaged:
         p, heat, after = _contact(law, step, x, v, after, gap, own, lane)
+        store(own, (case_row.IMPULSE, lane), p)
         moved = step.h * weighed(step.theta, after, step.rest, v)
         temperature += step.warming * heat
-    store(own, (case_row.IMPULSE, lane), free.impulse - p)
+    store(own, (case_row.LOAD, lane), free.impulse)
     x += moved
     if step.holds:
         x = where(p > 0.0, gap, x)
@@ -275,7 +276,7 @@ def _meet_by_theta(step: TipStep, law: Law, free: Free, own: Array, tip: Array, 
 def _meet_centrally(step: TipStep, law: Law, free: Free, own: Array, tip: Array, lane: Lane) -> tuple[End, Ahead]:
     """Return the tip at t_k and the impulse about it; the step from there on is closed with p_k."""
     x, before, temperature = pack(own, (case_row.AHEAD, lane)), pack(own, (case_row.HALF, lane)), free.temperature
-    after, p, about = free.velocity + step.inverse_mass * free.impulse, spread(0.0, lane), spread(0.0, lane)
+    after, p, about = free.velocity + step.load_mobility * free.impulse, spread(0.0, lane), spread(0.0, lane)
     approach, leaving = relative_before(free.drive, before, lane), relative(free.drive, after, lane)
     ahead = x + step.h * after
     driven = after
@@ -283,6 +284,7 @@ def _meet_centrally(step: TipStep, law: Law, free: Free, own: Array, tip: Array,
     if engaged:
         latest = pack(own, (case_row.CONTACT, lane))
         p, heat, leaving = _contact(law, step, x, approach, leaving, free.gap, own, lane)
+        store(own, (case_row.IMPULSE, lane), p)
         about = 0.5 * (latest + p)
         after = onto_casing(free.drive, leaving, lane)
         temperature += 0.5 * step.warming * heat
@@ -293,7 +295,7 @@ def _meet_centrally(step: TipStep, law: Law, free: Free, own: Array, tip: Array,
             driven = where(p > 0.0, (ahead - x) * (1.0 / step.h), after)
     store(own, (case_row.AHEAD, lane), ahead)
     store(own, (case_row.HALF, lane), after)
-    store(own, (case_row.IMPULSE, lane), free.impulse - p)
+    store(own, (case_row.LOAD, lane), free.impulse)
     return End(engaged, x, 0.5 * (before + after), temperature, about), Ahead(p, ahead, after, driven)
 
 

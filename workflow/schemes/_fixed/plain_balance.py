@@ -1,6 +1,6 @@
 """Energy and heat of a scheme that steps plain states, summed over whole steps.
 
-They are those of :mod:`workflow.schemes._fixed.block_lanes`, with midpoint values of the motion.
+They are those of the whole motion, with its midpoint values: see :mod:`workflow.schemes._fixed.balance`.
 """
 
 from __future__ import annotations

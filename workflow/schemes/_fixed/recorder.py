@@ -50,7 +50,7 @@ class Recorder:
 
     def __init__(self, structure: Structure, cases: Cases, sampling: Sampling, h: float) -> None:
         self._cases, self._h = cases, h
-        self._watched = watch(cases, cases.mean, sampling, h)
+        self._watched = watch(cases, sampling, h)
         self.steps = self._watched.schedule.steps
         self._blocks = [
             (part, block_of(self._watched, part, lane_rows(LOAD_ROWS), lane_rows(tip_row.ROWS), lane_rows(4 * WAITING)))

@@ -25,7 +25,7 @@ import numpy as np
 
 from workflow.models import Structure, mechanical_modes
 from workflow.schemes._fixed.contact import Contact, Response, Tip
-from workflow.schemes._fixed.marches import contact_law
+from workflow.schemes._fixed.march import contact_law
 
 _TIMES_STATIC = 10.0
 """The default κ in static stiffnesses of the tip: it yields a tenth of what the structure does."""

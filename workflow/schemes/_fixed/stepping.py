@@ -159,11 +159,8 @@ class Ended(NamedTuple):
     balance: Balance | None
 
 
-def watch(cases: Cases, mean: Array, sampling: Sampling, h: float, drive: Drive | None = None) -> Watch:
-    """Return the samples and load periods of a batch that is stepped with ``h``, and its tips at t = 0.
-
-    ``mean`` is the constant part of the tip force, N, ``(case,)``.
-    """
+def watch(cases: Cases, sampling: Sampling, h: float, drive: Drive | None = None) -> Watch:
+    """Return the samples and load periods of a batch that is stepped with ``h``, and its tips at t = 0."""
     casing, plan = cases.casing_at(0.0), schedule(sampling, h)
     periods = complete_periods(cases.period_frequency, sampling)
     longest = int(periods.max(initial=0))
@@ -178,7 +175,7 @@ def watch(cases: Cases, mean: Array, sampling: Sampling, h: float, drive: Drive 
     due = np.where(counted, np.minimum(due, plan.steps), NEVER)
 
     load = np.zeros((tip_load.LOAD_ROWS, cases.count))
-    parameters = (mean, cases.amplitude, cases.frequency, cases.phase)
+    parameters = (cases.mean, cases.amplitude, cases.frequency, cases.phase)
     load[[tip_load.LOAD_MEAN, tip_load.LOAD_AMPLITUDE, tip_load.LOAD_FREQUENCY, tip_load.LOAD_PHASE]] = parameters
 
     tip = np.zeros((tip_row.ROWS, cases.count))

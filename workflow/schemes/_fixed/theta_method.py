@@ -1,54 +1,65 @@
-"""The θ-method in modal coordinates and its Delassus operator: the common step of moreau and implicit penalty.
+"""The θ-method in the modes of a structure, its Delassus operator, and how its cases end: of moreau, implicit penalty.
 
-With ξ = η - hθζ the pair (ζ, ξ) of a mode takes an impulse s (of the load less that of contact) in ζ alone:
+    x' = x + h (θ v' + (1-θ) v),   M (v' - v) = h (f_θ - C1 v_θ - K1 x_θ - K12 θ_θ) - (e_n - µ t) p,
+    C2 (θ' - θ) = h (q - K2 θ_θ) + α p e_n,
 
-    ζ ← ζ + φ_n s / (1 + hθc + h²θ²ω²),   ζ' = a ζ + b ξ,   ξ' = ξ + h ζ,
-    a = (1 - h(1-θ)c - h²θ(2-θ)ω²) / (1 + hθc + h²θ²ω²),   b = -hω² / (1 + hθc + h²θ²ω²),
-
-and a thermal mode steps by (1 + hθμ) τ' = (1 - h(1-θ)μ) τ + χ_n α p. Of a tip without mass the 1 of its static
-deformation is 0, and its free step has the factor -(1-θ)/θ.
+with (·)_θ = θ (·)' + (1-θ) (·). With ξ = x - hθv that is the step of :mod:`~workflow.schemes._fixed.blocks`. Of a tip
+without mass the 1 of its static deformation is 0 in M, and its free step has the factor -(1-θ)/θ.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from workflow.models import Array, Structure, poles
-from workflow.schemes._fixed.blocks import Blocks, Step
+from workflow.models import Array, Cases, Structure, poles, project
+from workflow.schemes._fixed import tip_row
+from workflow.schemes._fixed.blocks import Blocks, Step, separate
 from workflow.schemes._fixed.contact import Contact, TipStep
-from workflow.schemes._fixed.decoupled import Decoupled, Motion
-from workflow.schemes._fixed.modal_balance import Terms
-from workflow.schemes._fixed.modal_lanes import Coefficients, by_mode, pulls_on_speed
-from workflow.schemes._fixed.sliding import sliding
+from workflow.schemes._fixed.decoupled import Decoupled, decouple
+from workflow.schemes._fixed.drive import drive_of
+from workflow.schemes._fixed.march import step_batch
+from workflow.schemes._fixed.outcome import ROUNDING, Outcome, by_heat, friction_message, judged
+from workflow.schemes._fixed.stable_steps import largest_step, limit_text
+from workflow.schemes._fixed.stepping import collect
+from workflow.schemes._interface import Results, Sampling
 
 NEEDS_IMPLICIT = "the reduction leaves the tip without mass, which an explicit step (theta = 0) cannot move"
 """Why an explicit θ-method cannot step a tip without mass."""
 
+_MOST_GROWTH = 300.0
+"""Logarithm of the largest growth within a run that still has squares among the finite numbers (355), with a margin of
+1e24 for loads and units."""
+
 
 @dataclass(frozen=True, eq=False)
 class Operator:
-    """What a batch shares: structure, step h [s] and θ, the structure as it is stepped, and how it meets the casing."""
+    """What a batch shares: structure, step h [s] and θ, the structure in blocks, and how it meets the casing."""
 
     structure: Structure
     h: float
     theta: float
-    motion: Decoupled
+    blocks: Blocks
     contact: Contact
-    blocks: Blocks | None = None
-    """Of a structure whose modes are coupled."""
 
-    def delassus(self, h: float, alpha: Array, friction: Array | float = 0.0) -> Array:
-        """Return the Delassus operator W = e_nᵀ Ŵ⁻¹ (e_n - µ t + α hθ K12 T̂⁻¹ e_n) of a step h, 1/kg, ``(case,)``."""
-        motion, theta = self.motion, self.theta
-        cold, per_alpha, tangential = motion.delassus(h, theta)
-        return np.asarray(cold + alpha * per_alpha - friction * tangential)
+    def delassus(self, h: float, alpha: Array, friction: Array) -> Array:
+        """Return the Delassus operator W of a step h, 1/kg, ``(case,)``."""
+        modal = self.blocks.modal
+        return step(modal, h, self.theta).delassus(modal, alpha, friction)
 
-    def factor(self, h: float, alpha: Array, friction: Array | float = 0.0) -> Array:
+    def factor(self, h: float, alpha: Array, friction: Array) -> Array:
         """Return what contact divides by in a step h, ``(case,)``: it has one solution where that is positive."""
         return np.asarray(self.contact.factor(h, self.delassus(h, alpha, friction)))
+
+
+def init(structure: Structure, h: float, theta: float, contact: Contact) -> Operator:
+    """Separate a structure once for a batch."""
+    modal = decouple(structure)
+    return Operator(structure, h, theta, separate(modal, step(modal, h, theta)), contact)
 
 
 def amplification(frequency: Array, damping: Array, h: float, theta: float) -> Any:
@@ -65,58 +76,17 @@ def thermal_amplification(rate: Array, h: float, theta: float) -> Array:
     return np.asarray((1 - (1 - theta) * h * rate) / (1 + theta * h * rate))
 
 
-def coefficients(modal: Decoupled, h: float, theta: float, slides: bool = False) -> Coefficients:
-    """Return the step's coefficients, with or without thermal states, with friction along the tangent or without."""
-    omega2, c, tip, mu = modal.frequency**2, modal.damping, modal.tip, modal.rate
-    inertia = modal.inertia(h, theta)
-    warm = modal.heat_tip / (1 + h * theta * mu)
-    thermal_kick = -h * theta * (modal.coupling @ warm) / inertia
-    decay, scale = thermal_amplification(mu, h, theta), modal.heat_scale
-    j, k = modal.pairs.T
-    pull = -h * tip[j] * modal.coupling[j, k] * (theta * decay[k] + 1 - theta) / (inertia[j] * scale[k])
-    return Coefficients(
-        modes=by_mode(
-            (modal.mass - h * (1 - theta) * c - h * h * theta * (2 - theta) * omega2) / inertia,
-            -h * omega2 / inertia,
-            tip**2 / inertia,
-            tip * (thermal_kick + modal.response @ (mu * warm)),
-            -tip * (modal.response @ modal.heat_tip),
-        ),
-        heat_modes=by_mode(decay, scale * warm, -mu * modal.tip_response / scale),
-        pair_mode=j,
-        pair_heat=k,
-        pair_pull=pulls_on_speed(pull),
-        tip=TipStep(h, theta, 1.0 - theta, np.sum(tip**2 / inertia), np.sum(modal.heat_tip * warm)),
-        heat_counts=True,
-        sliding=sliding(modal, inertia) if slides else None,
-    )
-
-
-def terms(modal: Decoupled, h: float, theta: float, begun: Motion) -> Terms:
-    """Return how the step enters its balance."""
-    warm = modal.heat_tip / (1 + h * theta * modal.rate)
-    near = np.where(modal.response == 0, modal.coupling, 0.0)
-    return Terms(
-        lever=h * theta,
-        kinetic=modal.mass,
-        inertia=modal.inertia(h, theta),
-        heat_speed=modal.mass * (modal.response @ (modal.rate * modal.heat_tip)) - h * theta * (near @ warm),
-        heat_place=-modal.response @ modal.heat_tip,
-        dragged=-np.sum(modal.rate * modal.tip_response * warm),
-        velocity=begun.velocity,
-        place=begun.position - h * theta * begun.velocity,
-        opens=False,
-    )
-
-
 def step(modal: Decoupled, h: float, theta: float) -> Step:
     """Return the step as blocks take it."""
-    decay, warm = thermal_amplification(modal.rate, h, theta), modal.heat_tip / (1 + h * theta * modal.rate)
+    lever = h * theta
+    decay, warm = thermal_amplification(modal.rate, h, theta), modal.heat_tip / (1 + lever * modal.rate)
+    inertia = modal.mass + lever * modal.damping + lever * lever * modal.frequency**2
     return Step(
-        tip=TipStep(h, theta, 1.0 - theta, 0.0, np.sum(modal.heat_tip * warm)),
-        inertia=modal.weight(modal.inertia(h, theta), h * theta),
-        stiffening=2 * h * theta,
-        lever=h * theta,
+        tip=TipStep(h, theta, 1.0 - theta, np.sum(modal.heat_tip * warm)),
+        inertia=modal.weight(inertia, lever),
+        stiffening=2 * lever,
+        lever=lever,
+        middle=lever,
         decay=decay,
         warm=warm,
         pulls=theta * decay + 1 - theta,
@@ -124,4 +94,93 @@ def step(modal: Decoupled, h: float, theta: float) -> Step:
         heat_theta=theta,
         heat_counts=True,
         lagged=False,
+    )
+
+
+def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
+    """Step a whole batch; thermal states are carried only in the cases where they can act."""
+    return by_heat(cases, lambda some, heated: _run(operator, some, sampling, heated))
+
+
+def _run(operator: Operator, cases: Cases, sampling: Sampling, heated: bool) -> Results:
+    """Step cases that all carry thermal states, or that all carry none."""
+    h, blocks = operator.h, operator.blocks if heated else operator.blocks.without_heat()
+    w, (drive, stepped) = operator.delassus(h, cases.alpha, cases.friction), drive_of(cases, h, operator.theta)
+    velocity = project(blocks.modal.to_modes, stepped.velocity)
+    ended = step_batch(operator.structure, blocks, operator.contact, w, stepped, velocity, sampling, drive)
+    finite = ended.watched.finite(tip_row.DISPLACEMENT, tip_row.TEMPERATURE)
+    judged_blocks = operator.blocks if operator.contact.judges_heat else blocks
+    return collect(ended, *_judge(operator, judged_blocks, cases, sampling.duration, finite))
+
+
+def _judge(operator: Operator, blocks: Blocks, cases: Cases, duration: float, finite: NDArray[np.bool_]) -> Outcome:
+    """Decide what became of each case."""
+    h, theta, growth = operator.h, operator.theta, _growth(operator, blocks)
+    grown = None
+    if growth > 1 + ROUNDING:
+        limit = _largest_stable_step(operator, blocks.modal)
+        grown = f"the free step grows {growth:.6g}-fold at theta = {theta:g} and h = {h:.6g} s; " + (
+            f"it is stable up to h = {limit_text(limit)} s" if limit > 0 else "it is stable at no h"
+        )
+
+    @cache  # a limit is found by hundreds of trials
+    def explained(alpha: float, friction: float) -> str:
+        return _message(operator, alpha, friction, duration)
+
+    def explain(case: int) -> str:
+        return explained(float(cases.alpha[case]), float(cases.friction[case]))
+
+    ill_posed = operator.factor(h, cases.alpha, cases.friction) <= 0
+    return judged(finite, ill_posed, explain, grown, f"the state left the finite numbers at h = {h:.6g} s")
+
+
+def _growth(operator: Operator, blocks: Blocks) -> float:
+    """Return the largest factor of a free step; none is above 1 where θ >= 1/2 and modes are not coupled."""
+    if operator.theta >= 0.5 and blocks.outward is None:
+        return 1.0
+    return max(blocks.growth, float(np.abs(blocks.step.decay).max(initial=0.0)))
+
+
+def _largest_stable_step(operator: Operator, modal: Decoupled) -> float:
+    """Return the step up to which no free mode grows where θ < 1/2: 2 Re λ + (1-2θ) h |λ|² <= 0 for every λ."""
+    if operator.structure.has_massless_tip:
+        return 0.0
+    lam = np.concatenate([poles(modal.frequency, modal.damping).ravel(), -modal.rate + 0j])
+    lam, theta = lam[lam != 0], operator.theta
+    return float(np.min(-2 * lam.real / ((1 - 2 * theta) * (lam.real**2 + lam.imag**2)), initial=np.inf))
+
+
+def _message(operator: Operator, alpha: float, friction: float, duration: float) -> str:
+    """Return what is said of a case whose contact has no unique solution."""
+    h, name = operator.h, operator.contact.name
+
+    def factor(step: float, coupling: float) -> float:
+        return float(operator.factor(step, np.array(coupling), np.array(friction)))
+
+    if factor(h, 0.0) <= 0:
+        return friction_message(h, friction, name)
+    limit = largest_step(lambda step: factor(step, alpha) > 0, h)
+    return f"contact has no unique solution at h = {h:.6g} s ({name} <= 0 at alpha = {alpha:.6g}): " + _admissible_step(
+        limit, operator.theta, duration
+    )
+
+
+def _admissible_step(limit: float, theta: float, duration: float) -> str:
+    """Return up to which step a case without a unique solution runs; ``limit`` is that up to which W > 0.
+
+    W falls to 0 as friction heat that stays at the tip pushes it on: about linearly, as 1 - r at h = r ``limit``. A
+    pressed tip's heat then grows by the factor (1 + r (1 - θ)/θ)/(1 - r) in each step, which has no bound at the limit
+    itself. Half of it is recommended, or a smaller share where that growth over the duration would leave numbers
+    whose squares are finite; as r → 0 the growth is that of the model.
+    """
+    for share in (0.5, 0.1, 0.01) if limit > 0 else ():
+        factor = (1 + share * (1 - theta) / theta) / (1 - share)
+        if np.log(factor) * duration / (share * limit) < _MOST_GROWTH:
+            return (
+                f"{limit:.6g} s is the limit, near which the heat of a step multiplies itself; "
+                f"the largest admissible h is {share * limit:.6g} s"
+            )
+    return (
+        f"{limit:.6g} s is the limit, but there is no largest admissible h, as no step helps: the heat of a pressed "
+        "tip grows out of the finite numbers within the duration; shorten it, or lower alpha"
     )

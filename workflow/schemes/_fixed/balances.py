@@ -1,0 +1,157 @@
+"""Balances of a batch: their coefficients and sums before the march, the residuals after it.
+
+What is summed, and why, stands in :mod:`workflow.schemes._fixed.balance`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workflow.kernels.lanes import lane_rows
+from workflow.models import Array, Cases, Structure, project
+from workflow.schemes._fixed import balance, case_row, total_row
+from workflow.schemes._fixed.balance import Account, Dense
+from workflow.schemes._fixed.blocks import Blocks
+from workflow.schemes._fixed.decoupled import felt_modes
+from workflow.schemes._fixed.free_motion import HEAT_INPUT, FreeStep, State
+from workflow.schemes._fixed.start import Motion, contact_heat
+from workflow.schemes._fixed.totals import Balance, Content
+
+REST = 1e-12
+"""A tip that is slower than this share of what the tip load could give it within the run is at rest: a few thousand
+roundings of that."""
+
+
+class Balances:
+    """The balances of a batch: lanes :attr:`filled` for a block, :meth:`close` after it, :meth:`result` at the end.
+
+    Attributes
+    ----------
+    account
+        What the kernel takes; all blocks share its arrays.
+    filled
+        Rows of lanes, and what all cases begin with in them.
+    """
+
+    def __init__(self, structure: Structure, blocks: Blocks, free: FreeStep, cases: Cases, begun: Motion) -> None:
+        modal, step = blocks.modal, blocks.step
+        self._modal, self._free, self._cases, self._begun = modal, free, cases, begun
+        self._content = structure.content @ modal.heat_shapes
+        loss = self._content * modal.rate
+        settled = project(loss, begun.settled.T)
+
+        omega2, felt = modal.frequency**2, np.where(modal.is_coupled, 1.0, felt_modes(modal.tip))
+        kinetic = modal.mass - omega2 * (step.lever - step.middle) ** 2
+        kinetic -= 0.5 * step.tip.h * modal.damping if step.lagged else 0.0
+        v, xi = blocks.in_modes(begun.states)
+        energy = 0.5 * (project(felt * kinetic, v.T**2) + project(felt * omega2, (xi + step.middle * v).T ** 2))
+        self._ended, self._ended_heat = np.zeros((balance.ROWS, cases.count)), np.zeros_like(begun.heat)
+        self._ended[[total_row.FIRST_ENERGY, total_row.LAST_ENERGY, total_row.LARGEST_ENERGY]] = energy
+        self._ended[balance.RELATIVE] = project(modal.tip, v.T)
+        self._ended[balance.SETTLED_LOSS], self._ended[balance.LOSS] = settled, settled + project(loss, begun.heat.T)
+        massless = modal.mass == 0
+        self._moving = 0.5 * project((step.tip.h * modal.frequency[massless]) ** 2, v[massless].T ** 2)
+
+        n, scale = modal.tip.size, modal.heat_scale
+        acts = _inputs(blocks, contact_heat(blocks, cases))
+        dense, filled = _dense(structure, blocks, free, begun) if needs_dense(blocks, begun) else (None, [])
+        scaled, unscale = felt, felt
+        if dense is None:
+            scaled, unscale = felt * modal.tip, felt / np.where(felt, modal.tip, 1.0)
+            acts *= np.append(unscale, scaled)[:, None]
+        self.account = Account(
+            modes=np.stack([0.25 * step.tip.h * modal.damping, 0.5 * kinetic, 0.5 * omega2], axis=1)
+            * unscale[:, None] ** 2,
+            acts=lane_rows(2 * n),
+            losses=loss / scale,
+            former=lane_rows(n),
+            sums=lane_rows(balance.ROWS),
+            lever=step.middle,
+            load_share=float(structure.load_direction[-1]),
+            dragged=np.sum(blocks.tip * blocks.dragged(step.warm[:, None])[..., 0]),
+            heat_loss=np.sum(loss / scale * free.heat_modes[:, HEAT_INPUT]) if step.heat_counts else 0.0,
+            heat_theta=step.heat_theta,
+            dense=dense,
+        )
+        account = self.account
+        self.filled = [
+            (account.sums, self._ended.copy()),
+            (account.former, scaled[:, None] * v),
+            (account.acts, acts),
+            *filled,
+        ]
+
+    @property
+    def rows(self) -> int:
+        """Rows of lanes that every step goes through: contact goes through others."""
+        return len(self.account.sums) + len(self.account.former)
+
+    def close(self, part: slice, state: State) -> None:
+        """Keep what the lanes of some cases ended with."""
+        count = part.stop - part.start
+        self._ended[:, part] = self.account.sums[:, :count]
+        self._ended_heat[:, part] = state.tau[:, :count]
+        if not self._free.heat_counts:
+            self._ended[total_row.FRICTION_HEAT, part] -= state.own[case_row.HEAT, :count]
+
+    def result(self, elapsed: float) -> Balance:
+        """Return the balances after ``elapsed`` seconds."""
+        modal, begun = self._modal, self._begun
+        warmed = self._ended_heat / modal.heat_scale[:, None] - begun.heat + elapsed * begun.warming_modes
+        initial = project(np.abs(self._content), np.abs(begun.heat + begun.settled).T)
+        heating = elapsed * project(self._content, project(modal.heat_shapes.T, self._cases.heating))
+        content = Content(project(self._content, warmed.T), initial, heating)
+        return Balance(self._ended, content, self._rest_energy(elapsed) + self._moving)
+
+    def _rest_energy(self, elapsed: float) -> Array:
+        """Return the energy below which the tip is at rest, J, ``(case,)``.
+
+        It is what :data:`REST` times a bound of the load at the tip over ``elapsed`` seconds gives it. Where load and
+        contact force cancel at a gap of 0 nothing else moves, and energy and residual are both rounding.
+        """
+        modal, cases, begun = self._modal, self._cases, self._begun
+        mobility, h = np.sum(modal.mass * modal.tip**2), self._free.tip.h
+        drifts = np.abs(begun.steady).sum(axis=0) / h
+        impulse = elapsed * (np.abs(cases.mean) + np.abs(cases.amplitude) + cases.load_harmonics.reach)
+        return np.asarray(0.5 * mobility * (REST * impulse) ** 2 + 0.5 * (REST * elapsed * drifts) ** 2)
+
+
+def needs_dense(blocks: Blocks, begun: Motion) -> bool:
+    """Tell whether the motion of modes is counted by matrices."""
+    return blocks.modal.is_coupled or blocks.pairs.size + begun.drifting.size > 0
+
+
+def _inputs(blocks: Blocks, states: Array) -> Array:
+    """Return I and then J of all modes for what adds ``states`` to blocks, ``(2 mode, column)``."""
+    v, xi = blocks.in_modes(states)
+    inertia, elastic = blocks.step.inertia, blocks.step.middle * blocks.modal.frequency**2
+    impulse = project(inertia, v.T).T if inertia.ndim == 2 else inertia[:, None] * v
+    return np.concatenate([impulse + elastic[:, None] * xi, xi])
+
+
+def _dense(
+    structure: Structure, blocks: Blocks, free: FreeStep, begun: Motion
+) -> tuple[Dense, list[tuple[Array, Array]]]:
+    """Return how matrices count the motion of modes, and its rows of lanes with what they begin with."""
+    modal, step = blocks.modal, blocks.step
+    n, count = modal.tip.size, blocks.damping.size
+    unscale = np.divide(1.0, blocks.scale, out=np.zeros(count), where=felt_modes(blocks.scale))
+    outward = np.eye(2 * n) if blocks.outward is None else blocks.outward.reshape(2 * n, 2 * count)
+    load = np.zeros(n) if modal.load is None else modal.load - structure.load_direction[-1] * modal.tip
+    pulls = np.zeros((2, count, len(blocks.pairs)))
+    for pair, (j, k) in enumerate(blocks.pairs):
+        pulls[:, j, pair] = blocks.pull[:, j, k] / modal.heat_scale[k]
+    steady = np.zeros((2, count, begun.steady.shape[1]))
+    steady[0, begun.drifting] = begun.steady
+    dense = Dense(
+        outward=outward * np.tile(unscale, 2),
+        damper=np.zeros((n, n)) if modal.damper is None else step.tip.h * (modal.damper - np.diag(modal.damping)),
+        lagged=step.lagged,
+        load=load,
+        pulls=np.ascontiguousarray(_inputs(blocks, pulls).T),
+        constant=lane_rows(2 * n),
+        states=lane_rows(2 * count),
+        moved=lane_rows(2 * n),
+        inputs=lane_rows(2 * n),
+    )
+    return dense, [(dense.constant, _inputs(blocks, steady))]

@@ -1,0 +1,222 @@
+"""Free motion of all blocks in one step, a pack of lanes at a time: what a fixed step does between contacts.
+
+A kernel runs over time, in a step over packs of lanes, and in a pack over its blocks, whose sum stays
+in a register from block to block, in the same order for every lane. So nothing of a step is stored
+but the states. For calls within a step to cost nothing,
+
+- the number of lanes in a row of memory is asserted, see :mod:`workflow.kernels.lanes`, and so
+  are the numbers of a block: the distance between rows is then a constant;
+- functions called in every step are inlined and count no references to arrays.
+
+What load and contact do to u and η of a block in a step is not in its state before the next one begins: :func:`ended`
+returns both with it. Blocks that are modes are scaled by their share in the tip, whose velocity is the sum of all u.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow.kernels.compiled import inlined, part
+from workflow.kernels.lanes import ROW
+from workflow.kernels.packs import Lane, Pack, pack, plus, shared, spread, store
+from workflow.models import Array
+from workflow.schemes._fixed import case_row
+from workflow.schemes._fixed.contact import TipStep, was_pressed
+
+SPEED, PLACE = range(2)
+"""Rows of a block's motion, and of what acts on it: u and η."""
+
+DECAY, SPRING, LOAD = range(3)
+"""Coefficients of a block: u' per u and per η, u per unit impulse of the load."""
+
+LOAD_PLACE, TIP_SPEED, TIP_PLACE = range(3)
+"""Of a block that is no mode scaled by the tip: η per unit impulse of the load, the tip's velocity per u and per η."""
+
+HEAT_DECAY, HEAT_INPUT, HEAT_SPEED = range(3)
+"""Coefficients of a thermal mode, scaled to add its τ to the tip's temperature: τ' per τ, τ per unit heat at the tip,
+and what the mode adds to the tip's velocity."""
+
+
+class FreeStep(NamedTuple):
+    """One free step and one unit impulse of the load; the kernel's view of an operator."""
+
+    blocks: Array
+    """``(block, coefficient)``."""
+    coupled: Array | None
+    """``(block, coefficient)``, where damping couples modes or the load acts elsewhere than on the tip."""
+    heat_modes: Array
+    """``(thermal mode, coefficient)``."""
+    pair_block: NDArray[np.int64]
+    pair_heat: NDArray[np.int64]
+    pair_pull: Array
+    """u' and η' of a block, and the tip's velocity, per τ of a thermal mode near resonance with it, ``(pair, 3)``."""
+    drifting: NDArray[np.int64]
+    """Blocks of first order on which constant loads act."""
+    tip: TipStep
+    heat_counts: bool
+    """Whether τ at a step's end holds the heat of the contact in it; central differences add it with the next step."""
+
+
+class State(NamedTuple):
+    """States of a block of cases and what its cases have of their own."""
+
+    own: Array
+    """``(row, lane)``, rows of ``case_row``."""
+    motion: Array
+    """``(block, row, lane)``."""
+    drives: Array
+    """What a unit impulse of contact does, with its friction and its heat, ``(block, row, lane)``."""
+    steady: Array
+    """What constant loads add to u of drifting blocks in a step, ``(drifting block, lane)``."""
+    tau: Array
+    """``(thermal mode, lane)``, without the heat of the last contact, which the next step adds."""
+    tau_before: Array
+    """τ at the beginning of the last step."""
+    tau_paired: Array
+    """Either of the two: the τ that pulls at blocks near resonance."""
+
+
+class Alone(NamedTuple):
+    """The tip at a step's end without load and contact."""
+
+    velocity: Pack
+    temperature: Pack
+    dragged: Pack
+    """The part of the velocity that heat drags along."""
+
+
+@inlined
+def lay_out(step: FreeStep, state: State, load: Array, tip: Array) -> None:
+    """Assert how far apart rows lie, once before the first step, for all that is inlined after it.
+
+    The compiler knows distances then, instead of reading them for each pack of lanes.
+    """
+    assert step.blocks.shape[1] == LOAD + 1
+    assert step.heat_modes.shape[1] == HEAT_SPEED + 1
+    assert state.motion.shape[1] == PLACE + 1
+    assert state.motion.shape[2] == ROW
+    assert state.drives.shape[1] == PLACE + 1
+    assert state.drives.shape[2] == ROW
+    assert state.tau.shape[1] == ROW
+    assert state.own.shape[1] == ROW
+    assert load.shape[1] == ROW
+    assert tip.shape[1] == ROW
+
+
+@inlined
+def ended(
+    coupled: Array | None, step: FreeStep, state: State, j: int, load: Pack, contact: Pack | None, lane: Lane
+) -> tuple[Pack, Pack]:
+    """Return u and η of block j at the end of the last step; ``contact`` is its impulse in it where there was one."""
+    u = plus(pack(state.motion, (j, SPEED, lane)), pack(state.drives, (j, SPEED, lane)), contact)
+    eta = plus(pack(state.motion, (j, PLACE, lane)), pack(state.drives, (j, PLACE, lane)), contact)
+    u += shared(step.blocks, (j, LOAD), lane) * load
+    return u, eta if coupled is None else eta + shared(coupled, (j, LOAD_PLACE), lane) * load
+
+
+@inlined
+def _at_tip(coupled: Array | None, j: int, u: Pack, eta: Pack, lane: Lane) -> Pack:
+    """Return the velocity of the tip with block j."""
+    return (
+        u
+        if coupled is None
+        else shared(coupled, (j, TIP_SPEED), lane) * u + shared(coupled, (j, TIP_PLACE), lane) * eta
+    )
+
+
+@inlined
+def _step_blocks(
+    coupled: Array | None, step: FreeStep, state: State, velocity: Pack, contact: Pack | None, lane: Lane
+) -> Pack:
+    """Step the blocks, and return the tip's velocity with theirs."""
+    motion, load = state.motion, pack(state.own, (case_row.LOAD, lane))
+    for j in range(motion.shape[0]):
+        before, place = ended(coupled, step, state, j, load, contact, lane)
+        u = shared(step.blocks, (j, DECAY), lane) * before + shared(step.blocks, (j, SPRING), lane) * place
+        eta = place + step.tip.h * before
+        store(motion, (j, SPEED, lane), u)
+        store(motion, (j, PLACE, lane), eta)
+        velocity += _at_tip(coupled, j, u, eta, lane)
+    return velocity
+
+
+@inlined
+def _step_heat(
+    step: FreeStep, tau: Array, velocity: Pack, temperature: Pack, heat: Pack | None, lane: Lane
+) -> tuple[Pack, Pack]:
+    """Step the thermal modes, and return velocity and temperature of the tip with theirs."""
+    for k in range(tau.shape[0]):
+        before = plus(pack(tau, (k, lane)), shared(step.heat_modes, (k, HEAT_INPUT), lane), heat)
+        after = shared(step.heat_modes, (k, HEAT_DECAY), lane) * before
+        store(tau, (k, lane), after)
+        velocity += shared(step.heat_modes, (k, HEAT_SPEED), lane) * after
+        temperature += after
+    return velocity, temperature
+
+
+@inlined
+def _add_pairs(step: FreeStep, state: State, velocity: Pack, lane: Lane) -> Pack:
+    """Add what thermal modes do to blocks near resonance with them, and return the tip's velocity with it."""
+    motion = state.motion
+    for pair in range(step.pair_block.size):
+        j, tau = step.pair_block[pair], pack(state.tau_paired, (step.pair_heat[pair], lane))
+        for row in range(2):
+            pulled = shared(step.pair_pull, (pair, row), lane) * tau
+            store(motion, (j, row, lane), pack(motion, (j, row, lane)) + pulled)
+        velocity += shared(step.pair_pull, (pair, 2), lane) * tau
+    return velocity
+
+
+@inlined
+def _add_steady(coupled: Array | None, step: FreeStep, state: State, velocity: Pack, lane: Lane) -> Pack:
+    """Add what constant loads do to drifting blocks, and return the tip's velocity with it."""
+    for k in range(step.drifting.size):
+        j, gained = step.drifting[k], pack(state.steady, (k, lane))
+        store(state.motion, (j, SPEED, lane), pack(state.motion, (j, SPEED, lane)) + gained)
+        velocity += gained if coupled is None else shared(coupled, (j, TIP_SPEED), lane) * gained
+    return velocity
+
+
+@inlined
+def step_freely(step: FreeStep, warmed: bool, t: float, state: State, lane: Lane) -> Alone:
+    """Step all blocks to t; return the tip there without load and contact.
+
+    They begin with impulse and heat of the step before; in most steps there is no contact in any lane.
+    ``warmed`` is what :func:`is_warmed` returned.
+    """
+    own, tau = state.own, state.tau
+    dragged, temperature = spread(0.0, lane), spread(0.0, lane)
+    if warmed:
+        dragged += pack(own, (case_row.DRIFT, lane))
+        temperature = pack(own, (case_row.WARMTH, lane)) + pack(own, (case_row.WARMING, lane)) * t
+    if was_pressed(own, lane):
+        dragged, temperature = _step_heat(step, tau, dragged, temperature, pack(own, (case_row.HEAT, lane)), lane)
+        velocity = _step_blocks(step.coupled, step, state, dragged, pack(own, (case_row.IMPULSE, lane)), lane)
+    else:
+        dragged, temperature = _step_heat(step, tau, dragged, temperature, None, lane)
+        velocity = _step_blocks(step.coupled, step, state, dragged, None, lane)
+    velocity = _add_pairs(step, state, velocity, lane)
+    return Alone(_add_steady(step.coupled, step, state, velocity, lane), temperature, dragged)
+
+
+@part
+def is_warmed(own: Array, lanes: int) -> bool:
+    """Tell whether heating or the temperature of the surroundings moves the tip of some lane."""
+    warmed = False
+    for lane in range(lanes):
+        warmed |= (
+            own[case_row.DRIFT, lane] != 0.0 or own[case_row.WARMTH, lane] != 0.0 or own[case_row.WARMING, lane] != 0.0
+        )
+    return warmed
+
+
+@part
+def store_heat(step: FreeStep, state: State, into: Array, lanes: int) -> None:
+    """Store τ as it is at the end of the last step, with the heat of the contact in it where that counts there."""
+    for k in range(into.shape[0]):
+        for lane in range(lanes):
+            heat = step.heat_modes[k, HEAT_INPUT] * state.own[case_row.HEAT, lane]
+            into[k, lane] = state.tau[k, lane] + heat if step.heat_counts else state.tau[k, lane]

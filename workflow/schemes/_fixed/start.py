@@ -1,0 +1,133 @@
+"""How the cases of a batch begin: constant loads are split in a known answer and what every step adds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow.models import Array, Cases, project
+from workflow.schemes._fixed.blocks import Blocks
+from workflow.schemes._fixed.contact import Contact
+from workflow.schemes._fixed.free_motion import FreeStep
+
+NO_DECAY = 1e-30
+"""Stands for a thermal factor D of exactly 0, by which what enters is divided: nothing beside 1."""
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Where the cases of a batch start, split in a known answer to constant loads and the rest.
+
+    Blocks of second order and conducting modes rest at a static answer; an adiabatic mode warms steadily and drags a
+    mechanical response along. So the known part of the tip has the velocity drift and the temperature
+    warmth + warming · t. Constant loads on blocks of first order, rigid modes among them, act in every step.
+
+    Attributes
+    ----------
+    states
+        Remaining u and η, ``(2, block, case)``.
+    heat
+        Remaining τ, ``(thermal mode, case)``.
+    settled, warming_modes
+        Modal temperatures of the known part, and their rise [1/s], ``(thermal mode, case)``.
+    drift, warmth, warming
+        m/s, K and K/s, ``(case,)``.
+    closing, closing_rate
+        Quasi-static tip growth of the known temperatures, m and m/s, ``(case,)``.
+    drifting, steady
+        Blocks of first order that constant loads act on, and what these add to their u in a step, ``(block, case)``.
+    """
+
+    states: Array
+    heat: Array
+    settled: Array
+    warming_modes: Array
+    drift: Array
+    warmth: Array
+    warming: Array
+    closing: Array
+    closing_rate: Array
+    drifting: NDArray[np.int64]
+    steady: Array
+
+
+def start(blocks: Blocks, cases: Cases, velocity: Array) -> Motion:
+    """Return how cases begin whose modes have a ``velocity`` ``(case, mode)``: of central differences at -h/2."""
+    modal, h, c, k = blocks.modal, blocks.step.tip.h, blocks.damping[:, None], blocks.stiffness[:, None]
+    conducting, elastic = modal.rate > 0, modal.frequency > 0
+    heating = project(modal.heat_shapes.T, cases.heating)
+    settled = np.where(conducting, heating / np.where(conducting, modal.rate, 1.0), 0.0)
+    warming = np.where(conducting, 0.0, heating)
+    heat = project(modal.to_thermal, cases.temperature) - settled
+
+    load = project(modal.shapes.T, cases.steady) - np.where(elastic, project(modal.coupling, settled), 0.0)
+    constant = blocks.of_impulses(h * load.T) + blocks.of_heat(h * warming.T)
+    u = -constant[1] / h
+    known = np.where(k != 0, np.stack([u, (constant[0] / h - c * u) / np.where(k != 0, k, 1.0)]), 0.0)
+    drifting = np.flatnonzero((blocks.stiffness == 0) & (blocks.scale != 0) & constant[0].any(axis=1))
+
+    places = project(modal.to_modes, cases.displacement) - blocks.step.lever * velocity
+    states = blocks.of_modes(np.stack([velocity.T, places.T])) - blocks.dragged(heat.T) - known
+    grows = -np.where(elastic, modal.tip / np.where(elastic, modal.frequency, 1.0) ** 2, 0.0) @ modal.coupling
+    return Motion(
+        states=states,
+        heat=heat.T,
+        settled=settled.T,
+        warming_modes=warming.T,
+        drift=project(grows, warming),
+        warmth=project(modal.heat_tip, settled),
+        warming=project(modal.heat_tip, warming),
+        closing=project(modal.static_growth, settled),
+        closing_rate=project(modal.static_growth, warming),
+        drifting=drifting,
+        steady=constant[0, drifting],
+    )
+
+
+def first_free(blocks: Blocks, begun: Motion) -> tuple[Array, Array, Array]:
+    """Return u and η after the first step of central differences without load and contact, and the tip's velocity then.
+
+    The last is the part of that velocity which heat drags along, ``(case,)``.
+    """
+    states = blocks.ahead(begun.states)
+    states[0, begun.drifting] += begun.steady
+    for block, mode in blocks.pairs:
+        states[:, block] += blocks.pull[:, block, mode, None] * begun.heat[mode]
+    dragged = project(blocks.shown, begun.heat.T) + begun.drift
+    velocity = sum(project(row, values.T) for row, values in zip(blocks.tip, states, strict=True))
+    return states, velocity + dragged, dragged
+
+
+def contact_heat(blocks: Blocks, cases: Cases) -> Array:
+    """Return what heat and friction of a unit impulse of contact do to u and η, ``(2, block, case)``."""
+    along, warm = blocks.modal.along, blocks.of_heat(blocks.step.warm[:, None]) * cases.alpha
+    return warm if along is None else warm + blocks.of_impulses(along[:, None]) * cases.friction
+
+
+def drives(blocks: Blocks, cases: Cases) -> Array:
+    """Return what a unit impulse of contact does to u and η, ``(2, block, case)``."""
+    return contact_heat(blocks, cases) - blocks.of_impulses(blocks.modal.tip[:, None])
+
+
+def free_step(blocks: Blocks, contact: Contact, drifting: NDArray[np.int64]) -> FreeStep:
+    """Return the step's coefficients."""
+    modal, step, scale = blocks.modal, blocks.step, blocks.modal.heat_scale
+    h, (speed, place), (j, k) = step.tip.h, blocks.tip, blocks.pairs.T
+    load, load_place = blocks.of_impulses((modal.tip if modal.load is None else modal.load)[:, None])[..., 0]
+    pull, decay = blocks.pull[:, j, k] / scale[k], np.where(step.decay == 0, NO_DECAY, step.decay)
+    tip = contact.felt_by(step.tip)._replace(load_mobility=np.sum(speed * load + place * load_place))
+    return FreeStep(
+        blocks=np.stack([1 - h * blocks.damping, -h * blocks.stiffness, load * blocks.scale], axis=1),
+        coupled=np.stack([load_place, speed, place], axis=1) if modal.is_coupled else None,
+        heat_modes=np.stack(
+            [decay, scale * step.warm / (1.0 if step.heat_counts else decay), blocks.shown / scale], axis=1
+        ),
+        pair_block=j,
+        pair_heat=k,
+        pair_pull=np.stack([*(pull * blocks.scale[j]), speed[j] * pull[0] + place[j] * pull[1]], axis=1),
+        drifting=drifting,
+        tip=tip,
+        heat_counts=step.heat_counts,
+    )
