@@ -29,6 +29,10 @@ The heat residual is that of pᵀ (1b), with p the temperatures at an even rise 
 the content H = pᵀC2 θ less αJ + ∫pᵀq - ∫L dt, the loss L = pᵀK2 θ by the temperatures θ of a step as the step weighs
 them. Full or reduced, it leaves rounding.
 
+What a step took is counted where the next one begins, which adds load and contact to u and η; that of the last step,
+and of modes by matrices (:class:`Dense`), by :mod:`~workflow.schemes._fixed.count`. The loss of the temperatures θ of a
+step, weighed by ϑ at its end, is summed as h Σ L over all ends but the last, and hϑ (L_end - L_0).
+
 The balances run over whole steps: from t = 0 to the end of the last step, which lies at the duration
 or, where the duration is no multiple of h, up to one step beyond it; those of central differences are h/2 longer at
 either end.
@@ -38,42 +42,28 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from workflow.kernels.compiled import inlined, part
-from workflow.kernels.lanes import PACK, ROW
-from workflow.kernels.packs import (
-    Lane,
-    Pack,
-    broad,
-    broadest,
-    fused,
-    magnitude,
-    narrow,
-    pack,
-    plus,
-    shared,
-    spread,
-    store,
-    where,
-)
+from workflow.kernels.compiled import inlined
+from workflow.kernels.lanes import ROW
+from workflow.kernels.packs import Lane, Pack, fused, magnitude, pack, plus, shared, spread, store
 from workflow.models import Array
 from workflow.schemes._fixed import case_row, total_row
 from workflow.schemes._fixed.contact import Ahead, End, Free, TipStep, contact_gain, was_pressed
-from workflow.schemes._fixed.free_motion import LOAD, PLACE, SPEED, FreeStep, State, ended
 
 DAMPING, KINETIC, ELASTIC = range(3)
 """Coefficients of a mode, over φ_n² where it is scaled by that: hc/4, and energy per v² and per η²."""
 
-RELATIVE, SETTLED_LOSS, LOSS = range(total_row.ROWS, total_row.ROWS + 3)
+RELATIVE, SETTLED_LOSS, SQUARE = range(total_row.ROWS, total_row.ROWS + 3)
 """Rows of sums beside those of ``total_row``: velocity of the tip relative to the dragged one at the last step's end
-[m/s]; heat loss of the temperatures that constant heat loads lead to, and of all at the last step's end [W]."""
+[m/s]; heat loss of the temperatures that constant heat loads lead to [W]; Σ ω² J²/2 of a unit of inputs."""
 
-ROWS = LOSS + 1
+ROWS = SQUARE + 1
 
 
 class Dense(NamedTuple):
     """Motion of modes by matrices: where these are coupled, near resonance with heat, or drift under constant loads.
 
-    Rows of all modes lie one after the other: v and then ξ, or I and then J.
+    Rows of all modes lie one after the other: v and then ξ, or of what acts in a step what it takes per 2 v_m,
+    -(I + ℓ ω² J)/2, and then per ξ' - h v/2, -ω² J: together -I v_m - ω² J (η_m + J/2).
     """
 
     outward: Array
@@ -84,6 +74,8 @@ class Dense(NamedTuple):
     """Whether v at a step's beginning damps."""
     load: Array
     """Of a unit impulse of the load, beside what of it acts on the tip, ``(mode,)``."""
+    yields: Array
+    """1/(2 ω²), 0 of rigid modes, ``(mode,)``."""
     pulls: Array
     """Of τ near resonance, ``(pair, 2 mode)``."""
     constant: Array
@@ -93,7 +85,7 @@ class Dense(NamedTuple):
     moved: Array
     """v and ξ there, ``(2 mode, lane)``."""
     inputs: Array
-    """I and J in that step, ``(2 mode, lane)``."""
+    """What acted in that step, ``(2 mode, lane)``."""
 
 
 class Account(NamedTuple):
@@ -102,7 +94,7 @@ class Account(NamedTuple):
     modes: Array
     """``(mode, coefficient)``."""
     acts: Array
-    """I and J of a unit impulse of contact by its heat and its friction, of all modes, ``(2 mode, lane)``."""
+    """What heat and friction of a unit impulse of contact take, as in :class:`Dense`, ``(2 mode, lane)``."""
     losses: Array
     """Heat loss per τ, W, ``(thermal mode,)``."""
     former: Array
@@ -166,181 +158,69 @@ def count_work(
 
 
 @inlined
-def count_step(
-    account: Account | None, step: FreeStep, state: State, opens: bool, looks: bool, in_broad: int, lanes: int
-) -> None:
-    """Count what a step did to modes and temperatures; ``opens`` at t = 0, ``looks`` where the energy is looked at.
-
-    The first lanes are ``in_broad`` packs, as those of the step.
-    """
-    if account is not None:
-        _count(account.dense, account, step, state, opens, looks, in_broad, lanes)
-
-
-@part
-def _count(
-    dense: Dense | None,
-    account: Account,
-    step: FreeStep,
-    state: State,
-    opens: bool,
-    looks: bool,
-    in_broad: int,
-    lanes: int,
-) -> None:
-    _move(dense, account, step.coupled, step, state, lanes)
-    for first in range(0, in_broad, broadest()):
-        _count_pack(dense, account, step, state, opens, looks, broad(first))
-    for first in range(in_broad, lanes, PACK):
-        _count_pack(dense, account, step, state, opens, looks, narrow(first))
-
-
-@inlined
-def _count_pack(
-    dense: Dense | None, account: Account, step: FreeStep, state: State, opens: bool, looks: bool, lane: Lane
-) -> None:
-    if was_pressed(state.own, lane):
-        _count_motion(dense, account, step, state, pack(state.own, (case_row.IMPULSE, lane)), lane)
-    else:
-        _count_motion(dense, account, step, state, None, lane)
-    if looks:
-        _look(dense, account, step, state, lane)
-    if not opens:
-        _count_heat(account, step.tip.h, state, lane)
-
-
-@inlined
-def _at_end(
-    dense: Dense | None, step: FreeStep, state: State, j: int, load: Pack, contact: Pack | None, lane: Lane
-) -> tuple[Pack, Pack]:
-    """Return v and ξ of mode j at the step's end."""
-    if dense is None:
-        v = fused(shared(step.blocks, (j, LOAD), lane), load, pack(state.motion, (j, SPEED, lane)))
-        v = plus(v, pack(state.drives, (j, SPEED, lane)), contact)
-        return v, plus(pack(state.motion, (j, PLACE, lane)), pack(state.drives, (j, PLACE, lane)), contact)
-    return pack(dense.moved, (j, lane)), pack(dense.moved, (dense.damper.shape[0] + j, lane))
-
-
-@inlined
-def _count_motion(
-    dense: Dense | None, account: Account, step: FreeStep, state: State, contact: Pack | None, lane: Lane
-) -> None:
-    """Count what damping, and impulses that do not act on the tip, did to the modes."""
-    if dense is None:
-        _count_modes(dense, account, step, state, contact, account.acts, contact, lane)
-    else:
-        _count_modes(dense, account, step, state, contact, dense.inputs, spread(1.0, lane), lane)
-
-
-@inlined
-def _count_modes(
-    dense: Dense | None,
-    account: Account,
-    step: FreeStep,
-    state: State,
+def count_mode(
+    account: Account | None,
+    j: int,
+    v: Pack,
+    xi: Pack,
+    h: float,
     contact: Pack | None,
-    inputs: Array,
-    times: Pack | None,
+    dissipated: Pack,
+    given: Pack,
     lane: Lane,
-) -> None:
-    """Count damping and ``inputs``, of which so many ``times`` act; ``None`` where there are none."""
-    former, load = account.former, pack(state.own, (case_row.LOAD, lane))
-    dissipated = pack(account.sums, (total_row.DISSIPATED, lane))
-    for j in range(former.shape[0]):
-        v, xi = _at_end(dense, step, state, j, load, contact, lane)
-        before = pack(former, (j, lane))
-        store(former, (j, lane), v)
-        twice = v + before
-        dissipated = fused(shared(account.modes, (j, DAMPING), lane) * twice, twice, dissipated)
-        eta = 2.0 * xi - step.tip.h * before + account.lever * twice
-        dissipated = _less_work(account, j, twice, eta, inputs, times, dissipated, lane)
-    store(account.sums, (total_row.DISSIPATED, lane), dissipated)
+) -> tuple[Pack, Pack]:
+    """Add what damping took from mode j in a step that it ends with v and ξ, and what a unit of contact took."""
+    if account is None:
+        return dissipated, given
+    return count_inputs(account, account.acts, j, v, xi, h, contact, dissipated, given, lane)
 
 
 @inlined
-def _less_work(
-    account: Account, j: int, twice: Pack, eta: Pack, inputs: Array, times: Pack | None, dissipated: Pack, lane: Lane
-) -> Pack:
-    """Take the work of inputs off, I v_m + ω² J η_m: ``twice`` is 2 v_m, ``eta`` is 2 η_m + J."""
+def count_inputs(
+    account: Account,
+    inputs: Array,
+    j: int,
+    v: Pack,
+    xi: Pack,
+    h: float,
+    times: Pack | None,
+    dissipated: Pack,
+    given: Pack,
+    lane: Lane,
+) -> tuple[Pack, Pack]:
+    """Add what damping took from mode j, and what a unit of inputs took where they acted some ``times``."""
+    before = pack(account.former, (j, lane))
+    store(account.former, (j, lane), v)
+    twice = v + before
+    dissipated = fused(shared(account.modes, (j, DAMPING), lane) * twice, twice, dissipated)
     if times is None:
-        return dissipated
-    jump = pack(inputs, (account.former.shape[0] + j, lane)) * times
-    dissipated -= 0.5 * twice * (pack(inputs, (j, lane)) * times)
-    return dissipated - shared(account.modes, (j, ELASTIC), lane) * jump * (eta - jump)
+        return dissipated, given
+    given = fused(pack(inputs, (j, lane)), twice, given)
+    between = fused(spread(-0.5 * h, lane), before, xi)
+    return dissipated, fused(pack(inputs, (account.former.shape[0] + j, lane)), between, given)
 
 
 @inlined
-def _look(dense: Dense | None, account: Account, step: FreeStep, state: State, lane: Lane) -> None:
-    """Keep the energy at the end of the last step, and the largest one; a NaN stays."""
-    contact, load = pack(state.own, (case_row.IMPULSE, lane)), pack(state.own, (case_row.LOAD, lane))
-    energy, largest = spread(0.0, lane), pack(account.sums, (total_row.LARGEST_ENERGY, lane))
-    for j in range(account.former.shape[0]):
-        v, xi = _at_end(dense, step, state, j, load, contact, lane)
-        eta = xi + account.lever * v
-        energy = fused(shared(account.modes, (j, KINETIC), lane) * v, v, energy)
-        energy = fused(shared(account.modes, (j, ELASTIC), lane) * eta, eta, energy)
-    store(account.sums, (total_row.LAST_ENERGY, lane), energy)
-    store(account.sums, (total_row.LARGEST_ENERGY, lane), where(energy <= largest, largest, energy))
-
-
-@inlined
-def _count_heat(account: Account, h: float, state: State, lane: Lane) -> None:
-    """Count the heat that the step lost."""
-    loss, before = pack(account.sums, (SETTLED_LOSS, lane)), pack(account.sums, (LOSS, lane))
-    for k in range(state.tau.shape[0]):
-        loss = fused(shared(account.losses, (k,), lane), pack(state.tau, (k, lane)), loss)
-    loss += account.heat_loss * pack(state.own, (case_row.HEAT, lane))
-    lost = h * (account.heat_theta * loss + (1.0 - account.heat_theta) * before)
-    store(account.sums, (LOSS, lane), loss)
-    add_to(account.sums, total_row.LOST, lost, lane)
-    add_to(account.sums, total_row.TURNED_OVER, magnitude(lost), lane)
-
-
-@part
-def _add_product(matrix: Array, states: Array, sums: Array, lanes: int) -> None:
-    """Add matrix · states to ``sums``, ``(row, lane)``."""
-    for i in range(matrix.shape[0]):
-        for j in range(matrix.shape[1]):
-            factor = matrix[i, j]
-            if factor != 0.0:
-                for lane in range(lanes):
-                    sums[i, lane] += factor * states[j, lane]
-
-
-@inlined
-def _move(
-    dense: Dense | None, account: Account, coupled: Array | None, step: FreeStep, state: State, lanes: int
-) -> None:
-    """Take what matrices make of the step's end and of what acted in it."""
-    if dense is None:
+def add_dissipation(account: Account | None, dissipated: Pack, given: Pack, times: Pack | None, lane: Lane) -> None:
+    """Add what all modes dissipated in a step to the sums, with inputs that acted so many ``times``."""
+    if account is None:
         return
-    blocks, modes, own = state.motion.shape[0], dense.damper.shape[0], state.own
-    for first in range(0, lanes, PACK):
-        lane = narrow(first)
-        contact, load = pack(own, (case_row.IMPULSE, lane)), pack(own, (case_row.LOAD, lane))
-        for j in range(blocks):
-            u, eta = ended(coupled, step, state, j, load, contact, lane)
-            store(dense.states, (j, lane), u)
-            store(dense.states, (blocks + j, lane), eta)
-        for i in range(2 * modes):
-            acts = pack(dense.constant, (i, lane)) + pack(account.acts, (i, lane)) * contact
-            if i < modes:
-                acts += shared(dense.load, (i,), lane) * load
-            for pair in range(step.pair_heat.size):
-                tau = pack(state.tau_paired, (step.pair_heat[pair], lane))
-                acts += shared(dense.pulls, (pair, i), lane) * tau
-            store(dense.inputs, (i, lane), acts)
-            store(dense.moved, (i, lane), spread(0.0, lane))
-    _add_product(dense.outward, dense.states, dense.moved, lanes)
-    _damp(dense, account.former, lanes)
+    if times is not None:
+        dissipated += times * (given + times * pack(account.sums, (SQUARE, lane)))
+    add_to(account.sums, total_row.DISSIPATED, dissipated, lane)
 
 
-@part
-def _damp(dense: Dense, former: Array, lanes: int) -> None:
-    """Add the impulses of damping that couples modes to the inputs."""
-    for i in range(dense.damper.shape[0]):
-        for j in range(dense.damper.shape[1]):
-            factor = dense.damper[i, j]
-            for lane in range(lanes):
-                damps = former[j, lane] if dense.lagged else 0.5 * (former[j, lane] + dense.moved[j, lane])
-                dense.inputs[i, lane] -= factor * damps
+@inlined
+def with_loss(account: Account | None, k: int, tau: Pack, loss: Pack, lane: Lane) -> Pack:
+    """Add the heat loss of thermal mode k at a step's end, W."""
+    return loss if account is None else fused(shared(account.losses, (k,), lane), tau, loss)
+
+
+@inlined
+def add_loss(account: Account | None, h: float, loss: Pack, heat: Pack | None, lane: Lane) -> None:
+    """Add the heat lost in h seconds at the loss of all modes, with that of the ``heat`` of the contact."""
+    if account is None:
+        return
+    loss = plus(loss + pack(account.sums, (SETTLED_LOSS, lane)), spread(account.heat_loss, lane), heat)
+    add_to(account.sums, total_row.LOST, h * loss, lane)
+    add_to(account.sums, total_row.TURNED_OVER, magnitude(h * loss), lane)

@@ -12,7 +12,7 @@ from workflow.models import Array, Cases, Structure, project
 from workflow.schemes._fixed import balance, case_row, total_row
 from workflow.schemes._fixed.balance import Account, Dense
 from workflow.schemes._fixed.blocks import Blocks
-from workflow.schemes._fixed.decoupled import felt_modes
+from workflow.schemes._fixed.decoupled import Decoupled, felt_modes
 from workflow.schemes._fixed.free_motion import HEAT_INPUT, FreeStep, State
 from workflow.schemes._fixed.start import Motion, contact_heat
 from workflow.schemes._fixed.totals import Balance, Content
@@ -48,17 +48,19 @@ class Balances:
         self._ended, self._ended_heat = np.zeros((balance.ROWS, cases.count)), np.zeros_like(begun.heat)
         self._ended[[total_row.FIRST_ENERGY, total_row.LAST_ENERGY, total_row.LARGEST_ENERGY]] = energy
         self._ended[balance.RELATIVE] = project(modal.tip, v.T)
-        self._ended[balance.SETTLED_LOSS], self._ended[balance.LOSS] = settled, settled + project(loss, begun.heat.T)
+        self._ended[balance.SETTLED_LOSS] = settled
+        self._ended[total_row.LOST] = -step.tip.h * step.heat_theta * (settled + project(loss, begun.heat.T))
         massless = modal.mass == 0
         self._moving = 0.5 * project((step.tip.h * modal.frequency[massless]) ** 2, v[massless].T ** 2)
 
         n, scale = modal.tip.size, modal.heat_scale
-        acts = _inputs(blocks, contact_heat(blocks, cases))
+        acts = _takes(blocks, contact_heat(blocks, cases))
+        self._ended[balance.SQUARE] = project(felt * _yields(modal), acts[n:].T ** 2)
         dense, filled = _dense(structure, blocks, free, begun) if needs_dense(blocks, begun) else (None, [])
         scaled, unscale = felt, felt
         if dense is None:
             scaled, unscale = felt * modal.tip, felt / np.where(felt, modal.tip, 1.0)
-            acts *= np.append(unscale, scaled)[:, None]
+            acts *= np.tile(unscale, 2)[:, None]
         self.account = Account(
             modes=np.stack([0.25 * step.tip.h * modal.damping, 0.5 * kinetic, 0.5 * omega2], axis=1)
             * unscale[:, None] ** 2,
@@ -121,12 +123,20 @@ def needs_dense(blocks: Blocks, begun: Motion) -> bool:
     return blocks.modal.is_coupled or blocks.pairs.size + begun.drifting.size > 0
 
 
-def _inputs(blocks: Blocks, states: Array) -> Array:
-    """Return I and then J of all modes for what adds ``states`` to blocks, ``(2 mode, column)``."""
+def _takes(blocks: Blocks, states: Array) -> Array:
+    """Return what takes energy from all modes where ``states`` are added to blocks, ``(2 mode, column)``.
+
+    That is per 2 v_m and then per ξ' - h v/2, see :class:`~workflow.schemes._fixed.balance.Dense`.
+    """
     v, xi = blocks.in_modes(states)
-    inertia, elastic = blocks.step.inertia, blocks.step.middle * blocks.modal.frequency**2
+    inertia, pulled = blocks.step.inertia, blocks.modal.frequency[:, None] ** 2 * xi
     impulse = project(inertia, v.T).T if inertia.ndim == 2 else inertia[:, None] * v
-    return np.concatenate([impulse + elastic[:, None] * xi, xi])
+    return np.concatenate([-0.5 * impulse - blocks.step.middle * pulled, -pulled])
+
+
+def _yields(modal: Decoupled) -> Array:
+    """Return 1/(2 ω²), 0 of rigid modes, ``(mode,)``."""
+    return np.divide(0.5, modal.frequency**2, out=np.zeros_like(modal.frequency), where=modal.frequency > 0)
 
 
 def _dense(
@@ -147,11 +157,12 @@ def _dense(
         outward=outward * np.tile(unscale, 2),
         damper=np.zeros((n, n)) if modal.damper is None else step.tip.h * (modal.damper - np.diag(modal.damping)),
         lagged=step.lagged,
-        load=load,
-        pulls=np.ascontiguousarray(_inputs(blocks, pulls).T),
+        load=-0.5 * load,
+        yields=_yields(modal),
+        pulls=np.ascontiguousarray(_takes(blocks, pulls).T),
         constant=lane_rows(2 * n),
         states=lane_rows(2 * count),
         moved=lane_rows(2 * n),
         inputs=lane_rows(2 * n),
     )
-    return dense, [(dense.constant, _inputs(blocks, steady))]
+    return dense, [(dense.constant, _takes(blocks, steady))]

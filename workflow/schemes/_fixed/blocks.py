@@ -120,7 +120,8 @@ class Blocks:
     @property
     def shown(self) -> Array:
         """Velocity of the tip that a kernel's τ drags along: central differences have τ a step behind."""
-        return np.einsum("rb,rbl->l", self.tip, self.response) * (1.0 if self.step.heat_counts else self.step.decay)
+        shown = np.einsum("rb,rbl->l", self.tip, self.response)
+        return np.asarray(shown if self.step.heat_counts else self.step.decay * shown)
 
     @property
     def growth(self) -> float:
@@ -147,7 +148,7 @@ class Blocks:
     def of_heat(self, heat: Array) -> Array:
         """Return u and η, less what is dragged along, per heat that has entered τ, ``(2, block, column)``."""
         pulls = -self.step.tip.h * self.step.at_once * project(self.modal.coupling, heat.T).T
-        return self.of_impulses(pulls) - self.dragged(heat)
+        return np.asarray(self.of_impulses(pulls) - self.dragged(heat))
 
     def dragged(self, heat: Array) -> Array:
         """Return R τ of thermal modes ``(thermal mode, column)``, ``(2, block, column)``."""

@@ -23,7 +23,8 @@ from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lanes import ROW
 from workflow.kernels.packs import Lane, Pack, pack, plus, shared, spread, store
 from workflow.models import Array
-from workflow.schemes._fixed import case_row
+from workflow.schemes._fixed import balance, case_row
+from workflow.schemes._fixed.balance import Account, Dense
 from workflow.schemes._fixed.contact import TipStep, was_pressed
 
 SPEED, PLACE = range(2)
@@ -129,32 +130,63 @@ def _at_tip(coupled: Array | None, j: int, u: Pack, eta: Pack, lane: Lane) -> Pa
 
 @inlined
 def _step_blocks(
-    coupled: Array | None, step: FreeStep, state: State, velocity: Pack, contact: Pack | None, lane: Lane
+    coupled: Array | None,
+    account: Account | None,
+    step: FreeStep,
+    state: State,
+    velocity: Pack,
+    contact: Pack | None,
+    lane: Lane,
 ) -> Pack:
-    """Step the blocks, and return the tip's velocity with theirs."""
+    """Step the blocks, and return the tip's velocity with theirs; ``account`` is that of blocks that are modes."""
     motion, load = state.motion, pack(state.own, (case_row.LOAD, lane))
+    dissipated, given = spread(0.0, lane), spread(0.0, lane)
     for j in range(motion.shape[0]):
         before, place = ended(coupled, step, state, j, load, contact, lane)
+        dissipated, given = balance.count_mode(account, j, before, place, step.tip.h, contact, dissipated, given, lane)
         u = shared(step.blocks, (j, DECAY), lane) * before + shared(step.blocks, (j, SPRING), lane) * place
         eta = place + step.tip.h * before
         store(motion, (j, SPEED, lane), u)
         store(motion, (j, PLACE, lane), eta)
         velocity += _at_tip(coupled, j, u, eta, lane)
+    balance.add_dissipation(account, dissipated, given, contact, lane)
     return velocity
 
 
 @inlined
 def _step_heat(
-    step: FreeStep, tau: Array, velocity: Pack, temperature: Pack, heat: Pack | None, lane: Lane
+    account: Account | None,
+    step: FreeStep,
+    tau: Array,
+    velocity: Pack,
+    temperature: Pack,
+    heat: Pack | None,
+    lane: Lane,
 ) -> tuple[Pack, Pack]:
     """Step the thermal modes, and return velocity and temperature of the tip with theirs."""
+    loss = spread(0.0, lane)
     for k in range(tau.shape[0]):
-        before = plus(pack(tau, (k, lane)), shared(step.heat_modes, (k, HEAT_INPUT), lane), heat)
-        after = shared(step.heat_modes, (k, HEAT_DECAY), lane) * before
+        before = pack(tau, (k, lane))
+        loss = balance.with_loss(account, k, before, loss, lane)
+        after = shared(step.heat_modes, (k, HEAT_DECAY), lane) * plus(
+            before, shared(step.heat_modes, (k, HEAT_INPUT), lane), heat
+        )
         store(tau, (k, lane), after)
         velocity += shared(step.heat_modes, (k, HEAT_SPEED), lane) * after
         temperature += after
+    balance.add_loss(account, step.tip.h, loss, heat, lane)
     return velocity, temperature
+
+
+@inlined
+def _of_modes(account: Account | None) -> Account | None:
+    """Return the account where blocks are modes, whose motion is counted as they are stepped."""
+    return account if account is None else _without(account.dense, account)
+
+
+@inlined
+def _without(dense: Dense | None, account: Account) -> Account | None:
+    return account if dense is None else None
 
 
 @inlined
@@ -181,25 +213,43 @@ def _add_steady(coupled: Array | None, step: FreeStep, state: State, velocity: P
 
 
 @inlined
-def step_freely(step: FreeStep, warmed: bool, t: float, state: State, lane: Lane) -> Alone:
+def _step(
+    step: FreeStep,
+    account: Account | None,
+    state: State,
+    dragged: Pack,
+    temperature: Pack,
+    contact: Pack | None,
+    heat: Pack | None,
+    lane: Lane,
+) -> Alone:
+    """Step all thermal modes and blocks, from which the tip's velocity and temperature are the known ones."""
+    dragged, temperature = _step_heat(account, step, state.tau, dragged, temperature, heat, lane)
+    velocity = _step_blocks(step.coupled, _of_modes(account), step, state, dragged, contact, lane)
+    return Alone(velocity, temperature, dragged)
+
+
+@inlined
+def step_freely(step: FreeStep, warmed: bool, t: float, state: State, account: Account | None, lane: Lane) -> Alone:
     """Step all blocks to t; return the tip there without load and contact.
 
     They begin with impulse and heat of the step before; in most steps there is no contact in any lane.
     ``warmed`` is what :func:`is_warmed` returned.
     """
-    own, tau = state.own, state.tau
-    dragged, temperature = spread(0.0, lane), spread(0.0, lane)
+    own = state.own
+    drift, warmth = spread(0.0, lane), spread(0.0, lane)
     if warmed:
-        dragged += pack(own, (case_row.DRIFT, lane))
-        temperature = pack(own, (case_row.WARMTH, lane)) + pack(own, (case_row.WARMING, lane)) * t
+        drift = pack(own, (case_row.DRIFT, lane))
+        warmth = pack(own, (case_row.WARMTH, lane)) + pack(own, (case_row.WARMING, lane)) * t
     if was_pressed(own, lane):
-        dragged, temperature = _step_heat(step, tau, dragged, temperature, pack(own, (case_row.HEAT, lane)), lane)
-        velocity = _step_blocks(step.coupled, step, state, dragged, pack(own, (case_row.IMPULSE, lane)), lane)
+        contact, heat = pack(own, (case_row.IMPULSE, lane)), pack(own, (case_row.HEAT, lane))
+        alone = _step(step, account, state, drift, warmth, contact, heat, lane)
     else:
-        dragged, temperature = _step_heat(step, tau, dragged, temperature, None, lane)
-        velocity = _step_blocks(step.coupled, step, state, dragged, None, lane)
-    velocity = _add_pairs(step, state, velocity, lane)
-    return Alone(_add_steady(step.coupled, step, state, velocity, lane), temperature, dragged)
+        alone = _step(step, account, state, drift, warmth, None, None, lane)
+    if step.pair_block.size + step.drifting.size == 0:
+        return alone
+    velocity = _add_steady(step.coupled, step, state, _add_pairs(step, state, alone.velocity, lane), lane)
+    return Alone(velocity, alone.temperature, alone.dragged)
 
 
 @part

@@ -17,10 +17,11 @@ from workflow.kernels.lanes import PACK, lane_rows
 from workflow.kernels.packs import Lane, align_stack, broad, broadest, narrow, pack, spread, store
 from workflow.models import Array, Cases, Structure, project
 from workflow.schemes._fixed import case_row, free_motion, stepping, tip_row
-from workflow.schemes._fixed.balance import Account, count_step, count_work, lay_out_account
+from workflow.schemes._fixed.balance import Account, count_work, lay_out_account
 from workflow.schemes._fixed.balances import Balances
 from workflow.schemes._fixed.blocks import Blocks
 from workflow.schemes._fixed.contact import CentralStep, Contact, End, Free, Law, TipStep, meet, respond
+from workflow.schemes._fixed.count import count_step
 from workflow.schemes._fixed.drive import Drive, turn_drive
 from workflow.schemes._fixed.free_motion import Alone, FreeStep, State
 from workflow.schemes._fixed.marks import Block
@@ -74,7 +75,7 @@ def _open_centrally(
         _open(step, law, now, state, block, account, broad(first))
     for first in range(in_broad, block.lanes, PACK):
         _open(step, law, now, state, block, account, narrow(first))
-    count_step(account, step, state, True, False, in_broad, block.lanes)
+    count_step(account, step, state, False, False, in_broad, block.lanes)
 
 
 @inlined
@@ -101,7 +102,7 @@ def close_step(
 @inlined
 def _step(step: FreeStep, law: Law, now: Now, state: State, block: Block, account: Account | None, lane: Lane) -> None:
     """Take a pack of lanes through a step: free motion, load and contact, counts."""
-    alone = free_motion.step_freely(step, now.warmed, now.t, state, lane)
+    alone = free_motion.step_freely(step, now.warmed, now.t, state, account, lane)
     end = close_step(step, law, now, alone, state, block, account, lane)
     if now.marked:
         stepping.store_end(end, block.tip, lane)
@@ -133,7 +134,7 @@ def march(step: FreeStep, law: Law, state: State, block: Block, account: Account
             _step(step, law, now, state, block, account, broad(first))
         for first in range(in_broad, lanes, PACK):
             _step(step, law, now, state, block, account, narrow(first))
-        count_step(account, step, state, False, k % interval == 0 or now.last, in_broad, lanes)
+        count_step(account, step, state, k % interval == 0 or now.last, now.last, in_broad, lanes)
         if now.marked:
             stepping.count_stored(k, block)
     free_motion.store_heat(step, state, state.tau, lanes)
@@ -196,7 +197,7 @@ def step_batch(
     filled = [own, scale * states.swapaxes(0, 1), scale * drives(blocks, cases).swapaxes(0, 1)]
     filled += [blocks.scale[begun.drifting, None] * begun.steady, begun.heat * modal.heat_scale[:, None]]
     lanes, before = [lane_rows(*values.shape[:-1]) for values in filled], lane_rows(len(begun.heat))
-    state = State(*lanes, before, before if free.heat_counts else lanes[-1])
+    state = State._make([*lanes, before, before if free.heat_counts else lanes[-1]])
     rows, fillings = 2 * len(state.motion) + len(state.tau), list(zip(lanes, filled, strict=True))
     balances = Balances(structure, blocks, free, cases, begun) if sampling.balances else None
     if balances is not None:

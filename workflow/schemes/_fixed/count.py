@@ -1,0 +1,156 @@
+"""Counts motion and heat at a step's end where no further step does: see :mod:`workflow.schemes._fixed.balance`."""
+
+from __future__ import annotations
+
+from workflow.kernels.compiled import inlined, part
+from workflow.kernels.lanes import PACK
+from workflow.kernels.packs import Lane, Pack, broad, broadest, fused, narrow, pack, shared, spread, store, where
+from workflow.models import Array
+from workflow.schemes._fixed import balance, case_row, total_row
+from workflow.schemes._fixed.balance import ELASTIC, KINETIC, Account, Dense
+from workflow.schemes._fixed.free_motion import FreeStep, State, ended
+
+
+@inlined
+def count_step(
+    account: Account | None, step: FreeStep, state: State, looks: bool, last: bool, in_broad: int, lanes: int
+) -> None:
+    """Count a step that contact has closed, as far as the next one does not; ``looks`` at the energy at its end.
+
+    The first lanes are ``in_broad`` packs, as those of the step.
+    """
+    if account is not None:
+        _count(account.dense, account, step, state, looks, last, in_broad, lanes)
+
+
+@part
+def _count(
+    dense: Dense | None,
+    account: Account,
+    step: FreeStep,
+    state: State,
+    looks: bool,
+    last: bool,
+    in_broad: int,
+    lanes: int,
+) -> None:
+    _move(dense, account, step.coupled, step, state, lanes)
+    counts = last if dense is None else True
+    if counts or looks:
+        for first in range(0, in_broad, broadest()):
+            _count_pack(dense, account, step, state, counts, looks, last, broad(first))
+        for first in range(in_broad, lanes, PACK):
+            _count_pack(dense, account, step, state, counts, looks, last, narrow(first))
+
+
+@inlined
+def _count_pack(
+    dense: Dense | None,
+    account: Account,
+    step: FreeStep,
+    state: State,
+    counts: bool,
+    looks: bool,
+    last: bool,
+    lane: Lane,
+) -> None:
+    contact, inputs = _inputs(dense, account, pack(state.own, (case_row.IMPULSE, lane)), lane)
+    dissipated, given, load = spread(0.0, lane), spread(0.0, lane), pack(state.own, (case_row.LOAD, lane))
+    if counts:
+        for j in range(account.former.shape[0]):
+            v, xi = _at_end(dense, step, state, j, load, lane)
+            dissipated, given = balance.count_inputs(
+                account, inputs, j, v, xi, step.tip.h, contact, dissipated, given, lane
+            )
+        balance.add_dissipation(account, dissipated, given, contact, lane)
+    if looks:
+        _look(dense, account, step, state, load, lane)
+    if last:
+        loss = spread(0.0, lane)
+        for k in range(state.tau.shape[0]):
+            loss = balance.with_loss(account, k, pack(state.tau, (k, lane)), loss, lane)
+        heat = pack(state.own, (case_row.HEAT, lane))
+        balance.add_loss(account, step.tip.h * account.heat_theta, loss, heat, lane)
+
+
+@inlined
+def _inputs(dense: Dense | None, account: Account, contact: Pack, lane: Lane) -> tuple[Pack, Array]:
+    """Return what acts on the modes in a step, and how many times."""
+    return (contact, account.acts) if dense is None else (spread(1.0, lane), dense.inputs)
+
+
+@inlined
+def _at_end(dense: Dense | None, step: FreeStep, state: State, j: int, load: Pack, lane: Lane) -> tuple[Pack, Pack]:
+    """Return v and ξ of mode j at the step's end."""
+    if dense is None:
+        return ended(None, step, state, j, load, pack(state.own, (case_row.IMPULSE, lane)), lane)
+    return pack(dense.moved, (j, lane)), pack(dense.moved, (dense.damper.shape[0] + j, lane))
+
+
+@inlined
+def _look(dense: Dense | None, account: Account, step: FreeStep, state: State, load: Pack, lane: Lane) -> None:
+    """Keep the energy at the end of the last step, and the largest one; a NaN stays."""
+    energy, largest = spread(0.0, lane), pack(account.sums, (total_row.LARGEST_ENERGY, lane))
+    for j in range(account.former.shape[0]):
+        v, xi = _at_end(dense, step, state, j, load, lane)
+        eta = xi + account.lever * v
+        energy = fused(shared(account.modes, (j, KINETIC), lane) * v, v, energy)
+        energy = fused(shared(account.modes, (j, ELASTIC), lane) * eta, eta, energy)
+    store(account.sums, (total_row.LAST_ENERGY, lane), energy)
+    store(account.sums, (total_row.LARGEST_ENERGY, lane), where(energy <= largest, largest, energy))
+
+
+@part
+def _add_product(matrix: Array, states: Array, sums: Array, lanes: int) -> None:
+    """Add matrix · states to ``sums``, ``(row, lane)``."""
+    for i in range(matrix.shape[0]):
+        for j in range(matrix.shape[1]):
+            factor = matrix[i, j]
+            if factor != 0.0:
+                for lane in range(lanes):
+                    sums[i, lane] += factor * states[j, lane]
+
+
+@inlined
+def _move(
+    dense: Dense | None, account: Account, coupled: Array | None, step: FreeStep, state: State, lanes: int
+) -> None:
+    """Take what matrices make of the step's end and of what acted in it."""
+    if dense is None:
+        return
+    blocks, modes, own = state.motion.shape[0], dense.damper.shape[0], state.own
+    for first in range(0, lanes, PACK):
+        lane = narrow(first)
+        contact, load = pack(own, (case_row.IMPULSE, lane)), pack(own, (case_row.LOAD, lane))
+        for j in range(blocks):
+            u, eta = ended(coupled, step, state, j, load, contact, lane)
+            store(dense.states, (j, lane), u)
+            store(dense.states, (blocks + j, lane), eta)
+        for i in range(2 * modes):
+            acts = pack(dense.constant, (i, lane)) + pack(account.acts, (i, lane)) * contact
+            if i < modes:
+                acts += shared(dense.load, (i,), lane) * load
+            for pair in range(step.pair_heat.size):
+                tau = pack(state.tau_paired, (step.pair_heat[pair], lane))
+                acts += shared(dense.pulls, (pair, i), lane) * tau
+            store(dense.inputs, (i, lane), acts)
+            store(dense.moved, (i, lane), spread(0.0, lane))
+    _add_product(dense.outward, dense.states, dense.moved, lanes)
+    _damp(dense, account.former, account.sums, lanes)
+
+
+@part
+def _damp(dense: Dense, former: Array, sums: Array, lanes: int) -> None:
+    """Add damping that couples modes to the inputs, and keep the square of all."""
+    modes = dense.damper.shape[0]
+    for lane in range(lanes):
+        sums[balance.SQUARE, lane] = 0.0
+    for i in range(modes):
+        for lane in range(lanes):
+            sums[balance.SQUARE, lane] += dense.yields[i] * dense.inputs[modes + i, lane] ** 2
+        for j in range(modes):
+            factor = 0.25 * dense.damper[i, j]
+            for lane in range(lanes):
+                begun = former[j, lane]
+                damps = 2.0 * begun if dense.lagged else begun + dense.moved[j, lane]
+                dense.inputs[i, lane] += factor * damps
