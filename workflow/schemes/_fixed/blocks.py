@@ -75,7 +75,7 @@ class Step(NamedTuple):
             return np.asarray(np.linalg.solve(self.inertia, impulses))
         return np.asarray((impulses.T / self.inertia).T)
 
-    def delassus(self, modal: Decoupled, alpha: Array, friction: Array) -> Array:
+    def delassus(self, modal: Decoupled, alpha: Array | float, friction: Array | float) -> Array:
         """Return the Delassus operator W = e_nᵀ Ŵ⁻¹ (e_n - µ t + α hθ K12 T̂⁻¹ e_n), 1/kg, ``(case,)``."""
         along = np.zeros_like(modal.tip) if modal.along is None else modal.along
         pulled = self.tip.h * self.at_once * (modal.coupling @ self.warm)

@@ -126,7 +126,7 @@ def step(modal: Decoupled, h: float, differences: Differences) -> Step:
 def delassus(structure: Structure, h: float, differences: Differences) -> float:
     """Return W = e_nᵀ (M + h/2 C1)⁻¹ e_n, 1/kg: the tip's half-step velocity per unit impulse."""
     modal = decouple(structure)
-    return float(step(modal, h, differences).delassus(modal, np.zeros(1), np.zeros(1))[0])
+    return float(step(modal, h, differences).delassus(modal, 0.0, 0.0))
 
 
 def _half_step_before(modal: Decoupled, cases: Cases, h: float) -> Array:

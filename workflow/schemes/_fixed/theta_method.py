@@ -46,12 +46,12 @@ class Operator:
     blocks: Blocks
     contact: Contact
 
-    def delassus(self, h: float, alpha: Array, friction: Array) -> Array:
+    def delassus(self, h: float, alpha: Array, friction: Array | float = 0.0) -> Array:
         """Return the Delassus operator W of a step h, 1/kg, ``(case,)``."""
         modal = self.blocks.modal
         return step(modal, h, self.theta).delassus(modal, alpha, friction)
 
-    def factor(self, h: float, alpha: Array, friction: Array) -> Array:
+    def factor(self, h: float, alpha: Array, friction: Array | float = 0.0) -> Array:
         """Return what contact divides by in a step h, ``(case,)``: it has one solution where that is positive."""
         return np.asarray(self.contact.factor(h, self.delassus(h, alpha, friction)))
 
