@@ -1,8 +1,4 @@
-"""Runs that are stopped by a signal at a random moment, from when the interpreter has started.
-
-As a program, ``python tests/faults/stops.py NUMBER [SEED]`` stops so many runs by each of Ctrl-C, SIGTERM and SIGKILL
-and prints how they ended.
-"""
+"""Runs that are stopped by a signal at a random moment, from when the interpreter has started."""
 
 from __future__ import annotations
 
@@ -11,7 +7,6 @@ import random
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from collections import Counter
 from pathlib import Path
@@ -99,15 +94,3 @@ def outcomes(number: signal.Signals, times: int, chance: random.Random, director
         if how not in ("stopped", "done", "killed"):
             print(how, said, file=sys.stderr)
     return counts
-
-
-def main(times: int, seed: int = 0) -> None:
-    """Print how runs that are stopped end."""
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
-        with tempfile.TemporaryDirectory() as name:
-            counts = outcomes(number, times, random.Random(seed), Path(name))
-        print(number.name, dict(counts))
-
-
-if __name__ == "__main__":
-    main(*map(int, sys.argv[1:]))

@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import pytest
 
 from scenes import cases, heavy_chain, same_bits, taken
 from workflow.models import Cases, Structure
@@ -23,18 +22,6 @@ def batch(structure: Structure, count: int) -> Cases:
 def with_law(operator: Any, law: Any) -> Any:
     """Return the operator with parameters of its law that stand for some cases."""
     return replace(operator, contact=replace(operator.contact, law=lambda cases: law))
-
-
-@pytest.mark.parametrize("integration", ["explicit", "implicit"])
-def test_parameters_of_each_case_give_the_bits_of_shared_ones(integration: str) -> None:
-    structure = heavy_chain()
-    operator = penalty.init(structure, 2e-6, penalty.Options(damping=50.0, integration=integration))
-    loaded = batch(structure, 19)
-    shared = penalty.compute(operator, loaded, SAMPLING)
-    assert shared.metrics["impacts"].max() > 0
-    law = operator.contact.law(loaded)
-    each = law._replace(**{name: np.full(loaded.count, value) for name, value in law._asdict().items()})
-    assert same_bits(shared, penalty.compute(with_law(operator, each), loaded, SAMPLING))
 
 
 def test_cases_of_one_batch_may_have_contact_springs_of_their_own() -> None:
