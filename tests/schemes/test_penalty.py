@@ -9,10 +9,11 @@ import numpy as np
 import plain_penalty
 import pytest
 
-from scenes import cases, chain, heavy_chain, relative, sampling, step
+from scenes import cases, chain, heavy_chain, relative, same_bits, sampling, step, taken
 from workflow.models import Rayleigh, tip_flexibility
 from workflow.reduction import reduce_structure
 from workflow.schemes import Status, penalty
+from workflow.schemes._fixed.spring import CentralSpring
 from workflow.schemes._fixed.spring_limits import lasting_limit, tip_modes
 from workflow.schemes._fixed.theta_method import Operator
 
@@ -191,3 +192,16 @@ def test_implicit_grows_below_one_half_as_the_free_step_does() -> None:
     )
     assert results.status[0] == Status.DIVERGED
     assert "the free step grows" in results.messages[0]
+
+
+def test_cases_of_one_batch_may_have_contact_springs_of_their_own() -> None:
+    structure, stiffnesses = heavy_chain(), np.array([2e7, 1e8, 5e7])
+    loaded = cases(structure, 3, alpha=[0.5, 2.0, 5.0], gap=5e-5, amplitude=100.0, frequency=20.0)
+    over, law = sampling(0.02, 1e-3), CentralSpring(stiffnesses, 20.0)
+    operators = [penalty.init(structure, 2e-6, penalty.Options(stiffness=k, damping=20.0)) for k in stiffnesses]
+    contact = replace(operators[0].contact, law=lambda cases: law)  # type: ignore[union-attr]
+    results = penalty.compute(replace(operators[0], contact=contact), loaded, over)  # type: ignore[type-var]
+    assert len(set(results.histories["impulse"][:, -1])) == 3
+    for k, operator in enumerate(operators):
+        one = penalty.compute(operator, loaded.take(slice(k, k + 1)), over)
+        assert same_bits(one, taken(results, slice(k, k + 1)))

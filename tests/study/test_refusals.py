@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 from study_samples import BLADE, CHAIN
+from typer.testing import CliRunner
 
+from workflow.cli import app
 from workflow.study import StudyError, parse_study, read_study
 from workflow.study.source import MOST_ENTRIES, compose
 
@@ -361,3 +363,20 @@ def test_more_entries_than_anybody_writes_are_refused_before_they_are_read() -> 
         parse_study(f"study: a\naxes: {{e: {entries}, alpha: {entries}}}\n", "study.yaml")
     assert "has more than 50000 keys and values; write long axes as {lin: [first, last, count]}" in str(refusal.value)
     assert str(refusal.value).startswith("study.yaml:2: ")
+
+
+@pytest.mark.parametrize("command", ["plan", "run"])
+def test_every_broken_study_ends_a_command_with_one_clear_message(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Exit status 2, and nothing is written."""
+    monkeypatch.chdir(tmp_path)
+    study = tmp_path / "broken.yaml"
+    for text in (*(BLADE.replace(old, new) for _, old, new, *_ in CHANGED), *(text for text, *_ in WHOLE)):
+        study.write_text(text, encoding="utf-8")
+        result = CliRunner().invoke(app, [command, str(study)])
+        assert result.exit_code == 2, text[:200]
+        assert "broken.yaml" in result.stderr, text[:200]
+        assert not result.stdout.strip()
+        assert "Traceback" not in result.stderr
+        assert list(tmp_path.iterdir()) == [study]
