@@ -295,6 +295,17 @@ def test_an_option_of_a_scheme_from_outside_has_any_unit(command: Callable[..., 
     assert "hunt_crossley" in command("hunt_crossley", "schema")
 
 
+def test_what_numba_cannot_compile_of_a_law_is_said_with_its_line(command: Callable[..., str], tmp_path: Path) -> None:
+    text = (HERE / "hunt_crossley.py").read_text(encoding="utf-8")
+    law = tmp_path / "hunt_crossley.py"
+    command("hunt_crossley", "schema")
+    law.write_text(text.replace("law.damping * tip.free", "law.dampin * tip.free"), encoding="utf-8")
+    said = " ".join(command("hunt_crossley", "run", "quick.yaml", status=1).split())
+    assert "Unknown attribute 'dampin' of type HuntCrossley" in said
+    assert 'hunt_crossley.py", line 39' in said
+    assert "Failed in" not in said
+
+
 def test_cases_of_an_edited_scheme_from_outside_are_other_ones(command: Callable[..., str], tmp_path: Path) -> None:
     scheme, run = "projected_euler", ("run", "quick.yaml")
     assert "2 ok" in command(scheme, *run)
