@@ -59,6 +59,8 @@ class Balances:
         dense, filled = _dense(structure, blocks, free, begun) if needs_dense(blocks, begun) else (None, [])
         scaled, unscale = felt, felt
         if dense is None:
+            if step.heat_counts:  # the first step of the march counts the damping of a step that ends at t = 0
+                self._ended[total_row.DISSIPATED] = -project(step.tip.h * felt * modal.damping, v.T**2)
             scaled, unscale = felt * modal.tip, felt / np.where(felt, modal.tip, 1.0)
             acts *= np.tile(unscale, 2)[:, None]
         self.account = Account(
