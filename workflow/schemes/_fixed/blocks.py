@@ -58,8 +58,13 @@ class Step(NamedTuple):
     """D, ``(thermal mode,)``."""
     warm: Array
     """What a step makes of heat at the tip, τ per J, ``(thermal mode,)``."""
+    slope: Array
+    """δ = (D - 1)/h, 1/s, ``(thermal mode,)``."""
     pulls: Array
-    """Weight with which τ at a step's beginning pulls in it, ``(thermal mode,)``."""
+    damps: Array
+    springs: Array
+    """w, a and b, ``(thermal mode,)``: τ at a step's beginning pulls with w G τ in it, and ξ = R τ of a mode that follows is
+    accelerated, damped and pulled back by (m δ² + a c δ + b ω²) R τ; D - S itself loses digits where hμ and hω are large."""
     at_once: float
     """Share with which that pulls in its own step: θ of the θ-method, 0 of central differences."""
     heat_theta: float
@@ -166,7 +171,7 @@ class Blocks:
         return replace(
             self,
             modal=self.modal.without_heat(),
-            step=self.step._replace(decay=none, warm=none, pulls=none),
+            step=self.step._replace(decay=none, warm=none, slope=none, pulls=none, damps=none, springs=none),
             response=self.response[..., :0],
             pairs=self.pairs[:0],
             pull=self.pull[..., :0],
@@ -187,8 +192,11 @@ def separate(modal: Decoupled, step: Step) -> Blocks:
     pull = step.moved_by(-h * modal.coupling * step.pulls)
     if modal.damper is None:
         c, k = step.moved_by(modal.damping + step.stiffening * stiffness), step.moved_by(stiffness)
-        g = np.stack([pull, np.zeros_like(pull)])
-        return Blocks(modal, step, c, k, None, None, *_dragged(c, k, g, h, step.decay), g)
+        mass, damping, spring = (values[:, None] for values in (modal.mass, modal.damping, stiffness))
+        terms = mass * step.slope**2, damping * (step.damps * step.slope), spring * step.springs
+        places, pairs = _response(terms, -modal.coupling * step.pulls)
+        response, g = np.stack([step.slope * places, places]), np.stack([pull, np.zeros_like(pull)])
+        return Blocks(modal, step, c, k, None, None, response, pairs, g)
     n, elastic = modal.frequency.size, np.flatnonzero(modal.frequency > 0)
     F = np.zeros((elastic.size + n, elastic.size + n))
     F[: elastic.size, elastic.size :] = np.eye(n)[elastic]
@@ -206,7 +214,7 @@ def separate(modal: Decoupled, step: Step) -> Blocks:
     outward[0, :, 0], outward[0, :, 1, :seconds] = speeds[:, seconds:], speeds[:, :seconds]
     outward[1, elastic, 0], outward[1, elastic, 1, :seconds] = places[:, seconds:], places[:, :seconds]
     g = np.tensordot(inward[:, :, 0], pull, 1)
-    return Blocks(modal, step, c, k, inward, outward, *_dragged(c, k, g, h, step.decay), g)
+    return Blocks(modal, step, c, k, inward, outward, *_dragged(c, k, g, step), g)
 
 
 def _in_blocks(F: Array, places: int) -> RealBlocks:
@@ -226,13 +234,19 @@ def _in_blocks(F: Array, places: int) -> RealBlocks:
     raise np.linalg.LinAlgError("poles of the damped structure coincide: change its damping by a millionth")
 
 
-def _dragged(c: Array, k: Array, pull: Array, h: float, decay: Array) -> tuple[Array, NDArray[np.int64]]:
-    """Return R, and the pairs near resonance, which have 0 there: (D - S) R = g, block by block."""
-    d, c, k, (g, place) = (decay - 1) / h, c[:, None], k[:, None], pull / h
+def _dragged(c: Array, k: Array, pull: Array, step: Step) -> tuple[Array, NDArray[np.int64]]:
+    """Return R and the pairs near resonance of blocks: (D - S) R = g."""
+    d, c, k, (g, place) = step.slope, c[:, None], k[:, None], pull / step.tip.h
     first = k == 0
-    terms = np.stack(np.broadcast_arrays(np.where(first, d, d * d), np.where(first, c, c * d), k))
-    whole = terms.sum(axis=0)
-    near = np.abs(whole) <= NEAR_RESONANCE * np.abs(terms).max(axis=0)
-    speed, value = np.where(first, g, d * g - k * place), np.where(first, 0.0, (d + c) * place + g)
-    response = np.stack([speed, value]) / np.where(near, np.inf, whole)
-    return response, np.argwhere(near & ((g != 0) | (place != 0)))
+    terms = np.where(first, d, d * d), np.where(first, c, c * d), k
+    speeds, pairs = _response(terms, np.where(first, g, d * g - k * place))
+    values, others = _response(terms, np.where(first, 0.0, (d + c) * place + g))
+    return np.stack([speeds, values]), np.unique(np.concatenate([pairs, others]), axis=0)
+
+
+def _response(terms: tuple[Array, ...], pulled: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Return what is pulled over the sum of some terms, and the pairs near resonance, which have 0 there."""
+    parts = np.stack(np.broadcast_arrays(*terms))
+    whole = parts.sum(axis=0)
+    near = np.abs(whole) <= NEAR_RESONANCE * np.abs(parts).max(axis=0)
+    return pulled / np.where(near, np.inf, whole), np.argwhere(near & (pulled != 0))

@@ -79,17 +79,20 @@ def thermal_amplification(rate: Array, h: float, theta: float) -> Array:
 def step(modal: Decoupled, h: float, theta: float) -> Step:
     """Return the step as blocks take it."""
     lever = h * theta
-    decay, warm = thermal_amplification(modal.rate, h, theta), modal.heat_tip / (1 + lever * modal.rate)
+    weight = 1 / (1 + lever * modal.rate)
     inertia = modal.mass + lever * modal.damping + lever * lever * modal.frequency**2
     return Step(
-        tip=TipStep(h, theta, 1.0 - theta, np.sum(modal.heat_tip * warm)),
+        tip=TipStep(h, theta, 1.0 - theta, np.sum(modal.heat_tip**2 * weight)),
         inertia=modal.weight(inertia, lever),
         stiffening=2 * lever,
         lever=lever,
         middle=lever,
-        decay=decay,
-        warm=warm,
-        pulls=theta * decay + 1 - theta,
+        decay=thermal_amplification(modal.rate, h, theta),
+        warm=modal.heat_tip * weight,
+        slope=-modal.rate * weight,
+        pulls=weight,
+        damps=weight,
+        springs=weight**2,
         at_once=theta,
         heat_theta=theta,
         heat_counts=True,
