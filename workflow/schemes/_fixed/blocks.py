@@ -63,8 +63,9 @@ class Step(NamedTuple):
     pulls: Array
     damps: Array
     springs: Array
-    """w, a and b, ``(thermal mode,)``: τ at a step's beginning pulls with w G τ in it, and ξ = R τ of a mode that follows
-    it is accelerated, damped and pulled back by (m δ² + a c δ + b ω²) R τ; D - S loses digits where hμ and hω are large."""
+    """w, a and b, ``(thermal mode,)``: τ at a step's beginning pulls with w G τ in it, and ξ = R τ of a mode that
+    follows it is accelerated, damped and pulled back by (m δ² + a c δ + b ω²) R τ. No digit is lost in that, as in
+    D - S where hμ and hω are large."""
     at_once: float
     """Share with which that pulls in its own step: θ of the θ-method, 0 of central differences."""
     heat_theta: float
