@@ -111,38 +111,6 @@ def test_it_is_what_a_brute_search_finds(seed: int, tolerance: float, bad: float
     assert len(recommendation_row(recommended)) == 6
 
 
-@pytest.mark.parametrize("name", ["work_precision_blade", "work_precision", "work_precision_finite_element"])
-def test_the_answers_of_the_kept_archives_are_what_a_plain_search_finds(name: str) -> None:
-    """At 10 %, 1 % and 0.1 %: every scheme, step and model, case by case, without xarray or this package's tables."""
-    path = Path(__file__).parents[2] / "data" / f"{name}.nc"
-    with xr.open_dataset(path) as opened:
-        names = (*ERRORS, "status", "processor_time")
-        dims = ("scheme", "model", "h", "e", "alpha")
-        value = {kind: opened[kind].transpose(*dims).values for kind in names}
-        schemes, steps, modes = opened.scheme.values, opened.h.values, opened.mechanical_modes.values
-        answers = {tolerance: recommend(opened, tolerance) for tolerance in (0.1, 0.01, 0.001)}
-    for tolerance, recommended in answers.items():
-        good = []
-        for k, m, s in np.ndindex(value["status"].shape[:3]):
-            met, seconds, worst = True, [], 0.0
-            for i, j in np.ndindex(value["status"].shape[3:]):
-                at = (k, m, s, i, j)
-                met = met and value["status"][at] == 0 and all(value[error][at] <= tolerance for error in ERRORS)
-                worst = max(worst, *(value[error][at] for error in ERRORS))
-                seconds.append(value["processor_time"][at])
-            if met:
-                good.append((worst, sum(seconds) / len(seconds), (schemes[k], steps[s], modes[m])))
-        least = min(cost for _, cost, _ in good)
-        worst, cost, chosen = min((one for one in good if one[1] <= 1.25 * least), key=lambda one: one[:2])
-        assert recommended.choice is not None
-        settings = recommended.choice.settings
-        assert (settings["scheme"], settings["h"], settings["mechanical_modes"]) == chosen
-        assert recommended.choice.cost == pytest.approx(cost, rel=1e-12)
-        assert recommended.choice.worst.error == worst
-        bounds = least * (1 - 1e-12), least * (1 + SPREAD)
-        assert all(bounds[0] <= other.cost <= bounds[1] and other.share == 1 for other in recommended.alike)
-
-
 def test_noise_of_the_costs_does_not_change_the_answer() -> None:
     """Two choices within 17 % of each other: whichever a run finds cheaper, the more accurate one is the answer."""
     dataset = even().isel(model=[0], h=[0])
