@@ -148,13 +148,13 @@ def test_an_unfinished_run_is_kept_beside_an_archive_that_holds_all_of_an_earlie
 def test_cases_of_another_solver_are_told_apart_by_their_settings(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from workflow.archive import _describe
+    from workflow.archive import _provenance
     from workflow.grid import _identity
     from workflow.run import _reuse
 
     archive = tmp_path / "a.nc"
     run_study(quick(), archive, threads=1)
-    for module in (_reuse, _describe, _identity):
+    for module in (_reuse, _provenance, _identity):
         monkeypatch.setattr(module, "SOLVER_VERSION", schemes.SOLVER_VERSION + 1)
     with pytest.raises(ArchiveError, match=r"made by version .* --recompute"):
         run_study(quick(), archive, threads=1)

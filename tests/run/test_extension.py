@@ -20,7 +20,6 @@ from studies import cut_finely
 from workflow import schemes
 from workflow.archive import (
     ArchiveError,
-    _layout,
     content_hash,
     find_shards,
     open_archive,
@@ -28,7 +27,7 @@ from workflow.archive import (
     provenance,
     stored_hashes,
 )
-from workflow.grid import arrange, solve
+from workflow.grid import _encoding, arrange, solve
 from workflow.run import _study as studying
 from workflow.run import run_study
 from workflow.study import Study
@@ -150,7 +149,7 @@ def test_steps_from_a_study_to_its_next(
     old: dict[str, Any], new: dict[str, Any], chunk: int | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if chunk:  # partial chunks at the end of rows
-        monkeypatch.setattr(_layout, "CHUNK_BYTES", 8 * 9 * chunk)
+        monkeypatch.setattr(_encoding, "CHUNK_BYTES", 8 * 9 * chunk)
     check_extension(quick(**old), quick(**new), tmp_path)
 
 
@@ -160,9 +159,9 @@ def test_shards_hold_what_is_new_alone(tmp_path: Path, monkeypatch: pytest.Monke
     run_study(quick(), archive)
     gather = studying.gather
 
-    def inspecting(layout: Any, parts: Path, *others: Any) -> None:
+    def inspecting(template: Any, texts: Any, parts: Path, *others: Any) -> None:
         counts.extend(len(shard.hashes) for shard in find_shards(parts)[0])
-        gather(layout, parts, *others)
+        gather(template, texts, parts, *others)
 
     monkeypatch.setattr(studying, "gather", inspecting)
     run_study(quick({"h": [5e-5, 1e-4]}), archive)
@@ -270,13 +269,13 @@ def refused(study: Study, archive: Path, match: str) -> None:
 
 
 def test_another_solver_is_never_mixed_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from workflow.archive import _describe
+    from workflow.archive import _provenance
     from workflow.grid import _identity
     from workflow.run import _reuse
 
     archive = tmp_path / "a.nc"
     run_study(quick(), archive)
-    for module in (_reuse, _describe, _identity):
+    for module in (_reuse, _provenance, _identity):
         monkeypatch.setattr(module, "SOLVER_VERSION", schemes.SOLVER_VERSION + 1)
     refused(quick(), archive, r"made by version .* --recompute")
     refused(quick({"e": [0.0, 0.1]}), archive, r"made by version .* --recompute")

@@ -11,16 +11,21 @@ import zipfile
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workflow.archive._files import ArchiveError, commit, reason, writing
-from workflow.archive._layout import MESSAGE, STATUS, Layout, truncated_message
-from workflow.archive._stored import CASE_HASH, Hashes, Source
+from workflow.archive._stored import CASE_HASH, MESSAGE, STATUS, Hashes, Source
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 SUFFIX = ".npz"
+
+LONGEST_MESSAGE = 4000
+"""Bytes of a case's message that are kept; those of this package have a few hundred."""
 
 
 def write_shard(
@@ -29,7 +34,7 @@ def write_shard(
     hashes: Hashes,
     values: Mapping[str, NDArray[Any]],
     messages: Mapping[int, str],
-    layout: Layout,
+    template: xr.Dataset,
 ) -> Path:
     """Store the results of some cases durably and return the shard's path.
 
@@ -45,7 +50,7 @@ def write_shard(
     hashes
         Identity of each case, ``(case, byte)``.
     values
-        One array for each variable of the layout, ``(case, …)``.
+        One array for each variable of the template, ``(case, …)``.
     messages
         What a case has to say, by its position.
 
@@ -59,7 +64,7 @@ def write_shard(
     np.savez(
         image,
         allow_pickle=False,
-        **{v.name: _as_stored(values[v.name], v.dtype) for v in layout.variables},
+        **{str(name): _as_stored(values[str(name)], template.variables[name].dtype) for name in template.data_vars},
         **{MESSAGE: np.array(texts, "S") if texts else np.zeros(len(hashes), "S1"), CASE_HASH: hashes},
     )
     path = parts / f"{name}{SUFFIX}"
@@ -94,9 +99,17 @@ def find_shards(parts: str | Path, just_written: bool = False) -> tuple[list[Sou
     return sources, rejected
 
 
-def _as_stored(values: NDArray[Any], dtype: str) -> NDArray[Any]:
+def truncated_message(text: str) -> str:
+    """Return a case's message cut to :data:`LONGEST_MESSAGE` bytes."""
+    encoded = text.encode(errors="replace")
+    if len(encoded) <= LONGEST_MESSAGE:
+        return encoded.decode()
+    return encoded[: LONGEST_MESSAGE - 3].decode(errors="ignore") + "…"
+
+
+def _as_stored(values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
     with np.errstate(over="ignore"):  # a diverged float64 is an infinite float32
-        values = np.asarray(values, dtype=np.dtype(dtype).newbyteorder("<"))
+        values = np.asarray(values, dtype=dtype.newbyteorder("<"))
     if values.dtype.kind == "f" and (missing := np.isnan(values)).any():
         values = np.where(missing, np.array(np.nan, values.dtype), values)  # one NaN, whatever made it
     return values
