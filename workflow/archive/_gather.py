@@ -103,14 +103,15 @@ def assemble(
 
     create(template, texts, path, _messages(stored, *places), hashes)
     with LOCK, h5py.File(path, "r+") as archive, ThreadPoolExecutor() as threads:
+        variables = {name: archive[name] for name in template.data_vars}  # a look-up takes as long as writing a chunk
         chunks = _chunks(template, stored, *places)
         while some := list(islice(chunks, 2 * (os.cpu_count() or 1))):
             encoded = threads.map(encode_chunk, (values for *_, values in some))
             for (name, offset, values), chunk in zip(some, encoded, strict=True):
-                if archive[name].chunks is None:  # a scalar: one cell without t
-                    archive[name][()] = values[()]
+                if variables[name].id.rank == 0:  # a single case without t
+                    variables[name][()] = values[()]
                 else:
-                    archive[name].id.write_direct_chunk(offset, chunk)
+                    variables[name].id.write_direct_chunk(offset, chunk)
 
 
 def _chunks(
