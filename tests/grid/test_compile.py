@@ -7,7 +7,6 @@ import signal
 import stat
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -70,7 +69,7 @@ def variant_of(method: str) -> KernelVariant:
 @pytest.fixture
 def unnoted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Nothing is known to be compiled, whatever is in the cache."""
-    monkeypatch.setattr(compilation, "_note", lambda variant: tmp_path / variant.method)
+    monkeypatch.setattr(compilation, "_note", lambda variant, call="": tmp_path / f"{variant.method}{call}")
     compile_scheme.cache_clear()
     return tmp_path
 
@@ -155,28 +154,20 @@ def test_a_run_compiles_beside_its_helper_what_a_scheme_names_apart(
     unnoted: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The helper is busy with the first kernel: the run compiles the others meanwhile, then waits for that one."""
-    calls, compiled = list(schemes.load("event_driven").KERNEL_CALLS), []
-    over = threading.Event()
+    first, *others = schemes.load("event_driven").KERNEL_CALLS
+    compiled = []
 
-    def busy(
-        helper: object, process: subprocess.Popen[bytes], parts: list[tuple[KernelVariant, str]], _: bytes
-    ) -> None:
-        assert [call for _, call in parts] == calls[:1]
-        assert over.wait(60)
-        compilation._HELPER._done["event_driven"].set()
-
-    def noted(variant: KernelVariant, call: str) -> None:
+    def noted(variant: KernelVariant, call: str = "") -> None:
         compiled.append(call)
-        over.set()
+        assert (unnoted / f"event_driven{first}").exists() == (not call)
+        (unnoted / f"event_driven{first}").touch()
 
-    monkeypatch.setattr(compilation._Helper, "_follow", busy)
     monkeypatch.setattr(compilation, "_compile", noted)
-    monkeypatch.setattr(sys, "executable", "true")
+    monkeypatch.setattr(sys, "executable", executable(unnoted / "python", "exec sleep 1000"))
     with compiled_ahead([variant_of("event_driven")]):
         compile_scheme(variant_of("event_driven"))
-    assert compiled == calls[1:]
-    assert len(calls) == 2
-    assert (unnoted / "event_driven").exists()
+    assert compiled == [*others, ""]
+    assert len(others) == 1
 
 
 @pytest.mark.parametrize("call", schemes.load("event_driven").KERNEL_CALLS)
@@ -198,15 +189,13 @@ def test_each_call_of_the_exact_scheme_needs_one_large_kernel(call: str, monkeyp
 
 
 def test_what_is_compiled_needs_no_process(unnoted: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    started: list[object] = []
-    monkeypatch.setattr(compilation._HELPER, "start", started.append)
+    monkeypatch.setattr(compilation, "_started", None)
     (unnoted / "moreau").touch()
     with compiled_ahead([variant_of("carpenter"), variant_of("moreau")]):
         pass
-    monkeypatch.setattr(compilation, "_note", lambda variant: None)  # no lasting cache
+    monkeypatch.setattr(compilation, "_note", lambda *_: None)  # no lasting cache
     with compiled_ahead([variant_of("event_driven"), variant_of("carpenter")]):
         pass
-    assert started == []
 
 
 def test_words_among_the_options_have_a_kernel_of_their_own_and_numbers_have_none() -> None:
