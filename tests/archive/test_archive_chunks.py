@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any
 
 import dask
 import h5py
-import numpy as np
 import pytest
 import xarray as xr
 from archive_samples import DIMS, check_dataset, make_archive, sample_results, sample_template
 
 from studies import SCENE, parsed
 from workflow import archive
-from workflow.archive._stored import boxes
 from workflow.grid import _encoding
 from workflow.run import run_study
 
@@ -93,31 +90,6 @@ def test_small_results_make_few_chunks(tmp_path: Path) -> None:
     path = make_archive(tmp_path / "a.nc", template, sample_results(template), range(1, 180, 9))
     with h5py.File(path) as file:
         assert {file[name].id.get_num_chunks() for name in ("status", "impacts", "period_impulse")} == {1}
-
-
-@pytest.mark.parametrize("most", [1, 2, 3, 7, 8, 40, 10**6])
-def test_any_shards_make_any_chunks(tmp_path: Path, most: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = make_archive(tmp_path / "b.nc", sample_template(), sample_results(sample_template()))
-    monkeypatch.setattr(_encoding, "CHUNK_BYTES", 7 * 8 * most)
-    template = sample_template()
-    results = sample_results(template)
-    path = make_archive(tmp_path / "a.nc", template, results, range(2, template["status"].size, 31))
-    with archive.open_archive(path) as dataset:
-        check_dataset(dataset, template, results)
-    assert archive.content_hash(path) == archive.content_hash(whole)
-
-
-@pytest.mark.parametrize("shape", [(), (1,), (7,), (3, 4), (2, 1, 5), (2, 3, 1, 4)])
-def test_chunks_are_rectangles_that_hold_every_cell_once(
-    shape: tuple[int, ...], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    index = np.arange(math.prod(shape)).reshape(shape)
-    for most in range(1, index.size + 2):
-        monkeypatch.setattr(_encoding, "CHUNK_BYTES", 8 * most)
-        template = sample_template(tuple((f"a{k}", size) for k, size in enumerate(shape)), samples=0, periods=0)
-        assert math.prod(lengths_of(template)) <= most
-        cells = [np.ravel(index[box]) for box in boxes(shape, lengths_of(template))]
-        assert np.concatenate(cells).tolist() == list(range(index.size))
 
 
 @pytest.mark.usefixtures("small_chunks")

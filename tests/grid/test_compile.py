@@ -18,7 +18,6 @@ import workflow
 from workflow import schemes
 from workflow.grid import _compile as compilation
 from workflow.grid._compile import KernelVariant, compile_scheme, compiled_ahead
-from workflow.schemes._exact import batch, held_regime
 
 ROOT = Path(workflow.__file__).parents[1]
 
@@ -148,44 +147,6 @@ def test_helpers_end_when_the_run_is_killed(tmp_path: Path) -> None:
     assert until(lambda: not alive(helper))
     assert not list(tmp_path.rglob("march.march-*.nbc"))  # the kernel that takes long
     assert not list(tmp_path.rglob("*.compiled"))
-
-
-def test_a_run_compiles_beside_its_helper_what_a_scheme_names_apart(
-    unnoted: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The helper is busy with the first kernel: the run compiles the others meanwhile, then waits for that one."""
-    first, *others = schemes.load("event_driven").KERNEL_CALLS
-    compiled = []
-
-    def noted(variant: KernelVariant, call: str = "") -> None:
-        compiled.append(call)
-        assert (unnoted / f"event_driven{first}").exists() == (not call)
-        (unnoted / f"event_driven{first}").touch()
-
-    monkeypatch.setattr(compilation, "_compile", noted)
-    monkeypatch.setattr(sys, "executable", executable(unnoted / "python", "exec sleep 1000"))
-    with compiled_ahead([variant_of("event_driven")]):
-        compile_scheme(variant_of("event_driven"))
-    assert compiled == [*others, ""]
-    assert len(others) == 1
-
-
-@pytest.mark.parametrize("call", schemes.load("event_driven").KERNEL_CALLS)
-def test_each_call_of_the_exact_scheme_needs_one_large_kernel(call: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    kernels = {"march": (batch, "march"), "held regime": (held_regime, "_regime_at")}
-    called: set[str] = set()
-
-    def counted(name: str, kernel: Callable[..., object]) -> Callable[..., object]:
-        def run(*args: object) -> object:
-            called.add(name)
-            return kernel(*args)
-
-        return run
-
-    for name, (module, kernel) in kernels.items():
-        monkeypatch.setattr(module, kernel, counted(name, getattr(module, kernel)))
-    compilation._compile(variant_of("event_driven"), call)
-    assert called == {call}
 
 
 def test_what_is_compiled_needs_no_process(unnoted: Path, monkeypatch: pytest.MonkeyPatch) -> None:
