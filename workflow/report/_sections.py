@@ -36,21 +36,22 @@ from workflow.plots import (
 from workflow.report._html import image, short, table, tag
 from workflow.run import status_counts
 from workflow.schemes import Status
+from workflow.study import MODES
 from workflow.variables import COMPARED
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-_METRICS = ("contact_impulse", "impacts", "max_temperature", "max_penetration")
+METRICS = ("contact_impulse", "impacts", "max_temperature", "max_penetration")
 _DECIDED_SHOWN = 40
 _FAILURES_SHOWN = 20
 _LABELS_SHOWN = 8
 
 
 @dataclass(frozen=True)
-class Drawn:
-    """A section and its main figure, ``None`` where there is nothing to draw."""
+class Section:
+    """A section of a page and its main figure, ``None`` where there is nothing to draw."""
 
     body: Sequence[str]
     figure: Figure | None
@@ -123,15 +124,15 @@ def _decided(dataset: xr.Dataset) -> list[str]:
     return [table(["modes that the tolerance decided for", "modes", "largest known error"], rows)] if rows else []
 
 
-def maps(dataset: xr.Dataset) -> Drawn:
+def maps(dataset: xr.Dataset) -> Section:
     """Draw maps of a scene over two axes, of archives that hold load periods and no errors."""
     dims = map_dims(dataset)
     if dims is None or "impulse_error" in dataset or not any_ok(dataset):
-        return Drawn([], None)
+        return Section([], None)
     place = middle(dataset, dims)
     figure = scene_map(dataset, *dims)
     if not figure.axes:
-        return Drawn([], None)
+        return Section([], None)
     where = position_text(dataset, place)
     about = (
         f"In the middle of all other axes{f' ({where})' if where else ''}; the map below moves through all of them. "
@@ -143,7 +144,7 @@ def maps(dataset: xr.Dataset) -> Drawn:
         tag("p", about, kind="muted"),
         image(figure, "maps of the scene over two axes"),
     ]
-    return Drawn(body, figure)
+    return Section(body, figure)
 
 
 def effects(dataset: xr.Dataset) -> list[str]:
@@ -151,7 +152,7 @@ def effects(dataset: xr.Dataset) -> list[str]:
     dims = [dim for dim in case_dims(dataset) if dataset.sizes[dim] > 1]
     if not dims or not any_ok(dataset):
         return []
-    names = [name for name in _METRICS if name in dataset]
+    names = [name for name in METRICS if name in dataset]
     rows = [[dim, *(_percent(effect(dataset, name, dim)) for name in names)] for dim in dims]
     return [
         tag("h2", "What the axes do"),
@@ -233,10 +234,10 @@ def errors(dataset: xr.Dataset) -> list[str]:
     return [tag("h2", "Errors"), about, table(head, rows)]
 
 
-def precision(dataset: xr.Dataset) -> Drawn:
+def precision(dataset: xr.Dataset) -> Section:
     """Draw speed against error where an archive has both, and name the observed orders."""
     if "impulse_error" not in dataset or dataset.sizes.get("h", 1) < 3 or not any_ok(dataset):
-        return Drawn([], None)
+        return Section([], None)
     model = _model_dim(dataset)
     drawn_lines = lines(dataset)
     beside = [] if model is None else lines(dataset, {model: _fewest_modes(dataset, model)})
@@ -259,7 +260,7 @@ def precision(dataset: xr.Dataset) -> Drawn:
         tag("p", "Observed orders: slopes of log error over log h of three errors or more below 0.1; rms about them:"),
         table(["scheme", *(f"{one}: order / scatter" for one in ERRORS.values()), "last stable step [s]"], orders),
     ]
-    return Drawn(body, figure)
+    return Section(body, figure)
 
 
 def _limit(line: Line) -> str:
@@ -268,7 +269,7 @@ def _limit(line: Line) -> str:
 
 
 def _model_dim(dataset: xr.Dataset) -> str | None:
-    for name in ("mechanical_modes", "thermal_modes"):
+    for name in MODES:
         if name in dataset.coords and dataset[name].ndim == 1 and dataset[name].size > 1:
             return str(dataset[name].dims[0])
     return None
@@ -281,7 +282,7 @@ def _named(dataset: xr.Dataset, dims: Sequence[str]) -> str:
 
 
 def _fewest_modes(dataset: xr.Dataset, dim: str) -> int:
-    names = [n for n in ("mechanical_modes", "thermal_modes") if n in dataset.coords and dataset[n].dims == (dim,)]
+    names = [n for n in MODES if n in dataset.coords and dataset[n].dims == (dim,)]
     return int(np.argmin(sum(mode_counts(dataset, name) for name in names)))
 
 
