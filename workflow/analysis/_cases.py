@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -119,6 +119,12 @@ def labels_of(dataset: xr.Dataset, dim: str, named: bool = True, rounded: bool =
         return [str(k) for k in range(dataset.sizes[dim])]
     columns = [_labels(dataset[name], named or len(names) > 1, rounded) for name in names]
     return [", ".join(parts) for parts in zip(*columns, strict=True)]
+
+
+def place_text(dataset: xr.Dataset, place: Mapping[str, int]) -> str:
+    """Return where places along some dimensions lie, ``h 1e-06 s; e 0.5``; a dimension of one value says nothing."""
+    varied = {dim: k for dim, k in place.items() if dataset.sizes[dim] > 1}
+    return "; ".join(labels_of(dataset, dim, rounded=True)[k] for dim, k in varied.items())
 
 
 def _labels(coordinate: xr.DataArray, named: bool, rounded: bool) -> list[str]:

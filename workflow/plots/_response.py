@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from workflow.analysis import case_dims, casing_motion, contact_phases, finest, labels_of, shown_dim
+from workflow.analysis import case_dims, casing_motion, contact_phases, finest, labels_of, place_text, shown_dim
 from workflow.plots._style import COLOURS, GREY, trim
 from workflow.plots._units import scaled
 
@@ -178,5 +178,5 @@ def histories(dataset: xr.Dataset, along: str | None = None) -> Figure:
     else:
         labels = labels_of(dataset, dim, rounded=True)
         curves = [Curve(dataset.isel(at), labels[at[dim]], COLOURS[at[dim] % len(COLOURS)]) for at in shown]
-    rest = [labels_of(dataset, name, rounded=True)[k] for name, k in place.items() if name != dim]
-    return tip_response(curves, title="; ".join(rest), phases_of=len(curves) - 1)
+    rest = place_text(dataset, {name: k for name, k in place.items() if name != dim})
+    return tip_response(curves, title=rest, phases_of=len(curves) - 1)

@@ -21,6 +21,7 @@ from workflow.analysis import (
     labels_of,
     lines,
     mode_counts,
+    place_text,
     runaways,
     standings,
 )
@@ -30,7 +31,6 @@ from workflow.plots import (
     map_dims,
     metric_by_axis,
     middle,
-    position_text,
     scene_map,
 )
 from workflow.report._html import image, short, table, tag
@@ -133,7 +133,7 @@ def maps(dataset: xr.Dataset) -> Section:
     figure = scene_map(dataset, *dims)
     if not figure.axes:
         return Section([], None)
-    where = position_text(dataset, place)
+    where = place_text(dataset, place)
     about = (
         f"In the middle of all other axes{f' ({where})' if where else ''}; the map below moves through all of them. "
         "Grey: the tip never touches its casing (growth: not in the first load period), or the case is not ok. Dashed: "
@@ -159,7 +159,10 @@ def effects(dataset: xr.Dataset) -> list[str]:
         tag("p", "Largest change along each axis, all others fixed, as a share of the largest value of all cases."),
         table(["axis", *(name.replace("_", " ") for name in names)], rows),
         *_hidden(dataset),
-        tag("p", f"Grey: from the least to the largest ok case. The line changes one axis of {_named(dataset, dims)}."),
+        tag(
+            "p",
+            f"Grey: from the least to the largest ok case. The line changes one axis of {place_text(dataset, finest(dataset))}.",
+        ),
         image(metric_by_axis(dataset, "contact_impulse"), "contact impulse along each axis"),
         image(metric_by_axis(dataset, "max_temperature"), "largest temperature along each axis"),
     ]
@@ -241,7 +244,7 @@ def precision(dataset: xr.Dataset) -> Section:
     model = _model_dim(dataset)
     drawn_lines = lines(dataset)
     beside = [] if model is None else lines(dataset, {model: _fewest_modes(dataset, model)})
-    shown = _named(dataset, [dim for dim in case_dims(dataset) if dim not in ("scheme", "h")])
+    shown = place_text(dataset, {dim: k for dim, k in finest(dataset).items() if dim not in ("scheme", "h")})
     orders = [
         [line.scheme, *(" / ".join(short(one, "z.2f") for one in line.order(name)) for name in ERRORS), _limit(line)]
         for line in drawn_lines
@@ -273,12 +276,6 @@ def _model_dim(dataset: xr.Dataset) -> str | None:
         if name in dataset.coords and dataset[name].ndim == 1 and dataset[name].size > 1:
             return str(dataset[name].dims[0])
     return None
-
-
-def _named(dataset: xr.Dataset, dims: Sequence[str]) -> str:
-    """Return where the finest case lies along some dimensions."""
-    place = finest(dataset)
-    return "; ".join(labels_of(dataset, dim, rounded=True)[place[dim]] for dim in dims)
 
 
 def _fewest_modes(dataset: xr.Dataset, dim: str) -> int:

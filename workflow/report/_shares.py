@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from workflow.analysis import drawn_dim, effect, finest, labels_of
+from workflow.analysis import drawn_dim, effect, finest, place_text
 from workflow.plots import sobol_indices
 from workflow.report._html import image, tag
 from workflow.report._sections import METRICS, Section
@@ -25,8 +25,7 @@ def shares(dataset: xr.Dataset) -> Section:
     if design is None:
         return Section([], None)
     changing = [name for name in METRICS if name in dataset and effect(dataset, name, design) > 0]
-    place = {dim: k for dim, k in finest(dataset).items() if dim != design and dataset.sizes[dim] > 1}
-    where = "; ".join(labels_of(dataset, dim, rounded=True)[k] for dim, k in place.items())
+    where = place_text(dataset, {dim: k for dim, k in finest(dataset).items() if dim != design})
     figure = sobol_indices(dataset, *changing) if changing else None
     picture = [] if figure is None else [image(figure, "Sobol' indices of the drawn numbers")]
     about = tag("p", f"{_SHARES} {where}".strip(), kind="muted")
