@@ -154,15 +154,13 @@ def effects(dataset: xr.Dataset) -> list[str]:
         return []
     names = [name for name in METRICS if name in dataset]
     rows = [[dim, *(_percent(effect(dataset, name, dim)) for name in names)] for dim in dims]
+    shown = place_text(dataset, finest(dataset))
     return [
         tag("h2", "What the axes do"),
         tag("p", "Largest change along each axis, all others fixed, as a share of the largest value of all cases."),
         table(["axis", *(name.replace("_", " ") for name in names)], rows),
         *_hidden(dataset),
-        tag(
-            "p",
-            f"Grey: from the least to the largest ok case. The line changes one axis of {place_text(dataset, finest(dataset))}.",
-        ),
+        tag("p", f"Grey: from the least to the largest ok case. The line changes one axis of {shown}."),
         image(metric_by_axis(dataset, "contact_impulse"), "contact impulse along each axis"),
         image(metric_by_axis(dataset, "max_temperature"), "largest temperature along each axis"),
     ]
