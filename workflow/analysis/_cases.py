@@ -65,7 +65,7 @@ def coordinate_units(dataset: xr.Dataset) -> dict[str, str]:
 
 
 def is_auto(coordinate: xr.DataArray, value: object) -> bool:
-    """Tell whether a count of modes is that of which a tolerance decides."""
+    """Tell whether a count of modes is `auto`, left to the tolerance."""
     return str(coordinate.name) in MODES and value == CHOSEN
 
 
@@ -146,7 +146,7 @@ _BLOCK = 4096
 
 @dataclass(frozen=True)
 class Failures:
-    """Cases that are not ok, or have something to say, and say the same: how many, and the labels of the first."""
+    """Cases with one status and one message: their number, and the labels of the first."""
 
     status: str
     message: str
