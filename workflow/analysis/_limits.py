@@ -130,7 +130,7 @@ def limits(dataset: xr.Dataset, **bounds: float | None) -> Limits:
 
 
 def _faults(dataset: xr.Dataset, bounds: Mapping[str, float | None]) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-    """Return the fault of each case or point, empty where there is none, and whether it was asked for, ``(…[, point])``."""
+    """Return the fault of each case or point, empty for none, and whether it was asked for, ``(…[, point])``."""
     state = labels(dataset["steady_state"]).values
     faults = np.where(np.isin(state, _WITHIN), "", state).astype(object)
     for name, most in bounds.items():
@@ -214,7 +214,7 @@ def _cause(faults: NDArray[Any], flags: NDArray[Any], k: int, before: int) -> st
 
 
 def _range(name: str, values: NDArray[np.float64], words: Sequence[str]) -> tuple[Limit, int | None]:
-    """Return the longest range of values without a fault, of a mild axis from its first value, and the index beyond it."""
+    """Return the longest range of values without fault, of a mild axis from its first, and the index beyond it."""
     edges = np.flatnonzero(np.diff(np.concatenate([[1], [word != "" for word in words], [1]])))
     runs = [(int(first), int(stop) - 1) for first, stop in edges.reshape(-1, 2) if first == 0 or name not in _MILD]
     if not runs:

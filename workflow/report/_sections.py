@@ -32,6 +32,7 @@ from workflow.plots import (
     metric_by_axis,
     middle,
     scene_map,
+    single_maps,
 )
 from workflow.report._html import image, short, table, tag
 from workflow.run import status_counts
@@ -130,8 +131,8 @@ def maps(dataset: xr.Dataset) -> Section:
     if dims is None or "impulse_error" in dataset or not any_ok(dataset):
         return Section([], None)
     place = middle(dataset, dims)
-    figure = scene_map(dataset, *dims)
-    if not figure.axes:
+    pictures = [image(one, "map of the scene over two axes") for one in single_maps(dataset, dims, place)]
+    if not pictures:
         return Section([], None)
     where = place_text(dataset, place)
     about = (
@@ -142,9 +143,9 @@ def maps(dataset: xr.Dataset) -> Section:
     body = [
         tag("h2", "Maps"),
         tag("p", about, kind="muted"),
-        image(figure, "maps of the scene over two axes"),
+        tag("div", *pictures, kind="panels"),
     ]
-    return Section(body, figure)
+    return Section(body, scene_map(dataset, *dims))
 
 
 def effects(dataset: xr.Dataset) -> list[str]:
