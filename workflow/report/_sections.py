@@ -229,7 +229,7 @@ def errors(dataset: xr.Dataset) -> list[str]:
     about = tag(
         "p",
         "Relative L2 distance from the reference, median / largest of the ok cases over all other axes; reduced models "
-        f"carry their own error. Predictability of the references: {_largest(dataset, 'predictability'):.1e}, the "
+        f"carry their own error. Predictability of the references: {float(dataset['predictability'].max()):.1e}, the "
         "change of a reference when its gap changes by 1e-12.",
     )
     head = [*dims, *(name.replace("_", " ") for name in names)]
@@ -280,11 +280,6 @@ def _model_dim(dataset: xr.Dataset) -> str | None:
 def _fewest_modes(dataset: xr.Dataset, dim: str) -> int:
     names = [n for n in MODES if n in dataset.coords and dataset[n].dims == (dim,)]
     return int(np.argmin(sum(mode_counts(dataset, name) for name in names)))
-
-
-def _largest(dataset: xr.Dataset, name: str) -> float:
-    values = np.asarray(dataset[name].values, dtype=float)
-    return float(np.nanmax(values)) if np.isfinite(values).any() else float("nan")
 
 
 def _percent(share: float) -> str:
