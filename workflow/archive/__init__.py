@@ -8,7 +8,6 @@ xarray, netCDF4 and h5py are imported when they are needed, not with this packag
 from workflow.archive._content import LEFT_OUT
 from workflow.archive._files import ArchiveError, commit, usable
 from workflow.archive._gather import gather
-from workflow.archive._hold import holding
 from workflow.archive._open import (
     content_hash,
     discard_views,
@@ -31,6 +30,7 @@ from workflow.archive._provenance import (
     study_key,
     versions,
 )
+from workflow.archive._run_lock import run_lock
 from workflow.archive._shard import find_shards, stored_status, truncated_message, write_shard
 from workflow.archive._stored import (
     STATUS,
