@@ -20,13 +20,14 @@ from workflow.analysis import (
     NoReferenceError,
     recommend,
     recommendation_cautions,
-    recommendation_json,
+    recommendation_entries,
     recommendation_row,
     sentence,
     undecidable,
 )
 from workflow.analysis._recommend import SPREAD
 from workflow.archive import open_archive
+from workflow.cli._terminal import plain
 from workflow.run import run_study
 from workflow.schemes import Status
 
@@ -105,7 +106,7 @@ def test_it_is_what_a_brute_search_finds(seed: int, tolerance: float, bad: float
         if recommended.next is not None:
             assert recommended.next.cost < recommended.choice.cost
             assert recommended.next.share < 1
-    assert json.loads(json.dumps(recommendation_json(recommended), allow_nan=False))["tolerance"] == tolerance
+    assert json.loads(json.dumps(plain(recommendation_entries(recommended)), allow_nan=False))["tolerance"] == tolerance
     assert sentence(recommended).endswith(".")
     assert len(recommendation_row(recommended)) == 6
 
@@ -152,13 +153,13 @@ def test_choices_of_about_the_same_cost_stand_with_the_largest_step_first() -> N
     assert recommended.choice.settings == {"scheme": "moreau", "h": 1e-6, "mechanical_modes": 19, "thermal_modes": 19}
     steps = [(one.settings["h"], one.settings["mechanical_modes"]) for one in recommended.alike]
     assert steps == [(1e-4, 3), (1e-4, 19), (1e-5, 3), (1e-5, 19), (1e-6, 3)]
-    assert [one["h"] for one in recommendation_json(recommended)["alike"]] == [h for h, _ in steps]
+    assert [one["h"] for one in recommendation_entries(recommended)["alike"]] == [h for h, _ in steps]
 
 
 def test_the_order_of_dimensions_and_chunks_do_not_matter() -> None:
     dataset = archive(3, 0.01)
     turned = dataset.transpose(*reversed(DIMS)).chunk({"h": 1})
-    assert recommendation_json(recommend(dataset, 0.1)) == recommendation_json(recommend(turned, 0.1))
+    assert recommendation_entries(recommend(dataset, 0.1)) == recommendation_entries(recommend(turned, 0.1))
 
 
 def even(**changed: float) -> xr.Dataset:
@@ -335,7 +336,7 @@ def test_a_basis_is_part_of_the_choice(tmp_path: Path) -> None:
     with open_archive(tmp_path / "bases.nc") as opened:
         archive = opened.load()
     assert set(archive["status"].sel(reduction="massless").values.ravel()) == {Status.FAILED}
-    narrow, wide = (recommendation_json(recommend(archive, tolerance)) for tolerance in (1e-3, 0.1))
+    narrow, wide = (recommendation_entries(recommend(archive, tolerance)) for tolerance in (1e-3, 0.1))
     assert (narrow["reduction"], narrow["mechanical_modes"], narrow["thermal_modes"]) == ("krylov", 2, 1)
     assert "2 + 1 modes, krylov" in str(narrow["sentence"])
     assert narrow["limited_by"] == "basis"
