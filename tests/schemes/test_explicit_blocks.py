@@ -41,7 +41,7 @@ def computed(c: float, w2: float, rate: float, motion: str) -> np.ndarray:
     states = {"value": [state.VALUE], "slope": [state.SLOPE], "heat": [state.FIRST, state.FIRST_SLOPE]}
     (b if motion in rows else y)[(rows | states)[motion], 0] = 1.0
     tables = b, f, np.ones((3, 1, 1)), np.zeros(2), waves, np.zeros((11, 5), dtype=complex)
-    r = Response(1, True, 1, 1, 0, *tables, 0.0, 0.0, 0.0, 0.0, two_way=False, cooling=False)
+    r = Response(1, True, 1, 1, 0, *tables, 0.0, 0.0, 0.0, two_way=False, cooling=False)
     return np.array(advanced(r, y, SPAN))
 
 

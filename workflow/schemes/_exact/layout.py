@@ -13,7 +13,7 @@ from workflow.kernels.algebra import Complex
 from workflow.kernels.compiled import kernel
 from workflow.models import Array
 from workflow.schemes._exact.modal_system import ModalSystem
-from workflow.schemes._exact.regimes import Regime, regime_of
+from workflow.schemes._exact.regimes import Regime, in_modes, regime_of
 from workflow.schemes._exact.tables import block, expansion, first, state, wave
 
 ORDER = 18
@@ -57,19 +57,17 @@ class Layout(NamedTuple):
     exit: Array
     """All see :class:`~workflow.schemes._exact.regimes.Regime`."""
     growth: float
-    """Largest rate at which a block may grow, 1/s, not negative."""
-    first_growth: float
-    """… and a first-order state."""
+    """Largest rate at which a block or first-order state may grow, 1/s, not negative."""
     fastest: float
-    """Bound of the poles of blocks, 1/s."""
-    fastest_first: float
-    """Largest |μ|, 1/s."""
+    """Bound of all poles, 1/s."""
     two_way: bool
     """Whether blocks show in the tip temperature or their η' in the signal."""
     warms: bool
     """Whether blocks show in the tip temperature."""
+    heated: bool
+    """Whether it has thermal modes."""
     is_modal: bool
-    """Whether the coordinates are those of the modes, [z, z', τ]: with the tip free where damping couples no modes."""
+    """Whether the coordinates are those of the modes, [z, z', τ]."""
 
 
 @kernel
@@ -77,7 +75,7 @@ def layout(g: Regime) -> Layout:
     """Pack a regime."""
     blocks, firsts = g.damping.size, g.rate.size
     b, f = np.zeros((block.ROWS, 8 * ((blocks + 7) // 8))), np.zeros((first.ROWS, 8 * ((firsts + 7) // 8)))
-    growth, first_growth, fastest, fastest_first, warms, two_way = 0.0, 0.0, 0.0, 0.0, False, False
+    growth, fastest, warms, two_way = 0.0, 0.0, False, False
     filled = max(1.0, g.stiffness[blocks - 1]) if blocks > 0 else 1.0
     for k in range(b.shape[1]):
         b[block.STIFFNESS, k] = g.stiffness[k] if k < blocks else filled
@@ -97,9 +95,7 @@ def layout(g: Regime) -> Layout:
     for j in range(firsts):
         mu, warmth = g.rate[j], g.temperature[2 * blocks + j]
         f[first.RATE, j], f[first.SIGNAL_VALUE, j], f[first.TEMPERATURE_VALUE, j] = mu, g.signal[2 * blocks + j], warmth
-        # C2⁻¹ e_n in thermal modes of unit norm: χ_n
-        f[first.HEAT_JUMP_VALUE, j], f[first.HEAT_JUMP_SLOPE, j] = warmth, -mu * warmth
-        first_growth, fastest_first = max(first_growth, -mu), max(fastest_first, abs(mu))
+        growth, fastest = max(growth, -mu), max(fastest, abs(mu))
     return Layout(
         blocks,
         firsts,
@@ -112,26 +108,17 @@ def layout(g: Regime) -> Layout:
         g.entry,
         g.exit,
         growth,
-        first_growth,
         fastest,
-        fastest_first,
         two_way or warms,
         warms,
+        g.inward.shape[0] > 2 * g.entry.shape[1],
         False,
     )
 
 
-def free_layout(system: ModalSystem) -> Layout:
-    """Return the regime of a free tip; where damping couples its modes a heat at the tip moves all of its blocks."""
-    regime = regime_of(system)
-    packed = layout(regime)
-    if not system.is_coupled:
-        return packed._replace(is_modal=True)
-    blocks, b = packed.blocks, packed.block
-    jump = system.heat_tip @ regime.inward[2 * blocks :]
-    b[block.HEAT_JUMP_VALUE, :blocks] = jump[:blocks]
-    b[block.HEAT_JUMP_SLOPE, :blocks] = jump[blocks : 2 * blocks]
-    return packed
+def layout_of(system: ModalSystem, alpha: float = 0.0) -> Layout:
+    """Return the regime of a structure with its tip free, or held at α [W/N]; see :func:`regime_of`."""
+    return layout(regime_of(system, alpha))._replace(is_modal=in_modes(system, alpha))
 
 
 class Expansion(NamedTuple):
@@ -150,13 +137,8 @@ class Expansion(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """Arrays in which a case follows a regime; one case after the other may use them.
+    """Arrays in which a case follows a regime; one case after the other may use them."""
 
-    Without columns for first-order states where no heat acts.
-    """
-
-    heated: bool
-    """Whether heat acts in the case."""
     block: Array
     first: Array
     """Tables of the layout, completed by what the loads of the case decide."""
@@ -165,7 +147,7 @@ class Memory(NamedTuple):
     modal: Array
     """[z, z', τ] of the modes of the regime, ``(N,)``; the array of the coordinates where these are modal."""
     states: Array
-    """Three states of motion, ``(3, 4, column)``."""
+    """Three states of motion, and the change of the state by a unit impulse, ``(4, 4, column)``."""
     outputs: Array
     """Of signal and tip temperature what constant loads alone give, ``(2,)``."""
     waves: Array
@@ -175,19 +157,16 @@ class Memory(NamedTuple):
     expansion: Expansion
 
 
-def memory(regime: Layout, heated: bool, waves: int) -> Memory:
+def memory(regime: Layout, waves: int) -> Memory:
     """Return memory for a regime under so many waves."""
-    firsts = regime.firsts if heated else 0
-    columns, wide = block.padded(regime.blocks), block.padded(firsts)
-    modal = regime.inward.shape[0] if heated else 2 * regime.entry.shape[1]
-    coordinates = np.zeros(2 * regime.blocks + firsts)
+    columns, wide = block.padded(regime.blocks), block.padded(regime.firsts)
+    coordinates = np.zeros(regime.inward.shape[0])
     return Memory(
-        heated=heated,
         block=np.zeros((block.ROWS + block.WAVE * waves, columns)),
         first=np.zeros((first.ROWS + first.WAVE * waves, wide)),
         coordinates=coordinates,
-        modal=coordinates if regime.is_modal else np.zeros(modal),
-        states=np.zeros((3, state.ROWS, max(columns, wide))),
+        modal=coordinates if regime.is_modal else coordinates.copy(),
+        states=np.zeros((4, state.ROWS, max(columns, wide))),
         outputs=np.zeros(2),
         waves=np.zeros((waves, wave.COLUMNS)),
         differences=np.zeros((11, 5), dtype=np.complex128),

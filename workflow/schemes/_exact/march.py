@@ -40,7 +40,7 @@ _FIRST_STEP = 0.1
 @rolled
 def march(free: Layout, held: Layout, case: Case, record: Record, memories: tuple[Memory, Memory]) -> int:
     """Run one case and return how it ended, see :mod:`workflow.schemes._exact.outcome`; never raises."""
-    motions = motions_of(free, held, case.load, memories)
+    motions = motions_of(free, held, case.load, case.tip.jump, memories)
     tally, T = record.tally, case.load.duration
     ended, event, start, observed = _begin(motions, case, record)
     while ended == outcome.RUNNING:

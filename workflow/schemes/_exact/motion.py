@@ -26,6 +26,8 @@ class Motion(NamedTuple):
     """State at its end."""
     between: Array
     """State at some time within it; scratch."""
+    jump: Array
+    """Change of the state of a free tip by an impulse of 1 N s with its friction heat."""
     coordinates: Array
     """[η, u, ξ]; scratch."""
     modal: Array
@@ -57,7 +59,7 @@ def prepare(regime: Layout, load: Load, memory: Memory) -> Any:
     """Return the motion of a case in a regime, its state not yet set."""
     r, states = respond(regime, load, memory), memory.states
     own = memory.coordinates, memory.modal, regime.is_modal, regime.inward, regime.outward
-    return Motion(r, memory.expansion, states[0], states[1], states[2], *own)
+    return Motion(r, memory.expansion, states[0], states[1], states[2], states[3], *own)
 
 
 @part
@@ -178,15 +180,8 @@ def _observe_two_way(r: Response, y: Array, t: float) -> tuple[float, float, flo
 
 
 @part
-def strike(r: Response, kick: Array, y: Array, p: float, heat: float) -> None:
-    """Apply an impulse p [N s] and a heat [J] at the free tip: v jumps by -p M⁻¹ e_n, θ by heat C2⁻¹ e_n.
-
-    ``kick`` is by how much a unit impulse lowers η and η' of each block, ``(2, block)``.
-    """
-    b, f = r.block, r.first
-    for j in range(r.firsts):
-        y[state.FIRST, j] += heat * f[first.HEAT_JUMP_VALUE, j]
-        y[state.FIRST_SLOPE, j] += heat * f[first.HEAT_JUMP_SLOPE, j]
-    for k in range(r.blocks):
-        y[state.VALUE, k] += heat * b[block.HEAT_JUMP_VALUE, k] - p * kick[0, k]
-        y[state.SLOPE, k] += heat * b[block.HEAT_JUMP_SLOPE, k] - p * kick[1, k]
+def strike(m: Motion, p: float) -> None:
+    """Apply an impulse p [N s] with its friction heat at the free tip: v jumps by -p M⁻¹ e_n, θ by α p C2⁻¹ e_n."""
+    for row in range(state.ROWS):
+        for k in range(m.now.shape[1]):
+            m.now[row, k] += p * m.jump[row, k]

@@ -11,7 +11,7 @@ from workflow.models import Array
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
 from workflow.schemes._exact.layout import Layout, Load, Memory
 from workflow.schemes._exact.motion import Motion, prepare
-from workflow.schemes._exact.response import casing_at, from_coordinates, to_coordinates
+from workflow.schemes._exact.response import casing_at, from_coordinates, jump_from_coordinates, to_coordinates
 from workflow.schemes._exact.tables import expansion
 
 
@@ -26,9 +26,11 @@ class Motions(NamedTuple):
 
 
 @part
-def motions_of(free: Layout, held: Layout, load: Load, memories: tuple[Memory, Memory]) -> Any:
-    """Return both motions of a case, their states not yet set."""
-    return Motions(prepare(free, load, memories[0]), prepare(held, load, memories[1]), held.entry, held.exit)
+def motions_of(free: Layout, held: Layout, load: Load, jump: Array, memories: tuple[Memory, Memory]) -> Any:
+    """Return both motions of a case, their states not yet set; ``jump`` are those of the coordinates of a free tip."""
+    motions = Motions(prepare(free, load, memories[0]), prepare(held, load, memories[1]), held.entry, held.exit)
+    jump_from_coordinates(motions.free.r, jump, motions.free.jump)
+    return motions
 
 
 @part

@@ -40,7 +40,7 @@ class Response(NamedTuple):
     blocks: int
     heated: bool
     firsts: int
-    """Whether heat acts in the case, and the number of first-order states, 0 without heat (and sometimes with it)."""
+    """Whether there are thermal modes, and the number of first-order states."""
     explicits: int
     aperiodics: int
     """Numbers of explicit blocks, and of others that do not oscillate."""
@@ -54,8 +54,7 @@ class Response(NamedTuple):
     growth: float
     """d0, m, and the largest rate at which a block or first-order state grows, 1/s, not negative."""
     fastest: float
-    fastest_first: float
-    """Bound of all poles and of the Ω of waves, and the largest |μ|, 1/s."""
+    """Bound of all poles and of the Ω of waves, 1/s."""
     two_way: bool
     """Whether blocks show in the tip temperature or their η' in the signal."""
     cooling: bool
@@ -66,12 +65,12 @@ class Response(NamedTuple):
 def respond(regime: Layout, load: Load, memory: Memory) -> Response:
     """Return the response of a regime to the loads of one case, and complete the tables of its memory."""
     b, f, coupling = memory.block, memory.first, regime.coupling
-    blocks, firsts, heated = regime.blocks, regime.firsts if memory.heated else 0, memory.heated
+    blocks, firsts = regime.blocks, regime.firsts
     _clear(regime, load, memory)
-    _fill_sources(regime, load, firsts, memory)
+    _fill_sources(regime, load, memory)
     explicits, aperiodics = 0, 0
     for k in range(blocks):
-        _fill_force(regime, load, k, heated, memory)
+        _fill_force(regime, load, k, memory)
         if (firsts > 0 and b[block.RESONANT, k] > 0.0) or _keeps_force(b, k, load):
             b[block.EXPLICIT, k], b[block.EXPLICIT_COLUMNS, explicits] = 1.0, k
             explicits += 1
@@ -84,17 +83,13 @@ def respond(regime: Layout, load: Load, memory: Memory) -> Response:
             _subtract_thermal_response(b, k, f, j, coupling)
     for j in range(firsts):
         _subtract_harmonics(f, j, memory.waves)
-    growth, fastest, fastest_first = regime.growth, regime.fastest, 0.0
-    if firsts > 0:
-        growth, fastest = max(growth, regime.first_growth), max(fastest, regime.fastest_first)
-        fastest_first = regime.fastest_first
-    steady = True
+    fastest, steady = regime.fastest, True
     for i in range(memory.waves.shape[0]):
         fastest = max(fastest, memory.waves[i, wave.OMEGA])
         steady &= memory.waves[i, wave.TEMPERATURE_COS] == 0.0 and memory.waves[i, wave.TEMPERATURE_SIN] == 0.0
     return Response(
         blocks,
-        heated,
+        regime.heated,
         firsts,
         explicits,
         aperiodics,
@@ -105,11 +100,10 @@ def respond(regime: Layout, load: Load, memory: Memory) -> Response:
         memory.waves,
         memory.differences,
         load.gap,
-        growth,
+        regime.growth,
         fastest,
-        fastest_first,
         regime.two_way,
-        steady and growth <= 0.0 and not regime.warms,
+        steady and regime.growth <= 0.0 and not regime.warms,
     )
 
 
@@ -130,16 +124,15 @@ def _clear(regime: Layout, load: Load, memory: Memory) -> None:
 
 
 @part
-def _source(regime: Layout, load: Load, row: int, heated: bool) -> float:
+def _source(regime: Layout, load: Load, row: int) -> float:
     """Return the constant source of a coordinate; in the last row that of the signal."""
     steady, heating = load.steady.size, load.heating.size
     at = steady + heating
     source = regime.source[at, row] * load.mean + regime.source[at + 1, row] * load.gap
     for i in range(steady):
         source += regime.source[i, row] * load.steady[i]
-    if heated:
-        for i in range(heating):
-            source += regime.source[steady + i, row] * load.heating[i]
+    for i in range(heating):
+        source += regime.source[steady + i, row] * load.heating[i]
     return float(source)
 
 
@@ -155,28 +148,28 @@ def _wave_source(regime: Layout, load: Load, row: int, i: int) -> tuple[float, f
 
 
 @part
-def _fill_sources(regime: Layout, load: Load, firsts: int, memory: Memory) -> None:
+def _fill_sources(regime: Layout, load: Load, memory: Memory) -> None:
     """Fill the sources of the signal and of first-order states."""
     f, outputs, waves, signal = memory.first, memory.outputs, memory.waves, 2 * regime.blocks + regime.firsts
-    outputs[SIGNAL] = _source(regime, load, signal, memory.heated)
+    outputs[SIGNAL] = _source(regime, load, signal)
     for i in range(waves.shape[0]):
         waves[i, wave.SIGNAL_COS], waves[i, wave.SIGNAL_SIN] = _wave_source(regime, load, signal, i)
-    for j in range(firsts):
+    for j in range(regime.firsts):
         own = 2 * regime.blocks + j
-        f[first.SOURCE, j] = _source(regime, load, own, True)
+        f[first.SOURCE, j] = _source(regime, load, own)
         for i in range(waves.shape[0]):
             row = i * first.WAVE
             f[first.HARMONIC_COS + row, j], f[first.HARMONIC_SIN + row, j] = _wave_source(regime, load, own, i)
 
 
 @part
-def _fill_force(regime: Layout, load: Load, k: int, heated: bool, memory: Memory) -> None:
+def _fill_force(regime: Layout, load: Load, k: int, memory: Memory) -> None:
     """Fill the force on a block, see the head of this module.
 
     Outputs are stored per η and η' but given per η and u = η' - β.
     """
     b, outputs, waves = memory.block, memory.outputs, memory.waves
-    beta, gamma = _source(regime, load, k, heated), _source(regime, load, regime.blocks + k, heated)
+    beta, gamma = _source(regime, load, k), _source(regime, load, regime.blocks + k)
     c = b[block.DAMPING, k]
     b[block.SOURCE, k] = beta
     b[block.FORCE, k] = gamma + c * beta
@@ -251,8 +244,6 @@ def _subtract_thermal_response(b: Array, k: int, f: Array, j: int, coupling: Arr
         value, slope = b[block.SIGNAL_VALUE + 2 * o, k], b[block.SIGNAL_SLOPE + 2 * o, k]
         f[first.SIGNAL_VALUE + 2 * o, j] += value * at
         f[first.SIGNAL_SLOPE + 2 * o, j] += value * lag + slope * speed
-    b[block.HEAT_JUMP_VALUE, k] -= at * f[first.HEAT_JUMP_VALUE, j] + lag * f[first.HEAT_JUMP_SLOPE, j]
-    b[block.HEAT_JUMP_SLOPE, k] -= speed * f[first.HEAT_JUMP_SLOPE, j]
 
 
 @part
@@ -294,13 +285,30 @@ def _add_response(r: Response, y: Array, t: float, sign: float, value: Array, sl
             a_cos, a_sin = b[block.PARTICULAR_COS + row, k], b[block.PARTICULAR_SIN + row, k]
             value[k] += sign * (a_cos * cos + a_sin * sin)
             slope[k] += sign * (omega * (a_sin * cos - a_cos * sin))
+    _add_thermal_response(r, y, sign, value, slope)
+
+
+@part
+def _add_thermal_response(r: Response, y: Array, sign: float, value: Array, slope: Array) -> None:
+    """Add their response to first-order states to η and η' of blocks, or subtract it."""
     for j in range(r.firsts):
         xi, speed, mu = y[state.FIRST, j], y[state.FIRST_SLOPE, j], r.first[first.RATE, j]
         for k in range(r.blocks):
             at, lag = r.coupling[1, j, k], r.coupling[2, j, k]
-            if b[block.EXPLICIT, k] == 0.0:
+            if r.block[block.EXPLICIT, k] == 0.0:
                 value[k] += sign * (at * xi + lag * speed)
                 slope[k] += sign * ((at - lag * mu) * speed)
+
+
+@part
+def jump_from_coordinates(r: Response, coordinates: Array, y: Array) -> None:
+    """Fill ``y`` with the change of a state by that of its coordinates [η, u, ξ]."""
+    for j in range(r.firsts):
+        xi = coordinates[2 * r.blocks + j]
+        y[state.FIRST, j], y[state.FIRST_SLOPE, j] = xi, -r.first[first.RATE, j] * xi
+    for k in range(r.blocks):
+        y[state.VALUE, k], y[state.SLOPE, k] = coordinates[k], coordinates[r.blocks + k]
+    _add_thermal_response(r, y, -1.0, y[state.VALUE], y[state.SLOPE])
 
 
 @part

@@ -103,7 +103,7 @@ def _short_flight(m: Motion, t: float, speed: float, guess: float) -> float:
     """
     derivatives = m.expansion.derivatives
     order = _series_order(1.1 * m.r.fastest * guess)
-    _series(m, t, order, _series_order(1.1 * m.r.fastest_first * guess))
+    _series(m, t, order)
     derivatives[1] = speed
     factorial = 1.0
     for n in range(1, order + 1):
@@ -133,11 +133,8 @@ def _series_order(span: float) -> int:
 
 
 @part
-def _series(m: Motion, t: float, order: int, first_order: int) -> None:
-    """Fill the derivatives of the signal at the state of t up to ``order``; first-order states up to ``first_order``.
-
-    The terms of the expansion are used up.
-    """
+def _series(m: Motion, t: float, order: int) -> None:
+    """Fill the derivatives of the signal at the state of t up to ``order``; the terms of the expansion are used up."""
     r, derivatives, b, d = m.r, m.expansion.derivatives, m.r.block, m.expansion.terms
     for n in range(order + 1):
         derivatives[n] = 0.0
@@ -151,7 +148,7 @@ def _series(m: Motion, t: float, order: int, first_order: int) -> None:
     for j in range(r.firsts):
         f, mu = r.first, r.first[first.RATE, j]
         term = (f[first.SIGNAL_VALUE, j] - f[first.SIGNAL_SLOPE, j] * mu) * m.now[state.FIRST_SLOPE, j]
-        for n in range(1, first_order + 1):
+        for n in range(1, order + 1):
             derivatives[n] += term
             term *= -mu
     for n in range(order + 1):

@@ -39,24 +39,22 @@ SIGNAL_INTEGRAL = 18  # SIGNAL_VALUE/ω² of blocks that are not explicit, else 
 FORCE = 19  # F0
 SOURCE = 20  # β of η' = u + β + Σ (βc cos ψ + βs sin ψ)
 PARTICULAR = 21  # constant part of the particular solution that is subtracted
-HEAT_JUMP_VALUE = 22  # jump of η per heat at the tip, 1/J; free tip only
-HEAT_JUMP_SLOPE = 23  # jump of η' per heat at the tip
 
 # scratch of one propagation over dt
-C = 24  # of η(dt) = C η + S η'
-S = 25
-WORK = 26
-POWER = 27
+C = 22  # of η(dt) = C η + S η'
+S = 23
+WORK = 24
+POWER = 25
 
-ROWS = 28
+ROWS = 26
 
 # each wave
-FORCE_COS = 28  # Fc
-FORCE_SIN = 29  # Fs
-SOURCE_COS = 30  # βc
-SOURCE_SIN = 31  # βs
-PARTICULAR_COS = 32  # its part of the particular solution
-PARTICULAR_SIN = 33
+FORCE_COS = 26  # Fc
+FORCE_SIN = 27  # Fs
+SOURCE_COS = 28  # βc
+SOURCE_SIN = 29  # βs
+PARTICULAR_COS = 30  # its part of the particular solution
+PARTICULAR_SIN = 31
 
 WAVE = 6
 

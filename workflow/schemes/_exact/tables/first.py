@@ -15,18 +15,16 @@ TEMPERATURE_VALUE = 3  # tip temperature per ξ
 TEMPERATURE_SLOPE = 4
 WARMING = 5  # rate of the tip temperature per ξ'
 SOURCE = 6  # χ0
-HEAT_JUMP_VALUE = 7  # jump of ξ per heat at the tip, 1/J; free tip only
-HEAT_JUMP_SLOPE = 8  # jump of ξ' per heat at the tip
 
 # scratch of one propagation over dt, x = -μ dt
-DECAY = 9  # e^x
-PHI1 = 10  # φ1 = (e^x - 1)/x
-PHI2 = 11  # φ2 = (φ1 - 1)/x
+DECAY = 7  # e^x
+PHI1 = 8  # φ1 = (e^x - 1)/x
+PHI2 = 9  # φ2 = (φ1 - 1)/x
 
-ROWS = 12
+ROWS = 10
 
 # each wave
-HARMONIC_COS = 12  # response to χc cos ψ + χs sin ψ that is subtracted from ξ
-HARMONIC_SIN = 13
+HARMONIC_COS = 10  # response to χc cos ψ + χs sin ψ that is subtracted from ξ
+HARMONIC_SIN = 11
 
 WAVE = 2
