@@ -27,7 +27,7 @@ from workflow.models import (
     mechanical_modes,
     structure_from_matrices,
 )
-from workflow.schemes import RefusedStructureError, Results, Status, event_driven
+from workflow.schemes import Results, event_driven
 from workflow.schemes._exact.layout import layout_of
 from workflow.schemes._exact.modal_system import free_system, held_system, state_space
 from workflow.schemes._exact.tables import block

@@ -40,7 +40,7 @@ def apart(structure: Structure, alpha: float, regime: Layout) -> tuple[float, fl
     wrong = A @ outward.T - outward.T @ moves
     size_of = np.abs(A) @ np.abs(outward.T) + np.abs(outward.T) @ np.abs(moves)
     signal = np.concatenate([regime.block[block.SIGNAL_VALUE, :blocks], regime.block[block.SIGNAL_SLOPE, :blocks]])
-    signal = np.append(signal, regime.first[first.SIGNAL_VALUE, : regime.firsts])
+    signal = np.append(signal, regime.first[first.SIGNAL, : regime.firsts])
     force = np.abs(outward @ row - signal) / (np.abs(outward) @ np.abs(row)).max()
     return float(inverse.max()), float(
         max((np.abs(wrong).max(1) / np.maximum(size_of.max(1), 1e-300)).max(), force.max())

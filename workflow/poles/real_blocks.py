@@ -21,6 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
+from numpy.typing import NDArray
 
 from workflow.kernels.algebra import Complex, inverse
 from workflow.models import Array
@@ -90,8 +91,8 @@ def missed_share(A: Array, blocks: RealBlocks) -> float:
     return float(np.abs(moved @ blocks.inward - A).max(initial=0.0) / np.abs(A).max(initial=1e-300))
 
 
-def _near_pairs(values: Complex, vectors: Complex) -> list[list[int]]:
-    """Return the pairs of poles, real or conjugate and of one sign, whose eigenvectors of unit length nearly agree."""
+def _near_pairs(values: Complex, vectors: Complex) -> NDArray[np.intp]:
+    """Return pairs of poles, conjugate or real and of one sign, whose eigenvectors nearly agree, ``(pair, 2)``."""
     near = [[k, k + 1] for k in np.flatnonzero(values.imag > 0).tolist() if np.linalg.norm(vectors[:, k].imag) < _NEAR]
     left = np.flatnonzero(values.imag == 0).tolist()
     while len(left) > 1:
@@ -101,7 +102,7 @@ def _near_pairs(values: Complex, vectors: Complex) -> list[list[int]]:
         apart[(values[k] * values[left]).real < 0] = np.inf
         if apart.min() < _NEAR:
             near.append([k, left.pop(int(np.argmin(apart)))])
-    return near
+    return np.array(near, dtype=np.intp).reshape(-1, 2)
 
 
 def _space(A: Array, x: Array, s: float) -> Array:

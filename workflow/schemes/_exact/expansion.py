@@ -90,16 +90,14 @@ def _expand_slow_terms(r: Response, output: int, y: Array, t: float, sums: Array
         fourth += amplitude * w * w * w * w
         size += amplitude
     for j in range(r.firsts):
-        value, slope = f[first.SIGNAL_VALUE + 2 * output, j], f[first.SIGNAL_SLOPE + 2 * output, j]
-        mu = -f[first.RATE, j]
-        d1 = (value + slope * mu) * y[state.FIRST_SLOPE, j]
-        a0, a1 = value * y[state.FIRST, j], slope * y[state.FIRST_SLOPE, j]
-        s0 += a0 + a1
+        value, mu = f[first.SIGNAL + output, j], -f[first.RATE, j]
+        a0, d1 = value * y[state.FIRST, j], value * y[state.FIRST_SLOPE, j]
+        s0 += a0
         s1 += d1
         s2 += mu * d1
         s3 += mu * mu * d1
         fourth += abs(mu * mu * mu * d1)
-        size += abs(a0) + abs(a1)
+        size += abs(a0)
     sums[expansion.D0, 0], sums[expansion.D1, 0], sums[expansion.D2, 0], sums[expansion.D3, 0] = s0, s1, s2, s3
     sums[expansion.FOURTH, 0], sums[expansion.FOURTH_GROWTH, 0], sums[expansion.SIZE, 0] = fourth, 0.0, size
 
@@ -121,17 +119,10 @@ def _expand_explicit(r: Response, output: int, k: int, y: Array, t: float, sums:
         f3 += w**3 * (f_cos * sin - f_sin * cos)
         f3_bound += amplitude
         f4_bound += w * amplitude
-    for j in range(r.firsts):
-        g, mu = r.coupling[0, j, k] * y[state.FIRST_SLOPE, j], -r.first[first.RATE, j]
-        f1 += g
-        f2 += g * mu
-        f3 += g * mu * mu
-        f3_bound += abs(g) * mu * mu
-        f4_bound += abs(g * mu * mu * mu)
     c, w2 = b[block.DAMPING, k], b[block.STIFFNESS, k]
     value, slope = b[block.SIGNAL_VALUE + 2 * output, k], b[block.SIGNAL_SLOPE + 2 * output, k]
     y0, y1 = y[state.VALUE, k], y[state.SLOPE, k]
-    y2 = -c * y1 - w2 * y0 + explicit_force(r, k, y, t)
+    y2 = -c * y1 - w2 * y0 + explicit_force(r, k, t)
     y3 = -c * y2 - w2 * y1 + f1
     y4 = -c * y3 - w2 * y2 + f2
     y5 = -c * y4 - w2 * y3 + f3

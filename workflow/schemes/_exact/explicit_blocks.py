@@ -1,7 +1,7 @@
 """Blocks that keep their force: their response to exp(a t) is a divided difference of exp, without a division.
 
 The response of η'' + c η' + ω² η = e^(a t), from rest, is t² exp[p t, q t, a t], the divided difference of exp at the
-block's poles p, q and a = iΩ of a wave, -μ of a first-order state, 0 of a constant; one more node 0 integrates. Divided
+block's poles p, q and a = iΩ of a wave, 0 of a constant; one more node 0 integrates. Divided
 differences stand in the exponential of the bidiagonal matrix of their nodes (G. Opitz, Z. Angew. Math. Mech. 44 (1964)
 T52–T54): it is scaled, summed as a Taylor series and squared, its diagonal exact each time (A. McCurdy, K. C. Ng,
 B. N. Parlett, Math. Comp. 43 (1984) 501–528), whether nodes are far apart, near each other or the same.
@@ -15,10 +15,10 @@ from workflow.kernels import elementary
 from workflow.kernels.compiled import part
 from workflow.models import Array
 from workflow.schemes._exact.response import Response, forced
-from workflow.schemes._exact.tables import block, first, state, wave
+from workflow.schemes._exact.tables import block, state, wave
 from workflow.schemes._exact.waves import wave_phase
 
-_NODES, _TERM = 5, 6
+_NODES, _TERM = 4, 5
 """Rows of :attr:`Response.differences` below the matrix: its diagonal, and terms of its series."""
 
 _SPAN = 3.0
@@ -30,15 +30,13 @@ is above it a hundredfold."""
 
 
 @part
-def explicit_force(r: Response, k: int, y: Array, t: float) -> float:
-    """Return the force on an explicit block in the state ``y`` of time t."""
+def explicit_force(r: Response, k: int, t: float) -> float:
+    """Return the force on an explicit block at t."""
     force = r.block[block.FORCE, k]
     for i in range(r.waves.shape[0]):
         cos, sin = wave_phase(r.waves, i, t)
         row = i * block.WAVE
         force = force + r.block[block.FORCE_COS + row, k] * cos + r.block[block.FORCE_SIN + row, k] * sin
-    for j in range(r.firsts):
-        force += r.coupling[0, j, k] * y[state.FIRST, j]
     return float(force)
 
 
@@ -53,7 +51,7 @@ def _exponential(z: complex) -> complex:
 def _differences(r: Response, k: int, a: complex, dt: float, size: int) -> None:
     """Fill the rows of :attr:`Response.differences` with exp(Z dt), ``size`` rows and columns.
 
-    Z has the nodes p, q, a, 0, 0 on its diagonal, |p| <= |q|, and 1 beside it: entry (i, j) is the divided difference
+    Z has the nodes p, q, a, 0 on its diagonal, |p| <= |q|, and 1 beside it: entry (i, j) is the divided difference
     at the nodes i to j, times dt^(j - i). Rows below the second are filled where that takes squaring.
     """
     m, c, w2 = r.differences, r.block[block.DAMPING, k], r.block[block.STIFFNESS, k]
@@ -111,14 +109,6 @@ def advance_explicit(r: Response, k: int, y: Array, t: float, dt: float, size: i
             value += (f * m[0, 2]).real
             slope += (f * (m[_NODES, 0] * m[0, 2] + m[1, 2])).real
             area += (f * m[0, 3]).real
-    for j in range(r.firsts):
-        g = r.coupling[0, j, k]
-        if g != 0.0:  # ξ is what it was, and ξ' times the integral of e^(-μ t)
-            _differences(r, k, complex(-r.first[first.RATE, j], 0.0), dt, size + 1)
-            constant, change = constant + g * y[state.FIRST, j], g * y[state.FIRST_SLOPE, j]
-            value += change * m[0, 3].real
-            slope += change * m[0, 2].real
-            area += change * m[0, 4].real
     _differences(r, k, complex(0.0, 0.0), dt, size)
     once, twice = m[0, 1].real, m[0, 2].real
     area += before * once + (pace + c * before) * twice + constant * m[0, 3].real

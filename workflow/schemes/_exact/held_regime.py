@@ -16,7 +16,7 @@ from workflow.models import Array
 from workflow.schemes._exact.layout import Layout, layout, layout_of
 from workflow.schemes._exact.modal_system import ModalSystem, signal_inputs, state_space
 from workflow.schemes._exact.rank_one import RankOne, Zeros, fill_vectors, find_zeros, reciprocal, square
-from workflow.schemes._exact.regimes import Regime, linked
+from workflow.schemes._exact.regimes import Regime, linked, thermal_response
 
 _CRITICAL = 1e-2
 """Two poles of a mode nearer than this, relatively, and a pole so near a thermal rate, lose digits by its square: the
@@ -62,18 +62,12 @@ def _heated(held: ModalSystem) -> Heated | None:
     """Return what the kernel takes; ``None`` where poles or rates are near each other, or a pole is 0."""
     c, mu, omega2, r, lag = held.damping, held.rate, held.frequency**2, held.reaction, held.reaction_slope
     split = 2 * np.sqrt((c / 2) ** 2 - omega2 + 0j)
-    polynomial = mu**2 - mu * c[:, None] + omega2[:, None]
-    size = mu**2 + mu * c[:, None] + omega2[:, None]
-    if (
-        np.any(held.frequency == 0)
-        or np.any(np.abs(split) <= _CRITICAL * (held.frequency + c))
-        or np.any(np.abs(polynomial) <= _CRITICAL * size)
-    ):
+    response, near = thermal_response(held, _CRITICAL), np.abs(split) <= _CRITICAL * (held.frequency + c)
+    if response is None or np.any(near) or np.any(held.frequency == 0):
         return None
     upper, lower = -c / 2 + split / 2, -c / 2 - split / 2
     overdamped = (split.imag == 0) & (c > 0)
     upper[overdamped] = omega2[overdamped] / lower[overdamped]  # no cancellation
-    response = -held.coupling / polynomial
     place, speed = -response @ held.heat_tip, response @ (mu * held.heat_tip)  # of z - R τ per heat
     u = [(speed - lower * place) / split, (upper * place - speed) / split, held.heat_tip]
     w = [-r - lag * upper, -r - lag * lower, -held.thermal_reaction - r @ response + lag @ (response * mu)]
@@ -133,10 +127,7 @@ def _regime_at(h: Heated, alpha: float) -> tuple[bool, Layout]:
                 for k in range(wide):
                     source[i, k] += per * inward[modes + n, k]
         source[i, size] = h.inputs[i]
-    coupling, resonant = np.zeros((3, firsts, pairs)), np.zeros(pairs)
-    regime = Regime(
-        damping, stiffness, rate, coupling, resonant, signal, temperature, source, inward, outward, h.entry, h.exit
-    )
+    regime = Regime(damping, stiffness, rate, signal, temperature, source, inward, outward, h.entry, h.exit)
     return sound, layout(regime)
 
 

@@ -13,7 +13,7 @@ from workflow.kernels.algebra import Complex
 from workflow.kernels.compiled import kernel
 from workflow.models import Array
 from workflow.schemes._exact.modal_system import ModalSystem
-from workflow.schemes._exact.regimes import Regime, in_modes, regime_of
+from workflow.schemes._exact.regimes import Regime, regime_of
 from workflow.schemes._exact.tables import block, expansion, first, state, wave
 
 ORDER = 18
@@ -49,7 +49,6 @@ class Layout(NamedTuple):
     """See :mod:`workflow.schemes._exact.tables.block`."""
     first: Array
     """See :mod:`workflow.schemes._exact.tables.first`."""
-    coupling: Array
     source: Array
     inward: Array
     outward: Array
@@ -84,7 +83,7 @@ def layout(g: Regime) -> Layout:
             b[block.INVERSE_OMEGA, k] = 1.0 / b[block.OMEGA, k]
     for k in range(blocks):
         c = g.damping[k]
-        b[block.DAMPING, k], b[block.HALF_DAMPING, k], b[block.RESONANT, k] = c, 0.5 * c, g.resonant[k]
+        b[block.DAMPING, k], b[block.HALF_DAMPING, k] = c, 0.5 * c
         b[block.SIGNAL_VALUE, k], b[block.SIGNAL_SLOPE, k] = g.signal[k], g.signal[blocks + k]
         b[block.TEMPERATURE_VALUE, k], b[block.TEMPERATURE_SLOPE, k] = g.temperature[k], g.temperature[blocks + k]
         if g.stiffness[k] > 0.25 * c * c:
@@ -93,15 +92,14 @@ def layout(g: Regime) -> Layout:
         warms |= g.temperature[k] != 0.0 or g.temperature[blocks + k] != 0.0
         two_way |= g.signal[blocks + k] != 0.0
     for j in range(firsts):
-        mu, warmth = g.rate[j], g.temperature[2 * blocks + j]
-        f[first.RATE, j], f[first.SIGNAL_VALUE, j], f[first.TEMPERATURE_VALUE, j] = mu, g.signal[2 * blocks + j], warmth
+        mu, own = g.rate[j], 2 * blocks + j
+        f[first.RATE, j], f[first.SIGNAL, j], f[first.TEMPERATURE, j] = mu, g.signal[own], g.temperature[own]
         growth, fastest = max(growth, -mu), max(fastest, abs(mu))
     return Layout(
         blocks,
         firsts,
         b,
         f,
-        g.coupling,
         g.source,
         g.inward,
         g.outward,
@@ -118,7 +116,8 @@ def layout(g: Regime) -> Layout:
 
 def layout_of(system: ModalSystem, alpha: float = 0.0) -> Layout:
     """Return the regime of a structure with its tip free, or held at α [W/N]; see :func:`regime_of`."""
-    return layout(regime_of(system, alpha))._replace(is_modal=in_modes(system, alpha))
+    regime = regime_of(system, alpha)
+    return layout(regime)._replace(is_modal=np.array_equal(regime.inward, np.eye(len(regime.inward))))
 
 
 class Expansion(NamedTuple):
@@ -153,7 +152,7 @@ class Memory(NamedTuple):
     waves: Array
     """See :mod:`workflow.schemes._exact.tables.wave`."""
     differences: Complex
-    """Divided differences of an explicit block, ``(11, 5)``; scratch."""
+    """Divided differences of an explicit block, ``(9, 4)``; scratch."""
     expansion: Expansion
 
 
@@ -169,7 +168,7 @@ def memory(regime: Layout, waves: int) -> Memory:
         states=np.zeros((4, state.ROWS, max(columns, wide))),
         outputs=np.zeros(2),
         waves=np.zeros((waves, wave.COLUMNS)),
-        differences=np.zeros((11, 5), dtype=np.complex128),
+        differences=np.zeros((9, 4), dtype=np.complex128),
         expansion=Expansion(
             np.zeros((expansion.ROWS, regime.blocks + 1)), np.zeros((expansion.ROWS, columns)), np.zeros(ORDER + 1)
         ),

@@ -107,8 +107,7 @@ def integral(r: Response, y: Array, out: Array, t: float, dt: float) -> float:
         area += b[block.SIGNAL_VALUE, k] * advance_explicit(r, k, y, t, dt, 4)[2] + b[block.SIGNAL_SLOPE, k] * change
     for j in range(r.firsts):
         step = y[state.FIRST_SLOPE, j] * dt
-        value, slope = f[first.SIGNAL_VALUE, j], f[first.SIGNAL_SLOPE, j]
-        area += value * dt * (y[state.FIRST, j] + step * f[first.PHI2, j]) + slope * step * f[first.PHI1, j]
+        area += f[first.SIGNAL, j] * dt * (y[state.FIRST, j] + step * f[first.PHI2, j])
     for k in range(r.blocks):
         change = out[state.VALUE, k] - y[state.VALUE, k]
         slowed = out[state.SLOPE, k] - y[state.SLOPE, k] + b[block.DAMPING, k] * change
@@ -130,10 +129,10 @@ def observe(r: Response, y: Array, t: float) -> Observed:
     signal, rate, temperature, warming, place, speed = _observe_waves(r, t)
     for j in range(r.firsts):
         xi, slope = y[state.FIRST, j], y[state.FIRST_SLOPE, j]
-        signal += f[first.SIGNAL_VALUE, j] * xi + f[first.SIGNAL_SLOPE, j] * slope
-        rate += (f[first.SIGNAL_VALUE, j] - f[first.SIGNAL_SLOPE, j] * f[first.RATE, j]) * slope
-        temperature += f[first.TEMPERATURE_VALUE, j] * xi + f[first.TEMPERATURE_SLOPE, j] * slope
-        warming += f[first.WARMING, j] * slope
+        signal += f[first.SIGNAL, j] * xi
+        rate += f[first.SIGNAL, j] * slope
+        temperature += f[first.TEMPERATURE, j] * xi
+        warming += f[first.TEMPERATURE, j] * slope
     block_signal, block_rate = 0.0, 0.0
     for k in range(r.blocks):
         block_signal += b[block.SIGNAL_VALUE, k] * y[state.VALUE, k]
@@ -168,7 +167,7 @@ def _observe_two_way(r: Response, y: Array, t: float) -> tuple[float, float, flo
         b[block.WORK, k] = -b[block.DAMPING, k] * y[state.SLOPE, k] - b[block.STIFFNESS, k] * y[state.VALUE, k]
     for i in range(r.explicits):
         k = int(b[block.EXPLICIT_COLUMNS, i])
-        b[block.WORK, k] += explicit_force(r, k, y, t)
+        b[block.WORK, k] += explicit_force(r, k, t)
     signal, rate, temperature, warming = 0.0, 0.0, 0.0, 0.0
     for k in range(r.blocks):
         value, slope, bend = y[state.VALUE, k], y[state.SLOPE, k], b[block.WORK, k]

@@ -1,12 +1,15 @@
 """The two regimes between contact events in real blocks that evolve alone: tip free, and tip held at the gap.
 
-    blocks        η' = u + β(t),   u' = -c u - ω² η + γ(t)   (+ g · ξ in modes)
+    blocks        η' = u + β(t),   u' = -c u - ω² η + γ(t)
     first order   ξ' = -μ ξ + χ(t)
 
 so that a motion of any length costs one exponential per block. Where neither damping nor friction couples the modes,
-blocks are mechanical modes and first-order states thermal modes, to which the blocks respond quasi-statically. All else
-is separated by :mod:`workflow.poles`: a damping matrix, the friction heat of a held tip (α times a term of rank one)
-and friction along a tangent, which is another such term with the same row.
+first-order states are thermal modes, ξ = τ, and blocks are mechanical modes less their response to these,
+
+    η = z - R τ,   u = z' + R μ τ,   R = -G/(μ² - μ c + ω²).
+
+All else is separated by :mod:`workflow.poles`: a damping matrix, the friction heat of a held tip (α times a term of
+rank one), friction along a tangent, which is another such term with the same row, and a mode near a thermal rate.
 """
 
 from __future__ import annotations
@@ -51,11 +54,6 @@ class Regime(NamedTuple):
     """ω² of each block, 1/s², ascending, ``(block,)``."""
     rate: Array
     """μ of each first-order state, 1/s, ``(first,)``."""
-    coupling: Array
-    """Force g on a block per first-order state, and a and b of the response η = a ξ + b ξ' to it,
-    ``(3, first, block)``: g, a, b; zero where the system is separated."""
-    resonant: Array
-    """1 where a block has no such response because a first-order state is near one of its poles, ``(block,)``."""
     signal: Array
     """Signal per coordinate, ``(N,)``."""
     temperature: Array
@@ -73,10 +71,8 @@ class Regime(NamedTuple):
     """z from free modes and back, see :class:`~workflow.schemes._exact.modal_system.ModalSystem`."""
 
 
-_NEAR_RESONANCE = 1e-3
-"""A block keeps its thermal force explicit where its denominator μ² - μ c + ω² is below this share
-of the *sum* of its terms: the quasi-static response would lose more than three of sixteen digits. A
-block as a whole becomes explicit, where the fixed-step schemes couple single pairs."""
+NEAR_RATE = 1e-3
+"""Share of the sum of its terms below which μ² - μ c + ω² leaves R fewer than thirteen digits."""
 
 _PARTED = 1e-11
 """Share by which damping is changed where two poles coincide: they part by its root, 3e-6 of themselves, which leaves
@@ -91,9 +87,13 @@ _LINKED = 1e-13
 shapes is some 1e-15, and the modes below it change λ by no more than this share."""
 
 
-def in_modes(system: ModalSystem, alpha: float) -> bool:
-    """Whether modes and thermal modes are the coordinates of a regime."""
-    return alpha == 0 and system.friction_force is None and not system.is_coupled
+def thermal_response(system: ModalSystem, near: float) -> Array | None:
+    """Return R, ``(mode, thermal mode)``; ``None`` where a thermal rate is near the pole of a mode that heat drives."""
+    mu, c, omega2, driven = system.rate, system.damping[:, None], system.frequency[:, None] ** 2, system.coupling != 0
+    polynomial, size = mu**2 - mu * c + omega2, mu**2 + mu * c + omega2
+    if np.any(driven & (np.abs(polynomial) <= near * size)):
+        return None
+    return -np.divide(system.coupling, polynomial, out=np.zeros_like(polynomial), where=driven)
 
 
 def regime_of(system: ModalSystem, alpha: float = 0.0) -> Regime:
@@ -106,17 +106,21 @@ def regime_of(system: ModalSystem, alpha: float = 0.0) -> Regime:
     InseparablePolesError
         Three poles coincide.
     """
-    regime = _in_modes(system) if in_modes(system, alpha) else _in_blocks(system, alpha)
+    is_apart = alpha == 0 and system.friction_force is None and not system.is_coupled
+    response = thermal_response(system, NEAR_RATE) if is_apart else None
+    regime = _in_blocks(system, alpha) if response is None else _in_modes(system, response)
     return Regime(*(np.ascontiguousarray(values, dtype=np.float64) for values in regime))
 
 
-def _in_modes(system: ModalSystem) -> Regime:
-    """Return the regime whose blocks are the modes of the system."""
-    _, signal, source = state_space(system, 0.0)
-    a, b, resonant = quasi_static(system.frequency, system.damping, system.rate, -system.coupling)
-    poles, same = (system.damping, system.frequency**2, system.rate), np.eye(signal.size)
-    regime = _regime(system, poles, signal, source, same, same)
-    return regime._replace(coupling=np.stack([-system.coupling.T, a.T, b.T]), resonant=resonant)
+def _in_modes(system: ModalSystem, response: Array) -> Regime:
+    """Return the regime whose blocks are the modes of the system, less their response R to thermal modes."""
+    _, row, source = state_space(system, 0.0)
+    modes = system.frequency.size
+    inward = np.eye(row.size)
+    inward[:modes, 2 * modes :], inward[modes : 2 * modes, 2 * modes :] = -response, response * system.rate
+    outward = 2 * np.eye(row.size) - inward
+    poles = system.damping, system.frequency**2, system.rate
+    return _regime(system, poles, row @ outward, inward @ source, inward, outward)
 
 
 def _in_blocks(system: ModalSystem, alpha: float) -> Regime:
@@ -124,16 +128,16 @@ def _in_blocks(system: ModalSystem, alpha: float) -> Regime:
     for share in (0.0, _PARTED):
         A, row, source = state_space(replace(system, damping=(1 + share) * system.damping), alpha)
         with suppress(ValueError):  # not finite, or no convergence
-            *poles, inward, outward = real_blocks(A)
+            damping, stiffness, rate, inward, outward = real_blocks(A)
             if np.all(np.sum(np.abs(inward) * np.abs(outward.T), 1) <= _TRUSTED):
-                return _regime(system, tuple(poles), row @ outward, inward @ source, inward, outward)
+                return _regime(system, (damping, stiffness, rate), row @ outward, inward @ source, inward, outward)
     raise InseparablePolesError
 
 
 def _regime(
-    system: ModalSystem, poles: tuple[Array, ...], signal: Array, source: Array, inward: Array, outward: Array
+    system: ModalSystem, poles: tuple[Array, Array, Array], signal: Array, source: Array, inward: Array, outward: Array
 ) -> Regime:
-    """Return a regime in which blocks respond to no first-order state.
+    """Return a regime.
 
     ``poles`` are c and ω² of blocks and μ of first-order states, ``signal`` and ``source`` those of the coordinates.
     Columns of ``inward`` and rows of ``outward`` are X.
@@ -143,8 +147,6 @@ def _regime(
         damping,
         stiffness,
         rate,
-        coupling=np.zeros((3, rate.size, damping.size)),
-        resonant=np.zeros(damping.size),
         signal=signal,
         temperature=system.heat_tip @ outward[2 * system.frequency.size :],
         source=np.concatenate([source, signal_inputs(system)[None]]).T,
@@ -153,23 +155,6 @@ def _regime(
         entry=system.entry,
         exit=system.exit,
     )
-
-
-def quasi_static(frequency: Array, damping: Array, rate: Array, drive: Array) -> tuple[Array, Array, Array]:
-    """Return a, b of the response η = a τ + b τ' of blocks to first-order states, and where it fails.
-
-    p(-μ) = μ² - μ c + ω²;  a = drive/ω²,  b = -drive (c - μ)/(ω² p(-μ)).
-    """
-    omega2, c = frequency[:, None] ** 2, damping[:, None]
-    polynomial = rate**2 - rate * c + omega2
-    size = rate**2 + rate * c + omega2
-    forced = drive != 0
-    near = np.any(forced & (np.abs(polynomial) < _NEAR_RESONANCE * size), axis=1)
-    use = forced & ~near[:, None]
-    a, b = np.zeros_like(drive), np.zeros_like(drive)
-    np.divide(drive, omega2, out=a, where=use)
-    np.divide(-drive * (c - rate), omega2 * polynomial, out=b, where=use)
-    return a, b, near.astype(np.float64)
 
 
 def linked(held: ModalSystem) -> ModalSystem:

@@ -2,12 +2,12 @@
 
 Loads and casing are constants and waves of phase ψ = Ω t + φ, pairs of coefficients of cos ψ and sin ψ. Of a block
 
-    η' = u + β,   u' = -c u - ω² η + γ + Σ g_j ξ_j,   β = β0 + Σ (βc cos ψ + βs sin ψ), γ likewise, that is
-    η'' + c η' + ω² η = γ + c β + β' + Σ g_j ξ_j
+    η' = u + β,   u' = -c u - ω² η + γ,   β = β0 + Σ (βc cos ψ + βs sin ψ), γ likewise, that is
+    η'' + c η' + ω² η = γ + c β + β'
 
-the particular solution is subtracted, and its response η = a ξ + b ξ' to each first-order state: what is left moves
-freely and costs one exponential. Where that would lose digits (slow blocks, resonance with a wave or with a
-first-order state) the block is *explicit*: it keeps its force, see :mod:`workflow.schemes._exact.explicit_blocks`.
+the particular solution is subtracted: what is left moves freely and costs one exponential. Where that would lose digits
+(slow blocks, resonance with a wave) the block is *explicit*: it keeps its force, see
+:mod:`workflow.schemes._exact.explicit_blocks`.
 """
 
 from __future__ import annotations
@@ -46,7 +46,6 @@ class Response(NamedTuple):
     """Numbers of explicit blocks, and of others that do not oscillate."""
     block: Array
     first: Array
-    coupling: Array
     outputs: Array
     waves: Array
     differences: Complex
@@ -64,14 +63,13 @@ class Response(NamedTuple):
 @part
 def respond(regime: Layout, load: Load, memory: Memory) -> Response:
     """Return the response of a regime to the loads of one case, and complete the tables of its memory."""
-    b, f, coupling = memory.block, memory.first, regime.coupling
-    blocks, firsts = regime.blocks, regime.firsts
+    b, f, blocks, firsts = memory.block, memory.first, regime.blocks, regime.firsts
     _clear(regime, load, memory)
     _fill_sources(regime, load, memory)
     explicits, aperiodics = 0, 0
     for k in range(blocks):
         _fill_force(regime, load, k, memory)
-        if (firsts > 0 and b[block.RESONANT, k] > 0.0) or _keeps_force(b, k, load):
+        if _keeps_force(b, k, load):
             b[block.EXPLICIT, k], b[block.EXPLICIT_COLUMNS, explicits] = 1.0, k
             explicits += 1
             continue
@@ -79,8 +77,6 @@ def respond(regime: Layout, load: Load, memory: Memory) -> Response:
             b[block.APERIODIC_COLUMNS, aperiodics] = k
             aperiodics += 1
         _subtract_particular(b, k, memory.waves, memory.outputs)
-        for j in range(firsts):
-            _subtract_thermal_response(b, k, f, j, coupling)
     for j in range(firsts):
         _subtract_harmonics(f, j, memory.waves)
     fastest, steady = regime.fastest, True
@@ -95,7 +91,6 @@ def respond(regime: Layout, load: Load, memory: Memory) -> Response:
         aperiodics,
         b,
         f,
-        coupling,
         memory.outputs,
         memory.waves,
         memory.differences,
@@ -236,20 +231,8 @@ def _subtract_particular(b: Array, k: int, waves: Array, outputs: Array) -> None
 
 
 @part
-def _subtract_thermal_response(b: Array, k: int, f: Array, j: int, coupling: Array) -> None:
-    """Subtract the response η = a ξ + b ξ' of a block to a first-order state: outputs then see it in ξ and ξ'."""
-    at, lag = coupling[1, j, k], coupling[2, j, k]
-    speed = at - lag * f[first.RATE, j]
-    for o in range(2):
-        value, slope = b[block.SIGNAL_VALUE + 2 * o, k], b[block.SIGNAL_SLOPE + 2 * o, k]
-        f[first.SIGNAL_VALUE + 2 * o, j] += value * at
-        f[first.SIGNAL_SLOPE + 2 * o, j] += value * lag + slope * speed
-
-
-@part
 def _subtract_harmonics(f: Array, j: int, waves: Array) -> None:
     """Subtract the response of a first-order state to its waves, which lie in the rows of the harmonics."""
-    f[first.WARMING, j] = f[first.TEMPERATURE_VALUE, j] - f[first.TEMPERATURE_SLOPE, j] * f[first.RATE, j]
     for i in range(waves.shape[0]):
         row = i * first.WAVE
         cos, sin = f[first.HARMONIC_COS + row, j], f[first.HARMONIC_SIN + row, j]
@@ -257,8 +240,8 @@ def _subtract_harmonics(f: Array, j: int, waves: Array) -> None:
             pair = elementary.quotient(complex(cos, -sin), complex(f[first.RATE, j], waves[i, wave.OMEGA]))
             f[first.HARMONIC_COS + row, j], f[first.HARMONIC_SIN + row, j] = pair.real, -pair.imag
             for o in range(2):
-                waves[i, wave.SIGNAL_COS + 2 * o] += f[first.SIGNAL_VALUE + 2 * o, j] * pair.real
-                waves[i, wave.SIGNAL_SIN + 2 * o] += f[first.SIGNAL_VALUE + 2 * o, j] * -pair.imag
+                waves[i, wave.SIGNAL_COS + 2 * o] += f[first.SIGNAL + o, j] * pair.real
+                waves[i, wave.SIGNAL_SIN + 2 * o] += f[first.SIGNAL + o, j] * -pair.imag
 
 
 @part
@@ -273,8 +256,8 @@ def casing_at(r: Response, t: float) -> tuple[float, float]:
 
 
 @part
-def _add_response(r: Response, y: Array, t: float, sign: float, value: Array, slope: Array) -> None:
-    """Add their response to the loads and to first-order states to η and η' of blocks, or subtract it (``sign`` -1)."""
+def _add_response(r: Response, t: float, sign: float, value: Array, slope: Array) -> None:
+    """Add their response to the loads to η and η' of blocks, or subtract it (``sign`` -1)."""
     b = r.block
     for k in range(r.blocks):
         value[k] += sign * b[block.PARTICULAR, k]
@@ -285,19 +268,6 @@ def _add_response(r: Response, y: Array, t: float, sign: float, value: Array, sl
             a_cos, a_sin = b[block.PARTICULAR_COS + row, k], b[block.PARTICULAR_SIN + row, k]
             value[k] += sign * (a_cos * cos + a_sin * sin)
             slope[k] += sign * (omega * (a_sin * cos - a_cos * sin))
-    _add_thermal_response(r, y, sign, value, slope)
-
-
-@part
-def _add_thermal_response(r: Response, y: Array, sign: float, value: Array, slope: Array) -> None:
-    """Add their response to first-order states to η and η' of blocks, or subtract it."""
-    for j in range(r.firsts):
-        xi, speed, mu = y[state.FIRST, j], y[state.FIRST_SLOPE, j], r.first[first.RATE, j]
-        for k in range(r.blocks):
-            at, lag = r.coupling[1, j, k], r.coupling[2, j, k]
-            if r.block[block.EXPLICIT, k] == 0.0:
-                value[k] += sign * (at * xi + lag * speed)
-                slope[k] += sign * ((at - lag * mu) * speed)
 
 
 @part
@@ -308,7 +278,6 @@ def jump_from_coordinates(r: Response, coordinates: Array, y: Array) -> None:
         y[state.FIRST, j], y[state.FIRST_SLOPE, j] = xi, -r.first[first.RATE, j] * xi
     for k in range(r.blocks):
         y[state.VALUE, k], y[state.SLOPE, k] = coordinates[k], coordinates[r.blocks + k]
-    _add_thermal_response(r, y, -1.0, y[state.VALUE], y[state.SLOPE])
 
 
 @part
@@ -325,7 +294,7 @@ def from_coordinates(r: Response, coordinates: Array, t: float, y: Array) -> Non
     for k in range(r.blocks):
         y[state.VALUE, k], y[state.SLOPE, k] = coordinates[k], coordinates[r.blocks + k]
     _add_sources(r, t, 1.0, y[state.SLOPE])
-    _add_response(r, y, t, -1.0, y[state.VALUE], y[state.SLOPE])
+    _add_response(r, t, -1.0, y[state.VALUE], y[state.SLOPE])
 
 
 @part
@@ -354,5 +323,5 @@ def to_coordinates(r: Response, y: Array, t: float, coordinates: Array) -> None:
     for k in range(r.blocks):
         coordinates[k], coordinates[r.blocks + k] = y[state.VALUE, k], y[state.SLOPE, k]
     value, slope = coordinates[: r.blocks], coordinates[r.blocks : 2 * r.blocks]
-    _add_response(r, y, t, 1.0, value, slope)
+    _add_response(r, t, 1.0, value, slope)
     _add_sources(r, t, -1.0, slope)

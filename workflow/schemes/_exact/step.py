@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workflow.kernels import elementary
 from workflow.kernels.compiled import part
 from workflow.schemes._exact.expansion import SUM_ROUNDING, accumulate, expand, row_sum
 from workflow.schemes._exact.explicit_blocks import explicit_force
@@ -147,7 +146,7 @@ def _series(m: Motion, t: float, order: int) -> None:
             wave_cos, wave_sin = omega * wave_sin, -omega * wave_cos
     for j in range(r.firsts):
         f, mu = r.first, r.first[first.RATE, j]
-        term = (f[first.SIGNAL_VALUE, j] - f[first.SIGNAL_SLOPE, j] * mu) * m.now[state.FIRST_SLOPE, j]
+        term = f[first.SIGNAL, j] * m.now[state.FIRST_SLOPE, j]
         for n in range(1, order + 1):
             derivatives[n] += term
             term *= -mu
@@ -166,7 +165,7 @@ def _explicit_series(m: Motion, k: int, t: float, order: int) -> None:
     """Add the derivatives of an explicit block to those of the signal."""
     r, y, b, waves = m.r, m.now, m.r.block, m.r.waves
     value, slope = y[state.VALUE, k], y[state.SLOPE, k]
-    force = explicit_force(r, k, y, t)
+    force = explicit_force(r, k, t)
     for n in range(order + 1):
         m.expansion.derivatives[n] += b[block.SIGNAL_VALUE, k] * value + b[block.SIGNAL_SLOPE, k] * slope
         value, slope = slope, force - b[block.DAMPING, k] * slope - b[block.STIFFNESS, k] * value
@@ -177,6 +176,3 @@ def _explicit_series(m: Motion, k: int, t: float, order: int) -> None:
             for _ in range(n + 1):
                 f *= complex(0.0, waves[i, wave.OMEGA])
             force += f.real
-        for j in range(r.firsts):
-            decay = elementary.power(-r.first[first.RATE, j], n)
-            force += r.coupling[0, j, k] * y[state.FIRST_SLOPE, j] * decay
