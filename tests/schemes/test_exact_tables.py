@@ -11,9 +11,9 @@ import pytest
 from workflow.schemes import _exact
 
 TABLES = {
-    "block": {"b", "r.block", "free.r.block", "memory.block", "regime.block"},
-    "first": {"f", "r.first", "memory.first", "m.r.first"},
-    "wave": {"w", "waves", "r.waves", "load.waves", "memory.waves"},
+    "block": {"b", "m.block", "memory.block", "regime.block"},
+    "first": {"f", "m.first", "memory.first"},
+    "wave": {"w", "waves", "m.waves", "load.waves", "memory.waves"},
     "state": {"y", "out", "m.now"},
     "expansion": {"sums", "d", "x.sums", "m.expansion.sums", "held.expansion.sums", "free.expansion.sums"},
 }

@@ -10,7 +10,8 @@ import pytest
 
 from workflow.kernels.compiled import uncounted
 from workflow.schemes._exact.explicit_blocks import advance_explicit
-from workflow.schemes._exact.response import Response
+from workflow.schemes._exact.layout import Expansion
+from workflow.schemes._exact.motion import Motion
 from workflow.schemes._exact.tables import block, first, state, wave
 
 SPAN = 0.01
@@ -26,8 +27,8 @@ NAMES = "value", "slope", "integral"
 
 
 @uncounted
-def advanced(r: Response, y: np.ndarray, dt: float) -> tuple[float, float, float]:
-    return advance_explicit(r, 0, y, 0.0, dt, 4)
+def advanced(m: Motion, y: np.ndarray, dt: float) -> tuple[float, float, float]:
+    return advance_explicit(m, 0, y, 0.0, dt, 4)
 
 
 def computed(c: float, w2: float, rate: float, motion: str) -> np.ndarray:
@@ -39,9 +40,11 @@ def computed(c: float, w2: float, rate: float, motion: str) -> np.ndarray:
     rows = {"force": [block.FORCE], "wave": [block.FORCE_COS, block.FORCE_SIN]}
     states = {"value": [state.VALUE], "slope": [state.SLOPE]}
     (b if motion in rows else y)[(rows | states)[motion], 0] = 1.0
-    tables = b, f, np.zeros(2), waves, np.zeros((9, 4), dtype=complex)
-    r = Response(1, False, 0, 1, 0, *tables, 0.0, 0.0, 0.0, two_way=False, cooling=False)
-    return np.array(advanced(r, y, SPAN))
+    one, two = np.zeros(1), np.zeros((1, 1))
+    tables = b, f, one, waves, np.zeros((9, 4), dtype=complex), Expansion(two, two, one, one)
+    numbers = {"gap": 0.0, "growth": 0.0, "fastest": 0.0, "is_modal": False, "heated": False, "cooling": False}
+    m = Motion(1, 0, 1, 0, *tables, y, y, y, y, one, one, inward=two, outward=two, **numbers)
+    return np.array(advanced(m, y, SPAN))
 
 
 def exact(c: float, w2: float, rate: float, motion: str) -> list[list[mp.mpf]]:

@@ -11,9 +11,9 @@ from workflow.models import Array
 from workflow.schemes._exact.accumulation import Bounces, settle
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
 from workflow.schemes._exact.layout import Load
-from workflow.schemes._exact.motion import copy_state, strike
 from workflow.schemes._exact.outcome import Budget
 from workflow.schemes._exact.passage import Motions, enter_contact
+from workflow.schemes._exact.propagation import copy_state, strike
 from workflow.schemes._exact.tables import expansion
 
 
@@ -77,7 +77,7 @@ def impact(motions: Motions, case: Case, tally: Any) -> tuple[bool, float]:
     p = (1.0 + tip.e) * speed / tip.mobility
     tally.max_speed = max(tally.max_speed, speed)
     strike(free, p)
-    expand(free.r, free.now, tally.time, free.expansion)
+    expand(free, free.now, tally.time)
     stays, since = speed <= 0.0 or tip.e == 0.0, tally.time
     if not stays:
         end = _end_of_bounces(motions, case, tally)
@@ -98,7 +98,7 @@ def _end_of_bounces(motions: Motions, case: Case, tally: Any) -> float:
     impact was: those of a tip that only the rounding of a force near zero has lifted.
     """
     tip, free, speed, thresholds = case.tip, motions.free, tally.speed, case.thresholds
-    pressing = -free.expansion.sums[expansion.D2, free.r.blocks]
+    pressing = -free.expansion.sums[expansion.D2, free.blocks]
     rounding = SUM_ROUNDING * free.expansion.sums[expansion.SIZE, 0]
     if speed >= thresholds.speed * tally.max_speed:
         tally.unsettled_speed = np.inf

@@ -59,8 +59,6 @@ class Layout(NamedTuple):
     """Largest rate at which a block or first-order state may grow, 1/s, not negative."""
     fastest: float
     """Bound of all poles, 1/s."""
-    two_way: bool
-    """Whether blocks show in the tip temperature or their η' in the signal."""
     warms: bool
     """Whether blocks show in the tip temperature."""
     heated: bool
@@ -74,7 +72,7 @@ def layout(g: Regime) -> Layout:
     """Pack a regime."""
     blocks, firsts = g.damping.size, g.rate.size
     b, f = np.zeros((block.ROWS, 8 * ((blocks + 7) // 8))), np.zeros((first.ROWS, 8 * ((firsts + 7) // 8)))
-    growth, fastest, warms, two_way = 0.0, 0.0, False, False
+    growth, fastest, warms = 0.0, 0.0, False
     filled = max(1.0, g.stiffness[blocks - 1]) if blocks > 0 else 1.0
     for k in range(b.shape[1]):
         b[block.STIFFNESS, k] = g.stiffness[k] if k < blocks else filled
@@ -90,7 +88,6 @@ def layout(g: Regime) -> Layout:
             b[block.NU, k] = np.sqrt(g.stiffness[k] - 0.25 * c * c)
         growth, fastest = max(growth, -c), max(fastest, b[block.OMEGA, k], abs(c))
         warms |= g.temperature[k] != 0.0 or g.temperature[blocks + k] != 0.0
-        two_way |= g.signal[blocks + k] != 0.0
     for j in range(firsts):
         mu, own = g.rate[j], 2 * blocks + j
         f[first.RATE, j], f[first.SIGNAL, j], f[first.TEMPERATURE, j] = mu, g.signal[own], g.temperature[own]
@@ -107,7 +104,6 @@ def layout(g: Regime) -> Layout:
         g.exit,
         growth,
         fastest,
-        two_way or warms,
         warms,
         g.inward.shape[0] > 2 * g.entry.shape[1],
         False,
@@ -133,6 +129,8 @@ class Expansion(NamedTuple):
     """``(9, column)``; scratch."""
     derivatives: Array
     """Of the signal, ``(ORDER + 1,)``; scratch."""
+    explicit: Array
+    """Derivatives of an explicit block, ``(ORDER + 2,)``; scratch."""
 
 
 class Memory(NamedTuple):
@@ -170,6 +168,9 @@ def memory(regime: Layout, waves: int) -> Memory:
         waves=np.zeros((waves, wave.COLUMNS)),
         differences=np.zeros((9, 4), dtype=np.complex128),
         expansion=Expansion(
-            np.zeros((expansion.ROWS, regime.blocks + 1)), np.zeros((expansion.ROWS, columns)), np.zeros(ORDER + 1)
+            np.zeros((expansion.ROWS, regime.blocks + 1)),
+            np.zeros((expansion.ROWS, columns)),
+            np.zeros(ORDER + 1),
+            np.zeros(ORDER + 2),
         ),
     )

@@ -19,41 +19,40 @@ OMEGA = 2  # ω, 1/s
 INVERSE_OMEGA = 3  # 1/ω, s; 0 where ω = 0
 HALF_DAMPING = 4  # c/2, 1/s
 NU = 5  # ν = √(ω² - c²/4), 1/s; 1 where the block does not oscillate
-EXPLICIT = 6  # 1 where the block keeps its force
-EXPLICIT_COLUMNS = 7  # of the explicit blocks, `Response.explicits` of them
-APERIODIC_COLUMNS = 8  # of others that do not oscillate, `Response.aperiodics` of them
+EXPLICIT_COLUMNS = 6  # of the explicit blocks, `Motion.explicits` of them
+APERIODIC_COLUMNS = 7  # of others that do not oscillate, `Motion.aperiodics` of them
 
 # outputs per η and η'
-SIGNAL_VALUE = 9
-SIGNAL_SLOPE = 10
-TEMPERATURE_VALUE = 11
-TEMPERATURE_SLOPE = 12
-UNFORCED_VALUE = 13  # SIGNAL_VALUE of blocks that are not explicit, else 0; likewise the three rows below
-UNFORCED_SLOPE = 14
-UNFORCED_TEMPERATURE_VALUE = 15
-UNFORCED_TEMPERATURE_SLOPE = 16
-SIGNAL_INTEGRAL = 17  # SIGNAL_VALUE/ω² of blocks that are not explicit, else 0: ∫η dt = -Δ(η' + c η)/ω²
+SIGNAL_VALUE = 8
+SIGNAL_SLOPE = 9
+TEMPERATURE_VALUE = 10
+TEMPERATURE_SLOPE = 11
+UNFORCED_VALUE = 12  # SIGNAL_VALUE of blocks that are not explicit, else 0; likewise the three rows below
+UNFORCED_SLOPE = 13
+UNFORCED_TEMPERATURE_VALUE = 14
+UNFORCED_TEMPERATURE_SLOPE = 15
+SIGNAL_INTEGRAL = 16  # SIGNAL_VALUE/ω² of blocks that are not explicit, else 0: ∫η dt = -Δ(η' + c η)/ω²
 
 # loads
-FORCE = 18  # F0
-SOURCE = 19  # β of η' = u + β + Σ (βc cos ψ + βs sin ψ)
-PARTICULAR = 20  # constant part of the particular solution that is subtracted
+FORCE = 17  # F0
+PARTICULAR = 18  # constant part of what is subtracted from η …
+PARTICULAR_SLOPE = 19  # … and from u
 
 # scratch of one propagation over dt
-C = 21  # of η(dt) = C η + S η'
-S = 22
-WORK = 23
-POWER = 24
+C = 20  # of η(dt) = C η + S η'
+S = 21
+WORK = 22
+POWER = 23
 
-ROWS = 25
+ROWS = 24
 
 # each wave
-FORCE_COS = 25  # Fc
-FORCE_SIN = 26  # Fs
-SOURCE_COS = 27  # βc
-SOURCE_SIN = 28  # βs
-PARTICULAR_COS = 29  # its part of the particular solution
-PARTICULAR_SIN = 30
+FORCE_COS = 24  # Fc
+FORCE_SIN = 25  # Fs
+PARTICULAR_COS = 26  # its part of what is subtracted from η …
+PARTICULAR_SIN = 27
+PARTICULAR_SLOPE_COS = 28  # … and from u
+PARTICULAR_SLOPE_SIN = 29
 
 WAVE = 6
 
