@@ -56,6 +56,9 @@ def real_blocks(A: Array) -> RealBlocks:
     numpy.linalg.LinAlgError
         The iteration did not converge, or the eigenvectors are dependent.
     """
+    drifts = np.flatnonzero(~A.any(axis=0) & A.any(axis=1))
+    if drifts.size:
+        return _with_drifts(A, drifts)
     balanced, (scale, _) = scipy.linalg.matrix_balance(A, permute=False, separate=True)
     values, vectors = scipy.linalg.eig(balanced)
     near, real = _near_pairs(values, vectors), values.imag == 0
@@ -89,6 +92,29 @@ def missed_share(A: Array, blocks: RealBlocks) -> float:
     p, q, x = np.split(blocks.outward, [seconds, 2 * seconds], axis=1)
     moved = np.concatenate([-blocks.stiffness * q, p - blocks.damping * q, -blocks.rate * x], axis=1)
     return float(np.abs(moved @ blocks.inward - A).max(initial=0.0) / np.abs(A).max(initial=1e-300))
+
+
+def _with_drifts(A: Array, drifts: NDArray[np.intp]) -> RealBlocks:
+    """Return the blocks of A with coordinates y on which nothing depends, y' = P X: rigid motions.
+
+    Of the other coordinates as many first-order states as move them most become blocks with ω² = 0, u = ξ and y = V η.
+    Of the rest y follows without a constant, y' = r η + r' u by (r' - c r/ω²) η - r/ω² u.
+    """
+    others = np.setdiff1d(np.arange(len(A)), drifts)
+    c, w2, mu, inward, outward = real_blocks(A[np.ix_(others, others)])
+    at, P = [c.size, 2 * c.size], A[np.ix_(drifts, others)]
+    (r, slope, per_first), (eta, u, xi) = np.split(P @ outward, at, axis=1), np.split(inward, at)
+    share = np.linalg.norm(per_first, axis=0) * np.linalg.norm(xi[:, P.any(axis=0)], axis=1)
+    most, rest = np.split(np.argsort(-share, kind="stable"), [drifts.size])
+    V, decay = per_first[:, most], -np.divide(per_first, mu, out=np.zeros_like(per_first), where=mu != 0)
+    y, y_slope = slope - c * r / w2, -r / w2
+    apart = np.linalg.solve(V, y @ eta + y_slope @ u + decay[:, rest] @ xi[rest])
+    into, out, still = np.zeros(A.shape), np.zeros(A.shape), np.zeros((others.size, drifts.size))
+    into[:, others], into[: drifts.size, drifts] = np.concatenate([-apart, eta, xi[most], u, xi[rest]]), inverse(V)
+    out_eta, out_u, out_xi = np.split(outward, at, axis=1)
+    out[others] = np.concatenate([still, out_eta, out_xi[:, most], out_u, out_xi[:, rest]], axis=1)
+    out[drifts] = np.concatenate([V, y, np.zeros_like(V), y_slope, decay[:, rest]], axis=1)
+    return RealBlocks(np.append(mu[most], c), np.append(np.zeros(most.size), w2), mu[rest], into, out)
 
 
 def _near_pairs(values: Complex, vectors: Complex) -> NDArray[np.intp]:
