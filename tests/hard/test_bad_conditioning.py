@@ -13,7 +13,7 @@ from scripts import script
 from workflow.archive import open_archive
 from workflow.grid import plan_study, structure_of
 from workflow.models import rounding_of_flexibility
-from workflow.models._directories import read
+from workflow.models._matrix_files import read_entries
 from workflow.run import run_study
 from workflow.schemes import Status
 from workflow.study import parse_study, read_study
@@ -56,7 +56,7 @@ def lost(name: str) -> float:
 
 @pytest.mark.parametrize("name", ["scaled_units", "near_rigid"])
 def test_the_files_are_what_the_script_writes(name: str) -> None:
-    stored, computed = read(STUDIES / name), script("hard_matrices").FILES[name]()
+    stored, computed = read_entries(STUDIES / name), script("hard_matrices").FILES[name]()
     assert set(stored) == set(computed)
     for entry, matrix in computed.items():
         entries = stored[entry].toarray() if hasattr(stored[entry], "toarray") else np.asarray(stored[entry])

@@ -13,7 +13,7 @@ so that the contact force is -λ e_n and its heat α λ e_n, as equations (1a) a
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -43,7 +43,7 @@ COLD = 1e30
 
 @dataclass(frozen=True, eq=False)
 class GivenMatrices:
-    """Matrices in SI and in coordinates of their own; all are symmetric but K12.
+    """Matrices, dense or sparse, in SI and in coordinates of their own; all are symmetric but K12.
 
     Attributes
     ----------
@@ -88,22 +88,24 @@ class GivenMatrices:
     labels: tuple[str, ...] = ()
 
 
-def structure_from_matrices(matrices: GivenMatrices) -> Matrices:
-    """Return the structure that dense matrices describe; its ``coordinates`` lead from theirs and back.
+def structure_from_matrices(given: GivenMatrices) -> Matrices:
+    """Return the structure by dense matrices; its ``coordinates`` lead from those of the given ones and back.
 
     Raises
     ------
     UnusableMatricesError
         They are no structure.
     """
+    sparse = {name: value for name, value in vars(given).items() if hasattr(value, "toarray")}
+    matrices = replace(given, **{name: value.toarray() for name, value in sparse.items()})
     basis, projection = _contact_last(matrices.mass, matrices.stiffness, matrices.contact, "mass", "stiffness")
     heat_basis, heat_projection = _contact_last(
         matrices.heat_capacity, matrices.conductance, matrices.thermal_contact, "heat_capacity", "conductance"
     )
     refuse_dashpots(matrices, *_without_inertia(matrices.mass, "mass")[1:])
     expansive = -(matrices.coupling @ _heated_at_once(matrices))
-    given = matrices.steady, matrices.heating, expansive
-    coordinates = Coordinates(basis, projection, heat_basis, heat_projection, *given)
+    loads = matrices.steady, matrices.heating, expansive
+    coordinates = Coordinates(basis, projection, heat_basis, heat_projection, *loads)
     springs = factored(matrices.stiffness, "stiffness", basis)
     conductors = factored(matrices.conductance, "conductance", heat_basis)
     even = np.ones(matrices.heat_capacity.shape[0]) if matrices.even_rise is None else matrices.even_rise

@@ -1,28 +1,41 @@
-"""Growth rate of a tip in permanent contact: the rightmost eigenvalue of the contact-closed system.
+"""Growth rate of a tip in permanent contact: the rightmost eigenvalue of the structure held at the gap, and heated.
 
-Of up to 600 states all eigenvalues are computed. Of more, those of the 100 + 100 modes that contact heat moves most
-are, and the other modes start where the first order in α puts them. What lies furthest right is improved on the whole
-system: with the tip held and its contact force λ heating it, equation (1) closes through one number, and an eigenvalue
-s fulfils G(s) = 1/α, where G(s) is the contact force that a unit heat load at the tip causes, both as exp(s t).
+With x = φ η + ψ x_n (modes with the tip held and constraint mode), θ = χ τ (thermal modes of the whole structure), x_n
+constant and loads left out, equation (1) becomes
+
+    η'' + c η' + ω² η + κ τ = 0               κ = φᵀ K12 χ,   c = φᵀ C1 φ
+    τ' + μ τ = t α λ                          t = χ_n
+    λ = g τ - L η'' - b η'                    g = -ψᵀ K12 χ,  L = φᵀ M ψ,  b = φᵀ C1 ψ
+
+the last one being (1a) multiplied by ψᵀ. With a free root ψ strains no spring, so g is exactly zero. Friction µ along t
+adds µ φᵀt λ to the first line and divides λ by 1 - µ (ψᵀt - L φᵀt).
+
+Of up to 600 states all eigenvalues are computed, of more those of the 100 + 100 modes that contact heat moves most.
+Where c couples no modes the rightmost are improved on the whole system, 1 = α G(s), with G(s) the contact force that a
+unit heat load at the tip causes, both as exp(s t).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workflow.kernels import Array
 from workflow.kernels.algebra import Complex, eigenvalues
-from workflow.models._contact_closed import ContactClosed, Indices, contact_closed
+from workflow.models._damping import held_damping, is_rayleigh
+from workflow.models._modes import poles
+from workflow.models._pair import Modes
 from workflow.models._structure import Structure
 
 _ALL_STATES = 600
 """States up to which all eigenvalues are computed."""
 
 _STRONGEST = 100
-"""Modes of each kind of a larger structure whose eigenvalues are computed together."""
+"""Modes of each kind of a larger structure whose eigenvalues are computed."""
 
 _IMPROVED = 24
 """Eigenvalues of largest real part that are improved."""
@@ -40,8 +53,8 @@ _ZERO = 1e-13
 """Share of a pole that is rounding: contact heat that moves it no further leaves it where it is, and an eigenvalue
 below that share of the slowest pole is 0."""
 
-_FIRST_ORDER = 0.1
-"""Share of a pole by which the first order in α may move an eigenvalue to begin with."""
+_BESIDE = 1e-6
+"""Share of a pole within which another one counts as the same, and at which Newton's iteration starts beside it."""
 
 
 class Growth(NamedTuple):
@@ -58,95 +71,167 @@ class Growth(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class InContact:
-    """What the growth rate of a structure is computed from, the same for every α.
+    """The system in modes, the same for every α.
 
     Attributes
     ----------
-    system
-        The contact-closed system.
-    part
-        That of the modes whose eigenvalues are computed: the system itself where it is small, or coupled by damping.
-    others
-        Which poles are those of the other modes.
-    orders
-        ds/dα of the eigenvalue at each pole, 1/s per W/N; empty where damping couples the modes.
-    sliding
-        The system with what friction drives beside, where there is a direction of it.
+    modes
+        ω [1/s], c [1/s], L [√kg] and b [√kg/s] of the modes with the tip held, ``(4, mechanical mode)``.
+    heat
+        μ [1/s], t [1/√(J/K)] and g [N/√(J K)] of the thermal modes, ``(3, thermal mode)``.
+    coupling
+        κ, ``(mechanical mode, thermal mode)``.
+    has_rigid
+        Whether rigid modes, which nothing drives, are left out: they have the eigenvalues 0 and -a_M.
+    damping
+        φᵀ C1 φ [1/s], ``(mechanical mode, mechanical mode)``, where damping is not Rayleigh's and may couple modes.
+    slid
+        φᵀt, then ψᵀt: what a force along the direction of sliding drives; ``None`` where there is none.
     """
 
-    system: ContactClosed
-    part: ContactClosed
-    others: Indices
-    orders: Complex
-    sliding: ContactClosed | None = None
+    modes: Array
+    heat: Array
+    coupling: Array
+    has_rigid: bool
+    damping: Array | None
+    slid: Array | None
+
+    @cached_property
+    def poles(self) -> Complex:
+        """Eigenvalues without contact heat, 1/s: two of each mode, then -μ."""
+        return np.append(poles(self.modes[0], self.modes[1]), -self.heat[0])
+
+    @cached_property
+    def orders(self) -> Complex:
+        """ds/dα of the eigenvalue at each pole at α = 0, the residue of G there, 1/s per W/N."""
+        omega, damping, participation, drag = self.modes[:, :, None]
+        decay, tip, static = self.heat
+        s = self.poles[: 2 * omega.size].reshape(-1, 2)
+        driven = ((self.coupling * tip)[:, None] / (s[:, :, None] + decay)).sum(axis=2)
+        apart, least = 2 * s + damping, _BESIDE * np.abs(s)
+        mechanical = s * (participation * s + drag) * driven / np.where(np.abs(apart) < least, least, apart)
+        rest = decay * (decay - damping) + omega**2
+        share = np.divide(decay * (participation * decay - drag), rest, out=np.zeros_like(rest), where=rest != 0)
+        return np.append(mechanical, tip * (static + (share * self.coupling).sum(axis=0)))
+
+    @cached_property
+    def strongest(self) -> tuple[InContact, Complex]:
+        """The system of the modes that contact heat moves most, and the poles of all others."""
+        count = self.modes.shape[1]
+        if self.poles.size <= _ALL_STATES or self.damping is not None:
+            return self, self.poles[:0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.nan_to_num(np.abs(self.orders) / np.abs(self.poles), posinf=np.inf)
+        shares = share[: 2 * count].reshape(count, 2).max(axis=1), share[2 * count :]
+        modes, heats = (np.sort(np.argsort(-of, kind="stable")[:_STRONGEST]) for of in shares)
+        system = replace(
+            self, modes=self.modes[:, modes], heat=self.heat[:, heats], coupling=self.coupling[np.ix_(modes, heats)]
+        )
+        return system, np.delete(self.poles, np.concatenate([2 * modes, 2 * modes + 1, 2 * count + heats]))
+
+    def contact_force(self, s: Complex) -> tuple[Complex, Complex]:
+        """Return G(s), the contact force by a unit heat load at the tip as exp(s t), and dG/ds; ``(s,)`` each.
+
+        G = Σ_k [g_k + Σ_j h_j(s) κ_jk] t_k/(s + μ_k), h_j = (L_j s² + b_j s)/(s² + c_j s + ω_j²).
+        """
+        omega, damping, participation, drag = self.modes
+        decay, tip, static = self.heat
+        s = s[:, None]
+        warmth = tip / (s + decay)
+        rest = s * (s + damping) + omega**2
+        share = s * (participation * s + drag) / rest
+        slope = (2 * participation * s + drag - share * (2 * s + damping)) / rest
+        driven = static + share @ self.coupling
+        turned = slope @ self.coupling - driven / (s + decay)
+        return (driven * warmth).sum(axis=1), (turned * warmth).sum(axis=1)
+
+    def matrix(self, alpha: float, friction: float = 0.0) -> Array:
+        """Return A of X' = A X, X = [ω η, η', τ], 1/s."""
+        omega, own, participation, drag = self.modes
+        decay, tip, static = self.heat
+        damping = np.diag(own) if self.damping is None else self.damping
+        zero, row = np.zeros((omega.size, omega.size)), np.zeros((omega.size, decay.size))
+        speeds = np.block([[-np.diag(omega), -damping, -self.coupling]])  # η''
+        force = -participation @ speeds
+        force += np.concatenate([np.zeros(omega.size), -drag, static])
+        if friction != 0 and self.slid is not None:
+            slid, along = self.slid[:-1], self.slid[-1]
+            force /= 1 - friction * (along - participation @ slid)
+            speeds += friction * slid[:, None] * force
+        warming = alpha * tip[:, None] * force
+        warming[:, 2 * omega.size :] -= np.diag(decay)
+        return np.vstack([np.hstack([zero, np.diag(omega), row]), speeds, warming])
 
 
 def in_contact(structure: Structure) -> InContact:
-    """Prepare the growth rates of a structure; of one without matrices those of its lowest modes."""
-    few = None if structure.has_matrices else _STRONGEST
-    system = contact_closed(structure, few)
-    sliding = None if structure.tangent is None else contact_closed(structure, slides=True)
-    orders = np.zeros(0, dtype=np.complex128) if system.is_coupled else system.first_orders()
-    if orders.size <= _ALL_STATES:
-        return InContact(system, system, np.zeros(0, dtype=np.intp), orders, sliding)
-    poles, modes = system.poles(), system.modes.shape[1]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.nan_to_num(np.abs(orders) / np.abs(poles), posinf=np.inf)
-    chosen = np.sort(np.argsort(-share[: 2 * modes].reshape(modes, 2).max(axis=1), kind="stable")[:_STRONGEST])
-    heats = np.sort(np.argsort(-share[2 * modes :], kind="stable")[:_STRONGEST])
-    others = np.delete(np.arange(poles.size), np.concatenate([2 * chosen, 2 * chosen + 1, 2 * modes + heats]))
-    return InContact(system, system.part(chosen, heats), others, orders, sliding)
+    """Prepare the growth rates of a structure; of one without matrices those of its lowest modes of both kinds.
 
-
-def growth(prepared: InContact, alpha: float, friction: float = 0.0) -> Growth:
-    """Return the largest real part of the eigenvalues of the contact-closed system, 1/s; negative: all decays.
-
-    Where damping or friction couples the modes all eigenvalues are computed, and none is improved. NaN where none of
-    a larger structure could be improved; flutter of modes that contact heat moves little may be missed there.
+    Friction drives rigid modes of the interior too: they are kept where there is a direction of it.
     """
-    sliding = prepared.sliding if friction != 0 else None
-    system = sliding or prepared.system
-    if sliding or system.is_coupled:
-        values = eigenvalues(system.matrix(alpha, friction if sliding else 0.0))
+    pair, few = structure.mechanical, None if structure.has_matrices else _STRONGEST
+    held, thermal = pair.held_modes(few), structure.thermal.modes(few)
+    kept = (held.values > 0) | (structure.tangent is not None)
+    omega, shapes = np.sqrt(held.values[kept]), np.ascontiguousarray(held.shapes[:, kept])
+    constraint, expansions = pair.constraint, structure.expansions(thermal.shapes)
+    participation, coupled = shapes.T @ pair.inertia_of(constraint), None
+    damping, drag = structure.damping.of_modes(omega), structure.damping.mass * participation
+    if not is_rayleigh(structure):
+        coupled = held_damping(structure, Modes(omega, shapes))
+        damping, drag = np.diag(coupled), shapes.T @ (structure.damping_matrix @ constraint)
+    return InContact(
+        modes=np.stack([omega, np.broadcast_to(damping, omega.shape), participation, drag]),
+        heat=np.stack([thermal.values, thermal.tip, pair.work(constraint, pair.deformed, expansions)]),
+        coupling=-pair.work(shapes, pair.deformation_of(shapes), expansions),
+        has_rigid=not np.all(kept),
+        damping=coupled,
+        slid=None if structure.tangent is None else np.column_stack([shapes, constraint]).T @ structure.tangent,
+    )
+
+
+def growth(contact: InContact, alpha: float, friction: float = 0.0) -> Growth:
+    """Return the largest real part of the eigenvalues of a structure in permanent contact, 1/s; negative: all decays.
+
+    Where damping or friction couples the modes none is improved. NaN where none of a larger structure could be
+    improved; flutter of modes that contact heat moves little may be missed there.
+    """
+    if contact.damping is not None or (contact.slid is not None and friction != 0):
+        values = eigenvalues(contact.matrix(alpha, friction))
         rates = values.real
     else:
-        values, rates = _rates(prepared, alpha)
-    rate = float(rates.max(initial=0.0 if system.has_rigid else -np.inf)) + 0.0
+        values, rates = _rates(contact, alpha)
+    rate = float(rates.max(initial=0.0 if contact.has_rigid else -np.inf)) + 0.0
     return Growth(rate if np.isfinite(rate) else np.nan, _UNCERTAIN * float(np.abs(values).max(initial=0.0)))
 
 
-def _rates(prepared: InContact, alpha: float) -> tuple[Complex, Array]:
-    """Return approximate eigenvalues and poles, and real parts of eigenvalues that are improved or stay where they are.
+def _rates(contact: InContact, alpha: float) -> tuple[Complex, Array]:
+    """Return approximate eigenvalues, and real parts of those that are improved or stay at their poles.
 
     On a pole that takes no part in the contact 1/G says nothing.
     """
-    system, part, others, poles = prepared.system, prepared.part, prepared.others, prepared.system.poles()
-    moved, slowest = alpha * np.abs(prepared.orders), np.abs(poles[poles != 0]).min(initial=np.inf)
-    still = poles[moved <= _ZERO * np.maximum(np.abs(poles), slowest)]
-    step, most = alpha * prepared.orders[others], _FIRST_ORDER * np.abs(poles[others])
-    step *= np.divide(most, moved[others], out=np.ones_like(most), where=moved[others] > most)
-    spectrum = np.concatenate([eigenvalues(part.matrix(alpha)), poles[others] + step])
+    poles, (part, others) = contact.poles, contact.strongest
+    slowest = np.abs(poles[poles != 0]).min(initial=np.inf)
+    still = poles[alpha * np.abs(contact.orders) <= _ZERO * np.maximum(np.abs(poles), slowest)]
+    spectrum = np.concatenate([eigenvalues(part.matrix(alpha)), others * (1 + _BESIDE)])
     above = spectrum[spectrum.imag >= 0]
     starts = above[np.argsort(-above.real, kind="stable")[:_IMPROVED]]
-    roots, left = _improved(system, alpha, starts)
-    converged = left <= np.maximum(_CONVERGED * np.abs(roots), _UNCERTAIN * np.abs(spectrum).max())
-    rates = np.where(converged, roots, starts).real[converged | (part is system)]
+    roots, converged = _improved(contact, alpha, starts, _UNCERTAIN * np.abs(spectrum).max(initial=0.0))
+    rates = np.where(converged, roots, starts).real[converged | (part is contact)]
     rates[np.abs(rates) <= _ZERO * slowest] = 0.0
     return np.append(spectrum, poles), np.append(rates, still.real)
 
 
-def _improved(system: ContactClosed, alpha: float, starts: Complex) -> tuple[Complex, Array]:
-    """Return eigenvalues improved by Newton's method on 1/G(s) = α, and the last step of each, 1/s."""
+def _improved(contact: InContact, alpha: float, starts: Complex, least: float) -> tuple[Complex, NDArray[np.bool_]]:
+    """Return eigenvalues improved by Newton's method on 1/G(s) = α, and which of them it found, to ``least`` 1/s."""
     roots, left = starts.copy(), np.full(starts.size, np.inf)
     with np.errstate(all="ignore"):
         for _ in range(_STEPS):
-            force, slope = system.contact_force(roots)
+            force, slope = contact.contact_force(roots)
             step = force * (alpha * force - 1) / slope
             step[~np.isfinite(step)] = 0.0
             roots, left = roots - step, np.abs(step)
             if np.all(left <= _ZERO * np.abs(roots)):
                 break
-    return roots, left
+    return roots, left <= np.maximum(_CONVERGED * np.abs(roots), least)
 
 
 def growth_rate(structure: Structure, alpha: float, friction: float = 0.0) -> float:

@@ -9,9 +9,9 @@ import numpy as np
 import scipy
 
 from workflow.kernels import Array
-from workflow.kernels.algebra import MOST_BY_JACOBI
 from workflow.models._from_matrices import COLD, GivenMatrices
-from workflow.models._matrix_files import LABELS, MATRICES, Entries, refuse
+from workflow.models._matrix_files import LABELS, MATRICES, Entries
+from workflow.models._semidefinite import UnusableMatricesError
 from workflow.models._structure import Rayleigh
 
 ASYMMETRY = 1e-10
@@ -33,125 +33,6 @@ _TO_SI = {
 """From t, N/mm, N s/mm, N/K, mJ/K, mW/K and mW."""
 
 
-def dense(name: str, value: Any) -> Array:
-    """Return a matrix or vector as a dense array of finite numbers."""
-    if hasattr(value, "toarray"):
-        value = value.toarray()
-    array = np.asarray(value)
-    if array.dtype.kind not in "fiub":
-        raise refuse(f"`{name}` holds no real numbers", "write real numbers")
-    array = array.astype(np.float64)
-    if not np.isfinite(array).all():
-        raise refuse(f"`{name}` has an entry that is not finite", "write finite numbers")
-    return array
-
-
-def is_large(value: Any) -> bool:
-    """Tell whether a matrix has more rows or columns than dense portable arrays are made of."""
-    return len(np.shape(value)) == 2 and max(np.shape(value)) > MOST_BY_JACOBI
-
-
-def square(name: str, value: Any, size: int | None = None) -> Any:
-    """Return a symmetric matrix, its two halves averaged; of many rows as a sparse one."""
-    shape = np.shape(value)
-    if len(shape) != 2 or shape[0] != shape[1] or not shape[0]:
-        raise refuse(f"`{name}` has the shape {shape}", "it must be square")
-    if size is not None and shape[0] != size:
-        raise refuse(f"`{name}` has {shape[0]} rows", f"it must have {size}, as the matrices beside it")
-    matrix = sparse_matrix(name, value)
-    across, magnitudes = matrix.T.tocsc(), abs(matrix)
-    largest = np.maximum(magnitudes.max(axis=0).toarray().ravel(), magnitudes.max(axis=1).toarray().ravel())
-    apart = abs(matrix - across).tocoo()
-    wrong = np.flatnonzero(apart.data > ASYMMETRY * np.maximum(largest[apart.row], largest[apart.col]))
-    if wrong.size:
-        row, column = int(apart.row[wrong[0]]), int(apart.col[wrong[0]])
-        raise refuse(
-            f"`{name}` is not symmetric: {matrix[row, column]:g} at ({row}, {column}), {matrix[column, row]:g} across",
-            "write both halves alike",
-        )
-    mean = scipy.sparse.csc_array((matrix + across) / 2)
-    return mean if is_large(value) else mean.toarray()
-
-
-def sparse_matrix(name: str, value: Any) -> scipy.sparse.csc_array:
-    """Return a matrix of finite numbers by its columns."""
-    matrix = scipy.sparse.csc_array(value if scipy.sparse.issparse(value) else dense(name, value))
-    matrix.sum_duplicates()
-    matrix.data = dense(name, matrix.data)
-    return matrix
-
-
-def vector(name: str, value: Any, size: int) -> Array:
-    """Return a vector with an entry per degree of freedom."""
-    array = dense(name, value)
-    if array.size != size or array.ndim > 2 or (array.ndim == 2 and 1 not in array.shape):
-        raise refuse(f"`{name}` has the shape {array.shape}", f"it must have {size} entries, as the matrices have rows")
-    return array.ravel()
-
-
-def texts(name: str, value: Any, size: int) -> tuple[str, ...]:
-    """Return labels, one per degree of freedom, all different."""
-    labels = tuple(str(text).strip() for text in np.asarray(value).astype(str).ravel())
-    if len(labels) != size:
-        raise refuse(f"`{name}` has {len(labels)} labels", f"write {size}, as the matrices have rows")
-    if len(set(labels)) < size:
-        twice = next(label for label in labels if labels.count(label) > 1)
-        raise refuse(f"`{name}` has {twice[:40]!r} twice", "name each degree of freedom once")
-    return labels
-
-
-def direction(chosen: str | int | None, name: str, entries: Entries, labels: Sequence[str], size: int) -> Array:
-    """Return the vector that a label, an index (from 0) or the name of a vector stands for.
-
-    Parameters
-    ----------
-    chosen
-        As the study has it; ``None`` stands for the entry ``name`` of the file, which may be an index or a label too.
-    name
-        Entry to read: ``contact``, ``thermal_contact`` or ``tangent``.
-    entries, labels
-        Of the file.
-    size
-        Number of degrees of freedom.
-    """
-    if chosen is None:
-        if name not in entries:
-            raise refuse(
-                f"`{name}` is given neither in the study nor in the file", "write a label, an index or a vector"
-            )
-        value = np.asarray(entries[name]) if not hasattr(entries[name], "toarray") else entries[name].toarray()
-        if value.size > 1 or (size == 1 and value.dtype.kind == "f"):
-            return _nonzero(name, vector(name, value, size))
-        chosen = int(value.ravel()[0]) if value.dtype.kind in "iu" else str(value.ravel()[0])
-    if isinstance(chosen, str):
-        if chosen in labels:
-            chosen = list(labels).index(chosen)
-        elif chosen in entries and chosen not in (*MATRICES, *LABELS):
-            return _nonzero(chosen, vector(chosen, entries[chosen], size))
-        else:
-            raise refuse(
-                f"`{name}: {chosen}` is neither a label nor a vector of the file", _remedy(entries, labels, size)
-            )
-    if not 0 <= chosen < size:
-        raise refuse(f"`{name}: {chosen}` is no index", f"write one from 0 to {size - 1}")
-    unit = np.zeros(size)
-    unit[chosen] = 1.0
-    return unit
-
-
-def _remedy(entries: Entries, labels: Sequence[str], size: int) -> str:
-    vectors = [name for name in entries if name not in (*MATRICES, *LABELS)]
-    some = [f"`{text}`" for text in (*vectors, *labels[:5])]
-    named = f"{', '.join(some)}{', …' if len(labels) > 5 else ''} or " if some else ""
-    return f"write {named}an index from 0 to {size - 1}"
-
-
-def _nonzero(name: str, values: Array) -> Array:
-    if not np.any(values):
-        raise refuse(f"`{name}` is zero everywhere", "write what it acts on")
-    return values
-
-
 def in_si(entries: Entries, units: str) -> dict[str, Any]:
     """Return entries in SI."""
     if units == "SI":
@@ -168,88 +49,61 @@ class Chosen(NamedTuple):
 
 
 def checked_matrices(entries: Entries, chosen: Chosen, damping: Rayleigh) -> GivenMatrices:
-    """Return the matrices of checked entries in SI.
+    """Return the matrices of entries in SI, all of them sparse.
 
     Raises
     ------
     UnusableMatricesError
         An entry is missing or wrong.
     """
-    for name in ("mass", "stiffness"):
-        if name not in entries:
-            raise refuse(
-                f"it has no `{name}`", f"write `mass` and `stiffness`; it has {', '.join(entries) or 'nothing'}"
-            )
-    mass = square("mass", entries["mass"])
+    if "mass" not in entries or "stiffness" not in entries:
+        problem = f"it has no `{'stiffness' if 'mass' in entries else 'mass'}`"
+        remedy = f"write `mass` and `stiffness`; it has {', '.join(entries) or 'nothing'}"
+        raise UnusableMatricesError(problem, remedy)
+    mass = _symmetric(entries, "mass")
     size = mass.shape[0]
-    stiffness = square("stiffness", entries["stiffness"], size)
-    labels = texts("labels", entries["labels"], size) if "labels" in entries else ()
-    normal = direction(chosen.contact, "contact", entries, labels, size)
-    heat = _heat(entries, labels, chosen.thermal_contact, normal)
-    damper = square("damping", entries["damping"], size) if "damping" in entries else None
+    labels = _texts("labels", entries, size)
+    normal = _direction(chosen.contact, "contact", entries, labels, size)
+    damper = _symmetric(entries, "damping", size) if "damping" in entries else None
     if damper is not None and damping != Rayleigh():
-        raise refuse("it has a `damping`, and the study has one too", "keep one of them")
+        raise UnusableMatricesError("it has a `damping`, and the study has one too", "keep one of them")
     return GivenMatrices(
         damper=damper,
-        load=_nonzero("load", vector("load", entries["load"], size)) if "load" in entries else None,
+        load=_nonzero("load", _vector("load", entries, size)) if "load" in entries else None,
         mass=mass,
-        stiffness=stiffness,
+        stiffness=_symmetric(entries, "stiffness", size),
         contact=normal,
         tangent=_tangent(entries, labels, chosen.tangent, normal),
         damping=damping,
-        steady=vector("steady", entries["steady"], size) if "steady" in entries else np.zeros(size),
+        steady=_vector("steady", entries, size),
         labels=labels,
-        **heat,
+        **_heat(entries, labels, chosen.thermal_contact, normal),
     )
 
 
-def _tangent(entries: Entries, labels: Sequence[str], chosen: str | int | None, normal: Array) -> Array | None:
-    """Return the direction of friction, which must not be that of the contact; ``None`` where nobody gives one."""
-    if chosen is None and "tangent" not in entries:
-        return None
-    tangent = direction(chosen, "tangent", entries, labels, normal.size)
-    along = abs(tangent @ normal) / (np.linalg.norm(tangent) * np.linalg.norm(normal))
-    if along > 1 - ASYMMETRY:
-        raise refuse("`tangent` is the direction of the contact", "write the direction in which the casing slides")
-    return tangent
-
-
-def has_heat(entries: Entries) -> bool:
-    """Tell whether a file describes temperatures."""
-    return any(name in entries for name in ("heat_capacity", "conductance", "coupling"))
-
-
-def _heat(
-    entries: Entries, labels: Sequence[str], thermal_contact: str | int | None, contact: Array
-) -> dict[str, Array]:
+def _heat(entries: Entries, labels: Sequence[str], chosen: str | int | None, contact: Array) -> dict[str, Any]:
     """Return what is about temperatures; of a file without them a single one that stays 0 and moves nothing."""
-    size = contact.size
-    if not has_heat(entries):
-        one = np.ones((1, 1))
-        none = {"coupling": np.zeros((size, 1)), "conductance": 0 * one, "heating": np.zeros(1)}
-        return {"heat_capacity": COLD * one, "thermal_contact": np.ones(1), **none}
-    for name in ("heat_capacity", "conductance"):
+    size, own = contact.size, ("heat_capacity", "conductance", "coupling")
+    if not any(name in entries for name in own):
+        one, none = scipy.sparse.csc_array(np.ones((1, 1))), scipy.sparse.csc_array((size, 1))
+        cold = {"heat_capacity": COLD * one, "conductance": 0 * one, "coupling": none}
+        return {**cold, "thermal_contact": np.ones(1), "heating": np.zeros(1)}
+    for name in own[:2]:
         if name not in entries:
-            raise refuse(
-                f"it has no `{name}`", "write both of heat_capacity and conductance, or neither and no coupling"
-            )
-    capacity = square("heat_capacity", entries["heat_capacity"])
+            remedy = "write both of heat_capacity and conductance, or neither and no coupling"
+            raise UnusableMatricesError(f"it has no `{name}`", remedy)
+    capacity = _symmetric(entries, "heat_capacity")
     count = capacity.shape[0]
-    coupling: Any = (
-        scipy.sparse.csc_array((size, count)) if max(size, count) > MOST_BY_JACOBI else np.zeros((size, count))
-    )
-    if "coupling" in entries:
-        written = entries["coupling"]
-        coupling = sparse_matrix("coupling", written) if is_large(written) else dense("coupling", written)
-        if coupling.shape != (size, count):
-            remedy = f"it must have a row per displacement and a column per temperature, {(size, count)}"
-            raise refuse(f"`coupling` has the shape {coupling.shape}", remedy)
+    coupling = _sparse("coupling", entries["coupling"] if "coupling" in entries else np.zeros((size, count)))
+    if coupling.shape != (size, count):
+        remedy = f"it must have a row per displacement and a column per temperature, {(size, count)}"
+        raise UnusableMatricesError(f"`coupling` has the shape {coupling.shape}", remedy)
     return {
         "heat_capacity": capacity,
-        "conductance": square("conductance", entries["conductance"], count),
+        "conductance": _symmetric(entries, "conductance", count),
         "coupling": coupling,
-        "thermal_contact": _thermal_contact(entries, labels, thermal_contact, contact, count),
-        "heating": vector("heating", entries["heating"], count) if "heating" in entries else np.zeros(count),
+        "thermal_contact": _thermal_contact(entries, labels, chosen, contact, count),
+        "heating": _vector("heating", entries, count),
     }
 
 
@@ -257,10 +111,118 @@ def _thermal_contact(
     entries: Entries, labels: Sequence[str], chosen: str | int | None, contact: Array, count: int
 ) -> Array:
     """Return the shares of the contact heat; where nobody says, those of a contact at one of as many temperatures."""
-    own = texts("thermal_labels", entries["thermal_labels"], count) if "thermal_labels" in entries else ()
+    own = _texts("thermal_labels", entries, count) or (labels if len(labels) == count else ())
     if chosen is None and "thermal_contact" not in entries and count == contact.size and np.count_nonzero(contact) == 1:
         return np.asarray(contact != 0, dtype=np.float64)
-    shares = direction(chosen, "thermal_contact", entries, own or (labels if len(labels) == count else ()), count)
+    shares = _direction(chosen, "thermal_contact", entries, own, count)
     if abs(shares.sum() - 1) > _WHOLE:
-        raise refuse(f"the shares of `thermal_contact` are {shares.sum():g} in sum", "they must be 1 in sum")
+        raise UnusableMatricesError(
+            f"the shares of `thermal_contact` are {shares.sum():g} in sum", "they must be 1 in sum"
+        )
     return shares
+
+
+def _tangent(entries: Entries, labels: Sequence[str], chosen: str | int | None, normal: Array) -> Array | None:
+    """Return the direction of friction, which must not be that of the contact; ``None`` where nobody gives one."""
+    if chosen is None and "tangent" not in entries:
+        return None
+    tangent = _direction(chosen, "tangent", entries, labels, normal.size)
+    along = abs(tangent @ normal) / (np.linalg.norm(tangent) * np.linalg.norm(normal))
+    if along > 1 - ASYMMETRY:
+        problem, remedy = "`tangent` is the direction of the contact", "write the direction in which the casing slides"
+        raise UnusableMatricesError(problem, remedy)
+    return tangent
+
+
+def _direction(chosen: str | int | None, name: str, entries: Entries, labels: Sequence[str], size: int) -> Array:
+    """Return the vector, ``(size,)``, that a label, an index (from 0) or the name of a vector stands for.
+
+    ``chosen`` is as the study has it; ``None`` stands for the entry ``name`` of the file, which may be any of these.
+    """
+    if chosen is None:
+        if name not in entries:
+            remedy = "write a label, an index or a vector"
+            raise UnusableMatricesError(f"`{name}` is given neither in the study nor in the file", remedy)
+        value = entries[name].toarray() if hasattr(entries[name], "toarray") else np.asarray(entries[name])
+        if value.size > 1 or (size == 1 and value.dtype.kind == "f"):
+            return _nonzero(name, _vector(name, entries, size))
+        chosen = int(value.item()) if value.dtype.kind in "iu" else str(value.item())
+    if isinstance(chosen, str):
+        if chosen not in labels:
+            vectors = [entry for entry in entries if entry not in (*MATRICES, *LABELS)]
+            if chosen in vectors:
+                return _nonzero(chosen, _vector(chosen, entries, size))
+            some = ", ".join(f"`{text}`" for text in (*vectors, *labels[:5])) + ", …" * (len(labels) > 5)
+            remedy = f"write {some + ' or ' if some else ''}an index from 0 to {size - 1}"
+            raise UnusableMatricesError(f"`{name}: {chosen}` is neither a label nor a vector of the file", remedy)
+        chosen = list(labels).index(chosen)
+    if not 0 <= chosen < size:
+        raise UnusableMatricesError(f"`{name}: {chosen}` is no index", f"write one from 0 to {size - 1}")
+    unit = np.zeros(size)
+    unit[chosen] = 1.0
+    return unit
+
+
+def _numbers(name: str, value: Any) -> Array:
+    """Return finite real numbers."""
+    array = np.asarray(value)
+    if array.dtype.kind not in "fiub":
+        raise UnusableMatricesError(f"`{name}` holds no real numbers", "write real numbers")
+    if not np.isfinite(array).all():
+        raise UnusableMatricesError(f"`{name}` has an entry that is not finite", "write finite numbers")
+    return array.astype(np.float64)
+
+
+def _sparse(name: str, value: Any) -> scipy.sparse.csc_array:
+    """Return a matrix of finite numbers by its columns."""
+    matrix = scipy.sparse.csc_array(value if scipy.sparse.issparse(value) else _numbers(name, value))
+    matrix.sum_duplicates()
+    matrix.data = _numbers(name, matrix.data)
+    return matrix
+
+
+def _symmetric(entries: Entries, name: str, size: int | None = None) -> scipy.sparse.csc_array:
+    """Return a matrix of so many rows, its two halves averaged."""
+    shape = np.shape(entries[name])
+    if len(shape) != 2 or shape[0] != shape[1] or not shape[0] or shape[0] != (size or shape[0]):
+        remedy = f"it must have {size} rows and columns" if size else "it must be square"
+        raise UnusableMatricesError(f"`{name}` has the shape {shape}", remedy)
+    matrix = _sparse(name, entries[name])
+    across, magnitudes = matrix.T.tocsc(), abs(matrix)
+    largest = np.maximum(magnitudes.max(axis=0).toarray().ravel(), magnitudes.max(axis=1).toarray().ravel())
+    apart = abs(matrix - across).tocoo()
+    wrong = np.flatnonzero(apart.data > ASYMMETRY * np.maximum(largest[apart.row], largest[apart.col]))
+    if wrong.size:
+        row, column = int(apart.row[wrong[0]]), int(apart.col[wrong[0]])
+        both = f"{matrix[row, column]:g} at ({row}, {column}), {matrix[column, row]:g} across"
+        raise UnusableMatricesError(f"`{name}` is not symmetric: {both}", "write both halves alike")
+    return scipy.sparse.csc_array((matrix + across) / 2)
+
+
+def _vector(name: str, entries: Entries, size: int) -> Array:
+    """Return a vector with an entry per degree of freedom, zeros where the file has none."""
+    value = entries.get(name, np.zeros(size))
+    array = _numbers(name, value.toarray() if hasattr(value, "toarray") else value)
+    if array.size != size or array.ndim > 2 or (array.ndim == 2 and 1 not in array.shape):
+        remedy = f"it must have {size} entries, as the matrices have rows"
+        raise UnusableMatricesError(f"`{name}` has the shape {array.shape}", remedy)
+    return array.ravel()
+
+
+def _nonzero(name: str, values: Array) -> Array:
+    if not np.any(values):
+        raise UnusableMatricesError(f"`{name}` is zero everywhere", "write what it acts on")
+    return values
+
+
+def _texts(name: str, entries: Entries, size: int) -> tuple[str, ...]:
+    """Return labels, one per degree of freedom, all different; none where the file has none."""
+    if name not in entries:
+        return ()
+    labels = tuple(str(text).strip() for text in np.asarray(entries[name]).astype(str).ravel())
+    if len(labels) != size:
+        raise UnusableMatricesError(f"`{name}` has {len(labels)} labels", f"write {size}, as the matrices have rows")
+    if len(set(labels)) < size:
+        twice = next(label for label in labels if labels.count(label) > 1)
+        raise UnusableMatricesError(f"`{name}` has {twice[:40]!r} twice", "name each degree of freedom once")
+    return labels

@@ -6,7 +6,6 @@ and all products are sparse.
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -16,11 +15,7 @@ from threadpoolctl import threadpool_limits
 from workflow.kernels import Array
 from workflow.models._factors import NotHeldError, factorised
 from workflow.models._fill import warn_of_fill
-from workflow.models._from_matrices import (
-    GivenMatrices,
-    refuse_dashpots,
-    structure_from_matrices,
-)
+from workflow.models._from_matrices import GivenMatrices, refuse_dashpots, structure_from_matrices
 from workflow.models._matrix_entries import ASYMMETRY
 from workflow.models._pair import MOST_FULL
 from workflow.models._semidefinite import UnusableMatricesError
@@ -47,7 +42,7 @@ def structure_from_sparse(matrices: GivenMatrices) -> Matrices | Sparse:
     is_small = size <= MOST_FULL
     plain = matrices.damper is None and matrices.load is None
     if is_small and not (plain and _is_definite(matrices.mass) and _is_definite(matrices.heat_capacity)):
-        return structure_from_matrices(dense_matrices(matrices))
+        return structure_from_matrices(matrices)
     try:
         with threadpool_limits(limits=1, user_api="blas"):  # the same bits whoever factorises
             return _sparse_structure(matrices)
@@ -57,28 +52,19 @@ def structure_from_sparse(matrices: GivenMatrices) -> Matrices | Sparse:
                 f"a structure of {size} degrees of freedom must be held and have definite matrices: {error}",
                 "hold it, or check signs and that it was assembled in full",
             ) from None
-        return structure_from_matrices(dense_matrices(matrices))
+        return structure_from_matrices(matrices)
 
 
 def _is_definite(inertia: Any) -> bool:
     """Tell whether a small inertia is definite by more than rounding; motions without inertia are condensed else."""
-    matrix = inertia.toarray() if scipy.sparse.issparse(inertia) else inertia
-    diagonal = np.diag(matrix)
+    diagonal = inertia.diagonal()
     if not np.all(diagonal > 0):
         return False
-    scale = 1 / np.sqrt(diagonal)
+    scaled = inertia.toarray() / np.sqrt(np.multiply.outer(diagonal, diagonal))
     try:
-        return bool(np.diag(np.linalg.cholesky(matrix * scale * scale[:, None])).min() ** 2 > _SINGULAR)
+        return bool(np.diag(np.linalg.cholesky(scaled)).min() ** 2 > _SINGULAR)
     except np.linalg.LinAlgError:
         return False
-
-
-def dense_matrices(matrices: GivenMatrices) -> GivenMatrices:
-    """Return matrices as dense arrays."""
-    values = {each.name: getattr(matrices, each.name) for each in fields(matrices)}
-    return replace(
-        matrices, **{name: value.toarray() for name, value in values.items() if scipy.sparse.issparse(value)}
-    )
 
 
 def _sparse_structure(matrices: GivenMatrices) -> Sparse:

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from workflow.models._matrix_entries import Chosen, checked_matrices
-from workflow.models._matrix_files import LABELS, MATRICES, VECTORS, refuse
+from workflow.models._matrix_files import LABELS, MATRICES, VECTORS
+from workflow.models._semidefinite import UnusableMatricesError
 from workflow.models._structure import Rayleigh
 
 
@@ -33,33 +34,28 @@ def write_matrices(path: str | Path, *, mass: Any, stiffness: Any, **entries: An
     UnusableMatricesError
         An entry is wrong; the message says which, and what would be right.
     """
-    place, known = Path(path), (*MATRICES, *VECTORS, *LABELS)
+    place, known, given = Path(path), (*MATRICES, *VECTORS, *LABELS), {"mass": mass, "stiffness": stiffness, **entries}
     if place.suffix.lower() != ".npz":
-        raise refuse(f"`{place.name}` is no NPZ file", "end its name in .npz")
-    unknown = sorted(set(entries) - set(known))
+        raise UnusableMatricesError(f"`{place.name}` is no NPZ file", "end its name in .npz")
+    unknown = sorted(set(given) - set(known))
     if unknown:
-        raise refuse(f"no entry is called {', '.join(unknown)}", f"entries are {', '.join(known)}")
-    given = {"mass": mass, "stiffness": stiffness, **entries}
+        raise UnusableMatricesError(f"no entry is called {', '.join(unknown)}", f"entries are {', '.join(known)}")
     _check(given)
     arrays: dict[str, Any] = {}
     for name, value in given.items():
         if hasattr(value, "tocsr"):
             rows = value.tocsr()
-            parts = {"data": rows.data, "indices": rows.indices, "indptr": rows.indptr, "shape": rows.shape}
-            arrays.update({f"{name}.{part}": array for part, array in parts.items()})
+            arrays |= {f"{name}.{part}": getattr(rows, part) for part in ("data", "indices", "indptr", "shape")}
         else:
             arrays[name] = np.asarray(value, dtype=str if name in LABELS else np.float64)
     np.savez_compressed(place, **arrays)
     return place
 
 
-def _check(entries: dict[str, Any]) -> None:
+def _check(given: dict[str, Any]) -> None:
     """Refuse what the model refuses; the study may name contacts that the entries leave out."""
-    if "contact" in entries:
-        contact, checked = None, entries
-    else:
-        contact, checked = 0, {name: value for name, value in entries.items() if name != "tangent"}
-    heat = None if "thermal_contact" in entries or "heat_capacity" not in entries else 0
-    read = {name: value.tocsr() if hasattr(value, "tocsr") else value for name, value in checked.items()}
-    read |= {name: np.asarray(read[name], dtype=str) for name in LABELS if name in read}
-    checked_matrices(read, Chosen(contact, heat), Rayleigh())
+    contact, checked = None, given
+    if "contact" not in given:
+        contact, checked = 0, {name: value for name, value in given.items() if name != "tangent"}
+    heat = None if "thermal_contact" in given or "heat_capacity" not in given else 0
+    checked_matrices(checked, Chosen(contact, heat), Rayleigh())

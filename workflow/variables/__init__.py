@@ -48,9 +48,9 @@ _HEAT = (
 
 _GROWTH = (
     "eigenvalues, real or not, of the linear system with the tip held at the casing and heated by alpha times the "
-    "contact force; uncertain by 1e-12 of the largest modulus of an eigenvalue; of more than 600 states the rightmost "
-    "that the 100 modes of each kind lead to which contact heat moves most, and all others by their first order in "
-    "alpha: flutter of these may be missed; NaN where it was not found, which message then tells"
+    "contact force; uncertain by 1e-12 of the largest modulus of an eigenvalue; of more than 600 states those of the "
+    "100 modes of each kind that contact heat moves most, the rightmost improved on the whole structure: flutter of "
+    "others may be missed; NaN where it was not found, which message then tells"
 )
 
 _PROJECTION = (
