@@ -56,7 +56,7 @@ def real_blocks(A: Array) -> RealBlocks:
     numpy.linalg.LinAlgError
         The iteration did not converge, or the eigenvectors are dependent.
     """
-    drifts = np.flatnonzero(~A.any(axis=0) & A.any(axis=1))
+    drifts = np.flatnonzero(~A.any(axis=0) & (np.sum(A != 0, axis=1) == 1) & (A.max(axis=1, initial=0.0) == 1))
     if drifts.size:
         return _with_drifts(A, drifts)
     balanced, (scale, _) = scipy.linalg.matrix_balance(A, permute=False, separate=True)
@@ -95,7 +95,7 @@ def missed_share(A: Array, blocks: RealBlocks) -> float:
 
 
 def _with_drifts(A: Array, drifts: NDArray[np.intp]) -> RealBlocks:
-    """Return the blocks of A with coordinates y on which nothing depends, y' = P X: rigid motions.
+    """Return the blocks of A with places y of rigid motions: nothing depends on them, y' = P X are velocities.
 
     Of the other coordinates as many first-order states as move them most become blocks with ω² = 0, u = ξ and y = V η.
     Of the rest y follows without a constant, y' = r η + r' u by (r' - c r/ω²) η - r/ω² u.
