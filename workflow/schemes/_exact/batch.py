@@ -14,12 +14,12 @@ from workflow.schemes._exact import outcome
 from workflow.schemes._exact.conditions import load_of, penetration, tip_of
 from workflow.schemes._exact.held_regime import HeldRegimes
 from workflow.schemes._exact.impacts import Case, Thresholds
-from workflow.schemes._exact.layout import Layout, Memory, layout_of, memory
+from workflow.schemes._exact.layout import Memory, Regime, memory
 from workflow.schemes._exact.march import march
 from workflow.schemes._exact.modal_system import Basis, analyse
 from workflow.schemes._exact.outcome import Budget
 from workflow.schemes._exact.record import TALLY, Record
-from workflow.schemes._exact.regimes import InseparablePolesError
+from workflow.schemes._exact.regimes import InseparablePolesError, regime_of
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Status, complete_periods, sections_of
 
 THRESHOLDS = Thresholds(height=1e-10, speed=1e-3, force=64.0)
@@ -35,14 +35,14 @@ class Operator:
     thresholds: Thresholds = THRESHOLDS
 
     @cached_property
-    def heated(self) -> Layout:
+    def heated(self) -> Regime:
         """The regime of a free tip."""
-        return layout_of(self.basis.free)
+        return regime_of(self.basis.free)
 
     @cached_property
-    def unheated(self) -> Layout:
+    def unheated(self) -> Regime:
         """The regime of a free tip without thermal modes."""
-        return layout_of(self.basis.free.unheated)
+        return regime_of(self.basis.free.unheated)
 
 
 def make_operator(structure: Structure, budget: Budget) -> Operator:
@@ -76,8 +76,8 @@ def heat_acts(cases: Cases, i: int) -> bool:
 class Prepared(NamedTuple):
     """What the march takes, but for the record."""
 
-    free: Layout
-    held: Layout
+    free: Regime
+    held: Regime
     case: Case
     memories: tuple[Memory, Memory]
     tip: Array
@@ -110,7 +110,7 @@ class Batch:
         self.finite = cases.finite
         moving = (project(basis.to_modes, states) for states in (cases.displacement, cases.velocity))
         self.modal = np.hstack([*moving, project(basis.to_thermal, cases.temperature)])
-        self.held: tuple[tuple[float, float, bool], Layout] | None = None
+        self.held: tuple[tuple[float, float, bool], Regime] | None = None
         self.memory: dict[tuple[int, int, int, bool, bool], Memory] = {}
         self.histories = np.full((count, len(HISTORIES), sampling.count), np.nan)
         self.period_values = np.full((count, 7, int(self.periods.max(initial=0))), np.nan)
@@ -126,14 +126,14 @@ class Batch:
         except InseparablePolesError:
             self.ended[i] = outcome.INSEPARABLE_POLES
 
-    def _held(self, alpha: float, friction: float, heated: bool) -> Layout:
+    def _held(self, alpha: float, friction: float, heated: bool) -> Regime:
         """Return the held regime at α and µ, which the cases that follow share."""
         key = alpha, friction, heated
         if self.held is None or self.held[0] != key:
             self.held = key, self.operator.held.at(alpha, friction, heated=heated)
         return self.held[1]
 
-    def _memory(self, regime: Layout, waves: int, *, is_free: bool) -> Memory:
+    def _memory(self, regime: Regime, waves: int, *, is_free: bool) -> Memory:
         """Return the memory that cases of regimes of one size use one after the other."""
         key = regime.blocks, regime.firsts, waves, regime.is_modal, is_free
         if key not in self.memory:

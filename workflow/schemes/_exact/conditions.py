@@ -9,7 +9,7 @@ import numpy as np
 from workflow.kernels import elementwise
 from workflow.models import Array, Cases
 from workflow.schemes._exact.impacts import Tip
-from workflow.schemes._exact.layout import Layout, Load
+from workflow.schemes._exact.layout import Load, Regime
 from workflow.schemes._exact.modal_system import Basis
 from workflow.schemes._exact.tables import wave
 
@@ -49,7 +49,7 @@ def _sinusoids(cases: Cases, i: int) -> Iterator[tuple[int, float, float, float]
                 yield which, float(more.amplitude[i, k]), float(more.frequency[i, k]), float(more.phase[i, k])
 
 
-def tip_of(cases: Cases, i: int, basis: Basis, free: Layout, load: Load) -> Tip:
+def tip_of(cases: Cases, i: int, basis: Basis, free: Regime, load: Load) -> Tip:
     """Return contact law, impact data and start of case ``i``: an impulse moves the modes by φᵀ(e_n - µ t)."""
     alpha, friction, modes = float(cases.alpha[i]), float(cases.friction[i]), basis.tip.size
     struck, size = basis.tip - friction * basis.along, free.inward.shape[0]

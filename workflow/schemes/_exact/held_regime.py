@@ -13,10 +13,10 @@ import numpy as np
 from workflow.kernels.algebra import Complex
 from workflow.kernels.compiled import kernel, part, rolled
 from workflow.models import Array
-from workflow.schemes._exact.layout import Layout, layout, layout_of
+from workflow.schemes._exact.layout import Regime, tabulated
 from workflow.schemes._exact.modal_system import ModalSystem, signal_inputs, state_space
 from workflow.schemes._exact.rank_one import RankOne, Zeros, fill_vectors, find_zeros, reciprocal, square
-from workflow.schemes._exact.regimes import Regime, linked, thermal_response
+from workflow.schemes._exact.regimes import linked, regime_of, thermal_response
 
 _CRITICAL = 1e-2
 """Two poles of a mode nearer than this, relatively, and a pole so near a thermal rate, lose digits by its square: the
@@ -31,7 +31,7 @@ class Heated(NamedTuple):
     """R, ``(mode, thermal mode)``."""
     heat_tip: Array
     source: Array
-    """z'' and τ' per input w, see :class:`~workflow.schemes._exact.regimes.Regime`, but for friction heat,
+    """z'' and τ' per input w, see :class:`~workflow.schemes._exact.layout.Regime`, but for friction heat,
     ``(mode + thermal mode, input)``."""
     inputs: Array
     """Contact force per input, ``(input,)``."""
@@ -46,16 +46,16 @@ class HeldRegimes:
         self._held, self._linked = held, linked(held)
         self._heated = None if held.is_coupled else _heated(self._linked)
 
-    def at(self, alpha: float, friction: float, *, heated: bool) -> Layout:
+    def at(self, alpha: float, friction: float, *, heated: bool) -> Regime:
         """Return the regime at α [W/N], and µ along the tangent, without thermal modes where no heat acts."""
         system = self._held.sliding(friction)
         if system is not self._held:
-            return layout_of(linked(system), alpha)
+            return regime_of(linked(system), alpha)
         if alpha > 0 and self._heated is not None:
             is_sound, regime = _regime_at(self._heated, alpha)
             if is_sound:
                 return regime
-        return layout_of(self._linked if alpha > 0 else self._held if heated else self._held.unheated, alpha)
+        return regime_of(self._linked if alpha > 0 else self._held if heated else self._held.unheated, alpha)
 
 
 def _heated(held: ModalSystem) -> Heated | None:
@@ -78,7 +78,7 @@ def _heated(held: ModalSystem) -> Heated | None:
 
 @kernel
 @rolled
-def _regime_at(h: Heated, alpha: float) -> tuple[bool, Layout]:
+def _regime_at(h: Heated, alpha: float) -> tuple[bool, Regime]:
     """Return whether the spectrum at α can be trusted, and the regime: blocks are complex pairs of eigenvalues.
 
     A pair s = σ ± iν with right and left eigenvectors x and ξ = l X has the real coordinates η = Re ξ
@@ -127,8 +127,7 @@ def _regime_at(h: Heated, alpha: float) -> tuple[bool, Layout]:
                 for k in range(wide):
                     source[i, k] += per * inward[modes + n, k]
         source[i, size] = h.inputs[i]
-    regime = Regime(damping, stiffness, rate, signal, temperature, source, inward, outward, h.entry, h.exit)
-    return sound, layout(regime)
+    return sound, tabulated(damping, stiffness, rate, signal, temperature, source, inward, outward, h.entry, h.exit)
 
 
 @part

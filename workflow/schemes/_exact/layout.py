@@ -10,10 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from workflow.kernels.algebra import Complex
-from workflow.kernels.compiled import kernel
+from workflow.kernels.compiled import kernel, part
 from workflow.models import Array
-from workflow.schemes._exact.modal_system import ModalSystem
-from workflow.schemes._exact.regimes import Regime, regime_of
 from workflow.schemes._exact.tables import block, expansion, first, state, wave
 
 ORDER = 18
@@ -40,21 +38,30 @@ class Load(NamedTuple):
     """Constant heat load per thermal coordinate, W."""
 
 
-class Layout(NamedTuple):
-    """A regime as tables, shared by cases; rows that loads decide are 0 here and filled in :class:`Memory`."""
+class Regime(NamedTuple):
+    """A linear system in real blocks, shared by cases, and how its coordinates follow from those of the free tip.
+
+    Coordinates are [η (block), u (block), ξ (first order)], N in all; modal coordinates are those of the free modes,
+    [y, y', τ]. Inputs are w = [constant loads, heating, tip load, d, d', d''], d the place of the casing.
+    """
 
     blocks: int
     firsts: int
     block: Array
-    """See :mod:`workflow.schemes._exact.tables.block`."""
+    """See :mod:`workflow.schemes._exact.tables.block`; rows that loads decide are 0 here, as in ``first``."""
     first: Array
     """See :mod:`workflow.schemes._exact.tables.first`."""
     source: Array
+    """Sources [β, γ, χ] and, in the column after theirs, the signal, ``(mechanical + thermal + 4, N + 1)``: rows are
+    inputs."""
     inward: Array
+    """Coordinates from X = [z, z', τ] of its own modes, ``(N, N)``: rows are X. Columns beyond N fill up packs, as in
+    ``source``."""
     outward: Array
+    """… and back, ``(N, N)``: rows are coordinates."""
     entry: Array
     exit: Array
-    """All see :class:`~workflow.schemes._exact.regimes.Regime`."""
+    """z from free modes and back, see :class:`~workflow.schemes._exact.modal_system.ModalSystem`."""
     growth: float
     """Largest rate at which a block or first-order state may grow, 1/s, not negative."""
     fastest: float
@@ -68,52 +75,71 @@ class Layout(NamedTuple):
 
 
 @kernel
-def layout(g: Regime) -> Layout:
-    """Pack a regime."""
-    blocks, firsts = g.damping.size, g.rate.size
+def tabulated(
+    damping: Array,
+    stiffness: Array,
+    rate: Array,
+    signal: Array,
+    temperature: Array,
+    source: Array,
+    inward: Array,
+    outward: Array,
+    entry: Array,
+    exit_: Array,
+) -> Regime:
+    """Return a regime by c and ω² of blocks, ascending, μ of first-order states, and outputs per coordinate, ``(N,)``.
+
+    Outputs are the signal, see :class:`~workflow.schemes._exact.modal_system.ModalSystem`, and the temperature of the
+    tip, K.
+    """
+    blocks, firsts = damping.size, rate.size
     b, f = np.zeros((block.ROWS, 8 * ((blocks + 7) // 8))), np.zeros((first.ROWS, 8 * ((firsts + 7) // 8)))
     growth, fastest, warms = 0.0, 0.0, False
-    filled = max(1.0, g.stiffness[blocks - 1]) if blocks > 0 else 1.0
+    filled = max(1.0, stiffness[blocks - 1]) if blocks > 0 else 1.0
     for k in range(b.shape[1]):
-        b[block.STIFFNESS, k] = g.stiffness[k] if k < blocks else filled
+        b[block.STIFFNESS, k] = stiffness[k] if k < blocks else filled
         b[block.OMEGA, k], b[block.NU, k] = np.sqrt(b[block.STIFFNESS, k]), 1.0
         if b[block.OMEGA, k] > 0.0:
             b[block.INVERSE_OMEGA, k] = 1.0 / b[block.OMEGA, k]
     for k in range(blocks):
-        c = g.damping[k]
+        c = damping[k]
         b[block.DAMPING, k], b[block.HALF_DAMPING, k] = c, 0.5 * c
-        b[block.SIGNAL_VALUE, k], b[block.SIGNAL_SLOPE, k] = g.signal[k], g.signal[blocks + k]
-        b[block.TEMPERATURE_VALUE, k], b[block.TEMPERATURE_SLOPE, k] = g.temperature[k], g.temperature[blocks + k]
-        if g.stiffness[k] > 0.25 * c * c:
-            b[block.NU, k] = np.sqrt(g.stiffness[k] - 0.25 * c * c)
+        b[block.SIGNAL_VALUE, k], b[block.SIGNAL_SLOPE, k] = signal[k], signal[blocks + k]
+        b[block.TEMPERATURE_VALUE, k], b[block.TEMPERATURE_SLOPE, k] = temperature[k], temperature[blocks + k]
+        if stiffness[k] > 0.25 * c * c:
+            b[block.NU, k] = np.sqrt(stiffness[k] - 0.25 * c * c)
         growth, fastest = max(growth, -c), max(fastest, b[block.OMEGA, k], abs(c))
-        warms |= g.temperature[k] != 0.0 or g.temperature[blocks + k] != 0.0
+        warms |= temperature[k] != 0.0 or temperature[blocks + k] != 0.0
     for j in range(firsts):
-        mu, own = g.rate[j], 2 * blocks + j
-        f[first.RATE, j], f[first.SIGNAL, j], f[first.TEMPERATURE, j] = mu, g.signal[own], g.temperature[own]
+        mu, own = rate[j], 2 * blocks + j
+        f[first.RATE, j], f[first.SIGNAL, j], f[first.TEMPERATURE, j] = mu, signal[own], temperature[own]
         growth, fastest = max(growth, -mu), max(fastest, abs(mu))
-    return Layout(
+    return Regime(
         blocks,
         firsts,
         b,
         f,
-        g.source,
-        g.inward,
-        g.outward,
-        g.entry,
-        g.exit,
+        source,
+        inward,
+        outward,
+        entry,
+        exit_,
         growth,
         fastest,
         warms,
-        g.inward.shape[0] > 2 * g.entry.shape[1],
-        False,
+        inward.shape[0] > 2 * entry.shape[1],
+        _is_identity(inward),
     )
 
 
-def layout_of(system: ModalSystem, alpha: float = 0.0) -> Layout:
-    """Return the regime of a structure with its tip free, or held at α [W/N]; see :func:`regime_of`."""
-    regime = regime_of(system, alpha)
-    return layout(regime)._replace(is_modal=np.array_equal(regime.inward, np.eye(len(regime.inward))))
+@part
+def _is_identity(matrix: Array) -> bool:
+    """Whether a matrix changes no coordinates."""
+    for i in range(matrix.shape[0]):
+        for j in range(matrix.shape[1]):
+            if matrix[i, j] != (1.0 if i == j else 0.0):
+                return False
+    return True
 
 
 class Expansion(NamedTuple):
@@ -154,7 +180,7 @@ class Memory(NamedTuple):
     expansion: Expansion
 
 
-def memory(regime: Layout, waves: int) -> Memory:
+def memory(regime: Regime, waves: int) -> Memory:
     """Return memory for a regime under so many waves."""
     columns, wide = block.padded(regime.blocks), block.padded(regime.firsts)
     coordinates = np.zeros(regime.inward.shape[0])

@@ -10,7 +10,7 @@ from workflow.kernels.compiled import part, rolled, uncounted
 from workflow.schemes._exact import outcome
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
 from workflow.schemes._exact.impacts import Case, impact
-from workflow.schemes._exact.layout import Layout, Memory
+from workflow.schemes._exact.layout import Memory, Regime
 from workflow.schemes._exact.motion import Motion
 from workflow.schemes._exact.passage import Motions, enter_contact, fill_modal, motions_of, release, set_free, set_held
 from workflow.schemes._exact.propagation import Observed, advance, copy_state, integral, observe
@@ -39,7 +39,7 @@ _FIRST_STEP = 0.1
 
 @uncounted
 @rolled
-def march(free: Layout, held: Layout, case: Case, record: Record, memories: tuple[Memory, Memory]) -> int:
+def march(free: Regime, held: Regime, case: Case, record: Record, memories: tuple[Memory, Memory]) -> int:
     """Run one case and return how it ended, see :mod:`workflow.schemes._exact.outcome`; never raises."""
     motions = motions_of(free, held, case.load, case.tip.jump, memories)
     tally, T = record.tally, case.load.duration

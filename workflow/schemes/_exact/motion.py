@@ -20,7 +20,7 @@ from workflow.kernels import elementary
 from workflow.kernels.algebra import Complex
 from workflow.kernels.compiled import part
 from workflow.models import Array
-from workflow.schemes._exact.layout import Expansion, Layout, Load, Memory
+from workflow.schemes._exact.layout import Expansion, Load, Memory, Regime
 from workflow.schemes._exact.tables import block, first, state, wave
 from workflow.schemes._exact.waves import wave_phase
 
@@ -37,7 +37,7 @@ SIGNAL, TEMPERATURE = 0, 1
 class Motion(NamedTuple):
     """A regime under the loads of one case, and states in it, see :mod:`~workflow.schemes._exact.tables.state`.
 
-    Arrays are those of :class:`~workflow.schemes._exact.layout.Layout` and of its
+    Arrays are those of :class:`~workflow.schemes._exact.layout.Regime` and of its
     :class:`~workflow.schemes._exact.layout.Memory`.
     """
 
@@ -78,7 +78,7 @@ class Motion(NamedTuple):
 
 
 @part
-def prepare(regime: Layout, load: Load, memory: Memory) -> Any:
+def prepare(regime: Regime, load: Load, memory: Memory) -> Any:
     """Return the motion of a case in a regime, its states not yet set, and complete the tables of its memory."""
     b, f, outputs, waves = memory.block, memory.first, memory.outputs, memory.waves
     _clear(regime, load, memory)
@@ -131,7 +131,7 @@ def prepare(regime: Layout, load: Load, memory: Memory) -> Any:
 
 
 @part
-def _clear(regime: Layout, load: Load, memory: Memory) -> None:
+def _clear(regime: Regime, load: Load, memory: Memory) -> None:
     """Begin with the tables of the regime, and with the waves as they are given."""
     for row in range(memory.block.shape[0]):
         for k in range(memory.block.shape[1]):
@@ -147,7 +147,7 @@ def _clear(regime: Layout, load: Load, memory: Memory) -> None:
 
 
 @part
-def _source(regime: Layout, load: Load, row: int) -> float:
+def _source(regime: Regime, load: Load, row: int) -> float:
     """Return the constant source of a coordinate; in the last row that of the signal."""
     steady, heating = load.steady.size, load.heating.size
     at = steady + heating
@@ -160,7 +160,7 @@ def _source(regime: Layout, load: Load, row: int) -> float:
 
 
 @part
-def _wave_source(regime: Layout, load: Load, row: int, i: int) -> tuple[float, float]:
+def _wave_source(regime: Regime, load: Load, row: int, i: int) -> tuple[float, float]:
     """Return the coefficients of cos ψ and sin ψ of wave ``i`` in a source, by its load, d, d' and d''."""
     at, omega = load.steady.size + load.heating.size, load.waves[i, wave.OMEGA]
     push, place = regime.source[at, row], regime.source[at + 1, row]
@@ -171,7 +171,7 @@ def _wave_source(regime: Layout, load: Load, row: int, i: int) -> tuple[float, f
 
 
 @part
-def _fill_sources(regime: Layout, load: Load, memory: Memory) -> None:
+def _fill_sources(regime: Regime, load: Load, memory: Memory) -> None:
     """Fill the sources of the signal and of first-order states."""
     f, outputs, waves, signal = memory.first, memory.outputs, memory.waves, 2 * regime.blocks + regime.firsts
     outputs[SIGNAL] = _source(regime, load, signal)
@@ -186,7 +186,7 @@ def _fill_sources(regime: Layout, load: Load, memory: Memory) -> None:
 
 
 @part
-def _fill_force(regime: Layout, load: Load, k: int, memory: Memory) -> None:
+def _fill_force(regime: Regime, load: Load, k: int, memory: Memory) -> None:
     """Fill the force F on a block, and -β."""
     b, waves = memory.block, memory.waves
     beta, gamma = _source(regime, load, k), _source(regime, load, regime.blocks + k)

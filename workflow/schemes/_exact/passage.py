@@ -9,7 +9,7 @@ import numpy as np
 from workflow.kernels.compiled import part
 from workflow.models import Array
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
-from workflow.schemes._exact.layout import Layout, Load, Memory
+from workflow.schemes._exact.layout import Load, Memory, Regime
 from workflow.schemes._exact.motion import (
     Motion,
     casing_at,
@@ -28,11 +28,11 @@ class Motions(NamedTuple):
     held: Motion
     entry: Array
     exit: Array
-    """Both see :class:`~workflow.schemes._exact.layout.Layout`, of the held regime."""
+    """Both see :class:`~workflow.schemes._exact.layout.Regime`, of the held regime."""
 
 
 @part
-def motions_of(free: Layout, held: Layout, load: Load, jump: Array, memories: tuple[Memory, Memory]) -> Any:
+def motions_of(free: Regime, held: Regime, load: Load, jump: Array, memories: tuple[Memory, Memory]) -> Any:
     """Return both motions of a case, their states not yet set; ``jump`` are those of the coordinates of a free tip."""
     motions = Motions(prepare(free, load, memories[0]), prepare(held, load, memories[1]), held.entry, held.exit)
     jump_from_coordinates(motions.free, jump, motions.free.jump)

@@ -16,12 +16,12 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
 from workflow.models import Array
 from workflow.poles import real_blocks
+from workflow.schemes._exact.layout import Regime, tabulated
 from workflow.schemes._exact.modal_system import ModalSystem, signal_inputs, state_space
 from workflow.schemes._interface import RefusedStructureError
 
@@ -37,38 +37,6 @@ class InseparablePolesError(RefusedStructureError):
 
     def __init__(self) -> None:
         super().__init__(f"its damping {INSEPARABLE}")
-
-
-class Regime(NamedTuple):
-    """A linear system in real blocks, its outputs, and how its coordinates follow from those of the free tip.
-
-    Coordinates are [η (block), u (block), ξ (first order)], N in all; modal coordinates are those of the free modes,
-    [y, y', τ]. Outputs are the signal, see :class:`~workflow.schemes._exact.modal_system.ModalSystem`, and the
-    temperature of the tip, K. Inputs are w = [constant loads, heating, tip load, d, d', d''], d the place
-    of the casing.
-    """
-
-    damping: Array
-    """c of each block, 1/s, ``(block,)``."""
-    stiffness: Array
-    """ω² of each block, 1/s², ascending, ``(block,)``."""
-    rate: Array
-    """μ of each first-order state, 1/s, ``(first,)``."""
-    signal: Array
-    """Signal per coordinate, ``(N,)``."""
-    temperature: Array
-    """Tip temperature per coordinate, ``(N,)``."""
-    source: Array
-    """Sources [β, γ, χ] and, in the column after theirs, the signal, ``(mechanical + thermal + 4, N + 1)``: rows are
-    inputs."""
-    inward: Array
-    """Coordinates from X = [z, z', τ] of its own modes, ``(N, N)``: rows are X. Columns beyond N fill up packs, as in
-    ``source``."""
-    outward: Array
-    """… and back, ``(N, N)``: rows are coordinates."""
-    entry: Array
-    exit: Array
-    """z from free modes and back, see :class:`~workflow.schemes._exact.modal_system.ModalSystem`."""
 
 
 NEAR_RATE = 1e-3
@@ -108,8 +76,7 @@ def regime_of(system: ModalSystem, alpha: float = 0.0) -> Regime:
     """
     is_apart = alpha == 0 and system.friction_force is None and not system.is_coupled
     response = thermal_response(system, NEAR_RATE) if is_apart else None
-    regime = _in_blocks(system, alpha) if response is None else _in_modes(system, response)
-    return Regime(*(np.ascontiguousarray(values, dtype=np.float64) for values in regime))
+    return _in_blocks(system, alpha) if response is None else _in_modes(system, response)
 
 
 def _in_modes(system: ModalSystem, response: Array) -> Regime:
@@ -142,19 +109,10 @@ def _regime(
     ``poles`` are c and ω² of blocks and μ of first-order states, ``signal`` and ``source`` those of the coordinates.
     Columns of ``inward`` and rows of ``outward`` are X.
     """
-    damping, stiffness, rate = poles
-    return Regime(
-        damping,
-        stiffness,
-        rate,
-        signal=signal,
-        temperature=system.heat_tip @ outward[2 * system.frequency.size :],
-        source=np.concatenate([source, signal_inputs(system)[None]]).T,
-        inward=inward.T,
-        outward=outward.T,
-        entry=system.entry,
-        exit=system.exit,
-    )
+    source = np.concatenate([source, signal_inputs(system)[None]])
+    temperature = system.heat_tip @ outward[2 * system.frequency.size :]
+    arrays = *poles, signal, temperature, source.T, inward.T, outward.T, system.entry, system.exit
+    return tabulated(*(np.ascontiguousarray(values, dtype=np.float64) for values in arrays))
 
 
 def linked(held: ModalSystem) -> ModalSystem:
