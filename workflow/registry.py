@@ -10,7 +10,7 @@ from __future__ import annotations
 import importlib
 import pkgutil
 import sys
-from collections.abc import Iterable
+from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import distributions, entry_points
 from types import ModuleType
@@ -18,11 +18,6 @@ from types import ModuleType
 
 class BrokenModuleError(ImportError):
     """A module of a registry cannot be imported or lacks what it must offer."""
-
-
-def names(package: str) -> tuple[str, ...]:
-    """Return the names of all modules of a registry, of its directory and of entry points, sorted."""
-    return _names(package, tuple(sys.modules[package].__path__))
 
 
 @cache
@@ -49,34 +44,44 @@ def modules_from_outside() -> frozenset[str]:
     return frozenset(entry.value for entry in added if entry.group.startswith("workflow."))
 
 
-def fault(package: str, name: str, required: Iterable[str]) -> str | None:
-    """Return why a module of a registry cannot be used, ``None`` if it can."""
-    try:
-        load(package, name, required)
-    except BrokenModuleError as error:
-        return str(error)
-    return None
+@dataclass(frozen=True)
+class Registry:
+    """The modules of a package and of entry points of its group, each with the ``required`` names."""
 
+    package: str
+    required: tuple[str, ...]
 
-def load(package: str, name: str, required: Iterable[str]) -> ModuleType:
-    """Return the module of a name; what the directory holds comes before entry points.
+    def names(self) -> tuple[str, ...]:
+        """Return the names of all modules, sorted."""
+        return _names(self.package, tuple(sys.modules[self.package].__path__))
 
-    Raises
-    ------
-    KeyError
-        No module has this name.
-    BrokenModuleError
-        The module cannot be imported, or lacks one of the ``required`` names.
-    """
-    if name not in names(package):
-        raise KeyError(name)
-    path = sys.modules[package].__path__
-    place = f"{package}.{name}" if name in _own(tuple(path)) else _entries(package)[name]
-    try:
-        module = importlib.import_module(place)
-    except Exception as error:  # whatever a file from outside raises
-        raise BrokenModuleError(f"{place} cannot be imported: {type(error).__name__}: {error}") from error
-    missing = [part for part in required if not hasattr(module, part)]
-    if missing:
-        raise BrokenModuleError(f"{place} lacks {', '.join(missing)}")
-    return module
+    def fault(self, name: str) -> str | None:
+        """Return why the module of a name cannot be used, ``None`` if it can."""
+        try:
+            self.load(name)
+        except BrokenModuleError as error:
+            return str(error)
+        return None
+
+    def load(self, name: str) -> ModuleType:
+        """Return the module of a name; what the directory holds comes before entry points.
+
+        Raises
+        ------
+        KeyError
+            No module has this name.
+        BrokenModuleError
+            The module cannot be imported, or lacks one of the required names.
+        """
+        if name not in self.names():
+            raise KeyError(name)
+        is_own = name in _own(tuple(sys.modules[self.package].__path__))
+        place = f"{self.package}.{name}" if is_own else _entries(self.package)[name]
+        try:
+            module = importlib.import_module(place)
+        except Exception as error:  # whatever a file from outside raises
+            raise BrokenModuleError(f"{place} cannot be imported: {type(error).__name__}: {error}") from error
+        missing = [part for part in self.required if not hasattr(module, part)]
+        if missing:
+            raise BrokenModuleError(f"{place} lacks {', '.join(missing)}")
+        return module

@@ -38,17 +38,22 @@ def near_multiples(count: int) -> Iterable[float]:
             yield float(k * mpmath.pi / 2)
 
 
+@uncounted
+def _exp(x: Array, powers: Array) -> None:
+    for i in range(x.size):
+        powers[i] = elementary.exp(x[i])
+
+
+def exp(x: Any) -> Array:
+    powers = np.zeros(len(x))
+    _exp(np.array(x), powers)
+    return powers
+
+
 def test_exponential() -> None:
     x = np.concatenate([RANDOM.uniform(-745, 709.7, COUNT), RANDOM.uniform(-1, 1, COUNT), powers(-320, 0)])
     x = np.concatenate([x, -powers(-320, 0), RANDOM.uniform(-745.13, -708, COUNT), [709.782712893384]])
-    assert worst(elementwise.exp(x), x, mpmath.exp) < 1
-
-
-def test_logarithm() -> None:
-    x = np.concatenate(
-        [powers(-323, 308, COUNT), RANDOM.uniform(0.5, 2, COUNT), 1 + RANDOM.uniform(-1e-8, 1e-8, COUNT)]
-    )
-    assert worst(elementwise.log(x[x != 1]), x[x != 1], mpmath.log) < 1
+    assert worst(exp(x), x, mpmath.exp) < 1
 
 
 @pytest.mark.parametrize("which", [0, 1], ids=["sine", "cosine"])
@@ -93,19 +98,10 @@ def test_hypotenuse() -> None:
 def test_special_values() -> None:
     inf, nan = np.inf, np.nan
     arguments = [0.0, -0.0, inf, -inf, nan, 710.0, -746.0, TINY]
-    np.testing.assert_array_equal(elementwise.exp(arguments), [1, 1, inf, 0, nan, inf, 0, 1])
-    np.testing.assert_array_equal(
-        elementwise.log([0.0, -0.0, inf, -inf, nan, -1.0, 1.0]), [-inf, -inf, inf, nan, nan, nan, 0]
-    )
+    np.testing.assert_array_equal(exp(arguments), [1, 1, inf, 0, nan, inf, 0, 1])
     sin, cos = elementwise.sine_cosine([0.0, -0.0, inf, -inf, nan, TINY])
     np.testing.assert_array_equal(sin, [0, 0, nan, nan, nan, TINY])
     np.testing.assert_array_equal(np.signbit(sin[:2]), [False, True])
     np.testing.assert_array_equal(cos, [1, 1, nan, nan, nan, 1])
     lengths = hypot([0.0, 3.0, inf, nan, nan, 1e308, TINY], [0.0, -4.0, nan, -inf, 1.0, 1.7e308, 0.0])
     np.testing.assert_array_equal(lengths, [0, 5, inf, inf, nan, inf, TINY])
-
-
-def test_exponential_of_complex_numbers() -> None:
-    """Against NumPy's own to a few roundings."""
-    a = RANDOM.uniform(-20, 20, COUNT) + 1j * RANDOM.uniform(-50, 50, COUNT)
-    np.testing.assert_array_less(np.abs(elementwise.complex_exp(a) - np.exp(a)), 2e-15 * np.abs(np.exp(a)))

@@ -1,4 +1,4 @@
-"""Exponential, logarithm, sine, cosine and hypotenuse for kernels, with the same bits on every processor.
+"""Exponential, sine, cosine and hypotenuse for kernels, with the same bits on every processor.
 
 The functions of a C library depend on its version and on whether the processor has a fused
 multiply-add. These use additions, subtractions, multiplications, divisions, square roots and integer
@@ -11,7 +11,7 @@ R. N. Hanek, ACM SIGNUM Newsletter 18 (1983) 19–24). Reduced arguments are kep
 whose sum is more accurate than one. Polynomials are Taylor series, cut where the next term is below a
 tenth of a rounding.
 
-For arrays outside kernels see :mod:`workflow.kernels.elementwise`.
+For sine and cosine of arrays outside kernels see :mod:`workflow.kernels.elementwise`.
 """
 
 from __future__ import annotations
@@ -145,38 +145,6 @@ def exp(x: float) -> float:
         return 0.0
     q, r, rest = _less_doublings(x)
     return float(_scaled(1.0 + (r + (rest + r * r * _curved(r))), q))
-
-
-@part
-def log(x: float) -> float:
-    """Return the natural logarithm; -inf of 0 and NaN of negative numbers."""
-    if not 0.0 < x < np.inf:
-        if x == 0.0:
-            return -np.inf
-        return x if x > 0.0 else np.nan
-    k = 0
-    if x < 2.2250738585072014e-308:  # subnormal
-        x, k = x * 18014398509481984.0, -54
-    bits = np.float64(x).view(np.int64)
-    # 2^k m with m between √½ and √2: adding what lies between the bits of √½ and 1 carries into the exponent
-    shifted = bits + (4607182418800017408 - 4604544271217802189)
-    step = (shifted >> 52) - 1023
-    k += int(step)
-    f = np.int64(bits - (step << 52)).view(np.float64) - 1.0
-    s = f / (2.0 + f)
-    z = s * s
-    p = z * (2.0 / 23.0) + 2.0 / 21.0
-    p = p * z + 2.0 / 19.0
-    p = p * z + 2.0 / 17.0
-    p = p * z + 2.0 / 15.0
-    p = p * z + 2.0 / 13.0
-    p = p * z + 2.0 / 11.0
-    p = p * z + 2.0 / 9.0
-    p = p * z + 2.0 / 7.0
-    p = p * z + 2.0 / 5.0
-    p = p * z + 2.0 / 3.0
-    half = 0.5 * f * f
-    return float(k * LN2_HIGH - ((half - (s * (half + p * z) + k * LN2_LOW)) - f))
 
 
 @part

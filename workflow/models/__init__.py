@@ -9,7 +9,6 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any, Protocol, cast
 
-from workflow import registry
 from workflow.kernels import Array
 from workflow.models._bounds import free_reach
 from workflow.models._cases import Cases, distinct_rows, project
@@ -40,6 +39,7 @@ from workflow.models._sparse_pair import MOST_REDUCED
 from workflow.models._static import frequencies, growth_at_once, rates, rounding_of_flexibility
 from workflow.models._structure import Coordinates, Matrices, Rayleigh, Structure
 from workflow.models._write_matrices import write_matrices
+from workflow.registry import Registry
 
 
 class Model(Protocol):
@@ -52,12 +52,13 @@ class Model(Protocol):
         ...
 
 
-_REQUIRED = ("Parameters", "assemble")
+_MODELS = Registry(__name__, ("Parameters", "assemble"))
+names, fault = _MODELS.names, _MODELS.fault
 
 
-def names() -> tuple[str, ...]:
-    """Return the names of all models, sorted."""
-    return registry.names(__name__)
+def load(name: str) -> Model:
+    """Return the model of a name, see :meth:`~workflow.registry.Registry.load`."""
+    return cast(Model, _MODELS.load(name))
 
 
 @lru_cache(maxsize=1024)
@@ -71,90 +72,3 @@ def most_modes(name: str, parameters: Any) -> int | None:
     """Return the most modes of each kind of a structure that is too large to be kept full, ``None`` of any other."""
     structure = load(name).assemble(parameters)
     return None if structure.has_matrices else structure.mechanical.most_modes
-
-
-def fault(name: str) -> str | None:
-    """Return why the model of a name cannot be used, ``None`` if it can."""
-    return registry.fault(__name__, name, _REQUIRED)
-
-
-def load(name: str) -> Model:
-    """Return the model of a name from :func:`names`.
-
-    Raises
-    ------
-    KeyError
-        No model has this name.
-    BrokenModuleError
-        Its module cannot be used.
-    """
-    return cast(Model, registry.load(__name__, name, _REQUIRED))
-
-
-__all__ = [
-    "FACTORISING",
-    "MOST_BY_SUPERLU",
-    "MOST_FULL",
-    "MOST_ONE_BY_ONE",
-    "MOST_REDUCED",
-    "NO_HARMONICS",
-    "Array",
-    "Cases",
-    "Chain",
-    "Coordinates",
-    "CriticalFriction",
-    "DensePair",
-    "Fill",
-    "GivenMatrices",
-    "Growth",
-    "Harmonics",
-    "InContact",
-    "LargeFactorsWarning",
-    "Matrices",
-    "Model",
-    "Modes",
-    "NoEquilibriumError",
-    "Pair",
-    "Rayleigh",
-    "Sparse",
-    "Structure",
-    "TooManyCoordinatesError",
-    "UnusableMatricesError",
-    "at_rest",
-    "coupled_damping",
-    "couples_free_modes",
-    "critical_alpha",
-    "critical_friction",
-    "directions",
-    "distinct_rows",
-    "expected_fill",
-    "fault",
-    "free_reach",
-    "frequencies",
-    "growth",
-    "growth_at_once",
-    "growth_rate",
-    "has_cholmod",
-    "held_damping",
-    "in_contact",
-    "is_rayleigh",
-    "load",
-    "mechanical_modes",
-    "modal_coupling",
-    "modal_damping",
-    "most_modes",
-    "names",
-    "needs_matrices",
-    "poles",
-    "project",
-    "rates",
-    "rounding_of_flexibility",
-    "sizes",
-    "static_equilibrium",
-    "static_tip_growth",
-    "structure_from_matrices",
-    "structure_from_sparse",
-    "thermal_modes",
-    "tip_flexibility",
-    "write_matrices",
-]

@@ -21,10 +21,8 @@ _COUPLED = 1e-12
 
 def modal_damping(structure: Structure, modes: Modes) -> Array:
     """Return φᵀ C1 φ of each mode with the tip free, 1/s, ``(mode,)``; what couples them is left out."""
-    damping = structure.damping.of_modes(modes.values, modes.inertia)
-    if structure.damper is None:
-        return damping
-    return np.asarray(damping + np.diag(modes.shapes.T @ (structure.damper @ modes.shapes)))
+    damping = coupled_damping(structure, modes)
+    return damping if damping.ndim == 1 else np.diag(damping)
 
 
 def coupled_damping(structure: Structure, modes: Modes) -> Array:
@@ -33,8 +31,9 @@ def coupled_damping(structure: Structure, modes: Modes) -> Array:
     if structure.damper is None:
         return damping
     own = modes.shapes.T @ (structure.damper @ modes.shapes)
-    if is_diagonal(own):
-        return np.asarray(damping + np.diag(own))
+    each = np.diag(own)
+    if np.all(np.abs(own - np.diag(each)) <= _COUPLED * np.abs(each).max(initial=0.0)):
+        return np.asarray(damping + each)
     return np.asarray(np.diag(damping) + (own + own.T) / 2)
 
 
@@ -54,18 +53,9 @@ def is_rayleigh(structure: Structure) -> bool:
 
 def couples_free_modes(structure: Structure) -> bool:
     """Tell whether damping couples the modes with the tip free."""
-    if structure.damper is None:
-        return False
-    shapes = mechanical_modes(structure).shapes
-    return not is_diagonal(shapes.T @ (structure.damper @ shapes))
+    return structure.damper is not None and coupled_damping(structure, mechanical_modes(structure)).ndim == 2
 
 
 def needs_matrices(structure: Structure) -> bool:
     """Tell whether a structure cannot be stepped in modes scaled by the tip."""
     return structure.load is not None or couples_free_modes(structure)
-
-
-def is_diagonal(matrix: Array) -> bool:
-    """Tell whether what is beside the diagonal of a damping matrix is rounding."""
-    beside = np.abs(matrix - np.diag(np.diag(matrix)))
-    return bool(np.all(beside <= _COUPLED * np.abs(np.diag(matrix)).max(initial=0.0)))

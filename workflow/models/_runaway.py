@@ -30,9 +30,7 @@ def static_tip_growth(structure: Structure) -> Array:
     if pair.tip_stiffness > 0:
         answer, deformation = pair.constraint / pair.tip_stiffness, pair.deformed / pair.tip_stiffness
     else:
-        tip = np.zeros((1, pair.size))
-        tip[0, -1] = 1.0
-        answer = pair.static_answers(tip)[0]
+        answer = pair.answer(pair.unit_tip)
         deformation = pair.deformation_of(answer)
     return pair.work(answer, deformation, structure.expansion)
 

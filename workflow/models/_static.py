@@ -27,7 +27,7 @@ def growth_at_once(structure: Structure) -> float:
     given = structure.coordinates
     if given is None or not given.expansive.any():
         return 0.0
-    return float(structure.mechanical.static_answers((given.displacement_basis.T @ given.expansive)[None])[0, -1])
+    return float(structure.mechanical.answer(given.displacement_basis.T @ given.expansive)[-1])
 
 
 def rounding_of_flexibility(structure: Structure) -> float:
@@ -36,9 +36,7 @@ def rounding_of_flexibility(structure: Structure) -> float:
     With u = K1⁻¹ e_n a change of the entries changes S by -uᵀ δK1 u; half a unit in the last place of each, added as
     independent ones: ε/2 √(Σ (u_i K_ij u_j)²)/S. It is large where an entry is far larger than what it must hold of S.
     """
-    tip = np.zeros((1, structure.mechanical_size))
-    tip[0, -1] = 1.0
-    answer = structure.mechanical.static_answers(tip)[0]
+    answer = structure.mechanical.answer(structure.mechanical.unit_tip)
     entries = scipy.sparse.coo_array(structure.mechanical.stiffness)
     row, column = entries.coords
     energies = answer[row] * entries.data * answer[column]

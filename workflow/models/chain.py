@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from workflow.declare import Values, quantity
+from workflow.kernels import Array
 from workflow.models._chain import MOST_NODES, Chain
-from workflow.models._lumps import per_item
 from workflow.models._structure import Rayleigh
 
 
@@ -29,12 +31,16 @@ class Parameters:
 def assemble(parameters: Parameters) -> Chain:
     """Return the structure of equations (1a) and (1b)."""
     n = parameters.nodes
+
+    def each(value: Values) -> Array:
+        return np.broadcast_to(np.asarray(value, dtype=np.float64), (n,)).copy()
+
     return Chain(
-        masses=per_item(parameters.mass, n),
-        springs=per_item(parameters.stiffness, n),
+        masses=each(parameters.mass),
+        springs=each(parameters.stiffness),
         damping=parameters.damping,
-        free_expansion=per_item(parameters.expansion, n) * per_item(parameters.spacing, n),
-        heat_capacities=per_item(parameters.heat_capacity, n),
-        conduction=per_item(parameters.conductance, n),
-        convection=per_item(parameters.convection, n),
+        free_expansion=each(parameters.expansion) * each(parameters.spacing),
+        heat_capacities=each(parameters.heat_capacity),
+        conduction=each(parameters.conductance),
+        convection=each(parameters.convection),
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -47,6 +48,17 @@ class Reduction:
             velocity=project(self.displacement_projection, cases.velocity),
             temperature=project(self.temperature_projection, cases.temperature),
         )
+
+
+class ReducedModel(NamedTuple):
+    """The structure that cases are run on, and the reduction that made it; ``None`` where all vectors are kept."""
+
+    structure: Structure
+    reduction: Reduction | None
+
+    def project(self, cases: Cases) -> Cases:
+        """Return cases given on the full structure in the coordinates of this one."""
+        return cases if self.reduction is None else self.reduction.project(cases)
 
 
 @dataclass(frozen=True, eq=False)
