@@ -8,6 +8,7 @@ write the JSON Schema and to say what would have been right; physics itself only
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Callable
 from dataclasses import MISSING, Field, dataclass, field
 from pathlib import Path
@@ -19,6 +20,39 @@ Values = float | tuple[float, ...]
 
 Rows = tuple[tuple[float, ...], ...]
 """Rows of a table."""
+
+
+_LONGEST_UNIT = 40
+_UNIT_FACTOR = re.compile(r"([A-Za-zµμΩ_]+)(?:(?:\*\*|\^)?([-+]?[0-9]{1,2}(?:\.[0-9]{1,2})?)(?![0-9]))?|1(?![0-9])")
+_UNIT_JOINT = re.compile(r"\s*(?:\*(?!\*)|·|(/))\s*|\s+")
+
+
+class UnitError(ValueError):
+    """A unit that cannot be read; the message says why."""
+
+
+def unit_factors(unit: str) -> list[tuple[str, float]]:
+    """Split a unit into names and exponents: ``N/m**1.5`` is N, m^-1.5; ``1`` has none.
+
+    Raises
+    ------
+    UnitError
+        The text is not made of names, exponents, ``*``, ``/`` and spaces, or is too long.
+    """
+    powers: list[tuple[str, float]] = []
+    position, sign = 0, 1
+    while len(unit) <= _LONGEST_UNIT and (factor := _UNIT_FACTOR.match(unit, position)):
+        if factor[1]:
+            powers.append((factor[1], sign * float(factor[2] or 1)))
+        elif position:
+            break  # a one stands first or not at all: 1/s, not um/1
+        if factor.end() == len(unit):
+            return powers
+        joint = _UNIT_JOINT.match(unit, factor.end())
+        if joint is None:
+            break
+        position, sign = joint.end(), -1 if joint[1] else 1
+    raise UnitError(f"`{unit if len(unit) <= _LONGEST_UNIT else unit[:37] + '...'}` is not a unit")
 
 
 @dataclass(frozen=True)
@@ -59,7 +93,14 @@ def quantity(
     per: Literal["node", "spring", "temperature"] | None = None,
     later: bool = False,
 ) -> Any:
-    """Declare a dataclass field as a :class:`Quantity`; without ``default`` it is required."""
+    """Declare a dataclass field as a :class:`Quantity`; without ``default`` it is required.
+
+    Raises
+    ------
+    UnitError
+        The unit is not written as one.
+    """
+    unit_factors(unit)
     declared = Quantity(unit, description, above, at_least, at_most, per, later)
     return field(default=default, metadata={"quantity": declared})
 

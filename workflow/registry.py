@@ -7,13 +7,19 @@ module. A module that cannot be imported, or that lacks what its kind must offer
 
 from __future__ import annotations
 
+import hashlib
 import importlib
+import importlib.util
 import pkgutil
 import sys
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import distributions, entry_points
+from importlib.metadata import entry_points
+from pathlib import Path
 from types import ModuleType
+
+REGISTRIES = ("workflow.models", "workflow.reduction", "workflow.schemes")
+"""Packages that are registries, and groups of entry points."""
 
 
 class BrokenModuleError(ImportError):
@@ -40,8 +46,34 @@ def _entries(package: str) -> dict[str, str]:
 @cache
 def modules_from_outside() -> frozenset[str]:
     """Return the modules that entry points add to any registry of this package."""
-    added = (entry for distribution in distributions() for entry in distribution.entry_points)
-    return frozenset(entry.value for entry in added if entry.group.startswith("workflow."))
+    return frozenset(entry.value for package in REGISTRIES for entry in entry_points(group=package))
+
+
+@cache
+def outside_sources() -> dict[str, str | None]:
+    """Return the digest of the sources of each module that entry points add to any registry, by the entry's name.
+
+    Results depend on them as they do on the solver's version, which stands for the sources of this package.
+    """
+    added = {entry.name: entry.value for package in REGISTRIES for entry in entry_points(group=package)}
+    return {name: source_digest(place.split(".")[0]) for name, place in sorted(added.items())}
+
+
+@cache
+def source_digest(package: str) -> str | None:
+    """Return the digest of the sources of a package or module, ``None`` where they are no files."""
+    spec = importlib.util.find_spec(package)
+    if spec is None or not spec.has_location or spec.origin is None:
+        return None
+    file = Path(spec.origin)
+    return digest(file.parent, "**/*.py" if file.name == "__init__.py" else file.name)
+
+
+def digest(package: Path, pattern: str, without: Iterable[str] = ()) -> str:
+    """Return the digest of sources, their names and what is in them, but those in some directories."""
+    names = sorted(each.relative_to(package) for each in package.glob(pattern))
+    sources = [(str(name), (package / name).read_bytes()) for name in names if name.parts[0] not in without]
+    return hashlib.sha256(repr(sources).encode()).hexdigest()
 
 
 @dataclass(frozen=True)

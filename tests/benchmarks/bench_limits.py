@@ -1,69 +1,39 @@
-"""``moreau`` against the processor and against what people use: ``python tests/benchmarks/bench_limits.py``.
+"""Kernels against the processor and against what people use: lines of ``bench_table``.
 
-Prints what was asked for, what was measured and their ratio. Everything is the heavy chain (20 nodes,
-heated, θ = 1) unless a line says otherwise. Times are the processor's own (two threads: the clock's),
-the least of some runs counts, and lines that are compared take turns, so that ratios survive a machine
-that others use too.
+Everything is the heavy chain (20 nodes, heated, θ = 1) unless a line says otherwise. Times are the processor's own (two
+threads: the clock's), and lines that are compared take turns, so that ratios survive a machine that others use too.
 """
 
 from __future__ import annotations
 
 import os
 import subprocess
-import sys
 import time
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
-from functools import cache
+from dataclasses import replace
+from functools import cache, partial
 from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
+from typing import Any
 
 import multiply_add_peak
 import numpy as np
 from scipy.integrate import solve_ivp
-from threadpoolctl import threadpool_limits
+from timing import Line, Size, least, slope
 
 from scenes import cases, heavy_chain, same_bits, sampling
-from workflow.models import Cases, Chain, Structure
+from workflow import schemes
+from workflow.models import Cases, Structure
 from workflow.reduction import reduce_structure
-from workflow.schemes import Results, moreau
+from workflow.schemes import Results
 
 DEBIAN = "/usr/bin/python3"
-RUB = {"gap": 5e-5, "amplitude": 100.0, "frequency": 20.0}
-
-
-@dataclass(frozen=True)
-class Size:
-    """How much is run: cases of a batch, steps of a case, runs of which the least time counts."""
-
-    cases: int = 512
-    steps: int = 30_000
-    runs: int = 5
-    nodes: tuple[int, ...] = (1_000,)
-    node_steps: int = 20_000_000
-    rival_steps: int = 3_000
-
-
-TINY = Size(cases=9, steps=40, runs=1, nodes=(200,), node_steps=6_000, rival_steps=20)
-
-
-def least(runs: int, *works: Callable[[], object], clock: Callable[[], float] = time.process_time) -> list[float]:
-    """Return the least processor seconds of each work; they take turns, after each was done once.
-
-    Arrays of a few KiB lie elsewhere in each turn: where they lie decides about some percent.
-    """
-    for work in works:
-        work()
-    seconds, between, rng = [float("inf")] * len(works), [], np.random.default_rng(0)
-    for _ in range(runs):
-        for k, work in enumerate(works):
-            between.append(np.empty(rng.integers(64, 4096)))
-            begun = clock()
-            work()
-            seconds[k] = min(seconds[k], clock() - begun)
-    return seconds
+H = 1e-5
+RIVALS: dict[str, tuple[str, dict[str, Any]]] = {
+    "moreau": ("moreau", {}),
+    "carpenter": ("carpenter", {}),
+    "penalty": ("penalty", {}),
+    "penalty implicit": ("penalty", {"integration": "implicit"}),
+}
 
 
 def multiply_adds(structure: Structure) -> int:
@@ -76,90 +46,82 @@ def multiply_adds(structure: Structure) -> int:
     return 6 * structure.mechanical_size + 4 * structure.thermal_size
 
 
-def run(structure: Structure, batch: Cases, h: float, steps: int, samples: int = 10, **options: bool) -> Results:
-    """Step a batch with ``moreau``; what a study does once for many batches is done once."""
-    over = replace(sampling(steps * h, steps * h / samples), **options)
-    return moreau.compute(_operator(structure, h), batch, over)
-
-
 @cache
-def _operator(structure: Structure, h: float) -> moreau.Operator:
-    return moreau.init(structure, h, moreau.Options())
+def _operator(structure: Structure, h: float, label: str) -> Any:
+    method, options = RIVALS.get(label, (label, {}))
+    scheme = schemes.load(method)
+    return scheme, scheme.init(structure, h, scheme.Options(**options))
 
 
-def rub(structure: Chain, count: int, alpha: float = 50.0) -> Cases:
-    """Return cases that differ in α."""
-    return cases(structure, count, alpha=np.linspace(alpha / count, alpha, count), **RUB)
+def run(
+    structure: Structure, batch: Cases, h: float, steps: int, samples: int = 10, label: str = "moreau", **options: bool
+) -> Results:
+    """Step a batch; what a study does once for many batches is done once."""
+    scheme, operator = _operator(structure, h, label)
+    return scheme.compute(operator, batch, replace(sampling(steps * h, steps * h / samples), **options))
 
 
-Line = tuple[str, str, str, str]
+def rub(structure: Structure, count: int, **values: Any) -> Cases:
+    """Return cases that differ in α where it is not given."""
+    alpha = np.linspace(50.0 / count, 50.0, count)
+    return cases(structure, count, **{"alpha": alpha, "gap": 5e-5, "amplitude": 100.0, "frequency": 20.0, **values})
 
 
 def batched(size: Size) -> tuple[list[Line], float]:
-    """Batches on one core: against the processor's peak, reduced, cold, alone, with balances."""
-    full, h = heavy_chain(), 1e-5
+    """Batches on one core: against the processor's peak, reduced, cold, alone; ns of a full step."""
+    full = heavy_chain()
     reduction = reduce_structure(full, 3, 12)
-    batch = rub(full, size.cases)
-    reduced, alone, cold = reduction.project(batch), batch.take(slice(0, 1)), rub(full, size.cases, 0.0)
+    batch, cold = rub(full, size.cases), rub(full, size.cases, alpha=0.0)
     mechanical = heavy_chain(expansion=0.0, conductance=0.0, convection=0.0)
     turns = max(1, 10 * size.steps)
-    seconds = least(
+    peak, *seconds = least(
         size.runs,
         lambda: multiply_add_peak.turn(turns),
-        lambda: run(full, batch, h, size.steps),
-        lambda: run(reduction.structure, reduced, h, size.steps),
-        lambda: run(full, cold, h, size.steps),
-        lambda: run(mechanical, cold, h, size.steps),
-        lambda: run(full, alone, h, 30 * size.steps),
-        lambda: run(full, batch, h, size.steps, balances=True),
-        lambda: run(reduction.structure, reduced, h, size.steps, balances=True),
+        lambda: run(full, batch, H, size.steps),
+        lambda: run(reduction.structure, reduction.project(batch), H, size.steps),
+        lambda: run(full, cold, H, size.steps),
+        lambda: run(mechanical, cold, H, size.steps),
+        lambda: run(full, batch.take(slice(0, 1)), H, 30 * size.steps),
     )
-    per_step = 1e9 / (size.cases * size.steps)
-    each = seconds[0] * 1e9 / (turns * multiply_add_peak.multiply_adds_of_a_turn())
-    whole, few, unheated, bare, single, audited, few_audited = (s * per_step for s in seconds[1:])
+    each = peak * 1e9 / (turns * multiply_add_peak.multiply_adds_of_a_turn())
+    whole, few, unheated, bare, single = (1e9 * s / (size.cases * size.steps) for s in seconds)
     single *= size.cases / 30
     least_full, least_few = each * multiply_adds(full), each * multiply_adds(reduction.structure)
     return [
         ("multiply-add at the processor's peak, full registers", "", f"{each:.4f} ns", ""),
-        ("full, 20 + 20 modes, over its multiply-adds at peak", "", f"{whole:.2f} ns", f"{whole / least_full:.2f}"),
-        ("reduced, 3 + 12 modes, over its multiply-adds at peak", "", f"{few:.2f} ns", f"{few / least_few:.2f}"),
+        (
+            "full, 20 + 20 modes, over its multiply-adds at peak",
+            "<= 1.3",
+            f"{whole:.2f} ns",
+            f"{whole / least_full:.2f}",
+        ),
+        ("reduced, 3 + 12 modes, over its multiply-adds at peak", "<= 1.4", f"{few:.2f} ns", f"{few / least_few:.2f}"),
         ("reduced over full", "<= 0.45", f"{few:.2f} ns", f"{few / whole:.2f}"),
         ("one case alone, full", "<= 350 ns", f"{single:.0f} ns", f"{single / 350:.2f}"),
         ("no heat over a mechanical model", "1", f"{unheated:.2f} ns", f"{unheated / bare:.2f}"),
-        ("full, with balances over without", "<= 1.5", f"{audited:.2f} ns", f"{audited / whole:.2f}"),
-        ("reduced, with balances over without", "<= 1.5", f"{few_audited:.2f} ns", f"{few_audited / few:.2f}"),
     ], whole
 
 
 def stored(size: Size) -> list[Line]:
     """Histories every 10th and 100th step over two samples."""
-    full, h = heavy_chain(), 1e-5
+    full = heavy_chain()
     batch = rub(full, min(size.cases, 128))
-    few, tenth, hundredth = least(
-        size.runs,
-        lambda: run(full, batch, h, size.steps, samples=1),
-        lambda: run(full, batch, h, size.steps, samples=size.steps // 10),
-        lambda: run(full, batch, h, size.steps, samples=max(1, size.steps // 100)),
-    )
+    counts = (1, size.steps // 10, max(1, size.steps // 100))
+    few, *others = least(size.runs, *(partial(run, full, batch, H, size.steps, samples) for samples in counts))
     return [
-        ("histories every 10th step over none", "<= 1.25", f"{tenth:.3f} s", f"{tenth / few:.2f}"),
-        ("histories every 100th step over none", "<= 1.25", f"{hundredth:.3f} s", f"{hundredth / few:.2f}"),
+        (f"histories every {every}th step over none", "<= 1.25", f"{seconds:.3f} s", f"{seconds / few:.2f}")
+        for every, seconds in zip((10, 100), others, strict=True)
     ]
 
 
 def threads(size: Size) -> list[Line]:
     """Two threads over one."""
-    full, h = heavy_chain(), 1e-5
+    full = heavy_chain()
     batch = rub(full, size.cases)
     halves = [batch.take(slice(0, size.cases // 2)), batch.take(slice(size.cases // 2, size.cases))]
-
-    def work(half: Cases) -> Results:
-        return run(full, half, h, size.steps)
-
+    work, turns = (lambda half: run(full, half, H, size.steps)), [max(1, 5 * size.steps)] * 2
     with ThreadPoolExecutor(2) as pool:
-        both = list(pool.map(work, halves))
-        same = all(same_bits(a, b) for a, b in zip(both, map(work, halves), strict=True))
-        turns = [max(1, 5 * size.steps)] * 2
+        same = all(same_bits(a, b) for a, b in zip(pool.map(work, halves), map(work, halves), strict=True))
         one, two, alone, beside = least(
             size.runs,
             lambda: list(map(work, halves)),
@@ -175,26 +137,46 @@ def threads(size: Size) -> list[Line]:
     ]
 
 
-def long_chains(size: Size) -> list[Line]:
-    """Nanoseconds per case, node and step: the difference of a long and a short run, set-up left out."""
-    lines = []
-    for nodes in size.nodes:
-        chain = heavy_chain(nodes=nodes)
-        steps = max(2, size.node_steps // nodes)
-        for count, target in ((1, 25.0), (8, 10.0)):
-            batch = rub(chain, count)
-            short, long = least(
-                size.runs,
-                lambda batch=batch, chain=chain, steps=steps: run(chain, batch, 1e-6, steps // 2),
-                lambda batch=batch, chain=chain, steps=steps: run(chain, batch, 1e-6, steps),
-            )
-            taken = 1e9 * (long - short) / (count * nodes * (steps - steps // 2))
-            what = f"{nodes} nodes, {count} case{'s' * (count > 1)}, per case, node and step"
-            lines.append((what, f"<= {target:g} ns", f"{taken:.1f} ns", f"{taken / target:.2f}"))
+def _per_step(size: Size, structure: Structure, batch: Cases, steps: int) -> float:
+    """Return the seconds of a step of a case, set-up left out: a long run less a short one."""
+    works = (partial(run, structure, batch, 1e-6, count) for count in (steps, 3 * steps))
+    short, long = least(size.runs, *works)
+    return max(long - short, 1e-12) / (2 * steps * batch.e.size)
+
+
+def scaling(size: Size) -> list[Line]:
+    """A step over nodes of full chains and over modes of a reduced one, and of a long chain per node.
+
+    What a step costs beside its modes makes the slope smaller on a straight line too.
+    """
+    lines: list[Line] = []
+    for count, target in ((1, 25.0), (8, 10.0)):
+        chain = heavy_chain(nodes=size.long_nodes)
+        seconds = _per_step(size, chain, rub(chain, count), max(2, size.node_steps // size.long_nodes))
+        each = 1e9 * seconds / size.long_nodes
+        what = f"{size.long_nodes} nodes, {count} case{'s' * (count > 1)}, per case, node and step"
+        lines.append((what, f"<= {target:g} ns", f"{each:.1f} ns", f"{each / target:.2f}"))
+    long = heavy_chain(nodes=2 * size.modes[-1])
+    chains = [(chain := heavy_chain(nodes=nodes), rub(chain, 64)) for nodes in size.nodes]
+    reductions = [reduce_structure(long, modes, modes) for modes in size.modes]
+    reduced = [(reduction.structure, reduction.project(rub(long, 64))) for reduction in reductions]
+    for title, unit, numbers, pairs in (
+        ("full in modes, a step", "nodes", size.nodes, chains),
+        ("reduced, a step", "modes", size.modes, reduced),
+    ):
+        taken = [
+            _per_step(size, *pair, max(2, size.node_steps // number))
+            for number, pair in zip(numbers, pairs, strict=True)
+        ]
+        half = (len(numbers) - 1) // 2
+        what = f"{title}: slope over {unit}, from {numbers[half]} to {numbers[-1]}"
+        lines.append((what, "1", "", f"{slope(numbers[half:], taken[half:]):.2f}"))
+        each = 1e9 * taken[-1] / numbers[-1]
+        lines.append((f"{title}, {numbers[-1]} {unit}, for each", "", f"{each:.3g} ns", ""))
     return lines
 
 
-def _siconos(steps: int) -> float | None:
+def siconos(steps: int) -> float | None:
     """Return processor seconds per step of Siconos, ``None`` where it is not installed or fails."""
     script = Path(__file__).with_name("siconos_chain.py")
     if not Path(DEBIAN).exists():
@@ -209,7 +191,7 @@ def _siconos(steps: int) -> float | None:
         return None
 
 
-def _numpy(steps: int) -> float:
+def numpy_loop(steps: int) -> float:
     """Return seconds per step of the θ-method as one matrix per step, on x, v and temperatures."""
     chain, h = heavy_chain(), 1e-5
     n = chain.mechanical_size
@@ -236,7 +218,7 @@ def _numpy(steps: int) -> float:
     return (time.process_time() - begun) / steps
 
 
-def _solve_ivp(most: int) -> tuple[float, float]:
+def dop853(most: int) -> tuple[float, float]:
     """Return seconds per simulated second of SciPy's integrator with events, and the seconds simulated.
 
     e = 0.9; it ends after ``most`` impacts, as their number grows without bound before the tip rests.
@@ -273,36 +255,70 @@ def _solve_ivp(most: int) -> tuple[float, float]:
 
 def rivals(size: Size, whole: float) -> list[Line]:
     """What people would use instead, for one step or for a simulated second."""
-    lines = []
-    siconos, plain = _siconos(size.rival_steps), _numpy(10 * size.rival_steps)
-    if siconos is None:
-        lines.append(("Siconos, the same step without heat", ">= 1000", "skipped: not installed or fails", ""))
-    else:
-        ratio = f"{1e9 * siconos / whole:.0f}"
-        lines.append(("Siconos, the same step without heat", ">= 1000", f"{1e6 * siconos:.1f} us", ratio))
-    lines.append(("NumPy, a matrix per step", ">= 300", f"{1e6 * plain:.1f} us", f"{1e9 * plain / whole:.0f}"))
-    integrated, simulated = _solve_ivp(20 if size.rival_steps > 1000 else 1)
+    other, plain = siconos(size.rival_steps), numpy_loop(10 * size.rival_steps)
+    integrated, simulated = dop853(20 if size.rival_steps > 1000 else 1)
+    measured, ratio = "skipped: not installed or fails", ""
+    if other is not None:
+        measured, ratio = f"{1e6 * other:.1f} us", f"{1e9 * other / whole:.0f}"
     what = f"SciPy DOP853 with events, {simulated:.2g} s, per simulated second"
-    ours = whole * 1e-9 / 1e-5
-    lines.append((what, "", f"{integrated:.2f} s", f"{integrated / ours:.0f}"))
+    return [
+        ("Siconos, the same step without heat", ">= 1000", measured, ratio),
+        ("NumPy, a matrix per step", ">= 300", f"{1e6 * plain:.1f} us", f"{1e9 * plain / whole:.0f}"),
+        (what, "", f"{integrated:.2f} s", f"{integrated / (whole * 1e-9 / H):.0f}"),
+    ]
+
+
+def stepping(size: Size) -> list[Line]:
+    """The stepping schemes over ``moreau``, and with balances over without, full and reduced."""
+    full, h = heavy_chain(), 5e-6
+    reduction, batch = reduce_structure(full, 3, 12), rub(full, size.cases)
+    lines = []
+    for name, structure, loaded in (
+        ("full", full, batch),
+        ("3 + 12 modes", reduction.structure, reduction.project(batch)),
+    ):
+        works = [
+            partial(run, structure, loaded, h, size.steps, label=label, balances=balances)
+            for label in RIVALS
+            for balances in (False, True)
+        ]
+        seconds = [1e9 * s / size.cases / size.steps for s in least(size.runs, *works)]
+        for label, plain, audited in zip(RIVALS, seconds[::2], seconds[1::2], strict=True):
+            if label != "moreau":
+                asked = "" if "implicit" in label else "<= 1.3"
+                lines.append(
+                    (f"`{label}` over `moreau`, {name}", asked, f"{plain:.2f} ns", f"{plain / seconds[0]:.2f}")
+                )
+            what = f"`{label}` with balances over without, {name}"
+            lines.append((what, "<= 1.5", f"{audited:.2f} ns", f"{audited / plain:.2f}"))
+    return lines
+
+
+def exact(size: Size) -> list[Line]:
+    """``event_driven`` per case of 0.3 s, and what an α of each case's own makes of it, full and reduced."""
+    full, lines, count = heavy_chain(), [], size.exact_cases
+    for e in (0.0, 0.5, 0.9):
+        batch = rub(full, count, e=e, alpha=50.0)
+        impacts = run(full, batch, 1e-3, 300, 300, "event_driven").metrics["impacts"][0]
+        (seconds,) = least(size.runs, partial(run, full, batch, 1e-3, 300, 300, "event_driven"))
+        milliseconds = 1e3 * seconds / count
+        what = f"`event_driven`, e = {e:g}, {impacts:.0f} impacts, one alpha"
+        lines.append((what, "<= 1 ms", f"{milliseconds:.2f} ms", f"{milliseconds:.2f}"))
+    reduction = reduce_structure(full, 3, 12)
+    for name, structure in (("20 + 20 modes", full), ("3 + 12 modes", reduction.structure)):
+        works = []
+        for alpha in (50.0, np.linspace(50.0, 49.0, count)):
+            batch = rub(full, count, e=0.5, alpha=alpha)
+            loaded = batch if structure is full else reduction.project(batch)
+            works.append(partial(run, structure, loaded, 1e-3, 300, 300, "event_driven"))
+        one, own = least(size.runs, *works)
+        what = f"`event_driven`, {name}, each case another alpha over one alpha"
+        lines.append((what, "<= 1.3", f"{1e3 * own / count:.2f} ms", f"{own / one:.2f}"))
     return lines
 
 
 def lines(size: Size) -> list[Line]:
     """Return all lines."""
     first, whole = batched(size)
-    return first + rivals(size, whole) + stored(size) + threads(size) + long_chains(size)
-
-
-def main(size: Size | None = None) -> None:
-    """Print the table; threads of BLAS, which go on for a while when they are done, are left out."""
-    with threadpool_limits(limits=1, user_api="blas"):
-        table = lines(size or Size())
-    width = max(len(line[0]) for line in table)
-    print(f"{'what':{width}}  {'asked for':>24}  {'measured':>13}  {'ratio':>7}")
-    for what, target, measured, ratio in table:
-        print(f"{what:{width}}  {target:>24}  {measured:>13}  {ratio:>7}")
-
-
-if __name__ == "__main__":
-    main()
+    others = rivals(size, whole) + stored(size) + threads(size) + scaling(size)
+    return first + others + stepping(size) + exact(size)

@@ -1,35 +1,32 @@
-"""What the workflow costs beside its kernels: ``python tests/benchmarks/bench_workflow.py``.
+"""What the workflow costs beside its kernels, and what a user waits for: lines of ``bench_table``.
 
-Durable overhead per case (wall time less the kernels' own, results on the disk) with threads and with
-local dask workers, side by side with xyzpy where it is installed; runs with nothing to do; opening and
-slicing; a value added to an axis; memory; what a whole run of the heavy chain takes beside its kernels;
-``plan``; and what a user waits for at the command line, the first run with nothing compiled included, also in
-processor time over that of the imports alone and of a loop of NumPy.
+Durable overhead per case (wall time less the kernels' own, results on the disk) with threads and with local dask
+workers; runs with nothing to do; opening and slicing; a value added to an axis; whole runs over their kernels and over
+the number of cases; commands, in wall time and in processor time over that of the imports alone; memory.
 """
 
 from __future__ import annotations
 
+import math
 import os
 import resource
 import shutil
 import subprocess
 import sys
-import tempfile
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, redirect_stderr
-from io import StringIO
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from statistics import median
 
-import numpy as np
+import bench_limits
+from timing import Line, Size, scratch, slope, taken
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
+from studies import HEAVY_SCENE, parsed
 from workflow import open_archive, run_study
 from workflow.grid import arrange, plan
 from workflow.run import available_threads
-from workflow.study import Study, parse_study
+from workflow.study import Study
 
 TRIVIAL = """
 study: trivial
@@ -39,19 +36,12 @@ scene:
   casing: {{gap: 50 um}}
   load: {{amplitude: 10, frequency: 20 Hz}}
   duration: 0.1 s
-axes: {{h: 5e-3, alpha: {alpha}, e: {{lin: [0, 0.9, {columns}]}}}}
+axes: {{h: 5e-3, alpha: {alpha}, e: {e}}}
 output: {{interval: {interval}, histories: {histories}, balances: false}}
 """
 """One node, twenty steps."""
 
-HEAVY = """
-study: heavy
-scene:
-  chain: {{nodes: 20, mass: 2.5e-3, stiffness: 2.0e7, damping: {{mass: 10, stiffness: 2.0e-7}}, spacing: 2.5e-3,
-          expansion: 8.6e-6, heat_capacity: 1.315, conductance: 0.605, convection: 0.02}}
-  casing: {{gap: 5.0e-5}}
-  load: {{amplitude: 100, frequency: 20}}
-  duration: 0.3
+HEAVY_AXES = """
 axes: {{h: 1e-5, alpha: {{lin: [0, 50, {rows}]}}, e: {{lin: [0, 0.9, {columns}]}}}}
 output: {{interval: 0.3, histories: [], balances: false}}
 """
@@ -68,7 +58,6 @@ status = Path("/proc/self/status").read_text()
 print(int(status.split("VmHWM:")[1].split()[0]) / 1024)
 """
 
-
 ROOT = Path(__file__).parents[2]
 BLADE = ROOT / "studies" / "blade.yaml"
 
@@ -77,134 +66,20 @@ def trivial(cases: int, kind: dict[str, str], rows: slice = slice(-1)) -> str:
     """Return the trivial study of some thousand cases; there is one more value of alpha to take ``rows`` from."""
     columns = min(1000, cases // 2)
     alpha = [k / 100 for k in range(cases // columns + 1)]
-    return TRIVIAL.format(alpha=alpha[rows], columns=columns, **kind)
+    e = [0.9 * k / columns for k in range(columns)]
+    return TRIVIAL.format(alpha=alpha[rows], e=e, **kind)
 
 
-def parsed(text: str) -> Study:
-    """Return a study of this module."""
-    return parse_study(text, "bench")
-
-
-@contextmanager
-def scratch() -> Iterator[Path]:
-    """Give a directory for an archive."""
-    with tempfile.TemporaryDirectory() as name:
-        yield Path(name)
+def heavy(cases: int) -> Study:
+    """Return so many cases of the heavy chain."""
+    columns = min(100, max(2, cases // 10))
+    return parsed(f"study: heavy\n{HEAVY_SCENE}{HEAVY_AXES.format(rows=max(2, cases // columns), columns=columns)}")
 
 
 def kernel_seconds(archive: Path) -> float:
     """Return the kernels' own time on one core, all cases together."""
     with open_archive(archive) as data:
         return float(data["processor_time"].sum())
-
-
-def overhead(cases: int, **where: int) -> float:
-    """Return seconds of wall time per case beyond the kernels' own."""
-    with scratch() as directory:
-        begun = time.perf_counter()
-        run_study(parsed(trivial(cases, METRICS)), directory / "a.nc", **where)
-        wall = time.perf_counter() - begun
-        return (wall - kernel_seconds(directory / "a.nc") / next(iter(where.values()))) / cases
-
-
-def nothing_to_do(cases: int, runs: int) -> tuple[float, float]:
-    """Return seconds of a run with nothing to do, and of opening the archive and slicing a case."""
-    study = parsed(trivial(cases, METRICS))
-    with scratch() as directory:
-        archive = directory / "a.nc"
-        run_study(study, archive)
-        again, sliced = [], []
-        for _ in range(runs):
-            begun = time.perf_counter()
-            run_study(study, archive)
-            again.append(time.perf_counter() - begun)
-            begun = time.perf_counter()
-            with open_archive(archive) as data:
-                data.isel(alpha=1, e=1)["contact_impulse"].item()
-            sliced.append(time.perf_counter() - begun)
-    return median(again), median(sliced)
-
-
-def extension(cases: int, kind: dict[str, str]) -> tuple[float, float, float]:
-    """Return seconds of adding a value to an axis, of running its cases alone, and of copying the archive durably."""
-    new, whole = (parsed(trivial(cases, kind, rows)) for rows in (slice(-1, None), slice(None)))
-    with scratch() as directory:
-        run_study(parsed(trivial(cases, kind)), directory / "a.nc")
-        begun = time.perf_counter()
-        shutil.copyfile(directory / "a.nc", directory / "copy.nc")
-        with open(directory / "copy.nc", "rb") as file:
-            os.fsync(file.fileno())
-        copied = time.perf_counter()
-        run_study(new, directory / "new.nc")
-        alone = time.perf_counter()
-        run_study(whole, directory / "a.nc")
-        return time.perf_counter() - alone, alone - copied, copied - begun
-
-
-def command(*words: str | Path, runs: int = 1, **environment: str) -> float:
-    """Return the median seconds of ``workflow`` as a process of its own."""
-    here = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
-    here["PYTHONPATH"] = os.pathsep.join([str(ROOT), here.get("PYTHONPATH", "")])
-    seconds = []
-    for _ in range(runs):
-        begun = time.perf_counter()
-        subprocess.run(
-            [sys.executable, "-m", "workflow", *map(str, words)],
-            check=True,
-            capture_output=True,
-            env={**here, **environment},
-        )
-        seconds.append(time.perf_counter() - begun)
-    return median(seconds)
-
-
-def commands(runs: int) -> Iterator[tuple[str, float]]:
-    """Yield what a user types and waits for, and the seconds it takes."""
-    with scratch() as directory:
-        archive, kernels = directory / "a.nc", {"NUMBA_CACHE_DIR": str(directory / "kernels")}
-        command("plan", BLADE)  # files in memory, bytecode written
-        yield "workflow --help", command("--help", runs=runs)
-        yield "workflow plan studies/blade.yaml", command("plan", BLADE, runs=runs)
-        yield "workflow run studies/blade.yaml, nothing compiled", command("run", BLADE, "-o", archive, **kernels)
-        again = []
-        for _ in range(runs):
-            archive.unlink()
-            again.append(command("run", BLADE, "-o", archive, **kernels))
-        yield "workflow run studies/blade.yaml, later", median(again)
-        yield (
-            "workflow run studies/blade.yaml, nothing to do",
-            command("run", BLADE, "-o", archive, runs=runs, **kernels),
-        )
-
-
-def processor_seconds(words: Sequence[str | Path], **environment: str) -> float:
-    """Return the processor seconds of a process and of all that it starts: they depend little on other load."""
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    here = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]), **environment}
-    subprocess.run([sys.executable, *map(str, words)], check=True, capture_output=True, env=here)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-
-
-def numpy_loop(steps: int = 100_000) -> float:
-    """Return the processor seconds of so many products of a 60 × 60 matrix with a vector, in a loop of Python's."""
-    matrix, state = np.eye(60), np.ones(60)
-    begun = time.process_time()
-    for _ in range(steps):
-        state = matrix @ state
-    return time.process_time() - begun
-
-
-def first_runs() -> Iterator[tuple[str, float, float, float]]:
-    """Yield a run's name, its processor seconds, and these over those of the imports and of :func:`numpy_loop`."""
-    imports, loop = processor_seconds(["-c", "import numba, xarray, scipy"]), numpy_loop()
-    with scratch() as directory:
-        archive = directory / "a.nc"
-        for what in ("nothing compiled", "later"):
-            run = ["-m", "workflow", "run", BLADE, "-o", archive]
-            seconds = processor_seconds(run, NUMBA_CACHE_DIR=str(directory / "kernels"))
-            archive.unlink()
-            yield f"workflow run studies/blade.yaml, {what}, processor time", seconds, seconds / imports, seconds / loop
 
 
 def memory(cases: int, kind: dict[str, str]) -> float:
@@ -215,118 +90,188 @@ def memory(cases: int, kind: dict[str, str]) -> float:
         return float(subprocess.run(words, check=True, capture_output=True, text=True).stdout)
 
 
-def whole_run(cases: int, runs: int) -> tuple[float, float]:
-    """Return wall time of a run of the heavy chain and the kernels' own on as many threads, seconds.
+def equal_terms(size: Size) -> list[Line]:
+    """Return what a user waits for, for each of distinct cases over 0.3 s, set-up and archive included, one thread.
 
-    It is the run whose ratio of both is the median.
+    Loops in Siconos and NumPy know no batches: their cases take as long each. Few of their steps, and SciPy's first
+    milliseconds, are measured and multiplied.
     """
-    columns = min(100, cases // 2)
-    study = parsed(HEAVY.format(rows=cases // columns, columns=columns))
-    runs_seconds = []
+    seconds, steps = {}, 30_000
+    for scheme in ("moreau", "event_driven"):
+        study = heavy(10 * size.exact_cases).with_({"axes.scheme": [scheme]})
+        with scratch() as directory:
+            run_study(study, directory / "warm.nc", threads=1)
+            count = sum(run_study(study, directory / "a.nc", threads=1).counts.values())
+            seconds[scheme] = taken(partial(run_study, study, directory / "b.nc", threads=1)) / count
+    siconos = bench_limits.siconos(size.rival_steps)
+    integrated, _ = bench_limits.dop853(20 if size.rival_steps > 1000 else 1)
+    own = seconds["moreau"]
+    what = f"a case of 0.3 s, {count} distinct ones, one thread, everything included"
+    lines: list[Line] = [(f"{what}: `moreau`, h = 1e-5 s", "", f"{1e3 * own:.3g} ms", "1")]
+    for label, other in (
+        ("`event_driven`", seconds["event_driven"]),
+        ("NumPy, h = 1e-5 s", bench_limits.numpy_loop(10 * size.rival_steps) * steps),
+        ("Siconos, h = 1e-5 s, no heat", None if siconos is None else siconos * steps),
+        ("SciPy DOP853 with events", 0.3 * integrated),
+    ):
+        measured, ratio = "skipped: not installed or fails", ""
+        if other is not None:
+            measured = f"{other:.3g} s" if other >= 1 else f"{1e3 * other:.3g} ms"
+            ratio = f"{other / own:.3g}"
+        lines.append((f"{what}: {label}, over `moreau`", "", measured, ratio))
+    return lines
+
+
+def over_kernels(what: str, study: Study, warm: Study, runs: int = 1) -> Line:
+    """A run in a warm process over its kernels on as many threads: the run whose ratio of both is the median."""
+    pairs = []
     with scratch() as directory:
-        run_study(parsed(HEAVY.format(rows=2, columns=2)), directory / "warm.nc")
-        for run in range(runs):
-            archive = directory / f"{run}.nc"
-            begun = time.perf_counter()
-            run_study(study, archive)
-            runs_seconds.append((time.perf_counter() - begun, kernel_seconds(archive) / available_threads()))
-    return sorted(runs_seconds, key=lambda pair: pair[0] / pair[1])[runs // 2]
+        run_study(warm, directory / "warm.nc")
+        for k in range(runs):
+            wall = taken(partial(run_study, study, directory / f"{k}.nc"))
+            pairs.append((wall / kernel_seconds(directory / f"{k}.nc") * available_threads(), wall))
+    ratio, wall = sorted(pairs)[runs // 2]
+    return f"{what} over its kernels, {available_threads()} threads", "<= 1.1", f"{wall:.2f} s", f"{ratio:.2f}"
 
 
-def atlas_run(alphas: int) -> tuple[int, float, float]:
-    """Return the cases of ``studies/atlas.yaml`` with fewer loads and α, its wall time and that of its kernels, s.
-
-    The kernels' is their own on as many threads.
-    """
+def atlas(alphas: int) -> tuple[Study, Study]:
+    """Return ``studies/atlas.yaml`` with fewer loads and α, and with two gaps."""
     text = (ROOT / "studies" / "atlas.yaml").read_text()
     for values, fewer in (("[3.125, 12.875, 40]", "[3.125, 12.875, 4]"), ("[0, 5.5125, 50]", f"[0, 5.5125, {alphas}]")):
         assert values in text, values
         text = text.replace(values, fewer)
+    return parsed(text), parsed(text.replace("10.8 um, 50]", "10.8 um, 2]"))
+
+
+def overhead(cases: int, **where: int) -> float:
+    """Return seconds of wall time per case beyond the kernels' own."""
     with scratch() as directory:
-        few_gaps = text.replace("10.8 um, 50]", "10.8 um, 2]")
-        run_study(parsed(few_gaps), directory / "warm.nc")
-        archive, begun = directory / "a.nc", time.perf_counter()
-        counts = run_study(parsed(text), archive).counts
-        seconds = time.perf_counter() - begun
-        return sum(counts.values()), seconds, kernel_seconds(archive) / available_threads()
+        wall = taken(partial(run_study, parsed(trivial(cases, METRICS)), directory / "a.nc", **where))
+        return (wall - kernel_seconds(directory / "a.nc") / next(iter(where.values()))) / cases
 
 
-def plan_seconds(cases: int) -> float:
-    """Return the seconds of planning a study."""
+def there_already(cases: int, most: int, runs: int) -> list[Line]:
+    """A run with nothing to do, and opening the archive and slicing a case."""
     study = parsed(trivial(cases, METRICS))
-    begun = time.perf_counter()
-    grid = arrange(study)
-    plan(grid)
-    return time.perf_counter() - begun
-
-
-def xyzpy_overhead(cases: int, batch: int | None = None) -> float | None:
-    """Return the seconds per case that xyzpy takes to store as many numbers of a function that costs nothing.
-
-    With ``batch`` its batches of so many cases are on the disk before they are put together, as our
-    tasks are, though not flushed; without, nothing is until the end.
-    """
-    try:
-        import xyzpy
-    except ImportError:
-        return None
-    names = [f"metric{k}" for k in range(16)]
-    numbers = tuple(float(k) for k in range(16))
-    columns = min(1000, cases // 2)
     with scratch() as directory:
-        runner = xyzpy.Runner(lambda alpha, e: numbers, var_names=names)
-        harvester = xyzpy.Harvester(runner, data_name=str(directory / "a.h5"))
-        combos = {"alpha": [k / 10 for k in range(cases // columns)], "e": [k / 1000 for k in range(columns)]}
+        archive = directory / "a.nc"
+
+        def sliced() -> None:
+            with open_archive(archive) as data:
+                data.isel(alpha=1, e=1)["contact_impulse"].item()
+
+        run_study(study, archive)
+        works = {"nothing to do": (partial(run_study, study, archive), most), "open and slice a case": (sliced, 25)}
+        lines = []
+        for what, (work, asked) in works.items():
+            seconds = 1e3 * median(taken(work) for _ in range(runs))
+            lines.append((f"{what}, {cases} cases", f"<= {asked} ms", f"{seconds:.1f} ms", f"{seconds / asked:.2f}"))
+        return lines
+
+
+def extension(cases: int) -> Line:
+    """A value added to an axis over running its cases alone and copying the archive durably."""
+    new, whole = (parsed(trivial(cases, METRICS, rows)) for rows in (slice(-1, None), slice(None)))
+    with scratch() as directory:
+        run_study(parsed(trivial(cases, METRICS)), directory / "a.nc")
         begun = time.perf_counter()
-        if batch is None:
-            harvester.harvest_combos(combos, verbosity=0)
-        else:
-            crop = harvester.Crop(name="bench", parent_dir=str(directory), batchsize=batch)
-            crop.sow_combos(combos, verbosity=0)
-            crop.grow_missing(verbosity=0)
-            with redirect_stderr(StringIO()):  # its bar
-                crop.reap()
-        return (time.perf_counter() - begun) / cases
+        shutil.copyfile(directory / "a.nc", directory / "copy.nc")
+        with open(directory / "copy.nc", "rb") as file:
+            os.fsync(file.fileno())
+        run_study(new, directory / "new.nc")
+        apart = time.perf_counter() - begun
+        added = taken(partial(run_study, whole, directory / "a.nc"))
+    what = f"a value added to {cases} cases over its cases alone and a raw copy"
+    return what, "", f"{added:.2f} s", f"{added / apart:.1f}"
 
 
-def main(
-    sizes: tuple[int, int] = (10_000, 100_000),
-    planned: int = 1_000_000,
-    heavy: int = 10_000,
-    runs: int = 5,
-    processes: bool = True,
-) -> None:
-    """Print the table; without ``processes`` only what needs no other processes."""
-    large = sizes[-1]
+def over_cases(size: Size) -> list[Line]:
+    """Whole runs of cheap cases, from the text to the archive, over their number."""
+    seconds = []
+    for cases in size.cheap_cases:
+        study = parsed(trivial(max(2, cases), METRICS))
+        if cases == 1:
+            study = study.with_({"axes.alpha": [0.5]})
+        runs = []
+        for _ in range(size.runs if cases < 10_000 else 1):
+            with scratch() as directory:
+                runs.append(taken(partial(run_study, study, directory / "a.nc")))
+        seconds.append(median(runs))
+    lines: list[Line] = [
+        (f"whole run of cheap cases, {cases} cases, per case", "", f"{1e6 * each / cases:.3g} us", "")
+        for cases, each in zip(size.cheap_cases, seconds, strict=True)
+    ]
+    first, last = size.cheap_cases[-2:]
+    steep = slope((first, last), seconds[-2:])
+    return [*lines, (f"a whole run, per case: slope over cases, from {first} to {last}", "1", "", f"{steep:.2f}")]
+
+
+def lines(size: Size) -> list[Line]:
+    """Return the lines that need no other process."""
     with scratch() as directory:  # kernels compiled, libraries loaded
         run_study(parsed(trivial(4, METRICS)), directory / "a.nc")
     threads = available_threads()
-    print(f"overhead per case, {threads} threads: {1e6 * overhead(large, threads=threads):.3g} us")
-    if processes:
-        print(f"overhead per case, {threads} workers and their start: {1e6 * overhead(large, workers=threads):.3g} us")
-    for how, batch in (("kept in memory to the end", None), ("batches of 1000 on the disk", 1000)):
-        other = xyzpy_overhead(large, batch)
-        print(f"overhead per case, xyzpy, {how}: " + ("not installed" if other is None else f"{1e6 * other:.3g} us"))
-    for cases in sizes:
-        again, sliced = nothing_to_do(cases, runs)
-        print(f"nothing to do, {cases} cases: {1e3 * again:.3g} ms")
-        print(f"open and slice, {cases} cases: {1e3 * sliced:.3g} ms")
-    for cases in sizes:
-        added, alone, copied = extension(cases, METRICS)
-        parts = f"{added / (alone + copied):.3g} x the new cases alone {alone:.3g} s and a copy {copied:.3g} s"
-        print(f"extension of {cases} cases by {min(1000, cases // 2)}: {added:.3g} s, {parts}")
+    each = 1e6 * overhead(size.grids[-1], threads=threads)
+    table = equal_terms(size)
+    what = f"run of {size.run_cases} cases with metrics"
+    table.append(over_kernels(what, heavy(size.run_cases), heavy(4), size.runs))
+    maps, few_gaps = atlas(max(2, size.run_cases // 200))
+    table.append(
+        over_kernels(
+            f"`studies/atlas.yaml`, {math.prod(size for _, size in arrange(maps).dims)} exact cases", maps, few_gaps
+        )
+    )
+    table.append((f"overhead per case, durable, {threads} threads", "<= 8 us", f"{each:.1f} us", f"{each / 8:.2f}"))
+    for cases, most in zip(size.grids, (25, 500), strict=True):
+        table += there_already(cases, most, size.runs)
+    return table + [extension(cases) for cases in size.grids] + over_cases(size)
+
+
+def called(*words: str | Path, **environment: str) -> tuple[float, float]:
+    """Return wall and processor seconds of a process and of all that it starts."""
+    here = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    here |= {"PYTHONPATH": os.pathsep.join([str(ROOT), here.get("PYTHONPATH", "")]), **environment}
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    wall = taken(lambda: subprocess.run([sys.executable, *map(str, words)], check=True, capture_output=True, env=here))
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return wall, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def command_lines(size: Size) -> list[Line]:
+    """What a user types and waits for, alone and over the imports; workers; a million cases."""
+    workers, large = available_threads(), size.grids[-1]
+    each, runs = 1e6 * overhead(large, workers=workers), range(size.runs)
+    what = f"overhead per case, durable, {workers} local dask workers"
+    table: list[Line] = [(what, "<= 120 us", f"{each:.1f} us", f"{each / 120:.2f}")]
+
+    def add(words: Sequence[str | Path], what: str, asked: float | None, times: Sequence[int], **here: str) -> None:
+        seconds = median(called("-m", "workflow", *words, **here)[0] for _ in times)
+        table.append(
+            (what, f"<= {asked:g} s" if asked else "", f"{seconds:.2f} s", f"{seconds / asked:.2f}" if asked else "")
+        )
+
+    called("-m", "workflow", "plan", BLADE)  # files in memory, bytecode written
+    add(["--help"], "`workflow --help`", 0.5, runs)
+    add(["plan", BLADE], "`workflow plan studies/blade.yaml`", 1.2, runs)
+    with scratch() as directory:
+        archive, kernels = directory / "a.nc", {"NUMBA_CACHE_DIR": str(directory / "kernels")}
+        run = ["-m", "workflow", "run", BLADE, "-o", archive]
+        imports = median(called("-c", "import numba, xarray, scipy")[1] for _ in runs)
+        for what, asked, times in (("nothing compiled", 12.0, range(1)), ("later", 3.0, runs)):
+            taken_here = []
+            for _ in times:
+                taken_here.append(called(*run, **kernels))
+                archive.unlink()
+            wall, processor = (median(seconds) for seconds in zip(*taken_here, strict=True))
+            name = f"workflow run studies/blade.yaml, {what}"
+            table.append((name, f"<= {asked:g} s", f"{wall:.2f} s", f"{wall / asked:.2f}"))
+            name = f"{name}, processor time, over `import numba, xarray, scipy`"
+            table.append((name, "", f"{processor:.2f} s", f"{processor / imports:.1f}"))
+        called(*run, **kernels)
+        add(run[2:], "workflow run studies/blade.yaml, nothing to do", None, runs, **kernels)
     for name, kind in (("metrics", METRICS), ("3 histories of 201 samples", HISTORIES)):
-        for cases in sizes if processes else ():
-            print(f"largest memory, {cases} cases, {name}: {memory(cases, kind):.0f} MiB")
-    print(f"plan, {planned} cases: {plan_seconds(planned):.3g} s")
-    wall, kernels = whole_run(heavy, runs)
-    ratio = f"{wall / kernels:.3f} x the kernels' own {kernels:.3g} s"
-    print(f"whole run, {heavy} cases of the heavy chain: {wall:.3g} s, {ratio}")
-    for words, seconds in commands(runs) if processes else ():
-        print(f"{words}: {seconds:.3g} s")
-    for what, seconds, imports, loop in first_runs() if processes else ():
-        print(f"{what}: {seconds:.3g} s, {imports:.3g} x `import numba, xarray, scipy`, {loop:.3g} x 100 000 products")
-
-
-if __name__ == "__main__":
-    main()
+        mebibytes = memory(10 * large, kind)
+        what = f"largest memory, {10 * large} cases, {name}"
+        table.append((what, "<= 500 MiB", f"{mebibytes:.0f} MiB", f"{mebibytes / 500:.2f}"))
+    seconds = taken(lambda: plan(arrange(parsed(trivial(10 * large, METRICS)))))
+    return [*table, (f"plan, {10 * large} cases", "", f"{seconds:.2f} s", "")]

@@ -1,14 +1,13 @@
 """The processor's peak of multiply-adds: independent fused ones on full registers, nothing else in the loop.
 
-Printed by ``python tests/benchmarks/multiply_add_peak.py``. Written in LLVM's own language, so that no compiler decides
-what is vectorised: each turn of the loop does one multiply-add on each of ten registers as wide as the processor has
-them, which no other waits for (two units with a latency of four need eight).
+Written in LLVM's own language, so that no compiler decides what is vectorised: each turn of the loop does one
+multiply-add on each of ten registers as wide as the processor has them, which no other waits for (two units with a
+latency of four need eight).
 """
 
 from __future__ import annotations
 
 import ctypes
-import time
 from functools import cache
 from typing import Any
 
@@ -82,15 +81,3 @@ def turn(turns: int) -> float:
 def multiply_adds_of_a_turn() -> int:
     """Return the multiply-adds of one turn of the loop."""
     return _compiled()[2]
-
-
-def main(turns: int = 100_000_000) -> None:
-    """Print the peak."""
-    turn(1000)
-    begun = time.process_time()
-    turn(turns)
-    print(f"{1e9 * (time.process_time() - begun) / turns / multiply_adds_of_a_turn():.4f} ns for a multiply-add")
-
-
-if __name__ == "__main__":
-    main()

@@ -6,7 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -269,6 +269,74 @@ def test_a_scheme_from_outside_that_exits_is_a_failed_case(where: str, tmp_path:
     assert "SystemExit: 3" in done.stdout
     assert "as it likes" in done.stderr
     assert "as it likes" not in done.stdout
+
+
+@pytest.fixture
+def command(tmp_path: Path) -> Callable[..., str]:
+    """The command in a directory of a study of `moreau` and a scheme from outside; it returns what it prints."""
+
+    def said(scheme: str, *words: str, status: int = 0) -> str:
+        text = quick({"scheme": ["moreau", "carpenter"], "e": 0, "alpha": 0}).text.replace("carpenter", scheme)
+        (tmp_path / "quick.yaml").write_text(text, encoding="utf-8")
+        if not (tmp_path / f"{scheme}.py").exists():
+            shutil.copy(HERE / f"{scheme}.py", tmp_path)
+            environment.update(outside(tmp_path, "workflow.schemes", scheme, scheme))
+        call = [sys.executable, "-m", "workflow", *words]
+        done = subprocess.run(call, capture_output=True, text=True, check=False, env=environment, cwd=tmp_path)
+        assert done.returncode == status, done.stderr
+        return done.stdout + done.stderr
+
+    environment = dict[str, str]()
+    return said
+
+
+def test_an_option_of_a_scheme_from_outside_has_any_unit(command: Callable[..., str]) -> None:
+    assert "hunt_crossley" in command("hunt_crossley", "plan", "quick.yaml")
+    assert "hunt_crossley" in command("hunt_crossley", "schema")
+
+
+def test_what_numba_cannot_compile_of_a_law_is_said_with_its_line(command: Callable[..., str], tmp_path: Path) -> None:
+    text = (HERE / "hunt_crossley.py").read_text(encoding="utf-8")
+    law = tmp_path / "hunt_crossley.py"
+    command("hunt_crossley", "schema")
+    law.write_text(text.replace("law.damping * tip.free", "law.dampin * tip.free"), encoding="utf-8")
+    said = " ".join(command("hunt_crossley", "run", "quick.yaml", status=1).split())
+    assert "Unknown attribute 'dampin' of type HuntCrossley" in said
+    assert 'hunt_crossley.py", line 39' in said
+    assert "Failed in" not in said
+
+
+def test_cases_of_an_edited_scheme_from_outside_are_other_ones(command: Callable[..., str], tmp_path: Path) -> None:
+    scheme, run = "projected_euler", ("run", "quick.yaml")
+    assert "2 ok" in command(scheme, *run)
+    assert "nothing to do" in command(scheme, *run)
+    with (tmp_path / f"{scheme}.py").open("a", encoding="utf-8") as file:
+        file.write("# edited\n")
+    assert "1 of its 2 cases are not asked for" in command(scheme, *run, status=2)
+    assert "1 of them stored before" in command(scheme, *run, "--drop")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ("np.zeros(count)]) * 1.01", "line 19: ValueError: vectors of a basis are 0 at the tip and orthonormal"),
+        (
+            "np.zeros(count)])[:, 1:]",
+            "cannot be used: the basis outside gives 1 vectors for 2",
+        ),
+    ],
+)
+def test_a_basis_from_outside_that_gives_something_else_is_refused(wrong: str, words: str, tmp_path: Path) -> None:
+    text = (HERE / "heat_with_the_tip_held.py").read_text(encoding="utf-8")
+    (tmp_path / "held.py").write_text(text.replace("np.zeros(count)])", wrong), encoding="utf-8")
+    environment = outside(tmp_path, "workflow.reduction", "outside", "held")
+    fixed = {"reduction": "rubin", "mechanical_modes": 2, "thermal_modes": 2}
+    study = quick({"e": 0, "alpha": 0, **fixed}, scene={"chain.nodes": 4}).text.replace("rubin", "outside")
+    (tmp_path / "quick.yaml").write_text(study, encoding="utf-8")
+    call = [sys.executable, "-m", "workflow", "plan", "quick.yaml"]
+    ended = subprocess.run(call, capture_output=True, text=True, check=False, env=environment, cwd=tmp_path)
+    assert ended.returncode == 2
+    assert words in " ".join(ended.stderr.split())
 
 
 @pytest.fixture

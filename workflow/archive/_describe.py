@@ -33,6 +33,7 @@ from workflow.grid import (
 )
 from workflow.models import FACTORISING, has_cholmod
 from workflow.pinning import is_pinned
+from workflow.registry import outside_sources
 from workflow.schemes import SOLVER_VERSION, Status
 from workflow.study import AUTO, CHOSEN, MATRIX, MODES, POINT, Axis, Drawn, Study, packed, parse_study, unpacked
 
@@ -47,15 +48,17 @@ COPIED = "copied"
 
 
 def study_key(study: Study) -> str:
-    """Return the identity of a study's results: all resolved but title and licence, and the solver's version.
+    """Return the identity of a study's results: all resolved but title and licence, and what computes them.
 
-    How the program describes an axis does not enter: other words are no other study.
+    That is the solver's version, and the sources of the modules from outside that the study names. How the program
+    describes an axis does not enter: other words are no other study.
     """
     resolved = {name: value for name, value in study.resolved().items() if name not in ("title", "license")}
     followed = [resolved["branch"]["axis"]] if "branch" in resolved else []
     for axis in (*followed, *resolved["scalars"], *(axis for each in resolved["dimensions"] for axis in each["axes"])):
         del axis["description"]
     identity = json.dumps({"study": resolved, "solver": SOLVER_VERSION}, sort_keys=True)
+    identity += "".join(str(source) for name, source in outside_sources().items() if f'"{name}"' in identity)
     return hashlib.sha256(identity.encode()).hexdigest()
 
 

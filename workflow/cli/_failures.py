@@ -176,6 +176,7 @@ def errors_in_words() -> Iterator[None]:
     """Turn what a user can mend into one clear message and the exit status of a wrong call."""
     from workflow.archive import ArchiveError
     from workflow.models import UnusableMatricesError
+    from workflow.registry import BrokenModuleError
     from workflow.study import StudyError
 
     try:
@@ -185,7 +186,7 @@ def errors_in_words() -> Iterator[None]:
         for mistake in error.mistakes:
             print_error(str(mistake))
         raise typer.Exit(WRONG) from None
-    except UnusableMatricesError as error:  # of one value of an axis: what is wrong with all is a mistake of the study
+    except (UnusableMatricesError, BrokenModuleError) as error:  # of one value: what is wrong with all is the study's
         print_error(f"a structure of this study cannot be used: {error}")
         raise typer.Exit(WRONG) from None
     except ArchiveError as error:

@@ -17,6 +17,7 @@ from workflow.grid._operators import structure_of
 from workflow.grid._reference_solutions import exact_cell, reference_cell
 from workflow.judges.trials import EXACT
 from workflow.reduction import DEFAULT
+from workflow.registry import outside_sources
 from workflow.schemes import SOLVER_VERSION
 from workflow.study import CaseSettings, Scene, Study
 
@@ -34,10 +35,10 @@ _AT_ONCE = 50_000
 class CaseHashes:
     """Hashes of the cases of a grid, each computed when it is first asked for.
 
-    A hash covers the solver's version, model, conditions, duration and sampling, the scheme with its
-    options, those of e, h and α that it reads, basis and mode counts (those that a tolerance decided, with the error
-    that was found), and the reference in the same way: values
-    in SI, to the bit. Labels, titles, the place in the grid and what else is stored do not enter.
+    A hash covers the solver's version, sources of what is from outside, model, conditions, duration and sampling,
+    the scheme with its options, those of e, h and α that it reads, basis and mode counts (those that a tolerance
+    decided, with the error that was found), and the reference in the same way: values in SI, to the bit. Labels,
+    titles, the place in the grid and what else is stored do not enter.
     """
 
     def __init__(self, grid: Grid) -> None:
@@ -119,12 +120,15 @@ def _read(cell: CaseSettings) -> frozenset[str]:
 def _numerics(cell: CaseSettings, read: frozenset[str]) -> dict[str, Any]:
     parameters = plain(cell.scene.parameters)
     parameters.pop("heating", None)  # a condition
+    named = {cell.scene.model, cell.scheme.method, cell.reduction}
+    outside = {name: source for name, source in outside_sources().items() if name in named}
     return {
         "model": cell.scene.model,
         "parameters": parameters,
         "method": cell.scheme.method,
         "options": plain(cell.scheme.options),
         "modes": [cell.mechanical_modes, cell.thermal_modes],
+        **({"outside": outside} if outside else {}),
         "h": float(cell.h).hex() if "h" in read else None,
         **({} if cell.reduction == DEFAULT else {"reduction": cell.reduction}),  # archives without it had this one
     }

@@ -2,9 +2,20 @@
 
 from __future__ import annotations
 
+from numba.core.errors import NumbaError
+
 from workflow.schemes import RefusedStructureError
 
 
 def reason_of(error: BaseException) -> str:
     """Return a refusal as it stands, any other error with its type: a defect of a model, basis or scheme."""
-    return str(error) if isinstance(error, RefusedStructureError) else f"{type(error).__name__}: {error}"
+    text = _innermost(str(error)) if isinstance(error, NumbaError) else str(error)
+    return text if isinstance(error, RefusedStructureError) else f"{type(error).__name__}: {text}"
+
+
+def _innermost(text: str) -> str:
+    """Return the fault and its line of what numba says, which tells how it came to each caller."""
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    begins = [k + 1 for k, line in enumerate(lines) if "Failed in " in line]
+    first = begins[-1] if begins else 0
+    return " ".join(lines[first : first + 2]).rstrip(":")

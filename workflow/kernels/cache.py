@@ -19,6 +19,8 @@ from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
+from workflow.registry import digest, source_digest
+
 PLAIN = "WORKFLOW_PLAIN_NUMBA"
 """Environment variable that has numba's own compiler used."""
 
@@ -61,13 +63,12 @@ def directory_of(module: str) -> Path | None:
 
 @cache
 def _directory_of(package: str, plain: bool) -> Path | None:
-    origin = getattr(sys.modules.get(package), "__file__", None)
-    if origin is None:
-        return None
     state: tuple[object, ...] = (_DIGEST, sys.version_info[:3], version("numba"), plain)
     if package != __name__.split(".")[0]:
-        outside = Path(origin)
-        state += (_digest(outside.parent, outside.name if outside.name != "__init__.py" else "**/*.py"),)
+        outside = source_digest(package)
+        if outside is None:
+            return None
+        state += (outside,)
     directory = root() / hashlib.sha256(repr(state).encode()).hexdigest()[:16]
     directory.mkdir(parents=True, exist_ok=True)
     os.utime(directory)
@@ -78,12 +79,5 @@ def _directory_of(package: str, plain: bool) -> Path | None:
     return directory
 
 
-def _digest(package: Path, pattern: str) -> str:
-    """Return the digest of sources: their names and what is in them."""
-    names = sorted(each.relative_to(package) for each in package.glob(pattern))
-    sources = [(str(name), (package / name).read_bytes()) for name in names if name.parts[0] not in _WITHOUT_KERNELS]
-    return hashlib.sha256(repr(sources).encode()).hexdigest()
-
-
-_DIGEST = _digest(Path(__file__).parents[1], "**/*.py")
+_DIGEST = digest(Path(__file__).parents[1], "**/*.py", _WITHOUT_KERNELS)
 """Taken when the process begins: a source that changes later is not the one that was imported."""

@@ -60,8 +60,10 @@ def error_by_cost(lines: Sequence[Line], beside: Sequence[Line] = (), title: str
     low, high = panels[0].get_ylim()
     panels[0].set_ylim(max(low, _FLOOR), max(high, 1.0))
     panels[0].set_xlim(panels[0].get_xlim()[0] / 5)  # room for the names of the steps
-    _tick_seconds(panels)
     _leave_room(panels[0], stepping)
+    for panel in panels:
+        _tick_decades(panel.xaxis)
+        _tick_decades(panel.yaxis)
     _name_steps(panels[0], stepping)
     handles, labels = panels[0].get_legend_handles_labels()
     if beside:
@@ -76,16 +78,15 @@ def error_by_cost(lines: Sequence[Line], beside: Sequence[Line] = (), title: str
     return figure
 
 
-def _tick_seconds(panels: Any) -> None:
-    """Write times between powers of ten too where these are few; Matplotlib's labels of minor ticks collide there."""
-    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+def _tick_decades(axis: Any) -> None:
+    """Write powers of ten along a logarithmic axis, of fewer than two decades what lies between too."""
+    from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
-    low, high = panels[0].get_xlim()
-    for panel in panels:
-        panel.xaxis.set_minor_formatter(NullFormatter())
-        if high < 100 * low:
-            panel.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-            panel.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axis.set_minor_locator(NullLocator())
+    low, high = axis.get_view_interval()
+    if high < 100 * low:
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter(StrMethodFormatter("{x:g}"))
 
 
 def _drawn(x: Any, y: Any) -> tuple[Any, Any]:
@@ -162,6 +163,8 @@ def error_by_step(lines: Sequence[Line], title: str = "") -> Figure:
                 fontsize=10,
             )
         _leave_room(panel, stepping)
+        _tick_decades(panel.xaxis)
+        _tick_decades(panel.yaxis)
         trim(panel)
     for panel in panels[len(names) :]:
         panel.remove()

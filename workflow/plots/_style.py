@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.figure import Figure
+    from matplotlib.text import Text
 
 # Okabe and Ito's palette: told apart by colour-blind readers and in print. Yellow last, grey for what is beside.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#B8A800")
@@ -24,20 +27,33 @@ def trim(panel: Any, grid: str = "both") -> None:
 def write_figure(figure: Figure, file: IO[bytes], dpi: int, form: str = "png") -> None:
     """Write a figure as PNG, SVG or PDF; texts come from files, and a dollar sign in them begins no formula."""
     from matplotlib import rc_context
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    for text in _texts(figure):
+        text.set_parse_math(False)
+    with warnings.catch_warnings(), rc_context({"pdf.fonttype": 42}):  # journals refuse fonts of type 3
+        warnings.filterwarnings("ignore", message="Glyph", category=UserWarning)  # a box is drawn in its place
+        if form == "png":  # savefig draws twice
+            figure.dpi = dpi
+            canvas: Any = FigureCanvasAgg(figure)
+            canvas.print_png(file)
+        else:
+            figure.savefig(file, dpi=dpi, format=form)
+
+
+def _texts(artist: Artist) -> Iterator[Text]:
+    """Yield all texts of an artist but those that Matplotlib writes at ticks, whose exponents are formulas."""
+    from matplotlib.axis import Axis
     from matplotlib.text import Text
     from matplotlib.ticker import FixedFormatter
 
-    ticks: set[Any] = set()
-    for panel in figure.axes:
-        for axis in (panel.xaxis, panel.yaxis):
-            if not isinstance(axis.get_major_formatter(), FixedFormatter):
-                ticks.update([axis.get_offset_text(), *axis.get_ticklabels(which="both")])
-    for text in figure.findobj(Text):
-        if text not in ticks:  # those that Matplotlib writes have exponents
-            text.set_parse_math(False)
-    with warnings.catch_warnings(), rc_context({"pdf.fonttype": 42}):  # journals refuse fonts of type 3
-        warnings.filterwarnings("ignore", message="Glyph", category=UserWarning)  # a box is drawn in its place
-        figure.savefig(file, dpi=dpi, format=form)
+    for child in artist.get_children():
+        if isinstance(child, Axis) and not isinstance(child.get_major_formatter(), FixedFormatter):
+            yield child.label
+        elif isinstance(child, Text):
+            yield child
+        else:
+            yield from _texts(child)
 
 
 def save(figure: Figure, path: Path) -> Path:

@@ -94,20 +94,29 @@ def reduce_structure(
         if large and (count is None or count > pair.most_modes):
             raise TooManyCoordinatesError(pair.size, pair.most_modes)
     chosen = load(basis)
-    mechanical = (
-        unreduced(structure.mechanical)
-        if mechanical_modes is None
-        else chosen.mechanical(structure, mechanical_modes, duration)
-    )
-    thermal = (
-        unreduced(structure.thermal) if thermal_modes is None else chosen.thermal(structure, thermal_modes, duration)
-    )
+    if mechanical_modes is None:
+        mechanical = unreduced(structure.mechanical)
+    else:
+        mechanical = _counted(chosen.mechanical(structure, mechanical_modes, duration), mechanical_modes, basis)
+    if thermal_modes is None:
+        thermal = unreduced(structure.thermal)
+    else:
+        thermal = _counted(chosen.thermal(structure, thermal_modes, duration), thermal_modes, basis)
     carried = None
     if structure.tangent is not None and mechanical_modes is not None:
         mechanical = with_friction(structure, structure.tangent, mechanical)
     if chosen.carried is not None and mechanical_modes is not None:
         carried = chosen.carried(structure, mechanical, thermal)
     return galerkin(structure, mechanical, thermal, carried)
+
+
+def _counted(vectors: Vectors, count: int, basis: str) -> Vectors:
+    """Return what a basis gives, if that is so many vectors and the tip's own."""
+    if not isinstance(vectors, Vectors):
+        raise registry.BrokenModuleError(f"the basis {basis} returns {type(vectors).__name__}, not Vectors")
+    if vectors.shapes.shape[1] != count + 1:
+        raise registry.BrokenModuleError(f"the basis {basis} gives {vectors.shapes.shape[1] - 1} vectors for {count}")
+    return vectors
 
 
 def reduced_model(

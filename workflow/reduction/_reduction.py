@@ -10,6 +10,9 @@ import numpy as np
 from workflow.models import Array, Cases, DensePair, Matrices, Pair, Sparse, Structure, project, static_tip_growth
 from workflow.models._from_matrices import structure_of_forms
 
+_ORTHONORMAL = 1e-6
+"""How far interiorᵀ · inertia · interior may be from 1: what the projection of initial states may miss by it."""
+
 
 @dataclass(frozen=True, eq=False)
 class Reduction:
@@ -95,6 +98,9 @@ def thermal_vectors(structure: Structure, interior: Array) -> Vectors:
 
 
 def _with_constraint(pair: Pair, interior: Array) -> Vectors:
+    gram = interior.T @ pair.inertia_of(interior)
+    if np.any(interior[-1]) or not np.allclose(gram, np.eye(gram.shape[0]), rtol=0.0, atol=_ORTHONORMAL):
+        raise ValueError("vectors of a basis are 0 at the tip and orthonormal in the inertia")
     deformation = np.column_stack([pair.deformation_of(interior), pair.deformed])
     projection = _projection(pair.inertia_of(interior).T, pair.constraint)
     return Vectors(np.column_stack([interior, pair.constraint]), deformation, projection)

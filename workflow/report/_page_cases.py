@@ -114,23 +114,25 @@ def _entry(
     part: xr.Dataset, pack: Pack, case: int, names: list[str], buckets: int, scene: Mapping[str, Any], ok: bool
 ) -> dict[str, Any]:
     """Take in one case."""
-    dims, shape = case_dims(part), part["status"].shape
-    place = np.unravel_index(case, shape) if shape else ()
-    one = part.isel(dict(zip(dims, map(int, place), strict=True)))
-    entry: dict[str, Any] = {"curves": []}
-    for name in names:
-        entry["curves"].append(_curve(pack, thinned(np.asarray(one[name].values, dtype=float), buckets)))
-    if "period_impulse" in one:
-        entry["periods"] = pack.add(np.asarray(one["period_impulse"].values, dtype=np.float64))
-        entry["growth"] = float(one["growth_rate"]) if "growth_rate" in one else None
-    if ORBIT[0] in one and np.isfinite(one[ORBIT[0]].values).all():
-        entry["orbit"] = [_curve(pack, np.asarray(one[name].values, dtype=float)) for name in ORBIT]
-    entry["frequency"] = period_frequency(one, scene)
-    if "gap" in one.coords:
-        entry["gap"] = float(one["gap"])
-        motion = casing_motion(one) if names else None
+    shape = part["status"].shape
+    place = dict(zip(case_dims(part), map(int, np.unravel_index(case, shape) if shape else ()), strict=True))
+    coordinates = part.coords.to_dataset().isel(place)
+
+    def values(name: str) -> NDArray[np.float64]:
+        return np.asarray(part.variables[name].isel(place).values, dtype=np.float64)
+
+    entry: dict[str, Any] = {"curves": [_curve(pack, thinned(values(name), buckets)) for name in names]}
+    if "period_impulse" in part:
+        entry["periods"] = pack.add(values("period_impulse"))
+        entry["growth"] = float(values("growth_rate")) if "growth_rate" in part else None
+    if ORBIT[0] in part and np.isfinite(values(ORBIT[0])).all():
+        entry["orbit"] = [_curve(pack, values(name)) for name in ORBIT]
+    entry["frequency"] = period_frequency(coordinates, scene)
+    if "gap" in coordinates:
+        entry["gap"] = float(coordinates["gap"])
+        motion = casing_motion(coordinates) if names else None
         if motion is not None:
             entry["casing"] = _curve(pack, thinned(motion[0], buckets))
-    if not ok and "message" in one:
-        entry["message"] = str(one["message"].values)[:_LONGEST_MESSAGE]
+    if not ok and "message" in part:
+        entry["message"] = str(part.variables["message"].isel(place).values)[:_LONGEST_MESSAGE]
     return entry

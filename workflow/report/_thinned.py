@@ -39,14 +39,11 @@ def thinned(values: NDArray[np.float64], buckets: int = BUCKETS) -> NDArray[np.f
     """
     if values.size <= 2 * buckets:
         return values
-    finite = np.where(np.isfinite(values), values, np.nan)
     edges = np.linspace(0, values.size, buckets + 1).round().astype(int)
-    extremes = np.empty((buckets, 2))
-    for k in range(buckets):
-        piece = finite[edges[k] : edges[k + 1]]
-        low, high = int(np.argmin(piece)), int(np.argmax(piece))
-        extremes[k] = piece[min(low, high)], piece[max(low, high)]
-    return extremes.ravel()
+    inside = edges[:-1, None] + np.arange(np.diff(edges).max())
+    pieces = np.where(np.isfinite(values), values, np.nan)[np.minimum(inside, edges[1:, None] - 1)]
+    extremes = np.sort(np.stack([pieces.argmin(axis=1), pieces.argmax(axis=1)], axis=1), axis=1)
+    return np.take_along_axis(pieces, extremes, axis=1).ravel()
 
 
 def levels(values: NDArray[np.float64]) -> tuple[NDArray[np.uint16], float, float]:

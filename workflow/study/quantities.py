@@ -1,9 +1,9 @@
 """Numbers with units: ``20 um`` is exactly 2e-5 m, and nothing in a string is ever evaluated.
 
-A string is a number, matched here, and a unit: names with integer exponents, joined by ``*``, ``/``
-or spaces. The most common names stand in a table; pint resolves others, one bare name at a time. Their
-factors are multiplied in decimal arithmetic. Two units are of the same quantity when their root units
-agree, in which the radian counts: ``rad/s`` is no frequency.
+A string is a number, matched here, and a unit as ``declare.unit_factors`` splits it. The most common names
+stand in a table; pint resolves others, one bare name at a time. Their factors are multiplied in decimal
+arithmetic. Two units are of the same quantity when their root units agree, in which the radian counts:
+``rad/s`` is no frequency.
 """
 
 from __future__ import annotations
@@ -14,16 +14,13 @@ from decimal import Context, Decimal
 from functools import cache, lru_cache
 from typing import Any
 
-from workflow.declare import Quantity
+from workflow.declare import Quantity, UnitError, unit_factors
 from workflow.study.mistakes import quoted, wrong
 
 NUMBER = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
 """A number at the start of a string, as a regular expression."""
 
-_LONGEST_UNIT = 40
 _NUMBER = re.compile(NUMBER)
-_UNIT_FACTOR = re.compile(r"([A-Za-zµμΩ_]+)(?:(?:\*\*|\^)?([-+]?[0-9]{1,2})(?![0-9]))?|1(?![0-9])")
-_UNIT_JOINT = re.compile(r"\s*(?:\*(?!\*)|·|(/))\s*|\s+")
 _EXACT = Context(prec=60, traps=[])
 
 _SPOKEN = {
@@ -80,34 +77,6 @@ COMMON: dict[str, Unit] = {
 _PERCENT: Unit = (Decimal("0.01"), {})
 
 
-class UnitError(ValueError):
-    """A unit that cannot be read; the message says why."""
-
-
-def factors(unit: str) -> list[tuple[str, int]]:
-    """Split a unit into names and integer exponents: ``W/m**2/K`` is W, m⁻², K⁻¹.
-
-    Raises
-    ------
-    UnitError
-        The text is not made of names, exponents, ``*``, ``/`` and spaces, or is too long.
-    """
-    powers: list[tuple[str, int]] = []
-    position, sign = 0, 1
-    while len(unit) <= _LONGEST_UNIT and (factor := _UNIT_FACTOR.match(unit, position)):
-        if factor[1]:
-            powers.append((factor[1], sign * int(factor[2] or 1)))
-        elif position:
-            break  # a one stands first or not at all: 1/s, not um/1
-        if factor.end() == len(unit):
-            return powers
-        joint = _UNIT_JOINT.match(unit, factor.end())
-        if joint is None:
-            break
-        position, sign = joint.end(), -1 if joint[1] else 1
-    raise UnitError(f"{quoted(unit)} is not a unit")
-
-
 @lru_cache(maxsize=1024)
 def parse_unit(unit: str) -> Unit:
     """Return what a unit is worth in root units.
@@ -118,9 +87,9 @@ def parse_unit(unit: str) -> Unit:
         The text cannot be read, names an unknown unit or one with an offset (``degC``).
     """
     worth, roots = Decimal(1), dict[str, float]()
-    for name, exponent in factors(unit):
+    for name, exponent in unit_factors(unit):
         factor, units = _named(name)
-        worth = _EXACT.multiply(worth, _EXACT.power(factor, exponent))
+        worth = _EXACT.multiply(worth, _EXACT.power(factor, Decimal(exponent)))
         for root, power in units.items():
             roots[root] = roots.get(root, 0) + power * exponent
     return worth, {root: power for root, power in roots.items() if power}
@@ -166,7 +135,7 @@ def pint_unit(name: str) -> Unit:
 
 def udunits(unit: str) -> str:
     """Return a declared unit as CF writes it: ``W/m**2/K`` is ``W m-2 K-1``, a pure number ``1``."""
-    return " ".join(name if power == 1 else f"{name}{power}" for name, power in factors(unit)) or "1"
+    return " ".join(name if power == 1 else f"{name}{power:g}" for name, power in unit_factors(unit)) or "1"
 
 
 def readable(unit: str) -> str:
