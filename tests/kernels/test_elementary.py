@@ -69,32 +69,6 @@ def test_sine_and_cosine(which: int) -> None:
     assert worst(values[~large], x[~large], function) < 1
 
 
-@uncounted
-def _hypot(x: Array, y: Array, lengths: Array) -> None:
-    for i in range(x.size):
-        lengths[i] = elementary.hypot(x[i], y[i])
-
-
-def hypot(x: Any, y: Any) -> Array:
-    lengths = np.zeros(len(x))
-    _hypot(np.array(x), np.array(y), lengths)
-    return lengths
-
-
-def test_hypotenuse() -> None:
-    a = powers(-323, 307, COUNT)
-    b = np.where(RANDOM.random(COUNT) < 0.7, np.clip(a, 1e-300, 1e300) * powers(-4, 4, COUNT), powers(-323, 307, COUNT))
-    lengths = hypot(a, -b)
-    with mpmath.workdps(700):
-        errors = [
-            abs(mpmath.mpf(c) - mpmath.hypot(x, y)) / float(np.spacing(c))
-            for c, x, y in zip(lengths.tolist(), a.tolist(), b.tolist(), strict=True)
-            if np.isfinite(c)
-        ]
-    assert len(errors) > 0.9 * COUNT
-    assert max(errors) < 1
-
-
 def test_special_values() -> None:
     inf, nan = np.inf, np.nan
     arguments = [0.0, -0.0, inf, -inf, nan, 710.0, -746.0, TINY]
@@ -103,5 +77,3 @@ def test_special_values() -> None:
     np.testing.assert_array_equal(sin, [0, 0, nan, nan, nan, TINY])
     np.testing.assert_array_equal(np.signbit(sin[:2]), [False, True])
     np.testing.assert_array_equal(cos, [1, 1, nan, nan, nan, 1])
-    lengths = hypot([0.0, 3.0, inf, nan, nan, 1e308, TINY], [0.0, -4.0, nan, -inf, 1.0, 1.7e308, 0.0])
-    np.testing.assert_array_equal(lengths, [0, 5, inf, inf, nan, inf, TINY])

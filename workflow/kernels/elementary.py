@@ -1,4 +1,4 @@
-"""Exponential, sine, cosine and hypotenuse for kernels, with the same bits on every processor.
+"""Exponential, sine and cosine for kernels, with the same bits on every processor.
 
 The functions of a C library depend on its version and on whether the processor has a fused
 multiply-add. These use additions, subtractions, multiplications, divisions, square roots and integer
@@ -238,30 +238,6 @@ def power(x: float, exponent: int) -> float:
     for _ in range(exponent):
         result *= x
     return result
-
-
-@part
-def hypot(x: float, y: float) -> float:
-    """Return √(x² + y²) without overflow or underflow in between."""
-    a, b = max(abs(x), abs(y)), min(abs(x), abs(y))
-    if abs(x) == np.inf or abs(y) == np.inf:
-        return np.inf
-    if x != x or y != y:
-        return np.nan
-    if a == 0.0 or b == 0.0:
-        return a
-    back = 1.0
-    if a > 1e140:
-        back = _power_of_two(600)
-    elif b < 1e-140:
-        back = _power_of_two(-600)
-    a, b = a / back, b / back
-    (s, t), (u, v) = _product(a, a), _product(b, b)
-    whole = s + u
-    rest = ((s - whole) + u) + (t + v)
-    root = np.sqrt(whole)
-    square, lost = _product(root, root)
-    return float(back * (root + (((whole - square) - lost) + rest) / (2.0 * root)))
 
 
 @inlined

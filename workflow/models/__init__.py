@@ -14,29 +14,39 @@ from workflow.models._bounds import free_reach
 from workflow.models._cases import Cases, distinct_rows, project
 from workflow.models._chain import Chain
 from workflow.models._chain_pair import MOST_ONE_BY_ONE
-from workflow.models._damping import (
-    coupled_damping,
-    couples_free_modes,
-    held_damping,
-    is_rayleigh,
-    modal_damping,
-    needs_matrices,
-)
 from workflow.models._equilibrium import NoEquilibriumError, at_rest, static_equilibrium
 from workflow.models._factors import FACTORISING, MOST_BY_SUPERLU, has_cholmod
 from workflow.models._fill import Fill, LargeFactorsWarning, expected_fill
 from workflow.models._from_matrices import GivenMatrices, structure_from_matrices
 from workflow.models._growth import Growth, InContact, growth, growth_rate, in_contact
 from workflow.models._harmonics import NO_HARMONICS, Harmonics
-from workflow.models._modes import mechanical_modes, modal_coupling, poles, thermal_modes
+from workflow.models._modes import (
+    coupled_damping,
+    couples_free_modes,
+    frequencies,
+    held_damping,
+    is_rayleigh,
+    mechanical_modes,
+    modal_coupling,
+    modal_damping,
+    needs_matrices,
+    poles,
+    rates,
+    thermal_modes,
+)
 from workflow.models._pair import MOST_FULL, DensePair, Modes, Pair, TooManyCoordinatesError
-from workflow.models._runaway import critical_alpha, static_tip_growth, tip_flexibility
 from workflow.models._semidefinite import UnusableMatricesError
 from workflow.models._sliding import CriticalFriction, critical_friction, directions
 from workflow.models._sparse import Sparse
 from workflow.models._sparse_from_matrices import structure_from_sparse
 from workflow.models._sparse_pair import MOST_REDUCED
-from workflow.models._static import frequencies, growth_at_once, rates, rounding_of_flexibility
+from workflow.models._static import (
+    critical_alpha,
+    growth_at_once,
+    rounding_of_flexibility,
+    static_tip_growth,
+    tip_flexibility,
+)
 from workflow.models._structure import Coordinates, Matrices, Rayleigh, Structure
 from workflow.models._write_matrices import write_matrices
 from workflow.registry import Registry

@@ -23,7 +23,7 @@ from workflow.reduction._reduction import (
     unreduced,
 )
 from workflow.reduction._residual import projection_residual
-from workflow.registry import Registry
+from workflow.registry import BrokenModuleError, Registry
 
 DEFAULT = "craig_bampton"
 """The basis where a study names none."""
@@ -113,9 +113,9 @@ def reduce_structure(
 def _counted(vectors: Vectors, count: int, basis: str) -> Vectors:
     """Return what a basis gives, if that is so many vectors and the tip's own."""
     if not isinstance(vectors, Vectors):
-        raise registry.BrokenModuleError(f"the basis {basis} returns {type(vectors).__name__}, not Vectors")
+        raise BrokenModuleError(f"the basis {basis} returns {type(vectors).__name__}, not Vectors")
     if vectors.shapes.shape[1] != count + 1:
-        raise registry.BrokenModuleError(f"the basis {basis} gives {vectors.shapes.shape[1] - 1} vectors for {count}")
+        raise BrokenModuleError(f"the basis {basis} gives {vectors.shapes.shape[1] - 1} vectors for {count}")
     return vectors
 
 

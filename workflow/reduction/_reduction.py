@@ -98,12 +98,7 @@ def thermal_vectors(structure: Structure, interior: Array) -> Vectors:
 
 
 def _with_constraint(pair: Pair, interior: Array) -> Vectors:
-    gram = interior.T @ pair.inertia_of(interior)
-    if np.any(interior[-1]) or not np.allclose(gram, np.eye(gram.shape[0]), rtol=0.0, atol=_ORTHONORMAL):
-        raise ValueError("vectors of a basis are 0 at the tip and orthonormal in the inertia")
-    deformation = np.column_stack([pair.deformation_of(interior), pair.deformed])
-    projection = _projection(pair.inertia_of(interior).T, pair.constraint)
-    return Vectors(np.column_stack([interior, pair.constraint]), deformation, projection)
+    return _with_tip(pair, interior, pair.constraint, pair.deformed, interior)
 
 
 def massless_vectors(pair: Pair, interior: Array, tip: Array, strain: Array, modes: Array) -> Vectors:
@@ -120,21 +115,15 @@ def massless_vectors(pair: Pair, interior: Array, tip: Array, strain: Array, mod
     modes
         Orthonormal in M, ``(node, vector)``: the interior vectors up to multiples of the tip's. They hold all inertia.
     """
+    return replace(_with_tip(pair, interior, tip, strain, modes), has_massless_tip=True)
+
+
+def _with_tip(pair: Pair, interior: Array, tip: Array, strain: Array, modes: Array) -> Vectors:
+    """Return interior vectors and the tip's; states go onto the tip as it is, and the rest onto ``modes``."""
+    projection = np.vstack([pair.inertia_of(modes).T, pair.unit_tip])
+    projection[:-1, -1] = -projection[:-1, :-1] @ tip[:-1]
     deformation = np.column_stack([pair.deformation_of(interior), strain])
-    projection = _projection(pair.inertia_of(modes).T, tip)
-    return Vectors(np.column_stack([interior, tip]), deformation, projection, has_massless_tip=True)
-
-
-def _projection(onto_interior: Array, constraint: Array) -> Array:
-    """Return what takes states to [interior, tip]: the tip as it is, the rest onto the interior vectors.
-
-    ``onto_interior`` is interiorᵀ · inertia.
-    """
-    tip = np.zeros(constraint.size)
-    tip[-1] = 1.0
-    rows = np.vstack([onto_interior, tip])
-    rows[:-1, -1] = -onto_interior[:, :-1] @ constraint[:-1]
-    return rows
+    return Vectors(np.column_stack([interior, tip]), deformation, projection)
 
 
 def _mass(structure: Structure, mechanical: Vectors) -> Array:

@@ -73,7 +73,8 @@ def thermal(structure: Structure, count: int, duration: float | None) -> Vectors
     span = Orthonormal(pair.size, count, pair.inertia_of)
     each_alone = _is_small(structure)
     different = count if each_alone else min(count, MOST_SHIFTS)
-    shifts = np.geomspace(1 / duration, max(pair.largest(), 10 / duration), different)
+    spaced = np.geomspace(1 / duration, max(pair.largest(), 10 / duration), different)
+    shifts = [float(f"{shift:.12g}") for shift in spaced]  # digits in which all C libraries agree
     for k in range(count):
         vector = span.add(answer(heat, shifts[k * different // count]))
         if vector is not None and not each_alone:

@@ -115,7 +115,7 @@ def _expand_explicit(r: Response, output: int, k: int, y: Array, t: float, sums:
         w = r.waves[i, wave.OMEGA]
         cos, sin = wave_phase(r.waves, i, t)
         f_cos, f_sin = b[block.FORCE_COS + i * block.WAVE, k], b[block.FORCE_SIN + i * block.WAVE, k]
-        amplitude = w**3 * elementary.hypot(f_cos, f_sin)
+        amplitude = w**3 * np.sqrt(f_cos * f_cos + f_sin * f_sin)
         f1 += w * (f_sin * cos - f_cos * sin)
         f2 += -w * w * (f_cos * cos + f_sin * sin)
         f3 += w**3 * (f_cos * sin - f_sin * cos)
