@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from workflow import models, schemes
-from workflow.models import Cases, Harmonics, Rayleigh, Structure
+from workflow.models import Cases, Harmonics, Matrices, Rayleigh, Structure
 from workflow.schemes import Results, Sampling
 
 
@@ -92,8 +92,8 @@ def cases(structure: Structure, count: int = 1, **values: Any) -> Cases:
     )
 
 
-def sampling(duration: float, interval: float) -> Sampling:
-    return Sampling(duration, interval, round(duration / interval) + 1)
+def sampling(duration: float, interval: float, balances: bool = False) -> Sampling:
+    return Sampling(duration, interval, round(duration / interval) + 1, balances)
 
 
 def step(
@@ -110,6 +110,57 @@ def blade_rub(structure: Structure, **values: Any) -> Cases:
     return cases(structure, **{**rub, **values})
 
 
+def everything_acts(structure: Structure, **values: Any) -> Cases:
+    """A case with every load and initial state, which touches its casing many times."""
+    rng = np.random.default_rng(1)
+    n, m = structure.mechanical_size, structure.thermal_size
+    acting = {
+        "alpha": 30.0,
+        "gap": 5e-5,
+        "mean": 20.0,
+        "amplitude": 100.0,
+        "frequency": 200.0,
+        "phase": 0.3,
+        "steady": rng.normal(size=n),
+        "heating": 10 * rng.normal(size=m),
+        "temperature": rng.uniform(0, 3, m),
+        "displacement": 1e-6 * rng.normal(size=n),
+        "velocity": 1e-2 * rng.normal(size=n),
+    }
+    return cases(structure, **{**acting, **values})
+
+
+WAVES = {
+    "casing_harmonics": [[4e-6, 330.0, 0.4], [1.5e-6, 90.0, 2.0]],
+    "load_harmonics": [[30.0, 410.0, 1.0], [12.0, 37.0, 0.2]],
+}
+"""Harmonics of a casing in motion and of its load."""
+
+
+def with_dashpot(structure: Structure, first: int, second: int | None, strength: float) -> Matrices:
+    """The structure with a dashpot between two nodes, or from one to the ground: it couples all modes."""
+    along = np.zeros(structure.mechanical_size)
+    along[first] = 1.0
+    if second is not None:
+        along[second] = -1.0
+    return replace(structure.matrices(), damper=strength * np.outer(along, along))
+
+
+def held_matrix(s: Structure, alpha: float, friction: float = 0.0) -> np.ndarray:
+    """Return A of [x, v, θ]' = A [x, v, θ] with the tip held and λ eliminated, in the other coordinates."""
+    n, heats = s.mechanical_size, s.thermal_size
+    normal = np.eye(n)[-1]
+    direction = normal if s.tangent is None else normal - friction * s.tangent
+    solve = np.linalg.inv(np.column_stack([s.mass[:, :-1], direction]))  # of [a_i, λ]
+    answer = -solve @ np.hstack([s.stiffness_matrix[:, :-1], s.damping_matrix[:, :-1], s.coupling_matrix])
+    A = np.zeros((2 * n - 2 + heats,) * 2)
+    A[: n - 1, n - 1 : 2 * n - 2] = np.eye(n - 1)
+    A[n - 1 : 2 * n - 2] = answer[:-1]
+    A[2 * n - 2 :, 2 * n - 2 :] = -np.linalg.solve(s.heat_capacity, s.conductance_matrix)
+    A[2 * n - 2 :] += alpha * np.outer(np.linalg.inv(s.heat_capacity)[:, -1], answer[-1])
+    return A
+
+
 def alone(batch: Cases, case: int) -> Cases:
     """Return one case of a batch."""
     return batch.take(slice(case, case + 1))
@@ -124,14 +175,14 @@ def same_bits(a: Results, b: Results) -> bool:
 
 
 def taken(results: Results, which: slice) -> Results:
-    """Return the results of some cases."""
+    """Return the results of some cases, with as many columns of load periods as they have on their own."""
+    periods = int(np.sum(~np.isnan(results.period_impulse[which]), axis=1).max())
+    names = ("period_impulse", "period_temperature", "period_contact")
     return replace(
         results,
         histories={name: values[which] for name, values in results.histories.items()},
         metrics={name: values[which] for name, values in results.metrics.items()},
-        period_impulse=results.period_impulse[which],
-        period_temperature=results.period_temperature[which],
-        period_contact=results.period_contact[which],
+        **{name: getattr(results, name)[which, :periods] for name in names},
         status=results.status[which],
     )
 

@@ -34,6 +34,17 @@ scene:
 """
 """The chain of ``scenes.heavy_chain`` under a load."""
 
+BLADE_SCENE = """
+scene:
+  blade: {nodes: 20, length: 40 mm, width: 30 mm, thickness: 1 mm, density: 4430, specific_heat: 560,
+          conductivity: 7.0, convection: 400, expansion: 9.0e-6, tip_stiffness: 1.0e6,
+          damping: {mass: 10.0, stiffness: 2.0e-7}}
+  casing: {gap: 20 um}
+  load: {amplitude: 24, frequency: 5 Hz}
+  duration: 2 s
+"""
+"""The blade of ``scenes.blade_rub``."""
+
 SMALL = (
     "study: small\ntitle: A chain of four nodes that rubs\n"
     + SCENE

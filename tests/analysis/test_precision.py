@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from workflow.analysis import ERRORS, TARGETS, Line, effect, hidden, lines, observed_order, winners
+from workflow.analysis import ERRORS, Line, effect, hidden, lines, observed_order
 
 H = np.logspace(-6, -3, 7)
 
@@ -44,22 +44,6 @@ def test_limits_of_stability() -> None:
     assert line("one", H, 1 / H).stable_steps() is None
 
 
-def test_winners_are_the_fastest_that_are_good_enough() -> None:
-    slow = line("slow", 0.1 * H, 5e-3 / H)  # 1e-7 to 1e-4
-    fast = line("fast", 10 * H, 1e-3 / H)  # 1e-5 to 1e-2
-    exact = line("exact", np.zeros(H.size), np.full(H.size, 5e3))
-    best = {w.target: w for w in winners([slow, fast, exact])}
-    assert list(best) == list(TARGETS)
-    assert (best[1e-2].scheme, best[1e-2].h) == ("fast", pytest.approx(1e-3))
-    assert best[1e-2].runner_up == "slow"
-    assert best[1e-2].times == pytest.approx(5.0)
-    assert (best[1e-3].scheme, best[1e-3].h) == ("slow", pytest.approx(1e-3))
-    assert (best[1e-6].scheme, best[1e-6].runner_up) == ("slow", "exact")
-    assert (best[1e-9].scheme, best[1e-9].runner_up) == ("exact", "")
-    assert np.isnan(best[1e-9].h)
-    assert [w.scheme for w in winners([fast])] == ["fast", "fast", "", ""]
-
-
 def test_a_scheme_without_contact_is_not_exact() -> None:
     """Where the tip stays clear no scheme errs in the impulse."""
     clear = dict.fromkeys(ERRORS, np.zeros(H.size)) | {"displacement_error": 0.05 * H / H[-1]}
@@ -86,6 +70,7 @@ def study(e_matters: float) -> xr.Dataset:
             "predictability": (dims, np.full(shape, 1e-13)),
         },
         coords={"scheme": ["rough", "exact"], "h": h, "e": e, "alpha": alpha},
+        attrs={"duration": 2.0},
     )
 
 
@@ -127,7 +112,7 @@ def test_an_axis_that_matters_is_not_named() -> None:
 
 
 def test_lines_of_an_archive() -> None:
-    rough, exact = lines(study(0.1), 2.0)
+    rough, exact = lines(study(0.1))
     assert (rough.scheme, exact.scheme) == ("rough", "exact")
     assert exact.exact
     assert not rough.exact
@@ -182,7 +167,7 @@ def test_a_scheme_that_does_not_read_h_has_no_order() -> None:
 
 def test_observed_orders_are_those_of_the_lines() -> None:
     dataset = study(0.1).assign_coords(h=[1e-4, 1e-3, 1e-2])
-    (rough, exact), observed = lines(dataset, 2.0), observed_order(dataset, "impulse_error")
+    (rough, exact), observed = lines(dataset), observed_order(dataset, "impulse_error")
     assert np.isnan(exact.order("impulse_error")).all()
     assert np.isnan(observed["order"].sel(scheme="exact").values).all()
     one = observed.sel(scheme="rough", e=0, alpha=1)

@@ -93,15 +93,6 @@ def test_no_licence_is_written_that_a_study_does_not_state(tmp_path: Path) -> No
     assert findings(report(tmp_path / "a.nc")) == []
 
 
-def test_the_checker_would_find_something(tmp_path: Path) -> None:
-    layout = sample_layout((("e", 3),))
-    path = make_archive(tmp_path / "a.nc", layout, sample_results(layout))
-    with netCDF4.Dataset(path, "a") as file:
-        file["impacts"].setncattr("units", "apples")
-        file["status"].setncattr("flag_meanings", "ok")
-    assert len(findings(report(path))) >= 2
-
-
 def test_what_the_checker_does_not_ask(tmp_path: Path) -> None:
     layout = sample_layout()
     path = make_archive(tmp_path / "a.nc", layout, sample_results(layout))

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any
 
 import dask
 import h5py
-import numpy as np
 import pytest
 import xarray as xr
 from archive_samples import DIMS, check_dataset, make_archive, sample_layout, sample_results
@@ -16,7 +14,6 @@ from archive_samples import DIMS, check_dataset, make_archive, sample_layout, sa
 from studies import SCENE, parsed
 from workflow import archive
 from workflow.archive import _layout
-from workflow.archive._stored import boxes
 from workflow.run import run_study
 
 MANY = (("model", 3), ("gap", 12), ("e", 5))
@@ -88,31 +85,6 @@ def test_small_results_make_few_chunks(tmp_path: Path) -> None:
     path = make_archive(tmp_path / "a.nc", layout, sample_results(layout), range(1, 180, 9))
     with h5py.File(path) as file:
         assert {file[name].id.get_num_chunks() for name in ("status", "impacts", "period_impulse")} == {1}
-
-
-@pytest.mark.parametrize("most", [1, 2, 3, 7, 8, 40, 10**6])
-def test_any_shards_make_any_chunks(tmp_path: Path, most: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = make_archive(tmp_path / "b.nc", sample_layout(), sample_results(sample_layout()))
-    monkeypatch.setattr(_layout, "CHUNK_BYTES", 7 * 8 * most)
-    layout = sample_layout()
-    results = sample_results(layout)
-    path = make_archive(tmp_path / "a.nc", layout, results, range(2, layout.cells, 31))
-    with archive.open_archive(path) as dataset:
-        check_dataset(dataset, layout, results)
-    assert archive.content_hash(path) == archive.content_hash(whole)
-
-
-@pytest.mark.parametrize("shape", [(), (1,), (7,), (3, 4), (2, 1, 5), (2, 3, 1, 4)])
-def test_chunks_are_rectangles_that_hold_every_cell_once(
-    shape: tuple[int, ...], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    index = np.arange(math.prod(shape)).reshape(shape)
-    for most in range(1, index.size + 2):
-        monkeypatch.setattr(_layout, "CHUNK_BYTES", 8 * most)
-        layout = sample_layout(tuple((f"a{k}", size) for k, size in enumerate(shape)), samples=0, periods=0)
-        assert math.prod(layout.lengths) <= most
-        cells = [np.ravel(index[box]) for box in boxes(shape, layout.lengths)]
-        assert np.concatenate(cells).tolist() == list(range(index.size))
 
 
 @pytest.mark.usefixtures("small_chunks")

@@ -91,6 +91,8 @@ def test_why_it_is_not_extended_is_said(archive: Path) -> None:
 
 def test_what_running_its_study_anew_would_lose_is_said(archive: Path) -> None:
     narrowed = parse_study(study_of(archive).text.replace("[0.0, 0.5]", "[0.5]"), "study.yaml")
+    holding = holdings(narrowed, archive)
+    assert (holding.stored, holding.missing, holding.dropped) == (0, 3, 3)
     with pytest.raises(ArchiveError, match=r"3 of its 6 cases .*--drop"):
         run_study(narrowed, archive, threads=1, recompute=True)
 
@@ -100,6 +102,7 @@ def test_its_study_is_run_anew_when_it_is_asked_for(archive: Path, tmp_path: Pat
         before = dataset["contact_impulse"].load()
     run_study(study_of(archive), archive, threads=1, recompute=True)
     assert provenance(archive)["solver_version"] == str(NOW)
+    assert run_study(study_of(archive), archive, threads=1).resumed == 6
     with open_archive(archive) as dataset:
         again = dataset["contact_impulse"].sel(alpha=[0.0, 5.0])
         np.testing.assert_allclose(again.values, before.sel(alpha=[0.0, 5.0]).values, rtol=1e-9)

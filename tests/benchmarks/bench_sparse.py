@@ -3,9 +3,9 @@
     python tests/benchmarks/bench_sparse.py --elements 10 260 1
     python tests/benchmarks/bench_sparse.py --only block cube --bases krylov --superlu
 
-A line of 1e5 displacements and 1e5 temperatures, the finite element blade, so of 98 280 displacements and 32 760
-temperatures, and two bulky bodies of the same material: a block of 104 544 displacements and 34 848 temperatures, and a
-cube of 97 336 temperatures on a spring. Each in a process of its own, BLAS on one thread; times are of the processor.
+The finite element blade, so of 98 280 displacements and 32 760 temperatures, and two bulky bodies of the same material:
+a block of 104 544 displacements and 34 848 temperatures, and a cube of 97 336 temperatures on a spring. Each in a
+process of its own, BLAS on one thread; times are of the processor.
 Where the extra ``sparse`` is installed CHOLMOD factorises, with ``--superlu`` SuperLU does.
 """
 
@@ -32,34 +32,6 @@ STUDIES = Path(__file__).parents[2] / "studies"
 sys.path.insert(0, str(STUDIES))
 
 COUNTS = 24, 24
-
-
-def write_line(place: Path, nodes: int) -> None:
-    """Write the uniform blade of ``models/blade`` as sparse matrices."""
-    from scipy.sparse import csr_array, diags_array
-
-    def line(joint: float, ground: float = 0.0) -> csr_array:
-        own = np.full(nodes, 2 * joint + ground)
-        own[-1] = joint + ground / 2
-        beside = np.full(nodes - 1, -joint)
-        return csr_array(diags_array([own, beside, beside], offsets=[0, 1, -1]))
-
-    def lumps(each: float) -> csr_array:
-        return csr_array(diags_array(np.append(np.full(nodes - 1, each), each / 2)))
-
-    cell, spring = 0.04 / nodes, 1e6 * nodes
-    mass, half = 4430 * 0.03 * 1e-3 * cell, spring * 9e-6 * cell / 2
-    tip = np.append(np.zeros(nodes - 1), -half)
-    entries = {
-        "mass": lumps(mass),
-        "stiffness": line(spring),
-        "coupling": csr_array(
-            diags_array([tip, np.full(nodes - 1, half), np.full(nodes - 1, -half)], offsets=[0, 1, -1])
-        ),
-        "heat_capacity": lumps(560 * mass),
-        "conductance": line(7.0 * 0.03 * 1e-3 / cell, 400 * 0.062 * cell),
-    }
-    save(place, entries, nodes - 1, nodes - 1)
 
 
 def save(place: Path, entries: dict[str, Any], contact: int, thermal_contact: int) -> None:
@@ -138,7 +110,7 @@ def write_blade(place: Path, elements: tuple[int, int, int]) -> None:
     finite_element_blade.write_npz(finite_element_blade.matrices(elements), place)
 
 
-WRITE = {"line": write_line, "blade": write_blade, "block": write_block, "cube": write_cube}
+WRITE = {"blade": write_blade, "block": write_block, "cube": write_cube}
 
 
 def parsed() -> argparse.Namespace:
@@ -148,7 +120,6 @@ def parsed() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--only", nargs="+", choices=WRITE, default=WRITE)
     parser.add_argument("--bases", nargs="+", choices=names(), default=names())
-    parser.add_argument("--line", type=int, default=100_000, metavar="NODES")
     parser.add_argument("--elements", dest="blade", type=int, nargs=3, default=(8, 40, 1))
     parser.add_argument("--block", type=int, default=33, metavar="NODES", help="along an edge")
     parser.add_argument("--cube", type=int, default=46, metavar="NODES", help="along an edge")

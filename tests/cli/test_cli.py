@@ -14,7 +14,6 @@ from typer.testing import CliRunner
 from hostile import ESCAPES
 from studies import ILL, SMALL, written
 from terminal import typed, workflow
-from workflow import schemes
 from workflow.cli import app
 from workflow.cli._terminal import write_json
 
@@ -205,13 +204,6 @@ def test_a_directory_that_cannot_be_written(tmp_path: Path) -> None:
     assert done.returncode == 2
     assert "closed" in done.stderr
     assert "Traceback" not in done.stderr
-
-
-def test_every_scheme_offers_what_plan_and_run_ask() -> None:
-    for name in schemes.names():
-        scheme = schemes.load(name)
-        for part in ("Options", "READS", "init", "compute", "STEP_SECONDS", "amplification", "thermal_amplification"):
-            assert getattr(scheme, part) is not None, f"{name} lacks {part}"
 
 
 @pytest.mark.parametrize("archive", ["small.html", "small.png"])

@@ -10,7 +10,6 @@ import json
 import os
 import resource
 import select
-import signal
 import subprocess
 import sys
 import tempfile
@@ -156,24 +155,6 @@ def _matrices(seed: int, directory: Path, sound: Path) -> str:
     return _command("plan", str(path))
 
 
-def _deadly(seed: int) -> str:
-    """Go wrong in a way of its own for each seed: what the watching is tested with."""
-    match seed:
-        case 1:
-            try:
-                1 / 0  # noqa: B018
-            except ZeroDivisionError:
-                return traceback.format_exc()
-        case 2:
-            time.sleep(10 * LONGEST)
-        case 3:
-            os.kill(os.getpid(), signal.SIGSEGV)
-        case 4:
-            while True:
-                pass
-    return ""
-
-
 def main(kind: str, first: int, stop: int, *words: str) -> None:
     """Run the mutants of some seeds."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
@@ -188,10 +169,8 @@ def main(kind: str, first: int, stop: int, *words: str) -> None:
                         fault = _study(seed, Path(name))
                     case "archive":
                         fault = _archive(seed, Path(name), sound)
-                    case "matrices":
-                        fault = _matrices(seed, Path(name), Path(words[0]))
                     case _:
-                        fault = _deadly(seed)
+                        fault = _matrices(seed, Path(name), Path(words[0]))
             except MemoryError:
                 fault = "spends too much memory"
             print(json.dumps({"seed": seed, "fault": fault}), flush=True)

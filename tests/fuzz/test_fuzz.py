@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 
-import fuzzing
 import pytest
 from fuzzing import faults
 
@@ -57,18 +56,6 @@ def matrices(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 def test_a_few_mutated_files_of_matrices(matrices: str) -> None:
     assert faults("matrices", 0, 24, matrices) == []
-
-
-def test_a_failure_names_its_seed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What watches is watched: a traceback, a hang and a crash are told, and the next seed is run."""
-    monkeypatch.setattr(fuzzing, "ASLEEP", 2.0)
-    messages = faults("deadly", 0, 4)
-    assert [line.split(":")[0] for line in messages] == ["deadly 1", "deadly 2", "deadly 3"]
-    assert "ZeroDivisionError" in messages[0]
-    assert "hangs" in messages[1]
-    assert "ends with -11" in messages[2]
-    monkeypatch.setattr(fuzzing, "LONGEST", 0.3)
-    assert faults("deadly", 4, 5) == ["deadly 4: hangs"]
 
 
 @pytest.mark.slow

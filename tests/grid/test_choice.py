@@ -15,7 +15,7 @@ from random_scenes import random_scene
 from scenes import relative
 from studies import SCENE, parsed
 from workflow import schemes
-from workflow.analysis import decided, labels_of, mode_counts, recommend, recommendation_json, sentence
+from workflow.analysis import decided, labels_of, mode_counts, recommend, recommendation_entries, sentence
 from workflow.archive import open_archive, provenance
 from workflow.cli import app
 from workflow.grid import (
@@ -286,7 +286,7 @@ def test_an_archive_holds_counts_and_error_and_can_be_extended(tmp_path: Path) -
         assert mode_counts(archive, "mechanical_modes") == max(choice.mechanical_modes for choice in choices)
         answer = recommend(archive, 0.05)
         assert "(auto + auto)" in sentence(answer)
-        content = recommendation_json(answer)
+        content = recommendation_entries(answer)
         assert content["mechanical_modes"] == "auto"
         assert content["thermal_modes_used"] == choices[1].thermal_modes
         assert labels_of(archive, "tolerance") == ["tolerance 0.1", "tolerance 0.01"]

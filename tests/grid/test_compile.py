@@ -7,7 +7,6 @@ import signal
 import stat
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -19,7 +18,6 @@ import workflow
 from workflow import schemes
 from workflow.grid import _compile as compilation
 from workflow.grid._compile import KernelVariant, compile_scheme, compiled_ahead
-from workflow.schemes._exact import batch, held_regime
 
 ROOT = Path(workflow.__file__).parents[1]
 
@@ -149,52 +147,6 @@ def test_helpers_end_when_the_run_is_killed(tmp_path: Path) -> None:
     assert until(lambda: not alive(helper))
     assert not list(tmp_path.rglob("march.march-*.nbc"))  # the kernel that takes long
     assert not list(tmp_path.rglob("*.compiled"))
-
-
-def test_a_run_compiles_beside_its_helper_what_a_scheme_names_apart(
-    unnoted: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The helper is busy with the first kernel: the run compiles the others meanwhile, then waits for that one."""
-    calls, compiled = list(schemes.load("event_driven").KERNEL_CALLS), []
-    over = threading.Event()
-
-    def busy(
-        helper: object, process: subprocess.Popen[bytes], parts: list[tuple[KernelVariant, str]], _: bytes
-    ) -> None:
-        assert [call for _, call in parts] == calls[:1]
-        assert over.wait(60)
-        compilation._HELPER._done["event_driven"].set()
-
-    def noted(variant: KernelVariant, call: str) -> None:
-        compiled.append(call)
-        over.set()
-
-    monkeypatch.setattr(compilation._Helper, "_follow", busy)
-    monkeypatch.setattr(compilation, "_compile", noted)
-    monkeypatch.setattr(sys, "executable", "true")
-    with compiled_ahead([variant_of("event_driven")]):
-        compile_scheme(variant_of("event_driven"))
-    assert compiled == calls[1:]
-    assert len(calls) == 2
-    assert (unnoted / "event_driven").exists()
-
-
-@pytest.mark.parametrize("call", schemes.load("event_driven").KERNEL_CALLS)
-def test_each_call_of_the_exact_scheme_needs_one_large_kernel(call: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    kernels = {"march": (batch, "march"), "held regime": (held_regime, "_regime_at")}
-    called: set[str] = set()
-
-    def counted(name: str, kernel: Callable[..., object]) -> Callable[..., object]:
-        def run(*args: object) -> object:
-            called.add(name)
-            return kernel(*args)
-
-        return run
-
-    for name, (module, kernel) in kernels.items():
-        monkeypatch.setattr(module, kernel, counted(name, getattr(module, kernel)))
-    compilation._compile(variant_of("event_driven"), call)
-    assert called == {call}
 
 
 def test_what_is_compiled_needs_no_process(unnoted: Path, monkeypatch: pytest.MonkeyPatch) -> None:

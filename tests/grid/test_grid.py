@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import json
-import sys
 import time
-from collections.abc import Iterator
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,24 +18,6 @@ from workflow.cli.plan import _lines as plan_lines
 from workflow.grid import Grid, arrange, plan, plan_study, solve, tasks
 from workflow.grid import _tasks as cutting
 from workflow.schemes import Status
-
-STILL = '''
-"""A scheme that reads neither e nor its step."""
-from workflow.schemes import moreau
-from workflow.schemes.moreau import Options, amplification, compute, thermal_amplification
-READS = frozenset({"alpha"})
-def init(structure, h, options):
-    return moreau.init(structure, 1e-4, options)
-'''
-
-
-@pytest.fixture
-def still(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Add a scheme: one file, and nothing to register."""
-    (tmp_path / "still.py").write_text(STILL)
-    monkeypatch.setattr(schemes, "__path__", [*schemes.__path__, str(tmp_path)])
-    yield
-    sys.modules.pop("workflow.schemes.still", None)
 
 
 def test_operators_lie_outermost_and_what_is_varied_finely_innermost() -> None:
@@ -93,22 +72,6 @@ def test_a_zip_of_step_and_condition_is_outer() -> None:
     grid = arrange(parsed(text))
     assert grid.dims == (("pair", 2), ("alpha", 2))
     assert grid.settings(1).e == 0.5
-
-
-def test_axes_that_a_scheme_does_not_read_are_computed_once(still: None) -> None:
-    text = "study: a\n" + SCENE + "axes: {scheme: [moreau, still], h: [1e-4, 1e-3], e: [0, 0.5, 1], alpha: [0, 5]}\n"
-    grid = arrange(parsed(text))
-    assert grid.dims == (("scheme", 2), ("h", 2), ("e", 3), ("alpha", 2))
-    assert grid.places == {0: (0,), 1: (1,), 2: (2, 3)}
-    assert grid.distinct_inner(grid.settings(0)) == 6
-    assert grid.distinct_inner(grid.settings(2)) == 2
-    solved = solve(grid, 2, np.arange(6))
-    impulse = solved.values["contact_impulse"].reshape(3, 2)
-    assert np.array_equal(impulse[0], impulse[1])
-    assert np.array_equal(impulse[0], impulse[2])
-    assert impulse[0, 0] != impulse[0, 1]
-    made = plan(grid)
-    assert (made.cases, made.unique) == (24, 14)
 
 
 @pytest.mark.parametrize("text", [SMALL, ILL, SINGLE], ids=["small", "ill", "single"])

@@ -156,57 +156,40 @@ def test_predictability_of_chaos_at_a_gap_of_zero() -> None:
     assert 1e-3 < solved(CHAOS).values["predictability"][0] < 1
 
 
-def test_predictability_looks_to_both_sides() -> None:
-    """The tip stops 5e-14 of the gap short of its casing: only closing the gap makes it touch."""
-    text = """
+def mass_on_a_spring(gap: float, start: str, axes: str = "scheme: event_driven, e: 0") -> Solved:
+    """1 kg on 100 N/m from a start, for 1 s."""
+    return solved(f"""
 study: a
 scene:
-  chain: {nodes: 1, mass: 1, stiffness: 100, heat_capacity: 1}
-  casing: {gap: GAP}
-  initial: {velocity: 1.0}
+  chain: {{nodes: 1, mass: 1, stiffness: 100, heat_capacity: 1}}
+  casing: {{gap: {gap!r}}}
+  initial: {{{start}}}
   duration: 1
-axes: {scheme: event_driven, e: 0}
-reference: {scheme: event_driven}
-output: {interval: 10 ms}
-"""
-    results = solved(text.replace("GAP", repr(0.1 * (1 + 2e-13))))
+schemes: {{midpoint: {{method: moreau, theta: 0.5}}}}
+axes: {{{axes}}}
+reference: {{scheme: event_driven}}
+output: {{interval: 50 ms}}
+""")
+
+
+def test_predictability_looks_to_both_sides() -> None:
+    """The tip stops 5e-14 of the gap short of its casing: only closing the gap makes it touch."""
+    results = mass_on_a_spring(0.1 * (1 + 2e-13), "velocity: 1.0")
     assert results.values["impacts"][0] == 0
     assert results.values["predictability"][0] > 1e-8
-    assert solved(text.replace("GAP", "0.2")).values["predictability"][0] < 1e-15
+    assert mass_on_a_spring(0.2, "velocity: 1.0").values["predictability"][0] < 1e-15
 
 
 def test_a_start_on_the_casing_is_only_opened() -> None:
-    text = """
-study: a
-scene:
-  chain: {nodes: 1, mass: 1, stiffness: 100, heat_capacity: 1}
-  casing: {gap: 0.1}
-  initial: {displacement: 0.1, velocity: -1}
-  duration: 1
-axes: {scheme: event_driven, e: 0.5}
-reference: {scheme: event_driven}
-output: {interval: 10 ms}
-"""
-    results = solved(text)
+    results = mass_on_a_spring(0.1, "displacement: 0.1, velocity: -1", "scheme: event_driven, e: 0.5")
     assert results.values["status"][0] == Status.OK
     assert 0 < results.values["predictability"][0] < 1e-9
 
 
 def test_an_error_against_nothing_is_missing_with_a_message() -> None:
     """A coarse step touches a casing that the exact tip never reaches."""
-    text = """
-study: a
-scene:
-  chain: {nodes: 1, mass: 1, stiffness: 100, heat_capacity: 1}
-  casing: {gap: 0.1001}
-  initial: {displacement: 0.09553, velocity: 0.29552}
-  duration: 1
-schemes: {midpoint: {method: moreau, theta: 0.5}}
-axes: {scheme: midpoint, h: 5e-2, e: 0.9}
-reference: {scheme: event_driven}
-output: {interval: 50 ms}
-"""
-    results = solved(text)
+    start = "displacement: 0.09553, velocity: 0.29552"
+    results = mass_on_a_spring(0.1001, start, "scheme: midpoint, h: 5e-2, e: 0.9")
     assert results.values["contact_impulse"][0] > 0
     assert results.values["status"][0] == Status.OK
     assert np.isfinite(results.values["displacement_error"][0])

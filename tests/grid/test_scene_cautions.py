@@ -8,20 +8,12 @@ import pytest
 
 from matrix_files import as_npz, matrices_of
 from scenes import heavy_chain
-from studies import parsed, written
+from studies import BLADE_SCENE, parsed, written
 from workflow.grid import arrange, plan, plan_study
 from workflow.models import static_tip_growth
 from workflow.study import read_study
 
-BLADE = """
-study: a
-scene:
-  blade: {nodes: 20, length: 40 mm, width: 30 mm, thickness: 1 mm, density: 4430, specific_heat: 560, conductivity: 7.0,
-          convection: 400, expansion: 9.0e-6, tip_stiffness: 1.0e6, damping: {mass: 10.0, stiffness: 2.0e-7}HEATING}
-  casing: {gap: 20 um}
-  load: {amplitude: 24, frequency: 5 Hz}
-  duration: 2 s
-"""
+BLADE = f"study: a{BLADE_SCENE}".replace("stiffness: 2.0e-7}", "stiffness: 2.0e-7}HEATING")
 
 
 def warnings(text: str, heating: str = "") -> list[str]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenes import cases, chain, heavy_chain, sampling, step
+from scenes import cases, chain, heavy_chain, sampling, step, with_dashpot
 from workflow.models import free_reach, frequencies
 from workflow.schemes import event_driven
 
@@ -44,10 +44,7 @@ def test_a_free_body_reaches_everywhere() -> None:
 @pytest.mark.parametrize("load", [None, np.array([1.0, 0.5, 0.0, 0.2])])
 def test_the_reach_holds_where_damping_couples_modes(load: np.ndarray | None) -> None:
     """At a resonance of a mode that a dashpot drives through another: from the steady motion on, the bound is met."""
-    structure = heavy_chain(nodes=4).matrices()
-    damper = np.zeros((4, 4))
-    damper[np.ix_([0, 2], [0, 2])] = 60.0 * np.array([[1.0, -1.0], [-1.0, 1.0]])
-    structure = replace(structure, damper=damper, load=load)
+    structure = replace(with_dashpot(heavy_chain(nodes=4), 0, 2, 60.0), load=load)
     frequency = float(frequencies(structure)[1] / (2 * np.pi))
     drive = {"amplitude": 100.0, "frequency": frequency, "gap": 1.0}
     started = cases(structure, velocity=[[0.3, -0.2, 0.1, 0.4]], **drive)

@@ -13,26 +13,13 @@ import scipy.linalg
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenes import chain, heavy_chain
+from scenes import chain, heavy_chain, held_matrix
 from workflow.models import Chain, Rayleigh, Structure, _growth, critical_alpha, growth, growth_rate, in_contact
 from workflow.reduction import reduce_structure
 
 
 def eigenvalues_in_contact(structure: Structure, alpha: float) -> np.ndarray:
-    """Eigenvalues of X' = A X, X = [x_i, v_i, θ], with λ = -K_ni x_i - K12_n θ - C_ni v_i - M_ni v_i'."""
-    M, C, K = structure.mass, structure.damping_matrix, structure.stiffness_matrix
-    K12, C2, K2 = structure.coupling_matrix, structure.heat_capacity, structure.conductance_matrix
-    n, heats = M.shape[0] - 1, C2.shape[0]
-    x, v, theta, i = slice(0, n), slice(n, 2 * n), slice(2 * n, 2 * n + heats), slice(0, n)
-    A = np.zeros((2 * n + heats, 2 * n + heats))
-    if n:
-        A[x, v] = np.eye(n)
-        A[v] = -np.linalg.solve(M[i, i], np.hstack([K[i, i], C[i, i], K12[i]]))
-    force = -M[n, i] @ A[v]
-    force -= np.concatenate([K[n, i], C[n, i], K12[n]])
-    A[theta, theta] = -np.linalg.solve(C2, K2)
-    A[theta] += np.outer(np.linalg.solve(C2, alpha * np.eye(heats)[-1]), force)
-    return np.linalg.eigvals(A)
+    return np.linalg.eigvals(held_matrix(structure, alpha))
 
 
 def flutter_chain(**parameters: object) -> Structure:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from scenes import blade, heavy_chain
+from scenes import blade, heavy_chain, held_matrix
 from workflow.models import Structure, frequencies, growth_rate, mechanical_modes
 from workflow.reduction import reduce_structure
 
@@ -45,15 +45,6 @@ def test_growth_rate_is_an_eigenvalue_of_the_held_tip(basis: str, alpha: float) 
     """y'' + C y' + K y + K12 θ = 0 inside, λ from the tip's row without inertia, C2 θ' + K2 θ = α λ e_n."""
     whole = blade()
     small = reduce_structure(whole, 3, 5, basis).structure
-    m, n = 3, small.thermal_size
-    stiffness, damping, coupling = small.stiffness_matrix, small.damping_matrix, small.coupling_matrix
-    matrix = np.zeros((2 * m + n, 2 * m + n))
-    matrix[:m, m : 2 * m] = np.eye(m)
-    matrix[m : 2 * m] = np.hstack([-stiffness[:m, :m], -damping[:m, :m], -coupling[:m]])
-    force = -np.concatenate([stiffness[m, :m], damping[m, :m], coupling[m]])
-    tip = np.eye(n)[-1]
-    matrix[2 * m :] = np.linalg.solve(small.heat_capacity, alpha * np.outer(tip, force))
-    matrix[2 * m :, 2 * m :] -= np.linalg.solve(small.heat_capacity, small.conductance_matrix)
-    exact = np.linalg.eigvals(matrix).real.max()
+    exact = np.linalg.eigvals(held_matrix(small, alpha)).real.max()
     assert growth_rate(small, alpha) == pytest.approx(exact, rel=1e-8, abs=1e-9)
     assert alpha == 0 or (exact > 0) == (alpha > 2.756)

@@ -22,6 +22,7 @@ import dask
 import numpy as np
 import pytest
 
+from scripts import script
 from studies import SCENE, SMALL, parsed, written
 from terminal import workflow
 from workflow.archive import content_hash, open_archive, parts_of
@@ -325,3 +326,23 @@ def test_wrong_calls(words: tuple[str, ...], message: str, tmp_path: Path) -> No
     assert message in completed.stderr
     assert "Traceback" not in completed.stderr
     assert list(tmp_path.iterdir()) == [study]
+
+
+def minutes(walltime: str) -> float:
+    hours, rest, seconds = map(int, walltime.split(":"))
+    return 60 * hours + rest + seconds / 60
+
+
+@pytest.mark.filterwarnings("default")  # those of dask-jobqueue
+def test_the_workers_of_the_example_for_slurm_leave_before_their_walltime() -> None:
+    pytest.importorskip("dask_jobqueue")
+    example = script("slurm_cluster")
+    with example.slurm_cluster() as cluster:
+        job = cluster.job_script()
+    assert "--nworkers 16" in job
+    assert "--nthreads 1 " in job
+    walltime = re.search(r"#SBATCH -t (\S+)", job)
+    lifetime = re.search(r"--lifetime (\d+)m --lifetime-stagger (\d+)m", job)
+    assert walltime is not None
+    assert lifetime is not None
+    assert int(lifetime[1]) + int(lifetime[2]) < minutes(walltime[1])

@@ -11,8 +11,7 @@ from typer.testing import CliRunner
 
 from quick import hashes_of, interrupted, quick
 from studies import cut_finely
-from workflow import schemes
-from workflow.archive import ArchiveError, content_hash, open_archive, parts_of
+from workflow.archive import ArchiveError, open_archive, parts_of
 from workflow.cli import app
 from workflow.run import holdings, run_study
 from workflow.study import Study
@@ -143,28 +142,6 @@ def test_an_unfinished_run_is_kept_beside_an_archive_that_holds_all_of_an_earlie
     refused(quick(), archive, "holds 3 cases of an unfinished run")
     assert sorted(parts_of(archive).glob("*.npz")) == shards != []
     assert run_study(extended, archive, threads=1).resumed == 12
-
-
-def test_cases_of_another_solver_are_told_apart_by_their_settings(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from workflow.archive import _describe
-    from workflow.grid import _identity
-    from workflow.run import _reuse
-
-    archive = tmp_path / "a.nc"
-    run_study(quick(), archive, threads=1)
-    for module in (_reuse, _describe, _identity):
-        monkeypatch.setattr(module, "SOLVER_VERSION", schemes.SOLVER_VERSION + 1)
-    with pytest.raises(ArchiveError, match=r"made by version .* --recompute"):
-        run_study(quick(), archive, threads=1)
-    held = holdings(quick({"e": [0.9]}), archive)
-    assert (held.stored, held.missing, held.dropped) == (0, 3, 6)
-    assert "made by version" in held.note
-    refused(quick({"e": [0.9]}), archive, "6 of its 9 cases", recompute=True)
-    before = content_hash(archive)
-    run_study(quick(), archive, threads=1, recompute=True)  # all cases are asked for
-    assert content_hash(archive) == before
 
 
 def test_the_command_line(tmp_path: Path) -> None:

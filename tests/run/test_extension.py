@@ -17,19 +17,16 @@ from hypothesis import strategies as st
 import workflow.run._task as running
 from quick import hashes_of, interrupted, quick, room_for
 from studies import cut_finely
-from workflow import schemes
 from workflow.archive import (
     ArchiveError,
     _layout,
     content_hash,
-    find_shards,
     open_archive,
     parts_of,
     provenance,
     stored_hashes,
 )
 from workflow.grid import arrange, solve
-from workflow.run import _study as studying
 from workflow.run import run_study
 from workflow.study import Study
 
@@ -154,21 +151,6 @@ def test_steps_from_a_study_to_its_next(
     check_extension(quick(**old), quick(**new), tmp_path)
 
 
-def test_shards_hold_what_is_new_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    cut_finely(monkeypatch)
-    archive, counts = tmp_path / "a.nc", list[int]()
-    run_study(quick(), archive)
-    gather = studying.gather
-
-    def inspecting(layout: Any, parts: Path, *others: Any) -> None:
-        counts.extend(len(shard.hashes) for shard in find_shards(parts)[0])
-        gather(layout, parts, *others)
-
-    monkeypatch.setattr(studying, "gather", inspecting)
-    run_study(quick({"h": [5e-5, 1e-4]}), archive)
-    assert counts == [3, 3, 3]
-
-
 @pytest.mark.parametrize("after", [0, 1, 3])
 def test_killed_in_the_middle(after: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     cut_finely(monkeypatch)
@@ -223,20 +205,6 @@ def of_cases(study: Study) -> list[float]:
     return [value for each in solved for value in each.values["contact_impulse"].tolist()]
 
 
-def test_the_old_archive_stays_until_the_new_one_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    archive = tmp_path / "a.nc"
-    run_study(quick(), archive)
-    before = archive.read_bytes()
-
-    def refuse(*_: object) -> None:
-        raise ArchiveError("not today")
-
-    monkeypatch.setattr(studying, "gather", refuse)
-    with pytest.raises(ArchiveError, match="not today"):
-        run_study(quick({"e": [0.0, 0.1]}), archive, drop=True)
-    assert archive.read_bytes() == before
-
-
 def test_a_title_is_changed_without_running_anything(tmp_path: Path) -> None:
     archive = tmp_path / "a.nc"
     run_study(quick(), archive)
@@ -269,24 +237,6 @@ def refused(study: Study, archive: Path, match: str) -> None:
     assert [e.name for e in archive.parent.iterdir() if e.suffix != ".parts"] == [archive.name]
 
 
-def test_another_solver_is_never_mixed_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from workflow.archive import _describe
-    from workflow.grid import _identity
-    from workflow.run import _reuse
-
-    archive = tmp_path / "a.nc"
-    run_study(quick(), archive)
-    for module in (_reuse, _describe, _identity):
-        monkeypatch.setattr(module, "SOLVER_VERSION", schemes.SOLVER_VERSION + 1)
-    refused(quick(), archive, r"made by version .* --recompute")
-    refused(quick({"e": [0.0, 0.1]}), archive, r"made by version .* --recompute")
-    with counted() as solved:
-        run_study(quick(), archive, recompute=True)
-    assert sum(solved) == 9
-    assert provenance(archive)["solver_version"] == str(schemes.SOLVER_VERSION + 1)
-    assert run_study(quick(), archive).resumed == 9
-
-
 def test_what_cannot_be_extended_is_refused(tmp_path: Path) -> None:
     archive = tmp_path / "a.nc"
     run_study(quick(output={"precision": "float32"}), archive)
@@ -312,18 +262,6 @@ def test_nothing_is_taken_from_a_damaged_archive(name: str, tmp_path: Path) -> N
         data.write(bytes([byte[0] ^ 1]))
     refused(quick({"e": [0.0, 0.1]}), archive, "damaged, its bytes are not those that were written")
     run_study(quick({"e": [0.0, 0.1]}), archive, recompute=True, drop=True)
-
-
-def test_a_value_that_went_leaves_nothing(tmp_path: Path) -> None:
-    archive = tmp_path / "a.nc"
-    run_study(quick(), archive)
-    run_study(quick({"e": [0.0, 0.9]}), archive, drop=True)
-    with open_archive(archive) as data:
-        assert data["e"].values.tolist() == [0.0, 0.9]
-        assert data["status"].shape == (2, 3)
-    with counted() as solved:
-        run_study(quick(), archive)
-    assert sum(solved) == 3
 
 
 def test_a_zip_of_300_cases_makes_300_cells(tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,6 @@ from studies import ILL, SINGLE, SMALL, cut_finely, parsed
 from workflow.archive import ArchiveError, content_hash, open_archive, parts_of
 from workflow.grid import _tasks as cutting
 from workflow.run import run_study
-from workflow.schemes import Status
 
 
 @pytest.fixture
@@ -22,17 +20,6 @@ def many_tasks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Cut even the smallest study in a task per unit."""
     cut_finely(monkeypatch)
     monkeypatch.setattr(cutting, "TARGET_TASKS", 10**6)
-
-
-def test_tasks_begin_in_their_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, many_tasks: None) -> None:
-    import workflow.run._threads as threading
-
-    begun, store = [], threading.store_task
-    monkeypatch.setattr(
-        threading, "store_task", lambda job, task, known: (begun.append(task.number), store(job, task))[1]
-    )
-    run_study(parsed(SMALL), tmp_path / "a.nc", threads=1)
-    assert begun == list(range(12))
 
 
 def test_a_study_becomes_one_labelled_archive(tmp_path: Path) -> None:
@@ -72,31 +59,10 @@ def test_an_interrupted_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     run_study(parsed(SMALL), whole)
     written = interrupted(parsed(SMALL), archive, 3)
     assert not archive.exists()
-    with open_archive(archive) as view:
-        status = view["status"].values
-        assert np.sum(status == Status.OK) == 15
-        assert np.sum(status == Status.NOT_RUN) == 45
-        assert np.isnan(view["contact_impulse"].values[status == Status.NOT_RUN]).all()
     with room_for(100) as again:
         assert run_study(parsed(SMALL), archive).resumed == 15
     assert not set(again) & set(written)
     assert content_hash(archive) == content_hash(whole)
-
-
-def test_nothing_to_do_and_another_study(tmp_path: Path) -> None:
-    archive = tmp_path / "a.nc"
-    run_study(parsed(SINGLE), archive)
-    before = archive.read_bytes()
-    assert run_study(parsed(SINGLE), archive).resumed == 1
-    with pytest.raises(ArchiveError, match="another study"):
-        run_study(parsed(SINGLE.replace("50 um", "40 um")), archive)
-    assert archive.read_bytes() == before
-
-
-def test_a_title_is_not_part_of_a_study_s_identity(tmp_path: Path) -> None:
-    archive = tmp_path / "a.nc"
-    run_study(parsed(SINGLE), archive)
-    assert run_study(parsed("title: Another title\n" + SINGLE), archive).resumed == 1
 
 
 def test_failed_cases_are_told_and_the_rest_is_stored(tmp_path: Path) -> None:
@@ -119,24 +85,6 @@ def test_a_second_run_is_refused_while_the_first_runs(tmp_path: Path) -> None:
     with holding(parts_of(archive)), pytest.raises(ArchiveError, match="another run has it"):
         run_study(parsed(SINGLE), archive)
     assert run_study(parsed(SINGLE), archive).ok
-
-
-def test_shared_results_stand_in_each_of_their_places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An axis the scheme does not read, outermost and innermost: computed once, stored everywhere."""
-    from workflow.grid import _arrangement
-
-    moreau = import_module("workflow.schemes.moreau")
-    monkeypatch.setattr(moreau, "READS", frozenset({"alpha"}))
-    calls: list[int] = []
-    compute = moreau.compute
-    monkeypatch.setattr(moreau, "compute", lambda o, c, s: (calls.append(c.count), compute(o, c, s))[1])
-    assert not _arrangement.reads("moreau", "moreau", "h")
-    run_study(parsed(SMALL), tmp_path / "small.nc", threads=1)
-    assert sum(count for count in calls if count > 1) == 2 * 5
-    with open_archive(tmp_path / "small.nc") as data:
-        impulse = data["contact_impulse"]
-        assert (impulse == impulse.isel(h=0, e=0)).all()
-        assert (data["status"] == 0).all()
 
 
 @pytest.mark.parametrize("name", ["gap", "alpha_and_e"])

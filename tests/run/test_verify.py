@@ -274,11 +274,6 @@ def test_a_case_without_digits_says_so(tmp_path: Path, monkeypatch: pytest.Monke
     assert "rounding leaves no digit to compare of the case (displacement" in last.detail
 
 
-def test_another_solver_is_noticed(whole: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_verify, "SOLVER_VERSION", schemes.SOLVER_VERSION + 1)
-    assert wrong(whole, 0) == {"solver"}
-
-
 def test_an_edited_study_is_noticed(copied: Path) -> None:
     def study(old: str, new: str) -> None:
         with netCDF4.Dataset(copied, "a") as file:

@@ -9,7 +9,7 @@ import pytest
 
 from scenes import blade, chain, heavy_chain, relative, sampling, step
 from scenes import cases as make_cases
-from workflow.models import Rayleigh, Structure, critical_alpha, growth_rate
+from workflow.models import Rayleigh, Structure
 from workflow.schemes import Results, Sampling, Status, event_driven
 
 
@@ -30,11 +30,6 @@ def single(mass: float, stiffness: float = 0.0, damping: Rayleigh | None = None)
         heat_capacity=1.0,
         conductance=1.0,
     )
-
-
-def impulse_times(results: Results, times: np.ndarray, size: float, case: int = 0) -> np.ndarray:
-    """Return the samples after which the impulse has jumped."""
-    return times[1:][np.diff(results.histories["impulse"][case]) > size]
 
 
 # --- bouncing ball -------------------------------------------------------------------------------
@@ -148,26 +143,6 @@ def test_rigid_body_under_harmonic_load() -> None:
     assert np.abs(results.histories["displacement"][0] - exact).max() <= 1e-13
 
 
-# --- clamped elastic bar released against its wall --------------------------------------------------
-
-
-def test_clamped_bar_keeps_its_energy_and_presses_with_one_half() -> None:
-    n = 100
-    mass = np.full(n, 1 / n)
-    mass[-1] /= 2
-    structure = chain(
-        nodes=n, mass=tuple(mass), stiffness=float(n), spacing=1 / n, heat_capacity=1.0, expansion=0.0, conductance=0.0
-    )
-    start = -np.arange(1, n + 1) / (2 * n)
-    results = run(structure, 3.0, 301, displacement=start)
-    t = np.linspace(0, 3, 301)
-    J, x = results.histories["impulse"][0], results.histories["displacement"][0]
-    mean_force = (J[190] - J[110]) / 0.8
-    assert mean_force == pytest.approx(0.5, abs=0.005)
-    assert np.abs(x - np.where(t < 1, -(1 - t) / 2, np.where(t < 2, 0.0, -(t - 2) / 2))).max() < 0.02
-    assert J[-1] == pytest.approx(0.5, abs=0.01)
-
-
 # --- the heavy chain and the blade ------------------------------------------------------------------
 
 
@@ -215,67 +190,7 @@ def test_thresholds_do_not_matter() -> None:
                 assert error.max() <= 1e-10, (name, factor, history)
 
 
-# --- thermal runaway --------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def runaway() -> tuple[Structure, Results]:
-    structure = heavy_chain(heat_capacity=1.315e-3)
-    alpha_c = critical_alpha(structure)
-    results = run(structure, 8.0, 801, 3, alpha=alpha_c * np.array([0.9, 1.0, 1.1]), gap=5e-5, mean=100.0)
-    return structure, results
-
-
-def test_runaway_below_at_and_above_the_critical_coupling(runaway: tuple[Structure, Results]) -> None:
-    structure, r = runaway
-    assert (r.status == Status.OK).all()
-    force = np.diff(r.histories["impulse"]) / 0.01
-    k, n = 2.0e7, 20
-    limit = (100.0 - k * 5e-5 / n) / (1 - 0.9)
-    assert limit == pytest.approx(500.0)
-    rate_below = growth_rate(structure, 0.9 * critical_alpha(structure))
-    assert rate_below < 0
-    settled = limit - (limit - force[0, -101]) * np.exp(rate_below * 1.0)
-    assert force[0, -1] == pytest.approx(settled, rel=2e-3)
-    at = force[1, 400:]
-    assert np.diff(at) == pytest.approx(np.full(399, np.diff(at).mean()), rel=1e-3)  # linear
-    above = force[2]
-    rate = np.log((above[-1] - above[-101]) / (above[-101] - above[-201]))
-    assert rate == pytest.approx(growth_rate(structure, 1.1 * critical_alpha(structure)), rel=1e-3)
-    assert rate == pytest.approx(1.608, abs=2e-3)
-
-
 # --- interface --------------------------------------------------------------------------------------
-
-
-def equal(a: Results, b: Results, pick: int) -> bool:
-    same = all(np.array_equal(a.histories[n][0], b.histories[n][pick], equal_nan=True) for n in a.histories)
-    same &= all(np.array_equal(a.metrics[n][0], b.metrics[n][pick], equal_nan=True) for n in a.metrics)
-    width = a.period_impulse.shape[1]
-    return bool(same and np.array_equal(a.period_impulse[0], b.period_impulse[pick, :width], equal_nan=True))
-
-
-def test_alone_equals_batched_and_a_poisoned_neighbour_changes_nothing() -> None:
-    structure = heavy_chain(nodes=5)
-    rng = np.random.default_rng(3)
-    conditions = {
-        "e": rng.uniform(0, 1, 7),
-        "alpha": rng.uniform(0, 60, 7),
-        "gap": rng.uniform(2e-6, 6e-6, 7),
-        "amplitude": 100.0,
-        "frequency": 20.0,
-    }
-    cases = make_cases(structure, 7, **conditions)
-    cases.alpha[2] = cases.alpha[1]
-    cases.e[4] = np.nan
-    cases.displacement[5] = np.inf
-    operator = event_driven.init(structure, 1e-4, event_driven.Options())
-    sampling = Sampling(0.1, 1e-3, 101)
-    batch = event_driven.compute(operator, cases, sampling)
-    assert list(batch.status) == [0, 0, 0, 0, Status.FAILED, Status.FAILED, 0]
-    for i in range(7):
-        alone = event_driven.compute(operator, cases.take(slice(i, i + 1)), sampling)
-        assert equal(alone, batch, i)
 
 
 def test_budgets_end_a_case_with_what_it_was_doing() -> None:

@@ -11,11 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from plain_moreau import march
 
-from scenes import alone, blade, cases, chain, heavy_chain, same_bits, sampling, step, taken
+from scenes import alone, cases, chain, heavy_chain, same_bits, sampling, step, taken
 from workflow.kernels.lanes import LANES, PACK, ROW, lane_rows
 from workflow.kernels.pack_operations import BROAD
 from workflow.models import Rayleigh
-from workflow.reduction import reduce_structure
 from workflow.schemes import Sampling, schedule
 
 
@@ -86,15 +85,6 @@ def test_heat_that_hardly_reaches_the_tip(link: float) -> None:
     assert plain.impulse.sum() > 0
     for name, expected in (("displacement", plain.displacement), ("temperature", plain.temperature)):
         assert np.abs(results.histories[name][0] - expected[:, -1]).max() < 1e-10
-
-
-def test_reduced_blade_in_a_batch_is_the_case_alone() -> None:
-    structure = blade()
-    reduction = reduce_structure(structure, 3, 12)
-    batch = reduction.project(batch_of(structure, 11))
-    over = sampling(0.02, 1e-3)
-    results = step(reduction.structure, batch, 1e-4, over, theta=0.5)
-    assert same_bits(step(reduction.structure, alone(batch, 9), 1e-4, over, theta=0.5), taken(results, slice(9, 10)))
 
 
 def test_threads_share_nothing() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from importlib import import_module
 
 import numpy as np
@@ -20,7 +19,7 @@ from workflow.schemes import Status
 
 @st.composite
 def unloaded_scenes(draw: st.DrawFn) -> tuple:
-    structure, n = random_chain(draw, heat=False)
+    structure, n = random_chain(draw)
     values = st.lists(st.floats(-1.0, 1.0), min_size=n, max_size=n)
     state = draw(values)
     e = draw(st.floats(0.0, 1.0))
@@ -59,17 +58,6 @@ def test_energy_never_rises_but_by_the_known_work() -> None:
     assert impacts > 200  # the scenes do touch
 
 
-@pytest.mark.parametrize("theta", [0.5, 1.0])
-@pytest.mark.parametrize("h", [1e-4, 1e-3, 1e-2, 1e-1])
-def test_bounded_at_any_step(theta: float, h: float) -> None:
-    structure = heavy_chain()
-    batch = cases(structure, gap=5e-5, amplitude=100.0, frequency=0.7)
-    results = step(structure, batch, h, sampling(10.0, h), theta=theta)
-    assert results.status[0] == Status.OK
-    assert results.metrics["contact_time"][0] > 0
-    assert np.abs(results.histories["displacement"]).max() <= 1.2e-4
-
-
 def test_ill_posed_case_names_the_limit_of_the_step() -> None:
     """W <= 0 where heat closes the gap faster than the impulse opens it; W is positive below the named h."""
     structure = heavy_chain()
@@ -88,40 +76,17 @@ def test_ill_posed_case_names_the_limit_of_the_step() -> None:
     assert "no step helps" in results.messages[0]  # in 0.05 s the heat of a pressed tip outgrows what a float holds
 
 
-def test_ill_posed_case_runs_at_the_step_it_names() -> None:
-    """At the limit of W > 0 itself the heat of a pressed tip would grow without bound in one step."""
-    structure = heavy_chain()
-    batch = cases(structure, alpha=1e8, gap=5e-5, displacement=np.linspace(0, 5e-5, 21)[1:], velocity=1.0)
-    over = sampling(1e-5, 1e-6)
-    results = step(structure, batch, 1e-6, over)
-    assert results.status[0] == Status.ILL_POSED
-    [numbers] = re.findall(r"(\S+) s is the limit.* the largest admissible h is (\S+) s", results.messages[0])
-    limit, named = map(float, numbers)
-    assert 0 < named < limit < 1e-6
-    again = step(structure, batch, named, over)
-    assert again.status[0] == Status.OK
-    assert again.histories["impulse"][0, -1] > 0
-    assert np.isfinite(again.histories["temperature"]).all()
-
-
 def test_divergence_is_decided_by_theory() -> None:
-    """θ < 1/2 without damping: every step grows as the known formula, before a number shows it."""
+    """θ < 1/2: without damping at any step, with it above c/((1 - 2θ) k), before a number shows it."""
+    swing = {"gap": 100.0, "displacement": 1e-3}
     structure = chain(nodes=1, mass=1.0, stiffness=4.0)
-    batch = cases(structure, gap=100.0, displacement=1e-3)
-    h, theta, omega = 0.1, 0.45, 2.0
-    results = step(structure, batch, h, sampling(10.0, h), theta=theta)
+    results = step(structure, cases(structure, **swing), 0.1, sampling(10.0, 0.1), theta=0.45)
     assert results.status[0] == Status.DIVERGED
     assert "stable at no h" in results.messages[0]
-    growth = (1 + (1 - theta) ** 2 * (omega * h) ** 2) / (1 + theta**2 * (omega * h) ** 2)
-    x, v = results.histories["displacement"][0], results.histories["velocity"][0]
-    energy = v**2 / 2 + 2 * x**2
-    assert energy[-1] / energy[0] == pytest.approx(growth**100, rel=1e-9)
     damped = chain(nodes=1, mass=1.0, stiffness=4.0, damping=Rayleigh(0.1, 0.0))
     limit = 0.1 / (0.1 * 4.0)
     for h, status in ((0.99 * limit, Status.OK), (1.01 * limit, Status.DIVERGED)):
-        swing = cases(damped, gap=100.0, displacement=1e-3)
-        assert step(damped, swing, h, sampling(100 * h, h), theta=theta).status[0] == status
-    assert step(structure, batch, 0.1, sampling(1.0, 0.1), theta=0.5).status[0] == Status.OK
+        assert step(damped, cases(damped, **swing), h, sampling(100 * h, h), theta=0.45).status[0] == status
 
 
 def test_rigid_body_is_stable_and_exact() -> None:

@@ -28,14 +28,6 @@ def test_the_first_limit_counts_and_there_may_be_none() -> None:
     assert largest_step(lambda step: True, 3e-5) == pytest.approx(3e-5, rel=1e-15)
 
 
-def test_what_is_tried_is_no_further_apart_than_said() -> None:
-    tried: list[float] = []
-    largest_step(lambda step: tried.append(step) is None, 0.7)
-    assert len(tried) == 641
-    assert tried[0] == 0.7 / 2**40
-    assert np.diff(np.log2(tried)).max() == pytest.approx(1 / 16)
-
-
 @given(st.floats(1e-300, 1e300), st.integers(2, 9))
 def test_a_limit_is_said_in_so_many_digits_and_never_above_it(limit: float, digits: int) -> None:
     said = float(limit_text(limit, digits))

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 from study_samples import BLADE, CHAIN
+from typer.testing import CliRunner
 
+from workflow.cli import app
 from workflow.study import StudyError, parse_study, read_study
 from workflow.study.source import MOST_ENTRIES, compose
 
@@ -18,17 +20,18 @@ CHANGED = [
     (1, "study: blade", "study: [blade]", "study", "a list is no name", "letters, digits"),
     (1, "study: blade", "stduy: blade", "stduy", "is not known", "did you mean `study`"),
     (2, "title: Tip", f"title: {'Tip ' * 300}", "title", "characters", "at most 1000"),
+    (
+        2,
+        "title: Tip response of a compressor blade that rubs on its casing",
+        'title: "a\\uD800"',
+        "title",
+        "escape that is no character",
+        "write the character",
+    ),
     (2, "title: Tip response of a compressor blade that rubs on its casing", "title: 5", "title", "not a text", "line"),
     (4, "  blade:", "  blad:", "scene.blad", "is not known", "did you mean `blade`"),
     (6, "    length: 40 mm", "    lenght: 40 mm", "scene.blade.lenght", "is not known", "did you mean `length`"),
-    (
-        6,
-        "length: 40 mm",
-        "length: 40 kg",
-        "scene.blade.length",
-        "`40 kg` is not a length",
-        "write metres, e.g. `0.5 mm`",
-    ),
+    (6, "length: 40 mm", "length: 40 kg", "scene.blade.length", "`40 kg` is not a length", "e.g. `0.5 mm`"),
     (6, "length: 40 mm", "length: 40 furlong_per", "scene.blade.length", "is not a unit", "metres"),
     (6, "length: 40 mm", "length: 9**9**9 m", "scene.blade.length", "`**9**9 m` is not a unit", "metres"),
     (6, "length: 40 mm", "length: '40'", "scene.blade.length", "without a unit", "metres"),
@@ -64,14 +67,7 @@ CHANGED = [
     (18, "{displacement: 0, velocity: 0, temperature: 0}", "statik", "scene.initial", "not a mapping or", "static"),
     (19, "  duration: 2 s", "  duration: 0", "scene.duration", "out of range", "above 0"),
     (3, "  duration: 2 s\n", "", "scene.duration", "is missing", "write it: duration"),
-    (
-        22,
-        "midpoint: {method: moreau,",
-        "midpoint: {method: moreaux,",
-        "schemes.midpoint.method",
-        "no method",
-        "`moreau`",
-    ),
+    (22, "midpoint: {method: m", "midpoint: {method: nm", "schemes.midpoint.method", "no method", "`moreau`"),
     (22, "midpoint: {method: moreau,", "midpoint: {", "schemes.midpoint", "`method` is missing", "moreau"),
     (22, "theta: 0.5", "thta: 0.5", "schemes.midpoint.thta", "not known", "did you mean `theta`"),
     (22, "theta: 0.5", "theta: 1.5", "schemes.midpoint.theta", "out of range", "at least 0 and at most 1"),
@@ -106,30 +102,9 @@ CHANGED = [
     (27, "alpha: [0, 30]", "schemes.midpiont.theta: [0, 1]", "axes.schemes.midpiont.theta", "not known", "midpoint"),
     (30, "alpha: [0, 30]", "mechanical_modes: [1]", "zip.model.mechanical_modes", "is an axis already", "keep one"),
     (30, "mechanical_modes: [1, 3, full]", "mechanical_modes: [1, full]", "zip.model", "different length", "as many"),
-    (
-        30,
-        "mechanical_modes: [1, 3, full]",
-        "mechanical_modes: [1, 3, 20]",
-        "zip.model.mechanical_modes",
-        "more than",
-        "19",
-    ),
-    (
-        30,
-        "mechanical_modes: [1, 3, full]",
-        "mechanical_modes: [1, -3, full]",
-        "zip.model.mechanical_modes[1]",
-        "range",
-        "0",
-    ),
-    (
-        30,
-        "mechanical_modes: [1, 3, full]",
-        "mechanical_modes: [1, 3, al]",
-        "zip.model.mechanical_modes[2]",
-        "modes",
-        "full",
-    ),
+    (30, "[1, 3, full]", "[1, 3, 20]", "zip.model.mechanical_modes", "more than", "19"),
+    (30, "[1, 3, full]", "[1, -3, full]", "zip.model.mechanical_modes[1]", "range", "0"),
+    (30, "[1, 3, full]", "[1, 3, al]", "zip.model.mechanical_modes[2]", "modes", "full"),
     (30, "mechanical_modes: [1, 3, full]", "mechanical_modes: 3", "zip.model.mechanical_modes", "not a list", "others"),
     (30, "  model: {mech", "  status: {mech", "zip.status", "name of a variable", "otherwise"),
     (30, "  model: {mech", "  a b: {mech", "zip.a b", "is no name", "letters"),
@@ -139,14 +114,7 @@ CHANGED = [
     (33, "interval: 1 ms", "interval: 3 ms", "output.interval", "does not divide", "write e.g. 0.004, for 500"),
     (33, "interval: 1 ms", "interval: 1 ns", "output.interval", "samples", "at least"),
     (33, "interval: 1 ms", "interval: 0", "output.interval", "out of range", "above 0"),
-    (
-        34,
-        "[displacement, temperature, contact_force]",
-        "[displacment]",
-        "output.histories[0]",
-        "none of",
-        "`displacement`",
-    ),
+    (34, "[displacement, t", "[displacment, t", "output.histories[0]", "none of", "`displacement`"),
     (34, "[displacement, temperature, contact_force]", "displacement", "output.histories", "not a list", "[]"),
     (35, "precision: float64", "precision: float16", "output.precision", "none of", "float"),
     (35, "precision: float64", "balances: maybe", "output.balances", "neither true nor false", "true or false"),
@@ -173,12 +141,11 @@ def test_changed_line(line: int, old: str, new: str, key: str, problem: str, rem
 
 
 WHOLE = [
-    ('study: a\ntitle: "a\\uD800"\n', "title", "escape that is no character"),
     ("", None, "is empty"),
     ("# nothing\n", None, "is empty"),
     ("- 1\n- 2\n", "", "is not a mapping"),
     ("just words", "", "is not a mapping"),
-    ("study: a\n---\nstudy: b\n", "", "more than one document"),
+    ("study: a\n---\nstudy: b\n", "", "another document"),
     ("study: 'a\n", "", "is not YAML"),
     ("study: a: b\n", "", "is not YAML"),
     ("study: \x00\n", "", "is not YAML"),
@@ -187,8 +154,8 @@ WHOLE = [
     ("study: " + "[" * 10_000, "", "deeper than 40"),
     ("study: " + "{a: " * 10_000, "", "deeper than 40"),
     ("\n".join(" " * i + "a:" for i in range(1000)), "", "deeper than 40"),
-    ("a: [1]\nb: *a\n", "b", "`*a` has no anchor"),
-    ("a: &a [1, *a]\n", "a[1]", "`*a` has no anchor"),
+    ("a: [1]\nb: *a\n", "", "undefined alias"),
+    ("a: &a [1, *a]\n", "", "deeper than 40"),
     ("a" * (2**20 + 1), "", "larger than 1 MiB"),
 ]
 
@@ -403,3 +370,20 @@ def test_more_entries_than_anybody_writes_are_refused_before_they_are_read() -> 
         parse_study(f"study: a\naxes: {{e: {entries}, alpha: {entries}}}\n", "study.yaml")
     assert "has more than 50000 keys and values; write long axes as {lin: [first, last, count]}" in str(refusal.value)
     assert str(refusal.value).startswith("study.yaml:2: ")
+
+
+@pytest.mark.parametrize("command", ["plan", "run"])
+def test_every_broken_study_ends_a_command_with_one_clear_message(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Exit status 2, and nothing is written."""
+    monkeypatch.chdir(tmp_path)
+    study = tmp_path / "broken.yaml"
+    for text in (*(BLADE.replace(old, new) for _, old, new, *_ in CHANGED), *(text for text, *_ in WHOLE)):
+        study.write_text(text, encoding="utf-8")
+        result = CliRunner().invoke(app, [command, str(study)])
+        assert result.exit_code == 2, text[:200]
+        assert "broken.yaml" in result.stderr, text[:200]
+        assert not result.stdout.strip()
+        assert "Traceback" not in result.stderr
+        assert list(tmp_path.iterdir()) == [study]

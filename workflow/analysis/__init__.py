@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from workflow.analysis._cases import (
-    Failures,
     case_dims,
     exact,
     failures,
@@ -19,10 +18,9 @@ from workflow.analysis._cases import (
 )
 from workflow.analysis._casing import casing_motion, period_frequency
 from workflow.analysis._compare import compare
-from workflow.analysis._decided import AutoModel, decided
-from workflow.analysis._effects import Hidden, effect, hidden
+from workflow.analysis._decided import decided
+from workflow.analysis._effects import effect, hidden
 from workflow.analysis._limits import (
-    Limit,
     Limits,
     NothingSteadyError,
     count_sentence,
@@ -31,60 +29,44 @@ from workflow.analysis._limits import (
     limits,
 )
 from workflow.analysis._motion import contact_loss, energy_kept, growth, impact_speeds, impulse_growth
-from workflow.analysis._notable import NotableCase, exact_partners, is_exact, notable_cases, total_error
+from workflow.analysis._notable import exact_partners, is_exact, notable_cases, total_error
 from workflow.analysis._phases import contact_phases
 from workflow.analysis._precision import (
     ERRORS,
     SENSELESS,
-    TARGETS,
     Line,
-    Winner,
     has_lines,
     lines,
     observed_order,
-    winners,
 )
 from workflow.analysis._recommend import (
     Choice,
     NoReferenceError,
     Recommendation,
-    Worst,
     numerical_dims,
     recommend,
-    simulated_seconds,
     usual_recommendations,
 )
 from workflow.analysis._recommend_words import COLUMNS as RECOMMENDATION_COLUMNS
-from workflow.analysis._recommend_words import as_json as recommendation_json
 from workflow.analysis._recommend_words import cautions as recommendation_cautions
+from workflow.analysis._recommend_words import entries as recommendation_entries
 from workflow.analysis._recommend_words import row as recommendation_row
 from workflow.analysis._recommend_words import sentence, undecidable
 from workflow.analysis._sobol import drawn_dim, sobol
-from workflow.analysis._standing import ACCURATE, RULE, Range, Standing, ranges, standings
+from workflow.analysis._standing import RULE, ranges, standings
 from workflow.analysis._work import work_precision
 
 __all__ = [
-    "ACCURATE",
     "ERRORS",
     "RECOMMENDATION_COLUMNS",
     "RULE",
     "SENSELESS",
-    "TARGETS",
-    "AutoModel",
     "Choice",
-    "Failures",
-    "Hidden",
-    "Limit",
     "Limits",
     "Line",
     "NoReferenceError",
-    "NotableCase",
     "NothingSteadyError",
-    "Range",
     "Recommendation",
-    "Standing",
-    "Winner",
-    "Worst",
     "case_dims",
     "casing_motion",
     "compare",
@@ -120,19 +102,17 @@ __all__ = [
     "ranges",
     "recommend",
     "recommendation_cautions",
-    "recommendation_json",
+    "recommendation_entries",
     "recommendation_row",
     "rounded_texts",
     "runaways",
     "sentence",
     "shown_dim",
-    "simulated_seconds",
     "sobol",
     "standings",
     "total_error",
     "undecidable",
     "usual_recommendations",
     "value_text",
-    "winners",
     "work_precision",
 ]

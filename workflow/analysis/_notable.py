@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,22 +31,6 @@ _EXTREMES = (
 """Metrics whose case of the largest magnitude is named, and how."""
 
 
-@dataclass(frozen=True)
-class NotableCase:
-    """A case that is worth a look.
-
-    Attributes
-    ----------
-    case
-        Its number, cases counted in the order of the archive's dimensions, the last fastest.
-    why
-        What is worth it.
-    """
-
-    case: int
-    why: str
-
-
 def total_error(dataset: xr.Dataset, part: str = "") -> NDArray[np.float64] | None:
     """Return the largest error of any history of each case, shape of ``status``; NaN where a case is not ok.
 
@@ -71,8 +54,10 @@ def total_error(dataset: xr.Dataset, part: str = "") -> NDArray[np.float64] | No
     return np.asarray(np.where(ok, np.max(errors, axis=0), np.nan))
 
 
-def notable_cases(dataset: xr.Dataset, choice: Choice | None) -> list[NotableCase]:
-    """Return the cases that are worth a look, each once, the most notable first.
+def notable_cases(dataset: xr.Dataset, choice: Choice | None) -> dict[int, str]:
+    """Return the cases that are worth a look, the most notable first, and what is worth it.
+
+    Cases have numbers, counted in the order of the archive's dimensions, the last fastest.
 
     First comes the worst case of a choice; without one the hottest or hardest pressed case. Then cases that are not ok,
     the first of each status, and those with the largest magnitude of each metric.
@@ -86,7 +71,7 @@ def notable_cases(dataset: xr.Dataset, choice: Choice | None) -> list[NotableCas
     """
     status = np.asarray(dataset["status"].values).ravel()
     reasons: dict[int, str] = {}
-    worst = None if choice is None else _case_of(dataset, choice)
+    worst = None if choice is None else choice.number
     if worst is not None:
         reasons[worst] = "worst case of the choice that is recommended, or of the one that comes nearest"
     extremes = _extremes(dataset, status)
@@ -100,7 +85,7 @@ def notable_cases(dataset: xr.Dataset, choice: Choice | None) -> list[NotableCas
     for _, case, why in extremes:
         reasons.setdefault(case, why)
     reasons.setdefault(int(np.argmax(status == Status.OK)), "the first case")
-    return [NotableCase(case, why) for case, why in reasons.items()]
+    return reasons
 
 
 def _extremes(dataset: xr.Dataset, status: NDArray[np.int8]) -> list[tuple[str, int, str]]:
@@ -115,25 +100,6 @@ def _extremes(dataset: xr.Dataset, status: NDArray[np.int8]) -> list[tuple[str, 
         if size.size and size.max() > 0:
             extremes.append((name, int(np.argmax(size)), why))
     return extremes
-
-
-def _case_of(dataset: xr.Dataset, choice: Choice) -> int | None:
-    """Return the number of the worst case of a choice."""
-    labels = {**choice.settings, **choice.worst.case}
-    place: list[int] = []
-    for dim in case_dims(dataset):
-        fits = np.ones(dataset.sizes[dim], dtype=bool)
-        for name in dataset.coords:
-            if dataset[name].dims == (dim,) and name in labels:
-                fits &= np.asarray([_same(value, labels[str(name)]) for value in dataset[name].values])
-        if not fits.any():
-            return None
-        place.append(int(np.argmax(fits)))
-    return int(np.ravel_multi_index(place, dataset["status"].shape)) if place else 0
-
-
-def _same(value: Any, label: Any) -> bool:
-    return bool(value == label)
 
 
 def is_exact(dataset: xr.Dataset, methods: Mapping[str, str]) -> bool:
@@ -158,7 +124,7 @@ def exact_partners(dataset: xr.Dataset, methods: Mapping[str, str]) -> NDArray[n
     Returns
     -------
     ndarray
-        Shape ``(case,)``, cases counted as in :class:`NotableCase`.
+        Shape ``(case,)``, cases counted as in :func:`notable_cases`.
     """
     status = np.asarray(dataset["status"].values)
     none = np.full(status.size, -1, dtype=np.int64)

@@ -1,4 +1,4 @@
-"""Error against processor time and step: lines, observed orders, and who is fastest at a wanted error."""
+"""Error against processor time and step: lines and observed orders."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.analysis._cases import finest
+from workflow.analysis._recommend import simulated_seconds
 from workflow.schemes import Status
 
 if TYPE_CHECKING:
@@ -17,9 +18,6 @@ if TYPE_CHECKING:
 
 ERRORS = {"impulse_error": "impulse", "temperature_error": "temperature", "displacement_error": "displacement"}
 """Errors of an archive and what they are of; the impulse first, as displacement flatters."""
-
-TARGETS = (1e-2, 1e-3, 1e-6, 1e-9)
-"""Errors at which the fastest computation is named."""
 
 ASYMPTOTIC = 0.1
 """Errors above are no longer of the order of a scheme: a tenth of the solution itself."""
@@ -167,15 +165,13 @@ def has_lines(dataset: xr.Dataset) -> bool:
     return "impulse_error" in dataset and dataset.sizes.get("h", 1) > 1
 
 
-def lines(dataset: xr.Dataset, duration: float, place: Mapping[str, int] | None = None) -> list[Line]:
+def lines(dataset: xr.Dataset, place: Mapping[str, int] | None = None) -> list[Line]:
     """Return a line per scheme through all steps.
 
     Parameters
     ----------
     dataset
         An archive with dimension ``h`` and errors.
-    duration
-        Simulated time, s.
     place
         Position along every other dimension; the case that :func:`finest` shows where not given.
     """
@@ -197,7 +193,7 @@ def lines(dataset: xr.Dataset, duration: float, place: Mapping[str, int] | None 
                 name or str(dataset["scheme"].values.item() if "scheme" in dataset.coords else "scheme"),
                 np.asarray(one["h"].values, dtype=float),
                 {error: values(error) for error in ERRORS},
-                np.asarray(one["processor_time"].values, dtype=float) / duration,
+                np.asarray(one["processor_time"].values, dtype=float) / simulated_seconds(dataset),
                 values("max_penetration"),
                 values("energy_residual") if "energy_residual" in one else blank,
                 ok,
@@ -205,54 +201,3 @@ def lines(dataset: xr.Dataset, duration: float, place: Mapping[str, int] | None 
             )
         )
     return drawn
-
-
-@dataclass(frozen=True)
-class Winner:
-    """Who reaches an error in the least time.
-
-    Attributes
-    ----------
-    target
-        The error wanted.
-    scheme, h, error, seconds
-        The fastest that reaches it, and its processor seconds per simulated second; no scheme where none does.
-    runner_up, times
-        The next scheme, and how many times as long it takes; empty and NaN where there is none.
-    """
-
-    target: float
-    scheme: str
-    h: float
-    error: float
-    seconds: float
-    runner_up: str
-    times: float
-
-
-def winners(lines_of_schemes: list[Line], name: str = "impulse_error") -> list[Winner]:
-    """Return who reaches each of :data:`TARGETS` in the least time."""
-    nan, fastest = float("nan"), []
-    for target in TARGETS:
-        best = []
-        for line in lines_of_schemes:
-            with np.errstate(invalid="ignore"):
-                good = np.flatnonzero(line.ok & (line.errors[name] <= target))
-            if good.size:
-                k = int(good[np.argmin(line.seconds[good])])
-                best.append(
-                    (float(line.seconds[k]), line.scheme, float(line.h[k]), float(line.errors[name][k]), line.exact)
-                )
-        best.sort()
-        if not best:
-            fastest.append(Winner(target, "", nan, nan, nan, "", nan))
-            continue
-        seconds, scheme, h, error, exact = best[0]
-        second = best[1] if len(best) > 1 else None
-        fastest.append(
-            Winner(
-                target, scheme, nan if exact else h, error, seconds,
-                second[1] if second else "", second[0] / seconds if second else nan,
-            )
-        )  # fmt: skip
-    return fastest

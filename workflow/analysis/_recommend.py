@@ -90,8 +90,8 @@ class Choice:
         The same per simulated second; NaN where the archive does not hold its duration.
     share
         Share of its cases whose error is within the tolerance.
-    worst
-        Its worst case.
+    worst, number
+        Its worst case, and the number of that; cases are counted along the archive's dimensions, the last fastest.
     step_matters
         Whether its cases differ along ``h`` at all; the exact scheme's do not.
     used
@@ -105,6 +105,7 @@ class Choice:
     cost_per_second: float
     share: float
     worst: Worst
+    number: int
     step_matters: bool
     used: dict[str, int] = field(default_factory=dict)
     tied: dict[str, Any] = field(default_factory=dict)
@@ -283,7 +284,7 @@ class Table:
             cost,
             cost / simulated_seconds(self.dataset),
             float(within.mean()),
-            self._worst(row),
+            *self._worst(row),
             self._step_matters(row),
             self._used(row),
             {name: value for name, value in settings.items() if not is_numerical(self.dataset, name)},
@@ -307,31 +308,32 @@ class Table:
         names = [name for name in MODES if name in settings and is_auto(self.dataset[name], settings[name])]
         return {name: int(np.nanmax(self._array(f"{name}_used")[row])) for name in names}
 
-    def _worst(self, row: int) -> Worst:
-        """Return the worst case of a choice: one without an error, else the one with the largest."""
+    def _worst(self, row: int) -> tuple[Worst, int]:
+        """Return the worst case of a choice and its number: one without an error, else the one with the largest."""
         error = self.error[row]
         case = int(np.argmax(np.where(np.isnan(error), np.inf, error)))
         several = self.errors[:, row, case]
-        which = 0 if np.isnan(several).all() else int(np.nanargmax(several))
-        name = COMPARED[which]
-        return Worst(
+        name = COMPARED[0 if np.isnan(several).all() else int(np.nanargmax(several))]
+        at = self._place(row, case)
+        one = self.dataset.isel(at)  # only what is asked of it is read
+        worst = Worst(
             self._values(self.columns, case),
             float(error[case]),
             name,
-            float(self._value(f"{name}_scheme_error", row, case, np.nan)),
-            float(self._value(f"{name}_model_error", row, case, np.nan)),
+            float(one.get(f"{name}_scheme_error", np.nan)),
+            float(one.get(f"{name}_model_error", np.nan)),
             Status(int(self.status[row, case])).name.lower(),
-            str(self._value("message", row, case, "")),
+            str(one["message"].values) if "message" in one else "",
         )
+        place = [at[dim] for dim in case_dims(self.dataset)]
+        return worst, int(np.ravel_multi_index(place, self.dataset["status"].shape)) if place else 0
 
-    def _value(self, name: str, row: int, case: int, missing: Any) -> Any:
-        """Return the value of a variable for one case; only that is read."""
-        if name not in self.dataset:
-            return missing
+    def _place(self, row: int, case: int) -> dict[str, int]:
+        """Return where a case of a choice lies along the dimensions."""
         dims = (*self.rows, *self.columns)
         sizes = [self.dataset.sizes[dim] for dim in dims]
         place = np.unravel_index(row * self.error.shape[1] + case, sizes) if sizes else ()
-        return self.dataset[name].isel(dict(zip(dims, map(int, place), strict=True))).values
+        return dict(zip(dims, map(int, place), strict=True))
 
     def _step_matters(self, row: int) -> bool:
         """Tell whether a choice differs from its neighbours along ``h``."""
@@ -354,6 +356,4 @@ class Table:
 
 def simulated_seconds(dataset: xr.Dataset) -> float:
     """Return the duration of an archive's cases, s; NaN where the archive does not hold it."""
-    if "duration" in dataset.attrs:
-        return float(dataset.attrs["duration"])
-    return float(dataset["t"].values[-1]) if "t" in dataset.coords else float("nan")
+    return float(dataset.attrs.get("duration", np.nan))

@@ -1,4 +1,4 @@
-"""A recommendation in words: a sentence that can be quoted, rows of a table, and plain JSON values."""
+"""A recommendation in words: a sentence that can be quoted, rows of a table, and the entries of its JSON."""
 
 from __future__ import annotations
 
@@ -132,8 +132,8 @@ def row(recommendation: Recommendation) -> tuple[str, ...]:
     return percent(recommendation.tolerance), name, _cost(shown), percent(shown.share), error, worst.limited_by
 
 
-def as_json(recommendation: Recommendation) -> dict[str, Any]:
-    """Return a recommendation as plain JSON values; numbers that are not finite are ``None``."""
+def entries(recommendation: Recommendation) -> dict[str, Any]:
+    """Return a recommendation as the entries of its JSON."""
     chosen = recommendation.choice
     settings = {} if chosen is None else chosen.settings
     return {
@@ -141,50 +141,24 @@ def as_json(recommendation: Recommendation) -> dict[str, Any]:
         **{name: settings.get(name) for name in SETTINGS},
         **({} if chosen is None else _used(chosen)),
         "options": {name: value for name, value in settings.items() if name not in SETTINGS},
-        "cost": None if chosen is None else finite(chosen.cost),
-        "cost_per_second": None if chosen is None else finite(chosen.cost_per_second),
-        "worst": None if chosen is None else _worst(chosen.worst),
-        "share": None if chosen is None else chosen.share,
+        **{name: getattr(chosen, name, None) for name in ("cost", "cost_per_second", "worst", "share")},
         "limited_by": None if chosen is None else chosen.worst.limited_by,
         "next": None if recommendation.next is None else _choice(recommendation.next),
         "alike": [_choice(one) for one in recommendation.alike],
         "cases": recommendation.cases,
-        "undecidable": list(recommendation.undecidable),
+        "undecidable": recommendation.undecidable,
         "sentence": sentence(recommendation),
     }
 
 
 def _choice(choice: Choice) -> dict[str, Any]:
-    return {
-        **choice.settings,
-        **_used(choice),
-        "cost": finite(choice.cost),
-        "share": choice.share,
-        "worst": _worst(choice.worst),
-        "limited_by": choice.worst.limited_by,
-    }
+    judged = {"cost": choice.cost, "share": choice.share, "worst": choice.worst, "limited_by": choice.worst.limited_by}
+    return choice.settings | _used(choice) | judged
 
 
 def _used(choice: Choice) -> dict[str, Any]:
     """Return `auto` for counts of modes that a tolerance decided, and the counts beside them."""
     return dict.fromkeys(choice.used, AUTO) | {f"{name}_used": count for name, count in choice.used.items()}
-
-
-def _worst(worst: Worst) -> dict[str, Any]:
-    return {
-        "case": worst.case,
-        "error": finite(worst.error),
-        "variable": worst.variable,
-        "scheme_error": finite(worst.scheme_error),
-        "model_error": finite(worst.model_error),
-        "status": worst.status,
-        "message": worst.message,
-    }
-
-
-def finite(value: float) -> float | None:
-    """Return a number that JSON can hold, or ``None``."""
-    return value if math.isfinite(value) else None
 
 
 def percent(share: float) -> str:

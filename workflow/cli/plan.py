@@ -40,7 +40,7 @@ def plan(
         plan = plan_study(requested)
         held = None if output is None else holdings(requested, named(output))
         if as_json:
-            write_json({**plain(plan), "archive": plain(held)})
+            write_json({**plain(plan), "archive": held})
             return
         for line in _lines(plan):
             say(line)

@@ -31,7 +31,12 @@ def recommend(archive: ArchiveFile, tolerance: Tolerance = None, as_json: AsJson
     Exit status: 0 answered, 1 nothing in the archive meets it, 2 the archive has no reference.
     """
     with errors_in_words():
-        from workflow.analysis import NoReferenceError, recommendation_cautions, usual_recommendations
+        from workflow.analysis import (
+            NoReferenceError,
+            recommendation_cautions,
+            recommendation_entries,
+            usual_recommendations,
+        )
         from workflow.analysis import recommend as choose
         from workflow.archive import open_archive
 
@@ -51,7 +56,11 @@ def recommend(archive: ArchiveFile, tolerance: Tolerance = None, as_json: AsJson
             cautions = recommendation_cautions(dataset)
         for caution in cautions:
             print_error(f"{archive}: {caution}")
-        _write_json(recommendation, table, cautions) if as_json else _write_text(recommendation, table)
+        if as_json:
+            others = [recommendation_entries(other) for other in table]
+            write_json(recommendation_entries(recommendation) | {"cautions": cautions, "table": others}, indent=2)
+        else:
+            _write_text(recommendation, table)
         if recommendation.choice is None:
             raise typer.Exit(NOT_OK)
 
@@ -61,14 +70,6 @@ def _with_reference(archive: Path) -> str:
     reference = "reference={scheme: event_driven, mechanical_modes: full, thermal_modes: full}"
     words = ("workflow", "run", str(archive), "-s", reference)
     return shlex.join((*words, "-o", f"{archive.stem}_errors.nc"))
-
-
-def _write_json(recommendation: Recommendation, table: list[Recommendation], cautions: tuple[str, ...]) -> None:
-    from workflow.analysis import recommendation_json
-
-    entries = {**recommendation_json(recommendation), "cautions": list(cautions)}
-    entries |= {"table": [recommendation_json(other) for other in table]}
-    write_json(entries, indent=2)
 
 
 def _write_text(recommendation: Recommendation, table: list[Recommendation]) -> None:

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import sys
 from contextlib import redirect_stdout
-from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from workflow.cli._failures import NOT_OK, WRONG, errors_in_words
-from workflow.cli._groups import grouped
 from workflow.cli._progress import following
 from workflow.cli._stop import saying
 from workflow.cli._terminal import clean, print_error, say
@@ -21,62 +19,36 @@ if TYPE_CHECKING:
     from workflow.run import Advance, Follower, Outcome
 
 
-@dataclass(frozen=True)
-class ResourceFlags:
-    """Where a study runs."""
-
-    threads: Annotated[int | None, typer.Option(min=1, help="Threads; default: one per processor.")] = None
-    workers: Annotated[int | None, typer.Option(min=1, help="Worker processes here, instead of threads.")] = None
-    scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler, instead of threads, e.g. tcp://HOST:8786.")
-    ] = None
-
-    def check(self) -> None:
-        """Refuse more than one of them."""
-        chosen = [f"--{name}" for name, value in asdict(self).items() if value is not None]
-        if len(chosen) > 1:
-            raise typer.BadParameter(f"{' and '.join(chosen)} exclude each other; give one of them")
-
-
-@dataclass(frozen=True)
-class ReuseFlags:
-    """What is done with cases that are stored already."""
-
-    retry: Annotated[bool, typer.Option("--retry", help="Run the cases again that are not ok.")] = False
-    recompute: Annotated[
-        bool, typer.Option("--recompute", help="Run all cases again, also of an archive of another solver version.")
-    ] = False
-    drop: Annotated[
-        bool, typer.Option("--drop", help="Leave out stored cases and histories that the study no longer asks for.")
-    ] = False
-
-    def check(self) -> None:
-        """Refuse two of them that ask for different things."""
-        if self.retry and self.recompute:
-            raise typer.BadParameter("--retry and --recompute exclude each other: --recompute runs all cases again")
-
-
-@grouped
 def run(
     study: StudyFile,
-    resources: ResourceFlags,
-    reuse: ReuseFlags,
     settings: Settings = None,
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", metavar="ARCHIVE", help="Default: NAME.nc here, for `study: NAME`."),
     ] = None,
+    threads: Annotated[int | None, typer.Option(min=1, help="Threads; default: one per processor.")] = None,
+    workers: Annotated[int | None, typer.Option(min=1, help="Worker processes here, instead of threads.")] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler, instead of threads, e.g. tcp://HOST:8786.")
+    ] = None,
+    retry: Annotated[bool, typer.Option("--retry", help="Run the cases again that are not ok.")] = False,
+    recompute: Annotated[
+        bool, typer.Option("--recompute", help="Run all cases again, also of an archive of another solver version.")
+    ] = False,
+    drop: Annotated[
+        bool, typer.Option("--drop", help="Leave out stored cases and histories that the study no longer asks for.")
+    ] = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Say nothing but what went wrong.")] = False,
 ) -> None:
     """Run a study; what an interrupted run or an earlier archive of it holds is kept and the rest is run."""
-    resources.check()
-    reuse.check()
+    _refuse_several({"--threads": threads, "--workers": workers, "--scheduler": scheduler})
+    _refuse_several({"--retry": retry, "--recompute": recompute})
     with errors_in_words():
-        from workflow.run import ClusterError, Follower, ReuseOptions, run_study
+        from workflow.run import ClusterError, Follower, run_study
 
         requested = read(study, settings)
         archive = Path(f"{requested.name}.nc") if output is None else named(output)
-        follower, options = Follower(), ReuseOptions(retry=reuse.retry, recompute=reuse.recompute, drop=reuse.drop)
+        follower = Follower()
         try:
             with (
                 following(follower, archive.name, quiet),
@@ -84,8 +56,8 @@ def run(
                 redirect_stdout(sys.stderr),
             ):
                 outcome = run_study(
-                    requested, archive, resources.threads, follower,
-                    workers=resources.workers, scheduler=resources.scheduler, **options,
+                    requested, archive, threads, follower,
+                    workers=workers, scheduler=scheduler, retry=retry, recompute=recompute, drop=drop,
                 )  # fmt: skip
         except ClusterError as error:
             reached = "" if follower.advance is None else f"; {_reached(follower.advance)} {archive}"
@@ -94,6 +66,13 @@ def run(
         if not (quiet and outcome.ok):
             _tell(outcome)
     raise typer.Exit(0 if outcome.ok else NOT_OK)
+
+
+def _refuse_several(options: dict[str, Any]) -> None:
+    """Refuse more than one of some options."""
+    chosen = [name for name, value in options.items() if value]
+    if len(chosen) > 1:
+        raise typer.BadParameter(f"{' and '.join(chosen)} exclude each other; give one of them")
 
 
 def _stopped(archive: Path, follower: Follower) -> str:

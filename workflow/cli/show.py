@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import dataclasses
-import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from workflow.cli._failures import errors_in_words
-from workflow.cli._terminal import plain, say
+from workflow.cli._terminal import say, write_json
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -30,9 +28,11 @@ def show(
 
         for archive in archives:
             with open_archive(archive) as dataset:
-                lines = [_json(archive, dataset)] if as_json else _lines(archive, dataset)
-                for line in lines:
-                    say(line)
+                if as_json:
+                    write_json(_entries(archive, dataset))
+                else:
+                    for line in _lines(archive, dataset):
+                        say(line)
 
 
 def _lines(archive: Path, dataset: xr.Dataset) -> Iterator[str]:
@@ -45,8 +45,8 @@ def _lines(archive: Path, dataset: xr.Dataset) -> Iterator[str]:
     yield from _statuses(dataset)
 
 
-def _json(archive: Path, dataset: xr.Dataset) -> str:
-    """Return what is shown as one line of JSON; all values of the coordinates, numbers that are not finite as null."""
+def _entries(archive: Path, dataset: xr.Dataset) -> dict[str, Any]:
+    """Return what is shown as the entries of its JSON, with all values of the coordinates."""
     from workflow.analysis import failures
     from workflow.run import status_counts, warnings_of
 
@@ -54,12 +54,12 @@ def _json(archive: Path, dataset: xr.Dataset) -> str:
         str(name): {
             "dims": list(values.dims),
             "units": values.attrs.get("units", ""),
-            "values": plain(values.values.tolist()),
+            "values": values.values.tolist(),
         }
         for name, values in dataset.coords.items()
         if name != "t"
     }
-    shown = {
+    return {
         "archive": str(archive),
         "title": dataset.attrs.get("title", ""),
         "warnings": warnings_of(dataset),
@@ -67,9 +67,8 @@ def _json(archive: Path, dataset: xr.Dataset) -> str:
         "coordinates": coordinates,
         "status": status_counts(dataset),
         "runaway": int(dataset["runaway"].sum()) if "runaway" in dataset else 0,
-        "failures": [dataclasses.asdict(group) for group in failures(dataset)],
+        "failures": failures(dataset),
     }
-    return json.dumps(shown, allow_nan=False, default=str)
 
 
 def _coordinates(dataset: xr.Dataset) -> Iterator[str]:

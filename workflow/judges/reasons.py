@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from numba.core.errors import NumbaError
-
 from workflow.schemes import RefusedStructureError
 
 
 def reason_of(error: BaseException) -> str:
     """Return a refusal as it stands, any other error with its type: a defect of a model, basis or scheme."""
-    text = _innermost(str(error)) if isinstance(error, NumbaError) else str(error)
+    by_compiler = type(error).__module__.startswith("numba.")  # which is imported where kernels run
+    text = _innermost(str(error)) if by_compiler else str(error)
     return text if isinstance(error, RefusedStructureError) else f"{type(error).__name__}: {text}"
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workflow.analysis import ERRORS, SENSELESS, Line, has_lines, lines, simulated_seconds
+from workflow.analysis import ERRORS, SENSELESS, Line, has_lines, lines
 from workflow.plots._style import COLOURS, GREY, MARKERS, trim
 
 if TYPE_CHECKING:
@@ -248,4 +248,4 @@ def convergence(dataset: xr.Dataset) -> Figure:
 def _lines(dataset: xr.Dataset) -> list[Line]:
     if not has_lines(dataset):
         raise ValueError("errors over steps need a `reference` in the study and several steps `h` in the dataset")
-    return lines(dataset, simulated_seconds(dataset))
+    return lines(dataset)

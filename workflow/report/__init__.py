@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from workflow.report._origin import duration_of
 from workflow.report._page import ReportFiles, write_report
 
-__all__ = ["ReportFiles", "duration_of", "write_report"]
+__all__ = ["ReportFiles", "write_report"]

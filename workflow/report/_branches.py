@@ -27,7 +27,7 @@ def along_branches(dataset: xr.Dataset) -> Drawn:
     about = "Solid: stable rubs; dashed: unstable ones. Beyond the fold where both meet a rub runs away or jumps."
     names = _varied(dataset)
     pictures = [image(branches(dataset, name), f"{name.replace('_', ' ')} along the branches") for name in names]
-    body: list[str] = [tag("h2", "Branches"), tag("p", about, kind="muted"), tag("div", *pictures, kind="panels")]
+    body = [tag("h2", "Branches"), tag("p", about, kind="muted"), tag("div", *pictures, kind="panels")]
     return Drawn(body, branches(dataset, names[0]))
 
 

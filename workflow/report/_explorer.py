@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workflow.analysis import Choice, NotableCase, notable_cases
+from workflow.analysis import Choice, notable_cases
 from workflow.plots import COLOURS
 from workflow.report._bokeh_figures import MARKS, explorer
 from workflow.report._html import Html, block, tag
@@ -98,7 +98,7 @@ def interactive(
     figures = explorer(described, described["statuses"])
     body = [
         *_layout(figures, described, shown.left_out),
-        *_hard(notable, shown.cases, described["dims"]),
+        *_hard(notable.values(), shown.cases, described["dims"]),
         block("description", described),
         block("figures", figures),
         tag("script", Html(packed), id="block", type="text/plain"),
@@ -207,15 +207,15 @@ def _case_panel(figures: Mapping[str, Any]) -> Html:
     )  # fmt: skip
 
 
-def _hard(notable: Sequence[NotableCase], cases: Sequence[int], dims: Sequence[Mapping[str, Any]]) -> list[str]:
+def _hard(reasons: Iterable[str], cases: Sequence[int], dims: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return the cases that are worth a look, with a button that selects each."""
     shape = [len(dim["texts"]) for dim in dims]
     rows = []
-    for one, case in zip(notable, cases, strict=True):
+    for why, case in zip(reasons, cases, strict=True):
         place = np.unravel_index(case, shape) if shape else ()
         named = [f"{d['title']} {d['texts'][k]} {d['unit']}".strip() for d, k in zip(dims, place, strict=True)]
         varied = [text for text, size in zip(named, shape, strict=True) if size > 1]
-        button = tag("button", "show", type="button", **{"data-case": str(case), "aria-label": f"show {one.why}"})
-        rows.append(tag("tr", tag("td", one.why), tag("td", ", ".join(varied) or "the only case"), tag("td", button)))
+        button = tag("button", "show", type="button", **{"data-case": str(case), "aria-label": f"show {why}"})
+        rows.append(tag("tr", tag("td", why), tag("td", ", ".join(varied) or "the only case"), tag("td", button)))
     head = tag("tr", tag("th", "why"), tag("th", "case"), tag("th", "select"))
     return [tag("h3", "Cases worth a look"), tag("div", tag("table", head, *rows), kind="wide")]

@@ -10,6 +10,7 @@ import hashlib
 import html
 import io
 import json
+import math
 import re
 from collections.abc import Sequence
 from importlib.resources import files
@@ -95,7 +96,8 @@ def page(title: str, body: Sequence[str], scripts: Sequence[str] = ()) -> str:
 def block(name: str, value: Any) -> Html:
     """Return plain values as JSON in an element that is no script and holds no markup.
 
-    Texts lose what :func:`escaped` takes from them, and what Bokeh would read as the beginning of a formula.
+    Texts lose what :func:`escaped` takes from them, and what Bokeh would read as the beginning of a formula; numbers
+    that are not finite are null.
     """
     text = json.dumps(_plain(value), allow_nan=False, separators=(",", ":"))
     for sign in "<>&":
@@ -108,6 +110,8 @@ def _plain(value: Any) -> Any:
         return {_plain(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
     return _FORMULA.sub("\u2060", _INVALID.sub("", value)) if isinstance(value, str) else value
 
 

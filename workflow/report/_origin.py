@@ -8,23 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workflow.archive import ArchiveError, provenance
+from workflow.archive import provenance
 from workflow.report._html import tag
 
 if TYPE_CHECKING:
     import xarray as xr
 
 _SHOWN = ("processor", "platform", "solver_version", "code_revision", "content_hash")
-
-
-def duration_of(archive: Path) -> float:
-    """Return the simulated time of an archive's study, s."""
-    duration = _resolved(archive, "scene", "duration")
-    if not isinstance(duration, int | float) or not 0 < duration < float("inf"):
-        raise ArchiveError(
-            f"{archive}: its provenance is not as `workflow run` writes it: no duration of a study; restore a copy"
-        )
-    return float(duration)
 
 
 def methods_of(archive: Path) -> dict[str, str]:

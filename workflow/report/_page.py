@@ -16,7 +16,7 @@ from workflow.report._answer import answer
 from workflow.report._branches import along_branches, interactive_branches, where_it_settles
 from workflow.report._explorer import PAGE_BYTES, interactive
 from workflow.report._html import THEN, image, page, short, table, tag
-from workflow.report._origin import duration_of, methods_of, origin, scene_of
+from workflow.report._origin import methods_of, origin, scene_of
 from workflow.report._shares import shares
 from workflow.run import warnings_of
 
@@ -101,7 +101,7 @@ def _write_single(archive: Path, written: Path) -> ReportFiles:
     picture = written.with_suffix(".png")
     _refuse_overwriting([archive], written, picture)
     with open_archive(archive) as dataset:
-        precision, maps = sections.precision(dataset, duration_of(archive)), sections.maps(dataset)
+        precision, maps = sections.precision(dataset), sections.maps(dataset)
         branches, drawn = along_branches(dataset), shares(dataset)
         figure = _response(dataset) or precision.figure or maps.figure or branches.figure or drawn.figure
         figure_path = None if figure is None else save(figure, picture)
@@ -120,7 +120,6 @@ def _write_single(archive: Path, written: Path) -> ReportFiles:
         rest = [*sections.cases(dataset)]
         if has_transients:
             rest += [
-                *sections.scene_pictures(dataset),
                 *sections.standing(dataset),
                 *precision.body,
                 *(drawn.body or sections.effects(dataset)),
@@ -148,7 +147,7 @@ def _write_figure(archive: Path, written: Path) -> ReportFiles:
     _refuse_overwriting([archive], written)
     with open_archive(archive) as dataset:
         figure = _response(dataset)
-        figure = figure or sections.precision(dataset, duration_of(archive)).figure
+        figure = figure or sections.precision(dataset).figure
         figure = figure or sections.maps(dataset).figure or along_branches(dataset).figure or shares(dataset).figure
         if figure is None:
             raise ArchiveError(
@@ -178,10 +177,9 @@ def _write_joint(archives: Sequence[Path], written: Path) -> ReportFiles:
             parts += _warnings(dataset) + answer(dataset, methods_of(archive)).body
             response = _response(dataset)
             parts += [] if response is None else [image(response, "tip response")]
-            parts += sections.scene_pictures(dataset)
             parts += sections.standing(dataset)[3:]
             if dataset.sizes.get("h", 1) > 4:
-                parts += sections.precision(dataset, duration_of(archive)).body
+                parts += sections.precision(dataset).body
     head = [
         "study", "scheme", "ok", "stable up to", "accurate up to", "error at the smallest h", "at the largest stable h",
         "energy residual", "penetration / gap", "verdict, from small h to large",

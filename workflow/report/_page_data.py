@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.analysis import (
-    NotableCase,
     case_dims,
     exact_partners,
     finest,
@@ -93,10 +92,10 @@ class Shown:
     left_out: tuple[str, ...]
 
 
-def shown_part(dataset: xr.Dataset, notable: Sequence[NotableCase]) -> Shown:
+def shown_part(dataset: xr.Dataset, notable: Iterable[int]) -> Shown:
     """Return the cases that a page holds: all, or evenly spread values of the longest axes and the notable cases."""
     dims, shape = case_dims(dataset), dataset["status"].shape
-    places = [np.unravel_index(one.case, shape) if shape else () for one in notable]
+    places = [np.unravel_index(case, shape) if shape else () for case in notable]
     most = dict.fromkeys(dims, MOST_VALUES)
     while np.prod([min(n, most[dim]) for dim, n in zip(dims, shape, strict=True)]) > MOST_CASES:
         longest = max(dims, key=lambda dim: min(dataset.sizes[dim], most[dim]))
@@ -163,7 +162,7 @@ def page_data(
     described["exact"] = pack.add(partners)
     order = _order(part, first, partners)
     described["cases"] = append_cases(part, pack, order, partners, scene, room)
-    return _finite(described), pack.text()
+    return described, pack.text()
 
 
 def _place_of(part: xr.Dataset, name: str) -> int | None:
@@ -240,12 +239,3 @@ def _ranked(part: xr.Dataset, first: Sequence[int]) -> Iterator[int]:
         rank = np.where(np.isfinite(error), error, -1.0).ravel()[mixed]
         mixed = mixed[np.argsort(-rank, kind="stable")]
     yield from map(int, mixed)
-
-
-def _finite(value: Any) -> Any:
-    """Return plain values without numbers that JSON cannot hold."""
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not np.isfinite(value) else value

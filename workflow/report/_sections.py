@@ -23,19 +23,15 @@ from workflow.analysis import (
     mode_counts,
     runaways,
     standings,
-    winners,
 )
 from workflow.plots import (
     error_by_cost,
     error_by_step,
-    growth_against_prediction,
-    impact_speed_map,
     map_dims,
     metric_by_axis,
     middle,
     position_text,
     scene_map,
-    single_maps,
 )
 from workflow.report._html import image, short, table, tag
 from workflow.run import status_counts
@@ -55,7 +51,7 @@ _LABELS_SHOWN = 8
 class Drawn:
     """A section and its main figure, ``None`` where there is nothing to draw."""
 
-    body: list[str]
+    body: Sequence[str]
     figure: Figure | None
 
 
@@ -132,8 +128,8 @@ def maps(dataset: xr.Dataset) -> Drawn:
     if dims is None or "impulse_error" in dataset or not any_ok(dataset):
         return Drawn([], None)
     place = middle(dataset, dims)
-    pictures = [image(one, "map of the scene over two axes") for one in single_maps(dataset, dims, place)]
-    if not pictures:
+    figure = scene_map(dataset, *dims)
+    if not figure.axes:
         return Drawn([], None)
     where = position_text(dataset, place)
     about = (
@@ -141,12 +137,12 @@ def maps(dataset: xr.Dataset) -> Drawn:
         "Grey: the tip never touches its casing (growth: not in the first load period), or the case is not ok. Dashed: "
         "the critical coupling, above which a tip in permanent contact runs away."
     )
-    body: list[str] = [
+    body = [
         tag("h2", "Maps"),
         tag("p", about, kind="muted"),
-        tag("div", *pictures, kind="panels"),
+        image(figure, "maps of the scene over two axes"),
     ]
-    return Drawn(body, scene_map(dataset, *dims))
+    return Drawn(body, figure)
 
 
 def effects(dataset: xr.Dataset) -> list[str]:
@@ -237,13 +233,13 @@ def errors(dataset: xr.Dataset) -> list[str]:
     return [tag("h2", "Errors"), about, table(head, rows)]
 
 
-def precision(dataset: xr.Dataset, duration: float) -> Drawn:
-    """Draw speed against error where an archive has both, and name the fastest."""
+def precision(dataset: xr.Dataset) -> Drawn:
+    """Draw speed against error where an archive has both, and name the observed orders."""
     if "impulse_error" not in dataset or dataset.sizes.get("h", 1) < 3 or not any_ok(dataset):
         return Drawn([], None)
     model = _model_dim(dataset)
-    drawn_lines = lines(dataset, duration)
-    beside = [] if model is None else lines(dataset, duration, {model: _fewest_modes(dataset, model)})
+    drawn_lines = lines(dataset)
+    beside = [] if model is None else lines(dataset, {model: _fewest_modes(dataset, model)})
     shown = _named(dataset, [dim for dim in case_dims(dataset) if dim not in ("scheme", "h")])
     orders = [
         [line.scheme, *(" / ".join(short(one, "z.2f") for one in line.order(name)) for name in ERRORS), _limit(line)]
@@ -262,22 +258,8 @@ def precision(dataset: xr.Dataset, duration: float) -> Drawn:
         image(error_by_step(drawn_lines), "relative error, penetration and energy residual against the step"),
         tag("p", "Observed orders: slopes of log error over log h of three errors or more below 0.1; rms about them:"),
         table(["scheme", *(f"{one}: order / scatter" for one in ERRORS.values()), "last stable step [s]"], orders),
-        tag("p", "Who reaches an error of the impulse in the least time:"),
-        _fastest(drawn_lines),
     ]
     return Drawn(body, figure)
-
-
-def _fastest(drawn_lines: list[Line]) -> str:
-    rows = [
-        [
-            f"{w.target:.0e}", w.scheme or "nobody", short(w.h, ".4g"), short(w.error),
-            short(w.seconds, ".2g"), w.runner_up or "nobody else",
-            "–" if np.isnan(w.times) else f"{w.times:.3g} times as long",
-        ]
-        for w in winners(drawn_lines)
-    ]  # fmt: skip
-    return table(["error", "fastest", "h [s]", "its error", "wall s per simulated s", "next", "takes"], rows)
 
 
 def _limit(line: Line) -> str:
@@ -301,38 +283,6 @@ def _named(dataset: xr.Dataset, dims: Sequence[str]) -> str:
 def _fewest_modes(dataset: xr.Dataset, dim: str) -> int:
     names = [n for n in ("mechanical_modes", "thermal_modes") if n in dataset.coords and dataset[n].dims == (dim,)]
     return int(np.argmin(sum(mode_counts(dataset, name) for name in names)))
-
-
-def scene_pictures(dataset: xr.Dataset) -> list[str]:
-    """Draw what single scenes are about: impact speeds near resonance, growth above the critical coupling."""
-    dims = set(case_dims(dataset))
-    body: list[str] = []
-    if {"frequency", "e"} <= dims <= {"frequency", "e", "gap"} and {"displacement", "velocity", "contact_force"} <= set(
-        dataset
-    ):
-        about = tag(
-            "p",
-            "What a tenth of the impact speeds in the second half of the time exceeds, from the samples before each "
-            "contact.",
-        )
-        body += [tag("h2", "Impact speeds"), about, image(impact_speed_map(dataset), "impact speeds by load frequency")]
-    if (
-        "alpha" in dims
-        and "contact_force" in dataset
-        and bool((dataset["runaway"] == 1).any())
-        and _always_touching(dataset)
-    ):
-        at = {dim: k for dim, k in finest(dataset).items() if dim != "alpha"}
-        pressed = dataset.isel(at)
-        if bool((pressed["status"] == Status.OK).all()):
-            picture = growth_against_prediction(pressed)
-            body += [tag("h2", "Growth in permanent contact"), image(picture, "contact force by heat coupling")]
-    return body
-
-
-def _always_touching(dataset: xr.Dataset) -> bool:
-    ok = dataset["status"] == Status.OK
-    return bool((dataset["contact_force"].isel(t=slice(1, None)).where(ok, 1.0) > 0).all())
 
 
 def _largest(dataset: xr.Dataset, name: str) -> float:

@@ -1,9 +1,7 @@
-"""A study's text as plain values with line numbers: YAML 1.2, read event by event.
+"""A study's text as plain values with line numbers: YAML 1.2 as ruamel.yaml composes it.
 
-ruamel.yaml's pure parser delivers the events; they are composed here without recursion, so that
-depth and tags are judged before anything grows. An alias repeats the events of its anchor, which count as if they were
-written again. Plain scalars follow the core schema of
-YAML 1.2: ``1e-6`` and ``2.0e7`` are numbers, ``yes`` and ``010`` are no booleans and no octals.
+An alias counts as if its anchor were written again. Plain scalars follow the core schema of YAML 1.2: ``1e-6`` and
+``2.0e7`` are numbers, ``yes`` and ``010`` are no booleans and no octals.
 """
 
 from __future__ import annotations
@@ -23,7 +21,7 @@ LARGEST = 2**20
 """Bytes of a study."""
 
 MOST_ENTRIES = 50_000
-"""Keys, values and brackets of a study, which take about 30 us each to read: a second and a half."""
+"""Keys and values of a study, which take about 30 us each to read: a second and a half."""
 
 _WORDS = {
     **dict.fromkeys(["", "~", "null", "Null", "NULL"], None),
@@ -50,7 +48,7 @@ class Source:
     lines
         Line (from 1) of the entry at every place.
     mistakes
-        What is wrong already: duplicate keys, tags.
+        What is wrong already: duplicate keys, tags, merge keys.
     named
         What the user calls values that do not stand in the file, by their place: ``-s scene.casing.gap``.
     """
@@ -112,24 +110,37 @@ def read_text(path: str | Path) -> str:
 
 
 def compose(text: str, file: str) -> Source:
-    """Return the values of a study's text with their lines; duplicate keys are noted as mistakes.
+    """Return the values of a study's text with their lines; duplicate keys, tags and merge keys are noted as mistakes.
 
     Raises
     ------
     StudyError
-        The text is not YAML, is empty, nests too deeply, is too long, has more than one document or too many entries,
-        or uses tags, keys that are no words or aliases without an anchor.
+        The text is not YAML, is empty, nests too deeply, is too long, or has too many entries.
     """
     from ruamel.yaml import YAML
+    from ruamel.yaml.composer import Composer
     from ruamel.yaml.error import YAMLError
 
     source = Source(file, text)
     if len(text.encode(errors="replace")) > LARGEST:
         raise StudyError([Mistake(file, None, "", "is larger than 1 MiB", "write long axes as {lin: [...]}")])
-    composer = _Composer(source)
+
+    class Bounded(Composer):
+        """Refuses more entries than a study has."""
+
+        warn_double_anchors = False
+        nodes = 0
+
+        def compose_node(self, parent: Any, index: Any) -> Any:
+            self.nodes += 1
+            if self.nodes > MOST_ENTRIES:
+                raise _too_many(source, self.parser.peek_event())
+            return super().compose_node(parent, index)
+
+    yaml = YAML(typ="safe", pure=True)
+    yaml.Composer = Bounded
     try:
-        for event in YAML(typ="safe", pure=True).parse(text):
-            composer.take(event)
+        root = yaml.compose(text)
     except YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         problem = getattr(error, "problem", None) or "a character that YAML does not allow"
@@ -138,147 +149,69 @@ def compose(text: str, file: str) -> Source:
     except (ValueError, OverflowError):  # an escape beyond Unicode
         source.report((), "is not YAML: an escape that is no character", "mend the text")
         raise StudyError(source.mistakes) from None
-    if composer.unread:
-        raise StudyError(source.mistakes)
+    except RecursionError:
+        raise _too_deep(source) from None
+    source.tree = None if root is None else _value(source, root, (), yaml.resolver)
     if source.tree is None:
         source.report((), "is empty", "begin with `study: NAME` and `scene:`")
         raise StudyError(source.mistakes)
     return source
 
 
-@dataclass
-class _Open:
-    """A collection that is being composed; ``key`` is the one whose value comes next."""
-
-    place: Place
-    value: dict[str, Any] | list[Any]
-    key: str | None = None
-    dropped: bool = False
-    anchor: str | None = None
-    events: list[Any] = field(default_factory=list)
-    """What it is made of, for aliases; kept where it has an anchor."""
+def _too_many(source: Source, there: Any) -> StudyError:
+    remedy = "write long axes as {lin: [first, last, count]} or {log: [...]}"
+    source.report((), f"has more than {MOST_ENTRIES} keys and values", remedy, there.start_mark.line + 1)
+    return StudyError(source.mistakes)
 
 
-class _Composer:
-    """Puts events together to values; ``unread`` says that something could not be."""
+def _too_deep(source: Source) -> StudyError:
+    source.report((), f"nests deeper than {DEEPEST} levels", "a study needs five")
+    return StudyError(source.mistakes)
 
-    def __init__(self, source: Source) -> None:
-        self.source = source
-        self.open: list[_Open] = []
-        self.anchored: dict[str, list[Any]] = {}
-        self.documents = 0
-        self.entries = 0
-        self.unread = False
 
-    def take(self, event: Any) -> None:
-        """Take the next event of the parser."""
-        self.entries += 1
-        if self.entries > MOST_ENTRIES:
-            remedy = "write long axes as {lin: [first, last, count]} or {log: [...]}"
-            self._refuse((), f"has more than {MOST_ENTRIES} keys and values", remedy, event)
-            raise StudyError(self.source.mistakes)
-        kind = type(event).__name__
-        if kind == "AliasEvent":
-            self._repeat(event)
-            return
-        for collection in self.open:
-            if collection.anchor:
-                collection.events.append(event)
-        match kind:
-            case "DocumentStartEvent":
-                self.documents += 1
-                if self.documents == 2:
-                    self._refuse((), "holds more than one document", "keep one study per file", event)
-            case "ScalarEvent":
-                self._scalar(event)
-            case "MappingStartEvent":
-                self._start({}, event)
-            case "SequenceStartEvent":
-                self._start([], event)
-            case "MappingEndEvent" | "SequenceEndEvent":
-                ended = self.open.pop()
-                if ended.anchor:
-                    self.anchored[ended.anchor] = ended.events
-
-    def _repeat(self, alias: Any) -> None:
-        """Take the events of an anchor again."""
-        events = self.anchored.get(alias.anchor)
-        if events is None:
-            remedy = f"write `&{alias.anchor}` before the value that it repeats, above"
-            self._refuse(self._next(), f"`*{alias.anchor}` has no anchor", remedy, alias)
-            raise StudyError(self.source.mistakes)
-        for event in events:
-            self.take(event)
-
-    def _refuse(self, place: Place, problem: str, remedy: str, event: Any) -> None:
-        self.unread = True
-        self.source.report(place, problem, remedy, event.start_mark.line + 1)
-
-    def _next(self) -> Place:
-        """Return the place of the value that comes next."""
-        if not self.open:
-            return ()
-        top = self.open[-1]
-        if isinstance(top.value, list):
-            return (*top.place, len(top.value))
-        return top.place if top.key is None else (*top.place, top.key)
-
-    def _put(self, value: Any, event: Any) -> None:
-        """Put a value where it belongs; the second value of a key is dropped."""
-        if not self.open:
-            if self.documents == 1:
-                self.source.tree = value
-            return
-        top = self.open[-1]
-        if isinstance(top.value, list):
-            self._mark(self._next(), event)
-            top.value.append(value)
-        elif top.key is None:
-            problem, remedy = "has a key that is no word", "write each key as one word before its colon"
-            self._refuse(top.place, problem, remedy, event)
-            raise StudyError(self.source.mistakes)
+def _value(source: Source, node: Any, place: Place, resolver: Any) -> Any:
+    """Return the value of a node of YAML and note the line of each entry in it."""
+    if len(place) > DEEPEST:
+        raise _too_deep(source)
+    if len(source.lines) > MOST_ENTRIES:  # of aliases that repeat aliases
+        raise _too_many(source, node)
+    is_plain = getattr(node, "style", "") is None
+    if str(node.ctag) != str(resolver.resolve(type(node), node.value, (is_plain, not is_plain))):
+        problem = f"has the tag {quoted(str(node.ctag))}"
+        source.report(place, problem, "write the value without a tag", node.start_mark.line + 1)
+    if node.id == "scalar":
+        text = _characters(source, node, place)
+        return _resolved(text) if is_plain else text
+    if node.id == "sequence":
+        source.lines |= {(*place, k): item.start_mark.line + 1 for k, item in enumerate(node.value)}
+        return [_value(source, item, (*place, k), resolver) for k, item in enumerate(node.value)]
+    values: dict[str, Any] = {}
+    for key, item in node.value:
+        line = key.start_mark.line + 1
+        if key.id != "scalar":
+            source.report(place, "has a key that is no word", "write each key as one word before its colon", line)
+            continue
+        name = _characters(source, key, place)
+        below = (*place, name)
+        if name == "<<":
+            source.report(below, "is a merge key", "write the keys out: merge keys are not read", line)
+        elif below in source.lines:
+            problem = f"stands twice, first in line {source.lines[below]}"
+            source.report(below, problem, "keep one of the two", line)
         else:
-            if not top.dropped:
-                top.value[top.key] = value
-            top.key = None
+            source.lines[below] = line
+            values[name] = _value(source, item, below, resolver)
+    return values
 
-    def _mark(self, place: Place, event: Any) -> None:
-        self.source.lines.setdefault(place, event.start_mark.line + 1)
 
-    def _judge_tag(self, event: Any) -> None:
-        if event.tag is not None:
-            self._refuse(self._next(), f"has the tag {quoted(str(event.tag))}", "write the value without a tag", event)
-
-    def _start(self, value: dict[str, Any] | list[Any], event: Any) -> None:
-        self._judge_tag(event)
-        place = self._next()
-        self._put(value, event)
-        self.open.append(_Open(place, value, anchor=event.anchor, events=[event]))
-        if len(self.open) > DEEPEST:
-            self._refuse((), f"nests deeper than {DEEPEST} levels", "a study needs five", event)
-            raise StudyError(self.source.mistakes)
-
-    def _scalar(self, event: Any) -> None:
-        self._judge_tag(event)
-        if event.anchor:
-            self.anchored[event.anchor] = [event]
-        if any("\ud800" <= character <= "\udfff" for character in event.value):
-            self._refuse(self._next(), "has an escape that is no character", "write the character itself", event)
-            event.value = "".join(c for c in event.value if not "\ud800" <= c <= "\udfff")
-        top = self.open[-1] if self.open else None
-        if top is None or isinstance(top.value, list) or top.key is not None:
-            self._put(_resolved(event.value) if event.style is None else event.value, event)
-            return
-        top.key = event.value
-        top.dropped = event.value in top.value
-        place = (*top.place, event.value)
-        if event.value == "<<":
-            self._refuse(place, "is a merge key", "write the keys out: merge keys are not read", event)
-        elif top.dropped:
-            first = self.source.lines[place]
-            problem = f"stands twice, first in line {first}"
-            self.source.report(place, problem, "keep one of the two", event.start_mark.line + 1)
-        self._mark(place, event)
+def _characters(source: Source, node: Any, place: Place) -> str:
+    """Return the text of a scalar without halves of surrogate pairs, which are no characters."""
+    text = str(node.value)
+    sound = text.encode(errors="ignore").decode()
+    if sound != text:
+        problem, remedy = "has an escape that is no character", "write the character itself"
+        source.report(place, problem, remedy, node.start_mark.line + 1)
+    return sound
 
 
 def _resolved(text: str) -> Any:

@@ -1,0 +1,287 @@
+"""Every law that is stepped against plain matrices: in modes, in blocks, on casings in motion, without mass."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import plain_carpenter
+import plain_casing
+import plain_moreau
+import plain_penalty
+import pytest
+from plain_moreau import Trajectory
+
+from scenes import (
+    WAVES,
+    alone,
+    cases,
+    chain,
+    everything_acts,
+    heavy_chain,
+    relative,
+    sampling,
+    step,
+    with_dashpot,
+)
+from sliding import random_structure
+from workflow import models
+from workflow.models import Cases, Harmonics, Matrices, Rayleigh, Structure
+from workflow.reduction import reduce_structure
+from workflow.schemes import Results, Status
+
+SLOW = pytest.mark.slow
+
+SPRINGS = [(2e7, 0.0), (1e8, 50.0), (1e6, 2000.0)]
+"""Stiffness and damping: the structure's own, stiffer with some damping, and nearly all damping."""
+
+CENTRAL: dict[str, tuple[str, dict[str, Any]]] = {
+    f"{damping}, {heat} heat": ("carpenter", {"damping": damping, "heat": heat})
+    for damping in ("central", "lagged")
+    for heat in ("explicit", "implicit")
+}
+EXPLICIT = {f"spring {k:g} {c:g}": ("penalty", {"stiffness": k, "damping": c}) for k, c in SPRINGS}
+IMPLICIT = {
+    f"implicit spring {k:g} {c:g}, {theta}": (
+        "penalty",
+        {"stiffness": k, "damping": c, "integration": "implicit", "theta": theta},
+    )
+    for k, c in SPRINGS
+    for theta in (0.5, 0.8, 1.0)
+}
+THETA = {f"moreau {theta}": ("moreau", {"theta": theta}) for theta in (0.5, 0.7, 1.0)}
+LAWS = THETA | CENTRAL | EXPLICIT | IMPLICIT
+CONSERVING = ("moreau 0.5", *CENTRAL)
+
+
+def march(law: str, structure: Structure, case: Cases, h: float, steps: int) -> Trajectory:
+    """Step a case by plain matrices."""
+    method, options = LAWS[law]
+    if method == "moreau":
+        return plain_moreau.march(structure, case, h, options["theta"], steps)
+    if method == "carpenter":
+        lagged, implicit = options["damping"] == "lagged", options["heat"] == "implicit"
+        return plain_carpenter.march(structure, case, h, steps, lagged=lagged, implicit=implicit)
+    spring = options["stiffness"], options["damping"]
+    if law in EXPLICIT:
+        return plain_penalty.explicit(structure, case, h, steps, *spring)
+    return plain_penalty.implicit(structure, case, h, steps, *spring, options["theta"])
+
+
+def agree(law: str, results: Results, path: Trajectory) -> None:
+    """Compare all histories of a case at the step ends, relative to their largest value."""
+    p = path.impulse
+    impulse = np.concatenate([[0.0], np.cumsum(p)])
+    if law in CENTRAL or law in EXPLICIT:  # half of the last p_k, the whole of p_0
+        impulse = np.concatenate([[0.0], p[0] / 2 + np.cumsum((p[1:] + p[:-1]) / 2)])
+    tip = {"displacement": path.displacement, "velocity": path.velocity, "temperature": path.temperature}
+    for name, expected in ({name: states[:, -1] for name, states in tip.items()} | {"impulse": impulse}).items():
+        error = np.abs(results.histories[name][0] - expected).max() / np.abs(expected).max()
+        assert error < 1e-10, (name, error)
+
+
+def stepped(law: str, structure: Structure, batch: Cases, h: float, steps: int) -> Results:
+    method, options = LAWS[law]
+    return step(structure, batch, h, sampling(steps * h, h, balances=True), method, **options)
+
+
+@pytest.mark.parametrize(
+    ("law", "moves"),
+    [
+        *((law, False) for law in LAWS),
+        *(
+            pytest.param(law, True, marks=() if law == "moreau 0.5" else SLOW)
+            for law in (
+                *THETA,
+                *CENTRAL,
+                "spring 1e+08 50",
+                "implicit spring 1e+08 50, 0.5",
+                "implicit spring 1e+08 50, 1.0",
+            )
+        ),
+    ],
+)
+def test_a_chain_on_which_everything_acts(law: str, moves: bool) -> None:
+    """With balances; a casing in motion and harmonics of the load, too."""
+    structure, (h, steps) = (
+        heavy_chain(),
+        (5e-6, 2000) if law in EXPLICIT or (moves and law in CENTRAL) else (1e-5, 1000),
+    )
+    batch = everything_acts(structure, e=0.5, **(WAVES if moves else {}))
+    path = march(law, structure, batch, h, steps)
+    assert np.sum(path.impulse > 0) > (20 if law in THETA else 100)
+    results = stepped(law, structure, batch, h, steps)
+    agree(law, results, path)
+    assert law not in CONSERVING or np.abs(results.metrics["energy_residual"]).max() < 1e-11
+    if law in CENTRAL:  # no penetration, but for rounding
+        place = [plain_casing.place(batch, k * h) for k in range(steps + 1)]
+        assert np.max(results.histories["displacement"][0] - place) < 1e-19
+
+
+@pytest.mark.parametrize("law", CENTRAL)
+def test_fast_heat(law: str) -> None:
+    """Thermal rates up to 0.7 of the explicit limit, so that steps change what modes drag along."""
+    structure, h = heavy_chain(convection=2e3, conductance=4e4), 1e-5
+    assert 0.4 < models.thermal_modes(structure).values.max() * h / 2 < 1
+    batch = everything_acts(structure)
+    agree(law, stepped(law, structure, batch, h, 1000), march(law, structure, batch, h, 1000))
+
+
+@pytest.mark.parametrize("law", ["central, explicit heat", "central, implicit heat"])
+def test_a_pair_near_resonance_and_a_rate_of_one_per_step(law: str) -> None:
+    """A thermal mode as fast as an overdamped mechanical one, μ² - cμ + ω² = 0, and hμ = 1, where D = 0."""
+    h = 0.125
+    for rate in (1.0, 2.0, 1 / h):
+        structure = chain(
+            nodes=1, mass=1.0, stiffness=2.0, damping=Rayleigh(3.0, 0.0), spacing=1.0, expansion=0.1, convection=rate
+        )
+        batch = cases(structure, alpha=2.0, gap=0.05, mean=1.0, amplitude=1.0, frequency=0.2, temperature=1.0)
+        path = march(law, structure, batch, h, 160)
+        assert path.impulse.max() > 0
+        agree(law, stepped(law, structure, batch, h, 160), path)
+
+
+def test_free_and_adiabatic_bodies() -> None:
+    """Rigid and adiabatic modes, reduced or not: their known answers are taken out of the modal states."""
+    free = heavy_chain(stiffness=tuple(2e7 * (np.arange(20) > 0)), conductance=0.0, convection=0.0)
+    reduction = reduce_structure(heavy_chain(), 3, 12)
+    law = "central, explicit heat"
+    for structure, batch in (
+        (free, everything_acts(free)),
+        (reduction.structure, reduction.project(everything_acts(heavy_chain()))),
+    ):
+        agree(law, stepped(law, structure, batch, 1e-5, 500), march(law, structure, batch, 1e-5, 500))
+
+
+STEPS, H = 1000, 5e-6
+
+LEFT = {
+    "moreau 0.5": 1e-13,
+    "moreau 1.0": 0.5,
+    "central, implicit heat": 1e-13,
+    "lagged, explicit heat": 1e-13,
+    "spring 1e+08 50": 0.05,
+    "implicit spring 1e+08 50, 0.5": 0.05,
+    "implicit spring 1e+08 50, 1.0": 0.5,
+}
+"""What the balance of energy leaves at most: rounding where the law conserves."""
+
+EVERY = [law if law == "moreau 0.5" else pytest.param(law, marks=SLOW) for law in LEFT]
+"""Each contact law compiles kernels of its own."""
+
+
+def coupled(nodes: int = 6) -> Matrices:
+    """Rayleigh's damping and a dashpot, under a load on the middle and, a little, on the tip."""
+    load = np.zeros(nodes)
+    load[[1, 3, -1]] = 0.5, 1.0, 0.2
+    return replace(with_dashpot(heavy_chain(nodes=nodes), 1, 3, 20.0), load=load)
+
+
+def rub(structure: Structure, **more: Any) -> Cases:
+    """Three cases of all that acts, on a casing in motion."""
+    acting = {
+        "e": [0.0, 0.5, 0.9],
+        "alpha": [5.0, 0.0, 8.0],
+        "gap": 5e-5,
+        "mean": 30.0,
+        "amplitude": 900.0,
+        "frequency": 300.0,
+        "phase": 0.3,
+        "steady": 2.0,
+        "heating": 0.3,
+        "temperature": 1.0,
+        "velocity": 0.1,
+    }
+    return cases(structure, 3, **{**acting, **WAVES, **more})
+
+
+@pytest.mark.parametrize("law", EVERY)
+@pytest.mark.parametrize("moves", [True, pytest.param(False, marks=SLOW)])
+def test_modes_that_damping_couples_and_a_load_elsewhere(law: str, moves: bool) -> None:
+    structure = coupled()
+    batch = rub(structure) if moves else rub(structure, casing_harmonics=[])
+    results = stepped(law, structure, batch, H, STEPS)
+    assert np.all(results.status == Status.OK)
+    assert results.metrics["impacts"].min() > 1
+    for case in range(3):
+        expected = march(law, structure, alone(batch, case), H, STEPS)
+        for quantity in ("displacement", "velocity", "temperature"):
+            assert relative(results.histories[quantity][case], getattr(expected, quantity)[:, -1]) < 1e-12
+    assert np.abs(results.metrics["energy_residual"]).max() < LEFT[law]
+    assert np.abs(results.metrics["heat_residual"]).max() < 1e-12
+
+
+@pytest.mark.parametrize("law", EVERY)
+def test_random_structures_on_a_casing_that_slides(law: str) -> None:
+    """No symmetry between degrees of freedom, a casing that moves, every second one with a damping of any direction.
+
+    Plain central differences step places, whose rounding each step carries on as a velocity: N² ε / 2 = 1e-10 of them.
+    """
+    struck, rounding = 0, 1e-9 if law in CENTRAL or law in EXPLICIT else 1e-11
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        structure = random_structure(rng, int(rng.integers(2, 6)))
+        root = rng.normal(size=structure.mass.shape)
+        damper = root @ root.T if seed % 2 else None
+        structure = replace(structure, damper=damper, load=rng.normal(size=len(root)))
+        sway = [[3e-5, 900.0, rng.uniform(0, 6)], [3e-5, rng.uniform(50, 200), 1.0]]
+        slides = {"friction": [0.0, 0.1, 0.2], "alpha": 0.2, "casing_harmonics": sway}
+        batch = rub(structure, gap=1e-4, velocity=0.3, mean=20.0, amplitude=20.0, **slides)
+        results = stepped(law, structure, batch, H, STEPS)
+        for case in range(3):
+            expected = march(law, structure, alone(batch, case), H, STEPS)
+            assert relative(results.histories["displacement"][case], expected.displacement[:, -1]) < rounding, seed
+        assert (
+            law not in ("moreau 0.5", "central, implicit heat")
+            or np.abs(results.metrics["energy_residual"]).max() < 1e-11
+        )
+        struck += int(results.metrics["impacts"].min() > 0)
+    assert struck > 3
+
+
+@pytest.mark.parametrize("theta", [0.5, pytest.param(1.0, marks=SLOW)])
+@pytest.mark.parametrize("basis", [pytest.param("massless", marks=SLOW), pytest.param("macneal", marks=SLOW)])
+def test_a_tip_without_mass(basis: str, theta: float) -> None:
+    """θ = ½ keeps each rounding of the tip's own block, which alternates: ε, 1000 steps, its poles' condition 30."""
+    whole = coupled()
+    reduction = reduce_structure(whole, 3, 4, basis)
+    structure, batch = reduction.structure, reduction.project(rub(whole))
+    results = stepped(f"moreau {theta}", structure, batch, H, STEPS)
+    assert results.metrics["impacts"].min() > 1
+    rounding = 1e-11 if theta == 0.5 else 1e-12
+    for case in range(3):
+        expected = plain_moreau.march_by_place(structure, alone(batch, case), H, theta, STEPS)
+        assert relative(results.histories["displacement"][case], expected.displacement[:, -1]) < rounding
+    assert theta == 1.0 or np.abs(results.metrics["energy_residual"]).max() < rounding
+
+
+@pytest.mark.parametrize("theta", [0.5, 1.0])
+def test_newton_s_law_holds_for_the_relative_velocity(theta: float) -> None:
+    """u⁺ = -e u⁻ with u = v - V, wherever contact acts after a step without."""
+    structure = coupled()
+    batch = alone(rub(structure), 1)
+    results = stepped(f"moreau {theta}", structure, batch, H, STEPS)
+    speed = np.array([plain_casing.velocity(batch, k * H, H, theta) for k in range(STEPS + 1)])
+    u, p = results.histories["velocity"][0] - speed, np.diff(results.histories["impulse"][0])
+    strikes = np.flatnonzero(p > 0)
+    assert strikes.size > 3
+    np.testing.assert_allclose(u[strikes + 1], -0.5 * u[strikes], rtol=0, atol=1e-14 * np.abs(speed).max())
+
+
+def test_a_casing_of_no_amplitude_is_one_at_rest() -> None:
+    """Up to rounding: what is stepped is relative to the casing."""
+    structure, over = coupled(), sampling(2e-3, 1e-4)
+    still = rub(structure, casing_harmonics=[])
+    moved = replace(still, casing_harmonics=Harmonics(*np.zeros((3, 3, 1))))
+    one, other = (step(structure, batch, 1e-5, over) for batch in (still, moved))
+    assert relative(one.histories["displacement"], other.histories["displacement"]) < 1e-12
+
+
+@SLOW
+def test_steps_that_are_too_long_are_said_to_grow() -> None:
+    structure = coupled()
+    for method, options in (("carpenter", {}), LAWS["spring 1e+08 50"], ("moreau", {"theta": 0.3})):
+        results = step(structure, rub(structure), 1e-4, sampling(2e-3, 1e-4), method, **options)
+        assert np.all(results.status == Status.DIVERGED)
+        assert "grows" in results.messages[0]
