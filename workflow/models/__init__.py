@@ -12,11 +12,9 @@ from typing import Any, Protocol, cast
 from workflow.kernels import Array
 from workflow.models._bounds import free_reach
 from workflow.models._cases import Cases, distinct_rows, project
-from workflow.models._chain import Chain
 from workflow.models._chain_pair import MOST_ONE_BY_ONE
 from workflow.models._equilibrium import NoEquilibriumError, at_rest, static_equilibrium
-from workflow.models._factors import FACTORISING, MOST_BY_SUPERLU, has_cholmod
-from workflow.models._fill import Fill, LargeFactorsWarning, expected_fill
+from workflow.models._factors import FACTORISING, MOST_BY_SUPERLU, Fill, LargeFactorsWarning, expected_fill, has_cholmod
 from workflow.models._from_matrices import GivenMatrices, structure_from_matrices
 from workflow.models._growth import Growth, InContact, growth, growth_rate, in_contact
 from workflow.models._harmonics import NO_HARMONICS, Harmonics
@@ -49,6 +47,7 @@ from workflow.models._static import (
 )
 from workflow.models._structure import Coordinates, Matrices, Rayleigh, Structure
 from workflow.models._write_matrices import write_matrices
+from workflow.models.chain import Chain
 from workflow.registry import Registry
 
 

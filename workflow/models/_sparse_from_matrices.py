@@ -13,8 +13,7 @@ import scipy
 from threadpoolctl import threadpool_limits
 
 from workflow.kernels import Array
-from workflow.models._factors import NotHeldError, factorised
-from workflow.models._fill import warn_of_fill
+from workflow.models._factors import NotHeldError, factorised, warn_of_fill
 from workflow.models._from_matrices import GivenMatrices, refuse_dashpots, structure_from_matrices
 from workflow.models._matrix_entries import ASYMMETRY
 from workflow.models._pair import MOST_FULL
