@@ -28,11 +28,6 @@ class BrokenModuleError(ImportError):
 
 
 @cache
-def _names(package: str, path: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(sorted(_own(path) | set(_entries(package))))
-
-
-@cache
 def _own(path: tuple[str, ...]) -> frozenset[str]:
     """Return the names of the public modules of a directory."""
     return frozenset(module.name for module in pkgutil.iter_modules(path) if not module.name.startswith("_"))
@@ -86,7 +81,11 @@ class Registry:
 
     def names(self) -> tuple[str, ...]:
         """Return the names of all modules, sorted."""
-        return _names(self.package, tuple(sys.modules[self.package].__path__))
+        return tuple(sorted(_own(self._path) | set(_entries(self.package))))
+
+    @property
+    def _path(self) -> tuple[str, ...]:
+        return tuple(sys.modules[self.package].__path__)
 
     def fault(self, name: str) -> str | None:
         """Return why the module of a name cannot be used, ``None`` if it can."""
@@ -108,8 +107,7 @@ class Registry:
         """
         if name not in self.names():
             raise KeyError(name)
-        is_own = name in _own(tuple(sys.modules[self.package].__path__))
-        place = f"{self.package}.{name}" if is_own else _entries(self.package)[name]
+        place = f"{self.package}.{name}" if name in _own(self._path) else _entries(self.package)[name]
         try:
             module = importlib.import_module(place)
         except Exception as error:  # whatever a file from outside raises
