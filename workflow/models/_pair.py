@@ -86,7 +86,7 @@ class Pair(ABC):
     Attributes
     ----------
     stiffness, inertia, deformation
-        K and M ``(coordinate, coordinate)``, and D ``(spring, coordinate)``, dense or sparse.
+        K and M ``(coordinate, coordinate)``, and D ``(spring, coordinate)``, dense or sparse; a chain has no matrices.
     weights
         Springs [N/m] or conductors [W/K], ``(spring,)``.
     most_modes
